@@ -1,0 +1,1 @@
+"""Inverse kinematics: analytic branches, numeric descent, and gradient flow."""

@@ -1,0 +1,1 @@
+"""Shapes, scenes, and every question about distance: projection, collision, clearance, motion."""

@@ -1,0 +1,1 @@
+"""Laws of time along a path that keep every limit."""

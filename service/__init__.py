@@ -1,0 +1,1 @@
+"""The HTTP service, its storage, workers, jobs and command line."""

@@ -1,0 +1,1 @@
+"""Controllers and their closed-loop simulation along a trajectory."""
