@@ -1,0 +1,255 @@
+"""The serial chain: the one description of a robot that every evaluator reads.
+
+Every joint is normalised to turn about, or slide along, the z axis of its own frame; the
+fixed transforms between the joints carry everything else. With A_i the fixed offset and
+M_i(q_i) the motion of joint i,
+
+    T_base_i(q) = A_1 M_1(q_1) A_2 M_2(q_2) ... A_i M_i(q_i).
+"""
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from enum import IntEnum
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kinematics.errors import InvalidLinkName, InvalidRobotState, MissingLimit
+
+Array = NDArray[np.float64]
+
+#: Chains longer than this are refused: no arm has so many joints, a bomb may.
+MAX_JOINTS = 64
+
+
+class JointType(IntEnum):
+    """How a joint moves: it turns about its z axis or slides along it."""
+
+    REVOLUTE = 0
+    PRISMATIC = 1
+
+
+def frozen(values: ArrayLike) -> Array:
+    """A read-only, contiguous copy of ``values`` as float64."""
+    array = np.array(values, dtype=np.float64, order="C")
+    array.setflags(write=False)
+    return array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Limits:
+    """Joint limits, each of shape (n,); NaN says "not given", +-inf "none".
+
+    Args:
+        lower: Lowest position [rad or m].
+        upper: Highest position [rad or m].
+        velocity: Largest speed [rad/s or m/s].
+        acceleration: Largest acceleration [rad/s^2 or m/s^2].
+        jerk: Largest jerk [rad/s^3 or m/s^3].
+        effort: Largest torque or force [N m or N].
+    """
+
+    lower: Array
+    upper: Array
+    velocity: Array
+    acceleration: Array
+    jerk: Array
+    effort: Array
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            object.__setattr__(self, item.name, frozen(getattr(self, item.name)))
+
+    @classmethod
+    def unlimited(cls, n: int) -> "Limits":
+        """Positions without bounds, all else not given, for ``n`` joints."""
+        missing = np.full(n, np.nan)
+        return cls(np.full(n, -np.inf), np.full(n, np.inf), missing, missing, missing, missing)
+
+    def require(self, quantity: str, joint_names: Sequence[str]) -> Array:
+        """The limits of one quantity, shape (n,), all of them given.
+
+        Raises:
+            MissingLimit: Some joint has none; the message names them all.
+        """
+        values: Array = getattr(self, quantity)
+        missing = [joint_names[i] for i in np.flatnonzero(np.isnan(values))]
+        if missing:
+            raise MissingLimit(
+                f"no {quantity} limit is known for joint(s) {', '.join(missing)}",
+                hint=f'Give it when the robot is created: "joint_limits": '
+                f'{{"{missing[0]}": {{"{quantity}": ...}}}}.',
+                quantity=quantity,
+                joints=missing,
+            )
+        return values
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Inertia:
+    """Mass properties of a rigid body.
+
+    Args:
+        mass: [kg].
+        center_of_mass: In the body's frame, shape (3,) [m].
+        tensor: About the centre of mass, in the body's axes, shape (3, 3) [kg m^2].
+    """
+
+    mass: float
+    center_of_mass: Array
+    tensor: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "center_of_mass", frozen(self.center_of_mass))
+        object.__setattr__(self, "tensor", frozen(self.tensor))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Link:
+    """A named frame that moves with one joint of the chain.
+
+    Args:
+        name: The link's name.
+        joint: Index of the joint that carries it, -1 for what stands still with the base.
+        T_joint_link: The link's frame in that joint's frame, shape (4, 4).
+        inertia: Mass properties in the link's frame; None where the description has none.
+    """
+
+    name: str
+    joint: int
+    T_joint_link: Array
+    inertia: Inertia | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "T_joint_link", frozen(self.T_joint_link))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Chain:
+    """A serial robot arm as a handful of arrays (n joints, in order from base to tip).
+
+    Args:
+        name: The robot's name.
+        joint_names: n names.
+        joint_types: n values of ``JointType``, shape (n,).
+        offsets: A_i, frame of joint i at q_i = 0 in the frame of joint i-1, shape (n, 4, 4).
+        links: Every link that moves with the chain, side branches at their held values included.
+        base_link: Name of the link whose frame all poses are in.
+        tip_link: Name of the link that goals are for.
+        limits: Joint limits.
+        continuous: True where a revolute joint turns without end, shape (n,).
+        gravity: In the base frame, shape (3,) [m/s^2].
+        motor_inertia: Reflected at each joint, shape (n,) [kg m^2 or kg].
+        viscous_friction: At each joint, shape (n,) [N m s/rad or N s/m].
+    """
+
+    name: str
+    joint_names: tuple[str, ...]
+    joint_types: NDArray[np.int64]
+    offsets: Array
+    links: tuple[Link, ...]
+    base_link: str
+    tip_link: str
+    limits: Limits
+    continuous: NDArray[np.bool_]
+    gravity: Array = field(default_factory=lambda: np.array([0.0, 0.0, -9.81]))
+    motor_inertia: Array = field(default_factory=lambda: np.zeros(0))
+    viscous_friction: Array = field(default_factory=lambda: np.zeros(0))
+    index: Mapping[str, int] = field(init=False, repr=False)
+    content_hash: str = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        n = len(self.joint_names)
+        types = np.array(self.joint_types, dtype=np.int64)
+        types.setflags(write=False)
+        continuous = np.array(self.continuous, dtype=np.bool_)
+        continuous.setflags(write=False)
+        object.__setattr__(self, "joint_types", types)
+        object.__setattr__(self, "continuous", continuous)
+        for name in ("offsets", "gravity", "motor_inertia", "viscous_friction"):
+            value = getattr(self, name)
+            object.__setattr__(self, name, frozen(value if np.size(value) else np.zeros(n)))
+        by_name = {link.name: i for i, link in enumerate(self.links)}
+        object.__setattr__(self, "index", MappingProxyType(by_name))
+        object.__setattr__(self, "content_hash", _content_hash(self))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Chain) and other.content_hash == self.content_hash
+
+    def __hash__(self) -> int:
+        return hash(self.content_hash)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return Chain, tuple(getattr(self, f.name) for f in fields(self) if f.init)
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.joint_names)
+
+    @property
+    def tip(self) -> Link:
+        """The link that goals are for."""
+        return self.links[self.index[self.tip_link]]
+
+    def link(self, name: str) -> Link:
+        """The link called ``name``.
+
+        Raises:
+            InvalidLinkName: There is none; the message lists those there are.
+        """
+        if name not in self.index:
+            raise InvalidLinkName(
+                f"robot {self.name!r} has no link {name!r}",
+                hint=f"Its links are: {', '.join(self.index)}.",
+                link=name,
+                links=list(self.index),
+            )
+        return self.links[self.index[name]]
+
+    def configuration(self, q: ArrayLike, name: str = "joints") -> Array:
+        """Check one joint vector (n,) or a batch (..., n) and answer it as a float64 array.
+
+        Raises:
+            InvalidRobotState: The last dimension is not n, or a value is not finite.
+        """
+        try:
+            array = np.array(q, dtype=np.float64, order="C")
+        except (TypeError, ValueError) as error:
+            raise InvalidRobotState(f"{name} is no array of numbers: {error}") from None
+        if array.ndim == 0 or array.shape[-1] != self.n:
+            raise InvalidRobotState(
+                f"{name} has {array.shape[-1] if array.ndim else 'no'} value(s), "
+                f"robot {self.name!r} has {self.n} joints",
+                hint=f"The order is: {', '.join(self.joint_names)}.",
+                joint_names=list(self.joint_names),
+            )
+        if not np.isfinite(array).all():
+            bad = self.joint_names[int(np.argwhere(~np.isfinite(array))[0][-1])]
+            raise InvalidRobotState(f"{name} is not finite at joint {bad!r}", joint=bad)
+        return array
+
+    def sampling_bounds(self) -> tuple[Array, Array]:
+        """Bounds to draw joints from, both (n,): the limits, or one turn where there are none."""
+        lower = np.where(np.isfinite(self.limits.lower), self.limits.lower, -np.pi)
+        upper = np.where(np.isfinite(self.limits.upper), self.limits.upper, np.pi)
+        return lower, upper
+
+
+def _content_hash(chain: Chain) -> str:
+    digest = hashlib.sha256()
+    for text in (chain.name, *chain.joint_names, chain.base_link, chain.tip_link):
+        digest.update(text.encode() + b"\0")
+    arrays = [chain.joint_types, chain.continuous, chain.offsets, chain.gravity]
+    arrays += [chain.motor_inertia, chain.viscous_friction]
+    arrays += [getattr(chain.limits, item.name) for item in fields(chain.limits)]
+    for array in arrays:
+        digest.update(np.ascontiguousarray(array).tobytes())
+    for link in chain.links:
+        digest.update(f"{link.name}\0{link.joint}\0".encode() + link.T_joint_link.tobytes())
+        if link.inertia is not None:
+            digest.update(np.float64(link.inertia.mass).tobytes())
+            digest.update(link.inertia.center_of_mass.tobytes() + link.inertia.tensor.tobytes())
+    return digest.hexdigest()

@@ -1,0 +1,89 @@
+"""The error tree of the whole application: one base, one class a kind of caller's fault."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any, ClassVar
+
+
+class ArmwrightError(Exception):
+    """A fault of the caller, told so that the caller can mend it.
+
+    Args:
+        message: What is wrong and where.
+        hint: What to do about it, with the valid choices where there are any.
+        details: Values a program can use (joint, value, limit, pair, depth, ...).
+    """
+
+    code: ClassVar[str] = "INVALID_REQUEST"
+
+    def __init__(self, message: str, *, hint: str | None = None, **details: Any) -> None:
+        super().__init__(message)
+        self.message = message
+        self.hint = hint
+        self.details: Mapping[str, Any] = MappingProxyType(details)
+
+
+class InvalidRobotDescription(ArmwrightError):
+    """The URDF, SRDF or DH table does not describe a serial chain that can be built."""
+
+    code = "INVALID_ROBOT_DESCRIPTION"
+
+
+class InvalidScene(ArmwrightError):
+    """A shape, an obstacle or a planning-scene text is malformed."""
+
+    code = "INVALID_SCENE"
+
+
+class InvalidPose(ArmwrightError):
+    """A rotation or pose is malformed (not finite, not normalised, not orthonormal)."""
+
+    code = "INVALID_GOAL_CONSTRAINTS"
+
+
+class InvalidRobotState(ArmwrightError):
+    """A joint vector has the wrong length, is not finite or lies outside the limits."""
+
+    code = "INVALID_ROBOT_STATE"
+
+
+class InvalidLinkName(ArmwrightError):
+    """A link that the robot does not have was named."""
+
+    code = "INVALID_LINK_NAME"
+
+
+class InvalidObjectName(ArmwrightError):
+    """An obstacle or object that the scene does not have was named."""
+
+    code = "INVALID_OBJECT_NAME"
+
+
+class MissingLimit(ArmwrightError):
+    """A limit that the computation needs is not given by the robot or the request."""
+
+    code = "MISSING_LIMIT"
+
+
+class MissingInertia(ArmwrightError):
+    """A mass or inertia that the dynamics need is not given by the robot."""
+
+    code = "MISSING_INERTIA"
+
+
+class InvalidTrajectory(ArmwrightError):
+    """A trajectory's pieces are malformed (shapes, order of times, not finite)."""
+
+    code = "INVALID_MOTION_PLAN"
+
+
+class InvalidGoal(ArmwrightError):
+    """A goal is malformed or asks for what the robot can't be asked."""
+
+    code = "INVALID_GOAL_CONSTRAINTS"
+
+
+class InvalidOption(ArmwrightError):
+    """An option has an unknown name or a value out of its range."""
+
+    code = "VALIDATION_ERROR"

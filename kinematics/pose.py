@@ -1,0 +1,204 @@
+"""Rotations and rigid motions: conversions between their usual forms.
+
+A pose is a 4x4 homogeneous transform ``T_a_b``: the pose of frame b in frame a.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kinematics.errors import InvalidPose
+
+Matrix = NDArray[np.float64]
+
+#: A quaternion or matrix that came through text keeps about this much of its norm.
+NORM_TOLERANCE = 1e-3
+ORTHONORMAL_TOLERANCE = 1e-6
+#: Below this value of sin(theta) the two outer zyz angles can't be told apart.
+_SINGULAR_SINE = 1e-12
+
+
+def rotation_x(angle: float) -> Matrix:
+    """Rotation by ``angle`` [rad] about x, shape (3, 3)."""
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+
+
+def rotation_y(angle: float) -> Matrix:
+    """Rotation by ``angle`` [rad] about y, shape (3, 3)."""
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+
+
+def rotation_z(angle: float) -> Matrix:
+    """Rotation by ``angle`` [rad] about z, shape (3, 3)."""
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def skew(w: ArrayLike) -> Matrix:
+    """The matrix S(w) with S(w) v = w x v, shape (3, 3)."""
+    x, y, z = _finite(w, (3,), "vector")
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def transform(rotation: ArrayLike | None = None, position: ArrayLike | None = None) -> Matrix:
+    """Put a rotation (3, 3) and a position (3,) [m] together, shape (4, 4)."""
+    T = np.eye(4)
+    if rotation is not None:
+        T[:3, :3] = rotation
+    if position is not None:
+        T[:3, 3] = position
+    return T
+
+
+def inverse(T: Matrix) -> Matrix:
+    """Inverse rigid motion, T_b_a from T_a_b: (R, p) -> (R^T, -R^T p)."""
+    return transform(T[:3, :3].T, -T[:3, :3].T @ T[:3, 3])
+
+
+def from_quaternion(xyzw: ArrayLike) -> Matrix:
+    """Rotation matrix of a quaternion (x, y, z, w), normalised when its norm is near 1.
+
+    Raises:
+        InvalidPose: The norm differs from 1 by more than 1e-3.
+    """
+    q = _finite(xyzw, (4,), "quaternion_xyzw")
+    norm = float(np.linalg.norm(q))
+    if abs(norm - 1.0) > NORM_TOLERANCE:
+        raise InvalidPose(
+            f"quaternion_xyzw has norm {norm:.6g}; it must be within {NORM_TOLERANCE} of 1",
+            hint="Normalise it; the order is [x, y, z, w].",
+            norm=norm,
+        )
+    x, y, z, w = q / norm
+    return np.array(
+        [
+            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
+            [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
+            [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
+        ]
+    )
+
+
+def to_quaternion(rotation: Matrix) -> Matrix:
+    """Quaternion (x, y, z, w) of a rotation matrix (3, 3), with w >= 0.
+
+    The largest of the four components is taken from the diagonal, so nothing is lost near
+    half turns ("A new method to extract quaternion from rotation matrix", 1978).
+    """
+    R = rotation
+    trace = R[0, 0] + R[1, 1] + R[2, 2]
+    squares = np.array([R[0, 0], R[1, 1], R[2, 2], trace])
+    i = int(np.argmax(squares))
+    if i == 3:
+        q = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1], 1.0 + trace])
+    else:
+        j, k = (i + 1) % 3, (i + 2) % 3
+        q = np.empty(4)
+        q[i] = 1.0 + R[i, i] - R[j, j] - R[k, k]
+        q[j] = R[i, j] + R[j, i]
+        q[k] = R[i, k] + R[k, i]
+        q[3] = R[k, j] - R[j, k]
+    q /= np.linalg.norm(q)
+    return -q if q[3] < 0.0 else q
+
+
+def from_matrix(rotation: ArrayLike) -> Matrix:
+    """Check that a (3, 3) matrix is a rotation and answer it.
+
+    Raises:
+        InvalidPose: R^T R differs from I by more than 1e-6, or det R is not +1.
+    """
+    R = _finite(rotation, (3, 3), "rotation_matrix")
+    error = float(np.abs(R.T @ R - np.eye(3)).max())
+    if error > ORTHONORMAL_TOLERANCE or np.linalg.det(R) < 0.0:
+        raise InvalidPose(
+            f"rotation_matrix is no rotation: R^T R differs from I by {error:.3g}, "
+            f"det R = {float(np.linalg.det(R)):.6g}",
+            hint="Give an orthonormal matrix with determinant +1, row by row.",
+        )
+    # The nearest rotation: what a text with six digits lost is put right.
+    u, _, vt = np.linalg.svd(R)
+    return np.asarray(u @ vt)
+
+
+def from_zyz(angles: ArrayLike) -> Matrix:
+    """Rotation R = Rz(phi) Ry(theta) Rz(psi) of zyz Euler angles [rad]."""
+    phi, theta, psi = _finite(angles, (3,), "euler_zyz")
+    return rotation_z(phi) @ rotation_y(theta) @ rotation_z(psi)
+
+
+def to_zyz(rotation: Matrix, *, flip: bool = False) -> Matrix:
+    """Angles (phi, theta, psi) [rad] of R = Rz(phi) Ry(theta) Rz(psi).
+
+    The branch has theta in [0, pi]; ``flip`` answers the other one, theta in [-pi, 0]. Where
+    sin(theta) = 0 only phi + psi (or phi - psi) is determined: psi = 0 is chosen.
+    """
+    R = rotation
+    sine = math.hypot(R[0, 2], R[1, 2])
+    # atan2 keeps all digits near theta = 0, where acos(r33) loses half of them.
+    theta = math.atan2(sine, R[2, 2])
+    if sine < _SINGULAR_SINE:
+        phi = math.atan2(R[1, 0], R[0, 0]) if R[2, 2] > 0 else math.atan2(-R[1, 0], -R[0, 0])
+        return np.array([phi, theta, 0.0])
+    sign = -1.0 if flip else 1.0
+    phi = math.atan2(sign * R[1, 2], sign * R[0, 2])
+    psi = math.atan2(sign * R[2, 1], -sign * R[2, 0])
+    return np.array([phi, sign * theta, psi])
+
+
+def from_rpy(angles: ArrayLike) -> Matrix:
+    """Rotation R = Rz(yaw) Ry(pitch) Rx(roll) of (roll, pitch, yaw) [rad], as in URDF."""
+    roll, pitch, yaw = _finite(angles, (3,), "rpy")
+    return rotation_z(yaw) @ rotation_y(pitch) @ rotation_x(roll)
+
+
+def from_axis_angle(axis: ArrayLike, angle: float) -> Matrix:
+    """Rotation by ``angle`` [rad] about ``axis`` (3,), R = I + sin S + (1 - cos) S^2.
+
+    Raises:
+        InvalidPose: The axis has no direction.
+    """
+    a = _finite(axis, (3,), "axis")
+    norm = float(np.linalg.norm(a))
+    if norm < 1e-12:
+        raise InvalidPose("the axis has length 0, so it names no direction")
+    S = skew(a / norm)
+    return np.asarray(np.eye(3) + math.sin(angle) * S + (1.0 - math.cos(angle)) * (S @ S))
+
+
+def rotation_error(rotation: Matrix, target: Matrix) -> Matrix:
+    """Rotation vector [rad] that takes ``rotation`` to ``target``, in the outer frame, shape (3,).
+
+    log(target rotation^T), continuous to half a turn.
+    """
+    x, y, z, w = to_quaternion(target @ rotation.T)
+    sine = math.sqrt(x * x + y * y + z * z)
+    scale = 2.0 if sine < 1e-12 else 2.0 * math.atan2(sine, w) / sine
+    return scale * np.array([x, y, z])
+
+
+def align_z(axis: ArrayLike) -> Matrix:
+    """A rotation whose third column is the unit vector along ``axis`` (3,).
+
+    For +z itself it is the identity, so chains whose axes are z keep their frames.
+    """
+    z = _finite(axis, (3,), "axis")
+    z = z / np.linalg.norm(z)
+    if z[2] == 1.0:
+        return np.eye(3)
+    helper = np.eye(3)[int(np.argmin(np.abs(z)))]
+    x = np.cross(helper, z)
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(z, x), z])
+
+
+def _finite(values: ArrayLike, shape: tuple[int, ...], name: str) -> Matrix:
+    array = np.asarray(values, dtype=np.float64)
+    if array.shape != shape or not np.isfinite(array).all():
+        raise InvalidPose(
+            f"{name} must be {' x '.join(map(str, shape))} finite numbers, got shape {array.shape}"
+        )
+    return array

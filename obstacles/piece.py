@@ -1,0 +1,121 @@
+"""Convex pieces: the one form in which every kernel sees every shape.
+
+A piece is the Minkowski sum of a convex core and a ball (its ``rounding``): a sphere is a rounded
+point, a capsule a rounded segment, a box or hull a polytope, cylinders, cones and half-spaces
+are kept as they are. All are exact: nothing is tessellated.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinematics.chain import Array, frozen
+
+
+class PieceKind(IntEnum):
+    """The core of a piece."""
+
+    POLYTOPE = 0
+    CYLINDER = 1
+    CONE = 2
+    HALFSPACE = 3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Piece:
+    """One convex solid in the frame of what owns it.
+
+    Args:
+        kind: What its core is. Cylinder and cone are centred, along z (a cone's apex is at
+            +half_height); a half-space is z <= 0 of its frame.
+        T_owner_piece: Frame of the piece in its owner's frame, shape (4, 4).
+        vertices: Of a polytope, in the piece's frame, shape (k, 3) [m]; empty otherwise.
+        radius: Of a cylinder or a cone's base [m].
+        half_height: Of a cylinder or cone [m].
+        rounding: Radius of the ball added to the core [m].
+    """
+
+    kind: PieceKind
+    T_owner_piece: Array
+    vertices: Array
+    radius: float = 0.0
+    half_height: float = 0.0
+    rounding: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "T_owner_piece", frozen(self.T_owner_piece))
+        object.__setattr__(self, "vertices", frozen(np.reshape(self.vertices, (-1, 3))))
+
+    def bounding_sphere(self) -> tuple[Array, float]:
+        """A ball that holds the whole piece: centre in the owner's frame (3,) [m], radius [m]."""
+        if self.kind == PieceKind.HALFSPACE:
+            return self.T_owner_piece[:3, 3], np.inf
+        if self.kind == PieceKind.POLYTOPE:
+            center = (self.vertices.min(axis=0) + self.vertices.max(axis=0)) / 2.0
+            radius = float(np.linalg.norm(self.vertices - center, axis=1).max())
+        elif self.kind == PieceKind.CYLINDER:
+            center, radius = np.zeros(3), float(np.hypot(self.radius, self.half_height))
+        else:
+            center, radius = _cone_ball(self.radius, self.half_height)
+        T = self.T_owner_piece
+        return T[:3, :3] @ center + T[:3, 3], radius + self.rounding
+
+
+def _cone_ball(radius: float, half_height: float) -> tuple[Array, float]:
+    height = 2.0 * half_height
+    if radius >= height:
+        return np.array([0.0, 0.0, -half_height]), radius
+    # The circle through the apex and the rim of the base.
+    ball = (height * height + radius * radius) / (2.0 * height)
+    return np.array([0.0, 0.0, half_height - ball]), ball
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PieceArrays:
+    """Pieces packed for the kernels (p pieces, v vertices in all).
+
+    Args:
+        kinds: Shape (p,).
+        starts: Vertices of piece i are ``vertices[starts[i]:starts[i + 1]]``, shape (p + 1,).
+        vertices: In the piece's frame, shape (v, 3).
+        sizes: Radius, half height, rounding; shape (p, 3).
+        poses: T_owner_piece, shape (p, 4, 4).
+        centers: Of the bounding balls in the owner's frame, shape (p, 3).
+        radii: Of the bounding balls, shape (p,).
+    """
+
+    kinds: NDArray[np.int64]
+    starts: NDArray[np.int64]
+    vertices: Array
+    sizes: Array
+    poses: Array
+    centers: Array
+    radii: Array
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            getattr(self, item.name).setflags(write=False)
+
+    def __len__(self) -> int:
+        return len(self.kinds)
+
+    @classmethod
+    def pack(cls, pieces: Sequence[Piece]) -> "PieceArrays":
+        """Put ``pieces`` side by side, in their order."""
+        p = len(pieces)
+        balls = [piece.bounding_sphere() for piece in pieces]
+        counts = np.array([0] + [len(piece.vertices) for piece in pieces])
+        vertices = [piece.vertices for piece in pieces] or [np.zeros((0, 3))]
+        sizes = [(piece.radius, piece.half_height, piece.rounding) for piece in pieces]
+        return cls(
+            kinds=np.array([int(piece.kind) for piece in pieces], dtype=np.int64),
+            starts=np.cumsum(counts).astype(np.int64),
+            vertices=np.ascontiguousarray(np.vstack(vertices)),
+            sizes=np.array(sizes, dtype=np.float64).reshape(p, 3),
+            poses=np.array([piece.T_owner_piece for piece in pieces]).reshape(p, 4, 4),
+            centers=np.array([ball[0] for ball in balls]).reshape(p, 3),
+            radii=np.array([ball[1] for ball in balls], dtype=np.float64),
+        )
