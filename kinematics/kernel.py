@@ -1,11 +1,21 @@
 """The one door to numba: `kernel` marks a function that is compiled to machine code."""
 
-from collections.abc import Callable
+import fcntl
+import hashlib
+import logging
+import os
+from collections.abc import Callable, Iterator
+from enum import EnumType
+from types import CodeType, FunctionType, ModuleType
 from typing import Any, Literal, TypeVar, cast, overload
 
 import numba
+import numpy as np
+from numba.core.caching import FunctionCache
+from numba.core.dispatcher import Dispatcher
 
 _F = TypeVar("_F", bound=Callable[..., Any])
+_log = logging.getLogger(__name__)
 
 
 @overload
@@ -21,23 +31,120 @@ def kernel(
     fastmath: bool = False,
     inline: Literal["never", "always"] = "never",
 ) -> _F | Callable[[_F], _F]:
-    """Compile a function with numba on first call and keep its machine code on disk.
+    """Compile a function with numba on its first call and keep the machine code on disk.
 
-    Division follows IEEE 754 (x / 0 is inf or nan, never an exception), and the interpreter lock is
-    released inside. The signature seen by a type checker is that of the function itself.
+    Division follows IEEE 754 (x / 0 is inf or nan, never an exception) and the interpreter lock is
+    released inside. A type checker sees the signature of the function itself. The machine code is
+    kept in NUMBA_CACHE_DIR if set, else beside the source, else (read-only source) in the user's
+    cache folder; where none can be written it is compiled anew in each process.
 
     Args:
         function: the function to compile, when used without parentheses.
         fastmath: let LLVM reorder floating-point arithmetic; only where no verdict hangs on the
             last bits and NaN cannot occur.
-        inline: "always" pastes the body into calling kernels.
+        inline: "always" pastes the body into the kernels that call it.
 
     Returns:
         The compiled function, or a decorator when called with options.
     """
 
     def compiled(body: _F) -> _F:
-        options = {"cache": True, "error_model": "numpy", "nogil": True}
-        return cast(_F, numba.njit(fastmath=fastmath, inline=inline, **options)(body))
+        dispatcher = numba.njit(
+            error_model="numpy", nogil=True, fastmath=fastmath, inline=inline, cache=False
+        )(body)
+        if isinstance(dispatcher, Dispatcher):  # NUMBA_DISABLE_JIT leaves the function as it is
+            _keep_on_disk(dispatcher)
+        return cast(_F, dispatcher)
 
     return compiled if function is None else compiled(function)
+
+
+def _keep_on_disk(dispatcher: Any) -> None:
+    try:
+        dispatcher._cache = _KernelCache(dispatcher.py_func)
+    except RuntimeError as error:  # numba found no folder it may write to
+        _log.warning("%s; it is compiled anew in each process. Set NUMBA_CACHE_DIR.", error)
+
+
+class _KernelCache(FunctionCache):
+    """Numba's cache with two faults mended.
+
+    Numba's own stamp is the file of the kernel alone, so a kernel would keep the stale machine code
+    of an edited kernel that it calls from another file; and two processes that save different
+    signatures of one kernel at once can each take the other's code for their own.
+    """
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        # Not before the first call: by then every name the kernel uses exists.
+        self._cache_file._source_stamp = fingerprint(self._py_func)
+        return super().load_overload(sig, target_context)
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        folder = os.open(self.cache_path, os.O_RDONLY)
+        try:
+            fcntl.flock(folder, fcntl.LOCK_EX)
+            super().save_overload(sig, data)
+        finally:
+            os.close(folder)
+
+
+def fingerprint(function: Callable[..., Any]) -> str:
+    """Digest of all that the machine code of a kernel is made from, as loaded in this process.
+
+    That is its byte code, the constants it reads from its module and others, and the same of every
+    kernel that it calls.
+    """
+    digest = hashlib.sha256()
+    _add_function(digest, cast(FunctionType, getattr(function, "py_func", function)), set())
+    return digest.hexdigest()
+
+
+def _add_function(digest: Any, function: FunctionType, seen: set[FunctionType]) -> None:
+    if function in seen:
+        return
+    seen.add(function)
+    digest.update(f"{function.__module__}.{function.__qualname__}{function.__defaults__}".encode())
+    names: list[str] = []
+    for code in _nested(function.__code__):
+        digest.update(code.co_code)
+        digest.update(repr((_constants(code), code.co_names, code.co_varnames)).encode())
+        names.extend(code.co_names)
+    for cell in function.__closure__ or ():
+        _add_value(digest, cell.cell_contents, names, seen)
+    for name in names:
+        if name in function.__globals__:
+            _add_value(digest, function.__globals__[name], names, seen)
+
+
+def _nested(code: CodeType) -> Iterator[CodeType]:
+    yield code
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _nested(constant)
+
+
+def _constants(code: CodeType) -> list[Any]:
+    # The order of a frozenset changes from process to process, a code object's repr is its address.
+    return [
+        sorted(map(repr, constant)) if isinstance(constant, frozenset) else constant
+        for constant in code.co_consts
+        if not isinstance(constant, CodeType)
+    ]
+
+
+def _add_value(digest: Any, value: object, names: list[str], seen: set[FunctionType]) -> None:
+    if isinstance(value, Dispatcher):
+        digest.update(repr(sorted(value.targetoptions.items(), key=str)).encode())
+        _add_function(digest, value.py_func, seen)
+    elif isinstance(value, np.ndarray):
+        digest.update(value.dtype.str.encode() + repr(value.shape).encode() + value.tobytes())
+    elif isinstance(value, EnumType):
+        digest.update(repr(list(value)).encode())
+    elif isinstance(value, ModuleType):
+        # Read as `module.name`; a module of another library yields constants such as math.pi.
+        for name in names:
+            member: object = getattr(value, name, None)
+            if not isinstance(member, ModuleType):
+                _add_value(digest, member, names, seen)
+    elif isinstance(value, bool | int | float | complex | str | tuple | np.generic):
+        digest.update(repr(value).encode())
