@@ -99,7 +99,7 @@ def fingerprint(function: Callable[..., Any]) -> str:
     return digest.hexdigest()
 
 
-def _add_function(digest: Any, function: FunctionType, seen: set[FunctionType]) -> None:
+def _add_function(digest: Any, function: FunctionType, seen: set[object]) -> None:
     if function in seen:
         return
     seen.add(function)
@@ -132,7 +132,7 @@ def _constants(code: CodeType) -> list[Any]:
     ]
 
 
-def _add_value(digest: Any, value: object, names: list[str], seen: set[FunctionType]) -> None:
+def _add_value(digest: Any, value: object, names: list[str], seen: set[object]) -> None:
     if isinstance(value, Dispatcher):
         digest.update(repr(sorted(value.targetoptions.items(), key=str)).encode())
         _add_function(digest, value.py_func, seen)
@@ -140,11 +140,10 @@ def _add_value(digest: Any, value: object, names: list[str], seen: set[FunctionT
         digest.update(value.dtype.str.encode() + repr(value.shape).encode() + value.tobytes())
     elif isinstance(value, EnumType):
         digest.update(repr(list(value)).encode())
-    elif isinstance(value, ModuleType):
+    elif isinstance(value, ModuleType) and value not in seen:
+        seen.add(value)
         # Read as `module.name`; a module of another library yields constants such as math.pi.
         for name in names:
-            member: object = getattr(value, name, None)
-            if not isinstance(member, ModuleType):
-                _add_value(digest, member, names, seen)
+            _add_value(digest, getattr(value, name, None), names, seen)
     elif isinstance(value, bool | int | float | complex | str | tuple | np.generic):
         digest.update(repr(value).encode())
