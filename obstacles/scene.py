@@ -1,0 +1,196 @@
+"""The scene: named obstacles in the robot's base frame, as one immutable value."""
+
+import hashlib
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass, field, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinematics.chain import Array, frozen
+from kinematics.errors import InvalidObjectName, InvalidPose, InvalidScene
+from kinematics.pose import from_matrix, transform
+from obstacles.piece import Piece, PieceArrays
+from obstacles.shapes import MAX_SIZE, Shape
+
+MAX_OBSTACLES = 10_000
+MAX_NAME = 256
+_LAST_ROW = np.array([0.0, 0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Obstacle:
+    """A shape with a name and a place.
+
+    Args:
+        id: Its name, unique in its scene.
+        shape: What it is made of.
+        T_world_obstacle: Its pose in the robot's base frame, shape (4, 4).
+        margin: Distance to be kept from it beyond that asked for everywhere [m].
+
+    Raises:
+        InvalidScene: The name is empty or too long, the pose no rigid motion, the margin negative.
+    """
+
+    id: str
+    shape: Shape
+    T_world_obstacle: Array = field(default_factory=lambda: np.eye(4))
+    margin: float = 0.0
+
+    def __post_init__(self) -> None:
+        checked_name(self.id, "obstacle id")
+        if not isinstance(self.shape, Shape):
+            raise InvalidScene(f"obstacle {self.id!r}: {type(self.shape).__name__} is no shape")
+        object.__setattr__(self, "T_world_obstacle", _rigid(self.T_world_obstacle, self.id))
+        margin = float(self.margin)
+        if not 0.0 <= margin <= MAX_SIZE:
+            raise InvalidScene(
+                f"obstacle {self.id!r}: margin is {margin:g} m",
+                hint=f"It must be from 0 to {MAX_SIZE:g} m.",
+            )
+        object.__setattr__(self, "margin", margin)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return Obstacle, (self.id, self.shape, self.T_world_obstacle, self.margin)
+
+    def pieces(self) -> tuple[Piece, ...]:
+        """Its convex pieces in the robot's base frame, without the margin."""
+        T = self.T_world_obstacle
+        return tuple(
+            Piece(p.kind, T @ p.T_owner_piece, p.vertices, p.radius, p.half_height, p.rounding)
+            for p in self.shape.pieces()
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scene:
+    """All obstacles, and the pairs of names that may touch.
+
+    Args:
+        obstacles: In any order, each id once.
+        allowed_collisions: Pairs of obstacle ids and robot links; kept with their names sorted.
+
+    Raises:
+        InvalidScene: An id occurs twice, or there are too many obstacles.
+    """
+
+    obstacles: tuple[Obstacle, ...] = ()
+    allowed_collisions: frozenset[tuple[str, str]] = frozenset()
+    content_hash: str = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        obstacles = tuple(self.obstacles)
+        if len(obstacles) > MAX_OBSTACLES:
+            raise InvalidScene(f"{len(obstacles)} obstacles, at most {MAX_OBSTACLES} are taken")
+        twice = [name for name, count in Counter(o.id for o in obstacles).items() if count > 1]
+        if twice:
+            raise InvalidScene(
+                f"obstacle id(s) {', '.join(map(repr, twice))} occur more than once",
+                hint="Give every obstacle a name of its own.",
+                ids=twice,
+            )
+        object.__setattr__(self, "obstacles", obstacles)
+        object.__setattr__(self, "allowed_collisions", _pairs(self.allowed_collisions))
+        object.__setattr__(self, "content_hash", _content_hash(self))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Scene) and other.content_hash == self.content_hash
+
+    def __hash__(self) -> int:
+        return hash(self.content_hash)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return Scene, (self.obstacles, self.allowed_collisions)
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Names of the obstacles, in their order."""
+        return tuple(obstacle.id for obstacle in self.obstacles)
+
+    def obstacle(self, name: str) -> Obstacle:
+        """The obstacle called ``name``.
+
+        Raises:
+            InvalidObjectName: There is none; the message lists those there are.
+        """
+        for obstacle in self.obstacles:
+            if obstacle.id == name:
+                return obstacle
+        raise InvalidObjectName(
+            f"the scene has no obstacle {name!r}",
+            hint=f"Its obstacles are: {', '.join(self.ids) or 'none'}.",
+            obstacle=name,
+            obstacles=list(self.ids),
+        )
+
+    def allows(self, a: str, b: str) -> bool:
+        """Whether ``a`` and ``b`` (obstacle ids or robot links) may touch."""
+        return (min(a, b), max(a, b)) in self.allowed_collisions
+
+    def pieces(self) -> tuple[PieceArrays, NDArray[np.int64], Array]:
+        """Every convex piece in the robot's base frame.
+
+        Returns:
+            The pieces (p); the index of the obstacle each belongs to, shape (p,); the obstacle's
+            margin for each, shape (p,) [m].
+        """
+        pieces: list[Piece] = []
+        owners: list[int] = []
+        for i, obstacle in enumerate(self.obstacles):
+            own = obstacle.pieces()
+            pieces += own
+            owners += [i] * len(own)
+        index = np.array(owners, dtype=np.int64)
+        index.setflags(write=False)
+        all_margins = np.array([o.margin for o in self.obstacles], dtype=np.float64)
+        return PieceArrays.pack(pieces), index, frozen(all_margins[index])
+
+
+def checked_name(name: str, what: str) -> str:
+    """Check a name of an obstacle or link and answer it.
+
+    Raises:
+        InvalidScene: Not a text, empty or longer than 256 characters.
+    """
+    if not isinstance(name, str) or not 0 < len(name) <= MAX_NAME:
+        raise InvalidScene(f"{what}: must be a text of 1 to {MAX_NAME} characters")
+    return name
+
+
+def _pairs(pairs: Iterable[Iterable[str]]) -> frozenset[tuple[str, str]]:
+    sorted_pairs = set()
+    for pair in pairs:
+        names = tuple(pair)
+        if len(names) != 2 or isinstance(pair, str):
+            raise InvalidScene("allowed_collisions: every entry must be two names")
+        a, b = sorted(checked_name(name, "allowed_collisions") for name in names)
+        sorted_pairs.add((a, b))
+    return frozenset(sorted_pairs)
+
+
+def _rigid(T: Array, name: str) -> Array:
+    try:
+        matrix = frozen(T)
+        if matrix.shape != (4, 4) or not np.array_equal(matrix[3], _LAST_ROW):
+            raise InvalidPose("it is no 4x4 matrix whose last row is [0, 0, 0, 1]")
+        rotation = from_matrix(matrix[:3, :3])
+    except (TypeError, ValueError, InvalidPose) as error:
+        raise InvalidScene(f"obstacle {name!r}: its pose is no rigid motion: {error}") from None
+    if not np.abs(matrix[:3, 3]).max() <= MAX_SIZE:
+        raise InvalidScene(f"obstacle {name!r}: its position must lie within {MAX_SIZE:g} m")
+    return frozen(transform(rotation, matrix[:3, 3]))
+
+
+def _content_hash(scene: Scene) -> str:
+    digest = hashlib.sha256()
+    for obstacle in scene.obstacles:
+        digest.update(f"{obstacle.id}\0{type(obstacle.shape).__name__}\0".encode())
+        for item in fields(obstacle.shape):  # type: ignore[arg-type]
+            values = np.asarray(getattr(obstacle.shape, item.name))
+            digest.update(f"{item.name}{values.shape}".encode() + values.tobytes())
+        digest.update(obstacle.T_world_obstacle.tobytes())
+        digest.update(np.float64(obstacle.margin).tobytes())
+    for a, b in sorted(scene.allowed_collisions):
+        digest.update(f"{a}\0{b}\0".encode())
+    return digest.hexdigest()

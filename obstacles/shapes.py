@@ -1,0 +1,309 @@
+"""The shapes obstacles are made of: frozen, validated values that answer their convex pieces."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kinematics.chain import Array, frozen
+from kinematics.errors import InvalidScene
+from kinematics.pose import align_z, transform
+from obstacles.hull import convex_hull
+from obstacles.mesh import checked_mesh, convex_pieces
+from obstacles.piece import Piece, PieceKind
+
+#: Nothing an arm can meet is thinner than a micrometre or longer than ten kilometres; beyond that
+#: the distance iterations would lose their digits.
+MIN_SIZE = 1e-6
+MAX_SIZE = 1e4
+#: A cloud's points are a piece each; more of them are a job for a coarser cloud.
+MAX_POINTS = 50_000
+MAX_VERTICES = 100_000
+_UNIT_TOLERANCE = 1e-12
+
+
+class Shape(ABC):
+    """A solid in its own frame."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def pieces(self) -> tuple[Piece, ...]:
+        """The convex pieces whose union is the solid, in the shape's frame."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Built anew, so that what arrives in another process is validated and read-only too.
+        return type(self), tuple(getattr(self, item.name) for item in fields(self))  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Box(Shape):
+    """A box, centred.
+
+    Args:
+        size: Full edge lengths along x, y, z, shape (3,) [m].
+
+    Raises:
+        InvalidScene: A size is not finite, not positive or out of range.
+    """
+
+    size: Array
+
+    def __post_init__(self) -> None:
+        size = _finite(self.size, (3,), "box size")
+        for axis, value in zip("xyz", size, strict=True):
+            _length(float(value), f"box size along {axis}")
+        object.__setattr__(self, "size", size)
+
+    def pieces(self) -> tuple[Piece, ...]:
+        """One polytope of eight corners."""
+        signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+        return (Piece(PieceKind.POLYTOPE, np.eye(4), 0.5 * self.size * signs),)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sphere(Shape):
+    """A ball, centred.
+
+    Args:
+        radius: [m].
+
+    Raises:
+        InvalidScene: The radius is not finite, not positive or out of range.
+    """
+
+    radius: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "radius", _length(self.radius, "sphere radius"))
+
+    def pieces(self) -> tuple[Piece, ...]:
+        """One rounded point."""
+        return (_rounded([[0.0, 0.0, 0.0]], self.radius),)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cylinder(Shape):
+    """A cylinder, centred, along z.
+
+    Args:
+        radius: [m].
+        height: Full height [m].
+
+    Raises:
+        InvalidScene: A size is not finite, not positive or out of range.
+    """
+
+    radius: float
+    height: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "radius", _length(self.radius, "cylinder radius"))
+        object.__setattr__(self, "height", _length(self.height, "cylinder height"))
+
+    def pieces(self) -> tuple[Piece, ...]:
+        """One cylinder."""
+        return (Piece(PieceKind.CYLINDER, np.eye(4), _NONE, self.radius, 0.5 * self.height),)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Capsule(Shape):
+    """A cylinder with half-balls on its ends, centred, along z.
+
+    Args:
+        radius: [m].
+        height: Of the cylinder alone; the capsule is height + 2 radius long [m].
+
+    Raises:
+        InvalidScene: A size is not finite, not positive or out of range.
+    """
+
+    radius: float
+    height: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "radius", _length(self.radius, "capsule radius"))
+        object.__setattr__(self, "height", _length(self.height, "capsule height"))
+
+    def pieces(self) -> tuple[Piece, ...]:
+        """One rounded segment."""
+        half = 0.5 * self.height
+        return (_rounded([[0.0, 0.0, -half], [0.0, 0.0, half]], self.radius),)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cone(Shape):
+    """A cone, centred, along z: the apex at z = +height/2, the base at z = -height/2.
+
+    Args:
+        radius: Of the base [m].
+        height: Full height [m].
+
+    Raises:
+        InvalidScene: A size is not finite, not positive or out of range.
+    """
+
+    radius: float
+    height: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "radius", _length(self.radius, "cone radius"))
+        object.__setattr__(self, "height", _length(self.height, "cone height"))
+
+    def pieces(self) -> tuple[Piece, ...]:
+        """One cone."""
+        return (Piece(PieceKind.CONE, np.eye(4), _NONE, self.radius, 0.5 * self.height),)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HalfSpace(Shape):
+    """All points x with n.x <= o, for instance a floor.
+
+    Args:
+        normal: n, out of the solid, of any length but 0; kept normalised, shape (3,).
+        offset: o, divided by the length of the normal as given [m].
+
+    Raises:
+        InvalidScene: Not finite, or the normal has no direction.
+    """
+
+    normal: Array
+    offset: float
+
+    def __post_init__(self) -> None:
+        normal = _finite(self.normal, (3,), "halfspace normal")
+        offset = _finite(self.offset, (), "halfspace offset")
+        # The largest entry first: the square of a tiny or huge normal would leave the number range.
+        largest = float(np.abs(normal).max())
+        if largest == 0.0:
+            raise InvalidScene("halfspace normal is [0, 0, 0], which has no direction")
+        norm = largest * float(np.linalg.norm(normal / largest))
+        if abs(norm - 1.0) > _UNIT_TOLERANCE:
+            normal, offset = frozen(normal / norm), frozen(offset / norm)
+        if not abs(float(offset)) <= MAX_SIZE:
+            raise InvalidScene(f"halfspace lies {float(offset):.6g} m away; at most {MAX_SIZE:g} m")
+        object.__setattr__(self, "normal", normal)
+        object.__setattr__(self, "offset", float(offset))
+
+    def pieces(self) -> tuple[Piece, ...]:
+        """One half-space."""
+        T = transform(align_z(self.normal), self.normal * self.offset)
+        return (Piece(PieceKind.HALFSPACE, T, _NONE),)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Convex(Shape):
+    """The convex hull of points; a flat or segment-like set is a solid without inside.
+
+    Args:
+        vertices: Shape (k, 3), k >= 1 [m].
+
+    Raises:
+        InvalidScene: Not finite, empty, too many or out of range.
+    """
+
+    vertices: Array
+
+    def __post_init__(self) -> None:
+        vertices = _points(self.vertices, "convex vertices", MAX_VERTICES)
+        object.__setattr__(self, "vertices", vertices)
+
+    def pieces(self) -> tuple[Piece, ...]:
+        """One polytope: the hull."""
+        return (Piece(PieceKind.POLYTOPE, np.eye(4), convex_hull(self.vertices).vertices),)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mesh(Shape):
+    """A triangle mesh, solid; one that is not convex is covered by convex pieces.
+
+    Args:
+        vertices: Shape (k, 3) [m].
+        faces: Triangles as indices into ``vertices``, shape (f, 3).
+
+    Raises:
+        InvalidScene: Not finite, empty, indices out of range, too many or out of range.
+    """
+
+    vertices: Array
+    faces: NDArray[np.int64]
+
+    def __post_init__(self) -> None:
+        vertices, faces = checked_mesh(
+            _points(self.vertices, "mesh vertices", MAX_VERTICES), self.faces
+        )
+        object.__setattr__(self, "vertices", vertices)
+        object.__setattr__(self, "faces", faces)
+
+    def pieces(self) -> tuple[Piece, ...]:
+        """The hulls that cover it."""
+        parts = convex_pieces(self.vertices, self.faces)
+        return tuple(_rounded(part.vertices, part.rounding) for part in parts)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PointCloud(Shape):
+    """A ball about each of many points.
+
+    Args:
+        points: Shape (k, 3), k >= 1 [m].
+        radius: Of every ball [m].
+
+    Raises:
+        InvalidScene: Not finite, empty, too many, or the radius is not positive.
+    """
+
+    points: Array
+    radius: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "points", _points(self.points, "point cloud", MAX_POINTS))
+        object.__setattr__(self, "radius", _length(self.radius, "point cloud radius"))
+
+    def pieces(self) -> tuple[Piece, ...]:
+        """One rounded point each."""
+        return tuple(_rounded(point, self.radius) for point in self.points)
+
+
+_NONE = np.zeros((0, 3))
+
+
+def _rounded(vertices: ArrayLike, rounding: float) -> Piece:
+    return Piece(PieceKind.POLYTOPE, np.eye(4), np.asarray(vertices), rounding=rounding)
+
+
+def _length(value: float, name: str) -> float:
+    number = float(_finite(value, (), name))
+    if not MIN_SIZE <= number <= MAX_SIZE:
+        raise InvalidScene(
+            f"{name} is {number:.6g} m",
+            hint=f"It must be positive, from {MIN_SIZE:g} m to {MAX_SIZE:g} m.",
+            value=number,
+        )
+    return number
+
+
+def _points(values: ArrayLike, name: str, most: int) -> Array:
+    points = _finite(values, None, name)
+    if points.ndim != 2 or points.shape[1] != 3 or not len(points):
+        raise InvalidScene(f"{name}: shape {points.shape}, needed are one or more rows [x, y, z]")
+    if len(points) > most:
+        raise InvalidScene(f"{name}: {len(points)} points, at most {most} are taken")
+    if np.abs(points).max() > MAX_SIZE:
+        raise InvalidScene(f"{name}: a coordinate lies beyond {MAX_SIZE:g} m")
+    return points
+
+
+def _finite(values: ArrayLike | Iterable[Any], shape: tuple[int, ...] | None, name: str) -> Array:
+    try:
+        array = frozen(values)  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
+        raise InvalidScene(f"{name}: not an array of numbers") from None
+    if shape is not None and array.shape != shape:
+        raise InvalidScene(f"{name}: shape {array.shape}, needed is {shape}")
+    if not np.isfinite(array).all():
+        raise InvalidScene(f"{name}: not finite")
+    return array
