@@ -140,10 +140,10 @@ def _add_value(digest: Any, value: object, names: list[str], seen: set[object]) 
         digest.update(value.dtype.str.encode() + repr(value.shape).encode() + value.tobytes())
     elif isinstance(value, EnumType):
         digest.update(repr(list(value)).encode())
-    elif isinstance(value, ModuleType) and value not in seen:
-        seen.add(value)
+    elif isinstance(value, ModuleType) and (value, *names) not in seen:
+        seen.add((value, *names))
         # Read as `module.name`; a module of another library yields constants such as math.pi.
         for name in names:
-            _add_value(digest, getattr(value, name, None), names, seen)
+            _add_value(digest, vars(value).get(name), names, seen)
     elif isinstance(value, bool | int | float | complex | str | tuple | np.generic):
         digest.update(repr(value).encode())

@@ -1,6 +1,7 @@
 """The `kernel` decorator: semantics, and machine code on disk that is never stale."""
 
 import fcntl
+import importlib
 import math
 import os
 import subprocess
@@ -16,17 +17,17 @@ from kinematics.kernel import fingerprint, kernel
 ROOT = Path(__file__).parents[2]
 
 CALLER = """
-import callee
-from callee import OFFSET
+import folder.callee
+from folder import callee
 from kinematics.kernel import kernel
 
 @kernel
 def top(x: float) -> float:
-    return middle(x) + OFFSET
+    return middle(x) + callee.OFFSET
 
 @kernel
 def middle(x: float) -> float:
-    return callee.base(x)
+    return folder.callee.base(x)
 """
 CALLEE = """
 from kinematics.kernel import kernel
@@ -55,38 +56,39 @@ def run(folder: Path, **environment: str) -> tuple[float, int]:
 
 @pytest.fixture
 def sources(tmp_path: Path) -> Path:
+    (tmp_path / "folder").mkdir()
     (tmp_path / "caller.py").write_text(CALLER)
-    (tmp_path / "callee.py").write_text(CALLEE)
+    (tmp_path / "folder" / "callee.py").write_text(CALLEE)
     return tmp_path
 
 
 def test_an_edited_callee_in_another_file_is_recompiled(sources: Path) -> None:
     assert run(sources) == (7.0, 0)
     assert run(sources) == (7.0, 1)
-    (sources / "callee.py").write_text(CALLEE.replace("2.0 * x", "10.0 * x"))
+    (sources / "folder" / "callee.py").write_text(CALLEE.replace("2.0 * x", "10.0 * x"))
     assert run(sources) == (31.0, 0)
-    (sources / "callee.py").write_text(CALLEE.replace("OFFSET = 1.0", "OFFSET = 5.0"))
+    (sources / "folder" / "callee.py").write_text(CALLEE.replace("OFFSET = 1.0", "OFFSET = 5.0"))
     assert run(sources) == (11.0, 0)
 
 
 def test_an_edit_that_changes_no_code_keeps_the_machine_code(sources: Path) -> None:
     run(sources)
-    with (sources / "callee.py").open("a") as file:
+    with (sources / "folder" / "callee.py").open("a") as file:
         file.write("# a remark\n")
     assert run(sources) == (7.0, 1)
 
 
 def test_cache_folder_of_the_environment_is_used(sources: Path, tmp_path: Path) -> None:
-    folder = tmp_path / "elsewhere"
-    assert run(sources, NUMBA_CACHE_DIR=str(folder)) == (7.0, 0)
-    assert run(sources, NUMBA_CACHE_DIR=str(folder)) == (7.0, 1)
-    assert list(folder.rglob("*.nbc"))
-    assert not list((sources / "__pycache__").glob("*.nbc"))
+    elsewhere = tmp_path / "elsewhere"
+    assert run(sources, NUMBA_CACHE_DIR=str(elsewhere)) == (7.0, 0)
+    assert run(sources, NUMBA_CACHE_DIR=str(elsewhere)) == (7.0, 1)
+    assert list(elsewhere.rglob("*.nbc"))
+    assert not list(sources.glob("**/__pycache__/*.nbc"))
 
 
 def test_saving_waits_for_the_other_process(sources: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.syspath_prepend(sources)
-    import callee  # type: ignore[import-not-found]
+    monkeypatch.syspath_prepend(sources / "folder")
+    callee = importlib.import_module("callee")
 
     cache = Path(callee.base.stats.cache_path)
     descriptor = os.open(cache, os.O_RDONLY)
@@ -101,7 +103,6 @@ def test_saving_waits_for_the_other_process(sources: Path, monkeypatch: pytest.M
         os.close(descriptor)
     other.join()
     assert list(cache.glob("*.nbi"))
-    monkeypatch.delitem(sys.modules, "callee")
 
 
 @kernel
