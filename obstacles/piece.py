@@ -63,6 +63,16 @@ class Piece:
         T = self.T_owner_piece
         return T[:3, :3] @ center + T[:3, 3], radius + self.rounding
 
+    def local_box(self) -> Array:
+        """Box that holds the whole piece: centre and half sizes in the piece's frame, shape (6,)."""
+        if self.kind == PieceKind.HALFSPACE:
+            return np.array([0.0, 0.0, 0.0, np.inf, np.inf, np.inf])
+        if self.kind == PieceKind.POLYTOPE:
+            low, high = self.vertices.min(axis=0), self.vertices.max(axis=0)
+            return np.concatenate([(low + high) / 2.0, (high - low) / 2.0 + self.rounding])
+        half = np.array([self.radius, self.radius, self.half_height]) + self.rounding
+        return np.concatenate([np.zeros(3), half])
+
 
 def _cone_ball(radius: float, half_height: float) -> tuple[Array, float]:
     height = 2.0 * half_height
@@ -85,6 +95,7 @@ class PieceArrays:
         poses: T_owner_piece, shape (p, 4, 4).
         centers: Of the bounding balls in the owner's frame, shape (p, 3).
         radii: Of the bounding balls, shape (p,).
+        boxes: ``local_box`` of each, shape (p, 6).
     """
 
     kinds: NDArray[np.int64]
@@ -94,6 +105,7 @@ class PieceArrays:
     poses: Array
     centers: Array
     radii: Array
+    boxes: Array
 
     def __post_init__(self) -> None:
         for item in fields(self):
@@ -118,4 +130,5 @@ class PieceArrays:
             poses=np.array([piece.T_owner_piece for piece in pieces]).reshape(p, 4, 4),
             centers=np.array([ball[0] for ball in balls]).reshape(p, 3),
             radii=np.array([ball[1] for ball in balls], dtype=np.float64),
+            boxes=np.array([piece.local_box() for piece in pieces]).reshape(p, 6),
         )
