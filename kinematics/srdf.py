@@ -1,0 +1,127 @@
+"""SRDF: what a robot's links and joints mean (groups, named states, pairs that may touch).
+
+Follows the SRDF specification (wiki.ros.org/srdf). Only what a serial chain needs is kept.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+from kinematics.description import RobotDescription
+from kinematics.errors import InvalidRobotDescription
+from kinematics.markup import Element, attribute, children, number, read_robot
+
+State = Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Semantics:
+    """What an SRDF says.
+
+    Args:
+        name: The robot's name.
+        disabled_collisions: Pairs of links that are not checked, each pair in sorted order.
+        chains: (base link, tip link) of each group that is one chain, by the group's name.
+        states: Joint values [rad or m] by the group's name, then the state's.
+    """
+
+    name: str
+    disabled_collisions: frozenset[tuple[str, str]] = frozenset()
+    chains: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    states: Mapping[str, Mapping[str, State]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "chains", MappingProxyType(dict(self.chains)))
+        frozen = {
+            group: MappingProxyType({name: MappingProxyType(dict(q)) for name, q in states.items()})
+            for group, states in self.states.items()
+        }
+        object.__setattr__(self, "states", MappingProxyType(frozen))
+
+    def __reduce__(self) -> tuple[object, ...]:
+        states = {g: {s: dict(q) for s, q in named.items()} for g, named in self.states.items()}
+        return Semantics, (self.name, self.disabled_collisions, dict(self.chains), states)
+
+
+def parse_srdf(text: str | bytes) -> Semantics:
+    """Read an SRDF text.
+
+    Raises:
+        InvalidRobotDescription: It is no SRDF, or an element lacks what it needs.
+    """
+    robot = read_robot(text, "SRDF")
+    pairs = frozenset(_pair(e) for e in children(robot, "disable_collisions"))
+    chains: dict[str, tuple[str, str]] = {}
+    for group in children(robot, "group"):
+        name = attribute(group, "name", "the SRDF")
+        where = f"group {name!r}"
+        found = [
+            (attribute(e, "base_link", where), attribute(e, "tip_link", where))
+            for e in children(group, "chain")
+        ]
+        if name in chains and found:
+            raise InvalidRobotDescription(f"two groups of the SRDF are called {name!r}")
+        # A group of several chains (both arms) is no serial chain.
+        if len(found) == 1:
+            chains[name] = found[0]
+    return Semantics(robot.get("name", "").strip(), pairs, chains, _states(robot))
+
+
+def check_semantics(semantics: Semantics, description: RobotDescription) -> tuple[str, ...]:
+    """Hold an SRDF against the URDF it is for.
+
+    Returns:
+        Warnings: pairs and states that name what the robot does not have. MoveIt's own files
+        have such leftovers, and dropping a pair only makes checking stricter.
+
+    Raises:
+        InvalidRobotDescription: A chain names a link that the robot does not have.
+    """
+    for group, ends in semantics.chains.items():
+        for link in ends:
+            if link not in description.links:
+                raise InvalidRobotDescription(
+                    f"the chain of group {group!r} in the SRDF names the link {link!r}, which "
+                    f"robot {description.name!r} does not have",
+                    hint=f"Its links are: {', '.join(description.links)}.",
+                    link=link,
+                )
+    lint = [
+        f"the SRDF disables collisions of {a!r} and {b!r}, but the robot has no link {missing!r}"
+        for a, b in sorted(semantics.disabled_collisions)
+        for missing in (a, b)
+        if missing not in description.links
+    ]
+    lint += [
+        f"state {name!r} of group {group!r} in the SRDF names the unknown joint {joint!r}"
+        for group, states in semantics.states.items()
+        for name, values in states.items()
+        for joint in values
+        if joint not in description.joints
+    ]
+    return tuple(lint)
+
+
+def _pair(element: Element) -> tuple[str, str]:
+    first = attribute(element, "link1", "the SRDF")
+    second = attribute(element, "link2", "the SRDF")
+    if first == second:
+        raise InvalidRobotDescription(f"<disable_collisions> of the SRDF names {first!r} twice")
+    return (first, second) if first < second else (second, first)
+
+
+def _states(robot: Element) -> dict[str, dict[str, dict[str, float]]]:
+    states: dict[str, dict[str, dict[str, float]]] = {}
+    for element in children(robot, "group_state"):
+        name = attribute(element, "name", "the SRDF")
+        where = f"group_state {name!r}"
+        group = states.setdefault(attribute(element, "group", where), {})
+        if name in group:
+            raise InvalidRobotDescription(f"two states of one group are called {name!r}")
+        group[name] = {}
+        for joint in children(element, "joint"):
+            # A value of several numbers is that of a planar or floating joint: none of ours.
+            if len(joint.get("value", "").split()) <= 1:
+                key = attribute(joint, "name", where)
+                group[name][key] = number(joint, "value", f"joint {key!r} of {where}")
+    return states

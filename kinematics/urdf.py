@@ -1,0 +1,420 @@
+"""URDF: the XML description of a robot, read strictly.
+
+Follows the URDF XML specification (wiki.ros.org/urdf/XML). What contradicts it, or can't be
+built, is refused with the name of the link or joint; what is merely odd goes into ``lint``.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import TypeVar
+
+import numpy as np
+
+from kinematics.chain import Array, Inertia
+from kinematics.description import (
+    JOINT_TYPES,
+    BoxGeometry,
+    CapsuleGeometry,
+    CollisionElement,
+    CylinderGeometry,
+    Geometry,
+    JointDescription,
+    LinkDescription,
+    MeshGeometry,
+    Mimic,
+    RobotDescription,
+    SphereGeometry,
+)
+from kinematics.errors import InvalidPose, InvalidRobotDescription
+from kinematics.markup import Element, attribute, children, number, numbers, read_robot, single
+from kinematics.pose import from_quaternion, from_rpy, transform
+
+#: More links or joints than any robot has.
+MAX_LINKS = 1000
+#: Lengths [m], masses [kg] and moments of inertia [kg m^2] beyond these overflow later sums.
+MAX_LENGTH = 1e6
+MAX_MASS = 1e9
+MAX_INERTIA = 1e12
+#: An axis shorter than this names no direction.
+MIN_AXIS = 1e-9
+#: Moments of inertia are given to few digits: by so much, relative, they may miss a rule.
+INERTIA_TOLERANCE = 1e-3
+
+_MISSING = math.nan
+_POSITION_TYPES = ("revolute", "prismatic")
+_Named = TypeVar("_Named", LinkDescription, JointDescription)
+
+
+def parse_urdf(text: str | bytes) -> RobotDescription:
+    """Read a URDF text.
+
+    Args:
+        text: The XML text; bytes are decoded as its declaration says.
+
+    Returns:
+        The tree of links and joints, with warnings in ``lint``.
+
+    Raises:
+        InvalidRobotDescription: It is no URDF or contradicts itself; the message says what, at
+            which link or joint, and what to do.
+    """
+    robot = read_robot(text, "URDF")
+    lint: list[str] = []
+    name = robot.get("name", "").strip()
+    name = attribute(robot, "name", "the robot") if name else "robot"
+    links = _named([_link(e, lint) for e in _elements(robot, "link")], "link")
+    joints = _named([_joint(e, lint) for e in _elements(robot, "joint")], "joint")
+    if not links:
+        raise InvalidRobotDescription("the URDF has no <link>")
+    root = _root(links, joints)
+    _check_mimics(joints)
+    return RobotDescription(name, root, links, joints, tuple(lint))
+
+
+def _elements(robot: Element, tag: str) -> list[Element]:
+    found = list(children(robot, tag))
+    if len(found) > MAX_LINKS:
+        raise InvalidRobotDescription(f"there are {len(found)} {tag}s, at most {MAX_LINKS} may be")
+    return found
+
+
+def _named(items: list[_Named], kind: str) -> dict[str, _Named]:
+    by_name: dict[str, _Named] = {}
+    for item in items:
+        if item.name in by_name:
+            raise InvalidRobotDescription(
+                f"two {kind}s are called {item.name!r}", hint="Every name must be used once."
+            )
+        by_name[item.name] = item
+    return by_name
+
+
+def _origin(element: Element, where: str) -> Array:
+    origin = single(element, "origin", where)
+    if origin is None:
+        return np.eye(4)
+    position = (0.0, 0.0, 0.0)
+    if origin.get("xyz") is not None:
+        position = _triple(origin, "xyz", where, bound=MAX_LENGTH)
+    if origin.get("quat_xyzw") is None:
+        angles = _triple(origin, "rpy", where) if origin.get("rpy") is not None else (0.0, 0.0, 0.0)
+        return transform(from_rpy(angles), position)
+    if origin.get("rpy") is not None:
+        raise InvalidRobotDescription(f"<origin> of {where} has both 'rpy' and 'quat_xyzw'")
+    try:
+        return transform(from_quaternion(numbers(origin, "quat_xyzw", 4, where)), position)
+    except InvalidPose as error:
+        raise InvalidRobotDescription(f"<origin> of {where}: {error.message}") from None
+
+
+def _triple(
+    element: Element, name: str, where: str, *, bound: float = math.inf
+) -> tuple[float, float, float]:
+    x, y, z = numbers(element, name, 3, where, bound=bound)
+    return x, y, z
+
+
+# ------------------------------------------------------------------------------------- links
+
+
+def _link(element: Element, lint: list[str]) -> LinkDescription:
+    name = attribute(element, "name", "the robot")
+    where = f"link {name!r}"
+    collisions = tuple(_collision(e, where) for e in children(element, "collision"))
+    if not collisions:
+        lint.append(f"{where} has no collision geometry: nothing is checked against it")
+    return LinkDescription(name, _inertia(element, where, lint), collisions)
+
+
+def _inertia(link: Element, where: str, lint: list[str]) -> Inertia | None:
+    inertial = single(link, "inertial", where)
+    if inertial is None:
+        return None
+    mass_element = single(inertial, "mass", where)
+    tensor_element = single(inertial, "inertia", where)
+    if mass_element is None or tensor_element is None:
+        missing = "mass" if mass_element is None else "inertia"
+        raise InvalidRobotDescription(
+            f"<inertial> of {where} has no <{missing}>",
+            hint="Give it, or leave <inertial> out as a whole.",
+        )
+    mass = number(mass_element, "value", where, bound=MAX_MASS)
+    if mass < 0.0:
+        raise InvalidRobotDescription(f"the mass of {where} is negative: {mass:g} kg")
+    T_link_body = _origin(inertial, where)
+    tensor = _tensor(tensor_element, where)
+    _lint_inertia(mass, tensor, where, lint)
+    R = T_link_body[:3, :3]
+    return Inertia(mass, T_link_body[:3, 3], R @ tensor @ R.T)
+
+
+def _tensor(element: Element, where: str) -> Array:
+    xx, yy, zz = (number(element, n, where, bound=MAX_INERTIA) for n in ("ixx", "iyy", "izz"))
+    xy, xz, yz = (
+        number(element, n, where, default=0.0, bound=MAX_INERTIA) for n in ("ixy", "ixz", "iyz")
+    )
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def _lint_inertia(mass: float, tensor: Array, where: str, lint: list[str]) -> None:
+    low, middle, high = np.linalg.eigvalsh(tensor)
+    slack = INERTIA_TOLERANCE * max(abs(low), abs(high))
+    if low < -slack:
+        lint.append(f"the inertia of {where} is not positive semi-definite (eigenvalue {low:.3g})")
+    elif high > low + middle + slack:
+        lint.append(
+            f"the inertia of {where} belongs to no body: its principal moment {high:.3g} is "
+            f"larger than the sum of the others, {low + middle:.3g}"
+        )
+    if mass == 0.0 and high > 0.0:
+        lint.append(f"{where} has mass 0 but an inertia of {high:.3g} kg m^2")
+
+
+def _collision(element: Element, where: str) -> CollisionElement:
+    holder = single(element, "geometry", f"<collision> of {where}")
+    shapes = [] if holder is None else [shape for shape in holder if shape.tag in _GEOMETRIES]
+    if holder is None or len(shapes) != 1 or len(holder) != 1:
+        found = [] if holder is None else [shape.tag for shape in holder]
+        raise InvalidRobotDescription(
+            f"<collision> of {where} must have one geometry, got {', '.join(found) or 'none'}",
+            hint=f"One of: {', '.join(_GEOMETRIES)}.",
+        )
+    return CollisionElement(_origin(element, where), _GEOMETRIES[shapes[0].tag](shapes[0], where))
+
+
+def _size(element: Element, name: str, where: str) -> float:
+    value = number(element, name, where, bound=MAX_LENGTH)
+    if value <= 0.0:
+        raise InvalidRobotDescription(
+            f"{name!r} of <{element.tag}> of {where} is {value:g}, it must be positive"
+        )
+    return value
+
+
+def _box(element: Element, where: str) -> BoxGeometry:
+    size = _triple(element, "size", where, bound=MAX_LENGTH)
+    if min(size) <= 0.0:
+        raise InvalidRobotDescription(f"'size' of <box> of {where} must be positive, got {size}")
+    return BoxGeometry(size)
+
+
+def _sphere(element: Element, where: str) -> SphereGeometry:
+    return SphereGeometry(_size(element, "radius", where))
+
+
+def _cylinder(element: Element, where: str) -> CylinderGeometry:
+    return CylinderGeometry(_size(element, "radius", where), _size(element, "length", where))
+
+
+def _capsule(element: Element, where: str) -> CapsuleGeometry:
+    return CapsuleGeometry(_size(element, "radius", where), _size(element, "length", where))
+
+
+def _mesh(element: Element, where: str) -> MeshGeometry:
+    uri = attribute(element, "filename", where)
+    if element.get("scale") is None:
+        return MeshGeometry(uri)
+    words = element.get("scale", "").split()
+    count = 1 if len(words) == 1 else 3
+    scale = numbers(element, "scale", count, where, bound=MAX_LENGTH)
+    if not all(scale):
+        raise InvalidRobotDescription(f"'scale' of <mesh> of {where} is 0, so nothing is left")
+    x, y, z = scale * 3 if count == 1 else scale
+    return MeshGeometry(uri, (x, y, z))
+
+
+_GEOMETRIES: Mapping[str, Callable[[Element, str], Geometry]] = {
+    "box": _box,
+    "sphere": _sphere,
+    "cylinder": _cylinder,
+    "capsule": _capsule,
+    "mesh": _mesh,
+}
+
+
+# ------------------------------------------------------------------------------------ joints
+
+
+def _joint(element: Element, lint: list[str]) -> JointDescription:
+    name = attribute(element, "name", "the robot")
+    where = f"joint {name!r}"
+    type_ = attribute(element, "type", where)
+    if type_ not in JOINT_TYPES:
+        raise InvalidRobotDescription(
+            f"{where} has the unknown type {type_!r}", hint=f"One of: {', '.join(JOINT_TYPES)}."
+        )
+    lower, upper = _positions(element, type_, where, lint)
+    limit = single(element, "limit", where)
+    dynamics = single(element, "dynamics", where)
+    moves = type_ in ("revolute", "continuous", "prismatic")
+    quantities = ("velocity", "acceleration", "jerk", "effort")
+    limits = {q: _limit(limit, q, where, lint if moves else []) for q in quantities}
+    return JointDescription(
+        name=name,
+        type=type_,
+        parent=_end(element, "parent", where),
+        child=_end(element, "child", where),
+        T_parent_joint=_origin(element, where),
+        axis=_axis(element, where, lint) if moves else np.array([1.0, 0.0, 0.0]),
+        lower=lower,
+        upper=upper,
+        damping=_not_negative(dynamics, "damping", where),
+        friction=_not_negative(dynamics, "friction", where),
+        mimic=_mimic(element, where),
+        **limits,
+    )
+
+
+def _end(joint: Element, tag: str, where: str) -> str:
+    end = single(joint, tag, where)
+    if end is None:
+        raise InvalidRobotDescription(f"{where} has no <{tag}>")
+    return attribute(end, "link", where)
+
+
+def _axis(joint: Element, where: str, lint: list[str]) -> Array:
+    element = single(joint, "axis", where)
+    if element is None:
+        lint.append(f"{where} has no <axis>: it is x, as the URDF specification says")
+        return np.array([1.0, 0.0, 0.0])
+    axis = np.array(numbers(element, "xyz", 3, where, bound=MAX_LENGTH))
+    length = float(np.linalg.norm(axis))
+    if length < MIN_AXIS:
+        raise InvalidRobotDescription(
+            f"the <axis> of {where} has length {length:g}, so it names no direction",
+            hint='Give a unit vector, for example xyz="0 0 1".',
+        )
+    # Dividing an axis that is already a unit vector would only stir its last digits.
+    return axis if length == 1.0 else axis / length
+
+
+def _positions(joint: Element, type_: str, where: str, lint: list[str]) -> tuple[float, float]:
+    if type_ not in _POSITION_TYPES:
+        return -math.inf, math.inf
+    limit = single(joint, "limit", where)
+    if limit is None or (limit.get("lower") is None and limit.get("upper") is None):
+        what = "no <limit>" if limit is None else "a <limit> without 'lower' and 'upper'"
+        raise InvalidRobotDescription(
+            f"{where} is {type_} and has {what}: its range of positions is not known",
+            hint='Give <limit lower="..." upper="..." velocity="..." effort="..."/>, or make it '
+            "continuous if it turns without end.",
+        )
+    lint += [
+        f"{where} has no {side!r} limit: it is 0, as the URDF specification says"
+        for side in ("lower", "upper")
+        if limit.get(side) is None
+    ]
+    lower = number(limit, "lower", where, default=0.0)
+    upper = number(limit, "upper", where, default=0.0)
+    if lower > upper:
+        raise InvalidRobotDescription(
+            f"{where} has the lower limit {lower:g} above its upper limit {upper:g}"
+        )
+    if lower == upper:
+        lint.append(f"{where} can't move: both its limits are {lower:g}")
+    return lower, upper
+
+
+def _limit(limit: Element | None, quantity: str, where: str, lint: list[str]) -> float:
+    value = _MISSING
+    if limit is not None and limit.get(quantity) is not None:
+        value = number(limit, quantity, where)
+    if value < 0.0:
+        raise InvalidRobotDescription(f"the {quantity} limit of {where} is negative: {value:g}")
+    if value == 0.0:
+        # Exporters write 0 for "not known"; a joint with speed 0 could not move at all.
+        lint.append(f"the {quantity} limit of {where} is 0: taken as not given")
+        return _MISSING
+    if math.isnan(value) and quantity == "velocity":
+        lint.append(f"{where} has no velocity limit")
+    return value
+
+
+def _not_negative(element: Element | None, name: str, where: str) -> float:
+    value = 0.0 if element is None else number(element, name, where, default=0.0)
+    if value < 0.0:
+        raise InvalidRobotDescription(f"the {name} of {where} is negative: {value:g}")
+    return value
+
+
+def _mimic(joint: Element, where: str) -> Mimic | None:
+    element = single(joint, "mimic", where)
+    if element is None:
+        return None
+    return Mimic(
+        joint=attribute(element, "joint", where),
+        multiplier=number(element, "multiplier", where, default=1.0),
+        offset=number(element, "offset", where, default=0.0),
+    )
+
+
+# -------------------------------------------------------------------------------- connections
+
+
+def _root(links: Mapping[str, LinkDescription], joints: Mapping[str, JointDescription]) -> str:
+    carrier: dict[str, str] = {}
+    for joint in joints.values():
+        for end, link in (("parent", joint.parent), ("child", joint.child)):
+            if link not in links:
+                raise InvalidRobotDescription(
+                    f"joint {joint.name!r} has the unknown {end} link {link!r}",
+                    hint=f"The links are: {_listed(list(links))}.",
+                )
+        if joint.child in carrier:
+            raise InvalidRobotDescription(
+                f"link {joint.child!r} has two parents: it is the child of the joints "
+                f"{carrier[joint.child]!r} and {joint.name!r}",
+                hint="Closed loops can't be described; cut the loop at one joint.",
+            )
+        carrier[joint.child] = joint.name
+    roots = [name for name in links if name not in carrier]
+    if len(roots) > 1:
+        raise InvalidRobotDescription(
+            f"there are {len(roots)} roots, links that no joint carries: {_listed(roots)}",
+            hint="Join them with joints, or take out those that do not belong to the robot.",
+        )
+    _check_cycles(links, joints, carrier)
+    return roots[0]
+
+
+def _check_cycles(
+    links: Mapping[str, LinkDescription],
+    joints: Mapping[str, JointDescription],
+    carrier: Mapping[str, str],
+) -> None:
+    grounded: set[str] = set()
+    for name in links:
+        walk: dict[str, None] = {}
+        link = name
+        while link in carrier and link not in grounded:
+            if link in walk:
+                cycle = [*list(walk)[list(walk).index(link) :], link]
+                raise InvalidRobotDescription(
+                    f"the links form a cycle: {_listed(cycle[::-1], ' -> ')}",
+                    hint="One link must be the root; every other hangs on one joint.",
+                )
+            walk[link] = None
+            link = joints[carrier[link]].parent
+        grounded.update(walk)
+
+
+def _check_mimics(joints: Mapping[str, JointDescription]) -> None:
+    for joint in joints.values():
+        seen = [joint.name]
+        follower = joint
+        while follower.mimic is not None:
+            followed = follower.mimic.joint
+            if followed not in joints:
+                raise InvalidRobotDescription(
+                    f"joint {follower.name!r} mimics the unknown joint {followed!r}",
+                    hint=f"The joints are: {_listed(list(joints))}.",
+                )
+            if followed in seen:
+                raise InvalidRobotDescription(f"joint {followed!r} mimics itself")
+            seen.append(followed)
+            follower = joints[followed]
+
+
+def _listed(names: Sequence[str], separator: str = ", ", most: int = 20) -> str:
+    more = f"{separator}... ({len(names)} in all)" if len(names) > most else ""
+    return separator.join(names[:most]) + more
