@@ -1,15 +1,28 @@
-"""Triangle meshes: read from bytes, and covered by convex pieces."""
+"""Triangle meshes: read from bytes, and covered by convex pieces.
 
+The only place that knows trimesh and coacd.
+"""
+
+import io
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import trimesh
 from numpy.typing import ArrayLike, NDArray
 
 from kinematics.chain import Array, frozen
 from kinematics.errors import InvalidScene
 from obstacles.hull import convex_hull
 
+#: What is read, by file extension. No archives (a small one can unpack to gigabytes), nothing
+#: that fetches other files, nothing that needs another parser.
+FILE_TYPES = ("stl", "obj", "ply", "off")
+MAX_BYTES = 64 * 2**20
+MAX_VERTICES = 600_000
 MAX_FACES = 200_000
+
+Faces = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -20,30 +33,83 @@ class ConvexPart:
     rounding: float
 
 
-def checked_mesh(vertices: Array, faces: ArrayLike) -> tuple[Array, NDArray[np.int64]]:
-    """Check the triangles of a mesh and answer it read-only.
+def load_mesh(data: bytes, file_type: str) -> tuple[Array, Faces]:
+    """Read a mesh from the bytes of a file; several bodies are joined.
+
+    Args:
+        data: The file's content.
+        file_type: Its extension, one of ``FILE_TYPES``.
+
+    Returns:
+        Vertices (k, 3), in the file's units; triangles (f, 3).
 
     Raises:
-        InvalidScene: No triangles, not triples of whole numbers, or an index out of range.
+        InvalidScene: Unknown type, too large, unreadable, empty, not finite or indices out of
+            range.
     """
-    given = np.asarray(faces)
-    if given.ndim != 2 or given.shape[1] != 3 or not len(given):
-        raise InvalidScene(f"mesh faces: shape {given.shape}, needed are rows [i, j, k]")
+    kind = file_type.lower().lstrip(".")
+    if kind not in FILE_TYPES:
+        raise InvalidScene(
+            f"mesh files of type {kind!r} are not read",
+            hint=f"Convert it to one of: {', '.join(FILE_TYPES)}.",
+            file_types=list(FILE_TYPES),
+        )
+    if len(data) > MAX_BYTES:
+        raise InvalidScene(f"mesh file: {len(data)} bytes, at most {MAX_BYTES} are taken")
+    try:
+        loaded = trimesh.load_scene(
+            io.BytesIO(data), file_type=kind, process=False, allow_remote=False
+        )
+        mesh = loaded.to_mesh()
+        vertices, faces = np.array(mesh.vertices), np.array(mesh.faces)
+    except Exception as error:  # noqa: BLE001  a foreign parser on foreign bytes raises anything
+        raise InvalidScene(f"mesh file: not a readable {kind} ({type(error).__name__})") from None
+    return checked_mesh(vertices, faces)
+
+
+def checked_mesh(vertices: ArrayLike, faces: ArrayLike) -> tuple[Array, Faces]:
+    """Check a mesh and answer it as read-only arrays.
+
+    Raises:
+        InvalidScene: Empty, not finite, not rows of three, or an index out of range.
+    """
+    try:
+        points, given = frozen(vertices), np.asarray(faces)
+    except (TypeError, ValueError, OverflowError):
+        raise InvalidScene("mesh: vertices and faces must be arrays of numbers") from None
+    for name, array, most in (("vertices", points, MAX_VERTICES), ("faces", given, MAX_FACES)):
+        if array.ndim != 2 or array.shape[1] != 3 or not len(array):
+            raise InvalidScene(f"mesh {name}: shape {array.shape}, needed are rows of three")
+        if len(array) > most:
+            raise InvalidScene(f"mesh {name}: {len(array)} rows, at most {most} are taken")
+    if not np.isfinite(points).all():
+        raise InvalidScene("mesh vertices: not finite")
     if given.dtype.kind not in "iu":
         raise InvalidScene("mesh faces: not whole numbers")
-    if len(given) > MAX_FACES:
-        raise InvalidScene(f"mesh faces: {len(given)} triangles, at most {MAX_FACES} are taken")
-    if given.min() < 0 or given.max() >= len(vertices):
+    if given.min() < 0 or given.max() >= len(points):
         raise InvalidScene(
-            f"mesh faces: an index is not among the {len(vertices)} vertices",
-            hint=f"Indices run from 0 to {len(vertices) - 1}.",
+            f"mesh faces: an index is not among the {len(points)} vertices",
+            hint=f"Indices run from 0 to {len(points) - 1}.",
         )
     indices = np.array(given, dtype=np.int64)
     indices.setflags(write=False)
-    return vertices, indices
+    return points, indices
 
 
-def convex_pieces(vertices: Array, faces: NDArray[np.int64]) -> tuple[ConvexPart, ...]:
+def scaled(vertices: Array, faces: Faces, scale: Sequence[float]) -> tuple[Array, Faces]:
+    """Scale a mesh along x, y, z; a mirroring scale turns its faces round, so they face out.
+
+    Raises:
+        InvalidScene: The scale is not finite, or 0 along an axis.
+    """
+    factors = np.array(scale, dtype=np.float64)
+    if factors.shape != (3,) or not np.isfinite(factors).all() or (factors == 0.0).any():
+        raise InvalidScene(f"mesh scale {list(scale)}: needed are three numbers other than 0")
+    turned = faces[:, ::-1] if np.prod(np.sign(factors)) < 0.0 else faces
+    return checked_mesh(vertices * factors, turned)
+
+
+def convex_pieces(vertices: Array, faces: Faces) -> tuple[ConvexPart, ...]:
     """Convex pieces whose union covers the mesh."""
     used = vertices[np.unique(faces)]
     return (ConvexPart(frozen(convex_hull(used).vertices), 0.0),)

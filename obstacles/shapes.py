@@ -232,9 +232,8 @@ class Mesh(Shape):
     faces: NDArray[np.int64]
 
     def __post_init__(self) -> None:
-        vertices, faces = checked_mesh(
-            _points(self.vertices, "mesh vertices", MAX_VERTICES), self.faces
-        )
+        vertices, faces = checked_mesh(self.vertices, self.faces)
+        _points(vertices, "mesh vertices", len(vertices))
         object.__setattr__(self, "vertices", vertices)
         object.__setattr__(self, "faces", faces)
 

@@ -1,0 +1,360 @@
+"""A robot's solid: convex pieces on its joints, and the pairs of them that must not touch."""
+
+import hashlib
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Protocol, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinematics.chain import Array, Chain, Link
+from kinematics.description import (
+    BoxGeometry,
+    CapsuleGeometry,
+    CollisionElement,
+    CylinderGeometry,
+    Geometry,
+    RobotDescription,
+    SphereGeometry,
+)
+from kinematics.errors import InvalidLinkName, InvalidRobotDescription, InvalidScene
+from kinematics.forward import joint_frames
+from obstacles.gjk import separation
+from obstacles.mesh import load_mesh, scaled
+from obstacles.piece import Piece, PieceArrays
+from obstacles.scene import Obstacle
+from obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
+
+Meshes: TypeAlias = Mapping[str, bytes] | Callable[[str], bytes]
+Pair: TypeAlias = tuple[str, str]
+
+#: Configurations in which a pair of links must touch, every time, to count as always touching: one
+#: that is apart in a hundredth of them passes with a probability of 0.99^1000 = 4e-5.
+_ALWAYS_SAMPLES = 1000
+_ALWAYS_SEED = 0
+
+
+class Semantics(Protocol):
+    """What is asked of an SRDF here."""
+
+    @property
+    def disabled_collisions(self) -> frozenset[Pair]:
+        """Pairs of links that need not be checked."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RobotGeometry:
+    """The convex pieces of a robot and which of them are checked against each other.
+
+    Args:
+        chain: The robot they belong to.
+        pieces: In the frame of the joint that carries them, p in all.
+        links: Name of the link (or attached object) of each piece.
+        joints: Index of the joint that carries each piece, -1 for the base, shape (p,).
+        allowed: Pairs of names that may touch, sorted, each with the reason: "same body",
+            "adjacent", "always", "srdf" or "attached".
+        lint: What is odd, one sentence each.
+    """
+
+    chain: Chain
+    pieces: tuple[Piece, ...]
+    links: tuple[str, ...]
+    joints: NDArray[np.int64]
+    allowed: Mapping[Pair, str]
+    lint: tuple[str, ...] = ()
+    arrays: PieceArrays = field(init=False, repr=False)
+    self_pairs: NDArray[np.int64] = field(init=False, repr=False)
+    content_hash: str = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        joints = np.array(self.joints, dtype=np.int64).reshape(len(self.pieces))
+        joints.setflags(write=False)
+        object.__setattr__(self, "joints", joints)
+        object.__setattr__(self, "allowed", MappingProxyType(dict(sorted(self.allowed.items()))))
+        object.__setattr__(self, "arrays", PieceArrays.pack(self.pieces))
+        object.__setattr__(self, "self_pairs", _self_pairs(self))
+        object.__setattr__(self, "content_hash", _content_hash(self))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, RobotGeometry) and other.content_hash == self.content_hash
+
+    def __hash__(self) -> int:
+        return hash(self.content_hash)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        values = (self.chain, self.pieces, self.links, self.joints, dict(self.allowed), self.lint)
+        return RobotGeometry, values
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Links and attached objects that have pieces, each once, in their order."""
+        return tuple(dict.fromkeys(self.links))
+
+    def attach(
+        self, attached: Obstacle, link: str, touch_links: Iterable[str] = ()
+    ) -> "RobotGeometry":
+        """The same robot holding an object.
+
+        Args:
+            attached: The object; its pose is in the frame of ``link``, its margin is not used.
+            link: The link that holds it.
+            touch_links: Links that it may touch, beside the one that holds it.
+
+        Raises:
+            InvalidLinkName: No such link.
+            InvalidScene: The object's name is a link's already.
+        """
+        holder = self.chain.link(link)
+        touched = {self.chain.link(name).name for name in touch_links} | {link}
+        if attached.id in self.chain.index or attached.id in self.links:
+            raise InvalidScene(
+                f"attached object {attached.id!r} has the name of a link or attached object",
+                hint="Give it a name of its own.",
+            )
+        own = tuple(placed(p, holder.T_joint_link) for p in attached.pieces())
+        same = {name for name, j in zip(self.links, self.joints, strict=True) if j == holder.joint}
+        allowed = dict(self.allowed)
+        allowed |= {_sorted(attached.id, name): "same body" for name in same}
+        allowed |= {_sorted(attached.id, name): "attached" for name in touched}
+        return RobotGeometry(
+            self.chain,
+            self.pieces + own,
+            self.links + (attached.id,) * len(own),
+            np.append(self.joints, np.full(len(own), holder.joint)),
+            allowed,
+            self.lint,
+        )
+
+
+def robot_geometry(
+    chain: Chain,
+    description: RobotDescription | None = None,
+    meshes: Meshes | None = None,
+    semantics: Semantics | None = None,
+) -> RobotGeometry:
+    """Put the collision solids of a description on the joints of its chain.
+
+    Pairs are allowed to touch where the SRDF says so; where there is none, or it names no pair,
+    those of links next to each other (links without solids left out), and those that touch in
+    every one of 1000 configurations. Parts of one rigid body can't move towards each other and
+    are never checked. A pair that merely was apart in every sample stays checked.
+
+    Args:
+        chain: The robot.
+        description: What it was built from; None for a robot that was given by numbers alone.
+        meshes: Bytes of the mesh files by the name the description uses.
+        semantics: Its SRDF.
+
+    Raises:
+        InvalidRobotDescription: A mesh is missing or can't be read, or a solid is malformed.
+        InvalidLinkName: The SRDF names a link that the robot does not have.
+    """
+    pieces: list[Piece] = []
+    links: list[str] = []
+    joints: list[int] = []
+    for link in chain.links if description is not None else ():
+        for element in description.links[link.name].collisions if description else ():
+            own = _element_pieces(link, element, meshes)
+            pieces += own
+            links += [link.name] * len(own)
+            joints += [link.joint] * len(own)
+    bare = RobotGeometry(chain, tuple(pieces), tuple(links), np.array(joints), {}, _lint(pieces))
+    if description is None or not pieces:
+        return bare
+    allowed = _allowed(bare, description, semantics)
+    return RobotGeometry(chain, bare.pieces, bare.links, bare.joints, allowed, bare.lint)
+
+
+def placed(piece: Piece, T: Array) -> Piece:
+    """The piece moved by ``T`` (4, 4): from an owner's frame into the one that T maps into."""
+    return Piece(
+        piece.kind,
+        T @ piece.T_owner_piece,
+        piece.vertices,
+        piece.radius,
+        piece.half_height,
+        piece.rounding,
+    )
+
+
+def _lint(pieces: list[Piece]) -> tuple[str, ...]:
+    if pieces:
+        return ()
+    return ("the robot has no collision geometry: only its kinematics are known, it hits nothing",)
+
+
+def _element_pieces(link: Link, element: CollisionElement, meshes: Meshes | None) -> list[Piece]:
+    try:
+        shape = _shape(element.geometry, meshes)
+        T = link.T_joint_link @ element.T_link_element
+        return [placed(piece, T) for piece in shape.pieces()]
+    except InvalidScene as error:
+        raise InvalidRobotDescription(
+            f"link {link.name!r}, collision: {error.message}", hint=error.hint, link=link.name
+        ) from None
+
+
+def _shape(geometry: Geometry, meshes: Meshes | None) -> Shape:
+    if isinstance(geometry, BoxGeometry):
+        return Box(np.array(geometry.size))
+    if isinstance(geometry, SphereGeometry):
+        return Sphere(geometry.radius)
+    if isinstance(geometry, CylinderGeometry):
+        return Cylinder(geometry.radius, geometry.length)
+    if isinstance(geometry, CapsuleGeometry):
+        return Capsule(geometry.radius, geometry.length)
+    file_type = geometry.uri.rpartition(".")[2]
+    vertices, faces = load_mesh(_mesh_bytes(geometry.uri, meshes), file_type)
+    return Mesh(*scaled(vertices, faces, geometry.scale))
+
+
+def _mesh_bytes(uri: str, meshes: Meshes | None) -> bytes:
+    if callable(meshes):
+        return meshes(uri)
+    given = meshes or {}
+    if uri in given:
+        return given[uri]
+    # The same file under another root: the longest common end of the path decides, if one does.
+    wanted = _parts(uri)
+    scores = {name: _common_end(wanted, _parts(name)) for name in given}
+    best = max(scores.values(), default=0)
+    matches = [name for name, score in scores.items() if score == best]
+    if best == 0 or len(matches) > 1:
+        found = "is not among the files given" if best == 0 else "fits several of the files given"
+        raise InvalidScene(
+            f"mesh {uri!r} {found}",
+            hint=f"Give its bytes under that name. Given: {', '.join(given) or 'none'}.",
+            mesh=uri,
+        )
+    return given[matches[0]]
+
+
+def _parts(uri: str) -> list[str]:
+    path = uri.rpartition("://")[2].replace("\\", "/")
+    return [part for part in path.split("/") if part not in ("", ".")]
+
+
+def _common_end(a: list[str], b: list[str]) -> int:
+    count = 0
+    for x, y in zip(reversed(a), reversed(b), strict=False):
+        if x != y:
+            break
+        count += 1
+    return count
+
+
+def _sorted(a: str, b: str) -> Pair:
+    return (a, b) if a < b else (b, a)
+
+
+def _allowed(
+    bare: RobotGeometry, description: RobotDescription, semantics: Semantics | None
+) -> dict[Pair, str]:
+    allowed: dict[Pair, str] = {}
+    if semantics is not None and semantics.disabled_collisions:
+        for a, b in semantics.disabled_collisions:
+            for name in (a, b):
+                if name not in description.links:
+                    raise InvalidLinkName(
+                        f"the SRDF disables collisions of {name!r}, which is no link of the robot",
+                        hint=f"Its links are: {', '.join(description.links)}.",
+                        link=name,
+                    )
+            allowed[_sorted(a, b)] = "srdf"
+    else:
+        allowed |= dict.fromkeys(_adjacent(bare, description), "adjacent")
+        allowed |= dict.fromkeys(_always(bare, allowed), "always")
+    return allowed | dict.fromkeys(_same_body(bare), "same body")
+
+
+def _same_body(bare: RobotGeometry) -> set[Pair]:
+    joint = dict(zip(bare.links, bare.joints, strict=True))
+    names = bare.names
+    return {_sorted(a, b) for i, a in enumerate(names) for b in names[:i] if joint[a] == joint[b]}
+
+
+def _adjacent(bare: RobotGeometry, description: RobotDescription) -> set[Pair]:
+    names = set(bare.names)
+    carried_by = {joint.child: joint.parent for joint in description.joints.values()}
+    pairs = set()
+    for name in names:
+        parent = carried_by.get(name)
+        while parent is not None and parent not in names:
+            parent = carried_by.get(parent)
+        if parent is not None:
+            pairs.add(_sorted(name, parent))
+    return pairs
+
+
+def _always(bare: RobotGeometry, known: Mapping[Pair, str]) -> set[Pair]:
+    """Pairs of links that touch in every one of many random configurations."""
+    lower, upper = bare.chain.sampling_bounds()
+    candidates: dict[Pair, list[tuple[int, int]]] = {}
+    for i, j in bare.self_pairs:
+        pair = _sorted(bare.links[i], bare.links[j])
+        if pair not in known:
+            candidates.setdefault(pair, []).append((int(i), int(j)))
+    random = np.random.default_rng(_ALWAYS_SEED)
+    for _ in range(_ALWAYS_SAMPLES):
+        if not candidates:
+            break
+        poses = _piece_poses(bare, random.uniform(lower, upper))
+        candidates = {
+            pair: pieces
+            for pair, pieces in candidates.items()
+            if any(_touch(bare.arrays, poses, i, j) for i, j in pieces)
+        }
+    return set(candidates)
+
+
+def _piece_poses(geometry: RobotGeometry, q: Array) -> Array:
+    frames = np.concatenate([np.eye(4)[None], joint_frames(geometry.chain, q)])
+    return frames[geometry.joints + 1] @ geometry.arrays.poses
+
+
+def _touch(arrays: PieceArrays, poses: Array, i: int, j: int) -> bool:
+    axis, room = np.zeros(3), np.empty((2, 4, 3))
+    _, _, upper = separation(
+        arrays.kinds,
+        arrays.starts,
+        arrays.vertices,
+        arrays.sizes,
+        i,
+        poses[i],
+        j,
+        poses[j],
+        0.0,
+        np.inf,
+        axis,
+        room[0],
+        room[1],
+    )
+    return upper <= 0.0
+
+
+def _self_pairs(geometry: RobotGeometry) -> NDArray[np.int64]:
+    pairs = [
+        (i, j)
+        for i in range(len(geometry.pieces))
+        for j in range(i + 1, len(geometry.pieces))
+        if geometry.joints[i] != geometry.joints[j]
+        and _sorted(geometry.links[i], geometry.links[j]) not in geometry.allowed
+    ]
+    array = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+    array.setflags(write=False)
+    return array
+
+
+def _content_hash(geometry: RobotGeometry) -> str:
+    digest = hashlib.sha256(geometry.chain.content_hash.encode())
+    arrays = geometry.arrays
+    for array in (arrays.kinds, arrays.starts, arrays.vertices, arrays.sizes, arrays.poses):
+        digest.update(array.tobytes())
+    digest.update(geometry.joints.tobytes())
+    for name in geometry.links:
+        digest.update(name.encode() + b"\0")
+    for (a, b), reason in geometry.allowed.items():
+        digest.update(f"{a}\0{b}\0{reason}\0".encode())
+    return digest.hexdigest()
