@@ -1,0 +1,44 @@
+"""What inverse kinematics answers, whichever way it was found."""
+
+from dataclasses import dataclass
+
+from kinematics.chain import Array, frozen
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class IkSolution:
+    """One configuration and how far it is from the pose asked for.
+
+    Args:
+        joints: Shape (n,) [rad or m].
+        position_error: Distance of the link's origin from its target [m].
+        orientation_error: Angle of the rotation that is left [rad].
+        iterations: Steps spent on it over all restarts.
+        branch: Which of a closed form's branches it is; None from iteration.
+    """
+
+    joints: Array
+    position_error: float
+    orientation_error: float
+    iterations: int
+    branch: str | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "joints", frozen(self.joints))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class IkResult:
+    """The solutions found, best first, or how near the best attempt came.
+
+    Args:
+        solutions: Inside the limits and the tolerances; empty where none was found.
+        nearest: The attempt with the least error, whether it solves the problem or not.
+        starts: Start configurations tried.
+        advice: Where nothing was found, what that means and what to do about it.
+    """
+
+    solutions: tuple[IkSolution, ...]
+    nearest: IkSolution
+    starts: int
+    advice: str = ""
