@@ -1,0 +1,134 @@
+"""Exact verdicts about configurations and joint motions: free, colliding, how far apart."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinematics.chain import Array
+from obstacles.collision_model import CollisionModel
+from obstacles.motion import COLLIDING, FREE, certify_curve, certify_path, closest_pair
+from obstacles.piece import Piece
+from obstacles.robot_geometry import RobotGeometry
+from obstacles.scene import Scene
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """What was found out about a joint motion.
+
+    Args:
+        free: Proved free for every instant.
+        colliding: A configuration on it was found that collides; neither is set where a pair comes
+            within a millionth of a metre of its margin.
+        at: Where along the motion it was stopped, from 0 to 1; 1 where it is free.
+        pair: The link and what it met; None where the motion is free.
+        clearance: A lower bound of the clearance over the whole motion, margins taken off [m].
+        intervals: Intervals that were looked at.
+    """
+
+    free: bool
+    colliding: bool
+    at: float
+    pair: tuple[str, str] | None
+    clearance: float
+    intervals: int
+
+
+def collision_model(robot: RobotGeometry, scene: Scene) -> CollisionModel:
+    """Pack a robot and a scene: every link against every obstacle, and the robot's own pairs.
+
+    What stands still with the base can't be planned out of anything and is not paired with
+    obstacles; pairs that the scene or the robot allows are left out.
+    """
+    pieces: list[Piece] = list(robot.pieces)
+    names = list(robot.links)
+    margins_of: list[float] = []
+    for obstacle in scene.obstacles:
+        own = obstacle.pieces()
+        pieces += own
+        names += [obstacle.id] * len(own)
+        margins_of += [obstacle.margin] * len(own)
+    p, m = len(robot.pieces), len(margins_of)
+    joints = [*robot.joints, *([-1] * m)]
+    pairs = [
+        (i, p + k)
+        for k in range(m)
+        for i in range(p)
+        if not scene.allows(robot.links[i], names[p + k])
+    ]
+    own_pairs = [
+        (int(i), int(j))
+        for i, j in robot.self_pairs
+        if not scene.allows(robot.links[i], robot.links[j])
+    ]
+    margins = [margins_of[k - p] for _, k in pairs] + [0.0] * len(own_pairs)
+    return CollisionModel.build(robot.chain, pieces, joints, names, pairs + own_pairs, margins)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Checker:
+    """Answers for one robot in one scene.
+
+    Args:
+        model: The packed robot and scene.
+        margin: Distance to keep on top of the obstacles' own margins [m].
+    """
+
+    model: CollisionModel
+    margin: float = 0.0
+
+    @classmethod
+    def of(cls, robot: RobotGeometry, scene: Scene, margin: float = 0.0) -> "Checker":
+        """The checker of a robot in a scene."""
+        return cls(collision_model(robot, scene), margin)
+
+    def clearance(self, q: Array) -> tuple[float, tuple[str, str] | None]:
+        """Distance of the closest pair, margins taken off [m], and the pair.
+
+        Exact where positive; 0 or below says that something touches, not how deep. Infinite, and no
+        pair, where nothing can collide.
+        """
+        distance, pair = closest_pair(self.model.arrays, np.ascontiguousarray(q))
+        return distance - self.margin, None if pair < 0 else self.model.pair_name(pair)
+
+    def valid(self, q: Array) -> bool:
+        """Whether a configuration keeps every pair its margin apart."""
+        return self.segment(q, q).free
+
+    def segment(self, start: Array, end: Array) -> Motion:
+        """Prove the straight joint motion from ``start`` to ``end``, both (n,)."""
+        return self.curve(start, end - start, np.zeros_like(start))
+
+    def curve(self, b0: Array, b1: Array, b2: Array) -> Motion:
+        """Prove the joint motion b0 + b1 s + b2 s^2 over 0 <= s <= 1, each (n,)."""
+        found = np.empty(4)
+        verdict = certify_curve(
+            self.model.arrays, np.array(b0), np.array(b1), np.array(b2), self.margin, found
+        )
+        return self._motion(verdict, found)
+
+    def free(self, start: Array, end: Array) -> bool:
+        """Whether the straight joint motion is proved free: ``segment`` without the report."""
+        found = np.empty(4)
+        zero = np.zeros(start.shape[0])
+        step = end - start
+        verdict = certify_curve(self.model.arrays, start, step, zero, self.margin, found)
+        return bool(verdict == FREE)
+
+    def polyline(self, waypoints: Array) -> tuple[Motion, int]:
+        """Prove every leg of a polyline (k, n); what was found and the leg it is about."""
+        found = np.empty(4)
+        points = np.array(waypoints, dtype=np.float64)
+        verdict, leg = certify_path(self.model.arrays, points, self.margin, found)
+        return self._motion(verdict, found), int(leg)
+
+    def _motion(self, verdict: int, found: Array) -> Motion:
+        free = verdict == FREE
+        return Motion(
+            free=free,
+            colliding=verdict == COLLIDING,
+            at=1.0 if free else float(found[0]),
+            pair=None if free else self.model.pair_name(int(found[1])),
+            clearance=float(found[3]) - self.margin,
+            intervals=int(found[2]),
+        )
