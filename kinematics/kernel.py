@@ -80,6 +80,7 @@ class _KernelCache(FunctionCache):
         return super().load_overload(sig, target_context)
 
     def save_overload(self, sig: Any, data: Any) -> None:
+        self._impl.locator.ensure_cache_path()
         folder = os.open(self.cache_path, os.O_RDONLY)
         try:
             fcntl.flock(folder, fcntl.LOCK_EX)

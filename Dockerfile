@@ -1,0 +1,48 @@
+# The version that the tests run on most; 3.12 and 3.13 work too.
+ARG PYTHON_VERSION=3.11
+
+FROM python:${PYTHON_VERSION}-slim AS builder
+SHELL ["/bin/bash", "-o", "pipefail", "-c"]
+WORKDIR /src
+RUN python -m venv /opt/venv
+# Dependencies first: this layer changes only when they do.
+COPY pyproject.toml constraints.txt ./
+RUN python -c "import tomllib; print(*tomllib.load(open('pyproject.toml', 'rb'))['project']['dependencies'], sep='\n')" > requirements.txt \
+    && /opt/venv/bin/pip install --no-cache-dir --quiet -c constraints.txt -r requirements.txt
+# CasADi's C++ headers and static libraries, and plugins for file formats that are not read here.
+RUN rm -rf /opt/venv/lib/python*/site-packages/casadi/{include,*.a,liblacemodelica*,libcasadi_graphmodel_onnx*} \
+    && /opt/venv/bin/python -c "import casadi; x = casadi.SX.sym('x'); casadi.nlpsol('s', 'ipopt', {'x': x, 'f': x**2}, {'ipopt.print_level': 0, 'print_time': False})(x0=1)"
+COPY README.md LICENSE ./
+COPY kinematics ./kinematics
+COPY dynamics ./dynamics
+COPY obstacles ./obstacles
+COPY planning ./planning
+COPY tracking ./tracking
+COPY service ./service
+RUN /opt/venv/bin/pip install --no-cache-dir --quiet --no-deps -c constraints.txt .
+
+
+# No apt packages: the wheels bring all but libc, libstdc++ and zlib, which the slim image has.
+FROM python:${PYTHON_VERSION}-slim
+ENV PATH=/opt/venv/bin:$PATH \
+    PYTHONUNBUFFERED=1 \
+    PYTHONDONTWRITEBYTECODE=1 \
+    NUMBA_CACHE_DIR=/var/cache/armwright \
+    MPLCONFIGDIR=/var/cache/armwright/matplotlib \
+    ARMWRIGHT_HOST=0.0.0.0 \
+    ARMWRIGHT_PORT=8000 \
+    ARMWRIGHT_DATA_DIR=/data
+RUN useradd --system --create-home --uid 10001 armwright \
+    && install -d -o armwright -g armwright /data /var/cache/armwright
+COPY --from=builder /opt/venv /opt/venv
+USER 10001
+WORKDIR /data
+# Machine code is for the processor it was compiled on; on another kind of processor the kernels are
+# compiled once more at the first start, and /readyz waits for that.
+RUN armwright warm
+VOLUME /data
+EXPOSE 8000
+STOPSIGNAL SIGTERM
+HEALTHCHECK --interval=15s --timeout=5s --start-period=120s --retries=3 \
+    CMD ["python", "-c", "import os, urllib.request; urllib.request.urlopen('http://127.0.0.1:' + os.environ['ARMWRIGHT_PORT'] + '/healthz', timeout=4)"]
+CMD ["armwright", "serve"]

@@ -1,0 +1,60 @@
+# One word a task, the same for people and for CI. Everything is installed into .venv by itself.
+
+# The first interpreter that the pinned wheels exist for; `make PYTHON=/path/to/python` overrides.
+PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
+	$$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] < (3, 14))' 2>/dev/null \
+	&& echo $$p && break; done)
+VENV := .venv
+BIN := $(VENV)/bin
+INSTALLED := $(VENV)/.installed
+HOST ?= 127.0.0.1
+PORT ?= 8000
+
+.DEFAULT_GOAL := help
+.PHONY: install demo test check bench bench-mbm serve docker-steps clean help
+
+install: $(INSTALLED)  ## Install the app, the client and the tools into .venv
+
+$(INSTALLED): pyproject.toml client/pyproject.toml constraints.txt
+	@test -n "$(PYTHON)" || { echo "Armwright needs Python 3.11, 3.12 or 3.13; none was found. \
+	Install one, or name it: make PYTHON=/path/to/python3.12 $(MAKECMDGOALS)" >&2; exit 1; }
+	@test -x $(BIN)/pip || $(PYTHON) -m venv $(VENV)
+	@echo "Installing into $(VENV) (a few minutes the first time) ..."
+	@$(BIN)/python -m pip install -qq --disable-pip-version-check \
+		-c constraints.txt -e ".[dev,demo]" -e ./client
+	@touch $@
+
+demo: $(INSTALLED)  ## Plan, certify and draw a motion from start to end
+	$(BIN)/python examples/demo.py
+
+test: $(INSTALLED)  ## Run the tests
+	$(BIN)/python -m pytest
+
+check: $(INSTALLED)  ## Lint, format, types, layers, Dockerfile
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+	$(BIN)/hadolint Dockerfile
+
+bench: $(INSTALLED)  ## Measure kernels, planning and the service
+	$(BIN)/python -m benchmarks
+
+bench-mbm: $(INSTALLED)  ## Measure on MotionBenchMaker problems: make bench-mbm PROBLEMS=dir
+	@test -n "$(PROBLEMS)" || { echo "Say where the problems are: make bench-mbm PROBLEMS=dir" >&2; exit 1; }
+	$(BIN)/python -m benchmarks.mbm $(PROBLEMS)
+
+serve: $(INSTALLED)  ## Serve the API on HOST:PORT (127.0.0.1:8000)
+	$(BIN)/armwright serve --host $(HOST) --port $(PORT)
+
+docker-steps: $(INSTALLED)  ## Run the Dockerfile's steps without Docker, in a clean folder (minutes)
+	$(BIN)/python scripts/docker_steps.py
+
+clean:  ## Remove what was built, compiled and cached; .venv stays
+	rm -rf build dist client/build *.egg-info client/*.egg-info
+	rm -rf .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache .grimp_cache
+	find . -path ./$(VENV) -prune -o -name __pycache__ -type d -prune -exec rm -rf {} +
+
+help:  ## Say what can be made
+	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/#/' | \
+		while IFS='#' read -r name what; do printf '  make %-13s%s\n' "$$name" "$$what"; done
