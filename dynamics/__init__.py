@@ -1,1 +1,1 @@
-"""The equations of motion D(q) q̈ + C(q, q̇) q̇ + G(q) = τ and their regressor."""
+"""Equations of motion of a chain: M(q) q_ddot + C(q, q_dot) q_dot + B q_dot + G(q) = tau."""

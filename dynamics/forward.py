@@ -1,0 +1,119 @@
+"""Forward dynamics: joint torques to motion."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dynamics.batch import stacked
+from dynamics.body import Bodies, bodies
+from dynamics.inverse import inverse_kernel, wrench_torque
+from dynamics.mass_matrix import mass_matrix_kernel
+from kinematics.chain import Array, Chain
+from kinematics.errors import MissingInertia
+from kinematics.kernel import kernel
+
+#: A pivot this much smaller than its diagonal entry is rounding error, not inertia.
+_PIVOT_RATIO = 1e-14
+
+
+@kernel
+def cholesky_solve_kernel(M: Array, x: Array) -> int:
+    """Solve M x = b in place for positive definite M (n, n), which is overwritten; x (n,) is b.
+
+    Returns:
+        -1, or the first row whose pivot is not positive (x is then meaningless).
+    """
+    n = x.shape[0]
+    for i in range(n):
+        diagonal = M[i, i]
+        for j in range(i + 1):
+            s = M[i, j]
+            for k in range(j):
+                s -= M[i, k] * M[j, k]
+            if i > j:
+                M[i, j] = s / M[j, j]
+            elif s > _PIVOT_RATIO * diagonal:
+                M[i, i] = np.sqrt(s)
+            else:
+                return i
+    for i in range(n):
+        for k in range(i):
+            x[i] -= M[i, k] * x[k]
+        x[i] /= M[i, i]
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
+            x[i] -= M[k, i] * x[k]
+        x[i] /= M[i, i]
+    return -1
+
+
+@kernel
+def forward_dynamics_kernel(bodies: Bodies, state: Array, qdd: Array) -> int:
+    """Write q_ddot of a batch into ``qdd`` (m, n); state (m, 3, n) holds q, q_dot and tau.
+
+    Returns:
+        -1, or the first joint at which some M(q) is not positive definite.
+    """
+    n = qdd.shape[1]
+    frames, loads, tensors = np.empty((n, 4, 4)), np.empty((2, n, 3)), np.empty((2, 3, 3))
+    motion, M, bias = np.zeros((3, n)), np.empty((n, n)), np.empty(n)
+    for k in range(qdd.shape[0]):
+        motion[0], motion[1] = state[k, 0], state[k, 1]
+        inverse_kernel(bodies, motion, frames, loads, bias)
+        mass_matrix_kernel(bodies, frames, tensors, M)
+        for i in range(n):
+            M[i, i] += bodies.motor_inertia[i]
+            qdd[k, i] = state[k, 2, i] - bias[i]
+        failed = cholesky_solve_kernel(M, qdd[k])
+        if failed >= 0:
+            return failed
+    return -1
+
+
+def forward_dynamics(
+    chain: Chain,
+    q: ArrayLike,
+    qd: ArrayLike,
+    torque: ArrayLike,
+    wrench: ArrayLike | None = None,
+    gravity: ArrayLike | None = None,
+) -> Array:
+    """Accelerations q_ddot = M^-1 (tau - C q_dot - B q_dot - G - J^T F).
+
+    Args:
+        chain: The robot.
+        q: Positions, (n,) or (..., n) [rad or m].
+        qd: Velocities, (n,) or (..., n) [rad/s or m/s].
+        torque: Joint torques tau, (n,) or (..., n) [N m or N].
+        wrench: F = [f; n] that the tip exerts on its surroundings, at the tip, in the base
+            frame, (6,) or (..., 6) [N, N m].
+        gravity: (3,) [m/s^2] in the base frame; the robot's own where none is given.
+
+    Returns:
+        Shape (..., n) [rad/s^2 or m/s^2].
+
+    Raises:
+        InvalidRobotState: A vector has the wrong length, is not finite or fits no other's batch.
+        MissingInertia: Some joint carries nothing that has an inertia, or what it carries has
+            neither mass nor inertia about its axis.
+    """
+    packed = bodies(chain, gravity)
+    if wrench is not None:
+        torque = chain.configuration(torque, "torques") - wrench_torque(chain, q, wrench)
+    state, lead = stacked(chain, joints=q, velocities=qd, torques=torque)
+    qdd = np.empty((state.shape[0], chain.n))
+    failed = forward_dynamics_kernel(packed, state, qdd)
+    if failed >= 0:
+        raise massless(chain, failed)
+    return qdd.reshape(*lead, chain.n)
+
+
+def massless(chain: Chain, joint: int) -> MissingInertia:
+    """The error that M(q) is not positive definite at ``joint``."""
+    name = chain.joint_names[joint]
+    return MissingInertia(
+        f"the mass matrix is not positive definite at joint {name!r}: "
+        "what it carries has no inertia about its axis",
+        hint=f"Give the links beyond {name!r} a mass and an inertia tensor, "
+        "or the joint a motor inertia.",
+        joint=name,
+    )

@@ -1,0 +1,78 @@
+"""Gravity: the potential energy U(q) and the torques G(q) that hold the robot against it."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dynamics.body import Bodies, bodies
+from dynamics.vector import add, apply, axis, cross, dot, origin, row, scale, subtract
+from kinematics.chain import Array, Chain
+from kinematics.forward import forward_kernel, joint_frames
+from kinematics.kernel import kernel
+
+
+@kernel
+def gravity_kernel(bodies: Bodies, frames: Array, G: Array) -> None:
+    """Write G(q) of the joint ``frames`` (n, 4, 4) into G (n,): what hangs on each joint pulls."""
+    g = (bodies.gravity[0], bodies.gravity[1], bodies.gravity[2])
+    weight, moment, beyond = 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for i in range(G.shape[0] - 1, -1, -1):
+        z, o = axis(frames, i), origin(frames, i)
+        # First moment of mass about o_i of all that joint i carries.
+        moment = add(moment, scale(weight, subtract(beyond, o)))
+        arm = apply(frames[i], row(bodies.centers, i))
+        moment = add(moment, scale(bodies.masses[i], arm))
+        weight += bodies.masses[i]
+        if bodies.types[i] == 0:
+            G[i] = -dot(z, cross(moment, g))
+        else:
+            G[i] = -weight * dot(z, g)
+        beyond = o
+
+
+@kernel
+def gravity_batch_kernel(bodies: Bodies, q: Array, G: Array) -> None:
+    """Write G(q) of a batch q (m, n) into G (m, n)."""
+    frames = np.empty((q.shape[1], 4, 4))
+    for k in range(q.shape[0]):
+        forward_kernel(bodies.types, bodies.offsets, q[k], frames)
+        gravity_kernel(bodies, frames, G[k])
+
+
+def gravity_vector(chain: Chain, q: ArrayLike, gravity: ArrayLike | None = None) -> Array:
+    """Torques G(q) = grad U(q) that hold the robot still against gravity.
+
+    Args:
+        chain: The robot.
+        q: One configuration (n,) or a batch (..., n) [rad or m].
+        gravity: (3,) [m/s^2] in the base frame; the robot's own where none is given.
+
+    Returns:
+        Shape (..., n) [N m or N].
+
+    Raises:
+        InvalidRobotState: Wrong length or not finite.
+        MissingInertia: Some joint carries nothing that has an inertia.
+    """
+    packed = bodies(chain, gravity)
+    q = chain.configuration(q)
+    flat = q.reshape(-1, chain.n)
+    G = np.empty((flat.shape[0], chain.n))
+    gravity_batch_kernel(packed, flat, G)
+    return G.reshape(*q.shape[:-1], chain.n)
+
+
+def potential_energy(chain: Chain, q: ArrayLike, gravity: ArrayLike | None = None) -> Array:
+    """Potential energy U(q) = -sum_i m_i g . r_i(q) of the moving bodies, shape (...) [J].
+
+    Zero where a body's centre of mass is level with the origin of the base frame.
+
+    Raises:
+        InvalidRobotState: Wrong length or not finite.
+        MissingInertia: Some joint carries nothing that has an inertia.
+    """
+    packed = bodies(chain, gravity)
+    frames = joint_frames(chain, q)
+    centers = frames[..., :3, 3] + np.einsum(
+        "...nij,nj->...ni", frames[..., :3, :3], packed.centers
+    )
+    return np.asarray(-np.einsum("n,...ni,i->...", packed.masses, centers, packed.gravity))
