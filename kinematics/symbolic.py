@@ -1,0 +1,141 @@
+"""The chain as CasADi expressions: the evaluator that an optimiser differentiates.
+
+Built from the same arrays and by the same rules as the kernels of ``forward`` and ``jacobian``;
+a test holds the two equal. Calling a CasADi function with numpy arrays costs tens of
+microseconds: build expressions with these, evaluate with the kernels.
+"""
+
+from functools import lru_cache
+from typing import Any
+
+import casadi
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinematics.chain import Array, Chain
+from kinematics.errors import InvalidOption, InvalidRobotState
+
+#: A CasADi matrix, SX (scalar expressions) or MX; CasADi itself has no types.
+Expression = Any
+
+
+def symbolic_frames(chain: Chain, q: Expression) -> list[Expression]:
+    """Frames of all joints in the base frame, T_base_i = T_base_(i-1) A_i M_i(q_i).
+
+    Args:
+        chain: The robot.
+        q: Symbolic positions, SX or MX, n x 1 [rad or m].
+
+    Returns:
+        n expressions of shape 4 x 4.
+
+    Raises:
+        InvalidRobotState: q has not one entry for each joint.
+    """
+    if q.numel() != chain.n:
+        raise InvalidRobotState(
+            f"joints has {q.numel()} symbolic value(s), robot {chain.name!r} has {chain.n} joints"
+        )
+    frames: list[Expression] = []
+    for i in range(chain.n):
+        step = casadi.mtimes(_constant(chain.offsets[i]), _motion(int(chain.joint_types[i]), q[i]))
+        frames.append(casadi.mtimes(frames[-1], step) if frames else step)
+    return frames
+
+
+def symbolic_pose(chain: Chain, q: Expression, link: str | None = None) -> Expression:
+    """Pose T_base_link(q) of a link (the tip where none is named), shape 4 x 4.
+
+    Raises:
+        InvalidRobotState: q has not one entry for each joint.
+        InvalidLinkName: No such link.
+    """
+    return _carried(chain, symbolic_frames(chain, q), link)
+
+
+def symbolic_jacobian(
+    chain: Chain, q: Expression, link: str | None = None, point: ArrayLike | None = None
+) -> Expression:
+    """Geometric Jacobian, 6 x n, linear rows first, of a point in a link's frame.
+
+    Column j is [z_j x (p - o_j); z_j] for a revolute joint, [z_j; 0] for a prismatic one, and 0
+    for joints beyond the one that carries the link.
+
+    Args:
+        chain: The robot.
+        q: Symbolic positions, SX or MX, n x 1 [rad or m].
+        link: The link that carries the point; the tip where none is named.
+        point: The point in that link's frame, shape (3,) [m]; its origin where none is given.
+
+    Raises:
+        InvalidRobotState: q has not one entry for each joint.
+        InvalidLinkName: No such link.
+        InvalidOption: The point is not three finite numbers.
+    """
+    at = np.zeros(3) if point is None else np.array(point, dtype=np.float64)
+    if at.shape != (3,) or not np.isfinite(at).all():
+        raise InvalidOption("point must be three finite numbers [x, y, z] in the link's frame")
+    frames = symbolic_frames(chain, q)
+    T = _carried(chain, frames, link)
+    p = casadi.mtimes(T[:3, :3], at) + T[:3, 3]
+    last = chain.link(link or chain.tip_link).joint
+    columns = [
+        _column(int(chain.joint_types[j]), frames[j], p) if j <= last else casadi.DM.zeros(6, 1)
+        for j in range(chain.n)
+    ]
+    return casadi.horzcat(*columns)
+
+
+@lru_cache(maxsize=64)
+def forward_function(chain: Chain, link: str | None = None) -> Expression:
+    """CasADi function q (n) -> T_base_link (4 x 4) of a link, the tip where none is named.
+
+    Raises:
+        InvalidLinkName: No such link.
+    """
+    q = casadi.SX.sym("q", chain.n)
+    return casadi.Function("forward", [q], [symbolic_pose(chain, q, link)], ["q"], ["T"])
+
+
+@lru_cache(maxsize=64)
+def jacobian_function(chain: Chain, link: str | None = None) -> Expression:
+    """CasADi function q (n) -> geometric Jacobian (6 x n) of a link's origin, the tip's by default.
+
+    Raises:
+        InvalidLinkName: No such link.
+    """
+    q = casadi.SX.sym("q", chain.n)
+    return casadi.Function("jacobian", [q], [symbolic_jacobian(chain, q, link)], ["q"], ["J"])
+
+
+def _constant(matrix: Array) -> Expression:
+    """A CasADi constant whose zeros are structural, so that products with them vanish."""
+    return casadi.sparsify(casadi.DM(matrix))
+
+
+def _motion(joint_type: int, q: Expression) -> Expression:
+    """M_i(q_i): a turn about z, or a slide along it."""
+    T = type(q)(4, 4)
+    T[2, 2] = T[3, 3] = 1.0
+    if joint_type == 0:
+        T[0, 0] = T[1, 1] = casadi.cos(q)
+        T[1, 0] = casadi.sin(q)
+        T[0, 1] = -T[1, 0]
+    else:
+        T[0, 0] = T[1, 1] = 1.0
+        T[2, 3] = q
+    return T
+
+
+def _carried(chain: Chain, frames: list[Expression], link: str | None) -> Expression:
+    carrier = chain.link(link or chain.tip_link)
+    if carrier.joint < 0:
+        return casadi.DM(carrier.T_joint_link)
+    return casadi.mtimes(frames[carrier.joint], _constant(carrier.T_joint_link))
+
+
+def _column(joint_type: int, frame: Expression, p: Expression) -> Expression:
+    z = frame[:3, 2]
+    if joint_type == 0:
+        return casadi.vertcat(casadi.cross(z, p - frame[:3, 3]), z)
+    return casadi.vertcat(z, casadi.DM.zeros(3, 1))

@@ -1,0 +1,99 @@
+"""Links merged into bodies, against pinocchio's own merging."""
+
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import ArrayLike
+
+from dynamics.body import bodies, scale_masses
+from dynamics.mass_matrix import mass_matrix
+from kinematics.chain import Chain, Inertia, Link
+from kinematics.errors import InvalidOption, MissingInertia
+from tests.dynamics.samples import pinocchio_model, random_chain
+
+
+def without(chain: Chain, *names: str) -> Chain:
+    """The chain with the inertia of some links taken away."""
+    links = tuple(
+        replace(link, inertia=None) if link.name in names else link for link in chain.links
+    )
+    return replace(chain, links=links)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_merges_like_pinocchio(seed: int) -> None:
+    chain = random_chain(seed, 1 + seed % 6)
+    packed, model = bodies(chain), pinocchio_model(chain)
+    for i in range(chain.n):
+        body = model.inertias[i + 1]
+        assert packed.masses[i] == pytest.approx(body.mass, rel=1e-13)
+        np.testing.assert_allclose(packed.centers[i], body.lever, atol=1e-13)
+        np.testing.assert_allclose(packed.tensors[i], body.inertia, atol=1e-13)
+
+
+def test_a_frame_without_inertia_fixed_to_a_body_adds_nothing() -> None:
+    chain = random_chain(1)
+    links = (*chain.links, Link("camera_optical", 3, np.eye(4)))
+    more = bodies(replace(chain, links=links))
+    np.testing.assert_array_equal(more.masses, bodies(chain).masses)
+    np.testing.assert_array_equal(more.tensors, bodies(chain).tensors)
+
+
+def test_a_body_without_inertia_is_missing_and_named() -> None:
+    chain = without(random_chain(1, 4), "link3")
+    with pytest.raises(MissingInertia, match=r"joint 'joint3'.*link3, tool") as caught:
+        mass_matrix(chain, np.zeros(4))
+    assert caught.value.details["links"] == ["link3", "tool"]
+    # Joint 0 carries a second body, so one of the two is enough.
+    assert bodies(without(random_chain(1, 4), "link0")).masses[0] > 0.0
+
+
+def test_inertia_without_mass_counts() -> None:
+    chain = without(random_chain(1, 3), "link2")
+    rotor = Link("rotor", 2, np.eye(4), Inertia(0.0, np.zeros(3), np.diag([1.0, 2.0, 3.0])))
+    packed = bodies(replace(chain, links=(*chain.links, rotor)))
+    assert packed.masses[2] == 0.0
+    np.testing.assert_array_equal(packed.tensors[2], np.diag([1.0, 2.0, 3.0]))
+
+
+def test_the_base_does_not_count() -> None:
+    chain = random_chain(2)
+    assert "base" in without(chain, "base").index
+    np.testing.assert_array_equal(bodies(without(chain, "base")).masses, bodies(chain).masses)
+
+
+def test_arrays_are_read_only_and_survive_pickling() -> None:
+    packed = bodies(random_chain(2))
+    for array in packed:
+        assert not array.flags.writeable
+    copy = pickle.loads(pickle.dumps(packed))
+    np.testing.assert_array_equal(copy.tensors, packed.tensors)
+
+
+def test_gravity_can_be_replaced() -> None:
+    chain = random_chain(2)
+    np.testing.assert_array_equal(bodies(chain, [0, 0, -1.62]).gravity, [0, 0, -1.62])
+    np.testing.assert_array_equal(bodies(chain).gravity, chain.gravity)
+    for wrong in ([0.0, 0.0], [0.0, 0.0, np.inf]):
+        with pytest.raises(InvalidOption, match="gravity"):
+            bodies(chain, wrong)
+
+
+def test_scaled_masses_scale_the_mass_matrix() -> None:
+    chain = random_chain(3)
+    q = np.linspace(-1, 1, chain.n)
+    np.testing.assert_allclose(
+        mass_matrix(scale_masses(chain, 1.7), q), 1.7 * mass_matrix(chain, q), rtol=1e-12
+    )
+    factors = np.linspace(0.5, 2.0, chain.n)
+    np.testing.assert_allclose(
+        bodies(scale_masses(chain, factors)).masses, factors * bodies(chain).masses, rtol=1e-14
+    )
+
+
+@pytest.mark.parametrize("factors", [0.0, -1.0, np.nan, np.inf, [1.0, 2.0], [[1.0] * 6]])
+def test_wrong_factors_are_refused(factors: ArrayLike) -> None:
+    with pytest.raises(InvalidOption, match="6, one for each joint"):
+        scale_masses(random_chain(3), factors)

@@ -1,0 +1,146 @@
+"""Newton-Euler against pinocchio, the Lagrangian terms and the notes' closed forms."""
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from dynamics.coriolis import coriolis_matrix
+from dynamics.gravity import gravity_vector
+from dynamics.inverse import inverse_dynamics
+from dynamics.mass_matrix import augmented_mass_matrix
+from kinematics.errors import InvalidOption, InvalidRobotState
+from kinematics.forward import forward
+from kinematics.jacobian import geometric
+from tests.dynamics.oracle import relative_error
+from tests.dynamics.samples import (
+    cart_pendulum,
+    pinocchio_model,
+    planar_rr,
+    random_chain,
+    random_state,
+)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_equals_pinocchio(seed: int) -> None:
+    chain = random_chain(seed, 1 + seed % 9, motors=seed % 2 == 1)
+    model = pinocchio_model(chain)
+    data = model.createData()
+    q, qd, qdd = random_state(chain, seed)
+    torque = inverse_dynamics(chain, q, qd, qdd)
+    for k in range(len(q)):
+        expected = pin.rnea(model, data, q[k], qd[k], qdd[k]) + chain.viscous_friction * qd[k]
+        assert relative_error(torque[k], expected) < 1e-11
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_wrench_on_the_surroundings_is_minus_a_wrench_on_the_tip(seed: int) -> None:
+    chain = random_chain(seed, 5)
+    model = pinocchio_model(chain)
+    data = model.createData()
+    rng = np.random.default_rng(seed)
+    for q, qd, qdd in zip(*random_state(chain, seed, 5), strict=True):
+        f, n = rng.normal(size=(2, 3))
+        T = pin.SE3(forward(chain, q))
+        # At the tip, in base axes, then in the frame of the last joint as pinocchio wants it.
+        at_tip = pin.SE3(T.rotation.T, np.zeros(3)).act(pin.Force(f, n))
+        pin.forwardKinematics(model, data, q)
+        at_joint = (data.oMi[chain.n].inverse() * T).act(at_tip)
+        forces = pin.StdVec_Force([pin.Force.Zero() for _ in range(chain.n)] + [-at_joint])
+        expected = pin.rnea(model, data, q, qd, qdd, forces)
+        torque = inverse_dynamics(chain, q, qd, qdd, wrench=np.concatenate([f, n]))
+        assert relative_error(torque, expected) < 1e-11
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_is_the_sum_of_the_lagrangian_terms(seed: int) -> None:
+    chain = random_chain(seed, 2 + seed % 6, motors=True)
+    q, qd, qdd = random_state(chain, seed)
+    F = np.array([1.0, -2.0, 3.0, 0.5, 0.4, -0.3])
+    total = (
+        np.einsum("...ij,...j->...i", augmented_mass_matrix(chain, q), qdd)
+        + np.einsum("...ij,...j->...i", coriolis_matrix(chain, q, qd), qd)
+        + chain.viscous_friction * qd
+        + gravity_vector(chain, q)
+        + geometric(chain, q).swapaxes(-1, -2) @ F
+    )
+    assert relative_error(inverse_dynamics(chain, q, qd, qdd, F), total) < 1e-12
+
+
+def test_planar_rr_closed_form() -> None:
+    m1, m2, l1, c1, c2, i1, i2, g = 2.0, 1.5, 0.7, 0.3, 0.2, 0.05, 0.02, 9.81
+    chain = planar_rr((m1, m2), (l1, 0.5), (c1, c2), (i1, i2))
+    q, qd, qdd = random_state(chain, 0, 50)
+    q1, q2 = q.T
+    h = -m2 * l1 * c2 * np.sin(q2)
+    d11 = m1 * c1**2 + m2 * (l1**2 + c2**2 + 2 * l1 * c2 * np.cos(q2)) + i1 + i2
+    d12 = m2 * (c2**2 + l1 * c2 * np.cos(q2)) + i2
+    d22 = i2 + m2 * c2**2
+    w1, w2 = qd.T
+    g2 = m2 * c2 * g * np.cos(q1 + q2)
+    expected = np.stack(
+        [
+            d11 * qdd[:, 0] + d12 * qdd[:, 1] + h * w2 * w1 + h * (w1 + w2) * w2
+            + (m1 * c1 + m2 * l1) * g * np.cos(q1) + g2,
+            d12 * qdd[:, 0] + d22 * qdd[:, 1] - h * w1 * w1 + g2,
+        ],
+        axis=-1,
+    )  # fmt: skip
+    np.testing.assert_allclose(inverse_dynamics(chain, q, qd, qdd), expected, atol=1e-12)
+
+
+def test_cart_pendulum_closed_form() -> None:
+    m1, m2, length, inertia, g = 1.3, 0.4, 0.6, 0.03, 9.81
+    chain = cart_pendulum(m1, m2, length, inertia)
+    q, qd, qdd = random_state(chain, 0, 50)
+    sine, cosine = np.sin(q[:, 1]), np.cos(q[:, 1])
+    coupling = m2 * length
+    expected = np.stack(
+        [
+            (m1 + m2) * qdd[:, 0] - coupling * cosine * qdd[:, 1] + coupling * sine * qd[:, 1] ** 2,
+            (inertia + coupling * length) * qdd[:, 1]
+            - coupling * cosine * qdd[:, 0]
+            - coupling * g * sine,
+        ],
+        axis=-1,
+    )
+    np.testing.assert_allclose(inverse_dynamics(chain, q, qd, qdd), expected, atol=1e-12)
+
+
+def test_batches_of_any_shape_broadcast() -> None:
+    chain = random_chain(4)
+    q, qd, qdd = random_state(chain, 0, 6)
+    flat = inverse_dynamics(chain, q, qd, qdd)
+    cube = inverse_dynamics(chain, *(x.reshape(2, 3, -1) for x in (q, qd, qdd)))
+    np.testing.assert_array_equal(cube.reshape(flat.shape), flat)
+    one = inverse_dynamics(chain, q[0], qd, qdd)
+    np.testing.assert_array_equal(one[0], flat[0])
+    np.testing.assert_array_equal(inverse_dynamics(chain, q[0], qd[0], qdd[0]), flat[0])
+    assert inverse_dynamics(chain, q[:0], qd[:0], qdd[:0]).shape == (0, chain.n)
+
+
+def test_without_gravity_a_robot_at_rest_needs_no_torque() -> None:
+    chain = random_chain(4)
+    zero = np.zeros(chain.n)
+    q = random_state(chain, 1, 1)[0][0]
+    torque = inverse_dynamics(chain, q, zero, zero, gravity=[0.0, 0.0, 0.0])
+    np.testing.assert_array_equal(torque, zero)
+    moon = inverse_dynamics(replace(chain, gravity=np.array([0, 0, -1.62])), q, zero, zero)
+    np.testing.assert_array_equal(inverse_dynamics(chain, q, zero, zero, None, [0, 0, -1.62]), moon)
+
+
+def test_faults_are_named() -> None:
+    chain = random_chain(4)
+    q = np.zeros((3, chain.n))
+    with pytest.raises(InvalidRobotState, match="velocities has 2 value"):
+        inverse_dynamics(chain, q, [1.0, 2.0], q)
+    with pytest.raises(InvalidRobotState, match="accelerations is not finite at joint 'joint5'"):
+        inverse_dynamics(chain, q[0], q[0], [0, 0, 0, 0, 0, np.nan])
+    with pytest.raises(InvalidRobotState, match="batches do not fit"):
+        inverse_dynamics(chain, q, q[:2], q)
+    with pytest.raises(InvalidOption, match="six finite numbers"):
+        inverse_dynamics(chain, q, q, q, wrench=[1.0, 2.0, 3.0])
+    with pytest.raises(InvalidOption, match="does not fit joints"):
+        inverse_dynamics(chain, q, q, q, wrench=np.zeros((2, 6)))
