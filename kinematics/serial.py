@@ -242,11 +242,13 @@ def _why_not_held(description: RobotDescription, moving: Sequence[str], name: st
 def _position(joint: JointDescription, asked: Mapping[str, float], lint: list[str]) -> float:
     value = asked.get(joint.name)
     if value is None:
+        if math.isnan(joint.lower):
+            return 0.0
         nearest = min(max(0.0, joint.lower), joint.upper)
         if nearest != 0.0:
             lint.append(f"joint {joint.name!r} is held at {nearest:g}, its limit nearest to 0")
         return nearest
-    if not math.isfinite(value) or not joint.lower <= value <= joint.upper:
+    if not math.isfinite(value) or value < joint.lower or value > joint.upper:
         raise InvalidRobotDescription(
             f"joint {joint.name!r} is to be held at {value:g}, outside its limits "
             f"[{joint.lower:g}, {joint.upper:g}]",
@@ -337,8 +339,14 @@ def _limits(
         for quantity, value in limits.items():
             values_of = _checked_override(name, quantity, value, values)
             values_of[names.index(name)] = float(value)
-    for i, name in enumerate(names):
-        if values["lower"][i] > values["upper"][i]:
+    for name, lower, upper in zip(names, values["lower"], values["upper"], strict=True):
+        if math.isnan(lower) or math.isnan(upper):
+            raise InvalidRobotDescription(
+                f"joint {name!r} has no lower and upper limit: its range is not known",
+                hint=f'Give them: "joint_limits": {{"{name}": {{"lower": ..., "upper": ...}}}}.',
+                joint=name,
+            )
+        if lower > upper:
             raise InvalidRobotDescription(
                 f"joint_limits puts the lower limit of joint {name!r} above its upper limit",
                 joint=name,

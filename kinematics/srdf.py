@@ -22,7 +22,8 @@ class Semantics:
         name: The robot's name.
         disabled_collisions: Pairs of links that are not checked, each pair in sorted order.
         chains: (base link, tip link) of each group that is one chain, by the group's name.
-        states: Joint values [rad or m] by the group's name, then the state's.
+        states: Joint values [rad or m] by the group's name (empty where the file
+            names none), then the state's.
     """
 
     name: str
@@ -115,7 +116,8 @@ def _states(robot: Element) -> dict[str, dict[str, dict[str, float]]]:
     for element in children(robot, "group_state"):
         name = attribute(element, "name", "the SRDF")
         where = f"group_state {name!r}"
-        group = states.setdefault(attribute(element, "group", where), {})
+        # Files for pinocchio leave the group out: such states are of the whole robot.
+        group = states.setdefault(element.get("group", "").strip(), {})
         if name in group:
             raise InvalidRobotDescription(f"two states of one group are called {name!r}")
         group[name] = {}

@@ -39,6 +39,8 @@ MAX_INERTIA = 1e12
 MIN_AXIS = 1e-9
 #: Moments of inertia are given to few digits: by so much, relative, they may miss a rule.
 INERTIA_TOLERANCE = 1e-3
+#: Moments [kg m^2] below this are rounding: a grain of 1 mg within 1 mm has 1e-12.
+INERTIA_FLOOR = 1e-12
 
 _MISSING = math.nan
 _POSITION_TYPES = ("revolute", "prismatic")
@@ -158,7 +160,7 @@ def _tensor(element: Element, where: str) -> Array:
 
 def _lint_inertia(mass: float, tensor: Array, where: str, lint: list[str]) -> None:
     low, middle, high = np.linalg.eigvalsh(tensor)
-    slack = INERTIA_TOLERANCE * max(abs(low), abs(high))
+    slack = INERTIA_TOLERANCE * max(abs(low), abs(high)) + INERTIA_FLOOR
     if low < -slack:
         lint.append(f"the inertia of {where} is not positive semi-definite (eigenvalue {low:.3g})")
     elif high > low + middle + slack:
@@ -292,13 +294,15 @@ def _positions(joint: Element, type_: str, where: str, lint: list[str]) -> tuple
     if type_ not in _POSITION_TYPES:
         return -math.inf, math.inf
     limit = single(joint, "limit", where)
-    if limit is None or (limit.get("lower") is None and limit.get("upper") is None):
-        what = "no <limit>" if limit is None else "a <limit> without 'lower' and 'upper'"
+    if limit is None:
         raise InvalidRobotDescription(
-            f"{where} is {type_} and has {what}: its range of positions is not known",
+            f"{where} is {type_} and has no <limit>: its range of positions is not known",
             hint='Give <limit lower="..." upper="..." velocity="..." effort="..."/>, or make it '
             "continuous if it turns without end.",
         )
+    if limit.get("lower") is None and limit.get("upper") is None:
+        lint.append(f"{where} has neither a lower nor an upper limit")
+        return _MISSING, _MISSING
     lint += [
         f"{where} has no {side!r} limit: it is 0, as the URDF specification says"
         for side in ("lower", "upper")
