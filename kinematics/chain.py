@@ -75,7 +75,7 @@ class Limits:
             MissingLimit: Some joint has none; the message names them all.
         """
         values: Array = getattr(self, quantity)
-        missing = [joint_names[i] for i in np.flatnonzero(np.isnan(values))]
+        missing = [joint_names[int(i)] for i in np.flatnonzero(np.isnan(values))]
         if missing:
             raise MissingLimit(
                 f"no {quantity} limit is known for joint(s) {', '.join(missing)}",

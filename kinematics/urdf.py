@@ -5,42 +5,27 @@ built, is refused with the name of the link or joint; what is merely odd goes in
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TypeVar
 
 import numpy as np
 
-from kinematics.chain import Array, Inertia
+from kinematics.chain import Array
 from kinematics.description import (
     JOINT_TYPES,
-    BoxGeometry,
-    CapsuleGeometry,
-    CollisionElement,
-    CylinderGeometry,
-    Geometry,
     JointDescription,
     LinkDescription,
-    MeshGeometry,
     Mimic,
     RobotDescription,
-    SphereGeometry,
 )
-from kinematics.errors import InvalidPose, InvalidRobotDescription
+from kinematics.errors import InvalidRobotDescription
 from kinematics.markup import Element, attribute, children, number, numbers, read_robot, single
-from kinematics.pose import from_quaternion, from_rpy, transform
+from kinematics.urdf_link import MAX_LENGTH, read_link, read_origin
 
 #: More links or joints than any robot has.
 MAX_LINKS = 1000
-#: Lengths [m], masses [kg] and moments of inertia [kg m^2] beyond these overflow later sums.
-MAX_LENGTH = 1e6
-MAX_MASS = 1e9
-MAX_INERTIA = 1e12
 #: An axis shorter than this names no direction.
 MIN_AXIS = 1e-9
-#: Moments of inertia are given to few digits: by so much, relative, they may miss a rule.
-INERTIA_TOLERANCE = 1e-3
-#: Moments [kg m^2] below this are rounding: a grain of 1 mg within 1 mm has 1e-12.
-INERTIA_FLOOR = 1e-12
 
 _MISSING = math.nan
 _POSITION_TYPES = ("revolute", "prismatic")
@@ -64,7 +49,7 @@ def parse_urdf(text: str | bytes) -> RobotDescription:
     lint: list[str] = []
     name = robot.get("name", "").strip()
     name = attribute(robot, "name", "the robot") if name else "robot"
-    links = _named([_link(e, lint) for e in _elements(robot, "link")], "link")
+    links = _named([read_link(e, lint) for e in _elements(robot, "link")], "link")
     joints = _named([_joint(e, lint) for e in _elements(robot, "joint")], "joint")
     if not links:
         raise InvalidRobotDescription("the URDF has no <link>")
@@ -91,149 +76,6 @@ def _named(items: list[_Named], kind: str) -> dict[str, _Named]:
     return by_name
 
 
-def _origin(element: Element, where: str) -> Array:
-    origin = single(element, "origin", where)
-    if origin is None:
-        return np.eye(4)
-    position = (0.0, 0.0, 0.0)
-    if origin.get("xyz") is not None:
-        position = _triple(origin, "xyz", where, bound=MAX_LENGTH)
-    if origin.get("quat_xyzw") is None:
-        angles = _triple(origin, "rpy", where) if origin.get("rpy") is not None else (0.0, 0.0, 0.0)
-        return transform(from_rpy(angles), position)
-    if origin.get("rpy") is not None:
-        raise InvalidRobotDescription(f"<origin> of {where} has both 'rpy' and 'quat_xyzw'")
-    try:
-        return transform(from_quaternion(numbers(origin, "quat_xyzw", 4, where)), position)
-    except InvalidPose as error:
-        raise InvalidRobotDescription(f"<origin> of {where}: {error.message}") from None
-
-
-def _triple(
-    element: Element, name: str, where: str, *, bound: float = math.inf
-) -> tuple[float, float, float]:
-    x, y, z = numbers(element, name, 3, where, bound=bound)
-    return x, y, z
-
-
-# ------------------------------------------------------------------------------------- links
-
-
-def _link(element: Element, lint: list[str]) -> LinkDescription:
-    name = attribute(element, "name", "the robot")
-    where = f"link {name!r}"
-    collisions = tuple(_collision(e, where) for e in children(element, "collision"))
-    if not collisions:
-        lint.append(f"{where} has no collision geometry: nothing is checked against it")
-    return LinkDescription(name, _inertia(element, where, lint), collisions)
-
-
-def _inertia(link: Element, where: str, lint: list[str]) -> Inertia | None:
-    inertial = single(link, "inertial", where)
-    if inertial is None:
-        return None
-    mass_element = single(inertial, "mass", where)
-    tensor_element = single(inertial, "inertia", where)
-    if mass_element is None or tensor_element is None:
-        missing = "mass" if mass_element is None else "inertia"
-        raise InvalidRobotDescription(
-            f"<inertial> of {where} has no <{missing}>",
-            hint="Give it, or leave <inertial> out as a whole.",
-        )
-    mass = number(mass_element, "value", where, bound=MAX_MASS)
-    if mass < 0.0:
-        raise InvalidRobotDescription(f"the mass of {where} is negative: {mass:g} kg")
-    T_link_body = _origin(inertial, where)
-    tensor = _tensor(tensor_element, where)
-    _lint_inertia(mass, tensor, where, lint)
-    R = T_link_body[:3, :3]
-    return Inertia(mass, T_link_body[:3, 3], R @ tensor @ R.T)
-
-
-def _tensor(element: Element, where: str) -> Array:
-    xx, yy, zz = (number(element, n, where, bound=MAX_INERTIA) for n in ("ixx", "iyy", "izz"))
-    xy, xz, yz = (
-        number(element, n, where, default=0.0, bound=MAX_INERTIA) for n in ("ixy", "ixz", "iyz")
-    )
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-
-
-def _lint_inertia(mass: float, tensor: Array, where: str, lint: list[str]) -> None:
-    low, middle, high = np.linalg.eigvalsh(tensor)
-    slack = INERTIA_TOLERANCE * max(abs(low), abs(high)) + INERTIA_FLOOR
-    if low < -slack:
-        lint.append(f"the inertia of {where} is not positive semi-definite (eigenvalue {low:.3g})")
-    elif high > low + middle + slack:
-        lint.append(
-            f"the inertia of {where} belongs to no body: its principal moment {high:.3g} is "
-            f"larger than the sum of the others, {low + middle:.3g}"
-        )
-    if mass == 0.0 and high > 0.0:
-        lint.append(f"{where} has mass 0 but an inertia of {high:.3g} kg m^2")
-
-
-def _collision(element: Element, where: str) -> CollisionElement:
-    holder = single(element, "geometry", f"<collision> of {where}")
-    shapes = [] if holder is None else [shape for shape in holder if shape.tag in _GEOMETRIES]
-    if holder is None or len(shapes) != 1 or len(holder) != 1:
-        found = [] if holder is None else [shape.tag for shape in holder]
-        raise InvalidRobotDescription(
-            f"<collision> of {where} must have one geometry, got {', '.join(found) or 'none'}",
-            hint=f"One of: {', '.join(_GEOMETRIES)}.",
-        )
-    return CollisionElement(_origin(element, where), _GEOMETRIES[shapes[0].tag](shapes[0], where))
-
-
-def _size(element: Element, name: str, where: str) -> float:
-    value = number(element, name, where, bound=MAX_LENGTH)
-    if value <= 0.0:
-        raise InvalidRobotDescription(
-            f"{name!r} of <{element.tag}> of {where} is {value:g}, it must be positive"
-        )
-    return value
-
-
-def _box(element: Element, where: str) -> BoxGeometry:
-    size = _triple(element, "size", where, bound=MAX_LENGTH)
-    if min(size) <= 0.0:
-        raise InvalidRobotDescription(f"'size' of <box> of {where} must be positive, got {size}")
-    return BoxGeometry(size)
-
-
-def _sphere(element: Element, where: str) -> SphereGeometry:
-    return SphereGeometry(_size(element, "radius", where))
-
-
-def _cylinder(element: Element, where: str) -> CylinderGeometry:
-    return CylinderGeometry(_size(element, "radius", where), _size(element, "length", where))
-
-
-def _capsule(element: Element, where: str) -> CapsuleGeometry:
-    return CapsuleGeometry(_size(element, "radius", where), _size(element, "length", where))
-
-
-def _mesh(element: Element, where: str) -> MeshGeometry:
-    uri = attribute(element, "filename", where)
-    if element.get("scale") is None:
-        return MeshGeometry(uri)
-    words = element.get("scale", "").split()
-    count = 1 if len(words) == 1 else 3
-    scale = numbers(element, "scale", count, where, bound=MAX_LENGTH)
-    if not all(scale):
-        raise InvalidRobotDescription(f"'scale' of <mesh> of {where} is 0, so nothing is left")
-    x, y, z = scale * 3 if count == 1 else scale
-    return MeshGeometry(uri, (x, y, z))
-
-
-_GEOMETRIES: Mapping[str, Callable[[Element, str], Geometry]] = {
-    "box": _box,
-    "sphere": _sphere,
-    "cylinder": _cylinder,
-    "capsule": _capsule,
-    "mesh": _mesh,
-}
-
-
 # ------------------------------------------------------------------------------------ joints
 
 
@@ -256,7 +98,7 @@ def _joint(element: Element, lint: list[str]) -> JointDescription:
         type=type_,
         parent=_end(element, "parent", where),
         child=_end(element, "child", where),
-        T_parent_joint=_origin(element, where),
+        T_parent_joint=read_origin(element, where),
         axis=_axis(element, where, lint) if moves else np.array([1.0, 0.0, 0.0]),
         lower=lower,
         upper=upper,

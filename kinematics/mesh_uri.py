@@ -1,0 +1,105 @@
+"""Mesh URIs, looked up among what was uploaded and nowhere else."""
+
+from collections.abc import Mapping
+from urllib.parse import unquote
+
+from kinematics.errors import InvalidRobotDescription
+
+_PACKAGE = "package://"
+
+
+def resolve_mesh(uri: str, uploaded: Mapping[str, bytes]) -> bytes:
+    """The bytes of the mesh that a description calls ``uri``.
+
+    Never touches files or the network. Tried in turn: the very same key; the path after
+    ``package://``; the path after the package's name; the one uploaded key that ends with that
+    path or that the path ends with.
+
+    Args:
+        uri: As written in the description, ``package://...`` or relative.
+        uploaded: Bytes by the name they were uploaded under.
+
+    Raises:
+        InvalidRobotDescription: The URI points outside of what was uploaded, or none or several
+            of the uploaded names match.
+    """
+    path = _path(uri, "mesh URI")
+    by_path: dict[str, list[str]] = {}
+    for key in uploaded:
+        by_path.setdefault(_path(key, "name of an uploaded mesh"), []).append(key)
+    if uri in uploaded:
+        return uploaded[uri]
+    names = [path]
+    if uri.startswith(_PACKAGE) and "/" in path:
+        names.append(path.split("/", 1)[1])
+    for name in names:
+        if name in by_path:
+            return uploaded[_only(uri, by_path[name], uploaded)]
+    return uploaded[_only(uri, _by_end(names[-1], by_path), uploaded)]
+
+
+def _by_end(path: str, by_path: Mapping[str, list[str]]) -> list[str]:
+    """The keys whose path ends with ``path``, else those longest that ``path`` ends with.
+
+    Not the keys that merely end alike: visual/a.obj must never stand in for collision/a.obj.
+    """
+    longer = [
+        key for other, keys in by_path.items() if ("/" + other).endswith("/" + path) for key in keys
+    ]
+    if longer:
+        return longer
+    shorter = [other for other in by_path if other and ("/" + path).endswith("/" + other)]
+    return by_path[max(shorter, key=len)] if shorter else []
+
+
+def _only(uri: str, keys: list[str], uploaded: Mapping[str, bytes]) -> str:
+    if len(keys) == 1:
+        return keys[0]
+    listed = ", ".join(repr(key) for key in list(uploaded)[:20]) or "nothing"
+    if keys:
+        raise InvalidRobotDescription(
+            f"mesh {uri!r} may be any of {', '.join(repr(key) for key in keys)}",
+            hint="Upload each mesh once, under the URI the description uses.",
+            uri=uri,
+        )
+    raise InvalidRobotDescription(
+        f"mesh {uri!r} was not uploaded; uploaded: {listed}",
+        hint="Send it in `meshes` under this URI, or in the archive beside the description.",
+        uri=uri,
+    )
+
+
+def _path(uri: str, what: str) -> str:
+    """The path of a URI with "." and inner ".." worked out.
+
+    Raises:
+        InvalidRobotDescription: It has another scheme, is absolute or leads out of its folder.
+    """
+    text = uri.removeprefix(_PACKAGE)
+    # Percent signs are worked out for the check only: "%2e%2e" must not get past it.
+    for form in (text, unquote(text)):
+        if "\0" in form or "\\" in form or ":" in form or form.startswith(("/", "~")):
+            raise InvalidRobotDescription(
+                f"the {what} {uri!r} is not allowed: only package:// and relative ones are",
+                hint="Nothing is read from the server's files or the network; upload the mesh.",
+                uri=uri,
+            )
+        if _normal(form) is None:
+            raise InvalidRobotDescription(
+                f"the {what} {uri!r} leads out of what was uploaded",
+                hint='Take the ".." out.',
+                uri=uri,
+            )
+    return _normal(text) or ""
+
+
+def _normal(path: str) -> str | None:
+    words: list[str] = []
+    for word in path.split("/"):
+        if word == "..":
+            if not words:
+                return None
+            words.pop()
+        elif word not in ("", "."):
+            words.append(word)
+    return "/".join(words)
