@@ -153,7 +153,9 @@ def test_samples_agree_with_numpy() -> None:
 
 
 def test_ends_are_sampled_and_times_beyond_them_refused() -> None:
-    trajectory = made(("a", "b"), [0.0, 0.1, 0.3], [[[0, 1], [1, 0]], [[0.1, 2], [1, 0]]])
+    trajectory = made(
+        ("a", "b"), [0.0, 0.1, 0.3], [[[0.0, 1.0], [1.0, 0.0]], [[0.1, 2.0], [1.0, 0.0]]]
+    )
     np.testing.assert_array_equal(trajectory.start, [0.0, 1.0])
     np.testing.assert_allclose(trajectory.end, [0.5, 1.0], atol=1e-16)
     assert trajectory.sample([0.1], 1)[0, 0] == 2.0
@@ -165,7 +167,7 @@ def test_ends_are_sampled_and_times_beyond_them_refused() -> None:
 
 
 def test_jumps_are_found() -> None:
-    pieces = [[[0, 1, 2]], [[1.0 + 1e-3, 3.25, 1]]]
+    pieces = [[[0.0, 1.0, 2.0]], [[1.0 + 1e-3, 3.25, 1.0]]]
     trajectory = made(("a",), [0.0, 0.5, 1.5], pieces)
     position, velocity, acceleration = trajectory.continuity()
     assert position == pytest.approx(1e-3, rel=1e-9)
