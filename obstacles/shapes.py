@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from kinematics.chain import Array, frozen
 from kinematics.errors import InvalidScene
 from kinematics.pose import align_z, transform
+from obstacles.decomposition import convex_pieces
 from obstacles.hull import convex_hull
-from obstacles.mesh import checked_mesh, convex_pieces
+from obstacles.mesh import checked_mesh
 from obstacles.piece import Piece, PieceKind
 
 #: Nothing an arm can meet is thinner than a micrometre or longer than ten kilometres; beyond that
