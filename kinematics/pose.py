@@ -145,7 +145,9 @@ def to_zyz(rotation: Matrix, *, flip: bool = False) -> Matrix:
         return np.array([phi, theta, 0.0])
     sign = -1.0 if flip else 1.0
     phi = math.atan2(sign * R[1, 2], sign * R[0, 2])
-    psi = math.atan2(sign * R[2, 1], -sign * R[2, 0])
+    # Near theta = 0 or pi, phi carries noise; psi from what it leaves over makes up for it.
+    rest = (rotation_z(phi) @ rotation_y(sign * theta)).T @ R
+    psi = math.atan2(rest[1, 0] - rest[0, 1], rest[0, 0] + rest[1, 1])
     return np.array([phi, sign * theta, psi])
 
 
@@ -187,7 +189,8 @@ def align_z(axis: ArrayLike) -> Matrix:
     """
     z = _finite(axis, (3,), "axis")
     z = z / np.linalg.norm(z)
-    if z[2] == 1.0:
+    # Not z[2] == 1: that is true for tilts up to 1e-8 too.
+    if z[0] == 0.0 and z[1] == 0.0 and z[2] > 0.0:
         return np.eye(3)
     helper = np.eye(3)[int(np.argmin(np.abs(z)))]
     x = np.cross(helper, z)

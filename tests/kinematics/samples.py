@@ -1,0 +1,229 @@
+"""Robots and random values that the tests of kinematics share."""
+
+import importlib.metadata
+import math
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from kinematics.chain import Array, Chain, Limits, Link
+from kinematics.description import RobotDescription
+from kinematics.pose import from_axis_angle, rotation_x, rotation_z, transform
+from kinematics.serial import select
+
+#: An arm on a rail with what files have: a base above, odd axes, a gripper that mimics, a camera.
+TREE = """<?xml version="1.0"?>
+<robot name="tree" xmlns:gz="http://gazebosim.org/schema">
+  <material name="grey"><color rgba="0.5 0.5 0.5 1"/></material>
+  <link name="world"/>
+  <joint name="stand" type="fixed">
+    <parent link="world"/><child link="rail"/><origin xyz="0.1 -0.2 0.5" rpy="0.2 0.1 -0.7"/>
+    <axis xyz="0 0 0"/>
+  </joint>
+  <link name="rail"><collision><geometry><box size="1 0.2 0.1"/></geometry></collision></link>
+  <joint name="slide" type="prismatic">
+    <parent link="rail"/><child link="carriage"/><origin xyz="0 0 0.1" rpy="0 1.57 0"/>
+    <axis xyz="1 2 -0.5"/>
+    <limit lower="-0.4" upper="0.9" velocity="1.5" effort="200" acceleration="3" jerk="40"/>
+    <dynamics damping="2.5" friction="0.5"/>
+  </joint>
+  <link name="carriage">
+    <inertial>
+      <origin xyz="0.01 0.02 -0.03" rpy="0.3 -0.2 1.1"/><mass value="3.5"/>
+      <inertia ixx="0.03" ixy="0.001" ixz="-0.002" iyy="0.04" iyz="0.003" izz="0.05"/>
+    </inertial>
+    <collision name="a"><geometry><sphere radius="0.1"/></geometry></collision>
+    <collision name="b">
+      <origin xyz="0 0 0.2"/><geometry><cylinder radius="0.05" length="0.3"/></geometry>
+    </collision>
+  </link>
+  <joint name="mast_joint" type="revolute">
+    <parent link="carriage"/><child link="mast"/><origin xyz="0.1 0.1 0"/>
+    <axis xyz="0 0 1"/><limit lower="0.2" upper="1" velocity="1" effort="1"/>
+  </joint>
+  <link name="mast"/>
+  <joint name="shoulder" type="continuous">
+    <parent link="carriage"/><child link="upper"/><origin xyz="0 0.1 0.2" rpy="1 0 0"/>
+    <axis xyz="0 -1 0"/><limit velocity="2" effort="80"/>
+  </joint>
+  <link name="upper">
+    <collision><geometry><capsule radius="0.05" length="0.4"/></geometry></collision>
+  </link>
+  <joint name="elbow" type="revolute">
+    <parent link="upper"/><child link="fore"/><origin xyz="0.4 0 0"/>
+    <limit lower="-2" upper="2.5" velocity="0" effort="40"/>
+  </joint>
+  <link name="fore">
+    <collision><geometry><mesh filename="package://tree/meshes/fore.stl"/></geometry></collision>
+  </link>
+  <joint name="flange" type="fixed">
+    <parent link="fore"/><child link="hand"/><origin xyz="0.3 0 0" rpy="0 0.7 0"/>
+  </joint>
+  <link name="hand">
+    <collision>
+      <geometry><mesh filename="hand.obj" scale="0.001 -0.001 0.001"/></geometry>
+    </collision>
+  </link>
+  <joint name="left_finger_joint" type="prismatic">
+    <parent link="hand"/><child link="left_finger"/><axis xyz="0 1 0"/>
+    <limit lower="0" upper="0.04" velocity="0.1" effort="5"/>
+  </joint>
+  <link name="left_finger"/>
+  <joint name="right_finger_joint" type="prismatic">
+    <parent link="hand"/><child link="right_finger"/><axis xyz="0 -1 0"/>
+    <limit lower="0" upper="0.04" velocity="0.1" effort="5"/>
+    <mimic joint="left_finger_joint" multiplier="0.5" offset="0.01"/>
+  </joint>
+  <link name="right_finger"/>
+  <transmission name="t"><type>SimpleTransmission</type></transmission>
+  <gazebo reference="hand"><gravity>true</gravity></gazebo>
+  <gz:plugin><gz:link name="hand"/></gz:plugin>
+</robot>
+"""
+
+
+def arm(joint: str = "", **changes: str) -> str:
+    """A one-joint robot, the text of its joint or any part replaced."""
+    parts = {
+        "type": "revolute",
+        "axis": '<axis xyz="0 0 1"/>',
+        "limit": '<limit lower="-1" upper="1" velocity="1" effort="1"/>',
+        "origin": '<origin xyz="0 0 0.1" rpy="0 0 0"/>',
+        "parent": '<parent link="base"/>',
+        "child": '<child link="tip"/>',
+        "extra": "",
+        "base": '<link name="base"/>',
+        "tip": '<link name="tip"/>',
+        "more": "",
+    }
+    p = parts | changes
+    joint = joint or (
+        f'<joint name="swing" type="{p["type"]}">{p["parent"]}{p["child"]}{p["origin"]}'
+        f"{p['axis']}{p['limit']}{p['extra']}</joint>"
+    )
+    return f'<robot name="one">{p["base"]}{p["tip"]}{joint}{p["more"]}</robot>'
+
+
+def random_rotation(rng: np.random.Generator) -> Array:
+    """A rotation, evenly drawn."""
+    q = rng.normal(size=4)
+    x, y, z, w = q / np.linalg.norm(q)
+    return from_axis_angle([x, y, z], 2.0 * math.atan2(math.hypot(x, y, z), w))
+
+
+def random_offset(rng: np.random.Generator) -> Array:
+    """A fixed transform: generic, or exactly or nearly one of the special cases of two axes."""
+    R, p, w = random_rotation(rng), rng.uniform(-0.5, 0.5, 3), rng.normal(size=3)
+    turn = rotation_z(rng.uniform(-3.0, 3.0))
+    tiny = 10.0 ** rng.uniform(-16.0, -3.0)
+    match rng.integers(9):
+        case 0:  # parallel
+            R = turn
+        case 1:  # antiparallel
+            R = turn @ rotation_x(math.pi)
+        case 2:  # the same axis
+            R, p = turn, np.array([0.0, 0.0, p[2]])
+        case 3:  # intersecting in the origins
+            p = np.zeros(3)
+        case 4:  # intersecting elsewhere
+            p = p[0] * R[:, 2] + np.array([0.0, 0.0, p[2]])
+        case 5:  # nearly parallel
+            R = from_axis_angle(w, tiny) @ turn
+        case 6:  # nearly antiparallel
+            R = rotation_x(math.pi) @ from_axis_angle(w, tiny)
+        case 7:  # nearly intersecting
+            p = tiny * w
+        case _:
+            pass
+    return transform(R, p)
+
+
+def random_chain(rng: np.random.Generator, n: int | None = None) -> Chain:
+    """A chain of revolute and prismatic joints with special and generic axes."""
+    n = int(rng.integers(1, 9)) if n is None else n
+    links = [Link("base", -1, np.eye(4))]
+    links += [Link(f"link_{i}", i, random_offset(rng)) for i in range(n)]
+    return Chain(
+        name="random",
+        joint_names=tuple(f"joint_{i}" for i in range(n)),
+        joint_types=rng.integers(0, 2, n),
+        offsets=np.array([random_offset(rng) for _ in range(n)]),
+        links=tuple(links),
+        base_link="base",
+        tip_link=f"link_{n - 1}",
+        limits=Limits.unlimited(n),
+        continuous=np.zeros(n, dtype=np.bool_),
+    )
+
+
+def real_robots() -> dict[str, Path]:
+    """The arms of example-robot-data (the extra called robots); empty where it is missing."""
+    names = {
+        "panda.urdf": "panda_description/urdf",
+        "ur5_robot.urdf": "ur_description/urdf",
+        "ur10_robot.urdf": "ur_description/urdf",
+        "ur3_gripper.urdf": "ur_description/urdf",
+        "kinova.urdf": "kinova_description/robots",
+        "xarm7.urdf": "xarm_description/urdf",
+        "z1.urdf": "z1_description/urdf",
+        "so101.urdf": "so_arm_description/urdf",
+        "tiago.urdf": "tiago_description/robots",
+        "baxter.urdf": "baxter_description/urdf",
+        "talos_left_arm.urdf": "talos_data/robots",
+        "pr2.urdf": "pr2_description/urdf",
+    }
+    try:
+        files = importlib.metadata.files("example-robot-data") or []
+    except importlib.metadata.PackageNotFoundError:
+        return {}
+    wanted = {f"robots/{folder}/{name}" for name, folder in names.items()}
+    return {
+        file.name: Path(str(file.locate()))
+        for file in files
+        if "/".join(file.parts[-4:]) in wanted
+    }
+
+
+class Reference:
+    """The same robot in pinocchio, everything off the chain held as the chain holds it."""
+
+    def __init__(self, text: str, description: RobotDescription, chain: Chain) -> None:
+        self.chain = chain
+        self.model = pin.buildModelFromXML(text)
+        self.data = self.model.createData()
+        held = select(description, chain.base_link, chain.tip_link).held
+        self._held = dict(held)
+
+    def _configuration(self, q: Array) -> Array:
+        full = pin.neutral(self.model)
+        values = self._held | dict(zip(self.chain.joint_names, q, strict=True))
+        for name, value in values.items():
+            joint = self.model.joints[self.model.getJointId(name)]
+            if joint.nq == 2:
+                full[joint.idx_q : joint.idx_q + 2] = math.cos(value), math.sin(value)
+            else:
+                full[joint.idx_q] = value
+        return full
+
+    def _frame(self, link: str) -> int:
+        return int(self.model.getFrameId(link, pin.FrameType.BODY))
+
+    def pose(self, q: Array, link: str) -> Array:
+        """T_base_link."""
+        pin.framesForwardKinematics(self.model, self.data, self._configuration(q))
+        base = self.data.oMf[self._frame(self.chain.base_link)]
+        return np.array((base.inverse() * self.data.oMf[self._frame(link)]).homogeneous)
+
+    def jacobian(self, q: Array, link: str) -> Array:
+        """Geometric Jacobian (6, n) in the base frame."""
+        full = self._configuration(q)
+        frame = self._frame(link)
+        J = pin.computeFrameJacobian(
+            self.model, self.data, full, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        )
+        pin.framesForwardKinematics(self.model, self.data, full)
+        R = self.data.oMf[self._frame(self.chain.base_link)].rotation.T
+        joints = [self.model.joints[self.model.getJointId(n)] for n in self.chain.joint_names]
+        columns = J[:, [joint.idx_v for joint in joints]]
+        return np.vstack([R @ columns[:3], R @ columns[3:]])

@@ -1,0 +1,168 @@
+"""Poses against scipy's rotations, near singular angles on purpose."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from kinematics import pose
+from kinematics.chain import Array
+from kinematics.errors import InvalidPose
+from tests.kinematics.samples import random_rotation
+
+RNG = np.random.default_rng(20)
+#: Angles at and around where conversions change branch.
+CRITICAL = [
+    sign * (base + sign_of_tiny * tiny)
+    for base in (0.0, math.pi / 2, math.pi)
+    for tiny in (0.0, 1e-16, 1e-12, 1e-9, 1e-7, 1e-4)
+    for sign in (1.0, -1.0)
+    for sign_of_tiny in (1.0, -1.0)
+]
+
+
+def rotations() -> list[Array]:
+    generic = [random_rotation(RNG) for _ in range(300)]
+    axes = [*np.eye(3), *RNG.normal(size=(5, 3))]
+    critical = [pose.from_axis_angle(axis, angle) for axis in axes for angle in CRITICAL]
+    zyz = [pose.from_zyz([RNG.uniform(-3, 3), t, RNG.uniform(-3, 3)]) for t in CRITICAL]
+    return generic + critical + zyz
+
+
+ROTATIONS = rotations()
+
+
+@pytest.mark.parametrize(
+    ("function", "axis"),
+    [(pose.rotation_x, "x"), (pose.rotation_y, "y"), (pose.rotation_z, "z")],
+)
+def test_elementary_rotations(function: "object", axis: str) -> None:
+    assert callable(function)
+    for angle in [*CRITICAL, *RNG.uniform(-10, 10, 20)]:
+        expected = Rotation.from_euler(axis, angle).as_matrix()
+        np.testing.assert_allclose(function(angle), expected, atol=1e-15)
+
+
+def test_skew_is_the_cross_product() -> None:
+    for w, v in RNG.normal(size=(50, 2, 3)):
+        np.testing.assert_allclose(pose.skew(w) @ v, np.cross(w, v), atol=1e-14)
+
+
+def test_inverse_undoes() -> None:
+    for R in ROTATIONS[:50]:
+        T = pose.transform(R, RNG.normal(size=3))
+        np.testing.assert_allclose(pose.inverse(T) @ T, np.eye(4), atol=1e-14)
+        np.testing.assert_allclose(pose.inverse(T), np.linalg.inv(T), atol=1e-14)
+
+
+def test_quaternion_is_scipys() -> None:
+    for R in ROTATIONS:
+        q = pose.to_quaternion(R)
+        expected = Rotation.from_matrix(R).as_quat()
+        assert q[3] >= 0.0
+        assert np.linalg.norm(q) == pytest.approx(1.0, abs=1e-15)
+        assert min(np.abs(q - expected).max(), np.abs(q + expected).max()) < 1e-14
+
+
+def test_quaternion_round_trip() -> None:
+    for R in ROTATIONS:
+        np.testing.assert_allclose(pose.from_quaternion(pose.to_quaternion(R)), R, atol=1e-14)
+    for q in RNG.normal(size=(100, 4)):
+        unit = q / np.linalg.norm(q)
+        expected = Rotation.from_quat(unit).as_matrix()
+        np.testing.assert_allclose(pose.from_quaternion(unit * 1.0009), expected, atol=1e-14)
+
+
+@pytest.mark.parametrize("q", [[0, 0, 0, 0], [0, 0, 0, 1.01], [0, 0, 0, 0.998], [1, 0, 0]])
+def test_quaternion_refused(q: list[float]) -> None:
+    with pytest.raises(InvalidPose, match="quaternion_xyzw"):
+        pose.from_quaternion(q)
+
+
+def test_not_finite_refused() -> None:
+    for bad in (math.nan, math.inf):
+        with pytest.raises(InvalidPose):
+            pose.from_quaternion([0, 0, bad, 1])
+        with pytest.raises(InvalidPose):
+            pose.from_matrix(np.diag([1.0, 1.0, bad]))
+        for function in (pose.from_rpy, pose.from_zyz, pose.skew, pose.align_z):
+            with pytest.raises(InvalidPose):
+                function([0, bad, 0])
+
+
+def test_matrix_is_checked_and_put_right() -> None:
+    for R in ROTATIONS[:50]:
+        rounded = np.round(R, 7)
+        mended = pose.from_matrix(rounded)
+        np.testing.assert_allclose(mended.T @ mended, np.eye(3), atol=1e-15)
+        np.testing.assert_allclose(mended, R, atol=1e-7)
+        with pytest.raises(InvalidPose, match="no rotation"):
+            pose.from_matrix(-R)
+        with pytest.raises(InvalidPose, match="no rotation"):
+            pose.from_matrix(1.001 * R)
+    with pytest.raises(InvalidPose):
+        pose.from_matrix(np.eye(4))
+
+
+def test_zyz_is_scipys() -> None:
+    for angles in RNG.uniform(-4, 4, size=(100, 3)):
+        expected = Rotation.from_euler("ZYZ", angles).as_matrix()
+        np.testing.assert_allclose(pose.from_zyz(angles), expected, atol=1e-15)
+
+
+@pytest.mark.parametrize("flip", [False, True])
+def test_zyz_round_trip(flip: bool) -> None:
+    for R in ROTATIONS:
+        angles = pose.to_zyz(R, flip=flip)
+        np.testing.assert_allclose(pose.from_zyz(angles), R, atol=2e-12)
+        singular = math.hypot(R[0, 2], R[1, 2]) < 1e-12
+        low, high = (-math.pi, 0.0) if flip and not singular else (0.0, math.pi)
+        assert low <= angles[1] <= high
+
+
+def test_zyz_keeps_small_theta() -> None:
+    for theta in (1e-11, 1e-9, 1e-5, math.pi - 1e-9):
+        R = pose.from_zyz([0.4, theta, -1.1])
+        assert pose.to_zyz(R)[1] == pytest.approx(theta, rel=1e-5 if theta < 1e-8 else 1e-9)
+
+
+def test_rpy_is_scipys() -> None:
+    for rpy in RNG.uniform(-4, 4, size=(100, 3)):
+        expected = Rotation.from_euler("xyz", rpy).as_matrix()
+        np.testing.assert_allclose(pose.from_rpy(rpy), expected, atol=1e-15)
+
+
+def test_axis_angle_is_scipys() -> None:
+    for axis in RNG.normal(size=(20, 3)):
+        unit = axis / np.linalg.norm(axis)
+        for angle in CRITICAL:
+            expected = Rotation.from_rotvec(unit * angle).as_matrix()
+            np.testing.assert_allclose(pose.from_axis_angle(axis, angle), expected, atol=1e-15)
+    with pytest.raises(InvalidPose, match="length 0"):
+        pose.from_axis_angle([0, 0, 0], 1.0)
+
+
+def test_rotation_error_takes_one_to_the_other() -> None:
+    for R, target in zip(ROTATIONS, reversed(ROTATIONS), strict=True):
+        error = pose.rotation_error(R, target)
+        assert np.linalg.norm(error) <= math.pi + 1e-12
+        turned = Rotation.from_rotvec(error).as_matrix() @ R
+        np.testing.assert_allclose(turned, target, atol=1e-14)
+
+
+def test_rotation_error_of_tiny_turns() -> None:
+    for exponent in range(-15, 0):
+        axis, R = random_rotation(RNG)[0], random_rotation(RNG)
+        error = pose.rotation_error(R, pose.from_axis_angle(axis, 10.0**exponent) @ R)
+        np.testing.assert_allclose(error, axis * 10.0**exponent, atol=1e-15)
+
+
+def test_align_z() -> None:
+    assert np.array_equal(pose.align_z([0, 0, 1]), np.eye(3))
+    near = [[t, 0.0, s] for t in (1e-16, 1e-9, 1e-3) for s in (1.0, -1.0)]
+    for axis in [*np.eye(3), *-np.eye(3), *near, *RNG.normal(size=(100, 3)), [0, 0, 7.0]]:
+        R = pose.align_z(axis)
+        np.testing.assert_allclose(R[:, 2], axis / np.linalg.norm(axis), atol=1e-15)
+        np.testing.assert_allclose(R.T @ R, np.eye(3), atol=1e-15)
+        assert np.linalg.det(R) == pytest.approx(1.0)
