@@ -2,9 +2,9 @@
 
 import hashlib
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Protocol, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,11 +16,13 @@ from kinematics.description import (
     CollisionElement,
     CylinderGeometry,
     Geometry,
+    MeshGeometry,
     RobotDescription,
     SphereGeometry,
 )
-from kinematics.errors import InvalidLinkName, InvalidRobotDescription, InvalidScene
+from kinematics.errors import InvalidRobotDescription, InvalidScene
 from kinematics.forward import joint_frames
+from kinematics.srdf import Semantics
 from obstacles.gjk import separation
 from obstacles.mesh import load_mesh, scaled
 from obstacles.piece import Piece, PieceArrays
@@ -34,14 +36,7 @@ Pair: TypeAlias = tuple[str, str]
 #: that is apart in a hundredth of them passes with a probability of 0.99^1000 = 4e-5.
 _ALWAYS_SAMPLES = 1000
 _ALWAYS_SEED = 0
-
-
-class Semantics(Protocol):
-    """What is asked of an SRDF here."""
-
-    @property
-    def disabled_collisions(self) -> frozenset[Pair]:
-        """Pairs of links that need not be checked."""
+_NO_SOLIDS = "the robot has no collision geometry: only its kinematics are known, it hits nothing"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -149,20 +144,21 @@ def robot_geometry(
 
     Raises:
         InvalidRobotDescription: A mesh is missing or can't be read, or a solid is malformed.
-        InvalidLinkName: The SRDF names a link that the robot does not have.
     """
     pieces: list[Piece] = []
     links: list[str] = []
     joints: list[int] = []
+    lint: list[str] = []
     for link in chain.links if description is not None else ():
         for element in description.links[link.name].collisions if description else ():
             own = _element_pieces(link, element, meshes)
+            lint += _cut_lint(link.name, element, own)
             pieces += own
             links += [link.name] * len(own)
             joints += [link.joint] * len(own)
-    bare = RobotGeometry(chain, tuple(pieces), tuple(links), np.array(joints), {}, _lint(pieces))
+    bare = RobotGeometry(chain, tuple(pieces), tuple(links), np.array(joints), {}, tuple(lint))
     if description is None or not pieces:
-        return bare
+        return replace(bare, lint=(_NO_SOLIDS,))
     allowed = _allowed(bare, description, semantics)
     return RobotGeometry(chain, bare.pieces, bare.links, bare.joints, allowed, bare.lint)
 
@@ -179,10 +175,12 @@ def placed(piece: Piece, T: Array) -> Piece:
     )
 
 
-def _lint(pieces: list[Piece]) -> tuple[str, ...]:
-    if pieces:
-        return ()
-    return ("the robot has no collision geometry: only its kinematics are known, it hits nothing",)
+def _cut_lint(link: str, element: CollisionElement, pieces: list[Piece]) -> list[str]:
+    if not isinstance(element.geometry, MeshGeometry) or len(pieces) == 1:
+        return []
+    grown = max(piece.rounding for piece in pieces)
+    what = f"link {link!r}: mesh {element.geometry.uri!r} is not convex"
+    return [f"{what}: {len(pieces)} convex pieces cover it, grown by up to {1e3 * grown:.2g} mm"]
 
 
 def _element_pieces(link: Link, element: CollisionElement, meshes: Meshes | None) -> list[Piece]:
@@ -254,15 +252,8 @@ def _allowed(
 ) -> dict[Pair, str]:
     allowed: dict[Pair, str] = {}
     if semantics is not None and semantics.disabled_collisions:
-        for a, b in semantics.disabled_collisions:
-            for name in (a, b):
-                if name not in description.links:
-                    raise InvalidLinkName(
-                        f"the SRDF disables collisions of {name!r}, which is no link of the robot",
-                        hint=f"Its links are: {', '.join(description.links)}.",
-                        link=name,
-                    )
-            allowed[_sorted(a, b)] = "srdf"
+        # Names that the robot has no solids for are no fault: one SRDF serves several variants.
+        allowed |= dict.fromkeys(semantics.disabled_collisions, "srdf")
     else:
         allowed |= dict.fromkeys(_adjacent(bare, description), "adjacent")
         allowed |= dict.fromkeys(_always(bare, allowed), "always")
