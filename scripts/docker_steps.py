@@ -197,7 +197,12 @@ def serve_and_stop(stage: Stage) -> None:
 def main() -> None:
     """Build, serve, probe and stop; the exit code says whether all of it worked."""
     with tempfile.TemporaryDirectory(prefix="armwright-image-") as folder:
-        serve_and_stop(build((REPOSITORY / "Dockerfile").read_text(), Path(folder)))
+        stage = build((REPOSITORY / "Dockerfile").read_text(), Path(folder))
+        kept = list(Path(stage.environment["NUMBA_CACHE_DIR"]).rglob("*.nbc"))
+        print(f"machine code of {len(kept)} kernels", flush=True)
+        serve_and_stop(stage)
+        if not kept:
+            raise SystemExit("`armwright warm` kept no machine code: each start would compile it")
 
 
 if __name__ == "__main__":
