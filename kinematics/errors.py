@@ -87,3 +87,9 @@ class InvalidOption(ArmwrightError):
     """An option has an unknown name or a value out of its range."""
 
     code = "VALIDATION_ERROR"
+
+
+class NotAvailable(ArmwrightError):
+    """What was asked for is part of the contract, but this version can't do it yet."""
+
+    code = "NOT_IMPLEMENTED"

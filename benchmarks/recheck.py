@@ -1,0 +1,127 @@
+"""An independent look at trajectories: dense samples, FCL on the meshes, nothing of Armwright.
+
+Robot kinematics by pinocchio, meshes by trimesh, the scene straight from its YAML text.
+"""
+
+import xml.etree.ElementTree as tree
+from dataclasses import dataclass
+from pathlib import Path
+
+import fcl
+import numpy as np
+import pinocchio
+import trimesh
+import yaml
+
+#: Largest joint change between two samples [rad].
+STEP = 1e-3
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What a dense look at a motion found."""
+
+    colliding: tuple[str, str, float] | None
+    limit_ratio: float
+    samples: int
+
+
+class Recheck:
+    """A URDF robot with its SRDF in MoveIt scenes."""
+
+    def __init__(self, folder: Path) -> None:
+        urdf = (folder / "panda.urdf").read_text()
+        self.model = pinocchio.buildModelFromXML(urdf)
+        self.data = self.model.createData()
+        self.bodies = []
+        self._load(urdf, folder)
+        self.disabled = _disabled(folder / "panda.srdf")
+
+    def _load(self, urdf: str, folder: Path) -> None:
+        for link in tree.fromstring(urdf).findall("link"):
+            for collision in link.findall("collision"):
+                mesh = collision.find("geometry/mesh")
+                if mesh is None:
+                    continue
+                path = folder / mesh.attrib["filename"].removeprefix("package://")
+                hull = trimesh.load(path, force="mesh").convex_hull
+                faces = np.column_stack([np.full(len(hull.faces), 3), hull.faces]).ravel()
+                convex = fcl.Convex(np.array(hull.vertices), len(hull.faces), faces)
+                origin = collision.find("origin")
+                T = np.eye(4)
+                if origin is not None:
+                    rpy = [float(x) for x in origin.attrib.get("rpy", "0 0 0").split()]
+                    T[:3, :3] = pinocchio.rpy.rpyToMatrix(*rpy)
+                    T[:3, 3] = [float(x) for x in origin.attrib.get("xyz", "0 0 0").split()]
+                frame = self.model.getFrameId(link.attrib["name"])
+                self.bodies.append((link.attrib["name"], frame, T, fcl.CollisionObject(convex)))
+
+    def scene(self, text: str) -> list[tuple[str, fcl.CollisionObject]]:
+        """Collision objects of a MoveIt planning scene."""
+        objects = []
+        for entry in yaml.safe_load(text)["world"]["collision_objects"]:
+            for shape, pose in zip(entry["primitives"], entry["primitive_poses"], strict=True):
+                d = shape["dimensions"]
+                solid = fcl.Box(*d) if shape["type"] == "box" else fcl.Cylinder(d[1], d[0])
+                x, y, z, w = pose["orientation"]
+                rotation = pinocchio.Quaternion(w, x, y, z).normalized().matrix()
+                placed = fcl.Transform(rotation, np.array(pose["position"], dtype=float))
+                objects.append((entry["id"], fcl.CollisionObject(solid, placed)))
+        return objects
+
+    def collision(self, q: np.ndarray, scene: list) -> tuple[str, str, float] | None:
+        """The first colliding pair at q, or None."""
+        pinocchio.framesForwardKinematics(self.model, self.data, q)
+        for _, frame, T, body in self.bodies:
+            M = self.data.oMf[frame].homogeneous @ T
+            body.setTransform(fcl.Transform(M[:3, :3], M[:3, 3]))
+        request = fcl.CollisionRequest()
+        for i, (name, _, _, body) in enumerate(self.bodies):
+            if name != "panda_link0":
+                for other, thing in scene:
+                    if fcl.collide(body, thing, request, fcl.CollisionResult()):
+                        return name, other, 0.0
+            for other, _, _, second in self.bodies[:i]:
+                if frozenset((name, other)) in self.disabled:
+                    continue
+                if fcl.collide(body, second, request, fcl.CollisionResult()):
+                    return name, other, 0.0
+        return None
+
+    def motion(
+        self, breaks: np.ndarray, coefficients: np.ndarray, acceleration: np.ndarray, scene: list
+    ) -> Finding:
+        """Look at a piecewise polynomial motion every milliradian."""
+        worst, colliding, samples = 0.0, None, 0
+        lower, upper = self.model.lowerPositionLimit, self.model.upperPositionLimit
+        velocity = self.model.velocityLimit
+        last = None
+        for k in range(len(breaks) - 1):
+            length = breaks[k + 1] - breaks[k]
+            if length <= 0.0:
+                continue
+            c = coefficients[k].T  # power, joint
+            powers = np.arange(len(c))
+            first, second = c[1:] * powers[1:, None], c[2:] * (powers[2:] * powers[1:-1])[:, None]
+            speed = (np.abs(first) * (length ** powers[:-1])[:, None]).sum(axis=0).max()
+            count = max(2, int(np.ceil(speed * length / STEP)) + 1)
+            t = np.linspace(0.0, length, count)
+            q = t[:, None] ** powers @ c
+            v = t[:, None] ** powers[:-1] @ first
+            a = t[:, None] ** powers[:-2] @ second
+            ratios = [np.abs(v).max(0) / velocity, np.abs(a).max(0) / acceleration]
+            worst = max(worst, *(float(ratio.max()) for ratio in ratios))
+            outside = float(np.maximum(q.max(0) - upper, lower - q.min(0)).max())
+            worst = max(worst, 1.0 + outside if outside > 0.0 else 0.0)
+            for row in q:
+                if last is not None and np.abs(row - last).max() < 0.5 * STEP:
+                    continue
+                last = row
+                samples += 1
+                colliding = colliding or self.collision(row, scene)
+        return Finding(colliding, worst, samples)
+
+
+def _disabled(path: Path) -> set[frozenset[str]]:
+    pairs = tree.parse(path).getroot().findall("disable_collisions")
+    return {frozenset((pair.attrib["link1"], pair.attrib["link2"])) for pair in pairs}

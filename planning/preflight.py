@@ -1,0 +1,176 @@
+"""What can be known before planning: is the start valid, is a goal, can it be reached."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from kinematics.chain import Array, Chain
+from kinematics.ik import numeric
+from obstacles.checker import Checker
+from obstacles.world import World
+from planning.problem import JointGoal, PoseGoal, Problem
+from planning.result import Failure
+
+#: Configurations looked for when a goal is a pose, and starts spent on them.
+_POSE_CANDIDATES = 12
+_POSE_STARTS = 120
+#: Planning keeps this much more than the margin, where start and goal have it to spare: it spares
+#: the certificate halving its cells down to nothing where a path would graze [m].
+_SLACK = 1e-3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ready:
+    """A problem with a valid start and at least one valid goal.
+
+    Args:
+        start: Inside the limits, shape (n,).
+        goals: Valid goal configurations (n,), nearest to the start first.
+        checker: Holds the margin and the slack kept beyond it.
+        notes: What was done to the request.
+    """
+
+    start: Array
+    goals: list[Array]
+    checker: Checker
+    notes: tuple[str, ...]
+
+
+def preflight(problem: Problem, seed: int) -> Ready | Failure:
+    """Check the start and find the goals' configurations, or say why there is no point."""
+    chain = problem.robot.chain
+    checker = Checker.of(problem.robot, problem.scene, problem.margin)
+    start, outside = _snapped(chain, problem.start, problem.start_state_tolerance)
+    if outside is not None:
+        return _limit_failure("start", outside)
+    clearance, pair = checker.clearance(start)
+    if clearance <= 0.0:
+        return _collision_failure(problem, "start", start, pair, clearance)
+    goals: list[tuple[float, Array]] = []
+    failures: list[Failure] = []
+    for goal in problem.goals:
+        found = (
+            _joint_goal(problem, checker, goal)
+            if isinstance(goal, JointGoal)
+            else _pose_goal(problem, checker, goal, start, seed)
+        )
+        if isinstance(found, Failure):
+            failures.append(found)
+        else:
+            goals += found
+    if not goals:
+        return failures[0]
+    slack = min(_SLACK, 0.5 * clearance, 0.5 * max(spare for spare, _ in goals))
+    kept = [q for spare, q in goals if spare > slack]
+    kept.sort(key=lambda q: float(np.linalg.norm(q - start)))
+    notes = ()
+    if not np.array_equal(start, problem.start):
+        moved = float(np.abs(start - problem.start).max())
+        notes = (f"The start was outside a limit by {moved:.3g} and was moved onto it.",)
+    return Ready(start, kept, Checker(checker.model, problem.margin + slack), notes)
+
+
+def _snapped(
+    chain: Chain, q: Array, tolerance: float
+) -> tuple[Array, dict[str, Any] | None]:
+    """q moved onto the limits it misses by no more than the tolerance, or the limit it breaks."""
+    lower, upper = chain.limits.lower, chain.limits.upper
+    inside = np.clip(q, lower, upper)
+    j = int(np.argmax(np.abs(inside - q)))
+    if abs(inside[j] - q[j]) <= tolerance:
+        return inside, None
+    broken = {"joint": chain.joint_names[j], "value": float(q[j]), "limit": float(inside[j])}
+    return q, broken
+
+
+def _limit_failure(which: str, broken: dict[str, Any]) -> Failure:
+    return Failure(
+        code=f"{which.upper()}_STATE_INVALID",
+        message=(
+            f"the {which} has joint {broken['joint']!r} at {broken['value']:.6g}, beyond its limit "
+            f"{broken['limit']:.6g}"
+        ),
+        hint="Bring the joint inside its limits.",
+        stage=which,
+        details=broken,
+    )
+
+
+def _collision_failure(
+    problem: Problem, which: str, q: Array, pair: tuple[str, str] | None, clearance: float
+) -> Failure:
+    contacts = World(problem.robot, problem.scene).collisions(q)
+    deepest = max(contacts, key=lambda contact: contact.depth, default=None)
+    details: dict[str, Any] = {
+        "collisions": [{"pair": [c.a, c.b], "depth": c.depth} for c in contacts]
+    }
+    if deepest is not None:
+        a, b, depth = deepest.a, deepest.b, deepest.depth
+        details |= {"pair": [a, b], "depth": depth}
+        message = f"at the {which}, {a!r} and {b!r} overlap by {depth:.4g} m"
+    else:
+        assert pair is not None
+        away = clearance + problem.margin
+        details |= {"pair": list(pair), "clearance": away, "margin": problem.margin}
+        message = (
+            f"at the {which}, {pair[0]!r} and {pair[1]!r} are closer than their margin by "
+            f"{-clearance:.4g} m"
+        )
+    return Failure(
+        code=f"{which.upper()}{'_STATE' if which == 'start' else ''}_IN_COLLISION",
+        message=message,
+        hint=f"Move the {which} away, lower the margin, or allow the pair if contact is meant.",
+        stage=which,
+        details=details,
+    )
+
+
+def _joint_goal(
+    problem: Problem, checker: Checker, goal: JointGoal
+) -> list[tuple[float, Array]] | Failure:
+    q, outside = _snapped(problem.robot.chain, goal.joints, problem.start_state_tolerance)
+    if outside is not None:
+        return _limit_failure("goal", outside)
+    clearance, pair = checker.clearance(q)
+    if clearance <= 0.0:
+        return _collision_failure(problem, "goal", q, pair, clearance)
+    return [(clearance, q)]
+
+
+def _pose_goal(
+    problem: Problem, checker: Checker, goal: PoseGoal, start: Array, seed: int
+) -> list[tuple[float, Array]] | Failure:
+    chain = problem.robot.chain
+    result = numeric.solve(
+        chain,
+        goal.T_base_tip,
+        seed_joints=start,
+        seed=seed,
+        solutions=_POSE_CANDIDATES,
+        starts=_POSE_STARTS,
+        position_tolerance=min(goal.position_tolerance, numeric.POSITION_TOLERANCE),
+        orientation_tolerance=min(goal.orientation_tolerance, numeric.ORIENTATION_TOLERANCE),
+    )
+    if not result.solutions:
+        nearest = result.nearest
+        return Failure(
+            code="NO_IK_SOLUTION",
+            message=(
+                f"no configuration brings {chain.tip_link!r} to the goal's pose: the nearest is "
+                f"{nearest.position_error:.4g} m and {nearest.orientation_error:.4g} rad away"
+            ),
+            hint=result.advice,
+            stage="goal",
+            details={
+                "position_error": nearest.position_error,
+                "orientation_error": nearest.orientation_error,
+                "nearest_joints": nearest.joints.tolist(),
+            },
+        )
+    spares = [(checker.clearance(solution.joints), solution.joints) for solution in result.solutions]
+    valid = [(clearance, q) for (clearance, _), q in spares if clearance > 0.0]
+    if valid:
+        return valid
+    (clearance, pair), q = max(spares, key=lambda entry: entry[0][0])
+    return _collision_failure(problem, "goal", q, pair, clearance)

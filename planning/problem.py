@@ -1,0 +1,103 @@
+"""What is to be planned: a robot in a scene, from a configuration to a goal."""
+
+import hashlib
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from kinematics.chain import Array, frozen
+from kinematics.errors import InvalidGoal
+from obstacles.robot_geometry import RobotGeometry
+from obstacles.scene import Scene
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointGoal:
+    """Be at this configuration.
+
+    Args:
+        joints: Shape (n,) [rad or m].
+    """
+
+    joints: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "joints", frozen(self.joints))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PoseGoal:
+    """Bring the tip to this pose, in any configuration that does.
+
+    Args:
+        T_base_tip: Shape (4, 4).
+        position_tolerance: How far off the tip may end [m].
+        orientation_tolerance: How far turned it may end [rad].
+    """
+
+    T_base_tip: Array
+    position_tolerance: float = 1e-4
+    orientation_tolerance: float = 1e-3
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "T_base_tip", frozen(self.T_base_tip))
+        if self.T_base_tip.shape != (4, 4) or not np.isfinite(self.T_base_tip).all():
+            raise InvalidGoal("a goal's pose must be a finite 4x4 transform")
+        if not (self.position_tolerance > 0.0 and self.orientation_tolerance > 0.0):
+            raise InvalidGoal("a goal's tolerances must be positive")
+
+
+Goal = JointGoal | PoseGoal
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Problem:
+    """A motion to be found.
+
+    Args:
+        robot: The arm with its geometry.
+        scene: The obstacles.
+        start: Where it stands, shape (n,) [rad or m].
+        goals: Any one of these is to be reached.
+        margin: Distance to keep from everything beyond the obstacles' own margins [m].
+        start_state_tolerance: A start this little outside a limit is snapped onto it.
+
+    Raises:
+        InvalidGoal: There is no goal, or the margin is negative.
+        InvalidRobotState: A joint vector has the wrong length or is not finite.
+    """
+
+    robot: RobotGeometry
+    scene: Scene
+    start: Array
+    goals: tuple[Goal, ...]
+    margin: float = 0.0
+    start_state_tolerance: float = 1e-6
+    content_hash: str = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        chain = self.robot.chain
+        start = chain.configuration(self.start, "start.joints")
+        object.__setattr__(self, "start", frozen(start.reshape(chain.n)))
+        if not self.goals:
+            raise InvalidGoal("no goal is given")
+        for goal in self.goals:
+            if isinstance(goal, JointGoal):
+                chain.configuration(goal.joints, "goal.joints").reshape(chain.n)
+        if not (np.isfinite(self.margin) and self.margin >= 0.0):
+            raise InvalidGoal(f"margin is {self.margin}; it must be 0 or more")
+        object.__setattr__(self, "content_hash", self._hash())
+
+    def _hash(self) -> str:
+        digest = hashlib.sha256()
+        digest.update(self.robot.content_hash.encode() + self.scene.content_hash.encode())
+        digest.update(self.start.tobytes())
+        for goal in self.goals:
+            if isinstance(goal, JointGoal):
+                digest.update(b"j" + goal.joints.tobytes())
+            else:
+                digest.update(b"p" + goal.T_base_tip.tobytes())
+                numbers = [goal.position_tolerance, goal.orientation_tolerance]
+                digest.update(np.array(numbers).tobytes())
+        digest.update(np.array([self.margin, self.start_state_tolerance]).tobytes())
+        return digest.hexdigest()
