@@ -1,1 +1,1 @@
-"""Controllers and their closed-loop simulation along a trajectory."""
+"""Controllers that make a robot follow a trajectory, and the closed loop to try them in."""

@@ -1,0 +1,59 @@
+"""Computed torque, or feedback linearisation: the model cancels the robot."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynamics.inverse import inverse_dynamics
+from kinematics.chain import Array, Chain
+from tracking.controller import Controller, Reference
+from tracking.gain import gain_vector
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ComputedTorque(Controller):
+    """Feedback linearisation with a PD controller for each joint.
+
+        u = M(q) v + C(q, q_dot) q_dot + B q_dot + G(q),
+        v = q^r_ddot + k_d q_tilde_dot + k_p q_tilde,
+
+    so that q_tilde_ddot + k_d q_tilde_dot + k_p q_tilde = 0: the poles are the roots of
+    s^2 + k_d s + k_p (critically damped at rate w: k_p = w^2, k_d = 2 w).
+
+    Args:
+        chain: The model.
+        Kp: Positive, shape (n,) or () for all joints [1/s^2].
+        Kd: Positive, shape (n,) or () [1/s].
+
+    Raises:
+        InvalidOption: A gain is not positive, or their number is wrong.
+    """
+
+    chain: Chain
+    Kp: Array
+    Kd: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "Kp", gain_vector(self.chain, "Kp", self.Kp))
+        object.__setattr__(self, "Kd", gain_vector(self.chain, "Kd", self.Kd))
+
+    def torque(self, _t: float, q: Array, qd: Array, reference: Reference, /) -> Array:
+        """Torque u = M v + C q_dot + B q_dot + G, shape (n,), by Newton-Euler.
+
+        Raises:
+            InvalidRobotState: The state has the wrong length or is not finite.
+            MissingInertia: The model lacks an inertia.
+        """
+        e, e_dot = reference.position - q, reference.velocity - qd
+        v = reference.acceleration + self.Kd * e_dot + self.Kp * e
+        return inverse_dynamics(self.chain, q, qd, v)
+
+    def lyapunov(self, q: Array, qd: Array, reference: Reference) -> float:
+        """Quadratic form x^T P x of the linear error dynamics, with its cross term.
+
+        V = sum (q_tilde_dot^2 + (k_p + k_d^2 / 2) q_tilde^2 + k_d q_tilde q_tilde_dot) / 2 has
+        V_dot = -sum k_d (q_tilde_dot^2 + k_p q_tilde^2) / 2, negative definite.
+        """
+        e, e_dot = reference.position - q, reference.velocity - qd
+        kp, kd = self.Kp, self.Kd
+        return 0.5 * float(np.sum(e_dot**2 + (kp + 0.5 * kd**2) * e**2 + kd * e * e_dot))

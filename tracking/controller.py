@@ -1,0 +1,78 @@
+"""What a controller is: a torque for a state and a reference, and the function that proves it."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Self
+
+from kinematics.chain import Array, Chain
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reference:
+    """Where the robot should be at one instant, each of shape (n,).
+
+    The tracking error is q_tilde = q^r - q everywhere in this package.
+
+    Args:
+        position: q^r [rad or m].
+        velocity: [rad/s or m/s].
+        acceleration: [rad/s^2 or m/s^2].
+    """
+
+    position: Array
+    velocity: Array
+    acceleration: Array
+
+
+class Controller(ABC):
+    """A state feedback u = f(t, q, q_dot, reference) for the augmented robot model.
+
+        M(q) q_ddot + C(q, q_dot) q_dot + B q_dot + G(q) = u,    M = D + J.
+
+    Args:
+        chain: The model that the controller believes in; the robot it drives may differ.
+    """
+
+    __slots__ = ()
+    chain: Chain
+
+    @abstractmethod
+    def torque(self, t: float, q: Array, qd: Array, reference: Reference, /) -> Array:
+        """Torque u asked of the joints, shape (n,) [N m or N], before any saturation.
+
+        Args:
+            t: Time since the motion began [s].
+            q: Positions, shape (n,) [rad or m].
+            qd: Velocities, shape (n,) [rad/s or m/s].
+            reference: Where the robot should be.
+        """
+
+    @abstractmethod
+    def lyapunov(self, q: Array, qd: Array, reference: Reference) -> float:
+        """Lyapunov function V of the controller's own stability proof, with its own model.
+
+        V is 0 at the reference and positive elsewhere; where the proof's assumptions hold (exact
+        model, no saturation, no disturbance) it never grows.
+        """
+
+
+class AdaptiveController(Controller):
+    """A controller whose parameter estimate is integrated along with the robot.
+
+    With a fixed estimate it is a controller like any other, so what changes over time is not
+    hidden inside it: the simulation carries the estimate as a part of the state.
+
+    Args:
+        estimate: Theta_hat, shape (p,); the one given is where the simulation starts.
+    """
+
+    __slots__ = ()
+    estimate: Array
+
+    @abstractmethod
+    def with_estimate(self, estimate: Array) -> Self:
+        """The same controller with another estimate, shape (p,)."""
+
+    @abstractmethod
+    def adaptation(self, t: float, q: Array, qd: Array, reference: Reference, /) -> Array:
+        """Rate of change of the estimate, shape (p,) [1/s times its units]."""

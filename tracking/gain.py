@@ -1,0 +1,76 @@
+"""Gains: positive numbers or symmetric positive definite matrices, checked before use."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinematics.chain import Array, Chain, frozen
+from kinematics.errors import InvalidOption
+
+#: A matrix that came through text is symmetric to about this part of its largest entry.
+SYMMETRY_TOLERANCE = 1e-9
+
+
+def gain_vector(chain: Chain, name: str, value: ArrayLike) -> Array:
+    """One positive gain for each joint, shape (n,), from one number for all or n of them.
+
+    Raises:
+        InvalidOption: Wrong number of gains, or one is not positive and finite.
+    """
+    return frozen(_positive(chain, name, _numbers(name, value)))
+
+
+def gain_matrix(chain: Chain, name: str, value: ArrayLike) -> Array:
+    """A symmetric positive definite matrix, (n, n), from one number, n of them or the matrix.
+
+    Raises:
+        InvalidOption: Wrong shape, not finite, not symmetric or not positive definite.
+    """
+    K = _numbers(name, value)
+    if K.shape != (chain.n, chain.n):
+        return frozen(np.diag(_positive(chain, name, K)))
+    if not is_symmetric(K):
+        raise InvalidOption(
+            f"the gain matrix {name} is not symmetric",
+            hint="Give a symmetric positive definite matrix, or one number a joint.",
+        )
+    smallest = float(np.linalg.eigvalsh(K)[0])
+    if smallest <= 0.0:
+        raise InvalidOption(
+            f"the gain matrix {name} is not positive definite: "
+            f"its smallest eigenvalue is {smallest:.6g}",
+            hint="Give a symmetric positive definite matrix, or one number a joint.",
+        )
+    return frozen(0.5 * (K + K.T))
+
+
+def is_symmetric(K: Array) -> bool:
+    """Whether a matrix equals its transpose, to rounding."""
+    return bool(np.abs(K - K.T).max() <= SYMMETRY_TOLERANCE * np.abs(K).max())
+
+
+def _numbers(name: str, value: ArrayLike) -> Array:
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidOption(f"the gain {name} is no array of numbers: {error}") from None
+    if not np.isfinite(array).all():
+        raise InvalidOption(f"the gain {name} is not finite")
+    return array
+
+
+def _positive(chain: Chain, name: str, values: Array) -> Array:
+    if values.shape not in {(), (chain.n,)}:
+        raise InvalidOption(
+            f"the gain {name} has shape {values.shape}, robot {chain.name!r} has {chain.n} joints",
+            hint=f"Give one number for all joints or {chain.n}, "
+            f"in the order {', '.join(chain.joint_names)}.",
+        )
+    gains = np.broadcast_to(values, (chain.n,))
+    if (gains <= 0.0).any():
+        joint = chain.joint_names[int(np.argmin(gains))]
+        raise InvalidOption(
+            f"the gain {name} is {gains.min():.6g} at joint {joint!r}",
+            hint="Gains must be positive.",
+            joint=joint,
+        )
+    return gains

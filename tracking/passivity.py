@@ -1,0 +1,82 @@
+"""Passivity-based control: the robot's own energy does the convincing."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynamics.coriolis import coriolis_matrix
+from dynamics.gravity import gravity_vector
+from dynamics.mass_matrix import augmented_mass_matrix
+from kinematics.chain import Array, Chain
+from kinematics.errors import InvalidOption
+from tracking.controller import Controller, Reference
+from tracking.gain import gain_matrix, gain_vector, is_symmetric
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Passivity(Controller):
+    """Tracking through the filtered error r = q_tilde_dot + Lambda q_tilde.
+
+        u = M a + C v + B q_dot + G + K r,
+        v = q^r_dot + Lambda q_tilde,    a = q^r_ddot + Lambda q_tilde_dot,
+
+    so that M r_dot + (C + K) r = 0. C is that of the Christoffel symbols.
+
+    Args:
+        chain: The model.
+        Lambda: Positive, the diagonal of Lambda, shape (n,) or () for all joints [1/s].
+        K: Symmetric positive definite, (n, n), (n,) or () [N m s/rad or N s/m]; the proof needs
+            Lambda K symmetric, so K couples only joints of equal Lambda.
+
+    Raises:
+        InvalidOption: A gain has the wrong shape, is not (symmetric) positive (definite), or
+            Lambda K is not symmetric.
+    """
+
+    chain: Chain
+    Lambda: Array
+    K: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "Lambda", gain_vector(self.chain, "Lambda", self.Lambda))
+        object.__setattr__(self, "K", gain_matrix(self.chain, "K", self.K))
+        if not is_symmetric(self.Lambda[:, None] * self.K):
+            raise InvalidOption(
+                "Lambda K is not symmetric, so nothing is proved of this controller",
+                hint="Give K as one number a joint, or equal Lambda to the joints that K couples.",
+            )
+
+    def filtered(self, q: Array, qd: Array, reference: Reference) -> Array:
+        """The filtered error r = q_tilde_dot + Lambda q_tilde, shape (n,) [rad/s or m/s]."""
+        e, e_dot = reference.position - q, reference.velocity - qd
+        return np.asarray(e_dot + self.Lambda * e)
+
+    def torque(self, _t: float, q: Array, qd: Array, reference: Reference, /) -> Array:
+        """Torque u = M a + C v + B q_dot + G + K r, shape (n,).
+
+        Raises:
+            InvalidRobotState: The state has the wrong length or is not finite.
+            MissingInertia: The model lacks an inertia.
+        """
+        r = self.filtered(q, qd, reference)
+        v = r + qd
+        a = reference.acceleration + self.Lambda * (reference.velocity - qd)
+        inertial = augmented_mass_matrix(self.chain, q) @ a
+        coriolis = coriolis_matrix(self.chain, q, qd) @ v
+        friction = self.chain.viscous_friction * qd
+        return np.asarray(
+            inertial + coriolis + friction + gravity_vector(self.chain, q) + self.K @ r
+        )
+
+    def lyapunov(self, q: Array, qd: Array, reference: Reference) -> float:
+        """Energy of the filtered error and a spring, V = r^T M r / 2 + q_tilde^T Lambda K q_tilde.
+
+        V_dot = -q_tilde_dot^T K q_tilde_dot - q_tilde^T Lambda K Lambda q_tilde.
+
+        Raises:
+            InvalidRobotState: The state has the wrong length or is not finite.
+            MissingInertia: The model lacks an inertia.
+        """
+        r, e = self.filtered(q, qd, reference), reference.position - q
+        M = augmented_mass_matrix(self.chain, q)
+        return float(0.5 * r @ M @ r + (self.Lambda * e) @ self.K @ e)

@@ -1,0 +1,60 @@
+"""PD control with gravity compensation: no model but the weight, for a constant reference."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynamics.gravity import gravity_vector
+from dynamics.mass_matrix import augmented_mass_matrix
+from kinematics.chain import Array, Chain
+from tracking.controller import Controller, Reference
+from tracking.gain import gain_matrix
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PdGravity(Controller):
+    """Spring and damper to the reference, with the weight held.
+
+        u = K_p q_tilde + K_d q_tilde_dot + G(q).
+
+    Asymptotically stable for a constant reference (LaSalle); a moving one is followed with a lag.
+
+    Args:
+        chain: The model; its mass matrix serves ``lyapunov`` only.
+        Kp: Symmetric positive definite, (n, n), (n,) or () [N m/rad or N/m].
+        Kd: Symmetric positive definite, (n, n), (n,) or () [N m s/rad or N s/m].
+
+    Raises:
+        InvalidOption: A gain has the wrong shape or is not symmetric positive definite.
+    """
+
+    chain: Chain
+    Kp: Array
+    Kd: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "Kp", gain_matrix(self.chain, "Kp", self.Kp))
+        object.__setattr__(self, "Kd", gain_matrix(self.chain, "Kd", self.Kd))
+
+    def torque(self, _t: float, q: Array, qd: Array, reference: Reference, /) -> Array:
+        """Torque u = K_p q_tilde + K_d q_tilde_dot + G(q), shape (n,).
+
+        Raises:
+            InvalidRobotState: The state has the wrong length or is not finite.
+            MissingInertia: The model lacks an inertia.
+        """
+        e, e_dot = reference.position - q, reference.velocity - qd
+        return np.asarray(self.Kp @ e + self.Kd @ e_dot + gravity_vector(self.chain, q))
+
+    def lyapunov(self, q: Array, qd: Array, reference: Reference) -> float:
+        """Kinetic plus virtual potential energy, V = (q_dot^T M q_dot + q_tilde^T K_p q_tilde) / 2.
+
+        For a constant reference V_dot = -q_dot^T (B + K_d) q_dot.
+
+        Raises:
+            InvalidRobotState: The state has the wrong length or is not finite.
+            MissingInertia: The model lacks an inertia.
+        """
+        e = reference.position - q
+        M = augmented_mass_matrix(self.chain, q)
+        return 0.5 * float(qd @ M @ qd + e @ self.Kp @ e)
