@@ -1,0 +1,329 @@
+"""MoveIt planning scenes: YAML text to a scene."""
+
+from collections import Counter
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from itertools import combinations
+from typing import Any, TypeAlias
+
+import numpy as np
+import yaml
+
+from kinematics.chain import Array
+from kinematics.errors import ArmwrightError, InvalidScene
+from kinematics.pose import from_quaternion, transform
+from obstacles.scene import Obstacle, Scene, checked_name
+from obstacles.shapes import Box, Cone, Cylinder, HalfSpace, Mesh, Shape, Sphere
+
+#: A scene of ten thousand boxes is 3 MB of text.
+MAX_BYTES = 16 * 2**20
+#: A planning scene nests nine deep.
+_MAX_DEPTH = 32
+_MAX_NODES = 2_000_000
+#: ``moveit_msgs/CollisionObject.REMOVE``: the object is no longer there.
+_REMOVE = 1
+
+Node: TypeAlias = Any
+
+
+class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
+    """The safe loader, which takes the last of two equal keys, made to refuse them."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
+        keys = Counter(key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode))
+        twice = [key for key, count in keys.items() if count > 1]
+        if twice:
+            raise yaml.MarkedYAMLError(
+                problem=f"key {twice[0]!r} occurs twice", problem_mark=node.start_mark
+            )
+        mapping: dict[Hashable, Any] = super().construct_mapping(node, deep)
+        return mapping
+
+
+def scene_from_moveit(text: str | bytes) -> Scene:
+    """Read a MoveIt planning scene.
+
+    Boxes, cylinders, spheres, cones, planes (as the half-space behind them) and meshes of
+    ``world.collision_objects`` become obstacles; an object of several solids becomes ``id/0``,
+    ``id/1``, ... Pairs that are true in ``allowed_collision_matrix`` become allowed collisions.
+    An object's frame is looked up in ``fixed_frame_transforms``; any other is taken for the
+    robot's base frame.
+
+    Args:
+        text: YAML, as MoveIt writes ``moveit_msgs/PlanningScene``.
+
+    Raises:
+        InvalidScene: Not such a text, or it holds what can't be represented (an octomap, attached
+            objects); the message says at which element.
+    """
+    root = _mapping(_document(text), "planning scene")
+    _refuse_unread(root)
+    frames = _frames(root)
+    obstacles: list[Obstacle] = []
+    parts: dict[str, list[str]] = {}
+    entries = _sequence(
+        _mapping(root.get("world") or {}, "world").get("collision_objects"), "world"
+    )
+    for i, entry in enumerate(entries):
+        where = f"world.collision_objects[{i}]"
+        own = _obstacles(_mapping(entry, where), frames, where)
+        if own:
+            parts[_name(entry.get("id"), f"{where}.id")] = [obstacle.id for obstacle in own]
+        obstacles += own
+    return Scene(tuple(obstacles), frozenset(_allowed(root, parts)))
+
+
+def _document(text: str | bytes) -> Node:
+    if len(text) > MAX_BYTES:
+        raise InvalidScene(f"planning scene: {len(text)} bytes, at most {MAX_BYTES} are taken")
+    try:
+        # First as a flat stream of events: nothing has grown or recursed when they are refused.
+        depth = 0
+        for count, event in enumerate(yaml.parse(text, Loader=_Loader)):
+            depth += isinstance(event, yaml.CollectionStartEvent)
+            depth -= isinstance(event, yaml.CollectionEndEvent)
+            aliased = isinstance(event, yaml.AliasEvent)
+            if aliased or depth > _MAX_DEPTH or count > _MAX_NODES:
+                problem = (
+                    "aliases (*name) are not read" if aliased else "nested too deep or too long"
+                )
+                mark = event.start_mark
+                raise yaml.YAMLError(f"line {mark.line + 1 if mark else 0}: {problem}")
+        return yaml.load(text, Loader=_Loader)  # a safe loader, made stricter
+    except (yaml.YAMLError, ValueError, TypeError, RecursionError) as error:
+        raise InvalidScene(f"planning scene: no readable YAML: {error}") from None
+
+
+def _refuse_unread(root: Mapping[str, Node]) -> None:
+    state = _mapping(root.get("robot_state") or {}, "robot_state")
+    if state.get("attached_collision_objects"):
+        raise InvalidScene(
+            "robot_state.attached_collision_objects: attached objects are no part of a scene",
+            hint='Give them as "attached" when planning.',
+        )
+    octomap = _mapping(root.get("world") or {}, "world").get("octomap") or {}
+    tree = _mapping(octomap, "world.octomap").get("octomap") or {}
+    if _mapping(tree, "world.octomap.octomap").get("data"):
+        raise InvalidScene(
+            "world.octomap: octomaps are not read",
+            hint="Give its voxels as a point_cloud obstacle.",
+        )
+
+
+def _frames(root: Mapping[str, Node]) -> dict[str, Array]:
+    frames = {}
+    where = "fixed_frame_transforms"
+    for i, entry in enumerate(_sequence(root.get(where), where)):
+        here = f"{where}[{i}]"
+        fields = _mapping(entry, here)
+        name = _name(fields.get("child_frame_id"), f"{here}.child_frame_id")
+        pose = _mapping(fields.get("transform"), f"{here}.transform")
+        frames[name] = _pose(pose, f"{here}.transform", "translation", "rotation")
+    return frames
+
+
+def _obstacles(
+    entry: Mapping[str, Node], frames: Mapping[str, Array], where: str
+) -> list[Obstacle]:
+    name = _name(entry.get("id"), f"{where}.id")
+    where = f"{where} ({name!r})"
+    if entry.get("operation") == _REMOVE:
+        return []
+    T = np.eye(4)
+    header = _mapping(entry.get("header") or {}, f"{where}.header")
+    T = T @ frames.get(str(header.get("frame_id")), np.eye(4))
+    if entry.get("pose") is not None:
+        T = T @ _pose(entry["pose"], f"{where}.pose")
+    solids: list[tuple[Shape, Array, str]] = []
+    for kind, poses, read in _KINDS:
+        solids += _solids(entry, kind, poses, read, where)
+    if not solids:
+        raise InvalidScene(
+            f"{where}: it has no solid",
+            hint=f"Needed is one of: {', '.join(kind for kind, _, _ in _KINDS)}.",
+        )
+    obstacles = []
+    for k, (shape, T_object_solid, here) in enumerate(solids):
+        with _at(here):
+            own = f"{name}/{k}" if len(solids) > 1 else name
+            obstacles.append(Obstacle(own, shape, T @ T_object_solid))
+    return obstacles
+
+
+def _solids(
+    entry: Mapping[str, Node],
+    kind: str,
+    poses: str,
+    read: Callable[[Mapping[str, Node], str], Shape],
+    where: str,
+) -> list[tuple[Shape, Array, str]]:
+    given = _sequence(entry.get(kind), f"{where}.{kind}")
+    placed = _sequence(entry.get(poses), f"{where}.{poses}")
+    if len(placed) != len(given) and not (entry.get("pose") is not None and not placed):
+        raise InvalidScene(f"{where}: {len(given)} {kind}, but {len(placed)} {poses}")
+    solids = []
+    for k, fields in enumerate(given):
+        here = f"{where}.{kind}[{k}]"
+        with _at(here):
+            shape = read(_mapping(fields, here), here)
+        T = _pose(placed[k], f"{where}.{poses}[{k}]") if placed else np.eye(4)
+        solids.append((shape, T, here))
+    return solids
+
+
+def _primitive(fields: Mapping[str, Node], where: str) -> Shape:
+    name = fields.get("type")
+    # Names as in the files, numbers as in ``shape_msgs/SolidPrimitive``.
+    number = {"box": 1, "sphere": 2, "cylinder": 3, "cone": 4}.get(str(name).lower(), name)
+    sizes = {1: 3, 2: 1, 3: 2, 4: 2}
+    if isinstance(number, bool) or not isinstance(number, int) or number not in sizes:
+        raise InvalidScene(f"type {name!r} is none of box, sphere, cylinder, cone")
+    size = _vector(fields.get("dimensions"), sizes[number], f"{where}.dimensions")
+    if number == 1:
+        return Box(np.array(size))
+    if number == 2:
+        return Sphere(size[0])
+    return (Cylinder if number == 3 else Cone)(radius=size[1], height=size[0])
+
+
+def _plane(fields: Mapping[str, Node], where: str) -> Shape:
+    a, b, c, d = _vector(fields.get("coef"), 4, f"{where}.coef")
+    return HalfSpace(np.array([a, b, c]), -d)
+
+
+def _mesh(fields: Mapping[str, Node], where: str) -> Shape:
+    vertices = [
+        _vector(point, 3, f"{where}.vertices[{i}]")
+        for i, point in enumerate(_sequence(fields.get("vertices"), f"{where}.vertices"))
+    ]
+    triangles = []
+    for i, entry in enumerate(_sequence(fields.get("triangles"), f"{where}.triangles")):
+        corners = entry.get("vertex_indices") if isinstance(entry, dict) else entry
+        here = f"{where}.triangles[{i}]"
+        numbers = _sequence(corners, here)
+        if len(numbers) != 3 or not all(type(number) is int for number in numbers):
+            raise InvalidScene(f"{here}: needed are three whole numbers")
+        triangles.append(numbers)
+    if not vertices or not triangles:
+        raise InvalidScene(f"{where}: the mesh is empty")
+    return Mesh(np.array(vertices), np.array(triangles))
+
+
+_KINDS = (
+    ("primitives", "primitive_poses", _primitive),
+    ("meshes", "mesh_poses", _mesh),
+    ("planes", "plane_poses", _plane),
+)
+
+
+def _allowed(root: Mapping[str, Node], parts: Mapping[str, list[str]]) -> Iterable[tuple[str, str]]:
+    where = "allowed_collision_matrix"
+    matrix = _mapping(root.get(where) or {}, where)
+    names = _names(matrix, "entry_names", where)
+    rows = [
+        _flags(row, len(names), f"{where}.entry_values[{i}]")
+        for i, row in enumerate(_sequence(matrix.get("entry_values"), f"{where}.entry_values"))
+    ]
+    if len(rows) != len(names):
+        raise InvalidScene(f"{where}: {len(names)} entry_names, but {len(rows)} entry_values")
+    # Both halves must say so: half an allowance is a mistake, and this side of it is the safe one.
+    pairs = {
+        (names[i], names[j])
+        for i, j in combinations(range(len(names)), 2)
+        if rows[i][j] and rows[j][i]
+    }
+    defaults = _names(matrix, "default_entry_names", where)
+    flags = _flags(
+        matrix.get("default_entry_values") or [], len(defaults), f"{where}.default_entry_values"
+    )
+    known = {*names, *parts}
+    pairs |= {
+        (name, other)
+        for name, flag in zip(defaults, flags, strict=True)
+        for other in known - {name}
+        if flag and not (name in names and other in names)
+    }
+    for a, b in pairs:
+        yield from ((x, y) for x in parts.get(a, [a]) for y in parts.get(b, [b]))
+
+
+def _names(matrix: Mapping[str, Node], key: str, where: str) -> list[str]:
+    entries = _sequence(matrix.get(key), f"{where}.{key}")
+    return [_name(entry, f"{where}.{key}[{i}]") for i, entry in enumerate(entries)]
+
+
+def _flags(row: Node, count: int, where: str) -> list[bool]:
+    flags = _sequence(row.get("enabled") if isinstance(row, dict) else row, where)
+    if len(flags) != count or not all(isinstance(flag, bool) for flag in flags):
+        raise InvalidScene(f"{where}: needed are {count} values true or false")
+    return flags
+
+
+def _pose(
+    node: Node, where: str, position: str = "position", orientation: str = "orientation"
+) -> Array:
+    fields = _mapping(node, where)
+    unknown = set(fields) - {position, orientation}
+    if unknown:
+        raise InvalidScene(f"{where}: unknown {', '.join(sorted(map(str, unknown)))}")
+    p = _vector(fields.get(position, [0, 0, 0]), 3, f"{where}.{position}")
+    xyzw = _vector(fields.get(orientation, [0, 0, 0, 1]), 4, f"{where}.{orientation}")
+    with _at(f"{where}.{orientation}"):
+        return transform(from_quaternion(xyzw), p)
+
+
+@contextmanager
+def _at(where: str) -> Iterator[None]:
+    """What is refused inside is told with the place in the file."""
+    try:
+        yield
+    except ArmwrightError as error:
+        place = "" if error.message.startswith(where) else f"{where}: "
+        raise InvalidScene(f"{place}{error.message}", hint=error.hint) from None
+
+
+def _mapping(node: Node, where: str) -> Mapping[str, Node]:
+    if not isinstance(node, dict):
+        raise InvalidScene(f"{where}: needed are named fields, found is {_kind(node)}")
+    return node
+
+
+def _sequence(node: Node, where: str) -> list[Node]:
+    if node is None:
+        return []
+    if not isinstance(node, list):
+        raise InvalidScene(f"{where}: needed is a list, found is {_kind(node)}")
+    return node
+
+
+def _vector(node: Node, count: int, where: str) -> list[float]:
+    if isinstance(node, dict) and set(node) == set("xyzw"[:count]):
+        node = [node[axis] for axis in "xyzw"[:count]]
+    values = _sequence(node, where)
+    if len(values) != count:
+        raise InvalidScene(f"{where}: needed are {count} numbers, found are {len(values)}")
+    return [_number(value, f"{where}[{i}]") for i, value in enumerate(values)]
+
+
+def _number(node: Node, where: str) -> float:
+    # YAML 1.1 takes 1e-05 for text: it wants a dot.
+    if isinstance(node, int | float | str) and not isinstance(node, bool):
+        try:
+            number = float(node)
+        except (ValueError, OverflowError):
+            number = np.nan
+        if np.isfinite(number):
+            return number
+    raise InvalidScene(f"{where}: {str(node)[:40]!r} is no finite number")
+
+
+def _name(node: Node, where: str) -> str:
+    if isinstance(node, int) and not isinstance(node, bool):
+        node = str(node)
+    return checked_name(node, where)
+
+
+def _kind(node: Node) -> str:
+    return {"NoneType": "nothing", "str": "text", "list": "a list", "dict": "named fields"}.get(
+        type(node).__name__, type(node).__name__
+    )
