@@ -1,0 +1,93 @@
+"""Uniform dilation: the least slowing down that brings every exact peak within its limit.
+
+Time stretched by a factor f divides velocity by f, acceleration by f^2, jerk by f^3.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinematics.chain import Array
+from kinematics.errors import InvalidOption
+from kinematics.trajectory import Trajectory
+
+# Aimed at below each limit, so that whoever evaluates the polynomials in another order of
+# operations still finds them inside; it costs a trillionth of the duration.
+_HAIR = 1e-12
+
+
+class Dilated(NamedTuple):
+    """A trajectory within its limits, and how many times as long it had to be made for that."""
+
+    trajectory: Trajectory
+    factor: float
+
+
+def peak_ratios(trajectory: Trajectory, limits: Array, derivative: int) -> Array:
+    """Exact largest |derivative| of each joint over its limit, shape (n,).
+
+    Args:
+        trajectory: What is judged.
+        limits: Positive, inf where there is none, shape (n,).
+        derivative: 1 velocity, 2 acceleration, 3 jerk.
+    """
+    return np.asarray(trajectory.peaks(derivative).value / limits)
+
+
+def dilate(
+    trajectory: Trajectory,
+    velocity: ArrayLike | None = None,
+    acceleration: ArrayLike | None = None,
+    jerk: ArrayLike | None = None,
+) -> Dilated:
+    """The trajectory slowed down uniformly by the least factor that keeps all limits given.
+
+    Afterwards every peak ratio is at most 1 in floating point. The jerk is that within the pieces:
+    a jump of the acceleration from one to the next has none.
+
+    Args:
+        trajectory: To be slowed down.
+        velocity: Limits, shape (n,), inf where there is none.
+        acceleration: Limits, likewise.
+        jerk: Limits, likewise.
+
+    Raises:
+        InvalidOption: A limit is not positive, or their number is not n.
+    """
+    given = [(velocity, "velocity"), (acceleration, "acceleration"), (jerk, "jerk")]
+    limits = {
+        order: checked_limits(values, name, trajectory.n)
+        for order, (values, name) in enumerate(given, start=1)
+        if values is not None
+    }
+    factor, dilated = 1.0, trajectory
+    while (missing := _missing(dilated, limits)) > 1.0:
+        factor *= missing * (1.0 + _HAIR)
+        dilated = trajectory.dilate(factor)
+    return Dilated(dilated, factor)
+
+
+def checked_limits(values: ArrayLike, name: str, n: int) -> Array:
+    """Limits as an array of shape (n,) of positive numbers, inf among them.
+
+    Raises:
+        InvalidOption: They are not.
+    """
+    limits = np.asarray(values, dtype=np.float64)
+    if limits.shape != (n,) or not (limits > 0.0).all():
+        raise InvalidOption(
+            f"the {name} limits must be {n} positive number(s), got {np.array2string(limits)}",
+            hint="Give one limit for each joint, in the order of the joints.",
+        )
+    return limits
+
+
+def _missing(trajectory: Trajectory, limits: dict[int, Array]) -> float:
+    """The factor by which time is still too short: the largest ratio^(1 / order)."""
+    factors = (
+        float(peak_ratios(trajectory, values, order).max()) ** (1.0 / order)
+        for order, values in limits.items()
+        if (peak_ratios(trajectory, values, order) > 1.0).any()
+    )
+    return max(factors, default=1.0)
