@@ -1,1 +1,1 @@
-"""The HTTP routes, one resource a module."""
+"""The endpoints, one noun a file."""

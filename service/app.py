@@ -1,0 +1,62 @@
+"""The application: `create_app`."""
+
+import logging
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+from fastapi import FastAPI
+from starlette.concurrency import run_in_threadpool
+
+from service import handlers, openapi
+from service.body import BodyLimit, JsonRoute
+from service.routes import health, pending, problems, scenes
+from service.settings import Settings
+from service.store import open_store
+from service.version import VERSION
+from service.workers import WorkerSupervisor
+
+_ROUTERS = (health.router, problems.router, scenes.router, pending.router)
+
+
+def create_app(settings: Settings | None = None) -> FastAPI:
+    """The service as an ASGI application.
+
+    Storage and workers are opened when it starts and closed when it ends; requests find them as
+    ``request.app.state.store`` and ``request.app.state.supervisor``.
+
+    Args:
+        settings: Those of the environment if left out.
+    """
+    chosen = settings or Settings()
+    logging.getLogger("service").setLevel(chosen.log_level.upper())
+
+    @asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        app.state.store = await run_in_threadpool(open_store, chosen.storage_url)
+        supervisor = WorkerSupervisor(chosen.workers, chosen.queue_limit, grace=chosen.kill_grace)
+        app.state.supervisor = supervisor
+        await supervisor.start()
+        try:
+            yield
+        finally:
+            await supervisor.stop()
+            await run_in_threadpool(app.state.store.close)
+
+    app = FastAPI(
+        title="Armwright",
+        version=VERSION,
+        description=openapi.DESCRIPTION,
+        license_info={"name": "Apache-2.0", "identifier": "Apache-2.0"},
+        lifespan=lifespan,
+        redirect_slashes=False,
+    )
+    app.state.settings = chosen
+    app.router.route_class = JsonRoute
+    # The last one added is the outermost.
+    app.add_middleware(BodyLimit, max_size=chosen.max_body_size, timeout=chosen.body_timeout)
+    app.add_middleware(handlers.UnexpectedErrors)
+    handlers.install(app)
+    openapi.install(app)
+    for router in _ROUTERS:
+        app.include_router(router)
+    return app

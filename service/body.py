@@ -1,0 +1,180 @@
+"""How request bodies are read: strict JSON of a limited size that arrives in time."""
+
+import asyncio
+import math
+import re
+from collections.abc import Callable, Coroutine, Iterator
+from typing import Any
+
+from fastapi import Request, Response
+from fastapi.params import Form
+from fastapi.routing import APIRoute
+from pydantic_core import from_json
+from starlette.datastructures import Headers
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from service.errors import ProblemError
+from service.idempotency import answer_once
+
+_JSON_TYPE = re.compile(r"application/([\w.+-]+\+)?json")
+_MAX_LISTED = 20
+
+Handler = Callable[[Request], Coroutine[Any, Any, Response]]
+
+
+def parse_json(content: bytes) -> Any:
+    """Parse JSON as RFC 8259 has it: UTF-8, no NaN or Infinity, no lone surrogates.
+
+    Raises:
+        ProblemError: VALIDATION_ERROR with the position, or with the path of each number that is
+            not finite.
+    """
+    try:
+        return from_json(content, allow_inf_nan=False)
+    except ValueError as error:
+        raise _malformed(content, str(error)) from None
+
+
+def _malformed(content: bytes, message: str) -> ProblemError:
+    try:
+        lenient = from_json(content, allow_inf_nan=True)
+    except ValueError:
+        paths = []
+    else:
+        paths = [path for _, path in zip(range(_MAX_LISTED), _not_finite(lenient), strict=False)]
+    if paths:
+        return ProblemError(
+            "VALIDATION_ERROR",
+            f"{', '.join(paths)}: not a finite number; JSON has no NaN or Infinity",
+            stage="request",
+            errors=[{"path": path, "problem": "not a finite number"} for path in paths],
+        )
+    return ProblemError(
+        "VALIDATION_ERROR",
+        f"the body is not valid JSON: {message}",
+        stage="request",
+        hint="Send one JSON value in UTF-8.",
+        errors=[{"path": "body", "problem": message}],
+    )
+
+
+def _not_finite(value: Any, path: str = "") -> Iterator[str]:
+    if isinstance(value, dict):
+        for name, item in value.items():
+            yield from _not_finite(item, f"{path}.{name}" if path else name)
+    elif isinstance(value, list):
+        for index, item in enumerate(value):
+            yield from _not_finite(item, f"{path}[{index}]")
+    elif isinstance(value, float) and not math.isfinite(value):
+        yield path or "body"
+
+
+class JsonRequest(Request):
+    """A request whose body is parsed strictly."""
+
+    async def json(self) -> Any:
+        """The parsed body.
+
+        Raises:
+            ProblemError: The body is not valid JSON.
+        """
+        if not hasattr(self, "_json"):
+            self._json = parse_json(await self.body())
+        return self._json
+
+
+class JsonRoute(APIRoute):
+    """A route that takes strict JSON and nothing else where it takes a body."""
+
+    def get_route_handler(self) -> Handler:
+        """The handler of the framework behind the checks of the body."""
+        handle = super().get_route_handler()
+        takes_json = self.body_field is not None and not isinstance(
+            self.body_field.field_info, Form
+        )
+
+        async def checked(request: Request) -> Response:
+            strict = JsonRequest(request.scope, request.receive)
+            if takes_json and await strict.body():
+                require_json(strict.headers.get("content-type"))
+            return await answer_once(strict, handle)
+
+        return checked
+
+
+def require_json(content_type: str | None) -> None:
+    """Check a Content-Type header.
+
+    Raises:
+        ProblemError: UNSUPPORTED_MEDIA_TYPE, it is not JSON.
+    """
+    media_type = (content_type or "").split(";")[0].strip().lower()
+    if not _JSON_TYPE.fullmatch(media_type):
+        raise ProblemError(
+            "UNSUPPORTED_MEDIA_TYPE",
+            f"this endpoint takes JSON, not {media_type or 'a body without a content type'}",
+            stage="request",
+            hint="Send the header Content-Type: application/json.",
+        )
+
+
+class BodyLimit:
+    """Middleware that refuses bodies that are too large or that stop arriving.
+
+    Args:
+        app: The application behind it.
+        max_size: Largest body [byte], with a Content-Length or without.
+        timeout: Longest silence within a body [s].
+    """
+
+    def __init__(self, app: ASGIApp, max_size: int, timeout: float) -> None:
+        self._app = app
+        self._max_size = max_size
+        self._timeout = timeout
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass a request on."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        announced = Headers(scope=scope).get("content-length", "")
+        too_large = announced.isdigit() and (
+            len(announced) > len(str(self._max_size)) or int(announced) > self._max_size
+        )
+        size, complete = 0, False
+
+        async def limited() -> Message:
+            nonlocal size, complete
+            if complete:  # what remains to come is the disconnection, whenever that is
+                return await receive()
+            if too_large:
+                raise self._too_large()
+            message = await self._in_time(receive)
+            size += len(message.get("body", b""))
+            complete = not message.get("more_body", False)
+            if size > self._max_size:
+                raise self._too_large()
+            return message
+
+        await self._app(scope, limited, send)
+
+    async def _in_time(self, receive: Receive) -> Message:
+        try:
+            return await asyncio.wait_for(receive(), self._timeout)
+        except TimeoutError:
+            raise ProblemError(
+                "REQUEST_TIMEOUT",
+                f"nothing of the body arrived for {self._timeout:g} s",
+                stage="request",
+                headers={"Connection": "close"},
+            ) from None
+
+    def _too_large(self) -> ProblemError:
+        return ProblemError(
+            "PAYLOAD_TOO_LARGE",
+            f"the body is larger than {self._max_size} bytes",
+            stage="request",
+            hint="Split the request, or raise ARMWRIGHT_MAX_BODY_SIZE where the service is run.",
+            headers={"Connection": "close"},
+            max_body_size=self._max_size,
+        )

@@ -1,0 +1,65 @@
+"""The command line: ``armwright serve``, ``armwright warm``.
+
+Only what parsing needs is imported here: worker processes import this module once more.
+"""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command and give the exit code."""
+    parser = _parser()
+    chosen = parser.parse_args(arguments)
+    if chosen.version:
+        from service.version import VERSION  # noqa: PLC0415
+
+        print(f"armwright {VERSION}")
+        return 0
+    if chosen.command is None:
+        parser.print_help()
+        return 2
+    if chosen.command == "warm":
+        return _warm()
+    from service.server import serve  # noqa: PLC0415
+
+    given = {name: value for name, value in vars(chosen).items() if value is not None}
+    return serve({name: given[name] for name in _SERVE_OPTIONS if name in given})
+
+
+_SERVE_OPTIONS = ("host", "port", "data_dir", "workers", "log_level")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="armwright", description="Certified motion planning for robot arms over HTTP."
+    )
+    parser.add_argument("--version", action="store_true", help="print the version")
+    commands = parser.add_subparsers(dest="command", metavar="command")
+    serve = commands.add_parser(
+        "serve",
+        help="answer requests until SIGTERM",
+        description="Answer requests until SIGTERM. Every setting is also an environment variable, "
+        "ARMWRIGHT_HOST for --host and so on; the command line wins.",
+    )
+    serve.add_argument("--host", help="address to listen on (127.0.0.1)")
+    serve.add_argument("--port", type=int, help="port to listen on, 0 for a free one (8000)")
+    serve.add_argument("--data-dir", type=Path, help="folder of the database (the user's data)")
+    serve.add_argument("--workers", type=int, help="worker processes (one a core)")
+    serve.add_argument("--log-level", choices=("debug", "info", "warning", "error"))
+    commands.add_parser("warm", help="compile all kernels into their cache on disk")
+    return parser
+
+
+def _warm() -> int:
+    from service.warm import warm_kernels  # noqa: PLC0415
+
+    for name, seconds in warm_kernels().items():
+        print(f"{name}: {seconds:.2f} s")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

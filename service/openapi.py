@@ -1,0 +1,52 @@
+"""What the service publishes about itself beyond what the framework derives from the routes."""
+
+from typing import Any
+
+from fastapi import FastAPI
+from fastapi.openapi.utils import get_openapi
+
+from service.errors import KINDS, PROBLEM_MEDIA_TYPE
+from service.schemas.problem import Problem
+
+DESCRIPTION = """\
+Robot, scene, start and goal in; a certified, timed trajectory out.
+
+* JSON in UTF-8; metre, radian, second, kilogram, newton.
+* Quaternions are `[x, y, z, w]`. Frames are the robot's base frame unless `frame` says otherwise.
+* Joint vectors are in the order of the robot's `joint_names`.
+* NaN, infinity, unknown fields and wrong lengths are refused.
+* Every error is a problem document (RFC 9457) with `code`, `stage`, `hint` and `details`.
+* `timeout` [s] in a body covers every stage; `seed` makes an answer reproducible.
+* A repeated POST with the same `Idempotency-Key` that created something gives the same answer.
+* A plan answered with 200 is certified.
+"""
+
+_PROBLEM = {
+    "content": {PROBLEM_MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}},
+}
+#: To be given to every router: any error is a problem document.
+RESPONSES: dict[int | str, dict[str, Any]] = {
+    "4XX": {"description": "The request can't be answered as it is", **_PROBLEM},
+    "5XX": {"description": "The service could not answer", **_PROBLEM},
+}
+
+
+def install(app: FastAPI) -> None:
+    """Have the application publish its document with the schema of problems in it."""
+
+    def document() -> dict[str, Any]:
+        if app.openapi_schema is None:
+            schema = get_openapi(
+                title=app.title,
+                version=app.version,
+                description=app.description,
+                routes=app.routes,
+                license_info=app.license_info,
+            )
+            problem = Problem.model_json_schema()
+            problem["properties"]["code"]["examples"] = sorted(KINDS)
+            schema.setdefault("components", {}).setdefault("schemas", {})["Problem"] = problem
+            app.openapi_schema = schema
+        return app.openapi_schema
+
+    app.openapi = document  # type: ignore[method-assign]

@@ -1,0 +1,49 @@
+"""The kinds of problems: what the `type` of a problem document points to."""
+
+from fastapi import APIRouter
+from pydantic import Field
+
+from service.body import JsonRoute
+from service.errors import KINDS, ProblemError
+from service.openapi import RESPONSES
+from service.schemas.base import Answer
+
+router = APIRouter(
+    prefix="/v1/problems", tags=["problems"], route_class=JsonRoute, responses=RESPONSES
+)
+
+
+class ProblemKind(Answer):
+    """One kind of problem."""
+
+    code: str = Field(examples=["GOAL_IN_COLLISION"])
+    status: int = Field(examples=[422], description="the usual HTTP status")
+    title: str = Field(examples=["The goal configuration is in collision"])
+
+
+class ProblemKinds(Answer):
+    """All kinds of problems."""
+
+    problems: list[ProblemKind]
+
+
+@router.get("", summary="All kinds of problems")
+async def list_problems() -> ProblemKinds:
+    """Every code that an error can carry."""
+    return ProblemKinds(problems=[_kind(code) for code in KINDS])
+
+
+@router.get("/{code}", summary="One kind of problem")
+async def get_problem(code: str) -> ProblemKind:
+    """What a code stands for."""
+    if code not in KINDS:
+        raise ProblemError(
+            "NOT_FOUND",
+            f"there is no kind of problem named {code!r}",
+            hint="GET /v1/problems lists those there are.",
+        )
+    return _kind(code)
+
+
+def _kind(code: str) -> ProblemKind:
+    return ProblemKind(code=code, status=KINDS[code].status, title=KINDS[code].title)

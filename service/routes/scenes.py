@@ -1,0 +1,98 @@
+"""Scenes by name."""
+
+from datetime import UTC, datetime
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Request, Response
+from starlette.concurrency import run_in_threadpool
+
+from service.body import JsonRoute
+from service.computing import compute
+from service.errors import ProblemError
+from service.openapi import RESPONSES
+from service.schemas.scene import NamedScene, Scene, SceneList, SceneSummary
+from service.store import Record, Store
+from service.worker_main import Job
+
+router = APIRouter(prefix="/v1/scenes", tags=["scenes"], route_class=JsonRoute, responses=RESPONSES)
+
+_KIND = "scene"
+
+
+@router.post("", status_code=201, summary="Store a new scene")
+async def create_scene(body: NamedScene, request: Request, response: Response) -> SceneSummary:
+    """Checks the scene and stores it under its name, which must be free."""
+    content = await _checked(body, request)
+    record = await run_in_threadpool(_store(request).create, _KIND, body.name, content)
+    response.headers["Location"] = f"/v1/scenes/{record.name}"
+    return _summary(record)
+
+
+@router.get("", summary="List scenes")
+async def list_scenes(
+    request: Request,
+    after: Annotated[str, Query(max_length=256, description="names that sort after this")] = "",
+    limit: Annotated[int, Query(ge=1, le=1000)] = 100,
+) -> SceneList:
+    """The stored scenes by name, page by page."""
+    records = await run_in_threadpool(_store(request).list, _KIND, after, limit + 1)
+    following = records[limit - 1].name if len(records) > limit else None
+    return SceneList(scenes=[_summary(record) for record in records[:limit]], next=following)
+
+
+@router.get("/{name}", summary="Get a scene", response_model=NamedScene)
+async def get_scene(name: str, request: Request) -> Response:
+    """The scene as it was stored; the header ETag changes whenever it is replaced."""
+    document = await run_in_threadpool(_store(request).get, _KIND, name)
+    headers = {"ETag": f'"{document.record.hash}"'}
+    return Response(document.content, headers=headers, media_type="application/json")
+
+
+@router.put("/{name}", summary="Store or replace a scene")
+async def put_scene(name: str, body: Scene, request: Request, response: Response) -> SceneSummary:
+    """Checks the scene and stores it under the name in the path; 201 if there was none."""
+    if body.name not in (None, name):
+        raise ProblemError(
+            "VALIDATION_ERROR",
+            f"name: {body.name!r} in the body, but {name!r} in the path",
+            stage="request",
+            hint="Leave the name out of the body.",
+        )
+    named = NamedScene.model_validate({**body.__dict__, "name": name})
+    content = await _checked(named, request)
+    record = await run_in_threadpool(_store(request).replace, _KIND, name, content)
+    if record.version == 1:
+        response.status_code = 201
+        response.headers["Location"] = f"/v1/scenes/{name}"
+    return _summary(record)
+
+
+@router.delete("/{name}", status_code=204, summary="Delete a scene")
+async def delete_scene(name: str, request: Request) -> None:
+    """Forgets the scene."""
+    await run_in_threadpool(_store(request).delete, _KIND, name)
+
+
+async def _checked(body: NamedScene, request: Request) -> bytes:
+    content = body.model_dump_json(exclude_none=True).encode()
+    await compute(request, Job("service.tasks:check_scene", (content,)))
+    return content
+
+
+def _store(request: Request) -> Store:
+    store: Store = request.app.state.store
+    return store
+
+
+def _summary(record: Record) -> SceneSummary:
+    return SceneSummary(
+        name=record.name,
+        hash=record.hash,
+        version=record.version,
+        created=_iso(record.created),
+        updated=_iso(record.updated),
+    )
+
+
+def _iso(seconds: float) -> str:
+    return datetime.fromtimestamp(seconds, UTC).isoformat()

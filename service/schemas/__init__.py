@@ -1,0 +1,1 @@
+"""What the wire may say: strict models, one noun a file."""

@@ -1,0 +1,109 @@
+"""What every model of the wire is built from: strictness, numbers, vectors and names."""
+
+import math
+from collections.abc import Sequence
+from typing import Annotated, Any, TypeVar
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, JsonValue, Tag
+
+#: A megametre: nothing an arm can reach is farther, and squares of it stay exact enough.
+MAX_COORDINATE = 1e6
+#: Far beyond any joint value, rate or gain, and far from where float64 overflows when multiplied.
+MAX_NUMBER = 1e12
+#: How many configurations one request may carry.
+MAX_BATCH = 10_000
+#: More joints than any serial chain that can be built here.
+MAX_JOINTS = 64
+
+_T = TypeVar("_T")
+
+
+class Body(BaseModel):
+    """A request: unknown fields, coerced types, NaN and infinity are refused."""
+
+    model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False, frozen=True)
+
+
+class Answer(BaseModel):
+    """An answer, as strict as a request so that a mistake of ours is seen here."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, frozen=True)
+
+
+Number = Annotated[float, Field(ge=-MAX_NUMBER, le=MAX_NUMBER)]
+Positive = Annotated[float, Field(gt=0.0, le=MAX_NUMBER)]
+NonNegative = Annotated[float, Field(ge=0.0, le=MAX_NUMBER)]
+#: A nanometre is the least size or tolerance that is not a slip of the pen.
+Length = Annotated[float, Field(ge=1e-9, le=MAX_COORDINATE)]
+Coordinate = Annotated[float, Field(ge=-MAX_COORDINATE, le=MAX_COORDINATE)]
+Ratio = Annotated[float, Field(gt=0.0, le=1.0)]
+Timeout = Annotated[float, Field(gt=0.0, le=86_400.0)]
+#: Random generators of the planners are seeded with 32 bits.
+Seed = Annotated[int, Field(ge=0, le=2**32 - 1)]
+
+Vector3 = Annotated[list[Number], Field(min_length=3, max_length=3)]
+Vector6 = Annotated[list[Number], Field(min_length=6, max_length=6)]
+Point = Annotated[list[Coordinate], Field(min_length=3, max_length=3)]
+Matrix3 = Annotated[list[Vector3], Field(min_length=3, max_length=3)]
+Matrix = list[list[float]]
+
+#: A name that can stand in a URL as it is.
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.\-]{0,127}$")]
+#: A name from somebody else's file: anything printable.
+Label = Annotated[str, Field(pattern=r"^[^\x00-\x1f\x7f]{1,256}$")]
+
+JointVector = Annotated[list[Number], Field(min_length=1, max_length=MAX_JOINTS)]
+
+
+def _one_or_many(value: Any) -> str:
+    return "many" if isinstance(value, list) and value and isinstance(value[0], list) else "one"
+
+
+#: A joint vector, or a list of them.
+Joints = Annotated[
+    Annotated[JointVector, Tag("one")]
+    | Annotated[list[JointVector], Field(min_length=1, max_length=MAX_BATCH), Tag("many")],
+    Discriminator(_one_or_many),
+]
+
+
+def _finite(value: _T) -> _T:
+    pending: list[Any] = [value]
+    while pending:
+        item = pending.pop()
+        if isinstance(item, dict):
+            pending.extend(item.values())
+        elif isinstance(item, list):
+            pending.extend(item)
+        elif isinstance(item, float) and not math.isfinite(item):
+            raise ValueError("every number must be finite")
+    return value
+
+
+#: An object whose fields only the domain knows.
+FreeForm = Annotated[dict[str, JsonValue], Field(max_length=64), AfterValidator(_finite)]
+
+
+def exactly_one(body: BaseModel, names: Sequence[str]) -> None:
+    """Check that one field of several is given.
+
+    Raises:
+        ValueError: None or more than one is given.
+    """
+    given = [name for name in names if getattr(body, name) is not None]
+    if len(given) != 1:
+        found = " and ".join(given) if given else "none of them"
+        raise ValueError(f"give exactly one of {', '.join(names)}; found {found}")
+
+
+def distinct(labels: Sequence[str], what: str) -> None:
+    """Check that no label stands twice.
+
+    Raises:
+        ValueError: One does.
+    """
+    seen: set[str] = set()
+    for label in labels:
+        if label in seen:
+            raise ValueError(f"{what} {label!r} stands twice; each must be unique")
+        seen.add(label)

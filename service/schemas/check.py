@@ -1,0 +1,58 @@
+"""Collision checks on the wire."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from service.schemas.base import Answer, Body, Joints, Label, Name, NonNegative, Timeout
+from service.schemas.kinematics import JOINTS_EXAMPLE
+from service.schemas.pose import Pose
+from service.schemas.scene import SceneReference
+from service.schemas.shape import Shape
+
+MAX_ATTACHED = 100
+
+Margin = Annotated[NonNegative, Field(le=10.0, description="distance to be kept [m]")]
+
+
+class Attached(Body):
+    """An object that moves with a link."""
+
+    id: Label = Field(examples=["workpiece"])
+    shape: Shape
+    pose: Pose = Field(description="in the frame of the link")
+    link: Label = Field(examples=["panda_hand"])
+    touch_links: Annotated[list[Label], Field(max_length=100)] = Field(
+        default_factory=list, description="links that may touch it"
+    )
+
+
+AttachedObjects = Annotated[list[Attached], Field(max_length=MAX_ATTACHED)]
+
+
+class CheckRequest(Body):
+    """Configurations to be checked against limits, themselves and a scene."""
+
+    robot: Name = Field(examples=["panda"])
+    scene: SceneReference | None = Field(None, examples=["table"])
+    joints: Joints = Field(examples=[JOINTS_EXAMPLE])
+    attached: AttachedObjects | None = None
+    margin: Margin = 0.0
+    timeout: Timeout | None = None
+
+
+class Collision(Answer):
+    """Two bodies that penetrate each other."""
+
+    pair: list[str] = Field(examples=[["panda_hand", "table_top"]])
+    depth: float = Field(examples=[0.012], description="[m]")
+
+
+class CheckAnswer(Answer):
+    """The verdict; with many configurations each field is a list."""
+
+    valid: bool | list[bool]
+    clearance: float | list[float | None] | None = Field(
+        description="smallest distance [m], negative in collision, null with nothing to hit"
+    )
+    collisions: list[Collision] | list[list[Collision]]

@@ -1,0 +1,294 @@
+"""Planning problems, timed motions and their certificates on the wire."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import ConfigDict, Field, model_validator
+from pydantic.config import JsonDict
+
+from service.schemas.base import (
+    MAX_JOINTS,
+    Answer,
+    Body,
+    FreeForm,
+    JointVector,
+    Label,
+    Name,
+    NonNegative,
+    Number,
+    Positive,
+    Ratio,
+    Seed,
+    Timeout,
+    exactly_one,
+)
+from service.schemas.check import AttachedObjects, Margin
+from service.schemas.kinematics import JOINTS_EXAMPLE, Constraints
+from service.schemas.pose import Pose
+from service.schemas.scene import SceneReference
+
+MAX_GOALS = 1_000
+MAX_SAMPLES = 100_000
+#: Quintics are the highest that any timing here makes; other people's may be higher.
+MAX_COEFFICIENTS = 16
+
+Tolerance = Annotated[Positive, Field(le=10.0)]
+Rows = Annotated[list[JointVector], Field(min_length=1, max_length=MAX_SAMPLES)]
+JointRow = Annotated[list[Number], Field(max_length=MAX_JOINTS)]
+
+
+class Start(Body):
+    """Where the motion begins."""
+
+    joints: JointVector = Field(examples=[JOINTS_EXAMPLE])
+
+
+class SingleGoal(Body):
+    """A configuration, or a pose of the tip within tolerances."""
+
+    joints: JointVector | None = Field(None, examples=[[0.6, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]])
+    pose: Pose | None = None
+    position_tolerance: Tolerance | None = Field(None, description="[m]")
+    orientation_tolerance: Tolerance | None = Field(None, description="[rad]")
+
+    @model_validator(mode="after")
+    def _check_form(self) -> "SingleGoal":
+        exactly_one(self, ("joints", "pose"))
+        self._check_tolerances()
+        return self
+
+    def _check_tolerances(self) -> None:
+        for name in ("position_tolerance", "orientation_tolerance"):
+            if self.pose is None and getattr(self, name) is not None:
+                raise ValueError(f"{name} belongs to a pose")
+
+
+class Goal(SingleGoal):
+    """Where the motion ends: one goal, or any of several."""
+
+    any_of: Annotated[list[SingleGoal], Field(min_length=1, max_length=MAX_GOALS)] | None = None
+
+    @model_validator(mode="after")
+    def _check_form(self) -> "Goal":
+        exactly_one(self, ("joints", "pose", "any_of"))
+        self._check_tolerances()
+        return self
+
+
+class Timing(Body):
+    """How a path becomes a motion in time."""
+
+    method: Literal["toppra", "spline", "jerk_limited"] = "toppra"
+    velocity_scaling: Ratio | None = None
+    acceleration_scaling: Ratio | None = None
+    times: Annotated[list[NonNegative], Field(min_length=2, max_length=MAX_SAMPLES)] | None = None
+    torque_limits: bool | None = None
+    sample_period: Annotated[float, Field(ge=1e-4, le=60.0)] | None = Field(
+        None, description="samples are answered at this period [s], else none"
+    )
+
+
+_EXAMPLE: JsonDict = {
+    "robot": "panda",
+    "scene": "table",
+    "start": {"joints": [*JOINTS_EXAMPLE]},
+    "goal": {"joints": [0.6, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]},
+    "timing": {"method": "toppra", "velocity_scaling": 0.5},
+    "timeout": 5.0,
+    "seed": 1,
+}
+
+
+class PlanRequest(Body):
+    """A motion to be planned."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
+
+    robot: Name = Field(examples=["panda"])
+    scene: SceneReference | None = Field(None, examples=["table"])
+    start: Start
+    goal: Goal
+    planner: Annotated[str, Field(pattern=r"^[A-Za-z0-9_]{1,64}$")] = Field(
+        "auto", description="auto, straight_line, potential_field, rrt_connect, optimize, …"
+    )
+    planner_options: FreeForm | None = None
+    constraints: Constraints | None = None
+    attached: AttachedObjects | None = None
+    margin: Margin = 0.0
+    start_state_tolerance: Annotated[NonNegative, Field(le=0.1)] = 1e-6
+    timing: Timing = Field(default_factory=Timing)
+    timeout: Timeout | None = Field(None, description="for all stages together [s]")
+    seed: Seed = 0
+
+
+class Segment(Body):
+    """A polynomial piece: q_j(t) = Σ_k coefficients[j][k] (t − t0)^k for t0 ≤ t ≤ t1."""
+
+    t0: Number
+    t1: Number
+    coefficients: Annotated[
+        list[Annotated[list[Number], Field(min_length=1, max_length=MAX_COEFFICIENTS)]],
+        Field(min_length=1, max_length=MAX_JOINTS),
+    ]
+
+    @model_validator(mode="after")
+    def _check_times(self) -> "Segment":
+        if self.t1 <= self.t0:
+            raise ValueError(f"t1 ({self.t1:g}) must be after t0 ({self.t0:g})")
+        return self
+
+
+class Samples(Body):
+    """Points of a motion, one row of joint values for each time."""
+
+    time: Annotated[list[Number], Field(min_length=1, max_length=MAX_SAMPLES)]
+    position: Rows
+    velocity: Rows | None = None
+    acceleration: Rows | None = None
+
+    @model_validator(mode="after")
+    def _check_lengths(self) -> "Samples":
+        for name in ("position", "velocity", "acceleration"):
+            rows = getattr(self, name)
+            if rows is not None and len(rows) != len(self.time):
+                raise ValueError(f"{name} has {len(rows)} rows for {len(self.time)} times")
+        return self
+
+
+class TrajectoryBody(Body):
+    """Anybody's motion: polynomial pieces, or samples and how to read between them."""
+
+    joint_names: Annotated[list[Label], Field(min_length=1, max_length=MAX_JOINTS)] | None = None
+    duration: NonNegative | None = None
+    segments: Annotated[list[Segment], Field(min_length=1, max_length=MAX_SAMPLES)] | None = None
+    samples: Samples | None = None
+    interpolation: Annotated[str, Field(pattern=r"^[a-z_]{1,32}$")] | None = Field(
+        None, description="how to read between samples: linear, cubic, quintic, natural_spline, …"
+    )
+
+    @model_validator(mode="after")
+    def _check_form(self) -> "TrajectoryBody":
+        # What a plan answered can be sent as it is: it has both, and the pieces are the motion.
+        if self.segments is None and self.samples is None:
+            raise ValueError("give segments, or samples with interpolation")
+        if self.segments is None and self.interpolation is None:
+            raise ValueError("samples need interpolation: how to read between them")
+        return self
+
+
+class LimitsBody(Body):
+    """Limits in the order of the joints, in place of the robot's."""
+
+    velocity: JointRow | None = None
+    acceleration: JointRow | None = None
+    jerk: JointRow | None = None
+
+
+class ValidateRequest(Body):
+    """A motion to be proved valid, whoever made it."""
+
+    robot: Name = Field(examples=["panda"])
+    scene: SceneReference | None = Field(None, examples=["table"])
+    trajectory: TrajectoryBody
+    limits: LimitsBody | None = None
+    constraints: Constraints | None = None
+    attached: AttachedObjects | None = None
+    margin: Margin = 0.0
+    timeout: Timeout | None = None
+
+
+class Stage(Answer):
+    """What one stage of planning did."""
+
+    name: str = Field(examples=["rrt_connect"])
+    outcome: str = Field(examples=["succeeded"])
+    milliseconds: float
+    detail: str | None = None
+
+
+class PathAnswer(Answer):
+    """The corners of the path in joint space."""
+
+    joints: list[list[float]]
+    length: float
+
+
+class SegmentAnswer(Answer):
+    """A polynomial piece, see `Segment`."""
+
+    t0: float
+    t1: float
+    coefficients: list[list[float]]
+
+
+class SamplesAnswer(Answer):
+    """The motion at regular times."""
+
+    time: list[float]
+    position: list[list[float]]
+    velocity: list[list[float]]
+    acceleration: list[list[float]]
+
+
+class TrajectoryAnswer(Answer):
+    """A timed motion."""
+
+    joint_names: list[str]
+    duration: float
+    segments: list[SegmentAnswer]
+    samples: SamplesAnswer | None = None
+
+
+class LimitUse(Answer):
+    """How close a motion comes to a limit, from the exact extrema of its polynomials."""
+
+    worst_ratio: float = Field(description="1 is the limit itself")
+    joint: str
+    time: float
+
+
+class LimitUses(Answer):
+    """Use of each limit that was proved."""
+
+    position: LimitUse
+    velocity: LimitUse
+    acceleration: LimitUse
+    jerk: LimitUse | None = None
+    torque: LimitUse | None = None
+
+
+class CertificateAnswer(Answer):
+    """The proof that a motion is valid at every instant, or the first violation."""
+
+    verified: bool
+    min_clearance: float | None = Field(
+        description="a lower bound for every t [m]; null with nothing to hit"
+    )
+    clearance_pair: list[str] | None = None
+    method: str
+    limits: LimitUses | None = None
+    continuity: Any = None
+    path_constraint_residual: float | None = None
+    violation: dict[str, Any] | None = Field(None, description="the first, with its time")
+
+
+class Reproducibility(Answer):
+    """What the same answer can be had again with."""
+
+    seed: int
+    robot_hash: str
+    scene_hash: str
+    request_hash: str
+    versions: dict[str, str]
+
+
+class PlanAnswer(Answer):
+    """A certified motion."""
+
+    status: Literal["success"]
+    planner: str = Field(description="the stage that found it")
+    stages: list[Stage]
+    path: PathAnswer
+    trajectory: TrajectoryAnswer
+    certificate: CertificateAnswer
+    reproducibility: Reproducibility
+    notes: list[str] = Field(default_factory=list, description="what was done to the request")

@@ -1,0 +1,65 @@
+"""Poses on the wire."""
+
+from collections.abc import Callable
+from typing import Annotated
+
+from numpy.typing import ArrayLike
+from pydantic import Field, field_validator, model_validator
+
+from kinematics import pose as rotation
+from kinematics.errors import InvalidPose
+from service.schemas.base import Answer, Body, Coordinate, Matrix3, Number, Point, Vector3
+
+Quaternion = Annotated[list[Number], Field(min_length=4, max_length=4)]
+_ORIENTATIONS = ("quaternion_xyzw", "rotation_matrix", "euler_zyz", "rpy")
+
+
+class Pose(Body):
+    """A position [m] and at most one orientation; no orientation means the identity."""
+
+    position: Point = Field(examples=[[0.4, 0.0, 0.3]])
+    quaternion_xyzw: Quaternion | None = Field(
+        None,
+        examples=[[0.0, 0.0, 0.0, 1.0]],
+        description="normalised if its norm is within 1e-3 of 1, else refused",
+    )
+    rotation_matrix: Matrix3 | None = Field(
+        None, description="rows; orthonormal within 1e-6 and of determinant +1, else refused"
+    )
+    euler_zyz: Vector3 | None = Field(None, description="[phi, theta, psi], R = Rz Ry Rz [rad]")
+    rpy: Vector3 | None = Field(None, description="[roll, pitch, yaw], R = Rz Ry Rx [rad]")
+
+    @field_validator("quaternion_xyzw")
+    @classmethod
+    def _check_quaternion(cls, value: list[float] | None) -> list[float] | None:
+        if value is not None:
+            _check(rotation.from_quaternion, value)
+        return value
+
+    @field_validator("rotation_matrix")
+    @classmethod
+    def _check_matrix(cls, value: list[list[float]] | None) -> list[list[float]] | None:
+        if value is not None:
+            _check(rotation.from_matrix, value)
+        return value
+
+    @model_validator(mode="after")
+    def _check_one_orientation(self) -> "Pose":
+        given = [name for name in _ORIENTATIONS if getattr(self, name) is not None]
+        if len(given) > 1:
+            raise ValueError(f"give at most one orientation; found {' and '.join(given)}")
+        return self
+
+
+def _check(conversion: Callable[[ArrayLike], object], value: ArrayLike) -> None:
+    try:
+        conversion(value)
+    except InvalidPose as error:
+        raise ValueError(error.message) from error
+
+
+class PoseAnswer(Answer):
+    """A pose of the robot's base frame."""
+
+    position: list[Coordinate] = Field(examples=[[0.4, 0.0, 0.3]])
+    quaternion_xyzw: list[float] = Field(examples=[[0.0, 0.0, 0.0, 1.0]])

@@ -1,0 +1,198 @@
+"""Robots on the wire."""
+
+from typing import Annotated, Literal
+
+from pydantic import ConfigDict, Field, field_validator, model_validator
+from pydantic.config import JsonDict
+
+from service.schemas.base import (
+    MAX_JOINTS,
+    Answer,
+    Body,
+    Coordinate,
+    Label,
+    Matrix3,
+    Name,
+    NonNegative,
+    Number,
+    Point,
+    Positive,
+    Vector3,
+    exactly_one,
+)
+from service.schemas.pose import Pose
+from service.schemas.shape import check_base64
+
+_MAX_XML = 16 * 1024 * 1024
+_MAX_MESHES = 1_000
+_MAX_URI = 1_024
+
+Xml = Annotated[str, Field(min_length=1, max_length=_MAX_XML)]
+Uri = Annotated[str, Field(min_length=1, max_length=_MAX_URI)]
+
+
+class DhRow(Body):
+    """One joint of a Denavit-Hartenberg table, with what is known of the link behind it.
+
+    For a revolute joint `theta` is the offset of the joint variable, for a prismatic one `d` is.
+    """
+
+    type: Literal["revolute", "prismatic"]
+    a: Coordinate = Field(description="[m]")
+    alpha: Number = Field(description="[rad]")
+    d: Coordinate = Field(description="[m]")
+    theta: Number = Field(description="[rad]")
+    lower: Number | None = Field(None, description="[rad] or [m]")
+    upper: Number | None = Field(None, description="[rad] or [m]")
+    velocity: Positive | None = None
+    acceleration: Positive | None = None
+    jerk: Positive | None = None
+    effort: Positive | None = None
+    mass: NonNegative | None = Field(None, description="[kg]")
+    center_of_mass: Point | None = Field(None, description="in the link frame [m]")
+    inertia: Matrix3 | None = Field(
+        None, description="about the centre of mass in the link frame [kg m²]"
+    )
+    motor_inertia: NonNegative | None = None
+    viscous_friction: NonNegative | None = None
+
+    @model_validator(mode="after")
+    def _check_limits(self) -> "DhRow":
+        if self.lower is not None and self.upper is not None and self.lower >= self.upper:
+            raise ValueError(f"lower ({self.lower:g}) must be less than upper ({self.upper:g})")
+        return self
+
+
+class DhTable(Body):
+    """A robot by its Denavit-Hartenberg parameters."""
+
+    convention: Literal["standard", "modified"]
+    rows: Annotated[list[DhRow], Field(min_length=1, max_length=MAX_JOINTS)]
+    base: Pose | None = None
+    tool: Pose | None = None
+    gravity: Vector3 | None = Field(None, description="in the base frame [m/s²]")
+
+
+class JointLimits(Body):
+    """Limits that a description leaves out or that are to be tightened."""
+
+    velocity: Positive | None = None
+    acceleration: Positive | None = None
+    jerk: Positive | None = None
+
+
+_EXAMPLE: JsonDict = {
+    "name": "planar",
+    "dh": {
+        "convention": "standard",
+        "rows": [
+            {
+                "type": "revolute",
+                "a": 0.5,
+                "alpha": 0.0,
+                "d": 0.0,
+                "theta": 0.0,
+                "lower": -3.1,
+                "upper": 3.1,
+                "velocity": 2.0,
+            }
+        ],
+    },
+    "joint_limits": {"joint_1": {"acceleration": 10.0}},
+}
+
+
+class RobotBody(Body):
+    """A robot as URDF or as a Denavit-Hartenberg table."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
+
+    name: Name
+    urdf: Xml | None = None
+    srdf: Xml | None = None
+    dh: DhTable | None = None
+    meshes: Annotated[dict[Uri, str], Field(max_length=_MAX_MESHES)] | None = Field(
+        None, description="package:// or relative URI of the URDF → file in base64"
+    )
+    base_link: Label | None = None
+    tip_link: Label | None = None
+    joint_limits: Annotated[dict[Label, JointLimits], Field(max_length=1_000)] | None = None
+
+    @field_validator("meshes")
+    @classmethod
+    def _check_meshes(cls, value: dict[str, str] | None) -> dict[str, str] | None:
+        for uri, content in (value or {}).items():
+            try:
+                check_base64(content)
+            except ValueError as error:
+                raise ValueError(f"mesh {uri!r}: {error}") from None
+        return value
+
+    @model_validator(mode="after")
+    def _check_form(self) -> "RobotBody":
+        exactly_one(self, ("urdf", "dh"))
+        if self.dh is not None:
+            for name in ("srdf", "meshes"):
+                if getattr(self, name) is not None:
+                    raise ValueError(f"{name} belongs to a URDF, not to a dh table")
+        return self
+
+
+class Limits(Answer):
+    """Limits in the order of the joints; null where there is none."""
+
+    lower: list[float | None]
+    upper: list[float | None]
+    velocity: list[float | None]
+    acceleration: list[float | None]
+    jerk: list[float | None]
+    effort: list[float | None]
+
+
+class DhRowAnswer(Answer):
+    """One row of the table derived from the joint axes."""
+
+    type: Literal["revolute", "prismatic"]
+    a: float
+    alpha: float
+    d: float
+    theta: float
+
+
+class DhAnswer(Answer):
+    """The Denavit-Hartenberg table of a robot."""
+
+    convention: Literal["standard", "modified"]
+    rows: list[DhRowAnswer]
+
+
+class RobotSummary(Answer):
+    """A robot in the list."""
+
+    name: str = Field(examples=["panda"])
+    built_in: bool
+    joints: int = Field(examples=[7])
+
+
+class RobotList(Answer):
+    """All robots by name, built-in ones among them."""
+
+    robots: list[RobotSummary]
+    next: str | None = Field(None, description="value of `after` for the next page")
+
+
+class RobotAnswer(Answer):
+    """The model of a robot."""
+
+    name: str = Field(examples=["panda"])
+    built_in: bool
+    joint_names: list[str]
+    joint_types: list[Literal["revolute", "prismatic"]]
+    limits: Limits
+    links: list[str]
+    base_link: str
+    tip_link: str
+    dh: DhAnswer | None = None
+    wrist: Literal["spherical", "three_parallel", "none"]
+    allowed_collisions: list[list[str]]
+    lint: list[str] = Field(description="what is odd in the description")

@@ -1,0 +1,135 @@
+"""Scenes on the wire."""
+
+from typing import Annotated
+
+from pydantic import ConfigDict, Discriminator, Field, Tag, field_validator, model_validator
+from pydantic.config import JsonDict
+
+from service.schemas.base import (
+    Answer,
+    Body,
+    Label,
+    Name,
+    NonNegative,
+    Point,
+    distinct,
+    exactly_one,
+)
+from service.schemas.pose import Pose
+from service.schemas.shape import MAX_POINTS, Shape
+
+MAX_OBSTACLES = 10_000
+_MAX_PAIRS = 100_000
+_MAX_YAML = 16 * 1024 * 1024
+
+Pair = Annotated[list[Label], Field(min_length=2, max_length=2)]
+
+_EXAMPLE: JsonDict = {
+    "name": "table",
+    "obstacles": [
+        {
+            "id": "table_top",
+            "shape": {"type": "box", "size": [1.0, 0.8, 0.04]},
+            "pose": {"position": [0.6, 0.0, 0.2]},
+        },
+        {
+            "id": "post",
+            "shape": {"type": "cylinder", "radius": 0.05, "height": 0.6},
+            "pose": {"position": [0.5, 0.3, 0.5], "quaternion_xyzw": [0.0, 0.0, 0.0, 1.0]},
+            "margin": 0.01,
+        },
+    ],
+    "allowed_collisions": [["panda_link0", "table_top"]],
+}
+
+
+class Obstacle(Body):
+    """A shape at a pose, to be kept away from by its margin [m]."""
+
+    id: Label = Field(examples=["table_top"])
+    shape: Shape
+    pose: Pose
+    margin: Annotated[NonNegative, Field(le=10.0)] | None = None
+
+
+class Scene(Body):
+    """Obstacles, or the text of a MoveIt planning scene."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
+
+    name: Name | None = None
+    obstacles: Annotated[list[Obstacle], Field(max_length=MAX_OBSTACLES)] | None = None
+    moveit: Annotated[str, Field(min_length=1, max_length=_MAX_YAML)] | None = Field(
+        None, description="planning-scene YAML"
+    )
+    allowed_collisions: Annotated[list[Pair], Field(max_length=_MAX_PAIRS)] | None = Field(
+        None, description="pairs of links or obstacles that may touch"
+    )
+
+    @field_validator("obstacles")
+    @classmethod
+    def _check_ids(cls, value: list[Obstacle] | None) -> list[Obstacle] | None:
+        distinct([obstacle.id for obstacle in value or ()], "obstacle")
+        return value
+
+    @model_validator(mode="after")
+    def _check_form(self) -> "Scene":
+        exactly_one(self, ("obstacles", "moveit"))
+        return self
+
+
+class NamedScene(Scene):
+    """A scene to be stored."""
+
+    name: Name = Field(examples=["table"])
+
+
+def _by_name(value: object) -> str:
+    return "name" if isinstance(value, str) else "inline"
+
+
+#: A stored scene by its name, or a scene.
+SceneReference = Annotated[
+    Annotated[Name, Tag("name")] | Annotated[Scene, Tag("inline")], Discriminator(_by_name)
+]
+
+
+class SceneSummary(Answer):
+    """What is known of a stored scene without its obstacles."""
+
+    name: str = Field(examples=["table"])
+    hash: str = Field(description="SHA-256 of the stored document")
+    version: int = Field(examples=[1], description="counts the replacements")
+    created: str = Field(examples=["2026-11-21T09:30:00+00:00"])
+    updated: str = Field(examples=["2026-11-21T09:30:00+00:00"])
+
+
+class SceneList(Answer):
+    """Stored scenes by name; `next` continues the list, if there are more."""
+
+    scenes: list[SceneSummary]
+    next: str | None = Field(None, description="value of `after` for the next page")
+
+
+class ProjectRequest(Body):
+    """Points to be projected onto every obstacle of a scene."""
+
+    points: Annotated[list[Point], Field(min_length=1, max_length=MAX_POINTS)] = Field(
+        examples=[[[0.5, 0.0, 0.4]]]
+    )
+
+
+class Projection(Answer):
+    """The orthogonal projection of a point onto one obstacle."""
+
+    obstacle: str = Field(examples=["table_top"])
+    projection: list[float] = Field(
+        examples=[[0.5, 0.0, 0.22]], description="the nearest point of the obstacle's surface [m]"
+    )
+    distance: float = Field(examples=[0.18], description="[m], negative inside")
+
+
+class ProjectAnswer(Answer):
+    """For each point its projection onto every obstacle."""
+
+    projections: list[list[Projection]]

@@ -1,0 +1,103 @@
+"""Runs the application on a socket until a signal ends it."""
+
+import asyncio
+import logging
+import signal
+import socket
+import sys
+from collections.abc import Mapping
+from typing import Any
+
+import uvicorn
+from fastapi import FastAPI
+from pydantic import ValidationError
+
+from service.app import create_app
+from service.settings import Settings
+from service.store import StoreError, open_store
+
+#: After SIGTERM requests may go on for this long, then they are told that the service ends [s].
+_DRAIN = 2.0
+#: And this much later connections that are still open, such as event streams, are cut [s].
+_CUT_OFF = 4
+
+
+class _Server(uvicorn.Server):
+    """Says where it listens, and ends within seconds whatever is still going on."""
+
+    def __init__(self, config: uvicorn.Config, app: FastAPI, address: str) -> None:
+        super().__init__(config)
+        self._application = app
+        self._address = address
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets)
+        if self.started:
+            print(f"Armwright serves on {self._address}", flush=True)  # noqa: T201
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        supervisor = self._application.state.supervisor
+        asyncio.get_running_loop().call_later(_DRAIN, supervisor.abandon)
+        await super().shutdown(sockets)
+
+
+def serve(given: Mapping[str, Any]) -> int:
+    """Serve until SIGTERM or SIGINT and give the exit code.
+
+    Args:
+        given: Settings that win over those of the environment.
+    """
+    try:
+        settings = Settings(**given)
+        # Storage that can't be used is told here, in a sentence, rather than by the framework.
+        open_store(settings.storage_url).close()
+        listener = _listen(settings.host, settings.port)
+    except ValidationError as error:
+        return _refuse("; ".join(f"{_name(e['loc'])}: {e['msg']}" for e in error.errors()))
+    except StoreError as error:
+        return _refuse(str(error))
+    except OSError as error:
+        return _refuse(f"can't listen on {settings.host} port {settings.port}: {error}")
+    logging.basicConfig(format="%(asctime)s %(levelname)s %(name)s: %(message)s")
+    app = create_app(settings)
+    config = uvicorn.Config(
+        app,
+        log_level=settings.log_level,
+        access_log=settings.log_level == "debug",
+        timeout_graceful_shutdown=_CUT_OFF,
+        server_header=False,
+        lifespan="on",
+    )
+    # Raised once more by uvicorn after a graceful end, which is no failure.
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: sys.exit(0))
+    _Server(config, app, _address(listener)).run([listener])
+    return 0
+
+
+def _listen(host: str, port: int) -> socket.socket:
+    family, kind, protocol, _, address = socket.getaddrinfo(
+        host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+    )[0]
+    listener = socket.socket(family, kind, protocol)
+    try:
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind(address)
+    except OSError:
+        listener.close()
+        raise
+    return listener
+
+
+def _address(listener: socket.socket) -> str:
+    host, port = listener.getsockname()[:2]
+    return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
+
+
+def _name(location: tuple[int | str, ...]) -> str:
+    return ".".join(str(step) for step in location) or "settings"
+
+
+def _refuse(reason: str) -> int:
+    print(f"armwright: {reason}", file=sys.stderr)  # noqa: T201
+    return 1

@@ -1,0 +1,54 @@
+"""Settings of the service, each also an environment variable ``ARMWRIGHT_<NAME>``."""
+
+import os
+from pathlib import Path
+from typing import Annotated, Literal
+
+from platformdirs import user_data_path
+from pydantic import Field, StringConstraints, model_validator
+from pydantic_settings import BaseSettings, SettingsConfigDict
+
+_MEBIBYTE = 1024 * 1024
+
+Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+
+
+class Settings(BaseSettings):
+    """What can be chosen where the service is started.
+
+    Raises:
+        pydantic.ValidationError: A value has the wrong type or lies outside its range.
+    """
+
+    model_config = SettingsConfigDict(env_prefix="ARMWRIGHT_", extra="ignore", frozen=True)
+
+    host: str = Field("127.0.0.1", description="address to listen on")
+    port: int = Field(8000, ge=0, le=65535, description="port to listen on, 0 for a free one")
+    data_dir: Path = Field(
+        default_factory=lambda: user_data_path("armwright", appauthor=False),
+        description="folder of the database",
+    )
+    database_url: Annotated[str, StringConstraints(min_length=1)] | None = Field(
+        None, description="where robots and scenes are kept; sqlite:///<data_dir>/armwright.db"
+    )
+    workers: int = Field(
+        default_factory=lambda: os.cpu_count() or 1, ge=1, le=256, description="worker processes"
+    )
+    queue_limit: int = Field(64, ge=0, description="requests that may wait for a worker")
+    max_body_size: int = Field(64 * _MEBIBYTE, ge=1024, description="largest request body [byte]")
+    body_timeout: Positive = Field(30.0, description="longest silence within a request body [s]")
+    default_timeout: Positive = Field(10.0, description="deadline of a request that names none [s]")
+    max_timeout: Positive = Field(300.0, description="longest deadline a request may name [s]")
+    kill_grace: Positive = Field(0.1, description="overrun of a deadline before the kill [s]")
+    log_level: Literal["debug", "info", "warning", "error"] = "info"
+
+    @model_validator(mode="after")
+    def _check_timeouts(self) -> "Settings":
+        if self.default_timeout > self.max_timeout:
+            raise ValueError("default_timeout must not exceed max_timeout")
+        return self
+
+    @property
+    def storage_url(self) -> str:
+        """The database URL, in the data folder unless one was given."""
+        return self.database_url or f"sqlite:///{self.data_dir.absolute() / 'armwright.db'}"
