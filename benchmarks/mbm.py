@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from benchmarks.recheck import Recheck
+from benchmarks.recheck import Recheck, Scenery
 from kinematics.serial import serial_chain
 from kinematics.srdf import parse_srdf
 from kinematics.urdf import parse_urdf
@@ -30,6 +30,7 @@ from planning.result import Failure, Plan
 
 #: The URDF gives no accelerations: those of the manufacturer's data sheet [rad/s^2].
 ACCELERATION = (15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0)
+Joints = dict[str, float]
 PLANNING_STAGES = {"preflight", "straight_line", "potential_field", "rrt_connect", "shortcut"}
 
 
@@ -62,7 +63,9 @@ def panda(folder: Path) -> RobotGeometry:
     return robot_geometry(chain, description, meshes, semantics)
 
 
-def problems(folder: Path, every: int) -> Iterator[tuple[str, str, dict[str, float], dict]]:
+def problems(
+    folder: Path, every: int
+) -> Iterator[tuple[str, str, dict[str, float], dict[str, float]]]:
     """Kind, scene text, start and goal of every problem, as joint name to value."""
     for kind in sorted(path for path in folder.iterdir() if path.is_dir()):
         for scene in sorted(kind.glob("scene*.yaml"))[::every]:
@@ -106,7 +109,7 @@ def run(folder: Path, seed: int, margin: float, every: int, timeout: float) -> d
 
 
 def _count(
-    tally: Tally, name: str, answer: Plan, whole: float, recheck: Recheck, truth: list
+    tally: Tally, name: str, answer: Plan, whole: float, recheck: Recheck, truth: Scenery
 ) -> None:
     tally.solved += 1
     tally.whole.append(whole)
@@ -140,7 +143,8 @@ def report(tallies: dict[str, Tally]) -> None:
         winners = ", ".join(f"{name} {count}" for name, count in sorted(tally.winners.items()))
         print(
             f"{kind:24} {tally.valid:5d} {tally.solved:6d} {tally.refused:7d} {tally.unclean:7d}"
-            f" {tally.over_limit:4d} | {np.median(planning):10.1f} {np.percentile(planning, 95):6.1f}"
+            f" {tally.over_limit:4d}"
+            f" | {np.median(planning):10.1f} {np.percentile(planning, 95):6.1f}"
             f" | {np.median(whole):11.1f} {np.percentile(whole, 95):6.1f} {whole.max():7.1f}"
             f" | {np.median(tally.durations or [np.nan]):8.2f} | {winners}"
         )

@@ -3,18 +3,23 @@
 Robot kinematics by pinocchio, meshes by trimesh, the scene straight from its YAML text.
 """
 
-import xml.etree.ElementTree as tree
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
 
 import fcl
 import numpy as np
 import pinocchio
 import trimesh
 import yaml
+from numpy.typing import NDArray
 
 #: Largest joint change between two samples [rad].
 STEP = 1e-3
+
+Scenery = list[tuple[str, Any]]
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -33,12 +38,12 @@ class Recheck:
         urdf = (folder / "panda.urdf").read_text()
         self.model = pinocchio.buildModelFromXML(urdf)
         self.data = self.model.createData()
-        self.bodies = []
+        self.bodies: list[tuple[str, int, Array, Any]] = []
         self._load(urdf, folder)
         self.disabled = _disabled(folder / "panda.srdf")
 
     def _load(self, urdf: str, folder: Path) -> None:
-        for link in tree.fromstring(urdf).findall("link"):
+        for link in ElementTree.fromstring(urdf).findall("link"):
             for collision in link.findall("collision"):
                 mesh = collision.find("geometry/mesh")
                 if mesh is None:
@@ -56,7 +61,7 @@ class Recheck:
                 frame = self.model.getFrameId(link.attrib["name"])
                 self.bodies.append((link.attrib["name"], frame, T, fcl.CollisionObject(convex)))
 
-    def scene(self, text: str) -> list[tuple[str, fcl.CollisionObject]]:
+    def scene(self, text: str) -> Scenery:
         """Collision objects of a MoveIt planning scene."""
         objects = []
         for entry in yaml.safe_load(text)["world"]["collision_objects"]:
@@ -69,7 +74,7 @@ class Recheck:
                 objects.append((entry["id"], fcl.CollisionObject(solid, placed)))
         return objects
 
-    def collision(self, q: np.ndarray, scene: list) -> tuple[str, str, float] | None:
+    def collision(self, q: Array, scene: Scenery) -> tuple[str, str, float] | None:
         """The first colliding pair at q, or None."""
         pinocchio.framesForwardKinematics(self.model, self.data, q)
         for _, frame, T, body in self.bodies:
@@ -89,7 +94,7 @@ class Recheck:
         return None
 
     def motion(
-        self, breaks: np.ndarray, coefficients: np.ndarray, acceleration: np.ndarray, scene: list
+        self, breaks: Array, coefficients: Array, acceleration: Array, scene: Scenery
     ) -> Finding:
         """Look at a piecewise polynomial motion every milliradian."""
         worst, colliding, samples = 0.0, None, 0
@@ -123,5 +128,5 @@ class Recheck:
 
 
 def _disabled(path: Path) -> set[frozenset[str]]:
-    pairs = tree.parse(path).getroot().findall("disable_collisions")
+    pairs = ElementTree.parse(path).getroot().findall("disable_collisions")
     return {frozenset((pair.attrib["link1"], pair.attrib["link2"])) for pair in pairs}

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from kinematics.errors import InvalidLinkName, InvalidRobotState, MissingLimit
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 #: Chains longer than this are refused: no arm has so many joints, a bomb may.
 MAX_JOINTS = 64
@@ -147,7 +148,7 @@ class Chain:
 
     name: str
     joint_names: tuple[str, ...]
-    joint_types: NDArray[np.int64]
+    joint_types: Indices
     offsets: Array
     links: tuple[Link, ...]
     base_link: str

@@ -5,12 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.chain import Array, Chain
+from kinematics.chain import Array, Chain, Indices
 from kinematics.kernel import kernel
 
 
 @kernel
-def forward_kernel(types: Array, offsets: Array, q: Array, frames: Array) -> None:
+def forward_kernel(types: Indices, offsets: Array, q: Array, frames: Array) -> None:
     """Write T_base_i = T_base_(i-1) A_i M_i(q_i) of every joint into ``frames`` (n, 4, 4).
 
     Only the upper three rows are written.
@@ -39,7 +39,7 @@ def forward_kernel(types: Array, offsets: Array, q: Array, frames: Array) -> Non
 
 
 @kernel
-def forward_batch_kernel(types: Array, offsets: Array, q: Array, frames: Array) -> None:
+def forward_batch_kernel(types: Indices, offsets: Array, q: Array, frames: Array) -> None:
     """``forward_kernel`` for a batch: q (m, n), frames (m, n, 4, 4), last rows too."""
     for k in range(q.shape[0]):
         forward_kernel(types, offsets, q[k], frames[k])

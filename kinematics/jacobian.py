@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.chain import Array, Chain
+from kinematics.chain import Array, Chain, Indices
 from kinematics.errors import InvalidOption
 from kinematics.forward import forward_kernel
 from kinematics.kernel import kernel
@@ -14,7 +14,7 @@ ZYZ_SINGULAR_SINE = 1e-8
 
 
 @kernel
-def jacobian_kernel(types: Array, frames: Array, point: Array, last: int, J: Array) -> None:
+def jacobian_kernel(types: Indices, frames: Array, point: Array, last: int, J: Array) -> None:
     """Write the geometric Jacobian of ``point`` (3,), which joint ``last`` carries, into J (6, n).
 
     Column j is [z_j x (p - o_j); z_j] for a revolute joint, [z_j; 0] for a prismatic one, and 0
@@ -47,7 +47,7 @@ def jacobian_kernel(types: Array, frames: Array, point: Array, last: int, J: Arr
 
 @kernel
 def jacobian_batch_kernel(
-    types: Array, offsets: Array, q: Array, T_joint_link: Array, point: Array, last: int, J: Array
+    types: Indices, offsets: Array, q: Array, T_joint_link: Array, point: Array, last: int, J: Array
 ) -> None:
     """Jacobians (m, 6, n) of a point (3,) in the frame of a link, for a batch q (m, n)."""
     frames = np.empty((q.shape[1], 4, 4))

@@ -7,7 +7,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from kinematics.chain import Array, Chain
+from kinematics.chain import Array, Chain, Indices
 from obstacles.piece import Piece, PieceArrays
 
 _T = TypeVar("_T", bound=np.generic)
@@ -21,18 +21,18 @@ class ModelArrays(NamedTuple):
     piece j is the one that moves when piece i is looked at from.
     """
 
-    joint_types: NDArray[np.int64]
+    joint_types: Indices
     offsets: Array
-    joints: NDArray[np.int64]
-    kinds: NDArray[np.int64]
-    starts: NDArray[np.int64]
+    joints: Indices
+    kinds: Indices
+    starts: Indices
     vertices: Array
     sizes: Array
     poses: Array
     centers: Array
     radii: Array
     boxes: Array
-    pairs: NDArray[np.int64]
+    pairs: Indices
     margins: Array
 
 
@@ -50,7 +50,7 @@ class CollisionModel:
 
     chain: Chain
     pieces: tuple[Piece, ...]
-    joints: NDArray[np.int64]
+    joints: Indices
     names: tuple[str, ...]
     arrays: ModelArrays
 
@@ -61,7 +61,7 @@ class CollisionModel:
         pieces: Sequence[Piece],
         joints: Sequence[int],
         names: Sequence[str],
-        pairs: Sequence[tuple[int, int]] | NDArray[np.int64],
+        pairs: Sequence[tuple[int, int]] | Indices,
         margins: Sequence[float] | Array,
     ) -> "CollisionModel":
         """Pack pieces and the pairs (k, 2) of them that must stay ``margins`` (k,) [m] apart.

@@ -11,9 +11,11 @@ Source: "A fast procedure for computing the distance between complex objects in
 three-dimensional space", IEEE Journal on Robotics and Automation, 1988.
 """
 
+import math
+
 import numpy as np
 
-from kinematics.chain import Array
+from kinematics.chain import Array, Indices
 from kinematics.kernel import kernel
 from obstacles.piece import PieceKind
 
@@ -44,7 +46,7 @@ def support(kind: int, points: Array, start: int, stop: int, size: Array, d: Vec
                 best, index = value, i
         return points[index, 0], points[index, 1], points[index, 2]
     radius, half = size[0], size[1]
-    radial = np.sqrt(d[0] * d[0] + d[1] * d[1])
+    radial = math.sqrt(d[0] * d[0] + d[1] * d[1])
     x, y = 0.0, 0.0
     if radial > 0.0:
         x, y = radius * d[0] / radial, radius * d[1] / radial
@@ -212,13 +214,13 @@ def _halfspace_distance(
     normal = (H[0, 2], H[1, 2], H[2, 2])
     down = (-normal[0], -normal[1], -normal[2])
     p = support_in(kind, points, start, stop, size, T, down)
-    return _dot(normal, (p[0] - H[0, 3], p[1] - H[1, 3], p[2] - H[2, 3])) - size[2]
+    return float(_dot(normal, (p[0] - H[0, 3], p[1] - H[1, 3], p[2] - H[2, 3])) - size[2])
 
 
 @kernel
 def separation(
-    kinds: Array,
-    starts: Array,
+    kinds: Indices,
+    starts: Indices,
     points: Array,
     sizes: Array,
     i: int,
@@ -234,13 +236,19 @@ def separation(
     """Compare the distance of pieces i and j with two thresholds, near <= far [m].
 
     Args:
-        kinds, starts, points, sizes: Of ``PieceArrays``.
-        i, j: The pieces.
-        T_i, T_j: Their frames in one common frame, shape (4, 4).
+        kinds: Of ``PieceArrays``, as are the next three.
+        starts: Where each piece's vertices begin.
+        points: The vertices.
+        sizes: Radius, half height, rounding.
+        i: One piece.
+        T_i: Its frame in a common frame, shape (4, 4).
+        j: The other piece.
+        T_j: Its frame in the same common frame, shape (4, 4).
         near: At most this far apart counts as too close; -inf asks for the distance itself.
         far: Farther apart than this is far enough; +inf asks for the distance itself.
         axis: Where to look first, from j to i, shape (3,); replaced by what was found.
-        S, scratch: Room to work in, both (4, 3).
+        S: Room to work in, shape (4, 3).
+        scratch: More of it, shape (4, 3).
 
     Returns:
         FARTHER (distance > far), CLOSER (distance <= near) or BETWEEN, and a lower and an upper
@@ -265,7 +273,7 @@ def separation(
         a = support_in(kinds[i], points, starts[i], starts[i + 1], sizes[i], T_i, back)
         b = support_in(kinds[j], points, starts[j], starts[j + 1], sizes[j], T_j, v)
         w = _minus(a, b)
-        length = np.sqrt(square)
+        length = math.sqrt(square)
         plane = _dot(v, w) / length
         if plane - rounding > lower:
             lower = plane - rounding
@@ -285,7 +293,7 @@ def separation(
         if count == 4 or square <= _CONTACT * _CONTACT:
             upper = -rounding
             break
-        upper = min(upper, np.sqrt(square) - rounding)
+        upper = min(upper, math.sqrt(square) - rounding)
         settled = near > -np.inf and lower > near and upper <= far
         if upper <= near or settled:
             break

@@ -12,6 +12,8 @@ inside it. Source: "Adaptive dynamic collision checking for single and multiple 
 robots in complex environments", IEEE Transactions on Robotics, 2005.
 """
 
+import math
+
 import numpy as np
 
 from kinematics.chain import Array
@@ -70,7 +72,7 @@ def motion_bounds(
                 zx, zy, zz = frames[j, 0, 2], frames[j, 1, 2], frames[j, 2, 2]
                 along = x * zx + y * zy + z * zz
                 square = x * x + y * y + z * z - along * along
-                rho = np.sqrt(max(square, 0.0)) + radius
+                rho = math.sqrt(max(square, 0.0)) + radius
                 total += (rho + total) * delta[j]
             else:
                 total += delta[j]
@@ -87,7 +89,7 @@ def _ball_to_box(center: Array, radius: float, box: Array, T: Array) -> float:
         out = abs(local) - box[3 + k]
         if out > 0.0:
             square += out * out
-    return np.sqrt(square) - radius
+    return float(math.sqrt(square) - radius)
 
 
 @kernel
@@ -98,7 +100,7 @@ def quick_bound(model: ModelArrays, i: int, j: int, poses: Array, centers: Array
         y = centers[j, 1] - poses[i, 1, 3]
         z = centers[j, 2] - poses[i, 2, 3]
         height = x * poses[i, 0, 2] + y * poses[i, 1, 2] + z * poses[i, 2, 2]
-        return height - model.radii[j]
+        return float(height - model.radii[j])
     bound = _ball_to_box(centers[j], model.radii[j], model.boxes[i], poses[i])
     other = _ball_to_box(centers[i], model.radii[i], model.boxes[j], poses[j])
     return max(bound, other)
@@ -110,7 +112,7 @@ def ball_bound(model: ModelArrays, i: int, j: int, centers: Array) -> float:
     x = centers[i, 0] - centers[j, 0]
     y = centers[i, 1] - centers[j, 1]
     z = centers[i, 2] - centers[j, 2]
-    return np.sqrt(x * x + y * y + z * z) - model.radii[i] - model.radii[j]
+    return float(math.sqrt(x * x + y * y + z * z) - model.radii[i] - model.radii[j])
 
 
 @kernel
@@ -128,7 +130,9 @@ def certify_curve(
 
     Args:
         model: The packed robot and scene.
-        b0, b1, b2: Coefficients of the curve, shape (n,).
+        b0: Coefficients of the curve, shape (n,), as are the next two.
+        b1: Of s.
+        b2: Of s^2.
         margin: Asked for on top of the pairs' own margins [m].
         found: Filled with what was found, shape (4,): where on the curve it stopped (s), the pair
             that stopped it or -1, intervals looked at, and the clearance proved so far [m].
@@ -252,7 +256,7 @@ def closest_pair(model: ModelArrays, q: Array) -> tuple[float, int]:
         if quick_bound(model, i, j, poses, centers) - apart >= best:
             continue
         look_along_centers(i, j, centers, axis)
-        verdict, lower, upper = separation(
+        verdict, lower, _ = separation(
             model.kinds, model.starts, model.vertices, model.sizes,
             i, poses[i], j, poses[j], -np.inf, best + apart, axis, S, scratch,
         )  # fmt: skip

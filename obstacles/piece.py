@@ -64,7 +64,7 @@ class Piece:
         return T[:3, :3] @ center + T[:3, 3], radius + self.rounding
 
     def local_box(self) -> Array:
-        """Box that holds the whole piece: centre and half sizes in the piece's frame, shape (6,)."""
+        """A box that holds the piece: centre and half sizes in the piece's frame, shape (6,)."""
         if self.kind == PieceKind.HALFSPACE:
             return np.array([0.0, 0.0, 0.0, np.inf, np.inf, np.inf])
         if self.kind == PieceKind.POLYTOPE:

@@ -3,19 +3,17 @@
 Written apart from the planner's own kernels on purpose: a fault there must not be believed here.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from kinematics.chain import Array
+from kinematics.chain import Array, Indices
 from kinematics.forward import forward_kernel
 from kinematics.kernel import kernel
 from kinematics.trajectory import Trajectory
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
-
-Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,9 +30,9 @@ class PairTable:
         robot: The arm.
     """
 
-    pairs: Index
+    pairs: Indices
     margins: Array
-    joints: Index
+    joints: Indices
     centers: Array
     radii: Array
     owners: tuple[str, ...]
@@ -85,9 +83,9 @@ class Cells:
 
     low: Array
     high: Array
-    pieces: Index
-    starts: Index
-    open_pairs: Index
+    pieces: Indices
+    starts: Indices
+    open_pairs: Indices
 
     def __len__(self) -> int:
         return len(self.low)
@@ -108,8 +106,8 @@ class Placed:
 
     times: Array
     frames: Array
-    open_cells: Index
-    open_pairs: Index
+    open_cells: Indices
+    open_pairs: Indices
     open_bounds: Array
     clearance: float
     closest: int
@@ -191,7 +189,7 @@ def stray(coefficients: Array, at: float, half: float, q: Array, delta: Array) -
 
 @kernel
 def relative_stray(
-    types: Array, frames: Array, x: float, y: float, z: float, radius: float,
+    types: Indices, frames: Array, x: float, y: float, z: float, radius: float,
     carrier: int, still: int, delta: Array,
 ) -> float:  # fmt: skip
     """How far a ball carried by joint ``carrier`` can move, seen from joint ``still``'s body [m].
@@ -207,7 +205,7 @@ def relative_stray(
         ax, ay, az = frames[j, 0, 2], frames[j, 1, 2], frames[j, 2, 2]
         # Distance of the centre from the axis: |d x a|.
         cx, cy, cz = dy * az - dz * ay, dz * ax - dx * az, dx * ay - dy * ax
-        lever = np.sqrt(cx * cx + cy * cy + cz * cz) + radius + moved
+        lever = math.sqrt(cx * cx + cy * cy + cz * cz) + radius + moved
         # A point never strays farther than the circle's diameter.
         moved += min(lever * delta[j], 2.0 * lever)
     return moved
@@ -215,10 +213,10 @@ def relative_stray(
 
 @kernel
 def settle_kernel(
-    types: Array, offsets: Array, breaks: Array, coefficients: Array,
-    pairs: Array, margins: Array, joints: Array, centers: Array, radii: Array,
-    low: Array, high: Array, pieces: Array, starts: Array, open_pairs: Array,
-    enough: float, frames: Array, left: Array, bounds: Array,
+    types: Indices, offsets: Array, breaks: Array, coefficients: Array,
+    pairs: Indices, margins: Array, joints: Indices, centers: Array, radii: Array,
+    low: Array, high: Array, pieces: Indices, starts: Indices, open_pairs: Indices,
+    enough: float, frames: Array, left: Indices, bounds: Array,
 ) -> tuple[float, int, int]:  # fmt: skip
     """Kernel of ``settle_by_bounds``; least clearance settled, its pair, and how many are left."""
     n, p = offsets.shape[0], joints.shape[0]
@@ -247,7 +245,7 @@ def settle_kernel(
             )  # fmt: skip
             dx, dy = place[i, 0] - place[j, 0], place[i, 1] - place[j, 1]
             dz = place[i, 2] - place[j, 2]
-            apart = np.sqrt(dx * dx + dy * dy + dz * dz) - radii[i] - radii[j] - moved
+            apart = math.sqrt(dx * dx + dy * dy + dz * dz) - radii[i] - radii[j] - moved
             if apart > margins[pair] and apart >= enough:
                 if apart < clearance:
                     clearance, closest = apart, pair

@@ -16,12 +16,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from obstacles.world import World
 
 from kinematics.chain import Array, Chain
 from kinematics.trajectory import Trajectory
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
-from obstacles.world import World
 from planning.cells import Cells, PairTable, first_cells, halves, settle_by_bounds
 from planning.deadline import Deadline
 
@@ -98,7 +98,9 @@ class Certificate:
     violation: Violation | None = None
 
 
-METHOD = "continuous: FCL distances and motion bounds on cells of time, exact extrema of polynomials"
+METHOD = (
+    "continuous: FCL distances and motion bounds on cells of time, exact extrema of polynomials"
+)
 
 
 def certify(
@@ -174,9 +176,7 @@ def _check_limits(
     return reports, wrong
 
 
-def _check_position(
-    trajectory: Trajectory, chain: Chain
-) -> tuple[LimitReport, Violation | None]:
+def _check_position(trajectory: Trajectory, chain: Chain) -> tuple[LimitReport, Violation | None]:
     lower, upper = chain.limits.lower, chain.limits.upper
     low, low_time, high, high_time = trajectory.extrema(0)
     half = 0.5 * (upper - lower)

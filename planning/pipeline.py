@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -212,23 +213,18 @@ def _time_and_prove(
 ) -> tuple[Trajectory, Certificate] | Failure:
     """Round the corners, time the path and prove it; with sharp corners if that fails."""
     points = merge(waypoints)
-    certificate = None
     for rounded in (True, False):
-        trajectory = stages.run(
+        timed = stages.run(
             "timing",
-            lambda rounded=rounded: _timed(ready, points, limits, rounded, deadline),
+            partial(_timed, ready, points, limits, rounded, deadline),
             lambda timed: (True, f"{timed.duration:.3f} s, {timed.pieces} pieces."),
         )
+        prove = partial(certify, timed, problem.robot, problem.scene, margin=problem.margin)
         certificate = stages.run(
-            "certificate",
-            lambda trajectory=trajectory: certify(
-                trajectory, problem.robot, problem.scene,
-                margin=problem.margin, limits=limits, deadline=deadline,
-            ),
-            _tell_certificate,
-        )  # fmt: skip
+            "certificate", partial(prove, limits=limits, deadline=deadline), _tell_certificate
+        )
         if certificate.verified:
-            return trajectory, certificate
+            return timed, certificate
         if len(points) < 3 or deadline.passed:
             break
     return _refused(certificate, deadline)

@@ -19,14 +19,14 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
+from obstacles.projection import project
 
-from kinematics.chain import Array, Chain
+from kinematics.chain import Array, Chain, Indices
 from kinematics.errors import InvalidOption
 from kinematics.forward import forward_kernel
 from kinematics.jacobian import jacobian_kernel
 from kinematics.kernel import kernel
 from obstacles.checker import Checker
-from obstacles.projection import project
 from obstacles.scene import Obstacle
 from planning.deadline import Deadline
 
@@ -100,7 +100,7 @@ class FieldResult:
 
 @kernel
 def control_points_kernel(
-    types: Array, offsets: Array, T_tip: Array, q: Array, points: Array, jacobians: Array
+    types: Indices, offsets: Array, T_tip: Array, q: Array, points: Array, jacobians: Array
 ) -> None:
     """Write the control points (n, 3) and their linear Jacobians (n, 3, n) at q (n,)."""
     n = q.shape[0]
@@ -129,7 +129,9 @@ def attractive_forces(points: Array, goal_points: Array, options: FieldOptions) 
     e = goal_points - points
     length = np.linalg.norm(e, axis=1, keepdims=True)
     cap = options.attractive_cap
-    return np.asarray(options.attractive_weight * e * np.minimum(1.0, cap / np.maximum(length, cap)))
+    return np.asarray(
+        options.attractive_weight * e * np.minimum(1.0, cap / np.maximum(length, cap))
+    )
 
 
 def repulsive_forces(

@@ -4,11 +4,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from obstacles.world import World
 
 from kinematics.chain import Array, Chain
 from kinematics.ik import numeric
 from obstacles.checker import Checker
-from obstacles.world import World
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.result import Failure
 
@@ -64,17 +64,15 @@ def preflight(problem: Problem, seed: int) -> Ready | Failure:
     slack = min(_SLACK, 0.5 * clearance, 0.5 * max(spare for spare, _ in goals))
     kept = [q for spare, q in goals if spare > slack]
     kept.sort(key=lambda q: float(np.linalg.norm(q - start)))
-    notes = ()
+    notes: tuple[str, ...] = ()
     if not np.array_equal(start, problem.start):
         moved = float(np.abs(start - problem.start).max())
         notes = (f"The start was outside a limit by {moved:.3g} and was moved onto it.",)
     return Ready(start, kept, Checker(checker.model, problem.margin + slack), notes)
 
 
-def _snapped(
-    chain: Chain, q: Array, tolerance: float
-) -> tuple[Array, dict[str, Any] | None]:
-    """q moved onto the limits it misses by no more than the tolerance, or the limit it breaks."""
+def _snapped(chain: Chain, q: Array, tolerance: float) -> tuple[Array, dict[str, Any] | None]:
+    """The nearest configuration inside the limits, or the limit broken by more than ``tolerance``."""
     lower, upper = chain.limits.lower, chain.limits.upper
     inside = np.clip(q, lower, upper)
     j = int(np.argmax(np.abs(inside - q)))
@@ -168,7 +166,9 @@ def _pose_goal(
                 "nearest_joints": nearest.joints.tolist(),
             },
         )
-    spares = [(checker.clearance(solution.joints), solution.joints) for solution in result.solutions]
+    spares = [
+        (checker.clearance(solution.joints), solution.joints) for solution in result.solutions
+    ]
     valid = [(clearance, q) for (clearance, _), q in spares if clearance > 0.0]
     if valid:
         return valid

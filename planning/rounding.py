@@ -40,5 +40,3 @@ def _certified_reach(checker: Checker, corner: Array, reach: float, deadline: De
             return reach
         reach /= 2.0
     return 0.0
-
-

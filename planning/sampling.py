@@ -91,7 +91,7 @@ def sample(
     return SamplingResult(waypoints, edges.count)
 
 
-class _CertifiedEdges(base.MotionValidator):  # type: ignore[misc]
+class _CertifiedEdges(base.MotionValidator):
     """OMPL's door to the checker."""
 
     def __init__(self, information: Any, checker: Checker, n: int) -> None:
@@ -100,7 +100,7 @@ class _CertifiedEdges(base.MotionValidator):  # type: ignore[misc]
         self._n = n
         self.count = 0
 
-    def checkMotion(self, a: Any, b: Any) -> bool:  # noqa: N802 - OMPL's name
+    def checkMotion(self, a: Any, b: Any) -> bool:
         """Whether the straight motion from a to b is proved free."""
         self.count += 1
         n = self._n

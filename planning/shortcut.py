@@ -1,5 +1,7 @@
 """Shortening a path by straight cuts, each of them proved free before it is taken."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from kinematics.chain import Array
@@ -56,7 +58,7 @@ def _skip_waypoints(checker: Checker, points: list[Array], deadline: Deadline) -
 def _random_cut(
     checker: Checker, points: list[Array], random: np.random.Generator
 ) -> list[Array] | None:
-    lengths = np.array([np.linalg.norm(b - a) for a, b in zip(points, points[1:], strict=False)])
+    lengths = np.array([np.linalg.norm(b - a) for a, b in pairwise(points)])
     ends = np.cumsum(lengths)
     first, last = np.sort(random.uniform(0.0, ends[-1], 2))
     i, j = int(np.searchsorted(ends, first)), int(np.searchsorted(ends, last))

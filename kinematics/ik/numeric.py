@@ -10,14 +10,16 @@ Transactions on Robotics, 2011 (the damping); restarts with seeded draws are our
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from kinematics.chain import Array, Chain
+from kinematics.chain import Array, Chain, Indices
 from kinematics.errors import InvalidOption, InvalidPose
 from kinematics.forward import forward_kernel
 from kinematics.ik.solution import IkResult, IkSolution
 from kinematics.jacobian import jacobian_kernel
 from kinematics.kernel import kernel
+
+State = NDArray[np.uint64]
 
 POSITION_TOLERANCE = 1e-6
 ORIENTATION_TOLERANCE = 1e-6
@@ -67,7 +69,7 @@ def rotation_vector(R: Array, target: Array, out: Array) -> None:
 
 @kernel
 def _tip_error(
-    types: Array, offsets: Array, T_tip: Array, target: Array, turn: float, q: Array,
+    types: Indices, offsets: Array, T_tip: Array, target: Array, turn: float, q: Array,
     frames: Array, tip: Array, e: Array,
 ) -> tuple[float, float]:  # fmt: skip
     """Fill the tip's pose (4, 4) and the error (6,); answer the errors [m], [rad]."""
@@ -111,7 +113,7 @@ def _cholesky_solve(H: Array, g: Array, n: int) -> None:
 @kernel
 def _step(
     J: Array, e: Array, q: Array, lower: Array, upper: Array, damping: float,
-    free: Array, H: Array, g: Array, out: Array,
+    free: Indices, H: Array, g: Array, out: Array,
 ) -> None:  # fmt: skip
     """Write the damped, limited step from q into ``out`` (n,)."""
     n, count = q.shape[0], 0
@@ -138,7 +140,7 @@ def _step(
 
 
 @kernel
-def _uniform(state: Array) -> float:
+def _uniform(state: State) -> float:
     """Next number in [0, 1) of a splitmix64 sequence, whose state is one uint64."""
     state[0] += np.uint64(0x9E3779B97F4A7C15)
     x = state[0]
@@ -150,9 +152,9 @@ def _uniform(state: Array) -> float:
 
 @kernel
 def solve_kernel(
-    types: Array, offsets: Array, T_tip: Array, target: Array, turn: float,
+    types: Indices, offsets: Array, T_tip: Array, target: Array, turn: float,
     lower: Array, upper: Array, draw_lower: Array, draw_upper: Array,
-    tolerances: Array, starts: int, state: Array, start: Array, best: Array, told: Array,
+    tolerances: Array, starts: int, state: State, start: Array, best: Array, told: Array,
 ) -> bool:  # fmt: skip
     """Search from ``start`` (n,), then from random draws, until the tolerances are met.
 
@@ -170,9 +172,7 @@ def solve_kernel(
             for j in range(n):
                 q[j] = draw_lower[j] + _uniform(state) * (draw_upper[j] - draw_lower[j])
         mu, stale = _DAMPING, 0
-        position, rotation = _tip_error(
-            types, offsets, T_tip, target, turn, q, frames, tip, e
-        )
+        position, rotation = _tip_error(types, offsets, T_tip, target, turn, q, frames, tip, e)
         square = position * position + rotation * rotation
         mark = square
         for _ in range(_STEPS):
