@@ -14,7 +14,7 @@ from scipy.integrate import DOP853
 from dynamics.body import bodies
 from dynamics.forward import forward_dynamics
 from kinematics.chain import Array, Chain
-from kinematics.errors import InvalidOption
+from kinematics.errors import InvalidOption, InvalidRobotState
 from kinematics.trajectory import MAX_SAMPLES, Trajectory
 from tracking.controller import AdaptiveController, Controller
 from tracking.reference import ReferenceSignal
@@ -115,7 +115,7 @@ def simulate(
     qd = start.velocity if initial_velocity is None else initial_velocity
     state = [body.configuration(q, "initial_position"), body.configuration(qd, "initial_velocity")]
     if any(part.shape != (body.n,) for part in state):
-        raise InvalidOption("a simulation starts at one state, not at a batch of them")
+        raise InvalidRobotState("a simulation starts at one state, not at a batch of them")
     if isinstance(controller, AdaptiveController):
         state.append(controller.estimate)
     if disturbance is not None:

@@ -8,6 +8,7 @@ from kinematics.chain import Chain
 from kinematics.errors import InvalidLinkName, InvalidOption, InvalidRobotState
 from kinematics.forward import forward, joint_frames
 from kinematics.jacobian import geometric
+from kinematics.robots import builtin_chain, builtin_names
 from kinematics.symbolic import (
     forward_function,
     jacobian_function,
@@ -15,9 +16,12 @@ from kinematics.symbolic import (
     symbolic_jacobian,
     symbolic_pose,
 )
-from tests.dynamics.samples import cart_pendulum, planar_rr, random_chain, random_state
+from tests.dynamics.samples import random_chain, random_state
 
-CHAINS = [*(random_chain(seed, 1 + seed) for seed in range(8)), planar_rr(), cart_pendulum()]
+CHAINS = [
+    *(random_chain(seed, 1 + seed) for seed in range(8)),
+    *(builtin_chain(name) for name in builtin_names()),
+]
 
 
 def ids(chain: object) -> str:
