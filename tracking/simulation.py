@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import DOP853
 
 from dynamics.body import bodies
-from dynamics.forward import forward_dynamics
+from dynamics.forward import forward_dynamics_kernel, massless
 from kinematics.chain import Array, Chain
 from kinematics.errors import InvalidOption, InvalidRobotState
 from kinematics.trajectory import MAX_SAMPLES, Trajectory
@@ -159,7 +159,7 @@ class _Loop:
         robot: Chain,
     ) -> None:
         _check_joints(controller.chain, trajectory, robot)
-        bodies(robot)
+        self.bodies = bodies(robot)
         self.controller, self.options, self.robot = controller, options, robot
         self.signal = ReferenceSignal(trajectory)
         self.duration = trajectory.duration if options.duration is None else options.duration
@@ -227,9 +227,14 @@ class _Loop:
             return np.full_like(x, np.nan)
         n = self.robot.n
         command = law(t, x)
-        pushed = command.torque + self.disturbance
-        qdd = forward_dynamics(self.robot, x[:n], x[n : 2 * n], pushed)
-        return np.concatenate([x[n : 2 * n], qdd, command.adaptation])
+        # Straight to the kernel: the state is known to be finite and of the right length.
+        state, qdd = np.empty((1, 3, n)), np.empty((1, n))
+        state[0, :2] = x[: 2 * n].reshape(2, n)
+        state[0, 2] = command.torque + self.disturbance
+        failed = forward_dynamics_kernel(self.bodies, state, qdd)
+        if failed >= 0:
+            raise massless(self.robot, failed)
+        return np.concatenate([x[n : 2 * n], qdd[0], command.adaptation])
 
     def advance(
         self, start: float, end: float, x: Array, law: _Law
