@@ -156,7 +156,10 @@ def _check_inertia(row: DhRow, where: str) -> None:
             continue
         if row.mass is None:
             raise InvalidRobotDescription(f"{where} has {name} but no mass", hint="Give the mass.")
-        array = np.asarray(value, dtype=np.float64)
+        try:
+            array = np.asarray(value, dtype=np.float64)
+        except (TypeError, ValueError):  # rows of different lengths, words
+            array = np.zeros(0)
         if array.shape != shape or not np.isfinite(array).all():
             raise InvalidRobotDescription(
                 f"{name} in {where} must be {' x '.join(map(str, shape))} finite numbers"

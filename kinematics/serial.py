@@ -73,9 +73,6 @@ def serial_chain(
     offsets, links = _unfold(description, chosen)
     limits, continuous = _limits(joints, joint_limits or {}, description)
     prismatic = [joint.type == "prismatic" for joint in joints]
-    g = np.asarray(gravity, dtype=np.float64)
-    if g.shape != (3,) or not np.isfinite(g).all():
-        raise InvalidRobotDescription("gravity must be three finite numbers [x, y, z]")
     return Chain(
         name=description.name,
         joint_names=chosen.joints,
@@ -86,9 +83,19 @@ def serial_chain(
         tip_link=chosen.tip_link,
         limits=limits,
         continuous=np.array(continuous),
-        gravity=g,
+        gravity=_gravity(gravity),
         viscous_friction=np.array([joint.damping for joint in joints]),
     )
+
+
+def _gravity(values: ArrayLike) -> Array:
+    try:
+        g = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        g = np.zeros(0)
+    if g.shape != (3,) or not np.isfinite(g).all():
+        raise InvalidRobotDescription("gravity must be three finite numbers [x, y, z]")
+    return g
 
 
 def select(

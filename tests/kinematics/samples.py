@@ -2,6 +2,7 @@
 
 import importlib.metadata
 import math
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,9 @@ import pinocchio as pin
 from kinematics.chain import Array, Chain, Limits, Link
 from kinematics.description import RobotDescription
 from kinematics.pose import from_axis_angle, rotation_x, rotation_z, transform
-from kinematics.serial import select
+from kinematics.robots import builtin_names, builtin_urdf
+from kinematics.serial import select, serial_chain
+from kinematics.urdf import parse_urdf
 
 #: An arm on a rail with what files have: a base above, odd axes, a gripper that mimics, a camera.
 TREE = """<?xml version="1.0"?>
@@ -157,43 +160,81 @@ def random_chain(rng: np.random.Generator, n: int | None = None) -> Chain:
     )
 
 
-def real_robots() -> dict[str, Path]:
-    """The arms of example-robot-data (the extra called robots); empty where it is missing."""
-    names = {
-        "panda.urdf": "panda_description/urdf",
-        "ur5_robot.urdf": "ur_description/urdf",
-        "ur10_robot.urdf": "ur_description/urdf",
-        "ur3_gripper.urdf": "ur_description/urdf",
-        "kinova.urdf": "kinova_description/robots",
-        "xarm7.urdf": "xarm_description/urdf",
-        "z1.urdf": "z1_description/urdf",
-        "so101.urdf": "so_arm_description/urdf",
-        "tiago.urdf": "tiago_description/robots",
-        "baxter.urdf": "baxter_description/urdf",
-        "talos_left_arm.urdf": "talos_data/robots",
-        "pr2.urdf": "pr2_description/urdf",
-    }
+#: Arms of example-robot-data (the extra called robots): folder, base and tip.
+REAL = {
+    "panda": ("panda_description/urdf", "panda_link0", "panda_hand_tcp"),
+    "ur5_robot": ("ur_description/urdf", "base_link", "tool0"),
+    "ur10_robot": ("ur_description/urdf", "world", "ee_link"),
+    "ur3_gripper": ("ur_description/urdf", "world", "wrist_2_link"),
+    "kinova": ("kinova_description/robots", "base", "j2s6s200_end_effector"),
+    "xarm7": ("xarm_description/urdf", "world", "link_eef"),
+    "z1": ("z1_description/urdf", "world", "gripperMover"),
+    "so101": ("so_arm_description/urdf", "base_link", "gripper_frame_link"),
+    "tiago": ("tiago_description/robots", "base_footprint", "arm_7_link"),
+    "baxter": ("baxter_description/urdf", "torso", "left_gripper"),
+    "pr2": ("pr2_description/urdf", "torso_lift_link", "r_wrist_roll_link"),
+}
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A robot by its text, and the chain to cut out of it."""
+
+    name: str
+    text: str
+    base: str | None = None
+    tip: str | None = None
+    held: dict[str, float] = field(default_factory=dict)
+
+    def description(self) -> RobotDescription:
+        return parse_urdf(self.text)
+
+    def chain(self) -> Chain:
+        return serial_chain(self.description(), self.base, self.tip, self.held)
+
+
+def samples() -> list[Sample]:
+    """The tree in several cuts, the built-in robots, and real ones where the extra is there."""
+    tree = [
+        Sample("tree", TREE, None, "hand", {"mast_joint": 0.7, "left_finger_joint": 0.03}),
+        Sample("tree-from-carriage", TREE, "carriage", "fore"),
+        Sample("tree-finger", TREE, "upper", "hand", {"slide": -0.2, "shoulder": 4.0}),
+        Sample("tree-mast", TREE, "rail", "mast", {"shoulder": -2.0, "elbow": 1.0}),
+    ]
+    built_in = [Sample(name, builtin_urdf(name)) for name in builtin_names()]
+    return tree + built_in + real_robots()
+
+
+def real_robots() -> list[Sample]:
+    """Those of ``REAL``; none where the extra is not installed."""
     try:
         files = importlib.metadata.files("example-robot-data") or []
     except importlib.metadata.PackageNotFoundError:
-        return {}
-    wanted = {f"robots/{folder}/{name}" for name, folder in names.items()}
-    return {
-        file.name: Path(str(file.locate()))
-        for file in files
-        if "/".join(file.parts[-4:]) in wanted
-    }
+        return []
+    found = []
+    for name, (folder, base, tip) in REAL.items():
+        end = f"robots/{folder}/{name}.urdf"
+        path = next(file.locate() for file in files if file.as_posix().endswith(end))
+        text = Path(str(path)).read_text(encoding="utf-8")
+        found.append(Sample(name, text, base, tip))
+    return found
+
+
+def configurations(chain: Chain, count: int, seed: int = 3) -> list[Array]:
+    """Inside the limits, at both ends of them, and at 0."""
+    lower, upper = chain.sampling_bounds()
+    inside = np.random.default_rng(seed).uniform(lower, upper, (count, chain.n))
+    return [*inside, lower, upper, np.zeros(chain.n)]
 
 
 class Reference:
     """The same robot in pinocchio, everything off the chain held as the chain holds it."""
 
-    def __init__(self, text: str, description: RobotDescription, chain: Chain) -> None:
-        self.chain = chain
-        self.model = pin.buildModelFromXML(text)
+    def __init__(self, sample: Sample) -> None:
+        self.chain = sample.chain()
+        self.model = pin.buildModelFromXML(sample.text)
         self.data = self.model.createData()
-        held = select(description, chain.base_link, chain.tip_link).held
-        self._held = dict(held)
+        self._held = dict(select(sample.description(), sample.base, sample.tip, sample.held).held)
 
     def _configuration(self, q: Array) -> Array:
         full = pin.neutral(self.model)
@@ -204,7 +245,7 @@ class Reference:
                 full[joint.idx_q : joint.idx_q + 2] = math.cos(value), math.sin(value)
             else:
                 full[joint.idx_q] = value
-        return full
+        return np.array(full)
 
     def _frame(self, link: str) -> int:
         return int(self.model.getFrameId(link, pin.FrameType.BODY))
@@ -226,4 +267,4 @@ class Reference:
         R = self.data.oMf[self._frame(self.chain.base_link)].rotation.T
         joints = [self.model.joints[self.model.getJointId(n)] for n in self.chain.joint_names]
         columns = J[:, [joint.idx_v for joint in joints]]
-        return np.vstack([R @ columns[:3], R @ columns[3:]])
+        return np.array(np.vstack([R @ columns[:3], R @ columns[3:]]))

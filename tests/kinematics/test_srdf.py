@@ -1,0 +1,115 @@
+"""What the SRDF reader keeps, drops and refuses."""
+
+import contextlib
+import pickle
+
+import pytest
+
+from kinematics.errors import InvalidRobotDescription
+from kinematics.srdf import Semantics, check_semantics, parse_srdf
+from kinematics.urdf import parse_urdf
+from tests.kinematics.samples import TREE
+
+SRDF = """<?xml version="1.0"?>
+<robot name="tree">
+  <!-- the arm, with and without its rail -->
+  <group name="arm"><chain base_link="carriage" tip_link="hand"/></group>
+  <group name="whole"><chain base_link="rail" tip_link="hand"/></group>
+  <group name="fingers"><joint name="left_finger_joint"/><link name="right_finger"/></group>
+  <group name="both"><group name="arm"/><group name="fingers"/></group>
+  <group name="two"><chain base_link="rail" tip_link="hand"/>
+    <chain base_link="rail" tip_link="mast"/></group>
+  <group_state name="home" group="arm">
+    <joint name="shoulder" value="0.5"/><joint name="elbow" value="-1.25"/>
+  </group_state>
+  <group_state name="open" group="fingers"><joint name="left_finger_joint" value="0.04"/>
+    <joint name="floating_one" value="0 0 0 0 0 0 1"/></group_state>
+  <group_state name="home"><joint name="slide" value="0"/></group_state>
+  <virtual_joint name="v" type="fixed" parent_frame="map" child_link="world"/>
+  <end_effector name="e" parent_link="hand" group="fingers"/>
+  <passive_joint name="right_finger_joint"/>
+  <disable_collisions link1="upper" link2="carriage" reason="Adjacent"/>
+  <disable_collisions link1="carriage" link2="upper" reason="Never"/>
+  <disable_collisions link1="hand" link2="ghost" reason="Never"/>
+</robot>
+"""
+
+
+def test_everything_a_chain_needs_is_kept() -> None:
+    srdf = parse_srdf(SRDF)
+    assert srdf.name == "tree"
+    assert dict(srdf.chains) == {"arm": ("carriage", "hand"), "whole": ("rail", "hand")}
+    assert srdf.disabled_collisions == {("carriage", "upper"), ("ghost", "hand")}
+    assert dict(srdf.states["arm"]["home"]) == {"shoulder": 0.5, "elbow": -1.25}
+    assert dict(srdf.states["fingers"]["open"]) == {"left_finger_joint": 0.04}
+    assert dict(srdf.states[""]["home"]) == {"slide": 0.0}
+
+
+def test_semantics_can_be_sent_to_workers() -> None:
+    srdf = parse_srdf(SRDF)
+    copy = pickle.loads(pickle.dumps(srdf))
+    assert copy.disabled_collisions == srdf.disabled_collisions
+    assert copy.states["arm"]["home"]["elbow"] == -1.25
+    with pytest.raises(TypeError):
+        srdf.chains["new"] = ("a", "b")  # type: ignore[index]
+
+
+def test_unknown_names_in_pairs_and_states_are_told() -> None:
+    tree = parse_urdf(TREE)
+    lint = check_semantics(parse_srdf(SRDF), tree)
+    assert len(lint) == 1
+    assert "'ghost'" in lint[0]
+    lint = check_semantics(parse_srdf(SRDF.replace('"elbow"', '"knee"')), tree)
+    assert any("'knee'" in line and "'home'" in line for line in lint)
+
+
+def test_unknown_link_of_a_chain_is_refused() -> None:
+    srdf = Semantics("x", chains={"arm": ("rail", "hook")})
+    with pytest.raises(InvalidRobotDescription, match=r"'arm'.*'hook'") as error:
+        check_semantics(srdf, parse_urdf(TREE))
+    assert "carriage" in (error.value.hint or "")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", ["well-formed"]),
+        (SRDF[:-12], ["well-formed"]),
+        ("<srdf/>", ["<srdf>", "<robot>"]),
+        ('<!DOCTYPE robot [<!ENTITY a "b">]><robot name="&a;"/>', ["document type"]),
+        ("<robot><group/></robot>", ["<group>", "'name'"]),
+        ('<robot><group name="g"><chain tip_link="t"/></group></robot>', ["'g'", "base_link"]),
+        ('<robot><disable_collisions link1="a"/></robot>', ["link2"]),
+        ('<robot><disable_collisions link1="a" link2="a"/></robot>', ["'a'", "twice"]),
+        ('<robot><group_state group="g"/></robot>', ["<group_state>", "'name'"]),
+        (
+            '<robot><group_state name="s"><joint name="j" value="nan"/></group_state></robot>',
+            ["'s'", "'j'", "nan"],
+        ),
+        ('<robot><group_state name="s"><joint name="j"/></group_state></robot>', ["'j'", "value"]),
+        (SRDF.replace('name="whole"', 'name="arm"'), ["'arm'", "two groups"]),
+        (
+            '<robot><group_state name="s" group="g"/><group_state name="s" group="g"/></robot>',
+            ["'s'", "two states"],
+        ),
+    ],
+)
+def test_faults_are_refused(text: str, words: list[str]) -> None:
+    with pytest.raises(InvalidRobotDescription) as error:
+        parse_srdf(text)
+    said = f"{error.value} {error.value.hint}"
+    assert all(word in said for word in words), said
+
+
+def test_every_truncation_is_refused() -> None:
+    data = SRDF.rstrip().encode()
+    for end in range(0, len(data), 17):
+        with pytest.raises(InvalidRobotDescription):
+            parse_srdf(data[:end])
+
+
+def test_flipped_bytes_never_escape() -> None:
+    data = SRDF.encode()
+    for i in range(0, len(data), 3):
+        with contextlib.suppress(InvalidRobotDescription):
+            parse_srdf(data[:i] + bytes([(data[i] * 7 + i) % 256]) + data[i + 1 :])
