@@ -101,7 +101,8 @@ def _parse(text: str | bytes, what: str) -> Element:
 
 def _strip(element: Element, namespace: str, what: str) -> None:
     element.tag = element.tag.removeprefix(namespace)
-    for child in list(element):
+    kept = []
+    for child in element:
         foreign, _, tag = child.tag.rpartition("}")
         if "xacro" in foreign.lower():
             raise InvalidRobotDescription(
@@ -109,8 +110,9 @@ def _strip(element: Element, namespace: str, what: str) -> None:
                 hint="Expand it first (`xacro robot.urdf.xacro > robot.urdf`), send the result.",
             )
         _strip(child, namespace, what)
-        if child.tag.startswith("{"):
-            element.remove(child)
+        if not child.tag.startswith("{"):
+            kept.append(child)
+    element[:] = kept
 
 
 def children(element: Element, tag: str) -> Iterator[Element]:
