@@ -169,8 +169,12 @@ def _outside(a: Vector, b: Vector, c: Vector, opposite: Vector) -> bool:
 
 
 @kernel
-def _nearest_on_tetrahedron(S: Array, scratch: Array) -> tuple[Vector, int]:
-    """Point of the tetrahedron in S nearest to the origin; 4 corners: the origin is inside."""
+def _nearest_on_tetrahedron(S: Array, scratch: Array, apart: bool) -> tuple[Vector, int]:
+    """Point of the tetrahedron in S nearest to the origin; 4 corners: the origin is inside.
+
+    Of a nearly flat one the sides can't be told; where a plane has shown that the origin is
+    outside (``apart``), all faces are looked at.
+    """
     a, b, c, d = _row(S, 0), _row(S, 1), _row(S, 2), _row(S, 3)
     best, count = np.inf, 4
     nearest = (0.0, 0.0, 0.0)
@@ -183,7 +187,7 @@ def _nearest_on_tetrahedron(S: Array, scratch: Array) -> tuple[Vector, int]:
             p, q, r, o = a, d, b, c
         else:
             p, q, r, o = b, d, c, a
-        if not _outside(p, q, r, o):
+        if not (apart or _outside(p, q, r, o)):
             continue
         v, k = _nearest_on_triangle(p, q, r, scratch)
         distance = _dot(v, v)
@@ -195,7 +199,7 @@ def _nearest_on_tetrahedron(S: Array, scratch: Array) -> tuple[Vector, int]:
 
 
 @kernel
-def _nearest_on_simplex(S: Array, count: int, scratch: Array) -> tuple[Vector, int]:
+def _nearest_on_simplex(S: Array, count: int, scratch: Array, apart: bool) -> tuple[Vector, int]:
     """Point of the simplex in S (4, 3) nearest to the origin, and how many corners it needs."""
     if count == 1:
         return _row(S, 0), 1
@@ -203,7 +207,10 @@ def _nearest_on_simplex(S: Array, count: int, scratch: Array) -> tuple[Vector, i
         return _nearest_on_segment(_row(S, 0), _row(S, 1), S)
     if count == 3:
         return _nearest_on_triangle(_row(S, 0), _row(S, 1), _row(S, 2), S)
-    return _nearest_on_tetrahedron(S, scratch)
+    v, left = _nearest_on_tetrahedron(S, scratch, False)
+    if left == 4 and apart:
+        return _nearest_on_tetrahedron(S, scratch, True)
+    return v, left
 
 
 @kernel
@@ -288,7 +295,7 @@ def separation(
         if repeated:
             break
         _put(S, count, w)
-        v, count = _nearest_on_simplex(S, count + 1, scratch)
+        v, count = _nearest_on_simplex(S, count + 1, scratch, lower > -rounding)
         before, square = square, _dot(v, v)
         if count == 4 or square <= _CONTACT * _CONTACT:
             upper = -rounding

@@ -24,7 +24,7 @@ from planning.sampling import sample
 from planning.shortcut import shortcut
 from planning.straight_line import straight_line
 from planning.timing.blend import blend, merge
-from planning.timing.toppra import time_path
+from planning.timing.minimum_time import time_path
 
 LADDER = ("straight_line", "potential_field", "rrt_connect")
 PLANNERS = ("auto", "straight_line", "potential_field", *SAMPLING_PLANNERS)
@@ -240,7 +240,7 @@ def _timed(
     if rounded:
         reaches = certified_reaches(ready.checker, points, deadline)
     path = blend(points, reaches)
-    return time_path(path, limits["velocity"], limits["acceleration"], joint_names=names)
+    return time_path(path, names, limits["velocity"], limits["acceleration"]).trajectory
 
 
 def _tell_certificate(certificate: Certificate) -> tuple[bool, str]:

@@ -7,9 +7,15 @@ Along the path q(s) with x = (ds/dt)^2 and d2s/dt2 = u,
 Within a cell of length l the path acceleration u is constant, hence x runs linearly from x_0 to
 x_1 and u = (x_1 - x_0) / (2 l). On a polynomial path both right-hand sides are polynomials of the
 place w in [0, 1] within the cell, linear in (x_0, x_1). Their Bernstein coefficients enclose them,
-so that rows a x_0 + b x_1 <= 1, one for each coefficient and sign, hold the limits at every
-place of the cell, not only at its ends. For the acceleration on a quadratic path (degree 1 in w)
-the coefficients are the values at the two ends: there is no slack at all.
+so that bounds on the coefficients hold at every place of the cell, not only at its ends.
+
+For the acceleration each coefficient gives two rows a x_0 + b x_1 <= 1. On a quadratic path
+(degree 1 in w) the coefficients are the values at the two ends: there is no slack at all.
+
+For the velocity, rows would let a large x_0 be bought with a small x_1, which a solver that goes
+step by step would do. So the velocity gives a cap for each grid point instead, such that any
+speeds below the caps are good: the tighter end of the cell is given all that the limit allows
+there, the other end what that leaves.
 """
 
 from typing import NamedTuple
@@ -33,6 +39,7 @@ class Cells(NamedTuple):
         straight: Whether q' is constant on the cell, shape (N,).
         rest: Where the motion stands still: at both ends and at sharp corners, shape (N + 1,).
         rows: (a, b) of a x_0 + b x_1 <= 1, filled up with zeros, shape (N, R, 2).
+        caps: Largest x at each grid point, inf where there is none, shape (N + 1,).
     """
 
     pieces: NDArray[np.int64]
@@ -41,10 +48,11 @@ class Cells(NamedTuple):
     straight: NDArray[np.bool_]
     rest: NDArray[np.bool_]
     rows: Array
+    caps: Array
 
 
 def cells(path: JointPath, per_piece: int, limits: Array) -> Cells:
-    """The grid on a path: one cell a straight piece, ``per_piece`` on others, and their rows.
+    """The grid on a path: one cell a straight piece, ``per_piece`` on others, with its limits.
 
     On a straight piece the limits are the same everywhere, so that whatever speeds can be joined
     over it by any motion can be joined at constant acceleration: one cell decides the speeds at
@@ -66,71 +74,58 @@ def cells(path: JointPath, per_piece: int, limits: Array) -> Cells:
     rest = np.zeros(len(pieces) + 1, dtype=np.bool_)
     rest[[0, -1, *firsts[list(path.corners)]]] = True
     degree = c.shape[2] - 1
-    rows = np.zeros((len(pieces), 4 * path.n * degree, 2))
-    work = np.empty((4, 2 * degree + 1))
-    rows_kernel(c, pieces, starts, lengths, straight, limits, work, rows)
-    return Cells(pieces, starts, lengths, straight, rest, rows)
+    rows = np.zeros((len(pieces), 2 * path.n * degree, 2))
+    caps = np.full(len(rest), np.inf)
+    geometry = np.column_stack([starts, lengths])
+    limits_kernel(c, pieces, geometry, straight, limits, rows, caps)
+    return Cells(pieces, starts, lengths, straight, rest, rows, caps)
 
 
 @kernel
-def rows_kernel(
+def limits_kernel(
     coefficients: Array,
     pieces: NDArray[np.int64],
-    starts: Array,
-    lengths: Array,
+    geometry: Array,
     straight: NDArray[np.bool_],
     limits: Array,
-    work: Array,
     rows: Array,
+    caps: Array,
 ) -> None:
-    """Write the rows of all cells; ``rows`` comes filled with zeros, ``work`` is (4, 2 k - 1)."""
+    """Write the rows, which come as zeros, and lower the caps; ``geometry`` is (start, length)."""
     n, size = coefficients.shape[1:]
+    work = np.empty((4, 2 * size - 1))
     shifted, p = work[0, :size], work[1, : size - 1]
     for i in range(pieces.shape[0]):
-        length = lengths[i]
+        start, length = geometry[i]
         used = 0
         for j in range(n):
             c = coefficients[pieces[i], j]
             v, a = limits[0, j], limits[1, j]
             if straight[i]:
-                used = _straight_rows_kernel(c[1], length, v, a, rows[i], used)
+                cap = (v / c[1]) ** 2
+                caps[i], caps[i + 1] = min(caps[i], cap), min(caps[i + 1], cap)
+                # One pair of rows is enough: |x_1 - x_0| <= 2 l a / |q'| of the tightest joint.
+                rate = max(rows[i, 0, 1], abs(c[1]) / (2.0 * length * a))
+                rows[i, 0, 0], rows[i, 0, 1] = -rate, rate
+                rows[i, 1, 0], rows[i, 1, 1] = rate, -rate
                 continue
-            shift_kernel(c, starts[i], shifted)
+            shift_kernel(c, start, shifted)
             power = 1.0
             for k in range(size - 1):
                 # q' at start + length w, in powers of w.
                 p[k] = (k + 1) * shifted[k + 1] * power
                 power *= length
-            used = _curved_rows_kernel(p, length, v, a, work[2:], rows[i], used)
+            used = _acceleration_kernel(p, length, a, work[2:], rows[i], used)
+            if v < np.inf:
+                cap, cap_after = _velocity_kernel(p, v, work[2:])
+                caps[i], caps[i + 1] = min(caps[i], cap), min(caps[i + 1], cap_after)
 
 
 @kernel
-def _straight_rows_kernel(
-    slope: float, length: float, velocity: float, acceleration: float, rows: Array, used: int
+def _acceleration_kernel(
+    p: Array, length: float, limit: float, work: Array, rows: Array, used: int
 ) -> int:
-    """x_0, x_1 <= (v / q')^2 and |x_1 - x_0| <= 2 l a / |q'|."""
-    speed = (slope / velocity) ** 2
-    rate = abs(slope) / (2.0 * length * acceleration)
-    if slope != 0.0:
-        rows[used, 0] = speed
-        rows[used + 1, 1] = speed
-        rows[used + 2, 0], rows[used + 2, 1] = -rate, rate
-        rows[used + 3, 0], rows[used + 3, 1] = rate, -rate
-        used += 4
-    return used
-
-
-@kernel
-def _curved_rows_kernel(
-    p: Array,
-    length: float,
-    velocity: float,
-    acceleration: float,
-    work: Array,
-    rows: Array,
-    used: int,
-) -> int:
-    """Rows of one joint on one cell, from q' = sum_k p_k w^k."""
+    """Rows of one joint on one cell, from q' = sum_k p_k w^k; answers how many there are now."""
     count = p.shape[0]
     a, b = work[0], work[1]
     for k in range(count):
@@ -143,28 +138,45 @@ def _curved_rows_kernel(
     _to_bernstein_kernel(b, count)
     for k in range(count):
         if a[k] != 0.0 or b[k] != 0.0:
-            rows[used, 0], rows[used, 1] = a[k] / acceleration, b[k] / acceleration
-            rows[used + 1, 0], rows[used + 1, 1] = -a[k] / acceleration, -b[k] / acceleration
+            rows[used, 0], rows[used, 1] = a[k] / limit, b[k] / limit
+            rows[used + 1, 0], rows[used + 1, 1] = -a[k] / limit, -b[k] / limit
             used += 2
-    if velocity == np.inf:
-        return used
+    return used
+
+
+@kernel
+def _velocity_kernel(p: Array, limit: float, work: Array) -> tuple[float, float]:
+    """Caps on (x_0, x_1) of one joint on one cell, from q' = sum_k p_k w^k."""
+    count = p.shape[0]
     terms = 2 * count
-    for k in range(terms):
-        a[k], b[k] = 0.0, 0.0
+    a, b = work[0], work[1]
+    a[:terms] = 0.0
+    b[:terms] = 0.0
     for k in range(count):
         for m in range(count):
             # q'^2 x, with x = x_0 (1 - w) + x_1 w.
-            square = p[k] / velocity * (p[m] / velocity)
+            square = p[k] / limit * (p[m] / limit)
             a[k + m] += square
             a[k + m + 1] -= square
             b[k + m + 1] += square
     _to_bernstein_kernel(a, terms)
     _to_bernstein_kernel(b, terms)
+    before, after = a[0], b[terms - 1]
+    both, cap = 0.0, np.inf
     for k in range(terms):
-        if a[k] != 0.0 or b[k] != 0.0:
-            rows[used, 0], rows[used, 1] = a[k], b[k]
-            used += 1
-    return used
+        # A negative coefficient would only help: speeds are not negative.
+        slack_a, slack_b = max(a[k], 0.0), max(b[k], 0.0)
+        both = max(both, slack_a + slack_b)
+        if before > after and slack_b > 0.0:
+            cap = min(cap, (1.0 - slack_a / before) / slack_b)
+        elif before <= after and slack_a > 0.0 and k < terms - 1:
+            cap = min(cap, (1.0 - slack_b / after) / slack_a)
+    if before > after and cap * before >= 1.0:
+        return 1.0 / before, cap
+    if before <= after and cap * after >= 1.0:
+        return cap, 1.0 / after
+    # Faster inside than at its ends, or not moving at all: one cap for both.
+    return 1.0 / both, 1.0 / both
 
 
 @kernel

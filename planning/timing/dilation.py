@@ -84,10 +84,11 @@ def checked_limits(values: ArrayLike, name: str, n: int) -> Array:
 
 
 def _missing(trajectory: Trajectory, limits: dict[int, Array]) -> float:
-    """The factor by which time is still too short: the largest ratio^(1 / order)."""
-    factors = (
-        float(peak_ratios(trajectory, values, order).max()) ** (1.0 / order)
-        for order, values in limits.items()
-        if (peak_ratios(trajectory, values, order) > 1.0).any()
-    )
-    return max(factors, default=1.0)
+    """The factor by which time is still too short: the largest ratio^(1 / order), at least 1."""
+    missing = 1.0
+    for order, values in limits.items():
+        worst = float(peak_ratios(trajectory, values, order).max())
+        if worst > 1.0:
+            # The root of a ratio just above 1 may round to 1.
+            missing = max(missing, worst ** (1.0 / order), 1.0 + _HAIR)
+    return missing

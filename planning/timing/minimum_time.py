@@ -17,14 +17,20 @@ from planning.timing.failure import TimingFailed
 from planning.timing.path import JointPath
 from planning.timing.profile import timed_pieces
 
-Solver = Literal["toppra"]
+Solver = Literal["reachability", "toppra"]
 
 #: Cells on each piece of a path that is not straight. Against 256 cells, on paths of parabolas
 #: only, 16 cost 0.25 % of the duration, 32 cost 0.07 %.
 CELLS_PER_PIECE = 32
 
+# The solver is given limits this much lower, so that what it rounds off stays within the true ones
+# and no dilation is needed as a rule.
+_HAIR = 1e-12
+
 # Imported when used: the toppra package takes a second to load, plotting library included.
-_SOLVERS = MappingProxyType({"toppra": "planning.timing.toppra"})
+_SOLVERS = MappingProxyType(
+    {"reachability": "planning.timing.parametrisation", "toppra": "planning.timing.toppra"}
+)
 
 
 def time_path(
@@ -33,7 +39,7 @@ def time_path(
     velocity: ArrayLike,
     acceleration: ArrayLike,
     *,
-    solver: Solver = "toppra",
+    solver: Solver = "reachability",
     cells_per_piece: int = CELLS_PER_PIECE,
 ) -> Dilated:
     """The path run through in the least time, at rest at its ends and at its sharp corners.
@@ -46,7 +52,7 @@ def time_path(
         joint_names: n names.
         velocity: Limits, shape (n,), inf where there is none [rad/s or m/s].
         acceleration: Limits, shape (n,), finite [rad/s^2 or m/s^2].
-        solver: Who finds the speeds.
+        solver: Who finds the speeds: our compiled "reachability" or the "toppra" package.
         cells_per_piece: Grid cells on each piece that is not straight, at least 2.
 
     Returns:
@@ -59,11 +65,12 @@ def time_path(
         TimingFailed: The solver found nothing.
     """
     limits = _limits(path, velocity, acceleration)
+    aims = frozen(limits * (1.0 - _HAIR))
     if cells_per_piece < 2:
         raise InvalidOption("a curved piece needs cells", hint="Give at least 2 cells a piece.")
-    grid = cells(path, cells_per_piece, limits)
+    grid = cells(path, cells_per_piece, aims)
     squares = _squared_speeds(solver)(grid)
-    durations, coefficients = timed_pieces(path, grid, squares, limits)
+    durations, coefficients = timed_pieces(path, grid, squares, aims)
     breaks = np.concatenate([[0.0], np.cumsum(durations)])
     if not (np.isfinite(breaks[-1]) and np.isfinite(coefficients).all()):
         raise TimingFailed(

@@ -34,14 +34,14 @@ def squared_speeds(cells: Cells) -> Array:
         # A single cell between two rests has speed 0 at both its ends; nothing is to be solved.
         if last - first > 1:
             lengths, rows = cells.lengths[first:last], cells.rows[first:last]
-            squares[first : last + 1] = _solve(lengths, rows)
+            squares[first : last + 1] = _solve(lengths, rows, cells.caps[first : last + 1])
     return squares
 
 
-def _solve(lengths: Array, rows: Array) -> Array:
+def _solve(lengths: Array, rows: Array, caps: Array) -> Array:
     """Squared speeds from rest to rest, in units in which toppra's fixed tolerances are small."""
     length = float(lengths.sum())
-    bounds = _bounds(rows)
+    bounds = _bounds(rows, caps)
     scale = float(bounds.max())
     grid = np.concatenate([[0.0], np.cumsum(lengths / length)])
     try:
@@ -63,19 +63,14 @@ def _solve(lengths: Array, rows: Array) -> Array:
     return squares
 
 
-def _bounds(rows: Array) -> Array:
+def _bounds(rows: Array, caps: Array) -> Array:
     """Upper bounds of the squared speeds, shape (N + 1,).
 
-    They follow from the rows a x_0 + b x_1 <= 1 with b >= 0; where the velocity is not limited
-    what full acceleration from the start leads to stands in, with room to spare.
+    Where the velocity is not limited, what full acceleration all the way leads to stands in, with
+    room to spare.
     """
-    a, b = rows[:, :, 0], rows[:, :, 1]
-    tiny = np.finfo(np.float64).tiny
-    gains = 1.0 / np.maximum(b.max(axis=1), tiny)
-    before = 1.0 / np.maximum(np.where(b >= 0.0, a, 0.0).max(axis=1), tiny)
-    after = 1.0 / np.maximum(np.where(a >= 0.0, b, 0.0).max(axis=1), tiny)
-    bounds = np.minimum(np.append(before, np.inf), np.insert(after, 0, np.inf))
-    return np.asarray(np.minimum(bounds, _ROOM * gains.sum()))
+    gains = 1.0 / np.maximum(rows[:, :, 1].max(axis=1), np.finfo(np.float64).tiny)
+    return np.asarray(np.minimum(caps, _ROOM * gains.sum()))
 
 
 class _Line:

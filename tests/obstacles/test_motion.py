@@ -1,0 +1,161 @@
+"""Certified motion: what is proved free stays free, what is refused has a reason."""
+
+import numpy as np
+import pytest
+
+from kinematics.chain import Array, Chain, Limits, Link
+from kinematics.forward import joint_frames
+from kinematics.pose import transform
+from kinematics.robots import builtin_names, builtin_srdf, builtin_urdf
+from kinematics.serial import serial_chain
+from kinematics.srdf import parse_srdf
+from kinematics.urdf import parse_urdf
+from obstacles.checker import Checker
+from obstacles.collision_model import CollisionModel
+from obstacles.motion import motion_bounds
+from obstacles.piece import Piece, PieceKind
+from obstacles.robot_geometry import RobotGeometry, robot_geometry
+from obstacles.scene import Obstacle, Scene
+from obstacles.shapes import Box, Cylinder, HalfSpace, Sphere
+from tests.obstacles.solids import random_transform
+
+
+def builtin(name: str) -> RobotGeometry:
+    description, semantics = parse_urdf(builtin_urdf(name)), parse_srdf(builtin_srdf(name))
+    return robot_geometry(
+        serial_chain(description, semantics=semantics), description, {}, semantics
+    )
+
+
+def clutter(random: np.random.Generator, count: int = 6) -> Scene:
+    obstacles = [Obstacle("floor", HalfSpace(np.array([0.0, 0.0, 1.0]), -0.6))]
+    for k in range(count):
+        T = random_transform(random, 0.5)
+        T[:3, 3] += 0.4 * T[:3, 3] / np.linalg.norm(T[:3, 3])
+        shape = [Box(random.uniform(0.05, 0.3, 3)), Sphere(0.1), Cylinder(0.05, 0.4)][k % 3]
+        obstacles.append(Obstacle(f"thing_{k}", shape, T, margin=0.01 * (k % 2)))
+    return Scene(tuple(obstacles))
+
+
+def slider() -> tuple[Checker, Chain]:
+    """A ball of 0.1 m on a rail along z, in front of a wall whose face is at z = 1."""
+    limits = Limits(*(np.array([x]) for x in (-5.0, 5.0, 1.0, 1.0, np.nan, np.nan)))
+    links = (Link("base", -1, np.eye(4)), Link("tip", 0, np.eye(4)))
+    chain = Chain(
+        "slider", ("slide",), np.array([1]), np.eye(4)[None], links, "base", "tip", limits,
+        np.zeros(1, dtype=bool),
+    )  # fmt: skip
+    ball = Piece(PieceKind.POLYTOPE, np.eye(4), np.zeros((1, 3)), rounding=0.1)
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (0, 0.5)])
+    wall = Piece(PieceKind.POLYTOPE, transform(None, [0.0, 0.0, 1.0]), corners)
+    model = CollisionModel.build(chain, [ball, wall], [0, -1], ["tip", "wall"], [(0, 1)], [0.0])
+    return Checker(model), chain
+
+
+def test_slide_up_to_a_wall_is_free_until_it_touches() -> None:
+    checker, _ = slider()
+    start = np.array([0.0])
+    for gap in (0.5, 1e-3, 1e-5):
+        motion = checker.segment(start, np.array([0.9 - gap]))
+        assert motion.free
+        assert 0.0 < motion.clearance <= gap + 1e-9
+    assert checker.segment(start, np.array([0.9 + 1e-4])).colliding
+    through = checker.segment(start, np.array([3.0]))
+    assert through.colliding
+    assert through.pair == ("tip", "wall")
+    touching = checker.segment(start, np.array([0.9]))
+    assert not touching.free
+
+
+def test_margin_is_kept() -> None:
+    checker, _ = slider()
+    assert Checker(checker.model, 0.2).segment(np.zeros(1), np.array([0.69])).free
+    assert not Checker(checker.model, 0.2).segment(np.zeros(1), np.array([0.71])).free
+
+
+@pytest.mark.parametrize("name", builtin_names())
+def test_proved_motions_stay_as_far_away_as_was_proved(name: str) -> None:
+    robot = builtin(name)
+    random = np.random.default_rng(7)
+    lower, upper = robot.chain.sampling_bounds()
+    proved = refused = 0
+    for _ in range(6):
+        checker = Checker.of(robot, clutter(random))
+        for k in range(14):
+            a, b = random.uniform(lower, upper, (2, robot.chain.n))
+            b = a + (b - a) * random.uniform(0.02, 0.1 if k % 2 else 1.0)
+            bend = random.normal(size=robot.chain.n) * 0.1
+            motion = checker.curve(a, b - a - bend, bend)
+            s = np.linspace(0.0, 1.0, 80)[:, None]
+            states = a + (b - a - bend) * s + bend * s**2
+            dense = min(checker.clearance(q)[0] for q in states)
+            if motion.free:
+                proved += 1
+                assert dense >= motion.clearance - 1e-9
+                assert motion.clearance > 0.0
+            else:
+                refused += 1
+                at = a + (b - a - bend) * motion.at + bend * motion.at**2
+                assert checker.clearance(at)[0] <= (0.0 if motion.colliding else 1e-5)
+    assert proved > 3
+    assert refused > 3 or name in ("planar_rr", "cart_pendulum", "scara")
+
+
+def test_no_point_of_a_piece_moves_farther_than_its_bound() -> None:
+    robot = builtin("stanford")
+    chain = robot.chain
+    checker = Checker.of(robot, Scene())
+    model = checker.model.arrays
+    random = np.random.default_rng(8)
+    lower, upper = chain.sampling_bounds()
+    tightest = 0.0
+    for _ in range(200):
+        q = random.uniform(lower, upper)
+        delta = random.uniform(0.0, 0.3, chain.n) * (random.random(chain.n) < 0.7)
+        moved = q + random.uniform(-1.0, 1.0, chain.n) * delta
+        before, after = joint_frames(chain, q), joint_frames(chain, moved)
+        for i, joint in enumerate(model.joints):
+            if joint < 0:
+                continue
+            center = before[joint][:3, :3] @ model.centers[i] + before[joint][:3, 3]
+            bounds = np.zeros(chain.n)
+            motion_bounds(model, before, center, i, delta, bounds)
+            points = _surface(random, model.centers[i], model.radii[i])
+            steps = _apply(after[joint], points) - _apply(before[joint], points)
+            distance = np.linalg.norm(steps, axis=1)
+            assert distance.max() <= bounds[0] + 1e-12
+            if bounds[0] > 0.0:
+                tightest = max(tightest, float(distance.max() / bounds[0]))
+    # A bound that is never nearly reached would prove nothing in time.
+    assert tightest > 0.6
+
+
+def _surface(random: np.random.Generator, center: Array, radius: float) -> Array:
+    directions = random.normal(size=(40, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    return np.asarray(center + radius * directions)
+
+
+def _apply(T: Array, points: Array) -> Array:
+    return np.asarray(points @ T[:3, :3].T + T[:3, 3])
+
+
+def test_allowed_pairs_and_what_stands_still_are_not_checked() -> None:
+    robot = builtin("panda")
+    q = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
+    around_base = Obstacle("plinth", Box(np.array([0.3, 0.3, 0.1])))
+    assert Checker.of(robot, Scene((around_base,))).clearance(q)[1] != ("panda_link0", "plinth")
+    hand = Obstacle("grasped", Sphere(0.05), transform(None, [0.5, 0.0, 0.45]))
+    hit, pair = Checker.of(robot, Scene((hand,))).clearance(q)
+    assert pair is not None
+    if hit <= 0.0:
+        allowed = frozenset((link, "grasped") for link in robot.names)
+        assert Checker.of(robot, Scene((hand,), allowed)).clearance(q)[0] > 0.0
+
+
+def test_polyline_names_the_leg() -> None:
+    checker, _ = slider()
+    motion, leg = checker.polyline(np.array([[0.0], [0.5], [0.2], [2.0], [0.0]]))
+    assert motion.colliding
+    assert leg == 2
+    assert checker.polyline(np.array([[0.0], [0.5], [0.2]]))[0].free
