@@ -1,0 +1,102 @@
+"""The wrist's class against its definition, checked on the axes at random configurations."""
+
+import numpy as np
+import pytest
+
+from kinematics.chain import Array, Chain
+from kinematics.dh import DhRow, DhTable, chain_from_dh
+from kinematics.forward import joint_frames
+from kinematics.robots import builtin_chain, builtin_names
+from kinematics.wrist import classify_wrist
+
+KNOWN = {
+    "panda": "none",
+    "ur5e": "three_parallel",
+    "iiwa14": "spherical",
+    "kr6_sixx": "spherical",
+    "puma560": "spherical",
+    "scara": "none",
+    "stanford": "spherical",
+    "planar_rr": "none",
+    "cart_pendulum": "none",
+    "elbow_wrist": "spherical",
+}
+
+
+def table(rows: list[tuple[float, float, float]], kinds: str) -> Chain:
+    types = {"R": "revolute", "P": "prismatic"}
+    return chain_from_dh(
+        "made",
+        DhTable(
+            "standard",
+            tuple(
+                DhRow(types[kind], a=a, alpha=alpha, d=d, lower=-2.0, upper=2.0)  # type: ignore[arg-type]
+                for kind, (a, alpha, d) in zip(kinds, rows, strict=True)
+            ),
+        ),
+    )
+
+
+def meet(lines: list[tuple[Array, Array]]) -> bool:
+    """Least squares: the point nearest to all lines lies on each."""
+    projectors = [np.eye(3) - np.outer(z, z) for _, z in lines]
+    total = np.sum(projectors, axis=0)
+    if np.linalg.cond(total) > 1e10:
+        return False
+    right = np.sum([P @ o for P, (o, _) in zip(projectors, lines, strict=True)], axis=0)
+    point = np.linalg.solve(total, right)
+    away = [P @ (point - o) for P, (o, _) in zip(projectors, lines, strict=True)]
+    return float(np.linalg.norm(away)) < 1e-5
+
+
+@pytest.mark.parametrize("name", builtin_names())
+def test_built_in_robots(name: str) -> None:
+    assert classify_wrist(builtin_chain(name)) == KNOWN[name]
+
+
+@pytest.mark.parametrize("name", builtin_names())
+def test_agrees_with_the_axes_at_random_configurations(name: str) -> None:
+    chain = builtin_chain(name)
+    random = np.random.default_rng(5)
+    lower, upper = chain.sampling_bounds()
+    spherical, parallel = chain.n >= 3, chain.n >= 3
+    for frames in joint_frames(chain, random.uniform(lower, upper, (20, chain.n))):
+        lines = [(frame[:3, 3], frame[:3, 2]) for frame in frames]
+        revolute = chain.joint_types == 0
+        spherical = spherical and bool(revolute[-3:].all()) and meet(lines[-3:])
+        parallel = parallel and any(
+            bool(revolute[i : i + 3].all())
+            and all(
+                np.linalg.norm(np.cross(lines[i][1], lines[k][1])) < 2e-6 for k in (i + 1, i + 2)
+            )
+            for i in range(chain.n - 2)
+        )
+    expected = "spherical" if spherical else "three_parallel" if parallel else "none"
+    assert classify_wrist(chain) == expected
+
+
+def test_three_axes_that_meet_in_two_points_are_no_wrist() -> None:
+    right = np.pi / 2
+    assert classify_wrist(table([(0, right, 0.3), (0, -right, 0.1), (0, 0, 0.2)], "RRR")) == "none"
+
+
+def test_a_slide_in_the_wrist_is_none() -> None:
+    right = np.pi / 2
+    rows = [(0.0, right, 0.0), (0.0, -right, 0.0), (0.0, 0.0, 0.0)]
+    assert classify_wrist(table(rows, "RRR")) == "spherical"
+    assert classify_wrist(table(rows, "RRP")) == "none"
+
+
+def test_antiparallel_axes_are_parallel() -> None:
+    rows = [(0.4, np.pi, 0.1), (0.3, 0.0, 0.0), (0.2, 0.0, 0.1)]
+    assert classify_wrist(table(rows, "RRR")) == "three_parallel"
+    assert classify_wrist(table(rows, "RPR")) == "none"
+
+
+def test_parallel_axes_that_coincide_are_no_spherical_wrist() -> None:
+    rows = [(0.0, 0.0, 0.1), (0.0, 0.0, 0.1), (0.0, 0.0, 0.1)]
+    assert classify_wrist(table(rows, "RRR")) == "three_parallel"
+
+
+def test_short_chains_have_none() -> None:
+    assert classify_wrist(table([(0.4, 0.0, 0.0)], "R")) == "none"
