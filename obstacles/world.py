@@ -28,7 +28,7 @@ _UNITS = 1e5
 #: Distances are right to this much [m]: 25 times what was ever measured.
 ACCURACY = 1e-7
 #: FCL knows no points and segments: they are balls and capsules this thin [m], taken off again.
-_THIN = 1e-7
+_THIN = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,11 +103,14 @@ class World:
         Raises:
             InvalidRobotState: Wrong length or not finite.
         """
+        self.place_frames(joint_frames(self.robot.chain, q))
+
+    def place_frames(self, joint_frames_now: Array) -> None:
+        """Put the robot where its joint frames are known already, shape (n, 4, 4)."""
         robot, p = self.robot, len(self.robot.pieces)
         if not p:
-            robot.chain.configuration(q)
             return
-        frames = np.concatenate([np.eye(4)[None], joint_frames(robot.chain, q)])[robot.joints + 1]
+        frames = np.concatenate([np.eye(4)[None], joint_frames_now])[robot.joints + 1]
         self._poses[:p] = frames @ self._arrays.poses[:p]
         centers = self._arrays.centers[:p, :, None]
         self._centers[:p] = (frames[:, :3, :3] @ centers)[..., 0] + frames[:, :3, 3]

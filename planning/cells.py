@@ -8,12 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinematics.chain import Array, Indices
+from kinematics.chain import Array, Chain, Indices
 from kinematics.forward import forward_kernel
 from kinematics.kernel import kernel
 from kinematics.trajectory import Trajectory
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Scene
+from obstacles.world import World
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -26,8 +25,7 @@ class PairTable:
         joints: Joint that carries each piece, -1 for what stands still, shape (p,).
         centers: Of a ball that holds each piece, in the frame of its joint, shape (p, 3).
         radii: Of these balls, shape (p,).
-        owners: Name of the link or obstacle of each piece.
-        robot: The arm.
+        chain: The arm.
     """
 
     pairs: Indices
@@ -35,39 +33,27 @@ class PairTable:
     joints: Indices
     centers: Array
     radii: Array
-    owners: tuple[str, ...]
-    robot: RobotGeometry
+    chain: Chain
 
     @classmethod
-    def of(cls, robot: RobotGeometry, scene: Scene, margin: float) -> "PairTable":
-        """Every link against every obstacle and the robot's own pairs, less what may touch."""
-        still, obstacle_of, margins = scene.pieces()
-        count = len(robot.pieces)
-        owners = robot.links + tuple(scene.ids[k] for k in obstacle_of)
-        pairs, asked = [], []
-        for k, own_margin in enumerate(margins):
-            for i in range(count):
-                if robot.joints[i] >= 0 and not scene.allows(owners[i], owners[count + k]):
-                    pairs.append((count + k, i))
-                    asked.append(margin + float(own_margin))
-        for i, j in robot.self_pairs:
-            if not scene.allows(owners[i], owners[j]):
-                pairs.append((i, j) if robot.joints[i] < robot.joints[j] else (j, i))
-                asked.append(margin)
+    def of(cls, world: World, margin: float) -> "PairTable":
+        """The pairs of a world, each to be kept ``margin`` [m] and its own margin apart."""
+        robot = world.robot
+        still = world.scene.pieces()[0]
+        joints = np.concatenate([robot.joints, np.full(len(still), -1, dtype=np.int64)])
+        pairs = np.where(
+            (joints[world.pairs[:, 0]] > joints[world.pairs[:, 1]])[:, None],
+            world.pairs[:, ::-1],
+            world.pairs,
+        )
         return cls(
-            pairs=np.array(pairs, dtype=np.int64).reshape(-1, 2),
-            margins=np.array(asked, dtype=np.float64),
-            joints=np.concatenate([robot.joints, np.full(len(margins), -1, dtype=np.int64)]),
+            pairs=np.ascontiguousarray(pairs),
+            margins=world.margins + margin,
+            joints=joints,
             centers=np.vstack([robot.arrays.centers, still.centers]),
             radii=np.concatenate([robot.arrays.radii, still.radii]),
-            owners=owners,
-            robot=robot,
+            chain=robot.chain,
         )
-
-    def names(self, pair: int) -> tuple[str, str]:
-        """The two bodies of a pair, the one that moves first."""
-        i, j = self.pairs[pair]
-        return self.owners[j], self.owners[i]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -148,7 +134,7 @@ def settle_by_bounds(
     trajectory: Trajectory, table: PairTable, cells: Cells, enough: float
 ) -> Placed:
     """Settle the pairs whose balls alone keep their margin and ``enough`` [m] on a cell."""
-    chain = table.robot.chain
+    chain = table.chain
     count = len(cells.open_pairs)
     frames = np.zeros((len(cells), chain.n, 4, 4))
     frames[..., 3, 3] = 1.0

@@ -16,12 +16,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from obstacles.world import World
 
 from kinematics.chain import Array, Chain
 from kinematics.trajectory import Trajectory
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
+from obstacles.world import ACCURACY, World
 from planning.cells import Cells, PairTable, first_cells, halves, settle_by_bounds
 from planning.deadline import Deadline
 
@@ -214,7 +214,7 @@ class _Sweep:
         deadline: Deadline | None,
     ) -> None:
         self._world = World(robot, scene)
-        self._table = PairTable.of(robot, scene, margin)
+        self._table = PairTable.of(self._world, margin)
         self._trajectory = trajectory
         self._deadline = deadline
         self._nearest = np.inf
@@ -245,7 +245,7 @@ class _Sweep:
         for cell in np.unique(placed.open_cells):
             if self.violation and cells.low[cell] > self.violation.time:
                 break
-            self._world.place(placed.frames[cell])
+            self._world.place_frames(placed.frames[cell])
             for entry in np.flatnonzero(placed.open_cells == cell):
                 pair, bound = int(placed.open_pairs[entry]), float(placed.open_bounds[entry])
                 if not self._settled(float(placed.times[cell]), pair, bound):
@@ -253,26 +253,25 @@ class _Sweep:
         return halves(cells, left)
 
     def _settled(self, time: float, pair: int, bound: float) -> bool:
-        i, j = self._table.pairs[pair]
-        distance = self._world.distance(int(i), int(j))
+        distance = self._world.distance(pair) + float(self._world.margins[pair])
         apart = float(self._table.margins[pair])
         self._nearest = min(self._nearest, distance)
-        if distance <= apart or (bound < _RESOLUTION and distance - bound <= apart):
+        if distance <= apart or (bound < _RESOLUTION and distance - bound - ACCURACY <= apart):
             self._found(time, pair, distance, apart)
             return True
-        lower = distance - bound
+        lower = distance - bound - ACCURACY
         if lower <= apart or lower < min(_ENOUGH, _SHARP * self._nearest):
-            return bound < _RESOLUTION and self._lower(lower, pair)
+            return lower > apart and bound < _RESOLUTION and self._lower(lower, pair)
         return self._lower(lower, pair)
 
     def _lower(self, clearance: float, pair: int) -> bool:
         if clearance < self.clearance:
             self.clearance = clearance
-            self.pair = self._table.names(pair)
+            self.pair = self._world.pair_names(pair)
         return True
 
     def _found(self, time: float, pair: int, distance: float, apart: float) -> None:
-        names = self._table.names(pair)
+        names = self._world.pair_names(pair)
         self._lower(distance, pair)
         if self.violation is None or time < self.violation.time:
             asked = f", {apart:.6g} m are asked for" if apart > 0.0 else ""

@@ -35,6 +35,9 @@ _RESERVED_MOST = 1.0
 #: Share of the time that is left which the potential field may spend.
 _FIELD_SHARE = 0.1
 
+#: A motion from a configuration to itself: to stand still this long [s].
+_REST = 1e-3
+
 _T = TypeVar("_T")
 
 
@@ -235,7 +238,7 @@ def _timed(
 ) -> Trajectory:
     names = ready.checker.model.chain.joint_names
     if len(points) < 2:
-        return Trajectory(names, np.array([0.0, 0.0]), points[None, :, :])
+        return Trajectory(names, np.array([0.0, _REST]), points[0][None, :, None])
     reaches = np.zeros(len(points) - 2)
     if rounded:
         reaches = certified_reaches(ready.checker, points, deadline)

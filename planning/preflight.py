@@ -4,11 +4,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from obstacles.world import World
 
 from kinematics.chain import Array, Chain
 from kinematics.ik import numeric
 from obstacles.checker import Checker
+from obstacles.world import World
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.result import Failure
 
@@ -72,7 +72,7 @@ def preflight(problem: Problem, seed: int) -> Ready | Failure:
 
 
 def _snapped(chain: Chain, q: Array, tolerance: float) -> tuple[Array, dict[str, Any] | None]:
-    """The nearest configuration inside the limits, or the limit broken by more than ``tolerance``."""
+    """The nearest configuration inside the limits, and the limit that is broken, if one is."""
     lower, upper = chain.limits.lower, chain.limits.upper
     inside = np.clip(q, lower, upper)
     j = int(np.argmax(np.abs(inside - q)))
@@ -101,12 +101,12 @@ def _collision_failure(
     contacts = World(problem.robot, problem.scene).collisions(q)
     deepest = max(contacts, key=lambda contact: contact.depth, default=None)
     details: dict[str, Any] = {
-        "collisions": [{"pair": [c.a, c.b], "depth": c.depth} for c in contacts]
+        "collisions": [{"pair": list(c.pair), "depth": c.depth} for c in contacts]
     }
     if deepest is not None:
-        a, b, depth = deepest.a, deepest.b, deepest.depth
-        details |= {"pair": [a, b], "depth": depth}
-        message = f"at the {which}, {a!r} and {b!r} overlap by {depth:.4g} m"
+        a, b = deepest.pair
+        details |= {"pair": [a, b], "depth": deepest.depth}
+        message = f"at the {which}, {a!r} and {b!r} overlap by {deepest.depth:.4g} m"
     else:
         assert pair is not None
         away = clearance + problem.margin
