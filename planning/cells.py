@@ -25,6 +25,8 @@ class PairTable:
         joints: Joint that carries each piece, -1 for what stands still, shape (p,).
         centers: Of a ball that holds each piece, in the frame of its joint, shape (p, 3).
         radii: Of these balls, shape (p,).
+        boxes: Centre and half sizes of a box that holds each piece, in its own frame, (p, 6).
+        poses: Frame of each piece in that of its joint, shape (p, 4, 4).
         chain: The arm.
     """
 
@@ -33,6 +35,8 @@ class PairTable:
     joints: Indices
     centers: Array
     radii: Array
+    boxes: Array
+    poses: Array
     chain: Chain
 
     @classmethod
@@ -52,6 +56,8 @@ class PairTable:
             joints=joints,
             centers=np.vstack([robot.arrays.centers, still.centers]),
             radii=np.concatenate([robot.arrays.radii, still.radii]),
+            boxes=np.vstack([robot.arrays.boxes, still.boxes]),
+            poses=np.concatenate([robot.arrays.poses, still.poses]),
             chain=robot.chain,
         )
 
@@ -86,6 +92,7 @@ class Placed:
         frames: T_base_joint there, shape (c, n, 4, 4).
         open_cells, open_pairs: What is left, shape (o,).
         open_bounds: How far each of these pairs can move against each other, shape (o,) [m].
+        open_lowers: What their balls and boxes prove of their clearance on the cell, (o,) [m].
         clearance: Least clearance that bounds proved for what they settled [m].
         closest: The pair it belongs to, -1 for none.
     """
@@ -95,6 +102,7 @@ class Placed:
     open_cells: Indices
     open_pairs: Indices
     open_bounds: Array
+    open_lowers: Array
     clearance: float
     closest: int
 
@@ -133,21 +141,23 @@ def halves(cells: Cells, left: list[tuple[int, int]]) -> Cells:
 def settle_by_bounds(
     trajectory: Trajectory, table: PairTable, cells: Cells, enough: float
 ) -> Placed:
-    """Settle the pairs whose balls alone keep their margin and ``enough`` [m] on a cell."""
+    """Settle the pairs whose balls and boxes keep their margin and ``enough`` [m] on a cell."""
     chain = table.chain
     count = len(cells.open_pairs)
     frames = np.zeros((len(cells), chain.n, 4, 4))
     frames[..., 3, 3] = 1.0
-    left, bounds = np.empty((count, 2), dtype=np.int64), np.empty(count)
+    left, bounds = np.empty((count, 2), dtype=np.int64), np.empty((count, 2))
     clearance, closest, size = settle_kernel(
         chain.joint_types, chain.offsets, trajectory.breaks, trajectory.coefficients,
         table.pairs, table.margins, table.joints, table.centers, table.radii,
+        table.boxes, table.poses,
         cells.low, cells.high, cells.pieces, cells.starts, cells.open_pairs,
         enough, frames, left, bounds,
     )  # fmt: skip
     times = 0.5 * (cells.low + cells.high)
     left = left[:size]
-    return Placed(times, frames, left[:, 0], left[:, 1], bounds[:size], clearance, int(closest))
+    moved, lowers = bounds[:size].T
+    return Placed(times, frames, left[:, 0], left[:, 1], moved, lowers, clearance, int(closest))
 
 
 @kernel
@@ -198,15 +208,29 @@ def relative_stray(
 
 
 @kernel
+def outside_box(point: Array, box: Array, T: Array) -> float:
+    """Distance of a point (3,) from a box of frame T, 0 inside [m]."""
+    square = 0.0
+    for axis in range(3):
+        local = -box[axis]
+        for row in range(3):
+            local += T[row, axis] * (point[row] - T[row, 3])
+        out = max(abs(local) - box[3 + axis], 0.0)
+        square += out * out
+    return math.sqrt(square)
+
+
+@kernel
 def settle_kernel(
     types: Indices, offsets: Array, breaks: Array, coefficients: Array,
     pairs: Indices, margins: Array, joints: Indices, centers: Array, radii: Array,
+    boxes: Array, poses: Array,
     low: Array, high: Array, pieces: Indices, starts: Indices, open_pairs: Indices,
     enough: float, frames: Array, left: Indices, bounds: Array,
 ) -> tuple[float, int, int]:  # fmt: skip
     """Kernel of ``settle_by_bounds``; least clearance settled, its pair, and how many are left."""
     n, p = offsets.shape[0], joints.shape[0]
-    q, delta, place = np.empty(n), np.empty(n), np.empty((p, 3))
+    q, delta, place, now = np.empty(n), np.empty(n), np.empty((p, 3)), poses.copy()
     clearance, closest, size = np.inf, -1, 0
     for cell in range(low.shape[0]):
         piece = pieces[cell]
@@ -222,6 +246,10 @@ def settle_kernel(
                     place[i, row] = F[row, 3]
                     for k in range(3):
                         place[i, row] += F[row, k] * centers[i, k]
+                    for column in range(4):
+                        now[i, row, column] = F[row, 3] if column == 3 else 0.0
+                        for k in range(3):
+                            now[i, row, column] += F[row, k] * poses[i, k, column]
         for entry in range(starts[cell], starts[cell + 1]):
             pair = open_pairs[entry]
             i, j = pairs[pair, 0], pairs[pair, 1]
@@ -231,11 +259,16 @@ def settle_kernel(
             )  # fmt: skip
             dx, dy = place[i, 0] - place[j, 0], place[i, 1] - place[j, 1]
             dz = place[i, 2] - place[j, 2]
-            apart = math.sqrt(dx * dx + dy * dy + dz * dz) - radii[i] - radii[j] - moved
+            apart = math.sqrt(dx * dx + dy * dy + dz * dz) - radii[i] - radii[j]
+            if apart - moved < enough:
+                apart = max(apart, outside_box(place[j], boxes[i], now[i]) - radii[j])
+                apart = max(apart, outside_box(place[i], boxes[j], now[j]) - radii[i])
+            apart -= moved
             if apart > margins[pair] and apart >= enough:
                 if apart < clearance:
                     clearance, closest = apart, pair
                 continue
-            left[size, 0], left[size, 1], bounds[size] = cell, pair, moved
+            left[size, 0], left[size, 1] = cell, pair
+            bounds[size, 0], bounds[size, 1] = moved, apart
             size += 1
     return clearance, closest, size

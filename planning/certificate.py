@@ -22,7 +22,7 @@ from kinematics.trajectory import Trajectory
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from obstacles.world import ACCURACY, World
-from planning.cells import Cells, PairTable, first_cells, halves, settle_by_bounds
+from planning.cells import Cells, PairTable, Placed, first_cells, halves, settle_by_bounds
 from planning.deadline import Deadline
 
 #: Ratios may exceed 1 by what the last digits of an extremum are worth.
@@ -34,6 +34,8 @@ _JERK_JUMP = 1e-6
 #: The clearance told is at least this share of the true one, where that is less than _ENOUGH [m].
 _SHARP = 0.8
 _ENOUGH = 0.05
+#: Distances looked at to learn how small the least clearance is about.
+_PROBES = 24
 #: A cell in which everything moves less than this [m] is decided by its distance alone.
 _RESOLUTION = 1e-7
 
@@ -238,19 +240,40 @@ class _Sweep:
 
     def _level(self, cells: Cells) -> Cells:
         """Settle what can be settled on these cells; the halves of what is left."""
-        enough = min(_ENOUGH, _SHARP * self._nearest)
-        placed = settle_by_bounds(self._trajectory, self._table, cells, enough)
+        placed = settle_by_bounds(self._trajectory, self._table, cells, self._enough)
         self._lower(placed.clearance, placed.closest)
+        if np.isinf(self._nearest):
+            self._probe(placed)
+        lowers, margins = placed.open_lowers, self._table.margins[placed.open_pairs]
+        far = (lowers > margins) & (lowers >= self._enough)
+        if far.any():
+            least = int(np.argmin(np.where(far, lowers, np.inf)))
+            self._lower(float(lowers[least]), int(placed.open_pairs[least]))
         left: list[tuple[int, int]] = []
-        for cell in np.unique(placed.open_cells):
+        last = -1
+        for entry in np.flatnonzero(~far):
+            cell, pair = int(placed.open_cells[entry]), int(placed.open_pairs[entry])
             if self.violation and cells.low[cell] > self.violation.time:
                 break
-            self._world.place_frames(placed.frames[cell])
-            for entry in np.flatnonzero(placed.open_cells == cell):
-                pair, bound = int(placed.open_pairs[entry]), float(placed.open_bounds[entry])
-                if not self._settled(float(placed.times[cell]), pair, bound):
-                    left.append((int(cell), pair))
+            if cell != last:
+                self._world.place_frames(placed.frames[cell])
+                last = cell
+            if not self._settled(float(placed.times[cell]), pair, float(placed.open_bounds[entry])):
+                left.append((cell, pair))
         return halves(cells, left)
+
+    @property
+    def _enough(self) -> float:
+        """Clearance beyond which a sharper bound would tell nothing [m]."""
+        return min(_ENOUGH, _SHARP * self._nearest)
+
+    def _probe(self, placed: Placed) -> None:
+        """Learn from a few promising distances how small the least clearance is about."""
+        for entry in np.argsort(placed.open_lowers, kind="stable")[:_PROBES]:
+            self._world.place_frames(placed.frames[placed.open_cells[entry]])
+            pair = int(placed.open_pairs[entry])
+            distance = self._world.distance(pair) + float(self._world.margins[pair])
+            self._nearest = min(self._nearest, distance)
 
     def _settled(self, time: float, pair: int, bound: float) -> bool:
         distance = self._world.distance(pair) + float(self._world.margins[pair])
@@ -260,7 +283,7 @@ class _Sweep:
             self._found(time, pair, distance, apart)
             return True
         lower = distance - bound - ACCURACY
-        if lower <= apart or lower < min(_ENOUGH, _SHARP * self._nearest):
+        if lower <= apart or lower < self._enough:
             return lower > apart and bound < _RESOLUTION and self._lower(lower, pair)
         return self._lower(lower, pair)
 

@@ -24,6 +24,7 @@ from planning.sampling import sample
 from planning.shortcut import shortcut
 from planning.straight_line import straight_line
 from planning.timing.blend import blend, merge
+from planning.timing.failure import TimingFailed
 from planning.timing.minimum_time import time_path
 
 LADDER = ("straight_line", "potential_field", "rrt_connect")
@@ -90,7 +91,11 @@ def plan(problem: Problem, options: Options) -> Plan | Failure:
             lambda: shortcut(ready.checker, waypoints, options.seed, deadline),
             lambda short: (True, f"{len(waypoints)} waypoints became {len(short)}."),
         )
-    timed = _time_and_prove(problem, ready, waypoints, limits, stages, deadline)
+    try:
+        timed = _time_and_prove(problem, ready, waypoints, limits, stages, deadline)
+    except TimingFailed as error:
+        hint = error.hint or "Look at the velocity and acceleration limits."
+        timed = Failure("INVALID_MOTION_PLAN", error.message, hint, "timing")
     if isinstance(timed, Failure):
         return replace(timed, stages=tuple(stages.reports))
     trajectory, certificate = timed

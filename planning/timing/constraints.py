@@ -29,6 +29,10 @@ from kinematics.polynomial import shift_kernel
 from planning.timing.path import JointPath
 
 
+#: On a short parabola between straight legs more cells gain nothing.
+LEAST_CELLS = 8
+
+
 class Cells(NamedTuple):
     """A grid on a path and the limits upon it; N cells, at most R rows each.
 
@@ -51,8 +55,8 @@ class Cells(NamedTuple):
     caps: Array
 
 
-def cells(path: JointPath, per_piece: int, limits: Array) -> Cells:
-    """The grid on a path: one cell a straight piece, ``per_piece`` on others, with its limits.
+def cells(path: JointPath, resolution: int, limits: Array) -> Cells:
+    """The grid on a path, with its limits: one cell a straight piece, more on the others.
 
     On a straight piece the limits are the same everywhere, so that whatever speeds can be joined
     over it by any motion can be joined at constant acceleration: one cell decides the speeds at
@@ -60,12 +64,14 @@ def cells(path: JointPath, per_piece: int, limits: Array) -> Cells:
 
     Args:
         path: The path.
-        per_piece: Number of cells on a piece that is not straight, at least 2.
+        resolution: Number of cells that a path without straight pieces would have; a curved piece
+            has its share by length, but at least ``LEAST_CELLS``.
         limits: Of velocity (inf where there is none) and acceleration, shape (2, n).
     """
     c = path.coefficients
     straight_piece = ~(c[:, :, 2:] != 0.0).any(axis=(1, 2))
-    counts = np.where(straight_piece, 1, per_piece)
+    shares = np.ceil(resolution * path.lengths / path.lengths.sum()).astype(np.int64)
+    counts = np.where(straight_piece, 1, np.maximum(shares, LEAST_CELLS))
     pieces = np.repeat(np.arange(len(counts)), counts)
     firsts = np.cumsum(counts) - counts
     lengths = path.lengths[pieces] / counts[pieces]

@@ -55,32 +55,66 @@ def dilate(
     Raises:
         InvalidOption: A limit is not positive, or their number is not n.
     """
-    given = [(velocity, "velocity"), (acceleration, "acceleration"), (jerk, "jerk")]
-    limits = {
-        order: checked_limits(values, name, trajectory.n)
-        for order, (values, name) in enumerate(given, start=1)
-        if values is not None
-    }
-    factor, dilated = 1.0, trajectory
-    while (missing := _missing(dilated, limits)) > 1.0:
-        factor *= missing * (1.0 + _HAIR)
-        dilated = trajectory.dilate(factor)
-    return Dilated(dilated, factor)
+    limits = _given(trajectory.n, velocity, acceleration, jerk)
+    return _stretched(trajectory, limits, 1.0)
+
+
+def fit(
+    trajectory: Trajectory,
+    velocity: ArrayLike | None = None,
+    acceleration: ArrayLike | None = None,
+    jerk: ArrayLike | None = None,
+) -> Dilated:
+    """As ``dilate``, but sped up where there is room: the fastest of all uniform time scalings.
+
+    Raises:
+        InvalidOption: As in ``dilate``, or no limit given bounds the motion.
+    """
+    limits = _given(trajectory.n, velocity, acceleration, jerk)
+    ratios = {order: float(peak_ratios(trajectory, v, order).max()) for order, v in limits.items()}
+    factor = max((ratio ** (1.0 / order) for order, ratio in ratios.items()), default=0.0)
+    if not factor > 0.0:
+        raise InvalidOption(
+            "no limit bounds this motion, so there is no fastest one",
+            hint="Give finite velocity, acceleration or jerk limits, and a motion that moves.",
+        )
+    return _stretched(trajectory, limits, factor * (1.0 + _HAIR))
 
 
 def checked_limits(values: ArrayLike, name: str, n: int) -> Array:
-    """Limits as an array of shape (n,) of positive numbers, inf among them.
+    """Limits as an array of shape (n,) of positive numbers, inf perhaps among them.
 
     Raises:
         InvalidOption: They are not.
     """
-    limits = np.asarray(values, dtype=np.float64)
+    try:
+        limits = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InvalidOption(f"the {name} limits are no list of numbers") from None
     if limits.shape != (n,) or not (limits > 0.0).all():
         raise InvalidOption(
             f"the {name} limits must be {n} positive number(s), got {np.array2string(limits)}",
             hint="Give one limit for each joint, in the order of the joints.",
         )
     return limits
+
+
+def _given(n: int, *limits: ArrayLike | None) -> dict[int, Array]:
+    """The limits that are given, checked, by the order of the derivative."""
+    names = ("velocity", "acceleration", "jerk")
+    return {
+        order: checked_limits(values, name, n)
+        for order, (values, name) in enumerate(zip(limits, names, strict=True), start=1)
+        if values is not None
+    }
+
+
+def _stretched(trajectory: Trajectory, limits: dict[int, Array], factor: float) -> Dilated:
+    dilated = trajectory if factor == 1.0 else trajectory.dilate(factor)
+    while (missing := _missing(dilated, limits)) > 1.0:
+        factor *= missing * (1.0 + _HAIR)
+        dilated = trajectory.dilate(factor)
+    return Dilated(dilated, factor)
 
 
 def _missing(trajectory: Trajectory, limits: dict[int, Array]) -> float:

@@ -21,7 +21,8 @@ Solver = Literal["reachability", "toppra"]
 
 #: Cells on each piece of a path that is not straight. Against 256 cells, on paths of parabolas
 #: only, 16 cost 0.25 % of the duration, 32 cost 0.07 %.
-CELLS_PER_PIECE = 32
+RESOLUTION = 256
+MAX_RESOLUTION = 100_000
 
 # The solver is given limits this much lower, so that what it rounds off stays within the true ones
 # and no dilation is needed as a rule.
@@ -40,7 +41,7 @@ def time_path(
     acceleration: ArrayLike,
     *,
     solver: Solver = "reachability",
-    cells_per_piece: int = CELLS_PER_PIECE,
+    resolution: int = RESOLUTION,
 ) -> Dilated:
     """The path run through in the least time, at rest at its ends and at its sharp corners.
 
@@ -53,7 +54,7 @@ def time_path(
         velocity: Limits, shape (n,), inf where there is none [rad/s or m/s].
         acceleration: Limits, shape (n,), finite [rad/s^2 or m/s^2].
         solver: Who finds the speeds: our compiled "reachability" or the "toppra" package.
-        cells_per_piece: Grid cells on each piece that is not straight, at least 2.
+        resolution: Grid cells that a path without straight pieces has, shared out by length.
 
     Returns:
         The trajectory, and the factor by which time was stretched after the solver so that every
@@ -66,9 +67,12 @@ def time_path(
     """
     limits = _limits(path, velocity, acceleration)
     aims = frozen(limits * (1.0 - _HAIR))
-    if cells_per_piece < 2:
-        raise InvalidOption("a curved piece needs cells", hint="Give at least 2 cells a piece.")
-    grid = cells(path, cells_per_piece, aims)
+    if not 1 <= resolution <= MAX_RESOLUTION:
+        raise InvalidOption(
+            f"a timing resolution of {resolution} cells",
+            hint=f"Give a number from 1 to {MAX_RESOLUTION}.",
+        )
+    grid = cells(path, resolution, aims)
     squares = _squared_speeds(solver)(grid)
     durations, coefficients = timed_pieces(path, grid, squares, aims)
     breaks = np.concatenate([[0.0], np.cumsum(durations)])
