@@ -10,6 +10,7 @@ from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 from starlette.responses import Response
+from starlette.routing import Match
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from kinematics.errors import ArmwrightError
@@ -61,7 +62,20 @@ def _from_framework(request: Request, error: HTTPException) -> ProblemError:
     code, hint = _FRAMEWORK.get(error.status_code, ("INVALID_REQUEST", None))
     detail = f"{request.method} {request.url.path}: {error.detail}"
     status = 422 if error.status_code == 400 else error.status_code
-    return ProblemError(code, detail, hint=hint, status=status, headers=error.headers)
+    headers = dict(error.headers or {})
+    if status == 405:
+        headers["Allow"] = ", ".join(_possible_methods(request))
+    return ProblemError(code, detail, hint=hint, status=status, headers=headers)
+
+
+def _possible_methods(request: Request) -> list[str]:
+    """All methods of a path; the framework names only those of the first route that has it."""
+    routes = request.app.router.routes
+    return [
+        method
+        for method in ("GET", "POST", "PUT", "DELETE")
+        if any(r.matches(request.scope | {"method": method})[0] is Match.FULL for r in routes)
+    ]
 
 
 class UnexpectedErrors:

@@ -29,10 +29,14 @@ from service.worker_main import Job, Reply
 
 _log = logging.getLogger(__name__)
 
+#: Where the functions are that workers may be asked to call.
+TASK_MODULES = ("service.tasks", "service.kinematics_tasks")
 #: A worker that dies before a job has reached it is not the job's fault; but a job that can't even
 #: be received must not go round for ever.
 _MAX_ATTEMPTS = 3
-_FIRST_PAUSE, _LONGEST_PAUSE = 0.05, 5.0  # between failed starts of a worker [s]
+_FIRST_PAUSE, _LONGEST_PAUSE = 0.01, 1.0  # between failed starts of a worker [s]
+#: A worker may be killed while it starts; only several in a row mean that none can start.
+_FAILURES = 3
 _MEAN_WEIGHT = 0.1  # of the newest job in the mean duration
 
 
@@ -65,7 +69,7 @@ class WorkerSupervisor:
         queue_limit: int,
         *,
         grace: float = 0.1,
-        modules: Sequence[str] = ("service.tasks",),
+        modules: Sequence[str] = TASK_MODULES,
         warm: Callable[[], object] = warm_kernels,
     ) -> None:
         self.counters = Counters()
@@ -217,7 +221,7 @@ class WorkerSupervisor:
 
     async def _tend(self, slot: int) -> None:
         """Keep one worker alive, for ever."""
-        pause = _FIRST_PAUSE
+        failures = 0
         while True:
             was_warm = False
             try:
@@ -227,14 +231,13 @@ class WorkerSupervisor:
                 finally:
                     was_warm = worker.warm
                     await self._bury(worker)
-            except (OSError, EOFError) as error:  # the fork server itself is gone, say
-                _log.warning("a worker could not be started: %s", error)
-            if was_warm:
-                pause = _FIRST_PAUSE
-                continue
-            self._failing.add(slot)
-            await asyncio.sleep(pause)
-            pause = min(2.0 * pause, _LONGEST_PAUSE)
+            except Exception:  # noqa: BLE001  (whatever it is, the next attempt may succeed)
+                _log.exception("a worker could not be started or buried")
+            failures = 0 if was_warm else failures + 1
+            if failures >= _FAILURES:
+                self._failing.add(slot)
+            if failures:
+                await asyncio.sleep(min(_FIRST_PAUSE * 2.0**failures, _LONGEST_PAUSE))
 
     async def _hire(self, slot: int) -> Worker:
         def on_message(worker: Worker, message: tuple[Any, ...]) -> None:
