@@ -9,13 +9,22 @@ from starlette.concurrency import run_in_threadpool
 
 from service import handlers, openapi
 from service.body import BodyLimit, JsonRoute
-from service.routes import health, pending, problems, scenes
+from service.routes import health, kinematics, pending, problems, robots, scenes
 from service.settings import Settings
 from service.store import open_store
 from service.version import VERSION
 from service.workers import WorkerSupervisor
 
-_ROUTERS = (health.router, problems.router, scenes.router, pending.router)
+#: The modules whose functions workers may be asked to call.
+TASK_MODULES = ("service.tasks",)
+_ROUTERS = (
+    health.router,
+    problems.router,
+    robots.router,
+    kinematics.router,
+    scenes.router,
+    pending.router,
+)
 
 
 def create_app(settings: Settings | None = None) -> FastAPI:
@@ -33,7 +42,9 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         app.state.store = await run_in_threadpool(open_store, chosen.storage_url)
-        supervisor = WorkerSupervisor(chosen.workers, chosen.queue_limit, grace=chosen.kill_grace)
+        supervisor = WorkerSupervisor(
+            chosen.workers, chosen.queue_limit, grace=chosen.kill_grace, modules=TASK_MODULES
+        )
         app.state.supervisor = supervisor
         await supervisor.start()
         try:

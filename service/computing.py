@@ -33,15 +33,23 @@ def deadline_of(settings: Settings, timeout: float | None) -> float:
     return time.monotonic() + seconds
 
 
-async def compute(request: Request, job: Job, timeout: float | None = None) -> Any:
+async def compute(
+    request: Request, job: Job, timeout: float | None = None, patience: float = 0.0
+) -> Any:
     """The result of a job, computed in a worker within `timeout` [s].
+
+    Args:
+        request: On whose behalf; when its client leaves, the job is ended.
+        job: What to call.
+        timeout: As the request names it; the default of the service if left out.
+        patience: How much later the worker is ended, for jobs that mind the time themselves [s].
 
     Raises:
         ProblemError: As `WorkerSupervisor.submit`; PREEMPTED when the client left, in which case
             the worker was stopped.
     """
     supervisor: WorkerSupervisor = request.app.state.supervisor
-    deadline = deadline_of(request.app.state.settings, timeout)
+    deadline = deadline_of(request.app.state.settings, timeout) + patience
     working = asyncio.ensure_future(supervisor.submit(job, deadline))
     leaving = asyncio.ensure_future(_disconnection(request))
     try:

@@ -7,6 +7,7 @@ from fastapi.openapi.utils import get_openapi
 
 from service.errors import KINDS, PROBLEM_MEDIA_TYPE
 from service.schemas.problem import Problem
+from service.schemas.robot import RobotBody
 
 DESCRIPTION = """\
 Robot, scene, start and goal in; a certified, timed trajectory out.
@@ -45,7 +46,11 @@ def install(app: FastAPI) -> None:
             )
             problem = Problem.model_json_schema()
             problem["properties"]["code"]["examples"] = sorted(KINDS)
-            schema.setdefault("components", {}).setdefault("schemas", {})["Problem"] = problem
+            schemas = schema.setdefault("components", {}).setdefault("schemas", {})
+            schemas["Problem"] = problem
+            # Bodies that routes read by themselves, because they come in more than one form.
+            robot = RobotBody.model_json_schema(ref_template="#/components/schemas/{model}")
+            schemas |= {**robot.pop("$defs"), "RobotBody": robot} | schemas
             app.openapi_schema = schema
         return app.openapi_schema
 

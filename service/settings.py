@@ -49,6 +49,11 @@ class Settings(BaseSettings):
         return self
 
     @property
+    def prepared_dir(self) -> Path:
+        """Where workers keep robots and scenes that were built."""
+        return self.data_dir.absolute() / "prepared"
+
+    @property
     def storage_url(self) -> str:
         """The database URL, in the data folder unless one was given."""
         return self.database_url or f"sqlite:///{self.data_dir.absolute() / 'armwright.db'}"

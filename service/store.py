@@ -97,6 +97,9 @@ class Store(Protocol):
     def get(self, kind: str, name: str) -> Document:
         """The document of a name. Raises ProblemError NOT_FOUND."""
 
+    def record(self, kind: str, name: str) -> Record:
+        """What is known of the document of a name. Raises ProblemError NOT_FOUND."""
+
     def list(self, kind: str, after: str, limit: int) -> list[Record]:
         """The first `limit` documents whose names sort after `after`, by name."""
 
@@ -210,6 +213,18 @@ class SqliteStore:
         """Keep a document, new or in place of the one of that name."""
         with self._transaction() as database:
             return _write(database, kind, name, content)
+
+    def record(self, kind: str, name: str) -> Record:
+        """What is known of the document of a name.
+
+        Raises:
+            ProblemError: NOT_FOUND.
+        """
+        with self._lock:
+            record = _find(self._database, kind, name)
+        if record is None:
+            raise _missing(kind, name)
+        return record
 
     def get(self, kind: str, name: str) -> Document:
         """The document of a name.

@@ -1,7 +1,19 @@
-"""The functions that workers run for requests: values in, values out, nothing of HTTP."""
+"""The functions that workers run for robots and scenes: values in, values out, nothing of HTTP."""
 
-from service import translate
-from service.schemas.scene import Scene
+import base64
+
+from pydantic import ValidationError
+
+from kinematics.errors import InvalidRobotDescription
+from obstacles.decomposition import keep_decompositions
+from obstacles.scene import Scene
+from service import prepared, translate, translate_robot
+from service.archive import read_archive
+from service.prepared import PreparedRobot
+from service.references import Reference
+from service.schemas.robot import RobotBody
+from service.schemas.scene import Scene as SceneBody
+from service.validation import validation_problem
 
 
 def check_scene(document: bytes) -> str:
@@ -13,4 +25,66 @@ def check_scene(document: bytes) -> str:
     Raises:
         InvalidScene: It can't be built; the message names the obstacle.
     """
-    return translate.scene(Scene.model_validate_json(document)).content_hash
+    return translate.scene(SceneBody.model_validate_json(document)).content_hash
+
+
+def prepare_scene(document: bytes, folder: str, name: str) -> str:
+    """Build a scene from its JSON document, cut its meshes and keep it for all workers.
+
+    Returns:
+        The content hash of the scene.
+
+    Raises:
+        InvalidScene: It can't be built; the message names the obstacle.
+    """
+    keep_decompositions(prepared.decompositions(folder))
+    scene: Scene = translate.scene(SceneBody.model_validate_json(document))
+    scene.pieces()
+    reference = Reference("scene", name, prepared.document_hash(document), folder)
+    prepared.write(reference, scene)
+    return scene.content_hash
+
+
+def prepare_robot(document: bytes, folder: str) -> bytes:
+    """Build a robot from its JSON document and keep it for all workers.
+
+    Returns:
+        The model as it is answered, JSON.
+
+    Raises:
+        InvalidRobotDescription: It can't be built.
+    """
+    keep_decompositions(prepared.decompositions(folder))
+    body = RobotBody.model_validate_json(document)
+    geometry, lint = translate_robot.robot(body)
+    answer = translate_robot.robot_answer(geometry, lint, body.name, is_built_in=False)
+    made = PreparedRobot.of(geometry, answer.model_dump_json().encode())
+    reference = Reference("robot", body.name, prepared.document_hash(document), folder)
+    prepared.write(reference, made)
+    return made.answer
+
+
+def unpack_robot(content: bytes, fields: dict[str, object], folder: str) -> tuple[bytes, bytes]:
+    """Build a robot from a .zip and keep it for all workers.
+
+    Args:
+        content: The archive.
+        fields: Other fields of the robot's document.
+        folder: Where to keep it.
+
+    Returns:
+        The robot's JSON document and its model as it is answered.
+
+    Raises:
+        InvalidRobotDescription: The archive or what is in it is not valid.
+    """
+    archive = read_archive(content)
+    meshes = {name: base64.b64encode(data).decode() for name, data in archive.meshes.items()}
+    given = {"srdf": archive.srdf} | {k: v for k, v in fields.items() if v is not None}
+    try:
+        body = RobotBody.model_validate({**given, "urdf": archive.urdf, "meshes": meshes or None})
+    except ValidationError as error:
+        problem = validation_problem(error.errors(), {})
+        raise InvalidRobotDescription(f"the robot archive: {problem.detail}") from None
+    document = body.model_dump_json(exclude_none=True).encode()
+    return document, prepare_robot(document, folder)

@@ -6,9 +6,10 @@ import numpy as np
 
 from kinematics import pose as rotation
 from kinematics.chain import Array
+from kinematics.errors import InvalidScene
 from obstacles import mesh, shapes
+from obstacles.moveit import scene_from_moveit
 from obstacles.scene import Obstacle, Scene
-from service.errors import ProblemError
 from service.schemas import pose as pose_schema
 from service.schemas import scene as scene_schema
 from service.schemas import shape as shape_schema
@@ -80,18 +81,22 @@ def scene(body: scene_schema.Scene) -> Scene:
 
     Raises:
         InvalidScene: A shape or an obstacle is not valid.
-        ProblemError: NOT_IMPLEMENTED, the scene is a MoveIt text.
+        InvalidPose: The pose of an obstacle is not valid.
     """
-    if body.obstacles is None:
-        raise ProblemError(
-            "NOT_IMPLEMENTED",
-            "planning-scene texts of MoveIt are not read yet",
-            stage="scene",
-            hint="Give the obstacles one by one in the field obstacles.",
-        )
-    obstacles = tuple(
-        Obstacle(item.id, shape(item.shape), transform(item.pose), item.margin or 0.0)
-        for item in body.obstacles
-    )
     allowed = frozenset((first, second) for first, second in body.allowed_collisions or ())
+    if body.moveit is not None:
+        read = scene_from_moveit(body.moveit)
+        return Scene(read.obstacles, read.allowed_collisions | allowed)
+    obstacles = tuple(_obstacle(item) for item in body.obstacles or ())
     return Scene(obstacles, allowed)
+
+
+def _obstacle(item: scene_schema.Obstacle) -> Obstacle:
+    try:
+        return Obstacle(item.id, shape(item.shape), transform(item.pose), item.margin or 0.0)
+    except InvalidScene as error:
+        if repr(item.id) in error.message:
+            raise
+        raise InvalidScene(
+            f"obstacle {item.id!r}: {error.message}", hint=error.hint, **error.details
+        ) from None

@@ -6,8 +6,8 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request, Response
 from starlette.concurrency import run_in_threadpool
 
+from service import catalog
 from service.body import JsonRoute
-from service.computing import compute
 from service.errors import ProblemError
 from service.openapi import RESPONSES
 from service.schemas.scene import NamedScene, Scene, SceneList, SceneSummary
@@ -75,7 +75,8 @@ async def delete_scene(name: str, request: Request) -> None:
 
 async def _checked(body: NamedScene, request: Request) -> bytes:
     content = body.model_dump_json(exclude_none=True).encode()
-    await compute(request, Job("service.tasks:check_scene", (content,)))
+    folder = str(request.app.state.settings.prepared_dir)
+    await catalog.build(request, Job("service.tasks:prepare_scene", (content, folder, body.name)))
     return content
 
 

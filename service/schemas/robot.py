@@ -20,7 +20,7 @@ from service.schemas.base import (
     Vector3,
     exactly_one,
 )
-from service.schemas.pose import Pose
+from service.schemas.pose import Pose, PoseAnswer
 from service.schemas.shape import check_base64
 
 _MAX_XML = 16 * 1024 * 1024
@@ -102,21 +102,26 @@ _EXAMPLE: JsonDict = {
 }
 
 
-class RobotBody(Body):
+class RobotFields(Body):
+    """What is said of a robot beside its description."""
+
+    name: Name
+    base_link: Label | None = None
+    tip_link: Label | None = None
+    joint_limits: Annotated[dict[Label, JointLimits], Field(max_length=1_000)] | None = None
+
+
+class RobotBody(RobotFields):
     """A robot as URDF or as a Denavit-Hartenberg table."""
 
     model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
 
-    name: Name
     urdf: Xml | None = None
     srdf: Xml | None = None
     dh: DhTable | None = None
     meshes: Annotated[dict[Uri, str], Field(max_length=_MAX_MESHES)] | None = Field(
         None, description="package:// or relative URI of the URDF → file in base64"
     )
-    base_link: Label | None = None
-    tip_link: Label | None = None
-    joint_limits: Annotated[dict[Label, JointLimits], Field(max_length=1_000)] | None = None
 
     @field_validator("meshes")
     @classmethod
@@ -157,13 +162,16 @@ class DhRowAnswer(Answer):
     alpha: float
     d: float
     theta: float
+    beta: float = Field(0.0, description="about y, behind alpha; 0 but for nearly parallel axes")
 
 
 class DhAnswer(Answer):
-    """The Denavit-Hartenberg table of a robot."""
+    """The Denavit-Hartenberg table of a robot: the tool's pose is base H_1 … H_n tool."""
 
     convention: Literal["standard", "modified"]
     rows: list[DhRowAnswer]
+    base: PoseAnswer = Field(description="frame 0 in the base frame")
+    tool: PoseAnswer = Field(description="the tip in frame n")
 
 
 class RobotSummary(Answer):
@@ -186,6 +194,7 @@ class RobotAnswer(Answer):
 
     name: str = Field(examples=["panda"])
     built_in: bool
+    hash: str = Field(description="of the model with its solids, as answers to plans give it")
     joint_names: list[str]
     joint_types: list[Literal["revolute", "prismatic"]]
     limits: Limits
@@ -194,5 +203,11 @@ class RobotAnswer(Answer):
     tip_link: str
     dh: DhAnswer | None = None
     wrist: Literal["spherical", "three_parallel", "none"]
-    allowed_collisions: list[list[str]]
+    allowed_collisions: list[list[str]] = Field(
+        examples=[[["panda_link0", "panda_link1"]]], description="pairs of links that may touch"
+    )
+    allowed_collision_reasons: list[str] = Field(
+        examples=[["adjacent"]],
+        description="for each of these pairs: same body, adjacent, always or srdf",
+    )
     lint: list[str] = Field(description="what is odd in the description")

@@ -1,0 +1,152 @@
+"""Robot archives: a .zip with one URDF, its meshes and perhaps an SRDF, read with suspicion."""
+
+import io
+import stat
+import zipfile
+from dataclasses import dataclass, field
+from pathlib import PurePosixPath
+
+from kinematics.errors import InvalidRobotDescription
+
+#: A robot with visual and collision meshes of all its variants stays well below these.
+MAX_ENTRIES = 2_000
+MAX_UNPACKED = 256 * 2**20
+#: Deflate reaches 1032 at most; text and meshes rarely pass 20.
+MAX_RATIO = 200
+#: Small files may be emptier than that.
+_RATIO_FREE = 2**20
+_MAX_NAME = 1_024
+_MESHES = (".stl", ".obj", ".ply", ".off")
+_ARCHIVES = (".zip", ".gz", ".tgz", ".tar", ".bz2", ".xz", ".7z", ".rar", ".zst", ".jar", ".3mf")
+_ARCHIVE_STARTS = (
+    b"PK\x03\x04",
+    b"PK\x05\x06",
+    b"\x1f\x8b",
+    b"BZh",
+    b"\xfd7zXZ\x00",
+    b"7z\xbc\xaf",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class RobotArchive:
+    """What was in an archive.
+
+    Args:
+        urdf: The text of the one .urdf file.
+        srdf: The text of the one .srdf file, if there is one.
+        meshes: Bytes of the mesh files by their path in the archive.
+    """
+
+    urdf: str
+    srdf: str | None = None
+    meshes: dict[str, bytes] = field(default_factory=dict)
+
+
+def read_archive(content: bytes) -> RobotArchive:
+    """Read a robot from the bytes of a .zip; nothing is ever written to disk.
+
+    Files that are neither URDF, SRDF nor mesh are left alone.
+
+    Raises:
+        InvalidRobotDescription: It is no .zip, unpacks to too much, has a name that leads out of
+            it, holds another archive, or has not exactly one URDF.
+    """
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            return _read(archive)
+    except (zipfile.BadZipFile, zipfile.LargeZipFile, NotImplementedError, EOFError) as error:
+        raise _refused(f"it can't be read: {error}") from None
+    except (RuntimeError, ValueError, OSError, OverflowError) as error:
+        raise _refused(f"it is damaged or encrypted: {error}") from None
+    except Exception as error:
+        # zlib and lzma have errors of their own for what is damaged inside.
+        if type(error).__module__ in ("zlib", "_lzma", "struct"):
+            raise _refused(f"it is damaged: {error}") from None
+        raise
+
+
+def _read(archive: zipfile.ZipFile) -> RobotArchive:
+    entries = [_checked(entry) for entry in _entries(archive) if not entry.is_dir()]
+    names = [entry.filename for entry in entries]
+    twice = {name for name in names if names.count(name) > 1}
+    if twice:
+        raise _refused(f"{min(twice)!r} is in it twice")
+    wanted = [e for e in entries if _ending(e) in (".urdf", ".srdf", *_MESHES)]
+    files: dict[str, bytes] = {}
+    left = MAX_UNPACKED
+    for entry in wanted:
+        files[entry.filename] = _unpacked(archive, entry, left)
+        left -= len(files[entry.filename])
+    urdf = _only(files, ".urdf")
+    if urdf is None:
+        raise _refused("there is no .urdf file in it", hint="Put the robot's URDF into it.")
+    meshes = {
+        name: data for name, data in files.items() if PurePosixPath(name).suffix.lower() in _MESHES
+    }
+    return RobotArchive(urdf, _only(files, ".srdf"), meshes)
+
+
+def _entries(archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
+    entries = archive.infolist()
+    if len(entries) > MAX_ENTRIES:
+        raise _refused(f"it has {len(entries)} entries, at most {MAX_ENTRIES} are taken")
+    total = sum(entry.file_size for entry in entries)
+    if total > MAX_UNPACKED:
+        raise _refused(f"it unpacks to {total} bytes, at most {MAX_UNPACKED} are taken")
+    return [entry for entry in entries if not entry.filename.startswith("__MACOSX/")]
+
+
+def _checked(entry: zipfile.ZipInfo) -> zipfile.ZipInfo:
+    name = entry.filename
+    if not 0 < len(name) <= _MAX_NAME or not name.isprintable() or entry.orig_filename != name:
+        raise _refused("an entry has a name that is empty, too long or not printable")
+    if "\\" in name or ":" in name or name.startswith(("/", "~")) or ".." in name.split("/"):
+        raise _refused(
+            f"the entry {name!r} leads out of it",
+            hint='Take absolute paths, drive letters, backslashes and ".." out of the names.',
+        )
+    if stat.S_IFMT(entry.external_attr >> 16) not in (0, stat.S_IFREG):
+        raise _refused(f"the entry {name!r} is no regular file")
+    if entry.flag_bits & 0x1:
+        raise _refused(f"the entry {name!r} is encrypted")
+    if _ending(entry) in _ARCHIVES:
+        raise _refused(f"the entry {name!r} is an archive itself", hint="Unpack it first.")
+    if entry.file_size > max(MAX_RATIO * entry.compress_size, _RATIO_FREE):
+        raise _refused(f"the entry {name!r} is packed more densely than any real file")
+    return entry
+
+
+def _ending(entry: zipfile.ZipInfo) -> str:
+    return PurePosixPath(entry.filename).suffix.lower()
+
+
+def _unpacked(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, left: int) -> bytes:
+    """The bytes of an entry, no more than it announced and than may still be unpacked."""
+    with archive.open(entry) as stream:
+        data = stream.read(min(left, entry.file_size) + 1)
+    if len(data) > min(left, entry.file_size):
+        raise _refused(f"the entry {entry.filename!r} unpacks to more than it announces")
+    if data.startswith(_ARCHIVE_STARTS):
+        raise _refused(f"the entry {entry.filename!r} is an archive itself")
+    return data
+
+
+def _only(files: dict[str, bytes], ending: str) -> str | None:
+    """The text of the one file with this ending."""
+    found = [name for name in files if PurePosixPath(name).suffix.lower() == ending]
+    if len(found) > 1:
+        raise _refused(
+            f"there are several {ending} files in it: {', '.join(found[:10])}",
+            hint="Leave the one that is meant.",
+        )
+    if not found:
+        return None
+    try:
+        return files[found[0]].decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise _refused(f"{found[0]!r} is not UTF-8") from None
+
+
+def _refused(reason: str, hint: str | None = None) -> InvalidRobotDescription:
+    return InvalidRobotDescription(f"the robot archive: {reason}", hint=hint)

@@ -1,0 +1,59 @@
+"""What a process has loaded of robots and scenes, so that a request does not build them again."""
+
+from kinematics.chain import Chain
+from obstacles.decomposition import keep_decompositions
+from obstacles.scene import Scene
+from service import prepared, translate, translate_robot
+from service.prepared import PreparedRobot, Recent
+from service.references import Reference
+from service.schemas import scene as scene_schema
+
+#: A robot is a few hundred kilobytes; a scene may be megabytes.
+_ROBOTS = Recent(64)
+_SCENES = Recent(16)
+
+
+def robot(reference: Reference) -> PreparedRobot:
+    """The robot of a reference, with its solids.
+
+    Raises:
+        NotPrepared: Its document has to be prepared first.
+    """
+    if reference.built_in:
+        return _ROBOTS.get(("built-in", reference.name), lambda: _built_in(reference.name))
+    return _ROBOTS.get(reference.hash, lambda: prepared.read_robot(reference))
+
+
+def chain(reference: Reference) -> Chain:
+    """The chain of a reference alone.
+
+    Raises:
+        NotPrepared: Its document has to be prepared first.
+    """
+    return robot(reference).chain
+
+
+def scene(source: Reference | scene_schema.Scene | None) -> Scene:
+    """A stored scene, an inline one, or none: an empty one.
+
+    Raises:
+        NotPrepared: The document of a stored scene has to be prepared first.
+        InvalidScene: An inline scene is not valid.
+    """
+    if source is None:
+        return Scene()
+    if isinstance(source, Reference):
+        keep_decompositions(prepared.decompositions(source.folder))
+        return _SCENES.get(source.hash, lambda: prepared.read_scene(source))
+    return translate.scene(source)
+
+
+def loaded(reference: Reference) -> bool:
+    """Whether a robot needs no loading."""
+    return (("built-in", reference.name) if reference.built_in else reference.hash) in _ROBOTS
+
+
+def _built_in(name: str) -> PreparedRobot:
+    geometry, lint = translate_robot.built_in(name)
+    answer = translate_robot.robot_answer(geometry, lint, name, is_built_in=True)
+    return PreparedRobot.of(geometry, answer.model_dump_json().encode())

@@ -1,0 +1,229 @@
+"""Robots by name, built-in ones among them."""
+
+import json
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query, Request, Response
+from pydantic import ValidationError
+from starlette.concurrency import run_in_threadpool
+from starlette.datastructures import FormData, UploadFile
+
+from kinematics.robots import builtin_names
+from service import catalog, prepared
+from service.body import JsonRoute, require_json
+from service.errors import ProblemError
+from service.openapi import RESPONSES
+from service.schemas.robot import RobotAnswer, RobotBody, RobotFields, RobotList, RobotSummary
+from service.store import Store
+from service.validation import validation_problem
+from service.worker_main import Job
+
+router = APIRouter(prefix="/v1/robots", tags=["robots"], route_class=JsonRoute, responses=RESPONSES)
+
+_KIND = "robot"
+_MAX_PARTS = 16
+_BODY = {
+    "requestBody": {
+        "required": True,
+        "content": {
+            "application/json": {"schema": {"$ref": "#/components/schemas/RobotBody"}},
+            "multipart/form-data": {
+                "schema": {
+                    "type": "object",
+                    "required": ["file"],
+                    "properties": {
+                        "file": {
+                            "type": "string",
+                            "format": "binary",
+                            "description": "a .zip with one URDF, its meshes and perhaps an SRDF",
+                        },
+                        "name": {
+                            "type": "string",
+                            "description": "the name of the file without .zip if left out",
+                        },
+                        "base_link": {"type": "string"},
+                        "tip_link": {"type": "string"},
+                        "joint_limits": {"type": "string", "description": "JSON, as elsewhere"},
+                    },
+                }
+            },
+        },
+    }
+}
+
+
+@router.post(
+    "",
+    status_code=201,
+    summary="Store a new robot",
+    response_model=RobotAnswer,
+    openapi_extra=_BODY,
+)
+async def create_robot(request: Request) -> Response:
+    """Builds a robot from URDF, from a Denavit-Hartenberg table or from a .zip, and stores it.
+
+    Meshes that are not convex are cut into convex pieces, which may take seconds.
+    """
+    content_type = request.headers.get("content-type", "")
+    if content_type.split(";")[0].strip().lower() == "multipart/form-data":
+        document, answer, name = await _from_form(request)
+    else:
+        document, answer, name = await _from_json(request, content_type)
+    await run_in_threadpool(_store(request).create, _KIND, name, document)
+    return Response(answer, 201, {"Location": f"/v1/robots/{name}"}, "application/json")
+
+
+@router.get("", summary="List robots")
+async def list_robots(
+    request: Request,
+    after: Annotated[str, Query(max_length=256, description="names that sort after this")] = "",
+    limit: Annotated[int, Query(ge=1, le=1000)] = 100,
+) -> RobotList:
+    """Built-in and stored robots by name, page by page."""
+    records = await run_in_threadpool(_store(request).list, _KIND, after, limit + 1)
+    stored = [record.name for record in records]
+    names = sorted([*stored, *(name for name in builtin_names() if name > after)])
+    robots = [await _summary(request, name) for name in names[:limit]]
+    return RobotList(
+        robots=[robot for robot in robots if robot is not None],
+        next=names[limit - 1] if len(names) > limit else None,
+    )
+
+
+@router.get("/{name}", summary="Get the model of a robot", response_model=RobotAnswer)
+async def get_robot(name: str, request: Request) -> Response:
+    """Joints, limits, links and axes; null where a limit is not known or there is none."""
+    robot = await catalog.model(request, await catalog.robot(request, name))
+    return Response(robot.answer, media_type="application/json")
+
+
+@router.delete("/{name}", status_code=204, summary="Delete a robot")
+async def delete_robot(name: str, request: Request) -> None:
+    """Forgets a stored robot."""
+    _refuse_built_in(name)
+    reference = await catalog.robot(request, name)
+    await run_in_threadpool(_store(request).delete, _KIND, name)
+    await run_in_threadpool(prepared.forget, reference)
+
+
+# ------------------------------------------------------------------------------ from JSON
+
+
+async def _from_json(request: Request, content_type: str) -> tuple[bytes, bytes, str]:
+    if await request.body():
+        require_json(content_type)
+    parsed = await request.json()
+    try:
+        body = RobotBody.model_validate(parsed)
+    except ValidationError as error:
+        raise _invalid(error, parsed) from None
+    await _check_name(request, body.name)
+    document = body.model_dump_json(exclude_none=True).encode()
+    job = Job("service.tasks:prepare_robot", (document, _folder(request)))
+    answer: bytes = await catalog.build(request, job)
+    return document, answer, body.name
+
+
+def _invalid(error: ValidationError, parsed: Any) -> ProblemError:
+    # As the framework would give them: the place begins with where the value was.
+    errors = [{**item, "loc": ("body", *item["loc"])} for item in error.errors()]
+    return validation_problem(errors, parsed)
+
+
+# ------------------------------------------------------------------------- from an archive
+
+
+async def _from_form(request: Request) -> tuple[bytes, bytes, str]:
+    async with request.form(
+        max_files=1, max_fields=_MAX_PARTS, max_part_size=request.app.state.settings.max_body_size
+    ) as form:
+        archive, texts = _parts(form)
+        fields = _form_fields(texts, archive.filename)
+        await _check_name(request, fields.name)
+        content = await archive.read()
+    given = fields.model_dump(exclude_none=True)
+    job = Job("service.tasks:unpack_robot", (content, given, _folder(request)))
+    document, answer = await catalog.build(request, job)
+    return document, answer, fields.name
+
+
+def _parts(form: FormData) -> tuple[UploadFile, dict[str, Any]]:
+    files = [value for value in form.values() if isinstance(value, UploadFile)]
+    if len(files) != 1:
+        raise ProblemError(
+            "VALIDATION_ERROR",
+            "the form holds no file: one .zip is needed",
+            stage="request",
+            hint="Send the archive as a file, say in the field file, and name as a text field.",
+        )
+    return files[0], {key: value for key, value in form.items() if isinstance(value, str)}
+
+
+def _form_fields(texts: dict[str, Any], file_name: str | None) -> RobotFields:
+    given = {"name": (file_name or "").removesuffix(".zip")} | texts
+    try:
+        if "joint_limits" in given:
+            given["joint_limits"] = json.loads(given["joint_limits"], parse_constant=_no_constant)
+        return RobotFields.model_validate(given)
+    except ValidationError as error:
+        raise _invalid(error, given) from None
+    except (ValueError, RecursionError):
+        raise ProblemError(
+            "VALIDATION_ERROR",
+            "joint_limits: not valid JSON",
+            stage="request",
+            hint='Give it as {"joint": {"velocity": 2.0, "acceleration": 5.0}}.',
+        ) from None
+
+
+def _no_constant(name: str) -> float:
+    raise ValueError(name)
+
+
+# ---------------------------------------------------------------------------------- names
+
+
+async def _check_name(request: Request, name: str) -> None:
+    """Refuse a name that is taken before seconds are spent on building."""
+    _refuse_built_in(name)
+    try:
+        await run_in_threadpool(_store(request).record, _KIND, name)
+    except ProblemError:
+        return
+    raise ProblemError(
+        "CONFLICT",
+        f"there already is a robot named {name!r}",
+        stage="storage",
+        hint="Choose another name, or delete that robot.",
+        name=name,
+    )
+
+
+def _refuse_built_in(name: str) -> None:
+    if catalog.is_built_in(name):
+        raise ProblemError(
+            "CONFLICT",
+            f"{name!r} is a built-in robot, which can't be replaced or deleted",
+            stage="storage",
+            hint="Choose another name.",
+            name=name,
+        )
+
+
+async def _summary(request: Request, name: str) -> RobotSummary | None:
+    try:
+        chain = await catalog.chain(request, name)
+    except ProblemError as error:
+        if error.code != "NOT_FOUND":  # it was deleted a moment ago
+            raise
+        return None
+    return RobotSummary(name=name, built_in=catalog.is_built_in(name), joints=chain.n)
+
+
+def _folder(request: Request) -> str:
+    return str(request.app.state.settings.prepared_dir)
+
+
+def _store(request: Request) -> Store:
+    store: Store = request.app.state.store
+    return store
