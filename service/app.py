@@ -13,10 +13,8 @@ from service.routes import health, kinematics, pending, problems, robots, scenes
 from service.settings import Settings
 from service.store import open_store
 from service.version import VERSION
-from service.workers import WorkerSupervisor
+from service.workers import TASK_MODULES, WorkerSupervisor
 
-#: The modules whose functions workers may be asked to call.
-TASK_MODULES = ("service.tasks",)
 _ROUTERS = (
     health.router,
     problems.router,
