@@ -34,11 +34,13 @@ class Motion:
     intervals: int
 
 
-def collision_model(robot: RobotGeometry, scene: Scene) -> CollisionModel:
+def collision_model(robot: RobotGeometry, scene: Scene, margin: float = 0.0) -> CollisionModel:
     """Pack a robot and a scene: every link against every obstacle, and the robot's own pairs.
 
     What stands still with the base can't be planned out of anything and is not paired with
-    obstacles; pairs that the scene or the robot allows are left out.
+    obstacles; pairs that the scene or the robot allows are left out. ``margin`` [m] is kept from
+    obstacles, beyond their own; the robot's own links, which may be built close together, only
+    have to stay apart.
     """
     pieces: list[Piece] = list(robot.pieces)
     names = list(robot.links)
@@ -61,7 +63,7 @@ def collision_model(robot: RobotGeometry, scene: Scene) -> CollisionModel:
         for i, j in robot.self_pairs
         if not scene.allows(robot.links[i], robot.links[j])
     ]
-    margins = [margins_of[k - p] for _, k in pairs] + [0.0] * len(own_pairs)
+    margins = [margin + margins_of[k - p] for _, k in pairs] + [0.0] * len(own_pairs)
     return CollisionModel.build(robot.chain, pieces, joints, names, pairs + own_pairs, margins)
 
 
@@ -70,17 +72,17 @@ class Checker:
     """Answers for one robot in one scene.
 
     Args:
-        model: The packed robot and scene.
-        margin: Distance to keep on top of the obstacles' own margins [m].
+        model: The packed robot and scene, with the margin of every pair.
+        slack: Distance to keep beyond that from everything, the robot's own links too [m].
     """
 
     model: CollisionModel
-    margin: float = 0.0
+    slack: float = 0.0
 
     @classmethod
     def of(cls, robot: RobotGeometry, scene: Scene, margin: float = 0.0) -> "Checker":
-        """The checker of a robot in a scene."""
-        return cls(collision_model(robot, scene), margin)
+        """The checker of a robot in a scene, ``margin`` [m] to be kept from its obstacles."""
+        return cls(collision_model(robot, scene, margin))
 
     def clearance(self, q: Array) -> tuple[float, tuple[str, str] | None]:
         """Distance of the closest pair, margins taken off [m], and the pair.
@@ -89,7 +91,7 @@ class Checker:
         pair, where nothing can collide.
         """
         distance, pair = closest_pair(self.model.arrays, np.ascontiguousarray(q))
-        return distance - self.margin, None if pair < 0 else self.model.pair_name(pair)
+        return distance - self.slack, None if pair < 0 else self.model.pair_name(pair)
 
     def valid(self, q: Array) -> bool:
         """Whether a configuration keeps every pair its margin apart."""
@@ -103,7 +105,7 @@ class Checker:
         """Prove the joint motion b0 + b1 s + b2 s^2 over 0 <= s <= 1, each (n,)."""
         found = np.empty(4)
         verdict = certify_curve(
-            self.model.arrays, np.array(b0), np.array(b1), np.array(b2), self.margin, found
+            self.model.arrays, np.array(b0), np.array(b1), np.array(b2), self.slack, found
         )
         return self._motion(verdict, found)
 
@@ -112,14 +114,14 @@ class Checker:
         found = np.empty(4)
         zero = np.zeros(start.shape[0])
         step = end - start
-        verdict = certify_curve(self.model.arrays, start, step, zero, self.margin, found)
+        verdict = certify_curve(self.model.arrays, start, step, zero, self.slack, found)
         return bool(verdict == FREE)
 
     def polyline(self, waypoints: Array) -> tuple[Motion, int]:
         """Prove every leg of a polyline (k, n); what was found and the leg it is about."""
         found = np.empty(4)
         points = np.array(waypoints, dtype=np.float64)
-        verdict, leg = certify_path(self.model.arrays, points, self.margin, found)
+        verdict, leg = certify_path(self.model.arrays, points, self.slack, found)
         return self._motion(verdict, found), int(leg)
 
     def _motion(self, verdict: int, found: Array) -> Motion:
@@ -129,6 +131,6 @@ class Checker:
             colliding=verdict == COLLIDING,
             at=1.0 if free else float(found[0]),
             pair=None if free else self.model.pair_name(int(found[1])),
-            clearance=float(found[3]) - self.margin,
+            clearance=float(found[3]) - self.slack,
             intervals=int(found[2]),
         )

@@ -204,7 +204,7 @@ def certify_curve(
                         found[3] = clearance
                         return UNDECIDED
                     continue
-            clearance = min(clearance, lower - bound)
+            clearance = min(clearance, lower - bound - model.margins[pair])
         if kept == 0:
             continue
         if depth + 2 > _MAX_DEPTH or visits >= _MAX_INTERVALS:

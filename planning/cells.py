@@ -41,8 +41,9 @@ class PairTable:
 
     @classmethod
     def of(cls, world: World, margin: float) -> "PairTable":
-        """The pairs of a world, each to be kept ``margin`` [m] and its own margin apart."""
+        """The pairs of a world; from obstacles ``margin`` [m] is kept beyond their own."""
         robot = world.robot
+        with_obstacle = world.pairs[:, 1] >= len(robot.pieces)
         still = world.scene.pieces()[0]
         joints = np.concatenate([robot.joints, np.full(len(still), -1, dtype=np.int64)])
         pairs = np.where(
@@ -52,7 +53,7 @@ class PairTable:
         )
         return cls(
             pairs=np.ascontiguousarray(pairs),
-            margins=world.margins + margin,
+            margins=world.margins + np.where(with_obstacle, margin, 0.0),
             joints=joints,
             centers=np.vstack([robot.arrays.centers, still.centers]),
             radii=np.concatenate([robot.arrays.radii, still.radii]),

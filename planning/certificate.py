@@ -120,7 +120,7 @@ def certify(
         trajectory: Of all joints of the robot, in its order.
         robot: The arm with its geometry.
         scene: The obstacles.
-        margin: Distance to keep beyond the obstacles' own margins [m].
+        margin: Distance to keep from obstacles beyond their own margins [m].
         limits: Limits (n,) to hold it to, by quantity ("velocity", ...); what is not named is
             taken from the robot, NaN and infinity bind nothing.
         deadline: When to give up (which proves nothing).

@@ -27,7 +27,7 @@ class Ready:
     Args:
         start: Inside the limits, shape (n,).
         goals: Valid goal configurations (n,), nearest to the start first.
-        checker: Holds the margin and the slack kept beyond it.
+        checker: Of the scene with its margins, and the slack kept beyond them.
         notes: What was done to the request.
     """
 
@@ -68,7 +68,7 @@ def preflight(problem: Problem, seed: int) -> Ready | Failure:
     if not np.array_equal(start, problem.start):
         moved = float(np.abs(start - problem.start).max())
         notes = (f"The start was outside a limit by {moved:.3g} and was moved onto it.",)
-    return Ready(start, kept, Checker(checker.model, problem.margin + slack), notes)
+    return Ready(start, kept, Checker(checker.model, slack), notes)
 
 
 def _snapped(chain: Chain, q: Array, tolerance: float) -> tuple[Array, dict[str, Any] | None]:

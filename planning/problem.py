@@ -59,7 +59,7 @@ class Problem:
         scene: The obstacles.
         start: Where it stands, shape (n,) [rad or m].
         goals: Any one of these is to be reached.
-        margin: Distance to keep from everything beyond the obstacles' own margins [m].
+        margin: Distance to keep from obstacles beyond their own margins [m].
         start_state_tolerance: A start this little outside a limit is snapped onto it.
 
     Raises:

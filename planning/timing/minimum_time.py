@@ -19,9 +19,10 @@ from planning.timing.profile import timed_pieces
 
 Solver = Literal["reachability", "toppra"]
 
-#: Cells on each piece of a path that is not straight. Against 256 cells, on paths of parabolas
-#: only, 16 cost 0.25 % of the duration, 32 cost 0.07 %.
+#: Cells of a path that has no straight pieces. Against 8,000 cells, 256 cost 0.09 % of the duration
+#: on paths of parabolas only, 0.05 % with half as long parabolas, 0.17 % on cubic splines.
 RESOLUTION = 256
+#: More than this is refused: it would take seconds.
 MAX_RESOLUTION = 100_000
 
 # The solver is given limits this much lower, so that what it rounds off stays within the true ones
@@ -62,7 +63,7 @@ def time_path(
 
     Raises:
         InvalidOption: A limit is not positive, an acceleration limit is not finite, the solver is
-            unknown, or there are too few cells.
+            unknown, or the resolution is out of range.
         TimingFailed: The solver found nothing.
     """
     limits = _limits(path, velocity, acceleration)

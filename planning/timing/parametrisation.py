@@ -12,9 +12,13 @@ from numpy.typing import NDArray
 
 from kinematics.chain import Array
 from kinematics.kernel import kernel
-from planning.timing.constraints import Cells
+from planning.timing.constraints import Cells, guards
 from planning.timing.failure import TimingFailed
 
+# A cell is a trap where x has to fall below this part both of what it was and of what the way to the
+# goal allows. Few paths have one, and one or two rounds free them.
+_TRAP = 0.5
+_MAX_ROUNDS = 20
 # Each exchange is for good; there are never more than a few.
 _MAX_STEPS = 200
 
@@ -26,7 +30,8 @@ def squared_speeds(cells: Cells) -> Array:
         TimingFailed: Some speed is not bounded by any limit, or nothing but standing still is left.
     """
     squares = np.zeros(len(cells.lengths) + 1)
-    reachability_kernel(cells.rows, cells.caps, cells.rest, squares)
+    caps = cells.caps.copy()
+    reachability_kernel(cells.rows, caps, guards(cells), cells.rest, squares)
     if not (np.isfinite(squares).all() and (squares[~cells.rest] > 0.0).all()):
         raise TimingFailed(
             "no finite speed along the path was found",
@@ -36,17 +41,30 @@ def squared_speeds(cells: Cells) -> Array:
 
 
 @kernel
-def reachability_kernel(rows: Array, caps: Array, rest: NDArray[np.bool_], squares: Array) -> None:
-    """Write the squared speeds, backward and forward pass."""
+def reachability_kernel(
+    rows: Array, caps: Array, guards: Array, rest: NDArray[np.bool_], squares: Array
+) -> None:
+    """Write the squared speeds: backward and forward pass, caps lowered where that was a trap."""
     count = rows.shape[0]
-    squares[count] = 0.0
-    for i in range(count - 1, -1, -1):
-        squares[i] = 0.0
-        if not rest[i]:
-            squares[i] = min(caps[i], _controllable_kernel(rows[i], squares[i + 1]))
-    for i in range(count):
-        if not rest[i + 1]:
-            squares[i + 1] = _reachable_kernel(rows[i], squares[i], squares[i + 1])
+    most = np.empty(count + 1)
+    for _ in range(_MAX_ROUNDS):
+        most[count] = 0.0 if rest[count] else caps[count]
+        for i in range(count - 1, -1, -1):
+            most[i] = 0.0
+            if not rest[i]:
+                most[i] = min(caps[i], _controllable_kernel(rows[i], most[i + 1]))
+        squares[0] = most[0]
+        trapped = False
+        for i in range(count):
+            squares[i + 1] = 0.0
+            if not rest[i + 1]:
+                squares[i + 1] = _reachable_kernel(rows[i], squares[i], most[i + 1])
+            forced = squares[i + 1] < _TRAP * min(squares[i], most[i + 1])
+            if forced and guards[i] < caps[i]:
+                caps[i] = guards[i]
+                trapped = True
+        if not trapped:
+            break
 
 
 @kernel

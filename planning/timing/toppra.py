@@ -13,7 +13,7 @@ from toppra.constraint import LinearConstraint
 from toppra.exceptions import ToppraError
 
 from kinematics.chain import Array
-from planning.timing.constraints import Cells
+from planning.timing.constraints import Cells, guards
 from planning.timing.failure import TimingFailed
 
 # Above the speed that full acceleration all the way would lead to, on any sensible path.
@@ -29,25 +29,31 @@ def squared_speeds(cells: Cells) -> Array:
         TimingFailed: toppra raised an exception or found no parametrisation.
     """
     squares = np.zeros(len(cells.lengths) + 1)
-    rests = np.flatnonzero(cells.rest)
+    guarded = np.minimum(cells.caps, np.append(guards(cells), np.inf))
+    # Its fixed end speeds are 0 even where q' is 0 and the path speed would be free.
+    rests = np.flatnonzero([True, *cells.rest[1:-1], True])
     for first, last in itertools.pairwise(rests):
         # A single cell between two rests has speed 0 at both its ends; nothing is to be solved.
         if last - first > 1:
-            lengths, rows = cells.lengths[first:last], cells.rows[first:last]
-            squares[first : last + 1] = _solve(lengths, rows, cells.caps[first : last + 1])
+            within, points = slice(first, last), slice(first, last + 1)
+            lengths, rows = cells.lengths[within], cells.rows[within]
+            try:
+                squares[points] = _solve(lengths, rows, cells.caps[points])
+            except TimingFailed:
+                squares[points] = _solve(lengths, rows, guarded[points])
     return squares
 
 
 def _solve(lengths: Array, rows: Array, caps: Array) -> Array:
     """Squared speeds from rest to rest, in units in which toppra's fixed tolerances are small."""
-    length = float(lengths.sum())
     bounds = _bounds(rows, caps)
     scale = float(bounds.max())
-    grid = np.concatenate([[0.0], np.cumsum(lengths / length)])
+    grid = np.concatenate([[0.0], np.cumsum(lengths / lengths.sum())])
     try:
-        constraint = _Rows(rows * scale, bounds / scale, np.diff(grid))
-        solver = TOPPRA([constraint], _Line(grid[-1]), grid, solver_wrapper="seidel")
-        _, speeds, _ = solver.compute_parameterization(0.0, 0.0)
+        with np.errstate(all="ignore"):
+            constraint = _Rows(rows * scale, bounds / scale, np.diff(grid))
+            solver = TOPPRA([constraint], _Line(grid[-1]), grid, solver_wrapper="seidel")
+            _, speeds, _ = solver.compute_parameterization(0.0, 0.0)
     except (ToppraError, ValueError, AssertionError, ArithmeticError, IndexError) as error:
         raise TimingFailed(
             f"toppra failed on this path: {type(error).__name__}",

@@ -69,8 +69,8 @@ def test_slide_up_to_a_wall_is_free_until_it_touches() -> None:
 
 def test_margin_is_kept() -> None:
     checker, _ = slider()
-    assert Checker(checker.model, 0.2).segment(np.zeros(1), np.array([0.69])).free
-    assert not Checker(checker.model, 0.2).segment(np.zeros(1), np.array([0.71])).free
+    assert Checker(checker.model, slack=0.2).segment(np.zeros(1), np.array([0.69])).free
+    assert not Checker(checker.model, slack=0.2).segment(np.zeros(1), np.array([0.71])).free
 
 
 @pytest.mark.parametrize("name", builtin_names())

@@ -1,0 +1,193 @@
+"""The certificate: what it proves holds, what it refuses is wrong, and it says when and where."""
+
+import numpy as np
+import pytest
+
+from kinematics.chain import Array
+from kinematics.forward import forward
+from kinematics.trajectory import Trajectory
+from obstacles.robot_geometry import RobotGeometry
+from obstacles.scene import Obstacle, Scene
+from obstacles.shapes import HalfSpace
+from obstacles.world import World
+from planning.cells import relative_stray, stray
+from planning.certificate import certify
+from planning.deadline import Deadline
+from tests.planning.dense import least_clearance
+from tests.planning.scenes import HOME, box, builtin, pillar, shelf
+
+NO_LIMITS = {name: np.full(2, np.inf) for name in ("velocity", "acceleration", "jerk")}
+
+
+def cubic(robot: RobotGeometry, start: Array, end: Array, duration: float = 2.0) -> Trajectory:
+    """Rest to rest along a straight line."""
+    step = (end - start) / duration**2
+    rows = [start, np.zeros_like(start), 3.0 * step, -2.0 * step / duration]
+    coefficients = np.stack(rows, axis=-1)[None]
+    return Trajectory(robot.chain.joint_names, np.array([0.0, duration]), coefficients)
+
+
+@pytest.mark.parametrize("name", ["panda", "ur5e", "stanford", "scara", "planar_rr"])
+def test_clearance_is_a_sharp_lower_bound(name: str) -> None:
+    robot = builtin(name)
+    lower, upper = robot.chain.sampling_bounds()
+    random = np.random.default_rng(1)
+    proved = refused = 0
+    for _ in range(25):
+        scene = pillar(random.uniform(-3.0, 3.0), random.uniform(0.3, 0.8))
+        a, b = lower + random.uniform(0.1, 0.9, (2, robot.chain.n)) * (upper - lower)
+        trajectory = cubic(robot, a, a + (b - a) * random.uniform(0.05, 0.5), 5.0)
+        certificate = certify(trajectory, robot, scene)
+        dense = least_clearance(trajectory, robot, scene, samples=400)
+        if certificate.violation is None or certificate.violation.kind != "collision":
+            proved += 1
+            assert 0.0 < certificate.min_clearance <= dense + 1e-7
+            assert certificate.min_clearance >= min(0.79 * dense, 0.049)
+        else:
+            refused += 1
+            at = trajectory.sample([certificate.violation.time])[0]
+            distance = World(robot, scene).clearance(at).distance
+            assert distance <= 1e-6
+    assert proved > 2
+
+
+def test_collision_between_coarse_samples_is_found() -> None:
+    """A thin rod that an arm passes at speed: a look every tenth of a second misses it."""
+    robot = builtin("planar_rr")
+    trajectory = cubic(robot, np.array([-1.0, 0.0]), np.array([1.0, 0.0]), 1.0)
+    missed = 0
+    for angle in np.linspace(-0.9, 0.9, 40):
+        rod = Scene((box("rod", (0.004, 0.5, 0.004), _around(robot, angle)),))
+        certificate = certify(trajectory, robot, rod, limits=NO_LIMITS)
+        assert certificate.violation is not None
+        assert certificate.violation.kind == "collision"
+        assert certificate.violation.details["pair"][1] == "rod"
+        at = trajectory.sample([certificate.violation.time])[0]
+        assert World(robot, rod).clearance(at).distance <= 1e-6
+        missed += least_clearance(trajectory, robot, rod, samples=11) > 0.0
+    assert missed > 5
+
+
+def _around(robot: RobotGeometry, angle: float) -> tuple[float, float, float]:
+    """A point that the stretched arm passes when its first joint is at ``angle``."""
+    pose = forward(robot.chain, np.array([angle, 0.0]))
+    center = robot.chain.offsets[0, :3, 3]
+    point = center + 0.85 * (pose[:3, 3] - center)
+    return float(point[0]), float(point[1]), float(point[2])
+
+
+def test_margin_is_held_from_obstacles_not_between_links() -> None:
+    robot = builtin("panda")
+    trajectory = cubic(robot, HOME, HOME + 0.2)
+    free = certify(trajectory, robot, Scene())
+    assert free.verified
+    floor = Scene((Obstacle("floor", HalfSpace(np.array([0.0, 0.0, 1.0]), 0.0)),))
+    near = certify(trajectory, robot, floor)
+    distance = near.min_clearance
+    # The robot's own links are this close; a larger margin asks nothing of them.
+    assert certify(trajectory, robot, Scene(), margin=10.0).verified
+    to_floor = least_clearance(trajectory, robot, floor, margin=0.0)
+    assert to_floor >= distance - 1e-7
+    refused = certify(trajectory, robot, floor, margin=1.0)
+    assert refused.violation is not None
+    assert refused.violation.kind == "collision"
+    assert refused.violation.details["margin"] == 1.0
+
+
+def test_limits_are_decided_by_exact_extrema() -> None:
+    robot = builtin("panda")
+    names = robot.chain.joint_names
+    velocity = robot.chain.limits.velocity[0]
+    # A cubic's top speed is 1.5 times its mean speed.
+    for excess, expected in ((1e-6, False), (-1e-6, True)):
+        duration = 1.5 * 0.5 / (velocity * (1.0 + excess))
+        end = HOME.copy()
+        end[0] += 0.5
+        certificate = certify(
+            cubic(robot, HOME, end, duration), robot, Scene(),
+            limits={"acceleration": np.full(7, np.inf), "jerk": np.full(7, np.inf)},
+        )  # fmt: skip
+        assert certificate.verified is expected
+        assert certificate.limits["velocity"].worst_ratio == pytest.approx(1.0 + excess, abs=1e-9)
+        assert certificate.limits["velocity"].joint == names[0]
+        assert certificate.limits["velocity"].time == pytest.approx(duration / 2.0)
+        if not expected:
+            assert certificate.violation is not None
+            assert certificate.violation.kind == "velocity"
+            assert certificate.violation.details["joint"] == names[0]
+
+
+def test_position_limit_between_samples() -> None:
+    robot = builtin("panda")
+    upper = robot.chain.limits.upper[0]
+    start = HOME.copy()
+    start[0] = upper - 0.1
+    coefficients = np.zeros((1, 7, 3))
+    coefficients[0, :, 0] = start
+    coefficients[0, 0, 1:] = [1.0, -1.0]  # out by 0.25 at half a second and back
+    trajectory = Trajectory(robot.chain.joint_names, np.array([0.0, 1.0]), coefficients)
+    certificate = certify(trajectory, robot, Scene())
+    assert certificate.violation is not None
+    assert certificate.violation.kind == "position"
+    assert certificate.violation.time == pytest.approx(0.5)
+    assert certificate.violation.details["value"] == pytest.approx(upper + 0.15)
+
+
+def test_jumps_are_refused() -> None:
+    robot = builtin("panda")
+    coefficients = np.zeros((2, 7, 1))
+    coefficients[0, :, 0] = HOME
+    coefficients[1, :, 0] = HOME + 1e-3
+    trajectory = Trajectory(robot.chain.joint_names, np.array([0.0, 1.0, 2.0]), coefficients)
+    certificate = certify(trajectory, robot, Scene())
+    assert certificate.violation is not None
+    assert certificate.violation.kind == "continuity"
+    assert certificate.violation.time == 1.0
+    assert certificate.continuity["position"] == pytest.approx(1e-3)
+
+
+def test_first_violation_in_time_is_named() -> None:
+    robot = builtin("panda")
+    end = HOME.copy()
+    end[0] += 2.5
+    scene = pillar(1.2, 0.33)
+    slow = certify(cubic(robot, HOME, end, 20.0), robot, scene)
+    assert slow.violation is not None
+    assert slow.violation.kind == "collision"
+    first = slow.violation.time
+    trajectory = cubic(robot, HOME, end, 20.0)
+    before = trajectory.split(first * 0.8)[0]
+    assert certify(before, robot, scene, limits={"velocity": np.full(7, np.inf)}).verified
+
+
+def test_time_up_proves_nothing() -> None:
+    robot = builtin("panda")
+    certificate = certify(
+        cubic(robot, HOME, HOME + 0.5), robot, shelf(), deadline=Deadline.after(-1.0)
+    )
+    assert not certificate.verified
+    assert certificate.violation is not None
+    assert certificate.violation.kind == "time"
+
+
+def test_stray_holds_for_random_polynomials() -> None:
+    random = np.random.default_rng(3)
+    for _ in range(200):
+        coefficients = random.normal(size=(3, random.integers(1, 7)))
+        at, half = random.uniform(0.0, 2.0), random.uniform(0.0, 0.5)
+        q, delta = np.empty(3), np.empty(3)
+        stray(coefficients, at, half, q, delta)
+        times = np.linspace(at - half, at + half, 50)
+        values = np.stack([np.polynomial.polynomial.polyval(times, c) for c in coefficients])
+        middle = [np.polynomial.polynomial.polyval(at, c) for c in coefficients]
+        assert np.allclose(q, middle, rtol=1e-10, atol=1e-10)
+        assert (np.abs(values - q[:, None]).max(axis=1) <= delta + 1e-9).all()
+
+
+def test_relative_stray_of_a_turning_arm_is_the_arc() -> None:
+    frames = np.eye(4)[None].copy()
+    types = np.zeros(1, dtype=np.int64)
+    for angle in (0.0, 1e-3, 0.5, 10.0):
+        delta = np.array([angle])
+        moved = relative_stray(types, frames, 1.0, 0.0, 5.0, 0.1, 0, -1, delta)
+        assert moved == pytest.approx(min(1.1 * angle, 2.2))
