@@ -74,6 +74,28 @@ def core_support(kind: int, vertices: Array, size: Array, T: Array, n: Array) ->
     return q
 
 
+@kernel
+def plane_bound(  # noqa: PLR0913  numba takes no dataclasses
+    kind_a: int,
+    vertices_a: Array,
+    size_a: Array,
+    T_a: Array,
+    kind_b: int,
+    vertices_b: Array,
+    size_b: Array,
+    T_b: Array,
+    towards: Array,
+) -> float:
+    """What a plane across ``towards`` (3,), from a to b, proves of the cores' distance [m]."""
+    length = np.sqrt(towards[0] ** 2 + towards[1] ** 2 + towards[2] ** 2)
+    if not 0.0 < length < np.inf:
+        return -np.inf
+    n = towards / length
+    p = core_support(kind_a, vertices_a, size_a, T_a, n)
+    q = core_support(kind_b, vertices_b, size_b, T_b, -n)
+    return float(n[0] * (q[0] - p[0]) + n[1] * (q[1] - p[1]) + n[2] * (q[2] - p[2]))
+
+
 def support(piece: Piece, T: Array, n: Array) -> Array:
     """Farthest point of a piece's core along ``n`` (3,), in the frame T (4, 4) maps into."""
     size = np.array([piece.radius, piece.half_height])

@@ -24,7 +24,7 @@ from obstacles.hull import convex_hull
 from obstacles.piece import Piece, PieceArrays, PieceKind
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
-from obstacles.signed_distance import halfspace_distance, signed_distance, support
+from obstacles.signed_distance import halfspace_distance, plane_bound, signed_distance
 
 #: FCL's units a metre.
 _UNITS = 1e5
@@ -74,6 +74,7 @@ class World:
         self._pieces: Sequence[Piece] = pieces
         self._names: Sequence[str] = owners
         self._arrays = PieceArrays.pack(pieces)
+        self._vertices = [piece.vertices for piece in pieces]
         self._poses = self._arrays.poses.copy()
         self._centers = self._arrays.centers.copy()
         self.pairs = self._choose_pairs()
@@ -190,15 +191,20 @@ class World:
 
     def _proved(self, i: int, j: int) -> float:
         """What the plane across FCL's nearest points proves of the distance [m]."""
-        a, b = self._pieces[i], self._pieces[j]
         p, q = self._result.nearest_points
-        towards = q - p
-        length = float(np.linalg.norm(towards))
-        if not 0.0 < length < np.inf:
-            return -np.inf
-        n = towards / length
-        across = support(b, self._poses[j], -n) - support(a, self._poses[i], n)
-        return float(n @ across) - a.rounding - b.rounding
+        kinds, sizes = self._arrays.kinds, self._arrays.sizes
+        proved = plane_bound(
+            kinds[i],
+            self._vertices[i],
+            sizes[i],
+            self._poses[i],
+            kinds[j],
+            self._vertices[j],
+            sizes[j],
+            self._poses[j],
+            q - p,
+        )
+        return proved - float(sizes[i, 2] + sizes[j, 2])
 
     def _current(self, k: int) -> "fcl.CollisionObject":
         solid = self._solids[k]
