@@ -176,3 +176,55 @@ def hull_distances(
     for m in range(points.shape[0]):
         nearest = nearest_on_hull(_row(points, m), vertices, triangles, planes, solid)
         distances[m] = nearest[3]
+
+
+@kernel
+def nearest_on_box(p: Vector, half: Vector) -> Nearest:
+    """Nearest point of the boundary of the box |x| <= half."""
+    dx, dy, dz = abs(p[0]) - half[0], abs(p[1]) - half[1], abs(p[2]) - half[2]
+    if dx <= 0.0 and dy <= 0.0 and dz <= 0.0:
+        if dx >= dy and dx >= dz:
+            return np.copysign(half[0], p[0]), p[1], p[2], dx
+        if dy >= dz:
+            return p[0], np.copysign(half[1], p[1]), p[2], dy
+        return p[0], p[1], np.copysign(half[2], p[2]), dz
+    x = min(max(p[0], -half[0]), half[0])
+    y = min(max(p[1], -half[1]), half[1])
+    z = min(max(p[2], -half[2]), half[2])
+    gap = (p[0] - x, p[1] - y, p[2] - z)
+    return x, y, z, np.sqrt(_dot(gap, gap))
+
+
+@kernel
+def nearest_on_cylinder(p: Vector, radius: float, half: float) -> Nearest:
+    """Nearest point of the boundary of the cylinder x^2 + y^2 <= radius^2, |z| <= half."""
+    r = np.sqrt(p[0] * p[0] + p[1] * p[1])
+    # On the axis every direction is as near as any other.
+    ux, uy = (p[0] / r, p[1] / r) if r > 0.0 else (1.0, 0.0)
+    dr, dz = r - radius, abs(p[2]) - half
+    if dr <= 0.0 and dz <= 0.0:
+        if dr >= dz:
+            return radius * ux, radius * uy, p[2], dr
+        return p[0], p[1], np.copysign(half, p[2]), dz
+    r, z = min(r, radius), min(max(p[2], -half), half)
+    return r * ux, r * uy, z, np.sqrt(max(dr, 0.0) ** 2 + max(dz, 0.0) ** 2)
+
+
+@kernel
+def nearest_on_cone(p: Vector, radius: float, half: float) -> Nearest:
+    """Nearest point of the boundary of a cone with apex z = half and base z = -half.
+
+    In the half-plane through the axis and p the cone is a triangle; its base and its slope are two
+    segments.
+    """
+    r = np.sqrt(p[0] * p[0] + p[1] * p[1])
+    ux, uy = (p[0] / r, p[1] / r) if r > 0.0 else (1.0, 0.0)
+    flat = (r, 0.0, p[2])
+    rim, apex, center = (radius, 0.0, -half), (0.0, 0.0, half), (0.0, 0.0, -half)
+    on_slope, on_base = _on_segment(flat, apex, rim), _on_segment(flat, center, rim)
+    to_slope, to_base = _minus(flat, on_slope), _minus(flat, on_base)
+    slope, base = _dot(to_slope, to_slope), _dot(to_base, to_base)
+    nearest = on_slope if slope <= base else on_base
+    distance = np.sqrt(min(slope, base))
+    inside = p[2] >= -half and 2.0 * half * r + radius * (p[2] - half) <= 0.0
+    return nearest[0] * ux, nearest[0] * uy, nearest[2], -distance if inside else distance

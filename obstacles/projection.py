@@ -1,0 +1,270 @@
+"""Orthogonal projection of points onto obstacles.
+
+For a closed convex solid O and a point p outside there is exactly one nearest point pi(p) in O, and
+p - pi(p) is orthogonal to O's boundary there. Inside, pi(p) is taken to be the nearest point of the
+boundary, and the distance is negative. Everything is computed in closed form: to 1e-9 m on
+primitives and hulls alike.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kinematics.chain import Array, frozen
+from kinematics.errors import InvalidScene
+from kinematics.kernel import kernel
+from obstacles.hull import Hull, convex_hull
+from obstacles.nearest import (
+    Indices,
+    Nearest,
+    Vector,
+    nearest_on_box,
+    nearest_on_cone,
+    nearest_on_cylinder,
+    nearest_on_hull,
+)
+from obstacles.piece import Piece, PieceKind
+from obstacles.scene import Obstacle, Scene
+
+_HULL = int(PieceKind.POLYTOPE)
+_CYLINDER = int(PieceKind.CYLINDER)
+_CONE = int(PieceKind.CONE)
+_HALFSPACE = int(PieceKind.HALFSPACE)
+#: Boxes about their frame have a shorter way than other hulls.
+_BOX = 4
+#: Distances from a core below this part of its size leave no direction to round it along.
+_ON_CORE = 1e-14
+
+
+class ProjectionArrays(NamedTuple):
+    """Pieces packed for ``project_kernel``: p of them, of o obstacles.
+
+    Args:
+        kinds: Of each piece, shape (p,).
+        poses: T_world_piece, shape (p, 4, 4).
+        sizes: Radius, half height, rounding (of a box: half sizes, 0); shape (p, 4).
+        balls: Centre and radius of a ball about the piece in the world, shape (p, 4).
+        across: A direction across a core without inside, in the piece's frame, shape (p, 3).
+        solid: Whether a hull has an inside, shape (p,).
+        corners: Of all hulls, shape (c, 3).
+        corner_starts: Shape (p + 1,).
+        triangles: Of all hulls, shape (f, 3).
+        planes: Of all hulls, shape (f, 4).
+        triangle_starts: Shape (p + 1,).
+        owners: Index of the obstacle of each piece, in ascending order, shape (p,).
+    """
+
+    kinds: NDArray[np.int64]
+    poses: Array
+    sizes: Array
+    balls: Array
+    across: Array
+    solid: NDArray[np.bool_]
+    corners: Array
+    corner_starts: NDArray[np.int64]
+    triangles: NDArray[np.int64]
+    planes: Array
+    triangle_starts: NDArray[np.int64]
+    owners: NDArray[np.int64]
+
+
+class Projector:
+    """Projects points onto the same obstacles again and again.
+
+    Args:
+        obstacles: A scene, or obstacles; their margins are no part of them.
+    """
+
+    def __init__(self, obstacles: Scene | Sequence[Obstacle]) -> None:
+        found = obstacles.obstacles if isinstance(obstacles, Scene) else tuple(obstacles)
+        self.ids = tuple(obstacle.id for obstacle in found)
+        self.arrays = _pack([obstacle.pieces() for obstacle in found])
+
+    def __call__(self, points: ArrayLike) -> tuple[Array, Array]:
+        """Project ``points`` onto every obstacle.
+
+        A union of several pieces (a mesh, a point cloud) is answered by the piece of the smallest
+        signed distance. Outside of all of them that is exact; inside, the distance is a bound:
+        the way out of the union is at least as long as out of the piece the point is deepest in.
+
+        Args:
+            points: Shape (m, 3) [m].
+
+        Returns:
+            pi(p) for each point and obstacle, shape (m, o, 3) [m]; the signed distance, negative
+            inside, shape (m, o) [m].
+
+        Raises:
+            InvalidScene: Wrong shape or not finite.
+        """
+        checked = _points(points)
+        projection = np.empty((len(checked), len(self.ids), 3))
+        distance = np.empty((len(checked), len(self.ids)))
+        project_kernel(checked, self.arrays, projection, distance)
+        return projection, distance
+
+
+def project(points: ArrayLike, obstacles: Scene | Sequence[Obstacle]) -> tuple[Array, Array]:
+    """Project ``points`` (m, 3) onto every obstacle, as ``Projector`` does.
+
+    Raises:
+        InvalidScene: Wrong shape or not finite.
+    """
+    return Projector(obstacles)(points)
+
+
+@kernel
+def project_kernel(
+    points: Array, arrays: ProjectionArrays, projection: Array, distance: Array
+) -> None:
+    """Write pi(p) (m, o, 3) and the signed distance (m, o) of ``points`` (m, 3)."""
+    for m in range(points.shape[0]):
+        p = (points[m, 0], points[m, 1], points[m, 2])
+        distance[m] = np.inf
+        for i in range(arrays.kinds.shape[0]):
+            owner = arrays.owners[i]
+            ball = arrays.balls[i]
+            x, y, z = p[0] - ball[0], p[1] - ball[1], p[2] - ball[2]
+            # Outside of the ball, the piece is at least as far as it; inside it may be anything.
+            if np.sqrt(x * x + y * y + z * z) - ball[3] >= max(distance[m, owner], 0.0):
+                continue
+            nearest = _on_piece(arrays, i, p)
+            if nearest[3] < distance[m, owner]:
+                projection[m, owner, 0] = nearest[0]
+                projection[m, owner, 1] = nearest[1]
+                projection[m, owner, 2] = nearest[2]
+                distance[m, owner] = nearest[3]
+
+
+@kernel
+def _on_piece(arrays: ProjectionArrays, i: int, p: Vector) -> Nearest:
+    """Nearest point of the boundary of piece i, in the world."""
+    T = arrays.poses[i]
+    x, y, z = p[0] - T[0, 3], p[1] - T[1, 3], p[2] - T[2, 3]
+    local = (
+        T[0, 0] * x + T[1, 0] * y + T[2, 0] * z,
+        T[0, 1] * x + T[1, 1] * y + T[2, 1] * z,
+        T[0, 2] * x + T[1, 2] * y + T[2, 2] * z,
+    )
+    size = arrays.sizes[i]
+    kind = arrays.kinds[i]
+    q = (0.0, 0.0, 0.0, 0.0)
+    if kind == _HALFSPACE:
+        q = (local[0], local[1], 0.0, local[2])
+    elif kind == _BOX:
+        q = nearest_on_box(local, (size[0], size[1], size[3]))
+    elif kind == _CYLINDER:
+        q = nearest_on_cylinder(local, size[0], size[1])
+    elif kind == _CONE:
+        q = nearest_on_cone(local, size[0], size[1])
+    else:
+        c0, c1 = arrays.corner_starts[i], arrays.corner_starts[i + 1]
+        f0, f1 = arrays.triangle_starts[i], arrays.triangle_starts[i + 1]
+        planes = arrays.planes[f0:f1]
+        q = nearest_on_hull(
+            local, arrays.corners[c0:c1], arrays.triangles[f0:f1], planes, arrays.solid[i]
+        )
+    if size[2] > 0.0:
+        q = _rounded(arrays, i, local, q)
+    return (
+        T[0, 0] * q[0] + T[0, 1] * q[1] + T[0, 2] * q[2] + T[0, 3],
+        T[1, 0] * q[0] + T[1, 1] * q[1] + T[1, 2] * q[2] + T[1, 3],
+        T[2, 0] * q[0] + T[2, 1] * q[1] + T[2, 2] * q[2] + T[2, 3],
+        q[3],
+    )
+
+
+@kernel
+def _rounded(arrays: ProjectionArrays, i: int, p: Vector, q: Nearest) -> Nearest:
+    """Nearest point of the boundary of a rounded core, from that of the core itself."""
+    rounding, distance = arrays.sizes[i, 2], q[3]
+    if abs(distance) > _ON_CORE * arrays.balls[i, 3]:
+        x, y, z = (p[0] - q[0]) / distance, (p[1] - q[1]) / distance, (p[2] - q[2]) / distance
+    else:
+        x, y, z = arrays.across[i, 0], arrays.across[i, 1], arrays.across[i, 2]
+        if arrays.solid[i]:
+            highest = -np.inf
+            for f in range(arrays.triangle_starts[i], arrays.triangle_starts[i + 1]):
+                n = arrays.planes[f]
+                height = n[0] * p[0] + n[1] * p[1] + n[2] * p[2] - n[3]
+                if height > highest:
+                    highest = height
+                    x, y, z = n[0], n[1], n[2]
+    return q[0] + rounding * x, q[1] + rounding * y, q[2] + rounding * z, distance - rounding
+
+
+def _points(points: ArrayLike) -> Array:
+    try:
+        array = np.array(points, dtype=np.float64, order="C")
+    except (TypeError, ValueError):
+        raise InvalidScene("points: not an array of numbers") from None
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise InvalidScene(f"points: shape {array.shape}, needed are rows [x, y, z]")
+    if not np.isfinite(array).all():
+        raise InvalidScene("points: not finite")
+    return array
+
+
+def _pack(obstacles: Sequence[Sequence[Piece]]) -> ProjectionArrays:
+    pieces = [piece for own in obstacles for piece in own]
+    p = len(pieces)
+    hulls = [_core(piece) for piece in pieces]
+    half = [_box_half_sizes(piece) for piece in pieces]
+    kinds = [int(piece.kind) if h is None else _BOX for piece, h in zip(pieces, half, strict=True)]
+    sizes = [
+        (piece.radius, piece.half_height, piece.rounding, 0.0)
+        if h is None
+        else (h[0], h[1], 0.0, h[2])
+        for piece, h in zip(pieces, half, strict=True)
+    ]
+    balls = [piece.bounding_sphere() for piece in pieces]
+    owners = [i for i, own in enumerate(obstacles) for _ in own]
+    return ProjectionArrays(
+        kinds=_indices(kinds),
+        poses=frozen([piece.T_owner_piece for piece in pieces]).reshape(p, 4, 4),
+        sizes=frozen(sizes).reshape(p, 4),
+        balls=frozen([[*center, radius] for center, radius in balls]).reshape(p, 4),
+        across=frozen([_across(hull) for hull in hulls]).reshape(p, 3),
+        solid=np.array([hull.solid for hull in hulls], dtype=np.bool_),
+        corners=frozen(np.vstack([np.zeros((0, 3)), *(hull.vertices for hull in hulls)])),
+        corner_starts=_indices(np.cumsum([0] + [len(hull.vertices) for hull in hulls])),
+        triangles=_indices(np.vstack([np.zeros((0, 3)), *(hull.triangles for hull in hulls)])),
+        planes=frozen(np.vstack([np.zeros((0, 4)), *(hull.planes for hull in hulls)])),
+        triangle_starts=_indices(np.cumsum([0] + [len(hull.triangles) for hull in hulls])),
+        owners=_indices(owners),
+    )
+
+
+def _indices(values: ArrayLike) -> Indices:
+    return np.array(values, dtype=np.int64)
+
+
+_NO_HULL = Hull(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64), np.zeros((0, 4)), solid=False)
+
+
+def _core(piece: Piece) -> Hull:
+    if piece.kind != PieceKind.POLYTOPE:
+        return _NO_HULL
+    if len(piece.vertices) == 1:
+        # What a hull of one point is, without the work: point clouds have thousands.
+        return Hull(piece.vertices, np.zeros((1, 3), dtype=np.int64), np.zeros((1, 4)), solid=False)
+    return convex_hull(piece.vertices)
+
+
+def _box_half_sizes(piece: Piece) -> Array | None:
+    """Half the sizes of a box about its frame; None for any other piece."""
+    if piece.kind != PieceKind.POLYTOPE or len(piece.vertices) != 8 or piece.rounding > 0.0:
+        return None
+    half = np.abs(piece.vertices[0])
+    signs = {tuple(corner > 0.0) for corner in piece.vertices}
+    is_box = len(signs) == 8 and (np.abs(piece.vertices) == half).all()
+    return half if is_box else None
+
+
+def _across(hull: Hull) -> Array:
+    if len(hull.vertices) < 2 or hull.solid:
+        return np.array([1.0, 0.0, 0.0])
+    _, _, axes = np.linalg.svd(hull.vertices - hull.vertices.mean(axis=0))
+    return np.asarray(axes[2])
