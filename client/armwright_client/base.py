@@ -1,0 +1,105 @@
+"""What every model is built from: strict requests, tolerant answers, vectors."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Annotated, Any, Protocol, Self, TypeAlias
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, JsonValue
+
+
+class ArrayLike(Protocol):
+    """What NumPy's arrays can do that is needed here."""
+
+    def tolist(self) -> Any:
+        """The values as lists."""
+
+
+class Readable(BaseModel):
+    """A model that can be read from an answer, whatever a newer service adds to it."""
+
+    @classmethod
+    def read(cls, content: bytes) -> Self:
+        """Read the JSON of an answer; fields that are not known here are passed over.
+
+        Raises:
+            pydantic.ValidationError: What is known here is missing or has another type.
+        """
+        return cls.model_validate_json(content, extra="ignore", strict=False)
+
+
+class Request(Readable):
+    """Part of a request: unknown fields, coerced types, NaN and infinity are refused.
+
+    Raises:
+        pydantic.ValidationError: A value is refused.
+    """
+
+    model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False, frozen=True)
+
+    @classmethod
+    def of(cls, **fields: Any) -> Self:
+        """Make it of whatever a caller gave; what does not fit is refused when it is run."""
+        return cls(**fields)
+
+
+class Answer(Readable):
+    """Part of an answer; fields that are not known here are passed over."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+
+def plain(value: Any) -> Any:
+    """Tuples and arrays as lists and mappings as dictionaries, at any depth; the rest as it is."""
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, Mapping):
+        return {name: plain(item) for name, item in value.items()}
+    return value
+
+
+#: What may be given where joint values, points or other vectors are taken.
+VectorLike: TypeAlias = Sequence[float] | ArrayLike
+#: What may be given where rows of numbers are taken.
+RowsLike: TypeAlias = Sequence[Sequence[float]] | Sequence[ArrayLike] | ArrayLike
+
+#: In front of a type: tuples, arrays and mappings are taken too.
+PLAIN = BeforeValidator(plain)
+
+if TYPE_CHECKING:
+    # What is read is a list, but a tuple may be given.
+    Vector: TypeAlias = Sequence[float]
+    Vector3: TypeAlias = Sequence[float]
+    Vector4: TypeAlias = Sequence[float]
+    Vector6: TypeAlias = Sequence[float]
+    Matrix3: TypeAlias = Sequence[Sequence[float]]
+    Rows: TypeAlias = Sequence[Sequence[float]]
+    Points: TypeAlias = Sequence[Sequence[float]]
+    Faces: TypeAlias = Sequence[Sequence[int]]
+    Names: TypeAlias = Sequence[str]
+    Pairs: TypeAlias = Sequence[Sequence[str]]
+    Options: TypeAlias = Mapping[str, Any]
+    OptionsList: TypeAlias = Sequence[Mapping[str, Any]]
+else:
+    _Row = Annotated[list[float], Field(min_length=1)]
+    _Row3 = Annotated[list[float], Field(min_length=3, max_length=3)]
+    _Row4 = Annotated[list[float], Field(min_length=4, max_length=4)]
+    _Row6 = Annotated[list[float], Field(min_length=6, max_length=6)]
+    _Pair = Annotated[list[str], Field(min_length=2, max_length=2)]
+    Vector = Annotated[_Row, PLAIN]
+    Vector3 = Annotated[_Row3, PLAIN]
+    Vector4 = Annotated[_Row4, PLAIN]
+    Vector6 = Annotated[_Row6, PLAIN]
+    Matrix3 = Annotated[list[_Row3], Field(min_length=3, max_length=3), PLAIN]
+    Rows = Annotated[list[_Row], Field(min_length=1), PLAIN]
+    Points = Annotated[list[_Row3], PLAIN]
+    Faces = Annotated[list[list[int]], PLAIN]
+    Names = Annotated[list[str], PLAIN]
+    Pairs = Annotated[list[_Pair], PLAIN]
+    #: An object whose fields are the service's to check, such as the options of a planner.
+    Options = Annotated[dict[str, JsonValue], PLAIN]
+    OptionsList = Annotated[list[dict[str, JsonValue]], PLAIN]
+
+Positive = Annotated[float, Field(gt=0.0)]
+NonNegative = Annotated[float, Field(ge=0.0)]
+Matrix: TypeAlias = list[list[float]]

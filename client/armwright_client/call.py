@@ -1,0 +1,162 @@
+"""Requests as values, and the methods that are made of them.
+
+A method is written once, as a function from its arguments to a `Call`. `Endpoint` makes of it a
+method that answers where the client is synchronous, and one to be awaited where it is not.
+"""
+
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import wraps
+from typing import Any, Concatenate, Generic, ParamSpec, Protocol, Self, TypeVar, overload
+from urllib.parse import quote
+
+from pydantic import ValidationError
+
+from armwright_client.base import Request
+from armwright_client.errors import InvalidArgument
+from armwright_client.job import JobEvent
+from armwright_client.robot import RobotArchive
+
+P = ParamSpec("P")
+A = TypeVar("A")
+
+
+@dataclass(frozen=True, slots=True)
+class Call(Generic[A]):
+    """One request.
+
+    Args:
+        method: Of HTTP.
+        path: Below the base URL.
+        read: Makes the answer of its body.
+        body: To be sent, a request as JSON.
+        query: Parameters of the URL.
+        key: For the header Idempotency-Key.
+        deadline: How long the service may take [s], where that is known.
+        repeatable: Whether doing it twice does the same; with a key it always is.
+    """
+
+    method: str
+    path: str
+    read: Callable[[bytes], A]
+    body: Request | RobotArchive | None = None
+    query: Mapping[str, str | int] = field(default_factory=dict)
+    key: str | None = None
+    deadline: float | None = None
+    repeatable: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class EventCall(Call[None]):
+    """A request that is answered by a stream of events."""
+
+
+class Sender(Protocol):
+    """What sends calls and waits for their answers."""
+
+    def send(self, call: Call[A]) -> A:
+        """The answer."""
+
+    def stream(self, call: EventCall) -> Iterator[JobEvent]:
+        """The events, as they come."""
+
+
+class AsyncSender(Protocol):
+    """What sends calls and lets others run until their answers come."""
+
+    async def send(self, call: Call[A]) -> A:
+        """The answer."""
+
+    def stream(self, call: EventCall) -> AsyncIterator[JobEvent]:
+        """The events, as they come."""
+
+
+class Group:
+    """Methods that are sent by the same sender."""
+
+    def __init__(self, sender: Sender) -> None:
+        self._sender = sender
+
+
+class AsyncGroup:
+    """Methods to be awaited that are sent by the same sender."""
+
+    def __init__(self, sender: AsyncSender) -> None:
+        self._sender = sender
+
+
+class Endpoint(Generic[P, A]):
+    """Makes a method of a function that gives a `Call`.
+
+    Raises:
+        InvalidArgument: When the method is called with arguments that are refused.
+    """
+
+    def __init__(self, build: Callable[Concatenate[Any, P], Call[A]]) -> None:
+        self._build = build
+        self.__doc__ = build.__doc__
+
+    @overload
+    def __get__(self, group: None, kind: type) -> Self: ...
+    @overload
+    def __get__(self, group: Group, kind: type) -> Callable[P, A]: ...
+    @overload
+    def __get__(self, group: AsyncGroup, kind: type) -> Callable[P, Awaitable[A]]: ...
+    def __get__(self, group: Group | AsyncGroup | None, kind: type) -> Any:
+        return self if group is None else _bound(self._build, group, "send")
+
+
+class EventEndpoint(Generic[P]):
+    """Makes a method that iterates over events of a function that gives an `EventCall`."""
+
+    def __init__(self, build: Callable[Concatenate[Any, P], EventCall]) -> None:
+        self._build = build
+        self.__doc__ = build.__doc__
+
+    @overload
+    def __get__(self, group: None, kind: type) -> Self: ...
+    @overload
+    def __get__(self, group: Group, kind: type) -> Callable[P, Iterator[JobEvent]]: ...
+    @overload
+    def __get__(self, group: AsyncGroup, kind: type) -> Callable[P, AsyncIterator[JobEvent]]: ...
+    def __get__(self, group: Group | AsyncGroup | None, kind: type) -> Any:
+        return self if group is None else _bound(self._build, group, "stream")
+
+
+def _bound(build: Callable[..., Any], group: Group | AsyncGroup, action: str) -> Any:
+    bound = build.__get__(group)
+    perform = getattr(group._sender, action)
+
+    @wraps(bound)
+    def method(*args: Any, **kwargs: Any) -> Any:
+        try:
+            call = bound(*args, **kwargs)
+        except ValidationError as error:
+            raise InvalidArgument(_refusal(error)) from error
+        return perform(call)
+
+    return method
+
+
+def _refusal(error: ValidationError) -> str:
+    found = error.errors(include_url=False, include_input=False, include_context=False)
+    sentences = [f"{'.'.join(str(step) for step in e['loc'])}: {e['msg']}" for e in found[:3]]
+    more = [f"and {len(found) - 3} more"] if len(found) > 3 else []
+    return f"{error.title}: {'; '.join([*sentences, *more])}"
+
+
+def path(*segments: str) -> str:
+    """A path of the interface; names in it are quoted.
+
+    Raises:
+        InvalidArgument: A name is empty, or a dot or two, which would be another path.
+    """
+    for segment in segments:
+        if segment in ("", ".", ".."):
+            raise InvalidArgument(f"{segment!r} can't be a name")
+    return "/v1/" + "/".join(quote(segment, safe="") for segment in segments)
+
+
+def nothing(content: bytes) -> None:
+    """Reads an answer that has no body."""
+    del content

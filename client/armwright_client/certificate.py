@@ -1,0 +1,97 @@
+"""The proof that comes with a motion, and how to ask for one."""
+
+from typing import Any, TypedDict
+
+from armwright_client.base import Answer, NonNegative, OptionsList, Positive, Request, Vector
+from armwright_client.check import AttachedObjects
+from armwright_client.scene import SceneReference
+from armwright_client.trajectory import Trajectory
+
+
+class LimitUse(Answer):
+    """How close a motion comes to a limit, from the exact extrema of its polynomials.
+
+    Args:
+        worst_ratio: 1 is the limit itself.
+        joint: Which comes closest.
+        time: When [s].
+    """
+
+    worst_ratio: float
+    joint: str
+    time: float
+
+
+class LimitUses(Answer):
+    """Use of each limit that was looked at."""
+
+    position: LimitUse | None = None
+    velocity: LimitUse | None = None
+    acceleration: LimitUse | None = None
+    jerk: LimitUse | None = None
+    torque: LimitUse | None = None
+
+
+class Certificate(Answer):
+    """The proof that a motion is valid at every instant, or the first violation.
+
+    Args:
+        verified: Whether it was proved.
+        min_clearance: A lower bound of the distances for every t [m]; None with nothing to hit.
+        clearance_pair: The two that come closest.
+        method: How it was proved.
+        limits: How much of each is used.
+        continuity: Of position and its derivatives across pieces.
+        path_constraint_residual: Largest violation of the path constraints.
+        violation: The first one, with its time, where it was not proved.
+    """
+
+    verified: bool
+    min_clearance: float | None = None
+    clearance_pair: tuple[str, str] | None = None
+    method: str = ""
+    limits: LimitUses | None = None
+    continuity: Any = None
+    path_constraint_residual: float | None = None
+    violation: dict[str, Any] | None = None
+
+
+class LimitValues(Request):
+    """Limits in the order of the joints, in place of the robot's."""
+
+    velocity: Vector | None = None
+    acceleration: Vector | None = None
+    jerk: Vector | None = None
+
+
+class ValidateOptions(TypedDict, total=False):
+    """What a motion is to be proved against beyond the robot's own limits.
+
+    Args:
+        scene: What it must not hit.
+        limits: In place of the robot's.
+        constraints: That hold along the path.
+        attached: Objects that move with a link.
+        margin: Distance to be kept [m].
+        timeout: [s].
+    """
+
+    scene: SceneReference
+    limits: LimitValues
+    constraints: OptionsList
+    attached: AttachedObjects
+    margin: float
+    timeout: float
+
+
+class ValidateRequest(Request):
+    """A motion to be proved valid, whoever made it; see `ValidateOptions`."""
+
+    robot: str
+    trajectory: Trajectory
+    scene: SceneReference | None = None
+    limits: LimitValues | None = None
+    constraints: OptionsList | None = None
+    attached: AttachedObjects | None = None
+    margin: NonNegative | None = None
+    timeout: Positive | None = None

@@ -1,0 +1,374 @@
+"""Everything that this library raises, as one tree.
+
+::
+
+    ArmwrightError
+    ├── InvalidArgument                 refused here, nothing was sent
+    ├── TransportError                  no answer: no connection, broken off
+    │   └── TransportTimeout            no answer in time
+    ├── UnexpectedAnswer                an answer, but not one of the service's
+    └── ApiError                        a problem the service reports, by its code
+        ├── InCollision
+        │   ├── StartStateInCollision   START_STATE_IN_COLLISION
+        │   └── GoalInCollision         GOAL_IN_COLLISION
+        ├── OutsideLimits
+        │   ├── StartStateInvalid       START_STATE_INVALID
+        │   ├── GoalStateInvalid        GOAL_STATE_INVALID
+        │   └── InvalidRobotState       INVALID_ROBOT_STATE
+        ├── Unavailable                 asking again later makes sense
+        │   ├── Overloaded              OVERLOADED
+        │   └── NotReady                NOT_READY
+        └── one class for every other code, see `BY_CODE`
+"""
+
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
+from typing import Any, ClassVar
+
+from armwright_client.problem import Problem
+
+
+class ArmwrightError(Exception):
+    """Anything that goes wrong in this library."""
+
+
+class InvalidArgument(ArmwrightError, ValueError):
+    """An argument was refused before anything was sent.
+
+    Args:
+        message: What is wrong and where.
+        hint: What to do about it.
+    """
+
+    def __init__(self, message: str, *, hint: str | None = None) -> None:
+        super().__init__(message if hint is None else f"{message}. {hint}")
+        self.hint = hint
+
+
+class TransportError(ArmwrightError):
+    """No answer came: the service can't be reached, or the connection broke off."""
+
+
+class TransportTimeout(TransportError):
+    """No answer came in time."""
+
+
+class UnexpectedAnswer(ArmwrightError):
+    """The answer is none of the service's, say a page of a proxy in between.
+
+    Args:
+        message: What was asked and what came.
+        status: The HTTP status.
+        excerpt: The beginning of the body.
+    """
+
+    def __init__(self, message: str, status: int, excerpt: str = "") -> None:
+        super().__init__(message, status, excerpt)
+        self.message = message
+        self.status = status
+        self.excerpt = excerpt
+
+    def __str__(self) -> str:
+        return f"{self.message}: {self.excerpt}" if self.excerpt else self.message
+
+
+class ApiError(ArmwrightError):
+    """A problem that the service reports.
+
+    Args:
+        problem: The document.
+        status: The HTTP status.
+        retry_after: Seconds after which asking again makes sense, where the service says so.
+    """
+
+    #: The code of the problems that are raised as this class; empty for a class of several.
+    code: ClassVar[str] = ""
+
+    def __init__(self, problem: Problem, status: int, retry_after: float | None = None) -> None:
+        super().__init__(problem, status, retry_after)
+        self.problem = problem
+        self.status = status
+        self.retry_after = retry_after
+
+    def __str__(self) -> str:
+        problem = self.problem
+        said = problem.detail or problem.title or f"HTTP status {self.status}"
+        text = f"{problem.code}: {said}" if problem.code else said
+        return f"{text}. {problem.hint}" if problem.hint else text
+
+    @property
+    def details(self) -> Mapping[str, Any]:
+        """Values of this occurrence."""
+        return self.problem.details
+
+
+class InCollision(ApiError):
+    """A configuration is in collision."""
+
+    @property
+    def pair(self) -> tuple[str, str] | None:
+        """The two that penetrate each other."""
+        match self.details.get("pair"):
+            case [str(first), str(second)]:
+                return first, second
+        return None
+
+    @property
+    def depth(self) -> float | None:
+        """How deep [m]."""
+        return _number(self.details.get("depth"))
+
+
+class StartStateInCollision(InCollision):
+    """The start configuration is in collision."""
+
+    code = "START_STATE_IN_COLLISION"
+
+
+class GoalInCollision(InCollision):
+    """The goal configuration is in collision."""
+
+    code = "GOAL_IN_COLLISION"
+
+
+class OutsideLimits(ApiError):
+    """A configuration does not fit the robot."""
+
+    @property
+    def joint(self) -> str | None:
+        """The joint that is outside its limits, where it is that."""
+        joint = self.details.get("joint")
+        return joint if isinstance(joint, str) else None
+
+    @property
+    def value(self) -> float | None:
+        """Its value [rad or m]."""
+        return _number(self.details.get("value"))
+
+    @property
+    def limit(self) -> float | None:
+        """The limit it violates [rad or m]."""
+        return _number(self.details.get("limit"))
+
+
+class StartStateInvalid(OutsideLimits):
+    """The start configuration is not valid."""
+
+    code = "START_STATE_INVALID"
+
+
+class GoalStateInvalid(OutsideLimits):
+    """The goal configuration is not valid."""
+
+    code = "GOAL_STATE_INVALID"
+
+
+class InvalidRobotState(OutsideLimits):
+    """A joint vector has the wrong length or lies outside the limits."""
+
+    code = "INVALID_ROBOT_STATE"
+
+
+class StartStateViolatesPathConstraints(ApiError):
+    """The start violates the path constraints."""
+
+    code = "START_STATE_VIOLATES_PATH_CONSTRAINTS"
+
+
+class GoalViolatesPathConstraints(ApiError):
+    """The goal violates the path constraints."""
+
+    code = "GOAL_VIOLATES_PATH_CONSTRAINTS"
+
+
+class NoIkSolution(ApiError):
+    """No configuration reaches the pose."""
+
+    code = "NO_IK_SOLUTION"
+
+
+class PlanningFailed(ApiError):
+    """No valid motion was found."""
+
+    code = "PLANNING_FAILED"
+
+
+class InvalidMotionPlan(ApiError):
+    """The motion is malformed or not valid."""
+
+    code = "INVALID_MOTION_PLAN"
+
+
+class TimedOut(ApiError):
+    """The deadline of the request passed in the service."""
+
+    code = "TIMED_OUT"
+
+
+class Preempted(ApiError):
+    """The computation was cancelled."""
+
+    code = "PREEMPTED"
+
+
+class InvalidGroupName(ApiError):
+    """The robot has no such group."""
+
+    code = "INVALID_GROUP_NAME"
+
+
+class InvalidLinkName(ApiError):
+    """The robot has no such link."""
+
+    code = "INVALID_LINK_NAME"
+
+
+class InvalidObjectName(ApiError):
+    """The scene has no such object."""
+
+    code = "INVALID_OBJECT_NAME"
+
+
+class InvalidGoalConstraints(ApiError):
+    """The goal or a pose is malformed."""
+
+    code = "INVALID_GOAL_CONSTRAINTS"
+
+
+class UnrecognizedGoalType(ApiError):
+    """The kind of goal is not known."""
+
+    code = "UNRECOGNIZED_GOAL_TYPE"
+
+
+class WorkerCrashed(ApiError):
+    """The service failed; `details` may hold the reference under which it was logged."""
+
+    code = "CRASH"
+
+
+class InvalidRobotDescription(ApiError):
+    """The URDF, SRDF or DH table does not describe a robot that can be built."""
+
+    code = "INVALID_ROBOT_DESCRIPTION"
+
+
+class InvalidScene(ApiError):
+    """A shape, an obstacle or a planning-scene text is malformed."""
+
+    code = "INVALID_SCENE"
+
+
+class MissingLimit(ApiError):
+    """A limit that is needed is given neither by the robot nor by the request."""
+
+    code = "MISSING_LIMIT"
+
+
+class MissingInertia(ApiError):
+    """A mass or inertia that is needed is not given by the robot."""
+
+    code = "MISSING_INERTIA"
+
+
+class InvalidRequest(ApiError):
+    """The request can't be answered."""
+
+    code = "INVALID_REQUEST"
+
+
+class ValidationFailed(ApiError):
+    """The request does not have the right form; `details["errors"]` lists the fields."""
+
+    code = "VALIDATION_ERROR"
+
+
+class IdempotencyKeyReused(ApiError):
+    """The idempotency key belongs to another request."""
+
+    code = "IDEMPOTENCY_KEY_REUSED"
+
+
+class Unauthenticated(ApiError):
+    """Credentials are missing or wrong."""
+
+    code = "UNAUTHENTICATED"
+
+
+class NotFound(ApiError):
+    """There is nothing of that name."""
+
+    code = "NOT_FOUND"
+
+
+class MethodNotAllowed(ApiError):
+    """The service is another version, which has the path but not the method."""
+
+    code = "METHOD_NOT_ALLOWED"
+
+
+class RequestTimeout(ApiError):
+    """The body of the request did not arrive in time."""
+
+    code = "REQUEST_TIMEOUT"
+
+
+class Conflict(ApiError):
+    """The request conflicts with what exists, say by its name."""
+
+    code = "CONFLICT"
+
+
+class PayloadTooLarge(ApiError):
+    """The body of the request is larger than the service takes."""
+
+    code = "PAYLOAD_TOO_LARGE"
+
+
+class UnsupportedMediaType(ApiError):
+    """The body of the request has a content type that the service does not take."""
+
+    code = "UNSUPPORTED_MEDIA_TYPE"
+
+
+class Unavailable(ApiError):
+    """The service can't answer now; `retry_after` says when to ask again."""
+
+
+class Overloaded(Unavailable):
+    """There is too much to do at the moment."""
+
+    code = "OVERLOADED"
+
+
+class NotReady(Unavailable):
+    """The service is still starting."""
+
+    code = "NOT_READY"
+
+
+class NotImplementedByServer(ApiError):
+    """The service knows the request, but its version can't answer it yet."""
+
+    code = "NOT_IMPLEMENTED"
+
+
+def _number(value: object) -> float | None:
+    return float(value) if isinstance(value, int | float) else None
+
+
+def _kinds(base: type[ApiError]) -> Iterator[type[ApiError]]:
+    for kind in base.__subclasses__():
+        yield kind
+        yield from _kinds(kind)
+
+
+#: The class of every code that the service may answer.
+BY_CODE: Mapping[str, type[ApiError]] = MappingProxyType(
+    {kind.code: kind for kind in _kinds(ApiError) if kind.code}
+)
+
+
+def from_problem(problem: Problem, status: int, retry_after: float | None = None) -> ApiError:
+    """The error of a problem document; `ApiError` itself for a code that is not known here."""
+    return BY_CODE.get(problem.code, ApiError)(problem, status, retry_after)

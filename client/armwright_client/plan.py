@@ -1,0 +1,263 @@
+"""Planning problems and their answers."""
+
+from collections.abc import Sequence
+from typing import Any, Literal, Self, TypeAlias, TypedDict
+
+from pydantic import Field, model_validator
+
+from armwright_client.base import (
+    Answer,
+    NonNegative,
+    Options,
+    OptionsList,
+    Positive,
+    Request,
+    Rows,
+    Vector,
+    VectorLike,
+)
+from armwright_client.certificate import Certificate, LimitValues
+from armwright_client.check import AttachedObjects
+from armwright_client.pose import Pose
+from armwright_client.scene import SceneReference
+from armwright_client.trajectory import Trajectory
+
+TimingMethod = Literal["toppra", "spline", "jerk_limited"]
+
+
+class Start(Request):
+    """Where a motion begins."""
+
+    joints: Vector
+
+
+class SingleGoal(Request):
+    """A configuration, or a pose of the tip within tolerances [m, rad]."""
+
+    joints: Vector | None = None
+    pose: Pose | None = None
+    position_tolerance: Positive | None = None
+    orientation_tolerance: Positive | None = None
+
+    @model_validator(mode="after")
+    def _check_form(self) -> Self:
+        given = [name for name in self._forms() if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise ValueError(f"give exactly one of {', '.join(self._forms())}")
+        return self
+
+    @classmethod
+    def _forms(cls) -> tuple[str, ...]:
+        return ("joints", "pose")
+
+
+class Goal(SingleGoal):
+    """Where a motion ends: one goal, or any of several."""
+
+    any_of: list[SingleGoal] | None = None
+
+    @classmethod
+    def _forms(cls) -> tuple[str, ...]:
+        return ("joints", "pose", "any_of")
+
+    @classmethod
+    def at_joints(cls, joints: VectorLike) -> Self:
+        """A configuration as the goal [rad or m]."""
+        return cls.of(joints=joints)
+
+    @classmethod
+    def at_pose(
+        cls,
+        pose: Pose,
+        *,
+        position_tolerance: float | None = None,
+        orientation_tolerance: float | None = None,
+    ) -> Self:
+        """A pose of the tip as the goal, within tolerances [m, rad]."""
+        return cls(
+            pose=pose,
+            position_tolerance=position_tolerance,
+            orientation_tolerance=orientation_tolerance,
+        )
+
+    @classmethod
+    def among(cls, goals: Sequence["GoalLike"]) -> Self:
+        """Whichever of several goals is reached best."""
+        return cls(any_of=[SingleGoal(**_given(as_goal(goal))) for goal in goals])
+
+
+#: A goal, or a pose or configuration that is one.
+GoalLike: TypeAlias = SingleGoal | Pose | VectorLike
+
+
+def as_goal(goal: GoalLike) -> Goal:
+    """The goal that is meant by a pose or a configuration."""
+    if isinstance(goal, Goal):
+        return goal
+    if isinstance(goal, SingleGoal):
+        return Goal(**_given(goal))
+    if isinstance(goal, Pose):
+        return Goal.at_pose(goal)
+    return Goal.at_joints(goal)
+
+
+def _given(goal: SingleGoal) -> dict[str, Any]:
+    return {name: value for name, value in goal if value is not None}
+
+
+class Timing(Request):
+    """How a path becomes a motion in time.
+
+    Args:
+        method: Of timing.
+        velocity_scaling: Share of the velocity limits to use, up to 1.
+        acceleration_scaling: Share of the acceleration limits to use, up to 1.
+        times: When each point is passed, for splines [s].
+        torque_limits: Whether torques are limited too.
+        sample_period: Samples are answered at this period [s], else none.
+    """
+
+    method: TimingMethod = "toppra"
+    velocity_scaling: Positive | None = None
+    acceleration_scaling: Positive | None = None
+    times: Vector | None = None
+    torque_limits: bool | None = None
+    sample_period: Positive | None = None
+
+
+class PlanOptions(TypedDict, total=False):
+    """What can be asked of a plan beyond robot, start and goal.
+
+    Args:
+        scene: What is in the way: a stored scene's name, or a scene.
+        planner: "auto" if left out.
+        planner_options: The planner's own.
+        constraints: That hold along the path.
+        attached: Objects that move with a link.
+        margin: Distance to be kept [m].
+        start_state_tolerance: A start so little outside a limit is moved onto it [rad or m].
+        timing: How the path becomes a motion.
+        timeout: For all stages together [s].
+        seed: Of the random generators.
+    """
+
+    scene: SceneReference
+    planner: str
+    planner_options: Options
+    constraints: OptionsList
+    attached: AttachedObjects
+    margin: float
+    start_state_tolerance: float
+    timing: Timing
+    timeout: float
+    seed: int
+
+
+class PlanRequest(Request):
+    """A motion to be planned; see `PlanOptions`."""
+
+    robot: str
+    start: Start
+    goal: Goal
+    scene: SceneReference | None = None
+    planner: str = "auto"
+    planner_options: Options | None = None
+    constraints: OptionsList | None = None
+    attached: AttachedObjects | None = None
+    margin: NonNegative | None = None
+    start_state_tolerance: NonNegative | None = None
+    timing: Timing | None = None
+    timeout: Positive | None = None
+    seed: int = 0
+
+
+class Stage(Answer):
+    """What one stage of planning did, and how long it took [ms]."""
+
+    name: str
+    outcome: str
+    milliseconds: float
+    detail: str | None = None
+
+
+class Path(Answer):
+    """The corners of a path in joint space, and its length there."""
+
+    joints: list[list[float]]
+    length: float
+
+
+class Reproducibility(Answer):
+    """What the same answer can be had again with."""
+
+    seed: int
+    robot_hash: str
+    scene_hash: str
+    request_hash: str
+    versions: dict[str, str]
+
+
+class Plan(Answer):
+    """A certified motion.
+
+    Args:
+        status: "success".
+        planner: The stage that found it.
+        stages: What each stage did, in order.
+        path: Its corners.
+        trajectory: The timed motion.
+        certificate: The proof that it is valid at every instant.
+        reproducibility: What the same answer can be had again with.
+        notes: What was done to the request, say a start moved onto a limit.
+    """
+
+    status: str
+    planner: str
+    stages: list[Stage]
+    path: Path
+    trajectory: Trajectory
+    certificate: Certificate
+    reproducibility: Reproducibility
+    notes: list[str] = Field(default_factory=list)
+
+
+class RetimePath(Request):
+    """Points in joint space, with the times of a spline if there are any [s]."""
+
+    joints: Rows
+    knots: Vector | None = None
+
+
+class RetimeTiming(Timing):
+    """How given points become a motion in time.
+
+    Args:
+        interpolation: How to read between the points.
+        blend_tolerance: How far corners may be cut [rad or m].
+    """
+
+    interpolation: Literal["linear", "natural_spline", "clamped_spline"] | None = None
+    blend_tolerance: NonNegative | None = None
+
+
+class RetimeRequest(Request):
+    """A path to be timed, within a robot's limits or those given."""
+
+    path: RetimePath
+    robot: str | None = None
+    limits: LimitValues | None = None
+    timing: RetimeTiming | None = None
+    timeout: Positive | None = None
+
+
+class Retimed(Answer):
+    """A timed motion, and what was proved of it."""
+
+    trajectory: Trajectory
+    certificate: Certificate | None = None
+
+
+class BatchRequest(Request):
+    """Many problems, to be answered in order."""
+
+    problems: list[PlanRequest]

@@ -1,0 +1,268 @@
+"""Robots: descriptions to upload, and the models that the service makes of them."""
+
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal, Self, TypedDict, Unpack
+
+from pydantic import model_validator
+
+from armwright_client.base import Answer, Matrix3, NonNegative, Positive, Request, Vector3
+from armwright_client.pose import Pose
+from armwright_client.urdf import read_urdf
+
+JointType = Literal["revolute", "prismatic"]
+Convention = Literal["standard", "modified"]
+
+
+class DhRow(Request):
+    """One joint of a Denavit-Hartenberg table, with what is known of the link behind it.
+
+    For a revolute joint `theta` is the offset of the joint variable, for a prismatic one `d` is.
+    Lengths and angles are in [m] and [rad], `inertia` is about the centre of mass in the link
+    frame [kg m²].
+    """
+
+    type: JointType
+    a: float
+    alpha: float
+    d: float
+    theta: float
+    lower: float | None = None
+    upper: float | None = None
+    velocity: Positive | None = None
+    acceleration: Positive | None = None
+    jerk: Positive | None = None
+    effort: Positive | None = None
+    mass: NonNegative | None = None
+    center_of_mass: Vector3 | None = None
+    inertia: Matrix3 | None = None
+    motor_inertia: NonNegative | None = None
+    viscous_friction: NonNegative | None = None
+
+
+class DhTable(Request):
+    """A robot by its Denavit-Hartenberg parameters; `gravity` is in the base frame [m/s²]."""
+
+    convention: Convention
+    rows: list[DhRow]
+    base: Pose | None = None
+    tool: Pose | None = None
+    gravity: Vector3 | None = None
+
+
+class JointLimits(Request):
+    """Limits that a description leaves out or that are to be tightened."""
+
+    velocity: Positive | None = None
+    acceleration: Positive | None = None
+    jerk: Positive | None = None
+
+
+class RobotOptions(TypedDict, total=False):
+    """What can be said of any upload.
+
+    Args:
+        base_link: First link of the chain, where the description leaves it open.
+        tip_link: Last link of the chain, where the description leaves it open.
+        joint_limits: By the joint's name.
+    """
+
+    base_link: str
+    tip_link: str
+    joint_limits: dict[str, JointLimits]
+
+
+class RobotFields(Request):
+    """What is said of a robot beside its description; see `RobotOptions`."""
+
+    name: str
+    base_link: str | None = None
+    tip_link: str | None = None
+    joint_limits: dict[str, JointLimits] | None = None
+
+
+class RobotUpload(RobotFields):
+    """A robot as URDF or as a Denavit-Hartenberg table.
+
+    Args:
+        name: To be stored under.
+        urdf: Its text.
+        srdf: Its text: the chain and the pairs of links that may touch.
+        dh: A table instead of a URDF.
+        meshes: Files in base64 by the URI that the URDF names them by.
+        base_link: First link of the chain, where the description leaves it open.
+        tip_link: Last link of the chain, where the description leaves it open.
+        joint_limits: By the joint's name.
+    """
+
+    urdf: str | None = None
+    srdf: str | None = None
+    dh: DhTable | None = None
+    meshes: dict[str, str] | None = None
+
+    @model_validator(mode="after")
+    def _check_form(self) -> Self:
+        if (self.urdf is None) == (self.dh is None):
+            raise ValueError("give urdf or dh, not both")
+        return self
+
+    @classmethod
+    def from_urdf(
+        cls,
+        path: Path | str,
+        *,
+        name: str | None = None,
+        srdf: Path | str | None = None,
+        package_dirs: Iterable[Path | str] = (),
+        **options: Unpack[RobotOptions],
+    ) -> Self:
+        """Read a URDF file and the collision meshes it names.
+
+        Meshes are looked for beside the URDF, in the folders above it and in `package_dirs`, as
+        `armwright_client.urdf` says. Visual meshes are neither needed nor sent.
+
+        Args:
+            path: Of the URDF file.
+            name: To be stored under; the name in the URDF if left out.
+            srdf: Of an SRDF file.
+            package_dirs: Folders of packages, or that hold folders of packages.
+            options: What the description leaves open.
+
+        Raises:
+            OSError: A file can't be read.
+            InvalidArgument: The URDF is not XML, or meshes are missing.
+        """
+        description = read_urdf(Path(path), [Path(folder) for folder in package_dirs])
+        return cls(
+            name=name or description.name,
+            urdf=description.text,
+            srdf=None if srdf is None else Path(srdf).read_text(encoding="utf-8"),
+            meshes=dict(description.meshes) or None,
+            **options,
+        )
+
+    @classmethod
+    def from_dh(cls, name: str, table: DhTable, **options: Unpack[RobotOptions]) -> Self:
+        """A robot of a Denavit-Hartenberg table."""
+        return cls(name=name, dh=table, **options)
+
+
+@dataclass(frozen=True, slots=True)
+class RobotArchive:
+    """A .zip with one URDF, its meshes and perhaps an SRDF.
+
+    Args:
+        name: To be stored under.
+        content: Of the file.
+        options: What the description leaves open.
+    """
+
+    name: str
+    content: bytes
+    options: RobotOptions = field(default_factory=RobotOptions)
+
+    @classmethod
+    def from_file(
+        cls, path: Path | str, *, name: str | None = None, **options: Unpack[RobotOptions]
+    ) -> Self:
+        """The archive in a file, to be stored under the file's name if no other is given.
+
+        Raises:
+            OSError: The file can't be read.
+        """
+        return cls(name or Path(path).stem, Path(path).read_bytes(), options)
+
+    def fields(self) -> dict[str, str]:
+        """What goes with the file in a form."""
+        given = RobotFields.of(name=self.name, **self.options)
+        values = given.model_dump(exclude_none=True)
+        if "joint_limits" in values:
+            values["joint_limits"] = json.dumps(values["joint_limits"])
+        return values
+
+
+class Limits(Answer):
+    """Limits in the order of the joints; None where there is none."""
+
+    lower: list[float | None]
+    upper: list[float | None]
+    velocity: list[float | None]
+    acceleration: list[float | None]
+    jerk: list[float | None]
+    effort: list[float | None]
+
+
+class DhParameters(Answer):
+    """One row of the table derived from the joint axes [m, rad].
+
+    `beta` is about y, behind `alpha`; it is 0 but for nearly parallel axes.
+    """
+
+    type: JointType
+    a: float
+    alpha: float
+    d: float
+    theta: float
+    beta: float = 0.0
+
+
+class DerivedDh(Answer):
+    """The Denavit-Hartenberg table of a robot: the tip's pose is base H_1 … H_n tool."""
+
+    convention: Convention
+    rows: list[DhParameters]
+    base: Pose | None = None
+    tool: Pose | None = None
+
+
+class RobotSummary(Answer):
+    """A robot in the list."""
+
+    name: str
+    built_in: bool = False
+    joints: int | None = None
+
+
+class RobotList(Answer):
+    """A page of the robots; `next` is the `after` of the next page, if there is one."""
+
+    robots: list[RobotSummary]
+    next: str | None = None
+
+
+class Robot(Answer):
+    """The model of a robot.
+
+    Args:
+        name: Of the robot.
+        built_in: Whether it is always there.
+        hash: Of the model, as answers to plans give it.
+        joint_names: The order of every joint vector.
+        joint_types: In the same order.
+        limits: In the same order.
+        links: All of them.
+        base_link: First link of the chain.
+        tip_link: Last link of the chain, whose pose goals are for.
+        dh: Derived from the joint axes.
+        wrist: "spherical", "three_parallel" or "none".
+        allowed_collisions: Pairs of links that may touch.
+        allowed_collision_reasons: For each of these pairs.
+        lint: What is odd in the description.
+    """
+
+    name: str
+    built_in: bool = False
+    hash: str | None = None
+    joint_names: list[str]
+    joint_types: list[str]
+    limits: Limits
+    links: list[str]
+    base_link: str
+    tip_link: str
+    dh: DerivedDh | None = None
+    wrist: str
+    allowed_collisions: list[list[str]]
+    allowed_collision_reasons: list[str] | None = None
+    lint: list[str]

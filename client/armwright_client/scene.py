@@ -1,0 +1,105 @@
+"""Scenes: obstacles by name, and projections of points onto them."""
+
+from pathlib import Path
+from typing import Self, TypeAlias
+
+from pydantic import model_validator
+
+from armwright_client.base import Answer, NonNegative, Pairs, Points, Request
+from armwright_client.pose import Pose
+from armwright_client.shape import Shape
+
+
+class Obstacle(Request):
+    """A shape at a pose, to be kept away from by its margin [m]."""
+
+    id: str
+    shape: Shape
+    pose: Pose
+    margin: NonNegative | None = None
+
+
+class Scene(Request):
+    """Obstacles, or the text of a MoveIt planning scene.
+
+    Args:
+        name: Needed to store it.
+        obstacles: Each with an id of its own.
+        moveit: Planning-scene YAML instead of obstacles.
+        allowed_collisions: Pairs of links or obstacles that may touch.
+    """
+
+    name: str | None = None
+    obstacles: list[Obstacle] | None = None
+    moveit: str | None = None
+    allowed_collisions: Pairs | None = None
+
+    @model_validator(mode="after")
+    def _check_form(self) -> Self:
+        if (self.obstacles is None) == (self.moveit is None):
+            raise ValueError("give obstacles or moveit, not both")
+        return self
+
+    @classmethod
+    def from_moveit(cls, path: Path | str, *, name: str | None = None) -> Self:
+        """The scene of a MoveIt planning-scene file (YAML).
+
+        Raises:
+            OSError: The file can't be read.
+        """
+        return cls(name=name, moveit=Path(path).read_text(encoding="utf-8"))
+
+
+#: A stored scene by its name, or a scene.
+SceneReference: TypeAlias = str | Scene
+
+
+class SceneSummary(Answer):
+    """What is known of a stored scene without its obstacles.
+
+    Args:
+        name: Of the scene.
+        hash: SHA-256 of the stored document.
+        version: Counts the replacements, from 1.
+        created: ISO 8601.
+        updated: ISO 8601.
+    """
+
+    name: str
+    hash: str | None = None
+    version: int | None = None
+    created: str | None = None
+    updated: str | None = None
+
+
+class SceneList(Answer):
+    """A page of the stored scenes; `next` is the `after` of the next page, if there is one."""
+
+    scenes: list[SceneSummary]
+    next: str | None = None
+
+
+class ProjectRequest(Request):
+    """Points to be projected onto every obstacle of a scene."""
+
+    points: Points
+
+
+class Projection(Answer):
+    """The orthogonal projection of a point onto one obstacle.
+
+    Args:
+        obstacle: Its id.
+        projection: The nearest point of its surface [m].
+        distance: Negative inside [m].
+    """
+
+    obstacle: str
+    projection: list[float]
+    distance: float
+
+
+class ProjectAnswer(Answer):
+    """For each point its projection onto every obstacle."""
+
+    projections: list[list[Projection]]

@@ -1,0 +1,270 @@
+"""Sends calls over HTTP: headers, timeouts, retries and what errors become."""
+
+import asyncio
+import time
+from collections.abc import AsyncIterator, Iterator
+from contextlib import contextmanager
+from itertools import count
+from typing import Any, TypedDict, TypeVar, Unpack
+
+import httpx
+from pydantic import ValidationError
+
+from armwright_client.base import Request
+from armwright_client.call import Call, EventCall
+from armwright_client.errors import (
+    ArmwrightError,
+    InvalidArgument,
+    TransportError,
+    TransportTimeout,
+    UnexpectedAnswer,
+    from_problem,
+)
+from armwright_client.job import EventReader, JobEvent
+from armwright_client.problem import Problem
+from armwright_client.retry import Retry, retry_after
+from armwright_client.robot import RobotArchive
+from armwright_client.version import VERSION
+
+A = TypeVar("A")
+
+#: Six times the deadline that the service gives to requests without one [s].
+_TIMEOUT = 60.0
+#: A connection that takes longer to be made will not be made [s].
+_CONNECT = 10.0
+#: How much later than its deadline an answer of the service may come: the way there and back, and
+#: the end of a worker that overran [s].
+_GRACE = 10.0
+#: Of a body that is not the service's, enough to recognise it.
+_EXCERPT = 200
+
+
+class ClientOptions(TypedDict, total=False):
+    """What can be chosen of a client beyond the URL.
+
+    Args:
+        token: Sent as ``Authorization: Bearer``.
+        timeout: Longest wait for an answer [s], 60 if left out. A request with a `timeout` of its
+            own is waited for as long as that allows, and some seconds more.
+        retry: When to ask again.
+    """
+
+    token: str | None
+    timeout: float
+    retry: Retry
+
+
+class Wire:
+    """What sending takes, whether it is waited for or not.
+
+    Args:
+        base_url: Of the service.
+        options: See `ClientOptions`.
+
+    Raises:
+        InvalidArgument: The URL or the token can't be one.
+    """
+
+    def __init__(self, base_url: str, **options: Unpack[ClientOptions]) -> None:
+        self._base_url = _checked_url(base_url)
+        self._headers = {
+            "Accept": "application/json, application/problem+json",
+            "User-Agent": f"armwright-client/{VERSION}",
+        }
+        token = options.get("token")
+        if token is not None:
+            self._headers["Authorization"] = f"Bearer {_checked_token(token)}"
+        self._timeout = options.get("timeout", _TIMEOUT)
+        self._retry = options.get("retry", Retry())
+
+    def settings(self) -> dict[str, Any]:
+        """Arguments for httpx's clients."""
+        return {"base_url": self._base_url, "headers": self._headers}
+
+    def arguments(self, call: Call[Any]) -> dict[str, Any]:
+        """Arguments for httpx's `request`."""
+        headers = {} if call.key is None else {"Idempotency-Key": call.key}
+        arguments: dict[str, Any] = {
+            "method": call.method,
+            "url": call.path,
+            "params": call.query or None,
+            "headers": headers,
+            "timeout": self._limits(call),
+        }
+        match call.body:
+            case Request():
+                headers["Content-Type"] = "application/json"
+                arguments["content"] = call.body.model_dump_json(exclude_none=True).encode("utf-8")
+            case RobotArchive():
+                file = (f"{call.body.name}.zip", call.body.content, "application/zip")
+                arguments |= {"files": {"file": file}, "data": call.body.fields()}
+        return arguments
+
+    def _limits(self, call: Call[Any]) -> httpx.Timeout:
+        silence = self._timeout
+        if call.deadline is not None:
+            silence = max(silence, call.deadline + _GRACE)
+        # Waiting for one of the client's own connections is no fault of the service.
+        return httpx.Timeout(silence, connect=min(self._timeout, _CONNECT), pool=None)
+
+    def wait(self, call: Call[Any], attempt: int, response: httpx.Response) -> float | None:
+        """How long to wait before sending again [s], None where that makes no sense."""
+        if not call.repeatable and call.key is None:
+            return None
+        return self._retry.wait(attempt, response)
+
+
+class Session:
+    """Sends calls and waits for their answers."""
+
+    def __init__(self, wire: Wire, transport: httpx.BaseTransport | None) -> None:
+        self._wire = wire
+        self._http = httpx.Client(**self._wire.settings(), transport=transport)
+
+    def send(self, call: Call[A]) -> A:
+        """The answer to a call."""
+        for attempt in count(1):
+            with _transport(call, self._http):
+                response = self._http.request(**self._wire.arguments(call))
+            seconds = self._wire.wait(call, attempt, response)
+            if seconds is None:
+                break
+            time.sleep(seconds)
+        return answer(call, response)
+
+    def stream(self, call: EventCall) -> Iterator[JobEvent]:
+        """The events that answer a call, as they come."""
+        reader = EventReader()
+        with (
+            _transport(call, self._http),
+            self._http.stream(**self._wire.arguments(call)) as response,
+        ):
+            if not response.is_success:
+                response.read()
+                raise failure(call, response)
+            for line in response.iter_lines():
+                yield from reader.feed(line)
+
+    def close(self) -> None:
+        """Close all connections."""
+        self._http.close()
+
+
+class AsyncSession:
+    """Sends calls and lets others run until their answers come."""
+
+    def __init__(self, wire: Wire, transport: httpx.AsyncBaseTransport | None) -> None:
+        self._wire = wire
+        self._http = httpx.AsyncClient(**self._wire.settings(), transport=transport)
+
+    async def send(self, call: Call[A]) -> A:
+        """The answer to a call."""
+        for attempt in count(1):
+            with _transport(call, self._http):
+                response = await self._http.send(
+                    self._http.build_request(**self._wire.arguments(call))
+                )
+            seconds = self._wire.wait(call, attempt, response)
+            if seconds is None:
+                break
+            await asyncio.sleep(seconds)
+        return answer(call, response)
+
+    async def stream(self, call: EventCall) -> AsyncIterator[JobEvent]:
+        """The events that answer a call, as they come."""
+        reader = EventReader()
+        with _transport(call, self._http):
+            async with self._http.stream(**self._wire.arguments(call)) as response:
+                if not response.is_success:
+                    await response.aread()
+                    raise failure(call, response)
+                async for line in response.aiter_lines():
+                    for event in reader.feed(line):
+                        yield event
+
+    async def close(self) -> None:
+        """Close all connections."""
+        await self._http.aclose()
+
+
+def answer(call: Call[A], response: httpx.Response) -> A:
+    """What a response says.
+
+    Raises:
+        ApiError: The service reports a problem.
+        UnexpectedAnswer: The response is not the service's, or of another version.
+    """
+    if not response.is_success:
+        raise failure(call, response)
+    try:
+        return call.read(response.content)
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_input=False)[0]
+        where = ".".join(str(step) for step in first["loc"]) or "the body"
+        raise UnexpectedAnswer(
+            f"{call.method} {call.path} was answered {response.status_code} with something else "
+            f"than {error.title} ({where}: {first['msg']})",
+            response.status_code,
+            response.text[:_EXCERPT],
+        ) from error
+
+
+def failure(call: Call[Any], response: httpx.Response) -> ArmwrightError:
+    """The error that a response reports, or that it is none of the service's."""
+    problem = _problem(response)
+    if problem is not None:
+        return from_problem(problem, response.status_code, retry_after(response))
+    said = f"{call.method} {call.path} was answered {response.status_code} {response.reason_phrase}"
+    location = response.headers.get("location")
+    if location is not None:
+        said += f" to {location}"
+    return UnexpectedAnswer(
+        f"{said} by something that is not an Armwright service",
+        response.status_code,
+        response.text[:_EXCERPT],
+    )
+
+
+def _problem(response: httpx.Response) -> Problem | None:
+    media_type = response.headers.get("content-type", "").split(";")[0].strip().lower()
+    if media_type not in ("application/problem+json", "application/json"):
+        return None
+    try:
+        problem = Problem.read(response.content)
+    except ValidationError:
+        return None
+    return problem if problem.code or media_type == "application/problem+json" else None
+
+
+@contextmanager
+def _transport(call: Call[Any], http: httpx.Client | httpx.AsyncClient) -> Iterator[None]:
+    if http.is_closed:
+        raise TransportError("the client is closed")
+    what = f"{call.method} {call.path}"
+    try:
+        yield
+    except httpx.TimeoutException as error:
+        raise TransportTimeout(f"{what}: {_said(error)}") from error
+    except (httpx.HTTPError, httpx.InvalidURL, httpx.StreamError) as error:
+        raise TransportError(f"{what}: {_said(error)}") from error
+
+
+def _said(error: Exception) -> str:
+    return f"{type(error).__name__} ({error})" if str(error) else type(error).__name__
+
+
+def _checked_url(base_url: str) -> str:
+    try:
+        url = httpx.URL(base_url)
+    except (httpx.InvalidURL, TypeError) as error:
+        raise InvalidArgument(f"the base URL is none: {error}") from None
+    if url.scheme not in ("http", "https") or not url.host or url.query or url.fragment:
+        raise InvalidArgument("the base URL must look like http://host:port or https://host/prefix")
+    return base_url
+
+
+def _checked_token(token: str) -> str:
+    # The value stays out of the message: it is a secret.
+    if not token or not token.isascii() or not token.isprintable() or " " in token:
+        raise InvalidArgument("the token must be printable ASCII without spaces")
+    return token

@@ -1,0 +1,137 @@
+"""URDF files and the meshes beside them.
+
+A mesh is named by a ``package://`` URI or a path relative to the URDF. It is looked for in turn
+
+* for ``package://name/path``: as ``name/path`` or ``path`` in each of the package folders given,
+  then in the URDF's folder and those above it, ``path`` only where the folder is called ``name``;
+* for a relative path: beside the URDF, then in each of the package folders.
+
+The service takes no path that leads out of what is uploaded. Where a URDF says ``../meshes/a.stl``,
+the text that is sent names the mesh by a path that does not.
+"""
+
+import base64
+import posixpath
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from urllib.parse import unquote
+from xml.etree import ElementTree as ET
+from xml.sax.saxutils import escape
+
+from armwright_client.errors import InvalidArgument
+
+_PACKAGE = "package://"
+#: What the service reads; nothing else is sent, whatever a description names.
+_SUFFIXES = (".stl", ".obj", ".ply", ".off")
+
+
+@dataclass(frozen=True, slots=True)
+class UrdfFile:
+    """A URDF with its collision meshes.
+
+    Args:
+        name: As the description says.
+        text: What to send.
+        meshes: Files in base64 by the URI that the text names them by.
+    """
+
+    name: str
+    text: str
+    meshes: Mapping[str, str]
+
+
+def read_urdf(path: Path, package_dirs: Sequence[Path] = ()) -> UrdfFile:
+    """Read a URDF file and its collision meshes.
+
+    Raises:
+        OSError: A file can't be read.
+        InvalidArgument: It is not XML, names meshes that are not there or that can't be sent.
+    """
+    text = path.read_text(encoding="utf-8")
+    try:
+        root = ET.fromstring(text)
+    except ET.ParseError as error:
+        raise InvalidArgument(f"{path} is not XML: {error}") from None
+    files = {uri: _find(uri, path.parent, package_dirs) for uri in _mesh_uris(root)}
+    missing = [uri for uri, file in files.items() if file is None]
+    if missing:
+        raise InvalidArgument(
+            f"{path} names collision meshes that are not there: {', '.join(missing)}",
+            hint="Give the folder that holds the package in package_dirs.",
+        )
+    meshes: dict[str, str] = {}
+    for uri, file in files.items():
+        assert file is not None
+        name = uri
+        if _leads_out(uri):
+            name = _inside(uri, files)
+            text = _rename(text, uri, name)
+        meshes[name] = base64.b64encode(file.read_bytes()).decode("ascii")
+    return UrdfFile(root.get("name") or path.stem, text, meshes)
+
+
+def _mesh_uris(root: ET.Element) -> list[str]:
+    found = (mesh.get("filename", "") for mesh in root.iterfind(".//collision/geometry/mesh"))
+    uris = list(dict.fromkeys(uri for uri in found if uri))
+    for uri in uris:
+        if Path(uri).suffix.lower() not in _SUFFIXES:
+            raise InvalidArgument(
+                f"collision mesh {uri!r} is of a kind that can't be sent",
+                hint=f"Convert it to one of {', '.join(_SUFFIXES)}.",
+            )
+        if ":" in uri.removeprefix(_PACKAGE) or uri.startswith("/"):
+            raise InvalidArgument(
+                f"collision mesh {uri!r} is neither package:// nor relative",
+                hint="Name meshes by package:// or by a path relative to the URDF.",
+            )
+    return uris
+
+
+def _find(uri: str, folder: Path, package_dirs: Sequence[Path]) -> Path | None:
+    return next((file for file in _candidates(uri, folder, package_dirs) if file.is_file()), None)
+
+
+def _candidates(uri: str, folder: Path, package_dirs: Sequence[Path]) -> Iterator[Path]:
+    if not uri.startswith(_PACKAGE):
+        for start in (folder, *package_dirs):
+            yield start / unquote(uri)
+        return
+    path = unquote(uri.removeprefix(_PACKAGE))
+    package, _, rest = path.partition("/")
+    for start in package_dirs:
+        yield start / path
+        yield start / rest
+    own = folder.resolve()
+    for start in (own, *own.parents):
+        yield start / path
+        if start.name == package:
+            yield start / rest
+
+
+def _leads_out(uri: str) -> bool:
+    return posixpath.normpath(unquote(uri.removeprefix(_PACKAGE))).startswith("..")
+
+
+def _inside(uri: str, taken: Mapping[str, object]) -> str:
+    """A path inside the upload for a mesh that leads out of its folder."""
+    path = posixpath.normpath(uri.removeprefix(_PACKAGE))
+    depth = path.count("../")
+    name = f"above_{depth}/{path[3 * depth :]}"
+    while name in taken:
+        name = f"above/{name}"
+    return name
+
+
+def _rename(text: str, uri: str, name: str) -> str:
+    """The text of a description with one mesh named differently.
+
+    Raises:
+        InvalidArgument: The URI is written with entities that are not looked for.
+    """
+    renamed = text
+    for quote in ('"', "'"):
+        renamed = renamed.replace(f"{quote}{escape(uri)}{quote}", f"{quote}{escape(name)}{quote}")
+    if renamed == text:
+        raise InvalidArgument(f"collision mesh {uri!r} is written in a way that can't be renamed")
+    return renamed
