@@ -28,7 +28,7 @@ from obstacles.nearest import Indices, hull_distances, mesh_distances
 #: it: a millimetre for an object of half a metre, less than cutting it up would leave.
 _CONVEX = 2e-3
 #: Points on a hull at which its distance to the mesh is measured.
-_SAMPLES = 4000
+_SAMPLES = 2000
 #: A mesh of more bodies than this is no assembly but a heap of triangles.
 _MAX_BODIES = 64
 #: Corners a piece may have: each costs every distance query about a nanosecond.

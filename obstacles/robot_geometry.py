@@ -22,6 +22,7 @@ from kinematics.description import (
 )
 from kinematics.errors import InvalidRobotDescription, InvalidScene
 from kinematics.forward import joint_frames
+from kinematics.mesh_uri import resolve_mesh
 from kinematics.srdf import Semantics
 from obstacles.gjk import separation
 from obstacles.mesh import load_mesh, scaled
@@ -139,7 +140,7 @@ def robot_geometry(
     Args:
         chain: The robot.
         description: What it was built from; None for a robot that was given by numbers alone.
-        meshes: Bytes of the mesh files by the name the description uses.
+        meshes: Bytes of the mesh files by the name the description uses, or what finds them.
         semantics: Its SRDF.
 
     Raises:
@@ -203,44 +204,10 @@ def _shape(geometry: Geometry, meshes: Meshes | None) -> Shape:
         return Cylinder(geometry.radius, geometry.length)
     if isinstance(geometry, CapsuleGeometry):
         return Capsule(geometry.radius, geometry.length)
-    file_type = geometry.uri.rpartition(".")[2]
-    vertices, faces = load_mesh(_mesh_bytes(geometry.uri, meshes), file_type)
+    uri = geometry.uri
+    data = meshes(uri) if callable(meshes) else resolve_mesh(uri, meshes or {})
+    vertices, faces = load_mesh(data, uri.rpartition(".")[2])
     return Mesh(*scaled(vertices, faces, geometry.scale))
-
-
-def _mesh_bytes(uri: str, meshes: Meshes | None) -> bytes:
-    if callable(meshes):
-        return meshes(uri)
-    given = meshes or {}
-    if uri in given:
-        return given[uri]
-    # The same file under another root: the longest common end of the path decides, if one does.
-    wanted = _parts(uri)
-    scores = {name: _common_end(wanted, _parts(name)) for name in given}
-    best = max(scores.values(), default=0)
-    matches = [name for name, score in scores.items() if score == best]
-    if best == 0 or len(matches) > 1:
-        found = "is not among the files given" if best == 0 else "fits several of the files given"
-        raise InvalidScene(
-            f"mesh {uri!r} {found}",
-            hint=f"Give its bytes under that name. Given: {', '.join(given) or 'none'}.",
-            mesh=uri,
-        )
-    return given[matches[0]]
-
-
-def _parts(uri: str) -> list[str]:
-    path = uri.rpartition("://")[2].replace("\\", "/")
-    return [part for part in path.split("/") if part not in ("", ".")]
-
-
-def _common_end(a: list[str], b: list[str]) -> int:
-    count = 0
-    for x, y in zip(reversed(a), reversed(b), strict=False):
-        if x != y:
-            break
-        count += 1
-    return count
 
 
 def _sorted(a: str, b: str) -> Pair:
