@@ -22,6 +22,8 @@ from kinematics.polynomial import (
 MAX_DEGREE = 31
 #: More samples than this are refused: half an hour at 1 kHz fits.
 MAX_SAMPLES = 2_000_000
+#: How long a motion takes that goes nowhere [s]: one cycle of a usual arm controller.
+REST = 1e-3
 # A sample this part of a period before the end would be the end twice over, to rounding.
 _SAME_SAMPLE = 1e-6
 # A time asked for may miss the end by what sums of times round off, a part of the duration.
@@ -271,6 +273,24 @@ def concatenate(trajectories: Sequence[Trajectory]) -> Trajectory:
         for item in trajectories
     ]
     return Trajectory(names, np.concatenate(breaks), np.concatenate(coefficients))
+
+
+def stay(joint_names: Sequence[str], position: ArrayLike, duration: float = REST) -> Trajectory:
+    """The trajectory that keeps still: one constant piece.
+
+    A trajectory has a piece, and a piece has a length in time; a motion from a point to itself
+    lasts one millisecond unless told otherwise.
+
+    Args:
+        joint_names: n names.
+        position: Shape (n,).
+        duration: [s].
+
+    Raises:
+        InvalidTrajectory: The position has not n finite values, or the duration is not positive.
+    """
+    coefficients = np.asarray(position, dtype=np.float64)[None, ..., None]
+    return Trajectory(tuple(joint_names), np.array([0.0, duration]), coefficients)
 
 
 def _numbers(values: ArrayLike, name: str) -> Array:

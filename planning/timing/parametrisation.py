@@ -15,8 +15,8 @@ from kinematics.kernel import kernel
 from planning.timing.constraints import Cells, guards
 from planning.timing.failure import TimingFailed
 
-# A cell is a trap where x has to fall below this part both of what it was and of what the way to the
-# goal allows. Few paths have one, and one or two rounds free them.
+# A cell is a trap where x has to fall below this part both of what it was and of what the way to
+# the goal allows. Few paths have one, and one or two rounds free them.
 _TRAP = 0.5
 _MAX_ROUNDS = 20
 # Each exchange is for good; there are never more than a few.

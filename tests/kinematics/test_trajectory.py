@@ -9,7 +9,7 @@ from numpy.polynomial import polynomial as power_basis
 from numpy.typing import ArrayLike, NDArray
 
 from kinematics.errors import InvalidOption, InvalidTrajectory
-from kinematics.trajectory import MAX_SAMPLES, Trajectory, concatenate
+from kinematics.trajectory import MAX_SAMPLES, REST, Trajectory, concatenate, stay
 
 Array = NDArray[np.float64]
 
@@ -274,3 +274,14 @@ def test_a_trajectory_is_a_value() -> None:
         trajectory.breaks[0] = 1.0
     with pytest.raises(ValueError, match="read-only"):
         trajectory.coefficients[0, 0, 0] = 1.0
+
+
+def test_keeping_still_is_a_trajectory() -> None:
+    still = stay(names(3), [0.1, -0.2, 0.3])
+    assert still.duration == REST
+    np.testing.assert_array_equal(still.start, [0.1, -0.2, 0.3])
+    np.testing.assert_array_equal(still.end, still.start)
+    assert not still.peaks(1).value.any()
+    for position, duration in (([0.1], 1.0), ([0.1, 0.2, np.nan], 1.0), ([0.0] * 3, 0.0)):
+        with pytest.raises(InvalidTrajectory):
+            stay(names(3), position, duration)
