@@ -9,7 +9,7 @@ from starlette.concurrency import run_in_threadpool
 
 from service import handlers, openapi
 from service.body import BodyLimit, JsonRoute
-from service.routes import health, kinematics, pending, problems, robots, scenes
+from service.routes import check, health, kinematics, pending, plan, problems, robots, scenes
 from service.settings import Settings
 from service.store import open_store
 from service.version import VERSION
@@ -21,6 +21,8 @@ _ROUTERS = (
     robots.router,
     kinematics.router,
     scenes.router,
+    check.router,
+    plan.router,
     pending.router,
 )
 

@@ -160,7 +160,9 @@ class BodyLimit:
 
     async def _in_time(self, receive: Receive) -> Message:
         try:
-            return await asyncio.wait_for(receive(), self._timeout)
+            # Not wait_for: until Python 3.12 it may swallow a cancellation.
+            async with asyncio.timeout(self._timeout):
+                return await receive()
         except TimeoutError:
             raise ProblemError(
                 "REQUEST_TIMEOUT",

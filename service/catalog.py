@@ -1,6 +1,6 @@
 """The server's view of robots and scenes: who they are, and that workers find them prepared."""
 
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from typing import Any
 
 from fastapi import Request
@@ -82,7 +82,7 @@ async def model(request: Request, reference: Reference) -> PreparedRobot:
             return await run_in_threadpool(_with_chain, reference)
         except NotPrepared:
             reference = await _prepare(request, reference)
-    raise _unprepared(reference)
+    raise _unprepared()
 
 
 async def answer(
@@ -107,17 +107,46 @@ async def answer(
     Raises:
         ProblemError: NOT_FOUND; what the task refused; all of `compute`.
     """
+
+    async def job() -> Job:
+        return make_job(await robot(request, robot_name), await scene(request, scene_source))
+
+    return await _answer(request, job, timeout, patience)
+
+
+async def answer_scene(
+    request: Request, make_job: Callable[[Reference], Job], scene_name: str
+) -> Any:
+    """The result of a job about a stored scene, computed in a worker.
+
+    Raises:
+        ProblemError: As `answer`.
+    """
+
+    async def job() -> Job:
+        reference = await scene(request, scene_name)
+        assert reference is not None
+        return make_job(reference)
+
+    return await _answer(request, job, None, 0.0)
+
+
+async def _answer(
+    request: Request,
+    make_job: Callable[[], Awaitable[Job]],
+    timeout: float | None,
+    patience: float,
+) -> Any:
     for _ in range(_ATTEMPTS):
-        arm = await robot(request, robot_name)
-        place = await scene(request, scene_source)
-        result = await compute(request, make_job(arm, place), timeout, patience)
+        job = await make_job()
+        result = await compute(request, job, timeout, patience)
         if isinstance(result, Absent):
             await _prepare(request, result.reference)
             continue
         if isinstance(result, Refusal):
             raise from_fields(result.code, result.message, result.hint, result.details)
         return result
-    raise _unprepared(arm)
+    raise _unprepared()
 
 
 def _with_chain(reference: Reference) -> PreparedRobot:
@@ -144,10 +173,10 @@ async def _prepare(request: Request, reference: Reference) -> Reference:
     return Reference(reference.kind, reference.name, document.record.hash, reference.folder)
 
 
-def _unprepared(reference: Reference) -> ProblemError:
+def _unprepared() -> ProblemError:
     return ProblemError(
         "CONFLICT",
-        f"the {reference.kind} {reference.name!r} keeps being replaced",
+        "the robot or the scene keeps being replaced",
         stage="storage",
         hint="Ask again when nobody changes it.",
     )

@@ -74,7 +74,7 @@ def _possible_methods(request: Request) -> list[str]:
     return [
         method
         for method in ("GET", "POST", "PUT", "DELETE")
-        if any(r.matches(request.scope | {"method": method})[0] is Match.FULL for r in routes)
+        if any(r.matches({**request.scope, "method": method})[0] is Match.FULL for r in routes)
     ]
 
 

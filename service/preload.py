@@ -10,7 +10,7 @@ for _variable in ("OMP", "OPENBLAS", "MKL", "NUMBA", "VECLIB_MAXIMUM"):
     # One job a process, one process a core: threads inside would only get in each other's way.
     os.environ[f"{_variable}_NUM_THREADS"] = "1"
 
-from service import kinematics_tasks, tasks, warm  # noqa: E402, F401
+from service import check_tasks, kinematics_tasks, plan_tasks, tasks, warm  # noqa: E402, F401
 
 try:
     warm.warm_kernels()

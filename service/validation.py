@@ -1,7 +1,9 @@
 """What a refused body is told: each field's path and what is wrong with it, never its value."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
 
 from service.errors import ProblemError
 
@@ -10,6 +12,21 @@ _MAX_ERRORS = 50
 _MAX_IN_SENTENCE = 3
 _MAX_PATH = 200
 _MAX_MESSAGE = 500
+
+_Model = TypeVar("_Model", bound=BaseModel)
+
+
+def validated(model: type[_Model], value: Any) -> _Model:
+    """A parsed body as the model it must follow.
+
+    Raises:
+        ProblemError: VALIDATION_ERROR.
+    """
+    try:
+        return model.model_validate(value)
+    except ValidationError as error:
+        found = [{**item, "loc": ("body", *item["loc"])} for item in error.errors()]
+        raise validation_problem(found, value) from None
 
 
 def validation_problem(errors: Sequence[Mapping[str, Any]], body: Any) -> ProblemError:

@@ -30,7 +30,12 @@ from service.worker_main import Job, Reply
 _log = logging.getLogger(__name__)
 
 #: Where the functions are that workers may be asked to call.
-TASK_MODULES = ("service.tasks", "service.kinematics_tasks")
+TASK_MODULES = (
+    "service.tasks",
+    "service.kinematics_tasks",
+    "service.check_tasks",
+    "service.plan_tasks",
+)
 #: A worker that dies before a job has reached it is not the job's fault; but a job that can't even
 #: be received must not go round for ever.
 _MAX_ATTEMPTS = 3

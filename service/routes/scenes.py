@@ -6,17 +6,41 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request, Response
 from starlette.concurrency import run_in_threadpool
 
-from service import catalog
+from service import catalog, prepared
 from service.body import JsonRoute
 from service.errors import ProblemError
 from service.openapi import RESPONSES
-from service.schemas.scene import NamedScene, Scene, SceneList, SceneSummary
+from service.references import Reference
+from service.schemas.scene import (
+    NamedScene,
+    ProjectAnswer,
+    ProjectRequest,
+    Scene,
+    SceneList,
+    SceneSummary,
+)
 from service.store import Record, Store
+from service.validation import validated
 from service.worker_main import Job
 
 router = APIRouter(prefix="/v1/scenes", tags=["scenes"], route_class=JsonRoute, responses=RESPONSES)
 
 _KIND = "scene"
+
+
+@router.post(
+    "/{name}/project", summary="Project points onto the obstacles", response_model=ProjectAnswer
+)
+async def project(name: str, body: ProjectRequest, request: Request) -> Response:
+    """For each point and obstacle the nearest point of the obstacle's surface, and how far it is.
+
+    The distance is negative inside; margins are no part of an obstacle here.
+    """
+    content = body.model_dump_json().encode()
+    result = await catalog.answer_scene(
+        request, lambda scene: Job("service.check_tasks:project", (scene, content)), name
+    )
+    return Response(result, media_type="application/json")
 
 
 @router.post("", status_code=201, summary="Store a new scene")
@@ -58,9 +82,12 @@ async def put_scene(name: str, body: Scene, request: Request, response: Response
             stage="request",
             hint="Leave the name out of the body.",
         )
-    named = NamedScene.model_validate({**body.__dict__, "name": name})
+    named = validated(NamedScene, {**body.__dict__, "name": name})
     content = await _checked(named, request)
+    before = await _prepared_as(request, name)
     record = await run_in_threadpool(_store(request).replace, _KIND, name, content)
+    if before is not None and before.hash != record.hash:
+        await run_in_threadpool(prepared.forget, before)
     if record.version == 1:
         response.status_code = 201
         response.headers["Location"] = f"/v1/scenes/{name}"
@@ -70,7 +97,10 @@ async def put_scene(name: str, body: Scene, request: Request, response: Response
 @router.delete("/{name}", status_code=204, summary="Delete a scene")
 async def delete_scene(name: str, request: Request) -> None:
     """Forgets the scene."""
+    before = await _prepared_as(request, name)
     await run_in_threadpool(_store(request).delete, _KIND, name)
+    if before is not None:
+        await run_in_threadpool(prepared.forget, before)
 
 
 async def _checked(body: NamedScene, request: Request) -> bytes:
@@ -78,6 +108,14 @@ async def _checked(body: NamedScene, request: Request) -> bytes:
     folder = str(request.app.state.settings.prepared_dir)
     await catalog.build(request, Job("service.tasks:prepare_scene", (content, folder, body.name)))
     return content
+
+
+async def _prepared_as(request: Request, name: str) -> Reference | None:
+    """Where workers keep what is stored under a name, if there is something."""
+    try:
+        return await catalog.scene(request, name)
+    except ProblemError:
+        return None
 
 
 def _store(request: Request) -> Store:

@@ -48,11 +48,26 @@ class Collision(Answer):
     depth: float = Field(examples=[0.012], description="[m]")
 
 
+class LimitViolation(Answer):
+    """A joint outside its limits."""
+
+    joint: str = Field(examples=["panda_joint4"])
+    value: float = Field(examples=[0.1], description="[rad] or [m]")
+    limit: float = Field(examples=[-0.0698], description="[rad] or [m]")
+
+
 class CheckAnswer(Answer):
     """The verdict; with many configurations each field is a list."""
 
-    valid: bool | list[bool]
+    valid: bool | list[bool] = Field(
+        description="within limits, nothing touches, and every margin is kept"
+    )
     clearance: float | list[float | None] | None = Field(
-        description="smallest distance [m], negative in collision, null with nothing to hit"
+        description="smallest distance [m], margins not taken off; negative by the depth in "
+        "collision, null with nothing to hit"
+    )
+    clearance_pair: list[str] | list[list[str] | None] | None = Field(
+        examples=[["panda_hand", "table_top"]], description="between whom that is"
     )
     collisions: list[Collision] | list[list[Collision]]
+    limit_violations: list[LimitViolation] | list[list[LimitViolation]]

@@ -241,17 +241,17 @@ class TrajectoryAnswer(Answer):
 class LimitUse(Answer):
     """How close a motion comes to a limit, from the exact extrema of its polynomials."""
 
-    worst_ratio: float = Field(description="1 is the limit itself")
+    worst_ratio: float | None = Field(description="1 is the limit itself; null beyond a limit of 0")
     joint: str
     time: float
 
 
 class LimitUses(Answer):
-    """Use of each limit that was proved."""
+    """Use of each limit that was proved; null where none is known."""
 
-    position: LimitUse
-    velocity: LimitUse
-    acceleration: LimitUse
+    position: LimitUse | None = None
+    velocity: LimitUse | None = None
+    acceleration: LimitUse | None = None
     jerk: LimitUse | None = None
     torque: LimitUse | None = None
 
@@ -268,6 +268,7 @@ class CertificateAnswer(Answer):
     limits: LimitUses | None = None
     continuity: Any = None
     path_constraint_residual: float | None = None
+    cells: int = Field(0, description="intervals of time that were looked at")
     violation: dict[str, Any] | None = Field(None, description="the first, with its time")
 
 

@@ -1,0 +1,152 @@
+"""Collision checks and projections as requests ask for them, in workers."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from pydantic_core import to_json
+
+from kinematics.chain import Array
+from kinematics.errors import InvalidScene
+from obstacles.checker import Checker
+from obstacles.projection import project as project_points
+from obstacles.robot_geometry import RobotGeometry
+from obstacles.scene import Obstacle, Scene
+from obstacles.world import World
+from service import library, translate
+from service.answering import answering
+from service.prepared import Recent
+from service.references import Absent, Reference, Refusal
+from service.schemas.check import Attached, CheckRequest
+from service.schemas.scene import ProjectRequest
+
+#: Distances from here on are exact as the kernel finds them; below, the depth is asked for [m].
+_TOUCHING = 1e-6
+#: Projections of one answer: at 100 bytes each, a hundred megabytes.
+_MAX_PROJECTIONS = 1_000_000
+_JUDGES = Recent(8)
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Judge:
+    """What it takes to check configurations of one robot in one scene.
+
+    Args:
+        robot: The robot with what it holds.
+        bare: Kernel verdicts without the obstacles' margins.
+        strict: The same with them.
+        world: Depths, without margins.
+    """
+
+    robot: RobotGeometry
+    bare: Checker
+    strict: Checker
+    world: World
+
+    @classmethod
+    def of(cls, robot: RobotGeometry, scene: Scene) -> "Judge":
+        """The judge of a robot in a scene."""
+        plain = dataclasses.replace(
+            scene, obstacles=tuple(dataclasses.replace(o, margin=0.0) for o in scene.obstacles)
+        )
+        bare = Checker.of(robot, plain)
+        margins = any(obstacle.margin > 0.0 for obstacle in scene.obstacles)
+        strict = Checker.of(robot, scene) if margins else bare
+        return cls(robot, bare, strict, World(robot, plain))
+
+
+@answering
+def check(robot: Reference, scene: Reference | None, content: bytes) -> bytes | Absent:
+    """Answer a request for collision checks.
+
+    Raises:
+        InvalidRobotState: Wrong length.
+        InvalidScene: The inline scene or an attached object is not valid.
+    """
+    body = CheckRequest.model_validate_json(content)
+    geometry = library.robot(robot).geometry
+    joints = geometry.chain.configuration(body.joints)
+    place = library.scene(scene or (None if isinstance(body.scene, str) else body.scene))
+    holding = attach(geometry, place, body.attached or ())
+    key = (holding.content_hash, place.content_hash)
+    judge = _JUDGES.get(key, lambda: Judge.of(holding, place))
+    verdicts = [_verdict(judge, q, body.margin) for q in joints.reshape(-1, geometry.chain.n)]
+    if joints.ndim == 1:
+        return to_json(verdicts[0])
+    return to_json({name: [verdict[name] for verdict in verdicts] for name in verdicts[0]})
+
+
+def attach(robot: RobotGeometry, scene: Scene, attached: Sequence[Attached]) -> RobotGeometry:
+    """The robot holding objects.
+
+    Raises:
+        InvalidScene: An object is not valid, or its name is taken.
+        InvalidLinkName: A link is unknown.
+    """
+    for item in attached:
+        if item.id in scene.ids:
+            raise InvalidScene(
+                f"attached object {item.id!r} is an obstacle of the scene too",
+                hint="What is held is no obstacle any more: take it out of the scene, or give it "
+                "another name.",
+            )
+        held = Obstacle(item.id, translate.shape(item.shape), translate.transform(item.pose))
+        robot = robot.attach(held, item.link, item.touch_links)
+    return robot
+
+
+def _verdict(judge: Judge, q: Array, margin: float) -> dict[str, Any]:
+    chain = judge.robot.chain
+    clearance, pair = judge.bare.clearance(q)
+    collisions = []
+    if clearance <= _TOUCHING:
+        collisions = [
+            {"pair": list(found.pair), "depth": found.depth} for found in judge.world.collisions(q)
+        ]
+        nearest = judge.world.clearance(q)
+        clearance, pair = nearest.distance, nearest.pair
+    room = clearance if judge.strict is judge.bare else judge.strict.clearance(q)[0]
+    outside = np.flatnonzero((q < chain.limits.lower) | (q > chain.limits.upper))
+    broken = [_broken(judge.robot, q, int(j)) for j in outside]
+    return {
+        "valid": not collisions and not broken and room > margin,
+        "clearance": clearance if np.isfinite(clearance) else None,
+        "clearance_pair": None if pair is None else list(pair),
+        "collisions": collisions,
+        "limit_violations": broken,
+    }
+
+
+def _broken(robot: RobotGeometry, q: Array, j: int) -> dict[str, Any]:
+    limits, value = robot.chain.limits, float(q[j])
+    limit = limits.lower[j] if value < limits.lower[j] else limits.upper[j]
+    return {"joint": robot.chain.joint_names[j], "value": value, "limit": float(limit)}
+
+
+@answering
+def project(scene: Reference, content: bytes) -> bytes | Refusal | Absent:
+    """Answer a request for the orthogonal projections of points onto every obstacle."""
+    body = ProjectRequest.model_validate_json(content)
+    obstacles = library.scene(scene).obstacles
+    count = len(body.points) * len(obstacles)
+    if count > _MAX_PROJECTIONS:
+        return Refusal(
+            "PAYLOAD_TOO_LARGE",
+            f"{len(body.points)} points and {len(obstacles)} obstacles make {count} projections, "
+            f"at most {_MAX_PROJECTIONS} are answered at once",
+            "Send the points in several requests.",
+            {"stage": "request"},
+        )
+    if not obstacles:
+        return to_json({"projections": [[] for _ in body.points]})
+    projections, distances = project_points(np.array(body.points), obstacles)
+    rows = zip(projections.tolist(), distances.tolist(), strict=True)
+    answers = [
+        [
+            {"obstacle": obstacle.id, "projection": point, "distance": distance}
+            for obstacle, point, distance in zip(obstacles, *row, strict=True)
+        ]
+        for row in rows
+    ]
+    return to_json({"projections": answers})

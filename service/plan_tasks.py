@@ -1,0 +1,134 @@
+"""Planning and validation as requests ask for them, in workers."""
+
+import hashlib
+import platform
+import time
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+from pydantic_core import to_json
+
+from obstacles.robot_geometry import RobotGeometry
+from obstacles.scene import Scene
+from planning import pipeline
+from planning.certificate import certify
+from planning.deadline import Deadline
+from planning.result import Failure, Plan
+from service import library, translate_motion, worker_main
+from service.answering import answering
+from service.check_tasks import attach
+from service.references import Absent, Reference, Refusal
+from service.schemas.plan import PlanRequest, ValidateRequest
+from service.version import VERSION
+
+#: What a plan depends on beside the request.
+_PACKAGES = ("numpy", "scipy", "numba", "ompl", "python-fcl")
+#: How much longer than the request allows a worker lives, so that the pipeline itself says that
+#: the time was up, and what was tried [s].
+PATIENCE = 0.5
+
+
+@answering
+def plan(
+    robot: Reference, scene: Reference | None, content: bytes, timeout: float
+) -> bytes | Refusal | Absent:
+    """Answer a request for a plan.
+
+    Args:
+        robot: The robot.
+        scene: The scene, where the request names a stored one.
+        content: The request.
+        timeout: What it allows [s], where it names nothing.
+
+    Raises:
+        ArmwrightError: The request is at fault.
+    """
+    body = PlanRequest.model_validate_json(content)
+    translate_motion.check_available(body)
+    place = library.scene(scene or (None if isinstance(body.scene, str) else body.scene))
+    arm = attach(library.robot(robot).geometry, place, body.attached or ())
+    problem = translate_motion.problem(body, arm, place)
+    left = _left(body.timeout or timeout)
+    if left <= 0.0:
+        return _late()
+    found = pipeline.plan(problem, translate_motion.options(body, left))
+    if isinstance(found, Failure):
+        return _refusal(found)
+    return to_json(_answer(found, body, arm, place), inf_nan_mode="null")
+
+
+@answering
+def validate(
+    robot: Reference, scene: Reference | None, content: bytes, timeout: float
+) -> bytes | Refusal | Absent:
+    """Answer a request for the proof of a motion, with the certificate or the first violation.
+
+    Raises:
+        ArmwrightError: The request is at fault.
+    """
+    body = ValidateRequest.model_validate_json(content)
+    translate_motion.check_constraints(body.constraints)
+    place = library.scene(scene or (None if isinstance(body.scene, str) else body.scene))
+    arm = attach(library.robot(robot).geometry, place, body.attached or ())
+    motion, begins = translate_motion.trajectory(body.trajectory, arm.chain)
+    limits = translate_motion.limits(body.limits, arm.chain)
+    deadline = Deadline.after(max(_left(body.timeout or timeout), 0.0))
+    certificate = certify(motion, arm, place, margin=body.margin, limits=limits, deadline=deadline)
+    violation = certificate.violation
+    if violation is not None and violation.kind == "time":
+        return _late()
+    answer = translate_motion.certificate_answer(certificate, begins)
+    return to_json(answer, inf_nan_mode="null")
+
+
+def _left(timeout: float) -> float:
+    """What is left of the time a request allows [s]: the wait for this worker is taken off."""
+    return min(timeout, worker_main.deadline() - PATIENCE - time.monotonic())
+
+
+def _late() -> Refusal:
+    return Refusal(
+        "TIMED_OUT",
+        "the deadline passed before the work was done",
+        "Allow more time with the field timeout.",
+        {"stage": "certificate"},
+    )
+
+
+def _refusal(failure: Failure) -> Refusal:
+    details: dict[str, Any] = translate_motion.plain(failure.details)
+    details["stages"] = translate_motion.stages_answer(failure.stages)
+    return Refusal(failure.code, failure.message, failure.hint, details | {"stage": failure.stage})
+
+
+def _answer(found: Plan, body: PlanRequest, robot: RobotGeometry, scene: Scene) -> dict[str, Any]:
+    return {
+        "status": "success",
+        "planner": found.planner,
+        "stages": translate_motion.stages_answer(found.stages),
+        "path": {"joints": found.path.waypoints.tolist(), "length": found.path.length},
+        "trajectory": translate_motion.trajectory_answer(
+            found.trajectory, body.timing.sample_period
+        ),
+        "certificate": translate_motion.certificate_answer(found.certificate),
+        "reproducibility": {
+            "seed": body.seed,
+            "robot_hash": robot.content_hash,
+            "scene_hash": scene.content_hash,
+            "request_hash": hashlib.sha256(body.model_dump_json().encode()).hexdigest(),
+            "versions": _versions(),
+        },
+        "notes": list(found.notes),
+    }
+
+
+@cache
+def _versions() -> dict[str, str]:
+    found = {"armwright": VERSION, "python": platform.python_version()}
+    for package in _PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "unknown"
+    return found

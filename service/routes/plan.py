@@ -1,0 +1,43 @@
+"""Planning of motions, and proofs of anybody's."""
+
+from fastapi import APIRouter, Request, Response
+
+from service import catalog
+from service.body import JsonRoute
+from service.openapi import RESPONSES
+from service.plan_tasks import PATIENCE
+from service.schemas.plan import CertificateAnswer, PlanAnswer, PlanRequest, ValidateRequest
+from service.settings import Settings
+from service.worker_main import Job
+
+router = APIRouter(prefix="/v1", tags=["planning"], route_class=JsonRoute, responses=RESPONSES)
+
+
+@router.post("/plan", summary="Plan a certified motion", response_model=PlanAnswer)
+async def plan(body: PlanRequest, request: Request) -> Response:
+    """A timed motion from the start to a goal, proved free and inside all limits at every instant.
+
+    Where none is found in time, or none can be proved, the answer is a problem that says why.
+    """
+    return await _in_worker(body, request, "plan")
+
+
+@router.post("/validate", summary="Prove a motion", response_model=CertificateAnswer)
+async def validate(body: ValidateRequest, request: Request) -> Response:
+    """The certificate of anybody's motion, or its first violation with the time."""
+    return await _in_worker(body, request, "validate")
+
+
+async def _in_worker(body: PlanRequest | ValidateRequest, request: Request, task: str) -> Response:
+    content = await request.body()
+    settings: Settings = request.app.state.settings
+    timeout = settings.default_timeout if body.timeout is None else body.timeout
+    result = await catalog.answer(
+        request,
+        lambda robot, scene: Job(f"service.plan_tasks:{task}", (robot, scene, content, timeout)),
+        body.robot,
+        body.scene,
+        timeout=timeout,
+        patience=PATIENCE,
+    )
+    return Response(result, media_type="application/json")

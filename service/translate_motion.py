@@ -1,0 +1,345 @@
+"""Problems, trajectories and certificates from wire to domain and back."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from kinematics.chain import Array, Chain
+from kinematics.errors import InvalidOption, InvalidTrajectory, NotAvailable
+from kinematics.interpolation import interpolate
+from kinematics.trajectory import MAX_DEGREE, Trajectory
+from obstacles.robot_geometry import RobotGeometry
+from obstacles.scene import Scene
+from planning.certificate import Certificate
+from planning.options import Options, TimingOptions
+from planning.pipeline import PLANNERS
+from planning.problem import Goal, JointGoal, PoseGoal, Problem
+from planning.result import StageReport
+from service import translate
+from service.schemas import plan as schema
+
+#: Part of the contract, whether there is a planner of that name yet or not: our own, and OMPL's
+#: as OMPL's bindings have them, which may be written in any case, with or without underscores.
+_CONTRACT = (
+    "optimize",
+    "cartesian",
+    "aorrtc",
+    "bfmt",
+    "bitstar",
+    "bkpiece1",
+    "fmt",
+    "informedrrtstar",
+    "kpiece1",
+    "lbkpiece1",
+    "prm",
+    "prmstar",
+    "rrt",
+    "rrtstar",
+    "sorrtstar",
+)
+_TIMINGS = ("toppra",)
+#: Samples of one answer: at a kilobyte each, a hundred megabytes.
+_MAX_SAMPLES = 100_000
+#: What sums of times round off, as part of the duration.
+_TIME_ROUNDING = 1e-9
+
+
+# -------------------------------------------------------------------------------- problems
+
+
+def check_available(body: schema.PlanRequest) -> None:
+    """Refuse what is part of the contract but not built yet.
+
+    Raises:
+        NotAvailable: The request asks for it.
+    """
+    if planner_name(body.planner) not in PLANNERS and _bare(body.planner) in _CONTRACT:
+        raise NotAvailable(
+            f"the planner {body.planner!r} is not built yet",
+            hint=f"There are: {', '.join(PLANNERS)}.",
+            planners=list(PLANNERS),
+        )
+    timing = body.timing
+    if timing.method not in _TIMINGS:
+        raise NotAvailable(
+            f"the timing method {timing.method!r} is not built yet",
+            hint=f"There is: {', '.join(_TIMINGS)}.",
+            methods=list(_TIMINGS),
+        )
+    for name, given in (
+        ("timing.times", timing.times is not None),
+        ("timing.torque_limits", bool(timing.torque_limits)),
+    ):
+        if given:
+            raise NotAvailable(f"{name} is not built yet", hint="Leave it out.", field=name)
+    check_constraints(body.constraints)
+
+
+def check_constraints(constraints: Sequence[Any] | None) -> None:
+    """Refuse path constraints, which are not built yet.
+
+    Raises:
+        NotAvailable: There are some.
+    """
+    if constraints:
+        raise NotAvailable(
+            "path constraints are not built yet",
+            hint="Leave constraints out; scene, margin and attached are obeyed.",
+            field="constraints",
+        )
+
+
+def planner_name(name: str) -> str:
+    """The name of a planner as the pipeline has it; an unknown one as it is."""
+    return next((known for known in PLANNERS if _bare(known) == _bare(name)), name)
+
+
+def _bare(name: str) -> str:
+    return name.lower().replace("_", "")
+
+
+def problem(body: schema.PlanRequest, robot: RobotGeometry, scene: Scene) -> Problem:
+    """The domain's problem, for a robot with what it holds.
+
+    Raises:
+        InvalidRobotState: A joint vector has the wrong length.
+        InvalidGoal: A goal is malformed.
+    """
+    alternatives = body.goal.any_of or [body.goal]
+    goals = tuple(_goal(item, robot.chain) for item in alternatives)
+    start = np.array(body.start.joints)
+    return Problem(robot, scene, start, goals, body.margin, body.start_state_tolerance)
+
+
+def _goal(body: schema.SingleGoal, chain: Chain) -> Goal:
+    if body.joints is not None:
+        return JointGoal(chain.configuration(body.joints, "goal.joints"))
+    assert body.pose is not None
+    given = {
+        name: getattr(body, name)
+        for name in ("position_tolerance", "orientation_tolerance")
+        if getattr(body, name) is not None
+    }
+    return PoseGoal(translate.transform(body.pose), **given)
+
+
+def options(body: schema.PlanRequest, timeout: float) -> Options:
+    """How to plan, within so many seconds.
+
+    Raises:
+        InvalidOption: A value is out of its range.
+    """
+    timing = body.timing
+    return Options(
+        planner=planner_name(body.planner),
+        planner_options=dict(body.planner_options or {}),
+        timing=TimingOptions(
+            timing.method,
+            1.0 if timing.velocity_scaling is None else timing.velocity_scaling,
+            1.0 if timing.acceleration_scaling is None else timing.acceleration_scaling,
+        ),
+        timeout=timeout,
+        seed=body.seed,
+    )
+
+
+# ---------------------------------------------------------------------------- trajectories
+
+
+def trajectory(body: schema.TrajectoryBody, chain: Chain) -> tuple[Trajectory, float]:
+    """The domain's trajectory with the robot's joints in their order, and when it begins [s].
+
+    Raises:
+        InvalidTrajectory: Joints or lengths do not fit the robot, or times do not ascend.
+        InvalidOption: The interpolation is unknown, or what it needs is not given.
+    """
+    order = _order(body.joint_names, chain)
+    if body.segments is not None:
+        return _from_segments(body.segments, chain, order), body.segments[0].t0
+    samples = body.samples
+    assert samples is not None
+    rows = [
+        None if given is None else _columns(given, name, chain, order)
+        for name, given in (
+            ("position", samples.position),
+            ("velocity", samples.velocity),
+            ("acceleration", samples.acceleration),
+        )
+    ]
+    assert rows[0] is not None
+    times, names = np.array(samples.time), chain.joint_names
+    made = interpolate(names, times, rows[0], body.interpolation or "", rows[1], rows[2])
+    return made, samples.time[0]
+
+
+def _order(joint_names: Sequence[str] | None, chain: Chain) -> list[int]:
+    """Where in the trajectory each joint of the chain is."""
+    names = list(chain.joint_names if joint_names is None else joint_names)
+    if sorted(names) != sorted(chain.joint_names):
+        raise InvalidTrajectory(
+            f"the trajectory is of the joints {', '.join(names)}",
+            hint=f"Robot {chain.name!r} has: {', '.join(chain.joint_names)}; name each once.",
+            joint_names=list(chain.joint_names),
+        )
+    return [names.index(name) for name in chain.joint_names]
+
+
+def _columns(rows: list[list[float]], name: str, chain: Chain, order: list[int]) -> Array:
+    wrong = next((i for i, row in enumerate(rows) if len(row) != chain.n), None)
+    if wrong is not None:
+        raise InvalidTrajectory(
+            f"samples.{name}[{wrong}] has {len(rows[wrong])} value(s), robot {chain.name!r} has "
+            f"{chain.n} joints",
+            hint="One value for each joint, in the order of joint_names.",
+        )
+    return np.asarray(np.array(rows, dtype=np.float64)[:, order])
+
+
+def _from_segments(
+    segments: Sequence[schema.Segment], chain: Chain, order: list[int]
+) -> Trajectory:
+    size = max(len(row) for segment in segments for row in segment.coefficients)
+    if size > MAX_DEGREE + 1:
+        raise InvalidTrajectory(f"segments have up to {size} coefficients", hint="Take fewer.")
+    coefficients = np.zeros((len(segments), chain.n, size))
+    slack = _TIME_ROUNDING * (segments[-1].t1 - segments[0].t0)
+    for i, segment in enumerate(segments):
+        if len(segment.coefficients) != chain.n:
+            raise InvalidTrajectory(
+                f"segments[{i}] is of {len(segment.coefficients)} joint(s), robot {chain.name!r} "
+                f"has {chain.n}",
+                hint="Give coefficients[joint][power], the joints in the order of joint_names.",
+            )
+        if i > 0 and abs(segment.t0 - segments[i - 1].t1) > slack:
+            raise InvalidTrajectory(
+                f"segments[{i}] begins at {segment.t0:g} s, the one before ends at "
+                f"{segments[i - 1].t1:g} s",
+                hint="Each segment begins where the one before ends.",
+            )
+        for j, place in enumerate(order):
+            row = segment.coefficients[place]
+            coefficients[i, j, : len(row)] = row
+    breaks = np.array([segments[0].t0, *(segment.t1 for segment in segments)])
+    return Trajectory(chain.joint_names, breaks - breaks[0], coefficients)
+
+
+def limits(body: schema.LimitsBody | None, chain: Chain) -> dict[str, Array]:
+    """Limits to hold a trajectory to: those of the request, else those of the robot.
+
+    Raises:
+        MissingLimit: A velocity or acceleration limit is known from neither.
+        InvalidOption: A limit is not positive, or their number is wrong.
+    """
+    bounds: dict[str, Array] = {}
+    for quantity in ("velocity", "acceleration", "jerk"):
+        given = None if body is None else getattr(body, quantity)
+        if given is not None:
+            bounds[quantity] = _given_limit(given, quantity, chain)
+        elif quantity == "jerk":
+            bounds[quantity] = chain.limits.jerk
+        else:
+            bounds[quantity] = chain.limits.require(quantity, chain.joint_names)
+    return bounds
+
+
+def _given_limit(given: Sequence[float], quantity: str, chain: Chain) -> Array:
+    if len(given) != chain.n or not all(value > 0.0 for value in given):
+        raise InvalidOption(
+            f"limits.{quantity} must be {chain.n} positive numbers, one for each joint",
+            hint=f"The order is: {', '.join(chain.joint_names)}.",
+        )
+    return np.array(given, dtype=np.float64)
+
+
+# ------------------------------------------------------------------------------------ back
+
+
+def trajectory_answer(timed: Trajectory, period: float | None) -> dict[str, Any]:
+    """A trajectory as answers give it, with samples where a period [s] is given.
+
+    Raises:
+        InvalidOption: The period would give too many samples.
+    """
+    breaks, pieces = timed.breaks.tolist(), timed.coefficients.tolist()
+    answer: dict[str, Any] = {
+        "joint_names": list(timed.joint_names),
+        "duration": timed.duration,
+        "segments": [
+            {"t0": t0, "t1": t1, "coefficients": rows}
+            for t0, t1, rows in zip(breaks, breaks[1:], pieces, strict=False)
+        ],
+        "samples": None,
+    }
+    if period is not None:
+        answer["samples"] = _samples(timed, period)
+    return answer
+
+
+def _samples(timed: Trajectory, period: float) -> dict[str, Any]:
+    if timed.duration / period > _MAX_SAMPLES:
+        raise InvalidOption(
+            f"timing.sample_period: {period:g} s over {timed.duration:g} s gives more than "
+            f"{_MAX_SAMPLES} samples",
+            hint=f"Give at least {timed.duration / _MAX_SAMPLES:.3g} s.",
+        )
+    times = timed.uniform_samples(period)
+    return {
+        "time": times.tolist(),
+        "position": timed.sample(times).tolist(),
+        "velocity": timed.sample(times, 1).tolist(),
+        "acceleration": timed.sample(times, 2).tolist(),
+    }
+
+
+def certificate_answer(certificate: Certificate, begins: float = 0.0) -> dict[str, Any]:
+    """A certificate as answers give it, of a trajectory that begins at a time [s]."""
+    clearance = certificate.min_clearance
+    answer: dict[str, Any] = {
+        "verified": certificate.verified,
+        "min_clearance": clearance if math.isfinite(clearance) else None,
+        "clearance_pair": certificate.clearance_pair,
+        "method": certificate.method,
+        "limits": {
+            name: {
+                "worst_ratio": report.worst_ratio if math.isfinite(report.worst_ratio) else None,
+                "joint": report.joint,
+                "time": report.time + begins,
+            }
+            for name, report in certificate.limits.items()
+        },
+        "continuity": dict(certificate.continuity),
+        "cells": certificate.cells,
+        "violation": None,
+    }
+    violation = certificate.violation
+    if violation is not None:
+        answer["violation"] = {
+            "kind": violation.kind,
+            "time": violation.time + begins,
+            "message": violation.message,
+            **plain(violation.details),
+        }
+    return answer
+
+
+def stages_answer(stages: Sequence[StageReport]) -> list[dict[str, Any]]:
+    """What the stages of a plan did, as answers give it."""
+    return [
+        {
+            "name": stage.name,
+            "outcome": stage.outcome,
+            "milliseconds": stage.milliseconds,
+            "detail": stage.detail or None,
+        }
+        for stage in stages
+    ]
+
+
+def plain(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Details as JSON can carry them: numpy's numbers as Python's."""
+    return {
+        name: value.item() if isinstance(value, np.generic) else value
+        for name, value in values.items()
+    }
