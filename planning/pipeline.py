@@ -203,7 +203,7 @@ def _try_potential_field(
     result = stages.run(
         "potential_field",
         lambda: potential_field(
-            problem.robot.chain, ready.checker, problem.scene.obstacles,
+            problem.robot.chain, ready.checker, problem.scene,
             ready.start, ready.goals[0], parameters, deadline,
         ),
         lambda field: (field.waypoints is not None, field.detail),

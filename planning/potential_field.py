@@ -19,7 +19,6 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
-from obstacles.projection import project
 
 from kinematics.chain import Array, Chain, Indices
 from kinematics.errors import InvalidOption
@@ -27,7 +26,8 @@ from kinematics.forward import forward_kernel
 from kinematics.jacobian import jacobian_kernel
 from kinematics.kernel import kernel
 from obstacles.checker import Checker
-from obstacles.scene import Obstacle
+from obstacles.projection import Projector
+from obstacles.scene import Scene
 from planning.deadline import Deadline
 
 #: A control point inside an obstacle is pushed as if it were this near to its surface [m].
@@ -134,13 +134,9 @@ def attractive_forces(points: Array, goal_points: Array, options: FieldOptions) 
     )
 
 
-def repulsive_forces(
-    points: Array, obstacles: tuple[Obstacle, ...], options: FieldOptions
-) -> Array:
+def repulsive_forces(points: Array, projector: Projector, options: FieldOptions) -> Array:
     """Push of all obstacles on each control point, shape (n, 3)."""
-    if not obstacles:
-        return np.zeros_like(points)
-    projections, distances = project(points, obstacles)
+    projections, distances = projector(points)
     away = points[:, None, :] - projections
     # Inside an obstacle the way out leads through the projection.
     away = np.where(distances[..., None] < 0.0, -away, away)
@@ -154,7 +150,7 @@ def repulsive_forces(
 def potential_field(
     chain: Chain,
     checker: Checker,
-    obstacles: tuple[Obstacle, ...],
+    scene: Scene,
     start: Array,
     goal: Array,
     options: FieldOptions,
@@ -162,6 +158,7 @@ def potential_field(
 ) -> FieldResult:
     """Descend from ``start`` to ``goal``, both (n,), along proved steps."""
     goal_points, _ = control_points(chain, goal)
+    projector = Projector(scene)
     waypoints = [start]
     q, nearest, stale = start, np.inf, 0
     for iteration in range(1, options.max_iterations + 1):
@@ -176,7 +173,7 @@ def potential_field(
         if stale > options.patience:
             return FieldResult(None, iteration, f"A local minimum, {left:.3f} m from the goal.")
         forces = attractive_forces(points, goal_points, options)
-        forces += repulsive_forces(points, obstacles, options)
+        forces += repulsive_forces(points, projector, options)
         moved = _step(chain, checker, q, np.einsum("iaj,ia->j", jacobians, forces), options.step)
         if moved is None:
             return FieldResult(None, iteration, f"Blocked, {left:.3f} m from the goal.")

@@ -122,7 +122,8 @@ def _range_option(planner: str, options: Mapping[str, Any]) -> float:
             f"planner {planner!r} has no option {unknown[0]!r}", hint="Its options are: range."
         )
     longest = options.get("range", DEFAULT_RANGE)
-    if not isinstance(longest, int | float) or not 0.0 < longest < np.inf:
+    number = isinstance(longest, int | float) and not isinstance(longest, bool)
+    if not (number and 0.0 < longest < np.inf):
         raise InvalidOption(f"planner_options.range must be a positive number, not {longest!r}")
     return float(longest)
 
