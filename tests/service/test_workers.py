@@ -175,7 +175,7 @@ def test_no_job_is_lost_under_a_storm_of_kills() -> None:
                 with contextlib.suppress(ProcessLookupError, IndexError):
                     os.kill(random_source.choice(workers.pids), signal.SIGKILL)
                     kills += 1
-                await asyncio.sleep(random_source.uniform(0.0, 0.1))
+                await asyncio.sleep(random_source.uniform(0.0, 0.07))
             results = await asyncio.gather(*jobs, return_exceptions=True)
             crashed = sum(isinstance(result, WorkerCrashed) for result in results)
             assert crashed + results.count(0.01) == 400
