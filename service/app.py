@@ -7,7 +7,7 @@ from contextlib import asynccontextmanager
 from fastapi import FastAPI
 from starlette.concurrency import run_in_threadpool
 
-from service import handlers, openapi
+from service import handlers, kinematics_tasks, openapi
 from service.body import BodyLimit, JsonRoute
 from service.routes import check, health, kinematics, pending, plan, problems, robots, scenes
 from service.settings import Settings
@@ -48,6 +48,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         app.state.supervisor = supervisor
         await supervisor.start()
         try:
+            await run_in_threadpool(kinematics_tasks.warm)
             yield
         finally:
             await supervisor.stop()

@@ -12,7 +12,7 @@ from service import library
 from service.computing import compute
 from service.errors import ProblemError, from_fields
 from service.prepared import PreparedRobot
-from service.references import Absent, NotPrepared, Reference, Refusal
+from service.references import Absent, NotPrepared, Reference, Refusal, builtin_reference
 from service.schemas.scene import Scene
 from service.settings import Settings
 from service.store import Store
@@ -37,7 +37,7 @@ async def robot(request: Request, name: str) -> Reference:
     """
     folder = _folder(request)
     if is_built_in(name):
-        return Reference("robot", name, name, folder, built_in=True)
+        return builtin_reference(name, folder)
     try:
         record = await run_in_threadpool(_store(request).record, "robot", name)
     except ProblemError as error:

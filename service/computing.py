@@ -11,6 +11,9 @@ from service.settings import Settings
 from service.worker_main import Job
 from service.workers import WorkerSupervisor
 
+#: How much longer than the request allows a worker lives that plans, so that the pipeline itself
+#: says that the time was up, and what was tried [s].
+PATIENCE = 0.5
 #: What proxies log for a client that left; nobody sees it.
 _CLIENT_LEFT = 499
 

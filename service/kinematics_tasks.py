@@ -18,7 +18,7 @@ from kinematics.pose import to_quaternions
 from obstacles.world import World
 from service import library, translate
 from service.answering import answering
-from service.references import Absent, Reference, Refusal
+from service.references import Absent, Reference, Refusal, builtin_reference
 from service.schemas.kinematics import FkRequest, IkRequest, JacobianRequest
 
 #: Configurations looked for where all are wanted but no number is given: a six-joint arm has up to
@@ -214,3 +214,11 @@ def _all_collide(link: str, answers: list[dict[str, Any]]) -> Refusal:
         "Move the pose or the obstacle; with all_solutions the colliding ones are answered too.",
         {"stage": "collision", "rejected": answers},
     )
+
+
+def warm() -> None:
+    """Make the kernels ready that the server calls itself."""
+    chain = library.chain(builtin_reference("planar_rr"))
+    for joints in ([0.1, 0.2], [[0.1, 0.2], [0.3, 0.4]]):
+        fk(chain, FkRequest.model_validate({"joints": joints}))
+        jacobian(chain, JacobianRequest.model_validate({"joints": joints}))

@@ -18,15 +18,13 @@ from planning.result import Failure, Plan
 from service import library, translate_motion, worker_main
 from service.answering import answering
 from service.check_tasks import attach
+from service.computing import PATIENCE
 from service.references import Absent, Reference, Refusal
 from service.schemas.plan import PlanRequest, ValidateRequest
 from service.version import VERSION
 
 #: What a plan depends on beside the request.
 _PACKAGES = ("numpy", "scipy", "numba", "ompl", "python-fcl")
-#: How much longer than the request allows a worker lives, so that the pipeline itself says that
-#: the time was up, and what was tried [s].
-PATIENCE = 0.5
 
 
 @answering

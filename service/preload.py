@@ -5,6 +5,22 @@ Nothing else may import it: it sets up the process for single-threaded work.
 
 import logging
 import os
+import signal
+from types import FrameType
+
+#: How often the fork server looks whether its server is still there while it loads [s].
+_PERIOD = 0.2
+_SERVER = os.getppid()
+
+
+def _leave_with_server(_number: int, _frame: FrameType | None) -> None:
+    # Loading and compiling can take long, and until then nothing else would end this process.
+    if os.getppid() != _SERVER:
+        os._exit(1)
+
+
+signal.signal(signal.SIGALRM, _leave_with_server)
+signal.setitimer(signal.ITIMER_REAL, _PERIOD, _PERIOD)
 
 for _variable in ("OMP", "OPENBLAS", "MKL", "NUMBA", "VECLIB_MAXIMUM"):
     # One job a process, one process a core: threads inside would only get in each other's way.
@@ -17,3 +33,7 @@ try:
 except Exception:
     # Each worker warms itself as well and reports what is wrong; here it would end the fork server.
     logging.getLogger(__name__).exception("kernels could not be warmed")
+finally:
+    # From here on it waits for the server's requests and notices by itself.
+    signal.setitimer(signal.ITIMER_REAL, 0.0)
+    signal.signal(signal.SIGALRM, signal.SIG_DFL)

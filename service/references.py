@@ -25,6 +25,11 @@ class Reference:
     built_in: bool = False
 
 
+def builtin_reference(name: str, folder: str = "") -> Reference:
+    """The reference of a robot that comes with the app."""
+    return Reference("robot", name, name, folder, built_in=True)
+
+
 @dataclass(frozen=True, slots=True)
 class Absent:
     """What a task answers when what it was to load is not prepared (any more)."""

@@ -2,21 +2,28 @@
 
 import importlib
 import time
+from functools import cache
 
 #: Functions ``"module:name"`` without arguments that make kernels ready; called in this order.
-WARMERS: tuple[str, ...] = ()
+WARMERS: tuple[str, ...] = (
+    "service.kinematics_tasks:warm",
+    "service.warm_requests:robots",
+    "service.warm_requests:requests",
+)
 
 
 def warm_kernels() -> dict[str, float]:
-    """Call every warmer; the second time in a process there is nothing left to do.
+    """Call every warmer that was not called yet in this process, or before it was forked.
 
     Returns:
         How long each took [s].
     """
-    seconds: dict[str, float] = {}
-    for warmer in WARMERS:
-        module, _, name = warmer.partition(":")
-        start = time.perf_counter()
-        getattr(importlib.import_module(module), name)()
-        seconds[warmer] = time.perf_counter() - start
-    return seconds
+    return {warmer: _warm(warmer) for warmer in WARMERS}
+
+
+@cache
+def _warm(warmer: str) -> float:
+    module, _, name = warmer.partition(":")
+    start = time.perf_counter()
+    getattr(importlib.import_module(module), name)()
+    return time.perf_counter() - start

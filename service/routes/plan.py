@@ -4,8 +4,8 @@ from fastapi import APIRouter, Request, Response
 
 from service import catalog
 from service.body import JsonRoute
+from service.computing import PATIENCE
 from service.openapi import RESPONSES
-from service.plan_tasks import PATIENCE
 from service.schemas.plan import CertificateAnswer, PlanAnswer, PlanRequest, ValidateRequest
 from service.settings import Settings
 from service.worker_main import Job

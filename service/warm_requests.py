@@ -1,0 +1,100 @@
+"""Small real requests that between them call every kernel, with the very types of real ones."""
+
+import json
+import tempfile
+from typing import Any
+
+import numpy as np
+
+from kinematics.robots import builtin_names
+from service import check_tasks, kinematics_tasks, library, plan_tasks, prepared, tasks
+from service.references import Reference, builtin_reference
+
+_START = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
+_GOAL = [1.2, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]
+_TIMEOUT = 60.0
+#: One of each kind of solid; the post and the plate are in the straight line's way.
+_SHAPES: dict[str, tuple[dict[str, Any], list[float]]] = {
+    "floor": ({"type": "halfspace", "normal": [0.0, 0.0, 1.0], "offset": -0.2}, [0.0, 0.0, 0.0]),
+    "post": ({"type": "box", "size": [0.1, 0.1, 1.2]}, [0.42, 0.28, 0.6]),
+    "ball": ({"type": "sphere", "radius": 0.05}, [-0.6, 0.3, 0.6]),
+    "can": ({"type": "cylinder", "radius": 0.05, "height": 0.2}, [-0.6, -0.3, 0.6]),
+    "pill": ({"type": "capsule", "radius": 0.05, "height": 0.2}, [-0.6, 0.0, 0.6]),
+    "hat": ({"type": "cone", "radius": 0.05, "height": 0.2}, [-0.6, 0.0, 0.9]),
+    "cloud": (
+        {"type": "point_cloud", "points": [[0, 0, 0], [0, 0, 0.1]], "radius": 0.02},
+        [-1, 0, 0],
+    ),
+}
+
+
+def robots() -> None:
+    """The built-in robots, which workers then need not build."""
+    for name in builtin_names():
+        _ = library.robot(builtin_reference(name)).geometry
+
+
+def requests() -> None:
+    """All else that workers are asked for."""
+    with tempfile.TemporaryDirectory() as folder:
+        _uploads(folder)
+        panda = builtin_reference("panda")
+        for scene in (None, _scene()):
+            pose = {"position": [0.4, -0.2, 0.4], "rpy": [3.1, 0.0, 0.0]}
+            _ask(kinematics_tasks.ik, panda, {"pose": pose, "scene": scene})
+        _ask(kinematics_tasks.ik, panda, {"pose": {"position": [3.0, 0.0, 0.0]}})
+        touching = [[0.53, 0.0, 0.0, -2.2, 0.0, 2.2, 0.8], [0.53, 0.6, 0.0, -1.6, 0.0, 2.2, 0.8]]
+        check = {"robot": "panda", "scene": _scene(0.001), "joints": [_START, *touching]}
+        _ask(check_tasks.check, panda, check)
+        for planner in ("auto", "straight_line", "potential_field", "rrt_connect"):
+            _plan(panda, planner)
+
+
+def _plan(panda: Reference, planner: str) -> None:
+    problem = {
+        "robot": "panda",
+        "scene": _scene(),
+        "start": {"joints": _START},
+        "goal": {"joints": _GOAL},
+        "planner": planner,
+        "timing": {"sample_period": 0.1},
+    }
+    answer = _ask(plan_tasks.plan, panda, problem, _TIMEOUT)
+    if isinstance(answer, bytes):
+        motion = {
+            "robot": "panda",
+            "scene": _scene(),
+            "trajectory": json.loads(answer)["trajectory"],
+        }
+        _ask(plan_tasks.validate, panda, motion, _TIMEOUT)
+
+
+def _uploads(folder: str) -> None:
+    """A stored scene with a mesh of two bodies, and points projected onto it."""
+    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
+    faces = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]]
+    faces += [[2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
+    mesh = {
+        "type": "mesh",
+        "vertices": [*corners.tolist(), *(0.5 * corners + [0.9, 0.9, 0.9]).tolist()],
+        "faces": [*faces, *(np.array(faces) + 8).tolist()],
+    }
+    scene = _scene()
+    scene["obstacles"].append({"id": "mesh", "shape": mesh, "pose": {"position": [2.0, 2.0, 2.0]}})
+    document = json.dumps({"name": "warm", **scene}).encode()
+    tasks.prepare_scene(document, folder, "warm")
+    reference = Reference("scene", "warm", prepared.document_hash(document), folder)
+    points = {"points": [[0.0, 0.0, 0.0], [2.5, 2.5, 2.5], [-0.6, 0.0, 0.6]]}
+    check_tasks.project(reference, json.dumps(points).encode())
+
+
+def _scene(margin: float = 0.0) -> dict[str, Any]:
+    obstacles = [
+        {"id": name, "shape": shape, "pose": {"position": position}, "margin": margin}
+        for name, (shape, position) in _SHAPES.items()
+    ]
+    return {"obstacles": obstacles}
+
+
+def _ask(task: Any, robot: Reference, body: dict[str, Any], *more: float) -> Any:
+    return task(robot, None, json.dumps(body).encode(), *more)
