@@ -77,10 +77,10 @@ def time_path(
     squares = _squared_speeds(solver)(grid)
     durations, coefficients = timed_pieces(path, grid, squares, aims)
     breaks = np.concatenate([[0.0], np.cumsum(durations)])
-    if not (np.isfinite(breaks[-1]) and np.isfinite(coefficients).all()):
+    if not ((np.diff(breaks) > 0.0).all() and np.isfinite(coefficients).all()):
         raise TimingFailed(
-            "the path can't be timed in finite numbers",
-            hint="Look for limits or lengths of absurd size.",
+            "the path can't be timed: some piece takes no time, or no finite one",
+            hint="Look for limits or lengths of very different sizes.",
         )
     return dilate(Trajectory(tuple(joint_names), breaks, coefficients), limits[0], limits[1])
 

@@ -13,8 +13,9 @@ from kinematics.polynomial import shift_kernel
 from planning.timing.constraints import Cells
 from planning.timing.path import JointPath
 
-# A phase of a straight cell (speeding up, cruising, slowing down) shorter than this part of it is
-# joined to its neighbour: the other phase then runs at a hair less than the limit.
+# A phase of a straight cell (speeding up, cruising, slowing down) that changes x by a smaller part,
+# or leaves a smaller part of the length, is joined to its neighbour, which then runs at a hair
+# less than the limit.
 _LEAST_PHASE = 1e-9
 
 
@@ -95,15 +96,16 @@ def _inner_kernel(
     falling = min((peak - x1) / (2.0 * rate), length - rising)
     cruise = length - rising - falling
     least = _LEAST_PHASE * length
+    # A phase that changes the speed by next to nothing, or leaves no room for another, is none.
+    rises = peak - x0 > _LEAST_PHASE * peak and length - rising > least
+    falls = peak - x1 > _LEAST_PHASE * peak and length - falling > least
     used = 0
-    if rising > least:
+    if rises:
         inner[used, 0], inner[used, 1] = rising, peak
         used += 1
-    if falling > least and (cruise > least or used == 0):
+    if falls and (cruise > least or not rises):
         inner[used, 0], inner[used, 1] = length - falling, peak
         used += 1
-    if used == 1 and cruise <= least and (rising <= least or falling <= least):
-        used = 0
     return used
 
 

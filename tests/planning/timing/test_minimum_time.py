@@ -288,6 +288,16 @@ def test_odd_paths_are_timed(solver: Solver) -> None:
     assert np.abs(still.sample(np.linspace(0, still.duration, 50))[:, 2] - 0.7).max() < 1e-15
 
 
+def test_a_crawl_between_stops_takes_its_time() -> None:
+    # It takes 4 billionths of the way to get up to speed.
+    trajectory = timed(blend([[-9.0], [3.0], [-3.0]], [0.0]), [1.5e-3], [300.0])
+    # Breaks at 10^4 s are known to 10^-12 s: a ten-millionth of the 5 microseconds that a change
+    # of speed takes, which the dilation then makes good.
+    assert trajectory.duration == pytest.approx(18.0 / 1.5e-3 + 2 * 1.5e-3 / 300.0, rel=1e-6)
+    assert trajectory.peaks(1).value[0] <= 1.5e-3
+    assert trajectory.peaks(2).value[0] <= 300.0
+
+
 def test_without_velocity_limits_the_acceleration_alone_decides() -> None:
     path = blend([[0.0, 0.0], [4.0, 1.0]], [])
     trajectory = timed(path, [np.inf, np.inf], [1.0, 10.0])
