@@ -19,6 +19,7 @@ from armwright_client.check import (
     CheckOptions,
     CheckRequest,
     Collision,
+    LimitViolation,
 )
 from armwright_client.client import (
     DEFAULT_URL,
@@ -243,6 +244,7 @@ __all__ = [
     "LimitUse",
     "LimitUses",
     "LimitValues",
+    "LimitViolation",
     "Limits",
     "Mesh",
     "MethodNotAllowed",

@@ -12,12 +12,12 @@ class LimitUse(Answer):
     """How close a motion comes to a limit, from the exact extrema of its polynomials.
 
     Args:
-        worst_ratio: 1 is the limit itself.
+        worst_ratio: 1 is the limit itself; None beyond a limit of 0.
         joint: Which comes closest.
         time: When [s].
     """
 
-    worst_ratio: float
+    worst_ratio: float | None
     joint: str
     time: float
 
@@ -43,6 +43,7 @@ class Certificate(Answer):
         limits: How much of each is used.
         continuity: Of position and its derivatives across pieces.
         path_constraint_residual: Largest violation of the path constraints.
+        cells: Intervals of time that were looked at.
         violation: The first one, with its time, where it was not proved.
     """
 
@@ -53,6 +54,7 @@ class Certificate(Answer):
     limits: LimitUses | None = None
     continuity: Any = None
     path_constraint_residual: float | None = None
+    cells: int | None = None
     violation: dict[str, Any] | None = None
 
 

@@ -69,18 +69,30 @@ class Collision(Answer):
     depth: float
 
 
+class LimitViolation(Answer):
+    """A joint outside its limits [rad or m]."""
+
+    joint: str
+    value: float
+    limit: float
+
+
 class CheckAnswer(Answer):
     """The verdict about one configuration.
 
     Args:
-        valid: Inside its limits and free.
+        valid: Inside its limits, and every margin is kept.
         clearance: Smallest distance [m], negative in collision, None with nothing to hit.
+        clearance_pair: Between whom that is.
         collisions: All pairs that penetrate each other.
+        limit_violations: All joints outside their limits.
     """
 
     valid: bool
     clearance: float | None = None
+    clearance_pair: tuple[str, str] | None = None
     collisions: list[Collision]
+    limit_violations: list[LimitViolation] = Field(default_factory=list)
 
 
 class CheckBatch(Answer):
@@ -88,4 +100,6 @@ class CheckBatch(Answer):
 
     valid: list[bool]
     clearance: list[float | None]
+    clearance_pair: list[tuple[str, str] | None] | None = None
     collisions: list[list[Collision]]
+    limit_violations: list[list[LimitViolation]] = Field(default_factory=list)

@@ -1,0 +1,121 @@
+"""Every problem has a class, and the package exports what it says."""
+
+import pickle
+from importlib import import_module
+from pathlib import Path
+from pkgutil import iter_modules
+from types import ModuleType
+
+import pytest
+from service.errors import KINDS
+
+import armwright_client
+from armwright_client import errors
+from armwright_client.errors import BY_CODE, ApiError, ArmwrightError, from_problem
+from armwright_client.problem import Problem
+
+#: The codes that the interface promises.
+CONTRACT = """
+START_STATE_IN_COLLISION GOAL_IN_COLLISION START_STATE_INVALID GOAL_STATE_INVALID
+START_STATE_VIOLATES_PATH_CONSTRAINTS GOAL_VIOLATES_PATH_CONSTRAINTS NO_IK_SOLUTION PLANNING_FAILED
+INVALID_MOTION_PLAN TIMED_OUT PREEMPTED INVALID_GROUP_NAME INVALID_LINK_NAME INVALID_OBJECT_NAME
+INVALID_GOAL_CONSTRAINTS INVALID_ROBOT_STATE UNRECOGNIZED_GOAL_TYPE CRASH INVALID_ROBOT_DESCRIPTION
+INVALID_SCENE MISSING_LIMIT PAYLOAD_TOO_LARGE OVERLOADED UNAUTHENTICATED NOT_FOUND CONFLICT
+VALIDATION_ERROR
+""".split()
+
+
+def classes() -> list[type[ArmwrightError]]:
+    found = [kind for kind in vars(errors).values() if isinstance(kind, type)]
+    return [kind for kind in found if issubclass(kind, ArmwrightError)]
+
+
+def modules() -> list[ModuleType]:
+    found = iter_modules(armwright_client.__path__, "armwright_client.")
+    return [import_module(module.name) for module in found]
+
+
+@pytest.mark.parametrize("code", sorted({*CONTRACT, *KINDS}))
+def test_every_code_has_a_class_of_its_own(code: str) -> None:
+    error = from_problem(Problem(code=code, detail="so it is", hint="Try this."), 422)
+    assert type(error) is BY_CODE[code] is not ApiError
+    assert error.code == code
+    assert str(error) == f"{code}: so it is. Try this."
+
+
+def test_no_two_classes_share_a_code() -> None:
+    codes = [kind.code for kind in classes() if issubclass(kind, ApiError) and kind.code]
+    assert sorted(codes) == sorted(set(codes)) == sorted(BY_CODE)
+
+
+def test_an_unknown_code_is_an_api_error() -> None:
+    error = from_problem(Problem(code="FROM_THE_FUTURE"), 418)
+    assert type(error) is ApiError
+    assert (error.problem.code, error.status) == ("FROM_THE_FUTURE", 418)
+    assert str(error) == "FROM_THE_FUTURE: HTTP status 418"
+
+
+def test_values_of_a_problem_can_be_read() -> None:
+    details = {"pair": ["hand", "shelf"], "depth": 0.012}
+    collision = from_problem(Problem(code="GOAL_IN_COLLISION", details=details), 422)
+    assert isinstance(collision, errors.InCollision)
+    assert (collision.pair, collision.depth) == (("hand", "shelf"), 0.012)
+    details = {"joint": "elbow", "value": 4.0, "limit": 3}
+    outside = from_problem(Problem(code="START_STATE_INVALID", details=details), 422)
+    assert isinstance(outside, errors.OutsideLimits)
+    assert (outside.joint, outside.value, outside.limit) == ("elbow", 4.0, 3.0)
+
+
+@pytest.mark.parametrize("details", [{}, {"pair": "hand", "depth": "deep", "joint": 3}])
+def test_values_that_are_not_there_are_none(details: dict[str, object]) -> None:
+    collision = errors.GoalInCollision(Problem(details=details), 422)
+    outside = errors.GoalStateInvalid(Problem(details=details), 422)
+    assert (collision.pair, collision.depth) == (None, None)
+    assert (outside.joint, outside.value, outside.limit) == (None, None, None)
+
+
+def test_errors_survive_the_way_between_processes() -> None:
+    for error in (
+        errors.Overloaded(Problem(code="OVERLOADED", detail="later"), 429, 2.0),
+        errors.UnexpectedAnswer("GET /healthz was answered 502", 502, "<html>"),
+        errors.InvalidArgument("no", hint="Yes."),
+    ):
+        twin = pickle.loads(pickle.dumps(error))
+        assert type(twin) is type(error)
+        assert str(twin) == str(error)
+
+
+def test_every_error_stands_below_the_base_and_in_the_documented_tree() -> None:
+    tree = errors.__doc__ or ""
+    for kind in classes():
+        assert issubclass(kind, ArmwrightError)
+        single = issubclass(kind, ApiError) and kind.__base__ is ApiError and kind.code
+        assert single or kind.__name__ in tree, kind
+        assert kind.__doc__
+
+
+def test_exports_match() -> None:
+    exported = armwright_client.__all__
+    assert len(exported) == len(set(exported))
+    public = {
+        name
+        for name, value in vars(armwright_client).items()
+        if not isinstance(value, ModuleType) and not name.startswith("_") and name != "VERSION"
+    }
+    assert public | {"__version__"} == set(exported)
+
+
+def test_every_error_and_every_model_is_exported() -> None:
+    for kind in classes():
+        assert getattr(armwright_client, kind.__name__) is kind
+    base = import_module("armwright_client.base")
+    inner = {"Readable", "Request", "Answer", "RobotFields"}
+    for module in modules():
+        for name, value in vars(module).items():
+            model = isinstance(value, type) and issubclass(value, base.Readable)
+            if model and not name.startswith("_") and name not in inner:
+                assert name in armwright_client.__all__, name
+
+
+def test_the_package_is_typed() -> None:
+    assert (Path(armwright_client.__path__[0]) / "py.typed").is_file()
