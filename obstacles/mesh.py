@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinematics.chain import Array, frozen
 from kinematics.errors import InvalidScene
+from obstacles.hull import convex_hull
 
 #: What is read, by file extension. No archives (a small one can unpack to gigabytes), nothing
 #: that fetches other files, nothing that needs another parser.
@@ -120,9 +121,11 @@ def cut(vertices: Array, faces: Faces) -> list[Array]:
     """Corners of nearly convex parts whose hulls together make up a mesh about as it is.
 
     Source: "Approximate convex decomposition for 3D meshes with collision-aware concavity and tree
-    search", ACM Transactions on Graphics, 2022. The same mesh gives the same parts. Where it fails
-    the mesh itself is answered, whose hull covers it.
+    search", ACM Transactions on Graphics, 2022. The same mesh gives the same parts. A flat mesh, and
+    one where it fails, is answered whole: its hull covers it.
     """
+    if not convex_hull(vertices).solid:
+        return [vertices]
     half = float(np.ptp(vertices, axis=0).max()) / 2.0
     concavity = float(np.clip(_CONCAVITY / half, *_CONCAVITY_RANGE))
     coacd.set_log_level("off")
