@@ -23,12 +23,12 @@ COMMAND = [sys.executable, "-m", "service.cli"]
 
 
 @contextmanager
-def serve(data: Path, **environment: str) -> Iterator[tuple[subprocess.Popen[str], httpx.Client]]:
+def serve(data: Path, *, warm: bool = True) -> Iterator[tuple[subprocess.Popen[str], httpx.Client]]:
     """Run the command and give the process with a client, once it is ready."""
     process = subprocess.Popen(
         [*COMMAND, "serve", "--port", "0", "--data-dir", str(data)],
         cwd=ROOT,
-        env=os.environ | {"ARMWRIGHT_WORKERS": "2"} | environment,
+        env=os.environ | {"ARMWRIGHT_WORKERS": "2"},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -39,7 +39,7 @@ def serve(data: Path, **environment: str) -> Iterator[tuple[subprocess.Popen[str
         address = re.fullmatch(r"Armwright serves on (http://127\.0\.0\.1:\d+)\n", said)
         assert address, said
         with httpx.Client(base_url=address[1], timeout=20.0) as client:
-            assert wait_until(lambda: client.get("/readyz").status_code == 200, 90.0)
+            assert not warm or wait_until(lambda: client.get("/readyz").status_code == 200, 90.0)
             yield process, client
     finally:
         process.kill()
@@ -85,6 +85,18 @@ def test_it_ends_promptly_and_remembers(tmp_path: Path) -> None:
             assert process.wait(10.0) == 0
             assert time.monotonic() - start < 6.0
         assert wait_until(lambda: not any(alive(pid) for pid in below), 2.0)
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+def test_it_ends_promptly_while_it_warms_up(tmp_path: Path, number: signal.Signals) -> None:
+    with serve(tmp_path, warm=False) as (process, client):
+        assert client.get("/readyz").status_code == 503
+        below = descendants(process.pid)
+        start = time.monotonic()
+        process.send_signal(number)
+        assert process.wait(10.0) in (0, -signal.SIGKILL)
+        assert time.monotonic() - start < 4.0, "it must not wait for the kernels"
+        assert wait_until(lambda: not any(alive(pid) for pid in below), 5.0)
 
 
 def test_nothing_outlives_a_server_that_is_killed(tmp_path: Path) -> None:
