@@ -25,8 +25,9 @@ from kinematics.forward import joint_frames
 from kinematics.mesh_uri import resolve_mesh
 from kinematics.srdf import Semantics
 from obstacles.gjk import separation
+from obstacles.hull import convex_hull
 from obstacles.mesh import load_mesh, scaled
-from obstacles.piece import Piece, PieceArrays
+from obstacles.piece import Piece, PieceArrays, PieceKind
 from obstacles.scene import Obstacle
 from obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 
@@ -49,6 +50,7 @@ class RobotGeometry:
         pieces: In the frame of the joint that carries them, p in all.
         links: Name of the link (or attached object) of each piece.
         joints: Index of the joint that carries each piece, -1 for the base, shape (p,).
+        solids: Number of the solid of the description that each piece is a part of, shape (p,).
         allowed: Pairs of names that may touch, sorted, each with the reason: "same body",
             "adjacent", "always", "srdf" or "attached".
         lint: What is odd, one sentence each.
@@ -58,6 +60,7 @@ class RobotGeometry:
     pieces: tuple[Piece, ...]
     links: tuple[str, ...]
     joints: NDArray[np.int64]
+    solids: NDArray[np.int64]
     allowed: Mapping[Pair, str]
     lint: tuple[str, ...] = ()
     arrays: PieceArrays = field(init=False, repr=False)
@@ -65,9 +68,10 @@ class RobotGeometry:
     content_hash: str = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        joints = np.array(self.joints, dtype=np.int64).reshape(len(self.pieces))
-        joints.setflags(write=False)
-        object.__setattr__(self, "joints", joints)
+        for name in ("joints", "solids"):
+            numbers = np.array(getattr(self, name), dtype=np.int64).reshape(len(self.pieces))
+            numbers.setflags(write=False)
+            object.__setattr__(self, name, numbers)
         object.__setattr__(self, "allowed", MappingProxyType(dict(sorted(self.allowed.items()))))
         object.__setattr__(self, "arrays", PieceArrays.pack(self.pieces))
         object.__setattr__(self, "self_pairs", _self_pairs(self))
@@ -80,8 +84,8 @@ class RobotGeometry:
         return hash(self.content_hash)
 
     def __reduce__(self) -> tuple[object, ...]:
-        values = (self.chain, self.pieces, self.links, self.joints, dict(self.allowed), self.lint)
-        return RobotGeometry, values
+        values = (self.chain, self.pieces, self.links, self.joints, self.solids)
+        return RobotGeometry, (*values, dict(self.allowed), self.lint)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -119,6 +123,7 @@ class RobotGeometry:
             self.pieces + own,
             self.links + (attached.id,) * len(own),
             np.append(self.joints, np.full(len(own), holder.joint)),
+            np.append(self.solids, np.full(len(own), self.solids.max(initial=-1) + 1)),
             allowed,
             self.lint,
         )
@@ -149,6 +154,7 @@ def robot_geometry(
     pieces: list[Piece] = []
     links: list[str] = []
     joints: list[int] = []
+    solids: list[int] = []
     lint: list[str] = []
     for link in chain.links if description is not None else ():
         for element in description.links[link.name].collisions if description else ():
@@ -157,11 +163,43 @@ def robot_geometry(
             pieces += own
             links += [link.name] * len(own)
             joints += [link.joint] * len(own)
-    bare = RobotGeometry(chain, tuple(pieces), tuple(links), np.array(joints), {}, tuple(lint))
+            solids += [solids[-1] + 1 if solids else 0] * len(own)
+    parts = (np.array(joints), np.array(solids))
+    bare = RobotGeometry(chain, tuple(pieces), tuple(links), *parts, {}, tuple(lint))
     if description is None or not pieces:
         return replace(bare, lint=(_NO_SOLIDS,))
-    allowed = _allowed(bare, description, semantics)
-    return RobotGeometry(chain, bare.pieces, bare.links, bare.joints, allowed, bare.lint)
+    return replace(bare, allowed=_allowed(bare, description, semantics))
+
+
+def hulled(robot: RobotGeometry) -> RobotGeometry:
+    """The same robot with the hull of every solid that was cut into pieces, in their place.
+
+    It holds the robot: what is free of it is free. It has fewer pieces, and no pockets to get
+    caught in. A robot all of whose solids are convex is answered as it is.
+    """
+    members: dict[int, list[int]] = {}
+    for i, solid in enumerate(robot.solids):
+        members.setdefault(int(solid), []).append(i)
+    if len(members) == len(robot.pieces):
+        return robot
+    first = [own[0] for own in members.values()]
+    pieces = tuple(_hull([robot.pieces[i] for i in own]) for own in members.values())
+    return replace(
+        robot,
+        pieces=pieces,
+        links=tuple(robot.links[i] for i in first),
+        joints=robot.joints[first],
+        solids=robot.solids[first],
+    )
+
+
+def _hull(parts: list[Piece]) -> Piece:
+    if len(parts) == 1:
+        return parts[0]
+    points = [p.vertices @ p.T_owner_piece[:3, :3].T + p.T_owner_piece[:3, 3] for p in parts]
+    rounding = max(part.rounding for part in parts)
+    corners = convex_hull(np.vstack(points)).vertices
+    return Piece(PieceKind.POLYTOPE, np.eye(4), corners, rounding=rounding)
 
 
 def placed(piece: Piece, T: Array) -> Piece:

@@ -10,17 +10,18 @@ import numpy as np
 
 from kinematics.chain import Array
 from kinematics.errors import InvalidOption
-from kinematics.trajectory import Trajectory
+from kinematics.trajectory import Trajectory, stay
+from obstacles.checker import Checker, Motion
 from planning.certificate import Certificate, certify
 from planning.deadline import Deadline
 from planning.options import Options
-from planning.potential_field import FieldOptions, potential_field
+from planning.potential_field import FieldOptions, FieldResult, potential_field
 from planning.preflight import Ready, preflight
 from planning.problem import Problem
 from planning.result import Failure, Path, Plan, StageReport
 from planning.rounding import certified_reaches
 from planning.sampling import PLANNERS as SAMPLING_PLANNERS
-from planning.sampling import sample
+from planning.sampling import SamplingResult, sample
 from planning.shortcut import shortcut
 from planning.straight_line import straight_line
 from planning.timing.blend import blend, merge
@@ -35,9 +36,8 @@ _RESERVED_SHARE = 0.2
 _RESERVED_MOST = 1.0
 #: Share of the time that is left which the potential field may spend.
 _FIELD_SHARE = 0.1
-
-#: A motion from a configuration to itself: to stand still this long [s].
-_REST = 1e-3
+#: Share of the time for a path of the robot in its solids' hulls, before the exact one is tried.
+_HULLS_SHARE = 0.4
 
 _T = TypeVar("_T")
 
@@ -84,15 +84,15 @@ def plan(problem: Problem, options: Options) -> Plan | Failure:
     found = _find_path(problem, ready, options, stages, Deadline(deadline.at - reserved))
     if isinstance(found, Failure):
         return replace(found, stages=tuple(stages.reports))
-    planner, waypoints = found
+    planner, waypoints, checker = found
     if len(waypoints) > 2:
         waypoints = stages.run(
             "shortcut",
-            lambda: shortcut(ready.checker, waypoints, options.seed, deadline),
+            lambda: shortcut(checker, waypoints, options.seed, deadline),
             lambda short: (True, f"{len(waypoints)} waypoints became {len(short)}."),
         )
     try:
-        timed = _time_and_prove(problem, ready, waypoints, limits, stages, deadline)
+        timed = _time_and_prove(problem, checker, waypoints, limits, stages, deadline)
     except TimingFailed as error:
         hint = error.hint or "Look at the velocity and acceleration limits."
         timed = Failure("INVALID_MOTION_PLAN", error.message, hint, "timing")
@@ -136,12 +136,17 @@ def _tell_preflight(answer: Ready | Failure) -> tuple[bool, str]:
 
 def _find_path(
     problem: Problem, ready: Ready, options: Options, stages: _Stages, deadline: Deadline
-) -> tuple[str, Array] | Failure:
-    """Climb the ladder, or the one rung that was asked for."""
-    for planner in LADDER if options.planner == "auto" else (options.planner,):
-        waypoints = _rung(planner, problem, ready, options, stages, deadline)
-        if waypoints is not None:
-            return planner, waypoints
+) -> tuple[str, Array, Checker] | Failure:
+    """Climb the ladder, or the one rung that was asked for; in hulls first where that can be."""
+    for checker in ready.checkers:
+        exact = checker is ready.checkers[-1]
+        share = 1.0 if exact else _HULLS_SHARE
+        own = Deadline.after(share * deadline.remaining)
+        for planner in LADDER if options.planner == "auto" else (options.planner,):
+            rung = _Rung(planner, problem, ready, checker, options, own)
+            waypoints = rung.climb(stages)
+            if waypoints is not None:
+                return planner, waypoints, checker
     last = stages.reports[-1]
     if deadline.passed:
         return Failure(
@@ -158,62 +163,63 @@ def _find_path(
     )
 
 
-def _rung(
-    planner: str,
-    problem: Problem,
-    ready: Ready,
-    options: Options,
-    stages: _Stages,
-    deadline: Deadline,
-) -> Array | None:
-    if planner == "straight_line":
-        return _try_straight_line(ready, stages)
-    if planner == "potential_field":
-        share = _FIELD_SHARE if options.planner == "auto" else 1.0
-        own = Deadline.after(share * deadline.remaining)
-        return _try_potential_field(problem, ready, options, stages, own)
-    chain = problem.robot.chain
-    result = stages.run(
-        planner,
-        lambda: sample(
-            planner, chain, ready.checker, ready.start, ready.goals,
-            options.planner_options, options.seed, deadline,
-        ),
-        lambda sampled: (sampled.waypoints is not None, f"{sampled.edges} edges checked."),
-    )  # fmt: skip
-    return result.waypoints
+@dataclass(frozen=True, slots=True)
+class _Rung:
+    """One planner at one problem."""
 
+    planner: str
+    problem: Problem
+    ready: Ready
+    checker: Checker
+    options: Options
+    deadline: Deadline
 
-def _try_straight_line(ready: Ready, stages: _Stages) -> Array | None:
-    waypoints, _ = stages.run(
-        "straight_line",
-        lambda: straight_line(ready.checker, ready.start, ready.goals),
-        lambda answer: (
-            answer[0] is not None,
-            "Proved free." if answer[0] is not None else f"Blocked by {answer[1][0].pair}.",
-        ),
-    )
-    return waypoints
+    def climb(self, stages: _Stages) -> Array | None:
+        """Run the planner as a stage; the waypoints it found, if any."""
+        if self.planner == "straight_line":
+            found = stages.run(self.planner, self._straight_line, self._tell_straight_line)
+            return found[0]
+        if self.planner == "potential_field":
+            return stages.run(
+                self.planner, self._field, lambda field: (field.waypoints is not None, field.detail)
+            ).waypoints
+        return stages.run(
+            self.planner,
+            self._sample,
+            lambda sampled: (sampled.waypoints is not None, f"{sampled.edges} edges checked."),
+        ).waypoints
 
+    def _straight_line(self) -> tuple[Array | None, list[Motion]]:
+        return straight_line(self.checker, self.ready.start, self.ready.goals)
 
-def _try_potential_field(
-    problem: Problem, ready: Ready, options: Options, stages: _Stages, deadline: Deadline
-) -> Array | None:
-    parameters = FieldOptions.of({} if options.planner == "auto" else options.planner_options)
-    result = stages.run(
-        "potential_field",
-        lambda: potential_field(
-            problem.robot.chain, ready.checker, problem.scene,
-            ready.start, ready.goals[0], parameters, deadline,
-        ),
-        lambda field: (field.waypoints is not None, field.detail),
-    )  # fmt: skip
-    return result.waypoints
+    @staticmethod
+    def _tell_straight_line(answer: tuple[Array | None, list[Motion]]) -> tuple[bool, str]:
+        waypoints, motions = answer
+        if waypoints is not None or motions[0].pair is None:
+            return True, "Proved free."
+        return False, f"Blocked: {motions[0].pair[0]} and {motions[0].pair[1]}."
+
+    def _field(self) -> FieldResult:
+        alone = self.options.planner != "auto"
+        parameters = FieldOptions.of(self.options.planner_options if alone else {})
+        share = 1.0 if alone else _FIELD_SHARE
+        return potential_field(
+            self.problem.robot.chain, self.checker, self.problem.scene,
+            self.ready.start, self.ready.goals[0], parameters,
+            Deadline.after(share * self.deadline.remaining),
+        )  # fmt: skip
+
+    def _sample(self) -> SamplingResult:
+        return sample(
+            self.planner, self.problem.robot.chain, self.checker,
+            self.ready.start, self.ready.goals,
+            self.options.planner_options, self.options.seed, self.deadline,
+        )  # fmt: skip
 
 
 def _time_and_prove(
     problem: Problem,
-    ready: Ready,
+    checker: Checker,
     waypoints: Array,
     limits: dict[str, Array],
     stages: _Stages,
@@ -224,7 +230,7 @@ def _time_and_prove(
     for rounded in (True, False):
         timed = stages.run(
             "timing",
-            partial(_timed, ready, points, limits, rounded, deadline),
+            partial(_timed, checker, points, limits, rounded, deadline),
             lambda timed: (True, f"{timed.duration:.3f} s, {timed.pieces} pieces."),
         )
         prove = partial(certify, timed, problem.robot, problem.scene, margin=problem.margin)
@@ -239,14 +245,14 @@ def _time_and_prove(
 
 
 def _timed(
-    ready: Ready, points: Array, limits: dict[str, Array], rounded: bool, deadline: Deadline
+    checker: Checker, points: Array, limits: dict[str, Array], rounded: bool, deadline: Deadline
 ) -> Trajectory:
-    names = ready.checker.model.chain.joint_names
+    names = checker.model.chain.joint_names
     if len(points) < 2:
-        return Trajectory(names, np.array([0.0, _REST]), points[0][None, :, None])
+        return stay(names, points[0])
     reaches = np.zeros(len(points) - 2)
     if rounded:
-        reaches = certified_reaches(ready.checker, points, deadline)
+        reaches = certified_reaches(checker, points, deadline)
     path = blend(points, reaches)
     return time_path(path, names, limits["velocity"], limits["acceleration"]).trajectory
 

@@ -7,7 +7,8 @@ import numpy as np
 
 from kinematics.chain import Array, Chain
 from kinematics.ik import numeric
-from obstacles.checker import Checker
+from obstacles.checker import Checker, collision_model
+from obstacles.robot_geometry import hulled
 from obstacles.world import World
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.result import Failure
@@ -27,13 +28,15 @@ class Ready:
     Args:
         start: Inside the limits, shape (n,).
         goals: Valid goal configurations (n,), nearest to the start first.
-        checker: Of the scene with its margins, and the slack kept beyond them.
+        checkers: Of the scene with its margins, and the slack kept beyond them. The last is of the
+            exact robot; one before it, if any, of the robot in its solids' hulls, which is quicker
+            to plan with and keeps obstacles out of the robot's pockets.
         notes: What was done to the request.
     """
 
     start: Array
     goals: list[Array]
-    checker: Checker
+    checkers: tuple[Checker, ...]
     notes: tuple[str, ...]
 
 
@@ -68,7 +71,20 @@ def preflight(problem: Problem, seed: int) -> Ready | Failure:
     if not np.array_equal(start, problem.start):
         moved = float(np.abs(start - problem.start).max())
         notes = (f"The start was outside a limit by {moved:.3g} and was moved onto it.",)
-    return Ready(start, kept, Checker(checker.model, slack), notes)
+    exact = Checker(checker.model, slack)
+    return Ready(start, kept, (*_in_hulls(problem, start, kept, slack), exact), notes)
+
+
+def _in_hulls(
+    problem: Problem, start: Array, goals: list[Array], slack: float
+) -> tuple[Checker, ...]:
+    """The checker of the robot in hulls, where that differs and start and goals are free in it."""
+    robot = hulled(problem.robot)
+    if robot is problem.robot:
+        return ()
+    model = collision_model(robot, problem.scene, problem.margin)
+    checker = Checker(model, slack)
+    return (checker,) if all(checker.valid(q) for q in (start, *goals)) else ()
 
 
 def _snapped(chain: Chain, q: Array, tolerance: float) -> tuple[Array, dict[str, Any] | None]:
