@@ -168,7 +168,7 @@ from armwright_client.shape import (
     Sphere,
 )
 from armwright_client.simulation import SimulateOptions, SimulateRequest, Simulation
-from armwright_client.trajectory import Samples, Segment, Trajectory
+from armwright_client.trajectory import Samples, Segment, TimedTrajectory, Trajectory
 from armwright_client.version import VERSION
 
 __version__ = VERSION
@@ -310,6 +310,7 @@ __all__ = [
     "StartStateInvalid",
     "StartStateViolatesPathConstraints",
     "TimedOut",
+    "TimedTrajectory",
     "Timing",
     "Trajectory",
     "TransportError",

@@ -20,7 +20,7 @@ from armwright_client.certificate import Certificate, LimitValues
 from armwright_client.check import AttachedObjects
 from armwright_client.pose import Pose
 from armwright_client.scene import SceneReference
-from armwright_client.trajectory import Trajectory
+from armwright_client.trajectory import TimedTrajectory
 
 TimingMethod = Literal["toppra", "spline", "jerk_limited"]
 
@@ -215,7 +215,7 @@ class Plan(Answer):
     planner: str
     stages: list[Stage]
     path: Path
-    trajectory: Trajectory
+    trajectory: TimedTrajectory
     certificate: Certificate
     reproducibility: Reproducibility
     notes: list[str] = Field(default_factory=list)
@@ -253,7 +253,7 @@ class RetimeRequest(Request):
 class Retimed(Answer):
     """A timed motion, and what was proved of it."""
 
-    trajectory: Trajectory
+    trajectory: TimedTrajectory
     certificate: Certificate | None = None
 
 

@@ -102,6 +102,14 @@ class Trajectory(Request):
         return self.segments[bisect_right(starts, inside) - 1].at(inside, derivative)
 
 
+class TimedTrajectory(Trajectory):
+    """A motion as the service answers it: pieces from time 0 to `duration` [s]."""
+
+    joint_names: list[str]
+    duration: NonNegative
+    segments: list[Segment]
+
+
 def _value(coefficients: Sequence[float], elapsed: float, derivative: int) -> float:
     """Horner's scheme for the derivative, whose coefficients are k!/(k−d)! c_k."""
     value = 0.0

@@ -1,0 +1,60 @@
+"""One real service for all tests of this folder: its own process, with workers."""
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+
+import pytest
+
+from armwright_client import Client, NotReady
+
+#: Kernels that no earlier run left compiled take a minute or two [s].
+_WARMING = 240.0
+
+
+@pytest.fixture(scope="session")
+def url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Where the service listens."""
+    folder = tmp_path_factory.mktemp("service")
+    command = [sys.executable, "-m", "service.cli", "serve", "--port", "0", "--workers", "1"]
+    environment = {**os.environ, "ARMWRIGHT_DEFAULT_TIMEOUT": "60"}
+    with (folder / "log").open("w") as log:
+        process = subprocess.Popen(
+            [*command, "--data-dir", str(folder / "data")],
+            stdout=subprocess.PIPE,
+            stderr=log,
+            text=True,
+            env=environment,
+        )
+    try:
+        assert process.stdout is not None
+        said = process.stdout.readline()
+        assert said, (folder / "log").read_text()
+        address = said.split()[-1]
+        with Client(address) as client:
+            wait_until_ready(client)
+        yield address
+    finally:
+        process.terminate()
+        process.communicate(timeout=30)
+
+
+def wait_until_ready(client: Client) -> None:
+    end = time.monotonic() + _WARMING
+    while True:
+        try:
+            client.readyz()
+        except NotReady:
+            assert time.monotonic() < end, "the service does not become ready"
+            time.sleep(0.2)
+        else:
+            return
+
+
+@pytest.fixture
+def client(url: str) -> Iterator[Client]:
+    """A client of the service."""
+    with Client(url) as client:
+        yield client
