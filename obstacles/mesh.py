@@ -121,8 +121,8 @@ def cut(vertices: Array, faces: Faces) -> list[Array]:
     """Corners of nearly convex parts whose hulls together make up a mesh about as it is.
 
     Source: "Approximate convex decomposition for 3D meshes with collision-aware concavity and tree
-    search", ACM Transactions on Graphics, 2022. The same mesh gives the same parts. A flat mesh, and
-    one where it fails, is answered whole: its hull covers it.
+    search", ACM Transactions on Graphics, 2022. The same mesh gives the same parts. A flat mesh,
+    and one where it fails, is answered whole: its hull covers it.
     """
     if not convex_hull(vertices).solid:
         return [vertices]
