@@ -1,0 +1,120 @@
+"""What HTTP and the worker cost: the same problems planned in this process and over HTTP.
+
+    python -m benchmarks.http ../data/mbm/panda [--every 10]
+
+The robot is uploaded as it lies in ``../../panda`` (URDF, SRDF, collision meshes), the scenes as
+MoveIt texts. Both ways plan with the same seed; problems alternate between them, and the difference
+is taken problem by problem. A worker is a process of its own: its caches start cold, so one round
+is run before what is counted.
+"""
+
+import argparse
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from armwright_client import Client, JointLimits, NotReady, RobotUpload, Scene, TransportError
+from benchmarks.mbm import ACCELERATION, panda, problems
+from obstacles.moveit import scene_from_moveit
+from planning.options import Options
+from planning.pipeline import plan
+from planning.problem import JointGoal, Problem
+from planning.result import Plan
+
+
+@contextmanager
+def service() -> Iterator[str]:
+    """A service on a free port; its address."""
+    command = [sys.executable, "-m", "service.cli", "serve", "--port", "0", "--workers", "1"]
+    with tempfile.TemporaryDirectory() as folder:
+        running = subprocess.Popen(
+            [*command, "--data-dir", folder], stdout=subprocess.PIPE, text=True
+        )
+        try:
+            assert running.stdout is not None
+            line = next(line for line in running.stdout if "http://" in line)
+            yield "http://" + line.split("http://")[1].strip()
+        finally:
+            running.terminate()
+            running.wait(20.0)
+
+
+def wait_until_ready(client: Client) -> None:
+    """Until the workers are warm."""
+    for _ in range(1200):
+        try:
+            client.readyz()
+        except (NotReady, TransportError):
+            time.sleep(0.1)
+        else:
+            return
+    raise SystemExit("the service did not become ready")
+
+
+def upload(folder: Path) -> RobotUpload:
+    """The robot as it lies there, with the accelerations of the manufacturer's data sheet."""
+    limits = {
+        f"panda_joint{i}": JointLimits(acceleration=a) for i, a in enumerate(ACCELERATION, start=1)
+    }
+    return RobotUpload.from_urdf(
+        folder / "panda.urdf",
+        name="uploaded_panda",
+        srdf=folder / "panda.srdf",
+        package_dirs=[folder],
+        joint_limits=limits,
+    )
+
+
+def main() -> None:
+    """Run the benchmark from the command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("problems", type=Path)
+    parser.add_argument("--every", type=int, default=10)
+    asked = parser.parse_args()
+    folder = asked.problems.parent.parent / "panda"
+    robot = panda(folder)
+    names = robot.chain.joint_names
+    rows: list[tuple[float, float, float]] = []
+    with service() as address, Client(address) as client:
+        wait_until_ready(client)
+        client.robots.create(upload(folder))
+        chosen = list(problems(asked.problems, asked.every))
+        for count, (_, text, _, _) in enumerate(chosen):
+            client.scenes.create(Scene(name=f"scene_{count}", moveit=text))
+        for counted in (False, True):
+            for count, (name, text, start_at, goal_at) in enumerate(chosen):
+                start, goal = (np.array([at[j] for j in names]) for at in (start_at, goal_at))
+                problem = Problem(robot, scene_from_moveit(text), start, (JointGoal(goal),))
+                began = time.perf_counter()
+                here = plan(problem, Options())
+                inside = time.perf_counter() - began
+                began = time.perf_counter()
+                there = client.plan(
+                    "uploaded_panda", start, goal, scene=f"scene_{count}", timeout=5.0
+                )
+                outside = time.perf_counter() - began
+                assert isinstance(here, Plan), name
+                assert there.path.joints == here.path.waypoints.tolist(), name
+                stages = sum(stage.milliseconds for stage in there.stages)
+                if counted:
+                    rows.append((1e3 * inside, 1e3 * outside, stages))
+    inside_ms, outside_ms, stages_ms = np.array(rows).T
+    print(f"{len(rows)} problems, each planned both ways with the same path as a result")
+    print("                                   median     p95   [ms]")
+    for label, values in (
+        ("in process", inside_ms),
+        ("over HTTP", outside_ms),
+        ("difference", outside_ms - inside_ms),
+        ("over HTTP less its own stages", outside_ms - stages_ms),
+    ):
+        print(f"{label:30} {np.median(values):10.1f} {np.percentile(values, 95):7.1f}")
+
+
+if __name__ == "__main__":
+    main()
