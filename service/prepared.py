@@ -12,22 +12,32 @@ import tempfile
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, fields
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
-from kinematics.chain import Chain
+from kinematics.chain import Chain, Inertia, Limits, Link
+from obstacles.piece import Piece
 from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Scene
+from obstacles.scene import Obstacle, Scene
 from service.references import NotPrepared, Reference
 from service.version import VERSION
 
-#: Changes whenever what is pickled does; files of another format are built anew.
 _FORMAT = 1
 _DECOMPOSITIONS = "decompositions"
 
 _T = TypeVar("_T")
+
+
+@cache
+def _format() -> str:
+    """Changes whenever what is pickled does; files of another format are built anew."""
+    layout = [
+        (cls.__name__, [item.name for item in fields(cls)])
+        for cls in (Chain, Limits, Link, Inertia, RobotGeometry, Piece, Scene, Obstacle)
+    ]
+    return hashlib.sha256(repr((_FORMAT, VERSION, layout)).encode()).hexdigest()
 
 
 @dataclass(frozen=True)
@@ -119,7 +129,7 @@ def write(reference: Reference, value: PreparedRobot | Scene) -> None:
     else:
         parts = (pickle.dumps(value, pickle.HIGHEST_PROTOCOL),)
     with tempfile.NamedTemporaryFile(dir=file.parent, suffix=".part", delete=False) as stream:
-        pickle.dump((_FORMAT, VERSION, parts), stream, pickle.HIGHEST_PROTOCOL)
+        pickle.dump((_format(), parts), stream, pickle.HIGHEST_PROTOCOL)
     Path(stream.name).replace(file)
 
 
@@ -160,9 +170,9 @@ def _read(reference: Reference) -> tuple[bytes, ...]:
     parts: tuple[bytes, ...]
     try:
         with _file(reference).open("rb") as stream:
-            written, version, parts = pickle.load(stream)
+            written, parts = pickle.load(stream)
     except Exception:  # noqa: BLE001  a damaged pickle raises anything, and is built anew
         raise NotPrepared(reference) from None
-    if (written, version) != (_FORMAT, VERSION):
+    if written != _format():
         raise NotPrepared(reference)
     return parts

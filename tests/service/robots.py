@@ -1,0 +1,83 @@
+"""Robots and scenes that the tests of the service share, and how to read a problem."""
+
+import base64
+from typing import Any
+
+import httpx
+
+PROBLEM = {"type", "title", "status", "detail", "instance", "code", "stage", "hint", "details"}
+HOME = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
+ASIDE = [1.2, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]
+#: In the way of the straight motion from HOME to ASIDE.
+POST = {
+    "id": "post",
+    "shape": {"type": "box", "size": [0.1, 0.1, 1.2]},
+    "pose": {"position": [0.42, 0.28, 0.6]},
+}
+FLOOR = {
+    "id": "floor",
+    "shape": {"type": "halfspace", "normal": [0, 0, 1], "offset": -0.2},
+    "pose": {"position": [0, 0, 0]},
+}
+#: A box of 0.1 x 0.1 x 0.3 m that stands on its frame.
+BOX_OBJ = "\n".join(
+    [f"v {x} {y} {z}" for x in (-0.05, 0.05) for y in (-0.05, 0.05) for z in (0.0, 0.3)]
+    + ["f 1 2 4", "f 1 4 3", "f 5 7 8", "f 5 8 6", "f 1 5 6", "f 1 6 2"]
+    + ["f 3 4 8", "f 3 8 7", "f 1 3 7", "f 1 7 5", "f 2 6 8", "f 2 8 4"]
+)
+LIMIT = '<limit lower="-2" upper="2" velocity="2" effort="10"/>'
+
+
+def urdf(mesh: str = "package://meshes/box.obj", limit: str = LIMIT, extra: str = "") -> str:
+    """An arm of two joints whose first link is a mesh."""
+    return f"""<?xml version="1.0"?>
+<robot name="bench">
+  <link name="base"/>
+  <link name="lower"><collision><geometry><mesh filename="{mesh}"/></geometry></collision></link>
+  <link name="upper">
+    <collision><origin xyz="0 0 0.15"/><geometry><box size="0.08 0.08 0.2"/></geometry></collision>
+  </link>
+  <link name="tip"/>
+  <joint name="shoulder" type="revolute">
+    <parent link="base"/><child link="lower"/><axis xyz="0 1 0"/>{limit}
+  </joint>
+  <joint name="elbow" type="revolute">
+    <parent link="lower"/><child link="upper"/><origin xyz="0 0 0.3"/><axis xyz="0 1 0"/>{limit}
+  </joint>
+  <joint name="end" type="fixed">
+    <parent link="upper"/><child link="tip"/><origin xyz="0 0 0.3"/>
+  </joint>
+  {extra}
+</robot>"""
+
+
+ACCELERATIONS = {"shoulder": {"acceleration": 5.0}, "elbow": {"acceleration": 5.0}}
+
+
+def bench(name: str, **changes: Any) -> dict[str, Any]:
+    """A request that creates the arm of `urdf`; a change to None leaves a field out."""
+    meshes = {"package://meshes/box.obj": base64.b64encode(BOX_OBJ.encode()).decode()}
+    body = {"name": name, "urdf": urdf(), "meshes": meshes, "joint_limits": ACCELERATIONS}
+    return {key: value for key, value in (body | changes).items() if value is not None}
+
+
+def scene(*obstacles: dict[str, Any], **more: Any) -> dict[str, Any]:
+    return {"obstacles": list(obstacles), **more}
+
+
+def problem(response: httpx.Response, status: int, code: str) -> dict[str, Any]:
+    """The problem document of a response, which must have this status and code."""
+    assert response.headers["content-type"] == "application/problem+json", response.text
+    document: dict[str, Any] = response.json()
+    assert set(document) == PROBLEM
+    assert (response.status_code, document["code"]) == (status, code), document
+    assert document["status"] == status
+    assert document["detail"]
+    return document
+
+
+def answer(response: httpx.Response, status: int = 200) -> dict[str, Any]:
+    """The answer of a response, which must have this status."""
+    assert response.status_code == status, response.text
+    found: dict[str, Any] = response.json()
+    return found

@@ -1,0 +1,224 @@
+"""Collision checks and projections over HTTP against the exact world and closed forms."""
+
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+
+from kinematics.forward import forward
+from kinematics.robots import builtin_chain
+from obstacles.world import World
+from service import library, translate
+from service.references import builtin_reference
+from service.schemas.check import CheckAnswer
+from service.schemas.scene import ProjectAnswer, Scene
+from tests.service.robots import ASIDE, FLOOR, HOME, POST, answer, problem, scene
+
+CLUTTER = scene(
+    POST,
+    FLOOR,
+    {"id": "ball", "shape": {"type": "sphere", "radius": 0.2}, "pose": {"position": [-0.4, 0, 0.6]}},
+    {
+        "id": "pipe",
+        "shape": {"type": "capsule", "radius": 0.04, "height": 1.0},
+        "pose": {"position": [0.3, -0.4, 0.5], "rpy": [1.0, 0.3, 0.0]},
+    },
+)  # fmt: skip
+
+
+def check(client: httpx.Client, joints: Any, **more: Any) -> dict[str, Any]:
+    body = {"robot": "panda", "scene": CLUTTER, "joints": joints} | more
+    return answer(client.post("/v1/check", json=body))
+
+
+def world(place: dict[str, Any]) -> World:
+    geometry = library.robot(builtin_reference("panda")).geometry
+    return World(geometry, translate.scene(Scene.model_validate(place)))
+
+
+def test_many_configurations_against_the_exact_world(client: httpx.Client) -> None:
+    chain = builtin_chain("panda")
+    lower, upper = chain.sampling_bounds()
+    q = np.random.default_rng(7).uniform(lower, upper, (60, 7))
+    found = check(client, q.tolist())
+    CheckAnswer.model_validate(found)
+    exact = world(CLUTTER)
+    assert set(found["valid"]) == {True, False}
+    for i, configuration in enumerate(q):
+        clearance = exact.clearance(configuration)
+        np.testing.assert_allclose(found["clearance"][i], clearance.distance, atol=1e-6)
+        collisions = exact.collisions(configuration)
+        told = {tuple(item["pair"]): item["depth"] for item in found["collisions"][i]}
+        assert told == pytest.approx({item.pair: item.depth for item in collisions}, abs=1e-9)
+        assert found["valid"][i] == (clearance.distance > 0.0)
+        assert found["limit_violations"][i] == []
+
+
+def test_one_configuration_is_told_without_lists(client: httpx.Client) -> None:
+    found = check(client, HOME, scene=scene(POST))
+    CheckAnswer.model_validate(found)
+    assert found["valid"] is True
+    assert found["collisions"] == []
+    assert check(client, [HOME], scene=scene(POST))["valid"] == [True]
+
+
+def test_depth_of_a_known_overlap(client: httpx.Client) -> None:
+    hand = forward(builtin_chain("panda"), HOME, "panda_hand")[:3, 3]
+    ball = {"id": "in_hand", "shape": {"type": "sphere", "radius": 0.02}}
+    found = check(client, HOME, scene=scene(ball | {"pose": {"position": hand.tolist()}}))
+    assert found["valid"] is False
+    assert ["panda_hand", "in_hand"] in [item["pair"] for item in found["collisions"]]
+    deepest = max(item["depth"] for item in found["collisions"])
+    assert found["clearance"] == -deepest
+    assert deepest >= 0.02
+
+
+def test_without_a_scene_the_robot_meets_itself(client: httpx.Client) -> None:
+    folded = [0.0, 1.6, 0.0, -3.0, 0.0, 0.1, 0.0]
+    found = check(client, [HOME, folded], scene=None)
+    exact = world(scene())
+    assert found["valid"] == [not exact.collisions(HOME), not exact.collisions(folded)]
+
+
+def test_limits_are_part_of_the_verdict(client: httpx.Client) -> None:
+    outside = [*HOME[:3], 0.5, *HOME[4:]]
+    found = check(client, outside, scene=None)
+    assert found["valid"] is False
+    (broken,) = found["limit_violations"]
+    limit = builtin_chain("panda").limits.upper[3]
+    assert broken == {"joint": "panda_joint4", "value": 0.5, "limit": limit}
+
+
+def test_margins(client: httpx.Client) -> None:
+    chain = builtin_chain("panda")
+    clearance = world(scene(POST)).clearance(HOME).distance
+    own = world(scene()).clearance(HOME).distance
+    assert clearance == pytest.approx(own), "the robot itself is nearest at home"
+    for margin, valid in ((0.9 * own, True), (1.1 * own, False)):
+        found = check(client, HOME, scene=scene(POST), margin=margin)
+        assert (found["valid"], found["collisions"]) == (valid, [])
+        assert found["clearance"] == pytest.approx(own, abs=1e-6)
+    near = world(scene(POST, allowed_collisions=[]))
+    near.place(HOME)
+    post = min(near.distance(k) for k in range(len(near.pairs)) if "post" in near.pair_names(k))
+    for margin, valid in ((0.9 * post, True), (1.1 * post, False)):
+        found = check(client, HOME, scene=scene(POST | {"margin": margin}))
+        assert found["valid"] is valid
+        assert found["clearance"] == pytest.approx(own, abs=1e-6), "margins are not taken off"
+    assert chain.n == 7
+
+
+def test_allowed_pairs_and_attached_objects(client: httpx.Client) -> None:
+    stick = {
+        "id": "stick",
+        "shape": {"type": "cylinder", "radius": 0.01, "height": 0.6},
+        "pose": {"position": [0.0, 0.0, 0.3]},
+        "link": "panda_hand",
+        "touch_links": ["panda_link7"],
+    }
+    table = {"id": "table", "shape": {"type": "box", "size": [2, 2, 0.1]}}
+    place = scene(table | {"pose": {"position": [0.0, 0.0, 0.0]}})
+    place["allowed_collisions"] = [["panda_link0", "table"], ["panda_link1", "table"]]
+    assert check(client, HOME, scene=place)["valid"]
+    held = check(client, HOME, scene=place, attached=[stick])
+    assert [item["pair"] for item in held["collisions"]] == [["stick", "table"]]
+    place["allowed_collisions"].append(["stick", "table"])
+    assert check(client, HOME, scene=place, attached=[stick])["valid"]
+
+
+@pytest.mark.parametrize(
+    ("change", "status", "code"),
+    [
+        ({"robot": "nobody"}, 404, "NOT_FOUND"),
+        ({"scene": "nowhere"}, 404, "NOT_FOUND"),
+        ({"joints": HOME[:3]}, 422, "INVALID_ROBOT_STATE"),
+        ({"joints": [HOME, [0.0]]}, 422, "INVALID_ROBOT_STATE"),
+        ({"margin": -1.0}, 422, "VALIDATION_ERROR"),
+        ({"scene": {"obstacles": [POST, POST]}}, 422, "VALIDATION_ERROR"),
+        ({"scene": {"moveit": "- 1"}}, 422, "INVALID_SCENE"),
+        (
+            {"attached": [POST | {"link": "nose"}], "scene": None},
+            422,
+            "INVALID_LINK_NAME",
+        ),
+        ({"attached": [POST | {"link": "panda_hand"}]}, 422, "INVALID_SCENE"),
+        (
+            {"attached": [POST | {"id": "panda_hand", "link": "panda_hand"}]},
+            422,
+            "INVALID_SCENE",
+        ),
+    ],
+)
+def test_what_is_refused(
+    client: httpx.Client, change: dict[str, Any], status: int, code: str
+) -> None:
+    body = {"robot": "panda", "scene": scene(POST), "joints": HOME} | change
+    problem(client.post("/v1/check", json=body), status, code)
+
+
+def test_projections(client: httpx.Client) -> None:
+    answer(client.post("/v1/scenes", json={"name": "clutter", **CLUTTER}), 201)
+    random = np.random.default_rng(4)
+    points = random.uniform(-1.0, 1.0, (50, 3))
+    path = "/v1/scenes/clutter/project"
+    found = answer(client.post(path, json={"points": points.tolist()}))
+    ProjectAnswer.model_validate(found)
+    for p, row in zip(points, found["projections"], strict=True):
+        assert [item["obstacle"] for item in row] == ["post", "floor", "ball", "pipe"]
+        for item in row:
+            gap = float(np.linalg.norm(p - item["projection"]))
+            assert abs(item["distance"]) == pytest.approx(gap, abs=1e-9)
+        box = np.clip(p, [0.37, 0.23, 0.0], [0.47, 0.33, 1.2])
+        if row[0]["distance"] > 0.0:
+            np.testing.assert_allclose(row[0]["projection"], box, atol=1e-12)
+        np.testing.assert_allclose(row[1]["projection"], [p[0], p[1], -0.2], atol=1e-12)
+        assert row[1]["distance"] == pytest.approx(p[2] + 0.2)
+        center = np.array([-0.4, 0.0, 0.6])
+        away = float(np.linalg.norm(p - center))
+        assert row[2]["distance"] == pytest.approx(away - 0.2)
+        nearest = center + 0.2 * (p - center) / away
+        np.testing.assert_allclose(row[2]["projection"], nearest, atol=1e-9)
+
+
+def test_projections_that_are_refused(client: httpx.Client) -> None:
+    body = {"points": [[0.0, 0.0, 0.0]]}
+    problem(client.post("/v1/scenes/nowhere/project", json=body), 404, "NOT_FOUND")
+    answer(client.post("/v1/scenes", json={"name": "empty", "obstacles": []}), 201)
+    found = answer(client.post("/v1/scenes/empty/project", json=body))
+    assert found == {"projections": [[]]}
+    for points in ([], [[0.0, 0.0]], [[0.0, 0.0, 1e9]]):
+        response = client.post("/v1/scenes/empty/project", json={"points": points})
+        problem(response, 422, "VALIDATION_ERROR")
+
+
+def test_a_replaced_scene_is_seen_at_once(client: httpx.Client) -> None:
+    body = {"robot": "panda", "scene": "changing", "joints": HOME}
+    far = POST | {"pose": {"position": [2.0, 2.0, 0.0]}}
+    answer(client.put("/v1/scenes/changing", json=scene(far)), 201)
+    assert answer(client.post("/v1/check", json=body))["valid"]
+    near = POST | {"pose": {"position": [0.3, 0.0, 0.5]}}
+    answer(client.put("/v1/scenes/changing", json=scene(near)))
+    assert not answer(client.post("/v1/check", json=body))["valid"]
+    assert client.delete("/v1/scenes/changing").status_code == 204
+    problem(client.post("/v1/check", json=body), 404, "NOT_FOUND")
+
+
+def test_aside_is_free_too(client: httpx.Client) -> None:
+    assert check(client, [HOME, ASIDE], scene=scene(POST, FLOOR))["valid"] == [True, True]
+
+
+def test_a_moveit_text_is_a_scene(client: httpx.Client) -> None:
+    text = """
+name: ""
+world:
+  collision_objects:
+    - id: table
+      header: {frame_id: panda_link0}
+      pose: {position: [0.3, 0.0, 0.5], orientation: [0, 0, 0, 1]}
+      primitives: [{type: box, dimensions: [0.2, 0.2, 0.2]}]
+      primitive_poses: [{position: [0, 0, 0], orientation: [0, 0, 0, 1]}]
+"""
+    body = {"robot": "panda", "scene": {"moveit": text}, "joints": HOME}
+    found = answer(client.post("/v1/check", json=body))
+    assert {item["pair"][1] for item in found["collisions"]} == {"table"}

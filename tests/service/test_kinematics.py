@@ -1,0 +1,261 @@
+"""Kinematics over HTTP against the domain called directly."""
+
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+
+from kinematics.forward import forward, link_poses
+from kinematics.jacobian import analytic_zyz, geometric
+from kinematics.pose import from_quaternion, rotation_error, to_quaternion, transform
+from kinematics.robots import builtin_chain
+from obstacles.world import World
+from service import library, translate
+from service.references import builtin_reference
+from service.schemas.kinematics import FkAnswer, IkAnswer, JacobianAnswer
+from service.schemas.scene import Scene
+from tests.service.robots import HOME, answer, problem, scene
+
+ROBOTS = ("panda", "ur5e", "stanford", "scara", "planar_rr")
+
+
+def draws(name: str, count: int, seed: int = 0) -> Any:
+    chain = builtin_chain(name)
+    lower, upper = chain.sampling_bounds()
+    return np.random.default_rng(seed).uniform(lower, upper, (count, chain.n))
+
+
+def matrix(pose: dict[str, Any]) -> Any:
+    return transform(from_quaternion(pose["quaternion_xyzw"]), pose["position"])
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_fk_of_one_and_of_many(client: httpx.Client, name: str) -> None:
+    chain = builtin_chain(name)
+    q = draws(name, 60)
+    many = answer(client.post(f"/v1/robots/{name}/fk", json={"joints": q.tolist()}))
+    FkAnswer.model_validate(many)
+    expected = link_poses(chain, q)
+    for i, link in enumerate(chain.links):
+        told = np.array([matrix(pose) for pose in many["links"][link.name]])
+        np.testing.assert_allclose(told, expected[:, i], atol=1e-12)
+    one = answer(client.post(f"/v1/robots/{name}/fk", json={"joints": q[0].tolist()}))
+    FkAnswer.model_validate(one)
+    assert one["pose"] == many["pose"][0] == one["links"][chain.tip_link]
+    single = to_quaternion(expected[0, -1, :3, :3])
+    np.testing.assert_allclose(one["links"][chain.links[-1].name]["quaternion_xyzw"], single)
+    middle = chain.links[len(chain.links) // 2].name
+    request = {"joints": q[0].tolist(), "link": middle}
+    at_link = answer(client.post(f"/v1/robots/{name}/fk", json=request))
+    assert at_link["pose"] == one["links"][middle]
+
+
+def test_a_batch_of_one_stays_a_batch(client: httpx.Client) -> None:
+    found = answer(client.post("/v1/robots/panda/fk", json={"joints": [HOME]}))
+    assert len(found["pose"]) == 1
+    found = answer(client.post("/v1/robots/panda/jacobian", json={"joints": [HOME]}))
+    assert np.shape(found["jacobian"]) == (1, 6, 7)
+    assert found["rank"] == [6]
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_jacobians(client: httpx.Client, name: str) -> None:
+    chain = builtin_chain(name)
+    q = draws(name, 40, seed=1)
+    path = f"/v1/robots/{name}/jacobian"
+    link, point = chain.links[-2].name, [0.1, -0.2, 0.3]
+    request = {"joints": q.tolist(), "link": link, "point": point}
+    many = answer(client.post(path, json=request))
+    JacobianAnswer.model_validate(many)
+    expected = geometric(chain, q, link, point)
+    np.testing.assert_allclose(many["jacobian"], expected, atol=1e-12)
+    for J, rank, values, product in zip(
+        expected, many["rank"], many["singular_values"], many["manipulability"], strict=True
+    ):
+        assert rank == np.linalg.matrix_rank(J)
+        np.testing.assert_allclose(values, np.linalg.svd(J)[1], atol=1e-12)
+        np.testing.assert_allclose(product, np.prod(values))
+    one = answer(client.post(path, json={"joints": q[0].tolist()}))
+    JacobianAnswer.model_validate(one)
+    np.testing.assert_allclose(one["jacobian"], geometric(chain, q[0]), atol=1e-12)
+
+
+def test_analytic_jacobians(client: httpx.Client) -> None:
+    chain = builtin_chain("ur5e")
+    q = draws("ur5e", 5)
+    request = {"joints": q.tolist(), "kind": "analytic_zyz"}
+    found = answer(client.post("/v1/robots/ur5e/jacobian", json=request))
+    for configuration, told in zip(q, found["jacobian"], strict=True):
+        turn = forward(chain, configuration)[:3, :3]
+        np.testing.assert_allclose(told, analytic_zyz(geometric(chain, configuration), turn))
+    singular = {"joints": HOME, "kind": "analytic_zyz", "link": "panda_link0"}
+    document = problem(
+        client.post("/v1/robots/panda/jacobian", json=singular), 422, "VALIDATION_ERROR"
+    )
+    assert "geometric" in document["hint"]
+
+
+@pytest.mark.parametrize("name", ["panda", "ur5e", "stanford"])
+def test_ik_reaches_the_pose(client: httpx.Client, name: str) -> None:
+    chain = builtin_chain(name)
+    for q in draws(name, 5, seed=2):
+        T = forward(chain, q)
+        pose = {
+            "position": T[:3, 3].tolist(),
+            "quaternion_xyzw": to_quaternion(T[:3, :3]).tolist(),
+        }
+        found = answer(client.post(f"/v1/robots/{name}/ik", json={"pose": pose}))
+        IkAnswer.model_validate(found)
+        (best,) = found["solutions"]
+        reached = forward(chain, best["joints"])
+        np.testing.assert_allclose(reached[:3, 3], T[:3, 3], atol=2e-6)
+        assert np.linalg.norm(rotation_error(reached[:3, :3], T[:3, :3])) < 2e-6
+        assert best["within_limits"]
+        assert best["collision_free"] is None
+        assert best["position_error"] <= 1e-6
+
+
+def test_ik_of_all_branches_and_of_a_link_before_the_tip(client: httpx.Client) -> None:
+    pose = {"position": [0.4, 0.2, 0.4], "rpy": [3.0, 0.1, 0.2]}
+    body: dict[str, Any] = {"pose": pose, "all_solutions": True, "max_solutions": 8}
+    found = answer(client.post("/v1/robots/ur5e/ik", json=body))["solutions"]
+    assert len(found) == 8
+    assert len({tuple(np.round(item["joints"], 3)) for item in found}) == 8
+    seed = found[5]["joints"]
+    nearest = answer(client.post("/v1/robots/ur5e/ik", json={"pose": pose, "seed_joints": seed}))
+    np.testing.assert_allclose(nearest["solutions"][0]["joints"], seed, atol=1e-5)
+    chain = builtin_chain("panda")
+    T = forward(chain, HOME, "panda_link8")
+    pose = {"position": T[:3, 3].tolist(), "rotation_matrix": T[:3, :3].tolist()}
+    body = {"pose": pose, "link": "panda_link8"}
+    (best,) = answer(client.post("/v1/robots/panda/ik", json=body))["solutions"]
+    np.testing.assert_allclose(forward(chain, best["joints"], "panda_link8"), T, atol=5e-6)
+
+
+def test_ik_with_a_scene_tells_collisions_by_name(client: httpx.Client) -> None:
+    T = forward(builtin_chain("panda"), HOME)
+    pose = {"position": T[:3, 3].tolist(), "quaternion_xyzw": to_quaternion(T[:3, :3]).tolist()}
+    box = {
+        "id": "elbow_room",
+        "shape": {"type": "box", "size": [0.1, 0.1, 0.3]},
+        "pose": {"position": [0.1, 0.2, 0.6]},
+    }
+    place = scene(box)
+    body: dict[str, Any] = {"pose": pose, "scene": place, "all_solutions": True}
+    found = answer(client.post("/v1/robots/panda/ik", json=body))["solutions"]
+    verdicts = [item["collision_free"] for item in found]
+    assert True in verdicts
+    assert False in verdicts
+    assert verdicts == sorted(verdicts, reverse=True), "best first"
+    geometry = library.robot(builtin_reference("panda")).geometry
+    world = World(geometry, translate.scene(Scene.model_validate(place)))
+    for item in found:
+        assert item["collision_free"] == (not world.collisions(item["joints"]))
+        assert (item["rejected_because"] is None) == item["collision_free"]
+    single = answer(client.post("/v1/robots/panda/ik", json={"pose": pose, "scene": place}))
+    assert [item["collision_free"] for item in single["solutions"]] == [True]
+
+
+def test_ik_where_everything_collides(client: httpx.Client) -> None:
+    T = forward(builtin_chain("panda"), HOME)
+    position = T[:3, 3].tolist()
+    ball = {
+        "id": "ball",
+        "shape": {"type": "sphere", "radius": 0.1},
+        "pose": {"position": position},
+    }
+    body: dict[str, Any] = {"pose": {"position": position, "rpy": [3.1, 0, 0]}}
+    body["scene"] = scene(ball)
+    document = problem(client.post("/v1/robots/panda/ik", json=body), 422, "NO_IK_SOLUTION")
+    assert document["stage"] == "collision"
+    assert "'ball'" in document["detail"]
+    assert len(document["details"]["rejected"]) > 1
+
+
+@pytest.mark.parametrize(
+    ("pose", "hint"),
+    [
+        ({"position": [3.0, 0.0, 0.0]}, "beyond the longest the arm can reach"),
+        ({"position": [0.85, 0.0, 0.33], "rpy": [0.0, -1.5, 0.0]}, "orientation"),
+    ],
+)
+def test_ik_out_of_reach_says_how_far_and_why(
+    client: httpx.Client, pose: dict[str, Any], hint: str
+) -> None:
+    document = problem(
+        client.post("/v1/robots/panda/ik", json={"pose": pose}), 422, "NO_IK_SOLUTION"
+    )
+    assert document["stage"] == "ik"
+    assert hint in document["hint"]
+    details = document["details"]
+    assert details["position_error"] > 1e-3 or details["orientation_error"] > 1e-3
+    reached = forward(builtin_chain("panda"), details["nearest_joints"])
+    off = float(np.linalg.norm(reached[:3, 3] - pose["position"]))
+    np.testing.assert_allclose(off, details["position_error"], atol=1e-9)
+
+
+@pytest.mark.parametrize("method", ["analytic", "gradient", "constrained"])
+def test_methods_that_are_not_built_yet(client: httpx.Client, method: str) -> None:
+    body = {"pose": {"position": [0.4, 0, 0.4]}, "method": method}
+    document = problem(client.post("/v1/robots/panda/ik", json=body), 501, "NOT_IMPLEMENTED")
+    assert "numeric" in document["hint"]
+
+
+def test_constraints_are_not_built_yet(client: httpx.Client) -> None:
+    body = {"pose": {"position": [0.4, 0, 0.4]}, "constraints": [{"type": "upright"}]}
+    problem(client.post("/v1/robots/panda/ik", json=body), 501, "NOT_IMPLEMENTED")
+
+
+@pytest.mark.parametrize(
+    ("path", "body", "status", "code"),
+    [
+        ("panda/fk", {"joints": HOME[:-1]}, 422, "INVALID_ROBOT_STATE"),
+        ("panda/fk", {"joints": [HOME, HOME[:-1]]}, 422, "INVALID_ROBOT_STATE"),
+        ("panda/fk", {"joints": []}, 422, "VALIDATION_ERROR"),
+        ("panda/fk", {"joints": HOME, "link": "nose"}, 422, "INVALID_LINK_NAME"),
+        ("panda/fk", {"joints": HOME, "links": "nose"}, 422, "VALIDATION_ERROR"),
+        ("panda/jacobian", {"joints": HOME[:-1]}, 422, "INVALID_ROBOT_STATE"),
+        ("panda/jacobian", {"joints": HOME, "link": "nose"}, 422, "INVALID_LINK_NAME"),
+        ("panda/jacobian", {"joints": HOME, "kind": "numeric"}, 422, "VALIDATION_ERROR"),
+        ("panda/jacobian", {"joints": HOME, "point": [0, 0]}, 422, "VALIDATION_ERROR"),
+        ("panda/ik", {"pose": {"position": [0, 0, 1]}, "link": "x"}, 422, "INVALID_LINK_NAME"),
+        ("panda/ik", {"pose": {"position": [0, 0, 1]}, "scene": "x"}, 404, "NOT_FOUND"),
+        (
+            "panda/ik",
+            {"pose": {"position": [0, 0, 1]}, "seed_joints": [1]},
+            422,
+            "INVALID_ROBOT_STATE",
+        ),
+        ("panda/ik", {"pose": {"position": [0, 0, 1], "rpy": [0] * 2}}, 422, "VALIDATION_ERROR"),
+        (
+            "panda/ik",
+            {"pose": {"position": [0, 0, 1], "quaternion_xyzw": [0, 0, 0, 2]}},
+            422,
+            "VALIDATION_ERROR",
+        ),
+        ("nobody/fk", {"joints": [0.0]}, 404, "NOT_FOUND"),
+        ("nobody/jacobian", {"joints": [0.0]}, 404, "NOT_FOUND"),
+        ("nobody/ik", {"pose": {"position": [0, 0, 1]}}, 404, "NOT_FOUND"),
+    ],
+)
+def test_what_is_refused(
+    client: httpx.Client, path: str, body: dict[str, Any], status: int, code: str
+) -> None:
+    problem(client.post(f"/v1/robots/{path}", json=body), status, code)
+
+
+def test_numbers_that_json_does_not_have(client: httpx.Client) -> None:
+    headers = {"Content-Type": "application/json"}
+    content = b'{"joints": [0, 0, NaN, 0, 0, 0, Infinity]}'
+    response = client.post("/v1/robots/panda/fk", content=content, headers=headers)
+    assert "joints[2]" in problem(response, 422, "VALIDATION_ERROR")["detail"]
+
+
+def test_a_large_batch_goes_to_a_worker(client: httpx.Client) -> None:
+    q = draws("panda", 3000)
+    found = answer(client.post("/v1/robots/panda/fk", json={"joints": q.tolist()}))
+    assert len(found["pose"]) == 3000
+    np.testing.assert_allclose(
+        matrix(found["pose"][-1]), forward(builtin_chain("panda"), q[-1]), atol=1e-12
+    )

@@ -1,0 +1,344 @@
+"""Robots over HTTP: built-in ones, uploaded ones in each form, and what is refused."""
+
+import io
+import json
+import zipfile
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+
+from kinematics.chain import Array
+from kinematics.dh import chain_from_dh
+from kinematics.dh_table import DhRow, DhTable
+from kinematics.forward import forward
+from kinematics.pose import from_quaternion, from_rpy, transform
+from kinematics.robots import builtin_chain, builtin_names
+from service.schemas.robot import RobotAnswer
+from tests.service.conftest import Served
+from tests.service.robots import ACCELERATIONS, BOX_OBJ, answer, bench, problem, urdf
+
+RANGE = {"lower": -2, "upper": 2}
+TABLE: dict[str, Any] = {
+    "convention": "standard",
+    "rows": [
+        {"type": "revolute", "a": 0.4, "alpha": 0.3, "d": 0.1, "theta": 0.2, **RANGE},
+        {"type": "prismatic", "a": 0.1, "alpha": 1.2, "d": 0.2, "theta": 0.1, **RANGE},
+        {
+            "type": "revolute",
+            "a": 0.2,
+            "alpha": 0.0,
+            "d": 0.0,
+            "theta": 0.0,
+            **RANGE,
+            "velocity": 1.5,
+            "mass": 2.0,
+            "center_of_mass": [0.1, 0, 0],
+            "inertia": [[0.01, 0, 0], [0, 0.02, 0], [0, 0, 0.02]],
+        },
+    ],
+    "base": {"position": [0.1, 0.2, 0.3], "rpy": [0.1, 0.2, 0.3]},
+    "tool": {"position": [0.0, 0.0, 0.1]},
+    "gravity": [0, 0, -9.80665],
+}
+
+
+def archive(files: dict[str, str]) -> bytes:
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as made:
+        for name, content in files.items():
+            made.writestr(name, content)
+    return stream.getvalue()
+
+
+def rows_pose(dh: dict[str, Any], q: list[float]) -> Array:
+    """The tip's pose from the rows of an answer, by the textbook product."""
+    T = pose_matrix(dh["base"])
+    for row, value in zip(dh["rows"], q, strict=True):
+        revolute = row["type"] == "revolute"
+        theta = row["theta"] + (value if revolute else 0.0)
+        d = row["d"] + (0.0 if revolute else value)
+        ct, st, ca, sa = np.cos(theta), np.sin(theta), np.cos(row["alpha"]), np.sin(row["alpha"])
+        assert row["beta"] == 0.0
+        T = T @ np.array(
+            [
+                [ct, -st * ca, st * sa, row["a"] * ct],
+                [st, ct * ca, -ct * sa, row["a"] * st],
+                [0, sa, ca, d],
+                [0, 0, 0, 1],
+            ]
+        )
+    return np.asarray(T @ pose_matrix(dh["tool"]))
+
+
+def pose_matrix(pose: dict[str, Any]) -> Array:
+    return transform(from_quaternion(pose["quaternion_xyzw"]), pose["position"])
+
+
+def test_every_built_in_robot_is_listed_and_told(client: httpx.Client) -> None:
+    listed = {robot["name"]: robot for robot in answer(client.get("/v1/robots"))["robots"]}
+    for name in builtin_names():
+        chain = builtin_chain(name)
+        assert listed[name] == {"name": name, "built_in": True, "joints": chain.n}
+        model = answer(client.get(f"/v1/robots/{name}"))
+        RobotAnswer.model_validate(model)
+        assert model["built_in"]
+        assert model["joint_names"] == list(chain.joint_names)
+        assert model["links"] == [link.name for link in chain.links]
+        assert (model["base_link"], model["tip_link"]) == (chain.base_link, chain.tip_link)
+        for quantity, values in model["limits"].items():
+            expected = getattr(chain.limits, quantity)
+            known = [value if np.isfinite(value) else None for value in expected]
+            assert values == known, (name, quantity)
+        pairs = list(map(tuple, model["allowed_collisions"]))
+        assert len(set(pairs)) == len(pairs) == len(model["allowed_collision_reasons"])
+        assert pairs, name
+
+
+@pytest.mark.parametrize("name", ["panda", "ur5e", "puma560", "stanford", "scara", "kr6_sixx"])
+def test_the_rows_told_are_the_robot(client: httpx.Client, name: str) -> None:
+    dh = answer(client.get(f"/v1/robots/{name}"))["dh"]
+    chain = builtin_chain(name)
+    random = np.random.default_rng(3)
+    lower, upper = chain.sampling_bounds()
+    for q in random.uniform(lower, upper, (5, chain.n)):
+        np.testing.assert_allclose(rows_pose(dh, q.tolist()), forward(chain, q), atol=1e-9)
+
+
+def test_wrists(client: httpx.Client) -> None:
+    wrists = {name: client.get(f"/v1/robots/{name}").json()["wrist"] for name in builtin_names()}
+    assert wrists["ur5e"] == "three_parallel"
+    assert wrists["puma560"] == wrists["kr6_sixx"] == wrists["stanford"] == "spherical"
+    assert wrists["panda"] == wrists["planar_rr"] == "none"
+
+
+def test_a_urdf_with_a_mesh_from_its_making_to_its_end(served: Served) -> None:
+    client = served.client
+    made = client.post("/v1/robots", json=bench("made"))
+    model = answer(made, 201)
+    assert made.headers["location"] == "/v1/robots/made"
+    assert model["joint_names"] == ["shoulder", "elbow"]
+    assert model["tip_link"] == "tip"
+    assert model["limits"]["acceleration"] == [5.0, 5.0]
+    assert model["limits"]["jerk"] == [None, None]
+    assert ["lower", "upper"] in model["allowed_collisions"]
+    assert answer(client.get("/v1/robots/made")) == model
+    problem(client.post("/v1/robots", json=bench("made")), 409, "CONFLICT")
+    fk = answer(client.post("/v1/robots/made/fk", json={"joints": [0.0, 0.0]}))
+    np.testing.assert_allclose(fk["pose"]["position"], [0, 0, 0.6], atol=1e-12)
+    prepared = served.data / "prepared"
+    kept = len(list(prepared.glob("*.robot")))
+    assert client.delete("/v1/robots/made").status_code == 204
+    assert len(list(prepared.glob("*.robot"))) == kept - 1
+    problem(client.get("/v1/robots/made"), 404, "NOT_FOUND")
+    problem(client.delete("/v1/robots/made"), 404, "NOT_FOUND")
+
+
+def test_what_workers_kept_is_made_again_when_it_is_lost(served: Served) -> None:
+    client = served.client
+    answer(client.post("/v1/robots", json=bench("lost")), 201)
+    scene = {"name": "lost", "obstacles": []}
+    answer(client.post("/v1/scenes", json=scene), 201)
+    for file in (served.data / "prepared").glob("*.[rs]*"):
+        if file.suffix == ".robot":
+            file.write_bytes(b"garbage")
+        else:
+            file.unlink()
+    check = {"robot": "lost", "scene": "lost", "joints": [0.0, 0.0]}
+    assert answer(client.post("/v1/check", json=check))["valid"]
+    assert answer(client.get("/v1/robots/lost"))["joint_names"] == ["shoulder", "elbow"]
+
+
+def test_a_denavit_hartenberg_table(client: httpx.Client) -> None:
+    limits = {"joint_1": {"velocity": 2.0, "acceleration": 4.0}}
+    body = {"name": "table", "dh": TABLE, "joint_limits": limits}
+    model = answer(client.post("/v1/robots", json=body), 201)
+    assert model["joint_types"] == ["revolute", "prismatic", "revolute"]
+    assert model["limits"]["velocity"] == [2.0, None, 1.5]
+    assert any("acceleration" in line and "joint_2" in line for line in model["lint"])
+    assert any("collision" in line for line in model["lint"])
+    rows = tuple(DhRow(**row) for row in TABLE["rows"])
+    random = np.random.default_rng(1)
+    table = DhTable(
+        "standard", rows,
+        transform(from_rpy([0.1, 0.2, 0.3]), [0.1, 0.2, 0.3]), transform(None, [0, 0, 0.1]),
+    )  # fmt: skip
+    chain = chain_from_dh("table", table)
+    q = random.uniform(-1, 1, (4, 3))
+    fk = answer(client.post("/v1/robots/table/fk", json={"joints": q.tolist()}))
+    for told, expected in zip(fk["pose"], forward(chain, q), strict=True):
+        np.testing.assert_allclose(pose_matrix(told), expected, atol=1e-12)
+
+
+def test_a_zip(client: httpx.Client) -> None:
+    content = archive({"arm/arm.urdf": urdf("meshes/box.obj"), "arm/meshes/box.obj": BOX_OBJ})
+    form = {"name": "zipped", "tip_link": "upper", "joint_limits": json.dumps(ACCELERATIONS)}
+    made = client.post("/v1/robots", files={"file": ("arm.zip", content)}, data=form)
+    model = answer(made, 201)
+    assert model["tip_link"] == "upper"
+    assert model["limits"]["acceleration"] == [5.0, 5.0]
+    unnamed = client.post("/v1/robots", files={"upload": ("by_file_name.zip", content)})
+    assert answer(unnamed, 201)["name"] == "by_file_name"
+    assert unnamed.headers["location"] == "/v1/robots/by_file_name"
+
+
+@pytest.mark.parametrize(
+    ("files", "data", "code"),
+    [
+        ({"arm.urdf": urdf()}, {"name": "z"}, "INVALID_ROBOT_DESCRIPTION"),
+        ({"arm.urdf": urdf(), "../box.obj": BOX_OBJ}, {"name": "z"}, "INVALID_ROBOT_DESCRIPTION"),
+        ({"box.obj": BOX_OBJ}, {"name": "z"}, "INVALID_ROBOT_DESCRIPTION"),
+        ({"arm.urdf": urdf(), "box.obj": "0" * 10**8}, {"name": "z"}, "INVALID_ROBOT_DESCRIPTION"),
+        ({"arm.urdf": urdf(), "in.zip": "PK"}, {"name": "z"}, "INVALID_ROBOT_DESCRIPTION"),
+        ({"arm.urdf": "x" * 100}, {"name": "z"}, "INVALID_ROBOT_DESCRIPTION"),
+        ({"arm.urdf": urdf()}, {"name": "../z"}, "VALIDATION_ERROR"),
+        ({"arm.urdf": urdf()}, {"name": "z", "color": "red"}, "VALIDATION_ERROR"),
+        ({"arm.urdf": urdf()}, {"name": "z", "joint_limits": "{"}, "VALIDATION_ERROR"),
+        ({"arm.urdf": urdf()}, {"name": "z", "joint_limits": "NaN"}, "VALIDATION_ERROR"),
+    ],
+)
+def test_zips_that_are_refused(
+    client: httpx.Client, files: dict[str, str], data: dict[str, str], code: str
+) -> None:
+    upload = {"file": ("arm.zip", archive(files))}
+    problem(client.post("/v1/robots", files=upload, data=data), 422, code)
+    problem(client.get("/v1/robots/z"), 404, "NOT_FOUND")
+
+
+def test_a_form_without_a_file_and_a_file_that_is_no_zip(client: httpx.Client) -> None:
+    files: Any = {"name": (None, "x")}
+    problem(client.post("/v1/robots", files=files), 422, "VALIDATION_ERROR")
+    upload = {"file": ("arm.zip", b"PK\x03\x04 and so on")}
+    problem(client.post("/v1/robots", files=upload), 422, "INVALID_ROBOT_DESCRIPTION")
+    headers = {"Content-Type": "multipart/form-data"}
+    problem(client.post("/v1/robots", content=b"x", headers=headers), 422, "VALIDATION_ERROR")
+
+
+def test_built_in_robots_stay(client: httpx.Client) -> None:
+    problem(client.delete("/v1/robots/panda"), 409, "CONFLICT")
+    problem(client.post("/v1/robots", json=bench("panda")), 409, "CONFLICT")
+
+
+def test_paging_goes_through_built_in_and_stored_robots_alike(client: httpx.Client) -> None:
+    for name in ("aa_first", "zz_last"):
+        answer(client.post("/v1/robots", json={"name": name, "dh": TABLE}), 201)
+    everything = [robot["name"] for robot in client.get("/v1/robots").json()["robots"]]
+    assert everything == sorted(everything)
+    assert {"aa_first", "panda", "zz_last"} <= set(everything)
+    found, after = [], ""
+    while True:
+        page = answer(client.get("/v1/robots", params={"limit": 3, "after": after}))
+        found += [robot["name"] for robot in page["robots"]]
+        if page["next"] is None:
+            break
+        after = page["next"]
+    assert found == everything
+
+
+def test_an_idempotency_key_makes_one_robot(client: httpx.Client) -> None:
+    headers = {"Idempotency-Key": "one robot"}
+    body = {"name": "once", "dh": TABLE}
+    first = client.post("/v1/robots", json=body, headers=headers)
+    again = client.post("/v1/robots", json=body, headers=headers)
+    assert first.status_code == again.status_code == 201
+    assert first.json() == again.json()
+    assert again.headers["idempotency-replayed"] == "true"
+    assert again.headers["location"] == "/v1/robots/once"
+
+
+BOMB = """<?xml version="1.0"?>
+<!DOCTYPE robot [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;&a;&a;">
+<!ENTITY c "&b;&b;&b;&b;&b;&b;&b;&b;&b;&b;"><!ENTITY d "&c;&c;&c;&c;&c;&c;&c;&c;&c;&c;">]>
+<robot name="&d;"><link name="base"/></robot>"""
+CYCLE = """<joint name="round" type="fixed"><parent link="tip"/><child link="base"/></joint>"""
+BRANCH = """<link name="side"/><joint name="branch" type="fixed">
+<parent link="lower"/><child link="side"/></joint>"""
+
+
+@pytest.mark.parametrize(
+    ("changes", "hint"),
+    [
+        ({"urdf": urdf(extra=CYCLE)}, ""),
+        ({"urdf": urdf(limit="")}, ""),
+        ({"urdf": urdf(limit='<limit lower="2" upper="-2" velocity="1" effort="1"/>')}, ""),
+        ({"urdf": urdf(limit='<limit lower="nan" upper="2" velocity="1" effort="1"/>')}, ""),
+        ({"urdf": urdf()[:300]}, ""),
+        ({"urdf": BOMB}, ""),
+        ({"urdf": '<!DOCTYPE r SYSTEM "file:///etc/passwd"><robot name="x"/>'}, ""),
+        ({"urdf": "<robot name='x'>" * 10_000}, ""),
+        ({"urdf": urdf(mesh="package://../../etc/passwd.stl")}, ".."),
+        ({"urdf": urdf(mesh="file:///etc/passwd.stl")}, "upload"),
+        ({"urdf": urdf(mesh="package://meshes/other.obj")}, "meshes"),
+        ({"urdf": urdf(mesh="package://meshes/box.dae"),
+          "meshes": {"package://meshes/box.dae": "AAAA"}}, "stl"),
+        ({"meshes": {"package://meshes/box.obj": "AAAA"}}, ""),
+        ({"meshes": {"../box.obj": "AAAA"}}, ""),
+        ({"meshes": None}, "meshes"),
+        ({"urdf": urdf(extra=BRANCH)}, "side"),
+        ({"tip_link": "nose"}, "tip"),
+        ({"base_link": "nose"}, "base"),
+        ({"joint_limits": {"knee": {"velocity": 1.0}}}, "shoulder"),
+        ({"srdf": "<robot name='x'><group name='g'><chain base_link='a' tip_link='b'/>"
+          "</group></robot>"}, "base"),
+        ({"srdf": "no xml"}, ""),
+    ],
+)  # fmt: skip
+def test_descriptions_that_are_refused(
+    client: httpx.Client, changes: dict[str, Any], hint: str
+) -> None:
+    document = problem(
+        client.post("/v1/robots", json=bench("refused", **changes)),
+        422,
+        "INVALID_ROBOT_DESCRIPTION",
+    )
+    assert hint in (document["hint"] or ""), document
+    assert len(document["detail"]) < 2_500
+    assert client.get("/readyz").status_code == 200
+
+
+@pytest.mark.parametrize(
+    ("body", "path"),
+    [
+        ({"name": "x"}, "body"),
+        ({"name": "x", "urdf": "<a/>", "dh": TABLE}, "body"),
+        ({"name": "x/y", "urdf": "<a/>"}, "name"),
+        ({"name": "x", "urdf": "<a/>", "meshes": {"a": "?"}}, "meshes"),
+        ({"name": "x", "urdf": "<a/>", "colour": 1}, "colour"),
+        ({"name": "x", "dh": {**TABLE, "convention": "own"}}, "dh.convention"),
+        ({"name": "x", "dh": {**TABLE, "rows": []}}, "dh.rows"),
+        ([], "body"),
+    ],
+)
+def test_forms_that_are_refused(client: httpx.Client, body: Any, path: str) -> None:
+    document = problem(client.post("/v1/robots", json=body), 422, "VALIDATION_ERROR")
+    assert path in [error["path"] for error in document["details"]["errors"]]
+
+
+def test_a_row_without_limits_is_refused_by_name(client: httpx.Client) -> None:
+    rows = [{key: value for key, value in row.items() if key != "lower"} for row in TABLE["rows"]]
+    body = {"name": "x", "dh": {**TABLE, "rows": rows}}
+    document = problem(client.post("/v1/robots", json=body), 422, "INVALID_ROBOT_DESCRIPTION")
+    assert "row 1" in document["detail"]
+    body = {"name": "x", "dh": TABLE, "joint_limits": {"joint_9": {"velocity": 1.0}}}
+    document = problem(client.post("/v1/robots", json=body), 422, "INVALID_ROBOT_DESCRIPTION")
+    assert "joint_1, joint_2, joint_3" in document["hint"]
+
+
+def test_json_is_required(client: httpx.Client) -> None:
+    headers = {"Content-Type": "text/plain"}
+    problem(
+        client.post("/v1/robots", content=b"{}", headers=headers), 415, "UNSUPPORTED_MEDIA_TYPE"
+    )
+    problem(client.post("/v1/robots"), 422, "VALIDATION_ERROR")
+
+
+def test_the_published_document_has_both_forms(client: httpx.Client) -> None:
+    document = client.get("/openapi.json").json()
+    content = document["paths"]["/v1/robots"]["post"]["requestBody"]["content"]
+    assert set(content) == {"application/json", "multipart/form-data"}
+    schemas = document["components"]["schemas"]
+    assert schemas["RobotBody"]["examples"]
+    text = json.dumps(document)
+    for reference in {part.split('"')[0] for part in text.split("#/components/schemas/")[1:]}:
+        assert reference in schemas
