@@ -228,8 +228,10 @@ def _element_pieces(link: Link, element: CollisionElement, meshes: Meshes | None
         T = link.T_joint_link @ element.T_link_element
         return [placed(piece, T) for piece in shape.pieces()]
     except InvalidScene as error:
+        geometry = element.geometry
+        what = f"mesh {geometry.uri!r}" if isinstance(geometry, MeshGeometry) else "collision"
         raise InvalidRobotDescription(
-            f"link {link.name!r}, collision: {error.message}", hint=error.hint, link=link.name
+            f"link {link.name!r}, {what}: {error.message}", hint=error.hint, link=link.name
         ) from None
 
 
