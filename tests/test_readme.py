@@ -1,0 +1,51 @@
+"""The example of the README does what the README says."""
+
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from armwright_client import Client, NotReady, TransportError
+
+README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+
+
+@pytest.fixture
+def address() -> Iterator[str]:
+    command = [sys.executable, "-m", "service.cli", "serve", "--port", "0", "--workers", "1"]
+    with tempfile.TemporaryDirectory() as folder:
+        running = subprocess.Popen(
+            [*command, "--data-dir", folder], stdout=subprocess.PIPE, text=True
+        )
+        assert running.stdout is not None
+        try:
+            line = next(line for line in running.stdout if "http://" in line)
+            yield "http://" + line.split("http://")[1].strip()
+        finally:
+            running.terminate()
+            running.wait(20.0)
+            running.stdout.close()
+
+
+def test_example_prints_what_the_readme_says(address: str) -> None:
+    example = re.search(r"```python\n(.*?)```", README, re.DOTALL)
+    printed = re.search(r"prints\n\n```\n(.*?)```", README, re.DOTALL)
+    assert example is not None
+    assert printed is not None
+    with Client(address) as client:
+        for _ in range(600):
+            try:
+                client.readyz()
+                break
+            except (NotReady, TransportError):
+                time.sleep(0.2)
+    code = example[1].replace("http://127.0.0.1:8000", address)
+    answer = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60.0
+    )
+    assert answer.stdout == printed[1]
