@@ -139,7 +139,8 @@ def draw_joints(plan: Plan, robot: Robot, file: Path) -> None:
     limits = robot.limits
     lower, upper = np.array(limits.lower), np.array(limits.upper)
     figure, axes = plt.subplots(3, 1, figsize=(10, 9), sharex=True, layout="constrained")
-    for axis, (order, name) in zip(axes, enumerate(("position", "velocity", "acceleration"))):
+    for order, name in enumerate(("position", "velocity", "acceleration")):
+        axis = axes[order]
         values = np.array(plan.trajectory.sample(times.tolist(), order))
         if order == 0:
             shares = (2.0 * values - lower - upper) / (upper - lower)

@@ -121,7 +121,9 @@ def test_flat_and_segment_like_polytopes() -> None:
     square = Piece(
         PieceKind.POLYTOPE, np.eye(4), np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0.0]])
     )
-    segment = Piece(PieceKind.POLYTOPE, transform(None, [0.1, 0.2, 0.3]), [[0, 0, 0], [0, 0, 1.0]])
+    segment = Piece(
+        PieceKind.POLYTOPE, transform(None, [0.1, 0.2, 0.3]), np.array([[0, 0, 0], [0, 0, 1.0]])
+    )
     assert compare(square, segment)[1:] == pytest.approx((0.3, 0.3))
-    crossing = Piece(PieceKind.POLYTOPE, np.eye(4), [[0, 0, -1.0], [0, 0, 1.0]])
+    crossing = Piece(PieceKind.POLYTOPE, np.eye(4), np.array([[0, 0, -1.0], [0, 0, 1.0]]))
     assert compare(square, crossing, near=0.0, far=1.0)[0] == CLOSER

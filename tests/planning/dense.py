@@ -34,5 +34,5 @@ def worst_ratio(trajectory: Trajectory, robot: RobotGeometry) -> float:
                 roots = derivative.deriv().roots() if derivative.degree() > 1 else np.zeros(0)
                 inside = [r.real for r in roots if abs(r.imag) < 1e-9 and 0.0 < r.real < length]
                 values = derivative(np.array([0.0, length, *inside]))
-                worst = max(worst, float(np.abs(values).max() / bound))
+                worst = max(worst, float(np.max(np.abs(values))) / float(bound))
     return worst

@@ -178,9 +178,9 @@ def test_limits_of_start_and_goal() -> None:
     barely = HOME.copy()
     barely[3] = robot.chain.limits.upper[3] + 1e-7
     goal = HOME.copy()
-    answer = plan(Problem(robot, Scene(), barely, (JointGoal(goal),)), Options())
-    assert isinstance(answer, Plan)
-    assert "moved onto it" in answer.notes[0]
+    snapped = plan(Problem(robot, Scene(), barely, (JointGoal(goal),)), Options())
+    assert isinstance(snapped, Plan)
+    assert "moved onto it" in snapped.notes[0]
 
 
 def test_unreachable_pose_says_how_far() -> None:
