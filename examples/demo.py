@@ -122,9 +122,8 @@ def tell(plan: Plan) -> None:
     print(f"Clearance: at least {clearance:.2f} mm at every instant, {certificate.clearance_pair}")
     for name in ("position", "velocity", "acceleration"):
         use = getattr(limits, name)
-        print(
-            f"  {name:12} {100 * use.worst_ratio:6.2f} % of its limit ({use.joint}, {use.time:.2f} s)"
-        )
+        where = f"{use.joint}, {use.time:.2f} s"
+        print(f"  {name:12} {100 * use.worst_ratio:6.2f} % of its limit ({where})")
 
 
 def moments(plan: Plan, count: int) -> Array:

@@ -29,10 +29,11 @@ def worst_ratio(trajectory: Trajectory, robot: RobotGeometry) -> float:
         length = trajectory.breaks[piece + 1] - trajectory.breaks[piece]
         for joint in range(trajectory.n):
             polynomial = np.polynomial.Polynomial(trajectory.coefficients[piece, joint])
-            for order, bound in ((1, limits.velocity[joint]), (2, limits.acceleration[joint])):
+            bounds = (float(limits.velocity[joint]), float(limits.acceleration[joint]))
+            for order, bound in enumerate(bounds, start=1):
                 derivative = polynomial.deriv(order)
                 roots = derivative.deriv().roots() if derivative.degree() > 1 else np.zeros(0)
                 inside = [r.real for r in roots if abs(r.imag) < 1e-9 and 0.0 < r.real < length]
-                values = derivative(np.array([0.0, length, *inside]))
-                worst = max(worst, float(np.max(np.abs(values))) / float(bound))
+                values = [abs(float(derivative(t))) for t in (0.0, float(length), *inside)]
+                worst = max(worst, max(values) / bound)
     return worst
