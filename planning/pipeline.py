@@ -99,8 +99,11 @@ def plan(problem: Problem, options: Options) -> Plan | Failure:
     if isinstance(timed, Failure):
         return replace(timed, stages=tuple(stages.reports))
     trajectory, certificate = timed
+    notes = ready.notes
+    if not problem.robot.pieces:
+        notes += ("The robot has no collision geometry: nothing is known of collisions.",)
     path = Path(waypoints)
-    return Plan(planner, tuple(stages.reports), path, trajectory, certificate, ready.notes)
+    return Plan(planner, tuple(stages.reports), path, trajectory, certificate, notes)
 
 
 def _check_options(options: Options) -> None:
@@ -260,6 +263,8 @@ def _timed(
 def _tell_certificate(certificate: Certificate) -> tuple[bool, str]:
     if certificate.violation is not None:
         return False, certificate.violation.message
+    if certificate.clearance_pair is None:
+        return True, "Nothing can collide."
     return True, f"At least {certificate.min_clearance:.4g} m clear, {certificate.cells} cells."
 
 

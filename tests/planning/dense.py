@@ -33,7 +33,8 @@ def worst_ratio(trajectory: Trajectory, robot: RobotGeometry) -> float:
             for order, bound in enumerate(bounds, start=1):
                 derivative = polynomial.deriv(order)
                 roots = derivative.deriv().roots() if derivative.degree() > 1 else np.zeros(0)
-                inside = [r.real for r in roots if abs(r.imag) < 1e-9 and 0.0 < r.real < length]
+                times = [float(np.real(r)) for r in roots if abs(float(np.imag(r))) < 1e-9]
+                inside = [t for t in times if 0.0 < t < length]
                 values = [abs(float(derivative(t))) for t in (0.0, float(length), *inside)]
                 worst = max(worst, max(values) / bound)
     return worst
