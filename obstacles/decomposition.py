@@ -223,7 +223,7 @@ def _grown(
 
 
 @kernel
-def _cover(  # noqa: PLR0913, PLR0917  numba takes no dataclasses
+def _cover(  # noqa: PLR0913  numba takes no dataclasses
     vertices: Array,
     faces: Faces,
     corners: Array,
