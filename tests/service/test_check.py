@@ -15,16 +15,21 @@ from service.schemas.check import CheckAnswer
 from service.schemas.scene import ProjectAnswer, Scene
 from tests.service.robots import ASIDE, FLOOR, HOME, POST, answer, problem, scene
 
+BALL = {
+    "id": "ball",
+    "shape": {"type": "sphere", "radius": 0.2},
+    "pose": {"position": [-0.4, 0, 0.6]},
+}
 CLUTTER = scene(
     POST,
     FLOOR,
-    {"id": "ball", "shape": {"type": "sphere", "radius": 0.2}, "pose": {"position": [-0.4, 0, 0.6]}},
+    BALL,
     {
         "id": "pipe",
         "shape": {"type": "capsule", "radius": 0.04, "height": 1.0},
         "pose": {"position": [0.3, -0.4, 0.5], "rpy": [1.0, 0.3, 0.0]},
     },
-)  # fmt: skip
+)
 
 
 def check(client: httpx.Client, joints: Any, **more: Any) -> dict[str, Any]:

@@ -1,0 +1,71 @@
+"""After warming, no request compiles anything."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+#: Run in a process of its own, since this one may have called anything by now.
+SCRIPT = """
+import gc, json
+from numba.core.dispatcher import Dispatcher
+from service import warm
+
+
+def signatures():
+    # Compiled now or loaded from the cache on disk: neither may happen in a request.
+    kernels = [k for k in gc.get_objects() if isinstance(k, Dispatcher)]
+    return {(k.__module__, k.__name__, str(s)) for k in kernels for s in k.overloads}
+
+
+warm.warm_kernels()
+before = signatures()
+
+from service import check_tasks, kinematics_tasks, plan_tasks
+from service.references import builtin_reference
+from service.schemas.kinematics import FkRequest, JacobianRequest
+
+ROBOTS = {"ur5e": 6, "stanford": 6, "scara": 4, "iiwa14": 7}
+OBSTACLES = [
+    {"id": "a", "shape": {"type": "box", "size": [0.1, 0.1, 0.1]}, "margin": 0.01},
+    {"id": "b", "shape": {"type": "cylinder", "radius": 0.1, "height": 0.2}},
+    {"id": "c", "shape": {"type": "cone", "radius": 0.1, "height": 0.2}},
+    {"id": "d", "shape": {"type": "convex", "vertices": [[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]]}},
+]
+SCENE = {"obstacles": [o | {"pose": {"position": [2.0, 0, i]}} for i, o in enumerate(OBSTACLES)]}
+
+
+def ask(task, name, body, *more):
+    return task(builtin_reference(name), None, json.dumps(body).encode(), *more)
+
+
+for name, n in ROBOTS.items():
+    lower = json.loads(kinematics_tasks.library.robot(builtin_reference(name)).answer)["limits"]["lower"]
+    home = [0.2 + 0.9 * (value or 0.0) * 0.1 for value in lower]
+    near = [value + 0.1 for value in home]
+    chain = kinematics_tasks.library.chain(builtin_reference(name))
+    body = {"joints": home, "link": chain.links[2].name}
+    kinematics_tasks.fk(chain, FkRequest.model_validate(body))
+    kinematics_tasks.jacobian(chain, JacobianRequest.model_validate(body | {"point": [0.1, 0, 0]}))
+    pose = {"position": [0.3, 0.1, 0.3]}
+    ask(kinematics_tasks.ik, name, {"pose": pose, "scene": SCENE, "all_solutions": True})
+    ask(check_tasks.check, name, {"robot": name, "scene": SCENE, "joints": [home, near]})
+    rod = {"id": "rod", "shape": {"type": "capsule", "radius": 0.01, "height": 0.02},
+           "pose": {"position": [0, 0, 0]}, "link": chain.tip_link, "touch_links": []}
+    problem = {"robot": name, "scene": SCENE, "start": {"joints": home}, "goal": {"joints": near},
+               "attached": [rod], "margin": 0.001}
+    for planner in ("auto", "rrt_connect", "potential_field"):
+        ask(plan_tasks.plan, name, problem | {"planner": planner}, 5.0)
+    motion = {"samples": {"time": [0, 1, 3], "position": [home, near, home]}, "interpolation": "natural_spline"}
+    ask(plan_tasks.validate, name, {"robot": name, "scene": SCENE, "trajectory": motion}, 5.0)
+assert len(before) > 20
+print(sorted(name for module, name, _ in signatures() - before))
+"""  # noqa: E501
+
+
+def test_no_request_compiles_anything() -> None:
+    ran = subprocess.run(
+        [sys.executable, "-c", SCRIPT], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert ran.returncode == 0, ran.stderr[-3000:]
+    assert ran.stdout.strip() == "[]"
