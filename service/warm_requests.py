@@ -1,5 +1,6 @@
 """Small real requests that between them call every kernel, with the very types of real ones."""
 
+import base64
 import json
 import tempfile
 from typing import Any
@@ -69,8 +70,23 @@ def _plan(panda: Reference, planner: str) -> None:
         _ask(plan_tasks.validate, panda, motion, _TIMEOUT)
 
 
+#: Without an SRDF, so that the links that always touch are looked for; with no two that do.
+_URDF = """<robot name="warm">
+<link name="a"><collision><geometry><sphere radius="0.1"/></geometry></collision></link>
+<link name="b"><collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision></link>
+<link name="c"><collision><geometry><mesh filename="c.obj"/></geometry></collision></link>
+<joint name="ab" type="revolute"><parent link="a"/><child link="b"/><origin xyz="0 0 1"/>
+<limit lower="-1" upper="1" velocity="1" effort="1"/></joint>
+<joint name="bc" type="prismatic"><parent link="b"/><child link="c"/><origin xyz="0 0 1"/>
+<limit lower="-1" upper="1" velocity="1" effort="1"/></joint></robot>"""
+_OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+
+
 def _uploads(folder: str) -> None:
-    """A stored scene with a mesh of two bodies, and points projected onto it."""
+    """A stored robot with a mesh; a scene with one of two bodies, and points projected onto it."""
+    meshes = {"c.obj": base64.b64encode(_OBJ.encode()).decode()}
+    robot = {"name": "warm", "urdf": _URDF, "meshes": meshes}
+    tasks.prepare_robot(json.dumps(robot).encode(), folder)
     corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
     faces = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]]
     faces += [[2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]

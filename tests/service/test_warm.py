@@ -7,7 +7,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 #: Run in a process of its own, since this one may have called anything by now.
 SCRIPT = """
-import gc, json
+import gc, json, tempfile
 from numba.core.dispatcher import Dispatcher
 from service import warm
 
@@ -21,7 +21,7 @@ def signatures():
 warm.warm_kernels()
 before = signatures()
 
-from service import check_tasks, kinematics_tasks, plan_tasks
+from service import check_tasks, kinematics_tasks, plan_tasks, tasks
 from service.references import builtin_reference
 from service.schemas.kinematics import FkRequest, JacobianRequest
 
@@ -58,6 +58,9 @@ for name, n in ROBOTS.items():
         ask(plan_tasks.plan, name, problem | {"planner": planner}, 5.0)
     motion = {"samples": {"time": [0, 1, 3], "position": [home, near, home]}, "interpolation": "natural_spline"}
     ask(plan_tasks.validate, name, {"robot": name, "scene": SCENE, "trajectory": motion}, 5.0)
+from tests.service.robots import bench
+with tempfile.TemporaryDirectory() as folder:
+    tasks.prepare_robot(json.dumps(bench("warm")).encode(), folder)
 assert len(before) > 20
 print(sorted(name for module, name, _ in signatures() - before))
 """  # noqa: E501
