@@ -10,11 +10,12 @@ from numpy.typing import ArrayLike, NDArray
 from kinematics.chain import Array, Chain, Inertia, Link, frozen
 from kinematics.errors import InvalidOption, MissingInertia
 
+#: What row i of ``Bodies.rows`` holds, by its first column.
+TYPE, ROTATION, ORIGIN, STANDARD, MOTOR, FRICTION, ROW = 0, 1, 10, 13, 23, 24, 25
+
 
 class Bodies(NamedTuple):
-    """Everything the dynamics kernels read, packed (n joints, body i moves with joint i).
-
-    A named tuple because numba takes one as a single argument.
+    """Everything the dynamics read of a chain (n joints, body i moves with joint i).
 
     Args:
         types: Joint types, shape (n,).
@@ -26,6 +27,12 @@ class Bodies(NamedTuple):
         motor_inertia: Reflected at each joint, shape (n,) [kg m^2 or kg].
         viscous_friction: At each joint, shape (n,) [N m s/rad or N s/m].
         gravity: In the base frame, shape (3,) [m/s^2].
+        rows: All of that once more in one array, shape (n + 1, ``ROW``), as the kernels read it.
+            One array is cheaper to hand to compiled code than eight. Row i is joint i: its type,
+            the rotation (9) and the origin (3) of its frame at q_i = 0 in the frame of joint i-1,
+            the ten standard parameters of its body (mass m, first moment m c, inertia
+            xx, xy, yy, xz, yz, zz about the origin of the joint frame), motor inertia, viscous
+            friction. Row n begins with gravity.
     """
 
     types: NDArray[np.int64]
@@ -36,6 +43,7 @@ class Bodies(NamedTuple):
     motor_inertia: Array
     viscous_friction: Array
     gravity: Array
+    rows: Array
 
 
 def bodies(chain: Chain, gravity: ArrayLike | None = None) -> Bodies:
@@ -53,7 +61,9 @@ def bodies(chain: Chain, gravity: ArrayLike | None = None) -> Bodies:
     g = np.array(gravity, dtype=np.float64)
     if g.shape != (3,) or not np.isfinite(g).all():
         raise InvalidOption("gravity must be three finite numbers [x, y, z] in the base frame")
-    return packed._replace(gravity=frozen(g))
+    rows = packed.rows.copy()
+    rows[-1, :3] = g
+    return packed._replace(gravity=frozen(g), rows=frozen(rows))
 
 
 def scale_masses(chain: Chain, factors: ArrayLike) -> Chain:
@@ -78,7 +88,17 @@ def scale_masses(chain: Chain, factors: ArrayLike) -> Chain:
 
 @lru_cache(maxsize=64)
 def _packed(chain: Chain) -> Bodies:
+    _check_inertias(chain)
     merged = [_merge(chain, i) for i in range(chain.n)]
+    rows = np.zeros((chain.n + 1, ROW))
+    for i, body in enumerate(merged):
+        rows[i, TYPE] = chain.joint_types[i]
+        rows[i, ROTATION:ORIGIN] = chain.offsets[i, :3, :3].ravel()
+        rows[i, ORIGIN:STANDARD] = chain.offsets[i, :3, 3]
+        rows[i, STANDARD:MOTOR] = standard_parameters(body)
+        rows[i, MOTOR] = chain.motor_inertia[i]
+        rows[i, FRICTION] = chain.viscous_friction[i]
+    rows[-1, :3] = chain.gravity
     return Bodies(
         chain.joint_types,
         chain.offsets,
@@ -88,21 +108,41 @@ def _packed(chain: Chain) -> Bodies:
         chain.motor_inertia,
         chain.viscous_friction,
         chain.gravity,
+        frozen(rows),
+    )
+
+
+def standard_parameters(body: Inertia) -> Array:
+    """The ten parameters that a body's equations of motion are linear in, shape (10,).
+
+    m; m c (3); then xx, xy, yy, xz, yz, zz of the inertia about the frame's origin,
+    I + m (|c|^2 E - c c^T).
+    """
+    c = body.center_of_mass
+    about = body.tensor + body.mass * (c @ c * np.eye(3) - np.outer(c, c))
+    upper = [about[0, 0], about[0, 1], about[1, 1], about[0, 2], about[1, 2], about[2, 2]]
+    return np.array([body.mass, *(body.mass * c), *upper])
+
+
+def _check_inertias(chain: Chain) -> None:
+    carried = [[link for link in chain.links if link.joint == i] for i in range(chain.n)]
+    empty = [i for i in range(chain.n) if all(link.inertia is None for link in carried[i])]
+    if not empty:
+        return
+    names = [link.name for i in empty for link in carried[i]]
+    joints = [chain.joint_names[i] for i in empty]
+    raise MissingInertia(
+        f"nothing that joint(s) {', '.join(map(repr, joints))} carry has an inertia "
+        f"(link(s): {', '.join(names) or 'none'})",
+        hint="Give at least one link of each joint a mass, centre of mass and inertia tensor.",
+        joints=joints,
+        links=names,
     )
 
 
 def _merge(chain: Chain, joint: int) -> Inertia:
     carried = [link for link in chain.links if link.joint == joint]
     parts = [_in_joint_frame(link, link.inertia) for link in carried if link.inertia is not None]
-    if not parts:
-        names = [link.name for link in carried]
-        raise MissingInertia(
-            f"nothing that joint {chain.joint_names[joint]!r} carries has an inertia "
-            f"(link(s): {', '.join(names) or 'none'})",
-            hint="Give at least one of them a mass, centre of mass and inertia tensor.",
-            joint=chain.joint_names[joint],
-            links=names,
-        )
     masses = np.array([part.mass for part in parts])
     mass = float(masses.sum())
     # Bodies without mass (motor rotors given as inertia alone) have their centre where they say.

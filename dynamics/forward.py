@@ -4,9 +4,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynamics.batch import stacked
-from dynamics.body import Bodies, bodies
-from dynamics.inverse import inverse_kernel, wrench_torque
-from dynamics.mass_matrix import mass_matrix_kernel
+from dynamics.body import MOTOR, bodies
+from dynamics.composite import COMPOSITE_WORK, frames_kernel, mass_matrix_kernel
+from dynamics.inverse import wrench_torque
+from dynamics.recursion import inverse_kernel
 from kinematics.chain import Array, Chain
 from kinematics.errors import MissingInertia
 from kinematics.kernel import kernel
@@ -47,23 +48,39 @@ def cholesky_solve_kernel(M: Array, x: Array) -> int:
 
 
 @kernel
-def forward_dynamics_kernel(bodies: Bodies, state: Array, qdd: Array) -> int:
+def acceleration_kernel(
+    rows: Array, q: Array, qd: Array, torque: Array, work: Array, M: Array, qdd: Array
+) -> int:
+    """Write q_ddot (n,) for the joint torques; ``work`` (n, 30) and ``M`` (n, n) are scratch.
+
+    Returns:
+        -1, or the first joint at which M(q) is not positive definite.
+    """
+    n = q.shape[0]
+    qdd[:] = 0.0
+    bias = M[0]
+    inverse_kernel(rows, q, qd, qdd, work, bias)
+    for i in range(n):
+        qdd[i] = torque[i] - bias[i]
+    frames_kernel(rows, q, work)
+    mass_matrix_kernel(rows, work, M)
+    for i in range(n):
+        M[i, i] += rows[i, MOTOR]
+    return cholesky_solve_kernel(M, qdd)
+
+
+@kernel
+def forward_dynamics_kernel(rows: Array, state: Array, qdd: Array) -> int:
     """Write q_ddot of a batch into ``qdd`` (m, n); state (m, 3, n) holds q, q_dot and tau.
 
     Returns:
         -1, or the first joint at which some M(q) is not positive definite.
     """
     n = qdd.shape[1]
-    frames, loads, tensors = np.empty((n, 4, 4)), np.empty((2, n, 3)), np.empty((2, 3, 3))
-    motion, M, bias = np.zeros((3, n)), np.empty((n, n)), np.empty(n)
+    work, M = np.empty((n, COMPOSITE_WORK)), np.empty((n, n))
     for k in range(qdd.shape[0]):
-        motion[0], motion[1] = state[k, 0], state[k, 1]
-        inverse_kernel(bodies, motion, frames, loads, bias)
-        mass_matrix_kernel(bodies, frames, tensors, M)
-        for i in range(n):
-            M[i, i] += bodies.motor_inertia[i]
-            qdd[k, i] = state[k, 2, i] - bias[i]
-        failed = cholesky_solve_kernel(M, qdd[k])
+        q, qd, torque = state[k, 0], state[k, 1], state[k, 2]
+        failed = acceleration_kernel(rows, q, qd, torque, work, M, qdd[k])
         if failed >= 0:
             return failed
     return -1
@@ -101,7 +118,7 @@ def forward_dynamics(
         torque = chain.configuration(torque, "torques") - wrench_torque(chain, q, wrench)
     state, lead = stacked(chain, joints=q, velocities=qd, torques=torque)
     qdd = np.empty((state.shape[0], chain.n))
-    failed = forward_dynamics_kernel(packed, state, qdd)
+    failed = forward_dynamics_kernel(packed.rows, state, qdd)
     if failed >= 0:
         raise massless(chain, failed)
     return qdd.reshape(*lead, chain.n)

@@ -3,39 +3,19 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynamics.body import Bodies, bodies
-from dynamics.vector import add, apply, axis, cross, dot, origin, row, scale, subtract
+from dynamics.body import bodies
+from dynamics.recursion import WORK, gravity_kernel
 from kinematics.chain import Array, Chain
-from kinematics.forward import forward_kernel, joint_frames
+from kinematics.forward import joint_frames
 from kinematics.kernel import kernel
 
 
 @kernel
-def gravity_kernel(bodies: Bodies, frames: Array, G: Array) -> None:
-    """Write G(q) of the joint ``frames`` (n, 4, 4) into G (n,): what hangs on each joint pulls."""
-    g = (bodies.gravity[0], bodies.gravity[1], bodies.gravity[2])
-    weight, moment, beyond = 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    for i in range(G.shape[0] - 1, -1, -1):
-        z, o = axis(frames, i), origin(frames, i)
-        # First moment of mass about o_i of all that joint i carries.
-        moment = add(moment, scale(weight, subtract(beyond, o)))
-        arm = apply(frames[i], row(bodies.centers, i))
-        moment = add(moment, scale(bodies.masses[i], arm))
-        weight += bodies.masses[i]
-        if bodies.types[i] == 0:
-            G[i] = -dot(z, cross(moment, g))
-        else:
-            G[i] = -weight * dot(z, g)
-        beyond = o
-
-
-@kernel
-def gravity_batch_kernel(bodies: Bodies, q: Array, G: Array) -> None:
+def gravity_batch_kernel(rows: Array, q: Array, G: Array) -> None:
     """Write G(q) of a batch q (m, n) into G (m, n)."""
-    frames = np.empty((q.shape[1], 4, 4))
+    work = np.empty((q.shape[1], WORK))
     for k in range(q.shape[0]):
-        forward_kernel(bodies.types, bodies.offsets, q[k], frames)
-        gravity_kernel(bodies, frames, G[k])
+        gravity_kernel(rows, q[k], work, G[k])
 
 
 def gravity_vector(chain: Chain, q: ArrayLike, gravity: ArrayLike | None = None) -> Array:
@@ -57,7 +37,7 @@ def gravity_vector(chain: Chain, q: ArrayLike, gravity: ArrayLike | None = None)
     q = chain.configuration(q)
     flat = q.reshape(-1, chain.n)
     G = np.empty((flat.shape[0], chain.n))
-    gravity_batch_kernel(packed, flat, G)
+    gravity_batch_kernel(packed.rows, flat, G)
     return G.reshape(*q.shape[:-1], chain.n)
 
 

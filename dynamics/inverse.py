@@ -4,82 +4,30 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynamics.batch import stacked
-from dynamics.body import Bodies, bodies
-from dynamics.vector import (
-    Vector,
-    add,
-    apply,
-    apply_transposed,
-    axis,
-    cross,
-    dot,
-    origin,
-    row,
-    scale,
-    subtract,
-)
+from dynamics.body import bodies
+from dynamics.recursion import WORK, inverse_kernel, reference_inverse_kernel
 from kinematics.chain import Array, Chain
 from kinematics.errors import InvalidOption
-from kinematics.forward import forward_kernel
 from kinematics.jacobian import geometric
 from kinematics.kernel import kernel
 
 
 @kernel
-def acceleration_at(rate: Vector, spin: Vector, arm: Vector) -> Vector:
-    """Acceleration w_dot x r + w x (w x r) of a point relative to one ``arm`` = r before it."""
-    return add(cross(rate, arm), cross(spin, cross(spin, arm)))
-
-
-@kernel
-def inverse_kernel(
-    bodies: Bodies, motion: Array, frames: Array, loads: Array, torque: Array
-) -> None:
-    """Write tau = M q_ddot + C q_dot + B q_dot + G into ``torque`` (n,).
-
-    All vectors are in the axes of the base. ``motion`` (3, n) holds q, q_dot and q_ddot;
-    ``frames`` (n, 4, 4) and ``loads`` (2, n, 3) are scratch, the frames are right afterwards.
-    """
-    q, qd, qdd = motion[0], motion[1], motion[2]
-    n = q.shape[0]
-    forward_kernel(bodies.types, bodies.offsets, q, frames)
-    spin, rate, last = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    # A base that accelerates upwards is the same as gravity downwards.
-    a = (-bodies.gravity[0], -bodies.gravity[1], -bodies.gravity[2])
-    for i in range(n):
-        z, o = axis(frames, i), origin(frames, i)
-        a = add(a, acceleration_at(rate, spin, subtract(o, last)))
-        if bodies.types[i] == 0:
-            rate = add(rate, add(scale(qdd[i], z), scale(qd[i], cross(spin, z))))
-            spin = add(spin, scale(qd[i], z))
-        else:
-            a = add(a, add(scale(qdd[i], z), scale(2.0 * qd[i], cross(spin, z))))
-        center = apply(frames[i], row(bodies.centers, i))
-        force = scale(bodies.masses[i], add(a, acceleration_at(rate, spin, center)))
-        # Euler's equation N = I w_dot + w x (I w), in the body's own axes, where I is constant.
-        tensor, w = bodies.tensors[i], apply_transposed(frames[i], spin)
-        N = add(apply(tensor, apply_transposed(frames[i], rate)), cross(w, apply(tensor, w)))
-        moment = add(apply(frames[i], N), cross(center, force))
-        for k in range(3):
-            loads[0, i, k], loads[1, i, k] = force[k], moment[k]
-        last = o
-    force, moment, beyond = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), last
-    for i in range(n - 1, -1, -1):
-        z, o = axis(frames, i), origin(frames, i)
-        moment = add(add(moment, cross(subtract(beyond, o), force)), row(loads[1], i))
-        force = add(force, row(loads[0], i))
-        torque[i] = dot(z, moment) if bodies.types[i] == 0 else dot(z, force)
-        torque[i] += bodies.motor_inertia[i] * qdd[i] + bodies.viscous_friction[i] * qd[i]
-        beyond = o
-
-
-@kernel
-def inverse_batch_kernel(bodies: Bodies, motion: Array, torque: Array) -> None:
+def inverse_batch_kernel(rows: Array, motion: Array, torque: Array) -> None:
     """``inverse_kernel`` for a batch: motion (m, 3, n), torque (m, n)."""
-    n = motion.shape[2]
-    frames, loads = np.empty((n, 4, 4)), np.empty((2, n, 3))
+    work = np.empty((motion.shape[2], WORK))
     for k in range(motion.shape[0]):
-        inverse_kernel(bodies, motion[k], frames, loads, torque[k])
+        inverse_kernel(rows, motion[k, 0], motion[k, 1], motion[k, 2], work, torque[k])
+
+
+@kernel
+def reference_batch_kernel(rows: Array, state: Array, torque: Array) -> None:
+    """``reference_inverse_kernel`` for a batch: q, q_dot, v, a in state (m, 4, n)."""
+    n = state.shape[2]
+    work, motion = np.empty((n, WORK)), np.empty((n, 4))
+    for k in range(state.shape[0]):
+        motion[:] = state[k].T
+        reference_inverse_kernel(rows, motion, work, torque[k])
 
 
 def inverse_dynamics(
@@ -115,9 +63,44 @@ def inverse_dynamics(
     packed = bodies(chain, gravity)
     motion, lead = stacked(chain, joints=q, velocities=qd, accelerations=qdd)
     torque = np.empty((motion.shape[0], chain.n))
-    inverse_batch_kernel(packed, motion, torque)
+    inverse_batch_kernel(packed.rows, motion, torque)
     torque = torque.reshape(*lead, chain.n)
     return torque if wrench is None else torque + wrench_torque(chain, q, wrench)
+
+
+def reference_dynamics(
+    chain: Chain,
+    q: ArrayLike,
+    qd: ArrayLike,
+    v: ArrayLike,
+    a: ArrayLike,
+    gravity: ArrayLike | None = None,
+) -> Array:
+    """Torques of a reference motion beside the robot's own: M a + C(q, q_dot) v + B q_dot + G.
+
+    C is that of the Christoffel symbols. With v = q_dot and a = q_ddot it is
+    ``inverse_dynamics``. By a Newton-Euler recursion, so neither M nor C is ever formed.
+
+    Args:
+        chain: The robot.
+        q: Positions, (n,) or (..., n) [rad or m].
+        qd: Velocities, (n,) or (..., n) [rad/s or m/s].
+        v: Reference velocities, (n,) or (..., n) [rad/s or m/s].
+        a: Reference accelerations, (n,) or (..., n) [rad/s^2 or m/s^2].
+        gravity: (3,) [m/s^2] in the base frame; the robot's own where none is given.
+
+    Returns:
+        Shape (..., n) [N m or N].
+
+    Raises:
+        InvalidRobotState: A vector has the wrong length, is not finite or fits no other's batch.
+        MissingInertia: Some joint carries nothing that has an inertia.
+    """
+    packed = bodies(chain, gravity)
+    state, lead = stacked(chain, joints=q, velocities=qd, reference_velocities=v, accelerations=a)
+    torque = np.empty((state.shape[0], chain.n))
+    reference_batch_kernel(packed.rows, state, torque)
+    return torque.reshape(*lead, chain.n)
 
 
 def wrench_torque(chain: Chain, q: ArrayLike, wrench: ArrayLike) -> Array:

@@ -159,7 +159,7 @@ class _Loop:
         robot: Chain,
     ) -> None:
         _check_joints(controller.chain, trajectory, robot)
-        self.bodies = bodies(robot)
+        self.rows = bodies(robot).rows
         self.controller, self.options, self.robot = controller, options, robot
         self.signal = ReferenceSignal(trajectory)
         self.duration = trajectory.duration if options.duration is None else options.duration
@@ -231,7 +231,7 @@ class _Loop:
         state, qdd = np.empty((1, 3, n)), np.empty((1, n))
         state[0, :2] = x[: 2 * n].reshape(2, n)
         state[0, 2] = command.torque + self.disturbance
-        failed = forward_dynamics_kernel(self.bodies, state, qdd)
+        failed = forward_dynamics_kernel(self.rows, state, qdd)
         if failed >= 0:
             raise massless(self.robot, failed)
         return np.concatenate([x[n : 2 * n], qdd[0], command.adaptation])

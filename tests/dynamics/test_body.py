@@ -43,9 +43,13 @@ def test_a_frame_without_inertia_fixed_to_a_body_adds_nothing() -> None:
 
 def test_a_body_without_inertia_is_missing_and_named() -> None:
     chain = without(random_chain(1, 4), "link3")
-    with pytest.raises(MissingInertia, match=r"joint 'joint3'.*link3, tool") as caught:
+    with pytest.raises(MissingInertia, match=r"'joint3'.*link3, tool") as caught:
         mass_matrix(chain, np.zeros(4))
     assert caught.value.details["links"] == ["link3", "tool"]
+    bare = without(chain, "link1")
+    with pytest.raises(MissingInertia, match="'joint1', 'joint3'") as caught:
+        mass_matrix(bare, np.zeros(4))
+    assert caught.value.details["links"] == ["link1", "link3", "tool"]
     # Joint 0 carries a second body, so one of the two is enough.
     assert bodies(without(random_chain(1, 4), "link0")).masses[0] > 0.0
 

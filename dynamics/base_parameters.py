@@ -1,0 +1,154 @@
+"""The fewest parameters that the equations of motion depend on, found by a QR decomposition."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dynamics.regressor import parameter_names, regressor, standard_parameters
+from kinematics.chain import Array, Chain, JointType, frozen
+from kinematics.errors import InvalidOption
+
+#: Of a column that is a combination of others so much of its length is left: rounding errors,
+#: magnified by how alike columns are. Of columns that are not, some hundredths are left.
+_DEPENDENT = 1e-8
+#: A coefficient below this part of the largest is rounding error.
+_ZERO = 1e-9
+#: Random motions, as many equations for each unknown: one would do but for bad luck.
+_EQUATIONS = 4
+#: Within a body: first what stays, last what can be counted with the body before.
+_ORDER = ("Izz", "Ixx", "Ixy", "Ixz", "Iyz", "mx", "my", "Iyy", "mz", "m")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BaseParameters:
+    """A minimal parametrisation tau = Y_b beta, with beta = combination Theta.
+
+    Args:
+        columns: Columns of Y that make up Y_b, shape (b,).
+        combination: Shape (b, p).
+        values: beta of the robot's own parameters, shape (b,).
+        names: Each beta as the combination that it is, for example "Izz1 + 0.25 m2".
+        parameter_names: The names of Theta's p entries.
+    """
+
+    columns: NDArray[np.int64]
+    combination: Array
+    values: Array
+    names: tuple[str, ...]
+    parameter_names: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        self.columns.setflags(write=False)
+        for name in ("combination", "values"):
+            object.__setattr__(self, name, frozen(getattr(self, name)))
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        return len(self.names)
+
+    def regressor(self, Y: Array) -> Array:
+        """The columns Y_b (..., n, b) of a regressor Y (..., n, p)."""
+        return np.asarray(Y[..., self.columns])
+
+    def of(self, chain: Chain) -> Array:
+        """The values beta of another robot of the same kinematics, shape (b,).
+
+        Raises:
+            InvalidOption: It has another number of parameters.
+            MissingInertia: Some joint carries nothing that has an inertia.
+        """
+        Theta = standard_parameters(chain, motors=len(self.parameter_names) > 10 * chain.n)
+        if len(Theta) != self.combination.shape[1]:
+            raise InvalidOption(
+                f"robot {chain.name!r} has {len(Theta)} parameters, "
+                f"not {self.combination.shape[1]}",
+                hint="Give a robot of the same joints.",
+            )
+        return np.asarray(self.combination @ Theta)
+
+
+@lru_cache(maxsize=64)
+def base_parameters(
+    chain: Chain, *, motors: bool = False, known_zeros: bool = False
+) -> BaseParameters:
+    """The base parameters of a robot, by numerical QR decomposition.
+
+    Columns of the regressors of many random motions are taken one by one, from the base to the
+    tip; one that depends on those before it is regrouped with them ("A numerical method for the
+    calculation of the base inertial parameters of robots").
+
+    Args:
+        chain: The robot. The gravity it stands under matters: without it fewer can be told apart.
+        motors: With motor inertias and viscous frictions.
+        known_zeros: Leave out the parameters that are exactly 0 in this robot, as known from its
+            construction: the textbooks' planar arm has centres of mass on its links, so 4
+            parameters instead of 6.
+
+    Raises:
+        MissingInertia: Some joint carries nothing that has an inertia.
+    """
+    Theta = standard_parameters(chain, motors=motors)
+    W = _excitation(chain, motors)
+    names = parameter_names(chain, motors=motors)
+    order = [i for i in _elimination_order(chain.n, names) if not known_zeros or Theta[i] != 0.0]
+    columns, combination = _regroup(W, order)
+    text = tuple(_text(row, names, k) for row, k in zip(combination, columns, strict=True))
+    return BaseParameters(
+        np.array(columns, dtype=np.int64), combination, combination @ Theta, text, names
+    )
+
+
+def _excitation(chain: Chain, motors: bool) -> Array:
+    """The triangle R of a QR decomposition of stacked regressors, with R^T R = W^T W."""
+    p = (12 if motors else 10) * chain.n
+    count = _EQUATIONS * p // chain.n
+    # The same motions always: the choice of columns must not change from call to call.
+    rng = np.random.default_rng(0)
+    reach = np.where(chain.joint_types == JointType.REVOLUTE, np.pi, 1.0)
+    q = rng.uniform(-reach, reach, (count, chain.n))
+    qd, qdd = rng.uniform(-3.0, 3.0, (2, count, chain.n))
+    Y = regressor(chain, q, qd, qdd, motors=motors)
+    return np.asarray(np.linalg.qr(Y.reshape(-1, p), mode="r"))
+
+
+def _elimination_order(n: int, names: Sequence[str]) -> list[int]:
+    place = {name: i for i, name in enumerate(names)}
+    bodies = [place[f"{name}{i}"] for i in range(1, n + 1) for name in _ORDER]
+    return [*bodies, *range(10 * n, len(names))]
+
+
+def _regroup(W: Array, order: Sequence[int]) -> tuple[list[int], Array]:
+    """Independent columns of W (p, p), and what of all parameters is counted with each."""
+    lengths = np.linalg.norm(W, axis=0)
+    cut = _DEPENDENT * lengths.max(initial=0.0)
+    Q = np.zeros_like(W)
+    chosen: list[int] = []
+    for k in order:
+        rest, basis = np.asarray(W[:, k]), np.asarray(Q[:, : len(chosen)])
+        for _ in range(2):  # once leaves rounding errors of the size of what is left
+            rest = rest - basis @ (basis.T @ rest)
+        left = float(np.linalg.norm(rest))
+        if left > _DEPENDENT * lengths[k] and lengths[k] > cut:
+            Q[:, len(chosen)] = rest / left
+            chosen.append(k)
+    combination = np.zeros((len(chosen), W.shape[1]))
+    combination[:, order] = np.linalg.lstsq(W[:, chosen], W[:, order], rcond=None)[0]
+    largest = np.abs(combination).max(axis=1, keepdims=True)
+    combination[np.abs(combination) < _ZERO * largest] = 0.0
+    combination[:, chosen] = np.eye(len(chosen))
+    return chosen, combination
+
+
+def _text(row: Array, names: Sequence[str], leader: int) -> str:
+    """A combination as people write it, the column that stands for it first."""
+    others = [int(i) for i in np.flatnonzero(row) if i != leader]
+    text = names[leader]
+    for i in others:
+        sign = "-" if row[i] < 0.0 else "+"
+        size = f"{abs(row[i]):.6g}"
+        text += f" {sign} {names[i]}" if size == "1" else f" {sign} {size} {names[i]}"
+    return text
