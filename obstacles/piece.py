@@ -73,6 +73,15 @@ class Piece:
         half = np.array([self.radius, self.radius, self.half_height]) + self.rounding
         return np.concatenate([np.zeros(3), half])
 
+    def box_half_sizes(self) -> Array | None:
+        """Half the sizes of a box about the piece's frame, shape (3,); None for any other piece."""
+        if self.kind != PieceKind.POLYTOPE or len(self.vertices) != 8 or self.rounding > 0.0:
+            return None
+        half = np.abs(self.vertices[0])
+        signs = {tuple(corner > 0.0) for corner in self.vertices}
+        is_box = len(signs) == 8 and (np.abs(self.vertices) == half).all()
+        return half if is_box else None
+
 
 def _cone_ball(radius: float, half_height: float) -> tuple[Array, float]:
     height = 2.0 * half_height

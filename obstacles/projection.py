@@ -211,7 +211,7 @@ def _pack(obstacles: Sequence[Sequence[Piece]]) -> ProjectionArrays:
     pieces = [piece for own in obstacles for piece in own]
     p = len(pieces)
     hulls = [_core(piece) for piece in pieces]
-    half = [_box_half_sizes(piece) for piece in pieces]
+    half = [piece.box_half_sizes() for piece in pieces]
     kinds = [int(piece.kind) if h is None else _BOX for piece, h in zip(pieces, half, strict=True)]
     sizes = [
         (piece.radius, piece.half_height, piece.rounding, 0.0)
@@ -251,16 +251,6 @@ def _core(piece: Piece) -> Hull:
         # What a hull of one point is, without the work: point clouds have thousands.
         return Hull(piece.vertices, np.zeros((1, 3), dtype=np.int64), np.zeros((1, 4)), solid=False)
     return convex_hull(piece.vertices)
-
-
-def _box_half_sizes(piece: Piece) -> Array | None:
-    """Half the sizes of a box about its frame; None for any other piece."""
-    if piece.kind != PieceKind.POLYTOPE or len(piece.vertices) != 8 or piece.rounding > 0.0:
-        return None
-    half = np.abs(piece.vertices[0])
-    signs = {tuple(corner > 0.0) for corner in piece.vertices}
-    is_box = len(signs) == 8 and (np.abs(piece.vertices) == half).all()
-    return half if is_box else None
 
 
 def _across(hull: Hull) -> Array:

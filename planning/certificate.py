@@ -276,8 +276,11 @@ class _Sweep:
             self._nearest = min(self._nearest, distance)
 
     def _settled(self, time: float, pair: int, bound: float) -> bool:
-        distance = self._world.distance(pair) + float(self._world.margins[pair])
-        apart = float(self._table.margins[pair])
+        apart, own = float(self._table.margins[pair]), float(self._world.margins[pair])
+        by_plane = self._world.distance_by_plane(pair) + own - bound
+        if by_plane > apart + ACCURACY and by_plane >= self._enough:
+            return self._lower(by_plane, pair)
+        distance = self._world.distance(pair) + own
         self._nearest = min(self._nearest, distance)
         if distance <= apart or (bound < _RESOLUTION and distance - bound - ACCURACY <= apart):
             self._found(time, pair, distance, apart)
