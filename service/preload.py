@@ -3,6 +3,7 @@
 Nothing else may import it: it sets up the process for single-threaded work.
 """
 
+import atexit
 import logging
 import os
 import signal
@@ -25,6 +26,9 @@ signal.setitimer(signal.ITIMER_REAL, _PERIOD, _PERIOD)
 for _variable in ("OMP", "OPENBLAS", "MKL", "NUMBA", "VECLIB_MAXIMUM"):
     # One job a process, one process a core: threads inside would only get in each other's way.
     os.environ[f"{_variable}_NUM_THREADS"] = "1"
+
+# Taking compiled kernels apart one by one takes seconds, and nothing here needs to be put away.
+atexit.register(os._exit, 0)
 
 from service import check_tasks, kinematics_tasks, plan_tasks, tasks, warm  # noqa: E402, F401
 
