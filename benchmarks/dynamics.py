@@ -1,0 +1,134 @@
+"""Dynamics against pinocchio, in the same run: microseconds a state, one by one and in batch.
+
+Run it with `python -m benchmarks.dynamics`. Both are called from Python with float64 arrays that
+are there already. Pinocchio answers references to arrays of its own; so does
+`DynamicsEvaluator`. "checked" is the functions of the package, which check the state and answer a
+new array. In batch one call computes many states; pinocchio, which has no such call, is called in a
+loop. Rounds alternate between the two, and the best round of each counts.
+"""
+
+import argparse
+import time
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from dynamics.coriolis import coriolis_matrix
+from dynamics.evaluator import DynamicsEvaluator
+from dynamics.forward import forward_dynamics
+from dynamics.gravity import gravity_vector
+from dynamics.inverse import inverse_dynamics
+from dynamics.mass_matrix import mass_matrix
+from dynamics.regressor import regressor
+from kinematics.chain import Array, Chain
+from kinematics.robots import builtin_chain, builtin_urdf
+
+ROUNDS, CALLS, STATES = 25, 2000, 1000
+
+Call = Callable[[], Any]
+
+
+class Row(NamedTuple):
+    """Ways to compute one quantity: pinocchio, ours unchecked, ours checked, ours in batch."""
+
+    pinocchio: Call
+    evaluator: Call
+    checked: Call
+    batch: Call
+
+
+def best(calls: Mapping[str, tuple[Call, int]]) -> dict[str, float]:
+    """The best time of each call over all rounds [us]; each round runs every one of them."""
+    times = dict.fromkeys(calls, np.inf)
+    for call, _ in calls.values():
+        call()
+    for _ in range(ROUNDS):
+        for name, (call, count) in calls.items():
+            start = time.perf_counter()
+            for _ in range(count):
+                call()
+            times[name] = min(times[name], (time.perf_counter() - start) / count * 1e6)
+    return times
+
+
+def rows(chain: Chain, model: Any, states: Array) -> dict[str, Row]:
+    """All quantities, at the first of the states (3, m, n) and at all of them."""
+    data, ours = model.createData(), DynamicsEvaluator(chain)
+    Q, Qd, Qdd = states
+    q, qd, qdd = (part[0].copy() for part in states)
+    bodies_only = partial(regressor, chain, motors=False)
+    return {
+        "mass matrix": Row(
+            partial(pin.crba, model, data, q),
+            partial(ours.mass_matrix, q),
+            partial(mass_matrix, chain, q),
+            partial(mass_matrix, chain, Q),
+        ),
+        "inverse (RNEA)": Row(
+            partial(pin.rnea, model, data, q, qd, qdd),
+            partial(ours.inverse, q, qd, qdd),
+            partial(inverse_dynamics, chain, q, qd, qdd),
+            partial(inverse_dynamics, chain, Q, Qd, Qdd),
+        ),
+        "Coriolis matrix": Row(
+            partial(pin.computeCoriolisMatrix, model, data, q, qd),
+            partial(ours.coriolis_matrix, q, qd),
+            partial(coriolis_matrix, chain, q, qd),
+            partial(coriolis_matrix, chain, Q, Qd),
+        ),
+        "gravity": Row(
+            partial(pin.computeGeneralizedGravity, model, data, q),
+            partial(ours.gravity, q),
+            partial(gravity_vector, chain, q),
+            partial(gravity_vector, chain, Q),
+        ),
+        "regressor": Row(
+            partial(pin.computeJointTorqueRegressor, model, data, q, qd, qdd),
+            partial(ours.regressor, q, qd, qdd),
+            partial(bodies_only, q, qd, qdd),
+            partial(bodies_only, Q, Qd, Qdd),
+        ),
+        "forward": Row(
+            partial(pin.aba, model, data, q, qd, qdd),
+            partial(ours.forward, q, qd, qdd),
+            partial(forward_dynamics, chain, q, qd, qdd),
+            partial(forward_dynamics, chain, Q, Qd, Qdd),
+        ),
+    }
+
+
+def compare(name: str) -> None:
+    """Print the table of one built-in robot without endless joints."""
+    chain = builtin_chain(name)
+    model = pin.buildModelFromXML(builtin_urdf(name))
+    states = np.random.default_rng(0).uniform(-2.0, 2.0, (3, STATES, chain.n))
+    print(f"{name}: us a state           one call                       batch of {STATES}")
+    print("                  pinocchio  evaluator  checked     ours   pinocchio / ours")
+    for quantity, row in rows(chain, model, states).items():
+        calls = {
+            "pinocchio": (row.pinocchio, CALLS),
+            "evaluator": (row.evaluator, CALLS),
+            "checked": (row.checked, CALLS // 4),
+            "batch": (row.batch, 2),
+        }
+        us = best(calls)
+        each = us["batch"] / STATES
+        print(
+            f"  {quantity:16s}{us['pinocchio']:9.2f}{us['evaluator']:11.2f}{us['checked']:9.2f}"
+            f"{each:12.3f}{us['pinocchio'] / each:12.1f}"
+        )
+
+
+def main() -> None:
+    """Compare on some robots."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
+    parser.add_argument("robots", nargs="*", default=["panda", "ur5e"])
+    for name in parser.parse_args().robots:
+        compare(name)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,135 @@
+"""Robots with a load at a link, other motors, or another direction of gravity."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinematics.chain import Array, Chain, Inertia, Link
+from kinematics.errors import InvalidOption
+
+#: A tensor's principal moments may miss the triangle inequality by this part: text has few digits.
+_TRIANGLE_TOLERANCE = 1e-6
+
+
+def with_payload(
+    chain: Chain,
+    mass: float,
+    center_of_mass: ArrayLike = (0.0, 0.0, 0.0),
+    tensor: ArrayLike | None = None,
+    *,
+    link: str | None = None,
+) -> Chain:
+    """The same robot with a rigid load fixed to a link.
+
+    Args:
+        chain: The robot.
+        mass: [kg].
+        center_of_mass: In the link's frame, shape (3,) [m].
+        tensor: About the centre of mass, in the link's axes, shape (3, 3) [kg m^2]; a point mass
+            where none is given.
+        link: What carries it; the tip where none is named.
+
+    Raises:
+        InvalidLinkName: No such link.
+        InvalidOption: The mass is not positive, or the tensor is not one of a body.
+    """
+    carrier = chain.link(link or chain.tip_link)
+    body = inertia(mass, center_of_mass, np.zeros((3, 3)) if tensor is None else tensor)
+    name = next(
+        candidate
+        for candidate in ("payload", *(f"payload_{i}" for i in range(2, len(chain.links) + 3)))
+        if candidate not in chain.index
+    )
+    load = Link(name, carrier.joint, carrier.T_joint_link, body)
+    return replace(chain, links=(*chain.links, load))
+
+
+def with_inertias(chain: Chain, inertias: Mapping[str, Inertia]) -> Chain:
+    """The same robot with the mass properties of some links replaced, by the links' names.
+
+    Raises:
+        InvalidLinkName: A link is unknown.
+    """
+    for name in inertias:
+        chain.link(name)
+    links = tuple(replace(k, inertia=inertias.get(k.name, k.inertia)) for k in chain.links)
+    return replace(chain, links=links)
+
+
+def with_motors(
+    chain: Chain, inertia: ArrayLike | None = None, viscous_friction: ArrayLike | None = None
+) -> Chain:
+    """The same robot with other motors: M = D + J and B q_dot.
+
+    Args:
+        chain: The robot.
+        inertia: J reflected at the joints (rotor inertia times gear ratio squared), one number or
+            shape (n,) [kg m^2 or kg]; as before where none is given.
+        viscous_friction: B, one number or shape (n,) [N m s/rad or N s/m]; likewise.
+
+    Raises:
+        InvalidOption: A value is negative or not finite, or their number is wrong.
+    """
+    J = chain.motor_inertia if inertia is None else _not_negative(chain, "inertia", inertia)
+    B = chain.viscous_friction
+    if viscous_friction is not None:
+        B = _not_negative(chain, "viscous_friction", viscous_friction)
+    return replace(chain, motor_inertia=J, viscous_friction=B)
+
+
+def with_gravity(chain: Chain, gravity: ArrayLike) -> Chain:
+    """The same robot mounted otherwise: gravity (3,) [m/s^2] in its base frame.
+
+    Raises:
+        InvalidOption: It is not three finite numbers.
+    """
+    g = np.array(gravity, dtype=np.float64)
+    if g.shape != (3,) or not np.isfinite(g).all():
+        raise InvalidOption("gravity must be three finite numbers [x, y, z] in the base frame")
+    return replace(chain, gravity=g)
+
+
+def inertia(mass: float, center_of_mass: ArrayLike, tensor: ArrayLike) -> Inertia:
+    """Mass properties, checked to be those of some body.
+
+    Raises:
+        InvalidOption: The mass is not positive, a value is not finite, or the tensor is not
+            symmetric, not positive semidefinite or breaks the triangle inequality.
+    """
+    c, about = np.array(center_of_mass, dtype=np.float64), np.array(tensor, dtype=np.float64)
+    if not (np.isfinite(mass) and mass > 0.0):
+        raise InvalidOption(f"a mass is {mass} kg", hint="Give a positive finite number.")
+    if c.shape != (3,) or about.shape != (3, 3):
+        raise InvalidOption(
+            f"a centre of mass has shape {c.shape}, an inertia {about.shape}",
+            hint="Give three numbers [m], and 3 x 3 [kg m^2] about the centre of mass.",
+        )
+    if not (np.isfinite(c).all() and np.isfinite(about).all()):
+        raise InvalidOption("a centre of mass or inertia is not finite")
+    size = float(np.abs(about).max())
+    moments = np.linalg.eigvalsh(0.5 * (about + about.T))
+    slack = _TRIANGLE_TOLERANCE * size
+    if np.abs(about - about.T).max() > slack or moments[0] < -slack:
+        raise InvalidOption(
+            "an inertia tensor is not symmetric and positive semidefinite",
+            hint="Give it about the centre of mass, in the axes of the link.",
+        )
+    if moments[2] > moments[0] + moments[1] + slack:
+        raise InvalidOption(
+            f"the principal moments {moments[0]:.6g}, {moments[1]:.6g}, {moments[2]:.6g} kg m^2 "
+            "are those of no body: the largest exceeds the sum of the others",
+            hint="Give the tensor about the centre of mass, not about the joint.",
+        )
+    return Inertia(float(mass), c, 0.5 * (about + about.T))
+
+
+def _not_negative(chain: Chain, name: str, value: ArrayLike) -> Array:
+    values = np.array(value, dtype=np.float64)
+    if values.shape not in {(), (chain.n,)} or not (np.isfinite(values) & (values >= 0)).all():
+        raise InvalidOption(
+            f"{name} must be one number that is not negative, or {chain.n}, one for each joint",
+            hint=f"The order is: {', '.join(chain.joint_names)}.",
+        )
+    return np.array(np.broadcast_to(values, (chain.n,)))
