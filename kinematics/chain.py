@@ -144,6 +144,11 @@ class Chain:
         gravity: In the base frame, shape (3,) [m/s^2].
         motor_inertia: Reflected at each joint, shape (n,) [kg m^2 or kg].
         viscous_friction: At each joint, shape (n,) [N m s/rad or N s/m].
+
+    Also known: ``index``, where each link stands in ``links``; ``model``, all that forward
+    kinematics reads in one array (1 + n + len(links), 14): n and the tip's number, then a joint's
+    type and offset or a link's joint and frame in a row, frames by their upper three rows, and
+    last the links' numbers in the order of their joints; ``content_hash``.
     """
 
     name: str
@@ -159,6 +164,7 @@ class Chain:
     motor_inertia: Array = field(default_factory=lambda: np.zeros(0))
     viscous_friction: Array = field(default_factory=lambda: np.zeros(0))
     index: Mapping[str, int] = field(init=False, repr=False)
+    model: Array = field(init=False, repr=False)
     content_hash: str = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -174,6 +180,7 @@ class Chain:
             object.__setattr__(self, name, frozen(value if np.size(value) else np.zeros(n)))
         by_name = {link.name: i for i, link in enumerate(self.links)}
         object.__setattr__(self, "index", MappingProxyType(by_name))
+        object.__setattr__(self, "model", _model(self))
         object.__setattr__(self, "content_hash", _content_hash(self))
 
     def __eq__(self, other: object) -> bool:
@@ -237,6 +244,18 @@ class Chain:
         lower = np.where(np.isfinite(self.limits.lower), self.limits.lower, -np.pi)
         upper = np.where(np.isfinite(self.limits.upper), self.limits.upper, np.pi)
         return lower, upper
+
+
+def _model(chain: Chain) -> Array:
+    order = np.argsort([link.joint for link in chain.links], kind="stable")
+    joints = zip(chain.joint_types, chain.offsets, strict=True)
+    rows = [(chain.n, chain.index.get(chain.tip_link, -1), *[0.0] * 12)]
+    rows += [(kind, *A[:3].flat, 0.0) for kind, A in joints]
+    rows += [
+        (link.joint, *link.T_joint_link[:3].flat, k)
+        for link, k in zip(chain.links, order, strict=True)
+    ]
+    return frozen(rows)
 
 
 def _content_hash(chain: Chain) -> str:

@@ -1,12 +1,125 @@
 """Forward kinematics: joint values to frames."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
+from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.chain import Array, Chain, Indices
-from kinematics.kernel import kernel
+from kinematics.kernel import direct, kernel
+
+_FLOAT = np.dtype(np.float64)
+# Names of this module: looking them up in another one costs as much as a joint does.
+_empty, _contiguous = np.empty, np.ascontiguousarray
+Frame = tuple[float, float, float, float, float, float, float, float, float, float, float, float]
+IDENTITY: Frame = (1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+
+
+@kernel
+def finite_kernel(q: Array) -> bool:
+    """Whether all of (n,) is finite."""
+    total = 0.0
+    for i in range(q.shape[0]):
+        total += q[i] - q[i]
+    return total == 0.0
+
+
+@kernel
+def step_kernel(A: Array, q: float, B: Frame) -> Frame:
+    """The frame behind a joint at ``q`` whose row of ``Chain.model`` is A, from the one before it.
+
+    Frames are their upper three rows as twelve numbers: so they stay in registers.
+    """
+    b00, b01, b02, b03, b10, b11, b12, b13, b20, b21, b22, b23 = compose_kernel(B, A)
+    if A[0] != 0.0:
+        return (
+            b00, b01, b02, b03 + q * b02, b10, b11, b12, b13 + q * b12,
+            b20, b21, b22, b23 + q * b22,
+        )  # fmt: skip
+    c, s = math.cos(q), math.sin(q)
+    return (
+        b00 * c + b01 * s, b01 * c - b00 * s, b02, b03,
+        b10 * c + b11 * s, b11 * c - b10 * s, b12, b13,
+        b20 * c + b21 * s, b21 * c - b20 * s, b22, b23,
+    )  # fmt: skip
+
+
+@kernel
+def compose_kernel(B: Frame, A: Array) -> Frame:
+    """B times the frame in a row of ``Chain.model``."""
+    b00, b01, b02, b03, b10, b11, b12, b13, b20, b21, b22, b23 = B
+    _, a00, a01, a02, a03, a10, a11, a12, a13, a20, a21, a22, a23 = (
+        A[0], A[1], A[2], A[3], A[4], A[5], A[6], A[7], A[8], A[9], A[10], A[11], A[12],
+    )  # fmt: skip
+    return (
+        b00 * a00 + b01 * a10 + b02 * a20, b00 * a01 + b01 * a11 + b02 * a21,
+        b00 * a02 + b01 * a12 + b02 * a22, b00 * a03 + b01 * a13 + b02 * a23 + b03,
+        b10 * a00 + b11 * a10 + b12 * a20, b10 * a01 + b11 * a11 + b12 * a21,
+        b10 * a02 + b11 * a12 + b12 * a22, b10 * a03 + b11 * a13 + b12 * a23 + b13,
+        b20 * a00 + b21 * a10 + b22 * a20, b20 * a01 + b21 * a11 + b22 * a21,
+        b20 * a02 + b21 * a12 + b22 * a22, b20 * a03 + b21 * a13 + b22 * a23 + b23,
+    )  # fmt: skip
+
+
+@kernel
+def store_kernel(B: Frame, T: Array) -> None:
+    """Write a frame into T (4, 4)."""
+    T[0, 0], T[0, 1], T[0, 2], T[0, 3] = B[0], B[1], B[2], B[3]
+    T[1, 0], T[1, 1], T[1, 2], T[1, 3] = B[4], B[5], B[6], B[7]
+    T[2, 0], T[2, 1], T[2, 2], T[2, 3] = B[8], B[9], B[10], B[11]
+    T[3, 0], T[3, 1], T[3, 2], T[3, 3] = 0.0, 0.0, 0.0, 1.0
+
+
+@kernel
+def fits_kernel(model: Array, q: Array) -> bool:
+    """Whether q is one finite number a joint."""
+    return q.shape[0] == int(model[0, 0]) and finite_kernel(q)
+
+
+@kernel
+def pose_kernel(model: Array, q: Array, link: int, T: Array) -> bool:
+    """Write the pose (4, 4) of link number ``link``, -1 for the tip; False where q does not fit."""
+    if not fits_kernel(model, q):
+        return False
+    row = model[1 + q.shape[0] + (link if link >= 0 else int(model[0, 1]))]
+    B = IDENTITY
+    for i in range(int(row[0]) + 1):
+        B = step_kernel(model[1 + i], q[i], B)
+    store_kernel(compose_kernel(B, row), T)
+    return True
+
+
+@kernel
+def poses_kernel(model: Array, q: Array, poses: Array) -> bool:
+    """Write the poses (len(links), 4, 4) of all links; False where q does not fit."""
+    if not fits_kernel(model, q):
+        return False
+    n = q.shape[0]
+    B, joint = IDENTITY, -1
+    for k in range(poses.shape[0]):
+        link = int(model[1 + n + k, 13])
+        row = model[1 + n + link]
+        while joint < int(row[0]):
+            joint += 1
+            B = step_kernel(model[1 + joint], q[joint], B)
+        store_kernel(compose_kernel(B, row), poses[link])
+    return True
+
+
+@kernel
+def pose_batch_kernel(model: Array, q: Array, link: int, poses: Array) -> None:
+    """Write the poses (m, 4, 4) of link number ``link`` for a batch q (m, n)."""
+    for k in range(q.shape[0]):
+        pose_kernel(model, q[k], link, poses[k])
+
+
+@kernel
+def poses_batch_kernel(model: Array, q: Array, poses: Array) -> None:
+    """Write the poses (m, len(links), 4, 4) of all links for a batch q (m, n)."""
+    for k in range(q.shape[0]):
+        poses_kernel(model, q[k], poses[k])
 
 
 @kernel
@@ -49,6 +162,32 @@ def forward_batch_kernel(types: Indices, offsets: Array, q: Array, frames: Array
             frames[k, i, 3, 3] = 1.0
 
 
+@cache
+def _one_pose() -> Callable[[Array, Array, int, Array], bool]:
+    return direct(pose_kernel, *_examples(), 0, np.empty((4, 4)))
+
+
+@cache
+def _all_poses() -> Callable[[Array, Array, Array], bool]:
+    return direct(poses_kernel, *_examples(), np.empty((1, 4, 4)))
+
+
+def _examples() -> tuple[Array, Array]:
+    model = np.empty((1, 14))
+    model.setflags(write=False)
+    return model, np.empty(1)
+
+
+def link_number(chain: Chain, name: str) -> int:
+    """Where a link stands in ``chain.links``.
+
+    Raises:
+        InvalidLinkName: There is no such link.
+    """
+    number = chain.index.get(name)
+    return number if number is not None else chain.index[chain.link(name).name]
+
+
 def joint_frames(chain: Chain, q: ArrayLike) -> Array:
     """Frames of all joints in the base frame, after their motion.
 
@@ -86,7 +225,21 @@ def forward(chain: Chain, q: ArrayLike, link: str | None = None) -> Array:
         InvalidRobotState: Wrong length or not finite.
         InvalidLinkName: No such link.
     """
-    return link_poses(chain, q, [link or chain.tip_link])[..., 0, :, :]
+    number = -1 if link is None else link_number(chain, link)
+    T = _empty((4, 4))
+    # The usual case, one configuration that is as it should be, is told by the kernel itself.
+    with_one = _one_pose()
+    try:
+        one = _contiguous(q, _FLOAT)
+        if one.ndim == 1 and with_one(chain.model, one, number, T):
+            return T
+    except (TypeError, ValueError):
+        pass
+    q = chain.configuration(q)
+    flat = q.reshape(-1, chain.n)
+    poses = np.empty((flat.shape[0], 4, 4))
+    pose_batch_kernel(chain.model, flat, number, poses)
+    return poses.reshape(*q.shape[:-1], 4, 4)
 
 
 def link_poses(chain: Chain, q: ArrayLike, links: Sequence[str] | None = None) -> Array:
@@ -96,12 +249,20 @@ def link_poses(chain: Chain, q: ArrayLike, links: Sequence[str] | None = None) -
         InvalidRobotState: Wrong length or not finite.
         InvalidLinkName: No such link.
     """
-    wanted = chain.links if links is None else tuple(chain.link(name) for name in links)
-    frames = joint_frames(chain, q)
-    poses = np.empty((*frames.shape[:-3], len(wanted), 4, 4))
-    for i, link in enumerate(wanted):
-        if link.joint < 0:
-            poses[..., i, :, :] = link.T_joint_link
-        else:
-            poses[..., i, :, :] = frames[..., link.joint, :, :] @ link.T_joint_link
-    return poses
+    if links is not None:
+        numbers = [link_number(chain, name) for name in links]
+        return link_poses(chain, q)[..., numbers, :, :]
+    shape = (len(chain.links), 4, 4)
+    poses = _empty(shape)
+    with_one = _all_poses()
+    try:
+        one = _contiguous(q, _FLOAT)
+        if one.ndim == 1 and with_one(chain.model, one, poses):
+            return poses
+    except (TypeError, ValueError):
+        pass
+    q = chain.configuration(q)
+    flat = q.reshape(-1, chain.n)
+    poses = np.empty((flat.shape[0], *shape))
+    poses_batch_kernel(chain.model, flat, poses)
+    return poses.reshape(*q.shape[:-1], *shape)

@@ -1,14 +1,29 @@
-"""Geometric and analytic Jacobians of any link and any point on it."""
+"""Geometric and analytic Jacobians of any link and any point on it, and their rate of change."""
+
+from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.chain import Array, Chain, Indices
-from kinematics.errors import InvalidOption
-from kinematics.forward import forward_kernel
-from kinematics.kernel import kernel
+from kinematics.errors import InvalidOption, InvalidRobotState
+from kinematics.forward import (
+    IDENTITY,
+    Frame,
+    compose_kernel,
+    fits_kernel,
+    forward_kernel,
+    link_number,
+    step_kernel,
+    store_kernel,
+)
+from kinematics.kernel import direct, kernel
 from kinematics.pose import to_zyz
 
+_FLOAT = np.dtype(np.float64)
+# Names of this module: looking them up in another one costs as much as a joint does.
+_empty, _contiguous = np.empty, np.ascontiguousarray
 #: sin(theta) below which zyz rates don't exist: the Jacobian's entries pass 1e8 there.
 ZYZ_SINGULAR_SINE = 1e-8
 
@@ -67,6 +82,157 @@ def jacobian_batch_kernel(
         jacobian_kernel(types, frames, p, last, J[m])
 
 
+@kernel
+def frame_and_jacobian_kernel(model: Array, q: Array, link: int, J: Array) -> Frame:
+    """The frame of a link, -1 for the tip, and its Jacobian written into J (6, n).
+
+    ``model`` is ``Chain.model``.
+    """
+    n = q.shape[0]
+    row = model[1 + n + (link if link >= 0 else int(model[0, 1]))]
+    last = int(row[0])
+    B = IDENTITY
+    for j in range(last + 1):
+        B = step_kernel(model[1 + j], q[j], B)
+        # Origin and axis wait in the column until the link's own origin is known.
+        J[0, j], J[1, j], J[2, j] = B[3], B[7], B[11]
+        J[3, j], J[4, j], J[5, j] = B[2], B[6], B[10]
+    B = compose_kernel(B, row)
+    for j in range(n):
+        zx, zy, zz = J[3, j], J[4, j], J[5, j]
+        if j > last:
+            for k in range(6):
+                J[k, j] = 0.0
+        elif model[1 + j, 0] == 0.0:
+            x, y, z = B[3] - J[0, j], B[7] - J[1, j], B[11] - J[2, j]
+            J[0, j], J[1, j], J[2, j] = zy * z - zz * y, zz * x - zx * z, zx * y - zy * x
+        else:
+            J[0, j], J[1, j], J[2, j] = zx, zy, zz
+            J[3, j], J[4, j], J[5, j] = 0.0, 0.0, 0.0
+    return B
+
+
+@kernel
+def _both_kernel(model: Array, q: Array, link: int, T: Array, J: Array) -> bool:
+    fits = fits_kernel(model, q)
+    if fits:
+        store_kernel(frame_and_jacobian_kernel(model, q, link, J), T)
+    return fits
+
+
+@kernel
+def _one_jacobian_kernel(model: Array, q: Array, link: int, J: Array) -> bool:
+    fits = fits_kernel(model, q)
+    if fits:
+        frame_and_jacobian_kernel(model, q, link, J)
+    return fits
+
+
+@kernel
+def rate_kernel(
+    types: Indices, frames: Array, point: Array, last: int, rates: Array, Jd: Array
+) -> None:
+    """Write the time derivative (6, n) of the Jacobian at joint velocities ``rates`` (n,).
+
+    With w_j and o_j' of frame j: z_j' = w_j x z_j and (z_j x r)' = z_j' x r + z_j x (p' - o_j').
+    """
+    n = Jd.shape[1]
+    w, v = np.zeros((n + 1, 3)), np.zeros((n + 1, 3))
+    for j in range(last + 1):
+        z, o = frames[j, :3, 2], frames[j, :3, 3]
+        r = o - frames[j - 1, :3, 3] if j > 0 else np.zeros(3)
+        w[j + 1] = w[j]
+        v[j + 1] = v[j] + _cross(w[j], r)
+        if types[j] == 0:
+            w[j + 1] += rates[j] * z
+        else:
+            v[j + 1] += rates[j] * z
+    Jd[:] = 0.0
+    if last < 0:
+        return
+    moved = v[last + 1] + _cross(w[last + 1], point - frames[last, :3, 3])
+    for j in range(last + 1):
+        z, o = frames[j, :3, 2], frames[j, :3, 3]
+        turned = _cross(w[j + 1], z)
+        if types[j] == 0:
+            Jd[:3, j] = _cross(turned, point - o) + _cross(z, moved - v[j + 1])
+            Jd[3:, j] = turned
+        else:
+            Jd[:3, j] = turned
+
+
+@kernel
+def _cross(a: Array, b: Array) -> Array:
+    c = np.empty(3)
+    c[0] = a[1] * b[2] - a[2] * b[1]
+    c[1] = a[2] * b[0] - a[0] * b[2]
+    c[2] = a[0] * b[1] - a[1] * b[0]
+    return c
+
+
+@kernel
+def _rate_batch_kernel(
+    types: Indices, offsets: Array, q: Array, rates: Array, T_joint_link: Array, point: Array,
+    last: int, Jd: Array,
+) -> None:  # fmt: skip
+    n = q.shape[1]
+    frames = np.empty((n, 4, 4))
+    p = np.empty(3)
+    for k in range(q.shape[0]):
+        forward_kernel(types, offsets, q[k], frames)
+        for row in range(3):
+            p[row] = T_joint_link[row, 3]
+            for i in range(3):
+                p[row] += T_joint_link[row, i] * point[i]
+        if last >= 0:
+            local = p.copy()
+            for row in range(3):
+                p[row] = frames[last, row, 3]
+                for i in range(3):
+                    p[row] += frames[last, row, i] * local[i]
+        rate_kernel(types, frames, p, last, rates[k], Jd[k])
+
+
+@cache
+def _pose_and_jacobian() -> Callable[[Array, Array, int, Array, Array], bool]:
+    model = np.empty((1, 14))
+    model.setflags(write=False)
+    return direct(_both_kernel, model, np.empty(1), 0, np.empty((4, 4)), np.empty((6, 1)))
+
+
+@cache
+def _one_jacobian() -> Callable[[Array, Array, int, Array], bool]:
+    model = np.empty((1, 14))
+    model.setflags(write=False)
+    return direct(_one_jacobian_kernel, model, np.empty(1), 0, np.empty((6, 1)))
+
+
+def pose_and_jacobian(chain: Chain, q: ArrayLike, link: str | None = None) -> tuple[Array, Array]:
+    """Pose (4, 4) of a link (the tip where none is named) and its Jacobian (6, n), in one walk.
+
+    Args:
+        chain: The robot.
+        q: One configuration (n,) [rad or m].
+        link: Name of a link.
+
+    Raises:
+        InvalidRobotState: Wrong length or not finite.
+        InvalidLinkName: No such link.
+    """
+    number = -1 if link is None else link_number(chain, link)
+    T, J = _empty((4, 4)), _empty((6, len(chain.joint_names)))
+    both = _pose_and_jacobian()
+    try:
+        one = _contiguous(q, _FLOAT)
+        if one.ndim == 1 and both(chain.model, one, number, T, J):
+            return T, J
+    except (TypeError, ValueError):
+        pass
+    if chain.configuration(q).ndim != 1:
+        raise InvalidRobotState("joints must be one configuration here, not several")
+    raise AssertionError("a configuration that is valid fits")
+
+
 def geometric(
     chain: Chain, q: ArrayLike, link: str | None = None, point: ArrayLike | None = None
 ) -> Array:
@@ -85,17 +251,69 @@ def geometric(
         InvalidRobotState: Wrong length or not finite.
         InvalidLinkName: No such link.
     """
+    if point is None:
+        # The usual case, one configuration that is as it should be, is told by the kernel itself.
+        number = -1 if link is None else link_number(chain, link)
+        J = _empty((6, len(chain.joint_names)))
+        with_one = _one_jacobian()
+        try:
+            one = _contiguous(q, _FLOAT)
+            if one.ndim == 1 and with_one(chain.model, one, number, J):
+                return J
+        except (TypeError, ValueError):
+            pass
     q = chain.configuration(q)
     carrier = chain.link(link or chain.tip_link)
-    at = np.zeros(3) if point is None else np.array(point, dtype=np.float64)
-    if at.shape != (3,) or not np.isfinite(at).all():
-        raise InvalidOption("point must be three finite numbers [x, y, z] in the link's frame")
+    at = _point(point)
     flat = q.reshape(-1, chain.n)
     J = np.empty((flat.shape[0], 6, chain.n))
     jacobian_batch_kernel(
         chain.joint_types, chain.offsets, flat, carrier.T_joint_link, at, carrier.joint, J
     )
     return J.reshape(*q.shape[:-1], 6, chain.n)
+
+
+def geometric_rate(
+    chain: Chain,
+    q: ArrayLike,
+    rates: ArrayLike,
+    link: str | None = None,
+    point: ArrayLike | None = None,
+) -> Array:
+    """Time derivative of the geometric Jacobian along a motion: [v'; w'] = J q_ddot + J' q_dot.
+
+    Args:
+        chain: The robot.
+        q: One configuration (n,) or a batch (..., n) [rad or m].
+        rates: Joint velocities of the same shape [rad/s or m/s].
+        link: The link that carries the point; the tip where none is named.
+        point: The point in that link's frame, shape (3,) [m]; its origin where none is given.
+
+    Returns:
+        dJ/dt, shape (..., 6, n), linear rows first.
+
+    Raises:
+        InvalidRobotState: Wrong length or not finite.
+        InvalidLinkName: No such link.
+    """
+    q = chain.configuration(q)
+    rates = chain.configuration(rates, "joint_velocities")
+    q, rates = np.broadcast_arrays(q, rates)
+    carrier = chain.link(link or chain.tip_link)
+    flat = np.ascontiguousarray(q.reshape(-1, chain.n))
+    Jd = np.empty((flat.shape[0], 6, chain.n))
+    _rate_batch_kernel(
+        chain.joint_types, chain.offsets, flat, np.ascontiguousarray(rates.reshape(-1, chain.n)),
+        carrier.T_joint_link, _point(point), carrier.joint, Jd,
+    )  # fmt: skip
+    return Jd.reshape(*q.shape[:-1], 6, chain.n)
+
+
+def _point(point: ArrayLike | None) -> Array:
+    at = np.zeros(3) if point is None else np.array(point, dtype=np.float64)
+    if at.shape != (3,) or not np.isfinite(at).all():
+        raise InvalidOption("point must be three finite numbers [x, y, z] in the link's frame")
+    return at
 
 
 def analytic_zyz(J: Array, rotation: Array) -> Array:
