@@ -1,0 +1,168 @@
+"""Velocity kinematics: joint velocities to the twist of a link and back.
+
+With the singular value decomposition J = U diag(s) V^T and a gain a_i for every singular value,
+
+    q_dot = sum_i v_i (a_i / s_i) u_i^T xi + (I - V_r V_r^T) b,
+
+where V_r spans the joint motions that move the link and b is any joint velocity. a_i = 1 is the
+pseudo-inverse: the exact solution for n = 6, the least-norm one for n > 6, and the one of least
+residual for n < 6 (course notes, lecture 16). Near a singularity a_i = s^2 / (s^2 + l^2) keeps the
+joints from racing, only along the directions that are being lost: l^2 = (1 - (s/e)^2) (e/2)^2 for
+s < e ("Review of the damped least-squares inverse kinematics with experiments on an industrial
+robot manipulator", 1994).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinematics.chain import Array, Chain, Indices
+from kinematics.errors import InvalidOption
+from kinematics.jacobian import geometric
+
+#: Singular values below this are damped: at it, 1 m/s or 1 rad/s asks for 50 rad/s or m/s.
+DAMPED_BELOW = 0.02
+#: Frames and axes of a long arm are this exact, relative to its size.
+_ROUNDING = 1e-12
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SingularDirections:
+    """What the Jacobian J = U diag(s) V^T says of a configuration; leading dimensions as asked.
+
+    Args:
+        values: s, largest first, shape (..., k) with k = min(6, n).
+        twists: Column i is u_i, the twist that singular value i gives, shape (..., 6, k).
+        motions: Row i is v_i, the joint velocities that give it, shape (..., n, n); the rows from
+            ``rank`` on leave the link at rest.
+        rank: How many directions the link can move in, shape (...).
+    """
+
+    values: Array
+    twists: Array
+    motions: Array
+    rank: Indices
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointVelocities:
+    """Joint velocities for a twist, and what they make of it.
+
+    Args:
+        joint_velocities: q_dot, shape (..., n) [rad/s or m/s].
+        residual: xi - J q_dot, shape (..., 6) [m/s, rad/s].
+        gains: a_i of every singular value, 1 where it is not damped, shape (..., k).
+        directions: The singular values and directions they belong to.
+    """
+
+    joint_velocities: Array
+    residual: Array
+    gains: Array
+    directions: SingularDirections
+
+
+def link_twist(
+    chain: Chain,
+    q: ArrayLike,
+    joint_velocities: ArrayLike,
+    link: str | None = None,
+    point: ArrayLike | None = None,
+) -> Array:
+    """Twist [v; w] = J(q) q_dot of a link, in the base frame.
+
+    Args:
+        chain: The robot.
+        q: One configuration (n,) or a batch (..., n) [rad or m].
+        joint_velocities: Of the same shape [rad/s or m/s].
+        link: The link that carries the point; the tip where none is named.
+        point: The point in that link's frame, shape (3,) [m]; its origin where none is given.
+
+    Returns:
+        Shape (..., 6), linear part first [m/s, rad/s].
+
+    Raises:
+        InvalidRobotState: Wrong length or not finite.
+        InvalidLinkName: No such link.
+    """
+    rates = chain.configuration(joint_velocities, "joint_velocities")
+    return np.asarray((geometric(chain, q, link, point) @ rates[..., None])[..., 0])
+
+
+def singular_directions(J: Array) -> SingularDirections:
+    """Decompose Jacobians (..., 6, n) into the twists they give and the motions that give them.
+
+    The rank counts singular values above the rounding of a walk along the arm. Metres and radians are added
+    as they are: a change of the unit of length changes the values, not the rank.
+    """
+    twists, values, motions = np.linalg.svd(J, full_matrices=True)
+    k = values.shape[-1]
+    largest = values.max(axis=-1, initial=0.0)
+    rank = (values > (_ROUNDING * largest)[..., None]).sum(axis=-1)
+    return SingularDirections(values, twists[..., :k], motions, rank)
+
+
+def joint_velocities(
+    chain: Chain,
+    q: ArrayLike,
+    twist: ArrayLike,
+    *,
+    nullspace: ArrayLike | None = None,
+    link: str | None = None,
+    point: ArrayLike | None = None,
+    damped_below: float = DAMPED_BELOW,
+) -> JointVelocities:
+    """Joint velocities that give a link a twist, as nearly as can be; see the module's text.
+
+    Args:
+        chain: The robot.
+        q: One configuration (n,) or a batch (..., n) [rad or m].
+        twist: xi = [v; w] in the base frame, shape (..., 6) [m/s, rad/s].
+        nullspace: b, shape (..., n) [rad/s or m/s]; only its part that leaves the link at rest
+            is added.
+        link: The link that carries the point; the tip where none is named.
+        point: The point in that link's frame, shape (3,) [m]; its origin where none is given.
+        damped_below: Singular values below it are damped; 0 for the plain pseudo-inverse.
+
+    Raises:
+        InvalidRobotState: Wrong length or not finite.
+        InvalidLinkName: No such link.
+        InvalidOption: The twist is not six finite numbers, or ``damped_below`` is negative.
+    """
+    xi = _twist(twist)
+    if not 0.0 <= damped_below < np.inf:
+        raise InvalidOption(f"damped_below must be 0 or more, got {damped_below}")
+    J = geometric(chain, q, link, point)
+    found = singular_directions(J)
+    gains = _gains(found, damped_below)
+    inside = np.arange(found.values.shape[-1]) < found.rank[..., None]
+    inverse = np.divide(gains, found.values, out=np.zeros_like(gains), where=inside)
+    along = (np.swapaxes(found.twists, -1, -2) @ xi[..., None])[..., 0]
+    k = gains.shape[-1]
+    rows = found.motions[..., :k, :]
+    rates = np.einsum("...k,...kn->...n", inverse * along, rows)
+    if nullspace is not None:
+        b = chain.configuration(nullspace, "nullspace")
+        moving = np.where(inside, np.einsum("...kn,...n->...k", rows, b), 0.0)
+        rates = rates + b - np.einsum("...k,...kn->...n", moving, rows)
+    residual = xi - np.einsum("...ij,...j->...i", J, rates)
+    return JointVelocities(rates, residual, gains, found)
+
+
+def _gains(found: SingularDirections, damped_below: float) -> Array:
+    s = found.values
+    if damped_below == 0.0:
+        return np.ones_like(s)
+    ratio = np.minimum(s / damped_below, 1.0)
+    squared = (1.0 - ratio**2) * 0.25
+    return np.asarray(ratio**2 / (ratio**2 + squared))
+
+
+def _twist(twist: ArrayLike) -> Array:
+    try:
+        xi = np.array(twist, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidOption(f"twist is no array of numbers: {error}") from None
+    if xi.ndim == 0 or xi.shape[-1] != 6 or not np.isfinite(xi).all():
+        raise InvalidOption("twist must be six finite numbers [vx, vy, vz, wx, wy, wz]")
+    return xi
