@@ -132,7 +132,8 @@ def certify(
     continuity = {"position": jumps.position, "velocity": jumps.velocity}
     for name, jump in continuity.items():
         if jump > JUMP_TOLERANCE:
-            at = int(np.argmax(trajectory.jumps(0 if name == "position" else 1).max(axis=1)))
+            jumps_at = np.abs(trajectory.jumps(0 if name == "position" else 1)).max(axis=1)
+            at = int(np.argmax(jumps_at > JUMP_TOLERANCE))
             message = f"the {name} jumps by {jump:.3g} between two pieces"
             time = float(trajectory.breaks[at + 1])
             wrong.append(Violation("continuity", time, message, {"quantity": name, "jump": jump}))

@@ -19,6 +19,7 @@ def robot(reference: Reference) -> PreparedRobot:
     Raises:
         NotPrepared: Its document has to be prepared first.
     """
+    _keep_decompositions(reference)
     if reference.built_in:
         return _ROBOTS.get(("built-in", reference.name), lambda: _built_in(reference.name))
     return _ROBOTS.get(reference.hash, lambda: prepared.read_robot(reference))
@@ -43,7 +44,7 @@ def scene(source: Reference | scene_schema.Scene | None) -> Scene:
     if source is None:
         return Scene()
     if isinstance(source, Reference):
-        keep_decompositions(prepared.decompositions(source.folder))
+        _keep_decompositions(source)
         return _SCENES.get(source.hash, lambda: prepared.read_scene(source))
     return translate.scene(source)
 
@@ -51,6 +52,11 @@ def scene(source: Reference | scene_schema.Scene | None) -> Scene:
 def loaded(reference: Reference) -> bool:
     """Whether a robot needs no loading."""
     return (("built-in", reference.name) if reference.built_in else reference.hash) in _ROBOTS
+
+
+def _keep_decompositions(reference: Reference) -> None:
+    if reference.folder:
+        keep_decompositions(prepared.decompositions(reference.folder))
 
 
 def _built_in(name: str) -> PreparedRobot:

@@ -166,3 +166,12 @@ def test_align_z() -> None:
         np.testing.assert_allclose(R[:, 2], axis / np.linalg.norm(axis), atol=1e-15)
         np.testing.assert_allclose(R.T @ R, np.eye(3), atol=1e-15)
         assert np.linalg.det(R) == pytest.approx(1.0)
+
+
+def test_many_quaternions_are_those_of_each() -> None:
+    for shape in ((len(ROTATIONS), 3, 3), (2, len(ROTATIONS) // 2, 3, 3), (3, 3)):
+        some = np.array(ROTATIONS)[: math.prod(shape[:-2])].reshape(shape)
+        found = pose.to_quaternions(some)
+        assert found.shape == (*shape[:-2], 4)
+        each = [pose.to_quaternion(R) for R in some.reshape(-1, 3, 3)]
+        np.testing.assert_array_equal(found.reshape(-1, 4), each)

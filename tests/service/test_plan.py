@@ -446,6 +446,10 @@ def test_interpolations_of_samples(client: httpx.Client) -> None:
     assert found["verified"] is False
     assert found["violation"]["kind"] == "continuity"
     assert found["violation"]["time"] == 3.0
+    rows = np.array(HOME) + np.outer([0.0, 0.1, 0.0, 0.4], [1.0, 0, 0, 0, 0, 0, 0])
+    zigzag = {"time": [0.0, 1.0, 2.0, 3.0], "position": rows.tolist()}
+    found = validate(client, {"samples": zigzag, "interpolation": "linear"}, scene=None)
+    assert found["violation"]["time"] == 1.0, "the first jump, not the largest"
 
 
 @pytest.mark.parametrize(
