@@ -8,6 +8,7 @@ from dynamics.inverse import inverse_dynamics
 from kinematics.chain import Array, Chain
 from tracking.controller import Controller, Reference
 from tracking.gain import gain_vector
+from tracking.law import Kind, Law, law
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,7 +49,9 @@ class ComputedTorque(Controller):
         v = reference.acceleration + self.Kd * e_dot + self.Kp * e
         return inverse_dynamics(self.chain, q, qd, v)
 
-    def lyapunov(self, q: Array, qd: Array, reference: Reference) -> float:
+    def lyapunov(
+        self, q: Array, qd: Array, reference: Reference, _robot: Chain | None = None
+    ) -> float:
         """Quadratic form x^T P x of the linear error dynamics, with its cross term.
 
         V = sum (q_tilde_dot^2 + (k_p + k_d^2 / 2) q_tilde^2 + k_d q_tilde q_tilde_dot) / 2 has
@@ -57,3 +60,8 @@ class ComputedTorque(Controller):
         e, e_dot = reference.position - q, reference.velocity - qd
         kp, kd = self.Kp, self.Kd
         return 0.5 * float(np.sum(e_dot**2 + (kp + 0.5 * kd**2) * e**2 + kd * e * e_dot))
+
+    def compiled(self, robot: Chain) -> Law:
+        """The controller as arrays for the compiled loop."""
+        Kp, Kd = np.diag(self.Kp), np.diag(self.Kd)
+        return law(Kind.COMPUTED_TORQUE, self.chain, robot, Kp=Kp, Kd=Kd)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Self
 
 from kinematics.chain import Array, Chain
+from tracking.law import Law
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,12 +49,25 @@ class Controller(ABC):
         """
 
     @abstractmethod
-    def lyapunov(self, q: Array, qd: Array, reference: Reference) -> float:
-        """Lyapunov function V of the controller's own stability proof, with its own model.
+    def lyapunov(
+        self, q: Array, qd: Array, reference: Reference, robot: Chain | None = None
+    ) -> float:
+        """Lyapunov function V of the controller's own stability proof.
 
-        V is 0 at the reference and positive elsewhere; where the proof's assumptions hold (exact
-        model, no saturation, no disturbance) it never grows.
+        V is 0 at the reference and positive elsewhere; where the proof's assumptions hold (a model
+        as exact as it asks, no saturation, no disturbance) it never grows.
+
+        Args:
+            q: Positions, shape (n,) [rad or m].
+            qd: Velocities, shape (n,) [rad/s or m/s].
+            reference: Where the robot should be.
+            robot: The true robot, whose mass matrix and parameters the proofs mean; the model
+                where none is given.
         """
+
+    def compiled(self, _robot: Chain, /) -> Law | None:
+        """The controller as arrays for the compiled loop, driving a robot; None if it has none."""
+        return None
 
 
 class AdaptiveController(Controller):

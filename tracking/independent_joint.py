@@ -8,6 +8,7 @@ from kinematics.chain import Array, Chain, frozen
 from kinematics.errors import InvalidOption
 from tracking.controller import Controller, Reference
 from tracking.gain import gain_vector
+from tracking.law import Kind, Law, law
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,7 +58,9 @@ class IndependentJoint(Controller):
         feedforward = feedforward + self.chain.viscous_friction * reference.velocity
         return np.asarray(feedforward + self.Kp * e + self.Kd * e_dot)
 
-    def lyapunov(self, q: Array, qd: Array, reference: Reference) -> float:
+    def lyapunov(
+        self, q: Array, qd: Array, reference: Reference, _robot: Chain | None = None
+    ) -> float:
         """Energy of the error, V = (q_tilde_dot^T J q_tilde_dot + q_tilde^T K_p q_tilde) / 2.
 
         For the motors alone V_dot = -q_tilde_dot^T (B + K_d) q_tilde_dot; the arm they carry is
@@ -65,3 +68,15 @@ class IndependentJoint(Controller):
         """
         e, e_dot = reference.position - q, reference.velocity - qd
         return 0.5 * float(e_dot @ (self.J * e_dot) + e @ (self.Kp * e))
+
+    def compiled(self, robot: Chain) -> Law:
+        """The controller as arrays for the compiled loop."""
+        return law(
+            Kind.INDEPENDENT_JOINT,
+            self.chain,
+            robot,
+            Kp=np.diag(self.Kp),
+            Kd=np.diag(self.Kd),
+            inertia=self.J,
+            friction=self.chain.viscous_friction,
+        )

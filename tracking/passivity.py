@@ -11,6 +11,7 @@ from kinematics.chain import Array, Chain
 from kinematics.errors import InvalidOption
 from tracking.controller import Controller, Reference
 from tracking.gain import gain_matrix, gain_vector, is_symmetric
+from tracking.law import Kind, Law, law
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,7 +69,9 @@ class Passivity(Controller):
             inertial + coriolis + friction + gravity_vector(self.chain, q) + self.K @ r
         )
 
-    def lyapunov(self, q: Array, qd: Array, reference: Reference) -> float:
+    def lyapunov(
+        self, q: Array, qd: Array, reference: Reference, robot: Chain | None = None
+    ) -> float:
         """Energy of the filtered error and a spring, V = r^T M r / 2 + q_tilde^T Lambda K q_tilde.
 
         V_dot = -q_tilde_dot^T K q_tilde_dot - q_tilde^T Lambda K Lambda q_tilde.
@@ -78,5 +81,9 @@ class Passivity(Controller):
             MissingInertia: The model lacks an inertia.
         """
         r, e = self.filtered(q, qd, reference), reference.position - q
-        M = augmented_mass_matrix(self.chain, q)
+        M = augmented_mass_matrix(robot or self.chain, q)
         return float(0.5 * r @ M @ r + (self.Lambda * e) @ self.K @ e)
+
+    def compiled(self, robot: Chain) -> Law:
+        """The controller as arrays for the compiled loop."""
+        return law(Kind.PASSIVITY, self.chain, robot, Kd=self.K, Lambda=self.Lambda)

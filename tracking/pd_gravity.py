@@ -9,6 +9,7 @@ from dynamics.mass_matrix import augmented_mass_matrix
 from kinematics.chain import Array, Chain
 from tracking.controller import Controller, Reference
 from tracking.gain import gain_matrix
+from tracking.law import Kind, Law, law
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,7 +47,9 @@ class PdGravity(Controller):
         e, e_dot = reference.position - q, reference.velocity - qd
         return np.asarray(self.Kp @ e + self.Kd @ e_dot + gravity_vector(self.chain, q))
 
-    def lyapunov(self, q: Array, qd: Array, reference: Reference) -> float:
+    def lyapunov(
+        self, q: Array, qd: Array, reference: Reference, robot: Chain | None = None
+    ) -> float:
         """Kinetic plus virtual potential energy, V = (q_dot^T M q_dot + q_tilde^T K_p q_tilde) / 2.
 
         For a constant reference V_dot = -q_dot^T (B + K_d) q_dot.
@@ -56,5 +59,9 @@ class PdGravity(Controller):
             MissingInertia: The model lacks an inertia.
         """
         e = reference.position - q
-        M = augmented_mass_matrix(self.chain, q)
+        M = augmented_mass_matrix(robot or self.chain, q)
         return 0.5 * float(qd @ M @ qd + e @ self.Kp @ e)
+
+    def compiled(self, robot: Chain) -> Law:
+        """The controller as arrays for the compiled loop."""
+        return law(Kind.PD_GRAVITY, self.chain, robot, Kp=self.Kp, Kd=self.Kd)

@@ -36,13 +36,16 @@ class SimulationResult:
         reference_velocity: Shape (m, n).
         torque: Applied by the motors, after saturation, shape (m, n) [N m or N].
         saturated: Where more torque was asked than applied, shape (m, n).
-        lyapunov: V by the controller's own model, shape (m,).
+        lyapunov: V of the controller's stability proof, with the true robot's M and parameters,
+            shape (m,).
         estimate: Parameters of an adaptive controller, shape (m, p); p = 0 for the others.
         max_tracking_error: Largest |q^r - q| of each joint at any sample and any step of the
             integrator, shape (n,) [rad or m].
         settling_time: First sample from which on the tracking error stays within the settling
             tolerance [s]; None where it does not at the end.
         evaluations: Evaluations of the robot's dynamics that it took.
+        steps: Steps of the explicit method.
+        implicit_steps: Steps of the implicit method, which a stiff loop is gone on with.
     """
 
     outcome: SimulationOutcome
@@ -58,6 +61,8 @@ class SimulationResult:
     max_tracking_error: Array
     settling_time: float | None
     evaluations: int
+    steps: int = 0
+    implicit_steps: int = 0
 
     def __post_init__(self) -> None:
         self.saturated.setflags(write=False)

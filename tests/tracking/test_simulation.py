@@ -182,7 +182,9 @@ class IntegralAction(AdaptiveController):
     def adaptation(self, _t: float, q: Array, qd: Array, reference: Reference, /) -> Array:
         return np.asarray(30.0 * (reference.position - q))
 
-    def lyapunov(self, q: Array, qd: Array, reference: Reference) -> float:
+    def lyapunov(
+        self, q: Array, qd: Array, reference: Reference, robot: Chain | None = None
+    ) -> float:
         return float(np.sum((reference.position - q) ** 2))
 
 

@@ -1,0 +1,207 @@
+"""The closed loop with a controller of the user's own, called from Python at every evaluation."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import DOP853
+
+from dynamics.body import bodies
+from dynamics.forward import forward_dynamics_kernel, massless
+from dynamics.inverse import wrench_torque
+from kinematics.chain import Array
+from tracking.controller import AdaptiveController, Controller
+from tracking.loop import HOPELESS, RUNAWAY
+from tracking.result import SimulationOutcome, SimulationResult, settling_time
+from tracking.setup import Setup
+
+
+class _Command(NamedTuple):
+    """What the controller does at one instant."""
+
+    torque: Array
+    saturated: NDArray[np.bool_]
+    adaptation: Array
+
+
+_Law = Callable[[float, Array], _Command]
+
+
+class _Sample(NamedTuple):
+    """One row of the result; the fields are named as there."""
+
+    times: float
+    position: Array
+    velocity: Array
+    reference_position: Array
+    reference_velocity: Array
+    torque: Array
+    saturated: NDArray[np.bool_]
+    lyapunov: float
+    estimate: Array
+
+
+def run(setup: Setup) -> SimulationResult:
+    """Integrate a closed loop by an explicit method of order 8, from cut to cut.
+
+    Raises:
+        MissingInertia: The robot, or a model that the controller needs, lacks an inertia.
+    """
+    return _Loop(setup).run()
+
+
+class _Loop:
+    """One run; the state x is [q; q_dot; estimate]."""
+
+    def __init__(self, setup: Setup) -> None:
+        self.setup = setup
+        self.rows = bodies(setup.robot).rows
+        self.n = setup.robot.n
+        self.segment = 0
+        self.held: _Command | None = None
+        self.worst = np.zeros(self.n)
+        self.evaluations, self.steps = 0, 0
+        self.samples: list[_Sample] = []
+
+    def run(self) -> SimulationResult:
+        """Integrate segment by segment: each is smooth, or holds one torque."""
+        outcome, x, cuts = SimulationOutcome.COMPLETED, self.setup.start, self.setup.cuts
+        law: _Law = self.command
+        for self.segment in range(len(cuts.pieces)):
+            start, end = cuts.times[self.segment : self.segment + 2]
+            if self.setup.held:
+                if cuts.called[self.segment]:
+                    self.held = self.command(start, x)
+                law = self.keep
+            if not self.samples:
+                self.sample(start, x, law)
+            outcome, x = self.advance(float(start), float(end), x, law)
+            if outcome is not SimulationOutcome.COMPLETED:
+                break
+        else:
+            self.sample(float(cuts.times[-1]), x, law)
+        return self.result(outcome)
+
+    def keep(self, _t: float, _x: Array) -> _Command:
+        """The command that is held."""
+        assert self.held is not None
+        return self.held
+
+    def command(self, t: float, x: Array) -> _Command:
+        """The controller's torque cut off at the limits, and the change of its estimate."""
+        n, cuts = self.n, self.setup.cuts
+        noise = cuts.noise[cuts.noises[self.segment]]
+        q, qd = x[:n] + noise[0], x[n : 2 * n] + noise[1]
+        reference = self.setup.signal.at(t, int(cuts.pieces[self.segment]))
+        controller, adaptation = self.with_estimate(x), np.zeros(0)
+        asked = controller.torque(t, q, qd, reference)
+        if isinstance(controller, AdaptiveController):
+            adaptation = controller.adaptation(t, q, qd, reference)
+        torque = np.clip(asked, -self.setup.limit, self.setup.limit)
+        return _Command(torque, torque != asked, adaptation)
+
+    def with_estimate(self, x: Array) -> Controller:
+        """The controller at the state's estimate."""
+        controller = self.setup.controller
+        if isinstance(controller, AdaptiveController):
+            return controller.with_estimate(x[2 * self.n :])
+        return controller
+
+    def disturbance(self, t: float, q: Array) -> Array:
+        """What acts on the joints beside the motors, shape (n,)."""
+        acting = self.setup.disturbance
+        if acting is None or not self.setup.cuts.disturbed[self.segment]:
+            return np.zeros(self.n)
+        constant, amplitude = acting.parts(self.setup.robot)
+        wave = np.sin(2.0 * np.pi * acting.frequency * t)
+        pushed = wrench_torque(self.setup.robot, q, acting.wrench)
+        return np.asarray(constant + amplitude * wave + pushed)
+
+    def rate(self, t: float, x: Array, law: _Law) -> Array:
+        """Time derivative of the state; NaN, which no integrator accepts, where it is hopeless."""
+        self.evaluations += 1
+        if not np.abs(x).max() < HOPELESS:
+            return np.full_like(x, np.nan)
+        n = self.n
+        command = law(t, x)
+        # Straight to the kernel: the state is known to be finite and of the right length.
+        state, qdd = np.empty((1, 3, n)), np.empty((1, n))
+        state[0, :2] = x[: 2 * n].reshape(2, n)
+        state[0, 2] = command.torque + self.disturbance(t, x[:n])
+        failed = forward_dynamics_kernel(self.rows, state, qdd)
+        if failed >= 0:
+            raise massless(self.setup.robot, failed)
+        return np.concatenate([x[n : 2 * n], qdd[0], command.adaptation])
+
+    def advance(
+        self, start: float, end: float, x: Array, law: _Law
+    ) -> tuple[SimulationOutcome, Array]:
+        """Integrate over one segment, recording what falls into it."""
+        options = self.setup.options
+        solver = DOP853(
+            partial(self.rate, law=law),
+            start,
+            x,
+            end,
+            rtol=options.relative_tolerance,
+            atol=options.absolute_tolerance,
+            # A held torque makes a smooth motion over a short time: try it in one step.
+            first_step=end - start if self.setup.held else None,
+        )
+        while solver.status == "running":
+            if self.evaluations >= options.max_evaluations:
+                return SimulationOutcome.EXHAUSTED, solver.y
+            before = solver.t, solver.y
+            failure = solver.step()
+            if failure is not None or np.abs(solver.y).max() > RUNAWAY:
+                return SimulationOutcome.RAN_AWAY, solver.y
+            self.steps += 1
+            self.note(before, solver, law)
+        return SimulationOutcome.COMPLETED, solver.y
+
+    def note(self, before: tuple[float, Array], solver: "DOP853[np.float64]", law: _Law) -> None:
+        """Record the samples of one step, those at its end excepted, and the error at its end."""
+        t_old, x_old = before
+        times = self.setup.times[:-1]
+        interpolate: Callable[[float], Array] | None = None
+        while len(self.samples) < len(times) and times[len(self.samples)] < solver.t:
+            t = float(times[len(self.samples)])
+            if t > t_old and interpolate is None:
+                interpolate = solver.dense_output()
+            self.sample(t, x_old if interpolate is None else interpolate(t), law)
+        piece = int(self.setup.cuts.pieces[self.segment])
+        self.weigh(self.setup.signal.at(solver.t, piece).position - solver.y[: self.n])
+
+    def sample(self, t: float, x: Array, law: _Law) -> None:
+        """Record one sample."""
+        n = self.n
+        q, qd, estimate = x[:n], x[n : 2 * n], x[2 * n :]
+        reference = self.setup.signal.at(t, int(self.setup.cuts.pieces[self.segment]))
+        command = law(t, x)
+        self.weigh(reference.position - q)
+        V = self.with_estimate(x).lyapunov(q, qd, reference, self.setup.robot)
+        at = reference.position, reference.velocity, command.torque, command.saturated
+        self.samples.append(_Sample(t, q, qd, *at, V, estimate))
+
+    def weigh(self, error: Array) -> None:
+        """Keep the largest error of each joint."""
+        self.worst = np.maximum(self.worst, np.abs(error))
+
+    def result(self, outcome: SimulationOutcome) -> SimulationResult:
+        """All samples side by side."""
+        columns: dict[str, Any] = {
+            name: np.array([getattr(sample, name) for sample in self.samples])
+            for name in _Sample._fields
+        }
+        error = columns["reference_position"] - columns["position"]
+        settled = settling_time(columns["times"], error, self.setup.options.settling_tolerance)
+        return SimulationResult(
+            outcome=outcome,
+            **columns,
+            max_tracking_error=self.worst,
+            settling_time=settled,
+            evaluations=self.evaluations,
+            steps=self.steps,
+        )

@@ -1,0 +1,124 @@
+"""The closed loop with one of this package's controllers: no Python between start and end."""
+
+import numpy as np
+
+from dynamics.body import bodies
+from dynamics.forward import massless
+from kinematics.chain import Array
+from tracking.course import EXHAUSTED, MASSLESS, RAN_AWAY, Record, run_kernel
+from tracking.disturbance import Disturbance
+from tracking.explicit import ALL_STAGES, POWERS, Steps
+from tracking.implicit import stages
+from tracking.law import Law, space
+from tracking.loop import HELD, Loop
+from tracking.reference import ReferenceSignal
+from tracking.result import SimulationOutcome, SimulationResult, settling_time
+from tracking.setup import Setup
+
+_OUTCOMES = {
+    RAN_AWAY: SimulationOutcome.RAN_AWAY,
+    EXHAUSTED: SimulationOutcome.EXHAUSTED,
+}
+#: The rest after a trajectory is a piece of its own.
+_REST = 1
+
+
+def run(setup: Setup, law: Law) -> SimulationResult:
+    """Integrate a closed loop of compiled parts.
+
+    Begins with an explicit method of order 8 and goes over to an implicit one where it is stiff.
+
+    Raises:
+        MissingInertia: The robot lacks an inertia.
+    """
+    n, N, options = setup.robot.n, len(setup.start), setup.options
+    bodies(setup.robot)
+    loop = _loop(setup, law)
+    record = _record(setup.times, n, N)
+    x = setup.start.copy()
+    steps = Steps(np.zeros((ALL_STAGES, N)), np.zeros((POWERS, N)), np.zeros(N))
+    tolerances = np.array([options.relative_tolerance, options.absolute_tolerance])
+    ended = run_kernel(
+        loop, setup.cuts, steps, stages(N), record, tolerances, options.max_evaluations, x
+    )
+    if ended == MASSLESS:
+        raise massless(setup.robot, int(loop.flags[4]) - 1)
+    return _result(setup, record, loop, _OUTCOMES.get(ended, SimulationOutcome.COMPLETED))
+
+
+def _loop(setup: Setup, law: Law) -> Loop:
+    n, b = setup.robot.n, len(law.columns)
+    acting = setup.disturbance or Disturbance()
+    constant, amplitude = acting.parts(setup.robot)
+    tip = setup.robot.tip
+    breaks, coefficients = _reference(setup.signal)
+    flags = np.zeros(5, dtype=np.int64)
+    flags[HELD] = int(setup.held)
+    return Loop(
+        law,
+        space(n, law),
+        np.array(setup.limit),
+        np.array(constant),
+        np.array(amplitude),
+        2.0 * np.pi * acting.frequency,
+        np.array(acting.wrench),
+        np.array(tip.T_joint_link[:3, 3]),
+        tip.joint,
+        breaks,
+        coefficients,
+        np.zeros((2, n)),
+        np.zeros(n + b),
+        np.zeros(n),
+        np.zeros((2, n)),
+        np.zeros((3, n)),
+        flags,
+    )
+
+
+def _reference(signal: ReferenceSignal) -> tuple[Array, Array]:
+    trajectory = signal.trajectory
+    m, n, k = trajectory.coefficients.shape
+    coefficients = np.zeros((m + _REST, n, k))
+    coefficients[:m] = trajectory.coefficients
+    coefficients[m, :, 0] = trajectory.end
+    return np.array(trajectory.breaks), coefficients
+
+
+def _record(times: Array, n: int, N: int) -> Record:
+    m = len(times)
+    return Record(
+        np.array(times),
+        np.zeros((m, N)),
+        np.zeros((m, n)),
+        np.zeros((m, n), dtype=np.bool_),
+        np.zeros(m),
+        np.zeros((m, 2, n)),
+        np.zeros(n),
+        np.zeros(3, dtype=np.int64),
+    )
+
+
+def _result(
+    setup: Setup, record: Record, loop: Loop, outcome: SimulationOutcome
+) -> SimulationResult:
+    n, m = setup.robot.n, int(record.counters[0])
+    x, references = record.states[:m], record.references[:m]
+    error = references[:, 0] - x[:, :n]
+    times = record.times[:m]
+    return SimulationResult(
+        outcome=outcome,
+        times=times,
+        position=x[:, :n],
+        velocity=x[:, n : 2 * n],
+        reference_position=references[:, 0],
+        reference_velocity=references[:, 1],
+        torque=record.torques[:m],
+        saturated=record.saturated[:m].copy(),
+        lyapunov=record.lyapunov[:m],
+        estimate=x[:, 2 * n :],
+        max_tracking_error=record.worst,
+        settling_time=settling_time(times, error, setup.options.settling_tolerance),
+        evaluations=int(loop.flags[0]),
+        steps=int(record.counters[1]),
+        implicit_steps=int(record.counters[2]),
+    )

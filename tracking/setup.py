@@ -1,0 +1,104 @@
+"""One run of a closed loop, checked and ready to be integrated."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinematics.chain import Array, Chain
+from kinematics.errors import InvalidOption, InvalidRobotState
+from kinematics.trajectory import Trajectory
+from tracking.controller import AdaptiveController, Controller
+from tracking.disturbance import Disturbance, EncoderNoise
+from tracking.options import SimulationOptions
+from tracking.reference import ReferenceSignal
+from tracking.schedule import Cuts, periods, schedule
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Setup:
+    """What a run is made of.
+
+    Args:
+        controller: With the model that it believes in.
+        robot: The true robot.
+        options: How to integrate.
+        signal: The reference.
+        times: Of the samples, shape (m,) [s]; the last is the duration.
+        cuts: Where the loop is not smooth.
+        limit: Effort limits, shape (n,), inf where there is none.
+        disturbance: What the controller does not know of.
+        start: The state x = [q; q_dot; estimate], shape (N,).
+    """
+
+    controller: Controller
+    robot: Chain
+    options: SimulationOptions
+    signal: ReferenceSignal
+    times: Array
+    cuts: Cuts
+    limit: Array
+    disturbance: Disturbance | None
+    start: Array
+
+    @property
+    def held(self) -> bool:
+        """Whether the torque is held from one call of the controller to the next."""
+        return self.options.control_period is not None
+
+
+def prepare(
+    controller: Controller,
+    trajectory: Trajectory,
+    options: SimulationOptions,
+    robot: Chain,
+    initial: tuple[ArrayLike | None, ArrayLike | None],
+    disturbance: Disturbance | None,
+    noise: EncoderNoise | None,
+) -> Setup:
+    """Check everything that a run needs.
+
+    Raises:
+        InvalidOption: Trajectory and robot have different joints, or too many samples are asked.
+        InvalidRobotState: An initial state has the wrong length or is not finite.
+        MissingLimit: An effort limit is not known, and the options ask for saturation.
+    """
+    _check_joints(controller.chain, trajectory, robot)
+    duration = trajectory.duration if options.duration is None else options.duration
+    samples = list(periods(duration, options.sample_period, "sample_period"))
+    limit = np.full(robot.n, np.inf)
+    if options.saturate:
+        limit = robot.limits.require("effort", robot.joint_names)
+    signal = ReferenceSignal(trajectory)
+    start = signal.at(0.0)
+    q = start.position if initial[0] is None else initial[0]
+    qd = start.velocity if initial[1] is None else initial[1]
+    state = [
+        robot.configuration(q, "initial_position"),
+        robot.configuration(qd, "initial_velocity"),
+    ]
+    if any(part.shape != (robot.n,) for part in state):
+        raise InvalidRobotState("a simulation starts at one state, not at a batch of them")
+    if isinstance(controller, AdaptiveController):
+        state.append(controller.estimate)
+    return Setup(
+        controller,
+        robot,
+        options,
+        signal,
+        np.array([*samples, duration]),
+        schedule(signal, duration, options, disturbance, noise),
+        limit,
+        disturbance,
+        np.concatenate(state),
+    )
+
+
+def _check_joints(model: Chain, trajectory: Trajectory, robot: Chain) -> None:
+    for name, joints in (("trajectory", trajectory.joint_names), ("robot", robot.joint_names)):
+        if joints != model.joint_names:
+            raise InvalidOption(
+                f"the {name} has the joints {', '.join(joints)}, "
+                f"the controller's model has {', '.join(model.joint_names)}",
+                hint="Give all three the same joints in the same order.",
+            )
