@@ -3,11 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dynamics.inverse import inverse_dynamics
 from kinematics.chain import Array, Chain
 from tracking.controller import Controller, Reference
-from tracking.gain import gain_vector
+from tracking.gain import gain_vector, placed_gains
 from tracking.law import Kind, Law, law
 
 
@@ -37,6 +38,22 @@ class ComputedTorque(Controller):
     def __post_init__(self) -> None:
         object.__setattr__(self, "Kp", gain_vector(self.chain, "Kp", self.Kp))
         object.__setattr__(self, "Kd", gain_vector(self.chain, "Kd", self.Kd))
+
+    @classmethod
+    def placed(
+        cls, chain: Chain, natural_frequency: ArrayLike, damping: ArrayLike = 1.0
+    ) -> "ComputedTorque":
+        """The controller whose error has the poles of s^2 + 2 zeta w s + w^2 at every joint.
+
+        Args:
+            chain: The model.
+            natural_frequency: w, one number or shape (n,) [rad/s].
+            damping: zeta, one number or shape (n,).
+
+        Raises:
+            InvalidOption: A value is not positive, or their number is wrong.
+        """
+        return cls(chain, *placed_gains(chain, natural_frequency, damping))
 
     def torque(self, _t: float, q: Array, qd: Array, reference: Reference, /) -> Array:
         """Torque u = M v + C q_dot + B q_dot + G, shape (n,), by Newton-Euler.

@@ -3,11 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from dynamics.mass_matrix import augmented_mass_matrix
 from kinematics.chain import Array, Chain, frozen
 from kinematics.errors import InvalidOption
 from tracking.controller import Controller, Reference
-from tracking.gain import gain_vector
+from tracking.gain import gain_vector, placed_gains
 from tracking.law import Kind, Law, law
 
 
@@ -46,6 +48,48 @@ class IndependentJoint(Controller):
                 )
             object.__setattr__(self, "inertia", J)
 
+    @classmethod
+    def placed(
+        cls,
+        chain: Chain,
+        natural_frequency: ArrayLike,
+        damping: ArrayLike = 1.0,
+        inertia: Array | None = None,
+    ) -> "IndependentJoint":
+        """The controller whose error has the poles of s^2 + 2 zeta w s + w^2 at every joint.
+
+        K_p = J w^2 and K_d = 2 zeta w J - B, as far as a joint is its motor alone.
+
+        Args:
+            chain: The model.
+            natural_frequency: w, one number or shape (n,) [rad/s].
+            damping: zeta, one number or shape (n,).
+            inertia: J where it is not the motors' own, shape (n,), see
+                ``effective_inertia`` [kg m^2 or kg].
+
+        Raises:
+            InvalidOption: A value is not positive, their number is wrong, a joint has no inertia,
+                or friction alone damps it more than asked.
+        """
+        kp, kd = placed_gains(chain, natural_frequency, damping)
+        J = chain.motor_inertia if inertia is None else gain_vector(chain, "inertia", inertia)
+        if (J <= 0.0).any():
+            joint = chain.joint_names[int(np.argmin(J))]
+            raise InvalidOption(
+                f"the motor of joint {joint!r} has no inertia, so its poles can't be placed",
+                hint="Give the robot's motors, or inertia: effective_inertia of a configuration.",
+                joint=joint,
+            )
+        Kd = J * kd - chain.viscous_friction
+        if (Kd <= 0.0).any():
+            joint = chain.joint_names[int(np.argmin(Kd))]
+            raise InvalidOption(
+                f"friction alone damps joint {joint!r} more than asked",
+                hint="Ask for a higher natural_frequency or damping.",
+                joint=joint,
+            )
+        return cls(chain, frozen(J * kp), frozen(Kd), frozen(J))
+
     @property
     def J(self) -> Array:
         """The inertia that is fed forward, shape (n,)."""
@@ -80,3 +124,18 @@ class IndependentJoint(Controller):
             inertia=self.J,
             friction=self.chain.viscous_friction,
         )
+
+
+def effective_inertia(chain: Chain, q: ArrayLike) -> Array:
+    """What each motor feels of itself and the arm, diag(D(q)) + J, the mean over a batch, (n,).
+
+    Args:
+        chain: The model.
+        q: One configuration (n,) or a batch (..., n) [rad or m].
+
+    Raises:
+        InvalidRobotState: Wrong length or not finite.
+        MissingInertia: The model lacks an inertia.
+    """
+    M = augmented_mass_matrix(chain, q).reshape(-1, chain.n, chain.n)
+    return np.asarray(np.diagonal(M, axis1=1, axis2=2).mean(axis=0))

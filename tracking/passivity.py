@@ -4,13 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynamics.coriolis import coriolis_matrix
-from dynamics.gravity import gravity_vector
+from dynamics.inverse import reference_dynamics
 from dynamics.mass_matrix import augmented_mass_matrix
 from kinematics.chain import Array, Chain
-from kinematics.errors import InvalidOption
 from tracking.controller import Controller, Reference
-from tracking.gain import gain_matrix, gain_vector, is_symmetric
+from tracking.gain import filtered_gains
 from tracking.law import Kind, Law, law
 
 
@@ -39,13 +37,9 @@ class Passivity(Controller):
     K: Array
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "Lambda", gain_vector(self.chain, "Lambda", self.Lambda))
-        object.__setattr__(self, "K", gain_matrix(self.chain, "K", self.K))
-        if not is_symmetric(self.Lambda[:, None] * self.K):
-            raise InvalidOption(
-                "Lambda K is not symmetric, so nothing is proved of this controller",
-                hint="Give K as one number a joint, or equal Lambda to the joints that K couples.",
-            )
+        Lambda, K = filtered_gains(self.chain, self.Lambda, self.K)
+        object.__setattr__(self, "Lambda", Lambda)
+        object.__setattr__(self, "K", K)
 
     def filtered(self, q: Array, qd: Array, reference: Reference) -> Array:
         """The filtered error r = q_tilde_dot + Lambda q_tilde, shape (n,) [rad/s or m/s]."""
@@ -60,14 +54,8 @@ class Passivity(Controller):
             MissingInertia: The model lacks an inertia.
         """
         r = self.filtered(q, qd, reference)
-        v = r + qd
         a = reference.acceleration + self.Lambda * (reference.velocity - qd)
-        inertial = augmented_mass_matrix(self.chain, q) @ a
-        coriolis = coriolis_matrix(self.chain, q, qd) @ v
-        friction = self.chain.viscous_friction * qd
-        return np.asarray(
-            inertial + coriolis + friction + gravity_vector(self.chain, q) + self.K @ r
-        )
+        return np.asarray(reference_dynamics(self.chain, q, qd, r + qd, a) + self.K @ r)
 
     def lyapunov(
         self, q: Array, qd: Array, reference: Reference, robot: Chain | None = None

@@ -1,0 +1,147 @@
+"""Adaptive control: passivity-based, with the model learned on the way."""
+
+from dataclasses import dataclass, field, replace
+from typing import Self
+
+import numpy as np
+
+from dynamics.base_parameters import BaseParameters, base_parameters
+from dynamics.mass_matrix import augmented_mass_matrix
+from dynamics.regressor import reference_regressor
+from kinematics.chain import Array, Chain, frozen
+from kinematics.errors import InvalidOption
+from tracking.controller import AdaptiveController, Reference
+from tracking.gain import adaptation_gain, filtered_gains
+from tracking.law import Kind, Law, law
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Adaptive(AdaptiveController):
+    """The controller of Slotine and Li with the gradient law on the base parameters.
+
+        u = Y(q, q_dot, a, v) Theta_hat + K r,    Theta_hat_dot = Gamma Y^T r,
+        r = q_tilde_dot + Lambda q_tilde,
+        v = q^r_dot + Lambda q_tilde,    a = q^r_ddot + Lambda q_tilde_dot,
+
+    so that M r_dot + (C + K) r = -Y (Theta_hat - Theta). The tracking error goes to zero (by
+    Barbalat's lemma); the estimate goes to the truth only where the reference excites every
+    parameter persistently. Signs are those of q_tilde = q^r - q.
+
+    Args:
+        chain: The model that the estimate starts from; its kinematics are taken as exact.
+        Lambda: Positive, the diagonal of Lambda, shape (n,) or () for all joints [1/s].
+        K: Symmetric positive definite, (n, n), (n,) or () [N m s/rad or N s/m]; the proof needs
+            Lambda K symmetric, so K couples only joints of equal Lambda.
+        Gamma: Symmetric positive definite, (b, b), (b,) or (): how fast each parameter is learned.
+        estimate: Theta_hat at the start, shape (b,); the model's own where none is given.
+        motors: Whether motor inertias and viscous frictions are learned too; by default where the
+            model has any.
+        base: The base parameters, found from the model where none are given.
+
+    Raises:
+        InvalidOption: A gain has the wrong shape, is not (symmetric) positive (definite), Lambda K
+            is not symmetric, or the estimate has the wrong length.
+        MissingInertia: The model lacks an inertia.
+    """
+
+    chain: Chain
+    Lambda: Array
+    K: Array
+    Gamma: Array
+    estimate: Array = field(default_factory=lambda: np.zeros(0))
+    motors: bool | None = None
+    base: BaseParameters | None = None
+
+    def __post_init__(self) -> None:
+        Lambda, K = filtered_gains(self.chain, self.Lambda, self.K)
+        object.__setattr__(self, "Lambda", Lambda)
+        object.__setattr__(self, "K", K)
+        if self.base is None:
+            driven = (self.chain.motor_inertia != 0.0) | (self.chain.viscous_friction != 0.0)
+            motors = bool(driven.any()) if self.motors is None else self.motors
+            object.__setattr__(self, "base", base_parameters(self.chain, motors=motors))
+        object.__setattr__(self, "Gamma", adaptation_gain(self.parameters.count, self.Gamma))
+        given = self.estimate if np.size(self.estimate) else self.parameters.of(self.chain)
+        estimate = frozen(given)
+        if estimate.shape != (self.parameters.count,) or not np.isfinite(estimate).all():
+            raise InvalidOption(
+                f"the estimate must be {self.parameters.count} finite numbers, one for each base "
+                "parameter",
+                hint=f"They are: {'; '.join(self.parameters.names)}.",
+            )
+        object.__setattr__(self, "estimate", estimate)
+
+    @property
+    def parameters(self) -> BaseParameters:
+        """The base parameters that are estimated."""
+        assert self.base is not None
+        return self.base
+
+    def with_estimate(self, estimate: Array) -> Self:
+        """The same controller with another estimate, shape (b,)."""
+        return replace(self, estimate=estimate)
+
+    def filtered(self, q: Array, qd: Array, reference: Reference) -> Array:
+        """The filtered error r = q_tilde_dot + Lambda q_tilde, shape (n,) [rad/s or m/s]."""
+        e, e_dot = reference.position - q, reference.velocity - qd
+        return np.asarray(e_dot + self.Lambda * e)
+
+    def regressor(self, q: Array, qd: Array, reference: Reference) -> Array:
+        """Y(q, q_dot, a, v) of the base parameters, shape (n, b).
+
+        Raises:
+            InvalidRobotState: The state has the wrong length or is not finite.
+        """
+        r = self.filtered(q, qd, reference)
+        a = reference.acceleration + self.Lambda * (reference.velocity - qd)
+        return self.parameters.regressor(reference_regressor(self.chain, q, qd, r + qd, a))
+
+    def torque(self, _t: float, q: Array, qd: Array, reference: Reference, /) -> Array:
+        """Torque u = Y Theta_hat + K r, shape (n,).
+
+        Raises:
+            InvalidRobotState: The state has the wrong length or is not finite.
+        """
+        Y, r = self.regressor(q, qd, reference), self.filtered(q, qd, reference)
+        return np.asarray(Y @ self.estimate + self.K @ r)
+
+    def adaptation(self, _t: float, q: Array, qd: Array, reference: Reference, /) -> Array:
+        """The gradient law Theta_hat_dot = Gamma Y^T r, shape (b,).
+
+        Raises:
+            InvalidRobotState: The state has the wrong length or is not finite.
+        """
+        Y, r = self.regressor(q, qd, reference), self.filtered(q, qd, reference)
+        return np.asarray(self.Gamma @ (Y.T @ r))
+
+    def lyapunov(
+        self, q: Array, qd: Array, reference: Reference, robot: Chain | None = None
+    ) -> float:
+        """V = r^T M r / 2 + q_tilde^T Lambda K q_tilde + off^T Gamma^-1 off / 2.
+
+        With off = Theta_hat - Theta and the true robot's M and Theta,
+        V_dot = -q_tilde_dot^T K q_tilde_dot - q_tilde^T Lambda K Lambda q_tilde.
+
+        Raises:
+            InvalidRobotState: The state has the wrong length or is not finite.
+            MissingInertia: The robot lacks an inertia.
+        """
+        true = robot or self.chain
+        r, e = self.filtered(q, qd, reference), reference.position - q
+        off = self.estimate - self.parameters.of(true)
+        M = augmented_mass_matrix(true, q)
+        V = 0.5 * r @ M @ r + (self.Lambda * e) @ self.K @ e
+        return float(V + 0.5 * off @ np.linalg.solve(self.Gamma, off))
+
+    def compiled(self, robot: Chain) -> Law:
+        """The controller as arrays for the compiled loop."""
+        base = self.parameters
+        estimated = (base.columns, self.Gamma, base.of(robot))
+        return law(
+            Kind.ADAPTIVE,
+            self.chain,
+            robot,
+            Kd=self.K,
+            Lambda=self.Lambda,
+            estimated=estimated,
+        )
