@@ -30,6 +30,9 @@ def unit_derivative_kernel(c: Array, h: float, order: int, out: Array) -> int:
             factor *= k + order - i
         out[k] = c[k + order] * factor
         power *= h
+    # Pieces of a lower degree than the rest cost no more than they must.
+    while count > 1 and out[count - 1] == 0.0:
+        count -= 1
     return count
 
 

@@ -101,11 +101,12 @@ class Checker:
         """Prove the straight joint motion from ``start`` to ``end``, both (n,)."""
         return self.curve(start, end - start, np.zeros_like(start))
 
-    def curve(self, b0: Array, b1: Array, b2: Array) -> Motion:
-        """Prove the joint motion b0 + b1 s + b2 s^2 over 0 <= s <= 1, each (n,)."""
+    def curve(self, b0: Array, b1: Array, b2: Array, b3: Array | None = None) -> Motion:
+        """Prove the joint motion b0 + b1 s + b2 s^2 + b3 s^3 over 0 <= s <= 1, each (n,)."""
         found = np.empty(4)
+        bends = np.array(b2), np.zeros_like(b2) if b3 is None else np.array(b3)
         verdict = certify_curve(
-            self.model.arrays, np.array(b0), np.array(b1), np.array(b2), self.slack, found
+            self.model.arrays, np.array(b0), np.array(b1), *bends, self.slack, found
         )
         return self._motion(verdict, found)
 
@@ -114,7 +115,7 @@ class Checker:
         found = np.empty(4)
         zero = np.zeros(start.shape[0])
         step = end - start
-        verdict = certify_curve(self.model.arrays, start, step, zero, self.slack, found)
+        verdict = certify_curve(self.model.arrays, start, step, zero, zero, self.slack, found)
         return bool(verdict == FREE)
 
     def polyline(self, waypoints: Array) -> tuple[Motion, int]:

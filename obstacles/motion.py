@@ -124,15 +124,16 @@ def look_along_centers(i: int, j: int, centers: Array, axis: Array) -> None:
 
 @kernel
 def certify_curve(
-    model: ModelArrays, b0: Array, b1: Array, b2: Array, margin: float, found: Array
+    model: ModelArrays, b0: Array, b1: Array, b2: Array, b3: Array, margin: float, found: Array
 ) -> int:
-    """Prove that q(s) = b0 + b1 s + b2 s^2, 0 <= s <= 1, keeps every pair its margin apart.
+    """Prove that q(s) = b0 + b1 s + b2 s^2 + b3 s^3, 0 <= s <= 1, keeps all pairs their margin apart.
 
     Args:
         model: The packed robot and scene.
-        b0: Coefficients of the curve, shape (n,), as are the next two.
+        b0: Coefficients of the curve, shape (n,), as are the next three.
         b1: Of s.
         b2: Of s^2.
+        b3: Of s^3.
         margin: Asked for on top of the pairs' own margins [m].
         found: Filled with what was found, shape (4,): where on the curve it stopped (s), the pair
             that stopped it or -1, intervals looked at, and the clearance proved so far [m].
@@ -165,8 +166,10 @@ def certify_curve(
         low, high, depth = lows[top], highs[top], depths[top]
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
         for j in range(n):
-            q[j] = b0[j] + (b1[j] + b2[j] * middle) * middle
-            delta[j] = (abs(b1[j] + 2.0 * b2[j] * middle) + abs(b2[j]) * half) * half
+            q[j] = b0[j] + (b1[j] + (b2[j] + b3[j] * middle) * middle) * middle
+            slope = b1[j] + (2.0 * b2[j] + 3.0 * b3[j] * middle) * middle
+            bend = abs(b2[j] + 3.0 * b3[j] * middle) + abs(b3[j]) * half
+            delta[j] = (abs(slope) + bend * half) * half
         forward_kernel(model.joint_types, model.offsets, q, frames)
         visits += 1
         kept, widest = 0, 0.0
@@ -227,7 +230,7 @@ def certify_path(
     zero = np.zeros(waypoints.shape[1])
     for leg in range(waypoints.shape[0] - 1):
         step = waypoints[leg + 1] - waypoints[leg]
-        verdict = certify_curve(model, waypoints[leg], step, zero, margin, found)
+        verdict = certify_curve(model, waypoints[leg], step, zero, zero, margin, found)
         if verdict != FREE:
             return verdict, leg
     return FREE, waypoints.shape[0] - 1

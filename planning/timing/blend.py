@@ -1,4 +1,4 @@
-"""Polylines in joint space whose corners are rounded by parabolas.
+"""Polylines in joint space whose corners are rounded by parabolas or by cubics.
 
 With unit directions u_in before and u_out after a corner c, the parabola of reach r is
 
@@ -7,6 +7,14 @@ With unit directions u_in before and u_out after a corner c, the parabola of rea
 It leaves the first leg at c - r u_in with tangent u_in and joins the second at c + r u_out with
 tangent u_out, so dq/ds is continuous, with s the arc length on the legs and w on the parabola. At
 w = r it is nearest to the corner: |q(r) - c| = r |u_out - u_in| / 4.
+
+For motion of bounded jerk d2q/ds2 has to be continuous too. Then two cubics take the parabola's
+place, from the same point to the same point,
+
+    q(w) = c - r u_in + u_in w + (u_out - u_in) w^3 / (6 r^2),    0 <= w <= r,
+
+and its mirror image: d2q/ds2 grows from 0 to (u_out - u_in) / r in the middle and falls back to 0.
+These pass the corner within r |u_out - u_in| / 6.
 """
 
 import itertools
@@ -71,14 +79,16 @@ def largest_reaches(waypoints: ArrayLike) -> Array:
     return reaches
 
 
-def reach_for_deviation(waypoints: ArrayLike, deviation: float) -> Array:
-    """The reach at each inner waypoint whose parabola passes its corner within ``deviation``.
+def reach_for_deviation(waypoints: ArrayLike, deviation: float, smooth: bool = False) -> Array:
+    """The reach at each inner waypoint whose curve passes its corner within ``deviation``.
 
-    r = 4 deviation / |u_out - u_in|, at most ``largest_reaches``; shape (k - 2,).
+    r = 4 deviation / |u_out - u_in| for a parabola, with 6 for cubics, at most
+    ``largest_reaches``; shape (k - 2,).
 
     Args:
         waypoints: Shape (k, n).
         deviation: Euclidean distance in joint space, not negative.
+        smooth: Whether cubics round the corners.
 
     Raises:
         InvalidOption: The deviation is negative or no number.
@@ -95,18 +105,19 @@ def reach_for_deviation(waypoints: ArrayLike, deviation: float) -> Array:
         _, directions = _legs(points[kept])
         turns = np.linalg.norm(np.diff(directions, axis=0), axis=1)
         inner = kept[1:-1] - 1
-        reaches[inner] = np.minimum(reaches[inner], 4.0 * deviation / turns)
+        reaches[inner] = np.minimum(reaches[inner], (6.0 if smooth else 4.0) * deviation / turns)
     return reaches
 
 
-def blend(waypoints: ArrayLike, reaches: ArrayLike) -> JointPath:
-    """The polyline through the waypoints with its corners replaced by parabolas.
+def blend(waypoints: ArrayLike, reaches: ArrayLike, smooth: bool = False) -> JointPath:
+    """The polyline through the waypoints with its corners replaced by parabolas or cubics.
 
     Args:
         waypoints: Shape (k, n), at least two of them distinct.
         reaches: How far before and after each inner waypoint its parabola begins and ends, in
             joint-space arc length, shape (k - 2,); 0 keeps the corner sharp. That of a waypoint
             where the path goes straight on, pauses or reverses is ignored.
+        smooth: Whether to round them by cubics, which makes d2q/ds2 continuous.
 
     Raises:
         InvalidTrajectory: As in ``merge``, or all waypoints are the same.
@@ -124,28 +135,43 @@ def blend(waypoints: ArrayLike, reaches: ArrayLike) -> JointPath:
     lengths, directions = _legs(corners)
     least = _LEAST_REACH * np.minimum(lengths[:-1], lengths[1:])
     corner_reaches[corner_reaches < least] = 0.0
-    return _joined(corners, lengths, directions, np.concatenate([[0.0], corner_reaches, [0.0]]))
+    ends = np.concatenate([[0.0], corner_reaches, [0.0]])
+    return _joined(corners, lengths, directions, ends, smooth)
 
 
-def _joined(corners: Array, lengths: Array, directions: Array, reaches: Array) -> JointPath:
-    """Legs and parabolas in turn; ``reaches`` has one value a corner, 0 at the two ends."""
-    zero = np.zeros(corners.shape[1])
+def _joined(
+    corners: Array, lengths: Array, directions: Array, reaches: Array, smooth: bool
+) -> JointPath:
+    """Legs and curves in turn; ``reaches`` has one value a corner, 0 at the two ends."""
+    zero = np.zeros((corners.shape[1], 2 if smooth else 1))
     reaches = _apart(lengths, reaches)
     coefficients, spans = [], []
     for i, (length, u) in enumerate(zip(lengths, directions, strict=True)):
         r = reaches[i]
         if r > 0.0:
-            turn = u - directions[i - 1]
-            before = directions[i - 1]
-            coefficients.append(
-                np.column_stack([corners[i] - r * before, before, turn / (4.0 * r)])
-            )
-            spans.append(2.0 * r)
+            curve = _cubics if smooth else _parabola
+            for piece, span in curve(corners[i], directions[i - 1], u, float(r)):
+                coefficients.append(piece)
+                spans.append(span)
         straight = length - r - reaches[i + 1]
         if straight > _NOTHING * length:
             coefficients.append(np.column_stack([corners[i] + r * u, u, zero]))
             spans.append(straight)
     return JointPath(np.array(coefficients), np.array(spans))
+
+
+def _parabola(corner: Array, u_in: Array, u_out: Array, r: float) -> list[tuple[Array, float]]:
+    start = corner - r * u_in
+    return [(np.column_stack([start, u_in, (u_out - u_in) / (4.0 * r)]), 2.0 * r)]
+
+
+def _cubics(corner: Array, u_in: Array, u_out: Array, r: float) -> list[tuple[Array, float]]:
+    turn, zero = u_out - u_in, np.zeros_like(corner)
+    bend = turn / (6.0 * r * r)
+    first = np.column_stack([corner - r * u_in, u_in, zero, bend])
+    middle, along = corner + r * turn / 6.0, 0.5 * (u_in + u_out)
+    second = np.column_stack([middle, along, turn / (2.0 * r), -bend])
+    return [(first, r), (second, r)]
 
 
 def _apart(lengths: Array, reaches: Array) -> Array:

@@ -59,6 +59,22 @@ def dilate(
     return _stretched(trajectory, limits, 1.0)
 
 
+def fitting_factor(
+    trajectory: Trajectory,
+    velocity: ArrayLike | None = None,
+    acceleration: ArrayLike | None = None,
+    jerk: ArrayLike | None = None,
+) -> float:
+    """How many times as long a trajectory may be made for all limits to hold; below 1 is faster.
+
+    Raises:
+        InvalidOption: As in ``dilate``.
+    """
+    limits = _given(trajectory.n, velocity, acceleration, jerk)
+    ratios = {order: float(peak_ratios(trajectory, v, order).max()) for order, v in limits.items()}
+    return max((ratio ** (1.0 / order) for order, ratio in ratios.items()), default=0.0)
+
+
 def fit(
     trajectory: Trajectory,
     velocity: ArrayLike | None = None,
@@ -71,8 +87,7 @@ def fit(
         InvalidOption: As in ``dilate``, or no limit given bounds the motion.
     """
     limits = _given(trajectory.n, velocity, acceleration, jerk)
-    ratios = {order: float(peak_ratios(trajectory, v, order).max()) for order, v in limits.items()}
-    factor = max((ratio ** (1.0 / order) for order, ratio in ratios.items()), default=0.0)
+    factor = fitting_factor(trajectory, velocity, acceleration, jerk)
     if not factor > 0.0:
         raise InvalidOption(
             "no limit bounds this motion, so there is no fastest one",

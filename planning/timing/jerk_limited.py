@@ -1,0 +1,293 @@
+"""The least time along a given path within velocity, acceleration and jerk limits.
+
+Straight stretches between stops are run through in seven phases, in closed form. On all others the
+squared speed is a spline on a grid, found by an interior-point method. What comes of it is turned
+into exact polynomials of time with continuous acceleration, and slowed down by what their exact
+peaks exceed the limits by: a hundredth as a rule, since on the grid they hold.
+"""
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinematics.chain import Array
+from kinematics.errors import InvalidOption
+from kinematics.trajectory import Trajectory
+from planning.timing.dilation import Dilated, checked_limits, dilate, fitting_factor
+from planning.timing.failure import TimingFailed
+from planning.timing.jerk_barrier import (
+    Rows,
+    envelope_kernel,
+    inside_kernel,
+    least_time_kernel,
+    time_kernel,
+)
+from planning.timing.jerk_grid import Extra, Grid, derivatives, grid
+from planning.timing.jerk_profile import compose_kernel, phases_kernel
+from planning.timing.path import SAME_DIRECTION, JointPath
+from planning.timing.ruckig import line_phases
+
+#: What the time found may exceed the least one on the grid by, as a part of it.
+TOLERANCE = 1e-3
+# On a path of a higher degree the pieces of time would be of a degree above 9: too many digits go.
+_MAX_DEGREE = 3
+# First guesses are these powers of the highest speeds place by place, as fast as stays inside.
+_POWERS = (1.0, 0.7, 0.4, 0.0)
+_INSIDE = 0.7
+_BISECTIONS = 8
+# How far from its limits the method begins: with a first guess, and with a nearly right one.
+_FAR, _NEAR = 0.3, 0.02
+# Where the motion between knots takes longer than this without exceeding limits, they are lowered
+# there and the speeds found anew: of the excess hardly a tenth is left each time.
+_ENOUGH = 1.005
+_ROUNDS = 2
+# Boundary speeds are met this well before they are set right.
+_SAME_SPEED = 0.02
+_MAX_TRIALS = 8
+_HAIR = 1e-9
+
+
+def time_path_with_jerk(
+    path: JointPath,
+    joint_names: Sequence[str],
+    velocity: ArrayLike,
+    acceleration: ArrayLike,
+    jerk: ArrayLike,
+    *,
+    start_speed: float = 0.0,
+    end_speed: float = 0.0,
+    extra: Extra | None = None,
+) -> Dilated:
+    """The path run through in little more than the least time that a bounded jerk allows.
+
+    The trajectory follows the path exactly; its acceleration is continuous and 0 at both ends. It
+    stops at sharp corners. On a path of degree d the pieces have degree 3 d.
+
+    Args:
+        path: What to follow, of degree at most 3, d2q/ds2 continuous but at its sharp corners.
+        joint_names: n names.
+        velocity: Limits, shape (n,), inf where there is none [rad/s or m/s].
+        acceleration: Limits, shape (n,) [rad/s^2 or m/s^2].
+        jerk: Limits, shape (n,) [rad/s^3 or m/s^3].
+        start_speed: ds/dt at the start.
+        end_speed: ds/dt at the end.
+        extra: Further limits on the grid; they are not dilated for.
+
+    Returns:
+        The trajectory, and the factor by which time was stretched so that every exact peak ratio
+        is at most 1.
+
+    Raises:
+        InvalidOption: A limit is not positive and finite (the velocity's may be inf), or the
+            path's second derivative jumps.
+        TimingFailed: Nothing was found, say since boundary speeds can't be kept.
+    """
+    limits = _limits(path, velocity, acceleration, jerk)
+    _check_smooth(path)
+    factor = 1.0
+    for _ in range(_MAX_TRIALS):
+        durations, coefficients = _sections(
+            path, limits, (start_speed * factor, end_speed * factor), extra
+        )
+        motion = Trajectory(
+            tuple(joint_names), np.concatenate([[0.0], np.cumsum(durations)]), coefficients
+        )
+        if start_speed == 0.0 and end_speed == 0.0:
+            return dilate(motion, *limits)
+        # Slowing down changes the speeds at the ends: they are asked for that much higher.
+        needed = fitting_factor(motion, *limits)
+        if needed <= factor:
+            return Dilated(motion.dilate(factor), factor)
+        factor = needed * (1.0 + _HAIR)
+    raise TimingFailed(
+        "the boundary velocities can't be kept within all limits",
+        hint="Give lower boundary velocities, or higher limits.",
+    )
+
+
+def _sections(
+    path: JointPath, limits: Array, speeds: tuple[float, float], extra: Extra | None
+) -> tuple[Array, Array]:
+    """Durations and coefficients of the pieces, from stop to stop."""
+    durations, coefficients = [], []
+    stops = [0, *path.corners, len(path.lengths)]
+    for first, last in itertools.pairwise(stops):
+        section = JointPath(path.coefficients[first:last], path.lengths[first:last])
+        ends = (speeds[0] if first == 0 else 0.0, speeds[1] if last == stops[-1] else 0.0)
+        straight = last == first + 1 and not section.coefficients[:, :, 2:].any()
+        if straight and extra is None:
+            with np.errstate(divide="ignore"):
+                along = (limits / np.abs(section.coefficients[0, :, 1])).min(axis=1)
+            phases = line_phases(float(section.lengths[0]), along, *ends)
+            owners = np.zeros(len(phases), dtype=np.int64)
+        else:
+            phases, owners = _curved_phases(section, limits, ends, extra)
+        degree = section.coefficients.shape[2] - 1
+        pieces = np.zeros((len(phases), section.n, 3 * degree + 1))
+        work = np.empty((2, 3 * degree + 1))
+        compose_kernel(section.coefficients, owners, phases, work, pieces)
+        durations.append(phases[:, 4])
+        coefficients.append(pieces)
+    return np.concatenate(durations), np.concatenate(coefficients)
+
+
+def _curved_phases(
+    path: JointPath, limits: Array, speeds: tuple[float, float], extra: Extra | None
+) -> tuple[Array, np.ndarray[tuple[int], np.dtype[np.int64]]]:
+    """The phases of a section, their starts within the path's pieces, and those pieces."""
+    made = grid(path, limits, speeds, extra)
+    z = _start(made.rows)
+    least_time_kernel(made.rows, z, _FAR, TOLERANCE)
+    for _ in range(_ROUNDS):
+        ratios = _ratios(path, made, _phases(made, z, speeds), limits)
+        if max(float(r.max()) ** (1.0 / k) for k, r in enumerate(ratios, 1)) < _ENOUGH:
+            break
+        made = made._replace(rows=_tightened(made.rows, ratios))
+        z = _scaled(made.rows, z)
+        least_time_kernel(made.rows, z, _NEAR, TOLERANCE)
+    phases = _phases(made, z, speeds)
+    owners = np.repeat(made.pieces, 2)
+    phases[:, 0] -= path.breaks[owners]
+    return phases, owners
+
+
+def _start(rows: Rows) -> Array:
+    """A shape between constant and as fast as the limits allow place by place, inside them all."""
+    caps, rises = _static(rows)
+    shape = np.empty(len(rows.lengths))
+    shape[1:-1] = np.minimum(caps[:-1], caps[1:])
+    shape[[0, -1]] = shape[[1, -2]]
+    envelope_kernel(rows.lengths, rises, shape)
+    candidates = [_scaled(rows, shape**power) for power in _POWERS]
+    return min(candidates, key=lambda z: time_kernel(rows.lengths, z))
+
+
+def _static(rows: Rows) -> tuple[Array, Array]:
+    """Largest c at each knot where c stands still, and by how much it may change to the next."""
+    e, f, low, high = np.moveaxis(rows.knot_rows, -1, 0)
+    counted = np.arange(e.shape[1]) < rows.knot_counts[:, None]
+    jerks = np.arange(rows.jerk_rows.shape[2]) < rows.jerk_counts[:, None, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        bound = np.where(e > 0.0, high / e, np.where(e < 0.0, low / e, np.inf))
+        change = np.minimum(high, -low) / np.abs(f)
+        jerk = np.where(jerks, np.abs(rows.jerk_rows[..., 0]), 0.0).max(axis=2) ** (-2.0 / 3.0)
+    caps = np.minimum(rows.caps, np.where(counted, bound, np.inf).min(axis=1))
+    caps[:-1] = np.minimum(caps[:-1], jerk[:, 0])
+    caps[1:] = np.minimum(caps[1:], jerk[:, 1])
+    slopes = np.where(counted, np.nan_to_num(change, nan=np.inf), np.inf).min(axis=1)
+    return caps, 0.5 * slopes * (rows.lengths[:-1] + rows.lengths[1:])
+
+
+def _scaled(rows: Rows, z: Array) -> Array:
+    """The largest multiple of z inside all limits, and a bit less.
+
+    Raises:
+        TimingFailed: Not even standing nearly still is inside.
+    """
+    low, high = -1.0, 1.0
+    while not inside_kernel(rows, z * np.exp(low)):
+        low *= 2.0
+        if not low > -500.0:
+            raise _no_speed()
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if inside_kernel(rows, z * np.exp(middle)) else (low, middle)
+    return np.asarray(_INSIDE * np.exp(low) * z)
+
+
+def _tightened(rows: Rows, ratios: Array) -> Rows:
+    """The limits, lower where the motion between its knots exceeds them by the ratios (3, N)."""
+    velocity, acceleration, jerk = np.maximum(ratios, 1.0)
+    caps, knot_rows = rows.caps.copy(), rows.knot_rows.copy()
+    for knots in (slice(None, -1), slice(1, None)):
+        caps[knots] /= velocity**2
+        knot_rows[knots, :, :2] *= acceleration[:, None, None]
+    jerk_rows = rows.jerk_rows * jerk[:, None, None, None]
+    return rows._replace(caps=caps, knot_rows=knot_rows, jerk_rows=jerk_rows)
+
+
+def _ratios(path: JointPath, made: Grid, phases: Array, limits: Array) -> Array:
+    """Largest ratios to the limits at both ends of both phases of each cell, shape (3, N)."""
+    start, v, half, sixth, duration = phases.reshape(-1, 2, 5).transpose(2, 0, 1)
+    t = duration[:, 1]
+    last_v = v[:, 1] + (2.0 * half[:, 1] + 3.0 * sixth[:, 1] * t) * t
+    last_a = half[:, 1] + 3.0 * sixth[:, 1] * t
+    s = np.column_stack([start, made.places[1:]])
+    v = np.column_stack([v, last_v])[..., None]
+    a = 2.0 * np.column_stack([half, last_a])[..., None]
+    q1, q2, q3 = derivatives(path.coefficients[made.pieces], s - path.breaks[made.pieces, None])
+    rest = 3.0 * q2 * v * a + q3 * v**3
+    jerks = [
+        np.abs(q1[:, k] * (6.0 * sixth[:, phase, None]) + rest[:, k])
+        for phase, k in ((0, 0), (0, 1), (1, 1), (1, 2))
+    ]
+    peaks = (
+        np.abs(q1 * v).max(axis=1),
+        np.abs(q1 * a + q2 * v**2).max(axis=1),
+        np.max(jerks, axis=0),
+    )
+    return np.stack([(p / limit).max(axis=1) for p, limit in zip(peaks, limits, strict=True)])
+
+
+def _phases(made: Grid, z: Array, speeds: tuple[float, float]) -> Array:
+    """Two phases a cell, shape (2 N, 5), their starts along the whole path."""
+    h = made.rows.lengths
+    total = h[:-1] + h[1:]
+    c = (h[1:] * z[:-1] + h[:-1] * z[1:]) / total
+    slope = 2.0 * np.diff(z) / total
+    speed, bend = made.speeds
+    v, a = speed * np.sqrt(c), bend * c + 0.5 * speed * slope
+    for end, wanted in ((0, speeds[0]), (-1, speeds[1])):
+        if wanted > 0.0 and abs(v[end] - wanted) > _SAME_SPEED * wanted:
+            raise TimingFailed(
+                f"a boundary speed of {wanted:.6g} along the path can't be had with the "
+                f"acceleration 0: {v[end]:.6g} can",
+                hint="Give a lower boundary velocity, or higher limits.",
+            )
+        v[end] = wanted
+    phases = np.empty((2 * len(made.pieces), 5))
+    if not phases_kernel(np.column_stack([made.places, v, a]), phases):
+        raise _no_speed()
+    return phases
+
+
+def _no_speed() -> TimingFailed:
+    return TimingFailed(
+        "no speed along the path was found that keeps all limits",
+        hint="Look for limits or lengths of very different sizes.",
+    )
+
+
+def _limits(path: JointPath, *given: ArrayLike) -> Array:
+    names = ("velocity", "acceleration", "jerk")
+    limits = np.stack(
+        [checked_limits(values, name, path.n) for values, name in zip(given, names, strict=True)]
+    )
+    if not np.isfinite(limits[1:]).all():
+        raise InvalidOption(
+            "each joint needs finite acceleration and jerk limits to be timed with bounded jerk",
+            hint="Only a velocity limit may be missing.",
+        )
+    return limits
+
+
+def _check_smooth(path: JointPath) -> None:
+    """Refuse what no bounded jerk can follow."""
+    if path.coefficients.shape[2] - 1 > _MAX_DEGREE:
+        raise InvalidOption(f"a path of a degree above {_MAX_DEGREE} can't be timed with its jerk")
+    c, u = path.coefficients, path.lengths[:, None]
+    powers = np.arange(c.shape[2])
+    bends = c * powers * (powers - 1)
+    leaving = sum(bends[:, :, k] * u ** (k - 2) for k in range(2, c.shape[2]))
+    if not np.any(bends):
+        return
+    jumps = np.abs(2.0 * c[1:, :, 2] - np.asarray(leaving)[:-1]).max(axis=1)
+    jumps[np.array(path.corners, dtype=np.int64) - 1] = 0.0
+    if jumps.max(initial=0.0) > 1e3 * SAME_DIRECTION * float(np.abs(bends).max()):
+        place = int(np.argmax(jumps)) + 1
+        raise InvalidOption(
+            f"the second derivative of the path jumps at the start of its piece {place}",
+            hint="Round corners by cubics, which blend(..., smooth=True) does.",
+        )

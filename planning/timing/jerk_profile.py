@@ -1,0 +1,88 @@
+"""From places, speeds and accelerations along a path to exact polynomials of time.
+
+Between two knots of the path with known (s, v, a) lie two phases of constant jerk and the same
+duration h / 2. That the three quantities fit asks for
+
+    6 h (v_0 + v_1) + h^2 (a_0 - a_1) = 12 (s_1 - s_0),
+    j_1 = 4 B - A,  j_2 = 3 A - 4 B,  A = (a_1 - a_0) / h,  B = (v_1 - v_0 - a_0 h) / h^2.
+
+So s(t) is cubic in each phase and has continuous acceleration; on a path of degree d the pieces of
+q(s(t)) have degree 3 d. Nothing is fitted.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinematics.chain import Array
+from kinematics.kernel import kernel
+from kinematics.polynomial import shift_kernel
+
+
+@kernel
+def phases_kernel(states: Array, phases: Array) -> bool:
+    """Write (start, speed, acceleration / 2, jerk / 6, duration) of the phases; False if none fit.
+
+    Args:
+        states: (s, v, a) at the knots, shape (N + 1, 3).
+        phases: Shape (2 N, 5).
+    """
+    for i in range(states.shape[0] - 1):
+        s0, v0, a0 = states[i]
+        s1, v1, a1 = states[i + 1]
+        way, total = s1 - s0, v0 + v1
+        square = 9.0 * total * total + 12.0 * (a0 - a1) * way
+        if not square >= 0.0:
+            return False
+        h = 12.0 * way / (3.0 * total + math.sqrt(square))
+        if not 0.0 < h < np.inf:
+            return False
+        A, B = (a1 - a0) / h, (v1 - v0 - a0 * h) / (h * h)
+        j1, j2 = 4.0 * B - A, 3.0 * A - 4.0 * B
+        half = 0.5 * h
+        v, a = v0 + (a0 + 0.5 * j1 * half) * half, a0 + j1 * half
+        s = s0 + (v0 + (0.5 * a0 + j1 * half / 6.0) * half) * half
+        first, second = phases[2 * i], phases[2 * i + 1]
+        first[0], first[1], first[2], first[3], first[4] = s0, v0, 0.5 * a0, j1 / 6.0, half
+        second[0], second[1], second[2], second[3], second[4] = s, v, 0.5 * a, j2 / 6.0, half
+    return True
+
+
+@kernel
+def compose_kernel(
+    coefficients: Array, owners: NDArray[np.int64], phases: Array, work: Array, out: Array
+) -> None:
+    """Write the coefficients of q(s(t)) for cubic s(t).
+
+    Args:
+        coefficients: Of the path, shape (p, n, d + 1).
+        owners: The path's piece of each phase, shape (m,).
+        phases: (start within the piece, speed, acceleration / 2, jerk / 6, ...), shape (m, 5).
+        work: Room, shape (2, 3 d + 1).
+        out: Comes as zeros, shape (m, n, 3 d + 1).
+    """
+    n, size = coefficients.shape[1:]
+    shifted, product = work[0, :size], work[1]
+    for i in range(owners.shape[0]):
+        start, one, two, three = phases[i, 0], phases[i, 1], phases[i, 2], phases[i, 3]
+        for j in range(n):
+            shift_kernel(coefficients[owners[i], j], start, shifted)
+            top = size - 1
+            while top > 0 and shifted[top] == 0.0:
+                top -= 1
+            row = out[i, j]
+            row[0] = shifted[top]
+            used = 1
+            for k in range(top - 1, -1, -1):
+                # Horner's rule with (one t + two t^2 + three t^3) for the argument.
+                for m in range(used + 3):
+                    product[m] = 0.0
+                for m in range(used):
+                    product[m + 1] += row[m] * one
+                    product[m + 2] += row[m] * two
+                    product[m + 3] += row[m] * three
+                used += 3
+                for m in range(used):
+                    row[m] = product[m]
+                row[0] += shifted[k]
