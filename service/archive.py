@@ -1,9 +1,11 @@
 """Robot archives: a .zip with one URDF, its meshes and perhaps an SRDF, read with suspicion."""
 
 import io
+import re
 import stat
 import zipfile
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import PurePosixPath
 
 from kinematics.errors import InvalidRobotDescription
@@ -16,6 +18,10 @@ MAX_RATIO = 200
 #: Small files may be emptier than that.
 _RATIO_FREE = 2**20
 _MAX_NAME = 1_024
+#: A mesh file name that begins by going up: most packages have urdf/ and meshes/ side by side.
+_UPWARD = re.compile(
+    r"""(?P<start>\bfilename\s*=\s*(?P<quote>["']))(?P<path>(\./)*\.\./[^"'<>&]*)(?P<end>(?P=quote))"""
+)
 _MESHES = (".stl", ".obj", ".ply", ".off")
 _ARCHIVES = (".zip", ".gz", ".tgz", ".tar", ".bz2", ".xz", ".7z", ".rar", ".zst", ".jar", ".3mf")
 _ARCHIVE_STARTS = (
@@ -81,10 +87,25 @@ def _read(archive: zipfile.ZipFile) -> RobotArchive:
     urdf = _only(files, ".urdf")
     if urdf is None:
         raise _refused("there is no .urdf file in it", hint="Put the robot's URDF into it.")
+    folder = next(PurePosixPath(name).parent for name in files if name.lower().endswith(".urdf"))
+    urdf = _UPWARD.sub(partial(_from_root, folder), urdf)
     meshes = {
         name: data for name, data in files.items() if PurePosixPath(name).suffix.lower() in _MESHES
     }
     return RobotArchive(urdf, _only(files, ".srdf"), meshes)
+
+
+def _from_root(folder: PurePosixPath, found: re.Match[str]) -> str:
+    """A mesh name that goes up from the URDF's folder, told from the archive's root instead.
+
+    One that leads out of the archive stays as it is, and is refused where it is looked up.
+    """
+    words: list[str] = list(folder.parts)
+    for word in found["path"].split("/"):
+        if word == ".." and not words:
+            return found[0]
+        words = words[:-1] if word == ".." else words + [word] * (word not in ("", "."))
+    return f"{found['start']}package://{'/'.join(words)}{found['end']}"
 
 
 def _entries(archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:

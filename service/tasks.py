@@ -57,7 +57,9 @@ def prepare_robot(document: bytes, folder: str) -> bytes:
     keep_decompositions(prepared.decompositions(folder))
     body = RobotBody.model_validate_json(document)
     geometry, lint = translate_robot.robot(body)
-    answer = translate_robot.robot_answer(geometry, lint, body.name, is_built_in=False)
+    answer = translate_robot.robot_answer(
+        geometry, lint, body.name, is_built_in=False, table=translate_robot.dh_table(body)
+    )
     made = PreparedRobot.of(geometry, answer.model_dump_json().encode())
     reference = Reference("robot", body.name, prepared.document_hash(document), folder)
     prepared.write(reference, made)

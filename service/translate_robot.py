@@ -32,7 +32,8 @@ def robot(body: schema.RobotBody) -> tuple[RobotGeometry, list[str]]:
         InvalidRobotDescription: The description is not valid.
         InvalidPose: A base or tool pose is not valid.
     """
-    geometry, lint = _from_dh(body, body.dh) if body.dh is not None else _from_urdf(body)
+    table = dh_table(body)
+    geometry, lint = _from_urdf(body) if table is None else _from_dh(body, table)
     return geometry, [*lint, *_limit_lint(geometry.chain), *geometry.lint]
 
 
@@ -71,7 +72,15 @@ def _joint_limits(body: schema.RobotBody) -> dict[str, dict[str, float]]:
     }
 
 
-def _from_dh(body: schema.RobotBody, dh: schema.DhTable) -> tuple[RobotGeometry, list[str]]:
+def dh_table(body: schema.RobotBody) -> DhTable | None:
+    """The table a robot was given as; None for one that came as URDF.
+
+    Raises:
+        InvalidRobotDescription: The table is not valid, or joint_limits names an unknown joint.
+    """
+    dh = body.dh
+    if dh is None:
+        return None
     limits = _joint_limits(body)
     names = [f"joint_{i}" for i in range(1, len(dh.rows) + 1)]
     for name in limits:
@@ -85,13 +94,16 @@ def _from_dh(body: schema.RobotBody, dh: schema.DhTable) -> tuple[RobotGeometry,
         DhRow(**(row.model_dump() | limits.get(name, {})))
         for name, row in zip(names, dh.rows, strict=True)
     )
-    table = DhTable(
+    return DhTable(
         dh.convention,
         tuple(rows),
         np.eye(4) if dh.base is None else translate.transform(dh.base),
         np.eye(4) if dh.tool is None else translate.transform(dh.tool),
         np.array(dh.gravity if dh.gravity is not None else GRAVITY),
     )
+
+
+def _from_dh(body: schema.RobotBody, table: DhTable) -> tuple[RobotGeometry, list[str]]:
     chain = chain_from_dh(body.name, table)
     if body.base_link not in (None, chain.base_link):
         raise InvalidRobotDescription(
@@ -120,11 +132,16 @@ def _limit_lint(chain: Chain) -> list[str]:
 
 
 def robot_answer(
-    geometry: RobotGeometry, lint: list[str], name: str, *, is_built_in: bool
+    geometry: RobotGeometry,
+    lint: list[str],
+    name: str,
+    *,
+    is_built_in: bool,
+    table: DhTable | None = None,
 ) -> schema.RobotAnswer:
-    """A robot as answers give it."""
+    """A robot as answers give it, with the DH table it was given as or one that fits its axes."""
     chain = geometry.chain
-    dh, more = _dh_answer(chain)
+    dh, more = _dh_answer(chain, table)
     limits = {
         item.name: [_known(value) for value in getattr(chain.limits, item.name)]
         for item in dataclasses.fields(chain.limits)
@@ -147,9 +164,9 @@ def robot_answer(
     )
 
 
-def _dh_answer(chain: Chain) -> tuple[schema.DhAnswer | None, list[str]]:
+def _dh_answer(chain: Chain, table: DhTable | None) -> tuple[schema.DhAnswer | None, list[str]]:
     try:
-        table = dh_from_chain(chain)
+        table = table or dh_from_chain(chain)
     except InvalidRobotDescription as error:
         return None, [f"no DH table: {error.message}"]
     rows = [

@@ -158,3 +158,21 @@ def test_the_same_name_twice() -> None:
         made.writestr("arm.urdf", URDF)
     with pytest.raises(InvalidRobotDescription, match="twice"):
         read_archive(stream.getvalue())
+
+
+@pytest.mark.parametrize(
+    ("uri", "expected"),
+    [
+        ("../meshes/a.stl", "package://arm/meshes/a.stl"),
+        ("./../meshes/./a.stl", "package://arm/meshes/a.stl"),
+        ("../../other/a.stl", "package://other/a.stl"),
+        ("../../../a.stl", "../../../a.stl"),
+        ("package://arm/meshes/a.stl", "package://arm/meshes/a.stl"),
+        ("meshes/../../a.stl", "meshes/../../a.stl"),
+    ],
+)
+@pytest.mark.parametrize("quote", ['"', "'"])
+def test_names_that_go_up_inside_the_archive(uri: str, expected: str, quote: str) -> None:
+    urdf = f"<robot><mesh scale={quote}1 1 1{quote} filename = {quote}{uri}{quote}/></robot>"
+    found = read_archive(packed({"arm/urdf/arm.urdf": urdf, "arm/meshes/a.stl": b"solid"}))
+    assert found.urdf == urdf.replace(uri, expected)

@@ -158,6 +158,10 @@ def test_a_denavit_hartenberg_table(client: httpx.Client) -> None:
     assert model["limits"]["velocity"] == [2.0, None, 1.5]
     assert any("acceleration" in line and "joint_2" in line for line in model["lint"])
     assert any("collision" in line for line in model["lint"])
+    for told, given in zip(model["dh"]["rows"], TABLE["rows"], strict=True):
+        assert {name: told[name] for name in ("a", "alpha", "d", "theta")} == {
+            name: given[name] for name in ("a", "alpha", "d", "theta")
+        }
     rows = tuple(DhRow(**row) for row in TABLE["rows"])
     random = np.random.default_rng(1)
     table = DhTable(
@@ -173,6 +177,9 @@ def test_a_denavit_hartenberg_table(client: httpx.Client) -> None:
 
 def test_a_zip(client: httpx.Client) -> None:
     content = archive({"arm/arm.urdf": urdf("meshes/box.obj"), "arm/meshes/box.obj": BOX_OBJ})
+    upward = {"arm/urdf/arm.urdf": urdf("../meshes/box.obj"), "arm/meshes/box.obj": BOX_OBJ}
+    beside = client.post("/v1/robots", files={"file": ("beside.zip", archive(upward))})
+    assert answer(beside, 201)["links"]
     form = {"name": "zipped", "tip_link": "upper", "joint_limits": json.dumps(ACCELERATIONS)}
     made = client.post("/v1/robots", files={"file": ("arm.zip", content)}, data=form)
     model = answer(made, 201)
