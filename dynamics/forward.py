@@ -57,7 +57,8 @@ def acceleration_kernel(
         -1, or the first joint at which M(q) is not positive definite.
     """
     n = q.shape[0]
-    qdd[:] = 0.0
+    for i in range(n):
+        qdd[i] = 0.0
     bias = M[0]
     inverse_kernel(rows, q, qd, qdd, work, bias)
     for i in range(n):

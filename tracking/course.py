@@ -87,11 +87,13 @@ def sample(loop: Loop, record: Record, t: float, x: Array, command: Array) -> No
     if loop.flags[HELD] == 0:
         command_kernel(loop, t, x, command)
     else:
-        command[:] = loop.command
+        for i in range(command.shape[0]):
+            command[i] = loop.command[i]
     for i in range(n):
         record.torques[k, i] = command[i]
         record.saturated[k, i] = loop.asked[i] != command[i]
-    record.states[k] = x
+    for i in range(x.shape[0]):
+        record.states[k, i] = x[i]
     record.lyapunov[k] = lyapunov_at(loop, t, x)
     weigh(loop, record, t, x)
     for i in range(n):
@@ -100,7 +102,7 @@ def sample(loop: Loop, record: Record, t: float, x: Array, command: Array) -> No
     record.counters[0] = k + 1
 
 
-@kernel
+@kernel(inline="always")
 def first_step(loop: Loop, steps: Steps, t: float, x: Array, tolerances: Array) -> float:
     """A step to begin with, from the size of the derivatives ("... Equations I", section II.4)."""
     N, K = x.shape[0], steps.K
@@ -149,7 +151,9 @@ def run_kernel(  # noqa: C901, PLR0912, PLR0915  one loop over segments and step
         t, stop = cuts.times[s], cuts.times[s + 1]
         loop.flags[PIECE] = cuts.pieces[s]
         loop.flags[DISTURBED] = 1 if cuts.disturbed[s] else 0
-        loop.noise[:] = cuts.noise[cuts.noises[s]]
+        for k in range(loop.noise.shape[1]):
+            loop.noise[0, k] = cuts.noise[cuts.noises[s], 0, k]
+            loop.noise[1, k] = cuts.noise[cuts.noises[s], 1, k]
         if cuts.called[s]:
             command_kernel(loop, t, x, loop.command)
         if record.counters[0] == 0:

@@ -42,7 +42,7 @@ class Steps(NamedTuple):
     trial: Array
 
 
-@kernel
+@kernel(inline="always")
 def explicit_step(
     loop: Loop, steps: Steps, t: float, h: float, x: Array, tolerances: Array, end: Array
 ) -> tuple[float, float]:
@@ -85,7 +85,7 @@ def explicit_step(
     return h * fifth / np.sqrt((fifth + 0.01 * third) * N), stiffness
 
 
-@kernel
+@kernel(inline="always")
 def explicit_dense(loop: Loop, steps: Steps, t: float, h: float, x: Array, end: Array) -> None:
     """Make the dense output of the step just made, at the cost of three more evaluations."""
     N, K, F = x.shape[0], steps.K, steps.F

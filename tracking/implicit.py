@@ -125,7 +125,7 @@ def solve(LU: Array | Complex, pivots: NDArray[np.int64], b: Array | Complex) ->
         b[i] /= LU[i, i]
 
 
-@kernel
+@kernel(inline="always")
 def jacobian(loop: Loop, stages: Stages, t: float, x: Array, f: Array) -> None:
     """Write the Jacobian of the derivative f (N,) at x into ``stages.J`` by differences."""
     N = x.shape[0]
@@ -169,20 +169,21 @@ def split(a: float, b: float, c: float) -> tuple[float, float, float]:
     )
 
 
-@kernel
+@kernel(inline="always")
 def newton(loop: Loop, stages: Stages, t: float, h: float, x: Array, tolerances: Array) -> bool:
     """Solve for the stages ``stages.Z``; False where the iterations do not converge."""
     N, Z, W, F = x.shape[0], stages.Z, stages.W, stages.F
     trial, right = stages.vectors[0], stages.vectors[1]
-    Z[:] = 0.0
-    W[:] = 0.0
+    for s in range(3):
+        for i in range(N):
+            Z[s, i], W[s, i] = 0.0, 0.0
     before = 0.0
     for turn in range(_ITERATIONS):
         for s in range(3):
             for i in range(N):
                 trial[i] = x[i] + Z[s, i]
             rate_kernel(loop, t + _NODES[s] * h, trial, F[s])
-            if not np.isfinite(F[s]).all():
+            if not np.isfinite(F[s, 0]):
                 return False
         for i in range(N):
             f0, f1, f2 = split(F[0, i], F[1, i], F[2, i])
@@ -216,7 +217,7 @@ def newton(loop: Loop, stages: Stages, t: float, h: float, x: Array, tolerances:
     return False
 
 
-@kernel
+@kernel(inline="always")
 def implicit_step(  # noqa: PLR0913  where from, how far, how exact, where to
     loop: Loop, stages: Stages, t: float, h: float, x: Array, f: Array, tolerances: Array,
     end: Array, is_retry: bool,

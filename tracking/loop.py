@@ -70,6 +70,13 @@ class Loop(NamedTuple):
 
 
 @kernel
+def fill(out: Array, value: float) -> None:
+    """Write one value everywhere into out (N,)."""
+    for i in range(out.shape[0]):
+        out[i] = value
+
+
+@kernel
 def reference_kernel(breaks: Array, coefficients: Array, piece: int, t: float, out: Array) -> None:
     """Write the reference at t and its two derivatives into out (3, n), by Horner's scheme."""
     c, u = coefficients[piece], t - breaks[piece]
@@ -105,7 +112,10 @@ def add_disturbance(loop: Loop, t: float, q: Array, torque: Array) -> None:
     for i in range(n):
         torque[i] += loop.constant[i] + loop.amplitude[i] * wave
     F = loop.wrench
-    if loop.carrier < 0 or np.abs(F).max() == 0.0:
+    size = 0.0
+    for i in range(6):
+        size += abs(F[i])
+    if loop.carrier < 0 or size == 0.0:
         return
     f, m = (F[0], F[1], F[2]), (F[3], F[4], F[5])
     rows, frames = loop.law.robot, loop.space.work
@@ -133,7 +143,7 @@ def rate_kernel(loop: Loop, t: float, x: Array, rate: Array) -> None:
     loop.flags[EVALUATIONS] += 1
     for i in range(x.shape[0]):
         if not abs(x[i]) < HOPELESS:
-            rate[:] = np.nan
+            fill(rate, np.nan)
             return
     if loop.flags[HELD] == 0:
         command_kernel(loop, t, x, loop.command)
@@ -147,7 +157,7 @@ def rate_kernel(loop: Loop, t: float, x: Array, rate: Array) -> None:
     )
     if failed >= 0:
         loop.flags[FAILED] = failed + 1
-        rate[:] = np.nan
+        fill(rate, np.nan)
         return
     for i in range(n):
         rate[i] = qd[i]
