@@ -221,6 +221,7 @@ class _Sweep:
         self._trajectory = trajectory
         self._deadline = deadline
         self._nearest = np.inf
+        self._stopped = False
         self.clearance = np.inf
         self.pair: tuple[str, str] | None = None
         self.violation: Violation | None = None
@@ -232,12 +233,15 @@ class _Sweep:
             return
         cells = first_cells(self._trajectory, len(self._table.pairs))
         while len(cells):
-            if self._deadline is not None and self._deadline.passed:
+            self.visited += len(cells)
+            cells = self._level(cells)
+            if self._stopped or (len(cells) and self._late()):
                 message = "time was up before the proof was complete"
                 self.violation = self.violation or Violation("time", 0.0, message, {})
                 return
-            self.visited += len(cells)
-            cells = self._level(cells)
+
+    def _late(self) -> bool:
+        return self._deadline is not None and self._deadline.passed
 
     def _level(self, cells: Cells) -> Cells:
         """Settle what can be settled on these cells; the halves of what is left."""
@@ -257,6 +261,9 @@ class _Sweep:
             if self.violation and cells.low[cell] > self.violation.time:
                 break
             if cell != last:
+                self._stopped = self._late()
+                if self._stopped:
+                    break
                 self._world.place_frames(placed.frames[cell])
                 last = cell
             if not self._settled(float(placed.times[cell]), pair, float(placed.open_bounds[entry])):
