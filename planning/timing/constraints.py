@@ -62,7 +62,7 @@ class Cells(NamedTuple):
     caps: Array
 
 
-def cells(path: JointPath, resolution: int, limits: Array) -> Cells:
+def cells(path: JointPath, resolution: int, limits: Array, *, everywhere: bool = False) -> Cells:
     """The grid on a path, with its limits: one cell a straight piece, more on the others.
 
     On a straight piece the limits are the same everywhere, so that whatever speeds can be joined
@@ -74,9 +74,11 @@ def cells(path: JointPath, resolution: int, limits: Array) -> Cells:
         resolution: Number of cells that a path without straight pieces would have; a curved piece
             has its share by length, or more if it turns much at high speed.
         limits: Of velocity (inf where there is none) and acceleration, shape (2, n).
+        everywhere: Whether straight pieces get cells as curved ones do, since there are other
+            limits too that change along them.
     """
     c = path.coefficients
-    straight_piece = ~(c[:, :, 2:] != 0.0).any(axis=(1, 2))
+    straight_piece = ~(c[:, :, 2:] != 0.0).any(axis=(1, 2)) & (not everywhere)
     counts = np.where(straight_piece, 1, _curved_counts(path, resolution, limits))
     pieces = np.repeat(np.arange(len(counts)), counts)
     firsts = np.cumsum(counts) - counts

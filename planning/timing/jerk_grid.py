@@ -27,6 +27,8 @@ _RAMP = 0.6
 _RAMP_CELLS = 18
 _CURVED_CELLS = 6
 _STRAIGHT_CELLS = 10
+# So many times as many where there are further limits, which are kept at the knots only.
+_EXTRA_CELLS = 2
 # A ramp takes at most this part of the way.
 _RAMP_SHARE = 0.4
 # Two knots nearer than this part of the cells about them are one.
@@ -133,7 +135,7 @@ def grid(
     c, breaks = path.coefficients, path.breaks
     straight = ~(c[:, :, 2:] != 0.0).any(axis=(1, 2))
     pace, ramps = _pace(path, limits, speeds)
-    places = _knots(breaks, straight, ramps)
+    places = _knots(breaks, straight, ramps, 1 if extra is None else _EXTRA_CELLS)
     pieces = np.searchsorted(breaks, 0.5 * (places[1:] + places[:-1]), side="right") - 1
     phi = pace.derivatives(places)
     ends = np.stack([places[:-1], places[1:]], axis=1) - breaks[pieces][:, None]
@@ -224,13 +226,15 @@ def _ramp(slope: Array, limits: Array) -> float:
     return float(0.5 * v * time)
 
 
-def _knots(breaks: Array, straight: NDArray[np.bool_], ramps: tuple[float, float]) -> Array:
+def _knots(
+    breaks: Array, straight: NDArray[np.bool_], ramps: tuple[float, float], times: int
+) -> Array:
     """Places of the knots: all breaks of the path, and others between them."""
-    counts = np.where(straight, _STRAIGHT_CELLS, _CURVED_CELLS)
+    counts = times * np.where(straight, _STRAIGHT_CELLS, _CURVED_CELLS)
     shares = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
     base = np.repeat(breaks[:-1], counts) + shares * np.repeat(np.diff(breaks) / counts, counts)
     base = base[(base > ramps[0]) & (base < breaks[-1] - ramps[1])]
-    u = np.linspace(0.0, 1.0, _RAMP_CELLS + 1)
+    u = np.linspace(0.0, 1.0, times * _RAMP_CELLS + 1)
     ramp = u**3 * (2.0 - 2.0 * u + 0.6 * u**2) / _RAMP
     free = np.concatenate([base, ramps[0] * ramp, breaks[-1] - ramps[1] * ramp])
     free = np.unique(free)

@@ -56,8 +56,7 @@ def time_path_with_jerk(
     acceleration: ArrayLike,
     jerk: ArrayLike,
     *,
-    start_speed: float = 0.0,
-    end_speed: float = 0.0,
+    end_speeds: tuple[float, float] = (0.0, 0.0),
     extra: Extra | None = None,
 ) -> Dilated:
     """The path run through in little more than the least time that a bounded jerk allows.
@@ -71,8 +70,7 @@ def time_path_with_jerk(
         velocity: Limits, shape (n,), inf where there is none [rad/s or m/s].
         acceleration: Limits, shape (n,) [rad/s^2 or m/s^2].
         jerk: Limits, shape (n,) [rad/s^3 or m/s^3].
-        start_speed: ds/dt at the start.
-        end_speed: ds/dt at the end.
+        end_speeds: ds/dt at the start and at the end.
         extra: Further limits on the grid; they are not dilated for.
 
     Returns:
@@ -89,12 +87,12 @@ def time_path_with_jerk(
     factor = 1.0
     for _ in range(_MAX_TRIALS):
         durations, coefficients = _sections(
-            path, limits, (start_speed * factor, end_speed * factor), extra
+            path, limits, (end_speeds[0] * factor, end_speeds[1] * factor), extra
         )
         motion = Trajectory(
             tuple(joint_names), np.concatenate([[0.0], np.cumsum(durations)]), coefficients
         )
-        if start_speed == 0.0 and end_speed == 0.0:
+        if end_speeds == (0.0, 0.0):
             return dilate(motion, *limits)
         # Slowing down changes the speeds at the ends: they are asked for that much higher.
         needed = fitting_factor(motion, *limits)

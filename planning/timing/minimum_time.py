@@ -14,6 +14,7 @@ from kinematics.trajectory import Trajectory
 from planning.timing.constraints import Cells, cells
 from planning.timing.dilation import Dilated, checked_limits, dilate
 from planning.timing.failure import TimingFailed
+from planning.timing.loads import Loads, loaded
 from planning.timing.path import JointPath
 from planning.timing.profile import timed_pieces
 
@@ -29,6 +30,11 @@ MAX_RESOLUTION = 100_000
 # and no dilation is needed as a rule.
 _HAIR = 1e-12
 
+# A speed asked for at an end is kept to so many digits.
+_SAME_SPEED = 1e-9
+# How often the speeds are found under friction: their changes shrink tenfold each time.
+_FRICTION_ROUNDS = 3
+
 # Imported when used: the toppra package takes a second to load, plotting library included.
 _SOLVERS = MappingProxyType(
     {"reachability": "planning.timing.parametrisation", "toppra": "planning.timing.toppra"}
@@ -43,6 +49,8 @@ def time_path(
     *,
     solver: Solver = "reachability",
     resolution: int = RESOLUTION,
+    end_speeds: tuple[float, float] = (0.0, 0.0),
+    loads: Loads | None = None,
 ) -> Dilated:
     """The path run through in the least time, at rest at its ends and at its sharp corners.
 
@@ -56,6 +64,8 @@ def time_path(
         acceleration: Limits, shape (n,), finite [rad/s^2 or m/s^2].
         solver: Who finds the speeds: our compiled "reachability" or the "toppra" package.
         resolution: Grid cells that a path without straight pieces has, shared out by length.
+        end_speeds: ds/dt at the start and at the end.
+        loads: Limits of torque and tool speed.
 
     Returns:
         The trajectory, and the factor by which time was stretched after the solver so that every
@@ -64,7 +74,7 @@ def time_path(
     Raises:
         InvalidOption: A limit is not positive, an acceleration limit is not finite, the solver is
             unknown, or the resolution is out of range.
-        TimingFailed: The solver found nothing.
+        TimingFailed: The solver found nothing, or the speeds at the ends can't be kept.
     """
     limits = _limits(path, velocity, acceleration)
     aims = frozen(limits * (1.0 - _HAIR))
@@ -73,8 +83,10 @@ def time_path(
             f"a timing resolution of {resolution} cells",
             hint=f"Give a number from 1 to {MAX_RESOLUTION}.",
         )
-    grid = cells(path, resolution, aims)
-    squares = _squared_speeds(solver)(grid)
+    grid = _ended(cells(path, resolution, aims, everywhere=loads is not None), end_speeds)
+    solve = _squared_speeds(solver)
+    squares = solve(grid) if loads is None else _loaded_speeds(grid, path, loads, solve)
+    _check_ends(squares, end_speeds)
     durations, coefficients = timed_pieces(path, grid, squares, aims)
     breaks = np.concatenate([[0.0], np.cumsum(durations)])
     if not ((np.diff(breaks) > 0.0).all() and np.isfinite(coefficients).all()):
@@ -82,7 +94,48 @@ def time_path(
             "the path can't be timed: some piece takes no time, or no finite one",
             hint="Look for limits or lengths of very different sizes.",
         )
-    return dilate(Trajectory(tuple(joint_names), breaks, coefficients), limits[0], limits[1])
+    dilated = dilate(Trajectory(tuple(joint_names), breaks, coefficients), limits[0], limits[1])
+    if loads is None:
+        return dilated
+    obeying = loads.obey(dilated)
+    if obeying.factor > (1.0 + _SAME_SPEED) * dilated.factor and sum(end_speeds) > 0.0:
+        raise _unkept()
+    return obeying
+
+
+def _loaded_speeds(
+    grid: Cells, path: JointPath, loads: Loads, solve: Callable[[Cells], Array]
+) -> Array:
+    """Speeds under loads; with friction the guess of the speeds that it needs is improved."""
+    squares = None
+    rounds = _FRICTION_ROUNDS if loads.chain.viscous_friction.any() else 1
+    for _ in range(rounds):
+        squares = solve(loaded(grid, path, loads, squares))
+    assert squares is not None
+    return squares
+
+
+def _ended(grid: Cells, end_speeds: tuple[float, float]) -> Cells:
+    """The grid with its ends at given speeds instead of at rest."""
+    rest, caps = grid.rest.copy(), grid.caps.copy()
+    for end, speed in zip((0, -1), end_speeds, strict=True):
+        if speed > 0.0:
+            rest[end] = False
+            caps[end] = min(caps[end], speed**2)
+    return grid._replace(rest=rest, caps=caps)
+
+
+def _check_ends(squares: Array, end_speeds: tuple[float, float]) -> None:
+    for square, speed in zip(squares[[0, -1]], end_speeds, strict=True):
+        if speed > 0.0 and square < speed**2 * (1.0 - _SAME_SPEED):
+            raise _unkept()
+
+
+def _unkept() -> TimingFailed:
+    return TimingFailed(
+        "the boundary velocities can't be kept within all limits",
+        hint="Give lower boundary velocities, or higher limits.",
+    )
 
 
 def _squared_speeds(solver: Solver) -> Callable[[Cells], Array]:
