@@ -13,24 +13,34 @@ extrema of the polynomials.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from kinematics.chain import Array, Chain
+from kinematics.chain import Array, Limits
 from kinematics.trajectory import Trajectory
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from obstacles.world import ACCURACY, World
 from planning.cells import Cells, PairTable, Placed, first_cells, halves, settle_by_bounds
 from planning.deadline import Deadline
+from planning.limit_check import (
+    RATIO_TOLERANCE,
+    LimitReport,
+    Violation,
+    check_continuity,
+    check_limits,
+)
+from planning.timing.loads import Loads
 
-#: Ratios may exceed 1 by what the last digits of an extremum are worth.
-RATIO_TOLERANCE = 1e-9
-#: Largest jump of position and velocity between pieces [rad or m, rad/s or m/s].
-JUMP_TOLERANCE = 1e-9
-#: Jump of acceleration beyond which jerk is not bounded and none is reported [rad/s^2].
-_JERK_JUMP = 1e-6
+__all__ = [
+    "RATIO_TOLERANCE",
+    "Certificate",
+    "LimitReport",
+    "Violation",
+    "certify",
+    "certify_limits",
+]
+
 #: The clearance told is at least this share of the true one, where that is less than _ENOUGH [m].
 _SHARP = 0.8
 _ENOUGH = 0.05
@@ -38,40 +48,6 @@ _ENOUGH = 0.05
 _PROBES = 24
 #: A cell in which everything moves less than this [m] is decided by its distance alone.
 _RESOLUTION = 1e-7
-
-
-@dataclass(frozen=True, slots=True)
-class LimitReport:
-    """How much of one kind of limit is used.
-
-    Args:
-        worst_ratio: Largest |value| / limit of all joints; for positions, of the distance from
-            the middle of the range to half the range.
-        joint: Where.
-        time: When [s].
-    """
-
-    worst_ratio: float
-    joint: str
-    time: float
-
-
-@dataclass(frozen=True, slots=True)
-class Violation:
-    """The first thing that is wrong with a trajectory.
-
-    Args:
-        kind: "collision", "undecided", "position", "velocity", "acceleration", "jerk",
-            "continuity", "start", "goal" or "time".
-        time: When it happens [s].
-        message: One sentence.
-        details: Values a program can use.
-    """
-
-    kind: str
-    time: float
-    message: str
-    details: Mapping[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,6 +79,7 @@ class Certificate:
 METHOD = (
     "continuous: FCL distances and motion bounds on cells of time, exact extrema of polynomials"
 )
+LIMITS_METHOD = "exact extrema of polynomials; nothing is known of collisions"
 
 
 def certify(
@@ -112,6 +89,7 @@ def certify(
     *,
     margin: float = 0.0,
     limits: Mapping[str, Array] | None = None,
+    loads: Loads | None = None,
     deadline: Deadline | None = None,
 ) -> Certificate:
     """Prove that a trajectory is free for every instant and inside every limit, or say why not.
@@ -123,20 +101,12 @@ def certify(
         margin: Distance to keep from obstacles beyond their own margins [m].
         limits: Limits (n,) to hold it to, by quantity ("velocity", ...); what is not named is
             taken from the robot, NaN and infinity bind nothing.
+        loads: Limits of torque and tool speed.
         deadline: When to give up (which proves nothing).
     """
-    chain = robot.chain
-    bounds = {name: np.asarray(values) for name, values in (limits or {}).items()}
-    reports, wrong = _check_limits(trajectory, chain, bounds)
-    jumps = trajectory.continuity()
-    continuity = {"position": jumps.position, "velocity": jumps.velocity}
-    for name, jump in continuity.items():
-        if jump > JUMP_TOLERANCE:
-            jumps_at = np.abs(trajectory.jumps(0 if name == "position" else 1)).max(axis=1)
-            at = int(np.argmax(jumps_at > JUMP_TOLERANCE))
-            message = f"the {name} jumps by {jump:.3g} between two pieces"
-            time = float(trajectory.breaks[at + 1])
-            wrong.append(Violation("continuity", time, message, {"quantity": name, "jump": jump}))
+    reports, wrong = check_limits(trajectory, robot.chain.limits, dict(limits or {}), loads)
+    continuity, jumps = check_continuity(trajectory)
+    wrong += jumps
     proof = _Sweep(trajectory, robot, scene, margin, deadline)
     proof.run()
     wrong += [proof.violation] if proof.violation else []
@@ -153,56 +123,33 @@ def certify(
     )
 
 
-def _check_limits(
-    trajectory: Trajectory, chain: Chain, bounds: Mapping[str, Array]
-) -> tuple[dict[str, LimitReport], list[Violation]]:
-    reports, wrong = {}, []
-    reports["position"], violation = _check_position(trajectory, chain)
-    wrong += [violation] if violation else []
-    for order, name in ((1, "velocity"), (2, "acceleration"), (3, "jerk")):
-        limit = bounds.get(name, getattr(chain.limits, name))
-        bound = np.isfinite(limit)
-        if not bound.any() or (order == 3 and trajectory.continuity().acceleration > _JERK_JUMP):
-            continue
-        peaks = trajectory.peaks(order)
-        ratios = np.where(bound, peaks.value / np.where(bound, limit, 1.0), 0.0)
-        j = int(np.argmax(ratios))
-        report = LimitReport(float(ratios[j]), chain.joint_names[j], float(peaks.time[j]))
-        reports[name] = report
-        if report.worst_ratio > 1.0 + RATIO_TOLERANCE:
-            message = (
-                f"joint {report.joint!r} has {name} {peaks.value[j]:.6g}, its limit is "
-                f"{limit[j]:.6g}"
-            )
-            details = {"joint": report.joint, "value": float(peaks.value[j]), "limit": limit[j]}
-            wrong.append(Violation(name, report.time, message, details))
-    return reports, wrong
+def certify_limits(
+    trajectory: Trajectory,
+    limits: Limits,
+    bounds: Mapping[str, Array],
+    loads: Loads | None = None,
+) -> Certificate:
+    """Prove that a trajectory keeps its limits, of collisions nothing is said.
 
-
-def _check_position(trajectory: Trajectory, chain: Chain) -> tuple[LimitReport, Violation | None]:
-    lower, upper = chain.limits.lower, chain.limits.upper
-    low, low_time, high, high_time = trajectory.extrema(0)
-    half = 0.5 * (upper - lower)
-    bound = np.isfinite(half) & (half > 0.0)
-    middle = np.where(bound, 0.5 * (upper + lower), 0.0)
-    half = np.where(bound, half, np.inf)
-    ratios = np.maximum(high - middle, middle - low) / half
-    j = int(np.argmax(ratios))
-    is_high = high[j] - middle[j] >= middle[j] - low[j]
-    report = LimitReport(
-        float(ratios[j]), chain.joint_names[j], float(high_time[j] if is_high else low_time[j])
+    Args:
+        trajectory: The motion.
+        limits: Of its joints.
+        bounds: In place of them, by quantity, as in ``certify``.
+        loads: Limits of torque and tool speed.
+    """
+    reports, wrong = check_limits(trajectory, limits, bounds, loads)
+    continuity, jumps = check_continuity(trajectory)
+    first = min(wrong + jumps, key=lambda violation: violation.time, default=None)
+    return Certificate(
+        verified=first is None,
+        min_clearance=np.inf,
+        clearance_pair=None,
+        method=LIMITS_METHOD,
+        limits=reports,
+        continuity=continuity,
+        cells=0,
+        violation=first,
     )
-    outside = np.maximum(lower - low, high - upper)
-    k = int(np.argmax(outside))
-    if outside[k] <= RATIO_TOLERANCE:
-        return report, None
-    over = high[k] - upper[k] >= lower[k] - low[k]
-    value, limit = (high[k], upper[k]) if over else (low[k], lower[k])
-    time = float(high_time[k] if over else low_time[k])
-    name = chain.joint_names[k]
-    message = f"joint {name!r} is at {value:.6g}, its limit is {limit:.6g}"
-    details = {"joint": name, "value": float(value), "limit": float(limit)}
-    return report, Violation("position", time, message, details)
 
 
 class _Sweep:

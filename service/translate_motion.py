@@ -228,6 +228,8 @@ def _from_segments(
 def limits(body: schema.LimitsBody | None, chain: Chain) -> dict[str, Array]:
     """Limits to hold a trajectory to: those of the request, else those of the robot.
 
+    The robot's jerk limits bind where the acceleration does not jump; those of a request always do.
+
     Raises:
         MissingLimit: A velocity or acceleration limit is known from neither.
         InvalidOption: A limit is not positive, or their number is wrong.
@@ -237,9 +239,7 @@ def limits(body: schema.LimitsBody | None, chain: Chain) -> dict[str, Array]:
         given = None if body is None else getattr(body, quantity)
         if given is not None:
             bounds[quantity] = _given_limit(given, quantity, chain)
-        elif quantity == "jerk":
-            bounds[quantity] = chain.limits.jerk
-        else:
+        elif quantity != "jerk":
             bounds[quantity] = chain.limits.require(quantity, chain.joint_names)
     return bounds
 

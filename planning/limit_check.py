@@ -1,0 +1,158 @@
+"""The limits that a timed motion keeps, from the exact extrema of its polynomials.
+
+Positions, velocities, accelerations and jerks are polynomials of time, so their extrema are exact.
+Torques and the tool's speed are not: these are bounded for every instant, from above, by enclosures
+over cells of time that are halved until the bound is a thousandth above what is reached.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from kinematics.chain import Array, Limits
+from kinematics.trajectory import Trajectory
+from planning.timing.loads import Loads
+
+#: Ratios may exceed 1 by what the last digits of an extremum are worth.
+RATIO_TOLERANCE = 1e-9
+#: Largest jump of position and velocity between pieces [rad or m, rad/s or m/s].
+JUMP_TOLERANCE = 1e-9
+#: Jump of acceleration beyond which jerk is not bounded [rad/s^2].
+JERK_JUMP = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class LimitReport:
+    """How much of one kind of limit is used.
+
+    Args:
+        worst_ratio: Largest |value| / limit of all joints; for positions, of the distance from
+            the middle of the range to half the range; for torques and the tool's speed, a bound.
+        joint: Where.
+        time: When [s].
+    """
+
+    worst_ratio: float
+    joint: str
+    time: float
+
+
+@dataclass(frozen=True, slots=True)
+class Violation:
+    """The first thing that is wrong with a trajectory.
+
+    Args:
+        kind: "collision", "undecided", "position", "velocity", "acceleration", "jerk", "torque",
+            "tool_speed", "continuity", "start", "goal" or "time".
+        time: When it happens [s].
+        message: One sentence.
+        details: Values a program can use.
+    """
+
+    kind: str
+    time: float
+    message: str
+    details: Mapping[str, Any]
+
+
+def check_limits(
+    trajectory: Trajectory,
+    limits: Limits,
+    bounds: Mapping[str, Array],
+    loads: Loads | None = None,
+) -> tuple[dict[str, LimitReport], list[Violation]]:
+    """How much of each limit is used, and what is wrong.
+
+    Args:
+        trajectory: The motion.
+        limits: Of its joints.
+        bounds: In place of them, by quantity; a jerk that is named here has to be bounded.
+        loads: Limits of torque and tool speed.
+    """
+    reports, wrong = {}, []
+    reports["position"], violation = _check_position(trajectory, limits)
+    wrong += [violation] if violation else []
+    for order, name in ((1, "velocity"), (2, "acceleration"), (3, "jerk")):
+        limit = bounds.get(name, getattr(limits, name))
+        if not np.isfinite(limit).any():
+            continue
+        if order == 3 and trajectory.continuity().acceleration > JERK_JUMP:
+            wrong += [_unbounded(trajectory)] if name in bounds else []
+            continue
+        reports[name], violation = _check_peaks(trajectory, limit, order, name)
+        wrong += [violation] if violation else []
+    for name, use in (loads.uses(trajectory) if loads else {}).items():
+        joint = trajectory.joint_names[use.joint]
+        reports[name] = LimitReport(use.ratio, joint, use.time)
+        if use.ratio > 1.0 + RATIO_TOLERANCE:
+            what = f"the torque of joint {joint!r}" if name == "torque" else "the tool's speed"
+            message = f"{what} may be {use.ratio:.6g} times its limit"
+            details = {"joint": joint, "ratio": use.ratio, "reached": use.reached}
+            wrong.append(Violation(name, use.time, message, details))
+    return reports, wrong
+
+
+def check_continuity(trajectory: Trajectory) -> tuple[dict[str, float], list[Violation]]:
+    """The largest jumps of position and velocity between pieces, and the first that is one."""
+    jumps, wrong = trajectory.continuity(), []
+    continuity = {"position": jumps.position, "velocity": jumps.velocity}
+    for order, (name, jump) in enumerate(continuity.items()):
+        if jump > JUMP_TOLERANCE:
+            jumps_at = np.abs(trajectory.jumps(order)).max(axis=1)
+            at = int(np.argmax(jumps_at > JUMP_TOLERANCE))
+            message = f"the {name} jumps by {jump:.3g} between two pieces"
+            time = float(trajectory.breaks[at + 1])
+            wrong.append(Violation("continuity", time, message, {"quantity": name, "jump": jump}))
+    return continuity, wrong
+
+
+def _unbounded(trajectory: Trajectory) -> Violation:
+    jumps = np.abs(trajectory.jumps(2))
+    at = int(np.argmax(jumps.max(axis=1) > JERK_JUMP))
+    joint = trajectory.joint_names[int(np.argmax(jumps[at]))]
+    message = f"the acceleration of joint {joint!r} jumps, so that its jerk has no bound"
+    details = {"joint": joint, "jump": float(jumps[at].max())}
+    return Violation("jerk", float(trajectory.breaks[at + 1]), message, details)
+
+
+def _check_peaks(
+    trajectory: Trajectory, limit: Array, order: int, name: str
+) -> tuple[LimitReport, Violation | None]:
+    bound = np.isfinite(limit)
+    peaks = trajectory.peaks(order)
+    ratios = np.where(bound, peaks.value / np.where(bound, limit, 1.0), 0.0)
+    j = int(np.argmax(ratios))
+    joint = trajectory.joint_names[j]
+    report = LimitReport(float(ratios[j]), joint, float(peaks.time[j]))
+    if report.worst_ratio <= 1.0 + RATIO_TOLERANCE:
+        return report, None
+    message = f"joint {joint!r} has {name} {peaks.value[j]:.6g}, its limit is {limit[j]:.6g}"
+    details = {"joint": joint, "value": float(peaks.value[j]), "limit": float(limit[j])}
+    return report, Violation(name, report.time, message, details)
+
+
+def _check_position(trajectory: Trajectory, limits: Limits) -> tuple[LimitReport, Violation | None]:
+    names: Sequence[str] = trajectory.joint_names
+    lower, upper = limits.lower, limits.upper
+    low, low_time, high, high_time = trajectory.extrema(0)
+    half = 0.5 * (upper - lower)
+    bound = np.isfinite(half) & (half > 0.0)
+    middle = np.where(bound, 0.5 * (upper + lower), 0.0)
+    half = np.where(bound, half, np.inf)
+    ratios = np.maximum(high - middle, middle - low) / half
+    j = int(np.argmax(ratios))
+    is_high = high[j] - middle[j] >= middle[j] - low[j]
+    time = float(high_time[j] if is_high else low_time[j])
+    report = LimitReport(float(ratios[j]), names[j], time)
+    outside = np.maximum(lower - low, high - upper)
+    k = int(np.argmax(outside))
+    if outside[k] <= RATIO_TOLERANCE:
+        return report, None
+    over = high[k] - upper[k] >= lower[k] - low[k]
+    value, limit = (high[k], upper[k]) if over else (low[k], lower[k])
+    time = float(high_time[k] if over else low_time[k])
+    message = f"joint {names[k]!r} is at {value:.6g}, its limit is {limit:.6g}"
+    details = {"joint": names[k], "value": float(value), "limit": float(limit)}
+    return report, Violation("position", time, message, details)
