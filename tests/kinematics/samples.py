@@ -160,7 +160,7 @@ def random_chain(rng: np.random.Generator, n: int | None = None) -> Chain:
     )
 
 
-#: Arms of example-robot-data (the extra called robots): folder, base and tip.
+#: Arms of example-robot-data: folder, base and tip.
 REAL = {
     "panda": ("panda_description/urdf", "panda_link0", "panda_hand_tcp"),
     "ur5_robot": ("ur_description/urdf", "base_link", "tool0"),
@@ -206,11 +206,8 @@ def samples() -> list[Sample]:
 
 
 def real_robots() -> list[Sample]:
-    """Those of ``REAL``; none where the extra is not installed."""
-    try:
-        files = importlib.metadata.files("example-robot-data") or []
-    except importlib.metadata.PackageNotFoundError:
-        return []
+    """Those of ``REAL``."""
+    files = importlib.metadata.files("example-robot-data") or []
     found = []
     for name, (folder, base, tip) in REAL.items():
         end = f"robots/{folder}/{name}.urdf"
