@@ -22,6 +22,8 @@ $(INSTALLED): pyproject.toml client/pyproject.toml constraints.txt
 	@echo "Installing into $(VENV) (a few minutes the first time) ..."
 	@$(BIN)/python -m pip install -qq --disable-pip-version-check \
 		-c constraints.txt -e ".[dev,demo]" -e ./client
+	@echo "Compiling the kernels (a minute or two, once) ..."
+	@$(BIN)/armwright warm > /dev/null
 	@touch $@
 
 demo: $(INSTALLED)  ## Plan, certify and draw a motion from start to end
