@@ -7,9 +7,20 @@ from contextlib import asynccontextmanager
 from fastapi import FastAPI
 from starlette.concurrency import run_in_threadpool
 
-from service import handlers, kinematics_tasks, openapi
+from service import dynamics_tasks, handlers, kinematics_tasks, openapi
 from service.body import BodyLimit, JsonRoute
-from service.routes import check, health, kinematics, pending, plan, problems, robots, scenes
+from service.routes import (
+    check,
+    dynamics,
+    health,
+    kinematics,
+    pending,
+    plan,
+    problems,
+    robots,
+    scenes,
+    simulate,
+)
 from service.settings import Settings
 from service.store import open_store
 from service.version import VERSION
@@ -23,6 +34,8 @@ _ROUTERS = (
     scenes.router,
     check.router,
     plan.router,
+    dynamics.router,
+    simulate.router,
     pending.router,
 )
 
@@ -49,6 +62,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         await supervisor.start()
         try:
             await run_in_threadpool(kinematics_tasks.warm)
+            await run_in_threadpool(dynamics_tasks.warm)
             yield
         finally:
             await supervisor.stop()

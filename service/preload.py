@@ -30,7 +30,15 @@ for _variable in ("OMP", "OPENBLAS", "MKL", "NUMBA", "VECLIB_MAXIMUM"):
 # Taking compiled kernels apart one by one takes seconds, and nothing here needs to be put away.
 atexit.register(os._exit, 0)
 
-from service import check_tasks, kinematics_tasks, plan_tasks, tasks, warm  # noqa: E402, F401
+from service import (  # noqa: E402
+    check_tasks,  # noqa: F401
+    dynamics_tasks,  # noqa: F401
+    kinematics_tasks,  # noqa: F401
+    plan_tasks,  # noqa: F401
+    simulate_tasks,  # noqa: F401
+    tasks,  # noqa: F401
+    warm,
+)
 
 try:
     warm.warm_kernels()

@@ -7,6 +7,7 @@ from functools import cache
 #: Functions ``"module:name"`` without arguments that make kernels ready; called in this order.
 WARMERS: tuple[str, ...] = (
     "service.kinematics_tasks:warm",
+    "service.dynamics_tasks:warm",
     "service.warm_requests:robots",
     "service.warm_requests:requests",
 )

@@ -8,7 +8,15 @@ from typing import Any
 import numpy as np
 
 from kinematics.robots import builtin_names
-from service import check_tasks, kinematics_tasks, library, plan_tasks, prepared, tasks
+from service import (
+    check_tasks,
+    kinematics_tasks,
+    library,
+    plan_tasks,
+    prepared,
+    simulate_tasks,
+    tasks,
+)
 from service.references import Reference, builtin_reference
 
 _START = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
@@ -62,6 +70,8 @@ def _plan(panda: Reference, planner: str) -> None:
     }
     answer = _ask(plan_tasks.plan, panda, problem, _TIMEOUT)
     if isinstance(answer, bytes):
+        if planner == "auto":
+            _track(panda, json.loads(answer)["trajectory"])
         motion = {
             "robot": "panda",
             "scene": _scene(),
@@ -80,6 +90,13 @@ _URDF = """<robot name="warm">
 <joint name="bc" type="prismatic"><parent link="b"/><child link="c"/><origin xyz="0 0 1"/>
 <limit lower="-1" upper="1" velocity="1" effort="1"/></joint></robot>"""
 _OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+
+
+def _track(panda: Reference, motion: dict[str, Any]) -> None:
+    """One closed loop: the kernels are the same for all controllers."""
+    controller = {"type": "adaptive", "natural_frequency": 5.0}
+    body = {"robot": "panda", "trajectory": motion, "controller": controller, "scene": _scene()}
+    _ask(simulate_tasks.simulate, panda, body, _TIMEOUT)
 
 
 def _uploads(folder: str) -> None:

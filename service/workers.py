@@ -35,6 +35,8 @@ TASK_MODULES = (
     "service.kinematics_tasks",
     "service.check_tasks",
     "service.plan_tasks",
+    "service.dynamics_tasks",
+    "service.simulate_tasks",
 )
 #: A worker that dies before a job has reached it is not the job's fault; but a job that can't even
 #: be received must not go round for ever.

@@ -33,18 +33,24 @@ from armwright_client.client import (
     Scenes,
 )
 from armwright_client.dynamics import (
+    BaseParameter,
     ControlPoint,
     DynamicsAnswer,
     DynamicsBatch,
     DynamicsRequest,
+    ModelOptions,
+    Payload,
     PotentialAnswer,
     PotentialOptions,
     PotentialRequest,
     RegressorAnswer,
+    RegressorOptions,
     RegressorRequest,
     VelocityAnswer,
     VelocityRequest,
     WrenchAnswer,
+    WrenchBatch,
+    WrenchOptions,
     WrenchRequest,
 )
 from armwright_client.errors import (
@@ -167,7 +173,14 @@ from armwright_client.shape import (
     Shape,
     Sphere,
 )
-from armwright_client.simulation import SimulateOptions, SimulateRequest, Simulation
+from armwright_client.simulation import (
+    SimulatedController,
+    SimulateOptions,
+    SimulateRequest,
+    Simulation,
+    SimulationReference,
+    Tube,
+)
 from armwright_client.trajectory import Samples, Segment, TimedTrajectory, Trajectory
 from armwright_client.version import VERSION
 
@@ -184,6 +197,7 @@ __all__ = [
     "AsyncRobots",
     "AsyncScenes",
     "Attached",
+    "BaseParameter",
     "BatchRequest",
     "Box",
     "Capsule",
@@ -250,6 +264,7 @@ __all__ = [
     "MethodNotAllowed",
     "MissingInertia",
     "MissingLimit",
+    "ModelOptions",
     "NoIkSolution",
     "NotFound",
     "NotImplementedByServer",
@@ -258,6 +273,7 @@ __all__ = [
     "OutsideLimits",
     "Overloaded",
     "Path",
+    "Payload",
     "PayloadTooLarge",
     "Plan",
     "PlanOptions",
@@ -275,6 +291,7 @@ __all__ = [
     "Projection",
     "Readiness",
     "RegressorAnswer",
+    "RegressorOptions",
     "RegressorRequest",
     "Reproducibility",
     "RequestTimeout",
@@ -301,7 +318,9 @@ __all__ = [
     "Shape",
     "SimulateOptions",
     "SimulateRequest",
+    "SimulatedController",
     "Simulation",
+    "SimulationReference",
     "SingleGoal",
     "Sphere",
     "Stage",
@@ -315,6 +334,7 @@ __all__ = [
     "Trajectory",
     "TransportError",
     "TransportTimeout",
+    "Tube",
     "Unauthenticated",
     "Unavailable",
     "UnexpectedAnswer",
@@ -328,6 +348,8 @@ __all__ = [
     "VelocityRequest",
     "WorkerCrashed",
     "WrenchAnswer",
+    "WrenchBatch",
+    "WrenchOptions",
     "WrenchRequest",
     "__version__",
 ]

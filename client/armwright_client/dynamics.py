@@ -1,17 +1,21 @@
 """Velocities, forces, equations of motion and the potential field."""
 
-from typing import Any, Self
+from typing import Any, Self, TypedDict
 
 from pydantic import model_validator
 
 from armwright_client.base import (
     Answer,
     Matrix,
+    Matrix3,
     NonNegative,
+    Positive,
     Request,
     Rows,
     Vector,
+    Vector3,
     Vector6,
+    VectorLike,
 )
 from armwright_client.scene import SceneReference
 
@@ -39,17 +43,83 @@ class VelocityAnswer(Answer):
     residual: Any = None
 
 
-class WrenchRequest(Request):
-    """A wrench (force [N], moment [N m]) at the tip in the base frame."""
+class Payload(Request):
+    """A rigid load fixed to a link, the tip if none is named.
 
-    joints: Vector
+    Args:
+        mass: [kg].
+        center_of_mass: In the link's frame [m].
+        inertia: About the centre of mass [kg m²]; a point mass if left out.
+        link: What carries it.
+    """
+
+    mass: Positive
+    center_of_mass: Vector3 | None = None
+    inertia: Matrix3 | None = None
+    link: str | None = None
+
+
+class ModelOptions(TypedDict, total=False):
+    """What may be computed otherwise than the robot's description says.
+
+    Args:
+        gravity: In the base frame [m/s²].
+        payload: A load in addition.
+        motor_inertia: J, one number or one a joint [kg m² or kg].
+        viscous_friction: B, one number or one a joint [N m s/rad or N s/m].
+    """
+
+    gravity: VectorLike
+    payload: Payload
+    motor_inertia: float | VectorLike
+    viscous_friction: float | VectorLike
+
+
+class WrenchOptions(TypedDict, total=False):
+    """Where a wrench is exerted.
+
+    Args:
+        link: The tip if left out.
+        point: In the link's frame [m]; its origin if left out.
+    """
+
+    link: str
+    point: VectorLike
+
+
+class RegressorOptions(ModelOptions, total=False):
+    """How to parametrise; see also `ModelOptions`.
+
+    Args:
+        reference_velocities: v of Y(q, q̇, a, v), with the accelerations as a.
+        motors: With motor inertias and frictions; by default where the robot has any.
+        known_zeros: Count parameters that are exactly 0 as known.
+    """
+
+    reference_velocities: VectorLike
+    motors: bool
+    known_zeros: bool
+
+
+class WrenchRequest(Request):
+    """A wrench (force [N], moment [N m]) that a link exerts, in the base frame."""
+
+    joints: Vector | Rows
     wrench: Vector6
+    link: str | None = None
+    point: Vector3 | None = None
 
 
 class WrenchAnswer(Answer):
     """Joint torques that balance the wrench: τ = Jᵀ F [N m or N]."""
 
     torques: list[float]
+
+
+class WrenchBatch(Answer):
+    """Joint torques that balance a wrench at many configurations [N m or N]."""
+
+    torques: list[list[float]]
 
 
 class DynamicsRequest(Request):
@@ -59,31 +129,47 @@ class DynamicsRequest(Request):
     velocities: Vector | Rows | None = None
     accelerations: Vector | Rows | None = None
     wrench: Vector6 | None = None
+    gravity: Vector3 | None = None
+    payload: Payload | None = None
+    motor_inertia: float | Vector | None = None
+    viscous_friction: float | Vector | None = None
 
 
 class DynamicsAnswer(Answer):
-    """The equations of motion D(q) q̈ + C(q, q̇) q̇ + G(q) = τ.
+    """The equations of motion (D + J) q̈ + C q̇ + B q̇ + G + Jᵀ F = τ.
 
     Args:
-        mass_matrix: D, n x n.
+        mass_matrix: D of the links, n x n.
         coriolis_matrix: C from Christoffel symbols, n x n.
         gravity: G, n [N m or N].
         torques: τ, n [N m or N].
+        motor_inertia: J, n.
+        viscous_friction: B, n.
+        kinetic_energy: [J].
+        potential_energy: [J].
     """
 
     mass_matrix: Matrix
-    coriolis_matrix: Matrix | None = None
+    coriolis_matrix: Matrix
     gravity: list[float]
-    torques: list[float] | None = None
+    torques: list[float]
+    motor_inertia: list[float] | None = None
+    viscous_friction: list[float] | None = None
+    kinetic_energy: float | None = None
+    potential_energy: float | None = None
 
 
 class DynamicsBatch(Answer):
     """The equations at many configurations, in their order; see `DynamicsAnswer`."""
 
     mass_matrix: list[Matrix]
-    coriolis_matrix: list[Matrix] | None = None
+    coriolis_matrix: list[Matrix]
     gravity: list[list[float]]
-    torques: list[list[float]] | None = None
+    torques: list[list[float]]
+    motor_inertia: list[float] | None = None
+    viscous_friction: list[float] | None = None
+    kinetic_energy: list[float] | None = None
+    potential_energy: list[float] | None = None
 
 
 class RegressorRequest(Request):
@@ -92,22 +178,47 @@ class RegressorRequest(Request):
     joints: Vector
     velocities: Vector
     accelerations: Vector
+    reference_velocities: Vector | None = None
+    motors: bool | None = None
+    known_zeros: bool | None = None
+    gravity: Vector3 | None = None
+    payload: Payload | None = None
+    motor_inertia: float | Vector | None = None
+    viscous_friction: float | Vector | None = None
+
+
+class BaseParameter(Answer):
+    """A combination of parameters that motion can tell from all others.
+
+    Args:
+        name: The combination, such as "Izz1 + Iyy2 + 0.25 m2".
+        value: Of this robot.
+        column: The column of the regressor that it is multiplied with.
+    """
+
+    name: str
+    value: float
+    column: int
 
 
 class RegressorAnswer(Answer):
-    """The equations of motion, linear in the parameters: τ = Y Θ.
+    """The equations of motion, linear in the parameters: τ = Y Θ = Y_b β.
 
     Args:
         regressor: Y, n x p.
         parameters: Θ, p.
         parameter_names: p names.
-        base_parameters: Combinations of the parameters that can be told apart.
+        base_parameters: β, the fewest that there can be.
+        base_regressor: Y_b, n x b.
+        torques: Y Θ, n.
     """
 
     regressor: Matrix
     parameters: list[float]
     parameter_names: list[str]
-    base_parameters: Any = None
+    base_parameters: list[BaseParameter]
+    base_regressor: Matrix
+    torques: list[float]
 
 
 class PotentialOptions(Request):

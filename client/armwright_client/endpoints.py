@@ -16,14 +16,18 @@ from armwright_client.dynamics import (
     DynamicsAnswer,
     DynamicsBatch,
     DynamicsRequest,
+    ModelOptions,
     PotentialAnswer,
     PotentialOptions,
     PotentialRequest,
     RegressorAnswer,
+    RegressorOptions,
     RegressorRequest,
     VelocityAnswer,
     VelocityRequest,
     WrenchAnswer,
+    WrenchBatch,
+    WrenchOptions,
     WrenchRequest,
 )
 from armwright_client.health import Health, Readiness
@@ -154,10 +158,28 @@ class RobotEndpoints:
         return Call("POST", path("robots", robot, "velocity"), VelocityAnswer.read, body)
 
     @Endpoint
-    def wrench(self, robot: str, joints: VectorLike, wrench: VectorLike) -> Call[WrenchAnswer]:
-        """Joint torques that balance a wrench [f; n] at the tip: τ = Jᵀ F."""
-        body = WrenchRequest.of(joints=joints, wrench=wrench)
+    def wrench(
+        self,
+        robot: str,
+        joints: VectorLike,
+        wrench: VectorLike,
+        **options: Unpack[WrenchOptions],
+    ) -> Call[WrenchAnswer]:
+        """Joint torques that balance a wrench [f; n] at the tip: τ = Jᵀ F; see `WrenchOptions`."""
+        body = WrenchRequest.of(joints=joints, wrench=wrench, **options)
         return Call("POST", path("robots", robot, "wrench"), WrenchAnswer.read, body)
+
+    @Endpoint
+    def wrench_batch(
+        self,
+        robot: str,
+        joints: RowsLike,
+        wrench: VectorLike,
+        **options: Unpack[WrenchOptions],
+    ) -> Call[WrenchBatch]:
+        """Joint torques that balance a wrench at many configurations; see `WrenchOptions`."""
+        body = WrenchRequest.of(joints=joints, wrench=wrench, **options)
+        return Call("POST", path("robots", robot, "wrench"), WrenchBatch.read, body)
 
     @Endpoint
     def dynamics(
@@ -168,10 +190,15 @@ class RobotEndpoints:
         velocities: VectorLike | None = None,
         accelerations: VectorLike | None = None,
         wrench: VectorLike | None = None,
+        **options: Unpack[ModelOptions],
     ) -> Call[DynamicsAnswer]:
-        """The equations of motion at a configuration."""
+        """The equations of motion at a configuration; see `ModelOptions`."""
         body = DynamicsRequest.of(
-            joints=joints, velocities=velocities, accelerations=accelerations, wrench=wrench
+            joints=joints,
+            velocities=velocities,
+            accelerations=accelerations,
+            wrench=wrench,
+            **options,
         )
         return Call("POST", path("robots", robot, "dynamics"), DynamicsAnswer.read, body)
 
@@ -183,9 +210,17 @@ class RobotEndpoints:
         *,
         velocities: RowsLike | None = None,
         accelerations: RowsLike | None = None,
+        wrench: VectorLike | None = None,
+        **options: Unpack[ModelOptions],
     ) -> Call[DynamicsBatch]:
-        """The equations of motion at many configurations."""
-        body = DynamicsRequest.of(joints=joints, velocities=velocities, accelerations=accelerations)
+        """The equations of motion at many configurations; see `ModelOptions`."""
+        body = DynamicsRequest.of(
+            joints=joints,
+            velocities=velocities,
+            accelerations=accelerations,
+            wrench=wrench,
+            **options,
+        )
         return Call("POST", path("robots", robot, "dynamics"), DynamicsBatch.read, body)
 
     @Endpoint
@@ -206,11 +241,16 @@ class RobotEndpoints:
 
     @Endpoint
     def regressor(
-        self, robot: str, joints: VectorLike, velocities: VectorLike, accelerations: VectorLike
+        self,
+        robot: str,
+        joints: VectorLike,
+        velocities: VectorLike,
+        accelerations: VectorLike,
+        **options: Unpack[RegressorOptions],
     ) -> Call[RegressorAnswer]:
-        """The equations of motion as linear in the parameters of the links."""
+        """The equations of motion as linear in the links' parameters; see `RegressorOptions`."""
         body = RegressorRequest.of(
-            joints=joints, velocities=velocities, accelerations=accelerations
+            joints=joints, velocities=velocities, accelerations=accelerations, **options
         )
         return Call("POST", path("robots", robot, "regressor"), RegressorAnswer.read, body)
 

@@ -1,25 +1,48 @@
 """Closed-loop simulation of a robot that follows a motion under a controller."""
 
-from typing import Any, TypedDict
+from typing import TypedDict
 
-from armwright_client.base import Answer, Options, Positive, Request
+from armwright_client.base import Answer, Matrix, Options, OptionsList, Positive, Request
+from armwright_client.scene import SceneReference
 from armwright_client.trajectory import Trajectory
 
 
 class SimulateOptions(TypedDict, total=False):
-    """What may differ between the model and the robot that is simulated.
+    """What may differ between the model and the robot that is simulated, and how it is run.
 
     Args:
-        model_error: Errors of the controller's model.
-        disturbance: Forces the controller does not know of.
-        initial_state: Where the robot is when the motion begins.
+        model_error: Errors of the controller's model: mass_scale, inertias, payload, ...
+        disturbance: Forces the controller does not know of: torque, amplitude, wrench, ...
+        initial_state: Where the robot is when the motion begins: joints, offset, ...
+        noise: Standard deviations of the encoders: position, velocity.
+        control_period: How long each torque is held [s]; a continuous controller if left out.
+        duration: [s]; the trajectory's if left out.
+        sample_period: Of the answer [s].
+        saturate: Whether torques are cut off at the effort limits.
+        settling_tolerance: [rad or m].
+        relative_tolerance: Of the integrator.
+        absolute_tolerance: Of the integrator.
+        scene: With one, the tracking tube is answered.
+        attached: What the robot holds.
         timeout: [s].
+        seed: Of the noise.
     """
 
     model_error: Options
     disturbance: Options
     initial_state: Options
+    noise: Options
+    control_period: float
+    duration: float
+    sample_period: float
+    saturate: bool
+    settling_tolerance: float
+    relative_tolerance: float
+    absolute_tolerance: float
+    scene: SceneReference
+    attached: OptionsList
     timeout: float
+    seed: int
 
 
 class SimulateRequest(Request):
@@ -31,30 +54,104 @@ class SimulateRequest(Request):
     model_error: Options | None = None
     disturbance: Options | None = None
     initial_state: Options | None = None
+    noise: Options | None = None
+    control_period: Positive | None = None
+    duration: Positive | None = None
+    sample_period: Positive | None = None
+    saturate: bool | None = None
+    settling_tolerance: Positive | None = None
+    relative_tolerance: Positive | None = None
+    absolute_tolerance: Positive | None = None
+    scene: SceneReference | None = None
+    attached: OptionsList | None = None
     timeout: Positive | None = None
+    seed: int | None = None
+
+
+class Tube(Answer):
+    """Whether the motion as it was tracked still clears all obstacles.
+
+    Args:
+        joint_error: Largest error of each joint.
+        reach: How far any point of the robot moves for a unit of each joint, at most.
+        displacement: Of any point of the robot from where it should be, at most [m].
+        reference_clearance: The certificate's bound [m]; None with nothing to hit.
+        remaining_clearance: What is left of it [m], at least.
+        clears: Whether the tracked motion is proved to clear everything.
+        reason: Why not.
+    """
+
+    joint_error: list[float]
+    reach: list[float]
+    displacement: float
+    reference_clearance: float | None = None
+    remaining_clearance: float | None = None
+    clears: bool
+    reason: str | None = None
+
+
+class SimulationReference(Answer):
+    """What was to be followed."""
+
+    position: Matrix
+    velocity: Matrix
+
+
+class SimulatedController(Answer):
+    """The controller with the gains that were used.
+
+    Args:
+        type: Its name.
+        gains: Each gain by its name.
+        parameter_names: Of the estimate of an adaptive controller.
+    """
+
+    type: str
+    gains: dict[str, list[float] | Matrix]
+    parameter_names: list[str] | None = None
 
 
 class Simulation(Answer):
     """How well the motion was followed.
 
     Args:
+        outcome: "completed", "ran_away" or "exhausted".
+        advice: What that means and what to try.
         time: [s].
         position: q at each time.
         velocity: q̇ at each time.
         reference: What was to be followed.
-        torque: At each time [N m or N].
+        torque: At each time, after saturation [N m or N].
+        saturated: Whether any joint wanted more than its limit.
         tracking_error: At each time.
         lyapunov: V(t).
-        max_tracking_error: Of each joint, or of all.
+        estimate: Parameters at each time, of an adaptive controller.
+        true_parameters: Those of the robot.
+        max_tracking_error: Of all joints, over all steps of the integrator.
+        max_joint_errors: The same of each joint.
         settled: Whether the error stays small at the end.
+        settling_time: From when on [s].
+        controller: With its gains.
+        tube: Where a scene was given.
+        integration: What it took.
     """
 
-    time: list[float] | None = None
-    position: list[list[float]] | None = None
-    velocity: list[list[float]] | None = None
-    reference: Any = None
-    torque: list[list[float]] | None = None
-    tracking_error: list[list[float]] | None = None
-    lyapunov: list[float] | None = None
-    max_tracking_error: Any
-    settled: Any
+    outcome: str
+    advice: str
+    time: list[float]
+    position: Matrix
+    velocity: Matrix
+    reference: SimulationReference
+    torque: Matrix
+    saturated: list[bool]
+    tracking_error: Matrix
+    lyapunov: list[float]
+    estimate: Matrix | None = None
+    true_parameters: list[float] | None = None
+    max_tracking_error: float
+    max_joint_errors: list[float]
+    settled: bool
+    settling_time: float | None = None
+    controller: SimulatedController
+    tube: Tube | None = None
+    integration: dict[str, int]

@@ -75,7 +75,6 @@ def test_an_application_can_stand_in_for_the_network(tmp_path: Path) -> None:
 
 
 def pending(client: Client) -> list[Any]:
-    motion = ours.Trajectory(segments=[ours.Segment(t0=0, t1=1, coefficients=[[0.0]] * 7)])
     scene = ours.Scene(obstacles=[TABLE])
     problem = ours.PlanRequest(
         robot="panda", start=ours.Start(joints=READY), goal=ours.Goal(joints=AWAY)
@@ -83,13 +82,8 @@ def pending(client: Client) -> list[Any]:
     robots = client.robots
     return [
         lambda: robots.velocity("panda", READY, joint_velocities=[0.1] * 7),
-        lambda: robots.wrench("panda", READY, [0, 0, 1, 0, 0, 0]),
-        lambda: robots.dynamics("panda", READY, velocities=[0.0] * 7),
-        lambda: robots.dynamics_batch("panda", [READY, AWAY]),
         lambda: robots.potential("panda", READY, AWAY, scene),
-        lambda: robots.regressor("panda", READY, [0.0] * 7, [0.0] * 7),
         lambda: client.retime([READY, AWAY], robot="panda"),
-        lambda: client.simulate("panda", motion, {"type": "computed_torque"}),
         lambda: client.plan_batch([problem]),
         lambda: client.jobs.get("1"),
         lambda: client.jobs.cancel("1"),

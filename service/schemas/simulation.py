@@ -1,0 +1,293 @@
+"""Closed loops on the wire: controllers, what is wrong with their models, and what came of it."""
+
+from typing import Annotated, Literal
+
+from pydantic import AliasChoices, ConfigDict, Field
+from pydantic.config import JsonDict
+
+from service.schemas.base import (
+    Answer,
+    Body,
+    JointVector,
+    Matrix,
+    Name,
+    NonNegative,
+    Number,
+    Positive,
+    Seed,
+    Timeout,
+    Vector3,
+    Vector6,
+)
+from service.schemas.check import AttachedObjects
+from service.schemas.dynamics import Payload, Tensor
+from service.schemas.plan import TrajectoryBody
+from service.schemas.scene import SceneReference
+
+#: Samples of an answer: with seven joints 50 MB.
+MAX_SAMPLES = 100_000
+
+Gain = Positive | JointVector
+GainMatrix = Positive | JointVector | list[JointVector]
+Each = NonNegative | list[NonNegative]
+Frequency = Annotated[
+    Gain | None, Field(description="of the closed loop's poles [rad/s], in place of the gains")
+]
+Damping = Annotated[Gain, Field(description="ratio of the poles: 1 is critical")]
+
+
+class Motor(Body):
+    """A direct current motor behind a gear, seen from the joint as J q̈ + B q̇ = u − load."""
+
+    inertia: NonNegative = Field(description="J_m of the rotor [kg m²]")
+    friction: NonNegative = Field(0.0, description="B_m at the rotor [N m s/rad]")
+    torque_constant: Positive = Field(1.0, description="k_m [N m/A]")
+    back_emf: NonNegative = Field(0.0, description="k_b [V s/rad]")
+    resistance: Positive = Field(1.0, description="R [ohm]")
+    gear_ratio: Positive = Field(1.0, description="turns of the motor for one of the joint")
+
+
+class ControllerBody(Body):
+    """What every controller has in common; gains may be one number for all joints."""
+
+    model_config = ConfigDict(populate_by_name=True)
+
+    natural_frequency: Frequency = None
+    damping: Damping = 1.0
+
+
+class IndependentJoint(ControllerBody):
+    """Each joint a motor of its own: u = J q̈ʳ + B q̇ʳ + Kp q̃ + Kd dq̃/dt."""
+
+    type: Literal["independent_joint"]
+    Kp: Gain | None = Field(None, validation_alias=AliasChoices("Kp", "kp"))
+    Kd: Gain | None = Field(None, validation_alias=AliasChoices("Kd", "kd"))
+    inertia: Gain | None = Field(
+        None,
+        description="J fed forward; the motors' own if left out, or where the robot gives none "
+        "what each joint feels of the arm at the start of the trajectory",
+    )
+    motors: list[Motor] | None = Field(
+        None, description="one a joint, in place of the robot's motor inertias and frictions"
+    )
+
+
+class ComputedTorque(ControllerBody):
+    """Feedback linearisation: u = M (q̈ʳ + Kd dq̃/dt + Kp q̃) + C q̇ + B q̇ + G."""
+
+    type: Literal["computed_torque"]
+    Kp: Gain | None = Field(None, validation_alias=AliasChoices("Kp", "kp"))
+    Kd: Gain | None = Field(None, validation_alias=AliasChoices("Kd", "kd"))
+
+
+class PdGravity(ControllerBody):
+    """u = Kp q̃ + Kd dq̃/dt + G, for a reference that stands still."""
+
+    type: Literal["pd_gravity"]
+    Kp: GainMatrix | None = Field(None, validation_alias=AliasChoices("Kp", "kp"))
+    Kd: GainMatrix | None = Field(None, validation_alias=AliasChoices("Kd", "kd"))
+
+
+class Passivity(ControllerBody):
+    """u = M a + C v + B q̇ + G + K r with r = dq̃/dt + Λ q̃."""
+
+    type: Literal["passivity"]
+    Lambda: Gain | None = Field(
+        None, description="Λ [1/s]", validation_alias=AliasChoices("Lambda", "lambda")
+    )
+    K: GainMatrix | None = Field(None, validation_alias=AliasChoices("K", "k"))
+
+
+class Adaptive(ControllerBody):
+    """Slotine and Li: u = Y Θ̂ + K r with dΘ̂/dt = Γ Yᵀ r on the base parameters."""
+
+    type: Literal["adaptive"]
+    Lambda: Gain | None = Field(
+        None, description="Λ [1/s]", validation_alias=AliasChoices("Lambda", "lambda")
+    )
+    K: GainMatrix | None = Field(None, validation_alias=AliasChoices("K", "k"))
+    Gamma: GainMatrix = Field(
+        1.0,
+        description="Γ, one number, one a base parameter, or a matrix",
+        validation_alias=AliasChoices("Gamma", "gamma"),
+    )
+    estimate: Literal["model", "zero"] | list[Number] = Field(
+        "model", description="Θ̂ at the start: the model's, nothing, or one number a base parameter"
+    )
+    motors: bool | None = Field(
+        None, description="learn motor inertias and frictions too; by default where there are any"
+    )
+
+
+Controller = Annotated[
+    IndependentJoint | ComputedTorque | PdGravity | Passivity | Adaptive,
+    Field(discriminator="type"),
+]
+
+
+class LinkInertia(Body):
+    """Mass properties in place of a link's own."""
+
+    mass: Positive = Field(description="[kg]")
+    center_of_mass: Vector3 = Field(description="in the link's frame [m]")
+    inertia: Tensor = Field(description="about the centre of mass, in the link's axes [kg m²]")
+
+
+class ModelError(Body):
+    """How the controller's model differs from the robot that is simulated."""
+
+    mass_scale: Gain | None = Field(
+        None,
+        description="mass and inertia of each body times this in the model: one number or one a "
+        "joint; 1.2 makes the controller believe in bodies a fifth too heavy",
+    )
+    inertias: dict[str, LinkInertia] | None = Field(
+        None, description="what the model believes of some links, by their names"
+    )
+    payload: Payload | None = Field(
+        None, description="a load that the robot carries and the model does not know of"
+    )
+    motor_inertia: Each | None = Field(None, description="the model's, in place of the robot's")
+    viscous_friction: Each | None = Field(None, description="the model's, in place of the robot's")
+    gravity: Vector3 | None = Field(None, description="the model's [m/s²]")
+
+
+class Disturbance(Body):
+    """torque + amplitude sin(2π frequency t) at the joints and a wrench at the tip."""
+
+    torque: Number | JointVector = Field(0.0, description="constant [N m or N]")
+    amplitude: Number | JointVector = Field(0.0, description="[N m or N]")
+    frequency: NonNegative = Field(0.0, description="[Hz]")
+    wrench: Vector6 | None = Field(None, description="on the tip, in the base frame [N, N m]")
+    start: NonNegative = Field(0.0, description="[s]")
+    end: Positive | None = Field(None, description="[s]; never if left out")
+
+
+class InitialState(Body):
+    """Where the robot is when the motion begins."""
+
+    joints: JointVector | None = Field(None, description="the trajectory's start if left out")
+    velocities: JointVector | None = Field(None, description="the trajectory's if left out")
+    offset: JointVector | None = Field(None, description="added to the joints [rad or m]")
+    velocity_offset: JointVector | None = Field(None, description="added to the velocities")
+
+
+class EncoderNoise(Body):
+    """Standard deviations of what the controller is told of the state; drawn by `seed`."""
+
+    position: NonNegative = Field(0.0, description="[rad or m]")
+    velocity: NonNegative = Field(0.0, description="[rad/s or m/s]")
+    period: Positive | None = Field(
+        None, description="for a continuous controller [s]; a millisecond if left out"
+    )
+
+
+_EXAMPLE: JsonDict = {
+    "robot": "planar_rr",
+    "trajectory": {
+        "segments": [
+            {
+                "t0": 0.0,
+                "t1": 1.0,
+                "coefficients": [[0, 0, 0, 10, -15, 6], [0.5, 0, 0, -10, 15, -6]],
+            }
+        ]
+    },
+    "controller": {"type": "computed_torque", "natural_frequency": 20.0, "damping": 1.0},
+    "model_error": {"mass_scale": 1.2},
+    "control_period": 0.001,
+}
+
+
+class SimulateRequest(Body):
+    """A motion to be followed under a controller."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
+
+    robot: Name = Field(examples=["panda"])
+    trajectory: TrajectoryBody
+    controller: Controller
+    model_error: ModelError | None = None
+    disturbance: Disturbance | None = None
+    initial_state: InitialState | None = None
+    noise: EncoderNoise | None = None
+    control_period: Positive | None = Field(
+        None, description="how long each torque is held [s]; a continuous controller if left out"
+    )
+    duration: Positive | None = Field(
+        None, description="[s]; the trajectory's if left out, longer to watch it settle at the end"
+    )
+    sample_period: Positive = Field(0.01, description="of the answer [s]")
+    saturate: bool = Field(True, description="cut torques off at the robot's effort limits")
+    settling_tolerance: Positive = Field(1e-3, description="[rad or m]")
+    relative_tolerance: Annotated[float, Field(ge=1e-13, le=1e-2)] = 1e-8
+    absolute_tolerance: Annotated[float, Field(ge=1e-13, le=1e-2)] = 1e-10
+    scene: SceneReference | None = Field(
+        None, description="with one, the tracking tube is answered; an empty one will do"
+    )
+    attached: AttachedObjects | None = None
+    timeout: Timeout | None = None
+    seed: Seed = 0
+
+
+class TubeAnswer(Answer):
+    """Whether the motion as it was tracked still clears all obstacles."""
+
+    joint_error: list[float] = Field(description="largest |qʳ − q| of each joint")
+    reach: list[float] = Field(
+        description="how far any point of the robot moves for a unit of each joint, at most"
+    )
+    displacement: float = Field(
+        description="of any point of the robot from where it should be, at most: Σ reach · error"
+    )
+    reference_clearance: float | None = Field(
+        description="the certificate's bound for the reference [m]; null with nothing to hit"
+    )
+    remaining_clearance: float | None = Field(description="what is left of it [m], at least")
+    clears: bool = Field(description="whether the tracked motion is proved to clear everything")
+    reason: str | None = Field(None, description="why not")
+
+
+class ReferenceAnswer(Answer):
+    """What was to be followed."""
+
+    position: Matrix
+    velocity: Matrix
+
+
+class ControllerAnswer(Answer):
+    """The controller with the gains that were used."""
+
+    type: str
+    gains: dict[str, list[float] | Matrix]
+    parameter_names: list[str] | None = Field(None, description="of the estimate, if adaptive")
+
+
+class SimulateAnswer(Answer):
+    """How well the motion was followed; rows belong to the times."""
+
+    outcome: Literal["completed", "ran_away", "exhausted"]
+    advice: str = Field(description="what the outcome means and what to try")
+    time: list[float]
+    position: Matrix
+    velocity: Matrix
+    reference: ReferenceAnswer
+    torque: Matrix = Field(description="after saturation [N m or N]")
+    saturated: list[bool] = Field(description="whether any joint wanted more than its limit")
+    tracking_error: Matrix = Field(description="qʳ − q")
+    lyapunov: list[float] = Field(
+        description="V(t) of the controller's proof, with the true robot's M and parameters"
+    )
+    estimate: Matrix | None = Field(None, description="Θ̂(t) of an adaptive controller")
+    true_parameters: list[float] | None = Field(None, description="Θ of the robot, for comparison")
+    max_tracking_error: float = Field(
+        description="of any joint, over all steps of the integrator [rad or m]"
+    )
+    max_joint_errors: list[float] = Field(description="the same of each joint")
+    settled: bool
+    settling_time: float | None = None
+    controller: ControllerAnswer
+    tube: TubeAnswer | None = None
+    integration: dict[str, int] = Field(
+        description="evaluations, explicit and implicit steps (the latter where it is stiff)"
+    )

@@ -1,0 +1,95 @@
+"""Closed loops as requests ask for them, in workers."""
+
+import math
+import time
+from typing import Any
+
+import numpy as np
+from pydantic_core import to_json
+
+from kinematics.trajectory import Trajectory
+from obstacles.robot_geometry import RobotGeometry
+from planning.certificate import certify
+from planning.deadline import Deadline
+from service import library, translate_motion, translate_simulation, worker_main
+from service.answering import answering
+from service.check_tasks import attach
+from service.computing import PATIENCE
+from service.references import Absent, Reference, Refusal
+from service.schemas.simulation import SimulateRequest
+from tracking.result import SimulationOutcome, SimulationResult
+from tracking.simulation import simulate as close_loop
+from tracking.tube import tube
+
+
+@answering
+def simulate(
+    robot: Reference, scene: Reference | None, content: bytes, timeout: float
+) -> bytes | Refusal | Absent:
+    """Answer a request for a closed loop, and with a scene for its tracking tube.
+
+    Args:
+        robot: The robot.
+        scene: The scene, where the request names a stored one.
+        content: The request.
+        timeout: What it allows [s], where it names nothing.
+
+    Raises:
+        ArmwrightError: The request is at fault.
+    """
+    body = SimulateRequest.model_validate_json(content)
+    geometry = library.robot(robot).geometry
+    motion, begins = translate_motion.trajectory(body.trajectory, geometry.chain)
+    true, model = translate_simulation.robot_and_model(geometry.chain, body)
+    used = translate_simulation.controller(body.controller, model, motion)
+    q, qd = translate_simulation.initial_state(body.initial_state, true, motion)
+    result = close_loop(
+        used,
+        motion,
+        translate_simulation.options(body, motion),
+        robot=true,
+        initial_position=q,
+        initial_velocity=qd,
+        disturbance=translate_simulation.disturbance(body.disturbance),
+        noise=translate_simulation.noise(body),
+    )
+    answer = translate_simulation.simulation_answer(result, used, true, begins)
+    if body.scene is not None:
+        place = library.scene(scene or (None if isinstance(body.scene, str) else body.scene))
+        arm = attach(geometry, place, body.attached or ())
+        left = min(body.timeout or timeout, worker_main.deadline() - PATIENCE - time.monotonic())
+        deadline = Deadline.after(max(left, 0.0))
+        answer["tube"] = _tube(arm, place, motion, result, deadline)
+    return to_json(answer, inf_nan_mode="null")
+
+
+def _tube(
+    arm: RobotGeometry, scene: Any, motion: Trajectory, result: SimulationResult, deadline: Deadline
+) -> dict[str, Any]:
+    """What the certificate's bound for the reference leaves to the tracked motion."""
+    endless = np.full(arm.chain.n, np.inf)
+    # Of the certificate only the clearance matters here: /v1/validate holds motions to limits.
+    limits = dict.fromkeys(("velocity", "acceleration", "jerk"), endless)
+    certificate = certify(motion, arm, scene, limits=limits, deadline=deadline)
+    around = tube(arm, motion, result.max_tracking_error)
+    clearance = certificate.min_clearance
+    remaining = around.remaining(clearance)
+    reason = None
+    if result.outcome is not SimulationOutcome.COMPLETED:
+        reason = f"the simulation did not reach the end: {result.outcome.value}"
+    elif certificate.violation is not None:
+        reason = f"the reference itself is not certified: {certificate.violation.message}"
+    elif not remaining > 0.0:
+        reason = (
+            "the robot may be displaced by as much as its reference clears, or more: track "
+            "better, or plan with a margin"
+        )
+    return {
+        "joint_error": around.joint_error.tolist(),
+        "reach": around.reach.tolist(),
+        "displacement": around.displacement,
+        "reference_clearance": clearance if math.isfinite(clearance) else None,
+        "remaining_clearance": remaining if math.isfinite(remaining) else None,
+        "clears": reason is None,
+        "reason": reason,
+    }
