@@ -27,18 +27,25 @@ def finite_kernel(q: Array) -> bool:
 
 
 @kernel
-def step_kernel(A: Array, q: float, B: Frame) -> Frame:
-    """The frame behind a joint at ``q`` whose row of ``Chain.model`` is A, from the one before it.
+def step_kernel(model: Array, row: int, q: float, B: Frame) -> Frame:
+    """The frame behind a joint at ``q``, by its row of ``Chain.model``, from the one before it.
 
-    Frames are their upper three rows as twelve numbers: so they stay in registers.
+    Frames are their upper three rows as twelve numbers: so they stay in registers. Rows are named
+    by their number, since a view of one costs as much as the product.
     """
-    b00, b01, b02, b03, b10, b11, b12, b13, b20, b21, b22, b23 = compose_kernel(B, A)
-    if A[0] != 0.0:
-        return (
-            b00, b01, b02, b03 + q * b02, b10, b11, b12, b13 + q * b12,
-            b20, b21, b22, b23 + q * b22,
-        )  # fmt: skip
-    c, s = math.cos(q), math.sin(q)
+    if model[row, 0] == 0.0:
+        return turn_kernel(model, row, math.cos(q), math.sin(q), B)
+    b00, b01, b02, b03, b10, b11, b12, b13, b20, b21, b22, b23 = compose_kernel(B, model, row)
+    return (
+        b00, b01, b02, b03 + q * b02, b10, b11, b12, b13 + q * b12,
+        b20, b21, b22, b23 + q * b22,
+    )  # fmt: skip
+
+
+@kernel
+def turn_kernel(model: Array, row: int, c: float, s: float, B: Frame) -> Frame:
+    """``step_kernel`` of a revolute joint by its cosine and sine."""
+    b00, b01, b02, b03, b10, b11, b12, b13, b20, b21, b22, b23 = compose_kernel(B, model, row)
     return (
         b00 * c + b01 * s, b01 * c - b00 * s, b02, b03,
         b10 * c + b11 * s, b11 * c - b10 * s, b12, b13,
@@ -47,12 +54,12 @@ def step_kernel(A: Array, q: float, B: Frame) -> Frame:
 
 
 @kernel
-def compose_kernel(B: Frame, A: Array) -> Frame:
-    """B times the frame in a row of ``Chain.model``."""
+def compose_kernel(B: Frame, A: Array, i: int) -> Frame:
+    """B times the frame in row i of an array as ``Chain.model``."""
     b00, b01, b02, b03, b10, b11, b12, b13, b20, b21, b22, b23 = B
-    _, a00, a01, a02, a03, a10, a11, a12, a13, a20, a21, a22, a23 = (
-        A[0], A[1], A[2], A[3], A[4], A[5], A[6], A[7], A[8], A[9], A[10], A[11], A[12],
-    )  # fmt: skip
+    a00, a01, a02, a03 = A[i, 1], A[i, 2], A[i, 3], A[i, 4]
+    a10, a11, a12, a13 = A[i, 5], A[i, 6], A[i, 7], A[i, 8]
+    a20, a21, a22, a23 = A[i, 9], A[i, 10], A[i, 11], A[i, 12]
     return (
         b00 * a00 + b01 * a10 + b02 * a20, b00 * a01 + b01 * a11 + b02 * a21,
         b00 * a02 + b01 * a12 + b02 * a22, b00 * a03 + b01 * a13 + b02 * a23 + b03,
@@ -83,11 +90,11 @@ def pose_kernel(model: Array, q: Array, link: int, T: Array) -> bool:
     """Write the pose (4, 4) of link number ``link``, -1 for the tip; False where q does not fit."""
     if not fits_kernel(model, q):
         return False
-    row = model[1 + q.shape[0] + (link if link >= 0 else int(model[0, 1]))]
+    row = 1 + q.shape[0] + (link if link >= 0 else int(model[0, 1]))
     B = IDENTITY
-    for i in range(int(row[0]) + 1):
-        B = step_kernel(model[1 + i], q[i], B)
-    store_kernel(compose_kernel(B, row), T)
+    for i in range(int(model[row, 0]) + 1):
+        B = step_kernel(model, 1 + i, q[i], B)
+    store_kernel(compose_kernel(B, model, row), T)
     return True
 
 
@@ -100,11 +107,11 @@ def poses_kernel(model: Array, q: Array, poses: Array) -> bool:
     B, joint = IDENTITY, -1
     for k in range(poses.shape[0]):
         link = int(model[1 + n + k, 13])
-        row = model[1 + n + link]
-        while joint < int(row[0]):
+        row = 1 + n + link
+        while joint < int(model[row, 0]):
             joint += 1
-            B = step_kernel(model[1 + joint], q[joint], B)
-        store_kernel(compose_kernel(B, row), poses[link])
+            B = step_kernel(model, 1 + joint, q[joint], B)
+        store_kernel(compose_kernel(B, model, row), poses[link])
     return True
 
 

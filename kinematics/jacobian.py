@@ -89,15 +89,15 @@ def frame_and_jacobian_kernel(model: Array, q: Array, link: int, J: Array) -> Fr
     ``model`` is ``Chain.model``.
     """
     n = q.shape[0]
-    row = model[1 + n + (link if link >= 0 else int(model[0, 1]))]
-    last = int(row[0])
+    row = 1 + n + (link if link >= 0 else int(model[0, 1]))
+    last = int(model[row, 0])
     B = IDENTITY
     for j in range(last + 1):
-        B = step_kernel(model[1 + j], q[j], B)
+        B = step_kernel(model, 1 + j, q[j], B)
         # Origin and axis wait in the column until the link's own origin is known.
         J[0, j], J[1, j], J[2, j] = B[3], B[7], B[11]
         J[3, j], J[4, j], J[5, j] = B[2], B[6], B[10]
-    B = compose_kernel(B, row)
+    B = compose_kernel(B, model, row)
     for j in range(n):
         zx, zy, zz = J[3, j], J[4, j], J[5, j]
         if j > last:

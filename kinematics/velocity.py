@@ -92,8 +92,8 @@ def link_twist(
 def singular_directions(J: Array) -> SingularDirections:
     """Decompose Jacobians (..., 6, n) into the twists they give and the motions that give them.
 
-    The rank counts singular values above the rounding of a walk along the arm. Metres and radians are added
-    as they are: a change of the unit of length changes the values, not the rank.
+    The rank counts singular values above the rounding of a walk along the arm. Metres and radians
+    are added as they are: a change of the unit of length changes the values, not the rank.
     """
     twists, values, motions = np.linalg.svd(J, full_matrices=True)
     k = values.shape[-1]

@@ -1,0 +1,230 @@
+"""Inverse kinematics in closed form: every branch of an arm that has one, verified.
+
+Six revolute joints with a spherical wrist or shoulder, or three parallel axes (UR); seven with
+both spheres (the arm angle is the parameter) or with six such joints behind or before one more
+(its value is the parameter, as q7 of the Panda). ``structure`` finds out which.
+"""
+
+from dataclasses import dataclass
+from functools import cache, lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kinematics.chain import Array, Chain, frozen
+from kinematics.errors import InvalidOption, InvalidPose, NotAvailable
+from kinematics.forward import link_number
+from kinematics.ik.refine import (
+    CODE,
+    INSIDE,
+    MORE,
+    ORIENTATION,
+    POSITION,
+    VALUE,
+    branches_batch_kernel,
+    branches_kernel,
+    parameter_kernel,
+)
+from kinematics.ik.structure import Structure, structure
+from kinematics.kernel import direct
+
+#: Largest error of a solution [m], [rad].
+TOLERANCE = 1e-9
+#: A closed form has 8 branches, 16 at most for general axes, and as many again by rounding.
+_ROWS = 16
+_FLOAT = np.dtype(np.float64)
+_POSE = (4, 4)
+#: The seed's own parameter, and more branches than there are.
+_OWN, _ALL = np.array([np.nan]), 2**31
+_empty, _contiguous = np.empty, np.ascontiguousarray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Branches:
+    """The branches of one pose, k of them, or of a batch of m poses: (m, r, ...), ``counts`` each.
+
+    Args:
+        form: The closed form they come from.
+        n: Joints of the chain.
+        table: Joints and what is known of them in a row, shape (k, n + 6) or (m, r, n + 6).
+        counts: Rows of the table that hold a branch of each pose, shape (m,); None for one pose.
+    """
+
+    form: Structure
+    n: int
+    table: Array
+    counts: NDArray[np.int64] | None = None
+
+    @property
+    def joints(self) -> Array:
+        """Configurations, each joint the whole turn that is inside its limits nearest the seed."""
+        return self.table[..., : self.n]
+
+    @property
+    def position_error(self) -> Array:
+        """Distance from the target [m]."""
+        return self.table[..., self.n + POSITION]
+
+    @property
+    def orientation_error(self) -> Array:
+        """Angle from the target [rad]."""
+        return self.table[..., self.n + ORIENTATION]
+
+    @property
+    def within_limits(self) -> NDArray[np.bool_]:
+        """Whether some whole turn of every joint is inside its limits."""
+        return np.asarray(self.table[..., self.n + INSIDE] != 0.0)
+
+    @property
+    def parameter(self) -> Array:
+        """The arm angle or the value of the locked joint [rad or m]; 0 where there is none."""
+        return self.table[..., self.n + VALUE]
+
+    def label(self, *index: int) -> str:
+        """What the branch at an index is called, as "shoulder+ elbow- wrist+".
+
+        A sign is that of the factor of the Jacobian's determinant which vanishes where this branch
+        and its opposite meet.
+        """
+        row = self.table[index]
+        code = int(row[self.n + CODE])
+        first, last = ("wrist", "shoulder") if self.form.reverse else ("shoulder", "wrist")
+        signs = [f"{name}{'-' if code & bit else '+'}" for name, bit in
+                 ((first, 4), ("elbow", 2), (last, 1))]  # fmt: skip
+        text = " ".join(reversed(signs) if self.form.reverse else signs)
+        if self.form.kind == "redundant":
+            text += f" arm_angle={row[self.n + VALUE]:.6f}"
+        elif self.form.locked is not None:
+            text += f" q{self.form.locked + 1}={row[self.n + VALUE]:.6f}"
+        return text
+
+
+def closed_form(chain: Chain, link: str | None = None) -> Structure:
+    """The closed form of a chain up to a link (the tip where none is named).
+
+    Raises:
+        NotAvailable: It has none; the message says which arms do.
+        InvalidLinkName: No such link.
+    """
+    form = structure(chain, link)
+    if form is None:
+        raise NotAvailable(
+            f"robot {chain.name!r} has no closed form of inverse kinematics up to "
+            f"{link or chain.tip_link!r}",
+            hint="There is one for six revolute joints with a spherical wrist or shoulder or three "
+            "parallel axes, and for seven with two spheres or six of those. "
+            "Take the numeric method.",
+        )
+    return form
+
+
+def parameter(chain: Chain, q: ArrayLike, link: str | None = None) -> float:
+    """The parameter of a redundant arm's configuration: arm angle or locked joint; else 0.
+
+    Raises:
+        NotAvailable: The arm has no closed form.
+        InvalidRobotState: Wrong length or not finite.
+    """
+    form = closed_form(chain, link)
+    return float(parameter_kernel(form.plan, chain.configuration(q), np.empty(7)))
+
+
+def branches(
+    chain: Chain,
+    target: ArrayLike,
+    *,
+    link: str | None = None,
+    seed_joints: ArrayLike | None = None,
+    parameters: ArrayLike | None = None,
+    tolerance: float = TOLERANCE,
+    enough: int | None = None,
+) -> Branches:
+    """All branches that bring a link to a pose, or to each pose of a batch.
+
+    Those outside the limits are among them and say so. Where a pose leaves angles free (a straight
+    wrist, the wrist on axis 1), one member of each family is answered: the seed's value of the
+    free angle if it is inside the limits, else another that is.
+
+    Args:
+        chain: The robot.
+        target: T_base_link, shape (4, 4) or (m, 4, 4).
+        link: The link to bring there; the tip where none is named.
+        seed_joints: Where whole turns and free angles are to be near, shape (n,) or (m, n); the
+            middle of the limits where not given.
+        parameters: Of a redundant arm: the arm angles or values of the locked joint to take, in
+            this order, shape (v,) or (m, v); that of the seed where not given.
+        tolerance: Largest error of a branch [m], [rad].
+        enough: Try no more parameters once so many branches are inside the limits.
+
+    Raises:
+        NotAvailable: The arm has no closed form.
+        InvalidPose: The target is not finite or has another shape.
+        InvalidRobotState: Seeds of the wrong length or not finite.
+    """
+    form = structure(chain, link) or closed_form(chain, link)
+    number = -1 if link is None else link_number(chain, link)
+    limits = chain.limits
+    many = _ALL if enough is None else enough
+    seeds = middle(chain) if seed_joints is None else _numbers(seed_joints, "seed_joints")
+    T = _numbers(target, "the target")
+    values = _OWN if parameters is None else _parameters(parameters)
+    if T.shape == _POSE and seeds.ndim == 1 and values.ndim == 1:
+        table = _empty((_ROWS * values.shape[0], seeds.shape[0] + MORE))
+        count = _one()(
+            form.plan, chain.model, number, T, limits.lower, limits.upper, seeds, values,
+            tolerance, many, table,
+        )  # fmt: skip
+        if count >= 0:
+            return Branches(form, seeds.shape[0], table[:count])
+    chain.configuration(seeds, "seed_joints")
+    if T.shape[-2:] != _POSE or not np.isfinite(T).all():
+        raise InvalidPose("the target must be a finite 4x4 transform, or a batch of them")
+    T = T.reshape(-1, 4, 4)
+    m = T.shape[0]
+    try:
+        seeds = np.ascontiguousarray(np.broadcast_to(seeds, (m, chain.n)))
+        values = np.ascontiguousarray(np.broadcast_to(values, (m, values.shape[-1])))
+    except ValueError:
+        raise InvalidOption(f"seeds and parameters must be one or {m}, as the poses are") from None
+    table = np.empty((m, _ROWS * values.shape[1], chain.n + MORE))
+    counts = np.zeros(m, dtype=np.int64)
+    branches_batch_kernel(
+        form.plan, chain.model, number, T, limits.lower, limits.upper, seeds, values,
+        tolerance, many, table, counts,
+    )  # fmt: skip
+    return Branches(form, chain.n, table, counts)
+
+
+def _numbers(values: ArrayLike, name: str) -> Array:
+    try:
+        return _contiguous(values, _FLOAT)
+    except (TypeError, ValueError):
+        raise InvalidOption(f"{name} must be an array of numbers") from None
+
+
+@lru_cache(maxsize=256)
+def middle(chain: Chain) -> Array:
+    """The middle of the limits, half way round where there are none, shape (n,)."""
+    lower, upper = chain.sampling_bounds()
+    return frozen(0.5 * (lower + upper))
+
+
+def _parameters(parameters: ArrayLike) -> Array:
+    values = np.atleast_1d(_numbers(parameters, "parameters"))
+    if values.ndim > 2 or not values.size or not np.isfinite(values).all():
+        raise InvalidOption("parameters must be finite numbers, one at least")
+    return values
+
+
+@cache
+def _one() -> Any:
+    def fixed(*shape: int) -> Array:
+        array = np.zeros(shape)
+        array.setflags(write=False)
+        return array
+
+    return direct(
+        branches_kernel, fixed(1, 14), fixed(1, 14), 0, np.zeros((4, 4)), fixed(1), fixed(1),
+        np.zeros(1), np.zeros(1), 0.0, 0, np.zeros((1, 1)),
+    )  # fmt: skip

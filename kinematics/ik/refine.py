@@ -1,0 +1,435 @@
+"""From the candidates of a closed form to verified solutions of the true chain.
+
+Each candidate is verified by forward kinematics; what misses the tolerance, since the arm misses
+the form a little or its limits cut off a rounding error, is polished by damped steps. Angles are
+taken by whole turns into the limits, nearest to the seed.
+"""
+
+import math
+
+import numpy as np
+
+from kinematics.chain import Array, Indices
+from kinematics.forward import (
+    IDENTITY,
+    Frame,
+    compose_kernel,
+    finite_kernel,
+    step_kernel,
+    turn_kernel,
+)
+from kinematics.ik.parallel import parallel_kernel
+from kinematics.ik.redundant import arm_angle_kernel, redundant_kernel
+from kinematics.ik.spherical import (
+    BRANCH,
+    FAMILY,
+    LOCKED,
+    LOCKED_TIP,
+    PARAMETER,
+    WIDTH,
+    spherical_kernel,
+)
+from kinematics.ik.step import error_kernel, frame_kernel, step_within_kernel
+from kinematics.jacobian import frame_and_jacobian_kernel
+from kinematics.kernel import kernel
+
+#: Columns behind the joints of a solution: errors [m], [rad], inside limits, branch, family,
+#: parameter.
+POSITION, ORIENTATION, INSIDE, CODE, GROUP, VALUE, MORE = 0, 1, 2, 3, 4, 5, 6
+#: Candidates of one pose at most: families stand for themselves with several members.
+_CANDIDATES = 400
+_POLISH_STEPS = 25
+#: An angle this little outside a limit [rad] is rounding of a double root, and put onto it.
+_SNAP = 1e-6
+#: Solutions nearer than this in every joint are one.
+_SAME = 1e-6
+#: Errors below this are not worth a step.
+_GOOD = 1e-12
+
+
+@kernel
+def tip_kernel(model: Array, q: Array, link: int) -> Frame:
+    """The frame of link number ``link`` of ``Chain.model``."""
+    row = 1 + q.shape[0] + link
+    B = IDENTITY
+    for i in range(int(model[row, 0]) + 1):
+        B = step_kernel(model, 1 + i, q[i], B)
+    return compose_kernel(B, model, row)
+
+
+@kernel
+def size_kernel(e: tuple[float, float, float, float, float, float]) -> tuple[float, float]:
+    """Lengths of the two halves of an error."""
+    return (
+        math.sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2]),
+        math.sqrt(e[3] * e[3] + e[4] * e[4] + e[5] * e[5]),
+    )
+
+
+@kernel
+def miss_kernel(B: Frame, T: Frame) -> tuple[float, float]:
+    """Distance [m] and angle [rad] between two frames: |R_T - R_B|^2 = 8 sin^2(angle / 2)."""
+    x, y, z = T[3] - B[3], T[7] - B[7], T[11] - B[11]
+    a, b, c = T[0] - B[0], T[4] - B[4], T[8] - B[8]
+    d, e, f = T[1] - B[1], T[5] - B[5], T[9] - B[9]
+    g, h, i = T[2] - B[2], T[6] - B[6], T[10] - B[10]
+    square = a * a + b * b + c * c + d * d + e * e + f * f + g * g + h * h + i * i
+    half = math.sqrt(0.125 * square)
+    angle = 2.0 * half if half < 1e-4 else 2.0 * math.asin(min(half, 1.0))
+    return math.sqrt(x * x + y * y + z * z), angle
+
+
+@kernel
+def polish_kernel(
+    model: Array, link: int, T: Frame, lower: Array, upper: Array, held: int, q: Array
+) -> tuple[float, float]:
+    """Improve q (n,) in place by damped steps inside bounds; the errors [m], [rad] that are left.
+
+    Joint ``held`` stays where it is (-1: none).
+    """
+    n = q.shape[0]
+    J, H, e = np.empty((6, n)), np.empty((n, n)), np.empty(6)
+    g, trial, free = np.empty(n), np.empty(n), np.empty(n, dtype=np.int64)
+    B = frame_and_jacobian_kernel(model, q, link, J)
+    error = error_kernel(B, T)
+    position, orientation = size_kernel(error)
+    square = position * position + orientation * orientation
+    mu = 1e-3
+    for _ in range(_POLISH_STEPS):
+        if position < _GOOD and orientation < _GOOD:
+            break
+        if held >= 0:
+            J[:, held] = 0.0
+        for k in range(6):
+            e[k] = error[k]
+        step_within_kernel(J, e, q, lower, upper, mu * square + 1e-14, free, H, g, trial)
+        error_after = error_kernel(tip_kernel(model, trial, link), T)
+        a, b = size_kernel(error_after)
+        after = a * a + b * b
+        if after < square:
+            gained = after < 0.25 * square
+            q[:] = trial
+            position, orientation, square = a, b, after
+            if not gained and square < 1e-20:
+                break
+            mu *= 0.1
+            B = frame_and_jacobian_kernel(model, q, link, J)
+            error = error_kernel(B, T)
+        else:
+            if square < 1e-22:
+                break
+            mu *= 10.0
+    return position, orientation
+
+
+@kernel
+def angle_kernel(c: float, s: float) -> float:
+    """The angle of a unit vector (c, s) in (-pi, pi], in a third of the time of atan2.
+
+    Turned by 0, 45 or 90 degrees |s| <= sin(22.5 degrees), and asin(x) = x + x^3 P(x^2) / Q(x^2)
+    with the minimax fit for |x| < 0.5 of "A freely distributable C math library" (fdlibm, 1993).
+    """
+    a, b = abs(c), abs(s)
+    if b <= 0.41421356237309503 * a:
+        x, base = b, 0.0
+    elif b <= 2.414213562373095 * a:
+        x, base = (b - a) * 0.7071067811865476, 0.25 * math.pi
+    else:
+        x, base = -a, 0.5 * math.pi
+    t = x * x
+    P = 7.91534994289814532176e-04 + t * 3.47933107596021167570e-05
+    P = 2.01212532134862925881e-01 + t * (-4.00555345006794114027e-02 + t * P)
+    P = t * (1.66666666666666657415e-01 + t * (-3.25565818622400915405e-01 + t * P))
+    Q = -6.88283971605453293030e-01 + t * 7.70381505559019352791e-02
+    Q = 1.0 + t * (-2.40339491173441421878e00 + t * (2.02094576023350569471e00 + t * Q))
+    angle = base + (x + x * (P / Q))
+    if c < 0.0:
+        angle = math.pi - angle
+    return -angle if s < 0.0 else angle
+
+
+@kernel
+def near_kernel(angle: float, lower: float, upper: float, seed: float) -> tuple[float, bool, bool]:
+    """The angle by whole turns nearest to the seed, inside the limits if it can be.
+
+    Also whether it is inside, and whether it had to be put onto a limit for that.
+    """
+    turn = 2.0 * math.pi
+    best = angle + turn * math.floor((seed - angle) / turn + 0.5)
+    if best >= lower and best <= upper:
+        return best, True, False
+    if best > upper:
+        low = best - turn * math.ceil((best - upper - _SNAP) / turn)
+        if low >= lower - _SNAP:
+            return min(max(low, lower), upper), True, low < lower or low > upper
+    else:
+        high = best + turn * math.ceil((lower - _SNAP - best) / turn)
+        if high <= upper + _SNAP:
+            return min(max(high, lower), upper), True, high < lower or high > upper
+    return best, False, False
+
+
+@kernel
+def fold_kernel(plan: Array, T: Frame, value: float) -> Frame:
+    """The pose the closed form is asked for: without the locked joint, inverted if it runs back."""
+    lock = int(plan[0, 2])
+    if lock == 0:
+        # (A M)^-1 T with A^-1 in the plan: M^-1 A^-1 T.
+        T = _product(compose_kernel(IDENTITY, plan, LOCKED), T)
+        if plan[LOCKED, 0] == 0.0:
+            c, s = math.cos(value), math.sin(value)
+            T = (
+                c * T[0] + s * T[4], c * T[1] + s * T[5], c * T[2] + s * T[6], c * T[3] + s * T[7],
+                c * T[4] - s * T[0], c * T[5] - s * T[1], c * T[6] - s * T[2], c * T[7] - s * T[3],
+                T[8], T[9], T[10], T[11],
+            )  # fmt: skip
+        else:
+            T = (
+                T[0], T[1], T[2], T[3], T[4], T[5], T[6], T[7], T[8], T[9], T[10], T[11] - value,
+            )  # fmt: skip
+    elif lock > 0:
+        T = compose_kernel(T, plan, LOCKED_TIP)
+        if plan[LOCKED, 0] == 0.0:
+            c, s = math.cos(value), math.sin(value)
+            T = (
+                T[0] * c - T[1] * s, T[1] * c + T[0] * s, T[2], T[3],
+                T[4] * c - T[5] * s, T[5] * c + T[4] * s, T[6], T[7],
+                T[8] * c - T[9] * s, T[9] * c + T[8] * s, T[10], T[11],
+            )  # fmt: skip
+        else:
+            T = (
+                T[0], T[1], T[2], T[3] - value * T[2], T[4], T[5], T[6], T[7] - value * T[6],
+                T[8], T[9], T[10], T[11] - value * T[10],
+            )  # fmt: skip
+        T = compose_kernel(T, plan, LOCKED)
+    if plan[0, 1] != 0.0:
+        T = (
+            T[0], T[4], T[8], -(T[0] * T[3] + T[4] * T[7] + T[8] * T[11]),
+            T[1], T[5], T[9], -(T[1] * T[3] + T[5] * T[7] + T[9] * T[11]),
+            T[2], T[6], T[10], -(T[2] * T[3] + T[6] * T[7] + T[10] * T[11]),
+        )  # fmt: skip
+    return T
+
+
+@kernel
+def _product(A: Frame, B: Frame) -> Frame:
+    return (
+        A[0] * B[0] + A[1] * B[4] + A[2] * B[8], A[0] * B[1] + A[1] * B[5] + A[2] * B[9],
+        A[0] * B[2] + A[1] * B[6] + A[2] * B[10],
+        A[0] * B[3] + A[1] * B[7] + A[2] * B[11] + A[3],
+        A[4] * B[0] + A[5] * B[4] + A[6] * B[8], A[4] * B[1] + A[5] * B[5] + A[6] * B[9],
+        A[4] * B[2] + A[5] * B[6] + A[6] * B[10],
+        A[4] * B[3] + A[5] * B[7] + A[6] * B[11] + A[7],
+        A[8] * B[0] + A[9] * B[4] + A[10] * B[8], A[8] * B[1] + A[9] * B[5] + A[10] * B[9],
+        A[8] * B[2] + A[9] * B[6] + A[10] * B[10],
+        A[8] * B[3] + A[9] * B[7] + A[10] * B[11] + A[11],
+    )  # fmt: skip
+
+
+@kernel
+def candidates_kernel(
+    plan: Array, T: Frame, value: float, free: Array, slack: float, t: Array, raw: Array, count: int
+) -> int:
+    """Add the closed form's candidates for one pose and parameter; the new count."""
+    T = fold_kernel(plan, T, value)
+    t[1], t[2], t[3], t[4], t[5], t[6] = T[0], T[1], T[2], T[3], T[4], T[5]
+    t[7], t[8], t[9], t[10], t[11], t[12] = T[6], T[7], T[8], T[9], T[10], T[11]
+    start = count
+    kind = int(plan[0, 0])
+    if kind == 0:
+        count = spherical_kernel(plan, t, free, slack, raw, count)
+    elif kind == 1:
+        count = parallel_kernel(plan, t, free, slack, raw, count)
+    else:
+        count = redundant_kernel(plan, t, value, free, slack, raw, count)
+    for k in range(start, count):
+        raw[k, PARAMETER] = value
+    return count
+
+
+@kernel
+def free_kernel(plan: Array, lower: Array, upper: Array, seed: Array, free: Array) -> None:
+    """Fill ``free`` (k, joints in plan order): the seed, both limits, then steps around a turn."""
+    for j in range(free.shape[1]):
+        index = int(plan[1 + j, 13])
+        sign = plan[1 + j, 0]
+        free[0, j] = sign * seed[index]
+        free[1, j] = sign * (lower[index] if math.isfinite(lower[index]) else seed[index] + 1.0)
+        free[2, j] = sign * (upper[index] if math.isfinite(upper[index]) else seed[index] - 1.0)
+        for k in range(3, free.shape[0]):
+            free[k, j] = free[0, j] + (k - 2) * 2.0 * math.pi / (free.shape[0] - 2)
+
+
+@kernel
+def parameter_kernel(plan: Array, q: Array, angles: Array) -> float:
+    """The parameter of a configuration: the locked joint's value, or the arm angle."""
+    lock = int(plan[0, 2])
+    if lock >= 0:
+        value: float = q[lock]
+        return value
+    if int(plan[0, 0]) != 2:
+        return 0.0
+    for j in range(7):
+        angles[j] = plan[1 + j, 0] * q[int(plan[1 + j, 13])]
+    return arm_angle_kernel(plan, angles)
+
+
+@kernel
+def branches_kernel(
+    plan: Array, model: Array, link: int, target: Array, lower: Array, upper: Array, seed: Array,
+    values: Array, tolerance: float, enough: int, out: Array,
+) -> int:  # fmt: skip
+    """All branches for a pose, verified, into ``out`` (r, n + 6); how many there are.
+
+    -1 where the seed is not one finite number a joint, -2 where the target is not finite.
+
+    Args:
+        plan: The closed form, see ``structure``.
+        model: ``Chain.model``.
+        link: The number of the link to bring there, -1 for the tip.
+        target: T_base_link, shape (4, 4).
+        lower: Limits, shape (n,).
+        upper: ...
+        seed: Where to be near, shape (n,).
+        values: Values of the parameter to try in this order, NaN for that of the seed; one where
+            there is none.
+        tolerance: Largest error of a solution [m], [rad].
+        enough: Stop between parameters with so many solutions inside the limits.
+        out: Joints, errors, whether inside the limits, branch, family, parameter in a row.
+    """
+    n = seed.shape[0]
+    if n != int(model[0, 0]) or not finite_kernel(seed):
+        return -1
+    for row in range(3):
+        for column in range(4):
+            if not math.isfinite(target[row, column]):
+                return -2
+    if link < 0:
+        link = int(model[0, 1])
+    raw, t = np.empty((_CANDIDATES, WIDTH)), np.empty(14)
+    q, walk = np.empty(n), np.full((n, 15), np.nan)
+    free = np.empty((11, 7 if plan[0, 0] == 2.0 else 6))
+    free_kernel(plan, lower, upper, seed, free)
+    T = frame_kernel(target)
+    slack = max(2.0 * tolerance, 10.0 * plan[0, 5])
+    count, inside = 0, 0
+    for v in range(values.shape[0]):
+        value = values[v]
+        if math.isnan(value):
+            value = parameter_kernel(plan, seed, np.empty(7))
+        found = candidates_kernel(plan, T, value, free, slack, t, raw, 0)
+        for k in range(found):
+            if count == out.shape[0]:
+                return count
+            count = _take(
+                plan, model, link, T, lower, upper, seed, tolerance, raw, k, q, walk, out, count
+            )
+        inside = 0
+        for k in range(count):
+            inside += int(out[k, n + INSIDE])
+        if inside >= enough:
+            break
+    return count
+
+
+@kernel
+def _walked(w: Array, i: int) -> Frame:
+    return (
+        w[i, 3], w[i, 4], w[i, 5], w[i, 6], w[i, 7], w[i, 8],
+        w[i, 9], w[i, 10], w[i, 11], w[i, 12], w[i, 13], w[i, 14],
+    )  # fmt: skip
+
+
+@kernel
+def _take(
+    plan: Array, model: Array, link: int, T: Frame, lower: Array, upper: Array, seed: Array,
+    tolerance: float, raw: Array, which: int, q: Array, walk: Array, out: Array, count: int,
+) -> int:  # fmt: skip
+    """Verify a candidate and add it to ``out``, unless it is there or fails; the new count."""
+    n, joints = q.shape[0], 7 if plan[0, 0] == 2.0 else 6
+    held = int(plan[0, 2])
+    row = 1 + n + link
+    last = int(model[row, 0])
+    # Neighbouring candidates share their first joints: so much of the walk stands already.
+    shared = last + 1
+    for j in range(joints):
+        i = int(plan[1 + j, 13])
+        c, s = raw[which, 2 * j], plan[1 + j, 0] * raw[which, 2 * j + 1]
+        if walk[i, 0] != c or walk[i, 1] != s:
+            walk[i, 0], walk[i, 1] = c, s
+            walk[i, 2] = angle_kernel(c, s)
+            shared = min(shared, i)
+    if held >= 0 and walk[held, 2] != raw[which, PARAMETER]:
+        walk[held, 2] = raw[which, PARAMETER]
+        shared = min(shared, held)
+    B = IDENTITY if shared == 0 else _walked(walk, shared - 1)
+    for j in range(shared, last + 1):
+        if j != held:
+            B = turn_kernel(model, 1 + j, walk[j, 0], walk[j, 1], B)
+        else:
+            B = step_kernel(model, 1 + j, walk[j, 2], B)
+        walk[j, 3], walk[j, 4], walk[j, 5], walk[j, 6] = B[0], B[1], B[2], B[3]
+        walk[j, 7], walk[j, 8], walk[j, 9], walk[j, 10] = B[4], B[5], B[6], B[7]
+        walk[j, 11], walk[j, 12], walk[j, 13], walk[j, 14] = B[8], B[9], B[10], B[11]
+    for j in range(n):
+        q[j] = walk[j, 2] if j <= last else seed[j]
+    position, orientation = miss_kernel(compose_kernel(B, model, row), T)
+    if max(position, orientation) > 1e-10:
+        # Without limits first, so that a branch is found where it is, inside or not.
+        position, orientation = polish_kernel(
+            model, link, T, np.full(n, -np.inf), np.full(n, np.inf), held, q
+        )
+    if not (position <= tolerance and orientation <= tolerance):
+        return count
+    inside, moved = True, False
+    for j in range(n):
+        if model[1 + j, 0] == 0.0 and j != held and j <= last:
+            q[j], fits, snapped = near_kernel(q[j], lower[j], upper[j], seed[j])
+            moved = moved or snapped
+            inside = inside and fits
+        else:
+            inside = inside and q[j] >= lower[j] and q[j] <= upper[j]
+    if moved and inside:
+        position, orientation = size_kernel(error_kernel(tip_kernel(model, q, link), T))
+        if max(position, orientation) > tolerance:
+            position, orientation = polish_kernel(model, link, T, lower, upper, held, q)
+            inside = position <= tolerance and orientation <= tolerance
+            if not inside:
+                return count
+    code, family, value = raw[which, BRANCH], raw[which, FAMILY], raw[which, PARAMETER]
+    place = count
+    for k in range(count):
+        if out[k, n + VALUE] != value:
+            continue
+        if family == 1.0 and out[k, n + GROUP] == 1.0 and out[k, n + CODE] == code:
+            # One member stands for a family: the first that is inside the limits.
+            if out[k, n + INSIDE] == 1.0 or not inside:
+                return count
+            place = k
+            break
+        same = True
+        for j in range(n):
+            if abs(out[k, j] - q[j]) > _SAME:
+                same = False
+                break
+        if same:
+            return count
+    for j in range(n):
+        out[place, j] = q[j]
+    out[place, n + POSITION], out[place, n + ORIENTATION] = position, orientation
+    out[place, n + INSIDE], out[place, n + CODE] = (1.0 if inside else 0.0), code
+    out[place, n + GROUP], out[place, n + VALUE] = family, value
+    return count + 1 if place == count else count
+
+
+@kernel
+def branches_batch_kernel(
+    plan: Array, model: Array, link: int, targets: Array, lower: Array, upper: Array, seeds: Array,
+    values: Array, tolerance: float, enough: int, out: Array, counts: Indices,
+) -> None:  # fmt: skip
+    """``branches_kernel`` for a batch: targets (m, 4, 4), seeds (m, n), values (m, v)."""
+    for k in range(targets.shape[0]):
+        counts[k] = branches_kernel(
+            plan, model, link, targets[k], lower, upper, seeds[k], values[k], tolerance, enough,
+            out[k],
+        )  # fmt: skip

@@ -1,0 +1,292 @@
+"""The small equations that closed forms of inverse kinematics are made of.
+
+Angles travel as cosine and sine; only the answer is turned into angles. A frame in a row of
+numbers is laid out as in ``Chain.model``: one number, then its upper three rows.
+Sources: "The kinematics of manipulators under computer control", 1968 (decoupling); "IK-Geo:
+unified robot inverse kinematics using subproblem decomposition", 2022 (which subproblems suffice).
+"""
+
+import math
+
+import numpy as np
+
+from kinematics.chain import Array
+from kinematics.kernel import kernel
+from kinematics.polynomial import horner_kernel, unit_roots_kernel
+
+Angles = tuple[int, float, float, float, float, float, float]
+
+#: Lengths [m] and sines below this are rounding: the angle about such a lever is free.
+TINY = 1e-11
+
+
+@kernel
+def cosine_kernel(
+    a: float, b: float, d: float, slack: float
+) -> tuple[int, float, float, float, float]:
+    """Solve a cos(x) + b sin(x) = d: x = phi -+ delta, as status, cos and sin of phi and of delta.
+
+    Status 0: no solution; 1: solved; 2: any x. ``slack`` is what |d| may exceed the amplitude by
+    and still be taken for it.
+    """
+    r = math.sqrt(a * a + b * b)
+    if r < TINY:
+        return (2 if abs(d) <= TINY + slack else 0), 1.0, 0.0, 1.0, 0.0
+    if abs(d) > r + slack:
+        return 0, 1.0, 0.0, 1.0, 0.0
+    square = (r - d) * (r + d)
+    return 1, a / r, b / r, min(max(d / r, -1.0), 1.0), math.sqrt(max(square, 0.0)) / r
+
+
+@kernel
+def orient_kernel(
+    B: Array, C: Array, w: Array, m0x: float, m0y: float, m0z: float,
+    m2x: float, m2y: float, m2z: float, side: float, c4: float, s4: float, slack: float,
+) -> Angles:  # fmt: skip
+    """Solve Rz(a) B Rz(b) C Rz(c) = M for three angles, M by its columns 0 and 2.
+
+    The z column gives u . Rz(b) v = m_z with u = B^T z, v = C z. Half angles, from the distances
+    of m to z and to -z, keep all digits where the wrist is straight or folded.
+
+    Args:
+        B: Row of the fixed rotation before the second joint.
+        C: That before the third.
+        w: alpha, beta, cos and sin of the middle of b; see ``wrist_constants``.
+        m0x: Column 0 of M, then column 2.
+        m0y: ...
+        m0z: ...
+        m2x: ...
+        m2y: ...
+        m2z: ...
+        side: +1 or -1, which of the two solutions.
+        c4: Cosine of the a to take where any is right.
+        s4: Its sine.
+        slack: How far outside its range a squared sine may lie and be cut.
+
+    Returns:
+        Status (0: no solution, 1: regular, 2: a was free, 3: both sides are the same), then the
+        cosines and sines of a, b and c.
+    """
+    across = m2x * m2x + m2y * m2y
+    if m2z > 0.0:
+        near = across * (1.0 + across / ((1.0 + m2z) * (1.0 + m2z)))
+        far = 4.0 - near
+    else:
+        far = across * (1.0 + across / ((1.0 - m2z) * (1.0 - m2z)))
+        near = 4.0 - far
+    S, K = near - w[0], far - w[1]
+    if min(S, K) < -slack:
+        return 0, 1.0, 0.0, 1.0, 0.0, 1.0, 0.0
+    S, K = max(S, 0.0), max(K, 0.0)
+    cosine, sine = (K - S) / (S + K), side * 2.0 * math.sqrt(S * K) / (S + K)
+    c5, s5 = w[2] * cosine - w[3] * sine, w[3] * cosine + w[2] * sine
+    tx, ty, tz = c5 * C[3] - s5 * C[7], s5 * C[3] + c5 * C[7], C[11]
+    kx, ky = B[1] * tx + B[2] * ty + B[3] * tz, B[5] * tx + B[6] * ty + B[7] * tz
+    status = 3 if abs(sine) < TINY else 1
+    if across < TINY * TINY:
+        status = 2
+    else:
+        c, s = m2x * kx + m2y * ky, m2y * kx - m2x * ky
+        r = math.sqrt(c * c + s * s)
+        if r > 0.0:
+            c4, s4 = c / r, s / r
+    x, y = c4 * m0x + s4 * m0y, c4 * m0y - s4 * m0x
+    bx = B[1] * x + B[5] * y + B[9] * m0z
+    by = B[2] * x + B[6] * y + B[10] * m0z
+    bz = B[3] * x + B[7] * y + B[11] * m0z
+    x, y = c5 * bx + s5 * by, c5 * by - s5 * bx
+    c6, s6 = C[1] * x + C[5] * y + C[9] * bz, C[2] * x + C[6] * y + C[10] * bz
+    r = math.sqrt(c6 * c6 + s6 * s6)
+    if r > 0.0:
+        c6, s6 = c6 / r, s6 / r
+    return status, c4, s4, c5, s5, c6, s6
+
+
+def wrist_constants(B: Array, C: Array) -> Array:
+    """What ``orient_kernel`` needs of the two fixed rotations (3, 3): shape (4,)."""
+    u, v = B[2, :], C[:, 2]
+    ru, rv = math.hypot(u[0], u[1]), math.hypot(v[0], v[1])
+    phase = math.atan2(u[1], u[0]) - math.atan2(v[1], v[0])
+    alpha = (u[2] - v[2]) ** 2 + (ru - rv) ** 2
+    beta = (u[2] + v[2]) ** 2 + (ru - rv) ** 2
+    return np.array([alpha, beta, math.cos(phase), math.sin(phase)])
+
+
+@kernel
+def elbow_kernel(
+    px: float, py: float, ax: float, ay: float, bx: float, by: float, side: float, slack: float
+) -> tuple[int, float, float, float, float]:
+    """Solve Rz(x) (a + Rz(y) b) = p in the plane for two angles.
+
+    Returns:
+        Status (0: out of reach, 1: regular, 2: x is free since p and the folded arm are at the
+        origin, 3: both sides are the same), then cosines and sines of x and y.
+    """
+    # |a|^2 + |b|^2 + 2 a . Rz(y) b = |p|^2
+    c0, s0 = 2.0 * (ax * bx + ay * by), 2.0 * (ay * bx - ax * by)
+    d = px * px + py * py - ax * ax - ay * ay - bx * bx - by * by
+    status, cp, sp, cd, sd = cosine_kernel(c0, s0, d, slack)
+    if status != 1:
+        return 0, 1.0, 0.0, 1.0, 0.0
+    sd *= side
+    cy, sy = cp * cd - sp * sd, sp * cd + cp * sd
+    fx, fy = ax + cy * bx - sy * by, ay + sy * bx + cy * by
+    c, s = px * fx + py * fy, py * fx - px * fy
+    r = math.sqrt(c * c + s * s)
+    if r < TINY * TINY:
+        return 2, 1.0, 0.0, cy, sy
+    return (3 if abs(sd) < TINY else 1), c / r, s / r, cy, sy
+
+
+@kernel
+def circle_roots_kernel(E: Array, work: Array, roots: Array) -> int:
+    """Write cosines and sines (8, 2) of the zeros of a quadratic in cosine and sine; their count.
+
+    E = (e0, ec, es, ecc, ecs, ess): e0 + ec c + es s + ecc c^2 + ecs c s + ess s^2. Two charts
+    t = tan(x / 2), |t| <= 1, of the circle each give a quartic. Where one touches zero within
+    rounding, its extremum counts as a root.
+
+    Args:
+        E: The coefficients, shape (6,).
+        work: Room, at least (8, 6).
+        roots: The answer.
+    """
+    count = 0
+    scale = 0.0
+    for k in range(6):
+        scale = max(scale, abs(E[k]))
+    if scale == 0.0:
+        return 0
+    c, found, spare = work[5], work[6], work[7]
+    for chart in range(2):
+        sign = 1.0 if chart == 0 else -1.0
+        e0, ec, es = E[0] / scale, sign * E[1] / scale, sign * E[2] / scale
+        ecc, ecs, ess = E[3] / scale, E[4] / scale, E[5] / scale
+        # Times (1 + t^2)^2, with c = (1 - t^2) / (1 + t^2), s = 2 t / (1 + t^2).
+        p0, p1 = e0 + ec + ecc, 2.0 * (es + ecs)
+        p2 = 2.0 * e0 - 2.0 * ecc + 4.0 * ess
+        p3, p4 = 2.0 * (es - ecs), e0 - ec + ecc
+        # In u with t = 2 u - 1, as roots are looked for between 0 and 1.
+        c[0] = p0 - p1 + p2 - p3 + p4
+        c[1] = 2.0 * (p1 - 2.0 * p2 + 3.0 * p3 - 4.0 * p4)
+        c[2] = 4.0 * (p2 - 3.0 * p3 + 6.0 * p4)
+        c[3] = 8.0 * (p3 - 4.0 * p4)
+        c[4] = 16.0 * p4
+        number = unit_roots_kernel(c, 5, work, found, spare)
+        for k in range(number):
+            count = _add_root(2.0 * found[k] - 1.0, sign, roots, count)
+        for k in range(5):
+            u = spare[k]
+            if u >= 1.0:
+                break
+            if abs(horner_kernel(c, 5, u)) < 1e-12:
+                count = _add_root(2.0 * u - 1.0, sign, roots, count)
+    return count
+
+
+@kernel
+def _add_root(t: float, sign: float, roots: Array, count: int) -> int:
+    c, s = sign * (1.0 - t * t) / (1.0 + t * t), sign * 2.0 * t / (1.0 + t * t)
+    for k in range(count):
+        if abs(roots[k, 0] - c) + abs(roots[k, 1] - s) < 1e-12:
+            return count
+    if count < roots.shape[0]:
+        roots[count, 0], roots[count, 1] = c, s
+        return count + 1
+    return count
+
+
+@kernel
+def pair_kernel(
+    N00: float, N01: float, N10: float, N11: float, h: Array, rho: Array, slack: float,
+    out: Array,
+) -> int:  # fmt: skip
+    """Solve N y = h(x), |y|^2 = rho(x) for an angle x and a vector y of the plane.
+
+    With N = U diag(s1, s2) V^T and h' = U^T h, either s2 vanishes, then h'_2(x) = 0 has two
+    solutions with two signs of the second component of V^T y each, or the component is h'_2 / s2
+    and x is one of the four zeros of s2^2 (rho - h'_1^2 / s1^2) - h'_2^2.
+
+    Args:
+        N00: The matrix N by rows.
+        N01: ...
+        N10: ...
+        N11: ...
+        h: Coefficients of 1, cos(x), sin(x), shape (2, 3).
+        rho: Of 1, c, s, c^2, cs, s^2, shape (6,).
+        slack: As ``cosine_kernel`` has it.
+        out: The answer: cos(x), sin(x), y_0, y_1 a row, shape (8, 4).
+
+    Returns:
+        The number of rows.
+    """
+    # N N^T = U diag(s^2) U^T.
+    a, b = N00 * N00 + N01 * N01, N10 * N10 + N11 * N11
+    turn = 0.5 * math.atan2(2.0 * (N00 * N10 + N01 * N11), a - b)
+    cu, su = math.cos(turn), math.sin(turn)
+    r0, r1 = cu * N00 + su * N10, cu * N01 + su * N11
+    s1 = math.sqrt(r0 * r0 + r1 * r1)
+    if s1 < TINY:
+        return 0
+    v0, v1 = r0 / s1, r1 / s1
+    # The second right vector is (-v1, v0): what is left of N along it is s2 with its sign.
+    s2 = -(cu * N10 - su * N00) * v1 + (cu * N11 - su * N01) * v0
+    g0, g1, g2 = (
+        (cu * h[0, 0] + su * h[1, 0]) / s1, (cu * h[0, 1] + su * h[1, 1]) / s1,
+        (cu * h[0, 2] + su * h[1, 2]) / s1,
+    )  # fmt: skip
+    k0, k1, k2 = (
+        cu * h[1, 0] - su * h[0, 0], cu * h[1, 1] - su * h[0, 1], cu * h[1, 2] - su * h[0, 2],
+    )  # fmt: skip
+    count = 0
+    if abs(s2) < 1e-7 * s1:
+        status, cp, sp, cd, sd = cosine_kernel(k1, k2, -k0, slack)
+        if status != 1:
+            return 0
+        for i in range(2):
+            side = 1.0 - 2.0 * i
+            if i == 1 and sd < TINY:
+                break
+            c, s = cp * cd - side * sp * sd, sp * cd + side * cp * sd
+            first = g0 + g1 * c + g2 * s
+            square = _quadratic(rho, c, s) - first * first
+            if square < -slack:
+                continue
+            second = math.sqrt(max(square, 0.0))
+            for j in range(2):
+                if j == 1 and abs(second) < TINY:
+                    break
+                count = _add_pair(out, count, c, s, first, second, v0, v1)
+                second = -second
+        return count
+    E, roots = np.empty(6), np.empty((8, 2))
+    q = s2 * s2
+    E[0] = q * (rho[0] - g0 * g0) - k0 * k0
+    E[1] = q * (rho[1] - 2.0 * g0 * g1) - 2.0 * k0 * k1
+    E[2] = q * (rho[2] - 2.0 * g0 * g2) - 2.0 * k0 * k2
+    E[3] = q * (rho[3] - g1 * g1) - k1 * k1
+    E[4] = q * (rho[4] - 2.0 * g1 * g2) - 2.0 * k1 * k2
+    E[5] = q * (rho[5] - g2 * g2) - k2 * k2
+    number = circle_roots_kernel(E, np.empty((8, 6)), roots)
+    for i in range(number):
+        c, s = roots[i, 0], roots[i, 1]
+        first, second = g0 + g1 * c + g2 * s, (k0 + k1 * c + k2 * s) / s2
+        count = _add_pair(out, count, c, s, first, second, v0, v1)
+    return count
+
+
+@kernel
+def _quadratic(e: Array, c: float, s: float) -> float:
+    value: float = e[0] + e[1] * c + e[2] * s + e[3] * c * c + e[4] * c * s + e[5] * s * s
+    return value
+
+
+@kernel
+def _add_pair(
+    out: Array, count: int, c: float, s: float, first: float, second: float, v0: float, v1: float
+) -> int:
+    if count == out.shape[0]:
+        return count
+    out[count, 0], out[count, 1] = c, s
+    out[count, 2], out[count, 3] = first * v0 - second * v1, first * v1 + second * v0
+    return count + 1
