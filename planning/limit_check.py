@@ -139,7 +139,7 @@ def _check_position(trajectory: Trajectory, limits: Limits) -> tuple[LimitReport
     low, low_time, high, high_time = trajectory.extrema(0)
     half = 0.5 * (upper - lower)
     bound = np.isfinite(half) & (half > 0.0)
-    middle = np.where(bound, 0.5 * (upper + lower), 0.0)
+    middle = 0.5 * (np.where(bound, upper, 0.0) + np.where(bound, lower, 0.0))
     half = np.where(bound, half, np.inf)
     ratios = np.maximum(high - middle, middle - low) / half
     j = int(np.argmax(ratios))

@@ -6,27 +6,25 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TypeVar
 
-import numpy as np
-
 from kinematics.chain import Array
 from kinematics.errors import InvalidOption
-from kinematics.trajectory import Trajectory, stay
+from kinematics.trajectory import Trajectory
 from obstacles.checker import Checker, Motion
 from planning.certificate import Certificate, certify
 from planning.deadline import Deadline
-from planning.options import Options
+from planning.law_choice import chosen_law
+from planning.motion_timing import motions
+from planning.options import Options, TimingOptions
 from planning.potential_field import FieldOptions, FieldResult, potential_field
 from planning.preflight import Ready, preflight
 from planning.problem import Problem
 from planning.result import Failure, Path, Plan, StageReport
-from planning.rounding import certified_reaches
 from planning.sampling import PLANNERS as SAMPLING_PLANNERS
 from planning.sampling import SamplingResult, sample
 from planning.shortcut import shortcut
 from planning.straight_line import straight_line
-from planning.timing.blend import blend, merge
 from planning.timing.failure import TimingFailed
-from planning.timing.minimum_time import time_path
+from planning.timing.law import Law
 
 LADDER = ("straight_line", "potential_field", "rrt_connect")
 PLANNERS = ("auto", "straight_line", "potential_field", *SAMPLING_PLANNERS)
@@ -75,7 +73,7 @@ def plan(problem: Problem, options: Options) -> Plan | Failure:
     """
     deadline = Deadline.after(options.timeout)
     _check_options(options)
-    limits = _limits(problem, options)
+    law = _law(problem, options)
     stages = _Stages()
     ready = stages.run("preflight", lambda: preflight(problem, options.seed), _tell_preflight)
     if isinstance(ready, Failure):
@@ -92,7 +90,7 @@ def plan(problem: Problem, options: Options) -> Plan | Failure:
             lambda short: (True, f"{len(waypoints)} waypoints became {len(short)}."),
         )
     try:
-        timed = _time_and_prove(problem, checker, waypoints, limits, stages, deadline)
+        timed = _time_and_prove(problem, checker, waypoints, law, options.timing, stages, deadline)
     except TimingFailed as error:
         hint = error.hint or "Look at the velocity and acceleration limits."
         timed = Failure("INVALID_MOTION_PLAN", error.message, hint, "timing")
@@ -120,15 +118,9 @@ def _check_options(options: Options) -> None:
         )
 
 
-def _limits(problem: Problem, options: Options) -> dict[str, Array]:
+def _law(problem: Problem, options: Options) -> Law:
     chain = problem.robot.chain
-    timing = options.timing
-    velocity = chain.limits.require("velocity", chain.joint_names)
-    acceleration = chain.limits.require("acceleration", chain.joint_names)
-    return {
-        "velocity": velocity * timing.velocity_scaling,
-        "acceleration": acceleration * timing.acceleration_scaling,
-    }
+    return chosen_law(options.timing, chain.joint_names, chain.limits, chain=chain)
 
 
 def _tell_preflight(answer: Ready | Failure) -> tuple[bool, str]:
@@ -224,40 +216,29 @@ def _time_and_prove(
     problem: Problem,
     checker: Checker,
     waypoints: Array,
-    limits: dict[str, Array],
+    law: Law,
+    timing: TimingOptions,
     stages: _Stages,
     deadline: Deadline,
 ) -> tuple[Trajectory, Certificate] | Failure:
-    """Round the corners, time the path and prove it; with sharp corners if that fails."""
-    points = merge(waypoints)
-    for rounded in (True, False):
+    """Time the path and prove it, with ever safer motions until one can be proved."""
+    for motion in motions(checker, waypoints, law, timing, deadline):
         timed = stages.run(
             "timing",
-            partial(_timed, checker, points, limits, rounded, deadline),
+            motion,
             lambda timed: (True, f"{timed.duration:.3f} s, {timed.pieces} pieces."),
         )
         prove = partial(certify, timed, problem.robot, problem.scene, margin=problem.margin)
         certificate = stages.run(
-            "certificate", partial(prove, limits=limits, deadline=deadline), _tell_certificate
+            "certificate",
+            partial(prove, limits=law.bounds, loads=law.loads, deadline=deadline),
+            _tell_certificate,
         )
         if certificate.verified:
             return timed, certificate
-        if len(points) < 3 or deadline.passed:
+        if deadline.passed:
             break
     return _refused(certificate, deadline)
-
-
-def _timed(
-    checker: Checker, points: Array, limits: dict[str, Array], rounded: bool, deadline: Deadline
-) -> Trajectory:
-    names = checker.model.chain.joint_names
-    if len(points) < 2:
-        return stay(names, points[0])
-    reaches = np.zeros(len(points) - 2)
-    if rounded:
-        reaches = certified_reaches(checker, points, deadline)
-    path = blend(points, reaches)
-    return time_path(path, names, limits["velocity"], limits["acceleration"]).trajectory
 
 
 def _tell_certificate(certificate: Certificate) -> tuple[bool, str]:

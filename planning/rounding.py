@@ -12,7 +12,12 @@ _HALVINGS = 7
 
 
 def certified_reaches(
-    checker: Checker, waypoints: Array, deadline: Deadline, smooth: bool = False
+    checker: Checker,
+    waypoints: Array,
+    deadline: Deadline,
+    *,
+    smooth: bool = False,
+    most: Array | None = None,
 ) -> Array:
     """How far each corner of a polyline can be rounded with its curve proved free.
 
@@ -21,11 +26,14 @@ def certified_reaches(
         waypoints: Shape (k, n), merged: no repeated or collinear ones, legs proved free.
         deadline: Corners not looked at by then stay sharp.
         smooth: Whether cubics round the corners, as in ``blend``, or parabolas.
+        most: Largest reaches asked for, shape (k - 2,).
 
     Returns:
         Reaches for ``blend``, shape (k - 2,); 0 where nothing but a stop could be proved.
     """
     reaches = largest_reaches(waypoints)
+    if most is not None:
+        reaches = np.minimum(reaches, most)
     free = _cubics_free if smooth else _parabola_free
     for i in range(len(reaches)):
         legs = np.diff(waypoints[i : i + 3], axis=0)

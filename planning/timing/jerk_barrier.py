@@ -56,6 +56,8 @@ class Rows(NamedTuple):
         jerk_rows: (w, r, p) of |w c + r c' + p c''| <= c^(-1/2) at the two ends of each cell,
             shape (N, 2, S, 3).
         jerk_counts: How many rows of each cell count, shape (N,).
+        pulls: Time that c at the two ends is made to stand for, so that it is as large as can be
+            although it hardly matters for the true time, shape (2,).
     """
 
     lengths: Array
@@ -64,6 +66,7 @@ class Rows(NamedTuple):
     knot_counts: NDArray[np.int64]
     jerk_rows: Array
     jerk_counts: NDArray[np.int64]
+    pulls: Array
 
 
 class Duals(NamedTuple):
@@ -99,7 +102,7 @@ def jerk_at_kernel(row: Array, c: float, d: float, e: float) -> float:
 @kernel
 def inside_kernel(rows: Rows, z: Array) -> bool:
     """Whether every limit is kept strictly."""
-    h, caps, knot_rows, knot_counts, jerk_rows, jerk_counts = rows
+    h, caps, knot_rows, knot_counts, jerk_rows, jerk_counts = rows[:6]
     cells = h.shape[0] - 2
     for k in range(cells + 2):
         if not z[k] > 0.0:
@@ -126,12 +129,22 @@ def inside_kernel(rows: Rows, z: Array) -> bool:
 
 
 @kernel
-def time_kernel(h: Array, z: Array) -> float:
+def time_kernel(rows: Rows, z: Array) -> float:
     """The time that is made the least: the integral of c^(-1/2), each cell at its own z."""
     time = 0.0
-    for k in range(1, h.shape[0] - 1):
-        time += h[k] / math.sqrt(z[k])
+    for k in range(z.shape[0]):
+        time += weight_kernel(rows, k) / math.sqrt(z[k])
     return time
+
+
+@kernel
+def weight_kernel(rows: Rows, k: int) -> float:
+    """How much of tau goes by at z_k."""
+    if k == 0:
+        return rows.pulls[0]
+    if k == rows.lengths.shape[0] - 1:
+        return rows.pulls[1]
+    return rows.lengths[k]
 
 
 @kernel
@@ -159,15 +172,14 @@ def least_time_kernel(rows: Rows, z: Array, centrality: float, tolerance: float)
     Returns:
         The number of steps, negative where it gave up early.
     """
-    h = rows.lengths
-    size = h.shape[0]
+    size = rows.lengths.shape[0]
     duals = Duals(
         np.empty(size - 1),
         np.empty((size - 1, rows.knot_rows.shape[1], 2)),
         np.empty((size - 2, 2, rows.jerk_rows.shape[2], 2)),
     )
     step, trial, band = np.empty(size), np.empty(size), np.empty((size, 3))
-    time, count = time_kernel(h, z), count_kernel(rows)
+    time, count = time_kernel(rows, z), count_kernel(rows)
     mu = centrality * time / count
     most = mu
     _start_kernel(rows, z, mu, duals)
@@ -179,7 +191,7 @@ def least_time_kernel(rows: Rows, z: Array, centrality: float, tolerance: float)
             return -steps
         gap = _duals_kernel(rows, z, trial, step, mu, duals, length)
         z[:] = trial
-        before, time = time, time_kernel(h, z)
+        before, time = time, time_kernel(rows, z)
         if gap < tolerance * time and length > 0.5:
             return steps + 1
         # Where a step was cut short the next ones aim at the middle of what is allowed; while the
@@ -248,7 +260,7 @@ def _start_kernel(
     duals: Duals,
 ) -> None:
     """Write multipliers that are on the central path of ``mu``."""
-    h, caps, knot_rows, knot_counts, jerk_rows, jerk_counts = rows
+    h, caps, knot_rows, knot_counts, jerk_rows, jerk_counts = rows[:6]
     cap_duals, knot_duals, jerk_duals = duals
     cells = h.shape[0] - 2
     for i in range(cells + 1):
@@ -290,10 +302,10 @@ def _system_kernel(
     cells = h.shape[0] - 2
     gradient[:] = 0.0
     band[:] = 0.0
-    for k in range(1, cells + 1):
-        root = 1.0 / math.sqrt(z[k])
-        gradient[k] = -0.5 * h[k] * root / z[k]
-        band[k, 0] = 0.75 * h[k] * root / (z[k] * z[k])
+    for k in range(cells + 2):
+        slope = -0.5 * weight_kernel(rows, k) / (z[k] * math.sqrt(z[k]))
+        gradient[k] = slope
+        band[k, 0] = -1.5 * slope / z[k]
     for i in range(cells + 1):
         c, d = knot_kernel(h, z, i)
         g_c, g_d, h_cc, h_cd, h_dd = 0.0, 0.0, 0.0, 0.0, 0.0
@@ -450,7 +462,7 @@ def _duals_kernel(
     length: float,
 ) -> float:
     """Step the multipliers; the sum of their products with the slacks that are left."""
-    h, caps, knot_rows, knot_counts, jerk_rows, jerk_counts = rows
+    h, caps, knot_rows, knot_counts, jerk_rows, jerk_counts = rows[:6]
     cap_duals, knot_duals, jerk_duals = duals
     cells = h.shape[0] - 2
     gap = 0.0

@@ -27,6 +27,8 @@ _RAMP = 0.6
 _RAMP_CELLS = 18
 _CURVED_CELLS = 6
 _STRAIGHT_CELLS = 10
+# A speed asked for at an end counts like this part of the path run through at it.
+_PULL = 0.1
 # So many times as many where there are further limits, which are kept at the knots only.
 _EXTRA_CELLS = 2
 # A ramp takes at most this part of the way.
@@ -166,6 +168,7 @@ def grid(
         counts.astype(np.int64),
         np.ascontiguousarray(jerk_rows),
         np.where(flat, 1, path.n).astype(np.int64),
+        _PULL * float(breaks[-1]) * (np.array(speeds) > 0.0),
     )
     return Grid(places, phi[:2], pieces.astype(np.int64), rows)
 

@@ -159,7 +159,7 @@ def _start(rows: Rows) -> Array:
     shape[[0, -1]] = shape[[1, -2]]
     envelope_kernel(rows.lengths, rises, shape)
     candidates = [_scaled(rows, shape**power) for power in _POWERS]
-    return min(candidates, key=lambda z: time_kernel(rows.lengths, z))
+    return min(candidates, key=lambda z: time_kernel(rows, z))
 
 
 def _static(rows: Rows) -> tuple[Array, Array]:

@@ -10,7 +10,8 @@ derivative continuous; that the first one is too asks at the inner knots
     h_(i-1) m_(i-1) + 2 (h_(i-1) + h_i) m_i + h_i m_(i+1) = 6 (d_i - d_(i-1)),
 
 and each end adds one equation: m = 0 (natural: no acceleration) or, with zero velocity there
-(clamped), 2 h_0 m_0 + h_0 m_1 = 6 d_0 and its mirror image. The system is tridiagonal and
+(clamped), 2 h_0 m_0 + h_0 m_1 = 6 d_0 and its mirror image; with a velocity v it is d_0 - v in the
+place of d_0. The system is tridiagonal and
 diagonally dominant, so it always has one solution.
 """
 
@@ -30,7 +31,11 @@ Ends = Literal["natural", "clamped"]
 
 
 def spline_trajectory(
-    joint_names: Sequence[str], waypoints: ArrayLike, times: ArrayLike, ends: Ends = "natural"
+    joint_names: Sequence[str],
+    waypoints: ArrayLike,
+    times: ArrayLike,
+    ends: Ends = "natural",
+    velocities: tuple[Array, Array] | None = None,
 ) -> Trajectory:
     """The cubic spline q(t) that is at each waypoint at its time.
 
@@ -39,6 +44,7 @@ def spline_trajectory(
         waypoints: Shape (k, n), k >= 2.
         times: Shape (k,), strictly increasing from 0 [s].
         ends: "natural" for zero acceleration at both ends, "clamped" for zero velocity.
+        velocities: At the two ends if they are clamped, each (n,), in place of zero.
 
     Raises:
         InvalidTrajectory: Waypoints and times do not fit, or times do not increase from 0.
@@ -49,7 +55,7 @@ def spline_trajectory(
         raise InvalidTrajectory(
             f"the first time is {knots[0]} s", hint="Give times that start at 0."
         )
-    return Trajectory(tuple(joint_names), knots, _coefficients(points, knots, ends))
+    return Trajectory(tuple(joint_names), knots, _coefficients(points, knots, ends, velocities))
 
 
 def spline_path(waypoints: ArrayLike, knots: ArrayLike, ends: Ends = "natural") -> JointPath:
@@ -113,10 +119,15 @@ def _checked(waypoints: ArrayLike, knots: ArrayLike) -> tuple[Array, Array]:
     return points, values
 
 
-def _coefficients(points: Array, knots: Array, ends: Ends) -> Array:
+def _coefficients(
+    points: Array, knots: Array, ends: Ends, velocities: tuple[Array, Array] | None = None
+) -> Array:
     h = np.diff(knots)[:, None]
     d = np.diff(points, axis=0) / h
-    m = _second_derivatives(h[:, 0], d, ends)
+    start, end = velocities or (np.zeros(points.shape[1]), np.zeros(points.shape[1]))
+    if start.shape != points.shape[1:] or end.shape != points.shape[1:]:
+        raise InvalidTrajectory(f"boundary velocities must be {points.shape[1]} numbers each")
+    m = _second_derivatives(h[:, 0], d, ends, (start, end))
     before, after = m[:-1], m[1:]
     return np.stack(
         [
@@ -129,7 +140,7 @@ def _coefficients(points: Array, knots: Array, ends: Ends) -> Array:
     )
 
 
-def _second_derivatives(h: Array, d: Array, ends: Ends) -> Array:
+def _second_derivatives(h: Array, d: Array, ends: Ends, velocities: tuple[Array, Array]) -> Array:
     """The m_i at all k knots, shape (k, n), from the tridiagonal system."""
     count = len(h) + 1
     # Rows of ``bands`` as in scipy: above, on and below the diagonal.
@@ -144,7 +155,8 @@ def _second_derivatives(h: Array, d: Array, ends: Ends) -> Array:
     elif ends == "clamped":
         bands[1, [0, -1]] = 2.0 * h[[0, -1]]
         bands[0, 1], bands[2, -2] = h[0], h[-1]
-        right[0], right[-1] = 6.0 * d[0], -6.0 * d[-1]
+        right[0] = 6.0 * (d[0] - velocities[0])
+        right[-1] = 6.0 * (velocities[1] - d[-1])
     else:
         raise InvalidOption(
             f"there are no spline ends {ends!r}", hint="Choose from natural, clamped."

@@ -1,0 +1,175 @@
+"""Timing of any path: of its limits all is proved, of collisions nothing is known."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinematics.chain import Array, Chain, Limits
+from kinematics.errors import InvalidOption, InvalidTrajectory
+from kinematics.trajectory import REST, Trajectory, stay
+from planning.certificate import Certificate, certify_limits
+from planning.law_choice import chosen_law, require_limits
+from planning.options import Interpolation, TimingOptions
+from planning.timing.blend import largest_reaches, merge, reach_for_deviation
+from planning.timing.dilation import Dilated
+from planning.timing.law import Law
+from planning.timing.path import JointPath
+from planning.timing.spline import Ends, chord_knots, spline_path
+
+#: Legs shorter than this are told of: their direction has lost digits.
+TINY = 1e-9
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PathToTime:
+    """A path whose motion is wanted.
+
+    Args:
+        joint_names: n names.
+        waypoints: Shape (k, n), k >= 1 [rad or m].
+        knots: Of a spline through them, shape (k,); by distance in joint space where none are
+            given. Times, for the method "spline" [s].
+    """
+
+    joint_names: tuple[str, ...]
+    waypoints: Array
+    knots: Array | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Retimed:
+    """A timed path.
+
+    Args:
+        trajectory: The motion.
+        certificate: What was proved of its limits; not verified where times given break them.
+        factor: How many times as long as asked the motion is: times given were stretched by it.
+        needed_factor: How many times as long the motion would have to be to keep all limits; 1
+            where it does.
+        notes: What is special about the path: waypoints left out, stops.
+    """
+
+    trajectory: Trajectory
+    certificate: Certificate
+    factor: float
+    needed_factor: float
+    notes: tuple[str, ...]
+
+
+def retime(
+    path: PathToTime,
+    timing: TimingOptions,
+    overrides: Mapping[str, Array],
+    chain: Chain | None = None,
+) -> Retimed:
+    """Time a path within limits.
+
+    Args:
+        path: What to follow.
+        timing: How.
+        overrides: Limits (n,) by quantity, in place of the robot's.
+        chain: The robot; without one the limits have to be given.
+
+    Raises:
+        MissingLimit: A limit that is needed is not known; the message names the joints.
+        InvalidTrajectory: The path is malformed.
+        InvalidOption: Options do not go together.
+        TimingFailed: There is no such motion, or none was found.
+    """
+    names, n = path.joint_names, len(path.joint_names)
+    points = _points(path)
+    if chain is None:
+        needed = ("velocity", "acceleration", *(["jerk"] * (timing.method == "jerk_limited")))
+        require_limits(needed, names, overrides)
+    limits = Limits.unlimited(n) if chain is None else chain.limits
+    law = chosen_law(timing, names, limits, overrides, chain)
+    merged = merge(points)
+    if len(merged) < 2:
+        rest = Dilated(stay(names, points[0]), 1.0)
+        note = f"The path has no length: the robot stays where it is for {REST:g} s."
+        return _answered(rest, law, limits, (note,))
+    interpolation = timing.interpolation or _usual(timing)
+    if timing.method == "spline":
+        timed = _spline(path, points, law, timing, interpolation)
+    elif interpolation == "linear":
+        timed = _linear(merged, path, law, timing)._replace(factor=1.0)
+    else:
+        curve = _curve(points, path.knots, interpolation)
+        timed = law.time(curve, names)._replace(factor=1.0)
+    notes = _notes(points, interpolation, timing)
+    if timing.method == "toppra" and "jerk" in overrides:
+        notes += ("The method toppra does not limit jerk: jerk_limited does.",)
+    return _answered(timed, law, limits, notes)
+
+
+def _usual(timing: TimingOptions) -> Interpolation:
+    return "natural_spline" if timing.method == "spline" else "linear"
+
+
+def _points(path: PathToTime) -> Array:
+    points = np.asarray(path.waypoints, dtype=np.float64)
+    if points.ndim != 2 or len(points) < 1 or points.shape[1] != len(path.joint_names):
+        raise InvalidTrajectory(
+            f"a path of shape {points.shape} is none of {len(path.joint_names)} joint(s)",
+            hint=f"The joints are: {', '.join(path.joint_names)}; give one value for each.",
+        )
+    return points
+
+
+def _linear(merged: Array, path: PathToTime, law: Law, timing: TimingOptions) -> Dilated:
+    if path.knots is not None:
+        raise InvalidOption(
+            "knots belong to splines; straight lines have none",
+            hint="Ask for interpolation natural_spline or clamped_spline, or leave knots out.",
+        )
+    reaches = reach_for_deviation(merged, timing.blend_tolerance or 0.0, law.smooth)
+    return law.time_polyline(merged, reaches, path.joint_names)
+
+
+def _curve(points: Array, knots: Array | None, interpolation: Interpolation) -> JointPath:
+    values = chord_knots(points) if knots is None else knots
+    return spline_path(points, values, _ends(interpolation))
+
+
+def _ends(interpolation: Interpolation) -> Ends:
+    return "natural" if interpolation == "natural_spline" else "clamped"
+
+
+def _spline(
+    path: PathToTime, points: Array, law: Law, timing: TimingOptions, interpolation: Interpolation
+) -> Dilated:
+    if timing.times is not None and path.knots is not None:
+        raise InvalidOption("both path.knots and timing.times are given", hint="Give one.")
+    times = path.knots if timing.times is None else np.array(timing.times, dtype=np.float64)
+    ends = _ends(interpolation)
+    timed = law.time_spline(points, times, ends, path.joint_names, timing.scale_times)
+    # Without times there is nothing to be longer than.
+    return timed if times is not None else timed._replace(factor=1.0)
+
+
+def _answered(timed: Dilated, law: Law, limits: Limits, notes: tuple[str, ...]) -> Retimed:
+    certificate = certify_limits(timed.trajectory, limits, law.bounds, law.loads)
+    needed = 1.0 if certificate.verified else law.needed_factor(timed.trajectory)
+    return Retimed(timed.trajectory, certificate, timed.factor, needed, notes)
+
+
+def _notes(points: Array, interpolation: Interpolation, timing: TimingOptions) -> tuple[str, ...]:
+    """What is special about a path, by the numbers of its waypoints."""
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    notes = [f"Waypoint {i + 1} repeats waypoint {i}." for i in np.flatnonzero(steps == 0.0)]
+    notes += [
+        f"Waypoint {i + 1} is only {steps[i]:.3g} from waypoint {i}."
+        for i in np.flatnonzero((steps > 0.0) & (steps < TINY))
+    ]
+    if interpolation == "linear":
+        merged = merge(points)
+        sharp = largest_reaches(merged) == 0.0
+        if not timing.blend_tolerance:
+            sharp[:] = True
+        places = [
+            int(np.argmin(np.linalg.norm(points - stop, axis=1))) for stop in merged[1:-1][sharp]
+        ]
+        if places:
+            notes.append(f"The motion stops at waypoint(s) {', '.join(map(str, places))}.")
+    return tuple(notes)
