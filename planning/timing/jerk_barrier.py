@@ -140,11 +140,12 @@ def time_kernel(rows: Rows, z: Array) -> float:
 @kernel
 def weight_kernel(rows: Rows, k: int) -> float:
     """How much of tau goes by at z_k."""
+    weight: float = rows.lengths[k]
     if k == 0:
-        return rows.pulls[0]
-    if k == rows.lengths.shape[0] - 1:
-        return rows.pulls[1]
-    return rows.lengths[k]
+        weight = rows.pulls[0]
+    elif k == rows.lengths.shape[0] - 1:
+        weight = rows.pulls[1]
+    return weight
 
 
 @kernel

@@ -10,7 +10,7 @@ the motion is at rest there with no acceleration. With Q(tau) = q(phi(tau)),
     d3q/dt3 = sqrt(c) (Q''' c + 3 Q'' c'/2 + Q' c''/2).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -137,7 +137,13 @@ def grid(
     c, breaks = path.coefficients, path.breaks
     straight = ~(c[:, :, 2:] != 0.0).any(axis=(1, 2))
     pace, ramps = _pace(path, limits, speeds)
-    places = _knots(breaks, straight, ramps, 1 if extra is None else _EXTRA_CELLS)
+    places = _knots(
+        breaks,
+        straight,
+        ramps,
+        [speed == 0.0 for speed in speeds],
+        1 if extra is None else _EXTRA_CELLS,
+    )
     pieces = np.searchsorted(breaks, 0.5 * (places[1:] + places[:-1]), side="right") - 1
     phi = pace.derivatives(places)
     ends = np.stack([places[:-1], places[1:]], axis=1) - breaks[pieces][:, None]
@@ -168,7 +174,7 @@ def grid(
         counts.astype(np.int64),
         np.ascontiguousarray(jerk_rows),
         np.where(flat, 1, path.n).astype(np.int64),
-        _PULL * float(breaks[-1]) * (np.array(speeds) > 0.0),
+        np.where(np.array(speeds) > 0.0, _PULL * float(breaks[-1]), 0.0),
     )
     return Grid(places, phi[:2], pieces.astype(np.int64), rows)
 
@@ -230,7 +236,11 @@ def _ramp(slope: Array, limits: Array) -> float:
 
 
 def _knots(
-    breaks: Array, straight: NDArray[np.bool_], ramps: tuple[float, float], times: int
+    breaks: Array,
+    straight: NDArray[np.bool_],
+    ramps: tuple[float, float],
+    resting: Sequence[bool],
+    times: int,
 ) -> Array:
     """Places of the knots: all breaks of the path, and others between them."""
     counts = times * np.where(straight, _STRAIGHT_CELLS, _CURVED_CELLS)
@@ -239,7 +249,9 @@ def _knots(
     base = base[(base > ramps[0]) & (base < breaks[-1] - ramps[1])]
     u = np.linspace(0.0, 1.0, times * _RAMP_CELLS + 1)
     ramp = u**3 * (2.0 - 2.0 * u + 0.6 * u**2) / _RAMP
-    free = np.concatenate([base, ramps[0] * ramp, breaks[-1] - ramps[1] * ramp])
+    # From rest s grows as t^3; an end that is passed at speed needs no knots close together.
+    first, last = (ramp if still else u for still in resting)
+    free = np.concatenate([base, ramps[0] * first, breaks[-1] - ramps[1] * last])
     free = np.unique(free)
     # Knots of our own give way to the path's.
     ends = np.searchsorted(free, breaks).clip(1, len(free) - 1)
