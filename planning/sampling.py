@@ -19,6 +19,15 @@ from planning.deadline import Deadline
 #: Longest edge [rad]: arms in clutter are solved several times sooner with short ones.
 DEFAULT_RANGE = 0.5
 
+#: The time a random tree takes is spread widely: one that has looked at so many edges without
+#: arriving is given up for a fresh one, which may look at somewhat more. Counted in edges, not in
+#: time, the answer depends on the seed alone.
+_FIRST_BUDGET = 2000
+_BUDGET_GROWTH = 1.5
+#: Between the seeds of one request's trees; neighbouring requests should not share them.
+_SEED_STRIDE = 7_919
+_SEEDS = 2**31 - 1
+
 _PLANNERS = {"rrt_connect": geometric.RRTConnect}
 PLANNERS = tuple(_PLANNERS)
 
@@ -64,11 +73,33 @@ def sample(
         InvalidOption: An unknown planner or option, or a value out of its range.
     """
     longest = _range_option(planner, options)
-    # OMPL's generator is one for the process: what is drawn from here on depends on this alone.
-    util.RNG.setSeed(seed + 1)
-    space = _space(chain, [start, *goals])
-    information = base.SpaceInformation(space)
-    edges = _CertifiedEdges(information, checker, chain.n)
+    spent, budget = 0, _FIRST_BUDGET
+    attempt = 0
+    while True:
+        # OMPL's generator is one for the process: what is drawn from here on depends on this alone.
+        util.RNG.setSeed((seed + attempt * _SEED_STRIDE) % _SEEDS + 1)
+        space = _space(chain, [start, *goals])
+        information = base.SpaceInformation(space)
+        edges = _CertifiedEdges(information, checker, chain.n)
+        waypoints = _attempt(planner, information, edges, start, goals, longest, budget, deadline)
+        spent += edges.count
+        if waypoints is not None or deadline.passed:
+            return SamplingResult(waypoints, spent)
+        attempt, budget = attempt + 1, int(_BUDGET_GROWTH * budget)
+
+
+def _attempt(
+    planner: str,
+    information: Any,
+    edges: "_CertifiedEdges",
+    start: Array,
+    goals: list[Array],
+    longest: float,
+    budget: int,
+    deadline: Deadline,
+) -> Array | None:
+    """One run of a planner, until it has looked at so many edges or time is up."""
+    space = information.getStateSpace()
     information.setStateValidityChecker(edges.state_valid)
     information.setMotionValidator(edges)
     information.setup()
@@ -82,13 +113,13 @@ def sample(
     solver.setRange(longest)
     solver.setProblemDefinition(definition)
     solver.setup()
-    solver.solve(base.PlannerTerminationCondition(lambda: deadline.passed))
+    enough = base.PlannerTerminationCondition(lambda: edges.count >= budget or deadline.passed)
+    solver.solve(enough)
     # The status is also true of paths that end near the goal: only an exact one counts.
-    waypoints = None
-    if definition.hasExactSolution():
-        states = definition.getSolutionPath().getStates()
-        waypoints = np.array([state[0 : chain.n] for state in states], dtype=np.float64)
-    return SamplingResult(waypoints, edges.count)
+    if not definition.hasExactSolution():
+        return None
+    states = definition.getSolutionPath().getStates()
+    return np.array([state[0 : len(start)] for state in states], dtype=np.float64)
 
 
 class _CertifiedEdges(base.MotionValidator):

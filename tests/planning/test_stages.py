@@ -5,6 +5,7 @@ import pytest
 
 from kinematics.errors import InvalidOption
 from obstacles.checker import Checker
+from planning import sampling
 from planning.deadline import Deadline
 from planning.rounding import certified_reaches
 from planning.sampling import PLANNERS, sample
@@ -54,6 +55,25 @@ def test_sampled_paths_are_proved_and_reproducible(seed: int) -> None:
 
 def test_seeds_differ() -> None:
     assert len({sampled(seed).tobytes() for seed in range(4)}) > 1
+
+
+def test_trees_that_take_long_are_started_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    alone = [sampled(seed) for seed in range(3)]
+    monkeypatch.setattr(sampling, "_FIRST_BUDGET", 8)
+    robot = builtin("panda")
+    checker = Checker.of(robot, SCENE)
+    arguments = ("rrt_connect", robot.chain, checker, START, [GOAL], {})
+    results = [sample(*arguments, seed, Deadline.after(30.0)) for seed in range(3)]
+    again = [sample(*arguments, seed, Deadline.after(30.0)) for seed in range(3)]
+    for result, same in zip(results, again, strict=True):
+        assert result.waypoints is not None
+        assert same.waypoints is not None
+        assert np.array_equal(result.waypoints, same.waypoints)
+        assert checker.polyline(result.waypoints)[0].free
+    assert any(
+        result.waypoints is not None and not np.array_equal(result.waypoints, path)
+        for result, path in zip(results, alone, strict=True)
+    )
 
 
 def test_planner_stops_at_its_deadline_and_checks_its_options() -> None:
