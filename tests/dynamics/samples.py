@@ -132,3 +132,44 @@ def pinocchio_model(chain: Chain) -> Any:
             model.appendBodyToJoint(link.joint + 1, body, placement)
     model.armature = np.array(chain.motor_inertia)
     return model
+
+
+def random_urdf(seed: int) -> str:
+    """An arm as people upload it: skew axes, turned inertias, fixed links, a branch held still."""
+    rng = np.random.default_rng(seed)
+
+    def triple(values: Array) -> str:
+        return " ".join(f"{value:.9f}" for value in values)
+
+    def origin() -> str:
+        xyz, rpy = rng.uniform(-0.4, 0.4, 3), rng.uniform(-3, 3, 3)
+        return f'<origin xyz="{triple(xyz)}" rpy="{triple(rpy)}"/>'
+
+    def link(name: str) -> str:
+        body = random_inertia(rng)
+        I = body.tensor  # noqa: E741
+        entries = {
+            "ixx": I[0, 0], "ixy": I[0, 1], "ixz": I[0, 2],
+            "iyy": I[1, 1], "iyz": I[1, 2], "izz": I[2, 2],
+        }  # fmt: skip
+        values = " ".join(f'{key}="{value:.12f}"' for key, value in entries.items())
+        return (
+            f'<link name="{name}"><inertial>{origin()}<mass value="{body.mass:.9f}"/>'
+            f"<inertia {values}/></inertial></link>"
+        )
+
+    def joint(name: str, kind: str, parent: str, child: str) -> str:
+        axis = "" if kind == "fixed" else f'<axis xyz="{triple(rng.normal(size=3))}"/>'
+        limit = "" if kind == "fixed" else '<limit lower="-3" upper="3" velocity="1" effort="9"/>'
+        return (
+            f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+            f"{origin()}{axis}{limit}</joint>"
+        )
+
+    parts, last = [link("base")], "base"
+    for i in range(3 + seed % 5):
+        kind = "prismatic" if rng.uniform() < 0.3 else "revolute"
+        parts += [link(f"link{i}"), joint(f"joint{i}", kind, last, f"link{i}")]
+        parts += [link(f"plate{i}"), joint(f"bolt{i}", "fixed", f"link{i}", f"plate{i}")]
+        last = f"plate{i}"
+    return f'<robot name="upload{seed}">{"".join(parts)}</robot>'

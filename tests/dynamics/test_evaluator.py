@@ -1,0 +1,54 @@
+"""The unchecked evaluator gives what the checked functions give, state by state."""
+
+import numpy as np
+import pytest
+
+from dynamics.coriolis import coriolis_matrix
+from dynamics.evaluator import DynamicsEvaluator
+from dynamics.forward import forward_dynamics
+from dynamics.gravity import gravity_vector
+from dynamics.inverse import inverse_dynamics
+from dynamics.mass_matrix import mass_matrix
+from dynamics.regressor import regressor
+from kinematics.errors import InvalidRobotState
+from kinematics.robots import builtin_chain
+from tests.dynamics.samples import random_state
+
+
+@pytest.mark.parametrize("name", ["panda", "stanford", "cart_pendulum"])
+def test_equals_the_checked_functions(name: str) -> None:
+    chain = builtin_chain(name)
+    g = [0.5, 1.0, -2.0]
+    for evaluator, gravity in (
+        (DynamicsEvaluator(chain), None),
+        (DynamicsEvaluator(chain, g).copy(), g),
+    ):
+        for q, qd, qdd in zip(*random_state(chain, 0, 20), strict=True):
+            np.testing.assert_array_equal(evaluator.mass_matrix(q), mass_matrix(chain, q))
+            np.testing.assert_array_equal(
+                evaluator.coriolis_matrix(q, qd), coriolis_matrix(chain, q, qd)
+            )
+            np.testing.assert_array_equal(evaluator.gravity(q), gravity_vector(chain, q, gravity))
+            tau = inverse_dynamics(chain, q, qd, qdd, None, gravity)
+            np.testing.assert_array_equal(evaluator.inverse(q, qd, qdd), tau)
+            np.testing.assert_allclose(
+                evaluator.regressor(q, qd, qdd), regressor(chain, q, qd, qdd, gravity), atol=1e-12
+            )
+            np.testing.assert_array_equal(
+                evaluator.forward(q, qd, tau), forward_dynamics(chain, q, qd, tau, None, gravity)
+            )
+
+
+def test_a_wrong_length_is_refused() -> None:
+    evaluator = DynamicsEvaluator(builtin_chain("planar_rr"))
+    q, long = np.zeros(2), np.zeros(3)
+    for call in (
+        lambda: evaluator.mass_matrix(long),
+        lambda: evaluator.coriolis_matrix(q, long),
+        lambda: evaluator.gravity(long),
+        lambda: evaluator.inverse(q, q, long),
+        lambda: evaluator.regressor(q, long, q),
+        lambda: evaluator.forward(q, q, long),
+    ):
+        with pytest.raises(InvalidRobotState, match="3 value"):
+            call()
