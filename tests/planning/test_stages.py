@@ -62,9 +62,9 @@ def test_trees_that_take_long_are_started_anew(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(sampling, "_FIRST_BUDGET", 8)
     robot = builtin("panda")
     checker = Checker.of(robot, SCENE)
-    arguments = ("rrt_connect", robot.chain, checker, START, [GOAL], {})
-    results = [sample(*arguments, seed, Deadline.after(30.0)) for seed in range(3)]
-    again = [sample(*arguments, seed, Deadline.after(30.0)) for seed in range(3)]
+    arguments = ("rrt_connect", robot.chain, checker, START, [GOAL])
+    results = [sample(*arguments, {}, seed, Deadline.after(30.0)) for seed in range(3)]
+    again = [sample(*arguments, {}, seed, Deadline.after(30.0)) for seed in range(3)]
     for result, same in zip(results, again, strict=True):
         assert result.waypoints is not None
         assert same.waypoints is not None
