@@ -29,7 +29,7 @@ from kinematics.ik.spherical import (
     WIDTH,
     spherical_kernel,
 )
-from kinematics.ik.step import error_kernel, frame_kernel, step_within_kernel
+from kinematics.ik.step import error_kernel, frame_kernel, step_within_kernel, uniform_kernel
 from kinematics.jacobian import frame_and_jacobian_kernel
 from kinematics.kernel import kernel
 
@@ -43,8 +43,11 @@ _POLISH_STEPS = 25
 _SNAP = 1e-6
 #: Solutions nearer than this in every joint are one.
 _SAME = 1e-6
-#: Errors below this are not worth a step.
-_GOOD = 1e-12
+#: Errors below this are not worth a step, below the other no polish.
+_GOOD, _CLOSE = 1e-12, 1e-10
+#: Arms that miss a form by more [m or rad] than this are searched around where polishing moves an
+#: angle by more than ``_FAR`` [rad]: so many starts a candidate, so far around [rad].
+_EXACT, _FAR, _AROUND, _SPREAD = 1e-10, 0.02, 20, 0.4
 
 
 @kernel
@@ -312,18 +315,27 @@ def branches_kernel(
     free_kernel(plan, lower, upper, seed, free)
     T = frame_kernel(target)
     slack = max(2.0 * tolerance, 10.0 * plan[0, 5])
+    exact = plan[0, 5] <= _EXACT
     count, inside = 0, 0
     for v in range(values.shape[0]):
         value = values[v]
         if math.isnan(value):
             value = parameter_kernel(plan, seed, np.empty(7))
         found = candidates_kernel(plan, T, value, free, slack, t, raw, 0)
+        hard = False
         for k in range(found):
-            if count == out.shape[0]:
-                return count
-            count = _take(
-                plan, model, link, T, lower, upper, seed, tolerance, raw, k, q, walk, out, count
+            position, orientation, moved = _verify(
+                plan, model, link, T, seed, raw, k, exact, q, walk
             )
+            hard = hard or moved
+            count = _admit(
+                plan, model, link, T, lower, upper, seed, tolerance, (position, orientation),
+                (raw[k, BRANCH], raw[k, FAMILY], value), q, out, count,
+            )  # fmt: skip
+        if hard and not exact:
+            count = _complete(
+                plan, model, link, T, lower, upper, seed, tolerance, raw, found, q, out, count,
+            )  # fmt: skip
         inside = 0
         for k in range(count):
             inside += int(out[k, n + INSIDE])
@@ -333,19 +345,11 @@ def branches_kernel(
 
 
 @kernel
-def _walked(w: Array, i: int) -> Frame:
-    return (
-        w[i, 3], w[i, 4], w[i, 5], w[i, 6], w[i, 7], w[i, 8],
-        w[i, 9], w[i, 10], w[i, 11], w[i, 12], w[i, 13], w[i, 14],
-    )  # fmt: skip
-
-
-@kernel
-def _take(
-    plan: Array, model: Array, link: int, T: Frame, lower: Array, upper: Array, seed: Array,
-    tolerance: float, raw: Array, which: int, q: Array, walk: Array, out: Array, count: int,
-) -> int:  # fmt: skip
-    """Verify a candidate and add it to ``out``, unless it is there or fails; the new count."""
+def _verify(
+    plan: Array, model: Array, link: int, T: Frame, seed: Array, raw: Array, which: int,
+    exact: bool, q: Array, walk: Array,
+) -> tuple[float, float, bool]:  # fmt: skip
+    """Put a candidate into q and polish it if need be: its errors, and whether it moved far."""
     n, joints = q.shape[0], 7 if plan[0, 0] == 2.0 else 6
     held = int(plan[0, 2])
     row = 1 + n + link
@@ -374,29 +378,57 @@ def _take(
     for j in range(n):
         q[j] = walk[j, 2] if j <= last else seed[j]
     position, orientation = miss_kernel(compose_kernel(B, model, row), T)
-    if max(position, orientation) > 1e-10:
+    far = raw[which, FAMILY] == 1.0
+    if max(position, orientation) > _CLOSE:
         # Without limits first, so that a branch is found where it is, inside or not.
         position, orientation = polish_kernel(
             model, link, T, np.full(n, -np.inf), np.full(n, np.inf), held, q
         )
+        if not exact:
+            far = far or max(position, orientation) > _CLOSE
+            for j in range(last + 1):
+                far = far or abs(q[j] - walk[j, 2]) > _FAR
+    return position, orientation, far
+
+
+@kernel
+def _walked(w: Array, i: int) -> Frame:
+    return (
+        w[i, 3], w[i, 4], w[i, 5], w[i, 6], w[i, 7], w[i, 8],
+        w[i, 9], w[i, 10], w[i, 11], w[i, 12], w[i, 13], w[i, 14],
+    )  # fmt: skip
+
+
+@kernel
+def _admit(
+    plan: Array, model: Array, link: int, T: Frame, lower: Array, upper: Array, seed: Array,
+    tolerance: float, error: tuple[float, float], about: tuple[float, float, float], q: Array,
+    out: Array, count: int,
+) -> int:  # fmt: skip
+    """Add q to ``out``, unless it is there or misses the target; the new count."""
+    position, orientation = error
+    code, family, value = about
     if not (position <= tolerance and orientation <= tolerance):
         return count
+    n, held = q.shape[0], int(plan[0, 2])
     inside, moved = True, False
     for j in range(n):
-        if model[1 + j, 0] == 0.0 and j != held and j <= last:
+        if model[1 + j, 0] == 0.0 and j != held and j <= int(model[1 + n + link, 0]):
             q[j], fits, snapped = near_kernel(q[j], lower[j], upper[j], seed[j])
             moved = moved or snapped
             inside = inside and fits
         else:
             inside = inside and q[j] >= lower[j] and q[j] <= upper[j]
-    if moved and inside:
-        position, orientation = size_kernel(error_kernel(tip_kernel(model, q, link), T))
+    if moved:
+        position, orientation = miss_kernel(tip_kernel(model, q, link), T)
         if max(position, orientation) > tolerance:
-            position, orientation = polish_kernel(model, link, T, lower, upper, held, q)
-            inside = position <= tolerance and orientation <= tolerance
-            if not inside:
+            if inside:
+                position, orientation = polish_kernel(model, link, T, lower, upper, held, q)
+            else:
+                whole = np.full(n, np.inf)
+                position, orientation = polish_kernel(model, link, T, -whole, whole, held, q)
+            if not (position <= tolerance and orientation <= tolerance):
                 return count
-    code, family, value = raw[which, BRANCH], raw[which, FAMILY], raw[which, PARAMETER]
     place = count
     for k in range(count):
         if out[k, n + VALUE] != value:
@@ -414,12 +446,53 @@ def _take(
                 break
         if same:
             return count
+    if place == out.shape[0]:
+        return count
     for j in range(n):
         out[place, j] = q[j]
     out[place, n + POSITION], out[place, n + ORIENTATION] = position, orientation
     out[place, n + INSIDE], out[place, n + CODE] = (1.0 if inside else 0.0), code
     out[place, n + GROUP], out[place, n + VALUE] = family, value
     return count + 1 if place == count else count
+
+
+@kernel
+def _complete(
+    plan: Array, model: Array, link: int, T: Frame, lower: Array, upper: Array, seed: Array,
+    tolerance: float, raw: Array, found: int, q: Array, out: Array, count: int,
+) -> int:  # fmt: skip
+    """Search around the candidates of a form that the arm misses, near a singularity of the form.
+
+    There branches of the true arm part, meet or vanish elsewhere than the form's: polished starts
+    around each candidate, first turned against each other in the joints that a straight wrist
+    leaves free, find those that are left.
+    """
+    n, held = q.shape[0], int(plan[0, 2])
+    last = int(model[1 + n + link, 0])
+    state = np.array([0x9E3779B97F4A7C15], dtype=np.uint64)
+    unlimited = np.full(n, np.inf)
+    for k in range(min(found, 16)):
+        for _ in range(_AROUND):
+            for j in range(7 if plan[0, 0] == 2.0 else 6):
+                index = int(plan[1 + j, 13])
+                q[index] = plan[1 + j, 0] * math.atan2(raw[k, 2 * j + 1], raw[k, 2 * j])
+            if held >= 0:
+                q[held] = raw[k, PARAMETER]
+            for j in range(last + 1):
+                if j != held:
+                    q[j] += _SPREAD * (2.0 * uniform_kernel(state) - 1.0)
+            turn = math.pi * (2.0 * uniform_kernel(state) - 1.0)
+            ends = (0, 2) if plan[0, 1] != 0.0 else (3, 5)
+            a, b = int(plan[1 + ends[0], 13]), int(plan[1 + ends[1], 13])
+            if uniform_kernel(state) < 0.5:
+                q[min(a, b)] += turn
+                q[max(a, b)] -= turn
+            error = polish_kernel(model, link, T, -unlimited, unlimited, held, q)
+            about = (raw[k, BRANCH], raw[k, FAMILY], raw[k, PARAMETER])
+            count = _admit(
+                plan, model, link, T, lower, upper, seed, tolerance, error, about, q, out, count
+            )
+    return count
 
 
 @kernel

@@ -5,10 +5,14 @@ Chains are read from ``Chain.model``, poses as frames of twelve numbers.
 
 import math
 
+import numpy as np
+from numpy.typing import NDArray
+
 from kinematics.chain import Array, Indices
 from kinematics.forward import Frame
 from kinematics.kernel import kernel
 
+State = NDArray[np.uint64]
 Error = tuple[float, float, float, float, float, float]
 
 
@@ -125,3 +129,14 @@ def step_within_kernel(
     for a in range(count):
         j = free[a]
         out[j] = min(max(q[j] + g[a], lower[j]), upper[j])
+
+
+@kernel
+def uniform_kernel(state: State) -> float:
+    """Next number in [0, 1) of a splitmix64 sequence, whose state is one uint64."""
+    state[0] += np.uint64(0x9E3779B97F4A7C15)
+    x = state[0]
+    x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    x = x ^ (x >> np.uint64(31))
+    return float(x >> np.uint64(11)) * 2.0**-53

@@ -1,0 +1,239 @@
+"""Closed forms: verified by pinocchio, complete against dense numeric search."""
+
+import dataclasses
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from kinematics.chain import Array, Chain
+from kinematics.errors import InvalidOption, InvalidPose, InvalidRobotState, NotAvailable
+from kinematics.forward import forward
+from kinematics.ik.analytic import branches, closed_form, parameter
+from kinematics.ik.numeric import solve
+from kinematics.ik.structure import structure
+from kinematics.jacobian import geometric
+from kinematics.pose import rotation_error, transform
+from kinematics.robots import builtin_chain, builtin_urdf
+from tests.kinematics.ik.arms import (
+    GENERAL,
+    apart,
+    calibrated,
+    edge_configuration,
+    general_arm,
+    reversed_arm,
+)
+from tests.kinematics.samples import random_rotation
+
+ARMS = ("ur5e", "kr6_sixx", "puma560", "elbow_wrist", "panda", "iiwa14")
+FORMS = {
+    "ur5e": ("three_parallel", False, None),
+    "kr6_sixx": ("spherical", False, None),
+    "puma560": ("spherical", False, None),
+    "elbow_wrist": ("spherical", False, None),
+    "panda": ("spherical", True, 6),
+    "iiwa14": ("redundant", False, None),
+}
+
+
+def parameters(chain: Chain, q: Array) -> list[float] | None:
+    form = structure(chain)
+    return [parameter(chain, q)] if form is not None and form.redundant else None
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_forms_of_the_built_in_arms(name: str) -> None:
+    form = closed_form(builtin_chain(name))
+    assert (form.kind, form.reverse, form.locked) == FORMS[name]
+    assert form.miss < 1e-12
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_every_pose_has_its_own_branch_and_all_are_right(name: str) -> None:
+    chain = builtin_chain(name)
+    model = pin.buildModelFromXML(builtin_urdf(name))
+    data = model.createData()
+    frame = model.getFrameId(chain.tip_link)
+    rng = np.random.default_rng(1)
+    lower, upper = chain.sampling_bounds()
+    for _ in range(150):
+        q = rng.uniform(lower, upper)
+        T = forward(chain, q)
+        found = branches(chain, T, parameters=parameters(chain, q))
+        assert apart(found.joints, q).min() < 1e-6
+        assert found.within_limits[apart(found.joints, q).argmin()]
+        labels = [found.label(i) for i in range(len(found.table))]
+        assert len(set(labels)) == len(labels)
+        for solution in found.joints:
+            pin.framesForwardKinematics(model, data, solution)
+            reached = np.array(data.oMf[frame].homogeneous)
+            assert np.linalg.norm(reached[:3, 3] - T[:3, 3]) < 1e-9
+            assert np.linalg.norm(rotation_error(reached[:3, :3], T[:3, :3])) < 1e-9
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_edge_poses_are_answered_inside_the_limits(name: str) -> None:
+    chain = builtin_chain(name)
+    rng = np.random.default_rng(2)
+    for k in range(400):
+        q = edge_configuration(chain, rng, k)
+        T = forward(chain, q)
+        found = branches(chain, T, parameters=parameters(chain, q))
+        assert found.within_limits.any(), (name, q)
+        inside = found.joints[found.within_limits]
+        assert (inside >= chain.limits.lower).all()
+        assert (inside <= chain.limits.upper).all()
+        assert np.abs(forward(chain, found.joints) - T).max() < 2e-9
+        # Where the arm is regular for its parameter, its own configuration is among them.
+        J = geometric(chain, q)
+        if chain.n == 6 and np.linalg.svd(J, compute_uv=False)[-1] > 1e-3:
+            assert apart(found.joints, q).min() < 1e-6
+
+
+@pytest.mark.parametrize("kind", [*GENERAL, "reversed spherical", "reversed three parallel"])
+def test_general_arms_lose_nothing_that_search_finds(kind: str) -> None:
+    rng = np.random.default_rng(3)
+    compared = 0
+    for _ in range(4):
+        chain = general_arm(rng, kind.removeprefix("reversed "))
+        if kind.startswith("reversed"):
+            chain = reversed_arm(chain)
+        form = structure(chain)
+        assert form is not None
+        assert form.reverse == kind.startswith("reversed")
+        for k in range(3):
+            q = rng.uniform(-np.pi, np.pi, 6)
+            T = forward(chain, q)
+            found = branches(chain, T)
+            assert apart(found.joints, q).min() < 1e-6
+            assert found.within_limits.all()
+            for other in solve(chain, T, seed=k, solutions=16, starts=60).solutions:
+                if np.linalg.svd(geometric(chain, other.joints), compute_uv=False)[-1] < 1e-2:
+                    continue
+                compared += 1
+                assert apart(found.joints, other.joints).min() < 1e-3
+    assert compared > 20
+
+
+@pytest.mark.parametrize("size", [1e-12, 1e-7, 1e-4, 3e-3])
+@pytest.mark.parametrize("name", ["ur5e", "kr6_sixx"])
+def test_calibrated_arms_keep_their_branches(name: str, size: float) -> None:
+    rng = np.random.default_rng(4)
+    nominal = builtin_chain(name)
+    compared = 0
+    for _ in range(3):
+        chain = calibrated(nominal, size, rng)
+        form = closed_form(chain)
+        assert form.kind == closed_form(nominal).kind
+        for k in range(12):
+            q = rng.uniform(-np.pi, np.pi, 6)
+            T = forward(chain, q)
+            found = branches(chain, T)
+            assert found.position_error.max() < 1e-9
+            assert found.orientation_error.max() < 1e-9
+            assert apart(found.joints, q).min() < 1e-6
+            if k > 1:
+                continue
+            for other in solve(chain, T, seed=k, solutions=16, starts=60).solutions:
+                if np.linalg.svd(geometric(chain, other.joints), compute_uv=False)[-1] < 1e-2:
+                    continue
+                compared += 1
+                assert apart(found.joints, other.joints).min() < 1e-3
+    assert compared > 20
+
+
+def test_the_stretched_arm_and_the_target_on_axis_1() -> None:
+    chain = builtin_chain("elbow_wrist")
+    straight = np.array([0.4, 0.3, 0.0, 0.2, 0.0, -0.5])
+    for q in (straight, np.array([0.4, np.pi / 2, 0.0, 0.2, 0.7, -0.5]), np.zeros(6)):
+        T = forward(chain, q)
+        # Seeds decide what a pose leaves open: the same angle of a free joint comes back.
+        found = branches(chain, T, seed_joints=q)
+        assert apart(found.joints, q).min() < 1e-6
+        assert np.abs(forward(chain, found.joints) - T).max() < 1e-9
+
+
+@pytest.mark.parametrize("name", ["panda", "iiwa14"])
+def test_parameters_of_redundant_arms(name: str) -> None:
+    chain = builtin_chain(name)
+    rng = np.random.default_rng(5)
+    lower, upper = chain.sampling_bounds()
+    for _ in range(20):
+        q = rng.uniform(lower, upper)
+        T = forward(chain, q)
+        wanted = [parameter(chain, q), 0.3, -1.1]
+        found = branches(chain, T, parameters=wanted)
+        for solution, value in zip(found.joints, found.parameter, strict=True):
+            assert parameter(chain, solution) == pytest.approx(value, abs=1e-7)
+        # The seed's own parameter is the one that is taken by itself.
+        own = branches(chain, T, seed_joints=q)
+        assert apart(own.joints, q).min() < 1e-6
+        np.testing.assert_allclose(own.parameter, wanted[0], atol=1e-12)
+
+
+def test_a_rail_before_six_joints_is_held_at_the_parameter() -> None:
+    arm = builtin_chain("ur5e")
+    tip = arm.tip.T_joint_link
+    rail = dataclasses.replace(
+        arm,
+        joint_names=("rail", *arm.joint_names),
+        joint_types=np.array([1, *arm.joint_types]),
+        offsets=np.array([transform(random_rotation(np.random.default_rng(6))), *arm.offsets]),
+        links=tuple(
+            dataclasses.replace(link, joint=6 if link.joint == 5 else -1) for link in arm.links
+        ),
+        limits=dataclasses.replace(
+            arm.limits,
+            **{
+                item.name: np.array([-1.0 if item.name == "lower" else 2.0, *getattr(
+                    arm.limits, item.name)])
+                for item in dataclasses.fields(arm.limits)
+            },
+        ),
+        continuous=np.zeros(7, dtype=np.bool_),
+        motor_inertia=np.zeros(7),
+        viscous_friction=np.zeros(7),
+    )  # fmt: skip
+    form = closed_form(rail)
+    assert (form.kind, form.locked) == ("three_parallel", 0)
+    q = np.array([0.7, 0.1, -1.2, 1.5, -1.0, -1.4, 0.3])
+    T = forward(rail, q)
+    found = branches(rail, T, seed_joints=q)
+    assert apart(found.joints, q).min() < 1e-6
+    assert len(branches(rail, T, parameters=[0.7, 0.4]).table) > len(found.table)
+    np.testing.assert_array_equal(rail.tip.T_joint_link, tip)
+
+
+@pytest.mark.parametrize("name", ["ur5e", "iiwa14"])
+def test_batches_equal_single_calls(name: str) -> None:
+    chain = builtin_chain(name)
+    rng = np.random.default_rng(7)
+    lower, upper = chain.sampling_bounds()
+    q = rng.uniform(lower, upper, (20, chain.n))
+    T = forward(chain, q)
+    batch = branches(chain, T, seed_joints=q)
+    assert batch.counts is not None
+    for k in range(20):
+        one = branches(chain, T[k], seed_joints=q[k])
+        np.testing.assert_allclose(batch.table[k, : batch.counts[k]], one.table, atol=1e-12)
+
+
+def test_poses_out_of_reach_have_no_branch() -> None:
+    for name in ARMS:
+        assert not len(branches(builtin_chain(name), transform(None, [9.0, 0.0, 0.0])).table)
+
+
+def test_bad_input_is_named() -> None:
+    chain = builtin_chain("ur5e")
+    with pytest.raises(InvalidPose):
+        branches(chain, np.full((4, 4), np.nan))
+    with pytest.raises(InvalidPose):
+        branches(chain, np.eye(3))
+    with pytest.raises(InvalidRobotState, match="6 joints"):
+        branches(chain, np.eye(4), seed_joints=[0.0])
+    with pytest.raises(InvalidRobotState, match="finite"):
+        branches(chain, np.eye(4), seed_joints=[np.nan] * 6)
+    with pytest.raises(InvalidOption, match="parameters"):
+        branches(chain, np.eye(4), parameters=[np.inf])
+    with pytest.raises(NotAvailable, match="closed form"):
+        branches(builtin_chain("scara"), np.eye(4))
