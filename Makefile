@@ -11,7 +11,7 @@ HOST ?= 127.0.0.1
 PORT ?= 8000
 
 .DEFAULT_GOAL := help
-.PHONY: install demo test check bench bench-mbm serve docker-steps clean help
+.PHONY: install demo test check bench bench-mbm bench-http serve docker-steps clean help
 
 install: $(INSTALLED)  ## Install the app, the client and the tools into .venv
 
@@ -43,8 +43,12 @@ bench: $(INSTALLED)  ## Measure kernels, planning and the service
 	$(BIN)/python -m benchmarks
 
 bench-mbm: $(INSTALLED)  ## Measure on MotionBenchMaker problems: make bench-mbm PROBLEMS=dir
-	@test -n "$(PROBLEMS)" || { echo "Say where the problems are: make bench-mbm PROBLEMS=dir" >&2; exit 1; }
+	@test -n "$(PROBLEMS)" || { echo "Say where the problems are: make $@ PROBLEMS=dir" >&2; exit 1; }
 	$(BIN)/python -m benchmarks.mbm $(PROBLEMS)
+
+bench-http: $(INSTALLED)  ## Measure what HTTP costs on some of them: make bench-http PROBLEMS=dir
+	@test -n "$(PROBLEMS)" || { echo "Say where the problems are: make $@ PROBLEMS=dir" >&2; exit 1; }
+	$(BIN)/python -m benchmarks.http $(PROBLEMS)
 
 serve: $(INSTALLED)  ## Serve the API on HOST:PORT (127.0.0.1:8000)
 	$(BIN)/armwright serve --host $(HOST) --port $(PORT)
