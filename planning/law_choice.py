@@ -69,7 +69,7 @@ def _loads(
         )
     if timing.payload is not None:
         load = timing.payload
-        chain = with_payload(chain, load.mass, load.center_of_mass, load.inertia)
+        chain = with_payload(chain, load.mass, load.center_of_mass, load.inertia, link=load.link)
     effort = None
     if timing.torque_limits:
         effort = (

@@ -17,17 +17,19 @@ MAX_TIMEOUT = 600.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Payload:
-    """A rigid load at the tip.
+    """A rigid load.
 
     Args:
         mass: [kg].
-        center_of_mass: In the tip's frame, shape (3,) [m].
+        center_of_mass: In the link's frame, shape (3,) [m].
         inertia: About the centre of mass, shape (3, 3) [kg m^2]; None for a point.
+        link: What carries it; the tip where none is named.
     """
 
     mass: float
-    center_of_mass: tuple[float, ...] = (0.0, 0.0, 0.0)
-    inertia: tuple[tuple[float, ...], ...] | None = None
+    center_of_mass: Sequence[float] = (0.0, 0.0, 0.0)
+    inertia: Sequence[Sequence[float]] | None = None
+    link: str | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,7 +48,7 @@ class TimingOptions:
         blend_tolerance: How far corners may be cut, Euclidean in joint space; None for as far as
             can be proved, or not at all where nothing is proved.
         torque_limits: Whether torques are limited too.
-        payload: What the tip carries.
+        payload: What is carried, for torques.
         tool_speed: Largest speed of the tip [m/s].
         start_velocity: At the start, along the path, shape (n,).
         end_velocity: At the end, along the path, shape (n,).
@@ -103,6 +105,7 @@ class Options:
         planner: "auto" (the ladder) or the name of one planner.
         planner_options: Its parameters, by name.
         timing: How the path is timed.
+        limits: Joint limits (n,) in place of the robot's, by quantity.
         timeout: Seconds for all stages together.
         seed: Of everything random; the same seed gives the same answer.
 
@@ -113,6 +116,7 @@ class Options:
     planner: str = "auto"
     planner_options: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
     timing: TimingOptions = field(default_factory=TimingOptions)
+    limits: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
     timeout: float = 5.0
     seed: int = 0
 

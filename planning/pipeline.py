@@ -120,7 +120,7 @@ def _check_options(options: Options) -> None:
 
 def _law(problem: Problem, options: Options) -> Law:
     chain = problem.robot.chain
-    return chosen_law(options.timing, chain.joint_names, chain.limits, chain=chain)
+    return chosen_law(options.timing, chain.joint_names, chain.limits, options.limits, chain)
 
 
 def _tell_preflight(answer: Ready | Failure) -> tuple[bool, str]:

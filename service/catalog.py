@@ -114,6 +114,25 @@ async def answer(
     return await _answer(request, job, timeout, patience)
 
 
+async def answer_with(
+    request: Request,
+    make_job: Callable[[Reference | None], Job],
+    robot_name: str | None,
+    *,
+    timeout: float | None = None,
+) -> Any:
+    """The result of a job that may be about a robot, computed in a worker.
+
+    Raises:
+        ProblemError: As `answer`.
+    """
+
+    async def job() -> Job:
+        return make_job(None if robot_name is None else await robot(request, robot_name))
+
+    return await _answer(request, job, timeout, 0.0)
+
+
 async def answer_scene(
     request: Request, make_job: Callable[[Reference], Job], scene_name: str
 ) -> Any:

@@ -50,7 +50,7 @@ def plan(
     left = _left(body.timeout or timeout)
     if left <= 0.0:
         return _late()
-    found = pipeline.plan(problem, translate_motion.options(body, left))
+    found = pipeline.plan(problem, translate_motion.options(body, arm.chain, left))
     if isinstance(found, Failure):
         return _refusal(found)
     return to_json(_answer(found, body, arm, place), inf_nan_mode="null")

@@ -35,6 +35,7 @@ from service import (  # noqa: E402
     dynamics_tasks,  # noqa: F401
     kinematics_tasks,  # noqa: F401
     plan_tasks,  # noqa: F401
+    retime_tasks,  # noqa: F401
     simulate_tasks,  # noqa: F401
     tasks,  # noqa: F401
     warm,

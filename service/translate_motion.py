@@ -6,18 +6,18 @@ from typing import Any
 
 import numpy as np
 
-from kinematics.chain import Array, Chain
+from kinematics.chain import Array, Chain, Limits
 from kinematics.errors import InvalidOption, InvalidTrajectory, NotAvailable
 from kinematics.interpolation import interpolate
 from kinematics.trajectory import MAX_DEGREE, Trajectory
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from planning.certificate import Certificate
-from planning.options import Options, TimingOptions
+from planning.options import Options
 from planning.pipeline import PLANNERS
 from planning.problem import Goal, JointGoal, PoseGoal, Problem
 from planning.result import StageReport
-from service import translate
+from service import translate, translate_timing
 from service.schemas import plan as schema
 
 #: Part of the contract, whether there is a planner of that name yet or not: our own, and OMPL's
@@ -39,7 +39,6 @@ _CONTRACT = (
     "rrtstar",
     "sorrtstar",
 )
-_TIMINGS = ("toppra",)
 #: Samples of one answer: at a kilobyte each, a hundred megabytes.
 _MAX_SAMPLES = 100_000
 #: What sums of times round off, as part of the duration.
@@ -61,19 +60,6 @@ def check_available(body: schema.PlanRequest) -> None:
             hint=f"There are: {', '.join(PLANNERS)}.",
             planners=list(PLANNERS),
         )
-    timing = body.timing
-    if timing.method not in _TIMINGS:
-        raise NotAvailable(
-            f"the timing method {timing.method!r} is not built yet",
-            hint=f"There is: {', '.join(_TIMINGS)}.",
-            methods=list(_TIMINGS),
-        )
-    for name, given in (
-        ("timing.times", timing.times is not None),
-        ("timing.torque_limits", bool(timing.torque_limits)),
-    ):
-        if given:
-            raise NotAvailable(f"{name} is not built yet", hint="Leave it out.", field=name)
     check_constraints(body.constraints)
 
 
@@ -125,21 +111,17 @@ def _goal(body: schema.SingleGoal, chain: Chain) -> Goal:
     return PoseGoal(translate.transform(body.pose), **given)
 
 
-def options(body: schema.PlanRequest, timeout: float) -> Options:
+def options(body: schema.PlanRequest, chain: Chain, timeout: float) -> Options:
     """How to plan, within so many seconds.
 
     Raises:
         InvalidOption: A value is out of its range.
     """
-    timing = body.timing
     return Options(
         planner=planner_name(body.planner),
         planner_options=dict(body.planner_options or {}),
-        timing=TimingOptions(
-            timing.method,
-            1.0 if timing.velocity_scaling is None else timing.velocity_scaling,
-            1.0 if timing.acceleration_scaling is None else timing.acceleration_scaling,
-        ),
+        timing=translate_timing.timing_options(body.timing),
+        limits=translate_timing.given_limits(body.limits, chain.joint_names),
         timeout=timeout,
         seed=body.seed,
     )
@@ -172,6 +154,29 @@ def trajectory(body: schema.TrajectoryBody, chain: Chain) -> tuple[Trajectory, f
     times, names = np.array(samples.time), chain.joint_names
     made = interpolate(names, times, rows[0], body.interpolation or "", rows[1], rows[2])
     return made, samples.time[0]
+
+
+def named_trajectory(body: schema.TrajectoryBody) -> Trajectory:
+    """The domain's trajectory of a motion that names its joints, for which no robot is needed.
+
+    Raises:
+        InvalidTrajectory: Joints or lengths do not fit each other, or times do not ascend.
+        InvalidOption: The interpolation is unknown, or what it needs is not given.
+    """
+    assert body.joint_names is not None
+    names = tuple(body.joint_names)
+    if len(set(names)) != len(names):
+        raise InvalidTrajectory("trajectory.joint_names stand twice", hint="Name each joint once.")
+    return trajectory(body, _nameless(names))[0]
+
+
+def _nameless(names: tuple[str, ...]) -> Chain:
+    """A chain of joints that are only known by their names."""
+    n = len(names)
+    offsets = np.broadcast_to(np.eye(4), (n, 4, 4))
+    types = np.zeros(n, dtype=np.int64)
+    limits = Limits.unlimited(n)
+    return Chain("", names, types, offsets, (), "", "", limits, np.zeros(n, dtype=np.bool_))
 
 
 def _order(joint_names: Sequence[str] | None, chain: Chain) -> list[int]:
@@ -238,19 +243,10 @@ def limits(body: schema.LimitsBody | None, chain: Chain) -> dict[str, Array]:
     for quantity in ("velocity", "acceleration", "jerk"):
         given = None if body is None else getattr(body, quantity)
         if given is not None:
-            bounds[quantity] = _given_limit(given, quantity, chain)
+            bounds[quantity] = translate_timing.given_limit(given, quantity, chain.joint_names)
         elif quantity != "jerk":
             bounds[quantity] = chain.limits.require(quantity, chain.joint_names)
     return bounds
-
-
-def _given_limit(given: Sequence[float], quantity: str, chain: Chain) -> Array:
-    if len(given) != chain.n or not all(value > 0.0 for value in given):
-        raise InvalidOption(
-            f"limits.{quantity} must be {chain.n} positive numbers, one for each joint",
-            hint=f"The order is: {', '.join(chain.joint_names)}.",
-        )
-    return np.array(given, dtype=np.float64)
 
 
 # ------------------------------------------------------------------------------------ back
@@ -263,12 +259,15 @@ def trajectory_answer(timed: Trajectory, period: float | None) -> dict[str, Any]
         InvalidOption: The period would give too many samples.
     """
     breaks, pieces = timed.breaks.tolist(), timed.coefficients.tolist()
+    # Powers that no joint of a piece has are left out.
+    used = (timed.coefficients != 0.0).any(axis=1) | (np.arange(timed.degree + 1) == 0)
+    counts = timed.degree + 1 - np.argmax(used[:, ::-1], axis=1)
     answer: dict[str, Any] = {
         "joint_names": list(timed.joint_names),
         "duration": timed.duration,
         "segments": [
-            {"t0": t0, "t1": t1, "coefficients": rows}
-            for t0, t1, rows in zip(breaks, breaks[1:], pieces, strict=False)
+            {"t0": t0, "t1": t1, "coefficients": [row[:count] for row in rows]}
+            for t0, t1, rows, count in zip(breaks, breaks[1:], pieces, counts, strict=False)
         ],
         "samples": None,
     }

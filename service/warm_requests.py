@@ -14,6 +14,7 @@ from service import (
     library,
     plan_tasks,
     prepared,
+    retime_tasks,
     simulate_tasks,
     tasks,
 )
@@ -57,6 +58,23 @@ def requests() -> None:
         _ask(check_tasks.check, panda, check)
         for planner in ("auto", "straight_line", "potential_field", "rrt_connect"):
             _plan(panda, planner)
+        _retime(panda)
+
+
+def _retime(panda: Reference) -> None:
+    """Each way to time a path; with torques, whose bounds have kernels of their own."""
+    middle = [
+        0.5 * (a + b) + 0.1 * (i % 2) for i, (a, b) in enumerate(zip(_START, _GOAL, strict=True))
+    ]
+    body: dict[str, Any] = {"robot": "panda", "path": {"joints": [_START, middle, _GOAL]}}
+    loads = {"torque_limits": True, "tool_speed": 0.5}
+    for timing in (
+        {"method": "toppra", "blend_tolerance": 0.1, **loads},
+        {"method": "jerk_limited", "blend_tolerance": 0.1, "sample_period": 0.1},
+        {"method": "jerk_limited", "interpolation": "natural_spline", **loads},
+        {"method": "spline"},
+    ):
+        retime_tasks.retime(panda, json.dumps(body | {"timing": timing}).encode())
 
 
 def _plan(panda: Reference, planner: str) -> None:

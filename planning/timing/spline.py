@@ -129,7 +129,7 @@ def _coefficients(
         raise InvalidTrajectory(f"boundary velocities must be {points.shape[1]} numbers each")
     m = _second_derivatives(h[:, 0], d, ends, (start, end))
     before, after = m[:-1], m[1:]
-    return np.stack(
+    coefficients = np.stack(
         [
             points[:-1],
             d - h * (2.0 * before + after) / 6.0,
@@ -138,6 +138,10 @@ def _coefficients(
         ],
         axis=-1,
     )
+    if ends == "clamped":
+        # Exactly, not but for what solving the system rounds off.
+        coefficients[0, :, 1] = start
+    return coefficients
 
 
 def _second_derivatives(h: Array, d: Array, ends: Ends, velocities: tuple[Array, Array]) -> Array:

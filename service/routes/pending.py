@@ -14,7 +14,6 @@ _PLAN = "There is POST /v1/plan, which answers one problem at once with a timed 
 _PENDING = (
     ("POST", "/v1/robots/{name}/velocity", _ROBOT),
     ("POST", "/v1/robots/{name}/potential", _ROBOT),
-    ("POST", "/v1/retime", _PLAN),
     ("POST", "/v1/plan/batch", _PLAN),
     ("GET", "/v1/jobs/{id}", _PLAN),
     ("DELETE", "/v1/jobs/{id}", _PLAN),

@@ -22,6 +22,7 @@ from service.schemas.base import (
     exactly_one,
 )
 from service.schemas.check import AttachedObjects, Margin
+from service.schemas.dynamics import Payload
 from service.schemas.kinematics import JOINTS_EXAMPLE, Constraints
 from service.schemas.pose import Pose
 from service.schemas.scene import SceneReference
@@ -80,8 +81,22 @@ class Timing(Body):
     method: Literal["toppra", "spline", "jerk_limited"] = "toppra"
     velocity_scaling: Ratio | None = None
     acceleration_scaling: Ratio | None = None
-    times: Annotated[list[NonNegative], Field(min_length=2, max_length=MAX_SAMPLES)] | None = None
-    torque_limits: bool | None = None
+    jerk_scaling: Ratio | None = None
+    times: Annotated[list[NonNegative], Field(min_length=2, max_length=MAX_SAMPLES)] | None = Field(
+        None, description="at the waypoints, for the method spline; from 0, increasing [s]"
+    )
+    scale_times: bool | None = Field(
+        None, description="stretch the times by the least factor that keeps all limits"
+    )
+    interpolation: Literal["linear", "natural_spline", "clamped_spline"] | None = Field(
+        None, description="between waypoints: straight lines, or a cubic spline kept exactly"
+    )
+    blend_tolerance: NonNegative | None = Field(
+        None, description="how far straight lines' corners may be cut, Euclidean in joint space"
+    )
+    torque_limits: bool | None = Field(None, description="keep the robot's effort limits too")
+    payload: Payload | None = Field(None, description="what the tip carries, for torques")
+    tool_speed: Positive | None = Field(None, description="largest speed of the tip [m/s]")
     sample_period: Annotated[float, Field(ge=1e-4, le=60.0)] | None = Field(
         None, description="samples are answered at this period [s], else none"
     )
@@ -116,6 +131,7 @@ class PlanRequest(Body):
     margin: Margin = 0.0
     start_state_tolerance: Annotated[NonNegative, Field(le=0.1)] = 1e-6
     timing: Timing = Field(default_factory=Timing)
+    limits: "LimitsBody | None" = None
     timeout: Timeout | None = Field(None, description="for all stages together [s]")
     seed: Seed = 0
 
@@ -181,6 +197,7 @@ class LimitsBody(Body):
     velocity: JointRow | None = None
     acceleration: JointRow | None = None
     jerk: JointRow | None = None
+    effort: JointRow | None = Field(None, description="of torques, where these are limited")
 
 
 class ValidateRequest(Body):
@@ -253,7 +270,8 @@ class LimitUses(Answer):
     velocity: LimitUse | None = None
     acceleration: LimitUse | None = None
     jerk: LimitUse | None = None
-    torque: LimitUse | None = None
+    torque: LimitUse | None = Field(None, description="bounded from above for every instant")
+    tool_speed: LimitUse | None = Field(None, description="bounded from above for every instant")
 
 
 class CertificateAnswer(Answer):

@@ -1,0 +1,46 @@
+"""Timing of given paths, and motions in other people's shapes."""
+
+from fastapi import APIRouter, Request, Response
+
+from service import catalog
+from service.body import JsonRoute
+from service.computing import compute
+from service.openapi import RESPONSES
+from service.schemas.retime import (
+    ConvertRequest,
+    JointTrajectoryAnswer,
+    RetimeAnswer,
+    RetimeRequest,
+)
+from service.worker_main import Job
+
+router = APIRouter(prefix="/v1", tags=["timing"], route_class=JsonRoute, responses=RESPONSES)
+
+
+@router.post("/retime", summary="Time a path", response_model=RetimeAnswer)
+async def retime(body: RetimeRequest, request: Request) -> Response:
+    """A path as a timed motion within a robot's limits or those given.
+
+    The limits are certified. Of collisions nothing is known, which the certificate says.
+    """
+    content = await request.body()
+    result = await catalog.answer_with(
+        request,
+        lambda robot: Job("service.retime_tasks:retime", (robot, content)),
+        body.robot,
+        timeout=body.timeout,
+    )
+    return Response(result, media_type="application/json")
+
+
+@router.post(
+    "/convert",
+    summary="Tell a motion in another shape",
+    response_model=JointTrajectoryAnswer,
+)
+async def convert(body: ConvertRequest, request: Request) -> Response:
+    """A motion as trajectory_msgs/JointTrajectory of ROS in JSON, or as a table in CSV."""
+    content = await request.body()
+    result = await compute(request, Job("service.retime_tasks:convert", (content,)))
+    media_type = "text/csv" if body.format == "csv" else "application/json"
+    return Response(result, media_type=media_type)

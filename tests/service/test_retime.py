@@ -1,0 +1,229 @@
+"""Timing of given paths over HTTP, and motions in other people's shapes."""
+
+import csv
+import io
+from typing import Any, Literal
+
+import httpx
+import numpy as np
+import pytest
+from numpy.polynomial import polynomial as power_basis
+from scipy.interpolate import CubicSpline
+
+JOINTS = [[0.0, 0.0], [1.0, 0.2], [1.2, 1.0], [0.3, 1.4]]
+LIMITS = {"velocity": [1.0, 1.5], "acceleration": [4.0, 3.0], "jerk": [40.0, 30.0]}
+HOME = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
+ASIDE = [0.6, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]
+
+
+def retimed(client: httpx.Client, **body: Any) -> dict[str, Any]:
+    body.setdefault("path", {"joints": JOINTS})
+    response = client.post("/v1/retime", json={"limits": LIMITS} | body)
+    assert response.status_code == 200, response.text
+    answer: dict[str, Any] = response.json()
+    assert answer["status"] == "success"
+    return answer
+
+
+def problem(response: httpx.Response, status: int, code: str) -> dict[str, Any]:
+    assert response.status_code == status, response.text
+    assert response.headers["content-type"].startswith("application/problem+json")
+    document: dict[str, Any] = response.json()
+    assert document["code"] == code
+    return document
+
+
+def peaks(trajectory: dict[str, Any], order: int) -> np.ndarray[Any, Any]:
+    """Largest |derivative| of each joint by numpy's roots."""
+    worst = np.zeros(len(trajectory["joint_names"]))
+    for segment in trajectory["segments"]:
+        h = segment["t1"] - segment["t0"]
+        for j, row in enumerate(segment["coefficients"]):
+            c = power_basis.polyder(row, order)
+            inner = np.trim_zeros(power_basis.polyder(c), "b")
+            roots = power_basis.polyroots(inner) if len(inner) > 1 else np.zeros(0)
+            places = np.clip([0.0, h, *np.real(roots)], 0.0, h)
+            worst[j] = max(worst[j], np.abs(power_basis.polyval(places, c)).max())
+    return worst
+
+
+@pytest.mark.parametrize("method", ["toppra", "jerk_limited"])
+@pytest.mark.parametrize("interpolation", ["linear", "natural_spline", "clamped_spline"])
+def test_a_path_is_timed_within_the_limits_given(
+    client: httpx.Client, method: str, interpolation: str
+) -> None:
+    timing: dict[str, Any] = {"method": method, "interpolation": interpolation}
+    if interpolation == "linear":
+        timing["blend_tolerance"] = 0.05
+    answer = retimed(client, timing=timing)
+    certificate, trajectory = answer["certificate"], answer["trajectory"]
+    assert certificate["verified"] is True
+    assert "nothing is known of collisions" in certificate["method"]
+    assert certificate["min_clearance"] is None
+    orders = {"velocity": 1, "acceleration": 2}
+    if method == "jerk_limited":
+        orders["jerk"] = 3
+    for quantity, order in orders.items():
+        ratio = float((peaks(trajectory, order) / LIMITS[quantity]).max())
+        assert ratio <= 1.0 + 1e-9
+        assert certificate["limits"][quantity]["worst_ratio"] == pytest.approx(ratio, rel=1e-9)
+    first, last = trajectory["segments"][0], trajectory["segments"][-1]
+    assert [row[0] for row in first["coefficients"]] == JOINTS[0]
+    assert all(row[1] == 0.0 for row in first["coefficients"])
+    h = last["t1"] - last["t0"]
+    assert [power_basis.polyval(h, row) for row in last["coefficients"]] == pytest.approx(JOINTS[3])
+    starts = [segment["t0"] for segment in trajectory["segments"]]
+    assert (np.diff(starts) > 0.0).all()
+
+
+def test_a_spline_at_given_times_is_that_of_scipy(client: httpx.Client) -> None:
+    times = [0.0, 2.0, 3.0, 5.0]
+    kinds: tuple[tuple[str, Literal["natural", "clamped"]], ...] = (
+        ("natural_spline", "natural"),
+        ("clamped_spline", "clamped"),
+    )
+    for ends, bc in kinds:
+        timing = {"method": "spline", "times": times, "interpolation": ends, "sample_period": 0.1}
+        answer = retimed(client, timing=timing)
+        samples = answer["trajectory"]["samples"]
+        expected = CubicSpline(times, JOINTS, bc_type=bc)
+        np.testing.assert_allclose(samples["position"], expected(samples["time"]), atol=1e-12)
+        assert answer["certificate"]["verified"] is True
+        assert answer["factor"] == 1.0
+
+
+def test_times_that_are_too_short_are_told_and_stretched_on_request(client: httpx.Client) -> None:
+    timing = {"method": "spline", "times": [0.0, 0.5, 1.0, 1.5]}
+    told = retimed(client, timing=timing)
+    assert told["certificate"]["verified"] is False
+    assert told["certificate"]["violation"]["joint"] in {"joint1", "joint2"}
+    assert told["trajectory"]["duration"] == 1.5
+    scaled = retimed(client, timing=timing | {"scale_times": True})
+    assert scaled["certificate"]["verified"] is True
+    assert scaled["factor"] == pytest.approx(told["needed_factor"], rel=1e-9)
+    assert scaled["trajectory"]["duration"] == pytest.approx(1.5 * scaled["factor"], rel=1e-12)
+    worst = max(use["worst_ratio"] for use in scaled["certificate"]["limits"].values() if use)
+    assert worst == pytest.approx(1.0, abs=1e-9)
+
+
+def test_a_robot_brings_its_limits_and_torques(client: httpx.Client) -> None:
+    path = {"joints": [HOME, ASIDE]}
+    body: dict[str, Any] = {"path": path, "robot": "panda", "limits": None}
+    free = retimed(client, **body)
+    assert set(free["certificate"]["limits"]) >= {"position", "velocity", "acceleration"}
+    timing = {"torque_limits": True, "payload": {"mass": 2.0}, "tool_speed": 0.3}
+    loaded = retimed(client, **body, timing=timing)
+    for name in ("torque", "tool_speed"):
+        assert loaded["certificate"]["limits"][name]["worst_ratio"] <= 1.0 + 1e-9
+    assert loaded["trajectory"]["duration"] > free["trajectory"]["duration"]
+    slow = retimed(client, **(body | {"limits": {"velocity": [0.1] * 7}}))
+    assert slow["trajectory"]["duration"] > free["trajectory"]["duration"]
+    half = retimed(client, **body, timing={"velocity_scaling": 0.5})
+    assert half["certificate"]["limits"]["velocity"]["worst_ratio"] == pytest.approx(1.0, abs=1e-6)
+
+
+def test_odd_paths_are_told_of(client: httpx.Client) -> None:
+    still = retimed(client, path={"joints": [[1.0, 2.0]]})
+    assert "no length" in still["notes"][0]
+    twice = retimed(client, path={"joints": [JOINTS[0], JOINTS[0], JOINTS[1]]})
+    assert "Waypoint 1 repeats waypoint 0." in twice["notes"]
+    back = retimed(client, path={"joints": [JOINTS[0], JOINTS[1], JOINTS[0]]})
+    assert "The motion stops at waypoint(s) 1." in back["notes"]
+
+
+def test_boundary_velocities_are_kept(client: httpx.Client) -> None:
+    velocity = [0.4, 0.08]
+    for method in ("toppra", "jerk_limited"):
+        timing = {"method": method, "blend_tolerance": 0.05, "start_velocity": velocity}
+        answer = retimed(client, timing=timing)
+        first = answer["trajectory"]["segments"][0]["coefficients"]
+        assert [row[1] for row in first] == pytest.approx(velocity, rel=1e-9)
+        assert answer["certificate"]["verified"] is True
+
+
+@pytest.mark.parametrize(
+    ("change", "code", "words"),
+    [
+        ({"limits": None}, "MISSING_LIMIT", "joint1, joint2"),
+        ({"limits": {"velocity": [1.0, 1.0]}}, "MISSING_LIMIT", "acceleration"),
+        (
+            {
+                "limits": {"velocity": [1.0, 1.0], "acceleration": [1.0, 1.0]},
+                "timing": {"method": "jerk_limited"},
+            },
+            "MISSING_LIMIT",
+            "jerk",
+        ),
+        ({"limits": LIMITS | {"velocity": [1.0]}}, "VALIDATION_ERROR", "2 positive numbers"),
+        ({"limits": LIMITS | {"velocity": [1.0, 0.0]}}, "VALIDATION_ERROR", "positive"),
+        ({"path": {"joints": [[0.0, 0.0], [1.0]]}}, "INVALID_MOTION_PLAN", "path.joints[1]"),
+        ({"path": {"joints": []}}, "VALIDATION_ERROR", "joints"),
+        ({"path": {"joints": JOINTS, "knots": [0, 1, 2, 3]}}, "VALIDATION_ERROR", "knots"),
+        ({"timing": {"times": [0.0, 1.0]}}, "VALIDATION_ERROR", "times"),
+        ({"timing": {"method": "spline", "times": [0.0, 1.0]}}, "INVALID_MOTION_PLAN", "times"),
+        (
+            {"timing": {"method": "spline", "interpolation": "linear"}},
+            "VALIDATION_ERROR",
+            "linear",
+        ),
+        ({"timing": {"start_velocity": [0.0, 1.0]}}, "VALIDATION_ERROR", "start_velocity"),
+        ({"timing": {"torque_limits": True}}, "VALIDATION_ERROR", "robot"),
+        ({"robot": "nobody"}, "NOT_FOUND", "nobody"),
+    ],
+)
+def test_what_is_refused(
+    client: httpx.Client, change: dict[str, Any], code: str, words: str
+) -> None:
+    body = {"path": {"joints": JOINTS}, "limits": LIMITS} | change
+    status = 404 if code == "NOT_FOUND" else 422
+    response = client.post("/v1/retime", json=body)
+    document = response.json()
+    assert (response.status_code, document["code"]) == (status, code), response.text
+    assert words in document["detail"]
+
+
+def test_motions_are_told_in_other_shapes(client: httpx.Client) -> None:
+    trajectory = retimed(client, timing={"sample_period": 0.05})["trajectory"]
+    body = {"trajectory": trajectory, "sample_period": 0.05}
+    message = client.post("/v1/convert", json=body).json()
+    assert message["joint_names"] == ["joint1", "joint2"]
+    stamps = [p["time_from_start"] for p in message["points"]]
+    ticks = [10**9 * stamp["sec"] + stamp["nanosec"] for stamp in stamps]
+    assert (np.diff(ticks) > 0).all()
+    assert ticks[-1] == pytest.approx(1e9 * trajectory["duration"], abs=1.0)
+    samples = trajectory["samples"]
+    np.testing.assert_allclose([p["positions"] for p in message["points"]], samples["position"])
+    np.testing.assert_allclose([p["velocities"] for p in message["points"]], samples["velocity"])
+    table = client.post("/v1/convert", json=body | {"format": "csv"})
+    assert table.headers["content-type"].startswith("text/csv")
+    rows = list(csv.reader(io.StringIO(table.text)))
+    kinds = ("position", "velocity", "acceleration")
+    assert rows[0] == ["time", *(f"{kind}.joint{i}" for kind in kinds for i in (1, 2))]
+    values = np.array(rows[1:], dtype=float)
+    np.testing.assert_array_equal(values[:, 1:3], samples["position"])
+    assert (np.diff(values[:, 0]) > 0.0).all()
+    problem(client.post("/v1/convert", json=body | {"format": "xml"}), 422, "VALIDATION_ERROR")
+
+
+@pytest.mark.parametrize("method", ["spline", "jerk_limited"])
+def test_plans_are_timed_by_every_method(client: httpx.Client, method: str) -> None:
+    post = {"type": "box", "size": [0.1, 0.1, 1.2]}
+    scene = {"obstacles": [{"id": "post", "shape": post, "pose": {"position": [0.42, 0.28, 0.6]}}]}
+    goal = {"joints": [1.2, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]}
+    body = {"robot": "panda", "scene": scene, "start": {"joints": HOME}, "goal": goal}
+    timing = {"method": method, "torque_limits": True, "payload": {"mass": 1.0}}
+    response = client.post("/v1/plan", json=body | {"timing": timing, "timeout": 30.0})
+    assert response.status_code == 200, response.text
+    answer = response.json()
+    certificate = answer["certificate"]
+    assert certificate["verified"] is True
+    assert certificate["limits"]["torque"]["worst_ratio"] <= 1.0 + 1e-9
+    if method == "jerk_limited":
+        assert certificate["limits"]["jerk"]["worst_ratio"] <= 1.0 + 1e-9
+    ends = answer["trajectory"]["segments"]
+    assert all(abs(row[1]) < 1e-12 for row in ends[0]["coefficients"])
+    again = client.post(
+        "/v1/validate",
+        json={"robot": "panda", "scene": scene, "trajectory": answer["trajectory"]},
+    ).json()
+    assert again["verified"] is True
