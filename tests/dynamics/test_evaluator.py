@@ -1,5 +1,7 @@
 """The unchecked evaluator gives what the checked functions give, state by state."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -42,13 +44,14 @@ def test_equals_the_checked_functions(name: str) -> None:
 def test_a_wrong_length_is_refused() -> None:
     evaluator = DynamicsEvaluator(builtin_chain("planar_rr"))
     q, long = np.zeros(2), np.zeros(3)
-    for call in (
+    calls: list[Callable[[], object]] = [
         lambda: evaluator.mass_matrix(long),
         lambda: evaluator.coriolis_matrix(q, long),
         lambda: evaluator.gravity(long),
         lambda: evaluator.inverse(q, q, long),
         lambda: evaluator.regressor(q, long, q),
         lambda: evaluator.forward(q, q, long),
-    ):
+    ]
+    for call in calls:
         with pytest.raises(InvalidRobotState, match="3 value"):
             call()

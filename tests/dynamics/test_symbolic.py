@@ -56,9 +56,8 @@ def test_serves_an_optimiser() -> None:
         e = step * np.eye(2)[j]
         slope = (gravity_vector(chain, at + e, g) - gravity_vector(chain, at - e, g)) / (2 * step)
         np.testing.assert_allclose(np.array(stiffness(at))[:, j], slope, atol=1e-8)
-    terms = symbolic_equations(
-        chain, casadi.SX.sym("q", 2), casadi.SX.sym("v", 2), casadi.DM([0, 0])
-    )
+    symbols = (casadi.SX.sym("q", 2), casadi.SX.sym("v", 2))
+    terms = symbolic_equations(chain, *symbols, casadi.DM([0, 0]))
     assert terms.mass_matrix.shape == (2, 2)
 
 

@@ -1,0 +1,209 @@
+"""Dynamics and closed loops over HTTP: forms, faults, and what a closed loop must show."""
+
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+
+from dynamics.inverse import inverse_dynamics
+from dynamics.mass_matrix import mass_matrix
+from kinematics.robots import builtin_chain
+from service.schemas.dynamics import DynamicsAnswer, RegressorAnswer, WrenchAnswer
+from service.schemas.simulation import SimulateAnswer
+from tests.service.robots import HOME, answer, bench, problem
+
+RATES = [0.1, -0.2, 0.3, 0.1, 0.0, -0.1, 0.2]
+MOTION = {
+    "segments": [
+        {"t0": 1.0, "t1": 2.0, "coefficients": [[0, 0, 0, 10, -15, 6], [0.5, 0, 0, -10, 15, -6]]}
+    ]
+}
+
+
+def simulate(client: httpx.Client, **changes: Any) -> dict[str, Any]:
+    body = {
+        "robot": "planar_rr",
+        "trajectory": MOTION,
+        "controller": {"type": "computed_torque", "Kp": 100.0, "Kd": [20.0, 20.0]},
+        **changes,
+    }
+    found = answer(client.post("/v1/simulate", json=body))
+    SimulateAnswer.model_validate(found)
+    return found
+
+
+@pytest.mark.parametrize("count", [1, 3, 50])
+def test_one_and_many_states(client: httpx.Client, count: int) -> None:
+    chain = builtin_chain("panda")
+    rng = np.random.default_rng(count)
+    q, qd, qdd = rng.uniform(-1, 1, (3, count, 7))
+    body = {"joints": q.tolist(), "velocities": qd.tolist(), "accelerations": qdd.tolist()}
+    many = answer(client.post("/v1/robots/panda/dynamics", json=body))
+    DynamicsAnswer.model_validate(many)
+    assert np.shape(many["mass_matrix"]) == (count, 7, 7)
+    np.testing.assert_allclose(many["torques"], inverse_dynamics(chain, q, qd, qdd), atol=1e-11)
+    one = {name: rows[0] for name, rows in body.items()}
+    single = answer(client.post("/v1/robots/panda/dynamics", json=one))
+    np.testing.assert_allclose(single["mass_matrix"], mass_matrix(chain, q[0]), rtol=1e-12)
+    np.testing.assert_array_equal(single["torques"], many["torques"][0])
+    found = answer(client.post("/v1/robots/panda/regressor", json=body))
+    RegressorAnswer.model_validate(found)
+    np.testing.assert_allclose(found["torques"], many["torques"], atol=1e-10)
+    beta = [parameter["value"] for parameter in found["base_parameters"]]
+    assert len(beta) == 43
+    np.testing.assert_allclose(np.array(found["base_regressor"]) @ beta, many["torques"], atol=1e-9)
+    held = {"joints": q.tolist(), "wrench": np.ones((count, 6)).tolist()}
+    WrenchAnswer.model_validate(answer(client.post("/v1/robots/panda/wrench", json=held)))
+
+
+def test_motors_and_friction_count(client: httpx.Client) -> None:
+    body = {
+        "joints": HOME,
+        "velocities": RATES,
+        "accelerations": RATES,
+        "motor_inertia": 0.5,
+        "viscous_friction": [1.0] * 7,
+    }
+    with_motors = answer(client.post("/v1/robots/panda/dynamics", json=body))
+    bare = {name: body[name] for name in ("joints", "velocities", "accelerations")}
+    without = answer(client.post("/v1/robots/panda/dynamics", json=bare))
+    more = np.subtract(with_motors["torques"], without["torques"])
+    np.testing.assert_allclose(more, 1.5 * np.array(RATES), atol=1e-11)
+    assert with_motors["mass_matrix"] == without["mass_matrix"]
+    found = answer(client.post("/v1/robots/panda/regressor", json=body))
+    assert len(found["parameters"]) == 84
+    assert found["parameter_names"][-1] == "B7"
+    np.testing.assert_allclose(found["torques"], with_motors["torques"], atol=1e-10)
+
+
+def test_a_robot_without_inertias_is_told_which(client: httpx.Client) -> None:
+    answer(client.post("/v1/robots", json=bench("weightless")), 201)
+    state = {"joints": [0.1, 0.2], "velocities": [0, 0], "accelerations": [0, 0]}
+    controller = {"type": "computed_torque", "natural_frequency": 5.0}
+    for path, body in (
+        ("/v1/robots/weightless/dynamics", state),
+        ("/v1/robots/weightless/regressor", state),
+        (
+            "/v1/simulate",
+            {"robot": "weightless", "trajectory": MOTION, "controller": controller},
+        ),
+    ):
+        found = problem(client.post(path, json=body), 422, "MISSING_INERTIA")
+        assert found["details"]["links"] == ["lower", "upper", "tip"]
+        assert "'shoulder', 'elbow'" in found["detail"]
+    # Statics need none.
+    answer(
+        client.post("/v1/robots/weightless/wrench", json={"joints": [0, 0], "wrench": [1.0] * 6})
+    )
+
+
+@pytest.mark.parametrize(
+    ("path", "body", "code"),
+    [
+        ("dynamics", {"joints": [0.0]}, "INVALID_ROBOT_STATE"),
+        ("dynamics", {"joints": [HOME] * 3, "velocities": [HOME] * 2}, "INVALID_ROBOT_STATE"),
+        ("dynamics", {"joints": HOME, "wrench": [1.0]}, "VALIDATION_ERROR"),
+        ("dynamics", {"joints": HOME, "payload": {"mass": 0.0}}, "VALIDATION_ERROR"),
+        ("dynamics", {"joints": HOME, "payload": {"mass": 1, "link": "x"}}, "INVALID_LINK_NAME"),
+        ("dynamics", {"joints": HOME, "motor_inertia": [1.0]}, "VALIDATION_ERROR"),
+        ("dynamics", {"joints": HOME, "unknown": 1}, "VALIDATION_ERROR"),
+        ("wrench", {"joints": HOME}, "VALIDATION_ERROR"),
+        ("wrench", {"joints": [HOME], "wrench": [[0] * 6] * 2}, "INVALID_ROBOT_STATE"),
+        ("wrench", {"joints": HOME, "wrench": [0] * 6, "link": "x"}, "INVALID_LINK_NAME"),
+        ("regressor", {"joints": HOME}, "VALIDATION_ERROR"),
+        (
+            "regressor",
+            {"joints": HOME, "velocities": [0.0], "accelerations": HOME},
+            "INVALID_ROBOT_STATE",
+        ),
+    ],
+)
+def test_faults(client: httpx.Client, path: str, body: dict[str, Any], code: str) -> None:
+    problem(client.post(f"/v1/robots/panda/{path}", json=body), 422, code)
+
+
+def test_an_exact_model_tracks_exactly(client: httpx.Client) -> None:
+    found = simulate(client)
+    assert found["outcome"] == "completed"
+    assert found["max_tracking_error"] < 1e-6
+    assert found["settled"]
+    assert found["time"][0] == 1.0
+    assert found["time"][-1] == 2.0
+    assert found["tube"] is None
+    assert found["controller"]["gains"]["Kp"] == [100.0, 100.0]
+    with_offset = simulate(client, initial_state={"offset": [0.1, 0.0]}, duration=2.0)
+    t = np.array(with_offset["time"]) - 1.0
+    expected = -0.1 * (1.0 + 10.0 * t) * np.exp(-10.0 * t)
+    np.testing.assert_allclose(np.array(with_offset["tracking_error"])[:, 0], expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["pd_gravity", "passivity", "adaptive"])
+def test_lyapunov_functions_never_grow(client: httpx.Client, kind: str) -> None:
+    still = {"segments": [{"t0": 0.0, "t1": 3.0, "coefficients": [[0.4], [-0.3]]}]}
+    found = simulate(
+        client,
+        trajectory=still,
+        controller={"type": kind, "natural_frequency": 6.0},
+        initial_state={"offset": [0.3, -0.2]},
+        model_error={"mass_scale": 1.3} if kind == "adaptive" else None,
+        saturate=False,
+    )
+    V = np.array(found["lyapunov"])
+    assert V[0] > 0.0
+    assert (np.diff(V) <= 1e-9 * V[0]).all()
+    if kind == "adaptive":
+        assert np.shape(found["estimate"]) == (301, 6)
+        assert len(found["true_parameters"]) == 6
+        assert found["controller"]["parameter_names"][0] == "Izz1 + m2"
+
+
+def test_model_errors_of_every_kind(client: httpx.Client) -> None:
+    perfect = simulate(client)["max_tracking_error"]
+    link = {"mass": 2.0, "center_of_mass": [0.5, 0, 0], "inertia": np.eye(3).tolist()}
+    for error in (
+        {"mass_scale": 1.2},
+        {"mass_scale": [1.0, 0.8]},
+        {"inertias": {"link_2": link}},
+        {"payload": {"mass": 0.3}},
+        {"viscous_friction": 0.5},
+        {"motor_inertia": [0.1, 0.0]},
+        {"gravity": [0.0, 0.0, -9.0]},
+    ):
+        found = simulate(client, model_error=error, control_period=0.002)
+        assert found["max_tracking_error"] > 1e3 * perfect, error
+
+
+def test_motors_drive_independent_joints(client: httpx.Client) -> None:
+    motor = {"inertia": 2e-4, "back_emf": 0.05, "torque_constant": 0.05, "gear_ratio": 100.0}
+    controller = {"type": "independent_joint", "natural_frequency": 20.0, "motors": [motor] * 2}
+    geared = simulate(client, controller=controller, saturate=False)
+    bare = simulate(
+        client, controller={"type": "independent_joint", "natural_frequency": 20.0}, saturate=False
+    )
+    assert geared["controller"]["gains"]["J"] == [2.0, 2.0]
+    assert geared["max_tracking_error"] < 0.7 * bare["max_tracking_error"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "code"),
+    [
+        ({"controller": {"type": "magic"}}, "VALIDATION_ERROR"),
+        ({"controller": {"type": "passivity"}}, "VALIDATION_ERROR"),
+        ({"controller": {"type": "computed_torque", "Kp": 1.0}}, "VALIDATION_ERROR"),
+        ({"controller": {"type": "computed_torque", "Kp": [1.0], "Kd": 1.0}}, "VALIDATION_ERROR"),
+        ({"model_error": {"inertias": {}, "wrong": 1}}, "VALIDATION_ERROR"),
+        ({"sample_period": 1e-7}, "VALIDATION_ERROR"),
+        ({"initial_state": {"offset": [1.0]}}, "INVALID_ROBOT_STATE"),
+        ({"disturbance": {"torque": [1.0, 2.0, 3.0]}}, "INVALID_ROBOT_STATE"),
+        ({"robot": "nobody"}, "NOT_FOUND"),
+    ],
+)
+def test_faults_of_closed_loops(client: httpx.Client, changes: dict[str, Any], code: str) -> None:
+    body = {
+        "robot": "planar_rr",
+        "trajectory": MOTION,
+        "controller": {"type": "pd_gravity", "natural_frequency": 5.0},
+    }
+    status = 404 if code == "NOT_FOUND" else 422
+    problem(client.post("/v1/simulate", json=body | changes), status, code)
