@@ -259,15 +259,12 @@ def trajectory_answer(timed: Trajectory, period: float | None) -> dict[str, Any]
         InvalidOption: The period would give too many samples.
     """
     breaks, pieces = timed.breaks.tolist(), timed.coefficients.tolist()
-    # Powers that no joint of a piece has are left out.
-    used = (timed.coefficients != 0.0).any(axis=1) | (np.arange(timed.degree + 1) == 0)
-    counts = timed.degree + 1 - np.argmax(used[:, ::-1], axis=1)
     answer: dict[str, Any] = {
         "joint_names": list(timed.joint_names),
         "duration": timed.duration,
         "segments": [
-            {"t0": t0, "t1": t1, "coefficients": [row[:count] for row in rows]}
-            for t0, t1, rows, count in zip(breaks, breaks[1:], pieces, counts, strict=False)
+            {"t0": t0, "t1": t1, "coefficients": rows}
+            for t0, t1, rows in zip(breaks, breaks[1:], pieces, strict=False)
         ],
         "samples": None,
     }
