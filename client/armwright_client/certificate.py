@@ -30,6 +30,7 @@ class LimitUses(Answer):
     acceleration: LimitUse | None = None
     jerk: LimitUse | None = None
     torque: LimitUse | None = None
+    tool_speed: LimitUse | None = None
 
 
 class Certificate(Answer):
@@ -64,6 +65,7 @@ class LimitValues(Request):
     velocity: Vector | None = None
     acceleration: Vector | None = None
     jerk: Vector | None = None
+    effort: Vector | None = None
 
 
 class ValidateOptions(TypedDict, total=False):

@@ -18,6 +18,7 @@ from armwright_client.base import (
 )
 from armwright_client.certificate import Certificate, LimitValues
 from armwright_client.check import AttachedObjects
+from armwright_client.dynamics import Payload
 from armwright_client.pose import Pose
 from armwright_client.scene import SceneReference
 from armwright_client.trajectory import TimedTrajectory
@@ -112,16 +113,28 @@ class Timing(Request):
         method: Of timing.
         velocity_scaling: Share of the velocity limits to use, up to 1.
         acceleration_scaling: Share of the acceleration limits to use, up to 1.
+        jerk_scaling: Share of the jerk limits to use, up to 1.
         times: When each point is passed, for splines [s].
+        scale_times: Whether they may be stretched by the least factor that keeps all limits.
+        interpolation: How to read between the points.
+        blend_tolerance: How far corners may be cut [rad or m].
         torque_limits: Whether torques are limited too.
+        payload: What the tip carries, for torques.
+        tool_speed: Largest speed of the tip [m/s].
         sample_period: Samples are answered at this period [s], else none.
     """
 
     method: TimingMethod = "toppra"
     velocity_scaling: Positive | None = None
     acceleration_scaling: Positive | None = None
+    jerk_scaling: Positive | None = None
     times: Vector | None = None
+    scale_times: bool | None = None
+    interpolation: Literal["linear", "natural_spline", "clamped_spline"] | None = None
+    blend_tolerance: NonNegative | None = None
     torque_limits: bool | None = None
+    payload: Payload | None = None
+    tool_speed: Positive | None = None
     sample_period: Positive | None = None
 
 
@@ -137,6 +150,7 @@ class PlanOptions(TypedDict, total=False):
         margin: Distance to be kept [m].
         start_state_tolerance: A start so little outside a limit is moved onto it [rad or m].
         timing: How the path becomes a motion.
+        limits: Of the joints, in place of the robot's.
         timeout: For all stages together [s].
         seed: Of the random generators.
     """
@@ -149,6 +163,7 @@ class PlanOptions(TypedDict, total=False):
     margin: float
     start_state_tolerance: float
     timing: Timing
+    limits: LimitValues
     timeout: float
     seed: int
 
@@ -167,6 +182,7 @@ class PlanRequest(Request):
     margin: NonNegative | None = None
     start_state_tolerance: NonNegative | None = None
     timing: Timing | None = None
+    limits: LimitValues | None = None
     timeout: Positive | None = None
     seed: int = 0
 
@@ -226,18 +242,19 @@ class RetimePath(Request):
 
     joints: Rows
     knots: Vector | None = None
+    joint_names: list[str] | None = None
 
 
 class RetimeTiming(Timing):
     """How given points become a motion in time.
 
     Args:
-        interpolation: How to read between the points.
-        blend_tolerance: How far corners may be cut [rad or m].
+        start_velocity: At the start, along the path; at rest if left out.
+        end_velocity: At the end, likewise.
     """
 
-    interpolation: Literal["linear", "natural_spline", "clamped_spline"] | None = None
-    blend_tolerance: NonNegative | None = None
+    start_velocity: Vector | None = None
+    end_velocity: Vector | None = None
 
 
 class RetimeRequest(Request):
@@ -251,10 +268,23 @@ class RetimeRequest(Request):
 
 
 class Retimed(Answer):
-    """A timed motion, and what was proved of it."""
+    """A timed motion, and what was proved of its limits.
 
+    Args:
+        status: "success".
+        trajectory: The motion.
+        certificate: Of its limits alone; not verified where times that were given break them.
+        factor: Times that were given were stretched by this.
+        needed_factor: Times have to be stretched by this for all limits to hold; 1 if they do.
+        notes: What is special about the path.
+    """
+
+    status: str
     trajectory: TimedTrajectory
-    certificate: Certificate | None = None
+    certificate: Certificate
+    factor: float
+    needed_factor: float
+    notes: list[str] = Field(default_factory=list)
 
 
 class BatchRequest(Request):

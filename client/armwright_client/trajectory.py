@@ -2,8 +2,8 @@
 
 from bisect import bisect_right
 from collections.abc import Sequence
-from math import perm
-from typing import Self
+from math import ceil, perm
+from typing import Any, Self
 
 from pydantic import model_validator
 
@@ -12,6 +12,9 @@ from armwright_client.errors import InvalidArgument
 
 #: Times may miss the ends by so much of the duration, which is how sums of steps round.
 _TIME_ROUNDING = 1e-9
+#: A point this part of a period before the end would be the end twice over.
+_SAME_SAMPLE = 1e-6
+_NANOSECONDS = 1_000_000_000
 
 
 class Segment(Request):
@@ -91,6 +94,62 @@ class Trajectory(Request):
             raise InvalidArgument(f"there is no derivative of order {derivative}")
         starts = [segment.t0 for segment in self.segments]
         return [self._at(float(time), starts, derivative) for time in plain(times)]
+
+    def joint_trajectory(self, period: float, frame_id: str = "") -> dict[str, Any]:
+        """The message trajectory_msgs/JointTrajectory of ROS 2 as a dictionary.
+
+        Args:
+            period: Of the points, which end at the very end [s].
+            frame_id: Of the header.
+
+        Raises:
+            InvalidArgument: There are no pieces or no joint names, or the period is not positive.
+        """
+        times = self._times(period)
+        ticks = [round((time - times[0]) * _NANOSECONDS) for time in times]
+        rows = [self.sample(times, order) for order in range(3)]
+        points = [
+            {
+                "positions": q,
+                "velocities": v,
+                "accelerations": a,
+                "effort": [],
+                "time_from_start": {"sec": tick // _NANOSECONDS, "nanosec": tick % _NANOSECONDS},
+            }
+            for q, v, a, tick in zip(*rows, ticks, strict=True)
+        ]
+        header = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": frame_id}
+        return {"header": header, "joint_names": list(self._names()), "points": points}
+
+    def csv(self, period: float) -> str:
+        """A table with a header: time, then position, velocity, acceleration of each joint.
+
+        Args:
+            period: Of the rows, which end at the very end [s].
+
+        Raises:
+            InvalidArgument: As `joint_trajectory`.
+        """
+        times, names = self._times(period), self._names()
+        kinds = ("position", "velocity", "acceleration")
+        lines = [",".join(["time", *(f"{kind}.{name}" for kind in kinds for name in names)])]
+        rows = [self.sample(times, order) for order in range(3)]
+        for time, q, v, a in zip(times, *rows, strict=True):
+            lines.append(",".join(repr(value) for value in (time, *q, *v, *a)))
+        return "\r\n".join([*lines, ""])
+
+    def _names(self) -> list[str]:
+        if not self.joint_names:
+            raise InvalidArgument("the trajectory names no joints")
+        return self.joint_names
+
+    def _times(self, period: float) -> list[float]:
+        """Each period from the beginning on, and the end."""
+        if not self.segments or not period > 0.0:
+            raise InvalidArgument("points need pieces and a positive period")
+        first, last = self.segments[0].t0, self.segments[-1].t1
+        count = max(1, ceil((last - first) / period - _SAME_SAMPLE))
+        return [*(first + k * period for k in range(count)), last]
 
     def _at(self, time: float, starts: Sequence[float], derivative: int) -> list[float]:
         assert self.segments is not None

@@ -17,6 +17,7 @@ from service.schemas import check as their_check
 from service.schemas import kinematics as their_kinematics
 from service.schemas import plan as their_plan
 from service.schemas import pose as their_pose
+from service.schemas import retime as their_retime
 from service.schemas import robot as their_robot
 from service.schemas import scene as their_scene
 from service.schemas import shape as their_shape
@@ -83,6 +84,10 @@ PAIRS: list[tuple[type[Readable], type[BaseModel]]] = [
     (ours.Certificate, their_plan.CertificateAnswer),
     (ours.Reproducibility, their_plan.Reproducibility),
     (ours.Plan, their_plan.PlanAnswer),
+    (ours.RetimePath, their_retime.RetimePath),
+    (ours.RetimeTiming, their_retime.RetimeTiming),
+    (ours.RetimeRequest, their_retime.RetimeRequest),
+    (ours.Retimed, their_retime.RetimeAnswer),
 ]
 
 BOX = ours.Box(size=[1.0, 0.8, 0.04])

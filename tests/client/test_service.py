@@ -3,6 +3,7 @@
 import asyncio
 import base64
 import io
+import json
 import zipfile
 from collections.abc import Sequence
 from itertools import pairwise
@@ -83,7 +84,6 @@ def pending(client: Client) -> list[Any]:
     return [
         lambda: robots.velocity("panda", READY, joint_velocities=[0.1] * 7),
         lambda: robots.potential("panda", READY, AWAY, scene),
-        lambda: client.retime([READY, AWAY], robot="panda"),
         lambda: client.plan_batch([problem]),
         lambda: client.jobs.get("1"),
         lambda: client.jobs.cancel("1"),
@@ -97,6 +97,27 @@ def test_what_is_not_built_yet_says_so(client: Client) -> None:
             ask()
         assert caught.value.status == 501
         assert caught.value.problem.hint
+
+
+# ---------------------------------------------------------------------------------- timing
+
+
+def test_paths_are_timed_and_told_in_other_shapes(client: Client, url: str) -> None:
+    timing = ours.RetimeTiming(method="jerk_limited", tool_speed=0.5, payload=ours.Payload(mass=1))
+    found = client.retime([READY, AWAY], robot="panda", timing=timing)
+    assert found.certificate.verified
+    assert found.certificate.limits is not None
+    for use in (found.certificate.limits.jerk, found.certificate.limits.tool_speed):
+        assert use is not None
+        assert use.worst_ratio is not None
+        assert use.worst_ratio <= 1.0 + 1e-9
+    body = {"trajectory": json.loads(found.trajectory.model_dump_json()), "sample_period": 0.05}
+    body["trajectory"].pop("interpolation", None)
+    with httpx.Client(base_url=url) as plain:
+        message = plain.post("/v1/convert", json=body).json()
+        table = plain.post("/v1/convert", json=body | {"format": "csv"}).text
+    assert found.trajectory.joint_trajectory(0.05) == message
+    assert found.trajectory.csv(0.05) == table
 
 
 # ---------------------------------------------------------------------------------- scenes
