@@ -77,6 +77,7 @@ class Tube(Answer):
         displacement: Of any point of the robot from where it should be, at most [m].
         reference_clearance: The certificate's bound [m]; None with nothing to hit.
         remaining_clearance: What is left of it [m], at least.
+        tracked_clearance: Certified of the cubic through the samples of the tracked motion [m].
         clears: Whether the tracked motion is proved to clear everything.
         reason: Why not.
     """
@@ -86,6 +87,7 @@ class Tube(Answer):
     displacement: float
     reference_clearance: float | None = None
     remaining_clearance: float | None = None
+    tracked_clearance: float | None = None
     clears: bool
     reason: str | None = None
 

@@ -244,6 +244,12 @@ class TubeAnswer(Answer):
         description="the certificate's bound for the reference [m]; null with nothing to hit"
     )
     remaining_clearance: float | None = Field(description="what is left of it [m], at least")
+    tracked_clearance: float | None = Field(
+        None,
+        description="certified clearance of the cubic through the samples of the tracked motion "
+        "[m]: tighter, and true but for what the cubic misses between samples; null with nothing "
+        "to hit, without time, or for a sample_period above 0.01 s",
+    )
     clears: bool = Field(description="whether the tracked motion is proved to clear everything")
     reason: str | None = Field(None, description="why not")
 

@@ -90,6 +90,10 @@ def test_a_planned_motion_is_tracked_inside_its_tube(client: Client) -> None:
     assert found.tube.reference_clearance == pytest.approx(
         found.tube.remaining_clearance + found.tube.displacement
     )
+    # The tracked motion itself is certified too, and clears as much as its reference; both are
+    # lower bounds, within a fifth of the truth.
+    assert found.tube.tracked_clearance is not None
+    assert found.tube.tracked_clearance == pytest.approx(found.tube.reference_clearance, rel=0.25)
     sloppy = client.simulate(
         "panda",
         plan.trajectory,
@@ -101,6 +105,10 @@ def test_a_planned_motion_is_tracked_inside_its_tube(client: Client) -> None:
     assert not sloppy.tube.clears
     assert sloppy.tube.reason is not None
     assert "track better" in sloppy.tube.reason
+    # The tube is safe, not tight.
+    assert sloppy.tube.tracked_clearance is not None
+    assert sloppy.tube.remaining_clearance is not None
+    assert sloppy.tube.tracked_clearance > sloppy.tube.remaining_clearance
 
 
 def test_every_controller_answers(client: Client) -> None:
