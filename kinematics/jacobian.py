@@ -15,8 +15,9 @@ from kinematics.forward import (
     fits_kernel,
     forward_kernel,
     link_number,
-    step_kernel,
+    move_kernel,
     store_kernel,
+    turns_kernel,
 )
 from kinematics.kernel import direct, kernel
 from kinematics.pose import to_zyz
@@ -92,8 +93,10 @@ def frame_and_jacobian_kernel(model: Array, q: Array, link: int, J: Array) -> Fr
     row = 1 + n + (link if link >= 0 else int(model[0, 1]))
     last = int(model[row, 0])
     B = IDENTITY
+    # The last two rows have room for the turns until their columns are written.
+    turns_kernel(q, J[4], J[5])
     for j in range(last + 1):
-        B = step_kernel(model, 1 + j, q[j], B)
+        B = move_kernel(model, 1 + j, q[j], J[4, j], J[5, j], B)
         # Origin and axis wait in the column until the link's own origin is known.
         J[0, j], J[1, j], J[2, j] = B[3], B[7], B[11]
         J[3, j], J[4, j], J[5, j] = B[2], B[6], B[10]

@@ -92,7 +92,7 @@ def polish_kernel(
     """
     n = q.shape[0]
     J, H, e = np.empty((6, n)), np.empty((n, n)), np.empty(6)
-    g, trial, free = np.empty(n), np.empty(n), np.empty(n, dtype=np.int64)
+    g, trial, free = np.empty(max(n, 6)), np.empty(n), np.empty(n, dtype=np.int64)
     B = frame_and_jacobian_kernel(model, q, link, J)
     error = error_kernel(B, T)
     position, orientation = size_kernel(error)
