@@ -134,8 +134,8 @@ def pinocchio_model(chain: Chain) -> Any:
     return model
 
 
-def random_urdf(seed: int) -> str:
-    """An arm as people upload it: skew axes, turned inertias, fixed links, a branch held still."""
+def random_urdf(seed: int, *, branch: bool = False) -> str:
+    """An arm as people upload it: skew axes, turned inertias, links bolted on, perhaps a branch."""
     rng = np.random.default_rng(seed)
 
     def triple(values: Array) -> str:
@@ -172,4 +172,7 @@ def random_urdf(seed: int) -> str:
         parts += [link(f"link{i}"), joint(f"joint{i}", kind, last, f"link{i}")]
         parts += [link(f"plate{i}"), joint(f"bolt{i}", "fixed", f"link{i}", f"plate{i}")]
         last = f"plate{i}"
+    if branch:
+        parts += [link("finger"), joint("side", "revolute", "plate1", "finger")]
+        parts += [link("nail"), joint("slide", "prismatic", "finger", "nail")]
     return f'<robot name="upload{seed}">{"".join(parts)}</robot>'

@@ -3,6 +3,7 @@
 On a thousand random states each, to a relative error of 1e-9.
 """
 
+from collections.abc import Mapping
 from itertools import pairwise
 from typing import Any
 
@@ -42,11 +43,13 @@ def far(value: Array, reference: Array) -> float:
 class Oracle:
     """The same robot in pinocchio, on a batch of states, its moving joints in our order."""
 
-    def __init__(self, urdf: str, chain: Chain) -> None:
+    def __init__(self, urdf: str, chain: Chain, locked: Mapping[str, float] | None = None) -> None:
         model = pin.buildModelFromXML(urdf)
-        held = [i for i, name in enumerate(model.names) if i and name not in chain.joint_names]
-        if held:
-            model = pin.buildReducedModel(model, held, pin.neutral(model))
+        if locked:
+            q = pin.neutral(model)
+            for name, position in locked.items():
+                q[model.joints[model.getJointId(name)].idx_q] = position
+            model = pin.buildReducedModel(model, [model.getJointId(name) for name in locked], q)
         model.gravity.linear = np.array(chain.gravity)
         model.armature = np.array(chain.motor_inertia)
         assert tuple(model.names)[1:] == chain.joint_names
@@ -101,6 +104,28 @@ def test_equals_pinocchio(name: str, urdf: str) -> None:
     assert far(whole @ standard_parameters(chain), expected["tau"]) < TOLERANCE
     base = base_parameters(chain, motors=True)
     assert far(base.regressor(whole) @ base.values, expected["tau"]) < TOLERANCE
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_locked_joints_are_merged_with_their_inertias(seed: int) -> None:
+    urdf, whole = random_urdf(seed, branch=True), {"side": 0.7, "slide": -1.3}
+    tip = f"plate{2 + seed % 5}"
+    chain = serial_chain(parse_urdf(urdf), tip_link=tip, held=whole)
+    q, qd, qdd = random_state(chain, 0, 50)
+    expected = Oracle(urdf, chain, whole).values(q, qd, qdd)
+    assert far(mass_matrix(chain, q), expected["D"]) < TOLERANCE
+    assert far(inverse_dynamics(chain, q, qd, qdd), expected["tau"]) < TOLERANCE
+    # The whole arm beyond a tip in its middle is held still too.
+    short = serial_chain(parse_urdf(urdf), tip_link="plate1", held={**whole, **after(urdf)})
+    q, qd, qdd = random_state(short, 1, 50)
+    expected = Oracle(urdf, short, {**whole, **after(urdf)}).values(q, qd, qdd)
+    assert far(inverse_dynamics(short, q, qd, qdd), expected["tau"]) < TOLERANCE
+
+
+def after(urdf: str) -> dict[str, float]:
+    """Positions of the joints beyond the second."""
+    names = [name for name in parse_urdf(urdf).joints if name.startswith("joint")]
+    return {name: 0.1 * i for i, name in enumerate(names) if i >= 2}
 
 
 @pytest.mark.parametrize("name", builtin_names())
