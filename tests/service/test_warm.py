@@ -21,7 +21,9 @@ def signatures():
 warm.warm_kernels()
 before = signatures()
 
-from service import check_tasks, kinematics_tasks, plan_tasks, tasks
+from service import (
+    check_tasks, dynamics_tasks, kinematics_tasks, plan_tasks, simulate_tasks, tasks
+)
 from service.references import builtin_reference
 from service.schemas.kinematics import FkRequest, JacobianRequest
 
@@ -58,6 +60,15 @@ for name, n in ROBOTS.items():
         ask(plan_tasks.plan, name, problem | {"planner": planner}, 5.0)
     motion = {"samples": {"time": [0, 1, 3], "position": [home, near, home]}, "interpolation": "natural_spline"}
     ask(plan_tasks.validate, name, {"robot": name, "scene": SCENE, "trajectory": motion}, 5.0)
+    state = {key: [home, near] for key in ("joints", "velocities", "accelerations")}
+    state["payload"] = {"mass": 1.0}
+    for task in (dynamics_tasks.dynamics_batch, dynamics_tasks.regressor_batch):
+        task(builtin_reference(name), json.dumps(state).encode())
+    for kind in ("independent_joint", "computed_torque", "pd_gravity", "passivity", "adaptive"):
+        loop = {"robot": name, "trajectory": motion, "scene": SCENE, "control_period": 0.01,
+                "controller": {"type": kind, "natural_frequency": 5.0}, "noise": {"position": 1e-5},
+                "model_error": {"mass_scale": 1.1}, "disturbance": {"wrench": [1, 0, 0, 0, 0, 0]}}
+        ask(simulate_tasks.simulate, name, loop, 20.0)
 from tests.service.robots import bench
 with tempfile.TemporaryDirectory() as folder:
     tasks.prepare_robot(json.dumps(bench("warm")).encode(), folder)
