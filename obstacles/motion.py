@@ -126,7 +126,7 @@ def look_along_centers(i: int, j: int, centers: Array, axis: Array) -> None:
 def certify_curve(
     model: ModelArrays, b0: Array, b1: Array, b2: Array, b3: Array, margin: float, found: Array
 ) -> int:
-    """Prove that q(s) = b0 + b1 s + b2 s^2 + b3 s^3, 0 <= s <= 1, keeps all pairs their margin apart.
+    """Prove that q(s) = b0 + b1 s + b2 s^2 + b3 s^3 keeps all pairs apart for 0 <= s <= 1.
 
     Args:
         model: The packed robot and scene.
