@@ -26,6 +26,10 @@ from tracking.passivity import Passivity
 from tracking.pd_gravity import PdGravity
 from tracking.result import SimulationResult
 
+#: Evaluations of the dynamics that a run may take: ten times what a stiff arm does in a second, and
+#: so many at least.
+_EVALUATIONS, _LEAST_EVALUATIONS = 100_000, 1_000_000
+
 
 def robot_and_model(chain: Chain, body: schema.SimulateRequest) -> tuple[Chain, Chain]:
     """The robot that is simulated, and the model that its controller believes in.
@@ -202,6 +206,7 @@ def options(body: schema.SimulateRequest, trajectory: Trajectory) -> SimulationO
         absolute_tolerance=body.absolute_tolerance,
         saturate=body.saturate,
         settling_tolerance=body.settling_tolerance,
+        max_evaluations=max(_LEAST_EVALUATIONS, round(_EVALUATIONS * duration)),
     )
 
 

@@ -43,6 +43,9 @@ COMPLETED, RAN_AWAY, EXHAUSTED, MASSLESS = 0, 1, 2, 3
 _STIFF_STEPS = 15
 #: Calm steps after which the count begins anew.
 _CALM_STEPS = 6
+#: So many steps shorter than this on average [s] are no arm's motion either, though the method is
+#: stable: it is the accuracy of its inner stages that a stiff loop spoils.
+_MANY_STEPS, _SHORT = 5000, 5e-5
 #: A step this part of the time since the cut is nothing but rounding error.
 _SMALLEST = 1e-14
 _SAFETY = 0.9
@@ -249,7 +252,14 @@ def run_kernel(  # noqa: C901, PLR0912, PLR0915  one loop over segments and step
             else:
                 for i in range(N):
                     steps.K[0, i] = steps.K[STAGES, i]
-            if not is_stiff and stiff_steps >= _STIFF_STEPS:
+            if not is_stiff and (
+                stiff_steps >= _STIFF_STEPS
+                or (
+                    loop.flags[HELD] == 0
+                    and record.counters[1] >= _MANY_STEPS
+                    and t < _SHORT * record.counters[1]
+                )
+            ):
                 is_stiff = True
         if not is_stiff and stiff_steps >= _STIFF_STEPS:
             is_stiff = True

@@ -113,6 +113,17 @@ def test_a_stiff_loop_goes_on_implicitly() -> None:
     np.testing.assert_allclose(result.position[:, 0], expected[:, 0], atol=1e-7)
 
 
+def test_absurd_gains_are_integrated_all_the_same() -> None:
+    """At a million rad/s the explicit method is stable in steps that no accuracy asks for."""
+    chain = planar_rr()
+    trajectory = smooth(chain, np.zeros(2), np.ones(2))
+    result = simulate(ComputedTorque.placed(chain, 1e6), trajectory, FREE)
+    assert result.outcome is SimulationOutcome.COMPLETED
+    assert result.implicit_steps > 0
+    # The exact loop has no error; a hundred times the tolerance is what thousands of steps add up.
+    assert result.max_tracking_error.max() < 100.0 * FREE.relative_tolerance
+
+
 def test_a_stiff_arm_equals_scipys_implicit_method() -> None:
     motors = [Motor(1e-5, 1e-3, 0.05, 0.05, 0.5, 100.0)] * 2
     chain = driven(planar_rr((0.02, 0.01)), motors)
