@@ -1,215 +1,310 @@
 """Inverse kinematics of any chain by damped least squares inside the joint limits, with restarts.
 
 Each step solves (J^T J + lambda I) dq = J^T e over the joints that are free to move, with
-e = [p_target - p; log(R_target R^T)] and lambda = mu |e|^2, which vanishes with the error. A joint
-at a limit that e pushes outwards is left out of the step; what is left over is clipped.
+e = [p_target - p; w log(R_target R^T)] and lambda = mu |e|^2, which vanishes with the error. A
+joint at a limit that e pushes outwards is left out of the step; what is left over is clipped. A
+start that gains too little is given up early: another one costs less than patience. Where only some
+axes count, e and J are seen from the target's frame and the other rows are left out.
 Sources: "Solvability-unconcerned inverse kinematics by the Levenberg-Marquardt method", IEEE
-Transactions on Robotics, 2011 (the damping); restarts with seeded draws are our own.
+Transactions on Robotics, 2011 (the damping); restarts and their numbers are our own, tuned on
+random poses of the built-in arms.
 """
 
 import math
+from collections.abc import Collection
+from dataclasses import dataclass
+from functools import cache, lru_cache
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinematics.chain import Array, Chain, Indices
+from kinematics.chain import Array, Chain, Indices, JointType
 from kinematics.errors import InvalidOption, InvalidPose
-from kinematics.forward import forward_kernel
+from kinematics.forward import Frame, finite_kernel, link_number
+from kinematics.ik.refine import tip_kernel
 from kinematics.ik.solution import IkResult, IkSolution
-from kinematics.jacobian import jacobian_kernel
-from kinematics.kernel import kernel
+from kinematics.ik.step import (
+    State,
+    error_kernel,
+    frame_kernel,
+    step_within_kernel,
+    uniform_kernel,
+)
+from kinematics.jacobian import frame_and_jacobian_kernel
+from kinematics.kernel import direct, kernel
 
-State = NDArray[np.uint64]
+Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
+AXES: tuple[Axis, ...] = get_args(Axis)
+POSITION: tuple[Axis, ...] = ("x", "y", "z")
 
 POSITION_TOLERANCE = 1e-6
 ORIENTATION_TOLERANCE = 1e-6
-#: Steps from one start; most that converge at all do so in half of it.
+#: Starts to spend before a pose is called out of reach: about 12 ms of them.
+STARTS = 2000
+#: Steps from one start; most that converge at all do so in a quarter of it.
 _STEPS = 60
-#: Steps without a tenth less error before a start is given up.
-_PATIENCE = 8
-_DAMPING = 1e-2
-_LEAST_DAMPING = 1e-12
+#: A start is given up after so many steps in a row without this factor of the squared error; one
+#: in so many starts is given more, for poses near singularities.
+_PATIENCE, _GAIN = 1, 0.7
+_LONG, _LONG_PATIENCE, _LONG_GAIN = 5, 8, 0.9
+#: mu at the start and what a good or bad step makes of it.
+_DAMPING, _LESS, _MORE = 0.1, 0.7, 6.0
+_LEAST_MU, _LEAST_DAMPING = 1e-7, 1e-13
+#: Random draws of which the nearest is the next start.
+_DRAWS = 2
+#: What a radian weighs against a reach of metres.
+_WEIGHT = 0.18
 #: Solutions nearer than this in every joint [rad or m] are one.
 _SAME = 1e-3
+_FLOAT = np.dtype(np.float64)
+_empty, _contiguous = np.empty, np.ascontiguousarray
+_POSE = (4, 4)
+#: Seeds are taken as 63 bits.
+_SEEDS = 2**63 - 1
 
 
 @kernel
-def rotation_vector(R: Array, target: Array, out: Array) -> None:
-    """Write log(target R^T) of two rotations (rows 0..2 of 4x4 frames), shape (3,)."""
-    m = np.empty((3, 3))
-    for row in range(3):
-        for column in range(3):
-            m[row, column] = (
-                target[row, 0] * R[column, 0]
-                + target[row, 1] * R[column, 1]
-                + target[row, 2] * R[column, 2]
-            )
-    x, y, z = m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]
-    sine = 0.5 * math.sqrt(x * x + y * y + z * z)
-    cosine = 0.5 * (m[0, 0] + m[1, 1] + m[2, 2] - 1.0)
-    angle = math.atan2(sine, cosine)
-    if sine > 1e-7:
-        scale = 0.5 * angle / sine
-        out[0], out[1], out[2] = scale * x, scale * y, scale * z
-    elif cosine > 0.0:
-        out[0], out[1], out[2] = 0.5 * x, 0.5 * y, 0.5 * z
-    else:
-        # Half a turn: the axis is the largest column of (R + I) / 2.
-        k = 0
-        for i in range(1, 3):
-            if m[i, i] > m[k, k]:
-                k = i
-        norm = 0.0
-        for row in range(3):
-            out[row] = m[row, k] + (1.0 if row == k else 0.0)
-            norm += out[row] * out[row]
-        for row in range(3):
-            out[row] *= angle / math.sqrt(norm)
+def weigh_kernel(
+    error: tuple[float, float, float, float, float, float], T: Frame, axes: Array, w: float,
+    e: Array,
+) -> tuple[float, float, float]:  # fmt: skip
+    """Write the weighed error (6,); answer its square and the errors [m], [rad] that count."""
+    x, y, z, a, b, c = error
+    if axes[6] != 0.0:
+        x, y, z = (
+            T[0] * x + T[4] * y + T[8] * z, T[1] * x + T[5] * y + T[9] * z,
+            T[2] * x + T[6] * y + T[10] * z,
+        )  # fmt: skip
+        a, b, c = (
+            T[0] * a + T[4] * b + T[8] * c, T[1] * a + T[5] * b + T[9] * c,
+            T[2] * a + T[6] * b + T[10] * c,
+        )  # fmt: skip
+        x, y, z = axes[0] * x, axes[1] * y, axes[2] * z
+        a, b, c = axes[3] * a, axes[4] * b, axes[5] * c
+    e[0], e[1], e[2], e[3], e[4], e[5] = x, y, z, w * a, w * b, w * c
+    position, rotation = x * x + y * y + z * z, a * a + b * b + c * c
+    return position + w * w * rotation, math.sqrt(position), math.sqrt(rotation)
 
 
 @kernel
-def _tip_error(
-    types: Indices, offsets: Array, T_tip: Array, target: Array, turn: float, q: Array,
-    frames: Array, tip: Array, e: Array,
-) -> tuple[float, float]:  # fmt: skip
-    """Fill the tip's pose (4, 4) and the error (6,); answer the errors [m], [rad]."""
-    forward_kernel(types, offsets, q, frames)
-    F = frames[q.shape[0] - 1]
-    for row in range(3):
-        for column in range(4):
-            tip[row, column] = (
-                F[row, 0] * T_tip[0, column] + F[row, 1] * T_tip[1, column]
-                + F[row, 2] * T_tip[2, column]
-            )  # fmt: skip
-        tip[row, 3] += F[row, 3]
-        e[row] = target[row, 3] - tip[row, 3]
-    if turn > 0.0:
-        rotation_vector(tip, target, e[3:])
-    else:
-        e[3:] = 0.0
-    position = math.sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2])
-    return position, math.sqrt(e[3] * e[3] + e[4] * e[4] + e[5] * e[5])
-
-
-@kernel
-def _cholesky_solve(H: Array, g: Array, n: int) -> None:
-    """Solve H x = g in place for the leading n rows of a positive definite H."""
-    for i in range(n):
-        for j in range(i + 1):
-            total = H[i, j]
-            for k in range(j):
-                total -= H[i, k] * H[j, k]
-            H[i, j] = math.sqrt(max(total, 1e-300)) if i == j else total / H[j, j]
-    for i in range(n):
-        for k in range(i):
-            g[i] -= H[i, k] * g[k]
-        g[i] /= H[i, i]
-    for i in range(n - 1, -1, -1):
-        for k in range(i + 1, n):
-            g[i] -= H[k, i] * g[k]
-        g[i] /= H[i, i]
-
-
-@kernel
-def _step(
-    J: Array, e: Array, q: Array, lower: Array, upper: Array, damping: float,
-    free: Indices, H: Array, g: Array, out: Array,
-) -> None:  # fmt: skip
-    """Write the damped, limited step from q into ``out`` (n,)."""
-    n, count = q.shape[0], 0
-    for j in range(n):
-        out[j] = q[j]
-        pull = 0.0
-        for row in range(6):
-            pull += J[row, j] * e[row]
-        if (q[j] <= lower[j] and pull < 0.0) or (q[j] >= upper[j] and pull > 0.0):
+def weigh_jacobian_kernel(T: Frame, axes: Array, w: float, J: Array) -> None:
+    """The same for the columns of J (6, n), in place."""
+    for j in range(J.shape[1]):
+        if axes[6] == 0.0:
+            J[3, j], J[4, j], J[5, j] = w * J[3, j], w * J[4, j], w * J[5, j]
             continue
-        free[count], g[count] = j, pull
-        count += 1
-    for a in range(count):
-        for b in range(a + 1):
-            total = 0.0
-            for row in range(6):
-                total += J[row, free[a]] * J[row, free[b]]
-            H[a, b] = total
-        H[a, a] += damping
-    _cholesky_solve(H, g, count)
-    for a in range(count):
-        j = free[a]
-        out[j] = min(max(q[j] + g[a], lower[j]), upper[j])
+        for k in range(2):
+            i = 3 * k
+            x, y, z = J[i, j], J[i + 1, j], J[i + 2, j]
+            scale = w if k == 1 else 1.0
+            J[i, j] = scale * axes[i] * (T[0] * x + T[4] * y + T[8] * z)
+            J[i + 1, j] = scale * axes[i + 1] * (T[1] * x + T[5] * y + T[9] * z)
+            J[i + 2, j] = scale * axes[i + 2] * (T[2] * x + T[6] * y + T[10] * z)
 
 
 @kernel
-def _uniform(state: State) -> float:
-    """Next number in [0, 1) of a splitmix64 sequence, whose state is one uint64."""
-    state[0] += np.uint64(0x9E3779B97F4A7C15)
-    x = state[0]
-    x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    x = x ^ (x >> np.uint64(31))
-    return float(x >> np.uint64(11)) * 2.0**-53
+def draw_kernel(
+    model: Array, link: int, T: Frame, axes: Array, lower: Array, upper: Array, w: float,
+    state: State, trial: Array, e: Array, q: Array,
+) -> None:  # fmt: skip
+    """Put the nearest of some random draws into q; joints behind the link stay as they are."""
+    last = int(model[1 + q.shape[0] + link, 0])
+    for j in range(q.shape[0]):
+        trial[j] = q[j]
+    nearest = np.inf
+    for _ in range(_DRAWS):
+        for j in range(last + 1):
+            trial[j] = lower[j] + uniform_kernel(state) * (upper[j] - lower[j])
+        square, _, _ = weigh_kernel(error_kernel(tip_kernel(model, trial, link), T), T, axes, w, e)
+        if square < nearest:
+            nearest = square
+            for j in range(last + 1):
+                q[j] = trial[j]
 
 
 @kernel
 def solve_kernel(
-    types: Indices, offsets: Array, T_tip: Array, target: Array, turn: float,
-    lower: Array, upper: Array, draw_lower: Array, draw_upper: Array,
-    tolerances: Array, starts: int, state: State, start: Array, best: Array, told: Array,
-) -> bool:  # fmt: skip
+    model: Array, link: int, target: Array, axes: Array, lower: Array, upper: Array,
+    draw_lower: Array, draw_upper: Array, tolerances: tuple[float, float], w: float, starts: int,
+    spent: int, seed: int, start: Array, best: Array, told: Array,
+) -> int:  # fmt: skip
     """Search from ``start`` (n,), then from random draws, until the tolerances are met.
 
     Fills ``best`` (n,) with the nearest configuration, ``told`` (4,) with its position error,
-    orientation error, the iterations and the starts spent.
+    orientation error, the steps and the starts spent.
+
+    Args:
+        model: ``Chain.model``.
+        link: The number of the link to bring there, -1 for the tip.
+        target: T_base_link, shape (4, 4).
+        axes: 1 for each row of the error in the target's frame that counts, and whether some do
+            not, shape (7,).
+        lower: Limits, shape (n,).
+        upper: ...
+        draw_lower: Where random starts are drawn from, shape (n,).
+        draw_upper: ...
+        tolerances: Of position [m] and orientation [rad].
+        w: Weight of a radian [m].
+        starts: How many to spend in all.
+        spent: Starts that were spent before; above 0 it begins with a draw instead of ``start``.
+        seed: Of the draws.
+        start: Inside the limits.
+        best: The answer.
+        told: About it.
+
+    Returns:
+        1 when the tolerances are met, 0 when not, -1 where ``start`` is not one finite number a
+        joint, -2 where the target is not finite.
     """
     n = start.shape[0]
-    q, trial = start.copy(), np.empty(n)
-    frames, tip = np.empty((n, 4, 4)), np.empty((4, 4))
-    J, e, e_trial = np.empty((6, n)), np.empty(6), np.empty(6)
-    H, g, free = np.empty((n, n)), np.empty(n), np.empty(n, dtype=np.int64)
-    least, iterations = np.inf, 0
-    for attempt in range(starts):
+    if n != int(model[0, 0]) or not finite_kernel(start):
+        return -1
+    for row in range(3):
+        for column in range(4):
+            if not math.isfinite(target[row, column]):
+                return -2
+    if link < 0:
+        link = int(model[0, 1])
+    T = frame_kernel(target)
+    state = np.empty(1, dtype=np.uint64)
+    state[0] = np.uint64(seed) + np.uint64(0xD1342543DE82EF95) * np.uint64(spent)
+    q, trial = np.empty(n), np.empty(n)
+    J, J_trial = np.empty((6, n)), np.empty((6, n))
+    e, e_trial, g = np.empty(6), np.empty(6), np.empty(max(n, 6))
+    H, free = np.empty((n, n)), np.empty(n, dtype=np.int64)
+    for j in range(n):
+        q[j] = min(max(start[j], lower[j]), upper[j])
+    least, steps = np.inf, 0
+    for attempt in range(spent, starts):
         if attempt > 0:
-            for j in range(n):
-                q[j] = draw_lower[j] + _uniform(state) * (draw_upper[j] - draw_lower[j])
-        mu, stale = _DAMPING, 0
-        position, rotation = _tip_error(types, offsets, T_tip, target, turn, q, frames, tip, e)
-        square = position * position + rotation * rotation
-        mark = square
+            draw_kernel(model, link, T, axes, draw_lower, draw_upper, w, state, trial, e, q)
+        patience, gain = _PATIENCE, _GAIN
+        if attempt % _LONG == _LONG - 1:
+            patience, gain = _LONG_PATIENCE, _LONG_GAIN
+        B = frame_and_jacobian_kernel(model, q, link, J)
+        square, position, rotation = weigh_kernel(error_kernel(B, T), T, axes, w, e)
+        weigh_jacobian_kernel(T, axes, w, J)
+        mu, stale, mark = _DAMPING, 0, square
         for _ in range(_STEPS):
-            if square < least:
-                least = square
-                best[:] = q
-                told[0], told[1] = position, rotation
             if position <= tolerances[0] and rotation <= tolerances[1]:
-                told[2], told[3] = iterations, attempt + 1
-                return True
-            jacobian_kernel(types, frames, tip[:3, 3], n - 1, J)
-            if turn == 0.0:
-                J[3:] = 0.0
-            _step(J, e, q, lower, upper, mu * square + _LEAST_DAMPING, free, H, g, trial)
-            iterations += 1
-            position, rotation = _tip_error(
-                types, offsets, T_tip, target, turn, trial, frames, tip, e_trial
-            )
-            after = position * position + rotation * rotation
-            if after < square:
-                square = after
-                q[:] = trial
-                e[:] = e_trial
-                mu = max(0.2 * mu, 1e-6)
-            else:
-                # Frames and error of where we stand are needed again.
-                position, rotation = _tip_error(
-                    types, offsets, T_tip, target, turn, q, frames, tip, e
-                )
-                mu = 8.0 * mu
-            stale += 1
-            if square < 0.8 * mark:
-                mark, stale = square, 0
-            if stale > _PATIENCE:
                 break
-    told[2], told[3] = iterations, starts
-    return False
+            damping = mu * square + _LEAST_DAMPING
+            step_within_kernel(J, e, q, lower, upper, damping, free, H, g, trial)
+            steps += 1
+            B = frame_and_jacobian_kernel(model, trial, link, J_trial)
+            after, position_after, rotation_after = weigh_kernel(
+                error_kernel(B, T), T, axes, w, e_trial
+            )
+            if after < square:
+                q, trial = trial, q
+                J, J_trial = J_trial, J
+                e, e_trial = e_trial, e
+                square, position, rotation = after, position_after, rotation_after
+                weigh_jacobian_kernel(T, axes, w, J)
+                mu = max(_LESS * mu, _LEAST_MU)
+            else:
+                mu = _MORE * mu
+            stale += 1
+            if square < gain * mark:
+                mark, stale = square, 0
+            if stale > patience:
+                break
+        done = position <= tolerances[0] and rotation <= tolerances[1]
+        if square < least or done:
+            least = square
+            for j in range(n):
+                best[j] = q[j]
+            told[0], told[1] = position, rotation
+        if done:
+            told[2], told[3] = steps, attempt + 1
+            return 1
+    told[2], told[3] = steps, starts
+    return 0
+
+
+@kernel
+def solve_batch_kernel(
+    model: Array, link: int, targets: Array, axes: Array, lower: Array, upper: Array,
+    draw_lower: Array, draw_upper: Array, tolerances: tuple[float, float], w: float, starts: int,
+    seed: int, begin: Array, best: Array, told: Array, solved: Indices,
+) -> None:  # fmt: skip
+    """``solve_kernel`` for targets (m, 4, 4) from begin (m, n), the draws the same for each."""
+    for k in range(targets.shape[0]):
+        solved[k] = solve_kernel(
+            model, link, targets[k], axes, lower, upper, draw_lower, draw_upper, tolerances, w,
+            starts, 0, seed, begin[k], best[k], told[k],
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class IkBatch:
+    """What the numeric method found for m poses.
+
+    Args:
+        joints: The nearest configuration to each, shape (m, n) [rad or m].
+        position_error: Its distance [m], shape (m,).
+        orientation_error: Its angle [rad], shape (m,).
+        steps: Steps over all starts, shape (m,).
+        solved: Whether it is inside the tolerances, shape (m,).
+    """
+
+    joints: Array
+    position_error: Array
+    orientation_error: Array
+    steps: Array
+    solved: NDArray[np.bool_]
+
+
+def solve_many(
+    chain: Chain,
+    targets: ArrayLike,
+    *,
+    link: str | None = None,
+    seed_joints: ArrayLike | None = None,
+    seed: int = 0,
+    starts: int = STARTS,
+    position_tolerance: float = POSITION_TOLERANCE,
+    orientation_tolerance: float = ORIENTATION_TOLERANCE,
+    axes: Collection[Axis] = AXES,
+) -> IkBatch:
+    """One configuration for each of many poses; arguments as ``solve`` has them.
+
+    Args:
+        chain: The robot.
+        targets: T_base_link, shape (m, 4, 4).
+        link: The link to bring there; the tip where none is named.
+        seed_joints: Where to start from, shape (n,) or (m, n).
+        seed: Of the restarts.
+        starts: Start configurations to spend on each pose.
+        position_tolerance: [m].
+        orientation_tolerance: [rad].
+        axes: The axes of the target's frame that count.
+
+    Raises:
+        InvalidRobotState: ``seed_joints`` has the wrong length or is not finite.
+        InvalidLinkName: No such link.
+        InvalidPose: A target is no finite 4x4 matrix.
+        InvalidOption: A tolerance or the number of starts is not positive, or an axis unknown.
+    """
+    T = _numbers(targets)
+    if T.ndim != 3 or T.shape[1:] != _POSE or not np.isfinite(T).all():
+        raise InvalidPose("the targets must be finite 4x4 transforms, shape (m, 4, 4)")
+    number = -1 if link is None else link_number(chain, link)
+    low, high, home, scale = _ranges(chain)
+    seeds = home if seed_joints is None else chain.configuration(seed_joints, "seed_joints")
+    m = T.shape[0]
+    if seeds.ndim > 1 and seeds.shape[0] != m:
+        raise InvalidOption(f"seed_joints must be one or {m}, as the poses are")
+    begin = np.ascontiguousarray(np.broadcast_to(seeds, (m, chain.n)))
+    best, told = np.empty((m, chain.n)), np.empty((m, 4))
+    solved = np.empty(m, dtype=np.int64)
+    tolerances = _checked(position_tolerance, orientation_tolerance, starts)
+    solve_batch_kernel(
+        chain.model, number, T, _mask(axes), chain.limits.lower, chain.limits.upper, low, high,
+        tolerances, scale, starts, seed & _SEEDS, begin, best, told, solved,
+    )  # fmt: skip
+    return IkBatch(best, told[:, 0], told[:, 1], told[:, 2], solved == 1)
 
 
 def solve(
@@ -220,9 +315,10 @@ def solve(
     seed_joints: ArrayLike | None = None,
     seed: int = 0,
     solutions: int = 1,
-    starts: int = 200,
+    starts: int = STARTS,
     position_tolerance: float = POSITION_TOLERANCE,
     orientation_tolerance: float = ORIENTATION_TOLERANCE,
+    axes: Collection[Axis] = AXES,
     position_only: bool = False,
 ) -> IkResult:
     """Find up to ``solutions`` distinct configurations that bring a link to a pose.
@@ -237,58 +333,122 @@ def solve(
         starts: Start configurations to spend in all.
         position_tolerance: [m].
         orientation_tolerance: [rad].
-        position_only: Leave the orientation free.
+        axes: The axes of the target's frame that count: positions along x, y, z, turns about them
+            rx, ry, rz. Without rz, say, the tool may turn about its own z.
+        position_only: The same as only x, y and z.
 
     Returns:
         The solutions, nearest to ``seed_joints`` first, or the nearest attempt and advice.
 
     Raises:
         InvalidRobotState: ``seed_joints`` has the wrong length or is not finite.
-        InvalidLinkName: No such link, or none that a joint moves.
+        InvalidLinkName: No such link.
         InvalidPose: ``target`` is no finite 4x4 matrix.
+        InvalidOption: A tolerance or the number of starts is not positive, or an axis unknown.
     """
-    T = np.array(target, dtype=np.float64, order="C")
-    if T.shape != (4, 4) or not np.isfinite(T).all():
+    T = _numbers(target)
+    if T.shape != _POSE:
         raise InvalidPose("the target must be a finite 4x4 transform")
-    if position_tolerance <= 0.0 or orientation_tolerance <= 0.0:
-        raise InvalidOption("tolerances must be positive")
-    carrier = chain.link(link or chain.tip_link)
-    m = carrier.joint + 1
-    low, high = chain.sampling_bounds()
-    home = np.clip(np.zeros(chain.n), low, high)
-    middle = 0.5 * (low + high) if seed_joints is None else chain.configuration(seed_joints)
-    middle = np.clip(middle, chain.limits.lower, chain.limits.upper)
-    state = np.array([seed], dtype=np.int64).view(np.uint64)
+    number = -1 if link is None else link_number(chain, link)
+    limits = chain.limits
+    low, high, home, scale = _ranges(chain)
+    begin = home if seed_joints is None else _numbers(seed_joints)
+    if begin.ndim != 1:
+        raise_start(chain, begin)
+    mask = _mask(POSITION if position_only else axes)
+    tolerances = _checked(position_tolerance, orientation_tolerance, starts)
     found: list[IkSolution] = []
     nearest: IkSolution | None = None
     spent = 0
     while spent < starts and len(found) < solutions:
-        start = middle
-        if spent:
-            start = np.array([_uniform(state) for _ in range(chain.n)]) * (high - low) + low
-        q, told = home.copy(), np.zeros(4)
-        best = q[:m].copy()
-        done = solve_kernel(
-            chain.joint_types[:m], chain.offsets[:m], carrier.T_joint_link, T,
-            0.0 if position_only else 1.0,
-            chain.limits.lower[:m], chain.limits.upper[:m], low[:m], high[:m],
-            np.array([position_tolerance, orientation_tolerance]),
-            starts - spent, state, start[:m].copy(), best, told,
+        best, told = _empty(chain.n), _empty(4)
+        done = _one()(
+            chain.model, number, T, mask, limits.lower, limits.upper, low, high,
+            tolerances, scale, starts, spent, seed & _SEEDS, begin, best, told,
         )  # fmt: skip
-        spent += int(told[3])
-        q[:m] = best
-        q[m:] = middle[m:]
-        solution = IkSolution(q, float(told[0]), float(told[1]), int(told[2]))
+        if done < 0:
+            raise_start(chain, begin)
+            raise InvalidPose("the target must be a finite 4x4 transform")
+        p, r, steps, used = told.tolist()
+        spent = int(used)
+        best.setflags(write=False)
+        solution = IkSolution(best, p, r, int(steps))
+        if solutions == 1 and done:
+            return IkResult((solution,), solution, spent)
         if nearest is None or _error(solution) < _error(nearest):
             nearest = solution
-        if done and all(np.abs(q - other.joints).max() > _SAME for other in found):
+        if done and all(np.abs(best - other.joints).max() > _SAME for other in found):
             found.append(solution)
-        if m == 0:
-            break
     assert nearest is not None
-    found.sort(key=lambda solution: float(np.linalg.norm(solution.joints - middle)))
-    advice = "" if found else _advice(chain, carrier.name, T, nearest, position_only)
+    if len(found) > 1:
+        found.sort(key=lambda solution: float(np.linalg.norm(solution.joints - begin)))
+    advice = "" if found else _advice(chain, link, T, nearest, position_only)
     return IkResult(tuple(found), nearest, spent, advice)
+
+
+def raise_start(chain: Chain, begin: Array) -> None:
+    """Say what is wrong with a start, if anything is.
+
+    Raises:
+        InvalidRobotState: It is not one finite number a joint.
+    """
+    if chain.configuration(begin, "seed_joints").ndim != 1:
+        raise InvalidOption("seed_joints must be one configuration here, not several")
+
+
+@lru_cache(maxsize=256)
+def _ranges(chain: Chain) -> tuple[Array, Array, Array, float]:
+    """Bounds to draw from, the middle of the limits, and the weight of a radian."""
+    low, high = chain.sampling_bounds()
+    radius = float(np.linalg.norm(chain.offsets[1:, :3, 3], axis=1).sum())
+    radius += float(np.linalg.norm(chain.tip.T_joint_link[:3, 3]))
+    radius += float((high - low)[chain.joint_types == JointType.PRISMATIC].sum())
+    return low, high, np.array(0.5 * (low + high)), _WEIGHT * radius if radius > 0.0 else 1.0
+
+
+def _numbers(values: ArrayLike) -> Array:
+    try:
+        return _contiguous(values, _FLOAT)
+    except (TypeError, ValueError) as error:
+        raise InvalidOption(f"an array of numbers was expected: {error}") from None
+
+
+def _checked(position: float, orientation: float, starts: int) -> tuple[float, float]:
+    if not (position > 0.0 and orientation > 0.0):
+        raise InvalidOption("tolerances must be positive")
+    if starts < 1:
+        raise InvalidOption("starts must be 1 at least")
+    return float(position), float(orientation)
+
+
+def _mask(axes: Collection[Axis]) -> Array:
+    if axes is AXES:
+        return _ALL
+    unknown = [axis for axis in axes if axis not in AXES]
+    if unknown or not axes:
+        raise InvalidOption(
+            f"axes must be some of {', '.join(AXES)}, got {list(axes)}",
+            hint="They are those of the target's frame; leave out what may be free.",
+        )
+    mask = [float(axis in axes) for axis in AXES]
+    return np.array([*mask, float(min(mask) == 0.0)])
+
+
+_ALL = np.array([1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0])
+
+
+@cache
+def _one() -> Any:
+    def fixed(*shape: int) -> Array:
+        array = np.zeros(shape)
+        array.setflags(write=False)
+        return array
+
+    row = np.zeros(1)
+    return direct(
+        solve_kernel, fixed(1, 14), 0, np.zeros((4, 4)), row, fixed(1), fixed(1), row, row,
+        (0.0, 0.0), 0.0, 0, 0, 0, row, row, row,
+    )  # fmt: skip
 
 
 def reach(chain: Chain, link: str | None = None) -> tuple[Array, float]:
@@ -312,7 +472,9 @@ def _error(solution: IkSolution) -> float:
     return math.hypot(solution.position_error, solution.orientation_error)
 
 
-def _advice(chain: Chain, link: str, T: Array, nearest: IkSolution, position_only: bool) -> str:
+def _advice(
+    chain: Chain, link: str | None, T: Array, nearest: IkSolution, position_only: bool
+) -> str:
     center, radius = reach(chain, link)
     away = float(np.linalg.norm(T[:3, 3] - center))
     if away > radius:
@@ -321,7 +483,7 @@ def _advice(chain: Chain, link: str, T: Array, nearest: IkSolution, position_onl
             f"longest the arm can reach ({radius:.3f} m). Bring it nearer."
         )
     if not position_only:
-        alone = solve(chain, T, link=link, starts=40, position_only=True)
+        alone = solve(chain, T, link=link, starts=100, position_only=True)
         if alone.solutions:
             return (
                 "The position can be reached, but not in this orientation: the nearest attempt "

@@ -24,7 +24,8 @@ class IkSolution:
     branch: str | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "joints", frozen(self.joints))
+        if self.joints.flags.writeable:
+            object.__setattr__(self, "joints", frozen(self.joints))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

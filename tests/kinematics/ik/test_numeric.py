@@ -5,10 +5,11 @@ import pinocchio as pin
 import pytest
 
 from kinematics.chain import Array, Chain, Limits
-from kinematics.errors import InvalidLinkName, InvalidPose, InvalidRobotState
+from kinematics.errors import InvalidLinkName, InvalidOption, InvalidPose, InvalidRobotState
 from kinematics.forward import forward
-from kinematics.ik.numeric import reach, rotation_vector, solve
-from kinematics.pose import from_axis_angle, rotation_error, transform
+from kinematics.ik.numeric import AXES, Axis, reach, solve, solve_many
+from kinematics.ik.step import dual_kernel, error_kernel, frame_kernel, step_within_kernel
+from kinematics.pose import from_axis_angle, inverse, rotation_error, transform
 from kinematics.robots import builtin_chain, builtin_names, builtin_urdf
 from tests.kinematics.samples import random_chain
 
@@ -127,16 +128,15 @@ def test_link_before_the_tip_leaves_later_joints_alone() -> None:
     assert np.array_equal(result.solutions[0].joints[4:], q[4:])
 
 
-def test_rotation_vector_near_none_and_half_a_turn() -> None:
+def test_error_near_none_and_half_a_turn() -> None:
     random = np.random.default_rng(4)
-    out = np.empty(3)
-    for angle in (0.0, 1e-12, 1e-8, 1e-3, 1.0, 3.0, np.pi - 1e-6, np.pi - 1e-9, np.pi):
+    for angle in (0.0, 1e-12, 1e-8, 1e-5, 1e-3, 1.0, 3.0, np.pi - 1e-6, np.pi - 1e-9, np.pi):
         for _ in range(50):
             axis = random.normal(size=3)
             axis /= np.linalg.norm(axis)
             R = transform(from_axis_angle(random.normal(size=3), random.uniform(0.0, 3.0)))
             target = transform(from_axis_angle(axis, angle) @ R[:3, :3])
-            rotation_vector(R, target, out)
+            out = np.array(error_kernel(frame_kernel(R), frame_kernel(target))[3:])
             reached = (
                 from_axis_angle(out, float(np.linalg.norm(out))) if angle > 1e-9 else np.eye(3)
             )
@@ -159,3 +159,90 @@ def test_continuous_joints_have_no_limits_to_hit() -> None:
     assert isinstance(chain.limits, Limits)
     target = forward(chain, np.array([0.2, 2.0]))
     assert solve(chain, target).solutions
+
+
+@pytest.mark.parametrize("name", ["panda", "ur5e", "scara"])
+def test_batches_reach_every_pose_inside_the_limits(name: str) -> None:
+    chain = builtin_chain(name)
+    random = np.random.default_rng(8)
+    lower, upper = chain.sampling_bounds()
+    targets = forward(chain, random.uniform(lower, upper, (500, chain.n)))
+    seeds = random.uniform(lower, upper, (500, chain.n))
+    batch = solve_many(chain, targets, seed_joints=seeds)
+    assert batch.solved.all()
+    assert (batch.joints >= lower).all()
+    assert (batch.joints <= upper).all()
+    assert np.abs(forward(chain, batch.joints) - targets).max() < 3e-6
+    one = solve(chain, targets[7], seed_joints=seeds[7])
+    np.testing.assert_array_equal(batch.joints[7], one.solutions[0].joints)
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 6, 8, 13, 20])
+def test_steps_solve_the_damped_system(n: int) -> None:
+    random = np.random.default_rng(n)
+    J, e = random.normal(size=(6, n)), random.normal(size=6)
+    if n >= 6:
+        x = np.empty(6)
+        dual_kernel(J, e, np.arange(n), n, 1e-3, x)
+        np.testing.assert_allclose(x, np.linalg.solve(J @ J.T + 1e-3 * np.eye(6), e), rtol=1e-10)
+    q, out, far = np.zeros(n), np.empty(n), np.full(n, np.inf)
+    free, H, g = np.empty(n, dtype=np.int64), np.empty((n, n)), np.empty(max(n, 6))
+    step_within_kernel(J, e, q, -far, far, 1e-3, free, H, g, out)
+    expected = np.linalg.solve(J.T @ J + 1e-3 * np.eye(n), J.T @ e)
+    np.testing.assert_allclose(out, expected, atol=1e-9)
+    # A joint at its limit that e pushes outwards stays, the others do what they can.
+    j = int(np.argmax(np.abs(J.T @ e)))
+    upper = np.where((np.arange(n) == j) & (J.T @ e > 0), 0.0, np.inf)
+    lower = np.where((np.arange(n) == j) & (J.T @ e < 0), 0.0, -np.inf)
+    step_within_kernel(J, e, q, lower, upper, 1e-3, free, H, g, out)
+    others = np.delete(np.arange(n), j)
+    A = J[:, others]
+    expected = np.linalg.solve(A.T @ A + 1e-3 * np.eye(n - 1), A.T @ e) if n > 1 else np.empty(0)
+    assert out[j] == 0.0
+    np.testing.assert_allclose(out[others], expected, atol=1e-9)
+
+
+def test_position_and_yaw_of_four_axes() -> None:
+    chain = builtin_chain("scara")
+    random = np.random.default_rng(9)
+    lower, upper = chain.sampling_bounds()
+    for k in range(50):
+        target = forward(chain, random.uniform(lower, upper))
+        # A tilt that the arm can't make, and need not.
+        tilt = transform(from_axis_angle([1.0, 0.5, 0.0], random.uniform(0.0, 0.5)))
+        result = solve(chain, target @ tilt, axes=("x", "y", "z"), seed=k)
+        assert result.solutions
+        reached = forward(chain, result.solutions[0].joints)
+        assert np.linalg.norm(reached[:3, 3] - target[:3, 3]) < 1.01e-6
+        result = solve(chain, target, axes=("x", "y", "z", "rz"), seed=k)
+        assert np.abs(forward(chain, result.solutions[0].joints) - target).max() < 3e-6
+
+
+@pytest.mark.parametrize("free", ["rz", "z", "rx"])
+def test_one_free_axis_of_the_tool_is_left_free(free: str) -> None:
+    chain = builtin_chain("kr6_sixx")
+    random = np.random.default_rng(10)
+    lower, upper = chain.sampling_bounds()
+    axes: list[Axis] = [axis for axis in AXES if axis != free]
+    moved = 0
+    for k in range(40):
+        target = forward(chain, random.uniform(lower, upper))
+        result = solve(chain, target, axes=axes, seed=k)
+        assert result.solutions
+        rest = inverse(target) @ forward(chain, result.solutions[0].joints)
+        error = np.array([*rest[:3, 3], *rotation_error(np.eye(3), rest[:3, :3])])
+        counted = [AXES.index(axis) for axis in axes]
+        assert np.abs(error[counted]).max() < 1.1e-6
+        moved += abs(error[AXES.index(free)]) > 1e-3
+    assert moved > 20
+
+
+def test_axes_that_do_not_exist_are_named() -> None:
+    with pytest.raises(InvalidOption, match="roll"):
+        solve(builtin_chain("panda"), np.eye(4), axes=["roll"])  # type: ignore[list-item]
+    with pytest.raises(InvalidOption, match="positive"):
+        solve(builtin_chain("panda"), np.eye(4), position_tolerance=0.0)
+    with pytest.raises(InvalidOption, match="seed_joints"):
+        solve_many(builtin_chain("panda"), np.eye(4)[None], seed_joints=np.zeros((2, 7)))
+    with pytest.raises(InvalidPose):
+        solve_many(builtin_chain("panda"), np.eye(4))
