@@ -15,6 +15,7 @@ class IkSolution:
         orientation_error: Angle of the rotation that is left [rad].
         iterations: Steps spent on it over all restarts.
         branch: Which of a closed form's branches it is; None from iteration.
+        within_limits: Whether every joint is inside its limits.
     """
 
     joints: Array
@@ -22,6 +23,7 @@ class IkSolution:
     orientation_error: float
     iterations: int
     branch: str | None = None
+    within_limits: bool = True
 
     def __post_init__(self) -> None:
         if self.joints.flags.writeable:
@@ -33,7 +35,7 @@ class IkResult:
     """The solutions found, best first, or how near the best attempt came.
 
     Args:
-        solutions: Inside the limits and the tolerances; empty where none was found.
+        solutions: Inside the tolerances; empty where none was found.
         nearest: The attempt with the least error, whether it solves the problem or not.
         starts: Start configurations tried.
         advice: Where nothing was found, what that means and what to do about it.

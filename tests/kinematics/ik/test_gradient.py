@@ -1,0 +1,98 @@
+"""The two gradient methods of the course notes, by what their theory says of them."""
+
+import numpy as np
+import pytest
+
+from kinematics.chain import Array, Chain
+from kinematics.errors import InvalidOption, InvalidPose
+from kinematics.forward import forward
+from kinematics.ik.gradient import COORDINATES, Coordinates, GradientOptions, follow
+from kinematics.pose import from_zyz, rotation_error, transform
+from kinematics.robots import builtin_chain
+
+START = np.array([0.3, -0.5, 0.2, -2.0, 0.3, 1.7, 0.4])
+NEAR = START + np.array([0.2, -0.1, 0.1, 0.2, -0.2, 0.1, 0.1])
+
+
+@pytest.mark.parametrize("coordinates", COORDINATES)
+@pytest.mark.parametrize("gain", [0.5, 1.0, 4.0])
+def test_the_flow_decays_exponentially_at_its_gain(coordinates: Coordinates, gain: float) -> None:
+    chain = builtin_chain("panda")
+    target = forward(chain, NEAR)
+    options = GradientOptions("pseudo_inverse", coordinates, gain)
+    trace = follow(chain, target, seed_joints=START, options=options)
+    assert trace.converged
+    # e_dot = -K e holds for each component: the distance is exp(-K t) of the first.
+    expected = trace.position_error[0] * np.exp(-gain * trace.times)
+    np.testing.assert_allclose(trace.position_error, expected, rtol=2e-3, atol=1e-9)
+    # The path of the tip is the straight line to the target.
+    points = forward(chain, trace.joints)[:, :3, 3]
+    line = (target[:3, 3] - points[0]) / np.linalg.norm(target[:3, 3] - points[0])
+    away = (points - points[0]) - np.outer((points - points[0]) @ line, line)
+    assert np.abs(away).max() < 2e-3 * trace.position_error[0]
+    reached = forward(chain, trace.solution.joints)
+    assert np.linalg.norm(reached[:3, 3] - target[:3, 3]) <= 1e-6
+    assert np.linalg.norm(rotation_error(reached[:3, :3], target[:3, :3])) <= 1e-6
+
+
+@pytest.mark.parametrize("coordinates", COORDINATES)
+def test_the_descent_never_climbs(coordinates: Coordinates) -> None:
+    chain = builtin_chain("panda")
+    target = forward(chain, NEAR)
+    options = GradientOptions("transpose", coordinates, steps=300)
+    trace = follow(chain, target, seed_joints=START, options=options)
+    assert trace.position_error[-1] < 0.1 * trace.position_error[0]
+    if coordinates == "rotation_vector":
+        total = np.hypot(trace.position_error, trace.orientation_error)
+        assert (np.diff(total) < 1e-3 * total[0]).all()
+        long = follow(
+            chain, target, seed_joints=START, options=GradientOptions("transpose", coordinates)
+        )
+        assert long.converged
+        assert len(long.times) > 4 * len(follow(chain, target, seed_joints=START).times)
+
+
+def test_a_fixed_gain_of_the_descent_is_the_step_of_the_notes() -> None:
+    chain = builtin_chain("planar_rr")
+    q = np.array([0.4, 0.8])
+    target = forward(chain, np.array([0.5, 0.9]))
+    trace = follow(
+        chain, target, seed_joints=q, options=GradientOptions("transpose", gain=0.05, steps=1)
+    )
+    step = 1e-6
+    gradient = np.array([
+        (energy(chain, target, q + d) - energy(chain, target, q - d)) / (2 * step)
+        for d in step * np.eye(2)
+    ])  # fmt: skip
+    np.testing.assert_allclose(trace.joints[1], q - 0.05 * gradient, atol=1e-6)
+
+
+def energy(chain: Chain, target: Array, q: Array) -> float:
+    """U = |e|^2 / 2."""
+    T = forward(chain, q)
+    turn = rotation_error(T[:3, :3], target[:3, :3])
+    return 0.5 * float(np.sum((target[:3, 3] - T[:3, 3]) ** 2) + turn @ turn)
+
+
+def test_out_of_reach_ends_at_its_steps() -> None:
+    chain = builtin_chain("panda")
+    trace = follow(chain, transform(None, [3.0, 0.0, 0.0]), options=GradientOptions(steps=50))
+    assert not trace.converged
+    assert len(trace.times) == 51
+    assert np.isfinite(trace.joints).all()
+
+
+def test_bad_input_is_named() -> None:
+    chain = builtin_chain("panda")
+    with pytest.raises(InvalidPose):
+        follow(chain, np.eye(3))
+    for bad in ({"rule": "newton"}, {"coordinates": "xyz"}, {"gain": 0.0}, {"steps": 0}):
+        with pytest.raises(InvalidOption):
+            GradientOptions(**bad)
+    scara = builtin_chain("scara")
+    with pytest.raises(InvalidOption, match="zyz"):
+        follow(
+            scara,
+            transform(from_zyz([0.1, 0.2, 0.3]), [0.3, 0.1, 0.1]),
+            options=GradientOptions(coordinates="zyz"),
+        )
