@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from kinematics.chain import Array
 from kinematics.kernel import kernel
 from kinematics.polynomial import shift_kernel
-from planning.timing.path import SAME_DIRECTION, JointPath
+from planning.timing.path import JointPath
 
 # On a short or flat parabola, where the acceleration alone decides, more cells gain nothing.
 _LEAST_CELLS = 8
@@ -34,6 +34,8 @@ _LEAST_CELLS = 8
 # limits: with 24 cells the duration is within 0.4 % of what thousands give. A cubic piece needs
 # twice as many, its acceleration bends within a cell.
 _CELLS_PER_TURN = 24
+# A tangent at an end is none if it is but this part of what it is made up from: rounding.
+_NO_DIRECTION = 1e-13
 # A piece this many times as long as V^2 / A (speed and acceleration limit along it) counts as one
 # where the velocity decides throughout.
 _ROOM = 4.0
@@ -114,7 +116,7 @@ def _moves_at_ends(path: JointPath) -> list[bool]:
     tangents = last[:, 1:] * powers * path.lengths[-1] ** (powers - 1)
     ends = np.abs(first[:, 1]), np.abs(tangents.sum(axis=1))
     scales = np.abs(first[:, 1:]).max(), np.abs(tangents).max()
-    return [bool(e.max() > SAME_DIRECTION * scale) for e, scale in zip(ends, scales, strict=True)]
+    return [bool(e.max() > _NO_DIRECTION * scale) for e, scale in zip(ends, scales, strict=True)]
 
 
 def _curved_counts(path: JointPath, resolution: int, limits: Array) -> NDArray[np.int64]:

@@ -43,6 +43,9 @@ _FAR, _NEAR = 0.3, 0.02
 # there and the speeds found anew: of the excess hardly a tenth is left each time.
 _ENOUGH = 1.005
 _ROUNDS = 2
+# Where no phases fit, c may be at most this many times what it is nearby.
+_CALM = 2.0
+_MOST_ROUNDS = 12
 # Boundary speeds are met this well before they are set right.
 _SAME_SPEED = 0.02
 _MAX_TRIALS = 8
@@ -138,14 +141,24 @@ def _curved_phases(
     made = grid(path, limits, speeds, extra)
     z = _start(made.rows)
     least_time_kernel(made.rows, z, _FAR, TOLERANCE)
-    for _ in range(_ROUNDS):
-        ratios = _ratios(path, made, _phases(made, z, speeds), limits)
-        if max(float(r.max()) ** (1.0 / k) for k, r in enumerate(ratios, 1)) < _ENOUGH:
-            break
-        made = made._replace(rows=_tightened(made.rows, ratios))
-        z = _scaled(made.rows, z)
-        least_time_kernel(made.rows, z, _NEAR, TOLERANCE)
     phases = _phases(made, z, speeds)
+    rounds = 0
+    while True:
+        if phases is None:
+            rows = _calmed(made.rows, z)
+        else:
+            ratios = _ratios(path, made, phases, limits)
+            excess = max(float(r.max()) ** (1.0 / k) for k, r in enumerate(ratios, 1))
+            if excess < _ENOUGH or rounds >= _ROUNDS:
+                break
+            rows = _tightened(made.rows, ratios)
+        if rounds >= _MOST_ROUNDS:
+            raise _no_speed()
+        rounds += 1
+        made = made._replace(rows=rows)
+        z = _scaled(rows, z)
+        least_time_kernel(rows, z, _NEAR, TOLERANCE)
+        phases = _phases(made, z, speeds)
     owners = np.repeat(made.pieces, 2)
     phases[:, 0] -= path.breaks[owners]
     return phases, owners
@@ -174,7 +187,7 @@ def _static(rows: Rows) -> tuple[Array, Array]:
     caps = np.minimum(rows.caps, np.where(counted, bound, np.inf).min(axis=1))
     caps[:-1] = np.minimum(caps[:-1], jerk[:, 0])
     caps[1:] = np.minimum(caps[1:], jerk[:, 1])
-    slopes = np.where(counted, np.nan_to_num(change, nan=np.inf), np.inf).min(axis=1)
+    slopes = np.where(counted & ~np.isnan(change), change, np.inf).min(axis=1)
     return caps, 0.5 * slopes * (rows.lengths[:-1] + rows.lengths[1:])
 
 
@@ -206,6 +219,23 @@ def _tightened(rows: Rows, ratios: Array) -> Rows:
     return rows._replace(caps=caps, knot_rows=knot_rows, jerk_rows=jerk_rows)
 
 
+def _calmed(rows: Rows, z: Array) -> Rows:
+    """The limits, with c kept from changing much faster than from knot to knot.
+
+    Where the tangent of the path vanishes, as at the ends of a clamped spline, no speed along it is
+    too high, and cubics in time can't follow.
+    """
+    c = _at_knots(rows.lengths, z)
+    near = np.pad(c, 2, mode="edge")
+    least = np.min([near[k : k + len(c)] for k in range(5)], axis=0)
+    return rows._replace(caps=np.minimum(rows.caps, _CALM * least))
+
+
+def _at_knots(h: Array, z: Array) -> Array:
+    """The c at the knots."""
+    return np.asarray((h[1:] * z[:-1] + h[:-1] * z[1:]) / (h[:-1] + h[1:]))
+
+
 def _ratios(path: JointPath, made: Grid, phases: Array, limits: Array) -> Array:
     """Largest ratios to the limits at both ends of both phases of each cell, shape (3, N)."""
     start, v, half, sixth, duration = phases.reshape(-1, 2, 5).transpose(2, 0, 1)
@@ -229,12 +259,11 @@ def _ratios(path: JointPath, made: Grid, phases: Array, limits: Array) -> Array:
     return np.stack([(p / limit).max(axis=1) for p, limit in zip(peaks, limits, strict=True)])
 
 
-def _phases(made: Grid, z: Array, speeds: tuple[float, float]) -> Array:
-    """Two phases a cell, shape (2 N, 5), their starts along the whole path."""
+def _phases(made: Grid, z: Array, speeds: tuple[float, float]) -> Array | None:
+    """Two phases a cell, shape (2 N, 5), their starts along the whole path; None if none fit."""
     h = made.rows.lengths
-    total = h[:-1] + h[1:]
-    c = (h[1:] * z[:-1] + h[:-1] * z[1:]) / total
-    slope = 2.0 * np.diff(z) / total
+    c = _at_knots(h, z)
+    slope = 2.0 * np.diff(z) / (h[:-1] + h[1:])
     speed, bend = made.speeds
     v, a = speed * np.sqrt(c), bend * c + 0.5 * speed * slope
     for end, wanted in ((0, speeds[0]), (-1, speeds[1])):
@@ -246,9 +275,8 @@ def _phases(made: Grid, z: Array, speeds: tuple[float, float]) -> Array:
             )
         v[end] = wanted
     phases = np.empty((2 * len(made.pieces), 5))
-    if not phases_kernel(np.column_stack([made.places, v, a]), phases):
-        raise _no_speed()
-    return phases
+    fit = phases_kernel(np.column_stack([made.places, v, a]), phases)
+    return phases if fit else None
 
 
 def _no_speed() -> TimingFailed:

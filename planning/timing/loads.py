@@ -34,6 +34,8 @@ _HEADROOM = 2e-3
 _NONE = 1e12
 # The share of the room for torque that the tangent of the friction may take.
 _FRICTION_SHARE = 0.5
+# The tangent touches at no lower a speed than this part of the one where it takes its share.
+_SLOWEST = 0.05
 _MAX_DILATIONS = 40
 _HAIR = 1e-6
 
@@ -106,7 +108,7 @@ class Loads:
             x = np.full(len(q), np.inf) if guess is None else guess
             with np.errstate(divide="ignore", invalid="ignore"):
                 most = 2.0 * _FRICTION_SHARE / np.maximum(drag, 0.0)
-                root = np.minimum(np.sqrt(x)[:, None], most)
+                root = np.clip(np.sqrt(x)[:, None], _SLOWEST * most, most)
                 tangent = np.where(drag > 0.0, 0.5 * drag / root, 0.0)
             shift = np.where(drag > 0.0, 0.5 * np.maximum(drag, 0.0) * np.nan_to_num(root), 0.0)
             ones = 1.0 - shift

@@ -68,10 +68,11 @@ def state_to_state(
     start_velocity: ArrayLike | None = None,
     end_velocity: ArrayLike | None = None,
 ) -> Dilated:
-    """From one state to another in the least time, all joints in phase where that can be.
+    """From one state to another in the least time.
 
-    In phase means on the straight line, which is where a motion from rest to rest always stays.
-    With velocities at its ends that do not point along it the joints only arrive together.
+    From rest to rest it is the straight line, run through in phase. (The package leaves the line
+    where one joint's velocity and another one's acceleration or jerk decide; so it is asked for the
+    line itself.) With other velocities at the ends the joints arrive together.
 
     Args:
         joint_names: n names.
@@ -101,10 +102,24 @@ def state_to_state(
     ]
     if (states[0] == states[1]).all() and not states[2].any() and not states[3].any():
         return Dilated(stay(names, states[0], REST), 1.0)
+    if not states[2].any() and not states[3].any():
+        return dilate(_straight(names, states[0], states[1], limits), *limits)
     asked = _asked(*states)
     _limit(asked, *limits)
     motion = _solved(asked, len(names))
     return dilate(_joined(names, motion, states[0], states[2]), *limits)
+
+
+def _straight(
+    names: tuple[str, ...], start: Array, end: Array, limits: Sequence[Array]
+) -> Trajectory:
+    """The line from rest to rest, its share run through as s goes from 0 to 1."""
+    way = end - start
+    with np.errstate(divide="ignore"):
+        phases = line_phases(1.0, [float((limit / np.abs(way)).min()) for limit in limits])
+    coefficients = way[None, :, None] * phases[:, None, :4]
+    coefficients[:, :, 0] += start
+    return Trajectory(names, np.concatenate([[0.0], np.cumsum(phases[:, 4])]), coefficients)
 
 
 def _asked(start: ArrayLike, end: ArrayLike, before: ArrayLike, after: ArrayLike) -> InputParameter:

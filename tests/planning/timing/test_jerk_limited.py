@@ -1,0 +1,264 @@
+"""Motion with bounded jerk along paths: limits, optimality, exactness, odd input."""
+
+import itertools
+from typing import Any
+
+import casadi
+import numpy as np
+import pytest
+import ruckig
+from numpy.typing import NDArray
+
+from benchmarks.ratios import worst_ratio
+from kinematics.errors import InvalidOption
+from kinematics.trajectory import Trajectory
+from planning.timing.blend import blend, largest_reaches, reach_for_deviation
+from planning.timing.failure import TimingFailed
+from planning.timing.jerk_limited import time_path_with_jerk
+from planning.timing.path import JointPath
+from planning.timing.ruckig import line_phases, state_to_state
+from planning.timing.spline import chord_knots, spline_path
+
+Array = NDArray[np.float64]
+VELOCITY = np.array([2.175] * 4 + [2.61] * 3)
+ACCELERATION = np.array([15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0])
+JERK = np.array([7500.0, 3750.0, 5000.0, 6250.0, 7500.0, 10000.0, 10000.0])
+
+
+def names(n: int) -> tuple[str, ...]:
+    return tuple(f"joint{i}" for i in range(n))
+
+
+def timed(path: JointPath, *limits: Array) -> Trajectory:
+    return time_path_with_jerk(path, names(path.n), *limits).trajectory
+
+
+def stops(waypoints: Array, limits: tuple[Array, Array, Array]) -> float:
+    """The duration of ruckig's motions in straight lines from waypoint to waypoint."""
+    total = 0.0
+    for start, end in itertools.pairwise(waypoints):
+        # In phase means as one joint that has the least of what the joints leave to each.
+        length, ways = np.linalg.norm(end - start), np.abs(end - start)
+        asked = ruckig.InputParameter(1)
+        asked.current_position, asked.target_position = [0.0], [float(length)]
+        shared = [[float((limit / ways).min() * length)] for limit in limits]
+        asked.max_velocity, asked.max_acceleration, asked.max_jerk = shared
+        motion = ruckig.Trajectory(1)
+        assert ruckig.Ruckig(1).calculate(asked, motion) == ruckig.Result.Working
+        total += motion.duration
+    return total
+
+
+@pytest.mark.parametrize("softness", [1.0, 10.0, 100.0])
+@pytest.mark.parametrize("part", [1.0, 0.3])
+def test_limits_hold_and_corners_cost_less_than_stops(softness: float, part: float) -> None:
+    limits = VELOCITY, ACCELERATION, JERK / softness
+    rng = np.random.default_rng(int(softness))
+    for _ in range(3):
+        waypoints = rng.uniform(-2.0, 2.0, (10, 7))
+        path = blend(waypoints, part * largest_reaches(waypoints), smooth=True)
+        result = time_path_with_jerk(path, names(7), *limits)
+        motion = result.trajectory
+        for order, limit in enumerate(limits, 1):
+            assert worst_ratio(motion, limit, order) <= 1.0 + 1e-9
+            assert (motion.peaks(order).value <= limit).all()
+        assert result.factor < 1.03
+        jumps = motion.continuity()
+        assert jumps.position < 1e-12
+        assert jumps.velocity < 1e-11
+        assert jumps.acceleration < 1e-9
+        for order in (1, 2):
+            ends = motion.sample([0.0, motion.duration], order)
+            np.testing.assert_allclose(ends, 0.0, atol=1e-9)
+        np.testing.assert_allclose(motion.end, waypoints[-1], atol=1e-12)
+        assert motion.duration < 0.97 * stops(waypoints, limits)
+
+
+def test_the_curve_is_that_of_the_path() -> None:
+    rng = np.random.default_rng(4)
+    for tolerance in (0.01, 0.1):
+        waypoints = rng.uniform(-1.0, 1.0, (6, 3))
+        reaches = reach_for_deviation(waypoints, tolerance, smooth=True)
+        path = blend(waypoints, reaches, smooth=True)
+        motion = timed(path, np.ones(3), np.full(3, 5.0), np.full(3, 50.0))
+        points = motion.sample(np.linspace(0.0, motion.duration, 500))
+        dense = path.sample(np.linspace(0.0, path.breaks[-1], 20_000))
+        gaps = [np.linalg.norm(dense - point, axis=1).min() for point in points]
+        assert max(gaps) < 3e-4 * path.length
+        corners = [np.linalg.norm(dense - corner, axis=1).min() for corner in waypoints[1:-1]]
+        assert max(corners) <= tolerance * (1.0 + 1e-3)
+
+
+def test_straight_lines_take_the_time_that_ruckig_takes() -> None:
+    rng = np.random.default_rng(5)
+    for n in (1, 2, 7, 14):
+        for _ in range(10):
+            limits = (
+                10.0 ** rng.uniform(-1, 1, n),
+                10.0 ** rng.uniform(-1, 1.5, n),
+                10.0 ** rng.uniform(0, 3, n),
+            )
+            ends = rng.uniform(-3.0, 3.0, (2, n))
+            motion = timed(blend(ends, [], smooth=True), *limits)
+            assert motion.duration == pytest.approx(stops(ends, limits), rel=1e-6)
+            assert motion.pieces <= 7
+            middle = motion.sample(np.linspace(0.0, motion.duration, 50))
+            direction = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
+            off = (middle - ends[0]) - np.outer((middle - ends[0]) @ direction, direction)
+            assert np.abs(off).max() < 1e-12
+
+
+def test_without_a_velocity_limit_closed_forms_hold() -> None:
+    # Jerk alone: 4 phases of equal length, d = 2 j t^3 with T = 4 t.
+    motion = timed(blend([[0.0], [2.0]], [], smooth=True), *map(np.array, ([1e9], [1e9], [8.0])))
+    assert motion.duration == pytest.approx(4.0 * (2.0 / 16.0) ** (1.0 / 3.0), rel=1e-9)
+    # Full profile: d / v + v / a + a / j.
+    motion = timed(blend([[0.0], [20.0]], [], smooth=True), *map(np.array, ([2.0], [1.0], [4.0])))
+    assert motion.duration == pytest.approx(10.0 + 2.0 + 0.25, rel=1e-9)
+
+
+def optimum(path: JointPath, limits: Array, cells_each: int) -> float:
+    """The least time with constant jerk along the path in each of many cells, by IPOPT.
+
+    The cells' ends are fixed, so that none can grow long and hide what happens inside; limits hold
+    at the ends and in the middle of each.
+    """
+    breaks, share = path.breaks, np.linspace(0.0, 1.0, cells_each + 1)
+    places = [low + (high - low) * share for low, high in itertools.pairwise(breaks)]
+    # Close together where the motion starts and where it ends.
+    places[0] = breaks[1] * share**2
+    places[-1] = breaks[-1] - (breaks[-1] - breaks[-2]) * share[::-1] ** 2
+    where = np.append(np.concatenate([p[:-1] for p in places]), breaks[-1])
+    count = len(where) - 1
+    opti = casadi.Opti()
+    v, a = opti.variable(count + 1), opti.variable(count + 1)
+    j, h = opti.variable(count), opti.variable(count)
+    for value in (v[0], a[0], v[count], a[count]):
+        opti.subject_to(value == 0.0)
+    for i in range(count):
+        t, piece = h[i], i // cells_each
+        way = v[i] * t + a[i] * t**2 / 2 + j[i] * t**3 / 6
+        opti.subject_to(way == where[i + 1] - where[i])
+        opti.subject_to(v[i + 1] == v[i] + a[i] * t + j[i] * t**2 / 2)
+        opti.subject_to(a[i + 1] == a[i] + j[i] * t)
+        for part in (0.0, 0.5, 1.0):
+            t = part * h[i]
+            u = where[i] - breaks[piece] + v[i] * t + a[i] * t**2 / 2 + j[i] * t**3 / 6
+            speed, rate = v[i] + a[i] * t + j[i] * t**2 / 2, a[i] + j[i] * t
+            for c, (vm, am, jm) in zip(path.coefficients[piece], limits.T, strict=True):
+                q1 = c[1] + 2 * c[2] * u + 3 * c[3] * u**2
+                q2, q3 = 2 * c[2] + 6 * c[3] * u, 6 * c[3]
+                opti.subject_to(opti.bounded(-1, q1 * speed / vm, 1))
+                opti.subject_to(opti.bounded(-1, (q1 * rate + q2 * speed**2) / am, 1))
+                jerk = q1 * j[i] + 3 * q2 * speed * rate + q3 * speed**3
+                opti.subject_to(opti.bounded(-1, jerk / jm, 1))
+    opti.subject_to(h >= 1e-4)
+    opti.subject_to(v >= 0)
+    opti.minimize(casadi.sum1(h))
+    x = np.linspace(0.0, 1.0, 5001)
+    time = np.interp(where / breaks[-1], 10 * x**3 - 15 * x**4 + 6 * x**5, x)
+    slow = 8.0
+    opti.set_initial(v, (30 * time**2 - 60 * time**3 + 30 * time**4) * breaks[-1] / slow)
+    opti.set_initial(h, np.maximum(np.diff(time) * slow, 1e-3))
+    quiet: dict[str, Any] = {"ipopt.print_level": 0, "print_time": 0, "ipopt.sb": "yes"}
+    opti.solver("ipopt", quiet, {"max_iter": 1000})
+    return float(opti.solve().value(casadi.sum1(h)))
+
+
+def test_it_is_within_a_twentieth_of_the_optimum() -> None:
+    rng = np.random.default_rng(6)
+    for part in (1.0, 0.5):
+        waypoints = rng.uniform(-1.0, 1.0, (3, 2))
+        limits = np.array([[1.0, 1.5], [4.0, 5.0], [40.0, 40.0]])
+        path = blend(waypoints, part * largest_reaches(waypoints), smooth=True)
+        least = optimum(path, limits, 12)
+        assert 0.95 * least <= timed(path, *limits).duration <= 1.05 * least
+
+
+@pytest.mark.parametrize("ends", ["natural", "clamped"])
+def test_splines_are_followed(ends: str) -> None:
+    waypoints = np.random.default_rng(7).uniform(-1.0, 1.0, (7, 7))
+    kind = "natural" if ends == "natural" else "clamped"
+    path = spline_path(waypoints, chord_knots(waypoints), kind)  # type: ignore[arg-type]
+    motion = timed(path, VELOCITY, ACCELERATION, JERK / 10.0)
+    for order, limit in enumerate((VELOCITY, ACCELERATION, JERK / 10.0), 1):
+        assert worst_ratio(motion, limit, order) <= 1.0 + 1e-9
+    for waypoint in waypoints:
+        times = np.linspace(0.0, motion.duration, 20_000)
+        assert np.linalg.norm(motion.sample(times) - waypoint, axis=1).min() < 1e-3
+
+
+@pytest.mark.parametrize("speed", [0.05, 0.3, 0.72])
+def test_boundary_speeds_are_met_exactly(speed: float) -> None:
+    waypoints = np.random.default_rng(0).uniform(-1.0, 1.0, (6, 3))
+    path = blend(waypoints, reach_for_deviation(waypoints, 0.1, True), smooth=True)
+    limits = np.full(3, 1.0), np.full(3, 4.0), np.full(3, 30.0)
+    motion = time_path_with_jerk(path, names(3), *limits, end_speeds=(speed, 0.2)).trajectory
+    velocities = motion.sample([0.0, motion.duration], 1)
+    assert np.linalg.norm(velocities, axis=1) == pytest.approx([speed, 0.2], rel=1e-9)
+    np.testing.assert_allclose(motion.sample([0.0, motion.duration], 2), 0.0, atol=1e-9)
+    for order, limit in enumerate(limits, 1):
+        assert worst_ratio(motion, limit, order) <= 1.0 + 1e-9
+
+
+def test_boundary_speeds_beyond_the_limits_are_refused() -> None:
+    path = blend([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]], [0.3], smooth=True)
+    for speed in (1.5, 50.0):
+        with pytest.raises(TimingFailed, match="boundary"):
+            time_path_with_jerk(
+                path, names(2), np.ones(2), np.ones(2), np.ones(2), end_speeds=(speed, 0.0)
+            )
+
+
+@pytest.mark.parametrize("size", [1e-9, 1e-4, 1e2])
+def test_the_scale_of_a_path_does_not_matter(size: float) -> None:
+    waypoints = np.random.default_rng(8).uniform(-1.0, 1.0, (5, 4))
+    limits = np.full(4, 2.0), np.full(4, 10.0), np.full(4, 100.0)
+    whole = timed(blend(waypoints, largest_reaches(waypoints), smooth=True), *limits)
+    small = blend(size * waypoints, largest_reaches(size * waypoints), smooth=True)
+    scaled = timed(small, limits[0], limits[1] / size, limits[2] / size**2)
+    assert scaled.duration == pytest.approx(size * whole.duration, rel=1e-3)
+
+
+def test_what_no_bounded_jerk_can_follow_is_refused() -> None:
+    waypoints = np.random.default_rng(9).uniform(-1.0, 1.0, (4, 2))
+    parabolas = blend(waypoints, largest_reaches(waypoints))
+    ones = np.ones(2)
+    with pytest.raises(InvalidOption, match="second derivative"):
+        timed(parabolas, ones, ones, ones)
+    line = blend(waypoints[:2], [], smooth=True)
+    with pytest.raises(InvalidOption, match="finite"):
+        timed(line, ones, ones, np.full(2, np.inf))
+    with pytest.raises(InvalidOption, match="jerk limits"):
+        timed(line, ones, ones, np.zeros(2))
+
+
+def test_phases_join_what_they_say() -> None:
+    rng = np.random.default_rng(10)
+    for _ in range(50):
+        length, v, a, j = 10.0 ** rng.uniform(-3.0, 2.0, 4)
+        phases = line_phases(length, [v, a, j])
+        ends = phases[:, 0] + phases[:, 4] * (
+            phases[:, 1] + phases[:, 4] * (phases[:, 2] + phases[:, 4] * phases[:, 3])
+        )
+        np.testing.assert_allclose(ends, [*phases[1:, 0], length], rtol=1e-9)
+
+
+def test_states_are_joined_in_phase_from_rest() -> None:
+    rng = np.random.default_rng(11)
+    limits = np.full(4, 1.0), np.full(4, 3.0), np.full(4, 20.0)
+    for _ in range(20):
+        start, end = rng.uniform(-2.0, 2.0, (2, 4))
+        motion = state_to_state(names(4), start, end, *limits).trajectory
+        assert motion.duration == pytest.approx(stops(np.array([start, end]), limits), rel=1e-9)
+        middle = motion.sample(np.linspace(0.0, motion.duration, 30)) - start
+        share = middle @ (end - start) / ((end - start) @ (end - start))
+        np.testing.assert_allclose(middle, np.outer(share, end - start), atol=1e-12)
+    velocity = 0.3 * rng.uniform(-1.0, 1.0, (2, 4))
+    moving = state_to_state(names(4), start, end, *limits, *velocity).trajectory
+    np.testing.assert_allclose(moving.sample([0.0, moving.duration], 1), velocity, atol=1e-9)
+    np.testing.assert_allclose(moving.end, end, atol=1e-9)
+    assert moving.continuity().acceleration < 1e-9
+    with pytest.raises(TimingFailed, match="ruckig"):
+        state_to_state(names(4), start, end, *limits, end_velocity=np.full(4, 5.0))
+    assert state_to_state(names(4), start, start, *limits).trajectory.duration > 0.0
