@@ -42,6 +42,9 @@ check: $(INSTALLED)  ## Lint, format, types, layers, Dockerfile
 bench: $(INSTALLED)  ## Measure kernels, planning and the service
 	$(BIN)/python -m benchmarks
 
+bench-timing: $(INSTALLED)  ## Judge the timing of a thousand random paths
+	$(BIN)/python -m benchmarks.timing_limits 1000
+
 bench-mbm: $(INSTALLED)  ## Measure on MotionBenchMaker problems: make bench-mbm PROBLEMS=dir
 	@test -n "$(PROBLEMS)" || { echo "Say where the problems are: make $@ PROBLEMS=dir" >&2; exit 1; }
 	$(BIN)/python -m benchmarks.mbm $(PROBLEMS)

@@ -3,6 +3,9 @@
 Run it with `python -m benchmarks.timing`. The package gets 100 or 1,000 uniform grid points and
 answers a trajectory of constant path acceleration between them. Ours is timed from the same path
 to a polynomial trajectory whose limits hold at every instant.
+
+A second table is about bounded jerk, 20 waypoints of 7 joints: durations are told as parts of what
+motions with a stop at each waypoint take; softness divides the jerk limits.
 """
 
 import logging
@@ -16,7 +19,10 @@ import numpy as np
 import toppra
 from numpy.typing import NDArray
 
+from benchmarks.ratios import worst_ratio
+from benchmarks.timing_optimum import stops
 from planning.timing.blend import blend, largest_reaches
+from planning.timing.jerk_limited import time_path_with_jerk
 from planning.timing.minimum_time import time_path
 from planning.timing.path import JointPath
 from planning.timing.spline import chord_knots, spline_path
@@ -25,6 +31,7 @@ Array = NDArray[np.float64]
 NAMES = tuple(f"joint{i}" for i in range(1, 8))
 VELOCITY = np.array([2.175] * 4 + [2.61] * 3)
 ACCELERATION = np.array([15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0])
+JERK = np.array([7500.0, 3750.0, 5000.0, 6250.0, 7500.0, 10000.0, 10000.0])
 PATHS = 25
 
 
@@ -112,8 +119,30 @@ def compare(kind: str, points: int) -> str:
     )
 
 
+def jerk_line(count: int, part: float, softness: float) -> str:
+    """A line of the second table: time to compute and duration of motion with bounded jerk."""
+    rng = np.random.default_rng(0)
+    jerk = JERK / softness
+    spent, ratios, gains, factors = [], [], [], []
+    for _ in range(PATHS):
+        waypoints = rng.uniform(-2.0, 2.0, (count, 7))
+        path = blend(waypoints, part * largest_reaches(waypoints), smooth=True)
+        mine = partial(time_path_with_jerk, path, NAMES, VELOCITY, ACCELERATION, jerk)
+        trajectory, factor = mine()
+        limits = (VELOCITY, ACCELERATION, jerk)
+        ratios.append(max(worst_ratio(trajectory, v, k) for k, v in enumerate(limits, 1)))
+        gains.append(trajectory.duration / stops(waypoints, limits))
+        factors.append(factor)
+        spent.append(milliseconds(mine))
+    return (
+        f"{count:9}{part:7.2f}{softness:10.0f}{statistics.median(spent):10.1f}{max(spent):8.1f}"
+        f"{statistics.median(gains):10.3f}{max(gains):8.3f}{max(factors):10.4f}"
+        f"{max(ratios):13.9f}"
+    )
+
+
 def main() -> None:
-    """Print a table of medians over random paths."""
+    """Print tables of medians over random paths."""
     logging.getLogger("toppra").setLevel(logging.CRITICAL)
     print(f"{'':23}{'compute [ms]':^25}{'duration ratio':^18}{'worst ratio to limit':^21}")
     print(f"{'path':16}{'points':>7}{'ours':>9}{'toppra':>8}{'ratio':>8}", end="")
@@ -121,6 +150,15 @@ def main() -> None:
     for kind in ("tightly blended", "half blended", "parabolas only", "natural spline"):
         for points in (100, 1000):
             print(compare(kind, points))
+    print()
+    print(
+        f"{'bounded jerk':26}{'compute [ms]':^18}{'of the stops':^18}{'dilated':>10}{'worst':>13}"
+    )
+    print(f"{'waypoints':>9}{'blend':>7}{'softness':>10}", end="")
+    print(f"{'median':>10}{'worst':>8}{'median':>10}{'worst':>8}{'by':>10}{'ratio':>13}")
+    for softness in (1.0, 10.0, 100.0):
+        for part in (1.0, 0.25):
+            print(jerk_line(20, part, softness))
 
 
 if __name__ == "__main__":

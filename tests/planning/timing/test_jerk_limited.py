@@ -1,15 +1,12 @@
 """Motion with bounded jerk along paths: limits, optimality, exactness, odd input."""
 
-import itertools
-from typing import Any
 
-import casadi
 import numpy as np
 import pytest
-import ruckig
 from numpy.typing import NDArray
 
 from benchmarks.ratios import worst_ratio
+from benchmarks.timing_optimum import optimum, stops
 from kinematics.errors import InvalidOption
 from kinematics.trajectory import Trajectory
 from planning.timing.blend import blend, largest_reaches, reach_for_deviation
@@ -31,22 +28,6 @@ def names(n: int) -> tuple[str, ...]:
 
 def timed(path: JointPath, *limits: Array) -> Trajectory:
     return time_path_with_jerk(path, names(path.n), *limits).trajectory
-
-
-def stops(waypoints: Array, limits: tuple[Array, Array, Array]) -> float:
-    """The duration of ruckig's motions in straight lines from waypoint to waypoint."""
-    total = 0.0
-    for start, end in itertools.pairwise(waypoints):
-        # In phase means as one joint that has the least of what the joints leave to each.
-        length, ways = np.linalg.norm(end - start), np.abs(end - start)
-        asked = ruckig.InputParameter(1)
-        asked.current_position, asked.target_position = [0.0], [float(length)]
-        shared = [[float((limit / ways).min() * length)] for limit in limits]
-        asked.max_velocity, asked.max_acceleration, asked.max_jerk = shared
-        motion = ruckig.Trajectory(1)
-        assert ruckig.Ruckig(1).calculate(asked, motion) == ruckig.Result.Working
-        total += motion.duration
-    return total
 
 
 @pytest.mark.parametrize("softness", [1.0, 10.0, 100.0])
@@ -115,54 +96,6 @@ def test_without_a_velocity_limit_closed_forms_hold() -> None:
     # Full profile: d / v + v / a + a / j.
     motion = timed(blend([[0.0], [20.0]], [], smooth=True), *map(np.array, ([2.0], [1.0], [4.0])))
     assert motion.duration == pytest.approx(10.0 + 2.0 + 0.25, rel=1e-9)
-
-
-def optimum(path: JointPath, limits: Array, cells_each: int) -> float:
-    """The least time with constant jerk along the path in each of many cells, by IPOPT.
-
-    The cells' ends are fixed, so that none can grow long and hide what happens inside; limits hold
-    at the ends and in the middle of each.
-    """
-    breaks, share = path.breaks, np.linspace(0.0, 1.0, cells_each + 1)
-    places = [low + (high - low) * share for low, high in itertools.pairwise(breaks)]
-    # Close together where the motion starts and where it ends.
-    places[0] = breaks[1] * share**2
-    places[-1] = breaks[-1] - (breaks[-1] - breaks[-2]) * share[::-1] ** 2
-    where = np.append(np.concatenate([p[:-1] for p in places]), breaks[-1])
-    count = len(where) - 1
-    opti = casadi.Opti()
-    v, a = opti.variable(count + 1), opti.variable(count + 1)
-    j, h = opti.variable(count), opti.variable(count)
-    for value in (v[0], a[0], v[count], a[count]):
-        opti.subject_to(value == 0.0)
-    for i in range(count):
-        t, piece = h[i], i // cells_each
-        way = v[i] * t + a[i] * t**2 / 2 + j[i] * t**3 / 6
-        opti.subject_to(way == where[i + 1] - where[i])
-        opti.subject_to(v[i + 1] == v[i] + a[i] * t + j[i] * t**2 / 2)
-        opti.subject_to(a[i + 1] == a[i] + j[i] * t)
-        for part in (0.0, 0.5, 1.0):
-            t = part * h[i]
-            u = where[i] - breaks[piece] + v[i] * t + a[i] * t**2 / 2 + j[i] * t**3 / 6
-            speed, rate = v[i] + a[i] * t + j[i] * t**2 / 2, a[i] + j[i] * t
-            for c, (vm, am, jm) in zip(path.coefficients[piece], limits.T, strict=True):
-                q1 = c[1] + 2 * c[2] * u + 3 * c[3] * u**2
-                q2, q3 = 2 * c[2] + 6 * c[3] * u, 6 * c[3]
-                opti.subject_to(opti.bounded(-1, q1 * speed / vm, 1))
-                opti.subject_to(opti.bounded(-1, (q1 * rate + q2 * speed**2) / am, 1))
-                jerk = q1 * j[i] + 3 * q2 * speed * rate + q3 * speed**3
-                opti.subject_to(opti.bounded(-1, jerk / jm, 1))
-    opti.subject_to(h >= 1e-4)
-    opti.subject_to(v >= 0)
-    opti.minimize(casadi.sum1(h))
-    x = np.linspace(0.0, 1.0, 5001)
-    time = np.interp(where / breaks[-1], 10 * x**3 - 15 * x**4 + 6 * x**5, x)
-    slow = 8.0
-    opti.set_initial(v, (30 * time**2 - 60 * time**3 + 30 * time**4) * breaks[-1] / slow)
-    opti.set_initial(h, np.maximum(np.diff(time) * slow, 1e-3))
-    quiet: dict[str, Any] = {"ipopt.print_level": 0, "print_time": 0, "ipopt.sb": "yes"}
-    opti.solver("ipopt", quiet, {"max_iter": 1000})
-    return float(opti.solve().value(casadi.sum1(h)))
 
 
 def test_it_is_within_a_twentieth_of_the_optimum() -> None:
