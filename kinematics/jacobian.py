@@ -62,28 +62,6 @@ def jacobian_kernel(types: Indices, frames: Array, point: Array, last: int, J: A
 
 
 @kernel
-def jacobian_batch_kernel(
-    types: Indices, offsets: Array, q: Array, T_joint_link: Array, point: Array, last: int, J: Array
-) -> None:
-    """Jacobians (m, 6, n) of a point (3,) in the frame of a link, for a batch q (m, n)."""
-    frames = np.empty((q.shape[1], 4, 4))
-    local = np.empty(3)
-    p = np.empty(3)
-    for row in range(3):
-        local[row] = T_joint_link[row, 3]
-        for k in range(3):
-            local[row] += T_joint_link[row, k] * point[k]
-    for m in range(q.shape[0]):
-        forward_kernel(types, offsets, q[m], frames)
-        for row in range(3):
-            p[row] = local[row] if last < 0 else frames[last, row, 3]
-            if last >= 0:
-                for k in range(3):
-                    p[row] += frames[last, row, k] * local[k]
-        jacobian_kernel(types, frames, p, last, J[m])
-
-
-@kernel
 def frame_and_jacobian_kernel(model: Array, q: Array, link: int, J: Array) -> Frame:
     """The frame of a link, -1 for the tip, and its Jacobian written into J (6, n).
 
@@ -113,6 +91,25 @@ def frame_and_jacobian_kernel(model: Array, q: Array, link: int, J: Array) -> Fr
             J[0, j], J[1, j], J[2, j] = zx, zy, zz
             J[3, j], J[4, j], J[5, j] = 0.0, 0.0, 0.0
     return B
+
+
+@kernel
+def jacobian_batch_kernel(model: Array, q: Array, link: int, point: Array, J: Array) -> None:
+    """Jacobians (m, 6, n) of a point (3,) in the frame of link ``link``, for a batch q (m, n)."""
+    offset = point[0] != 0.0 or point[1] != 0.0 or point[2] != 0.0
+    for k in range(q.shape[0]):
+        B = frame_and_jacobian_kernel(model, q[k], link, J[k])
+        if not offset:
+            continue
+        # v of the point is that of the origin and w x r.
+        x = B[0] * point[0] + B[1] * point[1] + B[2] * point[2]
+        y = B[4] * point[0] + B[5] * point[1] + B[6] * point[2]
+        z = B[8] * point[0] + B[9] * point[1] + B[10] * point[2]
+        for j in range(q.shape[1]):
+            wx, wy, wz = J[k, 3, j], J[k, 4, j], J[k, 5, j]
+            J[k, 0, j] += wy * z - wz * y
+            J[k, 1, j] += wz * x - wx * z
+            J[k, 2, j] += wx * y - wy * x
 
 
 @kernel
@@ -266,13 +263,11 @@ def geometric(
         except (TypeError, ValueError):
             pass
     q = chain.configuration(q)
-    carrier = chain.link(link or chain.tip_link)
     at = _point(point)
     flat = q.reshape(-1, chain.n)
     J = np.empty((flat.shape[0], 6, chain.n))
-    jacobian_batch_kernel(
-        chain.joint_types, chain.offsets, flat, carrier.T_joint_link, at, carrier.joint, J
-    )
+    number = -1 if link is None else link_number(chain, link)
+    jacobian_batch_kernel(chain.model, flat, number, at, J)
     return J.reshape(*q.shape[:-1], 6, chain.n)
 
 

@@ -3,32 +3,55 @@
 What is cheap is called by the server itself, on chains it keeps; all else runs in workers.
 """
 
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from pydantic_core import to_json
 
 from kinematics.chain import Array, Chain
-from kinematics.errors import NotAvailable
+from kinematics.errors import InvalidOption, NotAvailable
 from kinematics.forward import forward, link_poses
-from kinematics.ik import numeric
+from kinematics.ik.choice import outside
+from kinematics.ik.gradient import GradientOptions, Trace, follow
+from kinematics.ik.inverse import METHODS, Method, inverse_kinematics
+from kinematics.ik.numeric import AXES
 from kinematics.ik.solution import IkResult, IkSolution
+from kinematics.ik.structure import structure
 from kinematics.jacobian import analytic_zyz, geometric
 from kinematics.pose import to_quaternions
+from kinematics.velocity import (
+    DAMPED_BELOW,
+    JointVelocities,
+    SingularDirections,
+    joint_velocities,
+    link_twist,
+    singular_directions,
+)
+from obstacles.checker import Checker
+from obstacles.robot_geometry import RobotGeometry
+from obstacles.scene import Scene
 from obstacles.world import World
 from service import library, translate
 from service.answering import answering
 from service.references import Absent, Reference, Refusal, builtin_reference
-from service.schemas.kinematics import FkRequest, IkRequest, JacobianRequest
+from service.schemas.kinematics import (
+    MAX_SOLUTIONS,
+    FkRequest,
+    IkRequest,
+    JacobianRequest,
+    VelocityRequest,
+)
 
-#: Configurations looked for where all are wanted but no number is given: a six-joint arm has up to
-#: 8, and several times as many where joints turn more than once.
-_ALL = 16
-#: Candidates among which one is looked for that collides with nothing.
-_CANDIDATES = 12
-#: Starts spent on each configuration that is looked for, and at least on all together.
-_STARTS_EACH, _LEAST_STARTS = 40, 200
-_METHODS = ("auto", "numeric")
+#: Configurations looked for where all are wanted but no number is given, and candidates among
+#: which one is looked for that collides with nothing: of a closed form, and by search.
+_ALL_CLOSED, _ALL_SEARCHED = MAX_SOLUTIONS, 16
+_CANDIDATES_CLOSED, _CANDIDATES_SEARCHED = 200, 12
+#: Rejected configurations that a refusal carries.
+_TOLD = 32
+#: Collisions of one request whose depth is measured.
+_MEASURED = 8
+#: Points of a trace.
+_POINTS = 500
 
 
 def fk(chain: Chain, body: FkRequest) -> bytes:
@@ -77,16 +100,95 @@ def jacobian(chain: Chain, body: JacobianRequest) -> bytes:
         J = np.array([analytic_zyz(*pair) for pair in zip(flat, turns, strict=True)]).reshape(
             J.shape
         )
-    singular = np.linalg.svd(J, compute_uv=False)
-    # As numpy.linalg.matrix_rank has it.
-    least = singular.max(axis=-1, keepdims=True) * max(6, chain.n) * np.finfo(np.float64).eps
+    found = singular_directions(J)
     answer = {
         "jacobian": J.tolist(),
-        "rank": (singular > least).sum(axis=-1).tolist(),
-        "singular_values": singular.tolist(),
-        "manipulability": singular.prod(axis=-1).tolist(),
+        "rank": found.rank.tolist(),
+        "singular_values": found.values.tolist(),
+        "manipulability": found.values.prod(axis=-1).tolist(),
     }
     return to_json(answer)
+
+
+def velocity(chain: Chain, body: VelocityRequest) -> bytes:
+    """Answer a request for velocity kinematics, forward or inverse.
+
+    Raises:
+        InvalidRobotState: Wrong length.
+        InvalidLinkName: No such link.
+        InvalidOption: Lists of different lengths.
+    """
+    if body.twist is None:
+        assert body.joint_velocities is not None
+        _same_length(body.joints, body.joint_velocities, "joint_velocities")
+        rates = chain.configuration(body.joint_velocities, "joint_velocities")
+        twist = link_twist(chain, body.joints, rates, body.link, body.point)
+        found = singular_directions(geometric(chain, body.joints, body.link, body.point))
+        rates = np.broadcast_to(rates, (*twist.shape[:-1], chain.n))
+        gains = np.ones_like(found.values)
+        solved = JointVelocities(rates, np.zeros_like(twist), gains, found)
+    else:
+        _same_length(body.joints, body.twist, "twist")
+        if body.nullspace is not None:
+            _same_length(body.joints, body.nullspace, "nullspace")
+        below = DAMPED_BELOW if body.damped_below is None else body.damped_below
+        solved = joint_velocities(
+            chain, body.joints, body.twist, nullspace=body.nullspace, link=body.link,
+            point=body.point, damped_below=below,
+        )  # fmt: skip
+        twist = np.array(body.twist) - solved.residual
+    return to_json(
+        {
+            "twist": twist.tolist(),
+            "joint_velocities": solved.joint_velocities.tolist(),
+            "residual": solved.residual.tolist(),
+            "rank": solved.directions.rank.tolist(),
+            "singular_values": solved.directions.values.tolist(),
+            "damped": _damped(solved),
+        }
+    )
+
+
+def _same_length(joints: Any, others: Any, name: str) -> None:
+    """Lists go with lists of the same length; one value goes with any number of configurations."""
+    q, x = np.ndim(joints), np.ndim(others)
+    if x == 2 and (q == 1 or len(joints) != len(others)):
+        count = 1 if q == 1 else len(joints)
+        raise InvalidOption(
+            f"{name} holds {len(others)} rows for {count} configuration(s) in joints",
+            hint=f"Give as many rows of {name} as of joints, or one row for all.",
+        )
+
+
+def _damped(solved: JointVelocities) -> Any:
+    found = solved.directions
+    if solved.gains.ndim == 1:
+        return [
+            {
+                "singular_value": found.values[i],
+                "gain": solved.gains[i],
+                "twist": found.twists[:, i].tolist(),
+                "joint_velocities": found.motions[i].tolist(),
+            }
+            for i in np.flatnonzero(solved.gains < 1.0)
+        ]
+    return [
+        _damped(
+            JointVelocities(
+                rates, residual, gains, SingularDirections(values, twists, motions, rank)
+            )
+        )
+        for rates, residual, gains, values, twists, motions, rank in zip(
+            solved.joint_velocities,
+            solved.residual,
+            solved.gains,
+            found.values,
+            found.twists,
+            found.motions,
+            found.rank,
+            strict=True,
+        )
+    ]
 
 
 @answering
@@ -99,6 +201,12 @@ def fk_batch(reference: Reference, body: bytes) -> bytes:
 def jacobian_batch(reference: Reference, body: bytes) -> bytes:
     """`jacobian` in a worker."""
     return jacobian(library.chain(reference), JacobianRequest.model_validate_json(body))
+
+
+@answering
+def velocity_batch(reference: Reference, body: bytes) -> bytes:
+    """`velocity` in a worker."""
+    return velocity(library.chain(reference), VelocityRequest.model_validate_json(body))
 
 
 # -------------------------------------------------------------------------------- inverse
@@ -117,75 +225,162 @@ def ik(robot: Reference, scene: Reference | None, content: bytes) -> bytes | Ref
         InvalidRobotState: The seed has the wrong length.
         InvalidLinkName: No such link.
         InvalidScene: The inline scene is not valid.
-        NotAvailable: The method is not built yet.
+        InvalidOption: Options that the method does not have.
+        NotAvailable: The arm has no closed form, or the method is not built yet.
     """
     body = IkRequest.model_validate_json(content)
     _check_method(body)
     prepared = library.robot(robot)
     chain = prepared.chain
-    wanted = body.max_solutions or (_ALL if body.all_solutions else 1)
-    looked_for = wanted if body.scene is None else max(wanted, _CANDIDATES)
-    found = numeric.solve(
-        chain,
-        translate.transform(body.pose),
-        link=body.link,
-        seed_joints=body.seed_joints,
-        seed=body.seed,
-        solutions=looked_for,
-        starts=max(_LEAST_STARTS, _STARTS_EACH * looked_for),
-    )
     link = chain.link(body.link or chain.tip_link).name
+    place = None
+    if body.scene is not None:
+        place = library.scene(scene or (None if isinstance(body.scene, str) else body.scene))
+    trace = None
+    if body.method == "gradient":
+        trace = _followed(chain, body)
+        if not trace.converged:
+            return _not_converged(link, trace)
+        found = IkResult((trace.solution,), trace.solution, 1)
+    else:
+        found = _found(chain, body)
     if not found.solutions:
         return _unreachable(chain, link, found)
     answers = [_solution(chain, solution) for solution in found.solutions]
-    if body.scene is not None:
-        inline = None if isinstance(body.scene, str) else body.scene
-        world = World(prepared.geometry, library.scene(scene or inline))
-        for answer in answers:
-            _judge(world, answer)
-        answers.sort(key=lambda answer: not answer["collision_free"])
-        if not body.all_solutions:
-            free = [answer for answer in answers if answer["collision_free"]]
-            if not free:
-                return _all_collide(link, answers)
-            answers = free
-    return to_json({"solutions": answers[:wanted]})
+    if place is not None:
+        answers = _judged(prepared.geometry, place, answers, everything=body.all_solutions)
+        if not body.all_solutions and not answers[0]["collision_free"]:
+            return _all_collide(link, answers)
+    wanted = body.max_solutions or (len(answers) if body.all_solutions or body.all_turns else 1)
+    if not body.all_solutions:
+        answers = [item for item in answers if item["rejected_because"] is None] or answers[:1]
+    answer: dict[str, Any] = {"solutions": answers[:wanted]}
+    if body.gradient is not None and body.gradient.trace and trace is not None:
+        answer["trace"] = _trace(trace)
+    return to_json(answer)
 
 
 def _check_method(body: IkRequest) -> None:
-    if body.method not in _METHODS:
+    if body.method == "constrained":
         raise NotAvailable(
-            f"inverse kinematics by the method {body.method!r} is not built yet",
-            hint=f"There are: {', '.join(_METHODS)}.",
-            methods=list(_METHODS),
+            "inverse kinematics by the method 'constrained' is not built yet",
+            hint=f"There are: {', '.join(METHODS)}, gradient.",
+            methods=[*METHODS, "gradient"],
         )
     if body.constraints:
         raise NotAvailable(
             "constraints of inverse kinematics are not built yet",
-            hint="Leave constraints out; scene keeps solutions out of collision.",
+            hint="Leave constraints out; scene keeps solutions out of collision, and axes frees "
+            "some axes of the pose.",
         )
+    if body.gradient is not None and body.method != "gradient":
+        raise InvalidOption("gradient goes with method 'gradient'")
+    if body.method == "gradient" and (body.axes or body.parameters or body.all_turns):
+        raise InvalidOption("axes, parameters and all_turns do not go with method 'gradient'")
 
 
-def _solution(chain: Chain, solution: IkSolution) -> dict[str, Any]:
-    q = solution.joints
-    inside = (q >= chain.limits.lower).all() and (q <= chain.limits.upper).all()
+def _found(chain: Chain, body: IkRequest) -> IkResult:
+    method = cast(Method, body.method)
+    closed = method != "numeric" and body.axes is None and structure(chain, body.link) is not None
+    many = body.all_solutions or body.all_turns
+    most = body.max_solutions or 1
+    if body.max_solutions is None and many:
+        most = _ALL_CLOSED if closed else _ALL_SEARCHED
+    if body.scene is not None:
+        most = max(most, _CANDIDATES_CLOSED if closed else _CANDIDATES_SEARCHED)
+    return inverse_kinematics(
+        chain,
+        translate.transform(body.pose),
+        link=body.link,
+        method=method,
+        seed_joints=body.seed_joints,
+        seed=body.seed,
+        most=most,
+        choice=body.choice,
+        outside_limits=body.all_solutions,
+        all_turns=body.all_turns,
+        parameters=body.parameters,
+        axes=AXES if body.axes is None else body.axes,
+    )
+
+
+def _followed(chain: Chain, body: IkRequest) -> Trace:
+    how = body.gradient
+    options = GradientOptions()
+    if how is not None:
+        options = GradientOptions(how.rule, how.coordinates, how.gain, how.steps)
+    return follow(
+        chain, translate.transform(body.pose), link=body.link, seed_joints=body.seed_joints,
+        options=options,
+    )  # fmt: skip
+
+
+def _trace(trace: Trace) -> dict[str, Any]:
+    count = len(trace.times)
+    # The first and the last point stay.
+    kept = np.unique(np.linspace(0, count - 1, min(count, _POINTS)).astype(np.int64))
     return {
-        "joints": q.tolist(),
-        "branch": solution.branch,
-        "position_error": solution.position_error,
-        "orientation_error": solution.orientation_error,
-        "within_limits": bool(inside),
-        "collision_free": None,
-        "rejected_because": None,
+        "time": trace.times[kept].tolist(),
+        "joints": trace.joints[kept].tolist(),
+        "position_error": trace.position_error[kept].tolist(),
+        "orientation_error": trace.orientation_error[kept].tolist(),
     }
 
 
-def _judge(world: World, answer: dict[str, Any]) -> None:
-    collisions = world.collisions(answer["joints"])
-    answer["collision_free"] = not collisions
-    if collisions:
-        a, b = collisions[0].pair
-        answer["rejected_because"] = f"{a!r} and {b!r} overlap by {collisions[0].depth:.4g} m"
+def _solution(chain: Chain, solution: IkSolution) -> dict[str, Any]:
+    why = outside(chain, solution.joints)
+    return {
+        "joints": solution.joints.tolist(),
+        "branch": solution.branch,
+        "position_error": solution.position_error,
+        "orientation_error": solution.orientation_error,
+        "within_limits": why is None,
+        "collision_free": None,
+        "rejected_because": why,
+    }
+
+
+def _judged(
+    robot: RobotGeometry, place: Scene, answers: list[dict[str, Any]], *, everything: bool
+) -> list[dict[str, Any]]:
+    """Answers with their collisions, those that can be used first; all, or up to the first one."""
+    checker, world = Checker.of(robot, place), World(robot, place)
+    judged: list[dict[str, Any]] = []
+    measured = 0
+    for answer in answers:
+        clearance, pair = checker.clearance(np.array(answer["joints"]))
+        answer["collision_free"] = clearance > 0.0
+        if clearance <= 0.0 and pair is not None:
+            why = f"{pair[0]!r} and {pair[1]!r} overlap"
+            # Depths cost a thousand times as much as verdicts.
+            if measured < _MEASURED and (deepest := world.collisions(answer["joints"])):
+                a, b = deepest[0].pair
+                why = f"{a!r} and {b!r} overlap by {deepest[0].depth:.4g} m"
+                measured += 1
+            before = answer["rejected_because"]
+            answer["rejected_because"] = why if before is None else f"{before}; {why}"
+        judged.append(answer)
+        if not everything and answer["collision_free"] and answer["within_limits"]:
+            break
+    judged.sort(key=lambda item: (not item["within_limits"], not item["collision_free"]))
+    return judged
+
+
+def _not_converged(link: str, trace: Trace) -> Refusal:
+    last = trace.solution
+    return Refusal(
+        "NO_IK_SOLUTION",
+        f"after {last.iterations} steps the gradient has brought {link!r} to "
+        f"{last.position_error:.4g} m and {last.orientation_error:.4g} rad from the pose",
+        "Start elsewhere (seed_joints), allow more steps, or take the method auto.",
+        {
+            "stage": "ik",
+            "position_error": last.position_error,
+            "orientation_error": last.orientation_error,
+            "nearest_joints": last.joints.tolist(),
+            "trace": _trace(trace),
+        },
+    )
 
 
 def _unreachable(chain: Chain, link: str, found: IkResult) -> Refusal:
@@ -212,7 +407,7 @@ def _all_collide(link: str, answers: list[dict[str, Any]]) -> Refusal:
         f"each of the {len(answers)} configurations found that bring {link!r} to the pose is in "
         f"collision; of the nearest one {answers[0]['rejected_because']}",
         "Move the pose or the obstacle; with all_solutions the colliding ones are answered too.",
-        {"stage": "collision", "rejected": answers},
+        {"stage": "collision", "rejected": answers[:_TOLD]},
     )
 
 
@@ -222,3 +417,7 @@ def warm() -> None:
     for joints in ([0.1, 0.2], [[0.1, 0.2], [0.3, 0.4]]):
         fk(chain, FkRequest.model_validate({"joints": joints}))
         jacobian(chain, JacobianRequest.model_validate({"joints": joints}))
+        velocity(
+            chain,
+            VelocityRequest.model_validate({"joints": joints, "joint_velocities": joints}),
+        )

@@ -53,6 +53,9 @@ def requests() -> None:
             pose = {"position": [0.4, -0.2, 0.4], "rpy": [3.1, 0.0, 0.0]}
             _ask(kinematics_tasks.ik, panda, {"pose": pose, "scene": scene})
         _ask(kinematics_tasks.ik, panda, {"pose": {"position": [3.0, 0.0, 0.0]}})
+        down = {"position": [0.4, -0.2, 0.4], "rpy": [3.1, 0.0, 0.0]}
+        for method in ("numeric", "gradient"):
+            _ask(kinematics_tasks.ik, panda, {"pose": down, "method": method})
         touching = [[0.53, 0.0, 0.0, -2.2, 0.0, 2.2, 0.8], [0.53, 0.6, 0.0, -1.6, 0.0, 2.2, 0.8]]
         check = {"robot": "panda", "scene": _scene(0.001), "joints": [_START, *touching]}
         _ask(check_tasks.check, panda, check)

@@ -20,13 +20,36 @@ from armwright_client.base import (
 from armwright_client.scene import SceneReference
 
 
+class VelocityOptions(TypedDict, total=False):
+    """What can be asked of velocity kinematics.
+
+    Args:
+        joint_velocities: Whose twist is asked for [rad/s or m/s].
+        twist: (linear, angular), whose joint velocities are asked for [m/s, rad/s].
+        nullspace: Joint velocities of which the part that leaves the link at rest is added.
+        link: The tip if left out.
+        point: A point fixed to the link, in its frame [m]; its origin if left out.
+        damped_below: Singular values below it are damped; 0 for the plain pseudo-inverse.
+    """
+
+    joint_velocities: VectorLike
+    twist: VectorLike
+    nullspace: VectorLike
+    link: str
+    point: VectorLike
+    damped_below: float
+
+
 class VelocityRequest(Request):
-    """Joint velocities, or the twist (linear, angular) of the tip they are to cause."""
+    """Joint velocities, or the twist (linear, angular) they are to cause."""
 
     joints: Vector
     joint_velocities: Vector | None = None
     twist: Vector6 | None = None
     nullspace: Vector | None = None
+    link: str | None = None
+    point: Vector3 | None = None
+    damped_below: float | None = None
 
     @model_validator(mode="after")
     def _check_form(self) -> Self:
@@ -35,12 +58,40 @@ class VelocityRequest(Request):
         return self
 
 
-class VelocityAnswer(Answer):
-    """What was asked for of twist and joint velocities, and what of the twist is left."""
+class DampedDirection(Answer):
+    """A direction in which the joints were kept from racing.
 
-    twist: list[float] | None = None
-    joint_velocities: list[float] | None = None
-    residual: Any = None
+    Args:
+        singular_value: Of the Jacobian.
+        gain: What of the twist along it is still followed, 0 to 1.
+        twist: The direction, of length 1.
+        joint_velocities: The joints' part in it, of length 1.
+    """
+
+    singular_value: float
+    gain: float
+    twist: list[float]
+    joint_velocities: list[float]
+
+
+class VelocityAnswer(Answer):
+    """Twist and joint velocities that belong together.
+
+    Args:
+        twist: Of the link [m/s, rad/s].
+        joint_velocities: [rad/s or m/s].
+        residual: What of the twist asked for is not followed.
+        rank: Of the Jacobian.
+        singular_values: Largest first.
+        damped: The directions that were damped.
+    """
+
+    twist: list[float]
+    joint_velocities: list[float]
+    residual: list[float]
+    rank: int
+    singular_values: list[float]
+    damped: list[DampedDirection]
 
 
 class Payload(Request):

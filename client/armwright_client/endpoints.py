@@ -24,6 +24,7 @@ from armwright_client.dynamics import (
     RegressorOptions,
     RegressorRequest,
     VelocityAnswer,
+    VelocityOptions,
     VelocityRequest,
     WrenchAnswer,
     WrenchBatch,
@@ -143,18 +144,13 @@ class RobotEndpoints:
 
     @Endpoint
     def velocity(
-        self,
-        robot: str,
-        joints: VectorLike,
-        *,
-        joint_velocities: VectorLike | None = None,
-        twist: VectorLike | None = None,
-        nullspace: VectorLike | None = None,
+        self, robot: str, joints: VectorLike, **options: Unpack[VelocityOptions]
     ) -> Call[VelocityAnswer]:
-        """The twist of the tip by joint velocities, or the least joint velocities for a twist."""
-        body = VelocityRequest.of(
-            joints=joints, joint_velocities=joint_velocities, twist=twist, nullspace=nullspace
-        )
+        """The twist of joint velocities, or the least joint velocities for a twist.
+
+        See `VelocityOptions`.
+        """
+        body = VelocityRequest.of(joints=joints, **options)
         return Call("POST", path("robots", robot, "velocity"), VelocityAnswer.read, body)
 
     @Endpoint

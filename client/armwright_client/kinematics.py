@@ -1,5 +1,6 @@
 """Forward and inverse kinematics and Jacobians."""
 
+from collections.abc import Sequence
 from typing import Literal, TypedDict
 
 from armwright_client.base import (
@@ -17,6 +18,8 @@ from armwright_client.scene import SceneReference
 
 JacobianKind = Literal["geometric", "analytic_zyz"]
 IkMethod = Literal["auto", "analytic", "numeric", "gradient", "constrained"]
+IkChoice = Literal["nearest", "limits", "manipulability"]
+Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
 
 
 class FkRequest(Request):
@@ -93,6 +96,24 @@ class JacobianBatch(Answer):
     manipulability: list[float]
 
 
+class Gradient(Request):
+    """How the method "gradient" follows it.
+
+    Args:
+        rule: "pseudo_inverse": q̇ = J⁺ K e by Runge-Kutta; "transpose": q ← q + γ Jᵀ e.
+        coordinates: What orientation errors are counted in.
+        gain: K [1/s], 1 if left out; or γ, the best of each step if left out.
+        steps: At most; 400 or 20,000 if left out.
+        trace: Also answer where it went.
+    """
+
+    rule: Literal["pseudo_inverse", "transpose"] = "pseudo_inverse"
+    coordinates: Literal["rotation_vector", "zyz"] = "rotation_vector"
+    gain: float | None = None
+    steps: int | None = None
+    trace: bool = False
+
+
 class IkOptions(TypedDict, total=False):
     """What can be asked of inverse kinematics beyond the pose.
 
@@ -101,7 +122,12 @@ class IkOptions(TypedDict, total=False):
         seed_joints: Where to look first; solutions near it are better.
         method: "auto" if left out.
         all_solutions: Also those that are outside limits or in collision, with the reason.
+        all_turns: Also copies by whole turns of joints inside the limits.
         max_solutions: At most so many.
+        choice: What is best; "nearest" to the seed if left out.
+        parameters: Arm angles or values of the locked joint of a seven-joint arm's closed form.
+        axes: Axes of the pose's own frame that count; all if left out.
+        gradient: Of the method "gradient".
         scene: To be free of collisions in.
         constraints: Beyond the pose.
         timeout: [s].
@@ -112,7 +138,12 @@ class IkOptions(TypedDict, total=False):
     seed_joints: VectorLike
     method: IkMethod
     all_solutions: bool
+    all_turns: bool
     max_solutions: int
+    choice: IkChoice
+    parameters: VectorLike
+    axes: Sequence[Axis]
+    gradient: Gradient
     scene: SceneReference
     constraints: OptionsList
     timeout: float
@@ -127,7 +158,12 @@ class IkRequest(Request):
     seed_joints: Vector | None = None
     method: IkMethod = "auto"
     all_solutions: bool = False
+    all_turns: bool = False
     max_solutions: int | None = None
+    choice: IkChoice = "nearest"
+    parameters: Vector | None = None
+    axes: tuple[Axis, ...] | None = None
+    gradient: Gradient | None = None
     scene: SceneReference | None = None
     constraints: OptionsList | None = None
     timeout: float | None = None
@@ -156,7 +192,24 @@ class IkSolution(Answer):
     rejected_because: str | None = None
 
 
+class GradientTrace(Answer):
+    """Where a gradient went, from the start on.
+
+    Args:
+        time: Of the flow [s]; of the descent the step's number.
+        joints: [rad or m].
+        position_error: [m].
+        orientation_error: [rad].
+    """
+
+    time: list[float]
+    joints: Matrix
+    position_error: list[float]
+    orientation_error: list[float]
+
+
 class IkAnswer(Answer):
-    """Solutions, best first."""
+    """Solutions, best first, and the trace of a gradient if it was asked for."""
 
     solutions: list[IkSolution]
+    trace: GradientTrace | None = None

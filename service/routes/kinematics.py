@@ -13,6 +13,8 @@ from service.schemas.kinematics import (
     IkRequest,
     JacobianAnswer,
     JacobianRequest,
+    VelocityAnswer,
+    VelocityRequest,
 )
 from service.worker_main import Job
 
@@ -22,6 +24,8 @@ router = APIRouter(
 
 #: Frames that are computed in a millisecond; more of them go to a worker.
 _INLINE_FRAMES = 200
+#: Configurations whose Jacobians are decomposed in a millisecond.
+_INLINE_TWISTS = 10
 
 
 @router.post("/fk", summary="Poses of the links", response_model=FkAnswer)
@@ -40,6 +44,19 @@ async def jacobian(name: str, body: JacobianRequest, request: Request) -> Respon
     if _costs_little(body.joints, chain):
         return _json(kinematics_tasks.jacobian(chain, body))
     return _json(await _in_worker(request, name, "jacobian_batch"))
+
+
+@router.post("/velocity", summary="Velocity kinematics", response_model=VelocityAnswer)
+async def velocity(name: str, body: VelocityRequest, request: Request) -> Response:
+    """The twist that joint velocities cause, or the joint velocities that cause a twist.
+
+    The least-norm solution, or that of least residual, plus the null-space term; damped near
+    singularities, and what was damped is told.
+    """
+    chain = await catalog.chain(request, name)
+    if _count(body.joints) <= _INLINE_TWISTS:
+        return _json(kinematics_tasks.velocity(chain, body))
+    return _json(await _in_worker(request, name, "velocity_batch"))
 
 
 @router.post("/ik", summary="Configurations that reach a pose", response_model=IkAnswer)
@@ -68,8 +85,11 @@ async def _in_worker(request: Request, name: str, task: str) -> bytes:
 
 
 def _costs_little(joints: list[float] | list[list[float]], chain: Chain) -> bool:
-    configurations = len(joints) if isinstance(joints[0], list) else 1
-    return configurations == 1 or configurations * len(chain.links) <= _INLINE_FRAMES
+    return _count(joints) == 1 or _count(joints) * len(chain.links) <= _INLINE_FRAMES
+
+
+def _count(joints: list[float] | list[list[float]]) -> int:
+    return len(joints) if isinstance(joints[0], list) else 1
 
 
 def _json(content: bytes) -> Response:

@@ -12,7 +12,6 @@ _ROBOT = "For this robot there are fk, jacobian and ik."
 _PLAN = "There is POST /v1/plan, which answers one problem at once with a timed trajectory."
 #: Method, path and what can be used instead.
 _PENDING = (
-    ("POST", "/v1/robots/{name}/velocity", _ROBOT),
     ("POST", "/v1/robots/{name}/potential", _ROBOT),
     ("POST", "/v1/plan/batch", _PLAN),
     ("GET", "/v1/jobs/{id}", _PLAN),

@@ -1,8 +1,8 @@
 """Forward and inverse kinematics and Jacobians on the wire."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from service.schemas.base import (
     Answer,
@@ -12,15 +12,22 @@ from service.schemas.base import (
     JointVector,
     Label,
     Matrix,
+    NonNegative,
+    Number,
     Point,
+    Positive,
     Seed,
     Timeout,
+    Vector6,
+    exactly_one,
 )
 from service.schemas.pose import Pose, PoseAnswer
 from service.schemas.scene import SceneReference
 
 MAX_SOLUTIONS = 1_000
 MAX_CONSTRAINTS = 32
+MAX_PARAMETERS = 1_000
+MAX_TWISTS = 10_000
 
 JOINTS_EXAMPLE = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
 
@@ -59,15 +66,60 @@ class JacobianAnswer(Answer):
     manipulability: float | list[float]
 
 
+Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
+
+
+class GradientOptions(Body):
+    """How the method "gradient" follows it."""
+
+    rule: Literal["pseudo_inverse", "transpose"] = Field(
+        "pseudo_inverse",
+        description="the flow q̇ = J⁺ K e by Runge-Kutta, or the descent q ← q + γ Jᵀ e",
+    )
+    coordinates: Literal["rotation_vector", "zyz"] = Field(
+        "rotation_vector", description="what orientation errors are counted in"
+    )
+    gain: Positive | None = Field(
+        None, description="K [1/s], 1 if left out; or γ, the best of each step if left out"
+    )
+    steps: Annotated[int, Field(ge=1, le=100_000)] | None = Field(
+        None, description="400 or 20,000 if left out"
+    )
+    trace: bool = Field(False, description="also answer where it went")
+
+
 class IkRequest(Body):
     """A pose to be reached."""
 
     pose: Pose
     link: Label | None = Field(None, description="the tip if left out")
     seed_joints: JointVector | None = Field(None, examples=[JOINTS_EXAMPLE])
-    method: Literal["auto", "analytic", "numeric", "gradient", "constrained"] = "auto"
-    all_solutions: bool = False
+    method: Literal["auto", "analytic", "numeric", "gradient", "constrained"] = Field(
+        "auto", description="auto: the closed form where the arm has one, else numeric"
+    )
+    all_solutions: bool = Field(
+        False, description="also those outside the limits or in collision, with the reason"
+    )
+    all_turns: bool = Field(
+        False, description="also copies by whole turns of joints inside the limits"
+    )
     max_solutions: Annotated[int, Field(ge=1, le=MAX_SOLUTIONS)] | None = None
+    choice: Literal["nearest", "limits", "manipulability"] = Field(
+        "nearest",
+        description="what is best: nearest to the seed, farthest from limits, most manipulable",
+    )
+    parameters: Annotated[list[Number], Field(min_length=1, max_length=MAX_PARAMETERS)] | None = (
+        Field(
+            None,
+            description="of a seven-joint arm's closed form: arm angles or locked joint's values",
+        )
+    )
+    axes: Annotated[list[Axis], Field(min_length=1, max_length=6)] | None = Field(
+        None,
+        description="axes of the pose's own frame that count, all if left out: positions along "
+        "x, y, z, turns about them rx, ry, rz",
+    )
+    gradient: GradientOptions | None = Field(None, description='of the method "gradient"')
     scene: SceneReference | None = Field(None, examples=["table"])
     constraints: Constraints | None = None
     timeout: Timeout | None = None
@@ -86,7 +138,62 @@ class IkSolution(Answer):
     rejected_because: str | None = None
 
 
+class GradientTrace(Answer):
+    """Where a gradient went, from the start on; long ways are thinned out to 500 points."""
+
+    time: list[float] = Field(description="of the flow [s]; of the descent the step's number")
+    joints: Matrix
+    position_error: list[float] = Field(description="[m]")
+    orientation_error: list[float] = Field(description="[rad]")
+
+
 class IkAnswer(Answer):
     """Solutions, best first."""
 
     solutions: list[IkSolution]
+    trace: GradientTrace | None = None
+
+
+class VelocityRequest(Body):
+    """Joint velocities, or the twist (linear, angular) that they are to cause."""
+
+    joints: Joints = Field(examples=[JOINTS_EXAMPLE])
+    joint_velocities: Joints | None = Field(None, examples=[[0.1] * 7])
+    twist: Vector6 | Annotated[list[Vector6], Field(min_length=1, max_length=MAX_TWISTS)] | None = (
+        Field(None, description="[v; w] in the base frame [m/s, rad/s]")
+    )
+    nullspace: Joints | None = Field(
+        None, description="b: (I − J⁺J) b is added, which leaves the link at rest"
+    )
+    link: Label | None = Field(None, description="the tip if left out")
+    point: Point | None = Field(None, description="a point fixed to the link, in its frame [m]")
+    damped_below: NonNegative | None = Field(
+        None, description="singular values below it are damped; 0 for the plain pseudo-inverse"
+    )
+
+    @model_validator(mode="after")
+    def _one_of_two(self) -> Self:
+        exactly_one(self, ("joint_velocities", "twist"))
+        if self.twist is None and (self.nullspace is not None or self.damped_below is not None):
+            raise ValueError("nullspace and damped_below go with twist")
+        return self
+
+
+class DampedDirection(Answer):
+    """A direction in which the joints were kept from racing."""
+
+    singular_value: float
+    gain: float = Field(description="what of the twist along it is still followed, 0 … 1")
+    twist: list[float] = Field(description="the direction, of length 1")
+    joint_velocities: list[float] = Field(description="the joints' part in it, of length 1")
+
+
+class VelocityAnswer(Answer):
+    """Twist and joint velocities; with many configurations each field is a list."""
+
+    twist: list[float] | Matrix
+    joint_velocities: list[float] | Matrix
+    residual: list[float] | Matrix = Field(description="what of the twist is not followed")
+    rank: int | list[int]
+    singular_values: list[float] | Matrix
+    damped: list[DampedDirection] | list[list[DampedDirection]]

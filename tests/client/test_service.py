@@ -82,7 +82,6 @@ def pending(client: Client) -> list[Any]:
     )
     robots = client.robots
     return [
-        lambda: robots.velocity("panda", READY, joint_velocities=[0.1] * 7),
         lambda: robots.potential("panda", READY, AWAY, scene),
         lambda: client.plan_batch([problem]),
         lambda: client.jobs.get("1"),
@@ -97,6 +96,35 @@ def test_what_is_not_built_yet_says_so(client: Client) -> None:
             ask()
         assert caught.value.status == 501
         assert caught.value.problem.hint
+
+
+# ------------------------------------------------------------------------------ kinematics
+
+
+def test_velocities_and_every_kind_of_inverse_kinematics(client: Client) -> None:
+    told = client.robots.velocity("panda", READY, joint_velocities=[0.1] * 7)
+    back = client.robots.velocity("panda", READY, twist=told.twist, nullspace=[0.1] * 7)
+    assert back.joint_velocities == pytest.approx([0.1] * 7, abs=1e-9)
+    assert back.damped == []
+    pose = client.robots.fk("panda", READY).pose
+    near = client.robots.ik("panda", pose, seed_joints=READY, method="analytic")
+    assert near.solutions[0].joints == pytest.approx(READY, abs=1e-6)
+    assert "q7=" in (near.solutions[0].branch or "")
+    seed = [x + 0.1 for x in READY]
+    way = ours.Gradient(rule="transpose", trace=True)
+    traced = client.robots.ik("panda", pose, seed_joints=seed, method="gradient", gradient=way)
+    assert traced.trace is not None
+    assert traced.trace.joints[0] == pytest.approx(seed)
+    every = client.robots.ik(
+        "ur5e",
+        client.robots.fk("ur5e", [0.3, -1.0, 1.4, -0.7, -1.3, 0.2]).pose,
+        all_solutions=True,
+        all_turns=True,
+        choice="limits",
+    )
+    assert len(every.solutions) == 256
+    free = client.robots.ik("panda", pose, axes=["x", "y", "z"], choice="manipulability")
+    assert free.solutions[0].position_error <= 1e-6
 
 
 # ---------------------------------------------------------------------------------- timing

@@ -13,7 +13,7 @@ from kinematics.robots import builtin_chain
 from obstacles.world import World
 from service import library, translate
 from service.references import builtin_reference
-from service.schemas.kinematics import FkAnswer, IkAnswer, JacobianAnswer
+from service.schemas.kinematics import FkAnswer, IkAnswer, JacobianAnswer, VelocityAnswer
 from service.schemas.scene import Scene
 from tests.service.robots import HOME, answer, problem, scene
 
@@ -147,12 +147,15 @@ def test_ik_with_a_scene_tells_collisions_by_name(client: httpx.Client) -> None:
     verdicts = [item["collision_free"] for item in found]
     assert True in verdicts
     assert False in verdicts
-    assert verdicts == sorted(verdicts, reverse=True), "best first"
+    usable = [item["rejected_because"] is None for item in found]
+    assert usable == sorted(usable, reverse=True), "best first"
     geometry = library.robot(builtin_reference("panda")).geometry
     world = World(geometry, translate.scene(Scene.model_validate(place)))
     for item in found:
+        usable_one = item["collision_free"] and item["within_limits"]
+        assert (item["rejected_because"] is None) == usable_one
+    for item in found[:: max(1, len(found) // 25)]:
         assert item["collision_free"] == (not world.collisions(item["joints"]))
-        assert (item["rejected_because"] is None) == item["collision_free"]
     single = answer(client.post("/v1/robots/panda/ik", json={"pose": pose, "scene": place}))
     assert [item["collision_free"] for item in single["solutions"]] == [True]
 
@@ -195,9 +198,145 @@ def test_ik_out_of_reach_says_how_far_and_why(
     np.testing.assert_allclose(off, details["position_error"], atol=1e-9)
 
 
-@pytest.mark.parametrize("method", ["analytic", "gradient", "constrained"])
-def test_methods_that_are_not_built_yet(client: httpx.Client, method: str) -> None:
-    body = {"pose": {"position": [0.4, 0, 0.4]}, "method": method}
+def as_pose(T: Any) -> dict[str, Any]:
+    return {
+        "position": T[:3, 3].tolist(),
+        "quaternion_xyzw": to_quaternion(T[:3, :3]).tolist(),
+    }
+
+
+def test_closed_forms_name_their_branches(client: httpx.Client) -> None:
+    q = np.array([0.3, -1.0, 1.4, -0.7, -1.3, 0.2])
+    body: dict[str, Any] = {"pose": as_pose(forward(builtin_chain("ur5e"), q))}
+    body |= {"method": "analytic", "all_solutions": True}
+    found = answer(client.post("/v1/robots/ur5e/ik", json=body))
+    IkAnswer.model_validate(found)
+    assert len({item["branch"] for item in found["solutions"]}) == 8
+    turned = answer(client.post("/v1/robots/ur5e/ik", json=body | {"all_turns": True}))
+    assert len(turned["solutions"]) == 8 * 2**5
+    few = answer(client.post("/v1/robots/ur5e/ik", json=body | {"max_solutions": 3}))
+    assert len(few["solutions"]) == 3
+    document = problem(
+        client.post(
+            "/v1/robots/scara/ik", json={"pose": {"position": [0.4, 0, 0]}, "method": "analytic"}
+        ),
+        501,
+        "NOT_IMPLEMENTED",
+    )
+    assert "numeric" in document["hint"]
+
+
+def test_solutions_outside_limits_say_which(client: httpx.Client) -> None:
+    q = [2.7, -3.8, 3.8, 2.9, 1.7, -4.6]
+    body = {"pose": as_pose(forward(builtin_chain("puma560"), q)), "all_solutions": True}
+    found = answer(client.post("/v1/robots/puma560/ik", json=body))["solutions"]
+    flags = [item["within_limits"] for item in found]
+    assert len(found) == 8
+    assert flags == sorted(flags, reverse=True)
+    for item in found:
+        assert (item["rejected_because"] is None) == item["within_limits"]
+        if not item["within_limits"]:
+            assert "outside [" in item["rejected_because"]
+
+
+@pytest.mark.parametrize("name", ["panda", "iiwa14"])
+def test_redundant_arms_take_parameters(client: httpx.Client, name: str) -> None:
+    chain = builtin_chain(name)
+    q = 0.2 * np.array([1, 1, 1, -5, 1, 5, 1])
+    body: dict[str, Any] = {"pose": as_pose(forward(chain, q)), "all_solutions": True}
+    at_two = answer(client.post(f"/v1/robots/{name}/ik", json=body | {"parameters": [0.2, 0.5]}))
+    assert 8 <= len(at_two["solutions"]) <= 16
+    seeded = answer(client.post(f"/v1/robots/{name}/ik", json={
+        "pose": body["pose"], "seed_joints": q.tolist()}))  # fmt: skip
+    np.testing.assert_allclose(seeded["solutions"][0]["joints"], q, atol=1e-6)
+    limits = answer(client.post(f"/v1/robots/{name}/ik", json={
+        "pose": body["pose"], "choice": "limits"}))  # fmt: skip
+    assert limits["solutions"][0]["within_limits"]
+
+
+@pytest.mark.parametrize("rule", ["pseudo_inverse", "transpose"])
+def test_gradients_are_traced(client: httpx.Client, rule: str) -> None:
+    chain = builtin_chain("panda")
+    q = np.array(HOME)
+    pose = as_pose(forward(chain, q + 0.1))
+    body: dict[str, Any] = {"pose": pose, "method": "gradient", "seed_joints": q.tolist()}
+    body["gradient"] = {"rule": rule, "trace": True}
+    found = answer(client.post("/v1/robots/panda/ik", json=body))
+    IkAnswer.model_validate(found)
+    trace = found["trace"]
+    assert len(trace["time"]) == len(trace["joints"]) == len(trace["position_error"]) <= 500
+    np.testing.assert_array_equal(trace["joints"][0], q)
+    assert trace["position_error"][-1] <= 1e-6
+    assert trace["joints"][-1] == found["solutions"][0]["joints"]
+    body["gradient"]["steps"] = 2
+    document = problem(client.post("/v1/robots/panda/ik", json=body), 422, "NO_IK_SOLUTION")
+    assert len(document["details"]["trace"]["time"]) == 3
+    body |= {"method": "auto"}
+    problem(client.post("/v1/robots/panda/ik", json=body), 422, "VALIDATION_ERROR")
+
+
+def test_some_axes_of_a_pose(client: httpx.Client) -> None:
+    chain = builtin_chain("scara")
+    T = forward(chain, [0.3, 0.5, 0.1, 0.2])
+    body: dict[str, Any] = {"pose": {"position": T[:3, 3].tolist(), "rpy": [1.0, 0.0, 0.0]}}
+    problem(client.post("/v1/robots/scara/ik", json=body), 422, "NO_IK_SOLUTION")
+    body["axes"] = ["x", "y", "z"]
+    (best,) = answer(client.post("/v1/robots/scara/ik", json=body))["solutions"]
+    np.testing.assert_allclose(forward(chain, best["joints"])[:3, 3], T[:3, 3], atol=2e-6)
+
+
+def test_velocity_both_ways(client: httpx.Client) -> None:
+    chain = builtin_chain("panda")
+    q, rates = np.array(HOME), np.linspace(-0.3, 0.3, 7)
+    request: dict[str, Any] = {"joints": HOME, "joint_velocities": rates.tolist()}
+    told = answer(client.post("/v1/robots/panda/velocity", json=request))
+    VelocityAnswer.model_validate(told)
+    np.testing.assert_allclose(told["twist"], geometric(chain, q) @ rates, atol=1e-12)
+    assert told["rank"] == 6
+    back = {"joints": HOME, "twist": told["twist"], "nullspace": rates.tolist()}
+    found = answer(client.post("/v1/robots/panda/velocity", json=back))
+    VelocityAnswer.model_validate(found)
+    # The least-norm part and the null-space part of the same rates are the rates.
+    np.testing.assert_allclose(found["joint_velocities"], rates, atol=1e-9)
+    np.testing.assert_allclose(found["residual"], 0.0, atol=1e-9)
+    assert found["damped"] == []
+    many = {"joints": [HOME] * 20, "twist": told["twist"]}
+    batch = answer(client.post("/v1/robots/panda/velocity", json=many))
+    VelocityAnswer.model_validate(batch)
+    assert np.shape(batch["joint_velocities"]) == (20, 7)
+    assert batch["damped"] == [[]] * 20
+
+
+def test_what_is_damped_near_a_singularity_is_told(client: httpx.Client) -> None:
+    request = {"joints": [0.3, -1.0, 1.4, -0.7, 1e-6, 0.2], "twist": [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]}
+    found = answer(client.post("/v1/robots/ur5e/velocity", json=request))
+    (lost,) = found["damped"]
+    assert lost["gain"] < 1e-3
+    assert np.linalg.norm(lost["twist"]) == pytest.approx(1.0)
+    assert np.linalg.norm(found["joint_velocities"]) < 20.0
+    np.testing.assert_allclose(
+        np.array(found["twist"]) + found["residual"], request["twist"], atol=1e-12
+    )
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        {"joints": HOME},
+        {"joints": HOME, "twist": [0] * 6, "joint_velocities": [0] * 7},
+        {"joints": HOME, "twist": [0] * 5},
+        {"joints": HOME, "joint_velocities": [0] * 7, "nullspace": [0] * 7},
+        {"joints": HOME, "twist": [0] * 6, "damped_below": -1.0},
+        {"joints": HOME, "twist": [[0] * 6] * 2},
+        {"joints": [HOME] * 3, "twist": [[0] * 6] * 2},
+    ],
+)
+def test_velocities_refused(client: httpx.Client, body: dict[str, Any]) -> None:
+    problem(client.post("/v1/robots/panda/velocity", json=body), 422, "VALIDATION_ERROR")
+
+
+def test_the_constrained_method_is_not_built_yet(client: httpx.Client) -> None:
+    body = {"pose": {"position": [0.4, 0, 0.4]}, "method": "constrained"}
     document = problem(client.post("/v1/robots/panda/ik", json=body), 501, "NOT_IMPLEMENTED")
     assert "numeric" in document["hint"]
 
