@@ -1,7 +1,9 @@
 """Forward and inverse kinematics and Jacobians."""
 
 from collections.abc import Sequence
-from typing import Literal, TypedDict
+from typing import Annotated, Literal, TypedDict
+
+from pydantic import Field
 
 from armwright_client.base import (
     Answer,
@@ -162,7 +164,7 @@ class IkRequest(Request):
     max_solutions: int | None = None
     choice: IkChoice = "nearest"
     parameters: Vector | None = None
-    axes: tuple[Axis, ...] | None = None
+    axes: Annotated[tuple[Axis, ...], Field(strict=False)] | None = None
     gradient: Gradient | None = None
     scene: SceneReference | None = None
     constraints: OptionsList | None = None
