@@ -15,7 +15,7 @@ from planning import pipeline
 from planning.certificate import certify
 from planning.deadline import Deadline
 from planning.result import Failure, Plan
-from service import library, translate_motion, worker_main
+from service import library, translate_motion, translate_timing, worker_main
 from service.answering import answering
 from service.check_tasks import attach
 from service.computing import PATIENCE
@@ -72,7 +72,10 @@ def validate(
     motion, begins = translate_motion.trajectory(body.trajectory, arm.chain)
     limits = translate_motion.limits(body.limits, arm.chain)
     deadline = Deadline.after(max(_left(body.timeout or timeout), 0.0))
-    certificate = certify(motion, arm, place, margin=body.margin, limits=limits, deadline=deadline)
+    loads = translate_timing.effort_loads(body.limits, arm.chain)
+    certificate = certify(
+        motion, arm, place, margin=body.margin, limits=limits, loads=loads, deadline=deadline
+    )
     violation = certificate.violation
     if violation is not None and violation.kind == "time":
         return _late()

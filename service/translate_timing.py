@@ -9,6 +9,7 @@ from kinematics.chain import Array, Chain
 from kinematics.errors import InvalidOption, InvalidTrajectory
 from planning.options import Payload, TimingOptions
 from planning.retime import PathToTime, Retimed
+from planning.timing.loads import Loads
 from service.schemas import plan as schema
 from service.schemas import retime as retime_schema
 
@@ -68,6 +69,17 @@ def given_limit(given: Sequence[float], quantity: str, joint_names: Sequence[str
             hint=f"The order is: {', '.join(joint_names)}.",
         )
     return np.array(given, dtype=np.float64)
+
+
+def effort_loads(body: schema.LimitsBody | None, chain: Chain) -> Loads | None:
+    """Torque limits that a motion is to be held to, where a request gives some.
+
+    Raises:
+        InvalidOption: A limit is not positive, or their number is wrong.
+    """
+    if body is None or body.effort is None:
+        return None
+    return Loads(chain, given_limit(body.effort, "effort", chain.joint_names))
 
 
 def path_to_time(body: retime_schema.RetimePath, chain: Chain | None) -> PathToTime:

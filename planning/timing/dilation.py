@@ -15,6 +15,8 @@ from kinematics.trajectory import Trajectory
 # Aimed at below each limit, so that whoever evaluates the polynomials in another order of
 # operations still finds them inside; it costs a trillionth of the duration.
 _HAIR = 1e-12
+# Ratios below this part of what slowing down brings to 1 are far from it whatever is rounded.
+_NEAR = 0.999
 
 
 class Dilated(NamedTuple):
@@ -70,9 +72,8 @@ def fitting_factor(
     Raises:
         InvalidOption: As in ``dilate``.
     """
-    limits = _given(trajectory.n, velocity, acceleration, jerk)
-    ratios = {order: float(peak_ratios(trajectory, v, order).max()) for order, v in limits.items()}
-    return max((ratio ** (1.0 / order) for order, ratio in ratios.items()), default=0.0)
+    worst = _worst(trajectory, _given(trajectory.n, velocity, acceleration, jerk))
+    return max((ratio ** (1.0 / order) for order, ratio in worst.items()), default=0.0)
 
 
 def fit(
@@ -126,18 +127,26 @@ def _given(n: int, *limits: ArrayLike | None) -> dict[int, Array]:
 
 def _stretched(trajectory: Trajectory, limits: dict[int, Array], factor: float) -> Dilated:
     dilated = trajectory if factor == 1.0 else trajectory.dilate(factor)
-    while (missing := _missing(dilated, limits)) > 1.0:
+    worst = _worst(dilated, limits)
+    while (missing := _missing(worst)) > 1.0:
         factor *= missing * (1.0 + _HAIR)
         dilated = trajectory.dilate(factor)
+        # Looked at again is what comes near its limit: the rest has only become smaller.
+        near = {k: limits[k] for k, r in worst.items() if r > _NEAR * missing**k}
+        worst = _worst(dilated, near)
     return Dilated(dilated, factor)
 
 
-def _missing(trajectory: Trajectory, limits: dict[int, Array]) -> float:
+def _worst(trajectory: Trajectory, limits: dict[int, Array]) -> dict[int, float]:
+    """The worst ratio to the limits of each order."""
+    return {
+        order: float(peak_ratios(trajectory, values, order).max())
+        for order, values in limits.items()
+    }
+
+
+def _missing(worst: dict[int, float]) -> float:
     """The factor by which time is still too short: the largest ratio^(1 / order), at least 1."""
-    missing = 1.0
-    for order, values in limits.items():
-        worst = float(peak_ratios(trajectory, values, order).max())
-        if worst > 1.0:
-            # The root of a ratio just above 1 may round to 1.
-            missing = max(missing, worst ** (1.0 / order), 1.0 + _HAIR)
-    return missing
+    # The root of a ratio just above 1 may round to 1.
+    over = (max(r ** (1.0 / k), 1.0 + _HAIR) for k, r in worst.items() if r > 1.0)
+    return max(over, default=1.0)

@@ -318,8 +318,9 @@ def _system_kernel(
             e, f = knot_rows[i, k, 0], knot_rows[i, k, 1]
             value = e * c + f * d
             low, high = value - knot_rows[i, k, 2], knot_rows[i, k, 3] - value
-            pull = mu / high - mu / low
-            weight = knot_duals[i, k, 0] / low + knot_duals[i, k, 1] / high
+            below, above = 1.0 / low, 1.0 / high
+            pull = mu * (above - below)
+            weight = knot_duals[i, k, 0] * below + knot_duals[i, k, 1] * above
             g_c += pull * e
             g_d += pull * f
             h_cc += weight * e * e
@@ -380,11 +381,12 @@ def _jerk_system_kernel(
                 dual_low, dual_high = jerk_duals[k - 1, end, j, 0], jerk_duals[k - 1, end, j, 1]
                 w, r, p = row[0], row[1], row[2]
                 # The slacks' derivatives by (c, d, e) are (slope +- w, +- r, +- p).
-                pull = mu / high - mu / low
-                g_c += pull * w - slope * (mu / high + mu / low)
+                below, above = 1.0 / low, 1.0 / high
+                pull = mu * (above - below)
+                g_c += pull * w - slope * mu * (above + below)
                 g_d += pull * r
                 g_e += pull * p
-                a, b = dual_low / low, dual_high / high
+                a, b = dual_low * below, dual_high * above
                 both, apart = a + b, a - b
                 h_cc += both * (w * w + slope * slope) + 2.0 * apart * w * slope
                 h_cd += (both * w + apart * slope) * r

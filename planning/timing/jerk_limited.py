@@ -30,7 +30,9 @@ from planning.timing.path import SAME_DIRECTION, JointPath
 from planning.timing.ruckig import line_phases
 
 #: What the time found may exceed the least one on the grid by, as a part of it.
-TOLERANCE = 1e-3
+TOLERANCE = 3e-3
+# That of the first round, which only shows where the limits between knots are exceeded.
+_ROUGH = 1e-2
 # On a path of a higher degree the pieces of time would be of a degree above 9: too many digits go.
 _MAX_DEGREE = 3
 # First guesses are these powers of the highest speeds place by place, as fast as stays inside.
@@ -41,7 +43,7 @@ _BISECTIONS = 8
 _FAR, _NEAR = 0.3, 0.02
 # Where the motion between knots takes longer than this without exceeding limits, they are lowered
 # there and the speeds found anew: of the excess hardly a tenth is left each time.
-_ENOUGH = 1.005
+_ENOUGH = 1.01
 _ROUNDS = 2
 # Where no phases fit, c may be at most this many times what it is nearby.
 _CALM = 2.0
@@ -140,7 +142,7 @@ def _curved_phases(
     """The phases of a section, their starts within the path's pieces, and those pieces."""
     made = grid(path, limits, speeds, extra)
     z = _start(made.rows)
-    least_time_kernel(made.rows, z, _FAR, TOLERANCE)
+    least_time_kernel(made.rows, z, _FAR, _ROUGH)
     phases = _phases(made, z, speeds)
     rounds = 0
     while True:

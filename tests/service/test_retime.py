@@ -222,8 +222,10 @@ def test_plans_are_timed_by_every_method(client: httpx.Client, method: str) -> N
         assert certificate["limits"]["jerk"]["worst_ratio"] <= 1.0 + 1e-9
     ends = answer["trajectory"]["segments"]
     assert all(abs(row[1]) < 1e-12 for row in ends[0]["coefficients"])
-    again = client.post(
-        "/v1/validate",
-        json={"robot": "panda", "scene": scene, "trajectory": answer["trajectory"]},
-    ).json()
+    motion = {"robot": "panda", "scene": scene, "trajectory": answer["trajectory"]}
+    again = client.post("/v1/validate", json=motion).json()
     assert again["verified"] is True
+    assert again["limits"]["torque"] is None
+    weak = client.post("/v1/validate", json=motion | {"limits": {"effort": [1.0] * 7}}).json()
+    assert weak["verified"] is False
+    assert weak["limits"]["torque"]["worst_ratio"] > 1.0
