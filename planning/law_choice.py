@@ -41,6 +41,9 @@ def chosen_law(
     found = {
         name: given[name] if name in given else limits.require(name, joint_names) for name in needed
     }
+    if timing.method == "spline" and not np.isnan(limits.jerk).all():
+        # Its jerk is bounded, so that what is known of the limits can be kept.
+        found["jerk"] = np.where(np.isnan(limits.jerk), np.inf, limits.jerk)
     if "jerk" in given and timing.method != "toppra":
         found["jerk"] = given["jerk"]
     scaled = {name: values * getattr(timing, f"{name}_scaling") for name, values in found.items()}

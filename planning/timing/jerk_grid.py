@@ -104,7 +104,10 @@ def _ramp_time(away: Array, length: float) -> Array:
     if length == 0.0:
         return np.zeros_like(away)
     T = length / _RAMP
-    return np.asarray(T * _inverse(away / T))
+    times = np.full(away.shape, T)
+    within = away < length
+    times[within] = T * _inverse(away[within] / T)
+    return times
 
 
 def _inverse(y: Array) -> Array:

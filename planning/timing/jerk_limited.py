@@ -24,8 +24,8 @@ from planning.timing.jerk_barrier import (
     least_time_kernel,
     time_kernel,
 )
-from planning.timing.jerk_grid import Extra, Grid, derivatives, grid
-from planning.timing.jerk_profile import compose_kernel, phases_kernel
+from planning.timing.jerk_grid import Extra, Grid, grid
+from planning.timing.jerk_profile import compose_kernel, phases_kernel, ratios_kernel
 from planning.timing.path import SAME_DIRECTION, JointPath
 from planning.timing.ruckig import line_phases
 
@@ -38,9 +38,10 @@ _MAX_DEGREE = 3
 # First guesses are these powers of the highest speeds place by place, as fast as stays inside.
 _POWERS = (1.0, 0.7, 0.4, 0.0)
 _INSIDE = 0.7
+_NEARLY_INSIDE = 0.95
 _BISECTIONS = 8
 # How far from its limits the method begins: with a first guess, and with a nearly right one.
-_FAR, _NEAR = 0.3, 0.02
+_FAR, _NEAR = 0.3, 0.03
 # Where the motion between knots takes longer than this without exceeding limits, they are lowered
 # there and the speeds found anew: of the excess hardly a tenth is left each time.
 _ENOUGH = 1.01
@@ -158,7 +159,7 @@ def _curved_phases(
             raise _no_speed()
         rounds += 1
         made = made._replace(rows=rows)
-        z = _scaled(rows, z)
+        z = _scaled(rows, z, _NEARLY_INSIDE)
         least_time_kernel(rows, z, _NEAR, TOLERANCE)
         phases = _phases(made, z, speeds)
     owners = np.repeat(made.pieces, 2)
@@ -173,7 +174,7 @@ def _start(rows: Rows) -> Array:
     shape[1:-1] = np.minimum(caps[:-1], caps[1:])
     shape[[0, -1]] = shape[[1, -2]]
     envelope_kernel(rows.lengths, rises, shape)
-    candidates = [_scaled(rows, shape**power) for power in _POWERS]
+    candidates = [_scaled(rows, shape**power, _INSIDE) for power in _POWERS]
     return min(candidates, key=lambda z: time_kernel(rows, z))
 
 
@@ -193,7 +194,7 @@ def _static(rows: Rows) -> tuple[Array, Array]:
     return caps, 0.5 * slopes * (rows.lengths[:-1] + rows.lengths[1:])
 
 
-def _scaled(rows: Rows, z: Array) -> Array:
+def _scaled(rows: Rows, z: Array, inside: float) -> Array:
     """The largest multiple of z inside all limits, and a bit less.
 
     Raises:
@@ -207,7 +208,7 @@ def _scaled(rows: Rows, z: Array) -> Array:
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if inside_kernel(rows, z * np.exp(middle)) else (low, middle)
-    return np.asarray(_INSIDE * np.exp(low) * z)
+    return np.asarray(inside * np.exp(low) * z)
 
 
 def _tightened(rows: Rows, ratios: Array) -> Rows:
@@ -240,25 +241,9 @@ def _at_knots(h: Array, z: Array) -> Array:
 
 def _ratios(path: JointPath, made: Grid, phases: Array, limits: Array) -> Array:
     """Largest ratios to the limits at both ends of both phases of each cell, shape (3, N)."""
-    start, v, half, sixth, duration = phases.reshape(-1, 2, 5).transpose(2, 0, 1)
-    t = duration[:, 1]
-    last_v = v[:, 1] + (2.0 * half[:, 1] + 3.0 * sixth[:, 1] * t) * t
-    last_a = half[:, 1] + 3.0 * sixth[:, 1] * t
-    s = np.column_stack([start, made.places[1:]])
-    v = np.column_stack([v, last_v])[..., None]
-    a = 2.0 * np.column_stack([half, last_a])[..., None]
-    q1, q2, q3 = derivatives(path.coefficients[made.pieces], s - path.breaks[made.pieces, None])
-    rest = 3.0 * q2 * v * a + q3 * v**3
-    jerks = [
-        np.abs(q1[:, k] * (6.0 * sixth[:, phase, None]) + rest[:, k])
-        for phase, k in ((0, 0), (0, 1), (1, 1), (1, 2))
-    ]
-    peaks = (
-        np.abs(q1 * v).max(axis=1),
-        np.abs(q1 * a + q2 * v**2).max(axis=1),
-        np.max(jerks, axis=0),
-    )
-    return np.stack([(p / limit).max(axis=1) for p, limit in zip(peaks, limits, strict=True)])
+    ratios = np.empty((3, len(made.pieces)))
+    ratios_kernel(path.coefficients, made.pieces, path.breaks, phases, limits, ratios)
+    return ratios
 
 
 def _phases(made: Grid, z: Array, speeds: tuple[float, float]) -> Array | None:

@@ -50,6 +50,48 @@ def phases_kernel(states: Array, phases: Array) -> bool:
 
 
 @kernel
+def ratios_kernel(
+    coefficients: Array,
+    pieces: NDArray[np.int64],
+    breaks: Array,
+    phases: Array,
+    limits: Array,
+    ratios: Array,
+) -> None:
+    """Write the largest ratios to the limits at both ends of both phases of each cell.
+
+    Args:
+        coefficients: Of the path, shape (p, n, d + 1), d at most 3.
+        pieces: The path's piece of each cell, shape (N,).
+        breaks: Of the path, shape (p + 1,).
+        phases: As ``phases_kernel`` writes them, shape (2 N, 5).
+        limits: Of velocity, acceleration and jerk, shape (3, n).
+        ratios: Shape (3, N).
+    """
+    n, size = coefficients.shape[1:]
+    for i in range(pieces.shape[0]):
+        worst_v, worst_a, worst_j = 0.0, 0.0, 0.0
+        for phase in range(2 * i, 2 * i + 2):
+            start, one, two, three, h = phases[phase]
+            for end in range(2):
+                t = end * h
+                u = start + (one + (two + three * t) * t) * t - breaks[pieces[i]]
+                v = one + (2.0 * two + 3.0 * three * t) * t
+                a, j = 2.0 * two + 6.0 * three * t, 6.0 * three
+                for joint in range(n):
+                    c = coefficients[pieces[i], joint]
+                    c2 = c[2] if size > 2 else 0.0
+                    c3 = c[3] if size > 3 else 0.0
+                    q1 = c[1] + (2.0 * c2 + 3.0 * c3 * u) * u
+                    q2, q3 = 2.0 * c2 + 6.0 * c3 * u, 6.0 * c3
+                    worst_v = max(worst_v, abs(q1 * v) / limits[0, joint])
+                    worst_a = max(worst_a, abs(q1 * a + q2 * v * v) / limits[1, joint])
+                    third = q1 * j + 3.0 * q2 * v * a + q3 * v * v * v
+                    worst_j = max(worst_j, abs(third) / limits[2, joint])
+        ratios[0, i], ratios[1, i], ratios[2, i] = worst_v, worst_a, worst_j
+
+
+@kernel
 def compose_kernel(
     coefficients: Array, owners: NDArray[np.int64], phases: Array, work: Array, out: Array
 ) -> None:

@@ -40,7 +40,7 @@ def test_every_method_gives_certified_motions(method: str) -> None:
     assert certificate.verified
     assert certificate.limits["torque"].worst_ratio <= 1.0 + 1e-9
     bounds = [limits.velocity, limits.acceleration, limits.jerk]
-    for order, bound in enumerate(bounds[: 3 if method == "jerk_limited" else 2], 1):
+    for order, bound in enumerate(bounds[: 2 if method == "toppra" else 3], 1):
         assert worst_ratio(motion, bound, order) <= 1.0 + 1e-9
     np.testing.assert_allclose(motion.sample([0.0, motion.duration], 1), 0.0, atol=1e-9)
     if method != "toppra":

@@ -1,6 +1,5 @@
 """Motion with bounded jerk along paths: limits, optimality, exactness, odd input."""
 
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
