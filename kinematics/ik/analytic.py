@@ -5,9 +5,8 @@ both spheres (the arm angle is the parameter) or with six such joints behind or 
 (its value is the parameter, as q7 of the Panda). ``structure`` finds out which.
 """
 
-from dataclasses import dataclass
 from functools import cache, lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -40,11 +39,10 @@ _OWN, _ALL = np.array([np.nan]), 2**31
 _empty, _contiguous = np.empty, np.ascontiguousarray
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Branches:
+class Branches(NamedTuple):
     """The branches of one pose, k of them, or of a batch of m poses: (m, r, ...), ``counts`` each.
 
-    Args:
+    Attributes:
         form: The closed form they come from.
         n: Joints of the chain.
         table: Joints and what is known of them in a row, shape (k, n + 6) or (m, r, n + 6).
@@ -162,21 +160,17 @@ def branches(
         InvalidPose: The target is not finite or has another shape.
         InvalidRobotState: Seeds of the wrong length or not finite.
     """
-    form = structure(chain, link) or closed_form(chain, link)
-    number = -1 if link is None else link_number(chain, link)
-    limits = chain.limits
+    form, number, plan, model, lower, upper, near = _prepared(chain, link)
     many = _ALL if enough is None else enough
-    seeds = middle(chain) if seed_joints is None else _numbers(seed_joints, "seed_joints")
+    seeds = near if seed_joints is None else _numbers(seed_joints, "seed_joints")
     T = _numbers(target, "the target")
     values = _OWN if parameters is None else _parameters(parameters)
     if T.shape == _POSE and seeds.ndim == 1 and values.ndim == 1:
-        table = _empty((_ROWS * values.shape[0], seeds.shape[0] + MORE))
-        count = _one()(
-            form.plan, chain.model, number, T, limits.lower, limits.upper, seeds, values,
-            tolerance, many, table,
-        )  # fmt: skip
+        n = seeds.shape[0]
+        table = _empty((_ROWS * values.shape[0], n + MORE))
+        count = _one()(plan, model, number, T, lower, upper, seeds, values, tolerance, many, table)
         if count >= 0:
-            return Branches(form, seeds.shape[0], table[:count])
+            return Branches(form, n, table[:count])
     chain.configuration(seeds, "seed_joints")
     if T.shape[-2:] != _POSE or not np.isfinite(T).all():
         raise InvalidPose("the target must be a finite 4x4 transform, or a batch of them")
@@ -190,10 +184,20 @@ def branches(
     table = np.empty((m, _ROWS * values.shape[1], chain.n + MORE))
     counts = np.zeros(m, dtype=np.int64)
     branches_batch_kernel(
-        form.plan, chain.model, number, T, limits.lower, limits.upper, seeds, values,
-        tolerance, many, table, counts,
+        plan, model, number, T, lower, upper, seeds, values, tolerance, many, table, counts,
     )  # fmt: skip
     return Branches(form, chain.n, table, counts)
+
+
+@lru_cache(maxsize=256)
+def _prepared(
+    chain: Chain, link: str | None
+) -> tuple[Structure, int, Array, Array, Array, Array, Array]:
+    """All that a call needs of a chain."""
+    form = closed_form(chain, link)
+    number = -1 if link is None else link_number(chain, link)
+    limits = chain.limits
+    return form, number, form.plan, chain.model, limits.lower, limits.upper, middle(chain)
 
 
 def _numbers(values: ArrayLike, name: str) -> Array:

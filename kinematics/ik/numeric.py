@@ -11,7 +11,9 @@ random poses of the built-in arms.
 """
 
 import math
+import os
 from collections.abc import Collection
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from typing import Any, Literal, get_args
@@ -60,6 +62,8 @@ _SAME = 1e-3
 _FLOAT = np.dtype(np.float64)
 _empty, _contiguous = np.empty, np.ascontiguousarray
 _POSE = (4, 4)
+#: Poses that are worth a thread.
+_SHARE = 100
 #: Seeds are taken as 63 bits.
 _SEEDS = 2**63 - 1
 
@@ -267,6 +271,7 @@ def solve_many(
     position_tolerance: float = POSITION_TOLERANCE,
     orientation_tolerance: float = ORIENTATION_TOLERANCE,
     axes: Collection[Axis] = AXES,
+    threads: int | None = None,
 ) -> IkBatch:
     """One configuration for each of many poses; arguments as ``solve`` has them.
 
@@ -280,6 +285,8 @@ def solve_many(
         position_tolerance: [m].
         orientation_tolerance: [rad].
         axes: The axes of the target's frame that count.
+        threads: How many to share the poses among, which changes nothing but the time; all the
+            processors that this process may use where not given.
 
     Raises:
         InvalidRobotState: ``seed_joints`` has the wrong length or is not finite.
@@ -300,10 +307,22 @@ def solve_many(
     best, told = np.empty((m, chain.n)), np.empty((m, 4))
     solved = np.empty(m, dtype=np.int64)
     tolerances = _checked(position_tolerance, orientation_tolerance, starts)
-    solve_batch_kernel(
-        chain.model, number, T, _mask(axes), chain.limits.lower, chain.limits.upper, low, high,
-        tolerances, scale, starts, seed & _SEEDS, begin, best, told, solved,
-    )  # fmt: skip
+    limits, mask = chain.limits, _mask(axes)
+
+    def part(k: slice) -> None:
+        solve_batch_kernel(
+            chain.model, number, T[k], mask, limits.lower, limits.upper, low, high,
+            tolerances, scale, starts, seed & _SEEDS, begin[k], best[k], told[k], solved[k],
+        )  # fmt: skip
+
+    # Kernels run without the interpreter lock.
+    count = min(threads or len(os.sched_getaffinity(0)), m // _SHARE + 1)
+    parts = [slice(i * m // count, (i + 1) * m // count) for i in range(count)]
+    if count == 1:
+        part(parts[0])
+    else:
+        with ThreadPoolExecutor(count) as pool:
+            list(pool.map(part, parts))
     return IkBatch(best, told[:, 0], told[:, 1], told[:, 2], solved == 1)
 
 

@@ -36,8 +36,9 @@ from kinematics.kernel import kernel
 #: Columns behind the joints of a solution: errors [m], [rad], inside limits, branch, family,
 #: parameter.
 POSITION, ORIENTATION, INSIDE, CODE, GROUP, VALUE, MORE = 0, 1, 2, 3, 4, 5, 6
-#: Candidates of one pose at most: families stand for themselves with several members.
-_CANDIDATES = 400
+#: Candidates of one pose at most, since families stand for themselves with several members, and
+#: of most poses.
+_CANDIDATES, _FEW = 400, 24
 _POLISH_STEPS = 25
 #: An angle this little outside a limit [rad] is rounding of a double root, and put onto it.
 _SNAP = 1e-6
@@ -309,9 +310,14 @@ def branches_kernel(
                 return -2
     if link < 0:
         link = int(model[0, 1])
-    raw, t = np.empty((_CANDIDATES, WIDTH)), np.empty(14)
-    q, walk = np.empty(n), np.full((n, 15), np.nan)
-    free = np.empty((11, 7 if plan[0, 0] == 2.0 else 6))
+    joints = 7 if plan[0, 0] == 2.0 else 6
+    # One piece of memory for all: each costs as much as a joint does.
+    rows = _CANDIDATES if values.shape[0] > 1 else _FEW
+    room = np.empty(rows * WIDTH + 14 + 16 * n + 11 * joints)
+    raw, room = room[: rows * WIDTH].reshape((rows, WIDTH)), room[rows * WIDTH :]
+    t, q, walk = room[:14], room[14 : 14 + n], room[14 + n : 14 + 16 * n].reshape((n, 15))
+    free = room[14 + 16 * n :].reshape((11, joints))
+    walk[:] = np.nan
     free_kernel(plan, lower, upper, seed, free)
     T = frame_kernel(target)
     slack = max(2.0 * tolerance, 10.0 * plan[0, 5])
@@ -322,6 +328,9 @@ def branches_kernel(
         if math.isnan(value):
             value = parameter_kernel(plan, seed, np.empty(7))
         found = candidates_kernel(plan, T, value, free, slack, t, raw, 0)
+        if found == rows:
+            raw, rows = np.empty((_CANDIDATES, WIDTH)), _CANDIDATES
+            found = candidates_kernel(plan, T, value, free, slack, t, raw, 0)
         hard = False
         for k in range(found):
             position, orientation, moved = _verify(
@@ -344,7 +353,7 @@ def branches_kernel(
     return count
 
 
-@kernel
+@kernel(inline="always")
 def _verify(
     plan: Array, model: Array, link: int, T: Frame, seed: Array, raw: Array, which: int,
     exact: bool, q: Array, walk: Array,
@@ -399,7 +408,7 @@ def _walked(w: Array, i: int) -> Frame:
     )  # fmt: skip
 
 
-@kernel
+@kernel(inline="always")
 def _admit(
     plan: Array, model: Array, link: int, T: Frame, lower: Array, upper: Array, seed: Array,
     tolerance: float, error: tuple[float, float], about: tuple[float, float, float], q: Array,

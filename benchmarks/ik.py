@@ -1,0 +1,288 @@
+"""Inverse kinematics beside its peers in one run: success, median and p99 a call from Python.
+
+``python -m benchmarks.ik --peers PYTHON`` where PYTHON is an interpreter that has (some of)
+pytracik, roboticstoolbox-python, EAIK and ik-geo; without it only ours is measured. Success means
+1e-6 m, 1e-6 rad and all joint limits, judged by pinocchio. ``--poses`` and ``--edges`` say how many
+poses ours is tried on, ``--shared`` how many of each all of them are timed on.
+"""
+
+import argparse
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from benchmarks.poses import edge_configurations, random_configurations
+from kinematics.chain import Chain
+from kinematics.forward import forward
+from kinematics.ik.analytic import Branches, branches
+from kinematics.ik.choice import whole_turns
+from kinematics.ik.numeric import AXES, Axis, solve, solve_many
+from kinematics.ik.solution import IkResult
+from kinematics.ik.structure import structure
+from kinematics.jacobian import geometric
+from kinematics.pose import to_quaternions
+from kinematics.robots import builtin_chain, builtin_urdf
+
+Array = NDArray[np.float64]
+ROBOTS = ("panda", "ur5e", "kr6_sixx", "iiwa14", "scara")
+NUMERIC_PEERS = ("TRAC-IK", "toolbox ik_LM")
+ANALYTIC_PEERS = ("EAIK", "ik-geo")
+POSITION_AND_YAW: tuple[Axis, ...] = ("x", "y", "z", "rz")
+#: Rounding of a judge's own arithmetic, relative to the tolerance.
+_ROOM = 1.001
+
+
+class Judge:
+    """Errors of configurations by pinocchio."""
+
+    def __init__(self, chain: Chain, name: str) -> None:
+        self._model = pin.buildModelFromXML(builtin_urdf(name))
+        self._data = self._model.createData()
+        self._frame = self._model.getFrameId(chain.tip_link)
+        self._chain = chain
+
+    def good(self, q: Array, T: Array, tolerance: float = 1e-6) -> bool:
+        """Whether a configuration reaches the pose inside the limits."""
+        lower, upper = self._chain.limits.lower, self._chain.limits.upper
+        if (q < lower - 1e-12).any() or (q > upper + 1e-12).any():
+            return False
+        position, orientation = self.errors(q, T)
+        return max(position, orientation) <= tolerance * _ROOM
+
+    def errors(self, q: Array, T: Array) -> tuple[float, float]:
+        """Distance [m] and angle [rad]."""
+        pin.framesForwardKinematics(self._model, self._data, q)
+        reached = self._data.oMf[self._frame]
+        turn = pin.log3(reached.rotation.T @ T[:3, :3])
+        away = reached.translation - T[:3, 3]
+        return float(np.linalg.norm(away)), float(np.linalg.norm(turn))
+
+
+def timed(function: Callable[[int], Any], count: int) -> tuple[list[Any], Array]:
+    """Answers of a number of calls and what each took [us]."""
+    function(0)
+    answers, spent = [], np.empty(count)
+    for k in range(count):
+        start = time.perf_counter()
+        answer = function(k)
+        spent[k] = 1e6 * (time.perf_counter() - start)
+        answers.append(answer)
+    return answers, spent
+
+
+def _solved(chain: Chain, poses: Array, starts: Array, axes: tuple[Axis, ...], k: int) -> IkResult:
+    return solve(chain, poses[k], seed_joints=starts[k], axes=axes)
+
+
+def _branched(chain: Chain, poses: Array, seeds: Array | None, k: int) -> Branches:
+    return branches(chain, poses[k], seed_joints=None if seeds is None else seeds[k])
+
+
+def ask_peers(
+    python: str | None, name: str, chain: Chain, poses: Array, starts: Array, peers: tuple[str, ...]
+) -> dict[str, Any]:
+    """What the peers answer to the same poses, in their own interpreter."""
+    if python is None:
+        return {}
+    form = structure(chain)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "case.npz"
+        np.savez(
+            path, poses=poses, starts=starts, quaternions=to_quaternions(poses[:, :3, :3]),
+            lower=chain.limits.lower, upper=chain.limits.upper, types=chain.joint_types,
+            offsets=chain.offsets, tip_offset=chain.tip.T_joint_link, urdf=builtin_urdf(name),
+            tip=chain.tip_link, base=chain.base_link, kind="" if form is None else form.kind,
+        )  # fmt: skip
+        script = str(Path(__file__).with_name("ik_peers.py"))
+        subprocess.run([python, script, str(path), *peers], check=True)
+        with np.load(path.with_suffix(".answers.npz"), allow_pickle=False) as told:
+            return {key: told[key] for key in told.files}
+
+
+def split(told: dict[str, Any], peer: str) -> list[Array]:
+    """A peer's solutions pose by pose."""
+    ends = np.cumsum(told[f"{peer}: counts"])[:-1]
+    return np.split(told[f"{peer}: joints"], ends)
+
+
+def numeric(name: str, options: argparse.Namespace) -> None:
+    """The numeric method on one robot: all poses, then beside the peers."""
+    chain = builtin_chain(name)
+    judge = Judge(chain, name)
+    axes = AXES if chain.n >= 6 else POSITION_AND_YAW
+    sets = {
+        "random": random_configurations(chain, options.poses, 1),
+        "edges": edge_configurations(chain, options.edges, 2),
+    }
+    for kind, q in sets.items():
+        poses = forward(chain, q)
+        starts = random_configurations(chain, len(q), 3)
+        found, spent = timed(partial(_solved, chain, poses, starts, axes), len(q))
+        failures = [
+            k
+            for k, result in enumerate(found)
+            if not result.solutions or not judge.good(result.solutions[0].joints, poses[k])
+        ]
+        steps = [result.nearest.iterations for result in found]
+        print(
+            f"{name:9s} numeric {kind:7s} {len(q):6d} poses  success "
+            f"{100 * (1 - len(failures) / len(q)):.3f} %  median {np.median(spent):6.1f} us  "
+            f"p99 {np.percentile(spent, 99):6.1f} us  steps {np.median(steps):.0f}"
+        )
+        for k in failures[:10]:
+            print(f"    failed: {np.array2string(q[k], precision=4)}  {found[k].advice}")
+        m = min(options.shared, len(q))
+        told = ask_peers(options.peers, name, chain, poses[:m], starts[:m], NUMERIC_PEERS)
+        ours = float(np.median(spent[:m]))
+        report_peers(told, NUMERIC_PEERS, judge, poses[:m], ours)
+    poses, starts = forward(chain, sets["random"][:1000]), starts[:1000]
+    starts = random_configurations(chain, len(poses), 3)
+    solve_many(chain, poses, seed_joints=starts, axes=axes)
+    batch = []
+    for _ in range(5):
+        start = time.perf_counter()
+        solve_many(chain, poses, seed_joints=starts, axes=axes)
+        batch.append(1e6 * (time.perf_counter() - start) / len(poses))
+    _, single = timed(
+        lambda k: solve(chain, poses[k], seed_joints=starts[k], axes=axes), len(poses)
+    )
+    print(
+        f"{name:9s} numeric batch of {len(poses)}: {np.median(batch):.1f} us a pose, single calls "
+        f"{single.mean():.1f} us on average: {single.mean() / np.median(batch):.2f} x"
+    )
+
+
+def report_peers(
+    told: dict[str, Any], peers: tuple[str, ...], judge: Judge, poses: Array, ours: float
+) -> None:
+    """Print what the peers did on the shared poses."""
+    for peer in peers:
+        if f"{peer}: missing" in told:
+            print(f"    {peer}: left out, {told[f'{peer}: missing']}")
+        if f"{peer}: spent" not in told:
+            continue
+        spent = told[f"{peer}: spent"]
+        good = [
+            any(judge.good(q, T, 1.5e-6) for q in rows)
+            for rows, T in zip(split(told, peer), poses, strict=True)
+        ]
+        median = float(np.median(spent))
+        print(
+            f"    {peer:14s} {len(poses):5d} poses  success {100 * np.mean(good):.2f} %  median "
+            f"{median:7.1f} us  p99 {np.percentile(spent, 99):8.1f} us   ours / theirs = "
+            f"1 / {median / ours:.1f}"
+        )
+
+
+def analytic(name: str, options: argparse.Namespace) -> None:
+    """The closed form of one robot: completeness and time, beside the peers."""
+    chain = builtin_chain(name)
+    judge = Judge(chain, name)
+    for kind, q in {
+        "random": random_configurations(chain, options.poses, 4),
+        "edges": edge_configurations(chain, options.edges, 5),
+    }.items():
+        poses = forward(chain, q)
+        form = structure(chain)
+        seeds = q if form is not None and form.redundant else None
+        found, spent = timed(partial(_branched, chain, poses, seeds), len(q))
+        unanswered = [k for k, table in enumerate(found) if not table.within_limits.any()]
+        worst = max(
+            float(judge_worst(judge, table.joints, poses[k])) for k, table in enumerate(found)
+        )
+        batched = []
+        for _ in range(5):
+            start = time.perf_counter()
+            branches(chain, poses[:1000], seed_joints=None if seeds is None else seeds[:1000])
+            batched.append(1e6 * (time.perf_counter() - start) / len(poses[:1000]))
+        turns = np.mean([
+            sum(len(whole_turns(chain, row, 10_000)) for row in table.joints[table.within_limits])
+            for table in found[:200]
+        ])  # fmt: skip
+        print(
+            f"{name:9s} analytic {kind:7s} {len(q):6d} poses  answered "
+            f"{100 * (1 - len(unanswered) / len(q)):.3f} %  branches "
+            f"{np.mean([len(table.table) for table in found]):.2f} (with whole turns {turns:.1f})  "
+            f"worst error {worst:.1e}  median {np.median(spent):5.2f} us  p99 "
+            f"{np.percentile(spent, 99):5.1f} us  batched {np.median(batched):.2f} us"
+        )
+        for k in unanswered[:10]:
+            print(f"    unanswered: {np.array2string(q[k], precision=6)}")
+        m = min(options.shared, len(q))
+        if chain.n != 6:
+            continue
+        told = ask_peers(options.peers, name, chain, poses[:m], q[:m], ANALYTIC_PEERS)
+        for peer in ANALYTIC_PEERS:
+            if f"{peer}: missing" in told:
+                print(f"    {peer}: left out, {told[f'{peer}: missing']}")
+            if f"{peer}: spent" not in told:
+                continue
+            theirs = told[f"{peer}: spent"]
+            missed, nothing, total = compared(chain, judge, split(told, peer), found, poses)
+            print(
+                f"    {peer:8s} {m} poses  median {np.median(theirs):6.2f} us (ours "
+                f"{np.median(spent[:m]):.2f}, {np.median(spent[:m]) / np.median(theirs):.2f} x)  "
+                f"answers nothing on {100 * nothing / m:.1f} %  of its {total} right branches we "
+                f"miss {missed}"
+            )
+
+
+def judge_worst(judge: Judge, joints: Array, T: Array) -> float:
+    """The largest error among the solutions of a pose."""
+    return max((max(judge.errors(q, T)) for q in joints), default=0.0)
+
+
+def compared(
+    chain: Chain, judge: Judge, theirs: list[Array], ours: list[Any], poses: Array
+) -> tuple[int, int, int]:
+    """How many of their branches we miss, their poses without any, and their right branches.
+
+    Where the arm is singular a pose has families, of which each names another member: those are
+    not compared.
+    """
+    missed = nothing = total = 0
+    for k, rows in enumerate(theirs):
+        right = [row for row in rows if max(judge.errors(row, poses[k])) < 1e-6]
+        nothing += not right
+        for row in right:
+            J = singular_value(chain, row)
+            if J < 1e-4:
+                continue
+            total += 1
+            away = np.abs((ours[k].joints - row + np.pi) % (2 * np.pi) - np.pi)
+            missed += not (len(away) and away.max(axis=1).min() < 1e-3)
+    return missed, nothing, total
+
+
+def singular_value(chain: Chain, q: Array) -> float:
+    """The least singular value of the Jacobian."""
+    return float(np.linalg.svd(geometric(chain, q), compute_uv=False)[-1])
+
+
+def main() -> None:
+    """Measure all robots."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--peers", help="an interpreter that has the peers")
+    parser.add_argument("--poses", type=int, default=10_000)
+    parser.add_argument("--edges", type=int, default=3_000)
+    parser.add_argument("--shared", type=int, default=1_000)
+    parser.add_argument("--only", choices=("numeric", "analytic"))
+    parser.add_argument("--robots", nargs="*", default=ROBOTS)
+    options = parser.parse_args()
+    for name in options.robots:
+        if options.only != "analytic":
+            numeric(name, options)
+        if options.only != "numeric" and structure(builtin_chain(name)) is not None:
+            analytic(name, options)
+
+
+if __name__ == "__main__":
+    main()
