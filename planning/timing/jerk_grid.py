@@ -29,8 +29,6 @@ _CURVED_CELLS = 6
 _STRAIGHT_CELLS = 10
 # A speed asked for at an end counts like this part of the path run through at it.
 _PULL = 0.1
-# So many times as many where there are further limits, which are kept at the knots only.
-_EXTRA_CELLS = 2
 # A ramp takes at most this part of the way.
 _RAMP_SHARE = 0.4
 # Two knots nearer than this part of the cells about them are one.
@@ -140,13 +138,7 @@ def grid(
     c, breaks = path.coefficients, path.breaks
     straight = ~(c[:, :, 2:] != 0.0).any(axis=(1, 2))
     pace, ramps = _pace(path, limits, speeds)
-    places = _knots(
-        breaks,
-        straight,
-        ramps,
-        [speed == 0.0 for speed in speeds],
-        1 if extra is None else _EXTRA_CELLS,
-    )
+    places = _knots(breaks, straight, ramps, [speed == 0.0 for speed in speeds])
     pieces = np.searchsorted(breaks, 0.5 * (places[1:] + places[:-1]), side="right") - 1
     phi = pace.derivatives(places)
     ends = np.stack([places[:-1], places[1:]], axis=1) - breaks[pieces][:, None]
@@ -243,14 +235,13 @@ def _knots(
     straight: NDArray[np.bool_],
     ramps: tuple[float, float],
     resting: Sequence[bool],
-    times: int,
 ) -> Array:
     """Places of the knots: all breaks of the path, and others between them."""
-    counts = times * np.where(straight, _STRAIGHT_CELLS, _CURVED_CELLS)
+    counts = np.where(straight, _STRAIGHT_CELLS, _CURVED_CELLS)
     shares = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
     base = np.repeat(breaks[:-1], counts) + shares * np.repeat(np.diff(breaks) / counts, counts)
     base = base[(base > ramps[0]) & (base < breaks[-1] - ramps[1])]
-    u = np.linspace(0.0, 1.0, times * _RAMP_CELLS + 1)
+    u = np.linspace(0.0, 1.0, _RAMP_CELLS + 1)
     ramp = u**3 * (2.0 - 2.0 * u + 0.6 * u**2) / _RAMP
     # From rest s grows as t^3; an end that is passed at speed needs no knots close together.
     first, last = (ramp if still else u for still in resting)

@@ -24,7 +24,7 @@ from planning.timing.jerk_barrier import (
     least_time_kernel,
     time_kernel,
 )
-from planning.timing.jerk_grid import Extra, Grid, grid
+from planning.timing.jerk_grid import Extra, Grid, KnotLimits, grid
 from planning.timing.jerk_profile import compose_kernel, phases_kernel, ratios_kernel
 from planning.timing.path import SAME_DIRECTION, JointPath
 from planning.timing.ruckig import line_phases
@@ -151,6 +151,8 @@ def _curved_phases(
             rows = _calmed(made.rows, z)
         else:
             ratios = _ratios(path, made, phases, limits)
+            if extra is not None:
+                _widen(ratios, extra(path, phases[1::2, 0]), phases[1::2])
             excess = max(float(r.max()) ** (1.0 / k) for k, r in enumerate(ratios, 1))
             if excess < _ENOUGH or rounds >= _ROUNDS:
                 break
@@ -244,6 +246,16 @@ def _ratios(path: JointPath, made: Grid, phases: Array, limits: Array) -> Array:
     ratios = np.empty((3, len(made.pieces)))
     ratios_kernel(path.coefficients, made.pieces, path.breaks, phases, limits, ratios)
     return ratios
+
+
+def _widen(ratios: Array, more: KnotLimits, middles: Array) -> None:
+    """Let the ratios (3, N) take in further limits in the middle of each cell."""
+    v, a = middles[:, 1], 2.0 * middles[:, 2]
+    ratios[0] = np.maximum(ratios[0], v / np.sqrt(more.caps))
+    along, square, low, high = np.moveaxis(more.rows, -1, 0)
+    value = along * a[:, None] + square * (v**2)[:, None]
+    over = np.maximum(value / high, value / low).max(axis=1, initial=0.0)
+    ratios[1] = np.maximum(ratios[1], over)
 
 
 def _phases(made: Grid, z: Array, speeds: tuple[float, float]) -> Array | None:

@@ -83,7 +83,7 @@ def test_torques_and_tool_speed_are_kept_and_used(name: str, method: Method) -> 
         used = [use.ratio for use in uses.values()]
         assert max(used) <= 1.0 + 1e-9
         # Something is used almost wholly, and what the samples say is below what is told.
-        assert max(used) > (0.99 if method == "toppra" else 0.9)
+        assert max(used) > 0.97
         if "torque" in uses:
             assert torque <= uses["torque"].ratio + 1e-12
         if "tool_speed" in uses:
