@@ -13,6 +13,8 @@ from kinematics.kernel import direct, kernel
 _FLOAT = np.dtype(np.float64)
 # Names of this module: looking them up in another one costs as much as a joint does.
 _empty, _contiguous = np.empty, np.ascontiguousarray
+#: Joints whose cosines and sines fit into a pose.
+_ROOM = 8
 Frame = tuple[float, float, float, float, float, float, float, float, float, float, float, float]
 IDENTITY: Frame = (1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 
@@ -137,10 +139,15 @@ def pose_kernel(model: Array, q: Array, link: int, T: Array) -> bool:
     """Write the pose (4, 4) of link number ``link``, -1 for the tip; False where q does not fit."""
     if not fits_kernel(model, q):
         return False
-    row = 1 + q.shape[0] + (link if link >= 0 else int(model[0, 1]))
+    n = q.shape[0]
+    row = 1 + n + (link if link >= 0 else int(model[0, 1]))
+    # The pose has room for the turns of most arms until it is written.
+    room = T.reshape(16) if n <= _ROOM else np.empty(2 * n)
+    half = room.shape[0] // 2
+    turns_kernel(q, room[:half], room[half:])
     B = IDENTITY
     for i in range(int(model[row, 0]) + 1):
-        B = step_kernel(model, 1 + i, q[i], B)
+        B = move_kernel(model, 1 + i, q[i], room[i], room[half + i], B)
     store_kernel(compose_kernel(B, model, row), T)
     return True
 
@@ -150,14 +157,19 @@ def poses_kernel(model: Array, q: Array, poses: Array) -> bool:
     """Write the poses (len(links), 4, 4) of all links; False where q does not fit."""
     if not fits_kernel(model, q):
         return False
-    n = q.shape[0]
+    n, count = q.shape[0], poses.shape[0]
+    # The pose that is written last has room for the turns until then.
+    last = poses[int(model[n + count, 13])]
+    room = last.reshape(16) if n <= _ROOM else np.empty(2 * n)
+    half = room.shape[0] // 2
+    turns_kernel(q, room[:half], room[half:])
     B, joint = IDENTITY, -1
-    for k in range(poses.shape[0]):
+    for k in range(count):
         link = int(model[1 + n + k, 13])
         row = 1 + n + link
         while joint < int(model[row, 0]):
             joint += 1
-            B = step_kernel(model, 1 + joint, q[joint], B)
+            B = move_kernel(model, 1 + joint, q[joint], room[joint], room[half + joint], B)
         store_kernel(compose_kernel(B, model, row), poses[link])
     return True
 

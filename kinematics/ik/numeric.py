@@ -316,7 +316,7 @@ def solve_many(
         )  # fmt: skip
 
     # Kernels run without the interpreter lock.
-    count = min(threads or len(os.sched_getaffinity(0)), m // _SHARE + 1)
+    count = min(threads or _processors(), m // _SHARE + 1)
     parts = [slice(i * m // count, (i + 1) * m // count) for i in range(count)]
     if count == 1:
         part(parts[0])
@@ -324,6 +324,12 @@ def solve_many(
         with ThreadPoolExecutor(count) as pool:
             list(pool.map(part, parts))
     return IkBatch(best, told[:, 0], told[:, 1], told[:, 2], solved == 1)
+
+
+def _processors() -> int:
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def solve(
