@@ -11,7 +11,7 @@ HOST ?= 127.0.0.1
 PORT ?= 8000
 
 .DEFAULT_GOAL := help
-.PHONY: install demo test check bench bench-mbm bench-http serve docker-steps clean help
+.PHONY: install demo test check bench bench-timing bench-mbm bench-http serve docker-steps clean help
 
 install: $(INSTALLED)  ## Install the app, the client and the tools into .venv
 

@@ -139,7 +139,7 @@ def test_every_file_of_data_is_shipped() -> None:
 
 
 def test_targets_of_the_makefile() -> None:
-    wanted = ["install", "demo", "test", "check", "bench", "bench-mbm"]
+    wanted = ["install", "demo", "test", "check", "bench", "bench-timing", "bench-mbm"]
     wanted += ["bench-http", "serve", "docker-steps", "clean", "help"]
     dry = ["make", "-n", "PROBLEMS=problems", *wanted]
     # Run by make, make would say more: that it enters a folder, and what it was told.
