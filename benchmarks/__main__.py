@@ -3,7 +3,7 @@
 import runpy
 import sys
 
-NAMES = ("timing",)
+NAMES = ("kinematics", "ik", "timing",)
 
 for name in NAMES:
     print(f"== {name}", flush=True)
