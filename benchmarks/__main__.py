@@ -3,7 +3,11 @@
 import runpy
 import sys
 
-NAMES = ("kinematics", "ik", "timing",)
+NAMES = (
+    "kinematics",
+    "ik",
+    "timing",
+)
 
 for name in NAMES:
     print(f"== {name}", flush=True)

@@ -19,12 +19,18 @@ from kinematics.chain import Array
 from kinematics.ik.spherical import (
     TIP,
     WRIST,
-    Vector,
     add_kernel,
     back_kernel,
     flange_kernel,
 )
-from kinematics.ik.subproblem import TINY, cosine_kernel, elbow_kernel, orient_kernel, pair_kernel
+from kinematics.ik.subproblem import (
+    TINY,
+    Vector,
+    cosine_kernel,
+    elbow_kernel,
+    orient_kernel,
+    pair_kernel,
+)
 from kinematics.kernel import kernel
 
 __all__ = ["TIP", "parallel_kernel"]
@@ -65,7 +71,7 @@ def parallel_kernel(
     h[1, 0] = uz * A6[11] - nz * z[2]
     h[1, 1], h[1, 2] = ux * A6[3] + uy * A6[7], uy * A6[3] - ux * A6[7]
     a2, b2 = nx * z[0] + ny * z[1], nx * z[1] - ny * z[0]
-    pairs = pair_kernel(a1, b1, a2, b2, h, rho, slack, out)
+    pairs = pair_kernel((a1, b1, a2, b2), h, rho, slack, out)
     for i in range(pairs):
         c1, s1 = out[i, 2], out[i, 3]
         r = math.sqrt(c1 * c1 + s1 * s1)
@@ -91,8 +97,7 @@ def _behind_first(
     )  # fmt: skip
     for i in range(2):
         status, ct, st, cb, sb, cc, sc = orient_kernel(
-            plan[5], plan[6], plan[WRIST], m0[0], m0[1], m0[2], m2[0], m2[1], m2[2],
-            1.0 - 2.0 * i, 1.0, 0.0, slack,
+            plan[5], plan[6], plan[WRIST], m0, m2, 1.0 - 2.0 * i, slack,
         )  # fmt: skip
         if status == 0:
             break

@@ -16,11 +16,10 @@ from kinematics.ik.spherical import (
     FAMILY,
     SHOULDER,
     WRIST,
-    Vector,
     back_kernel,
     flange_kernel,
 )
-from kinematics.ik.subproblem import TINY, cosine_kernel, orient_kernel
+from kinematics.ik.subproblem import TINY, Vector, cosine_kernel, orient_kernel
 from kinematics.kernel import kernel
 
 Turns = tuple[float, float, float, float, float, float]
@@ -183,8 +182,7 @@ def _shoulders(
 ) -> int:  # fmt: skip
     for i in range(2):
         status, ca, sa, cb, sb, cc, sc = orient_kernel(
-            plan[2], plan[3], plan[SHOULDER], m0[0], m0[1], m0[2], m2[0], m2[1], m2[2],
-            1.0 - 2.0 * i, 1.0, 0.0, slack,
+            plan[2], plan[3], plan[SHOULDER], m0, m2, 1.0 - 2.0 * i, slack,
         )  # fmt: skip
         if status == 0:
             break
@@ -216,8 +214,7 @@ def _wrists(
 ) -> int:  # fmt: skip
     for i in range(2):
         status, ca, sa, cb, sb, cc, sc = orient_kernel(
-            plan[6], plan[7], plan[WRIST], w0[0], w0[1], w0[2], w2[0], w2[1], w2[2],
-            1.0 - 2.0 * i, 1.0, 0.0, slack,
+            plan[6], plan[7], plan[WRIST], w0, w2, 1.0 - 2.0 * i, slack,
         )  # fmt: skip
         if status == 0:
             break

@@ -16,10 +16,15 @@ import math
 import numpy as np
 
 from kinematics.chain import Array
-from kinematics.ik.subproblem import TINY, cosine_kernel, elbow_kernel, orient_kernel, pair_kernel
+from kinematics.ik.subproblem import (
+    TINY,
+    Vector,
+    cosine_kernel,
+    elbow_kernel,
+    orient_kernel,
+    pair_kernel,
+)
 from kinematics.kernel import kernel
-
-Vector = tuple[float, float, float]
 
 #: Rows of a plan: what ``structure`` packs and the kernels read.
 TIP, WRIST, SHOULDER, LOCKED, LOCKED_TIP, ROWS = 8, 9, 10, 11, 12, 13
@@ -105,8 +110,7 @@ def _wrists(
     m2 = back_kernel(c3, s3, A4, m2[0], m2[1], m2[2])
     for i in range(2):
         status, ca, sa, cb, sb, cc, sc = orient_kernel(
-            plan[5], plan[6], plan[WRIST], m0[0], m0[1], m0[2], m2[0], m2[1], m2[2],
-            1.0 - 2.0 * i, 1.0, 0.0, slack,
+            plan[5], plan[6], plan[WRIST], m0, m2, 1.0 - 2.0 * i, slack,
         )  # fmt: skip
         if status == 0:
             break
@@ -218,7 +222,7 @@ def _any_arms(
     for k in range(3):
         rho[k] = 2.0 * n[k] - (1.0 if k == 0 else 2.0) * f[0, 2] * f[k, 2]
     rho[3], rho[4], rho[5] = -(f[1, 2] ** 2), -2.0 * f[1, 2] * f[2, 2], -(f[2, 2] ** 2)
-    pairs = pair_kernel(B[0], B[1], R[0], R[1], h, rho, slack, out)
+    pairs = pair_kernel((B[0], B[1], R[0], R[1]), h, rho, slack, out)
     for i in range(pairs):
         c3, s3, y0, y1 = out[i, 0], out[i, 1], out[i, 2], out[i, 3]
         fx = f[0, 0] + f[1, 0] * c3 + f[2, 0] * s3

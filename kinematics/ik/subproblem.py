@@ -14,6 +14,7 @@ from kinematics.chain import Array
 from kinematics.kernel import kernel
 from kinematics.polynomial import horner_kernel, unit_roots_kernel
 
+Vector = tuple[float, float, float]
 Angles = tuple[int, float, float, float, float, float, float]
 
 #: Lengths [m] and sines below this are rounding: the angle about such a lever is free.
@@ -40,8 +41,7 @@ def cosine_kernel(
 
 @kernel
 def orient_kernel(
-    B: Array, C: Array, w: Array, m0x: float, m0y: float, m0z: float,
-    m2x: float, m2y: float, m2z: float, side: float, c4: float, s4: float, slack: float,
+    B: Array, C: Array, w: Array, m0: Vector, m2: Vector, side: float, slack: float
 ) -> Angles:  # fmt: skip
     """Solve Rz(a) B Rz(b) C Rz(c) = M for three angles, M by its columns 0 and 2.
 
@@ -52,22 +52,19 @@ def orient_kernel(
         B: Row of the fixed rotation before the second joint.
         C: That before the third.
         w: alpha, beta, cos and sin of the middle of b; see ``wrist_constants``.
-        m0x: Column 0 of M, then column 2.
-        m0y: ...
-        m0z: ...
-        m2x: ...
-        m2y: ...
-        m2z: ...
+        m0: Column 0 of M.
+        m2: Column 2 of M.
         side: +1 or -1, which of the two solutions.
-        c4: Cosine of the a to take where any is right.
-        s4: Its sine.
         slack: How far outside its range a squared sine may lie and be cut.
 
     Returns:
-        Status (0: no solution, 1: regular, 2: a was free, 3: both sides are the same), then the
-        cosines and sines of a, b and c.
+        Status (0: no solution, 1: regular, 2: a is free and taken as 0, 3: both sides are the
+        same), then the cosines and sines of a, b and c.
     """
+    m0x, m0y, m0z = m0
+    m2x, m2y, m2z = m2
     across = m2x * m2x + m2y * m2y
+    c4, s4 = 1.0, 0.0
     if m2z > 0.0:
         near = across * (1.0 + across / ((1.0 + m2z) * (1.0 + m2z)))
         far = 4.0 - near
@@ -198,8 +195,7 @@ def _add_root(t: float, sign: float, roots: Array, count: int) -> int:
 
 @kernel
 def pair_kernel(
-    N00: float, N01: float, N10: float, N11: float, h: Array, rho: Array, slack: float,
-    out: Array,
+    N: tuple[float, float, float, float], h: Array, rho: Array, slack: float, out: Array
 ) -> int:  # fmt: skip
     """Solve N y = h(x), |y|^2 = rho(x) for an angle x and a vector y of the plane.
 
@@ -208,10 +204,7 @@ def pair_kernel(
     and x is one of the four zeros of s2^2 (rho - h'_1^2 / s1^2) - h'_2^2.
 
     Args:
-        N00: The matrix N by rows.
-        N01: ...
-        N10: ...
-        N11: ...
+        N: The matrix by rows.
         h: Coefficients of 1, cos(x), sin(x), shape (2, 3).
         rho: Of 1, c, s, c^2, cs, s^2, shape (6,).
         slack: As ``cosine_kernel`` has it.
@@ -220,6 +213,7 @@ def pair_kernel(
     Returns:
         The number of rows.
     """
+    N00, N01, N10, N11 = N
     # N N^T = U diag(s^2) U^T.
     a, b = N00 * N00 + N01 * N01, N10 * N10 + N11 * N11
     turn = 0.5 * math.atan2(2.0 * (N00 * N10 + N01 * N11), a - b)
