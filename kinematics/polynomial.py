@@ -162,6 +162,19 @@ def widen_kernel(c: Array, count: int, u: float, time: float, best: Array) -> No
 
 
 @kernel
+def inside_sums_kernel(c: Array, count: int, low: float, high: float) -> bool:
+    """Say whether c_0 + sum of the negative c_k and c_0 + sum of the positive lie in a range."""
+    below, above = c[0], c[0]
+    for k in range(1, count):
+        if c[k] < 0.0:
+            below += c[k]
+        else:
+            above += c[k]
+    # Said this way round a NaN is never inside.
+    return bool(low <= below and above <= high)
+
+
+@kernel
 def inside_hull_kernel(c: Array, count: int, low: float, high: float, spare: Array) -> bool:
     """Say whether the Bernstein coefficients on [0, 1], which enclose the values, lie in a range.
 
@@ -184,17 +197,18 @@ def inside_hull_kernel(c: Array, count: int, low: float, high: float, spare: Arr
 
 @kernel
 def extrema_kernel(
-    breaks: Array, coefficients: Array, order: int, work: Array, best: Array
+    breaks: Array, coefficients: Array, order: int, largest_only: bool, work: Array, best: Array
 ) -> None:
     """Write (minimum, its time, maximum, its time) of a derivative, a row a joint, shape (n, 4).
 
-    The ends of all pieces come first: a piece whose Bernstein hull lies within what they already
-    span holds no extremum and costs no root.
+    The ends of all pieces come first: a piece whose coefficients' sums or whose Bernstein hull lie
+    within what they already span holds no extremum and costs no root.
 
     Args:
         breaks: Shape (m + 1,).
         coefficients: Shape (m, n, k).
         order: Of the derivative.
+        largest_only: Only the one of the two that is larger in absolute value need be right.
         work: Room, shape (k + 3, k).
         best: The answer, shape (n, 4).
     """
@@ -211,7 +225,13 @@ def extrema_kernel(
         for i in range(m):
             h = breaks[i + 1] - breaks[i]
             count = unit_derivative_kernel(coefficients[i, joint], h, order, c)
-            if count < 3 or inside_hull_kernel(c, count, row[0], row[2], spare):
+            low, high = row[0], row[2]
+            if largest_only:
+                high = max(-low, high)
+                low = -high
+            if count < 3 or inside_sums_kernel(c, count, low, high):
+                continue
+            if inside_hull_kernel(c, count, low, high, spare):
                 continue
             _interior_kernel(c, count, breaks[i], h, table, roots, spare, row)
 

@@ -3,7 +3,7 @@
 import hashlib
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -70,17 +70,20 @@ class Trajectory:
     joint_names: tuple[str, ...]
     breaks: Array
     coefficients: Array
-    content_hash: str = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "joint_names", tuple(self.joint_names))
         for name in ("breaks", "coefficients"):
             object.__setattr__(self, name, _numbers(getattr(self, name), name))
         _check(self)
+
+    @property
+    def content_hash(self) -> str:
+        """Digest of all numbers and names; worked out anew each time, few motions are asked."""
         digest = hashlib.sha256("\0".join(self.joint_names).encode())
         digest.update(repr(self.coefficients.shape).encode())
         digest.update(self.breaks.tobytes() + self.coefficients.tobytes())
-        object.__setattr__(self, "content_hash", digest.hexdigest())
+        return digest.hexdigest()
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Trajectory) and other.content_hash == self.content_hash
@@ -154,11 +157,15 @@ class Trajectory:
 
     def extrema(self, derivative: int = 0) -> Extrema:
         """Exact least and largest values of a derivative over all t, from the pieces' roots."""
+        return Extrema(*(frozen(column) for column in self._extrema(derivative, False).T))
+
+    def _extrema(self, derivative: int, largest_only: bool) -> Array:
         size = self.degree + 1
         best = np.empty((self.n, 4))
         work = np.empty((size + 3, size))
-        extrema_kernel(self.breaks, self.coefficients, _order(derivative), work, best)
-        return Extrema(*(frozen(column) for column in best.T))
+        order = _order(derivative)
+        extrema_kernel(self.breaks, self.coefficients, order, largest_only, work, best)
+        return best
 
     def piece_extrema(self, derivative: int = 0) -> tuple[Array, Array]:
         """Exact least and largest values of a derivative within each piece, both (m, n)."""
@@ -172,7 +179,7 @@ class Trajectory:
 
     def peaks(self, derivative: int = 0) -> Peaks:
         """Exact largest absolute values of a derivative over all t."""
-        low, time_low, high, time_high = self.extrema(derivative)
+        low, time_low, high, time_high = self._extrema(derivative, True).T
         up = high >= -low
         return Peaks(frozen(np.where(up, high, -low)), frozen(np.where(up, time_high, time_low)))
 
