@@ -129,6 +129,38 @@ def inside_kernel(rows: Rows, z: Array) -> bool:
 
 
 @kernel
+def decisive_kernel(rows: Rows, z: Array, share: float) -> Rows:
+    """The limits of which more than a share is used at z, and all caps; the others don't count."""
+    h, caps, knot_rows, knot_counts, jerk_rows, jerk_counts, pulls = rows
+    cells = h.shape[0] - 2
+    knots, knots_left = knot_rows.copy(), np.zeros_like(knot_counts)
+    jerks, jerks_left = jerk_rows.copy(), np.zeros_like(jerk_counts)
+    for i in range(cells + 1):
+        c, d = knot_kernel(h, z, i)
+        for k in range(knot_counts[i]):
+            value = knot_rows[i, k, 0] * c + knot_rows[i, k, 1] * d
+            if value > share * knot_rows[i, k, 3] or value < share * knot_rows[i, k, 2]:
+                knots[i, knots_left[i]] = knot_rows[i, k]
+                knots_left[i] += 1
+    for k in range(1, cells + 1):
+        c0, d0 = knot_kernel(h, z, k - 1)
+        c1, d1 = knot_kernel(h, z, k)
+        e = (d1 - d0) / h[k]
+        steepest = 0.0
+        for j in range(jerk_counts[k - 1]):
+            steepest = max(steepest, abs(jerk_rows[k - 1, 0, j, 2]))
+        for j in range(jerk_counts[k - 1]):
+            # That of the joint that moves most always counts: nothing else keeps c from swinging.
+            leads = abs(jerk_rows[k - 1, 0, j, 2]) == steepest
+            used0 = abs(jerk_at_kernel(jerk_rows[k - 1, 0, j], c0, d0, e)) * math.sqrt(c0)
+            used1 = abs(jerk_at_kernel(jerk_rows[k - 1, 1, j], c1, d1, e)) * math.sqrt(c1)
+            if leads or max(used0, used1) > share:
+                jerks[k - 1, :, jerks_left[k - 1]] = jerk_rows[k - 1, :, j]
+                jerks_left[k - 1] += 1
+    return Rows(h, caps, knots, knots_left, jerks, jerks_left, pulls)
+
+
+@kernel
 def time_kernel(rows: Rows, z: Array) -> float:
     """The time that is made the least: the integral of c^(-1/2), each cell at its own z."""
     time = 0.0

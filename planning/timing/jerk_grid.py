@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.chain import Array
+from kinematics.kernel import kernel
 from planning.timing.jerk_barrier import Rows
 from planning.timing.path import JointPath
 
@@ -108,17 +109,21 @@ def _ramp_time(away: Array, length: float) -> Array:
     return times
 
 
+@kernel
 def _inverse(y: Array) -> Array:
     """The u in [0, 1] with 2 u^3 - 2 u^4 + 0.6 u^5 = y, by Newton's method from above."""
-    u = np.minimum(np.cbrt(y / 0.6), 1.0)
-    for _ in range(_NEWTON_STEPS):
-        value = u**3 * (2.0 - 2.0 * u + 0.6 * u**2) - y
-        slope = u**2 * (6.0 - 8.0 * u + 3.0 * u**2)
-        step = np.where(slope > 0.0, value / np.where(slope > 0.0, slope, 1.0), 0.0)
-        u = np.clip(u - step, 0.0, 1.0)
-        if np.abs(step).max(initial=0.0) < 1e-15:
-            break
-    return np.asarray(u)
+    answer = np.empty_like(y)
+    for i in range(y.shape[0]):
+        u = min((y[i] / 0.6) ** (1.0 / 3.0), 1.0)
+        for _ in range(_NEWTON_STEPS):
+            value = u**3 * (2.0 - 2.0 * u + 0.6 * u**2) - y[i]
+            slope = u**2 * (6.0 - 8.0 * u + 3.0 * u**2)
+            step = value / slope if slope > 0.0 else 0.0
+            u = min(max(u - step, 0.0), 1.0)
+            if abs(step) < 1e-15:
+                break
+        answer[i] = u
+    return answer
 
 
 def grid(

@@ -19,6 +19,7 @@ from planning.timing.dilation import Dilated, checked_limits, dilate, fitting_fa
 from planning.timing.failure import TimingFailed
 from planning.timing.jerk_barrier import (
     Rows,
+    decisive_kernel,
     envelope_kernel,
     inside_kernel,
     least_time_kernel,
@@ -46,6 +47,8 @@ _FAR, _NEAR = 0.3, 0.03
 # there and the speeds found anew: of the excess hardly a tenth is left each time.
 _ENOUGH = 1.01
 _ROUNDS = 2
+# Limits that less than this part of is used hardly matter to the next round, which leaves them out.
+_DECISIVE = 0.3
 # Where no phases fit, c may be at most this many times what it is nearby.
 _CALM = 2.0
 _MOST_ROUNDS = 12
@@ -142,13 +145,14 @@ def _curved_phases(
 ) -> tuple[Array, np.ndarray[tuple[int], np.dtype[np.int64]]]:
     """The phases of a section, their starts within the path's pieces, and those pieces."""
     made = grid(path, limits, speeds, extra)
-    z = _start(made.rows)
-    least_time_kernel(made.rows, z, _FAR, _ROUGH)
+    rows = made.rows
+    z = _start(rows)
+    least_time_kernel(rows, z, _FAR, _ROUGH)
     phases = _phases(made, z, speeds)
     rounds = 0
     while True:
         if phases is None:
-            rows = _calmed(made.rows, z)
+            rows = _calmed(rows, z)
         else:
             ratios = _ratios(path, made, phases, limits)
             if extra is not None:
@@ -156,13 +160,13 @@ def _curved_phases(
             excess = max(float(r.max()) ** (1.0 / k) for k, r in enumerate(ratios, 1))
             if excess < _ENOUGH or rounds >= _ROUNDS:
                 break
-            rows = _tightened(made.rows, ratios)
+            rows = _tightened(rows, ratios)
         if rounds >= _MOST_ROUNDS:
             raise _no_speed()
         rounds += 1
-        made = made._replace(rows=rows)
-        z = _scaled(rows, z, _NEARLY_INSIDE)
-        least_time_kernel(rows, z, _NEAR, TOLERANCE)
+        decisive = decisive_kernel(rows, z, _DECISIVE)
+        z = _scaled(decisive, z, _NEARLY_INSIDE)
+        least_time_kernel(decisive, z, _NEAR, TOLERANCE)
         phases = _phases(made, z, speeds)
     owners = np.repeat(made.pieces, 2)
     phases[:, 0] -= path.breaks[owners]
