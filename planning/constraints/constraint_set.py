@@ -1,0 +1,181 @@
+"""Constraints on a chain, packed for the kernels: values, residuals and their Jacobians."""
+
+import hashlib
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinematics.chain import Array, Chain, Indices, frozen
+from kinematics.forward import forward_kernel
+from kinematics.kernel import kernel
+from planning.constraints.constraint import Constraint
+from planning.constraints.limit import ClearanceConstraint, ToolSpeedConstraint, TorqueConstraint
+from planning.constraints.row import WIDTH, Row, gradient_kernel, residual_kernel
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ConstraintSet:
+    """What a configuration or a motion of one robot has to hold (m rows).
+
+    Args:
+        chain: The robot.
+        constraints: In the order they were given.
+
+    Also known: ``rows``, m of them; ``owners``, the constraint each row belongs to, (m,);
+    ``packed``, the rows as kernels read them, (m, WIDTH); ``weights``, inf for a hard row, (m,);
+    ``content_hash``.
+
+    Raises:
+        InvalidGoal: A constraint does not fit the chain.
+        InvalidLinkName: A constraint names a link that the chain does not have.
+    """
+
+    chain: Chain
+    constraints: tuple[Constraint, ...] = ()
+    rows: tuple[Row, ...] = field(init=False, repr=False)
+    owners: Indices = field(init=False, repr=False)
+    packed: Array = field(init=False, repr=False)
+    weights: Array = field(init=False, repr=False)
+    content_hash: str = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        rows, owners, weights = [], [], []
+        for i, constraint in enumerate(self.constraints):
+            own = constraint.rows(self.chain)
+            rows += own
+            owners += [i] * len(own)
+            weights += [np.inf if constraint.weight is None else constraint.weight] * len(own)
+        numbers = np.array(owners, dtype=np.int64)
+        numbers.setflags(write=False)
+        packed = np.array([row.packed() for row in rows]).reshape(-1, WIDTH)
+        object.__setattr__(self, "constraints", tuple(self.constraints))
+        object.__setattr__(self, "rows", tuple(rows))
+        object.__setattr__(self, "owners", numbers)
+        object.__setattr__(self, "packed", frozen(packed))
+        object.__setattr__(self, "weights", frozen(weights))
+        object.__setattr__(self, "content_hash", self._hash())
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, ConstraintSet) and other.content_hash == self.content_hash
+
+    def __hash__(self) -> int:
+        return hash(self.content_hash)
+
+    def __bool__(self) -> bool:
+        return bool(self.constraints)
+
+    def _hash(self) -> str:
+        digest = hashlib.sha256(self.chain.content_hash.encode())
+        digest.update(self.packed.tobytes() + self.weights.tobytes())
+        limits = [] if self.torque is None else [repr(self.torque.limits)]
+        digest.update(repr([self.margin, self.tool_speed, *limits]).encode())
+        return digest.hexdigest()
+
+    @property
+    def margin(self) -> float:
+        """The largest clearance asked for, 0 where none is [m]."""
+        given = [c.margin for c in self.constraints if isinstance(c, ClearanceConstraint)]
+        return max(given, default=0.0)
+
+    @property
+    def tool_speed(self) -> float | None:
+        """The least tool speed limit [m/s]."""
+        given = [c.limit for c in self.constraints if isinstance(c, ToolSpeedConstraint)]
+        return min(given, default=None)
+
+    @property
+    def torque(self) -> TorqueConstraint | None:
+        """The torque constraint, the last one where there are several."""
+        given = [c for c in self.constraints if isinstance(c, TorqueConstraint)]
+        return given[-1] if given else None
+
+    @property
+    def hard(self) -> "ConstraintSet":
+        """The constraints that must hold."""
+        return ConstraintSet(self.chain, tuple(c for c in self.constraints if c.weight is None))
+
+    @property
+    def soft(self) -> "ConstraintSet":
+        """The constraints that have a weight."""
+        return ConstraintSet(self.chain, tuple(c for c in self.constraints if c.weight is not None))
+
+    def label(self, row: int) -> str:
+        """What a row bounds, in words."""
+        constraint = self.constraints[int(self.owners[row])]
+        return f"constraint {int(self.owners[row])} ({constraint.name}, {self.rows[row].label})"
+
+    def values(self, q: ArrayLike) -> Array:
+        """Values of the rows at one configuration (n,) or many (..., n), shape (..., m).
+
+        Raises:
+            InvalidRobotState: Wrong length or not finite.
+        """
+        return self._evaluated(q)[0]
+
+    def residuals(self, q: ArrayLike) -> Array:
+        """Residuals max(value - upper, lower - value), shape (..., m), positive where violated.
+
+        Raises:
+            InvalidRobotState: Wrong length or not finite.
+        """
+        return self._evaluated(q)[1]
+
+    def evaluate(self, q: ArrayLike) -> tuple[Array, Array]:
+        """Residuals (..., m) and their Jacobian (..., m, n).
+
+        Raises:
+            InvalidRobotState: Wrong length or not finite.
+        """
+        _, residuals, jacobian = self._evaluated(q)
+        return residuals, jacobian
+
+    def _evaluated(self, q: ArrayLike) -> tuple[Array, Array, Array]:
+        batch = self.chain.configuration(q)
+        flat, m, n = batch.reshape(-1, self.chain.n), len(self.rows), self.chain.n
+        values, residuals = np.empty((len(flat), m)), np.empty((len(flat), m))
+        jacobian = np.empty((len(flat), m, n))
+        evaluate_batch_kernel(
+            self.chain.joint_types, self.chain.offsets, self.packed, flat, values, residuals,
+            jacobian,
+        )  # fmt: skip
+        shape = batch.shape[:-1]
+        return (
+            values.reshape(*shape, m), residuals.reshape(*shape, m),
+            jacobian.reshape(*shape, m, n),
+        )  # fmt: skip
+
+
+@kernel
+def evaluate_kernel(
+    types: Indices, offsets: Array, packed: Array, q: Array, frames: Array, E: Array,
+    values: Array, residuals: Array, jacobian: Array,
+) -> float:  # fmt: skip
+    """Write values and residuals (m,) and the residuals' Jacobian (m, n) at q (n,).
+
+    Answers the largest residual; ``frames`` (n, 4, 4) and E (3, 3) are scratch.
+    """
+    forward_kernel(types, offsets, q, frames)
+    worst = -np.inf
+    for i in range(packed.shape[0]):
+        values[i] = gradient_kernel(types, q, frames, packed[i], E, jacobian[i])
+        residual, sign = residual_kernel(values[i], packed[i])
+        residuals[i] = residual
+        worst = max(worst, residual)
+        if sign < 0.0:
+            for j in range(q.shape[0]):
+                jacobian[i, j] = -jacobian[i, j]
+    return worst
+
+
+@kernel
+def evaluate_batch_kernel(
+    types: Indices, offsets: Array, packed: Array, q: Array, values: Array, residuals: Array,
+    jacobian: Array,
+) -> None:  # fmt: skip
+    """Values, residuals (k, m) and Jacobians (k, m, n) of a batch q (k, n)."""
+    frames, E = np.empty((q.shape[1], 4, 4)), np.empty((3, 3))
+    for k in range(q.shape[0]):
+        evaluate_kernel(
+            types, offsets, packed, q[k], frames, E, values[k], residuals[k], jacobian[k]
+        )

@@ -1,0 +1,123 @@
+"""A link held upright within a cone, or near an orientation."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinematics.chain import Array, Chain, frozen
+from kinematics.pose import from_matrix
+from planning.constraints.attachment import Attachment, tolerance, tolerances, unit, weight
+from planning.constraints.row import Row, RowKind
+
+_AXES = "xyz"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ConeConstraint:
+    """An axis of a link stays within a cone: angle(R a, d) <= cone_angle.
+
+    Args:
+        axis: Of the link, in its frame, of any length, shape (3,).
+        direction: It is kept near, in the reference, of any length, shape (3,).
+        cone_angle: Between the cone's axis and its surface [rad].
+        link: The link; the tip where none is named.
+        reference_link: The link whose frame the direction is in; the base where none is named.
+        weight: None where it must hold; else what a squared radian of it costs.
+
+    Raises:
+        InvalidGoal: Axis or direction is 0, or the angle not in [0, pi].
+    """
+
+    axis: ArrayLike
+    direction: ArrayLike
+    cone_angle: float
+    link: str | None = None
+    reference_link: str | None = None
+    weight: float | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "axis", unit(self.axis, "axis"))
+        object.__setattr__(self, "direction", unit(self.direction, "direction"))
+        tolerance(self.cone_angle, "cone_angle", math.pi)
+        weight(self.weight)
+
+    @property
+    def name(self) -> str:
+        """What it is, in words."""
+        return f"orientation cone of {'the tip' if self.link is None else repr(self.link)}"
+
+    def rows(self, chain: Chain) -> list[Row]:
+        """Its row on a chain.
+
+        Raises:
+            InvalidLinkName: No such link.
+            InvalidGoal: The link does not move against the reference.
+        """
+        at = Attachment.of(chain, self.link, self.reference_link)
+        return [
+            Row(
+                RowKind.ANGLE, at.carrier, at.reference, -np.inf, self.cone_angle, "rad",
+                axis=at.axis(np.asarray(self.axis)),
+                direction=at.direction(np.asarray(self.direction)), label="the cone",
+            )
+        ]  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OrientationConstraint:
+    """A link's orientation stays near another: |log(R_target^T R)_i| <= axis_tolerances_i.
+
+    Args:
+        rotation: The target, in the reference, shape (3, 3).
+        axis_tolerances: About x, y and z of the target; one of pi or more leaves the axis free,
+            shape (3,) or one number [rad].
+        link: The link; the tip where none is named.
+        reference_link: The link whose frame the target is in; the base where none is named.
+        weight: None where it must hold; else what a squared radian of it costs.
+
+    Raises:
+        InvalidPose: The target is no rotation.
+        InvalidGoal: A tolerance is negative.
+    """
+
+    rotation: Array
+    axis_tolerances: ArrayLike
+    link: str | None = None
+    reference_link: str | None = None
+    weight: float | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "rotation", frozen(from_matrix(self.rotation)))
+        given = tolerances(np.asarray(self.axis_tolerances, dtype=np.float64), "axis_tolerances")
+        object.__setattr__(self, "axis_tolerances", given)
+        weight(self.weight)
+
+    @property
+    def name(self) -> str:
+        """What it is, in words."""
+        return f"orientation of {'the tip' if self.link is None else repr(self.link)}"
+
+    def rows(self, chain: Chain) -> list[Row]:
+        """A row for each axis that is not free.
+
+        Raises:
+            InvalidLinkName: No such link.
+            InvalidGoal: The link does not move against the reference.
+        """
+        at = Attachment.of(chain, self.link, self.reference_link)
+        return rotation_rows(at, self.rotation, np.asarray(self.axis_tolerances))
+
+
+def rotation_rows(at: Attachment, rotation: Array, limits: Array) -> list[Row]:
+    """Rows that hold each component of the rotation left to a target within its limit."""
+    K, M = at.turn(rotation)
+    return [
+        Row(
+            RowKind.ROTATION, at.carrier, at.reference, -float(limits[i]), float(limits[i]), "rad",
+            axis=M[:, i], turn=K, label=f"the turn about {_AXES[i]}",
+        )
+        for i in range(3)
+        if limits[i] < math.pi
+    ]  # fmt: skip

@@ -1,0 +1,358 @@
+"""One scalar that a constraint bounds, and the kernels that evaluate it.
+
+Every geometric constraint is a few rows. A row is a smooth function of the configuration, seen from
+a reference frame, with a lower and an upper bound; its residual
+
+    r(q) = max(value(q) - upper, lower - value(q))
+
+is positive by how much the row is violated, in the row's own unit, and negative by what it has to
+spare. With x the position of the row's point and A the direction of its axis in the reference:
+
+    JOINT       q_j
+    COORDINATE  d . (x - c)
+    DISTANCE    |x - c|, without its part along d where d is not 0
+    ANGLE       angle(A, d)
+    LOOK        angle(A, c - x)
+    ROTATION    a . log(K X), with X the rotation of the carrier's frame
+"""
+
+import math
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Literal
+
+import numpy as np
+
+from kinematics.chain import Array, Indices, frozen
+from kinematics.kernel import kernel
+
+Unit = Literal["rad", "m"]
+
+
+class RowKind(IntEnum):
+    """Which function a row bounds."""
+
+    JOINT = 0
+    COORDINATE = 1
+    DISTANCE = 2
+    ANGLE = 3
+    LOOK = 4
+    ROTATION = 5
+
+
+_ZERO = np.zeros(3)
+#: Entries of a packed row: kind, carrier, reference, point (3), axis (3), center (3),
+#: direction (3), lower, upper, turn (9).
+WIDTH = 26
+LOWER, UPPER = 15, 16
+_JOINT, _COORDINATE, _DISTANCE, _ANGLE, _LOOK = (int(kind) for kind in list(RowKind)[:5])
+#: Below this a length or a sine names no direction.
+_NO_DIRECTION = 1e-12
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Row:
+    """A scalar with bounds, all of it in the frames of joints.
+
+    Args:
+        kind: The function.
+        carrier: The joint that carries point and axis, -1 for the base; the joint itself for JOINT.
+        reference: The joint whose frame it is seen from, -1 for the base.
+        lower: Least value [unit].
+        upper: Largest value [unit].
+        unit: "rad" or "m".
+        point: In the carrier's frame, shape (3,) [m].
+        axis: Unit vector in the carrier's frame, of ROTATION the component that counts, (3,).
+        center: In the reference, shape (3,) [m].
+        direction: Unit vector in the reference, or 0, shape (3,).
+        turn: K of ROTATION, shape (3, 3).
+        label: What the row bounds, in words.
+    """
+
+    kind: RowKind
+    carrier: int
+    reference: int
+    lower: float
+    upper: float
+    unit: Unit
+    point: Array = field(default_factory=lambda: _ZERO)
+    axis: Array = field(default_factory=lambda: _ZERO)
+    center: Array = field(default_factory=lambda: _ZERO)
+    direction: Array = field(default_factory=lambda: _ZERO)
+    turn: Array = field(default_factory=lambda: np.eye(3))
+    label: str = ""
+
+    def __post_init__(self) -> None:
+        for name in ("point", "axis", "center", "direction", "turn"):
+            object.__setattr__(self, name, frozen(getattr(self, name)))
+
+    @property
+    def width(self) -> float:
+        """Distance of the bounds; of a one-sided row, of the bound from the best value."""
+        return self.upper - (0.0 if math.isinf(self.lower) else self.lower)
+
+    def packed(self) -> Array:
+        """The row as a kernel reads it, shape (WIDTH,)."""
+        return np.array(
+            [
+                self.kind, self.carrier, self.reference, *self.point, *self.axis, *self.center,
+                *self.direction, self.lower, self.upper, *self.turn.flat,
+            ]
+        )  # fmt: skip
+
+
+@kernel
+def turned(R: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """R (3, 3 or larger) times a vector."""
+    return (
+        R[0, 0] * x + R[0, 1] * y + R[0, 2] * z,
+        R[1, 0] * x + R[1, 1] * y + R[1, 2] * z,
+        R[2, 0] * x + R[2, 1] * y + R[2, 2] * z,
+    )
+
+
+@kernel
+def turned_back(R: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """R^T times a vector."""
+    return (
+        R[0, 0] * x + R[1, 0] * y + R[2, 0] * z,
+        R[0, 1] * x + R[1, 1] * y + R[2, 1] * z,
+        R[0, 2] * x + R[1, 2] * y + R[2, 2] * z,
+    )
+
+
+@kernel
+def cross(
+    a: tuple[float, float, float], b: tuple[float, float, float]
+) -> tuple[float, float, float]:
+    """The vector product of a and b."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@kernel
+def dot(a: tuple[float, float, float], b: tuple[float, float, float]) -> float:
+    """The scalar product of a and b."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@kernel
+def point_kernel(frames: Array, row: Array) -> tuple[float, float, float]:
+    """The row's point in the base frame."""
+    carrier = int(row[1])
+    if carrier < 0:
+        return row[3], row[4], row[5]
+    F = frames[carrier]
+    x, y, z = turned(F, row[3], row[4], row[5])
+    return x + F[0, 3], y + F[1, 3], z + F[2, 3]
+
+
+@kernel
+def seen_kernel(
+    frames: Array, row: Array, P: tuple[float, float, float]
+) -> tuple[float, float, float]:
+    """A point of the base frame in the row's reference."""
+    reference = int(row[2])
+    if reference < 0:
+        return P
+    F = frames[reference]
+    return turned_back(F, P[0] - F[0, 3], P[1] - F[1, 3], P[2] - F[2, 3])
+
+
+@kernel
+def axis_kernel(frames: Array, row: Array) -> tuple[float, float, float]:
+    """The row's axis in its reference."""
+    a = (row[6], row[7], row[8])
+    if row[1] >= 0.0:
+        a = turned(frames[int(row[1])], a[0], a[1], a[2])
+    if row[2] >= 0.0:
+        a = turned_back(frames[int(row[2])], a[0], a[1], a[2])
+    return a
+
+
+@kernel
+def to_base_kernel(
+    frames: Array, row: Array, a: tuple[float, float, float]
+) -> tuple[float, float, float]:
+    """A direction of the row's reference in the base frame."""
+    if row[2] < 0.0:
+        return a
+    return turned(frames[int(row[2])], a[0], a[1], a[2])
+
+
+@kernel
+def log_kernel(E: Array) -> tuple[float, float, float]:
+    """The rotation vector of E (3, 3), through the quaternion's largest component."""
+    t = E[0, 0] + E[1, 1] + E[2, 2]
+    if t >= E[0, 0] and t >= E[1, 1] and t >= E[2, 2]:
+        w, x = 1.0 + t, E[2, 1] - E[1, 2]
+        y, z = E[0, 2] - E[2, 0], E[1, 0] - E[0, 1]
+    elif E[0, 0] >= E[1, 1] and E[0, 0] >= E[2, 2]:
+        w, x = E[2, 1] - E[1, 2], 1.0 + E[0, 0] - E[1, 1] - E[2, 2]
+        y, z = E[0, 1] + E[1, 0], E[0, 2] + E[2, 0]
+    elif E[1, 1] >= E[2, 2]:
+        w, x = E[0, 2] - E[2, 0], E[0, 1] + E[1, 0]
+        y, z = 1.0 + E[1, 1] - E[0, 0] - E[2, 2], E[1, 2] + E[2, 1]
+    else:
+        w, x = E[1, 0] - E[0, 1], E[0, 2] + E[2, 0]
+        y, z = E[1, 2] + E[2, 1], 1.0 + E[2, 2] - E[0, 0] - E[1, 1]
+    if w < 0.0:
+        w, x, y, z = -w, -x, -y, -z
+    sine = math.sqrt(x * x + y * y + z * z)
+    # Of a small rotation the quaternion is (e / 2, 1), here twice or four times as long.
+    scale = 2.0 / w if sine < _NO_DIRECTION * w else 2.0 * math.atan2(sine, w) / sine
+    return scale * x, scale * y, scale * z
+
+
+@kernel
+def rotation_kernel(frames: Array, row: Array, E: Array) -> tuple[float, float, float]:
+    """Write K X of a ROTATION row into E (3, 3) and answer its rotation vector."""
+    for column in range(3):
+        a = (1.0 * (column == 0), 1.0 * (column == 1), 1.0 * (column == 2))
+        if row[1] >= 0.0:
+            a = turned(frames[int(row[1])], a[0], a[1], a[2])
+        if row[2] >= 0.0:
+            a = turned_back(frames[int(row[2])], a[0], a[1], a[2])
+        for i in range(3):
+            k = 17 + 3 * i
+            E[i, column] = row[k] * a[0] + row[k + 1] * a[1] + row[k + 2] * a[2]
+    return log_kernel(E)
+
+
+@kernel
+def angle_kernel(a: tuple[float, float, float], d: tuple[float, float, float]) -> float:
+    """Angle of two unit vectors [rad], exact near 0 and pi too."""
+    x, y, z = cross(a, d)
+    return math.atan2(math.sqrt(x * x + y * y + z * z), dot(a, d))
+
+
+@kernel
+def away_kernel(
+    a: tuple[float, float, float], d: tuple[float, float, float]
+) -> tuple[float, float, float]:
+    """Unit vector about which a has to turn to leave d fastest; 0 where a is along d."""
+    x, y, z = cross(d, a)
+    length = math.sqrt(x * x + y * y + z * z)
+    if length > _NO_DIRECTION:
+        return x / length, y / length, z / length
+    if dot(a, d) > 0.0:
+        return 0.0, 0.0, 0.0
+    # Opposite: any way leads back; it is the one about which the angle falls.
+    k = (
+        0
+        if abs(a[0]) <= abs(a[1]) and abs(a[0]) <= abs(a[2])
+        else 1
+        if abs(a[1]) <= abs(a[2])
+        else 2
+    )
+    x, y, z = cross(a, (1.0 * (k == 0), 1.0 * (k == 1), 1.0 * (k == 2)))
+    length = math.sqrt(x * x + y * y + z * z)
+    return x / length, y / length, z / length
+
+
+@kernel
+def value_kernel(
+    q: Array, frames: Array, row: Array, E: Array
+) -> tuple[float, tuple[float, float, float], tuple[float, float, float]]:
+    """A row's value and its covectors on the point's velocity and the angular velocity.
+
+    Both are in the base frame; E (3, 3) is scratch. Of JOINT they mean nothing.
+    """
+    kind = int(row[0])
+    none = (0.0, 0.0, 0.0)
+    center = (row[9], row[10], row[11])
+    d = (row[12], row[13], row[14])
+    if kind == _JOINT:
+        return q[int(row[1])], none, none
+    if kind == _ANGLE:
+        a = axis_kernel(frames, row)
+        return angle_kernel(a, d), none, to_base_kernel(frames, row, away_kernel(a, d))
+    if kind > _LOOK:
+        e = rotation_kernel(frames, row, E)
+        a = (row[6], row[7], row[8])
+        b = log_slope_kernel(e, a)
+        k = row[17:26].reshape(3, 3)
+        back = turned_back(k, b[0], b[1], b[2])
+        return dot(a, e), none, to_base_kernel(frames, row, back)
+    x = seen_kernel(frames, row, point_kernel(frames, row))
+    y = (x[0] - center[0], x[1] - center[1], x[2] - center[2])
+    if kind == _COORDINATE:
+        return dot(d, y), to_base_kernel(frames, row, d), none
+    if kind == _DISTANCE:
+        along = dot(d, y)
+        y = (y[0] - along * d[0], y[1] - along * d[1], y[2] - along * d[2])
+        length = math.sqrt(dot(y, y))
+        scale = 1.0 / length if length > _NO_DIRECTION else 0.0
+        covector = (scale * y[0], scale * y[1], scale * y[2])
+        return length, to_base_kernel(frames, row, covector), none
+    a = axis_kernel(frames, row)
+    length = math.sqrt(dot(y, y))
+    if length <= _NO_DIRECTION:
+        return math.pi, none, none
+    u = (-y[0] / length, -y[1] / length, -y[2] / length)
+    away = away_kernel(a, u)
+    # u turns by (u x v) / |y| while the point moves by v: the angle is that of a seen from u.
+    linear = cross(away, u)
+    scale = 1.0 / length
+    linear = (scale * linear[0], scale * linear[1], scale * linear[2])
+    return (
+        angle_kernel(a, u),
+        to_base_kernel(frames, row, linear),
+        to_base_kernel(frames, row, away),
+    )
+
+
+@kernel
+def log_slope_kernel(
+    e: tuple[float, float, float], a: tuple[float, float, float]
+) -> tuple[float, float, float]:
+    """Covector on w of a . d log(E) for E' = S(w) E: the transposed inverse left Jacobian times a.
+
+    J^-T a = a + e x a / 2 + (1 - (t / 2) cot(t / 2)) / t^2  e x (e x a), t = |e|.
+    """
+    square = dot(e, e)
+    if square < 1e-8:
+        factor = 1.0 / 12.0 + square / 720.0
+    else:
+        half = 0.5 * math.sqrt(square)
+        factor = (1.0 - half * math.cos(half) / math.sin(half)) / square
+    first = cross(e, a)
+    second = cross(e, first)
+    return (
+        a[0] + 0.5 * first[0] + factor * second[0],
+        a[1] + 0.5 * first[1] + factor * second[1],
+        a[2] + 0.5 * first[2] + factor * second[2],
+    )
+
+
+@kernel
+def gradient_kernel(
+    types: Indices, q: Array, frames: Array, row: Array, E: Array, gradient: Array
+) -> float:
+    """Write a row's gradient (n,) and answer its value."""
+    value, linear, angular = value_kernel(q, frames, row, E)
+    n = q.shape[0]
+    carrier, reference = int(row[1]), int(row[2])
+    for j in range(n):
+        gradient[j] = 0.0
+    if int(row[0]) == _JOINT:
+        gradient[carrier] = 1.0
+        return value
+    P = point_kernel(frames, row)
+    # Joints between the two bodies move one against the other: outwards one way, inwards the other.
+    sign = 1.0 if carrier > reference else -1.0
+    for j in range(min(carrier, reference) + 1, max(carrier, reference) + 1):
+        F = frames[j]
+        z = (F[0, 2], F[1, 2], F[2, 2])
+        if types[j] == 1:
+            gradient[j] = sign * dot(linear, z)
+        else:
+            arm = cross(z, (P[0] - F[0, 3], P[1] - F[1, 3], P[2] - F[2, 3]))
+            gradient[j] = sign * (dot(linear, arm) + dot(angular, z))
+    return value
+
+
+@kernel
+def residual_kernel(value: float, row: Array) -> tuple[float, float]:
+    """The residual of a row's value, and the sign of its slope."""
+    above, below = value - row[UPPER], row[LOWER] - value
+    return (above, 1.0) if above >= below else (below, -1.0)
