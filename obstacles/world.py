@@ -175,6 +175,19 @@ class World:
                 best, closest = distance, int(pair)
         return Clearance(best, self.pair_names(closest) if closest >= 0 else None)
 
+    def apart(self, q: ArrayLike, names: tuple[str, str]) -> float:
+        """Distance of two named bodies in a configuration (n,), margins taken off [m].
+
+        Infinite where they are not looked at.
+
+        Raises:
+            InvalidRobotState: Wrong length or not finite.
+        """
+        self.place(q)
+        wanted = set(names)
+        own = [k for k in range(len(self.pairs)) if set(self.pair_names(k)) == wanted]
+        return min((self.distance(k) for k in own), default=np.inf)
+
     def collisions(self, q: ArrayLike) -> list[Collision]:
         """All that touch (or come into each other's margin) in a configuration (n,), deepest first.
 

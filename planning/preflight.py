@@ -1,6 +1,6 @@
 """What can be known before planning: is the start valid, is a goal, can it be reached."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -9,13 +9,16 @@ from kinematics.chain import Array, Chain
 from kinematics.ik import numeric
 from obstacles.checker import Checker, collision_model
 from obstacles.robot_geometry import hulled
-from obstacles.world import World
+from obstacles.world import ACCURACY, World
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.result import Failure
 
 #: Configurations looked for when a goal is a pose, and starts spent on them.
 _POSE_CANDIDATES = 12
 _POSE_STARTS = 120
+#: A start or goal this near to its margin [m] counts as touching, and is told with pair and depth:
+#: the proof knows distances to a tenth of a micrometre, below twice that nothing can be proved.
+TOUCHING = 2.0 * ACCURACY
 #: Planning keeps this much more than the margin, where start and goal have it to spare: it spares
 #: the certificate halving its cells down to nothing where a path would graze [m].
 _SLACK = 1e-3
@@ -48,7 +51,7 @@ def preflight(problem: Problem, seed: int) -> Ready | Failure:
     if outside is not None:
         return _limit_failure("start", outside)
     clearance, pair = checker.clearance(start)
-    if clearance <= 0.0:
+    if clearance <= TOUCHING:
         return _collision_failure(problem, "start", start, pair, clearance)
     goals: list[tuple[float, Array]] = []
     failures: list[Failure] = []
@@ -114,29 +117,35 @@ def _limit_failure(which: str, broken: dict[str, Any]) -> Failure:
 def _collision_failure(
     problem: Problem, which: str, q: Array, pair: tuple[str, str] | None, clearance: float
 ) -> Failure:
-    contacts = World(problem.robot, problem.scene).collisions(q)
-    deepest = max(contacts, key=lambda contact: contact.depth, default=None)
-    details: dict[str, Any] = {
-        "collisions": [{"pair": list(c.pair), "depth": c.depth} for c in contacts]
-    }
-    if deepest is not None:
-        a, b = deepest.pair
-        details |= {"pair": [a, b], "depth": deepest.depth}
-        message = f"at the {which}, {a!r} and {b!r} overlap by {deepest.depth:.4g} m"
+    """Say what touches in a configuration, or what is nearer than its margin, and by how much.
+
+    The depth is that of the solids themselves; a margin has none.
+    """
+    solids = tuple(replace(obstacle, margin=0.0) for obstacle in problem.scene.obstacles)
+    world = World(problem.robot, replace(problem.scene, obstacles=solids))
+    contacts = world.collisions(q)
+    if contacts:
+        a, b = contacts[0].pair
+        depth = contacts[0].depth
+        message = f"at the {which}, {a!r} and {b!r} overlap by {depth:.4g} m"
+        details: dict[str, Any] = {}
     else:
         assert pair is not None
-        away = clearance + problem.margin
-        details |= {"pair": list(pair), "clearance": away, "margin": problem.margin}
-        message = (
-            f"at the {which}, {pair[0]!r} and {pair[1]!r} are closer than their margin by "
-            f"{-clearance:.4g} m"
-        )
+        (a, b), depth = pair, 0.0
+        distance = world.apart(q, pair)
+        margin = max(distance - clearance, 0.0)
+        details = {"clearance": distance, "margin": margin}
+        message = f"at the {which}, {a!r} and {b!r} are {distance:.4g} m apart"
+        message += f", nearer than their margin of {margin:.4g} m" if margin > TOUCHING else ""
+        message += ": they touch" if distance <= TOUCHING else ""
+    told = [{"pair": list(contact.pair), "depth": contact.depth} for contact in contacts]
     return Failure(
         code=f"{which.upper()}{'_STATE' if which == 'start' else ''}_IN_COLLISION",
         message=message,
-        hint=f"Move the {which} away, lower the margin, or allow the pair if contact is meant.",
+        hint=f"Move the {which} away, lower the margin, or allow the pair if contact is meant "
+        "(allowed_collisions, or touch_links of what is held).",
         stage=which,
-        details=details,
+        details={"pair": [a, b], "depth": depth, "collisions": told, **details},
     )
 
 
@@ -147,7 +156,7 @@ def _joint_goal(
     if outside is not None:
         return _limit_failure("goal", outside)
     clearance, pair = checker.clearance(q)
-    if clearance <= 0.0:
+    if clearance <= TOUCHING:
         return _collision_failure(problem, "goal", q, pair, clearance)
     return [(clearance, q)]
 
@@ -185,7 +194,7 @@ def _pose_goal(
     spares = [
         (checker.clearance(solution.joints), solution.joints) for solution in result.solutions
     ]
-    valid = [(clearance, q) for (clearance, _), q in spares if clearance > 0.0]
+    valid = [(clearance, q) for (clearance, _), q in spares if clearance > TOUCHING]
     if valid:
         return valid
     (clearance, pair), q = max(spares, key=lambda entry: entry[0][0])

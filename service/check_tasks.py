@@ -1,24 +1,23 @@
 """Collision checks and projections as requests ask for them, in workers."""
 
 import dataclasses
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from pydantic_core import to_json
 
 from kinematics.chain import Array
-from kinematics.errors import InvalidScene
 from obstacles.checker import Checker
 from obstacles.projection import project as project_points
 from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Obstacle, Scene
+from obstacles.scene import Scene
 from obstacles.world import World
-from service import library, translate
+from service import library
 from service.answering import answering
+from service.holding import holding
 from service.prepared import Recent
 from service.references import Absent, Reference, Refusal
-from service.schemas.check import Attached, CheckRequest
+from service.schemas.check import CheckRequest
 from service.schemas.scene import ProjectRequest
 
 #: Distances from here on are exact as the kernel finds them; below, the depth is asked for [m].
@@ -68,32 +67,14 @@ def check(robot: Reference, scene: Reference | None, content: bytes) -> bytes | 
     geometry = library.robot(robot).geometry
     joints = geometry.chain.configuration(body.joints)
     place = library.scene(scene or (None if isinstance(body.scene, str) else body.scene))
-    holding = attach(geometry, place, body.attached or ())
-    key = (holding.content_hash, place.content_hash)
-    judge = _JUDGES.get(key, lambda: Judge.of(holding, place))
+    held = holding(geometry, place, body.attached, body.allowed_collisions)
+    key = (held.robot.content_hash, held.scene.content_hash)
+    judge = _JUDGES.get(key, lambda: Judge.of(held.robot, held.scene))
     verdicts = [_verdict(judge, q, body.margin) for q in joints.reshape(-1, geometry.chain.n)]
     if joints.ndim == 1:
-        return to_json(verdicts[0])
-    return to_json({name: [verdict[name] for verdict in verdicts] for name in verdicts[0]})
-
-
-def attach(robot: RobotGeometry, scene: Scene, attached: Sequence[Attached]) -> RobotGeometry:
-    """The robot holding objects.
-
-    Raises:
-        InvalidScene: An object is not valid, or its name is taken.
-        InvalidLinkName: A link is unknown.
-    """
-    for item in attached:
-        if item.id in scene.ids:
-            raise InvalidScene(
-                f"attached object {item.id!r} is an obstacle of the scene too",
-                hint="What is held is no obstacle any more: take it out of the scene, or give it "
-                "another name.",
-            )
-        held = Obstacle(item.id, translate.shape(item.shape), translate.transform(item.pose))
-        robot = robot.attach(held, item.link, item.touch_links)
-    return robot
+        return to_json(verdicts[0] | {"allowed_collisions": held.allowed})
+    answer = {name: [verdict[name] for verdict in verdicts] for name in verdicts[0]}
+    return to_json(answer | {"allowed_collisions": held.allowed})
 
 
 def _verdict(judge: Judge, q: Array, margin: float) -> dict[str, Any]:

@@ -33,6 +33,7 @@ from obstacles.scene import Scene
 from obstacles.world import World
 from service import library, translate
 from service.answering import answering
+from service.holding import holding
 from service.references import Absent, Reference, Refusal, builtin_reference
 from service.schemas.kinematics import (
     MAX_SOLUTIONS,
@@ -233,9 +234,10 @@ def ik(robot: Reference, scene: Reference | None, content: bytes) -> bytes | Ref
     prepared = library.robot(robot)
     chain = prepared.chain
     link = chain.link(body.link or chain.tip_link).name
-    place = None
-    if body.scene is not None:
+    held = None
+    if _wants_check(body):
         place = library.scene(scene or (None if isinstance(body.scene, str) else body.scene))
+        held = holding(prepared.geometry, place, body.attached, body.allowed_collisions)
     trace = None
     if body.method == "gradient":
         trace = _followed(chain, body)
@@ -247,17 +249,24 @@ def ik(robot: Reference, scene: Reference | None, content: bytes) -> bytes | Ref
     if not found.solutions:
         return _unreachable(chain, link, found)
     answers = [_solution(chain, solution) for solution in found.solutions]
-    if place is not None:
-        answers = _judged(prepared.geometry, place, answers, everything=body.all_solutions)
+    if held is not None:
+        answers = _judged(held.robot, held.scene, answers, everything=body.all_solutions)
         if not body.all_solutions and not answers[0]["collision_free"]:
             return _all_collide(link, answers)
     wanted = body.max_solutions or (len(answers) if body.all_solutions or body.all_turns else 1)
     if not body.all_solutions:
         answers = [item for item in answers if item["rejected_because"] is None] or answers[:1]
     answer: dict[str, Any] = {"solutions": answers[:wanted]}
+    if held is not None and held.allowed:
+        answer["allowed_collisions"] = held.allowed
     if body.gradient is not None and body.gradient.trace and trace is not None:
         answer["trace"] = _trace(trace)
     return to_json(answer)
+
+
+def _wants_check(body: IkRequest) -> bool:
+    """Whether solutions are to be checked: a scene is given, or something is held."""
+    return body.scene is not None or bool(body.attached)
 
 
 def _check_method(body: IkRequest) -> None:
@@ -286,7 +295,7 @@ def _found(chain: Chain, body: IkRequest) -> IkResult:
     most = body.max_solutions or 1
     if body.max_solutions is None and many:
         most = _ALL_CLOSED if closed else _ALL_SEARCHED
-    if body.scene is not None:
+    if _wants_check(body):
         most = max(most, _CANDIDATES_CLOSED if closed else _CANDIDATES_SEARCHED)
     return inverse_kinematics(
         chain,

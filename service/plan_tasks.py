@@ -9,16 +9,14 @@ from typing import Any
 
 from pydantic_core import to_json
 
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Scene
 from planning import pipeline
 from planning.certificate import certify
 from planning.deadline import Deadline
 from planning.result import Failure, Plan
 from service import library, translate_motion, translate_timing, worker_main
 from service.answering import answering
-from service.check_tasks import attach
 from service.computing import PATIENCE
+from service.holding import Held, holding
 from service.references import Absent, Reference, Refusal
 from service.schemas.plan import PlanRequest, ValidateRequest
 from service.version import VERSION
@@ -45,15 +43,17 @@ def plan(
     body = PlanRequest.model_validate_json(content)
     translate_motion.check_available(body)
     place = library.scene(scene or (None if isinstance(body.scene, str) else body.scene))
-    arm = attach(library.robot(robot).geometry, place, body.attached or ())
-    problem = translate_motion.problem(body, arm, place)
+    geometry = library.robot(robot).geometry
+    held = holding(geometry, place, body.attached, body.allowed_collisions)
+    arm = held.robot
+    problem = translate_motion.problem(body, arm, held.scene)
     left = _left(body.timeout or timeout)
     if left <= 0.0:
         return _late()
     found = pipeline.plan(problem, translate_motion.options(body, arm.chain, left))
     if isinstance(found, Failure):
         return _refusal(found)
-    return to_json(_answer(found, body, arm, place), inf_nan_mode="null")
+    return to_json(_answer(found, body, held), inf_nan_mode="null")
 
 
 @answering
@@ -68,18 +68,21 @@ def validate(
     body = ValidateRequest.model_validate_json(content)
     translate_motion.check_constraints(body.constraints)
     place = library.scene(scene or (None if isinstance(body.scene, str) else body.scene))
-    arm = attach(library.robot(robot).geometry, place, body.attached or ())
+    geometry = library.robot(robot).geometry
+    held = holding(geometry, place, body.attached, body.allowed_collisions)
+    arm = held.robot
     motion, begins = translate_motion.trajectory(body.trajectory, arm.chain)
     limits = translate_motion.limits(body.limits, arm.chain)
     deadline = Deadline.after(max(_left(body.timeout or timeout), 0.0))
     loads = translate_timing.effort_loads(body.limits, arm.chain)
     certificate = certify(
-        motion, arm, place, margin=body.margin, limits=limits, loads=loads, deadline=deadline
+        motion, arm, held.scene, margin=body.margin, limits=limits, loads=loads, deadline=deadline
     )
     violation = certificate.violation
     if violation is not None and violation.kind == "time":
         return _late()
     answer = translate_motion.certificate_answer(certificate, begins)
+    answer["allowed_collisions"] = held.allowed
     return to_json(answer, inf_nan_mode="null")
 
 
@@ -103,7 +106,9 @@ def _refusal(failure: Failure) -> Refusal:
     return Refusal(failure.code, failure.message, failure.hint, details | {"stage": failure.stage})
 
 
-def _answer(found: Plan, body: PlanRequest, robot: RobotGeometry, scene: Scene) -> dict[str, Any]:
+def _answer(found: Plan, body: PlanRequest, held: Held) -> dict[str, Any]:
+    certificate = translate_motion.certificate_answer(found.certificate)
+    certificate["allowed_collisions"] = held.allowed
     return {
         "status": "success",
         "planner": found.planner,
@@ -112,11 +117,11 @@ def _answer(found: Plan, body: PlanRequest, robot: RobotGeometry, scene: Scene) 
         "trajectory": translate_motion.trajectory_answer(
             found.trajectory, body.timing.sample_period
         ),
-        "certificate": translate_motion.certificate_answer(found.certificate),
+        "certificate": certificate,
         "reproducibility": {
             "seed": body.seed,
-            "robot_hash": robot.content_hash,
-            "scene_hash": scene.content_hash,
+            "robot_hash": held.robot.content_hash,
+            "scene_hash": held.scene.content_hash,
             "request_hash": hashlib.sha256(body.model_dump_json().encode()).hexdigest(),
             "versions": _versions(),
         },

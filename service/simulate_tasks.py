@@ -17,8 +17,8 @@ from planning.certificate import certify
 from planning.deadline import Deadline
 from service import library, translate_motion, translate_simulation, worker_main
 from service.answering import answering
-from service.check_tasks import attach
 from service.computing import PATIENCE
+from service.holding import holding
 from service.references import Absent, Reference, Refusal
 from service.schemas.simulation import SimulateRequest
 from tracking.result import SimulationOutcome, SimulationResult
@@ -47,7 +47,9 @@ def simulate(
         ArmwrightError: The request is at fault.
     """
     body = SimulateRequest.model_validate_json(content)
-    geometry = library.robot(robot).geometry
+    place = library.scene(scene or (None if isinstance(body.scene, str) else body.scene))
+    held = holding(library.robot(robot).geometry, place, body.attached, body.allowed_collisions)
+    geometry = held.robot
     motion, begins = translate_motion.trajectory(body.trajectory, geometry.chain)
     true, model = translate_simulation.robot_and_model(geometry.chain, body)
     used = translate_simulation.controller(body.controller, model, motion)
@@ -64,11 +66,9 @@ def simulate(
     )
     answer = translate_simulation.simulation_answer(result, used, true, begins)
     if body.scene is not None:
-        place = library.scene(scene or (None if isinstance(body.scene, str) else body.scene))
-        arm = attach(geometry, place, body.attached or ())
         left = min(body.timeout or timeout, worker_main.deadline() - PATIENCE - time.monotonic())
         deadline = Deadline.after(max(left, 0.0))
-        answer["tube"] = _tube(arm, place, motion, result, deadline)
+        answer["tube"] = _tube(geometry, held.scene, motion, result, deadline)
     return to_json(answer, inf_nan_mode="null")
 
 

@@ -2,7 +2,17 @@
 
 from typing import Any, TypedDict
 
-from armwright_client.base import Answer, NonNegative, OptionsList, Positive, Request, Vector
+from pydantic import Field
+
+from armwright_client.base import (
+    Answer,
+    NonNegative,
+    OptionsList,
+    Pairs,
+    Positive,
+    Request,
+    Vector,
+)
 from armwright_client.check import AttachedObjects
 from armwright_client.scene import SceneReference
 from armwright_client.trajectory import Trajectory
@@ -46,6 +56,7 @@ class Certificate(Answer):
         path_constraint_residual: Largest violation of the path constraints.
         cells: Intervals of time that were looked at.
         violation: The first one, with its time, where it was not proved.
+        allowed_collisions: Of the request: pairs that were not looked at.
     """
 
     verified: bool
@@ -57,6 +68,7 @@ class Certificate(Answer):
     path_constraint_residual: float | None = None
     cells: int | None = None
     violation: dict[str, Any] | None = None
+    allowed_collisions: list[tuple[str, str]] = Field(default_factory=list)
 
 
 class LimitValues(Request):
@@ -76,6 +88,7 @@ class ValidateOptions(TypedDict, total=False):
         limits: In place of the robot's.
         constraints: That hold along the path.
         attached: Objects that move with a link.
+        allowed_collisions: More pairs that may touch.
         margin: Distance to be kept [m].
         timeout: [s].
     """
@@ -84,6 +97,7 @@ class ValidateOptions(TypedDict, total=False):
     limits: LimitValues
     constraints: OptionsList
     attached: AttachedObjects
+    allowed_collisions: Pairs
     margin: float
     timeout: float
 
@@ -97,5 +111,6 @@ class ValidateRequest(Request):
     limits: LimitValues | None = None
     constraints: OptionsList | None = None
     attached: AttachedObjects | None = None
+    allowed_collisions: Pairs | None = None
     margin: NonNegative | None = None
     timeout: Positive | None = None

@@ -1,32 +1,61 @@
 """Collision checks."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated, TypeAlias, TypedDict
+from typing import TYPE_CHECKING, Annotated, Self, TypeAlias, TypedDict
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from armwright_client.base import PLAIN, Answer, Names, NonNegative, Request, Rows, Vector
+from armwright_client.base import (
+    PLAIN,
+    Answer,
+    Matrix3,
+    Names,
+    NonNegative,
+    Pairs,
+    Positive,
+    Request,
+    Rows,
+    Vector,
+    Vector3,
+)
 from armwright_client.pose import Pose
 from armwright_client.scene import SceneReference
 from armwright_client.shape import Shape
 
 
 class Attached(Request):
-    """An object that moves with a link.
+    """An object that moves with a link; one that stands in the scene is out of it meanwhile.
 
     Args:
         id: Of the object.
-        shape: Of the object.
+        shape: Of the object; may be left out where the scene has an obstacle of this id.
         pose: In the frame of the link.
+        grasp_joints: In place of the pose: the configuration in which the link closed on the
+            object where it stands in the scene.
         link: That carries it.
-        touch_links: Links that may touch it.
+        touch_links: What it may touch: links, obstacles, other attached objects.
+        mass: For torques; without one it weighs nothing [kg].
+        center_of_mass: In the object's frame, its origin if left out [m].
+        inertia: About it, in the object's axes; a point if left out [kg m^2].
     """
 
     id: str
-    shape: Shape
-    pose: Pose
+    shape: Shape | None = None
+    pose: Pose | None = None
+    grasp_joints: Vector | None = None
     link: str
     touch_links: Names = Field(default_factory=list)
+    mass: Positive | None = None
+    center_of_mass: Vector3 | None = None
+    inertia: Matrix3 | None = None
+
+    @model_validator(mode="after")
+    def _check_form(self) -> Self:
+        if (self.pose is None) == (self.grasp_joints is None):
+            raise ValueError("give exactly one of pose, grasp_joints")
+        if self.mass is None and (self.center_of_mass is not None or self.inertia is not None):
+            raise ValueError("center_of_mass and inertia go with mass")
+        return self
 
 
 if TYPE_CHECKING:
@@ -41,12 +70,14 @@ class CheckOptions(TypedDict, total=False):
     Args:
         scene: What it must not hit.
         attached: Objects that move with a link.
+        allowed_collisions: More pairs that may touch.
         margin: Distance to be kept [m].
         timeout: [s].
     """
 
     scene: SceneReference
     attached: AttachedObjects
+    allowed_collisions: Pairs
     margin: float
     timeout: float
 
@@ -58,6 +89,7 @@ class CheckRequest(Request):
     joints: Vector | Rows
     scene: SceneReference | None = None
     attached: AttachedObjects | None = None
+    allowed_collisions: Pairs | None = None
     margin: NonNegative | None = None
     timeout: float | None = None
 
@@ -86,6 +118,7 @@ class CheckAnswer(Answer):
         clearance_pair: Between whom that is.
         collisions: All pairs that penetrate each other.
         limit_violations: All joints outside their limits.
+        allowed_collisions: Of the request, as they were obeyed.
     """
 
     valid: bool
@@ -93,6 +126,7 @@ class CheckAnswer(Answer):
     clearance_pair: tuple[str, str] | None = None
     collisions: list[Collision]
     limit_violations: list[LimitViolation] = Field(default_factory=list)
+    allowed_collisions: list[tuple[str, str]] = Field(default_factory=list)
 
 
 class CheckBatch(Answer):
@@ -103,3 +137,4 @@ class CheckBatch(Answer):
     clearance_pair: list[tuple[str, str] | None] | None = None
     collisions: list[list[Collision]]
     limit_violations: list[list[LimitViolation]] = Field(default_factory=list)
+    allowed_collisions: list[tuple[str, str]] = Field(default_factory=list)

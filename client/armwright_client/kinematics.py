@@ -9,12 +9,14 @@ from armwright_client.base import (
     Answer,
     Matrix,
     OptionsList,
+    Pairs,
     Request,
     Rows,
     Vector,
     Vector3,
     VectorLike,
 )
+from armwright_client.check import AttachedObjects
 from armwright_client.pose import Pose
 from armwright_client.scene import SceneReference
 
@@ -131,6 +133,8 @@ class IkOptions(TypedDict, total=False):
         axes: Axes of the pose's own frame that count; all if left out.
         gradient: Of the method "gradient".
         scene: To be free of collisions in.
+        attached: What is held meanwhile.
+        allowed_collisions: More pairs that may touch.
         constraints: Beyond the pose.
         timeout: [s].
         seed: Of the random generator.
@@ -147,6 +151,8 @@ class IkOptions(TypedDict, total=False):
     axes: Sequence[Axis]
     gradient: Gradient
     scene: SceneReference
+    attached: AttachedObjects
+    allowed_collisions: Pairs
     constraints: OptionsList
     timeout: float
     seed: int
@@ -167,6 +173,8 @@ class IkRequest(Request):
     axes: Annotated[tuple[Axis, ...], Field(strict=False)] | None = None
     gradient: Gradient | None = None
     scene: SceneReference | None = None
+    attached: AttachedObjects | None = None
+    allowed_collisions: Pairs | None = None
     constraints: OptionsList | None = None
     timeout: float | None = None
     seed: int = 0
@@ -215,3 +223,4 @@ class IkAnswer(Answer):
 
     solutions: list[IkSolution]
     trace: GradientTrace | None = None
+    allowed_collisions: list[tuple[str, str]] = Field(default_factory=list)

@@ -10,6 +10,7 @@ from armwright_client.base import (
     NonNegative,
     Options,
     OptionsList,
+    Pairs,
     Positive,
     Request,
     Rows,
@@ -147,6 +148,7 @@ class PlanOptions(TypedDict, total=False):
         planner_options: The planner's own.
         constraints: That hold along the path.
         attached: Objects that move with a link.
+        allowed_collisions: More pairs that may touch.
         margin: Distance to be kept [m].
         start_state_tolerance: A start so little outside a limit is moved onto it [rad or m].
         timing: How the path becomes a motion.
@@ -160,6 +162,7 @@ class PlanOptions(TypedDict, total=False):
     planner_options: Options
     constraints: OptionsList
     attached: AttachedObjects
+    allowed_collisions: Pairs
     margin: float
     start_state_tolerance: float
     timing: Timing
@@ -179,6 +182,7 @@ class PlanRequest(Request):
     planner_options: Options | None = None
     constraints: OptionsList | None = None
     attached: AttachedObjects | None = None
+    allowed_collisions: Pairs | None = None
     margin: NonNegative | None = None
     start_state_tolerance: NonNegative | None = None
     timing: Timing | None = None

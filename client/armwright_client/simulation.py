@@ -2,7 +2,7 @@
 
 from typing import TypedDict
 
-from armwright_client.base import Answer, Matrix, Options, OptionsList, Positive, Request
+from armwright_client.base import Answer, Matrix, Options, OptionsList, Pairs, Positive, Request
 from armwright_client.scene import SceneReference
 from armwright_client.trajectory import Trajectory
 
@@ -24,6 +24,7 @@ class SimulateOptions(TypedDict, total=False):
         absolute_tolerance: Of the integrator.
         scene: With one, the tracking tube is answered.
         attached: What the robot holds.
+        allowed_collisions: More pairs that may touch.
         timeout: [s].
         seed: Of the noise.
     """
@@ -41,6 +42,7 @@ class SimulateOptions(TypedDict, total=False):
     absolute_tolerance: float
     scene: SceneReference
     attached: OptionsList
+    allowed_collisions: Pairs
     timeout: float
     seed: int
 
@@ -64,6 +66,7 @@ class SimulateRequest(Request):
     absolute_tolerance: Positive | None = None
     scene: SceneReference | None = None
     attached: OptionsList | None = None
+    allowed_collisions: Pairs | None = None
     timeout: Positive | None = None
     seed: int | None = None
 

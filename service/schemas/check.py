@@ -4,30 +4,12 @@ from typing import Annotated
 
 from pydantic import Field
 
-from service.schemas.base import Answer, Body, Joints, Label, Name, NonNegative, Timeout
+from service.schemas.attached import AllowedCollisions, AttachedObjects
+from service.schemas.base import Answer, Body, Joints, Name, NonNegative, Timeout
 from service.schemas.kinematics import JOINTS_EXAMPLE
-from service.schemas.pose import Pose
 from service.schemas.scene import SceneReference
-from service.schemas.shape import Shape
-
-MAX_ATTACHED = 100
 
 Margin = Annotated[NonNegative, Field(le=10.0, description="distance to be kept [m]")]
-
-
-class Attached(Body):
-    """An object that moves with a link."""
-
-    id: Label = Field(examples=["workpiece"])
-    shape: Shape
-    pose: Pose = Field(description="in the frame of the link")
-    link: Label = Field(examples=["panda_hand"])
-    touch_links: Annotated[list[Label], Field(max_length=100)] = Field(
-        default_factory=list, description="links that may touch it"
-    )
-
-
-AttachedObjects = Annotated[list[Attached], Field(max_length=MAX_ATTACHED)]
 
 
 class CheckRequest(Body):
@@ -37,6 +19,7 @@ class CheckRequest(Body):
     scene: SceneReference | None = Field(None, examples=["table"])
     joints: Joints = Field(examples=[JOINTS_EXAMPLE])
     attached: AttachedObjects | None = None
+    allowed_collisions: AllowedCollisions | None = None
     margin: Margin = 0.0
     timeout: Timeout | None = None
 
@@ -71,3 +54,6 @@ class CheckAnswer(Answer):
     )
     collisions: list[Collision] | list[list[Collision]]
     limit_violations: list[LimitViolation] | list[list[LimitViolation]]
+    allowed_collisions: list[list[str]] = Field(
+        default_factory=list, description="of the request, as they were obeyed"
+    )

@@ -4,6 +4,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from service.schemas.attached import AllowedCollisions, AttachedObjects
 from service.schemas.base import (
     Answer,
     Body,
@@ -121,6 +122,10 @@ class IkRequest(Body):
     )
     gradient: GradientOptions | None = Field(None, description='of the method "gradient"')
     scene: SceneReference | None = Field(None, examples=["table"])
+    attached: AttachedObjects | None = Field(
+        None, description="what is held; solutions are then checked, with no scene too"
+    )
+    allowed_collisions: AllowedCollisions | None = None
     constraints: Constraints | None = None
     timeout: Timeout | None = None
     seed: Seed = 0
@@ -152,6 +157,9 @@ class IkAnswer(Answer):
 
     solutions: list[IkSolution]
     trace: GradientTrace | None = None
+    allowed_collisions: list[list[str]] = Field(
+        default_factory=list, description="of the request, as they were obeyed"
+    )
 
 
 class VelocityRequest(Body):

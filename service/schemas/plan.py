@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field, model_validator
 from pydantic.config import JsonDict
 
+from service.schemas.attached import AllowedCollisions, AttachedObjects
 from service.schemas.base import (
     MAX_JOINTS,
     Answer,
@@ -21,7 +22,7 @@ from service.schemas.base import (
     Timeout,
     exactly_one,
 )
-from service.schemas.check import AttachedObjects, Margin
+from service.schemas.check import Margin
 from service.schemas.dynamics import Payload
 from service.schemas.kinematics import JOINTS_EXAMPLE, Constraints
 from service.schemas.pose import Pose
@@ -128,6 +129,7 @@ class PlanRequest(Body):
     planner_options: FreeForm | None = None
     constraints: Constraints | None = None
     attached: AttachedObjects | None = None
+    allowed_collisions: AllowedCollisions | None = None
     margin: Margin = 0.0
     start_state_tolerance: Annotated[NonNegative, Field(le=0.1)] = 1e-6
     timing: Timing = Field(default_factory=Timing)
@@ -209,6 +211,7 @@ class ValidateRequest(Body):
     limits: LimitsBody | None = None
     constraints: Constraints | None = None
     attached: AttachedObjects | None = None
+    allowed_collisions: AllowedCollisions | None = None
     margin: Margin = 0.0
     timeout: Timeout | None = None
 
@@ -288,6 +291,9 @@ class CertificateAnswer(Answer):
     path_constraint_residual: float | None = None
     cells: int = Field(0, description="intervals of time that were looked at")
     violation: dict[str, Any] | None = Field(None, description="the first, with its time")
+    allowed_collisions: list[list[str]] = Field(
+        default_factory=list, description="of the request: pairs that were not looked at"
+    )
 
 
 class Reproducibility(Answer):

@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 from pydantic import AliasChoices, ConfigDict, Field
 from pydantic.config import JsonDict
 
+from service.schemas.attached import AllowedCollisions, AttachedObjects
 from service.schemas.base import (
     Answer,
     Body,
@@ -19,7 +20,6 @@ from service.schemas.base import (
     Vector3,
     Vector6,
 )
-from service.schemas.check import AttachedObjects
 from service.schemas.dynamics import Payload, Tensor
 from service.schemas.plan import TrajectoryBody
 from service.schemas.scene import SceneReference
@@ -226,6 +226,7 @@ class SimulateRequest(Body):
         None, description="with one, the tracking tube is answered; an empty one will do"
     )
     attached: AttachedObjects | None = None
+    allowed_collisions: AllowedCollisions | None = None
     timeout: Timeout | None = None
     seed: Seed = 0
 

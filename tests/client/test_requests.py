@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 import armwright_client as ours
 from armwright_client.base import Readable, Request
 from armwright_client.robot import RobotFields
+from service.schemas import attached as their_attached
 from service.schemas import check as their_check
 from service.schemas import kinematics as their_kinematics
 from service.schemas import plan as their_plan
@@ -60,7 +61,7 @@ PAIRS: list[tuple[type[Readable], type[BaseModel]]] = [
     (ours.IkRequest, their_kinematics.IkRequest),
     (ours.IkSolution, their_kinematics.IkSolution),
     (ours.IkAnswer, their_kinematics.IkAnswer),
-    (ours.Attached, their_check.Attached),
+    (ours.Attached, their_attached.Attached),
     (ours.CheckRequest, their_check.CheckRequest),
     (ours.Collision, their_check.Collision),
     (ours.LimitViolation, their_check.LimitViolation),

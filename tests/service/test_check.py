@@ -147,7 +147,24 @@ def test_allowed_pairs_and_attached_objects(client: httpx.Client) -> None:
             422,
             "INVALID_LINK_NAME",
         ),
-        ({"attached": [POST | {"link": "panda_hand"}]}, 422, "INVALID_SCENE"),
+        (
+            {"attached": [{"id": "mug", "pose": POST["pose"], "link": "panda_hand"}]},
+            422,
+            "INVALID_SCENE",
+        ),
+        (
+            {"attached": [POST | {"link": "panda_hand", "touch_links": ["nose"]}]},
+            422,
+            "INVALID_LINK_NAME",
+        ),
+        (
+            {"attached": [POST | {"link": "panda_hand", "grasp_joints": HOME}]},
+            422,
+            "VALIDATION_ERROR",
+        ),
+        ({"attached": [POST | {"link": "panda_hand"}] * 2}, 422, "INVALID_SCENE"),
+        ({"allowed_collisions": [["panda_hand", "nose"]]}, 422, "INVALID_OBJECT_NAME"),
+        ({"allowed_collisions": [["panda_hand"]]}, 422, "VALIDATION_ERROR"),
         (
             {"attached": [POST | {"id": "panda_hand", "link": "panda_hand"}]},
             422,

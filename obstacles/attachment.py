@@ -1,0 +1,156 @@
+"""Objects that a robot holds: out of the scene and onto a link, with what each may touch.
+
+While it is held an object is a part of the robot: it moves with its link, and is checked against
+the other links, the scene and what else is held. From grasp to release it is one object with one
+name. Where that name is an obstacle's, the obstacle is taken out of the scene as long as the object
+is held; to release it is to plan without the attachment, with the obstacle put where it then is.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from numpy.typing import ArrayLike
+
+from kinematics.chain import Array
+from kinematics.errors import ArmwrightError, InvalidLinkName, InvalidObjectName
+from kinematics.forward import forward
+from kinematics.pose import inverse
+from obstacles.robot_geometry import RobotGeometry
+from obstacles.scene import Obstacle, Scene
+
+#: Links, obstacles and attached objects that an error names.
+_TOLD = 60
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Attachment:
+    """An object and the link that holds it.
+
+    Args:
+        held: The object; its pose is in the frame of ``link``, its margin is not used.
+        link: The link that holds it.
+        touches: Names of links, obstacles and other attached objects that it may touch.
+    """
+
+    held: Obstacle
+    link: str
+    touches: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Holding:
+    """A robot with what it holds, and the scene without that.
+
+    Args:
+        robot: Attached objects are among its pieces.
+        scene: What was taken is not among its obstacles; pairs that may touch are.
+    """
+
+    robot: RobotGeometry
+    scene: Scene
+
+
+def grasp(
+    robot: RobotGeometry, scene: Scene, name: str, link: str, q: ArrayLike
+) -> tuple[Obstacle, Array]:
+    """An obstacle as a link holds it that closed on it in a configuration.
+
+    T_link_object = T_base_link(q)^-1 T_base_object.
+
+    Args:
+        robot: The arm.
+        scene: Where the obstacle stands.
+        name: The obstacle.
+        link: The link that holds it.
+        q: The configuration, shape (n,).
+
+    Returns:
+        The obstacle with its pose in the link's frame, and that pose (4, 4).
+
+    Raises:
+        InvalidObjectName: The scene has no such obstacle.
+        InvalidLinkName: No such link.
+        InvalidRobotState: Wrong length or not finite.
+    """
+    stands = scene.obstacle(name)
+    configuration = robot.chain.configuration(q, "grasp_joints").reshape(robot.chain.n)
+    T_base_link = forward(robot.chain, configuration, link)
+    T_link_object = inverse(T_base_link) @ stands.T_world_obstacle
+    return Obstacle(name, stands.shape, T_link_object), T_link_object
+
+
+def release(
+    robot: RobotGeometry, scene: Scene, attachment: Attachment, q: ArrayLike
+) -> tuple[Scene, Obstacle]:
+    """The scene with an attached object put back where the robot holds it in a configuration.
+
+    Args:
+        robot: The arm.
+        scene: Without the object.
+        attachment: The object and its link.
+        q: The configuration, shape (n,).
+
+    Raises:
+        InvalidScene: The scene has an obstacle of that name.
+        InvalidRobotState: Wrong length or not finite.
+    """
+    configuration = robot.chain.configuration(q).reshape(robot.chain.n)
+    held = attachment.held
+    T = forward(robot.chain, configuration, attachment.link) @ held.T_world_obstacle
+    put = Obstacle(held.id, held.shape, T)
+    return replace(scene, obstacles=(*scene.obstacles, put)), put
+
+
+def hold(
+    robot: RobotGeometry,
+    scene: Scene,
+    attachments: Sequence[Attachment] = (),
+    allowed: Iterable[tuple[str, str]] = (),
+) -> Holding:
+    """The robot holding objects, and the scene that is left.
+
+    Args:
+        robot: The arm, perhaps holding something already.
+        scene: All obstacles, those that are held by now perhaps among them.
+        attachments: What is held.
+        allowed: More pairs of names that may touch.
+
+    Raises:
+        InvalidScene: The name of an attached object is a link's, or stands twice.
+        InvalidLinkName: A link that holds something, or a name that may touch it, is unknown.
+        InvalidObjectName: A name in ``allowed`` is unknown.
+    """
+    taken = {attachment.held.id for attachment in attachments}
+    left = tuple(obstacle for obstacle in scene.obstacles if obstacle.id not in taken)
+    pairs = set(scene.allowed_collisions)
+    arm = robot
+    for attachment in attachments:
+        links = [name for name in attachment.touches if name in robot.chain.index]
+        pairs |= {_sorted(attachment.held.id, name) for name in attachment.touches}
+        arm = arm.attach(attachment.held, attachment.link, links)
+    known = dict.fromkeys([*arm.chain.index, *arm.names, *(obstacle.id for obstacle in left)])
+    for attachment in attachments:
+        what = f"touch_links of attached object {attachment.held.id!r}"
+        _check_names(attachment.touches, what, known, InvalidLinkName)
+    for a, b in allowed:
+        _check_names((a, b), "allowed_collisions", known, InvalidObjectName)
+        pairs.add(_sorted(a, b))
+    return Holding(arm, Scene(left, frozenset(pairs)))
+
+
+def _sorted(a: str, b: str) -> tuple[str, str]:
+    return (a, b) if a < b else (b, a)
+
+
+def _check_names(
+    wanted: Iterable[str], where: str, known: Mapping[str, None], error: type[ArmwrightError]
+) -> None:
+    for name in wanted:
+        if name not in known:
+            some = ", ".join(list(known)[:_TOLD]) + (", …" if len(known) > _TOLD else "")
+            raise error(
+                f"{where}: there is no link, obstacle or attached object {name!r}",
+                hint=f"There are: {some}.",
+                name=name,
+                names=list(known),
+            )

@@ -1,0 +1,60 @@
+"""What a robot holds, and what may touch, on the wire."""
+
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from service.schemas.base import Body, JointVector, Label, Matrix3, Point, Positive, exactly_one
+from service.schemas.pose import Pose
+from service.schemas.scene import Pair
+from service.schemas.shape import Shape
+
+MAX_ATTACHED = 100
+MAX_ALLOWED = 10_000
+
+
+class Attached(Body):
+    """An object that moves with a link; one that stands in the scene is out of it meanwhile."""
+
+    id: Label = Field(examples=["workpiece"])
+    shape: Shape | None = Field(
+        None, description="may be left out where the scene has an obstacle of this id"
+    )
+    pose: Pose | None = Field(None, description="in the frame of the link")
+    grasp_joints: JointVector | None = Field(
+        None,
+        description="in place of pose: the configuration in which the link closed on the object "
+        "where it stands in the scene",
+    )
+    link: Label = Field(examples=["panda_hand"])
+    touch_links: Annotated[list[Label], Field(max_length=100)] = Field(
+        default_factory=list,
+        description="what it may touch: links, obstacles, other attached objects",
+    )
+    mass: Positive | None = Field(
+        None, description="for torques; without one the object weighs nothing [kg]"
+    )
+    center_of_mass: Point | None = Field(
+        None, description="in the object's frame, its origin if left out [m]"
+    )
+    inertia: Matrix3 | None = Field(
+        None, description="about it, in the object's axes; a point if left out [kg m^2]"
+    )
+
+    @model_validator(mode="after")
+    def _check_form(self) -> "Attached":
+        exactly_one(self, ("pose", "grasp_joints"))
+        if self.mass is None and (self.center_of_mass is not None or self.inertia is not None):
+            raise ValueError("center_of_mass and inertia go with mass")
+        return self
+
+
+AttachedObjects = Annotated[list[Attached], Field(max_length=MAX_ATTACHED)]
+AllowedCollisions = Annotated[
+    list[Pair],
+    Field(
+        max_length=MAX_ALLOWED,
+        description="more pairs of links, obstacles and attached objects that may touch",
+        examples=[[["panda_hand", "table_top"]]],
+    ),
+]

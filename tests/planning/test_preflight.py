@@ -1,0 +1,68 @@
+"""Starts and goals that touch, or nearly: told with pair and depth, never hidden."""
+
+import numpy as np
+import pytest
+
+from kinematics.forward import forward
+from kinematics.pose import transform
+from obstacles.robot_geometry import RobotGeometry
+from obstacles.scene import Obstacle, Scene
+from obstacles.shapes import Box, Sphere
+from planning.options import Options
+from planning.pipeline import plan
+from planning.preflight import TOUCHING
+from planning.problem import JointGoal, Problem
+from planning.result import Failure, Plan
+from tests.planning.scenes import HOME, builtin
+
+AWAY = HOME + np.array([0.6, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0])
+
+
+def with_ball(gap: float, margin: float = 0.0) -> tuple[RobotGeometry, Scene]:
+    """A ball in the hand, and a box whose face it is ``gap`` away from at the start."""
+    robot = builtin("panda").attach(
+        Obstacle("ball", Sphere(0.05), transform(None, [0.0, 0.0, 0.4])), "panda_hand"
+    )
+    center = (forward(robot.chain, HOME, "panda_hand") @ transform(None, [0, 0, 0.4]))[:3, 3]
+    top = center[2] - 0.05 - gap
+    plate = Obstacle("plate", Box(np.array([0.2, 0.2, 0.02])), transform(
+        None, [center[0], center[1], top - 0.01]), margin)  # fmt: skip
+    return robot, Scene((plate,))
+
+
+@pytest.mark.parametrize("gap", [-1e-2, -1e-5, -1e-7, 0.0, 1e-7])
+@pytest.mark.parametrize("backwards", [False, True])
+def test_contact_is_told_with_pair_and_depth(gap: float, backwards: bool) -> None:
+    robot, scene = with_ball(gap)
+    start, goal = (AWAY, HOME) if backwards else (HOME, AWAY)
+    answer = plan(Problem(robot, scene, start, (JointGoal(goal),)), Options(timeout=10.0))
+    assert isinstance(answer, Failure)
+    which = "goal" if backwards else "start"
+    assert answer.code == ("GOAL_IN_COLLISION" if backwards else "START_STATE_IN_COLLISION")
+    assert answer.stage == which
+    assert answer.details["pair"] == ["ball", "plate"]
+    assert answer.details["depth"] == pytest.approx(max(-gap, 0.0), abs=2e-7)
+    assert "'ball'" in answer.message
+    assert which in answer.message
+    if gap > 0.0:
+        assert answer.details["clearance"] == pytest.approx(gap, abs=2e-7)
+
+
+def test_just_clear_is_planned_and_proved() -> None:
+    robot, scene = with_ball(1e-6)
+    upward = HOME + np.array([0.0, -0.3, 0.0, 0.0, 0.0, 0.0, 0.0])
+    answer = plan(Problem(robot, scene, HOME, (JointGoal(upward),)), Options(timeout=10.0))
+    assert isinstance(answer, Plan), answer
+    assert 0.0 < answer.certificate.min_clearance <= 1e-6 + 1e-9
+
+
+def test_a_margin_has_no_depth() -> None:
+    robot, scene = with_ball(0.004, margin=0.003)
+    answer = plan(Problem(robot, scene, HOME, (JointGoal(AWAY),), margin=0.002), Options())
+    assert isinstance(answer, Failure)
+    assert answer.code == "START_STATE_IN_COLLISION"
+    assert answer.details["depth"] == 0.0
+    assert answer.details["collisions"] == []
+    assert answer.details["clearance"] == pytest.approx(0.004, abs=1e-6)
+    assert answer.details["margin"] == pytest.approx(0.005, abs=1e-6)
+    assert TOUCHING < 1e-6

@@ -1,0 +1,132 @@
+"""Held objects over HTTP: in every request that checks collisions, from grasp to release."""
+
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+
+from dynamics.gravity import gravity_vector
+from dynamics.payload import with_payload
+from kinematics.forward import forward
+from kinematics.robots import builtin_chain
+from tests.service.robots import HOME, answer, problem, scene
+
+CHAIN = builtin_chain("panda")
+#: The hand points down and holds a crate that stands on a table.
+DOWN = [0.0, 0.2, 0.0, -2.1, 0.0, 2.3, 0.785]
+TIP = forward(CHAIN, DOWN)[:3, 3]
+SIZE = [0.05, 0.05, 0.1]
+CRATE = {
+    "id": "crate",
+    "shape": {"type": "box", "size": SIZE},
+    "pose": {"position": [float(TIP[0]), float(TIP[1]), float(TIP[2])]},
+}
+TABLE = {
+    "id": "table",
+    "shape": {"type": "box", "size": [0.5, 1.0, 0.04]},
+    "pose": {"position": [0.55, 0.0, float(TIP[2]) - 0.07]},
+}
+PLACE = scene(TABLE, CRATE)
+FINGERS = ["panda_link7"]
+HELD = {"id": "crate", "link": "panda_hand", "grasp_joints": DOWN, "touch_links": FINGERS}
+
+
+def check(client: httpx.Client, **more: Any) -> dict[str, Any]:
+    body = {"robot": "panda", "scene": PLACE, "joints": DOWN, **more}
+    return answer(client.post("/v1/check", json=body))
+
+
+def test_what_is_taken_is_no_obstacle_any_more(client: httpx.Client) -> None:
+    assert {"crate"} < {name for item in check(client)["collisions"] for name in item["pair"]}
+    held = check(client, attached=[HELD])
+    # It rests on the table: that contact is told until it is allowed.
+    assert [item["pair"] for item in held["collisions"]] in ([], [["crate", "table"]])
+    assert held["clearance"] == pytest.approx(0.0, abs=1e-6)
+    resting = HELD | {"touch_links": [*FINGERS, "table"]}
+    assert check(client, attached=[resting])["valid"]
+    allowed = check(client, attached=[HELD], allowed_collisions=[["table", "crate"]])
+    assert allowed["valid"]
+    assert allowed["allowed_collisions"] == [["crate", "table"]]
+    many = check(client, joints=[DOWN, DOWN], attached=[HELD], allowed_collisions=[
+        ["table", "crate"]])  # fmt: skip
+    assert many["valid"] == [True, True]
+    assert many["allowed_collisions"] == [["crate", "table"]]
+
+
+def test_plan_validate_and_ik_know_what_is_held(client: httpx.Client) -> None:
+    resting = HELD | {"touch_links": [*FINGERS, "table"], "mass": 1.5}
+    body = {
+        "robot": "panda",
+        "scene": PLACE,
+        "start": {"joints": DOWN},
+        "goal": {"joints": HOME},
+        "attached": [resting],
+        "timing": {"torque_limits": True},
+        "allowed_collisions": [["panda_hand", "crate"]],
+        "timeout": 30.0,
+    }
+    found = answer(client.post("/v1/plan", json=body))
+    assert found["certificate"]["allowed_collisions"] == [["crate", "panda_hand"]]
+    told = problem(
+        client.post("/v1/plan", json=body | {"attached": [HELD]}), 422, "START_STATE_IN_COLLISION"
+    )["details"]
+    assert told["pair"] == ["crate", "table"]
+    assert told["depth"] == pytest.approx(0.0, abs=1e-6)
+    motion = {
+        "robot": "panda",
+        "scene": PLACE,
+        "trajectory": found["trajectory"],
+        "attached": [resting],
+        "limits": {"effort": [87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0]},
+    }
+    proved = answer(client.post("/v1/validate", json=motion))
+    assert proved["verified"], proved
+    heavy = motion | {"attached": [resting | {"mass": 40.0}]}
+    assert answer(client.post("/v1/validate", json=heavy))["violation"]["kind"] == "torque"
+    dropped = answer(client.post("/v1/validate", json=motion | {"attached": None}))
+    assert dropped["violation"]["kind"] == "collision"
+    pose = {"position": [0.5, 0.0, float(TIP[2])], "rpy": [np.pi, 0.0, 0.0]}
+    ask = {"pose": pose, "scene": scene(TABLE), "max_solutions": 1}
+    free = answer(client.post("/v1/robots/panda/ik", json=ask))
+    assert free["solutions"][0]["collision_free"]
+    long = {
+        "id": "pole",
+        "shape": {"type": "cylinder", "radius": 0.01, "height": 0.6},
+        "pose": {"position": [0.0, 0.0, 0.4]},
+        "link": "panda_hand",
+        "touch_links": FINGERS,
+    }
+    refused = problem(
+        client.post("/v1/robots/panda/ik", json=ask | {"attached": [long]}), 422, "NO_IK_SOLUTION"
+    )
+    assert "pole" in refused["detail"]
+    assert answer(
+        client.post(
+            "/v1/robots/panda/ik",
+            json=ask | {"attached": [long], "allowed_collisions": [["pole", "table"]]},
+        )
+    )["allowed_collisions"] == [["pole", "table"]]
+
+
+def test_a_mass_is_held_against_gravity(client: httpx.Client) -> None:
+    held = HELD | {"touch_links": [*FINGERS, "table"], "mass": 2.0, "center_of_mass": [0, 0, 0.02]}
+    trajectory = {
+        "segments": [{"t0": 0.0, "t1": 0.5, "coefficients": [[value] for value in DOWN]}],
+        "joint_names": list(CHAIN.joint_names),
+    }
+    body = {
+        "robot": "panda",
+        "scene": PLACE,
+        "trajectory": trajectory,
+        "controller": {"type": "computed_torque", "natural_frequency": 20.0},
+        "attached": [held],
+    }
+    found = answer(client.post("/v1/simulate", json=body))
+    hand = forward(CHAIN, DOWN, "panda_hand")
+    crate = np.array([*TIP[:2], TIP[2] + 0.02])
+    loaded = with_payload(CHAIN, 2.0, hand[:3, :3].T @ (crate - hand[:3, 3]), link="panda_hand")
+    np.testing.assert_allclose(
+        found["torque"][0], gravity_vector(loaded, np.array(DOWN)), atol=1e-6
+    )
+    assert found["max_tracking_error"] < 1e-6
