@@ -1,13 +1,15 @@
 """Exact verdicts about configurations and joint motions: free, colliding, how far apart."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from kinematics.chain import Array
+from kinematics.chain import Array, Indices
 from obstacles.collision_model import CollisionModel
 from obstacles.motion import COLLIDING, FREE, certify_curve, certify_path, closest_pair
 from obstacles.piece import Piece
+from obstacles.proximity import near_pairs
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 
@@ -32,6 +34,20 @@ class Motion:
     pair: tuple[str, str] | None
     clearance: float
     intervals: int
+
+
+class Proximity(NamedTuple):
+    """Pairs that are near each other in one configuration, and how their distances change.
+
+    Args:
+        pairs: Numbers for ``CollisionModel.pair_name``, shape (m,).
+        distances: Signed distances, margins taken off, negative by the depth of overlap, (m,) [m].
+        gradients: Of the distances with respect to the joints, shape (m, n) [m/rad or 1].
+    """
+
+    pairs: Indices
+    distances: Array
+    gradients: Array
 
 
 def collision_model(robot: RobotGeometry, scene: Scene, margin: float = 0.0) -> CollisionModel:
@@ -92,6 +108,25 @@ class Checker:
         """
         distance, pair = closest_pair(self.model.arrays, np.ascontiguousarray(q))
         return distance - self.slack, None if pair < 0 else self.model.pair_name(pair)
+
+    def gradient(self, q: Array, within: float) -> Proximity:
+        """Signed distances of all pairs closer than ``within`` [m], and their gradients.
+
+        A distance has no gradient where the direction it is measured along jumps (the middle of a
+        solid, the edge of a face opposite to another face); one of those on either side is
+        answered there. Pairs of pieces count, so a link that is made of several, or a mesh, can
+        occur several times with one obstacle.
+
+        Args:
+            q: Shape (n,).
+            within: Pairs farther apart than this, margins taken off, are left out [m].
+        """
+        arrays = self.model.arrays
+        n, k = self.model.chain.n, len(arrays.pairs)
+        pairs, distances, gradients = np.empty(k, np.int64), np.empty(k), np.empty((k, n))
+        point = np.ascontiguousarray(q, dtype=np.float64)
+        m = near_pairs(arrays, point, within + self.slack, pairs, distances, gradients)
+        return Proximity(pairs[:m], distances[:m] - self.slack, gradients[:m])
 
     def valid(self, q: Array) -> bool:
         """Whether a configuration keeps every pair its margin apart."""

@@ -74,84 +74,89 @@ def support_in(
 
 
 @kernel
-def _dot(a: Vector, b: Vector) -> float:
+def dot(a: Vector, b: Vector) -> float:
+    """Scalar product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @kernel
-def _minus(a: Vector, b: Vector) -> Vector:
+def minus(a: Vector, b: Vector) -> Vector:
+    """Difference."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
 @kernel
-def _cross(a: Vector, b: Vector) -> Vector:
+def cross(a: Vector, b: Vector) -> Vector:
+    """Vector product."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @kernel
-def _row(S: Array, i: int) -> Vector:
+def row(S: Array, i: int) -> Vector:
+    """Row i of S (k, 3)."""
     return S[i, 0], S[i, 1], S[i, 2]
 
 
 @kernel
-def _put(S: Array, i: int, p: Vector) -> None:
+def put(S: Array, i: int, p: Vector) -> None:
+    """Write p into row i of S (k, 3)."""
     S[i, 0], S[i, 1], S[i, 2] = p[0], p[1], p[2]
 
 
 @kernel
-def _nearest_on_segment(a: Vector, b: Vector, S: Array) -> tuple[Vector, int]:
+def nearest_on_segment(a: Vector, b: Vector, S: Array) -> tuple[Vector, int]:
     """Point of segment ab nearest to the origin; the corners it needs are left in S."""
-    ab = _minus(b, a)
-    length = _dot(ab, ab)
-    t = -_dot(a, ab)
+    ab = minus(b, a)
+    length = dot(ab, ab)
+    t = -dot(a, ab)
     if t <= 0.0 or length == 0.0:
-        _put(S, 0, a)
+        put(S, 0, a)
         return a, 1
     if t >= length:
-        _put(S, 0, b)
+        put(S, 0, b)
         return b, 1
     t /= length
-    _put(S, 0, a)
-    _put(S, 1, b)
+    put(S, 0, a)
+    put(S, 1, b)
     return (a[0] + t * ab[0], a[1] + t * ab[1], a[2] + t * ab[2]), 2
 
 
 @kernel
-def _nearest_on_triangle(a: Vector, b: Vector, c: Vector, S: Array) -> tuple[Vector, int]:
+def nearest_on_triangle(a: Vector, b: Vector, c: Vector, S: Array) -> tuple[Vector, int]:
     """Point of triangle abc nearest to the origin; the corners it needs are left in S.
 
     By the regions of the corners, edges and face ("Real-time collision detection", 5.1.5).
     """
-    ab, ac = _minus(b, a), _minus(c, a)
-    d1, d2 = -_dot(ab, a), -_dot(ac, a)
+    ab, ac = minus(b, a), minus(c, a)
+    d1, d2 = -dot(ab, a), -dot(ac, a)
     if d1 <= 0.0 and d2 <= 0.0:
-        _put(S, 0, a)
+        put(S, 0, a)
         return a, 1
-    d3, d4 = -_dot(ab, b), -_dot(ac, b)
+    d3, d4 = -dot(ab, b), -dot(ac, b)
     if d3 >= 0.0 and d4 <= d3:
-        _put(S, 0, b)
+        put(S, 0, b)
         return b, 1
-    d5, d6 = -_dot(ab, c), -_dot(ac, c)
+    d5, d6 = -dot(ab, c), -dot(ac, c)
     if d6 >= 0.0 and d5 <= d6:
-        _put(S, 0, c)
+        put(S, 0, c)
         return c, 1
     vc = d1 * d4 - d3 * d2
     if vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
-        return _nearest_on_segment(a, b, S)
+        return nearest_on_segment(a, b, S)
     vb = d5 * d2 - d1 * d6
     if vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
-        return _nearest_on_segment(a, c, S)
+        return nearest_on_segment(a, c, S)
     va = d3 * d6 - d5 * d4
     if va <= 0.0 and d4 - d3 >= 0.0 and d5 - d6 >= 0.0:
-        return _nearest_on_segment(b, c, S)
+        return nearest_on_segment(b, c, S)
     total = va + vb + vc
     if total <= 0.0:
         # A sliver without area: the longest edge stands for it.
-        return _nearest_on_segment(a, b if _dot(ab, ab) > _dot(ac, ac) else c, S)
+        return nearest_on_segment(a, b if dot(ab, ab) > dot(ac, ac) else c, S)
     v, w = vb / total, vc / total
-    _put(S, 0, a)
-    _put(S, 1, b)
-    _put(S, 2, c)
+    put(S, 0, a)
+    put(S, 1, b)
+    put(S, 2, c)
     return (
         a[0] + ab[0] * v + ac[0] * w,
         a[1] + ab[1] * v + ac[1] * w,
@@ -162,20 +167,20 @@ def _nearest_on_triangle(a: Vector, b: Vector, c: Vector, S: Array) -> tuple[Vec
 @kernel
 def _outside(a: Vector, b: Vector, c: Vector, opposite: Vector) -> bool:
     """Whether the origin is not strictly on the side of face abc where ``opposite`` is."""
-    normal = _cross(_minus(b, a), _minus(c, a))
-    origin = -_dot(a, normal)
-    inside = _dot(_minus(opposite, a), normal)
+    normal = cross(minus(b, a), minus(c, a))
+    origin = -dot(a, normal)
+    inside = dot(minus(opposite, a), normal)
     return origin * inside <= 0.0
 
 
 @kernel
-def _nearest_on_tetrahedron(S: Array, scratch: Array, apart: bool) -> tuple[Vector, int]:
+def nearest_on_tetrahedron(S: Array, scratch: Array, apart: bool) -> tuple[Vector, int]:
     """Point of the tetrahedron in S nearest to the origin; 4 corners: the origin is inside.
 
     Of a nearly flat one the sides can't be told; where a plane has shown that the origin is
     outside (``apart``), all faces are looked at.
     """
-    a, b, c, d = _row(S, 0), _row(S, 1), _row(S, 2), _row(S, 3)
+    a, b, c, d = row(S, 0), row(S, 1), row(S, 2), row(S, 3)
     best, count = np.inf, 4
     nearest = (0.0, 0.0, 0.0)
     for face in range(4):
@@ -189,39 +194,39 @@ def _nearest_on_tetrahedron(S: Array, scratch: Array, apart: bool) -> tuple[Vect
             p, q, r, o = b, d, c, a
         if not (apart or _outside(p, q, r, o)):
             continue
-        v, k = _nearest_on_triangle(p, q, r, scratch)
-        distance = _dot(v, v)
+        v, k = nearest_on_triangle(p, q, r, scratch)
+        distance = dot(v, v)
         if distance < best:
             best, count, nearest = distance, k, v
             for i in range(k):
-                _put(S, i, _row(scratch, i))
+                put(S, i, row(scratch, i))
     return nearest, count
 
 
 @kernel
-def _nearest_on_simplex(S: Array, count: int, scratch: Array, apart: bool) -> tuple[Vector, int]:
+def nearest_on_simplex(S: Array, count: int, scratch: Array, apart: bool) -> tuple[Vector, int]:
     """Point of the simplex in S (4, 3) nearest to the origin, and how many corners it needs."""
     if count == 1:
-        return _row(S, 0), 1
+        return row(S, 0), 1
     if count == 2:
-        return _nearest_on_segment(_row(S, 0), _row(S, 1), S)
+        return nearest_on_segment(row(S, 0), row(S, 1), S)
     if count == 3:
-        return _nearest_on_triangle(_row(S, 0), _row(S, 1), _row(S, 2), S)
-    v, left = _nearest_on_tetrahedron(S, scratch, False)
+        return nearest_on_triangle(row(S, 0), row(S, 1), row(S, 2), S)
+    v, left = nearest_on_tetrahedron(S, scratch, False)
     if left == 4 and apart:
-        return _nearest_on_tetrahedron(S, scratch, True)
+        return nearest_on_tetrahedron(S, scratch, True)
     return v, left
 
 
 @kernel
-def _halfspace_distance(
+def halfspace_distance(
     kind: int, points: Array, start: int, stop: int, size: Array, T: Array, H: Array
 ) -> float:
     """Distance of a piece to the half-space z <= 0 of frame H; negative is how deep it is in."""
     normal = (H[0, 2], H[1, 2], H[2, 2])
     down = (-normal[0], -normal[1], -normal[2])
     p = support_in(kind, points, start, stop, size, T, down)
-    return float(_dot(normal, (p[0] - H[0, 3], p[1] - H[1, 3], p[2] - H[2, 3])) - size[2])
+    return float(dot(normal, (p[0] - H[0, 3], p[1] - H[1, 3], p[2] - H[2, 3])) - size[2])
 
 
 @kernel
@@ -263,13 +268,13 @@ def separation(
     """
     if kinds[j] == _HALFSPACE or kinds[i] == _HALFSPACE:
         if kinds[j] == _HALFSPACE:
-            d = _halfspace_distance(kinds[i], points, starts[i], starts[i + 1], sizes[i], T_i, T_j)
+            d = halfspace_distance(kinds[i], points, starts[i], starts[i + 1], sizes[i], T_i, T_j)
         else:
-            d = _halfspace_distance(kinds[j], points, starts[j], starts[j + 1], sizes[j], T_j, T_i)
+            d = halfspace_distance(kinds[j], points, starts[j], starts[j + 1], sizes[j], T_j, T_i)
         return (FARTHER if d > far else CLOSER if d <= near else BETWEEN), d, d
     rounding = sizes[i, 2] + sizes[j, 2]
     v = (axis[0], axis[1], axis[2])
-    square = _dot(v, v)
+    square = dot(v, v)
     if not square > 0.0:
         v = (1.0, 0.0, 0.0)
         square = 1.0
@@ -279,9 +284,9 @@ def separation(
         back = (-v[0], -v[1], -v[2])
         a = support_in(kinds[i], points, starts[i], starts[i + 1], sizes[i], T_i, back)
         b = support_in(kinds[j], points, starts[j], starts[j + 1], sizes[j], T_j, v)
-        w = _minus(a, b)
+        w = minus(a, b)
         length = math.sqrt(square)
-        plane = _dot(v, w) / length
+        plane = dot(v, w) / length
         if plane - rounding > lower:
             lower = plane - rounding
             axis[0], axis[1], axis[2] = v[0] / length, v[1] / length, v[2] / length
@@ -294,9 +299,9 @@ def separation(
             repeated |= S[k, 0] == w[0] and S[k, 1] == w[1] and S[k, 2] == w[2]
         if repeated:
             break
-        _put(S, count, w)
-        v, count = _nearest_on_simplex(S, count + 1, scratch, lower > -rounding)
-        before, square = square, _dot(v, v)
+        put(S, count, w)
+        v, count = nearest_on_simplex(S, count + 1, scratch, lower > -rounding)
+        before, square = square, dot(v, v)
         if count == 4 or square <= _CONTACT * _CONTACT:
             upper = -rounding
             break
