@@ -78,13 +78,13 @@ def sampled_ratio(trajectory: Any) -> float:
 
 
 def milliseconds(function: Callable[[], object], repeats: int = 5) -> float:
-    """Median of several calls after one to warm up."""
+    """Median processor time of several calls after one to warm up."""
     function()
     spent = []
     for _ in range(repeats):
-        start = time.perf_counter()
+        start = time.process_time()
         function()
-        spent.append(time.perf_counter() - start)
+        spent.append(time.process_time() - start)
     return 1e3 * statistics.median(spent)
 
 

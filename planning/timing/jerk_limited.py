@@ -40,6 +40,8 @@ _MAX_DEGREE = 3
 _POWERS = (1.0, 0.7, 0.4, 0.0)
 _INSIDE = 0.7
 _NEARLY_INSIDE = 0.95
+# What is outside by less than this is mended in the next round, if there is one.
+_MENDED = 0.8
 _BISECTIONS = 8
 # How far from its limits the method begins: with a first guess, and with a nearly right one.
 _FAR, _NEAR = 0.3, 0.03
@@ -164,13 +166,26 @@ def _curved_phases(
         if rounds >= _MOST_ROUNDS:
             raise _no_speed()
         rounds += 1
-        decisive = decisive_kernel(rows, z, _DECISIVE)
-        z = _scaled(decisive, z, _NEARLY_INSIDE)
-        least_time_kernel(decisive, z, _NEAR, TOLERANCE)
+        z = _faster(rows, z, _NEARLY_INSIDE if rounds >= _ROUNDS else _MENDED)
         phases = _phases(made, z, speeds)
     owners = np.repeat(made.pieces, 2)
     phases[:, 0] -= path.breaks[owners]
     return phases, owners
+
+
+def _faster(rows: Rows, z: Array, enough: float) -> Array:
+    """The least time from a z that is nearly right, by the limits that matter.
+
+    Where that is not inside all limits even when made smaller by ``enough``, by all of them.
+    """
+    decisive = decisive_kernel(rows, z, _DECISIVE)
+    found = _scaled(decisive, z, _NEARLY_INSIDE)
+    least_time_kernel(decisive, found, _NEAR, TOLERANCE)
+    if inside_kernel(rows, enough * found):
+        return found
+    z = _scaled(rows, z, _NEARLY_INSIDE)
+    least_time_kernel(rows, z, _NEAR, TOLERANCE)
+    return z
 
 
 def _start(rows: Rows) -> Array:
