@@ -21,6 +21,7 @@ from kinematics.ik.spherical import (
     WRIST,
     add_kernel,
     back_kernel,
+    family_kernel,
     flange_kernel,
 )
 from kinematics.ik.subproblem import (
@@ -50,20 +51,21 @@ def parallel_kernel(
         status, cp, sp, cd, sd = cosine_kernel(a1, b1, depth - nz * o[2], slack)
         if status == 0:
             return count
+        family = count + 1.0 if status == 2 else 0.0
         for i in range(2 if status == 1 else free.shape[0]):
             side = 1.0 - 2.0 * i
             c1, s1 = cp * cd - side * sp * sd, sp * cd + side * cp * sd
-            code, family = 4.0 * i, 0.0
+            code = 4.0 * i
             if status == 2:
                 c1, s1 = math.cos(free[i, 0]), math.sin(free[i, 0])
-                code, family = 0.0, 1.0
+                code = 0.0
             elif i == 1 and sd < TINY:
                 break
             count = _behind_first(
                 plan, x, z, o, c1, s1, 0.0, 0.0, code, family, free, slack, raw, count
             )
         return count
-    h, rho, out = np.zeros((2, 3)), np.zeros(6), np.empty((8, 4))
+    h, rho, out = np.zeros((2, 3)), np.zeros(6), np.empty((24, 4))
     rho[0] = 1.0
     ux, uy, uz = A5[9], A5[10], A5[11]
     h[0, 0] = depth - nz * o[2] + uz * A6[12]
@@ -71,13 +73,27 @@ def parallel_kernel(
     h[1, 0] = uz * A6[11] - nz * z[2]
     h[1, 1], h[1, 2] = ux * A6[3] + uy * A6[7], uy * A6[3] - ux * A6[7]
     a2, b2 = nx * z[0] + ny * z[1], nx * z[1] - ny * z[0]
-    pairs = pair_kernel((a1, b1, a2, b2), h, rho, slack, out)
+    pairs, any_fifth = pair_kernel((a1, b1, a2, b2), h, rho, slack, free[:, 4], out)
+    family = count + 1.0 if any_fifth else 0.0
     for i in range(pairs):
         c1, s1 = out[i, 2], out[i, 3]
         r = math.sqrt(c1 * c1 + s1 * s1)
         front = 0.0 if b1 * c1 - a1 * s1 > 0.0 else 4.0
         count = _behind_first(
-            plan, x, z, o, c1 / r, s1 / r, out[i, 0], out[i, 1], front, 0.0, free, slack, raw, count
+            plan,
+            x,
+            z,
+            o,
+            c1 / r,
+            s1 / r,
+            out[i, 0],
+            out[i, 1],
+            front,
+            family,
+            free,
+            slack,
+            raw,
+            count,
         )
     return count
 
@@ -124,25 +140,45 @@ def _behind_first(
             continue
         # Axis 6 is parallel to the three: a plane arm of four joints, the last one free.
         same = 1.0 if m2[2] > 0.0 else -1.0
+        number = family_kernel(family, count)
         rest = math.atan2(sc, cc)
-        u, v = _offset(plan, cb, sb)
-        toward = math.atan2(p[1], p[0]) - math.atan2(v, u)
+        toward, least, most = _window(plan, p, cb, sb)
         fixed = math.atan2(plan[0, 7], plan[0, 6])
-        for k in range(2 * free.shape[0] + 4):
+        for k in range(2 * free.shape[0] + 2):
             half = k // 2
             if half >= free.shape[0]:
-                turn = toward + (k - 2 * free.shape[0]) * 0.5 * math.pi
+                turn = toward + (k - 2 * free.shape[0] - 0.5) * (least + most)
             elif k % 2 == 0:
                 turn = same * (rest - free[half, 5])
             else:
                 turn = free[half, 1] + free[half, 2] + free[half, 3] + fixed
             q6 = rest - same * turn
+            # Two windows that do not touch hold a family each.
+            other = least > 0.0 and most < math.pi and math.sin(turn - toward) < 0.0
             count = _elbows(
                 plan, p, (c1, s1, math.cos(turn), math.sin(turn)),
-                (cb, sb, math.cos(q6), math.sin(q6)), code, 1.0, free, slack, raw, count,
+                (cb, sb, math.cos(q6), math.sin(q6)), code, number + (0.5 if other else 0.0),
+                free, slack, raw, count,
             )  # fmt: skip
         break
     return count
+
+
+@kernel
+def _window(plan: Array, p: Vector, c5: float, s5: float) -> tuple[float, float, float]:
+    """Where q2 + q3 + q4 lets both links reach: that far [rad] at least and most from a middle."""
+    u, v = _offset(plan, c5, s5)
+    A3, A4 = plan[3], plan[4]
+    a, b = math.hypot(A3[4], A3[8]), math.hypot(A4[4], A4[8])
+    middle = math.atan2(p[1], p[0]) - math.atan2(v, u)
+    # |p - Rz o|^2 = |p|^2 + |o|^2 - 2 |p| |o| cos
+    scale = 2.0 * math.hypot(p[0], p[1]) * math.hypot(u, v)
+    square = p[0] * p[0] + p[1] * p[1] + u * u + v * v
+    if scale < TINY * TINY:
+        return middle, 0.0, math.pi
+    least = min(max((square - (a - b) * (a - b)) / scale, -1.0), 1.0)
+    most = min(max((square - (a + b) * (a + b)) / scale, -1.0), 1.0)
+    return middle, math.acos(least), math.acos(most)
 
 
 @kernel
@@ -175,12 +211,12 @@ def _elbows(
         state, c2, s2, c3, s3 = elbow_kernel(px, py, A3[4], A3[8], bx, by, 1.0 - 2.0 * j, slack)
         if state == 0:
             break
+        many = family_kernel(family, count) if state == 2 else family
         for k in range(free.shape[0] if state == 2 else 1):
             if state == 2:
                 c2, s2 = math.cos(free[k, 1]), math.sin(free[k, 1])
             c, s = c2 * c3 - s2 * s3, s2 * c3 + c2 * s3
             c4, s4 = ct * c + st * s, st * c - ct * s
-            many = 1.0 if state == 2 else family
             code_j = code if state == 2 else code + 2.0 * j
             count = add_kernel(
                 raw, count, (c1, s1, c2, s2, c3, s3), (c4, s4, c5, s5, c6, s6), code_j, many

@@ -17,6 +17,7 @@ from kinematics.ik.spherical import (
     SHOULDER,
     WRIST,
     back_kernel,
+    family_kernel,
     flange_kernel,
 )
 from kinematics.ik.subproblem import TINY, Vector, cosine_kernel, orient_kernel
@@ -196,13 +197,13 @@ def _shoulders(
             continue
         # Axes 1 and 3 are one.
         same = 1.0 if m2[2] > 0.0 else -1.0
-        q3 = math.atan2(sc, cc)
+        q3, number = math.atan2(sc, cc), count + 1.0
         for k in range(2 * free.shape[0]):
             half = k // 2
             a = free[half, 0] if k % 2 == 0 else same * (q3 - free[half, 2])
             c = q3 - same * a
             first = (math.cos(a), math.sin(a), cb, sb, math.cos(c), math.sin(c))
-            count = _wrists(plan, w0, w2, first, fourth, code, 1.0, free, slack, raw, count)
+            count = _wrists(plan, w0, w2, first, fourth, code, number, free, slack, raw, count)
         break
     return count
 
@@ -225,13 +226,13 @@ def _wrists(
                 break
             continue
         same = 1.0 if w2[2] > 0.0 else -1.0
-        q7 = math.atan2(sc, cc)
+        q7, number = math.atan2(sc, cc), family_kernel(family, count)
         for k in range(2 * free.shape[0]):
             half = k // 2
             a = free[half, 4] if k % 2 == 0 else same * (q7 - free[half, 6])
             c = q7 - same * a
             last = (math.cos(a), math.sin(a), cb, sb, math.cos(c), math.sin(c))
-            count = _add(raw, count, first, fourth, last, code, 1.0)
+            count = _add(raw, count, first, fourth, last, code, number)
         break
     return count
 

@@ -387,7 +387,7 @@ def _verify(
     for j in range(n):
         q[j] = walk[j, 2] if j <= last else seed[j]
     position, orientation = miss_kernel(compose_kernel(B, model, row), T)
-    far = raw[which, FAMILY] == 1.0
+    far = raw[which, FAMILY] != 0.0
     if max(position, orientation) > _CLOSE:
         # Without limits first, so that a branch is found where it is, inside or not.
         position, orientation = polish_kernel(
@@ -442,7 +442,7 @@ def _admit(
     for k in range(count):
         if out[k, n + VALUE] != value:
             continue
-        if family == 1.0 and out[k, n + GROUP] == 1.0 and out[k, n + CODE] == code:
+        if family != 0.0 and out[k, n + GROUP] == family and out[k, n + CODE] == code:
             # One member stands for a family: the first that is inside the limits.
             if out[k, n + INSIDE] == 1.0 or not inside:
                 return count

@@ -28,8 +28,8 @@ from kinematics.kernel import kernel
 
 #: Rows of a plan: what ``structure`` packs and the kernels read.
 TIP, WRIST, SHOULDER, LOCKED, LOCKED_TIP, ROWS = 8, 9, 10, 11, 12, 13
-#: Columns behind cosines and sines of a candidate: branch in bits, whether it stands for a family
-#: of them, and the parameter of a redundant arm.
+#: Columns behind cosines and sines of a candidate: branch in bits, the number of the family that it
+#: stands for (0: it is alone), and the parameter of a redundant arm.
 BRANCH, FAMILY, PARAMETER, WIDTH = 14, 15, 16, 17
 
 
@@ -84,14 +84,20 @@ def spherical_kernel(
         t: Pose of the tip in a row of numbers, shape (13,).
         free: Candidates for angles that a pose leaves free, the seed first, shape (k, 6).
         slack: Lengths and squares out of range by no more than this are cut.
-        raw: The answer: cosine and sine of each angle in plan order, branch bits, whether it stands
-            for a family.
+        raw: The answer: cosine and sine of each angle in plan order, branch bits, number of its
+            family.
         count: Rows that are taken.
     """
     x, z, p = flange_kernel(plan, t)
     if plan[0, 4] == 0.0:
         return _parallel_arms(plan, x, z, p, free, slack, raw, count)
     return _any_arms(plan, x, z, p, free, slack, raw, count)
+
+
+@kernel
+def family_kernel(family: float, count: int) -> float:
+    """The number of a family that begins at row ``count``, inside another or not (0)."""
+    return family if family != 0.0 else count + 1.0
 
 
 @kernel
@@ -121,13 +127,14 @@ def _wrists(
             continue
         # Axes 4 and 6 are one: only q4 + q6, or their difference, is determined.
         same = 1.0 if m2[2] > 0.0 else -1.0
+        number = family_kernel(family, count)
         q6 = math.atan2(sc, cc)
         for k in range(2 * free.shape[0]):
             half = k // 2
             a = free[half, 3] if k % 2 == 0 else same * (q6 - free[half, 5])
             c = q6 - same * a
             hand = (math.cos(a), math.sin(a), cb, sb, math.cos(c), math.sin(c))
-            count = add_kernel(raw, count, arm, hand, code, 1.0)
+            count = add_kernel(raw, count, arm, hand, code, number)
         break
     return count
 
@@ -162,6 +169,7 @@ def _parallel_arms(
         return count
     # W in the frame of joint 3, turned as the offset before it is: what is found then is q3.
     bx, by = A3[1] * A4[4] + A3[2] * A4[8], A3[5] * A4[4] + A3[6] * A4[8]
+    family = count + 1.0 if status == 2 else 0.0
     for i in range(2 if status == 1 else free.shape[0]):
         side = 1.0 - 2.0 * i
         c1, s1 = cp * cd - side * sp * sd, sp * cd + side * cp * sd
@@ -179,11 +187,11 @@ def _parallel_arms(
             if state == 0:
                 break
             if state == 2:
+                number = family_kernel(family, count)
                 for k in range(free.shape[0]):
                     arm = (c1, s1, math.cos(free[k, 1]), math.sin(free[k, 1]), c3, s3)
-                    count = _wrists(plan, x, z, arm, code, 1.0, free, slack, raw, count)
+                    count = _wrists(plan, x, z, arm, code, number, free, slack, raw, count)
                 break
-            family = 1.0 if status == 2 else 0.0
             arm = (c1, s1, c2, s2, c3, s3)
             count = _wrists(plan, x, z, arm, code + 2.0 * j, family, free, slack, raw, count)
             if state == 3:
@@ -200,7 +208,7 @@ def _any_arms(
     # Joint 2's frame sees p_2 and axis 1 so.
     B = back_kernel(1.0, 0.0, A2, A2[4], A2[8], A2[12])
     R = (A2[9], A2[10], A2[11])
-    h, rho, out = np.empty((2, 3)), np.empty(6), np.empty((8, 4))
+    h, rho, out = np.empty((2, 3)), np.empty(6), np.empty((24, 4))
     # f = f[0] + f[1] cos(q3) + f[2] sin(q3), and the same for |f|^2 with half of it in n.
     f, n = np.empty((3, 3)), np.empty(3)
     n[0] = 0.5 * (A4[4] * A4[4] + A4[8] * A4[8] + A4[12] * A4[12])
@@ -222,7 +230,8 @@ def _any_arms(
     for k in range(3):
         rho[k] = 2.0 * n[k] - (1.0 if k == 0 else 2.0) * f[0, 2] * f[k, 2]
     rho[3], rho[4], rho[5] = -(f[1, 2] ** 2), -2.0 * f[1, 2] * f[2, 2], -(f[2, 2] ** 2)
-    pairs = pair_kernel((B[0], B[1], R[0], R[1]), h, rho, slack, out)
+    pairs, any_third = pair_kernel((B[0], B[1], R[0], R[1]), h, rho, slack, free[:, 2], out)
+    whole = count + 1.0 if any_third else 0.0
     for i in range(pairs):
         c3, s3, y0, y1 = out[i, 0], out[i, 1], out[i, 2], out[i, 3]
         fx = f[0, 0] + f[1, 0] * c3 + f[2, 0] * s3
@@ -231,18 +240,19 @@ def _any_arms(
         c2, s2 = y0 * fx + y1 * fy, y1 * fx - y0 * fy
         r = math.sqrt(c2 * c2 + s2 * s2)
         turns = free.shape[0] if fx * fx + fy * fy < TINY * TINY or r == 0.0 else 1
+        family = family_kernel(whole, count) if turns > 1 else whole
         for j in range(turns):
             if turns > 1:
                 c2, s2, r = math.cos(free[j, 1]), math.sin(free[j, 1]), 1.0
             arm3 = (c2 / r, s2 / r, c3, s3)
-            count = _first_joint(plan, x, z, p, arm3, (fx, fy, fz), turns, free, slack, raw, count)
+            count = _first_joint(plan, x, z, p, arm3, (fx, fy, fz), family, free, slack, raw, count)
     return count
 
 
 @kernel
 def _first_joint(
     plan: Array, x: Vector, z: Vector, p: Vector, arm: tuple[float, float, float, float],
-    f: Vector, turns: int, free: Array, slack: float, raw: Array, count: int,
+    f: Vector, family: float, free: Array, slack: float, raw: Array, count: int,
 ) -> int:  # fmt: skip
     """Add the candidates behind q2 and q3: q1 turns Rz(q1) (p_2 + R_2 Rz(q2) f) onto p."""
     A2, A3 = plan[2], plan[3]
@@ -267,10 +277,10 @@ def _first_joint(
     c1, s1 = gx * p[0] + gy * p[1], gx * p[1] - gy * p[0]
     r = math.sqrt(c1 * c1 + s1 * s1)
     if r > TINY * TINY:
-        family = 1.0 if turns > 1 else 0.0
         arm6 = (c1 / r, s1 / r, c2, s2, c3, s3)
         return _wrists(plan, x, z, arm6, code, family, free, slack, raw, count)
+    number = family_kernel(family, count)
     for k in range(free.shape[0]):
         arm6 = (math.cos(free[k, 0]), math.sin(free[k, 0]), c2, s2, c3, s3)
-        count = _wrists(plan, x, z, arm6, code, 1.0, free, slack, raw, count)
+        count = _wrists(plan, x, z, arm6, code, number, free, slack, raw, count)
     return count

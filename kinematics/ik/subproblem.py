@@ -19,6 +19,13 @@ Angles = tuple[int, float, float, float, float, float, float]
 
 #: Lengths [m] and sines below this are rounding: the angle about such a lever is free.
 TINY = 1e-11
+#: Each chart t = tan(x / 2) of the circle holds |t| up to this.
+_CHART = 1.001
+#: Below this ratio of its singular values a matrix is read as of rank one, and what it lacks of
+#: that is found by so many sweeps.
+_THIN, _SWEEPS = 1e-5, 5
+#: Rounding of a sum of products, relative to the largest of them.
+_ROUNDING = 1e-14
 
 
 @kernel
@@ -136,34 +143,39 @@ def elbow_kernel(
 
 
 @kernel
-def circle_roots_kernel(E: Array, work: Array, roots: Array) -> int:
+def circle_roots_kernel(E: Array, noise: float, work: Array, roots: Array) -> int:
     """Write cosines and sines (8, 2) of the zeros of a quadratic in cosine and sine; their count.
 
     E = (e0, ec, es, ecc, ecs, ess): e0 + ec c + es s + ecc c^2 + ecs c s + ess s^2. Two charts
-    t = tan(x / 2), |t| <= 1, of the circle each give a quartic. Where one touches zero within
-    rounding, its extremum counts as a root.
+    t = tan(x / 2) of the circle each give a quartic; they overlap a little, so that rounding loses
+    no zero between them. Where one touches zero within rounding, its extremum counts as a root.
 
     Args:
         E: The coefficients, shape (6,).
+        noise: How exact they are.
         work: Room, at least (8, 6).
         roots: The answer.
+
+    Returns:
+        The number of zeros, -1 where E is nothing but noise, so that any angle is one.
     """
     count = 0
     scale = 0.0
     for k in range(6):
         scale = max(scale, abs(E[k]))
-    if scale == 0.0:
-        return 0
+    if scale <= noise:
+        return -1
+    touch = max(1e-12, noise / scale)
     c, found, spare = work[5], work[6], work[7]
     for chart in range(2):
         sign = 1.0 if chart == 0 else -1.0
         e0, ec, es = E[0] / scale, sign * E[1] / scale, sign * E[2] / scale
         ecc, ecs, ess = E[3] / scale, E[4] / scale, E[5] / scale
-        # Times (1 + t^2)^2, with c = (1 - t^2) / (1 + t^2), s = 2 t / (1 + t^2).
-        p0, p1 = e0 + ec + ecc, 2.0 * (es + ecs)
-        p2 = 2.0 * e0 - 2.0 * ecc + 4.0 * ess
-        p3, p4 = 2.0 * (es - ecs), e0 - ec + ecc
-        # In u with t = 2 u - 1, as roots are looked for between 0 and 1.
+        # Times (1 + t^2)^2, with c = (1 - t^2) / (1 + t^2), s = 2 t / (1 + t^2), for t / _CHART.
+        p0, p1 = e0 + ec + ecc, _CHART * 2.0 * (es + ecs)
+        p2 = _CHART**2 * (2.0 * e0 - 2.0 * ecc + 4.0 * ess)
+        p3, p4 = _CHART**3 * 2.0 * (es - ecs), _CHART**4 * (e0 - ec + ecc)
+        # In u with t = _CHART (2 u - 1), as roots are looked for between 0 and 1.
         c[0] = p0 - p1 + p2 - p3 + p4
         c[1] = 2.0 * (p1 - 2.0 * p2 + 3.0 * p3 - 4.0 * p4)
         c[2] = 4.0 * (p2 - 3.0 * p3 + 6.0 * p4)
@@ -171,13 +183,13 @@ def circle_roots_kernel(E: Array, work: Array, roots: Array) -> int:
         c[4] = 16.0 * p4
         number = unit_roots_kernel(c, 5, work, found, spare)
         for k in range(number):
-            count = _add_root(2.0 * found[k] - 1.0, sign, roots, count)
+            count = _add_root(_CHART * (2.0 * found[k] - 1.0), sign, roots, count)
         for k in range(5):
             u = spare[k]
             if u >= 1.0:
                 break
-            if abs(horner_kernel(c, 5, u)) < 1e-12:
-                count = _add_root(2.0 * u - 1.0, sign, roots, count)
+            if abs(horner_kernel(c, 5, u)) < touch:
+                count = _add_root(_CHART * (2.0 * u - 1.0), sign, roots, count)
     return count
 
 
@@ -195,23 +207,25 @@ def _add_root(t: float, sign: float, roots: Array, count: int) -> int:
 
 @kernel
 def pair_kernel(
-    N: tuple[float, float, float, float], h: Array, rho: Array, slack: float, out: Array
-) -> int:  # fmt: skip
+    N: tuple[float, float, float, float], h: Array, rho: Array, slack: float, free: Array,
+    out: Array,
+) -> tuple[int, bool]:  # fmt: skip
     """Solve N y = h(x), |y|^2 = rho(x) for an angle x and a vector y of the plane.
 
     With N = U diag(s1, s2) V^T and h' = U^T h, either s2 vanishes, then h'_2(x) = 0 has two
-    solutions with two signs of the second component of V^T y each, or the component is h'_2 / s2
-    and x is one of the four zeros of s2^2 (rho - h'_1^2 / s1^2) - h'_2^2.
+    solutions with two signs of the second component of V^T y each, or nearly so, or the component
+    is h'_2 / s2 and x is one of the four zeros of s2^2 (rho - h'_1^2 / s1^2) - h'_2^2.
 
     Args:
         N: The matrix by rows.
         h: Coefficients of 1, cos(x), sin(x), shape (2, 3).
         rho: Of 1, c, s, c^2, cs, s^2, shape (6,).
         slack: As ``cosine_kernel`` has it.
-        out: The answer: cos(x), sin(x), y_0, y_1 a row, shape (8, 4).
+        free: Angles to take where any is a solution.
+        out: The answer: cos(x), sin(x), y_0, y_1 a row, shape (24, 4).
 
     Returns:
-        The number of rows.
+        The number of rows, and whether any angle is a solution.
     """
     N00, N01, N10, N11 = N
     # N N^T = U diag(s^2) U^T.
@@ -221,7 +235,7 @@ def pair_kernel(
     r0, r1 = cu * N00 + su * N10, cu * N01 + su * N11
     s1 = math.sqrt(r0 * r0 + r1 * r1)
     if s1 < TINY:
-        return 0
+        return 0, False
     v0, v1 = r0 / s1, r1 / s1
     # The second right vector is (-v1, v0): what is left of N along it is s2 with its sign.
     s2 = -(cu * N10 - su * N00) * v1 + (cu * N11 - su * N01) * v0
@@ -233,26 +247,27 @@ def pair_kernel(
         cu * h[1, 0] - su * h[0, 0], cu * h[1, 1] - su * h[0, 1], cu * h[1, 2] - su * h[0, 2],
     )  # fmt: skip
     count = 0
-    if abs(s2) < 1e-7 * s1:
-        status, cp, sp, cd, sd = cosine_kernel(k1, k2, -k0, slack)
-        if status != 1:
-            return 0
-        for i in range(2):
-            side = 1.0 - 2.0 * i
-            if i == 1 and sd < TINY:
-                break
-            c, s = cp * cd - side * sp * sd, sp * cd + side * cp * sd
-            first = g0 + g1 * c + g2 * s
-            square = _quadratic(rho, c, s) - first * first
-            if square < -slack:
-                continue
-            second = math.sqrt(max(square, 0.0))
+    if abs(s2) < _THIN * s1:
+        status, _, _, _, _ = cosine_kernel(k1, k2, -k0, slack)
+        # What s2 moves is found by iteration, as it is little.
+        room = slack + 10.0 * abs(s2)
+        for i in range(2 if status != 2 else free.shape[0]):
             for j in range(2):
-                if j == 1 and abs(second) < TINY:
-                    break
+                second = 0.0
+                for _ in range(_SWEEPS):
+                    state, cp, sp, cd, sd = cosine_kernel(k1, k2, s2 * second - k0, room)
+                    sd = sd if i == 0 else -sd
+                    c, s = cp * cd - sp * sd, sp * cd + cp * sd
+                    if status == 2:
+                        c, s = math.cos(free[i]), math.sin(free[i])
+                    first = g0 + g1 * c + g2 * s
+                    square = _quadratic(rho, c, s) - first * first
+                    second = math.sqrt(max(square, 0.0))
+                    second = second if j == 0 else -second
+                if state == 0 or square < -room:
+                    continue
                 count = _add_pair(out, count, c, s, first, second, v0, v1)
-                second = -second
-        return count
+        return count, status == 2
     E, roots = np.empty(6), np.empty((8, 2))
     q = s2 * s2
     E[0] = q * (rho[0] - g0 * g0) - k0 * k0
@@ -261,12 +276,17 @@ def pair_kernel(
     E[3] = q * (rho[3] - g1 * g1) - k1 * k1
     E[4] = q * (rho[4] - 2.0 * g1 * g2) - 2.0 * k1 * k2
     E[5] = q * (rho[5] - g2 * g2) - k2 * k2
-    number = circle_roots_kernel(E, np.empty((8, 6)), roots)
-    for i in range(number):
-        c, s = roots[i, 0], roots[i, 1]
+    size = max(k0 * k0, k1 * k1, k2 * k2)
+    size = max(size, q * (rho[0] + g0 * g0 + g1 * g1 + g2 * g2))
+    number = circle_roots_kernel(E, _ROUNDING * size, np.empty((8, 6)), roots)
+    for i in range(number if number >= 0 else free.shape[0]):
+        if number >= 0:
+            c, s = roots[i, 0], roots[i, 1]
+        else:
+            c, s = math.cos(free[i]), math.sin(free[i])
         first, second = g0 + g1 * c + g2 * s, (k0 + k1 * c + k2 * s) / s2
         count = _add_pair(out, count, c, s, first, second, v0, v1)
-    return count
+    return count, number < 0
 
 
 @kernel
@@ -279,8 +299,13 @@ def _quadratic(e: Array, c: float, s: float) -> float:
 def _add_pair(
     out: Array, count: int, c: float, s: float, first: float, second: float, v0: float, v1: float
 ) -> int:
+    a, b = first * v0 - second * v1, first * v1 + second * v0
+    for k in range(count):
+        far = abs(out[k, 0] - c) + abs(out[k, 1] - s) + abs(out[k, 2] - a) + abs(out[k, 3] - b)
+        if far < TINY:
+            return count
     if count == out.shape[0]:
         return count
     out[count, 0], out[count, 1] = c, s
-    out[count, 2], out[count, 3] = first * v0 - second * v1, first * v1 + second * v0
+    out[count, 2], out[count, 3] = a, b
     return count + 1

@@ -13,11 +13,18 @@ from kinematics.ik.analytic import branches, closed_form, parameter
 from kinematics.ik.numeric import solve
 from kinematics.ik.structure import structure
 from kinematics.jacobian import geometric
-from kinematics.pose import rotation_error, transform
+from kinematics.pose import (
+    from_axis_angle,
+    rotation_error,
+    rotation_x,
+    rotation_z,
+    transform,
+)
 from kinematics.robots import builtin_chain, builtin_urdf
 from tests.kinematics.ik.arms import (
     GENERAL,
     apart,
+    arm_of,
     calibrated,
     edge_configuration,
     general_arm,
@@ -113,6 +120,97 @@ def test_general_arms_lose_nothing_that_search_finds(kind: str) -> None:
                 compared += 1
                 assert apart(found.joints, other.joints).min() < 1e-3
     assert compared > 20
+
+
+def right_angles(rng: np.random.Generator, kind: int) -> Array:
+    """Multiples of 45 degrees, zeros, or some multiples of 90 degrees."""
+    q = rng.uniform(-np.pi, np.pi, 6)
+    match kind % 3:
+        case 0:
+            return np.array(np.round(q / (np.pi / 4)) * np.pi / 4)
+        case 1:
+            return np.array(np.where(rng.random(6) < 0.6, 0.0, q))
+        case _:
+            return np.array(np.where(rng.random(6) < 0.5, rng.integers(-2, 3, 6) * np.pi / 2, q))
+
+
+def lost(chain: Chain, q: Array) -> bool:
+    """Whether the configuration's own branch is missing, or any that is answered is wrong."""
+    T = forward(chain, q)
+    found = branches(chain, T)
+    if not len(found.table) or np.abs(forward(chain, found.joints) - T).max() > 3e-9:
+        return True
+    regular = np.linalg.svd(geometric(chain, q), compute_uv=False)[-1] > 1e-4
+    return bool(regular and apart(found.joints, q).min() > 1e-6)
+
+
+@pytest.mark.parametrize("kind", [*GENERAL, "reversed spherical", "reversed three parallel"])
+def test_general_arms_at_right_angles(kind: str) -> None:
+    rng = np.random.default_rng(6)
+    for _ in range(20):
+        chain = general_arm(rng, kind.removeprefix("reversed "))
+        chain = reversed_arm(chain) if kind.startswith("reversed") else chain
+        assert not [k for k in range(30) if lost(chain, right_angles(rng, k))]
+
+
+@pytest.mark.parametrize("exponent", range(3, 13))
+@pytest.mark.parametrize("kind", GENERAL[1:5])
+def test_arms_that_are_nearly_special(kind: str, exponent: int) -> None:
+    rng = np.random.default_rng(exponent)
+    for _ in range(6):
+        chain = general_arm(rng, kind)
+        offsets = list(chain.offsets)
+        for i in (1, 2):
+            size = 10.0**-exponent
+            turn = from_axis_angle(rng.normal(size=3), size * rng.uniform())
+            offsets[i] = offsets[i] @ transform(turn, size * rng.normal(size=3))
+        chain = arm_of(offsets, chain.tip.T_joint_link)
+        assert not [k for k in range(30) if lost(chain, right_angles(rng, k))]
+
+
+def test_families_of_one_name_are_all_answered() -> None:
+    # Two arms reach the wrist point with the same signs; both leave the straight wrist free.
+    def offset(alpha: float, a: float, d: float, theta: float) -> Array:
+        return transform(rotation_x(alpha), [a, 0.0, 0.0]) @ transform(rotation_z(theta), [0, 0, d])
+
+    right = np.pi / 2
+    chain = arm_of(
+        [
+            offset(0.0, 0.0, 0.45, right), offset(0.0, 0.1, 0.45, 0.0), offset(right, 0.3, -0.2, 0),
+            offset(right, 0.0, 0.45, right), offset(right, 0.0, 0.0, right),
+            offset(right, 0.0, 0.0, 0.0),
+        ],
+        np.eye(4),
+    )  # fmt: skip
+    both = np.array([[0.0, 2.9376, -np.pi, 0.0, right, 0.2], [0.6, 0.5, 0.4, 0.0, right, 0.2]])
+    for q in both:
+        T = forward(chain, q)
+        found = branches(chain, T, seed_joints=q)
+        for other in solve(chain, T, solutions=12, starts=60).solutions:
+            assert apart(found.joints[:, :3], other.joints[:3]).min() < 0.02
+
+
+def test_a_plane_arm_of_four_joints_answers_both_of_its_loops() -> None:
+    # Axis 6 is parallel to axes 2 to 4: links of 0.3, 0.1 and 0.15 m close a loop over 0.3 m.
+    up = rotation_x(np.pi / 2)
+    links = [transform(None, [x, 0.0, 0.0]) for x in (0.3, 0.1)]
+    links += [transform(up, [0.15, 0.0, 0.0]), transform(up)]
+    chain = arm_of([np.eye(4), transform(up, [0.1, 0.0, 0.2]), *links], np.eye(4))
+    rng, tried = np.random.default_rng(7), 0
+    while tried < 20:
+        q = np.array([*rng.uniform(-np.pi, np.pi, 4), 0.0, rng.uniform(-np.pi, np.pi)])
+        span = 0.3 + 0.1 * np.exp(1j * q[2]) + 0.15 * np.exp(1j * (q[2] + q[3]))
+        if not 0.26 < abs(span) < 0.34:
+            continue
+        tried += 1
+        T = forward(chain, q)
+        found = branches(chain, T).joints
+        # The last link stands on either side of the line that the loop spans.
+        line = np.exp(1j * q[1]) * span
+        sides = np.imag(np.exp(1j * found[:, 1:4].sum(axis=1)) / line)
+        near = np.isclose(np.cos(found[:, 0] - q[0]), 1.0)
+        assert (sides[near] > 0.0).any()
+        assert (sides[near] < 0.0).any()
 
 
 @pytest.mark.parametrize("size", [1e-12, 1e-7, 1e-4, 3e-3])
