@@ -210,8 +210,8 @@ def _points(points: ArrayLike) -> Array:
 def _pack(obstacles: Sequence[Sequence[Piece]]) -> ProjectionArrays:
     pieces = [piece for own in obstacles for piece in own]
     p = len(pieces)
-    hulls = [_core(piece) for piece in pieces]
     half = [piece.box_half_sizes() for piece in pieces]
+    hulls = [_core(piece) if h is None else _NO_HULL for piece, h in zip(pieces, half, strict=True)]
     kinds = [int(piece.kind) if h is None else _BOX for piece, h in zip(pieces, half, strict=True)]
     sizes = [
         (piece.radius, piece.half_height, piece.rounding, 0.0)

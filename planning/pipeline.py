@@ -7,33 +7,26 @@ from functools import partial
 from typing import TypeVar
 
 from kinematics.chain import Array
-from kinematics.errors import InvalidOption
 from kinematics.trajectory import Trajectory
-from obstacles.checker import Checker, Motion
+from obstacles.checker import Checker
 from planning.certificate import Certificate, certify
 from planning.deadline import Deadline
 from planning.law_choice import chosen_law
 from planning.motion_timing import motions
 from planning.options import Options, TimingOptions
-from planning.potential_field import FieldOptions, FieldResult, potential_field
 from planning.preflight import Ready, preflight
 from planning.problem import Problem
-from planning.result import Failure, Path, Plan, StageReport
-from planning.sampling import PLANNERS as SAMPLING_PLANNERS
-from planning.sampling import SamplingResult, sample
+from planning.result import Attempt, Failure, Path, Plan, StageReport
+from planning.rung import Rung, check_options
 from planning.shortcut import shortcut
-from planning.straight_line import straight_line
 from planning.timing.failure import TimingFailed
 from planning.timing.law import Law
 
 LADDER = ("straight_line", "potential_field", "rrt_connect")
-PLANNERS = ("auto", "straight_line", "potential_field", *SAMPLING_PLANNERS)
 
 #: Share of the time, and at most so many seconds, kept back for shortening, timing and the proof.
 _RESERVED_SHARE = 0.2
 _RESERVED_MOST = 1.0
-#: Share of the time that is left which the potential field may spend.
-_FIELD_SHARE = 0.1
 #: Share of the time for a path of the robot in its solids' hulls, before the exact one is tried.
 _HULLS_SHARE = 0.4
 
@@ -72,7 +65,7 @@ def plan(problem: Problem, options: Options) -> Plan | Failure:
         MissingLimit: A velocity or acceleration limit is not known.
     """
     deadline = Deadline.after(options.timeout)
-    _check_options(options)
+    check_options(options)
     law = _law(problem, options)
     stages = _Stages()
     ready = stages.run("preflight", lambda: preflight(problem, options.seed), _tell_preflight)
@@ -82,7 +75,9 @@ def plan(problem: Problem, options: Options) -> Plan | Failure:
     found = _find_path(problem, ready, options, stages, Deadline(deadline.at - reserved))
     if isinstance(found, Failure):
         return replace(found, stages=tuple(stages.reports))
-    planner, waypoints, checker = found
+    planner, attempt, checker = found
+    waypoints = attempt.waypoints
+    assert waypoints is not None
     if len(waypoints) > 2:
         waypoints = stages.run(
             "shortcut",
@@ -97,25 +92,19 @@ def plan(problem: Problem, options: Options) -> Plan | Failure:
     if isinstance(timed, Failure):
         return replace(timed, stages=tuple(stages.reports))
     trajectory, certificate = timed
-    notes = ready.notes
+    notes = ready.notes + attempt.notes
     if not problem.robot.pieces:
         notes += ("The robot has no collision geometry: nothing is known of collisions.",)
-    path = Path(waypoints)
-    return Plan(planner, tuple(stages.reports), path, trajectory, certificate, notes)
-
-
-def _check_options(options: Options) -> None:
-    if options.planner not in PLANNERS:
-        raise InvalidOption(
-            f"there is no planner {options.planner!r}",
-            hint=f"Choose one of: {', '.join(PLANNERS)}.",
-            planners=list(PLANNERS),
-        )
-    if options.planner in ("auto", "straight_line") and options.planner_options:
-        raise InvalidOption(
-            f"planner {options.planner!r} has no options",
-            hint="Name the planner that planner_options are for.",
-        )
+    return Plan(
+        planner=planner,
+        stages=tuple(stages.reports),
+        path=Path(waypoints),
+        trajectory=trajectory,
+        certificate=certificate,
+        notes=notes,
+        descent=attempt.descent,
+        progress=attempt.progress,
+    )
 
 
 def _law(problem: Problem, options: Options) -> Law:
@@ -131,17 +120,17 @@ def _tell_preflight(answer: Ready | Failure) -> tuple[bool, str]:
 
 def _find_path(
     problem: Problem, ready: Ready, options: Options, stages: _Stages, deadline: Deadline
-) -> tuple[str, Array, Checker] | Failure:
+) -> tuple[str, Attempt, Checker] | Failure:
     """Climb the ladder, or the one rung that was asked for; in hulls first where that can be."""
     for checker in ready.checkers:
         exact = checker is ready.checkers[-1]
         share = 1.0 if exact else _HULLS_SHARE
         own = Deadline.after(share * deadline.remaining)
         for planner in LADDER if options.planner == "auto" else (options.planner,):
-            rung = _Rung(planner, problem, ready, checker, options, own)
-            waypoints = rung.climb(stages)
-            if waypoints is not None:
-                return planner, waypoints, checker
+            rung = Rung(planner, problem, ready, checker, options, own)
+            attempt = stages.run(planner, rung.climb, _tell_attempt)
+            if attempt.waypoints is not None:
+                return planner, attempt, checker
     last = stages.reports[-1]
     if deadline.passed:
         return Failure(
@@ -149,67 +138,19 @@ def _find_path(
             message=f"no path was found within the timeout of {options.timeout:g} s",
             hint="Allow more time, another seed, or a smaller margin.",
             stage=last.name,
+            details=attempt.details,
         )
     return Failure(
         code="PLANNING_FAILED",
         message=f"{last.name} found no path: {last.detail}",
         hint='Ask for planner "auto", or move the start, the goal or the obstacles.',
         stage=last.name,
+        details=attempt.details,
     )
 
 
-@dataclass(frozen=True, slots=True)
-class _Rung:
-    """One planner at one problem."""
-
-    planner: str
-    problem: Problem
-    ready: Ready
-    checker: Checker
-    options: Options
-    deadline: Deadline
-
-    def climb(self, stages: _Stages) -> Array | None:
-        """Run the planner as a stage; the waypoints it found, if any."""
-        if self.planner == "straight_line":
-            found = stages.run(self.planner, self._straight_line, self._tell_straight_line)
-            return found[0]
-        if self.planner == "potential_field":
-            return stages.run(
-                self.planner, self._field, lambda field: (field.waypoints is not None, field.detail)
-            ).waypoints
-        return stages.run(
-            self.planner,
-            self._sample,
-            lambda sampled: (sampled.waypoints is not None, f"{sampled.edges} edges checked."),
-        ).waypoints
-
-    def _straight_line(self) -> tuple[Array | None, list[Motion]]:
-        return straight_line(self.checker, self.ready.start, self.ready.goals)
-
-    @staticmethod
-    def _tell_straight_line(answer: tuple[Array | None, list[Motion]]) -> tuple[bool, str]:
-        waypoints, motions = answer
-        if waypoints is not None or motions[0].pair is None:
-            return True, "Proved free."
-        return False, f"Blocked: {motions[0].pair[0]} and {motions[0].pair[1]}."
-
-    def _field(self) -> FieldResult:
-        alone = self.options.planner != "auto"
-        parameters = FieldOptions.of(self.options.planner_options if alone else {})
-        share = 1.0 if alone else _FIELD_SHARE
-        return potential_field(
-            self.problem.robot.chain, self.checker, self.problem.scene,
-            self.ready.start, self.ready.goals[0], parameters,
-            Deadline.after(share * self.deadline.remaining),
-        )  # fmt: skip
-
-    def _sample(self) -> SamplingResult:
-        return sample(
-            self.planner, self.problem.robot.chain, self.checker,
-            self.ready.start, self.ready.goals,
-            self.options.planner_options, self.options.seed, self.deadline,
-        )  # fmt: skip
+def _tell_attempt(attempt: Attempt) -> tuple[bool, str]:
+    return attempt.waypoints is not None, attempt.detail
 
 
 def _time_and_prove(

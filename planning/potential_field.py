@@ -1,86 +1,186 @@
-"""Planning by descent on an artificial potential, U = sum_i U_att(O_i) + U_rep(O_i).
+"""Planning by descent on an artificial potential.
 
-The control points O_i are the origins of the frames that each joint moves (the last one is the
-tip). With e_i = O_i - O_i(goal), pi the orthogonal projection onto a convex obstacle and
-rho = |O_i - pi(O_i)|,
+    q^{k+1} = q^k + alpha_k sum_i J_i^T (F_att,i + F_rep,i)
 
-    F_att = -c e_i min(1, d / |e_i|),
-    F_rep = eta (1 / rho - 1 / rho_0) (O_i - pi(O_i)) / rho^3      where rho <= rho_0,
-    q <- q + alpha sum_i J_i^T (F_att + F_rep).
-
-It is cheap and has local minima, so it notices that it no longer gets nearer and gives up early.
-Every step is proved free before it is taken, and it has arrived as soon as the straight way to the
-goal is. Source: "Real-time obstacle avoidance for manipulators and mobile robots", International
-Journal of Robotics Research, 1986.
+from the start until |q - q_goal| < epsilon, with a cap on the steps. Every step is proved free
+before it is taken, with a smaller alpha_k where it has to be; unless given, alpha_k is also small
+enough for the potential to get lower. A potential has local minima; the
+descent notices that it no longer gets lower and gives up, or, where escapes are allowed, walks some
+random steps across the force and goes on from there. Source: "Real-time obstacle avoidance for
+manipulators and mobile robots", International Journal of Robotics Research, 1986; random walks out
+of minima: "Robot motion planning: a distributed representation approach", International Journal of
+Robotics Research, 1991.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
 
-from kinematics.chain import Array, Chain, Indices
+from kinematics.chain import Array
 from kinematics.errors import InvalidOption
-from kinematics.forward import forward_kernel
-from kinematics.jacobian import jacobian_kernel
-from kinematics.kernel import kernel
 from obstacles.checker import Checker
 from obstacles.projection import Projector
+from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from planning.deadline import Deadline
+from planning.field.control_points import along_links, frame_origins
+from planning.field.number import positive, whole
+from planning.field.potential import Field, FieldValue
+from planning.field.weights import FieldWeights
 
-#: A control point inside an obstacle is pushed as if it were this near to its surface [m].
-_LEAST_DISTANCE = 5e-3
-_HALVINGS = 4
+CONTROL_POINTS = ("origins", "links")
+MOST_ITERATIONS = 100_000
+_MOST_STEP_SIZES = 10_000
+#: Share of the potential that has to be gained to count as progress.
+_PROGRESS = 0.01
+#: A joint force below this part of the strongest so far is none.
+_NO_FORCE = 1e-9
+#: So large an alpha_k makes every step the longest: cheaper than looking for a lower potential, and
+#: strides over small ridges of it.
+_ALWAYS_LONGEST = 1e6
+#: An adaptive step that was taken whole may be longer next time by this factor.
+_GROWTH = 1.5
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class FieldOptions:
-    """Parameters of the field and the descent.
+    """Parameters of the field and of the descent.
 
     Args:
-        attractive_weight: c, pull towards the goal [1/m].
+        attractive_weights: c_i [N/m]: one each, or one number for each of the origins, which the
+            links' points share among them.
         attractive_cap: d, distance beyond which the pull no longer grows [m].
-        repulsive_weight: eta, push away from obstacles.
+        repulsive_weights: eta_i [N m^3], likewise.
         influence_distance: rho_0, distance within which an obstacle is felt [m].
-        step: Longest joint motion in one step [rad or m].
+        least_distance: rho_m, nearer than this an obstacle pushes as it does here [m].
+        control_points: "origins" of the joints' frames, or points along the "links".
+        joint_weight: Pull in joint space beside that on the control points [N m].
+        step_sizes: alpha_k: one for all steps, or a sequence whose last one is kept; None for the
+            longest steps that are proved and lower the potential.
+        longest_step: alpha_k is cut so that no joint moves farther in a step [rad or m].
+        halvings: How often a step that can't be taken is halved before the descent counts as
+            blocked.
+        tolerance: epsilon, it has arrived this near to the goal in joint space [rad or m].
+        connect: It has also arrived where the straight motion to the goal is proved.
         max_iterations: Steps before it gives up.
-        patience: Steps without getting nearer before it gives up.
+        patience: Steps without a lower potential that make a local minimum.
+        escapes: Random walks out of local minima before it gives up.
+        escape_steps: Steps of each.
 
     Raises:
-        InvalidOption: A value is not a positive number.
+        InvalidOption: A value is out of its range.
     """
 
-    attractive_weight: float = 1.0
+    attractive_weights: float | Sequence[float] = 1.0
     attractive_cap: float = 0.2
-    repulsive_weight: float = 2e-4
+    repulsive_weights: float | Sequence[float] = 2e-4
     influence_distance: float = 0.1
-    step: float = 0.08
-    max_iterations: int = 150
-    patience: int = 12
+    least_distance: float = 1e-3
+    control_points: str = "origins"
+    joint_weight: float = 0.0
+    step_sizes: float | Sequence[float] | None = None
+    longest_step: float = 0.05
+    halvings: int = 6
+    tolerance: float = 1e-2
+    connect: bool = True
+    max_iterations: int = 1000
+    patience: int = 50
+    escapes: int = 0
+    escape_steps: int = 6
+    weights: FieldWeights = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        for item in fields(self):
-            value = getattr(self, item.name)
-            if isinstance(value, bool) or not isinstance(value, int | float) or not value > 0:
-                raise InvalidOption(f"planner_options.{item.name} must be a positive number")
+        names = [item.name for item in fields(FieldWeights)]
+        weights = FieldWeights(**{name: getattr(self, name) for name in names})
+        object.__setattr__(self, "weights", weights)
+        for name in ("longest_step", "tolerance"):
+            positive(name, getattr(self, name))
+        for name, least, most in (
+            ("halvings", 0, 30),
+            ("max_iterations", 1, MOST_ITERATIONS),
+            ("patience", 1, MOST_ITERATIONS),
+            ("escapes", 0, 1000),
+            ("escape_steps", 1, 1000),
+        ):
+            whole(name, getattr(self, name), least, most)
+        if self.control_points not in CONTROL_POINTS:
+            raise InvalidOption(
+                f"there are no control_points {self.control_points!r}",
+                hint=f"Choose one of: {', '.join(CONTROL_POINTS)}.",
+            )
+        if not isinstance(self.connect, bool):
+            raise InvalidOption(f"connect must be true or false, not {self.connect!r}")
+        if self.joint_weight != 0.0:
+            positive("joint_weight", self.joint_weight)
+        self._check_step_sizes()
+
+    def _check_step_sizes(self) -> None:
+        sizes = self.step_sizes
+        if sizes is None:
+            return
+        several = isinstance(sizes, Sequence) and not isinstance(sizes, str)
+        for size in sizes if several else [sizes]:  # type: ignore[union-attr]
+            positive("step_sizes", size)
+        if several and not 0 < len(sizes) <= _MOST_STEP_SIZES:  # type: ignore[arg-type]
+            raise InvalidOption(f"step_sizes must be 1 to {_MOST_STEP_SIZES} numbers")
 
     @classmethod
     def of(cls, options: Mapping[str, Any]) -> "FieldOptions":
-        """The parameters named in ``options``, the others as they are by default.
+        """The parameters named in ``options``, the others as the ``preset`` among them has them.
 
         Raises:
             InvalidOption: A name is unknown, or a value out of its range.
         """
-        known = [item.name for item in fields(cls)]
-        unknown = sorted(set(options) - set(known))
-        if unknown:
+        given = dict(options)
+        preset = given.pop("preset", "notes")
+        base = PRESETS.get(preset) if isinstance(preset, str) else None
+        if base is None:
             raise InvalidOption(
-                f"planner 'potential_field' has no option {unknown[0]!r}",
-                hint=f"Its options are: {', '.join(known)}.",
+                f"planner_options.preset: there is no {preset!r}",
+                hint=f"Choose one of: {', '.join(PRESETS)}.",
             )
-        return cls(**options)
+        known = {item.name: getattr(base, item.name) for item in fields(cls) if item.init}
+        listed = ", ".join(f"{name} ({default!r})" for name, default in known.items())
+        hint = f"Its options, with their defaults: preset ('notes'), {listed}."
+        unknown = sorted(set(given) - set(known))
+        if unknown:
+            message = f"planner 'potential_field' has no option {unknown[0]!r}"
+            raise InvalidOption(message, hint=hint, options=["preset", *known])
+        try:
+            return replace(base, **given)
+        except InvalidOption as error:
+            raise InvalidOption(
+                f"planner_options.{error.message}", hint=error.hint or hint, **error.details
+            ) from None
+
+    def step_size(self, k: int) -> float | None:
+        """alpha_k, or None where steps are adaptive."""
+        sizes = self.step_sizes
+        if isinstance(sizes, Sequence):
+            return float(sizes[min(k, len(sizes) - 1)])
+        return None if sizes is None else float(sizes)
+
+
+#: What the ladder tries before it samples: the bodies of the links, pulled in joint space too, with
+#: long steps and soon given up. It finds three of five ways among MotionBenchMaker's that are not
+#: straight, at the price of a random tree's median.
+QUICK = FieldOptions(
+    attractive_weights=2.75,
+    repulsive_weights=2.2e-4,
+    control_points="links",
+    joint_weight=0.1,
+    step_sizes=_ALWAYS_LONGEST,
+    longest_step=0.25,
+    max_iterations=40,
+    patience=5,
+)
+PRESETS: Mapping[str, FieldOptions] = {
+    "notes": FieldOptions(),
+    "quick": QUICK,
+    "thorough": replace(QUICK, max_iterations=1000, patience=10, escapes=20),
+}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,110 +189,184 @@ class FieldResult:
 
     Args:
         waypoints: Shape (k, n), every leg proved free; None where it got stuck.
+        visited: Configurations it was in, shape (k, n), whether it arrived or not.
+        potentials: U at each of them, shape (k,) [J].
         iterations: Steps taken.
         detail: How it ended, for a person.
     """
 
     waypoints: Array | None
+    visited: Array
+    potentials: Array
     iterations: int
     detail: str
 
 
-@kernel
-def control_points_kernel(
-    types: Indices, offsets: Array, T_tip: Array, q: Array, points: Array, jacobians: Array
-) -> None:
-    """Write the control points (n, 3) and their linear Jacobians (n, 3, n) at q (n,)."""
-    n = q.shape[0]
-    frames, J = np.empty((n, 4, 4)), np.empty((6, n))
-    forward_kernel(types, offsets, q, frames)
-    for i in range(n):
-        local = T_tip[:3, 3] if i == n - 1 else offsets[i + 1, :3, 3]
-        for row in range(3):
-            points[i, row] = frames[i, row, 3]
-            for k in range(3):
-                points[i, row] += frames[i, row, k] * local[k]
-        jacobian_kernel(types, frames, points[i], i, J)
-        jacobians[i] = J[:3]
-
-
-def control_points(chain: Chain, q: Array) -> tuple[Array, Array]:
-    """Origins of the frames that each joint moves, (n, 3) [m], and their Jacobians (n, 3, n)."""
-    points, jacobians = np.empty((chain.n, 3)), np.empty((chain.n, 3, chain.n))
-    T_tip = chain.tip.T_joint_link
-    control_points_kernel(chain.joint_types, chain.offsets, T_tip, q, points, jacobians)
-    return points, jacobians
-
-
-def attractive_forces(points: Array, goal_points: Array, options: FieldOptions) -> Array:
-    """Capped pull of each control point towards where it is at the goal, shape (n, 3)."""
-    e = goal_points - points
-    length = np.linalg.norm(e, axis=1, keepdims=True)
-    cap = options.attractive_cap
-    return np.asarray(
-        options.attractive_weight * e * np.minimum(1.0, cap / np.maximum(length, cap))
-    )
-
-
-def repulsive_forces(points: Array, projector: Projector, options: FieldOptions) -> Array:
-    """Push of all obstacles on each control point, shape (n, 3)."""
-    projections, distances = projector(points)
-    away = points[:, None, :] - projections
-    # Inside an obstacle the way out leads through the projection.
-    away = np.where(distances[..., None] < 0.0, -away, away)
-    direction = away / np.maximum(np.linalg.norm(away, axis=2, keepdims=True), 1e-12)
-    rho = np.maximum(distances, _LEAST_DISTANCE)[..., None]
-    near = rho <= options.influence_distance
-    strength = options.repulsive_weight * (1.0 / rho - 1.0 / options.influence_distance) / rho**2
-    return np.asarray(np.where(near, strength * direction, 0.0).sum(axis=1))
-
-
 def potential_field(
-    chain: Chain,
+    robot: RobotGeometry,
     checker: Checker,
     scene: Scene,
     start: Array,
-    goal: Array,
+    goals: Sequence[Array],
     options: FieldOptions,
+    seed: int,
     deadline: Deadline,
 ) -> FieldResult:
-    """Descend from ``start`` to ``goal``, both (n,), along proved steps."""
-    goal_points, _ = control_points(chain, goal)
-    projector = Projector(scene)
-    waypoints = [start]
-    q, nearest, stale = start, np.inf, 0
-    for iteration in range(1, options.max_iterations + 1):
-        if deadline.passed:
-            return FieldResult(None, iteration, "The time was up.")
-        if checker.free(q, goal):
-            return FieldResult(np.array([*waypoints, goal]), iteration, "Reached the goal.")
-        points, jacobians = control_points(chain, q)
-        left = float(np.linalg.norm(points - goal_points))
-        stale = 0 if left < 0.99 * nearest else stale + 1
-        nearest = min(left, nearest)
-        if stale > options.patience:
-            return FieldResult(None, iteration, f"A local minimum, {left:.3f} m from the goal.")
-        forces = attractive_forces(points, goal_points, options)
-        forces += repulsive_forces(points, projector, options)
-        moved = _step(chain, checker, q, np.einsum("iaj,ia->j", jacobians, forces), options.step)
-        if moved is None:
-            return FieldResult(None, iteration, f"Blocked, {left:.3f} m from the goal.")
-        waypoints.append(moved)
-        q = moved
-    return FieldResult(None, options.max_iterations, "The steps were used up.")
+    """Descend from ``start`` (n,) to the first of ``goals``, each (n,), that can be reached so.
+
+    Raises:
+        InvalidOption: Weights are given for another number of control points.
+    """
+    for goal in goals:
+        field = _field(robot, scene, goal, options)
+        descent = _Descent(field, robot, checker, start, goal, options, seed)
+        detail = descent.run(deadline)
+        if descent.reached or deadline.passed:
+            break
+    if not descent.reached and len(goals) > 1:
+        detail = f"{detail} None of {len(goals)} goals was reached; this is the last."
+    visited = np.array(descent.waypoints)
+    return FieldResult(
+        waypoints=visited if descent.reached else None,
+        visited=visited,
+        potentials=np.array(descent.potentials),
+        iterations=descent.iterations,
+        detail=detail,
+    )
 
 
-def _step(
-    chain: Chain, checker: Checker, q: Array, joint_force: Array, step: float
-) -> Array | None:
-    """The longest proved step along the force, halved a few times; None where none is."""
-    strongest = float(np.abs(joint_force).max())
-    if strongest < 1e-9:
+def _field(robot: RobotGeometry, scene: Scene, goal: Array, options: FieldOptions) -> Field:
+    """The field that the options ask for."""
+    where, share = frame_origins(robot.chain), 1.0
+    if options.control_points == "links":
+        where = along_links(robot)
+        share = 1.0 / len(where)
+    weights = options.weights.shared(share)
+    return Field(robot.chain, where, Projector(scene), goal, weights, options.joint_weight)
+
+
+class _Descent:
+    """One descent, from its first step to its last."""
+
+    def __init__(
+        self,
+        field: Field,
+        robot: RobotGeometry,
+        checker: Checker,
+        start: Array,
+        goal: Array,
+        options: FieldOptions,
+        seed: int,
+    ) -> None:
+        self._field = field
+        self._checker = checker
+        self._lower, self._upper = robot.chain.limits.lower, robot.chain.limits.upper
+        self._goal = goal
+        self._options = options
+        self._random = np.random.default_rng(seed)
+        self._step = options.longest_step
+        self._strongest = 0.0
+        self._flat = False
+        self.waypoints: list[Array] = []
+        self.potentials: list[float] = []
+        self.iterations = 0
+        self._keep(start, field.at(start))
+
+    @property
+    def reached(self) -> bool:
+        """Whether it ended at the goal."""
+        return np.array_equal(self.waypoints[-1], self._goal)
+
+    def run(self, deadline: Deadline) -> str:
+        """Go on until it has arrived or has to give up; how it ended."""
+        options = self._options
+        lowest, stale, escapes = np.inf, 0, 0
+        while self.iterations < options.max_iterations:
+            if deadline.passed:
+                return "The time was up."
+            if self._arrived():
+                return f"Reached the goal in {self.iterations} steps."
+            value = self._value
+            stale = 0 if value.potential < (1.0 - _PROGRESS) * lowest else stale + 1
+            lowest = min(lowest, value.potential)
+            if stale < options.patience and self._descend(value.joint_force):
+                continue
+            if escapes == options.escapes:
+                return self._stuck(value.potential, stale)
+            escapes += 1
+            self._escape(value.joint_force, deadline)
+            lowest, stale = np.inf, 0
+        if self._arrived():
+            return f"Reached the goal in {self.iterations} steps."
+        return f"The {options.max_iterations} steps were used up."
+
+    def _stuck(self, potential: float, stale: int) -> str:
+        left = float(np.linalg.norm(self.waypoints[-1] - self._goal))
+        minimum = self._flat or stale >= self._options.patience
+        what = "A local minimum" if minimum else "Blocked"
+        return (
+            f"{what} at potential {potential:.4g} after {self.iterations} steps, "
+            f"{left:.3g} from the goal in joint space."
+        )
+
+    def _arrived(self) -> bool:
+        q, goal = self.waypoints[-1], self._goal
+        near = float(np.linalg.norm(goal - q)) < self._options.tolerance
+        if not (near or self._options.connect) or not self._checker.free(q, goal):
+            return False
+        if len(self.waypoints) == 1 or not np.array_equal(q, goal):
+            self._keep(goal, self._field.at(goal))
+        return True
+
+    def _keep(self, q: Array, value: FieldValue) -> None:
+        self.waypoints.append(q)
+        self._value = value
+        self.potentials.append(value.potential)
+
+    def _descend(self, force: Array) -> bool:
+        """Take one step along the force; False where there is none, or none that is proved."""
+        strength = float(np.abs(force).max())
+        self._strongest = max(self._strongest, strength)
+        if strength <= _NO_FORCE * self._strongest:
+            self._flat = True
+            return False
+        size = self._options.step_size(self.iterations)
+        adaptive = size is None
+        longest = self._step if adaptive else self._options.longest_step
+        reach = longest if size is None else min(size * strength, longest)
+        taken = self._move(force / strength, reach, lower=adaptive)
+        if adaptive:
+            self._step = min(_GROWTH * (taken or reach), self._options.longest_step)
+        return taken is not None
+
+    def _move(self, direction: Array, reach: float, *, lower: bool) -> float | None:
+        """Move the joints by ``reach`` at most, halved until that is proved free.
+
+        Where asked for, also until the potential is ``lower`` there.
+        """
+        q, highest = self.waypoints[-1], self._value.potential if lower else np.inf
+        for _ in range(self._options.halvings + 1):
+            moved = np.clip(q + reach * direction, self._lower, self._upper)
+            if not np.array_equal(moved, q) and self._checker.free(q, moved):
+                value = self._field.at(moved)
+                if value.potential < highest:
+                    self._keep(np.asarray(moved), value)
+                    self.iterations += 1
+                    return reach
+            reach /= 2.0
         return None
-    for _ in range(_HALVINGS):
-        moved = q + joint_force * (step / strongest)
-        moved = np.clip(moved, chain.limits.lower, chain.limits.upper)
-        if checker.free(q, moved):
-            return np.asarray(moved)
-        step /= 2.0
-    return None
+
+    def _escape(self, force: Array, deadline: Deadline) -> None:
+        """Walk some steps in a random direction across the force."""
+        across = self._random.normal(size=len(force))
+        along = force / max(float(np.linalg.norm(force)), 1e-300)
+        across -= (across @ along) * along
+        widest = float(np.abs(across).max())
+        if widest < _NO_FORCE:
+            return  # a single joint has nowhere to step aside
+        across /= widest
+        longest = self._options.longest_step
+        for _ in range(self._options.escape_steps):
+            if deadline.passed or self._move(across, longest, lower=False) is None:
+                break
+        self._step = self._options.longest_step

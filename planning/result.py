@@ -49,6 +49,61 @@ class Path:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Descent:
+    """Where a descent on a potential went.
+
+    Args:
+        waypoints: Shape (k, n), before they were shortened to a path [rad or m].
+        potentials: U at each of them, shape (k,) [J].
+        iterations: Steps taken.
+    """
+
+    waypoints: Array
+    potentials: Array
+    iterations: int
+
+    def __post_init__(self) -> None:
+        for name in ("waypoints", "potentials"):
+            object.__setattr__(self, name, frozen(getattr(self, name)))
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """A path that was the shortest so far, while a planner went on looking.
+
+    Args:
+        milliseconds: Since the planner began [ms].
+        edges: Looked at until then.
+        length: Of the path, Euclidean in joint space.
+    """
+
+    milliseconds: float
+    edges: int
+    length: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Attempt:
+    """What one planner came to.
+
+    Args:
+        waypoints: Shape (k, n), every leg proved free; None where it found none.
+        detail: How it ended, for a person.
+        notes: What the answer has to say of it.
+        descent: Where it went, of a potential field.
+        progress: The shortest paths over time, of a planner that goes on after the first.
+        details: Values a program can use, where it found none.
+    """
+
+    waypoints: Array | None
+    detail: str
+    notes: tuple[str, ...] = ()
+    descent: Descent | None = None
+    progress: tuple[Progress, ...] = ()
+    details: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Plan:
     """A motion that has been proved.
 
@@ -59,6 +114,8 @@ class Plan:
         trajectory: The timed motion: this is what the certificate is about.
         certificate: The proof.
         notes: What was done to the request (a snapped start, ...), for the answer.
+        descent: Where a potential field went, if one found the path.
+        progress: The shortest paths over time, of a planner that goes on after the first.
     """
 
     planner: str
@@ -67,6 +124,8 @@ class Plan:
     trajectory: Trajectory
     certificate: Certificate
     notes: tuple[str, ...] = ()
+    descent: Descent | None = None
+    progress: tuple[Progress, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

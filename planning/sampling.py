@@ -142,6 +142,15 @@ class _CertifiedEdges(base.MotionValidator):
         return self._checker.valid(np.array(state[0 : self._n]))
 
 
+def check_options(planner: str, options: Mapping[str, Any]) -> None:
+    """Check a planner's own options.
+
+    Raises:
+        InvalidOption: There is no such option, or a value is out of its range.
+    """
+    _range_option(planner, options)
+
+
 def _range_option(planner: str, options: Mapping[str, Any]) -> float:
     if planner not in _PLANNERS:
         raise InvalidOption(

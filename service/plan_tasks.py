@@ -3,6 +3,7 @@
 import hashlib
 import platform
 import time
+from dataclasses import asdict
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
@@ -126,6 +127,18 @@ def _answer(found: Plan, body: PlanRequest, held: Held) -> dict[str, Any]:
             "versions": _versions(),
         },
         "notes": list(found.notes),
+        "potential_field": _descent(found),
+        "progress": [asdict(step) for step in found.progress],
+    }
+
+
+def _descent(found: Plan) -> dict[str, Any] | None:
+    if found.descent is None:
+        return None
+    return {
+        "joints": found.descent.waypoints.tolist(),
+        "potentials": found.descent.potentials.tolist(),
+        "iterations": found.descent.iterations,
     }
 
 

@@ -14,9 +14,9 @@ from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from planning.certificate import Certificate
 from planning.options import Options
-from planning.pipeline import PLANNERS
 from planning.problem import Goal, JointGoal, PoseGoal, Problem
 from planning.result import StageReport
+from planning.rung import PLANNERS
 from service import translate, translate_timing
 from service.schemas import plan as schema
 

@@ -13,6 +13,7 @@ from service import (
     kinematics_tasks,
     library,
     plan_tasks,
+    potential_tasks,
     prepared,
     retime_tasks,
     simulate_tasks,
@@ -61,6 +62,8 @@ def requests() -> None:
         _ask(check_tasks.check, panda, check)
         for planner in ("auto", "straight_line", "potential_field", "rrt_connect"):
             _plan(panda, planner)
+        field = {"joints": _START, "goal_joints": _GOAL, "scene": _scene()}
+        _ask(potential_tasks.potential, panda, field)
         _retime(panda)
 
 

@@ -35,6 +35,7 @@ TASK_MODULES = (
     "service.kinematics_tasks",
     "service.check_tasks",
     "service.plan_tasks",
+    "service.potential_tasks",
     "service.retime_tasks",
     "service.dynamics_tasks",
     "service.simulate_tasks",

@@ -34,16 +34,12 @@ from armwright_client.client import (
 )
 from armwright_client.dynamics import (
     BaseParameter,
-    ControlPoint,
     DampedDirection,
     DynamicsAnswer,
     DynamicsBatch,
     DynamicsRequest,
     ModelOptions,
     Payload,
-    PotentialAnswer,
-    PotentialOptions,
-    PotentialRequest,
     RegressorAnswer,
     RegressorOptions,
     RegressorRequest,
@@ -121,12 +117,14 @@ from armwright_client.kinematics import (
 )
 from armwright_client.plan import (
     BatchRequest,
+    Descent,
     Goal,
     GoalLike,
     Path,
     Plan,
     PlanOptions,
     PlanRequest,
+    Progress,
     Reproducibility,
     Retimed,
     RetimePath,
@@ -138,6 +136,13 @@ from armwright_client.plan import (
     Timing,
 )
 from armwright_client.pose import Pose
+from armwright_client.potential import (
+    ControlPoint,
+    PotentialAnswer,
+    PotentialBatch,
+    PotentialOptions,
+    PotentialRequest,
+)
 from armwright_client.problem import Problem
 from armwright_client.retry import Retry
 from armwright_client.robot import (
@@ -220,6 +225,7 @@ __all__ = [
     "Cylinder",
     "DampedDirection",
     "DerivedDh",
+    "Descent",
     "DhParameters",
     "DhRow",
     "DhTable",
@@ -289,10 +295,12 @@ __all__ = [
     "PointCloud",
     "Pose",
     "PotentialAnswer",
+    "PotentialBatch",
     "PotentialOptions",
     "PotentialRequest",
     "Preempted",
     "Problem",
+    "Progress",
     "ProjectAnswer",
     "ProjectRequest",
     "Projection",

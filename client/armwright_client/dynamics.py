@@ -1,6 +1,6 @@
-"""Velocities, forces, equations of motion and the potential field."""
+"""Velocities, forces and equations of motion."""
 
-from typing import Any, Self, TypedDict
+from typing import Self, TypedDict
 
 from pydantic import model_validator
 
@@ -8,7 +8,6 @@ from armwright_client.base import (
     Answer,
     Matrix,
     Matrix3,
-    NonNegative,
     Positive,
     Request,
     Rows,
@@ -17,7 +16,6 @@ from armwright_client.base import (
     Vector6,
     VectorLike,
 )
-from armwright_client.scene import SceneReference
 
 
 class VelocityOptions(TypedDict, total=False):
@@ -270,48 +268,3 @@ class RegressorAnswer(Answer):
     base_parameters: list[BaseParameter]
     base_regressor: Matrix
     torques: list[float]
-
-
-class PotentialOptions(Request):
-    """Weights of the potential field and how far obstacles are felt [m]."""
-
-    attractive_weights: Vector | None = None
-    attractive_cap: NonNegative | None = None
-    repulsive_weights: Vector | None = None
-    influence_distance: NonNegative | None = None
-
-
-class PotentialRequest(Request):
-    """A configuration, a goal and what is in the way."""
-
-    joints: Vector
-    goal_joints: Vector
-    scene: SceneReference
-    options: PotentialOptions | None = None
-
-
-class ControlPoint(Answer):
-    """A point of the arm that is pulled to its goal and pushed away by obstacles.
-
-    Args:
-        origin: [m].
-        attractive_force: [N].
-        repulsive_force: [N].
-        projection: The nearest point of an obstacle [m].
-        distance: To it [m].
-    """
-
-    origin: list[float]
-    attractive_force: list[float]
-    repulsive_force: list[float]
-    projection: list[float] | None = None
-    distance: float | None = None
-
-
-class PotentialAnswer(Answer):
-    """The potential, the force in joint space that it exerts, and where that comes from."""
-
-    potential: float
-    gradient: Any = None
-    joint_force: list[float] | None = None
-    control_points: list[ControlPoint]

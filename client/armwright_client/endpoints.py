@@ -17,9 +17,6 @@ from armwright_client.dynamics import (
     DynamicsBatch,
     DynamicsRequest,
     ModelOptions,
-    PotentialAnswer,
-    PotentialOptions,
-    PotentialRequest,
     RegressorAnswer,
     RegressorOptions,
     RegressorRequest,
@@ -59,6 +56,12 @@ from armwright_client.plan import (
     as_goal,
 )
 from armwright_client.pose import Pose
+from armwright_client.potential import (
+    PotentialAnswer,
+    PotentialBatch,
+    PotentialOptions,
+    PotentialRequest,
+)
 from armwright_client.robot import Robot, RobotArchive, RobotList, RobotUpload
 from armwright_client.scene import (
     ProjectAnswer,
@@ -225,15 +228,37 @@ class RobotEndpoints:
         robot: str,
         joints: VectorLike,
         goal_joints: VectorLike,
-        scene: SceneReference,
+        scene: SceneReference | None = None,
         *,
         options: PotentialOptions | None = None,
+        timeout: float | None = None,
     ) -> Call[PotentialAnswer]:
         """The potential field at a configuration on the way to a goal."""
         body = PotentialRequest.of(
-            joints=joints, goal_joints=goal_joints, scene=scene, options=options
+            joints=joints, goal_joints=goal_joints, scene=scene, options=options, timeout=timeout
         )
-        return Call("POST", path("robots", robot, "potential"), PotentialAnswer.read, body)
+        return Call(
+            "POST", path("robots", robot, "potential"), PotentialAnswer.read, body, deadline=timeout
+        )
+
+    @Endpoint
+    def potential_batch(
+        self,
+        robot: str,
+        joints: RowsLike,
+        goal_joints: VectorLike,
+        scene: SceneReference | None = None,
+        *,
+        options: PotentialOptions | None = None,
+        timeout: float | None = None,
+    ) -> Call[PotentialBatch]:
+        """The potential field at many configurations."""
+        body = PotentialRequest.of(
+            joints=joints, goal_joints=goal_joints, scene=scene, options=options, timeout=timeout
+        )
+        return Call(
+            "POST", path("robots", robot, "potential"), PotentialBatch.read, body, deadline=timeout
+        )
 
     @Endpoint
     def regressor(

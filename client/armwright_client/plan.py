@@ -217,6 +217,34 @@ class Reproducibility(Answer):
     versions: dict[str, str]
 
 
+class Descent(Answer):
+    """Where a potential field went before its path was shortened.
+
+    Args:
+        joints: The configurations it was in [rad or m].
+        potentials: At each of them [J].
+        iterations: Steps taken.
+    """
+
+    joints: list[list[float]]
+    potentials: list[float]
+    iterations: int
+
+
+class Progress(Answer):
+    """A path that was the shortest so far, of a planner that goes on after the first.
+
+    Args:
+        milliseconds: Since the planner began [ms].
+        edges: Looked at until then.
+        length: Of the path in joint space.
+    """
+
+    milliseconds: float
+    edges: int
+    length: float
+
+
 class Plan(Answer):
     """A certified motion.
 
@@ -229,6 +257,8 @@ class Plan(Answer):
         certificate: The proof that it is valid at every instant.
         reproducibility: What the same answer can be had again with.
         notes: What was done to the request, say a start moved onto a limit.
+        potential_field: Where it went, if a potential field found the path.
+        progress: The shortest paths over time, of planners that improve theirs.
     """
 
     status: str
@@ -239,6 +269,8 @@ class Plan(Answer):
     certificate: Certificate
     reproducibility: Reproducibility
     notes: list[str] = Field(default_factory=list)
+    potential_field: Descent | None = None
+    progress: list[Progress] = Field(default_factory=list)
 
 
 class RetimePath(Request):

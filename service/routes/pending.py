@@ -8,11 +8,9 @@ from service.openapi import RESPONSES
 
 router = APIRouter(tags=["not built yet"], route_class=JsonRoute, responses=RESPONSES)
 
-_ROBOT = "For this robot there are fk, jacobian and ik."
 _PLAN = "There is POST /v1/plan, which answers one problem at once with a timed trajectory."
 #: Method, path and what can be used instead.
 _PENDING = (
-    ("POST", "/v1/robots/{name}/potential", _ROBOT),
     ("POST", "/v1/plan/batch", _PLAN),
     ("GET", "/v1/jobs/{id}", _PLAN),
     ("DELETE", "/v1/jobs/{id}", _PLAN),

@@ -306,6 +306,22 @@ class Reproducibility(Answer):
     versions: dict[str, str]
 
 
+class DescentAnswer(Answer):
+    """Where a potential field went before its path was shortened."""
+
+    joints: list[list[float]]
+    potentials: list[float] = Field(description="U at each configuration [J]")
+    iterations: int = Field(description="steps taken")
+
+
+class ProgressAnswer(Answer):
+    """A path that was the shortest so far, of a planner that goes on after the first."""
+
+    milliseconds: float = Field(description="since the planner began")
+    edges: int = Field(description="looked at until then")
+    length: float = Field(description="of the path, Euclidean in joint space")
+
+
 class PlanAnswer(Answer):
     """A certified motion."""
 
@@ -317,3 +333,9 @@ class PlanAnswer(Answer):
     certificate: CertificateAnswer
     reproducibility: Reproducibility
     notes: list[str] = Field(default_factory=list, description="what was done to the request")
+    potential_field: DescentAnswer | None = Field(
+        None, description="where it went, if a potential field found the path"
+    )
+    progress: list[ProgressAnswer] = Field(
+        default_factory=list, description="shortest paths over time, of planners that improve"
+    )

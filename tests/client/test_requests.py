@@ -18,6 +18,7 @@ from service.schemas import check as their_check
 from service.schemas import kinematics as their_kinematics
 from service.schemas import plan as their_plan
 from service.schemas import pose as their_pose
+from service.schemas import potential as their_potential
 from service.schemas import retime as their_retime
 from service.schemas import robot as their_robot
 from service.schemas import scene as their_scene
@@ -85,6 +86,13 @@ PAIRS: list[tuple[type[Readable], type[BaseModel]]] = [
     (ours.Certificate, their_plan.CertificateAnswer),
     (ours.Reproducibility, their_plan.Reproducibility),
     (ours.Plan, their_plan.PlanAnswer),
+    (ours.Descent, their_plan.DescentAnswer),
+    (ours.Progress, their_plan.ProgressAnswer),
+    (ours.PotentialOptions, their_potential.PotentialOptions),
+    (ours.PotentialRequest, their_potential.PotentialRequest),
+    (ours.ControlPoint, their_potential.ControlPoint),
+    (ours.PotentialAnswer, their_potential.PotentialAnswer),
+    (ours.PotentialBatch, their_potential.PotentialAnswer),
     (ours.RetimePath, their_retime.RetimePath),
     (ours.RetimeTiming, their_retime.RetimeTiming),
     (ours.RetimeRequest, their_retime.RetimeRequest),
@@ -136,6 +144,21 @@ def test_fields_are_those_of_the_service(mine: type[Readable], theirs: type[Base
             their_robot.RobotBody,
         ),
         (ours.FkRequest(joints=(0, 1)), their_kinematics.FkRequest),
+        (
+            ours.PotentialRequest(
+                joints=[(0, 1), (2, 3)],
+                goal_joints=(4, 5),
+                scene="table",
+                options=ours.PotentialOptions(
+                    attractive_weights=(1.0, 2.0),
+                    attractive_cap=0.1,
+                    repulsive_weights=0.0,
+                    influence_distance=0.3,
+                    least_distance=0.01,
+                ),
+            ),
+            their_potential.PotentialRequest,
+        ),
         (ours.FkRequest(joints=[(0, 1), (2, 3)]), their_kinematics.FkRequest),
         (
             ours.IkRequest(pose=ours.Pose.at(1, 2, 3), scene=SCENE, constraints=({"type": "x"},)),

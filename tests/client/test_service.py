@@ -76,13 +76,10 @@ def test_an_application_can_stand_in_for_the_network(tmp_path: Path) -> None:
 
 
 def pending(client: Client) -> list[Any]:
-    scene = ours.Scene(obstacles=[TABLE])
     problem = ours.PlanRequest(
         robot="panda", start=ours.Start(joints=READY), goal=ours.Goal(joints=AWAY)
     )
-    robots = client.robots
     return [
-        lambda: robots.potential("panda", READY, AWAY, scene),
         lambda: client.plan_batch([problem]),
         lambda: client.jobs.get("1"),
         lambda: client.jobs.cancel("1"),
@@ -125,6 +122,17 @@ def test_velocities_and_every_kind_of_inverse_kinematics(client: Client) -> None
     assert len(every.solutions) == 256
     free = client.robots.ik("panda", pose, axes=["x", "y", "z"], choice="manipulability")
     assert free.solutions[0].position_error <= 1e-6
+
+
+def test_the_potential_at_one_configuration_and_at_many(client: Client) -> None:
+    scene = ours.Scene(obstacles=[TABLE])
+    options = ours.PotentialOptions(influence_distance=0.5)
+    one = client.robots.potential("panda", READY, AWAY, scene, options=options)
+    many = client.robots.potential_batch("panda", [READY, AWAY], AWAY, scene, options=options)
+    assert many.potential[0] == one.potential > many.potential[1]
+    assert one.gradient == [-force for force in one.joint_force]
+    assert many.control_points[0] == one.control_points
+    assert one.control_points[-1].obstacle == TABLE.id
 
 
 # ---------------------------------------------------------------------------------- timing

@@ -1,105 +1,89 @@
-"""The artificial potential: forces are gradients, steps are proved, minima are noticed."""
+"""Descent on the potential: the rule of its steps, proof of each, minima noticed and left."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from kinematics.chain import Array
 from kinematics.errors import InvalidOption
 from obstacles.checker import Checker
 from obstacles.projection import Projector
 from obstacles.scene import Scene
 from planning.deadline import Deadline
+from planning.field.control_points import frame_origins
+from planning.field.potential import Field
+from planning.field.weights import FieldWeights
 from planning.potential_field import (
+    PRESETS,
+    QUICK,
     FieldOptions,
-    attractive_forces,
-    control_points,
+    FieldResult,
     potential_field,
-    repulsive_forces,
 )
-from tests.planning.scenes import HOME, box, builtin, pillar, shelf
+from tests.planning.scenes import HOME, box, builtin, shelf
+
+POST = Scene((box("post", (0.05, 0.05, 0.1), (0.5, 0.25, 0.45)),))
 
 
-def attractive_potential(points: Array, goals: Array, options: FieldOptions) -> float:
-    c, d = options.attractive_weight, options.attractive_cap
-    length = np.linalg.norm(points - goals, axis=1)
-    return float(np.where(length <= d, c * length**2 / 2, c * d * length - c * d**2 / 2).sum())
-
-
-def repulsive_potential(points: Array, projector: Projector, options: FieldOptions) -> float:
-    _, rho = projector(points)
-    inverse = 1.0 / rho - 1.0 / options.influence_distance
-    near = rho <= options.influence_distance
-    return float(np.where(near, options.repulsive_weight / 2 * inverse**2, 0.0).sum())
-
-
-def gradient(function: "object", points: Array, step: float = 1e-6) -> Array:
-    assert callable(function)
-    slopes = np.zeros_like(points)
-    for index in np.ndindex(*points.shape):
-        ahead, behind = points.copy(), points.copy()
-        ahead[index] += step
-        behind[index] -= step
-        slopes[index] = (function(ahead) - function(behind)) / (2.0 * step)
-    return slopes
-
-
-def test_attraction_is_the_gradient_of_its_potential() -> None:
-    random = np.random.default_rng(0)
-    options = FieldOptions(attractive_weight=1.7, attractive_cap=0.4)
-    for spread in (0.1, 1.0):
-        points, goals = random.normal(size=(2, 5, 3)) * spread
-        forces = attractive_forces(points, goals, options)
-        slopes = gradient(lambda p, g=goals: attractive_potential(p, g, options), points)
-        assert forces == pytest.approx(-slopes, abs=1e-8)
-
-
-def test_repulsion_is_the_gradient_of_its_potential() -> None:
-    random = np.random.default_rng(1)
-    options = FieldOptions(repulsive_weight=0.01, influence_distance=0.3)
-    projector = Projector(Scene((*pillar().obstacles, box("crate", (0.2, 0.3, 0.1), (0, 0, 0)))))
-    tried = 0
-    while tried < 40:
-        points = random.uniform(-0.6, 0.6, (4, 3))
-        _, rho = projector(points)
-        # At the rim of its reach the potential's second derivative jumps.
-        if rho.min() < 0.02 or (np.abs(rho - options.influence_distance) < 1e-3).any():
-            continue
-        tried += 1
-        forces = repulsive_forces(points, projector, options)
-        slopes = gradient(lambda p: repulsive_potential(p, projector, options), points)
-        assert forces == pytest.approx(-slopes, rel=1e-4, abs=1e-6)
-
-
-@pytest.mark.parametrize("name", ["panda", "stanford", "kr6_sixx"])
-def test_jacobians_of_the_control_points(name: str) -> None:
-    chain = builtin(name).chain
-    random = np.random.default_rng(2)
-    lower, upper = chain.sampling_bounds()
-    for _ in range(10):
-        q = random.uniform(lower, upper)
-        _, jacobians = control_points(chain, q)
-        for j in range(chain.n):
-            step = np.zeros(chain.n)
-            step[j] = 1e-6
-            slope = (control_points(chain, q + step)[0] - control_points(chain, q - step)[0]) / 2e-6
-            assert jacobians[:, :, j] == pytest.approx(slope, abs=1e-8)
-            # What joint j moves lies beyond it.
-            assert not jacobians[:j, :, j].any()
-
-
-def test_every_step_is_proved_and_ends_at_the_goal() -> None:
-    robot = builtin("panda")
-    scene = Scene((box("post", (0.05, 0.05, 0.1), (0.5, 0.25, 0.45)),))
+def descend(
+    scene: Scene, options: FieldOptions, goal: np.ndarray, seed: int = 0, name: str = "panda"
+) -> tuple[FieldResult, Checker]:
+    robot = builtin(name)
     checker = Checker.of(robot, scene)
-    goal = HOME.copy()
-    goal[0] = 0.9
-    result = potential_field(
-        robot.chain, checker, scene, HOME, goal, FieldOptions(), Deadline.after(20.0)
+    start = HOME if name == "panda" else np.zeros(robot.chain.n)
+    found = potential_field(
+        robot, checker, scene, start, [goal], options, seed, Deadline.after(20.0)
     )
-    assert result.waypoints is not None, result.detail
-    assert np.array_equal(result.waypoints[0], HOME)
-    assert np.array_equal(result.waypoints[-1], goal)
-    assert checker.polyline(result.waypoints)[0].free
+    return found, checker
+
+
+def turned(angle: float = 0.9) -> np.ndarray:
+    goal = HOME.copy()
+    goal[0] = angle
+    return goal
+
+
+@pytest.mark.parametrize("preset", list(PRESETS))
+def test_every_step_is_proved_and_ends_at_the_goal(preset: str) -> None:
+    goal = turned()
+    found, checker = descend(POST, PRESETS[preset], goal)
+    assert found.waypoints is not None, found.detail
+    assert np.array_equal(found.waypoints[0], HOME)
+    assert np.array_equal(found.waypoints[-1], goal)
+    assert checker.polyline(found.waypoints)[0].free
+    assert len(found.potentials) == len(found.waypoints)
+
+
+def test_steps_follow_the_rule() -> None:
+    sizes = [0.02, 0.01, 0.03]
+    options = FieldOptions(step_sizes=sizes, longest_step=10.0, max_iterations=6, connect=False)
+    found, _ = descend(POST, options, turned())
+    chain = builtin("panda").chain
+    field = Field(chain, frame_origins(chain), Projector(POST), turned(), FieldWeights())
+    q = HOME
+    for k, (visited, potential) in enumerate(zip(found.visited, found.potentials, strict=True)):
+        assert visited == pytest.approx(q, abs=1e-12)
+        assert potential == pytest.approx(field.at(q).potential)
+        q = q + sizes[min(k, 2)] * field.at(q).joint_force
+    assert found.iterations == 6
+    assert "used up" in found.detail
+    # Small enough steps lower the potential.
+    assert (np.diff(found.potentials) < 0.0).all()
+
+
+def test_no_joint_moves_farther_than_the_longest_step() -> None:
+    options = FieldOptions(step_sizes=100.0, longest_step=0.03, connect=False, max_iterations=40)
+    found, _ = descend(POST, options, turned())
+    assert np.abs(np.diff(found.visited, axis=0)).max() <= 0.03 + 1e-12
+
+
+def test_without_connecting_it_ends_within_its_tolerance() -> None:
+    goal = np.array([0.6, -0.4])
+    options = FieldOptions(connect=False, tolerance=1e-3, max_iterations=2000)
+    found, _ = descend(Scene(), options, goal, name="planar_rr")
+    assert found.waypoints is not None, found.detail
+    assert np.linalg.norm(found.waypoints[-2] - goal) < 1e-3
+    assert found.iterations > 5
 
 
 def test_a_local_minimum_is_noticed_early() -> None:
@@ -112,24 +96,105 @@ def test_a_local_minimum_is_noticed_early() -> None:
         goal = random.uniform(lower, upper)
         if not checker.valid(goal) or checker.free(HOME, goal):
             continue
-        options = FieldOptions(max_iterations=400)
-        result = potential_field(
-            robot.chain, checker, scene, HOME, goal, options, Deadline.after(20.0)
+        options = FieldOptions(max_iterations=2000)
+        found = potential_field(
+            robot, checker, scene, HOME, [goal], options, 0, Deadline.after(20.0)
         )
-        if result.waypoints is None:
+        if found.waypoints is None:
             given_up += 1
-            assert result.iterations < options.max_iterations
-            assert result.detail
+            assert found.iterations < options.max_iterations
+            assert "local minimum" in found.detail or "Blocked" in found.detail
         if given_up == 5:
             return
     pytest.fail("the field never got stuck")
 
 
-def test_options_are_checked() -> None:
-    with pytest.raises(InvalidOption, match="step"):
-        FieldOptions.of({"step": -1.0})
+def test_escapes_leave_minima_and_repeat_for_a_seed() -> None:
+    robot, scene = builtin("panda"), shelf(0.5)
+    checker = Checker.of(robot, scene)
+    random = np.random.default_rng(5)
+    lower, upper = robot.chain.sampling_bounds()
+    quick = thorough = tried = 0
+    while tried < 12:
+        goal = random.uniform(lower, upper)
+        if not checker.valid(goal) or checker.free(HOME, goal):
+            continue
+        tried += 1
+        found = [
+            potential_field(
+                robot, checker, scene, HOME, [goal], options, 1, Deadline.after(20.0)
+            )
+            for options in (QUICK, replace(QUICK, escapes=10, max_iterations=400))
+        ]  # fmt: skip
+        quick += found[0].waypoints is not None
+        thorough += found[1].waypoints is not None
+        if found[1].waypoints is not None:
+            assert checker.polyline(found[1].waypoints)[0].free
+        again = potential_field(
+            robot, checker, scene, HOME, [goal], QUICK, 1, Deadline.after(20.0)
+        )  # fmt: skip
+        assert np.array_equal(again.visited, found[0].visited)
+    assert thorough > quick
+
+
+def test_the_next_goal_is_tried_where_one_is_not_reached() -> None:
+    robot = builtin("panda")
+    checker = Checker.of(robot, POST)
+    unreachable = np.array([0.0, 0.5, 0.0, -0.1, 0.0, 0.5, 2.0])
+    options = FieldOptions(max_iterations=1, connect=False)
+    goals = [unreachable, HOME]
+    found = potential_field(robot, checker, POST, HOME, goals, options, 0, Deadline.after(5.0))
+    assert found.waypoints is not None
+    assert np.array_equal(found.waypoints[-1], HOME)
+    assert len(found.waypoints) == 2
+
+
+def test_the_deadline_ends_it() -> None:
+    robot = builtin("panda")
+    checker = Checker.of(robot, POST)
+    found = potential_field(
+        robot, checker, POST, HOME, [turned()], FieldOptions(), 0, Deadline.after(0.0)
+    )
+    assert found.waypoints is None
+    assert "time" in found.detail
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"longest_step": -1.0}, "planner_options.longest_step"),
+        ({"patience": True}, "patience"),
+        ({"patience": 0}, "patience"),
+        ({"max_iterations": 10**9}, "max_iterations"),
+        ({"max_iterations": 1.5}, "max_iterations"),
+        ({"step_sizes": []}, "step_sizes"),
+        ({"step_sizes": [0.1, 0.0]}, "step_sizes"),
+        ({"step_sizes": "fast"}, "step_sizes"),
+        ({"control_points": "everywhere"}, "everywhere"),
+        ({"control_points": ["links"]}, "links"),
+        ({"connect": 1}, "connect"),
+        ({"joint_weight": -1.0}, "joint_weight"),
+        ({"preset": "fast"}, "fast"),
+        ({"preset": ["notes"]}, "notes"),
+        ({"attractive_weights": {}}, "attractive_weights"),
+        ({"tolerance": None}, "tolerance"),
+    ],
+)
+def test_options_are_checked(options: dict[str, object], words: str) -> None:
+    with pytest.raises(InvalidOption, match=words) as caught:
+        FieldOptions.of(options)
+    assert caught.value.hint
+
+
+def test_an_unknown_option_is_told_with_those_there_are() -> None:
     with pytest.raises(InvalidOption, match="no option 'speed'") as caught:
         FieldOptions.of({"speed": 1.0})
-    assert "influence_distance" in str(caught.value.hint)
-    with pytest.raises(InvalidOption):
-        FieldOptions.of({"patience": True})
+    assert "influence_distance (0.1)" in str(caught.value.hint)
+
+
+def test_presets_can_be_changed_by_name() -> None:
+    made = FieldOptions.of({"preset": "quick", "escapes": 2})
+    assert made.control_points == "links"
+    assert made.escapes == 2
+    assert FieldOptions.of({}) is not None
+    assert FieldOptions.of({"step_sizes": None}).step_size(3) is None

@@ -294,8 +294,7 @@ def test_a_body_that_stops_arriving(client: httpx.Client) -> None:
 
 
 def test_what_is_not_built_says_so(client: httpx.Client) -> None:
-    for path in ("potential",):
-        problem(client.post(f"/v1/robots/panda/{path}", json={}), 501, "NOT_IMPLEMENTED")
+    problem(client.post("/v1/plan/batch", json={}), 501, "NOT_IMPLEMENTED")
 
 
 def test_faults_of_the_caller(client: httpx.Client) -> None:

@@ -390,8 +390,10 @@ def test_other_orders_of_joints_and_other_origins_of_time(client: httpx.Client) 
     assert proved["verified"] is True
     assert proved["min_clearance"] == pytest.approx(original["min_clearance"])
     for name, use in original["limits"].items():
-        assert proved["limits"][name]["joint"] == use["joint"]
-        assert proved["limits"][name]["time"] == pytest.approx(use["time"] + 5.0)
+        told = proved["limits"][name]
+        assert told["worst_ratio"] == pytest.approx(use["worst_ratio"])
+        # A limit may be used as much at several times, by several joints: rounding picks one.
+        assert 5.0 <= told["time"] <= 5.0 + trajectory["duration"]
 
 
 def through_the_post(duration: float = 3.0) -> dict[str, Any]:

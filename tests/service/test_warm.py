@@ -22,7 +22,7 @@ warm.warm_kernels()
 before = signatures()
 
 from service import (
-    check_tasks, dynamics_tasks, kinematics_tasks, plan_tasks, simulate_tasks, tasks
+    check_tasks, dynamics_tasks, kinematics_tasks, plan_tasks, potential_tasks, simulate_tasks, tasks
 )
 from service.references import builtin_reference
 from service.schemas.kinematics import FkRequest, JacobianRequest
@@ -58,6 +58,8 @@ for name, n in ROBOTS.items():
                "attached": [rod], "margin": 0.001}
     for planner in ("auto", "rrt_connect", "potential_field"):
         ask(plan_tasks.plan, name, problem | {"planner": planner}, 5.0)
+    ask(potential_tasks.potential, name, {"joints": [home, near], "goal_joints": near, "scene": SCENE,
+                                          "options": {"attractive_weights": [1.0] * n}})
     motion = {"samples": {"time": [0, 1, 3], "position": [home, near, home]}, "interpolation": "natural_spline"}
     ask(plan_tasks.validate, name, {"robot": name, "scene": SCENE, "trajectory": motion}, 5.0)
     state = {key: [home, near] for key in ("joints", "velocities", "accelerations")}

@@ -1,0 +1,89 @@
+"""The artificial potential of an arm on its way to a goal."""
+
+from armwright_client.base import (
+    Answer,
+    Matrix,
+    NonNegative,
+    Positive,
+    Request,
+    Rows,
+    Vector,
+)
+from armwright_client.scene import SceneReference
+
+
+class PotentialOptions(Request):
+    """Weights of the potential and how far obstacles are felt.
+
+    Args:
+        attractive_weights: Pull towards the goal [N/m]: one for all control points, or one each.
+        attractive_cap: Distance beyond which the pull no longer grows [m].
+        repulsive_weights: Push away from obstacles [N m^3], likewise.
+        influence_distance: Distance within which obstacles are felt [m].
+        least_distance: Nearer than this, the potential goes on along its tangent [m].
+    """
+
+    attractive_weights: NonNegative | Vector | None = None
+    attractive_cap: Positive | None = None
+    repulsive_weights: NonNegative | Vector | None = None
+    influence_distance: Positive | None = None
+    least_distance: Positive | None = None
+
+
+class PotentialRequest(Request):
+    """Configurations, a goal and what is in the way."""
+
+    joints: Vector | Rows
+    goal_joints: Vector
+    scene: SceneReference | None = None
+    options: PotentialOptions | None = None
+    timeout: Positive | None = None
+
+
+class ControlPoint(Answer):
+    """A point of the arm that is pulled to its goal and pushed away by obstacles.
+
+    Args:
+        joint: The joint that carries it.
+        origin: Where it is [m].
+        goal: Where it is at the goal [m].
+        attractive_force: [N].
+        repulsive_force: Of all obstacles together [N].
+        projection: The nearest point of the nearest obstacle [m].
+        distance: To it [m], negative inside.
+        obstacle: Which one that is.
+    """
+
+    joint: str
+    origin: list[float]
+    goal: list[float]
+    attractive_force: list[float]
+    repulsive_force: list[float]
+    projection: list[float] | None = None
+    distance: float | None = None
+    obstacle: str | None = None
+
+
+class PotentialAnswer(Answer):
+    """The potential and where it comes from.
+
+    Args:
+        potential: U [J].
+        gradient: Its slope in joint space.
+        joint_force: Minus the slope: what a descent follows.
+        control_points: Base to tip.
+    """
+
+    potential: float
+    gradient: list[float]
+    joint_force: list[float]
+    control_points: list[ControlPoint]
+
+
+class PotentialBatch(Answer):
+    """The potential at many configurations, in their order; see `PotentialAnswer`."""
+
+    potential: list[float]
+    gradient: Matrix
+    joint_force: Matrix
+    control_points: list[list[ControlPoint]]

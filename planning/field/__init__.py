@@ -1,0 +1,1 @@
+"""The artificial potential: control points, their forces, and the descent along them."""

@@ -1,0 +1,128 @@
+"""Points of the arm that a potential pulls to the goal and pushes away from obstacles."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from kinematics.chain import Array, Chain, Indices, frozen
+from kinematics.forward import forward_kernel
+from kinematics.jacobian import jacobian_kernel
+from kinematics.kernel import kernel
+from obstacles.piece import Piece, PieceKind
+from obstacles.robot_geometry import RobotGeometry
+
+#: A piece longer than this many times its width gets several points, each for about as much.
+_SLENDER = 1.5
+_MOST_ALONG_A_PIECE = 4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ControlPoints:
+    """Points carried by joints, m in all.
+
+    Args:
+        joints: Index of the joint that carries each, shape (m,).
+        places: Where they are in that joint's frame, shape (m, 3) [m].
+        radii: How far the arm reaches about them, shape (m,) [m]; 0 for bare points.
+    """
+
+    joints: Indices
+    places: Array
+    radii: Array
+
+    def __post_init__(self) -> None:
+        joints = np.array(self.joints, dtype=np.int64).reshape(-1)
+        joints.setflags(write=False)
+        object.__setattr__(self, "joints", joints)
+        object.__setattr__(self, "places", frozen(self.places).reshape(-1, 3))
+        object.__setattr__(self, "radii", frozen(self.radii).reshape(-1))
+
+    def __len__(self) -> int:
+        return len(self.joints)
+
+
+def frame_origins(chain: Chain) -> ControlPoints:
+    """O_1 ... O_n: the origin of the frame that each joint moves, the last one that of the tip.
+
+    That is where the next joint begins, and where the chain ends.
+    """
+    ends = [*chain.offsets[1:, :3, 3], chain.tip.T_joint_link[:3, 3]]
+    return ControlPoints(np.arange(chain.n), np.array(ends), np.zeros(chain.n))
+
+
+@lru_cache(maxsize=32)
+def along_links(robot: RobotGeometry) -> ControlPoints:
+    """Points along the solids of every moving link, with the radius of the solid about them.
+
+    A robot without solids has those of its frame origins.
+    """
+    found = [
+        (joint, *point)
+        for piece, joint in zip(robot.pieces, robot.joints, strict=True)
+        if joint >= 0
+        for point in _along(piece)
+    ]
+    if not found:
+        return frame_origins(robot.chain)
+    joints, places, radii = zip(*found, strict=True)
+    return ControlPoints(np.array(joints), np.array(places), np.array(radii))
+
+
+def _along(piece: Piece) -> list[tuple[Array, float]]:
+    """Points on the longest axis of a piece's box, and half its width."""
+    if piece.kind == PieceKind.HALFSPACE:
+        return []
+    box = piece.local_box()
+    half = box[3:]
+    longest = int(np.argmax(half))
+    width = float(np.delete(half, longest).max())
+    count = 1
+    if half[longest] > _SLENDER * width:
+        count = min(int(np.ceil(half[longest] / width)), _MOST_ALONG_A_PIECE)
+    reach = half[longest] - width if count > 1 else 0.0
+    T = piece.T_owner_piece
+    points = []
+    for at in np.linspace(-reach, reach, count):
+        local = box[:3].copy()
+        local[longest] += at
+        points.append((T[:3, :3] @ local + T[:3, 3], width))
+    return points
+
+
+@kernel
+def control_points_kernel(
+    types: Indices,
+    offsets: Array,
+    joints: Indices,
+    places: Array,
+    q: Array,
+    points: Array,
+    jacobians: Array,
+) -> None:
+    """Write the control points (m, 3) and their linear Jacobians (m, 3, n) at q (n,)."""
+    n = q.shape[0]
+    frames, J = np.empty((n, 4, 4)), np.empty((6, n))
+    forward_kernel(types, offsets, q, frames)
+    for i in range(joints.shape[0]):
+        F = frames[joints[i]]
+        for row in range(3):
+            points[i, row] = F[row, 3]
+            for k in range(3):
+                points[i, row] += F[row, k] * places[i, k]
+        # The Jacobian of the whole arm at this point, cut off after the joint that carries it.
+        jacobian_kernel(types, frames, points[i], joints[i], J)
+        for row in range(3):
+            for j in range(n):
+                jacobians[i, row, j] = J[row, j]
+
+
+def control_points(chain: Chain, where: ControlPoints, q: Array) -> tuple[Array, Array]:
+    """Where the control points are at q (n,), shape (m, 3) [m], and their Jacobians (m, 3, n)."""
+    m, n = len(where), chain.n
+    points, jacobians = np.empty((m, 3)), np.empty((m, 3, n))
+    at = np.array(q, dtype=np.float64)  # one that can be written to, as the kernel is compiled for
+    control_points_kernel(
+        chain.joint_types, chain.offsets, where.joints, where.places, at, points, jacobians
+    )
+    return points, jacobians

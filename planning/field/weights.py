@@ -1,0 +1,92 @@
+"""Weights of a potential and how far it reaches."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from kinematics.chain import Array
+from kinematics.errors import InvalidOption
+from planning.field.number import positive
+
+#: Beyond this a weight's force could leave what float64 holds to some digits.
+MOST_WEIGHT = 1e9
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FieldWeights:
+    """How strongly control points are pulled and pushed.
+
+    Args:
+        attractive_weights: c_i, pull towards the goal [N/m]: one for all points, or one each.
+        attractive_cap: d, distance beyond which the pull no longer grows [m].
+        repulsive_weights: eta_i, push away from obstacles [N m^3]: one for all points, or one each.
+        influence_distance: rho_0, distance within which an obstacle is felt [m].
+        least_distance: Nearer than this, and inside, an obstacle pushes as it does here [m].
+
+    Raises:
+        InvalidOption: A value is not a positive number (weights may be 0), or least_distance is not
+            below influence_distance.
+    """
+
+    attractive_weights: float | Sequence[float] = 1.0
+    attractive_cap: float = 0.2
+    repulsive_weights: float | Sequence[float] = 2e-4
+    influence_distance: float = 0.1
+    least_distance: float = 1e-3
+
+    def __post_init__(self) -> None:
+        for name in ("attractive_cap", "influence_distance", "least_distance"):
+            positive(name, getattr(self, name))
+        for name in ("attractive_weights", "repulsive_weights"):
+            _weights(name, getattr(self, name), None)
+        if self.least_distance >= self.influence_distance:
+            raise InvalidOption(
+                f"least_distance is {self.least_distance:g} m, not below the influence_distance "
+                f"{self.influence_distance:g} m",
+                hint="Lower least_distance, or let obstacles be felt from farther away.",
+            )
+
+    def shared(self, share: float) -> "FieldWeights":
+        """The same with this share of the weights that are one number."""
+        if share == 1.0:
+            return self
+        given = {name: getattr(self, name) for name in ("attractive_weights", "repulsive_weights")}
+        numbers = {k: share * v for k, v in given.items() if not isinstance(v, Sequence)}
+        return replace(self, **numbers)
+
+    def each(self, m: int) -> tuple[Array, Array]:
+        """c_i and eta_i of m control points, both (m,).
+
+        Raises:
+            InvalidOption: Weights are given for another number of points.
+        """
+        return (
+            _weights("attractive_weights", self.attractive_weights, m),
+            _weights("repulsive_weights", self.repulsive_weights, m),
+        )
+
+
+def _weights(name: str, value: object, m: int | None) -> Array:
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        array = np.array(np.nan)
+    # Only the values' own types tell True from 1.
+    bare = [value] if not isinstance(value, Sequence) or isinstance(value, str) else list(value)
+    fits = array.ndim <= 1 and array.size > 0
+    numbers = not any(isinstance(item, bool | str) for item in bare)
+    if not (fits and numbers and (array >= 0.0).all() and (array <= MOST_WEIGHT).all()):
+        raise InvalidOption(
+            f"{name} must be a number from 0 to {MOST_WEIGHT:g}, or one for each control point"
+        )
+    if m is None:
+        return array
+    if array.ndim == 1 and len(array) != m:
+        raise InvalidOption(
+            f"{name} has {len(array)} value(s), there are {m} control points",
+            hint="Give one number for all of them, or one for each, base to tip.",
+            control_points=m,
+        )
+    # A copy that can be written to, as kernels were compiled for.
+    return np.array(np.broadcast_to(array, m))

@@ -1,0 +1,107 @@
+"""One planner at one problem: a rung of the ladder, whichever it is."""
+
+from dataclasses import dataclass
+
+from kinematics.errors import InvalidOption
+from obstacles.checker import Checker
+from planning import sampling
+from planning.deadline import Deadline
+from planning.options import Options
+from planning.potential_field import QUICK, FieldOptions, potential_field
+from planning.preflight import Ready
+from planning.problem import Problem
+from planning.result import Attempt, Descent
+from planning.straight_line import straight_line
+
+PLANNERS = ("auto", "straight_line", "potential_field", *sampling.PLANNERS)
+
+#: Share of the time that is left, and goals (the nearest), that the ladder's field may spend.
+_FIELD_SHARE = 0.1
+_FIELD_GOALS = 2
+
+
+def check_options(options: Options) -> None:
+    """Check the planner's name and its own options before any work is done.
+
+    Raises:
+        InvalidOption: There is no such planner or option, or a value is out of its range.
+    """
+    planner, given = options.planner, options.planner_options
+    if planner not in PLANNERS:
+        raise InvalidOption(
+            f"there is no planner {planner!r}",
+            hint=f"Choose one of: {', '.join(PLANNERS)}.",
+            planners=list(PLANNERS),
+        )
+    if planner in ("auto", "straight_line"):
+        if given:
+            raise InvalidOption(
+                f"planner {planner!r} has no options",
+                hint="Name the planner that planner_options are for.",
+            )
+    elif planner == "potential_field":
+        FieldOptions.of(given)
+    else:
+        sampling.check_options(planner, given)
+
+
+@dataclass(frozen=True, slots=True)
+class Rung:
+    """One planner at one problem.
+
+    Args:
+        planner: Its name.
+        problem: What is to be planned.
+        ready: Start, goals and what is noted of them.
+        checker: Proves motions free.
+        options: What the request says; its planner options belong to the planner it names.
+        deadline: When to stop.
+    """
+
+    planner: str
+    problem: Problem
+    ready: Ready
+    checker: Checker
+    options: Options
+    deadline: Deadline
+
+    def climb(self) -> Attempt:
+        """Run the planner."""
+        if self.planner == "straight_line":
+            return self._straight_line()
+        if self.planner == "potential_field":
+            return self._field()
+        return self._sample()
+
+    def _straight_line(self) -> Attempt:
+        waypoints, motions = straight_line(self.checker, self.ready.start, self.ready.goals)
+        if waypoints is not None or motions[0].pair is None:
+            return Attempt(waypoints, "Proved free.")
+        return Attempt(None, f"Blocked: {motions[0].pair[0]} and {motions[0].pair[1]}.")
+
+    def _field(self) -> Attempt:
+        alone = self.options.planner != "auto"
+        parameters = FieldOptions.of(self.options.planner_options) if alone else QUICK
+        share = 1.0 if alone else _FIELD_SHARE
+        goals = self.ready.goals if alone else self.ready.goals[:_FIELD_GOALS]
+        found = potential_field(
+            self.problem.robot, self.checker, self.problem.scene, self.ready.start, goals,
+            parameters, self.options.seed, Deadline.after(share * self.deadline.remaining),
+        )  # fmt: skip
+        descent = Descent(found.visited, found.potentials, found.iterations)
+        if found.waypoints is not None:
+            return Attempt(found.waypoints, found.detail, descent=descent)
+        details = {
+            "joints": found.visited[-1].tolist(),
+            "potential": float(found.potentials[-1]),
+            "iterations": found.iterations,
+        }
+        return Attempt(None, found.detail, details=details)
+
+    def _sample(self) -> Attempt:
+        found = sampling.sample(
+            self.planner, self.problem.robot.chain, self.checker,
+            self.ready.start, self.ready.goals,
+            self.options.planner_options, self.options.seed, self.deadline,
+        )  # fmt: skip
+        return Attempt(found.waypoints, f"{found.edges} edges checked.")

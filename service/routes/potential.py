@@ -1,0 +1,34 @@
+"""The artificial potential of a robot on its way to a goal."""
+
+from fastapi import APIRouter, Request, Response
+
+from service import catalog
+from service.body import JsonRoute
+from service.openapi import RESPONSES
+from service.schemas.potential import PotentialAnswer, PotentialRequest
+from service.worker_main import Job
+
+router = APIRouter(
+    prefix="/v1/robots/{name}", tags=["planning"], route_class=JsonRoute, responses=RESPONSES
+)
+
+
+@router.post("/potential", summary="The artificial potential", response_model=PotentialAnswer)
+async def potential(name: str, body: PotentialRequest, request: Request) -> Response:
+    """U(q), its slope, and the forces on the control points that make it.
+
+    Control points are the origins of the frames that the joints move, the last one that of the
+    tip. Each is pulled to where it is at the goal, with a force that no longer grows beyond
+    `attractive_cap`, and pushed away by every obstacle nearer than `influence_distance`, along the
+    line to its orthogonal projection. Inside an obstacle it is pushed along the shortest way out;
+    an obstacle of several pieces (a mesh, a cloud) pushes once, from the nearest of them.
+    """
+    content = await request.body()
+    result = await catalog.answer(
+        request,
+        lambda robot, scene: Job("service.potential_tasks:potential", (robot, scene, content)),
+        name,
+        body.scene,
+        timeout=body.timeout,
+    )
+    return Response(result, media_type="application/json")

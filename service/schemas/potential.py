@@ -1,0 +1,83 @@
+"""The artificial potential on the wire."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from service.schemas.base import (
+    MAX_BATCH,
+    MAX_JOINTS,
+    Answer,
+    Body,
+    Joints,
+    JointVector,
+    Matrix,
+    Positive,
+    Timeout,
+)
+from service.schemas.kinematics import JOINTS_EXAMPLE
+from service.schemas.scene import SceneReference
+
+Weight = Annotated[float, Field(ge=0.0, le=1e9)]
+Weights = Weight | Annotated[list[Weight], Field(min_length=1, max_length=MAX_JOINTS)]
+#: Fields answered at once: with all their control points about a megabyte a thousand.
+MAX_FIELDS = MAX_BATCH
+
+
+class PotentialOptions(Body):
+    """Weights of the field and how far it reaches; what is left out is as planning has it."""
+
+    attractive_weights: Weights | None = Field(
+        None,
+        description="c_i, pull towards the goal [N/m], 1 if left out: one number, or one for each "
+        "control point",
+        examples=[[1.0] * 7],
+    )
+    attractive_cap: Positive | None = Field(
+        None, description="d, distance beyond which the pull no longer grows [m], 0.2 if left out"
+    )
+    repulsive_weights: Weights | None = Field(
+        None, description="η_i, push away from obstacles [N m³], 2e-4 if left out"
+    )
+    influence_distance: Positive | None = Field(
+        None, description="ρ_0, distance within which obstacles are felt [m], 0.1 if left out"
+    )
+    least_distance: Positive | None = Field(
+        None,
+        description="ρ_m, nearer than this and inside, the potential goes on along its tangent "
+        "[m], 1e-3 if left out",
+    )
+
+
+class PotentialRequest(Body):
+    """Configurations on the way to a goal, and what is in the way."""
+
+    joints: Joints = Field(examples=[JOINTS_EXAMPLE])
+    goal_joints: JointVector = Field(examples=[[0.6, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]])
+    scene: SceneReference | None = Field(None, examples=["table"])
+    options: PotentialOptions | None = None
+    timeout: Timeout | None = None
+
+
+class ControlPoint(Answer):
+    """A point of the arm that is pulled to its goal and pushed away by obstacles."""
+
+    joint: str = Field(description="the joint that carries it", examples=["panda_joint7"])
+    origin: list[float] = Field(description="O_i, origin of the frame that the joint moves [m]")
+    goal: list[float] = Field(description="where it is at the goal [m]")
+    attractive_force: list[float] = Field(description="[N]")
+    repulsive_force: list[float] = Field(description="of all obstacles together [N]")
+    projection: list[float] | None = Field(
+        description="π(O_i) onto the nearest obstacle [m]; null where there is none"
+    )
+    distance: float | None = Field(description="to it [m], negative inside")
+    obstacle: str | None = Field(description="which one that is", examples=["table_top"])
+
+
+class PotentialAnswer(Answer):
+    """The potential; with many configurations each field is a list."""
+
+    potential: float | list[float] = Field(description="U(q) [J]")
+    gradient: list[float] | Matrix = Field(description="∇_q U [N m or N]")
+    joint_force: list[float] | Matrix = Field(description="−∇_q U, what the descent follows")
+    control_points: list[ControlPoint] | list[list[ControlPoint]]

@@ -1,0 +1,143 @@
+"""The potential over HTTP: its slope by finite differences, its parts, what is refused."""
+
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+
+from service.schemas.potential import PotentialAnswer
+from tests.service.robots import FLOOR, HOME, POST, answer, problem, scene
+
+GOAL = [0.6, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]
+BALL = {"type": "sphere", "radius": 0.06}
+OPTIONS = {
+    "attractive_weights": [1.0, 0.5, 2.0, 1.0, 1.0, 0.7, 1.5],
+    "attractive_cap": 0.15,
+    "repulsive_weights": 0.002,
+    "influence_distance": 0.25,
+}
+
+
+def potential(client: httpx.Client, joints: Any, robot: str = "panda", **more: Any) -> Any:
+    body = {"joints": joints, "goal_joints": GOAL, "scene": scene(POST, FLOOR)} | more
+    found = answer(client.post(f"/v1/robots/{robot}/potential", json=body))
+    PotentialAnswer.model_validate(found)
+    return found
+
+
+def test_the_gradient_is_the_slope_of_the_potential(client: httpx.Client) -> None:
+    random = np.random.default_rng(0)
+    step = 1e-6
+    felt = 0
+    for _ in range(12):
+        q = np.array(HOME) + random.normal(0.0, 0.4, 7)
+        tip = potential(client, q.tolist())["control_points"][-1]["origin"]
+        place = scene(
+            POST,
+            *(
+                {"id": f"b{i}", "shape": BALL, "pose": {"position": (tip + offset).tolist()}}
+                for i, offset in enumerate(random.normal(0.0, 0.15, (2, 3)))
+            ),
+        )
+        rows = [q, *(q + d for d in step * np.eye(7)), *(q - d for d in step * np.eye(7))]
+        found = potential(client, [row.tolist() for row in rows], scene=place, options=OPTIONS)
+        distances = [point["distance"] for point in found["control_points"][0]]
+        if min(distances) < 0.01:
+            continue
+        felt += min(distances) < OPTIONS["influence_distance"]
+        u = np.array(found["potential"])
+        slope = (u[1:8] - u[8:]) / (2.0 * step)
+        assert found["gradient"][0] == pytest.approx(slope, rel=1e-4, abs=1e-5)
+        assert found["joint_force"][0] == pytest.approx(-slope, rel=1e-4, abs=1e-5)
+    assert felt >= 6
+
+
+def test_forces_add_up_through_the_jacobians(client: httpx.Client) -> None:
+    found = potential(client, HOME, options=OPTIONS)
+    chain = answer(client.get("/v1/robots/panda"))["joint_names"]
+    assert [point["joint"] for point in found["control_points"]] == chain
+    total = np.zeros(7)
+    for i, point in enumerate(found["control_points"]):
+        force = np.array(point["attractive_force"]) + point["repulsive_force"]
+        # Columns of later joints are left out: they do not move this point.
+        J = np.zeros((3, 7))
+        for j in range(i + 1):
+            ahead, behind = list(HOME), list(HOME)
+            ahead[j], behind[j] = HOME[j] + 1e-6, HOME[j] - 1e-6
+            rows = potential(client, [ahead, behind])["control_points"]
+            J[:, j] = (np.array(rows[0][i]["origin"]) - rows[1][i]["origin"]) / 2e-6
+        total += J.T @ force
+    assert found["joint_force"] == pytest.approx(total, abs=1e-6)
+
+
+def test_nearest_obstacle_is_that_of_the_projection(client: httpx.Client) -> None:
+    place = scene(POST, FLOOR)
+    found = potential(client, HOME, scene=place)
+    answer(client.put("/v1/scenes/field", json=place), 201)
+    points = [point["origin"] for point in found["control_points"]]
+    projected = answer(client.post("/v1/scenes/field/project", json={"points": points}))
+    for point, all_of in zip(found["control_points"], projected["projections"], strict=True):
+        nearest = min(all_of, key=lambda item: item["distance"])
+        assert point["obstacle"] == nearest["obstacle"]
+        assert point["distance"] == pytest.approx(nearest["distance"])
+        assert point["projection"] == pytest.approx(nearest["projection"])
+    again = potential(client, HOME, scene="field")
+    assert again == found
+
+
+def test_at_the_goal_nothing_pulls(client: httpx.Client) -> None:
+    found = potential(client, GOAL, scene=None)
+    assert found["potential"] == 0.0
+    assert found["gradient"] == [0.0] * 7
+    assert found["control_points"][0]["projection"] is None
+    assert found["control_points"][0]["distance"] is None
+    assert found["control_points"][0]["obstacle"] is None
+
+
+def test_inside_an_obstacle_everything_is_finite(client: httpx.Client) -> None:
+    tip = potential(client, HOME)["control_points"][-1]["origin"]
+    crate = {"id": "crate", "shape": {"type": "box", "size": [0.3, 0.3, 0.3]}}
+    # The middle of a box has no nearest face: the surface's midpoint has a face, but no way to it.
+    for shift in (0.0, 0.1, 0.15):
+        place = scene(crate | {"pose": {"position": [tip[0] + shift, tip[1], tip[2]]}})
+        found = potential(client, HOME, scene=place)
+        assert found["control_points"][-1]["distance"] == pytest.approx(shift - 0.15, abs=1e-9)
+        if shift > 0.0:
+            assert found["control_points"][-1]["repulsive_force"][0] < 0.0
+
+
+def test_a_prismatic_arm(client: httpx.Client) -> None:
+    q, goal = [0.1, 0.2, 0.3, 0.1, 0.2, 0.3], [0.0, 0.1, 0.4, 0.0, 0.0, 0.0]
+    found = potential(client, q, robot="stanford", goal_joints=goal, scene=None)
+    assert len(found["control_points"]) == 6
+
+
+@pytest.mark.parametrize(
+    ("change", "code"),
+    [
+        ({"joints": [0.0] * 6}, "INVALID_ROBOT_STATE"),
+        ({"goal_joints": [0.0] * 8}, "INVALID_ROBOT_STATE"),
+        ({"goal_joints": [[0.0] * 7]}, "VALIDATION_ERROR"),
+        ({"options": {"attractive_weights": [1.0, 2.0]}}, "VALIDATION_ERROR"),
+        ({"options": {"attractive_weights": -1.0}}, "VALIDATION_ERROR"),
+        ({"options": {"attractive_cap": 0.0}}, "VALIDATION_ERROR"),
+        ({"options": {"influence_distance": 1e-4}}, "VALIDATION_ERROR"),
+        ({"options": {"eta": 1.0}}, "VALIDATION_ERROR"),
+        ({"speed": 1.0}, "VALIDATION_ERROR"),
+    ],
+)
+def test_what_is_refused(client: httpx.Client, change: dict[str, Any], code: str) -> None:
+    body = {"joints": HOME, "goal_joints": GOAL, "scene": scene(POST)} | change
+    document = problem(client.post("/v1/robots/panda/potential", json=body), 422, code)
+    assert document["detail"]
+
+
+def test_unknown_names(client: httpx.Client) -> None:
+    body = {"joints": HOME, "goal_joints": GOAL}
+    problem(client.post("/v1/robots/nobody/potential", json=body), 404, "NOT_FOUND")
+    problem(
+        client.post("/v1/robots/panda/potential", json=body | {"scene": "nowhere"}),
+        404,
+        "NOT_FOUND",
+    )
