@@ -18,7 +18,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.chain import Array, Chain
+from kinematics.chain import Array, Chain, frozen
 from kinematics.errors import InvalidOption, InvalidPose
 from kinematics.forward import forward
 from kinematics.ik.numeric import ORIENTATION_TOLERANCE, POSITION_TOLERANCE
@@ -90,7 +90,7 @@ class Trace:
     def solution(self) -> IkSolution:
         """The last point."""
         return IkSolution(
-            np.array(self.joints[-1]),
+            frozen(self.joints[-1]),
             float(self.position_error[-1]),
             float(self.orientation_error[-1]),
             len(self.times) - 1,

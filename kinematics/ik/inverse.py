@@ -6,7 +6,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.chain import Array, Chain
+from kinematics.chain import Array, Chain, frozen
 from kinematics.errors import InvalidOption
 from kinematics.ik import numeric
 from kinematics.ik.analytic import Branches, branches, closed_form, middle, parameter
@@ -127,7 +127,7 @@ def _solutions(table: Branches, outside_limits: bool) -> list[IkSolution]:
         strict=True,
     )  # fmt: skip
     return [
-        IkSolution(np.array(q), float(p), float(r), 0, table.label(i), bool(inside))
+        IkSolution(frozen(q), float(p), float(r), 0, table.label(i), bool(inside))
         for i, (q, p, r, inside) in enumerate(rows)
         if inside or outside_limits
     ]
@@ -160,7 +160,7 @@ def _sorted(
     inside = [solution for solution in found if solution.within_limits]
     if all_turns:
         inside = [
-            IkSolution(q, s.position_error, s.orientation_error, s.iterations, s.branch)
+            IkSolution(frozen(q), s.position_error, s.orientation_error, s.iterations, s.branch)
             for s in inside
             for q in whole_turns(chain, s.joints, most, near)
         ]

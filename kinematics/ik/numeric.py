@@ -16,15 +16,22 @@ from collections.abc import Collection
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache, lru_cache
-from typing import Any, Literal, get_args
+from typing import Any, Literal, NoReturn, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinematics.chain import Array, Chain, Indices, JointType
+from kinematics.chain import Array, Chain, Indices, JointType, frozen
 from kinematics.errors import InvalidOption, InvalidPose
-from kinematics.forward import Frame, finite_kernel, link_number
-from kinematics.ik.refine import tip_kernel
+from kinematics.forward import (
+    IDENTITY,
+    Frame,
+    compose_kernel,
+    finite_kernel,
+    link_number,
+    move_kernel,
+    turns_kernel,
+)
 from kinematics.ik.solution import IkResult, IkSolution
 from kinematics.ik.step import (
     State,
@@ -55,6 +62,9 @@ _DAMPING, _LESS, _MORE = 0.1, 0.7, 6.0
 _LEAST_MU, _LEAST_DAMPING = 1e-7, 1e-13
 #: Random draws of which the nearest is the next start.
 _DRAWS = 2
+#: Configurations whose frames are known beforehand, those among which a start is chosen, and
+#: where only some axes count.
+_ROWS, _LOOK, _MASKED, _TABLE_SEED = 4096, 64, 32, 1
 #: What a radian weighs against a reach of metres.
 _WEIGHT = 0.18
 #: Solutions nearer than this in every joint [rad or m] are one.
@@ -110,17 +120,26 @@ def weigh_jacobian_kernel(T: Frame, axes: Array, w: float, J: Array) -> None:
 @kernel
 def draw_kernel(
     model: Array, link: int, T: Frame, axes: Array, lower: Array, upper: Array, w: float,
-    state: State, trial: Array, e: Array, q: Array,
+    state: State, trial: Array, e: Array, room: Array, q: Array,
 ) -> None:  # fmt: skip
-    """Put the nearest of some random draws into q; joints behind the link stay as they are."""
-    last = int(model[1 + q.shape[0] + link, 0])
+    """Put the nearest of some random draws into q; joints behind the link stay as they are.
+
+    ``room`` is (6, n), where turns can stand.
+    """
+    row = 1 + q.shape[0] + link
+    last = int(model[row, 0])
     for j in range(q.shape[0]):
         trial[j] = q[j]
     nearest = np.inf
     for _ in range(_DRAWS):
         for j in range(last + 1):
             trial[j] = lower[j] + uniform_kernel(state) * (upper[j] - lower[j])
-        square, _, _ = weigh_kernel(error_kernel(tip_kernel(model, trial, link), T), T, axes, w, e)
+        turns_kernel(trial, room[0], room[1])
+        B = IDENTITY
+        for j in range(last + 1):
+            B = move_kernel(model, 1 + j, trial[j], room[0, j], room[1, j], B)
+        B = compose_kernel(B, model, row)
+        square, _, _ = weigh_kernel(error_kernel(B, T), T, axes, w, e)
         if square < nearest:
             nearest = square
             for j in range(last + 1):
@@ -128,15 +147,82 @@ def draw_kernel(
 
 
 @kernel
+def pick_kernel(
+    table: Array, T: Frame, axes: Array, w: float, state: State, last: int, e: Array, near: Array,
+    q: Array,
+) -> None:  # fmt: skip
+    """Put into q that of some neighbouring rows of the table whose frame is nearest to T.
+
+    Args:
+        table: Configurations and their frames by columns, shape (n + 12, k); the rotation's rows
+            times w / sqrt(2), so that squares add up as those of small errors do.
+        T: The target.
+        axes: As ``solve_kernel`` has it.
+        w: Weight of a radian [m].
+        state: Of the draws.
+        last: The last joint that moves the link.
+        e: Room (6,).
+        near: Room, as many as rows are looked at.
+        q: The answer (n,); joints behind ``last`` stay as they are.
+    """
+    n, k = q.shape[0], near.shape[0]
+    begin = int(uniform_kernel(state) * (table.shape[1] - k))
+    if axes[6] == 0.0:
+        for i in range(k):
+            near[i] = 0.0
+        for row in range(12):
+            wanted = T[row] if row % 4 == 3 else w * math.sqrt(0.5) * T[row]
+            column = table[n + row, begin : begin + k]
+            for i in range(k):
+                near[i] += (column[i] - wanted) * (column[i] - wanted)
+    else:
+        r = math.sqrt(2.0) / w
+        k = min(k, _MASKED)
+        for i in range(k):
+            c = begin + i
+            B = (
+                r * table[n, c], r * table[n + 1, c], r * table[n + 2, c], table[n + 3, c],
+                r * table[n + 4, c], r * table[n + 5, c], r * table[n + 6, c], table[n + 7, c],
+                r * table[n + 8, c], r * table[n + 9, c], r * table[n + 10, c], table[n + 11, c],
+            )  # fmt: skip
+            near[i], _, _ = weigh_kernel(error_kernel(B, T), T, axes, w, e)
+    best = 0
+    for i in range(1, k):
+        if near[i] < near[best]:
+            best = i
+    for j in range(last + 1):
+        q[j] = table[j, begin + best]
+
+
+@kernel
+def table_kernel(
+    model: Array, link: int, lower: Array, upper: Array, w: float, seed: int, table: Array
+) -> None:
+    """Fill a table for ``pick_kernel`` with random configurations (n + 12, k)."""
+    n = lower.shape[0]
+    q, room = np.empty(n), np.empty((6, n))
+    state = np.empty(1, dtype=np.uint64)
+    state[0] = np.uint64(seed)
+    scale = w * math.sqrt(0.5)
+    for i in range(table.shape[1]):
+        for j in range(n):
+            q[j] = lower[j] + uniform_kernel(state) * (upper[j] - lower[j])
+            table[j, i] = q[j]
+        B = frame_and_jacobian_kernel(model, q, link, room)
+        for row in range(12):
+            table[n + row, i] = B[row] if row % 4 == 3 else scale * B[row]
+
+
+@kernel
 def solve_kernel(
-    model: Array, link: int, target: Array, axes: Array, lower: Array, upper: Array,
-    draw_lower: Array, draw_upper: Array, tolerances: tuple[float, float], w: float, starts: int,
-    spent: int, seed: int, start: Array, best: Array, told: Array,
+    model: Array, link: int, target: Array, axes: Array, bounds: Array, table: Array,
+    scales: tuple[float, float, float], starts: int, spent: int, seed: int, start: Array,
+    best: Array,
 ) -> int:  # fmt: skip
     """Search from ``start`` (n,), then from random draws, until the tolerances are met.
 
-    Fills ``best`` (n,) with the nearest configuration, ``told`` (4,) with its position error,
-    orientation error, the steps and the starts spent.
+    Fills ``best`` (n + 4,) with the nearest configuration, its position error, orientation error,
+    the steps and the starts spent.
 
     Args:
         model: ``Chain.model``.
@@ -144,18 +230,14 @@ def solve_kernel(
         target: T_base_link, shape (4, 4).
         axes: 1 for each row of the error in the target's frame that counts, and whether some do
             not, shape (7,).
-        lower: Limits, shape (n,).
-        upper: ...
-        draw_lower: Where random starts are drawn from, shape (n,).
-        draw_upper: ...
-        tolerances: Of position [m] and orientation [rad].
-        w: Weight of a radian [m].
+        bounds: Limits, lower and upper, and where random starts are drawn from, shape (4, n).
+        table: What most restarts are taken from, see ``pick_kernel``.
+        scales: Tolerance of position [m], of orientation [rad], and the weight of a radian [m].
         starts: How many to spend in all.
         spent: Starts that were spent before; above 0 it begins with a draw instead of ``start``.
         seed: Of the draws.
         start: Inside the limits.
         best: The answer.
-        told: About it.
 
     Returns:
         1 when the tolerances are met, 0 when not, -1 where ``start`` is not one finite number a
@@ -173,16 +255,23 @@ def solve_kernel(
     T = frame_kernel(target)
     state = np.empty(1, dtype=np.uint64)
     state[0] = np.uint64(seed) + np.uint64(0xD1342543DE82EF95) * np.uint64(spent)
-    q, trial = np.empty(n), np.empty(n)
-    J, J_trial = np.empty((6, n)), np.empty((6, n))
-    e, e_trial, g = np.empty(6), np.empty(6), np.empty(max(n, 6))
-    H, free = np.empty((n, n)), np.empty(n, dtype=np.int64)
+    # One piece of memory for all: each costs as much as a joint does.
+    look, wide = min(_LOOK, table.shape[1]), max(n, 6)
+    room = np.empty(14 * n + n * n + 12 + wide + look)
+    q, trial, room = room[:n], room[n : 2 * n], room[2 * n :]
+    J, J_trial = room[: 6 * n].reshape((6, n)), room[6 * n : 12 * n].reshape((6, n))
+    H, room = room[12 * n : 12 * n + n * n].reshape((n, n)), room[12 * n + n * n :]
+    e, e_trial, g, near = room[:6], room[6:12], room[12 : 12 + wide], room[12 + wide :]
+    free, last = np.empty(n, dtype=np.int64), int(model[1 + n + link, 0])
+    lower, upper, w = bounds[0], bounds[1], scales[2]
     for j in range(n):
         q[j] = min(max(start[j], lower[j]), upper[j])
     least, steps = np.inf, 0
     for attempt in range(spent, starts):
-        if attempt > 0:
-            draw_kernel(model, link, T, axes, draw_lower, draw_upper, w, state, trial, e, q)
+        if attempt > 0 and attempt % _LONG != _LONG - 1:
+            pick_kernel(table, T, axes, w, state, last, e, near, q)
+        elif attempt > 0:
+            draw_kernel(model, link, T, axes, bounds[2], bounds[3], w, state, trial, e, J, q)
         patience, gain = _PATIENCE, _GAIN
         if attempt % _LONG == _LONG - 1:
             patience, gain = _LONG_PATIENCE, _LONG_GAIN
@@ -191,7 +280,7 @@ def solve_kernel(
         weigh_jacobian_kernel(T, axes, w, J)
         mu, stale, mark = _DAMPING, 0, square
         for _ in range(_STEPS):
-            if position <= tolerances[0] and rotation <= tolerances[1]:
+            if position <= scales[0] and rotation <= scales[1]:
                 break
             damping = mu * square + _LEAST_DAMPING
             step_within_kernel(J, e, q, lower, upper, damping, free, H, g, trial)
@@ -214,31 +303,30 @@ def solve_kernel(
                 mark, stale = square, 0
             if stale > patience:
                 break
-        done = position <= tolerances[0] and rotation <= tolerances[1]
+        done = position <= scales[0] and rotation <= scales[1]
         if square < least or done:
             least = square
             for j in range(n):
                 best[j] = q[j]
-            told[0], told[1] = position, rotation
+            best[n], best[n + 1] = position, rotation
         if done:
-            told[2], told[3] = steps, attempt + 1
+            best[n + 2], best[n + 3] = steps, attempt + 1
             return 1
-    told[2], told[3] = steps, starts
+    best[n + 2], best[n + 3] = steps, starts
     return 0
 
 
 @kernel
 def solve_batch_kernel(
-    model: Array, link: int, targets: Array, axes: Array, lower: Array, upper: Array,
-    draw_lower: Array, draw_upper: Array, tolerances: tuple[float, float], w: float, starts: int,
-    seed: int, begin: Array, best: Array, told: Array, solved: Indices,
+    model: Array, link: int, targets: Array, axes: Array, bounds: Array, table: Array,
+    scales: tuple[float, float, float], starts: int, seed: int, begin: Array, best: Array,
+    solved: Indices,
 ) -> None:  # fmt: skip
     """``solve_kernel`` for targets (m, 4, 4) from begin (m, n), the draws the same for each."""
     for k in range(targets.shape[0]):
         solved[k] = solve_kernel(
-            model, link, targets[k], axes, lower, upper, draw_lower, draw_upper, tolerances, w,
-            starts, 0, seed, begin[k], best[k], told[k],
-        )  # fmt: skip
+            model, link, targets[k], axes, bounds, table, scales, starts, 0, seed, begin[k], best[k]
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -298,21 +386,24 @@ def solve_many(
     if T.ndim != 3 or T.shape[1:] != _POSE or not np.isfinite(T).all():
         raise InvalidPose("the targets must be finite 4x4 transforms, shape (m, 4, 4)")
     number = -1 if link is None else link_number(chain, link)
-    low, high, home, scale = _ranges(chain)
+    model, bounds, table, home, weight = _prepared(chain, number)
     seeds = home if seed_joints is None else chain.configuration(seed_joints, "seed_joints")
     m = T.shape[0]
     if seeds.ndim > 1 and seeds.shape[0] != m:
         raise InvalidOption(f"seed_joints must be one or {m}, as the poses are")
     begin = np.ascontiguousarray(np.broadcast_to(seeds, (m, chain.n)))
-    best, told = np.empty((m, chain.n)), np.empty((m, 4))
-    solved = np.empty(m, dtype=np.int64)
-    tolerances = _checked(position_tolerance, orientation_tolerance, starts)
-    limits, mask = chain.limits, _mask(axes)
+    n = chain.n
+    best, solved = np.empty((m, n + 4)), np.empty(m, dtype=np.int64)
+    scales = (float(position_tolerance), float(orientation_tolerance), weight)
+    if not (position_tolerance > 0.0 and orientation_tolerance > 0.0 and starts >= 1):
+        _refuse(starts)
+
+    mask = _mask(axes)
 
     def part(k: slice) -> None:
         solve_batch_kernel(
-            chain.model, number, T[k], mask, limits.lower, limits.upper, low, high,
-            tolerances, scale, starts, seed & _SEEDS, begin[k], best[k], told[k], solved[k],
+            model, number, T[k], mask, bounds, table, scales, starts, seed & _SEEDS, begin[k],
+            best[k], solved[k],
         )  # fmt: skip
 
     # Kernels run without the interpreter lock.
@@ -323,7 +414,7 @@ def solve_many(
     else:
         with ThreadPoolExecutor(count) as pool:
             list(pool.map(part, parts))
-    return IkBatch(best, told[:, 0], told[:, 1], told[:, 2], solved == 1)
+    return IkBatch(best[:, :n], best[:, n], best[:, n + 1], best[:, n + 2], solved == 1)
 
 
 def _processors() -> int:
@@ -375,34 +466,35 @@ def solve(
     if T.shape != _POSE:
         raise InvalidPose("the target must be a finite 4x4 transform")
     number = -1 if link is None else link_number(chain, link)
-    limits = chain.limits
-    low, high, home, scale = _ranges(chain)
+    model, bounds, table, home, weight = _prepared(chain, number)
     begin = home if seed_joints is None else _numbers(seed_joints)
     if begin.ndim != 1:
         raise_start(chain, begin)
     mask = _mask(POSITION if position_only else axes)
-    tolerances = _checked(position_tolerance, orientation_tolerance, starts)
+    scales = (position_tolerance, orientation_tolerance, weight)
+    if not (position_tolerance > 0.0 and orientation_tolerance > 0.0 and starts >= 1):
+        _refuse(starts)
+    n = home.shape[0]
     found: list[IkSolution] = []
     nearest: IkSolution | None = None
     spent = 0
     while spent < starts and len(found) < solutions:
-        best, told = _empty(chain.n), _empty(4)
+        best = _empty(n + 4)
         done = _one()(
-            chain.model, number, T, mask, limits.lower, limits.upper, low, high,
-            tolerances, scale, starts, spent, seed & _SEEDS, begin, best, told,
-        )  # fmt: skip
+            model, number, T, mask, bounds, table, scales, starts, spent, seed & _SEEDS, begin, best
+        )
         if done < 0:
             raise_start(chain, begin)
             raise InvalidPose("the target must be a finite 4x4 transform")
-        p, r, steps, used = told.tolist()
+        p, r, steps, used = best[n:].tolist()
         spent = int(used)
         best.setflags(write=False)
-        solution = IkSolution(best, p, r, int(steps))
+        solution = IkSolution(best[:n], p, r, int(steps))
         if solutions == 1 and done:
             return IkResult((solution,), solution, spent)
         if nearest is None or _error(solution) < _error(nearest):
             nearest = solution
-        if done and all(np.abs(best - other.joints).max() > _SAME for other in found):
+        if done and all(np.abs(best[:n] - other.joints).max() > _SAME for other in found):
             found.append(solution)
     assert nearest is not None
     if len(found) > 1:
@@ -421,14 +513,18 @@ def raise_start(chain: Chain, begin: Array) -> None:
         raise InvalidOption("seed_joints must be one configuration here, not several")
 
 
-@lru_cache(maxsize=256)
-def _ranges(chain: Chain) -> tuple[Array, Array, Array, float]:
-    """Bounds to draw from, the middle of the limits, and the weight of a radian."""
+@lru_cache(maxsize=64)
+def _prepared(chain: Chain, link: int) -> tuple[Array, Array, Array, Array, float]:
+    """Model, bounds, table, the middle of the limits, and the weight of a radian."""
     low, high = chain.sampling_bounds()
     radius = float(np.linalg.norm(chain.offsets[1:, :3, 3], axis=1).sum())
     radius += float(np.linalg.norm(chain.tip.T_joint_link[:3, 3]))
     radius += float((high - low)[chain.joint_types == JointType.PRISMATIC].sum())
-    return low, high, np.array(0.5 * (low + high)), _WEIGHT * radius if radius > 0.0 else 1.0
+    weight = _WEIGHT * radius if radius > 0.0 else 1.0
+    table = _empty((chain.n + 12, _ROWS))
+    table_kernel(chain.model, link, low, high, weight, _TABLE_SEED, table)
+    bounds = np.array([chain.limits.lower, chain.limits.upper, low, high])
+    return chain.model, frozen(bounds), frozen(table), frozen(0.5 * (low + high)), weight
 
 
 def _numbers(values: ArrayLike) -> Array:
@@ -438,17 +534,18 @@ def _numbers(values: ArrayLike) -> Array:
         raise InvalidOption(f"an array of numbers was expected: {error}") from None
 
 
-def _checked(position: float, orientation: float, starts: int) -> tuple[float, float]:
-    if not (position > 0.0 and orientation > 0.0):
-        raise InvalidOption("tolerances must be positive")
+def _refuse(starts: int) -> NoReturn:
     if starts < 1:
         raise InvalidOption("starts must be 1 at least")
-    return float(position), float(orientation)
+    raise InvalidOption("tolerances must be positive")
 
 
 def _mask(axes: Collection[Axis]) -> Array:
-    if axes is AXES:
-        return _ALL
+    return _ALL if axes is AXES else _some(tuple(axes))
+
+
+@lru_cache(maxsize=64)
+def _some(axes: tuple[Axis, ...]) -> Array:
     unknown = [axis for axis in axes if axis not in AXES]
     if unknown or not axes:
         raise InvalidOption(
@@ -471,8 +568,8 @@ def _one() -> Any:
 
     row = np.zeros(1)
     return direct(
-        solve_kernel, fixed(1, 14), 0, np.zeros((4, 4)), row, fixed(1), fixed(1), row, row,
-        (0.0, 0.0), 0.0, 0, 0, 0, row, row, row,
+        solve_kernel, fixed(1, 14), 0, np.zeros((4, 4)), row, fixed(4, 1), fixed(1, 1),
+        (0.0, 0.0, 0.0), 0, 0, 0, row, row,
     )  # fmt: skip
 
 

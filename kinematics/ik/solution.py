@@ -1,16 +1,15 @@
 """What inverse kinematics answers, whichever way it was found."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
-from kinematics.chain import Array, frozen
+from kinematics.chain import Array
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class IkSolution:
+class IkSolution(NamedTuple):
     """One configuration and how far it is from the pose asked for.
 
     Args:
-        joints: Shape (n,) [rad or m].
+        joints: Shape (n,), read-only [rad or m].
         position_error: Distance of the link's origin from its target [m].
         orientation_error: Angle of the rotation that is left [rad].
         iterations: Steps spent on it over all restarts.
@@ -25,13 +24,8 @@ class IkSolution:
     branch: str | None = None
     within_limits: bool = True
 
-    def __post_init__(self) -> None:
-        if self.joints.flags.writeable:
-            object.__setattr__(self, "joints", frozen(self.joints))
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class IkResult:
+class IkResult(NamedTuple):
     """The solutions found, best first, or how near the best attempt came.
 
     Args:
