@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from benchmarks.poses import random_configurations
 from kinematics.chain import Chain
+from kinematics.evaluator import KinematicsEvaluator
 from kinematics.forward import forward, link_poses
 from kinematics.jacobian import geometric, pose_and_jacobian
 from kinematics.robots import builtin_chain, builtin_urdf
@@ -39,13 +40,13 @@ def interleaved(calls: dict[str, Callable[[], object]]) -> dict[str, float]:
 
 
 def once(call: Callable[[], object], rounds: int = 5) -> float:
-    """Median time of a call [us]."""
+    """Median processor time of a call [us], all of its threads together."""
     call()
     spent = []
     for _ in range(rounds):
-        start = time.perf_counter()
+        start = time.process_time()
         call()
-        spent.append(1e6 * (time.perf_counter() - start))
+        spent.append(1e6 * (time.process_time() - start))
     return statistics.median(spent)
 
 
@@ -55,6 +56,8 @@ def singles(name: str, chain: Chain) -> None:
     data = model.createData()
     frame = model.getFrameId(chain.tip_link)
     q = random_configurations(chain, 1, 1)[0]
+
+    evaluator = KinematicsEvaluator(chain)
 
     def theirs() -> object:
         pin.framesForwardKinematics(model, data, q)
@@ -69,6 +72,10 @@ def singles(name: str, chain: Chain) -> None:
             "Jacobian": lambda: geometric(chain, q),
             "FK + Jacobian": lambda: pose_and_jacobian(chain, q),
             "FK of all links": lambda: link_poses(chain, q),
+            "evaluator: FK": lambda: evaluator.pose(q),
+            "evaluator: Jacobian": lambda: evaluator.jacobian(q),
+            "evaluator: FK + Jacobian": lambda: evaluator.pose_and_jacobian(q),
+            "evaluator: all links": lambda: evaluator.link_poses(q),
         }
     )
     reference = told["pinocchio FK + Jacobian"]

@@ -153,6 +153,16 @@ def pose_kernel(model: Array, q: Array, link: int, T: Array) -> bool:
 
 
 @kernel
+def at_joint_kernel(A: Array, i: int) -> bool:
+    """Whether the frame in row i is the identity, as most links' frames in their joint's are."""
+    return bool(
+        A[i, 4] == 0.0 and A[i, 8] == 0.0 and A[i, 12] == 0.0 and A[i, 2] == 0.0
+        and A[i, 3] == 0.0 and A[i, 5] == 0.0 and A[i, 7] == 0.0 and A[i, 9] == 0.0
+        and A[i, 10] == 0.0 and A[i, 1] == 1.0 and A[i, 6] == 1.0 and A[i, 11] == 1.0
+    )  # fmt: skip
+
+
+@kernel
 def poses_kernel(model: Array, q: Array, poses: Array) -> bool:
     """Write the poses (len(links), 4, 4) of all links; False where q does not fit."""
     if not fits_kernel(model, q):
@@ -170,7 +180,10 @@ def poses_kernel(model: Array, q: Array, poses: Array) -> bool:
         while joint < int(model[row, 0]):
             joint += 1
             B = move_kernel(model, 1 + joint, q[joint], room[joint], room[half + joint], B)
-        store_kernel(compose_kernel(B, model, row), poses[link])
+        if at_joint_kernel(model, row):
+            store_kernel(B, poses[link])
+        else:
+            store_kernel(compose_kernel(B, model, row), poses[link])
     return True
 
 
@@ -229,12 +242,14 @@ def forward_batch_kernel(types: Indices, offsets: Array, q: Array, frames: Array
 
 
 @cache
-def _one_pose() -> Callable[[Array, Array, int, Array], bool]:
+def one_pose() -> Callable[[Array, Array, int, Array], bool]:
+    """``pose_kernel`` without dispatch, for a read-only model."""
     return direct(pose_kernel, *_examples(), 0, np.empty((4, 4)))
 
 
 @cache
-def _all_poses() -> Callable[[Array, Array, Array], bool]:
+def all_poses() -> Callable[[Array, Array, Array], bool]:
+    """``poses_kernel`` likewise."""
     return direct(poses_kernel, *_examples(), np.empty((1, 4, 4)))
 
 
@@ -294,7 +309,7 @@ def forward(chain: Chain, q: ArrayLike, link: str | None = None) -> Array:
     number = -1 if link is None else link_number(chain, link)
     T = _empty((4, 4))
     # The usual case, one configuration that is as it should be, is told by the kernel itself.
-    with_one = _one_pose()
+    with_one = one_pose()
     try:
         one = _contiguous(q, _FLOAT)
         if one.ndim == 1 and with_one(chain.model, one, number, T):
@@ -320,7 +335,7 @@ def link_poses(chain: Chain, q: ArrayLike, links: Sequence[str] | None = None) -
         return link_poses(chain, q)[..., numbers, :, :]
     shape = (len(chain.links), 4, 4)
     poses = _empty(shape)
-    with_one = _all_poses()
+    with_one = all_poses()
     try:
         one = _contiguous(q, _FLOAT)
         if one.ndim == 1 and with_one(chain.model, one, poses):

@@ -194,14 +194,16 @@ def _rate_batch_kernel(
 
 
 @cache
-def _pose_and_jacobian() -> Callable[[Array, Array, int, Array, Array], bool]:
+def both_of_one() -> Callable[[Array, Array, int, Array, Array], bool]:
+    """Pose and Jacobian of a link without dispatch, for a read-only model."""
     model = np.empty((1, 14))
     model.setflags(write=False)
     return direct(_both_kernel, model, np.empty(1), 0, np.empty((4, 4)), np.empty((6, 1)))
 
 
 @cache
-def _one_jacobian() -> Callable[[Array, Array, int, Array], bool]:
+def one_jacobian() -> Callable[[Array, Array, int, Array], bool]:
+    """The Jacobian likewise."""
     model = np.empty((1, 14))
     model.setflags(write=False)
     return direct(_one_jacobian_kernel, model, np.empty(1), 0, np.empty((6, 1)))
@@ -221,7 +223,7 @@ def pose_and_jacobian(chain: Chain, q: ArrayLike, link: str | None = None) -> tu
     """
     number = -1 if link is None else link_number(chain, link)
     T, J = _empty((4, 4)), _empty((6, len(chain.joint_names)))
-    both = _pose_and_jacobian()
+    both = both_of_one()
     try:
         one = _contiguous(q, _FLOAT)
         if one.ndim == 1 and both(chain.model, one, number, T, J):
@@ -255,7 +257,7 @@ def geometric(
         # The usual case, one configuration that is as it should be, is told by the kernel itself.
         number = -1 if link is None else link_number(chain, link)
         J = _empty((6, len(chain.joint_names)))
-        with_one = _one_jacobian()
+        with_one = one_jacobian()
         try:
             one = _contiguous(q, _FLOAT)
             if one.ndim == 1 and with_one(chain.model, one, number, J):

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from kinematics.chain import Array, Chain, frozen
 from kinematics.errors import InvalidOption, InvalidPose, NotAvailable
 from kinematics.forward import link_number
+from kinematics.ik.batch import shared
 from kinematics.ik.refine import (
     CODE,
     INSIDE,
@@ -137,6 +138,7 @@ def branches(
     parameters: ArrayLike | None = None,
     tolerance: float = TOLERANCE,
     enough: int | None = None,
+    threads: int | None = None,
 ) -> Branches:
     """All branches that bring a link to a pose, or to each pose of a batch.
 
@@ -154,6 +156,8 @@ def branches(
             this order, shape (v,) or (m, v); that of the seed where not given.
         tolerance: Largest error of a branch [m], [rad].
         enough: Try no more parameters once so many branches are inside the limits.
+        threads: How many to share a batch among, which changes nothing but the time; all the
+            processors that this process may use where not given.
 
     Raises:
         NotAvailable: The arm has no closed form.
@@ -183,9 +187,14 @@ def branches(
         raise InvalidOption(f"seeds and parameters must be one or {m}, as the poses are") from None
     table = np.empty((m, _ROWS * values.shape[1], chain.n + MORE))
     counts = np.zeros(m, dtype=np.int64)
-    branches_batch_kernel(
-        plan, model, number, T, lower, upper, seeds, values, tolerance, many, table, counts,
-    )  # fmt: skip
+
+    def part(k: slice) -> None:
+        branches_batch_kernel(
+            plan, model, number, T[k], lower, upper, seeds[k], values[k], tolerance, many,
+            table[k], counts[k],
+        )  # fmt: skip
+
+    shared(part, m, threads)
     return Branches(form, chain.n, table, counts)
 
 

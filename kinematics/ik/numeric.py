@@ -3,17 +3,17 @@
 Each step solves (J^T J + lambda I) dq = J^T e over the joints that are free to move, with
 e = [p_target - p; w log(R_target R^T)] and lambda = mu |e|^2, which vanishes with the error. A
 joint at a limit that e pushes outwards is left out of the step; what is left over is clipped. A
-start that gains too little is given up early: another one costs less than patience. Where only some
-axes count, e and J are seen from the target's frame and the other rows are left out.
+start that gains too little is given up early: another one costs less than patience. Where to begin
+again is looked up among random configurations whose frames are tabulated: the nearest of some of
+them; now and then it is drawn afresh. Where only some axes count, e and J are seen from the
+target's frame and the other rows are left out.
 Sources: "Solvability-unconcerned inverse kinematics by the Levenberg-Marquardt method", IEEE
 Transactions on Robotics, 2011 (the damping); restarts and their numbers are our own, tuned on
 random poses of the built-in arms.
 """
 
 import math
-import os
 from collections.abc import Collection
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from typing import Any, Literal, NoReturn, get_args
@@ -32,6 +32,7 @@ from kinematics.forward import (
     move_kernel,
     turns_kernel,
 )
+from kinematics.ik.batch import shared
 from kinematics.ik.solution import IkResult, IkSolution
 from kinematics.ik.step import (
     State,
@@ -72,8 +73,6 @@ _SAME = 1e-3
 _FLOAT = np.dtype(np.float64)
 _empty, _contiguous = np.empty, np.ascontiguousarray
 _POSE = (4, 4)
-#: Poses that are worth a thread.
-_SHARE = 100
 #: Seeds are taken as 63 bits.
 _SEEDS = 2**63 - 1
 
@@ -406,21 +405,8 @@ def solve_many(
             best[k], solved[k],
         )  # fmt: skip
 
-    # Kernels run without the interpreter lock.
-    count = min(threads or _processors(), m // _SHARE + 1)
-    parts = [slice(i * m // count, (i + 1) * m // count) for i in range(count)]
-    if count == 1:
-        part(parts[0])
-    else:
-        with ThreadPoolExecutor(count) as pool:
-            list(pool.map(part, parts))
+    shared(part, m, threads)
     return IkBatch(best[:, :n], best[:, n], best[:, n + 1], best[:, n + 2], solved == 1)
-
-
-def _processors() -> int:
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def solve(

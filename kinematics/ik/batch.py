@@ -1,0 +1,33 @@
+"""Batches of poses shared among threads, as kernels run without the interpreter lock."""
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+#: Poses that are worth a thread.
+_SHARE = 100
+
+
+def shared(part: Callable[[slice], None], count: int, threads: int | None = None) -> None:
+    """Call ``part`` for slices that make up range(count), one in each thread.
+
+    Args:
+        part: Works on its slice alone.
+        count: How many poses there are.
+        threads: How many to share them among; all the processors that this process may use where
+            not given. Few poses get fewer.
+    """
+    workers = min(threads or processors(), count // _SHARE + 1)
+    if workers == 1:
+        part(slice(0, count))
+        return
+    parts = [slice(i * count // workers, (i + 1) * count // workers) for i in range(workers)]
+    with ThreadPoolExecutor(workers) as pool:
+        list(pool.map(part, parts))
+
+
+def processors() -> int:
+    """How many processors this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
