@@ -81,7 +81,6 @@ class World:
         self.pairs = self._choose_pairs()
         self.margins = np.array(margins)[self.pairs].max(axis=1, initial=0.0)
         self._solids = [_solid(piece) for piece in pieces]
-        self._planes: dict[int, Array] = {}
         self._stale = [True] * len(pieces)
         self._request = fcl.DistanceRequest(enable_nearest_points=True)
         self._result = fcl.DistanceResult()
@@ -141,22 +140,7 @@ class World:
         A lower bound, within ``ACCURACY``; negative by the depth where they overlap.
         """
         i, j = (int(k) for k in self.pairs[pair])
-        distance, towards = self._between(i, j)
-        if towards is not None:
-            self._planes[pair] = towards
-        return distance - float(self.margins[pair])
-
-    def distance_by_plane(self, pair: int) -> float:
-        """A lower bound of ``distance``, from the plane that parted the pair when it was asked for.
-
-        Any plane proves a bound, and a few steps later that one still proves a good one, at a tenth
-        of the cost. Minus infinity where there is no such plane.
-        """
-        towards = self._planes.get(pair)
-        if towards is None:
-            return -np.inf
-        i, j = (int(k) for k in self.pairs[pair])
-        return self._proved(i, j, towards) - float(self.margins[pair])
+        return self.between(i, j) - float(self.margins[pair])
 
     def clearance(self, q: ArrayLike) -> Clearance:
         """The smallest distance of all pairs in a configuration (n,), and its pair.
@@ -204,13 +188,16 @@ class World:
         found = [Collision(pair, depth) for pair, depth in depths.items()]
         return sorted(found, key=lambda collision: -collision.depth)
 
-    def _between(self, i: int, j: int) -> tuple[float, Array | None]:
-        """Distance of two pieces [m], and the direction from i to j of a plane that parts them."""
+    def between(self, i: int, j: int) -> float:
+        """Distance of two pieces where they are now, as ``distance``, no margin taken off [m].
+
+        The robot's pieces come first, then those of the obstacles in their order.
+        """
         a, b = self._pieces[i], self._pieces[j]
         if b.kind == PieceKind.HALFSPACE:
-            return halfspace_distance(a, self._poses[i], self._poses[j]), None
+            return halfspace_distance(a, self._poses[i], self._poses[j])
         if a.kind == PieceKind.HALFSPACE:
-            return halfspace_distance(b, self._poses[j], self._poses[i]), None
+            return halfspace_distance(b, self._poses[j], self._poses[i])
         # A result that is used again keeps the nearest points of the smallest distance so far.
         self._result = fcl.DistanceResult()
         proposed = fcl.distance(self._current(i), self._current(j), self._request, self._result)
@@ -218,8 +205,8 @@ class World:
             distance = proposed / _UNITS + self._solids[i].excess + self._solids[j].excess
             p, q = self._result.nearest_points
             if distance - (proved := self._proved(i, j, q - p)) <= ACCURACY:
-                return proved, q - p
-        return signed_distance(a, self._poses[i], b, self._poses[j])[0], None
+                return proved
+        return signed_distance(a, self._poses[i], b, self._poses[j])[0]
 
     def _proved(self, i: int, j: int, towards: Array) -> float:
         """What a plane across a direction from i to j proves of their distance [m]."""

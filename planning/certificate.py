@@ -1,18 +1,17 @@
 """The proof that a timed trajectory is free for every instant and inside every limit.
 
-It knows nothing of how the trajectory came about and shares no verdict with the planners: it
-walks the polynomials themselves and asks FCL for the distances of the exact geometry.
-
-On a cell of time [t - h, t + h], joint j strays from its value at t by at most
-delta_j = sum_i |c_ij| h^i with c_ij the polynomial's coefficients about t; a point at distance
-rho_j from axis j then moves by at most the B of B <- B + (rho_j + B) delta_j. Where a pair's
-distance at t exceeds its margin and B, it is free all over the cell, with at least the difference
-to spare; other pairs are looked at again on the halves. What the limits ask is decided by the exact
-extrema of the polynomials.
+It knows nothing of how the trajectory came about and shares no verdict with the planners. It walks
+the polynomials themselves, cell of time by cell of time: where some direction parts a pair in the
+middle of a cell by more than its margin and more than it can move in the cell, it is free all over
+the cell, with at least the difference to spare; others are looked at again on the halves. Whoever
+proposed the direction, it is checked here, on the exact geometry (``planning.walk``,
+``planning.witness``, ``planning.cells``). What no direction settles, since it touches or nearly so,
+FCL decides. What the limits ask is decided by the exact extrema of the polynomials.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -21,7 +20,7 @@ from kinematics.trajectory import Trajectory
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from obstacles.world import ACCURACY, World
-from planning.cells import Cells, PairTable, Placed, first_cells, halves, settle_by_bounds
+from planning.cells import VALUE
 from planning.deadline import Deadline
 from planning.limit_check import (
     RATIO_TOLERANCE,
@@ -30,7 +29,28 @@ from planning.limit_check import (
     check_continuity,
     check_limits,
 )
+from planning.pair_table import PairTable
 from planning.timing.loads import Loads
+from planning.walk import (
+    ASKED,
+    ASKING,
+    DEPTH,
+    DONE,
+    FIRST,
+    KEPT,
+    LAST,
+    MAX_DEPTH,
+    OBSTACLE,
+    OWN,
+    RESOLUTION,
+    TOP,
+    VISITS,
+    go_on,
+    halve,
+    settle,
+    sharp_enough,
+    walk_along,
+)
 
 __all__ = [
     "RATIO_TOLERANCE",
@@ -41,13 +61,12 @@ __all__ = [
     "certify_limits",
 ]
 
-#: The clearance told is at least this share of the true one, where that is less than _ENOUGH [m].
-_SHARP = 0.8
-_ENOUGH = 0.05
-#: Distances looked at to learn how small the least clearance is about.
-_PROBES = 24
-#: A cell in which everything moves less than this [m] is decided by its distance alone.
-_RESOLUTION = 1e-7
+#: A violation this near to the start or the goal, in every joint, is told as theirs [rad or m].
+_AT_AN_END = 1e-6
+#: What the referee says of a pair.
+_FREE, _OPEN, _HIT = 0, 1, 2
+#: Cells between two looks at the clock: a few milliseconds.
+_CELLS_A_CALL = 1000
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +78,10 @@ class Certificate:
         min_clearance: Holds for every t, margins not taken off [m]; infinite where nothing can
             collide, the distance found where something does.
         clearance_pair: The pair with the least clearance.
+        min_obstacle_clearance: The same from obstacles alone [m]. Where a collision was found both
+            of these hold up to its time.
+        min_self_clearance: The same among the robot's own links and what it holds [m]; no margin
+            concerns these.
         method: How it was proved.
         limits: By quantity.
         continuity: Largest jumps of position and velocity.
@@ -69,6 +92,8 @@ class Certificate:
     verified: bool
     min_clearance: float
     clearance_pair: tuple[str, str] | None
+    min_obstacle_clearance: float
+    min_self_clearance: float
     method: str
     limits: Mapping[str, LimitReport]
     continuity: Mapping[str, float]
@@ -77,7 +102,8 @@ class Certificate:
 
 
 METHOD = (
-    "continuous: FCL distances and motion bounds on cells of time, exact extrema of polynomials"
+    "continuous: separating directions checked against motion bounds on cells of time, "
+    "exact extrema of polynomials"
 )
 LIMITS_METHOD = "exact extrema of polynomials; nothing is known of collisions"
 
@@ -107,14 +133,17 @@ def certify(
     reports, wrong = check_limits(trajectory, robot.chain.limits, dict(limits or {}), loads)
     continuity, jumps = check_continuity(trajectory)
     wrong += jumps
-    proof = _Sweep(trajectory, robot, scene, margin, deadline)
+    proof = _Proof(trajectory, robot, scene, margin, deadline)
     proof.run()
     wrong += [proof.violation] if proof.violation else []
+    obstacle, own = proof.clearances
     first = min(wrong, key=lambda violation: violation.time) if wrong else None
     return Certificate(
         verified=first is None,
-        min_clearance=proof.clearance,
-        clearance_pair=proof.pair,
+        min_clearance=min(obstacle, own),
+        clearance_pair=proof.closest,
+        min_obstacle_clearance=obstacle,
+        min_self_clearance=own,
         method=METHOD,
         limits=reports,
         continuity=continuity,
@@ -146,6 +175,8 @@ def certify_limits(
         verified=first is None,
         min_clearance=np.inf,
         clearance_pair=None,
+        min_obstacle_clearance=np.inf,
+        min_self_clearance=np.inf,
         method=LIMITS_METHOD,
         limits=reports,
         continuity=continuity,
@@ -154,8 +185,8 @@ def certify_limits(
     )
 
 
-class _Sweep:
-    """Cells of time, halved until every pair is settled on every one of them."""
+class _Proof:
+    """A walk of witnesses along a trajectory, with FCL as the referee of what they leave."""
 
     def __init__(
         self,
@@ -165,99 +196,113 @@ class _Sweep:
         margin: float,
         deadline: Deadline | None,
     ) -> None:
-        self._world = World(robot, scene)
-        self._table = PairTable.of(self._world, margin)
-        self._trajectory = trajectory
-        self._deadline = deadline
-        self._nearest = np.inf
-        self._stopped = False
-        self.clearance = np.inf
-        self.pair: tuple[str, str] | None = None
+        self._robot, self._scene = robot, scene
+        self._trajectory, self._deadline = trajectory, deadline
+        self._table = PairTable.of(robot, scene, margin)
+        self._walk = walk_along(trajectory, self._table.arrays)
         self.violation: Violation | None = None
-        self.visited = 0
+
+    @cached_property
+    def _world(self) -> World:
+        return World(self._robot, self._scene)
+
+    @property
+    def visited(self) -> int:
+        """Cells that were looked at."""
+        return int(self._walk.counters[VISITS])
+
+    @property
+    def clearances(self) -> tuple[float, float]:
+        """Proved from obstacles and among the robot's own [m]."""
+        return float(self._walk.clearance[OBSTACLE]), float(self._walk.clearance[OWN])
+
+    @property
+    def closest(self) -> tuple[str, str] | None:
+        """The pair that the smaller of them belongs to."""
+        pair = int(self._walk.closest[np.argmin(self._walk.clearance)])
+        return self._table.pair_names(pair) if pair >= 0 else None
 
     def run(self) -> None:
         """Settle every pair on every cell, or find the first violation."""
-        if not len(self._table.pairs):
+        if not len(self._table.arrays.pairs):
             return
-        cells = first_cells(self._trajectory, len(self._table.pairs))
-        while len(cells):
-            self.visited += len(cells)
-            cells = self._level(cells)
-            if self._stopped or (len(cells) and self._late()):
+        while True:
+            if self._deadline is not None and self._deadline.passed:
                 message = "time was up before the proof was complete"
                 self.violation = self.violation or Violation("time", 0.0, message, {})
                 return
+            state = go_on(
+                self._table.arrays, self._trajectory.breaks, self._trajectory.coefficients,
+                self._walk, self.violation is None, _CELLS_A_CALL,
+            )  # fmt: skip
+            if state == DONE:
+                return
+            if state == ASKING:
+                self._referee()
 
-    def _late(self) -> bool:
-        return self._deadline is not None and self._deadline.passed
-
-    def _level(self, cells: Cells) -> Cells:
-        """Settle what can be settled on these cells; the halves of what is left."""
-        placed = settle_by_bounds(self._trajectory, self._table, cells, self._enough)
-        self._lower(placed.clearance, placed.closest)
-        if np.isinf(self._nearest):
-            self._probe(placed)
-        lowers, margins = placed.open_lowers, self._table.margins[placed.open_pairs]
-        far = (lowers > margins) & (lowers >= self._enough)
-        if far.any():
-            least = int(np.argmin(np.where(far, lowers, np.inf)))
-            self._lower(float(lowers[least]), int(placed.open_pairs[least]))
-        left: list[tuple[int, int]] = []
-        last = -1
-        for entry in np.flatnonzero(~far):
-            cell, pair = int(placed.open_cells[entry]), int(placed.open_pairs[entry])
-            if self.violation and cells.low[cell] > self.violation.time:
+    def _referee(self) -> None:
+        """Let FCL decide about the pairs asked about, so that the walk can go on."""
+        walk, counters = self._walk, self._walk.counters
+        self._world.place_frames(walk.frames)
+        asked = [int(pair) for pair in walk.asked[: counters[ASKED]]]
+        left: list[int] = []
+        hit = -1
+        for at, pair in enumerate(asked):
+            verdict = self._judged(pair)
+            if verdict == _HIT:
+                left, hit = left + asked[at:], pair
                 break
-            if cell != last:
-                self._stopped = self._late()
-                if self._stopped:
-                    break
-                self._world.place_frames(placed.frames[cell])
-                last = cell
-            if not self._settled(float(placed.times[cell]), pair, float(placed.open_bounds[entry])):
-                left.append((cell, pair))
-        return halves(cells, left)
+            if verdict == _OPEN:
+                left.append(pair)
+        if hit >= 0:
+            # Nothing later than the middle of this cell is the first violation any more.
+            counters[TOP] = 0
+            if self._last_word(hit):
+                return
+        depth, kept = int(counters[DEPTH]), int(counters[KEPT])
+        if not (left or kept):
+            return
+        walk.active[depth + 1, kept : kept + len(left)] = left
+        counters[KEPT] = kept + len(left)
+        halve(walk, self._trajectory.breaks, hit < 0)
 
-    @property
-    def _enough(self) -> float:
-        """Clearance beyond which a sharper bound would tell nothing [m]."""
-        return min(_ENOUGH, _SHARP * self._nearest)
+    def _judged(self, pair: int) -> int:
+        """What FCL says of a pair: free all over the cell, open, or a violation."""
+        walk, arrays = self._walk, self._table.arrays
+        i, j = (int(k) for k in arrays.pairs[pair])
+        apart, own = float(arrays.margins[pair]), int(arrays.own[pair])
+        distance = self._world.between(i, j)
+        lower = distance - float(walk.bounds[pair]) - ACCURACY
+        last_word = self._last_word(pair)
+        if lower > apart and (last_word or lower >= sharp_enough(walk, own)):
+            settle(walk, own, pair, lower)
+            return _FREE
+        if distance > apart and not last_word:
+            return _OPEN
+        self._violate(pair, distance, apart)
+        return _HIT
 
-    def _probe(self, placed: Placed) -> None:
-        """Learn from a few promising distances how small the least clearance is about."""
-        for entry in np.argsort(placed.open_lowers, kind="stable")[:_PROBES]:
-            self._world.place_frames(placed.frames[placed.open_cells[entry]])
-            pair = int(placed.open_pairs[entry])
-            distance = self._world.distance(pair) + float(self._world.margins[pair])
-            self._nearest = min(self._nearest, distance)
+    def _last_word(self, pair: int) -> bool:
+        """Whether the cell can't be halved any more to the good of a pair."""
+        walk = self._walk
+        return bool(walk.bounds[pair] < RESOLUTION or walk.counters[DEPTH] == MAX_DEPTH)
 
-    def _settled(self, time: float, pair: int, bound: float) -> bool:
-        apart, own = float(self._table.margins[pair]), float(self._world.margins[pair])
-        by_plane = self._world.distance_by_plane(pair) + own - bound
-        if by_plane > apart + ACCURACY and by_plane >= self._enough:
-            return self._lower(by_plane, pair)
-        distance = self._world.distance(pair) + own
-        self._nearest = min(self._nearest, distance)
-        if distance <= apart or (bound < _RESOLUTION and distance - bound - ACCURACY <= apart):
-            self._found(time, pair, distance, apart)
-            return True
-        lower = distance - bound - ACCURACY
-        if lower <= apart or lower < self._enough:
-            return lower > apart and bound < _RESOLUTION and self._lower(lower, pair)
-        return self._lower(lower, pair)
-
-    def _lower(self, clearance: float, pair: int) -> bool:
-        if clearance < self.clearance:
-            self.clearance = clearance
-            self.pair = self._world.pair_names(pair)
-        return True
-
-    def _found(self, time: float, pair: int, distance: float, apart: float) -> None:
-        names = self._world.pair_names(pair)
-        self._lower(distance, pair)
-        if self.violation is None or time < self.violation.time:
-            asked = f", {apart:.6g} m are asked for" if apart > 0.0 else ""
-            message = f"{names[0]!r} and {names[1]!r} are {distance:.6g} m apart{asked}"
-            details = {"pair": list(names), "distance": distance, "margin": apart}
-            self.violation = Violation("collision", time, message, details)
+    def _violate(self, pair: int, distance: float, apart: float) -> None:
+        """Note a violation in the middle of the cell; the walk goes from late to early ones."""
+        walk, trajectory = self._walk, self._trajectory
+        whole = walk.counters[FIRST] < walk.counters[LAST]
+        begins = 0.0 if whole else float(trajectory.breaks[walk.counters[FIRST]])
+        time = min(begins + float(walk.cell[1]), trajectory.duration)
+        settle(walk, int(self._table.arrays.own[pair]), pair, distance)
+        names = self._table.pair_names(pair)
+        asked = f", {apart:.6g} m are asked for" if apart > 0.0 else ""
+        message = f"{names[0]!r} and {names[1]!r} are {distance:.6g} m apart{asked}"
+        details = {"pair": list(names), "distance": distance, "margin": apart}
+        q = walk.joints[:, VALUE]
+        for where, end in (("start", trajectory.start), ("goal", trajectory.end)):
+            if np.abs(q - end).max() <= _AT_AN_END:
+                message, details["at"] = f"{message} at the {where}", where
+                break
+        decided = distance <= apart or walk.bounds[pair] < RESOLUTION
+        kind = "collision" if decided else "undecided"
+        self.violation = Violation(kind, time, message, details)

@@ -291,15 +291,16 @@ def _samples(timed: Trajectory, period: float) -> dict[str, Any]:
 
 def certificate_answer(certificate: Certificate, begins: float = 0.0) -> dict[str, Any]:
     """A certificate as answers give it, of a trajectory that begins at a time [s]."""
-    clearance = certificate.min_clearance
     answer: dict[str, Any] = {
         "verified": certificate.verified,
-        "min_clearance": clearance if math.isfinite(clearance) else None,
+        "min_clearance": _finite(certificate.min_clearance),
         "clearance_pair": certificate.clearance_pair,
+        "min_obstacle_clearance": _finite(certificate.min_obstacle_clearance),
+        "min_self_clearance": _finite(certificate.min_self_clearance),
         "method": certificate.method,
         "limits": {
             name: {
-                "worst_ratio": report.worst_ratio if math.isfinite(report.worst_ratio) else None,
+                "worst_ratio": _finite(report.worst_ratio),
                 "joint": report.joint,
                 "time": report.time + begins,
             }
@@ -318,6 +319,10 @@ def certificate_answer(certificate: Certificate, begins: float = 0.0) -> dict[st
             **plain(violation.details),
         }
     return answer
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def stages_answer(stages: Sequence[StageReport]) -> list[dict[str, Any]]:

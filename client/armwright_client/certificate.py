@@ -50,6 +50,8 @@ class Certificate(Answer):
         verified: Whether it was proved.
         min_clearance: A lower bound of the distances for every t [m]; None with nothing to hit.
         clearance_pair: The two that come closest.
+        min_obstacle_clearance: The bound from obstacles alone [m]; None without any.
+        min_self_clearance: The bound among the robot's own links and what it holds [m].
         method: How it was proved.
         limits: How much of each is used.
         continuity: Of position and its derivatives across pieces.
@@ -62,6 +64,8 @@ class Certificate(Answer):
     verified: bool
     min_clearance: float | None = None
     clearance_pair: tuple[str, str] | None = None
+    min_obstacle_clearance: float | None = None
+    min_self_clearance: float | None = None
     method: str = ""
     limits: LimitUses | None = None
     continuity: Any = None

@@ -285,6 +285,13 @@ class CertificateAnswer(Answer):
         description="a lower bound for every t [m]; null with nothing to hit"
     )
     clearance_pair: list[str] | None = None
+    min_obstacle_clearance: float | None = Field(
+        None, description="the same from obstacles alone; null without any"
+    )
+    min_self_clearance: float | None = Field(
+        None,
+        description="the same among the robot's own links and what it holds; no margin is kept",
+    )
     method: str
     limits: LimitUses | None = None
     continuity: Any = None

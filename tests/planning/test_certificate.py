@@ -10,7 +10,6 @@ from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import HalfSpace
 from obstacles.world import World
-from planning.cells import relative_stray, stray
 from planning.certificate import certify
 from planning.deadline import Deadline
 from tests.planning.dense import least_clearance
@@ -94,6 +93,23 @@ def test_margin_is_held_from_obstacles_not_between_links() -> None:
     assert refused.violation.details["margin"] == 1.0
 
 
+def test_clearances_from_obstacles_and_of_the_robot_itself_are_told_apart() -> None:
+    robot = builtin("panda")
+    trajectory = cubic(robot, HOME, HOME + 0.2)
+    alone = certify(trajectory, robot, Scene())
+    assert alone.min_obstacle_clearance == np.inf
+    assert alone.min_self_clearance == alone.min_clearance
+    for height in (-0.3, -0.01):
+        floor = Scene((Obstacle("floor", HalfSpace(np.array([0.0, 0.0, 1.0]), height)),))
+        both = certify(trajectory, robot, floor)
+        assert both.min_self_clearance == pytest.approx(alone.min_self_clearance, rel=0.3)
+        least = min(both.min_obstacle_clearance, both.min_self_clearance)
+        assert both.min_clearance == least
+        assert both.clearance_pair is not None
+        with_floor = "floor" in both.clearance_pair
+        assert with_floor is (both.min_obstacle_clearance < both.min_self_clearance)
+
+
 def test_limits_are_decided_by_exact_extrema() -> None:
     robot = builtin("panda")
     names = robot.chain.joint_names
@@ -168,26 +184,3 @@ def test_time_up_proves_nothing() -> None:
     assert not certificate.verified
     assert certificate.violation is not None
     assert certificate.violation.kind == "time"
-
-
-def test_stray_holds_for_random_polynomials() -> None:
-    random = np.random.default_rng(3)
-    for _ in range(200):
-        coefficients = random.normal(size=(3, random.integers(1, 7)))
-        at, half = random.uniform(0.0, 2.0), random.uniform(0.0, 0.5)
-        q, delta = np.empty(3), np.empty(3)
-        stray(coefficients, at, half, q, delta)
-        times = np.linspace(at - half, at + half, 50)
-        values = np.stack([np.polynomial.polynomial.polyval(times, c) for c in coefficients])
-        middle = [np.polynomial.polynomial.polyval(at, c) for c in coefficients]
-        assert np.allclose(q, middle, rtol=1e-10, atol=1e-10)
-        assert (np.abs(values - q[:, None]).max(axis=1) <= delta + 1e-9).all()
-
-
-def test_relative_stray_of_a_turning_arm_is_the_arc() -> None:
-    frames = np.eye(4)[None].copy()
-    types = np.zeros(1, dtype=np.int64)
-    for angle in (0.0, 1e-3, 0.5, 10.0):
-        delta = np.array([angle])
-        moved = relative_stray(types, frames, 1.0, 0.0, 5.0, 0.1, 0, -1, delta)
-        assert moved == pytest.approx(min(1.1 * angle, 2.2))
