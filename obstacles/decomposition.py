@@ -11,6 +11,7 @@ import tempfile
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import NamedTuple
 from zipfile import BadZipFile
 
 import numpy as np
@@ -22,7 +23,7 @@ from kinematics.chain import Array, frozen
 from kinematics.kernel import kernel
 from obstacles.hull import Hull, convex_hull
 from obstacles.mesh import Faces, cut
-from obstacles.nearest import Indices, hull_distances, mesh_distances
+from obstacles.nearest import Indices, hull_distances, mesh_distances, nearest_on_hull
 
 #: A hull that is nowhere farther from the mesh than this part of the mesh's diagonal stands for
 #: it: a millimetre for an object of half a metre, less than cutting it up would leave.
@@ -76,7 +77,7 @@ def convex_pieces(vertices: Array, faces: Faces) -> tuple[ConvexPart, ...]:
 
 @lru_cache(maxsize=256)
 def _kept(vertices: bytes, faces: bytes) -> tuple[ConvexPart, ...]:
-    digest = hashlib.sha256(b"1" + len(vertices).to_bytes(8) + vertices + faces).hexdigest()
+    digest = hashlib.sha256(b"2" + len(vertices).to_bytes(8) + vertices + faces).hexdigest()
     file = _directory / f"{digest}.npz" if _directory is not None else None
     if file is not None and (stored := _read(file)) is not None:
         return stored
@@ -200,47 +201,142 @@ def _grown(
 ) -> tuple[ConvexPart, ...]:
     """The parts, each grown by what the triangles nearest to it stick out."""
     hulls = [convex_hull(part.vertices) for part in parts]
-    corner_starts = np.cumsum([0] + [len(hull.vertices) for hull in hulls])
-    face_starts = np.cumsum([0] + [len(hull.triangles) for hull in hulls])
-    growth = np.zeros(len(parts))
-    _cover(
-        vertices,
-        faces,
+    packed = _Hulls(
         np.vstack([hull.vertices for hull in hulls]),
         np.vstack([hull.triangles for hull in hulls]),
         np.vstack([hull.planes for hull in hulls]),
         np.array([hull.solid for hull in hulls]),
-        corner_starts,
-        face_starts,
-        np.array([part.rounding for part in parts]),
-        np.array([_NEGLIGIBLE * diagonal, _SMALLEST * diagonal]),
-        growth,
+        np.cumsum([0] + [len(hull.vertices) for hull in hulls]),
+        np.cumsum([0] + [len(hull.triangles) for hull in hulls]),
     )
+    radii = np.array([part.rounding for part in parts])
+    growth = np.zeros(len(parts))
+    smallest = _SMALLEST * diagonal
+    _cover(vertices, faces, packed, radii, _NEGLIGIBLE * diagonal, smallest, growth)
     return tuple(
-        ConvexPart(part.vertices, part.rounding + float(extra))
-        for part, extra in zip(parts, growth, strict=True)
+        ConvexPart(part.vertices, float(radius))
+        for part, radius in zip(parts, radii + growth, strict=True)
     )
+
+
+class _Hulls(NamedTuple):
+    """Hulls of several pieces, packed: those of piece i are from ``starts[i]`` to the next."""
+
+    corners: Array
+    triangles: Faces
+    planes: Array
+    solid: NDArray[np.bool_]
+    corner_starts: Indices
+    face_starts: Indices
 
 
 @kernel
-def _cover(  # noqa: PLR0913  numba takes no dataclasses
+def _height(hulls: _Hulls, i: int, p: Array) -> float:
+    """Height of a point over the planes of piece i: its distance, or less where it is outside."""
+    if not hulls.solid[i]:
+        return -np.inf
+    height = -np.inf
+    planes = hulls.planes
+    for f in range(hulls.face_starts[i], hulls.face_starts[i + 1]):
+        above = planes[f, 0] * p[0] + planes[f, 1] * p[1] + planes[f, 2] * p[2] - planes[f, 3]
+        height = max(height, above)
+    return height
+
+
+@kernel
+def _distance(hulls: _Hulls, i: int, p: Array) -> float:
+    """Signed distance of a point to piece i."""
+    corners = hulls.corners[hulls.corner_starts[i] : hulls.corner_starts[i + 1]]
+    first, last = hulls.face_starts[i], hulls.face_starts[i + 1]
+    point = (p[0], p[1], p[2])
+    nearest = nearest_on_hull(
+        point, corners, hulls.triangles[first:last], hulls.planes[first:last], hulls.solid[i]
+    )
+    return nearest[3]
+
+
+@kernel
+def _inside_one(
+    hulls: _Hulls, radii: Array, triangle: Array, first: int, out: Array, exact: NDArray[np.bool_]
+) -> int:
+    """The piece that holds a triangle's corners in its hull, or -1; looked for from ``first`` on.
+
+    On the way it writes how far corner k is out of piece i with its radius, at least: (p, 3).
+    """
+    pieces = radii.shape[0]
+    for turn in range(pieces):
+        i: int = (first + turn) % pieces
+        for k in range(3):
+            height = _height(hulls, i, triangle[k])
+            out[i, k] = height - radii[i]
+            exact[i, k] = hulls.solid[i] and height <= 0.0
+        if exact[i].all():
+            return i
+    return -1
+
+
+@kernel
+def _nearest_piece(
+    hulls: _Hulls,
+    radii: Array,
+    growth: Array,
+    triangle: Array,
+    out: Array,
+    exact: NDArray[np.bool_],
+) -> int:
+    """The piece that a triangle sticks out of least, or one that has grown enough to hold it."""
+    best, piece = np.inf, 0
+    for i in range(radii.shape[0]):
+        if out[i].max() >= max(best, growth[i]):
+            continue
+        for k in range(3):
+            if not exact[i, k]:
+                out[i, k] = _distance(hulls, i, triangle[k]) - radii[i]
+                exact[i, k] = True
+        if out[i].max() <= growth[i]:
+            return i
+        if out[i].max() < best:
+            best, piece = out[i].max(), i
+    return piece
+
+
+@kernel
+def _unavoidable(
+    hulls: _Hulls, radii: Array, triangle: Array, out: Array, exact: NDArray[np.bool_]
+) -> float:
+    """How far the worst corner of a triangle is out of all pieces: no splitting helps that."""
+    worst = 0.0
+    for k in range(3):
+        least = np.inf
+        for i in range(radii.shape[0]):
+            if exact[i, k]:
+                least = min(least, out[i, k])
+        for i in range(radii.shape[0]):
+            if not exact[i, k] and out[i, k] < least:
+                out[i, k] = _distance(hulls, i, triangle[k]) - radii[i]
+                exact[i, k] = True
+                least = min(least, out[i, k])
+        worst = max(worst, least)
+    return worst
+
+
+@kernel
+def _cover(
     vertices: Array,
     faces: Faces,
-    corners: Array,
-    triangles: Faces,
-    planes: Array,
-    solid: NDArray[np.bool_],
-    corner_starts: Indices,
-    face_starts: Indices,
-    roundings: Array,
-    tolerances: Array,
+    hulls: _Hulls,
+    radii: Array,
+    negligible: float,
+    smallest: float,
     growth: Array,
 ) -> None:
     """Write into ``growth`` how much each piece has to grow for the union to hold all faces."""
-    pieces = roundings.shape[0]
-    out, distances = np.empty((pieces, 3)), np.empty(3)
+    out = np.empty((radii.shape[0], 3))
+    exact = np.empty((radii.shape[0], 3), dtype=np.bool_)
     # Depth first: a triangle split in two leaves one more to do, and halves at most 60 times.
     stack = np.empty((64, 3, 3))
+    # Neighbours tend to lie in the same piece.
+    last = 0
     for f in range(faces.shape[0]):
         for k in range(3):
             stack[0, k] = vertices[faces[f, k]]
@@ -248,34 +344,27 @@ def _cover(  # noqa: PLR0913  numba takes no dataclasses
         while count > 0:
             count -= 1
             triangle = stack[count].copy()
-            best, piece = np.inf, 0
-            for i in range(pieces):
-                c0, c1 = corner_starts[i], corner_starts[i + 1]
-                f0, f1 = face_starts[i], face_starts[i + 1]
-                hull_distances(
-                    triangle, corners[c0:c1], triangles[f0:f1], planes[f0:f1], solid[i], distances
-                )
-                for k in range(3):
-                    out[i, k] = distances[k] - roundings[i]
-                if out[i].max() < best:
-                    best, piece = out[i].max(), i
-                if best <= 0.0:
-                    break
-            if best <= 0.0:
+            found = _inside_one(hulls, radii, triangle, last, out, exact)
+            if found >= 0:
+                last = found
                 continue
-            # No splitting can help a corner that is outside of all pieces.
-            unavoidable = max(out[:, 0].min(), out[:, 1].min(), out[:, 2].min())
+            piece = _nearest_piece(hulls, radii, growth, triangle, out, exact)
+            best = out[piece].max()
+            if best <= growth[piece]:
+                last = piece
+                continue
             edge, longest = 0, 0.0
             for k in range(3):
                 length = float(np.linalg.norm(triangle[k] - triangle[(k + 1) % 3]))
                 if length > longest:
                     edge, longest = k, length
             if (
-                best <= max(unavoidable, 0.0) + tolerances[0]
-                or longest <= tolerances[1]
+                best <= negligible
+                or longest <= smallest
                 or count > 61
+                or best <= _unavoidable(hulls, radii, triangle, out, exact) + negligible
             ):
-                growth[piece] = max(growth[piece], best)
+                growth[piece] = best
                 continue
             middle = 0.5 * (triangle[edge] + triangle[(edge + 1) % 3])
             stack[count] = triangle

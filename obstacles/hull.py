@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from kinematics.chain import Array
+from kinematics.kernel import kernel
 
 #: Extents below this part of the largest one are rounding errors of the coordinates, no thickness.
 _FLATNESS = 1e-9
@@ -79,8 +80,19 @@ def _solid(points: Array) -> Hull:
     triangles[outward < 0.0] = triangles[outward < 0.0][:, ::-1]
     planes = np.array(hull.equations)
     # Qhull joins nearly coplanar facets: no corner may lie outside of a plane that is trusted.
-    planes[:, 3] = (vertices @ planes[:, :3].T).max(axis=0)
+    _push_out(planes, np.ascontiguousarray(vertices.T))
     return Hull(vertices, triangles.astype(np.int64), planes, solid=True)
+
+
+@kernel(fastmath=True)
+def _push_out(planes: Array, columns: Array) -> None:
+    """Raise the offset of each plane (f, 4) to its highest corner, ``columns`` of shape (3, k)."""
+    for f in range(planes.shape[0]):
+        a, b, c = planes[f, 0], planes[f, 1], planes[f, 2]
+        highest = -np.inf
+        for k in range(columns.shape[1]):
+            highest = max(highest, a * columns[0, k] + b * columns[1, k] + c * columns[2, k])
+        planes[f, 3] = highest
 
 
 def _polygon(corners: Array) -> Hull:
