@@ -1,6 +1,6 @@
 """How to plan: which planner, which timing, how long, which seed."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, Literal
@@ -108,6 +108,7 @@ class Options:
         limits: Joint limits (n,) in place of the robot's, by quantity.
         timeout: Seconds for all stages together.
         seed: Of everything random; the same seed gives the same answer.
+        observer: Called with the name of each stage as it begins.
 
     Raises:
         InvalidOption: The timeout is not in (0, 600].
@@ -119,6 +120,7 @@ class Options:
     limits: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
     timeout: float = 5.0
     seed: int = 0
+    observer: Callable[[str], None] | None = field(default=None, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if not 0.0 < self.timeout <= MAX_TIMEOUT:

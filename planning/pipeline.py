@@ -37,10 +37,13 @@ _T = TypeVar("_T")
 class _Stages:
     """Reports of the stages, written down as they end."""
 
+    observer: Callable[[str], None] | None = None
     reports: list[StageReport] = field(default_factory=list)
 
     def run(self, name: str, stage: Callable[[], _T], tell: Callable[[_T], tuple[bool, str]]) -> _T:
         """Run a stage, time it, and note what ``tell`` makes of its answer."""
+        if self.observer is not None:
+            self.observer(name)
         began = time.perf_counter()
         answer = stage()
         succeeded, detail = tell(answer)
@@ -67,7 +70,7 @@ def plan(problem: Problem, options: Options) -> Plan | Failure:
     deadline = Deadline.after(options.timeout)
     check_options(options)
     law = _law(problem, options)
-    stages = _Stages()
+    stages = _Stages(options.observer)
     ready = stages.run("preflight", lambda: preflight(problem, options.seed), _tell_preflight)
     if isinstance(ready, Failure):
         return replace(ready, stages=tuple(stages.reports))

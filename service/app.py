@@ -9,12 +9,15 @@ from starlette.concurrency import run_in_threadpool
 
 from service import dynamics_tasks, handlers, kinematics_tasks, openapi
 from service.body import BodyLimit, JsonRoute
+from service.jobs import Jobs
+from service.metrics import Measured, Metrics
 from service.routes import (
+    batch,
     check,
     dynamics,
     health,
+    jobs,
     kinematics,
-    pending,
     plan,
     potential,
     problems,
@@ -40,7 +43,8 @@ _ROUTERS = (
     retime.router,
     dynamics.router,
     simulate.router,
-    pending.router,
+    batch.router,
+    jobs.router,
 )
 
 
@@ -63,12 +67,15 @@ def create_app(settings: Settings | None = None) -> FastAPI:
             chosen.workers, chosen.queue_limit, grace=chosen.kill_grace, modules=TASK_MODULES
         )
         app.state.supervisor = supervisor
+        app.state.jobs = Jobs(app, app.state.store.jobs, chosen)
         await supervisor.start()
         try:
+            await app.state.jobs.start()
             await run_in_threadpool(kinematics_tasks.warm)
             await run_in_threadpool(dynamics_tasks.warm)
             yield
         finally:
+            await app.state.jobs.stop()
             await supervisor.stop()
             await run_in_threadpool(app.state.store.close)
 
@@ -81,10 +88,12 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         redirect_slashes=False,
     )
     app.state.settings = chosen
+    app.state.metrics = Metrics(app)
     app.router.route_class = JsonRoute
     # The last one added is the outermost.
     app.add_middleware(BodyLimit, max_size=chosen.max_body_size, timeout=chosen.body_timeout)
     app.add_middleware(handlers.UnexpectedErrors)
+    app.add_middleware(Measured, metrics=app.state.metrics)
     handlers.install(app)
     openapi.install(app)
     for router in _ROUTERS:

@@ -15,6 +15,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.errors import ProblemError
 from service.idempotency import answer_once
+from service.postponing import is_postponed, postponed
 
 _JSON_TYPE = re.compile(r"application/([\w.+-]+\+)?json")
 _MAX_LISTED = 20
@@ -86,6 +87,9 @@ class JsonRequest(Request):
 class JsonRoute(APIRoute):
     """A route that takes strict JSON and nothing else where it takes a body."""
 
+    #: Whether requests become jobs without asking for that.
+    always_postponed = False
+
     def get_route_handler(self) -> Handler:
         """The handler of the framework behind the checks of the body."""
         handle = super().get_route_handler()
@@ -97,9 +101,17 @@ class JsonRoute(APIRoute):
             strict = JsonRequest(request.scope, request.receive)
             if takes_json and await strict.body():
                 require_json(strict.headers.get("content-type"))
+            if is_postponed(strict, self.always_postponed):
+                return await answer_once(strict, lambda request: postponed(request, handle))
             return await answer_once(strict, handle)
 
         return checked
+
+
+class JobRoute(JsonRoute):
+    """A route whose requests always become jobs."""
+
+    always_postponed = True
 
 
 def require_json(content_type: str | None) -> None:

@@ -16,6 +16,7 @@ from service.references import Absent, NotPrepared, Reference, Refusal, builtin_
 from service.schemas.scene import Scene
 from service.settings import Settings
 from service.store import Store
+from service.worker import Progress
 from service.worker_main import Job
 
 #: Cutting the meshes of a whole robot takes some seconds, of a bad one a minute [s].
@@ -93,6 +94,7 @@ async def answer(
     *,
     timeout: float | None = None,
     patience: float = 0.0,
+    on_progress: Progress | None = None,
 ) -> Any:
     """The result of a job about a robot and perhaps a scene, computed in a worker.
 
@@ -103,6 +105,7 @@ async def answer(
         scene_source: The scene as the request gives it.
         timeout: As the request names it [s].
         patience: How much later the worker is ended [s].
+        on_progress: Told of progress in place of the job that the request belongs to.
 
     Raises:
         ProblemError: NOT_FOUND; what the task refused; all of `compute`.
@@ -111,7 +114,7 @@ async def answer(
     async def job() -> Job:
         return make_job(await robot(request, robot_name), await scene(request, scene_source))
 
-    return await _answer(request, job, timeout, patience)
+    return await _answer(request, job, timeout, patience, on_progress)
 
 
 async def answer_with(
@@ -155,10 +158,11 @@ async def _answer(
     make_job: Callable[[], Awaitable[Job]],
     timeout: float | None,
     patience: float,
+    on_progress: Progress | None = None,
 ) -> Any:
     for _ in range(_ATTEMPTS):
         job = await make_job()
-        result = await compute(request, job, timeout, patience)
+        result = await compute(request, job, timeout, patience, on_progress)
         if isinstance(result, Absent):
             await _prepare(request, result.reference)
             continue

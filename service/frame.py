@@ -14,6 +14,11 @@ def encode(payload: bytes) -> bytes:
     return _LENGTH.pack(len(payload)) + payload
 
 
+def prefix(*parts: bytes) -> bytes:
+    """What is sent in front of a payload that is sent in parts."""
+    return _LENGTH.pack(sum(len(part) for part in parts))
+
+
 class FrameDecoder:
     """Cuts a stream of bytes, arriving in any pieces, back into the payloads that were sent."""
 
@@ -34,7 +39,8 @@ class FrameDecoder:
             end = _LENGTH.size + length
             if len(self._buffer) < end:
                 return
-            payload = bytes(self._buffer[_LENGTH.size : end])
+            with memoryview(self._buffer) as view:  # one copy, not two
+                payload = bytes(view[_LENGTH.size : end])
             del self._buffer[:end]
             yield payload
 

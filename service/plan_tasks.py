@@ -1,5 +1,6 @@
 """Planning and validation as requests ask for them, in workers."""
 
+import dataclasses
 import hashlib
 import platform
 import time
@@ -18,18 +19,29 @@ from service import library, translate_motion, translate_timing, worker_main
 from service.answering import answering
 from service.computing import PATIENCE
 from service.holding import Held, holding
-from service.references import Absent, Reference, Refusal
+from service.references import Absent, Planned, Reference, Refusal
 from service.schemas.plan import PlanRequest, ValidateRequest
 from service.version import VERSION
 
 #: What a plan depends on beside the request.
 _PACKAGES = ("numpy", "scipy", "numba", "ompl", "python-fcl")
+#: How far a plan is when a stage begins, by how long the stages before it usually take.
+_PROGRESS = {
+    "preflight": 0.0,
+    "straight_line": 0.1,
+    "potential_field": 0.15,
+    "shortcut": 0.6,
+    "timing": 0.7,
+    "certificate": 0.85,
+}
+#: The same for every planner that searches.
+_SEARCHING = 0.25
 
 
 @answering
 def plan(
     robot: Reference, scene: Reference | None, content: bytes, timeout: float
-) -> bytes | Refusal | Absent:
+) -> Planned | Refusal | Absent:
     """Answer a request for a plan.
 
     Args:
@@ -51,10 +63,17 @@ def plan(
     left = _left(body.timeout or timeout)
     if left <= 0.0:
         return _late()
-    found = pipeline.plan(problem, translate_motion.options(body, arm.chain, left))
+    options = translate_motion.options(body, arm.chain, left)
+    found = pipeline.plan(problem, dataclasses.replace(options, observer=_tell))
     if isinstance(found, Failure):
         return _refusal(found)
-    return to_json(_answer(found, body, held), inf_nan_mode="null")
+    content = to_json(_answer(found, body, held), inf_nan_mode="null")
+    stages = tuple((stage.name, 1e-3 * stage.milliseconds) for stage in found.stages)
+    return Planned(content, found.planner, stages)
+
+
+def _tell(stage: str) -> None:
+    worker_main.report(_PROGRESS.get(stage, _SEARCHING), stage)
 
 
 @answering

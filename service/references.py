@@ -60,3 +60,18 @@ class Refusal:
     message: str
     hint: str | None
     details: dict[str, object]
+
+
+@dataclass(frozen=True, slots=True)
+class Planned:
+    """A plan as it is answered, and what is counted of it.
+
+    Args:
+        content: The answer, JSON.
+        planner: The stage that found it.
+        stages: Name and duration [s] of each stage.
+    """
+
+    content: bytes
+    planner: str
+    stages: tuple[tuple[str, float], ...]

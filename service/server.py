@@ -13,8 +13,9 @@ from fastapi import FastAPI
 from pydantic import ValidationError
 
 from service.app import create_app
+from service.database import StoreError
 from service.settings import Settings
-from service.store import StoreError, open_store
+from service.store import open_store
 
 #: After SIGTERM requests may go on for this long, then they are told that the service ends [s].
 _DRAIN = 2.0
@@ -37,6 +38,8 @@ class _Server(uvicorn.Server):
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         supervisor = self._application.state.supervisor
+        # Open event streams end now, and what runs as a job goes on when the service is back.
+        await self._application.state.jobs.stop()
         asyncio.get_running_loop().call_later(_DRAIN, supervisor.abandon)
         await super().shutdown(sockets)
 

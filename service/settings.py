@@ -40,6 +40,19 @@ class Settings(BaseSettings):
     default_timeout: Positive = Field(10.0, description="deadline of a request that names none [s]")
     max_timeout: Positive = Field(300.0, description="longest deadline a request may name [s]")
     kill_grace: Positive = Field(0.1, description="overrun of a deadline before the kill [s]")
+    job_limit: int = Field(256, ge=0, description="jobs that may be queued or running")
+    job_deadline: Positive = Field(
+        3600.0, description="time within which an accepted job must end [s]"
+    )
+    job_lifetime: Positive = Field(24 * 3600.0, description="how long ended jobs are kept [s]")
+    job_count: int = Field(1000, ge=1, description="how many ended jobs are kept")
+    job_storage: int = Field(
+        1024 * _MEBIBYTE,
+        ge=_MEBIBYTE,
+        description="room for requests and for answers of jobs [byte]",
+    )
+    batch_limit: int = Field(1000, ge=1, le=100_000, description="problems in one batch")
+    keep_alive: Positive = Field(15.0, description="longest silence of an event stream [s]")
     log_level: Literal["debug", "info", "warning", "error"] = "info"
 
     @model_validator(mode="after")

@@ -3,45 +3,17 @@
 import hashlib
 import json
 import sqlite3
-import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
+from service.database import Database, StoreError
 from service.errors import ProblemError
+from service.job_store import JobStore, SqliteJobs
 
 #: How long an idempotency key is remembered [s].
 _KEY_LIFETIME = 24 * 3600.0
-_SCHEMA_VERSION = 1
-_SCHEMA = """
-CREATE TABLE IF NOT EXISTS documents (
-    kind TEXT NOT NULL,
-    name TEXT NOT NULL,
-    content BLOB NOT NULL,
-    hash TEXT NOT NULL,
-    version INTEGER NOT NULL,
-    created REAL NOT NULL,
-    updated REAL NOT NULL,
-    PRIMARY KEY (kind, name)
-);
-CREATE TABLE IF NOT EXISTS answers (
-    key TEXT NOT NULL,
-    endpoint TEXT NOT NULL,
-    request_hash TEXT NOT NULL,
-    status INTEGER,
-    headers TEXT,
-    body BLOB,
-    created REAL NOT NULL,
-    PRIMARY KEY (key, endpoint)
-);
-"""
-
-
-class StoreError(Exception):
-    """The storage can't be opened or used; the message says what to do."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,8 +57,10 @@ class Recorded:
 class Store(Protocol):
     """What the service needs of a storage; every method blocks and is safe in any thread.
 
-    `kind` is "scene" or "robot".
+    `kind` is "scene" or "robot"; `jobs` are kept beside the documents.
     """
+
+    jobs: JobStore
 
     def create(self, kind: str, name: str, content: bytes) -> Record:
         """Keep a new document. Raises ProblemError CONFLICT if the name is taken."""
@@ -138,59 +112,13 @@ def open_store(url: str) -> Store:
 class SqliteStore:
     """A store in one SQLite file.
 
-    Write-ahead log with ``synchronous=NORMAL``: a crash of the process loses nothing, a power
-    failure at most the last moments, and nothing is ever damaged.
-
     Raises:
         StoreError: The file can't be made, written or read, or is no database of ours.
     """
 
     def __init__(self, path: Path) -> None:
-        self._lock = threading.Lock()
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self._database = sqlite3.connect(
-                path, timeout=10.0, isolation_level=None, check_same_thread=False
-            )
-        except (OSError, sqlite3.Error) as error:
-            raise StoreError(_unusable(path, error)) from error
-        try:
-            self._prepare(path)
-        except sqlite3.Error as error:
-            self._database.close()
-            raise StoreError(_unusable(path, error)) from error
-        except StoreError:
-            self._database.close()
-            raise
-
-    def _prepare(self, path: Path) -> None:
-        database = self._database
-        database.execute("PRAGMA journal_mode = WAL")
-        database.execute("PRAGMA synchronous = NORMAL")
-        (verdict,) = database.execute("PRAGMA quick_check(1)").fetchone()
-        if verdict != "ok":
-            raise StoreError(_unusable(path, verdict))
-        (version,) = database.execute("PRAGMA user_version").fetchone()
-        if version not in (0, _SCHEMA_VERSION):
-            raise StoreError(
-                f"{path} was written by another version of Armwright (schema {version}, this one "
-                f"has {_SCHEMA_VERSION}); use that version or another data folder"
-            )
-        database.executescript(_SCHEMA)
-        database.execute(f"PRAGMA user_version = {_SCHEMA_VERSION}")
-        # Whoever claimed these went down with the process before this one.
-        database.execute("DELETE FROM answers WHERE status IS NULL")
-
-    @contextmanager
-    def _transaction(self) -> Iterator[sqlite3.Connection]:
-        with self._lock:
-            self._database.execute("BEGIN IMMEDIATE")
-            try:
-                yield self._database
-            except BaseException:
-                self._database.execute("ROLLBACK")
-                raise
-            self._database.execute("COMMIT")
+        self._database = Database(path)
+        self.jobs: JobStore = SqliteJobs(self._database)
 
     def create(self, kind: str, name: str, content: bytes) -> Record:
         """Keep a new document.
@@ -198,7 +126,7 @@ class SqliteStore:
         Raises:
             ProblemError: CONFLICT, the name is taken.
         """
-        with self._transaction() as database:
+        with self._database.transaction() as database:
             if _find(database, kind, name) is not None:
                 raise ProblemError(
                     "CONFLICT",
@@ -211,7 +139,7 @@ class SqliteStore:
 
     def replace(self, kind: str, name: str, content: bytes) -> Record:
         """Keep a document, new or in place of the one of that name."""
-        with self._transaction() as database:
+        with self._database.transaction() as database:
             return _write(database, kind, name, content)
 
     def record(self, kind: str, name: str) -> Record:
@@ -220,8 +148,8 @@ class SqliteStore:
         Raises:
             ProblemError: NOT_FOUND.
         """
-        with self._lock:
-            record = _find(self._database, kind, name)
+        with self._database.reading() as database:
+            record = _find(database, kind, name)
         if record is None:
             raise _missing(kind, name)
         return record
@@ -232,19 +160,19 @@ class SqliteStore:
         Raises:
             ProblemError: NOT_FOUND.
         """
-        with self._lock:
-            record = _find(self._database, kind, name)
+        with self._database.reading() as database:
+            record = _find(database, kind, name)
             if record is None:
                 raise _missing(kind, name)
-            (content,) = self._database.execute(
+            (content,) = database.execute(
                 "SELECT content FROM documents WHERE kind = ? AND name = ?", (kind, name)
             ).fetchone()
         return Document(record, bytes(content))
 
     def list(self, kind: str, after: str, limit: int) -> list[Record]:
         """The first `limit` documents whose names sort after `after`, by name."""
-        with self._lock:
-            rows = self._database.execute(
+        with self._database.reading() as database:
+            rows = database.execute(
                 f"SELECT {_COLUMNS} FROM documents WHERE kind = ? AND name > ? "
                 "ORDER BY name LIMIT ?",
                 (kind, after, limit),
@@ -257,7 +185,7 @@ class SqliteStore:
         Raises:
             ProblemError: NOT_FOUND.
         """
-        with self._transaction() as database:
+        with self._database.transaction() as database:
             gone = database.execute(
                 "DELETE FROM documents WHERE kind = ? AND name = ?", (kind, name)
             )
@@ -272,7 +200,7 @@ class SqliteStore:
                 request is still being worked on.
         """
         now = time.time()
-        with self._transaction() as database:
+        with self._database.transaction() as database:
             database.execute("DELETE FROM answers WHERE created < ?", (now - _KEY_LIFETIME,))
             row = database.execute(
                 "SELECT request_hash, status, headers, body FROM answers "
@@ -290,7 +218,7 @@ class SqliteStore:
 
     def finish(self, key: str, endpoint: str, answer: Recorded) -> None:
         """Keep the answer a claimed key stands for from now on."""
-        with self._transaction() as database:
+        with self._database.transaction() as database:
             database.execute(
                 "UPDATE answers SET status = ?, headers = ?, body = ? "
                 "WHERE key = ? AND endpoint = ?",
@@ -299,13 +227,12 @@ class SqliteStore:
 
     def forget(self, key: str, endpoint: str) -> None:
         """Give a claimed key back."""
-        with self._transaction() as database:
+        with self._database.transaction() as database:
             database.execute("DELETE FROM answers WHERE key = ? AND endpoint = ?", (key, endpoint))
 
     def close(self) -> None:
         """Write the log back and close the file."""
-        with self._lock:
-            self._database.close()
+        self._database.close()
 
 
 _COLUMNS = "name, hash, version, created, updated, length(content)"
@@ -360,11 +287,3 @@ def _earlier(
             retry_after=1,
         )
     return Recorded(status, json.loads(headers), bytes(body))
-
-
-def _unusable(path: Path, reason: object) -> str:
-    return (
-        f"the database {path} can't be used: {reason}. Check that its folder exists and can be "
-        "written to and that the disk is not full; if the file is damaged, move it away or restore "
-        "a copy. Another folder is chosen with --data-dir or ARMWRIGHT_DATA_DIR."
-    )

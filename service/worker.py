@@ -15,13 +15,26 @@ from multiprocessing.process import BaseProcess
 from typing import Any
 
 from service import frame
-from service.worker_main import Job
+from service.worker_main import HEADER, Job
 
 _log = logging.getLogger(__name__)
 
 Progress = Callable[[float, str], None]
 
 _EXIT_PATIENCE = 1.0  # for the exit code of a process that is dying [s]
+
+
+@dataclass(frozen=True, slots=True)
+class Background:
+    """How a job runs for which nobody waits.
+
+    Args:
+        allowance: Time it may take once a worker has begun with it [s].
+        on_start: Called on the event loop when that happens.
+    """
+
+    allowance: float
+    on_start: Callable[[], None]
 
 
 @dataclass(slots=True, eq=False)
@@ -33,6 +46,8 @@ class Ticket:
     payload: bytes
     result: asyncio.Future[Any]
     on_progress: Progress | None
+    background: "Background | None" = None
+    yields: int = 0
     timer: asyncio.TimerHandle | None = None
     worker: "Worker | None" = None
     attempts: int = 0
@@ -83,10 +98,13 @@ class Worker(asyncio.Protocol):
         self.doomed = True
         self.gone.set()
 
-    def send(self, payload: bytes) -> None:
+    def send(self, ticket: Ticket) -> None:
         """Send a job."""
         assert self._transport is not None
-        self._transport.write(frame.encode(payload))
+        header = HEADER.pack(ticket.deadline, ticket.on_progress is not None)
+        # The payload may be tens of megabytes: it is not copied behind its header.
+        self._transport.write(frame.prefix(header, ticket.payload) + header)
+        self._transport.write(ticket.payload)
 
     def kill(self) -> None:
         """End the process, whatever it is doing."""

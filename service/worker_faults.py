@@ -61,3 +61,16 @@ class ShuttingDown(ProblemError):
             status=503,
             retry_after=1,
         )
+
+
+class JobsFull(ProblemError):
+    """As many jobs as are allowed wait or run."""
+
+    def __init__(self, unfinished: int, workers: int) -> None:
+        super().__init__(
+            "OVERLOADED",
+            f"{unfinished} jobs are waiting or running, and no more are accepted",
+            stage="queue",
+            hint="Ask again after the time in Retry-After, or cancel some of them.",
+            retry_after=max(1, min(60, unfinished // workers)),
+        )

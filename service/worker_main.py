@@ -13,6 +13,7 @@ import pickle
 import select
 import signal
 import socket
+import struct
 import time
 import traceback
 from collections.abc import Callable, Mapping, Sequence
@@ -25,8 +26,10 @@ from service import frame
 
 #: How long after its deadline a worker ends itself, should the server have failed to do it [s].
 _SELF_KILL = 5.0
-#: Progress is told at most this often [s].
+#: Progress within a stage is told at most this often [s].
 _REPORT_PERIOD = 0.05
+#: In front of each job: its deadline, and whether somebody wants to know how far it is.
+HEADER = struct.Struct("!d?")
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +64,8 @@ class _Current:
 
     channel: socket.socket | None = None
     deadline: float = math.inf
+    heard: bool = False
+    stage: str | None = None
     last_report: float = 0.0
 
 
@@ -76,9 +81,11 @@ def report(progress: float, stage: str) -> None:
         progress: From 0 to 1.
         stage: What is being done, in a word.
     """
+    if _Current.channel is None or not _Current.heard:
+        return
     now = time.monotonic()
-    if _Current.channel is not None and now - _Current.last_report >= _REPORT_PERIOD:
-        _Current.last_report = now
+    if stage != _Current.stage or now - _Current.last_report >= _REPORT_PERIOD:
+        _Current.stage, _Current.last_report = stage, now
         _send(_Current.channel, Reply.PROGRESS, float(progress), stage)
 
 
@@ -143,8 +150,9 @@ def _end_with_server() -> None:
 
 
 def _attended(channel: socket.socket, payload: bytes, modules: Sequence[str]) -> tuple[Any, ...]:
-    _Current.deadline, content = pickle.loads(payload)
-    _Current.channel = channel
+    _Current.deadline, _Current.heard = HEADER.unpack_from(payload)
+    content = memoryview(payload)[HEADER.size :]
+    _Current.channel, _Current.stage = channel, None
     if math.isfinite(_Current.deadline):
         # The server ends what overruns; this is for a server that no longer gets to it.
         remaining = max(_Current.deadline - time.monotonic(), 0.0)
@@ -156,7 +164,7 @@ def _attended(channel: socket.socket, payload: bytes, modules: Sequence[str]) ->
         _Current.channel, _Current.deadline = None, math.inf
 
 
-def _outcome(content: bytes, modules: Sequence[str]) -> tuple[Any, ...]:
+def _outcome(content: memoryview, modules: Sequence[str]) -> tuple[Any, ...]:
     try:
         job: Job = pickle.loads(content)
         value = resolve(job.task, modules)(*job.args, **job.kwargs)

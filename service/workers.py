@@ -23,7 +23,7 @@ from service import worker_main
 from service.errors import from_fields
 from service.handlers import unexpected
 from service.warm import warm_kernels
-from service.worker import Progress, Ticket, Worker, in_thread, reap, start
+from service.worker import Background, Progress, Ticket, Worker, in_thread, reap, start
 from service.worker_faults import DeadlineExceeded, QueueFull, ShuttingDown, WorkerCrashed
 from service.worker_main import Job, Reply
 
@@ -47,6 +47,11 @@ _FIRST_PAUSE, _LONGEST_PAUSE = 0.01, 1.0  # between failed starts of a worker [s
 #: A worker may be killed while it starts; only several in a row mean that none can start.
 _FAILURES = 3
 _MEAN_WEIGHT = 0.1  # of the newest job in the mean duration
+#: A request that has waited so long takes the worker of a background job [s]: longer than most
+#: requests need, shorter than a person notices.
+_YIELD_AFTER = 0.2
+#: How often one background job gives way and begins anew; then it runs to its end.
+_MAX_YIELDS = 3
 
 
 @dataclass(slots=True)
@@ -58,11 +63,15 @@ class Counters:
     overrun: int = 0
     cancelled: int = 0
     rejected: int = 0
+    yielded: int = 0
     started_workers: int = 0
 
 
 class WorkerSupervisor:
     """Runs jobs in worker processes, and keeps the workers alive.
+
+    Jobs for which somebody waits go first. Background jobs may hold all workers; where somebody
+    waits nevertheless, the one that began last gives way and begins anew later.
 
     Args:
         count: Worker processes.
@@ -88,6 +97,7 @@ class WorkerSupervisor:
         self._modules = tuple(modules)
         self._warm = warm
         self._waiting: deque[Ticket] = deque()
+        self._background: deque[Ticket] = deque()
         self._idle: list[Worker] = []
         self._workers: set[Worker] = set()
         self._tenders: list[asyncio.Task[None]] = []
@@ -105,8 +115,18 @@ class WorkerSupervisor:
 
     @property
     def waiting(self) -> int:
-        """Jobs that wait for a worker."""
+        """Jobs that wait for a worker and for which somebody waits."""
         return len(self._waiting)
+
+    @property
+    def background_waiting(self) -> int:
+        """Background jobs that wait for a worker."""
+        return len(self._background)
+
+    @property
+    def count(self) -> int:
+        """How many workers there ought to be."""
+        return self._count
 
     @property
     def busy(self) -> int:
@@ -140,10 +160,16 @@ class WorkerSupervisor:
         """Accept no more jobs and tell those that wait or run that the service is ending."""
         self._accepting = False
         running = [worker.ticket for worker in self._workers if worker.ticket is not None]
-        for ticket in [*self._waiting, *running]:
+        for ticket in [*self._waiting, *self._background, *running]:
             ticket.settle(ShuttingDown())
 
-    async def submit(self, job: Job, deadline: float, on_progress: Progress | None = None) -> Any:
+    async def submit(
+        self,
+        job: Job,
+        deadline: float,
+        on_progress: Progress | None = None,
+        background: Background | None = None,
+    ) -> Any:
         """Run a job in a worker.
 
         When the caller is cancelled, the job is taken from the queue, or its worker is killed.
@@ -152,6 +178,8 @@ class WorkerSupervisor:
             job: What to call.
             deadline: When the result must be there, on the clock of `time.monotonic` [s].
             on_progress: Called on the event loop with what the job reports of itself.
+            background: Given where nobody waits. The queue has no limit for these; whoever
+                submits them minds their number.
 
         Returns:
             What the task function returned.
@@ -166,32 +194,72 @@ class WorkerSupervisor:
         """
         if not self._accepting:
             raise ShuttingDown
-        if not self._idle and len(self._waiting) >= self._queue_limit:
+        if background is None and not self._idle and len(self._waiting) >= self._queue_limit:
             self.counters.rejected += 1
             raise QueueFull(len(self._waiting), self._retry_after())
-        payload = pickle.dumps((deadline, pickle.dumps(job, pickle.HIGHEST_PROTOCOL)))
-        result = asyncio.get_running_loop().create_future()
-        ticket = Ticket(job, deadline, payload, result, on_progress)
+        loop = asyncio.get_running_loop()
+        payload = pickle.dumps(job, pickle.HIGHEST_PROTOCOL)
+        ticket = Ticket(job, deadline, payload, loop.create_future(), on_progress, background)
         self._set_timer(ticket, deadline)
-        self._waiting.append(ticket)
+        self._queue(ticket).append(ticket)
         self._dispatch()
+        patience = None
+        if background is None and ticket.worker is None:
+            patience = loop.call_later(_YIELD_AFTER, self._make_room, ticket)
         try:
-            return await result
+            return await ticket.result
         finally:
+            if patience is not None:
+                patience.cancel()
             self._withdraw(ticket)
 
     # ------------------------------------------------------------------------------- tickets
 
+    def _queue(self, ticket: Ticket) -> deque[Ticket]:
+        return self._waiting if ticket.background is None else self._background
+
     def _dispatch(self) -> None:
-        while self._waiting and self._idle:
+        while self._idle and (self._waiting or self._background):
             worker = self._idle.pop()
             if worker.doomed:
                 continue
-            ticket = self._waiting.popleft()
+            ticket = (self._waiting or self._background).popleft()
             ticket.worker, worker.ticket = worker, ticket
             ticket.attempts += 1
+            if ticket.background is not None:
+                ticket.deadline = time.monotonic() + ticket.background.allowance
             self._set_timer(ticket, ticket.deadline + self._grace)
-            worker.send(ticket.payload)
+            worker.send(ticket)
+
+    def _make_room(self, waiting: Ticket) -> None:
+        """Take the worker of the background job that loses least by it, for one that waits."""
+        if waiting not in self._waiting:
+            return
+        yielding = [
+            worker
+            for worker in self._workers
+            if worker.ticket is not None
+            and not worker.doomed
+            and worker.ticket.background is not None
+            and worker.ticket.yields < _MAX_YIELDS
+        ]
+        if not yielding:
+            return
+        worker = max(yielding, key=lambda worker: worker.ticket.begun if worker.ticket else 0.0)
+        ticket = worker.ticket
+        assert ticket is not None
+        ticket.yields += 1
+        self.counters.yielded += 1
+        self._put_back(ticket)
+        worker.ticket = None
+        worker.kill()
+
+    def _put_back(self, ticket: Ticket) -> None:
+        """Have a job wait once more, in front of all others of its kind."""
+        ticket.worker, ticket.arrived = None, False
+        if ticket.background is not None:
+            self._set_timer(ticket, math.inf)
+        self._queue(ticket).appendleft(ticket)
 
     def _set_timer(self, ticket: Ticket, when: float) -> None:
         if ticket.timer is not None:
@@ -217,8 +285,9 @@ class WorkerSupervisor:
 
     def _let_go(self, ticket: Ticket) -> None:
         """Free whatever the ticket still holds: its place in the queue or its worker."""
-        if ticket in self._waiting:
-            self._waiting.remove(ticket)
+        queue = self._queue(ticket)
+        if ticket in queue:
+            queue.remove(ticket)
         if ticket.worker is not None and ticket.worker.ticket is ticket:
             ticket.worker.kill()
 
@@ -286,8 +355,7 @@ class WorkerSupervisor:
             exit_code = None
         elif not ticket.arrived and ticket.attempts < _MAX_ATTEMPTS and self._accepting:
             exit_code = None
-            ticket.worker = None
-            self._waiting.appendleft(ticket)
+            self._put_back(ticket)
             self._dispatch()
         else:
             self.counters.crashed += 1
@@ -313,6 +381,8 @@ class WorkerSupervisor:
             return
         elif kind == Reply.STARTED:
             ticket.arrived, ticket.begun = True, time.monotonic()
+            if ticket.background is not None:
+                ticket.background.on_start()
         elif kind == Reply.PROGRESS:
             if ticket.on_progress is not None and not ticket.result.done():
                 ticket.on_progress(*values)

@@ -25,10 +25,12 @@ from armwright_client.client import (
     DEFAULT_URL,
     AsyncClient,
     AsyncJobs,
+    AsyncLater,
     AsyncRobots,
     AsyncScenes,
     Client,
     Jobs,
+    Later,
     Robots,
     Scenes,
 )
@@ -99,7 +101,7 @@ from armwright_client.errors import (
     WorkerCrashed,
 )
 from armwright_client.health import Health, Readiness
-from armwright_client.job import Job, JobEvent
+from armwright_client.job import Job, JobEvent, JobList
 from armwright_client.kinematics import (
     FkAnswer,
     FkBatch,
@@ -115,7 +117,10 @@ from armwright_client.kinematics import (
     JacobianOptions,
     JacobianRequest,
 )
+from armwright_client.pending import AsyncPending, Pending
 from armwright_client.plan import (
+    BatchAnswer,
+    BatchProblem,
     BatchRequest,
     Descent,
     Goal,
@@ -203,10 +208,14 @@ __all__ = [
     "ArrayLike",
     "AsyncClient",
     "AsyncJobs",
+    "AsyncLater",
+    "AsyncPending",
     "AsyncRobots",
     "AsyncScenes",
     "Attached",
     "BaseParameter",
+    "BatchAnswer",
+    "BatchProblem",
     "BatchRequest",
     "Box",
     "Capsule",
@@ -266,8 +275,10 @@ __all__ = [
     "JacobianRequest",
     "Job",
     "JobEvent",
+    "JobList",
     "Jobs",
     "JointLimits",
+    "Later",
     "LimitUse",
     "LimitUses",
     "LimitValues",
@@ -288,6 +299,7 @@ __all__ = [
     "Path",
     "Payload",
     "PayloadTooLarge",
+    "Pending",
     "Plan",
     "PlanOptions",
     "PlanRequest",

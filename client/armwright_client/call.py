@@ -7,7 +7,17 @@ method that answers where the client is synchronous, and one to be awaited where
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import wraps
-from typing import Any, Concatenate, Generic, ParamSpec, Protocol, Self, TypeVar, overload
+from typing import (
+    TYPE_CHECKING,
+    Any,
+    Concatenate,
+    Generic,
+    ParamSpec,
+    Protocol,
+    Self,
+    TypeVar,
+    overload,
+)
 from urllib.parse import quote
 
 from pydantic import ValidationError
@@ -16,6 +26,9 @@ from armwright_client.base import Request
 from armwright_client.errors import InvalidArgument
 from armwright_client.job import JobEvent
 from armwright_client.robot import RobotArchive
+
+if TYPE_CHECKING:
+    from armwright_client.pending import AsyncPending, Pending
 
 P = ParamSpec("P")
 A = TypeVar("A")
@@ -32,6 +45,7 @@ class Call(Generic[A]):
         body: To be sent, a request as JSON.
         query: Parameters of the URL.
         key: For the header Idempotency-Key.
+        headers: More of them.
         deadline: How long the service may take [s], where that is known.
         repeatable: Whether doing it twice does the same; with a key it always is.
     """
@@ -42,6 +56,7 @@ class Call(Generic[A]):
     body: Request | RobotArchive | None = None
     query: Mapping[str, str | int] = field(default_factory=dict)
     key: str | None = None
+    headers: Mapping[str, str] = field(default_factory=dict)
     deadline: float | None = None
     repeatable: bool = True
 
@@ -57,6 +72,9 @@ class Sender(Protocol):
     def send(self, call: Call[A]) -> A:
         """The answer."""
 
+    def postpone(self, call: Call[A]) -> "Pending[A]":
+        """The handle of the job that will have the answer."""
+
     def stream(self, call: EventCall) -> Iterator[JobEvent]:
         """The events, as they come."""
 
@@ -66,6 +84,9 @@ class AsyncSender(Protocol):
 
     async def send(self, call: Call[A]) -> A:
         """The answer."""
+
+    async def postpone(self, call: Call[A]) -> "AsyncPending[A]":
+        """The handle of the job that will have the answer."""
 
     def stream(self, call: EventCall) -> AsyncIterator[JobEvent]:
         """The events, as they come."""
@@ -85,6 +106,14 @@ class AsyncGroup:
         self._sender = sender
 
 
+class LaterGroup(Group):
+    """Methods whose requests become jobs."""
+
+
+class AsyncLaterGroup(AsyncGroup):
+    """Methods to be awaited whose requests become jobs."""
+
+
 class Endpoint(Generic[P, A]):
     """Makes a method of a function that gives a `Call`.
 
@@ -99,11 +128,39 @@ class Endpoint(Generic[P, A]):
     @overload
     def __get__(self, group: None, kind: type) -> Self: ...
     @overload
+    def __get__(self, group: LaterGroup, kind: type) -> Callable[P, "Pending[A]"]: ...
+    @overload
+    def __get__(
+        self, group: AsyncLaterGroup, kind: type
+    ) -> Callable[P, Awaitable["AsyncPending[A]"]]: ...
+    @overload
     def __get__(self, group: Group, kind: type) -> Callable[P, A]: ...
     @overload
     def __get__(self, group: AsyncGroup, kind: type) -> Callable[P, Awaitable[A]]: ...
     def __get__(self, group: Group | AsyncGroup | None, kind: type) -> Any:
-        return self if group is None else _bound(self._build, group, "send")
+        if group is None:
+            return self
+        later = isinstance(group, LaterGroup | AsyncLaterGroup)
+        return _bound(self._build, group, "postpone" if later else "send")
+
+
+class JobEndpoint(Generic[P, A]):
+    """Makes a method of a function that gives a `Call` which the service always makes a job of."""
+
+    def __init__(self, build: Callable[Concatenate[Any, P], Call[A]]) -> None:
+        self._build = build
+        self.__doc__ = build.__doc__
+
+    @overload
+    def __get__(self, group: None, kind: type) -> Self: ...
+    @overload
+    def __get__(self, group: Group, kind: type) -> Callable[P, "Pending[A]"]: ...
+    @overload
+    def __get__(
+        self, group: AsyncGroup, kind: type
+    ) -> Callable[P, Awaitable["AsyncPending[A]"]]: ...
+    def __get__(self, group: Group | AsyncGroup | None, kind: type) -> Any:
+        return self if group is None else _bound(self._build, group, "postpone")
 
 
 class EventEndpoint(Generic[P]):

@@ -4,13 +4,15 @@ from typing import Self, Unpack
 
 import httpx
 
-from armwright_client.call import AsyncGroup, Group
+from armwright_client.call import AsyncGroup, AsyncLaterGroup, Group, LaterGroup
 from armwright_client.endpoints import (
     JobEndpoints,
     RobotEndpoints,
     SceneEndpoints,
     ServiceEndpoints,
 )
+from armwright_client.job import Job
+from armwright_client.pending import ended, ended_async
 from armwright_client.session import AsyncSession, ClientOptions, Session, Wire
 
 #: Where the service listens unless it is told otherwise.
@@ -36,9 +38,59 @@ class AsyncScenes(SceneEndpoints, AsyncGroup):
 class Jobs(JobEndpoints, Group):
     """Jobs: work that goes on after it was accepted."""
 
+    def wait(self, job: str, timeout: float | None = None) -> Job:
+        """A job once it has ended, whatever became of it.
+
+        Args:
+            job: Its id.
+            timeout: How long to wait [s]; without end if left out.
+
+        Raises:
+            TransportTimeout: It has not ended in time; it still may.
+        """
+        return ended(self._sender, job, timeout)
+
 
 class AsyncJobs(JobEndpoints, AsyncGroup):
     """`Jobs` to be awaited."""
+
+    async def wait(self, job: str, timeout: float | None = None) -> Job:
+        """A job once it has ended, whatever became of it; see `Jobs.wait`."""
+        return await ended_async(self._sender, job, timeout)
+
+
+class LaterRobots(RobotEndpoints, LaterGroup):
+    """`Robots` whose answers are asked for later."""
+
+
+class AsyncLaterRobots(RobotEndpoints, AsyncLaterGroup):
+    """`LaterRobots` to be awaited."""
+
+
+class LaterScenes(SceneEndpoints, LaterGroup):
+    """`Scenes` whose answers are asked for later."""
+
+
+class AsyncLaterScenes(SceneEndpoints, AsyncLaterGroup):
+    """`LaterScenes` to be awaited."""
+
+
+class Later(ServiceEndpoints, LaterGroup):
+    """The methods of a client that give a `Pending` at once and the answer when it is there."""
+
+    def __init__(self, sender: Session) -> None:
+        super().__init__(sender)
+        self.robots = LaterRobots(sender)
+        self.scenes = LaterScenes(sender)
+
+
+class AsyncLater(ServiceEndpoints, AsyncLaterGroup):
+    """`Later` to be awaited."""
+
+    def __init__(self, sender: AsyncSession) -> None:
+        super().__init__(sender)
+        self.robots = AsyncLaterRobots(sender)
+        self.scenes = AsyncLaterScenes(sender)
 
 
 class Client(ServiceEndpoints, Group):
@@ -65,6 +117,7 @@ class Client(ServiceEndpoints, Group):
         self.robots = Robots(self._session)
         self.scenes = Scenes(self._session)
         self.jobs = Jobs(self._session)
+        self.later = Later(self._session)
 
     def close(self) -> None:
         """Close all connections."""
@@ -92,6 +145,7 @@ class AsyncClient(ServiceEndpoints, AsyncGroup):
         self.robots = AsyncRobots(self._session)
         self.scenes = AsyncScenes(self._session)
         self.jobs = AsyncJobs(self._session)
+        self.later = AsyncLater(self._session)
 
     async def close(self) -> None:
         """Close all connections."""

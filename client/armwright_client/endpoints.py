@@ -4,7 +4,15 @@ from collections.abc import Mapping, Sequence
 from typing import Unpack
 
 from armwright_client.base import Options, RowsLike, VectorLike
-from armwright_client.call import Call, Endpoint, EventCall, EventEndpoint, nothing, path
+from armwright_client.call import (
+    Call,
+    Endpoint,
+    EventCall,
+    EventEndpoint,
+    JobEndpoint,
+    nothing,
+    path,
+)
 from armwright_client.certificate import (
     Certificate,
     LimitValues,
@@ -29,7 +37,7 @@ from armwright_client.dynamics import (
     WrenchRequest,
 )
 from armwright_client.health import Health, Readiness
-from armwright_client.job import Job
+from armwright_client.job import Job, JobList
 from armwright_client.kinematics import (
     FkAnswer,
     FkBatch,
@@ -42,7 +50,10 @@ from armwright_client.kinematics import (
     JacobianOptions,
     JacobianRequest,
 )
+from armwright_client.pending import cancel_call, events_call, job_call
 from armwright_client.plan import (
+    BatchAnswer,
+    BatchProblem,
     BatchRequest,
     GoalLike,
     Plan,
@@ -332,17 +343,26 @@ class JobEndpoints:
     @Endpoint
     def get(self, job: str) -> Call[Job]:
         """Where a job stands."""
-        return Call("GET", path("jobs", job), Job.read)
+        return job_call(job)
 
     @Endpoint
-    def cancel(self, job: str) -> Call[None]:
-        """End a job."""
-        return Call("DELETE", path("jobs", job), nothing)
+    def cancel(self, job: str) -> Call[Job]:
+        """End a job that waits or runs; raises `Conflict` if it has succeeded or failed."""
+        return cancel_call(job)
 
     @EventEndpoint
-    def events(self, job: str) -> EventCall:
-        """The events of a job, until it ends."""
-        return EventCall("GET", path("jobs", job, "events"), nothing)
+    def events(self, job: str, *, after: str | None = None) -> EventCall:
+        """The events of a job until it ends, from the beginning or after the `id` of one."""
+        return events_call(job, after)
+
+    # Last, since it hides the built-in type from what follows.
+    @Endpoint
+    def list(
+        self, *, status: str | None = None, after: str | None = None, limit: int | None = None
+    ) -> Call[JobList]:
+        """A page of the jobs, newest first, perhaps only those of a status."""
+        query = dict(_page(after, limit)) | ({} if status is None else {"status": status})
+        return Call("GET", path("jobs"), JobList.read, query=query)
 
 
 class ServiceEndpoints:
@@ -384,14 +404,26 @@ class ServiceEndpoints:
         )
         return Call("POST", path("plan"), Plan.read, body, deadline=body.timeout)
 
-    @Endpoint
+    @JobEndpoint
     def plan_batch(
-        self, problems: Sequence[PlanRequest], *, idempotency_key: str | None = None
-    ) -> Call[Job]:
-        """Have many problems with one robot planned, as a job."""
-        body = BatchRequest.of(problems=list(problems))
+        self,
+        problems: Sequence[PlanRequest | BatchProblem],
+        *,
+        robot: str | None = None,
+        start: VectorLike | None = None,
+        idempotency_key: str | None = None,
+        **options: Unpack[PlanOptions],
+    ) -> Call[BatchAnswer]:
+        """Have many problems planned, as a job; what is given here holds for all that lack it."""
+        begin = None if start is None else Start.of(joints=start)
+        body = BatchRequest.of(problems=[*problems], robot=robot, start=begin, **options)
         return Call(
-            "POST", path("plan", "batch"), Job.read, body, key=idempotency_key, repeatable=False
+            "POST",
+            path("plan", "batch"),
+            BatchAnswer.read,
+            body,
+            key=idempotency_key,
+            repeatable=False,
         )
 
     @Endpoint

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from datetime import datetime
 from typing import Any
 
 from armwright_client.base import Answer
@@ -14,18 +15,47 @@ class Job(Answer):
     Args:
         id: To ask for it by.
         status: "queued", "running", "succeeded", "failed" or "cancelled".
+        operation: The request that it answers, as "POST /v1/plan".
         progress: From 0 to 1.
         stage: What is being done.
-        result: The answer, once succeeded.
+        created: When it was accepted.
+        started: When a worker began with it.
+        ended: When it ended.
+        expires: When the service forgets it.
+        location: What it created, as "/v1/robots/arm".
+        result: The answer, once succeeded, as JSON has it.
         error: What went wrong, once failed.
     """
 
-    id: str | None = None
+    id: str
     status: str
-    progress: float | None = None
+    operation: str = ""
+    progress: float = 0.0
     stage: str | None = None
+    created: datetime | None = None
+    started: datetime | None = None
+    ended: datetime | None = None
+    expires: datetime | None = None
+    location: str | None = None
     result: Any = None
     error: Problem | None = None
+
+    @property
+    def done(self) -> bool:
+        """Whether it has ended, one way or another."""
+        return self.status in ("succeeded", "failed", "cancelled")
+
+
+class JobList(Answer):
+    """Jobs without their results, newest first.
+
+    Args:
+        jobs: A page of them.
+        next: To be given as `after` for the next page, if there is one.
+    """
+
+    jobs: list[Job]
+    next: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +71,14 @@ class JobEvent:
     event: str
     data: str
     id: str | None = None
+
+    def job(self) -> Job:
+        """Where the job stands, as the events of jobs tell.
+
+        Raises:
+            pydantic.ValidationError: It is another event.
+        """
+        return Job.read(self.data.encode())
 
 
 class EventReader:

@@ -1,7 +1,7 @@
 """Planning problems and their answers."""
 
 from collections.abc import Sequence
-from typing import Any, Literal, Self, TypeAlias, TypedDict
+from typing import Annotated, Any, Literal, Self, TypeAlias, TypedDict
 
 from pydantic import Field, model_validator
 
@@ -21,6 +21,7 @@ from armwright_client.certificate import Certificate, LimitValues
 from armwright_client.check import AttachedObjects
 from armwright_client.dynamics import Payload
 from armwright_client.pose import Pose
+from armwright_client.problem import Problem
 from armwright_client.scene import SceneReference
 from armwright_client.trajectory import TimedTrajectory
 
@@ -323,7 +324,46 @@ class Retimed(Answer):
     notes: list[str] = Field(default_factory=list)
 
 
-class BatchRequest(Request):
+class BatchProblem(Request):
+    """One of many problems; what is left out is taken from the batch, see `PlanOptions`."""
+
+    robot: str | None = None
+    start: Start | None = None
+    goal: Goal | None = None
+    scene: SceneReference | None = None
+    planner: str | None = None
+    planner_options: Options | None = None
+    constraints: OptionsList | None = None
+    attached: AttachedObjects | None = None
+    allowed_collisions: Pairs | None = None
+    margin: NonNegative | None = None
+    start_state_tolerance: NonNegative | None = None
+    timing: Timing | None = None
+    limits: LimitValues | None = None
+    timeout: Positive | None = None
+    seed: int | None = None
+
+    @classmethod
+    def towards(cls, goal: "GoalLike", **given: Any) -> Self:
+        """The way to a goal; `given` are other fields."""
+        return cls.of(goal=as_goal(goal), **given)
+
+
+class BatchRequest(BatchProblem):
     """Many problems, to be answered in order."""
 
-    problems: list[PlanRequest]
+    problems: list[PlanRequest | BatchProblem]
+
+
+class BatchAnswer(Answer):
+    """What became of each problem, in order.
+
+    Args:
+        results: A plan, or the problem document that says why there is none.
+        succeeded: How many plans there are.
+        failed: How many there are not.
+    """
+
+    results: list[Annotated[Plan | Problem, Field(union_mode="left_to_right")]]
+    succeeded: int
+    failed: int

@@ -4,6 +4,7 @@ import asyncio
 import time
 from collections.abc import AsyncIterator, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from itertools import count
 from typing import Any, TypedDict, TypeVar, Unpack
 
@@ -20,7 +21,8 @@ from armwright_client.errors import (
     UnexpectedAnswer,
     from_problem,
 )
-from armwright_client.job import EventReader, JobEvent
+from armwright_client.job import EventReader, Job, JobEvent
+from armwright_client.pending import AsyncPending, Pending
 from armwright_client.problem import Problem
 from armwright_client.retry import Retry, retry_after
 from armwright_client.robot import RobotArchive
@@ -83,7 +85,9 @@ class Wire:
 
     def arguments(self, call: Call[Any]) -> dict[str, Any]:
         """Arguments for httpx's `request`."""
-        headers = {} if call.key is None else {"Idempotency-Key": call.key}
+        headers = dict(call.headers)
+        if call.key is not None:
+            headers["Idempotency-Key"] = call.key
         arguments: dict[str, Any] = {
             "method": call.method,
             "url": call.path,
@@ -132,6 +136,10 @@ class Session:
             time.sleep(seconds)
         return answer(call, response)
 
+    def postpone(self, call: Call[A]) -> Pending[A]:
+        """The handle of the job that will have the answer to a call."""
+        return Pending(self, self.send(as_job(call)), call)
+
     def stream(self, call: EventCall) -> Iterator[JobEvent]:
         """The events that answer a call, as they come."""
         reader = EventReader()
@@ -170,6 +178,10 @@ class AsyncSession:
             await asyncio.sleep(seconds)
         return answer(call, response)
 
+    async def postpone(self, call: Call[A]) -> AsyncPending[A]:
+        """The handle of the job that will have the answer to a call."""
+        return AsyncPending(self, await self.send(as_job(call)), call)
+
     async def stream(self, call: EventCall) -> AsyncIterator[JobEvent]:
         """The events that answer a call, as they come."""
         reader = EventReader()
@@ -185,6 +197,18 @@ class AsyncSession:
     async def close(self) -> None:
         """Close all connections."""
         await self._http.aclose()
+
+
+def as_job(call: Call[Any]) -> Call[Job]:
+    """The call that has another one made a job of.
+
+    Raises:
+        InvalidArgument: The other one computes nothing.
+    """
+    if call.method not in ("POST", "PUT"):
+        raise InvalidArgument(f"{call.method} {call.path} is answered at once, never later")
+    headers = {**call.headers, "Prefer": "respond-async"}
+    return replace(call, read=Job.read, headers=headers, deadline=None, repeatable=False)
 
 
 def answer(call: Call[A], response: httpx.Response) -> A:

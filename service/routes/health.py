@@ -1,10 +1,13 @@
-"""Whether the process lives, and whether it can be given work."""
+"""Whether the process lives, whether it can be given work, and what it has counted."""
 
-from fastapi import APIRouter, Request
+from fastapi import APIRouter, Request, Response
+from prometheus_client import CONTENT_TYPE_PLAIN_0_0_4
 from pydantic import Field
+from starlette.concurrency import run_in_threadpool
 
 from service.body import JsonRoute
 from service.errors import ProblemError
+from service.metrics import Metrics
 from service.openapi import RESPONSES
 from service.schemas.base import Answer
 from service.version import VERSION
@@ -53,3 +56,17 @@ async def readyz(request: Request) -> Readiness:
         busy=supervisor.busy,
         waiting=supervisor.waiting,
     )
+
+
+@router.get(
+    "/metrics",
+    summary="Counters for Prometheus",
+    response_class=Response,
+    responses={200: {"content": {"text/plain": {"schema": {"type": "string"}}}}},
+)
+async def metrics(request: Request) -> Response:
+    """Requests, workers, queues, jobs, plans and stages in Prometheus's text format."""
+    state = request.app.state
+    jobs = await run_in_threadpool(state.store.jobs.counts)
+    counted: Metrics = state.metrics
+    return Response(counted.text(jobs), media_type=CONTENT_TYPE_PLAIN_0_0_4)

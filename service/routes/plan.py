@@ -6,6 +6,7 @@ from service import catalog
 from service.body import JsonRoute
 from service.computing import PATIENCE
 from service.openapi import RESPONSES
+from service.planned import planned
 from service.schemas.plan import CertificateAnswer, PlanAnswer, PlanRequest, ValidateRequest
 from service.settings import Settings
 from service.worker_main import Job
@@ -19,22 +20,19 @@ async def plan(body: PlanRequest, request: Request) -> Response:
 
     Where none is found in time, or none can be proved, the answer is a problem that says why.
     """
-    return await _in_worker(body, request, "plan")
+    content = await planned(request, body, await request.body())
+    return Response(content, media_type="application/json")
 
 
 @router.post("/validate", summary="Prove a motion", response_model=CertificateAnswer)
 async def validate(body: ValidateRequest, request: Request) -> Response:
     """The certificate of anybody's motion, or its first violation with the time."""
-    return await _in_worker(body, request, "validate")
-
-
-async def _in_worker(body: PlanRequest | ValidateRequest, request: Request, task: str) -> Response:
     content = await request.body()
     settings: Settings = request.app.state.settings
     timeout = settings.default_timeout if body.timeout is None else body.timeout
     result = await catalog.answer(
         request,
-        lambda robot, scene: Job(f"service.plan_tasks:{task}", (robot, scene, content, timeout)),
+        lambda robot, scene: Job("service.plan_tasks:validate", (robot, scene, content, timeout)),
         body.robot,
         body.scene,
         timeout=timeout,

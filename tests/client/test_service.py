@@ -67,32 +67,12 @@ def test_an_application_can_stand_in_for_the_network(tmp_path: Path) -> None:
     async def ask() -> tuple[ours.Health, str]:
         transport = httpx.ASGITransport(app)
         async with AsyncClient("http://app", transport=transport) as client:
-            with pytest.raises(ours.NotImplementedByServer) as caught:
-                await client.jobs.get("any")
+            with pytest.raises(ours.ValidationFailed) as caught:
+                await client.plan("no name", READY, AWAY)
             return await client.healthz(), caught.value.problem.instance
 
     health, instance = asyncio.run(ask())
-    assert (health.status, instance) == ("ok", "/v1/jobs/any")
-
-
-def pending(client: Client) -> list[Any]:
-    problem = ours.PlanRequest(
-        robot="panda", start=ours.Start(joints=READY), goal=ours.Goal(joints=AWAY)
-    )
-    return [
-        lambda: client.plan_batch([problem]),
-        lambda: client.jobs.get("1"),
-        lambda: client.jobs.cancel("1"),
-        lambda: list(client.jobs.events("1")),
-    ]
-
-
-def test_what_is_not_built_yet_says_so(client: Client) -> None:
-    for ask in pending(client):
-        with pytest.raises(ours.NotImplementedByServer) as caught:
-            ask()
-        assert caught.value.status == 501
-        assert caught.value.problem.hint
+    assert (health.status, instance) == ("ok", "/v1/plan")
 
 
 # ------------------------------------------------------------------------------ kinematics
@@ -547,3 +527,92 @@ def test_many_can_be_asked_at_once(url: str) -> None:
     assert check.valid
     assert scenes.scenes is not None
     assert robot.wrist == "three_parallel"
+
+
+# -------------------------------------------------------------------------------------- jobs
+
+
+def test_anything_can_be_asked_for_later(client: Client) -> None:
+    pending = client.later.plan("panda", READY, AWAY, timeout=60, seed=3)
+    told = [event.job() for event in pending.events()]
+    assert (told[0].status, told[-1].status, told[-1].id) == ("queued", "succeeded", pending.id)
+    plan = pending.wait(60)
+    assert plan.trajectory == client.plan("panda", READY, AWAY, timeout=60, seed=3).trajectory
+    job = pending.job()
+    assert (job.done, job.operation, job.progress) == (True, "POST /v1/plan", 1.0)
+    assert client.jobs.wait(pending.id) == job
+    assert job.created <= job.ended  # type: ignore[operator]
+    assert list(client.jobs.events(pending.id, after="9999")) == []
+    poses = client.later.robots.fk("panda", READY).wait(10)
+    assert poses == client.robots.fk("panda", READY)
+    assert pending.id in {job.id for job in client.jobs.list(status="succeeded").jobs}
+    made = client.later.robots.create(planar("later"), idempotency_key="later")
+    again = client.later.robots.create(planar("later"), idempotency_key="later")
+    assert (again.id, made.wait(60).name) == (made.id, "later")
+    assert made.job().location == "/v1/robots/later"
+    client.robots.delete("later")
+
+
+def test_what_fails_later_is_raised_later(client: Client) -> None:
+    pending = client.later.plan("panda", READY, (9.0, *AWAY[1:]), timeout=30)
+    with pytest.raises(ours.GoalStateInvalid) as caught:
+        pending.wait(60)
+    assert caught.value.joint == "panda_joint1"
+    with pytest.raises(ours.Conflict):
+        pending.cancel()
+    with pytest.raises(ours.NotFound):
+        client.later.plan("panda", READY, AWAY, scene="nowhere")
+    with pytest.raises(ours.InvalidArgument, match="at once"):
+        client.later.robots.get("panda")
+
+
+def test_jobs_are_cancelled(client: Client) -> None:
+    goals = [ours.BatchProblem.towards(AWAY, seed=seed) for seed in range(1000)]
+    pending = client.plan_batch(goals, robot="panda", start=READY)
+    cancelled = pending.cancel()
+    assert (cancelled.status, cancelled.done) == ("cancelled", True)
+    with pytest.raises(ours.Preempted, match=pending.id):
+        pending.wait(10)
+    assert client.jobs.cancel(pending.id).status == "cancelled"
+
+
+def test_batches_are_planned_in_order(url: str) -> None:
+    problems: list[ours.PlanRequest | ours.BatchProblem] = [
+        ours.BatchProblem.towards(AWAY),
+        ours.BatchProblem.towards((9.0, *AWAY[1:])),
+        ours.BatchProblem.towards(
+            READY, start=ours.Start(joints=AWAY), scene=ours.Scene(obstacles=[])
+        ),
+        ours.PlanRequest(
+            robot="planar_rr", start=ours.Start(joints=[0, 0]), goal=ours.Goal(joints=[1, 1])
+        ),
+    ]
+
+    async def ask() -> tuple[ours.BatchAnswer, list[str]]:
+        async with AsyncClient(url) as client:
+            pending = await client.plan_batch(
+                problems, robot="panda", start=READY, scene=ours.Scene(obstacles=[TABLE])
+            )
+            kinds = [event.event async for event in pending.events()]
+            assert (await client.jobs.wait(pending.id, 60)).done
+            assert (await pending.job()).done
+            return await pending.wait(60), kinds
+
+    answer, kinds = asyncio.run(ask())
+    assert (answer.succeeded, answer.failed, kinds[-1]) == (3, 1, "end")
+    one, two, three, four = answer.results
+    assert isinstance(one, ours.Plan)
+    assert isinstance(two, ours.Problem)
+    assert two.code == "GOAL_STATE_INVALID"
+    assert isinstance(three, ours.Plan)
+    assert isinstance(four, ours.Plan)
+    assert three.path.joints[-1] == pytest.approx(READY)
+    assert four.trajectory.joint_names != one.trajectory.joint_names
+
+
+def test_waiting_has_an_end(client: Client) -> None:
+    goals = [ours.BatchProblem.towards(AWAY, seed=seed) for seed in range(500)]
+    pending = client.plan_batch(goals, robot="panda", start=READY)
+    with pytest.raises(ours.TransportTimeout, match="goes on"):
+        pending.wait(0.1)
+    pending.cancel()

@@ -293,10 +293,6 @@ def test_a_body_that_stops_arriving(client: httpx.Client) -> None:
         assert time.monotonic() - start < 2.0
 
 
-def test_what_is_not_built_says_so(client: httpx.Client) -> None:
-    problem(client.post("/v1/plan/batch", json={}), 501, "NOT_IMPLEMENTED")
-
-
 def test_faults_of_the_caller(client: httpx.Client) -> None:
     document = problem(client.get("/mishaps/blame"), 422, "MISSING_LIMIT")
     assert document["hint"] == "Give it."

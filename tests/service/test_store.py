@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from service.database import StoreError
 from service.errors import ProblemError
-from service.store import Recorded, SqliteStore, Store, StoreError, open_store
+from service.store import Recorded, SqliteStore, Store, open_store
 
 
 @pytest.fixture

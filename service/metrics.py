@@ -1,0 +1,177 @@
+"""What is counted, and told at ``/metrics`` in Prometheus's text format.
+
+Labels take few values: paths are templates of routes, and methods, statuses, codes of problems and
+names of stages are ours. Nothing that a caller chooses becomes a label.
+"""
+
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
+
+from fastapi import FastAPI
+from prometheus_client import CollectorRegistry, Counter, Histogram, generate_latest
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
+from prometheus_client.registry import Collector
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from service.computing import ERRAND
+from service.errors import KINDS
+from service.job_store import STATUSES, Status
+from service.workers import WorkerSupervisor
+
+#: Inline kinematics take a millisecond, the longest plans minutes [s].
+_SECONDS = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5, 10, 30, 60, 300)
+_METHODS = ("GET", "POST", "PUT", "DELETE", "HEAD", "OPTIONS", "PATCH")
+_OTHER = "other"
+
+
+class Metrics:
+    """The counters of one application.
+
+    Args:
+        app: Whose workers are looked at when somebody asks.
+    """
+
+    def __init__(self, app: FastAPI) -> None:
+        self.registry = CollectorRegistry()
+        self._requests = Counter(
+            "armwright_requests",
+            "Requests that were answered",
+            ("route", "method", "status"),
+            registry=self.registry,
+        )
+        self._seconds = Histogram(
+            "armwright_request_seconds",
+            "Time until an answer was complete",
+            ("route", "method"),
+            buckets=_SECONDS,
+            registry=self.registry,
+        )
+        self._plans = Counter(
+            "armwright_plans",
+            "Plans by outcome, SUCCESS or the code of the problem, and by the stage that won",
+            ("code", "planner"),
+            registry=self.registry,
+        )
+        self._stages = Histogram(
+            "armwright_stage_seconds",
+            "Time that stages of planning took",
+            ("stage",),
+            buckets=_SECONDS,
+            registry=self.registry,
+        )
+        self.registry.register(_State(app))
+
+    def answered(self, route: str, method: str, status: int, seconds: float) -> None:
+        """Count a request."""
+        named = method if method in _METHODS else _OTHER
+        self._requests.labels(route, named, str(status)).inc()
+        self._seconds.labels(route, named).observe(seconds)
+
+    def plan_succeeded(self, planner: str, stages: Iterable[tuple[str, float]]) -> None:
+        """Count a plan, and its stages with their durations [s]."""
+        self._plans.labels("SUCCESS", planner).inc()
+        self._observe(stages)
+
+    def plan_failed(self, code: str, stages: Any) -> None:
+        """Count a problem that there was instead of a plan, and its stages where they are told."""
+        self._plans.labels(code if code in KINDS else _OTHER, "").inc()
+        if isinstance(stages, Sequence):
+            self._observe((stage["name"], 1e-3 * stage["milliseconds"]) for stage in stages)
+
+    def _observe(self, stages: Iterable[tuple[str, float]]) -> None:
+        for name, seconds in stages:
+            self._stages.labels(name).observe(seconds)
+
+    def text(self, jobs: Mapping[Status, int]) -> bytes:
+        """Everything in the text format.
+
+        Args:
+            jobs: How many there are of each status.
+        """
+        counts = CollectorRegistry()
+        counts.register(_Jobs(jobs))
+        return generate_latest(self.registry) + generate_latest(counts)
+
+
+class _State(Collector):
+    """What the supervisor knows, looked up when somebody asks."""
+
+    def __init__(self, app: FastAPI) -> None:
+        self._app = app
+
+    def collect(self) -> Iterator[Metric]:
+        supervisor: WorkerSupervisor | None = getattr(self._app.state, "supervisor", None)
+        if supervisor is None:
+            return
+        queue = GaugeMetricFamily(
+            "armwright_queue_length", "Work that waits for a worker", labels=("kind",)
+        )
+        queue.add_metric(["interactive"], supervisor.waiting)
+        queue.add_metric(["background"], supervisor.background_waiting)
+        yield queue
+        workers = GaugeMetricFamily("armwright_workers", "Worker processes", labels=("state",))
+        alive, busy = len(supervisor.pids), supervisor.busy
+        for state, count in (("wanted", supervisor.count), ("alive", alive), ("busy", busy)):
+            workers.add_metric([state], count)
+        yield workers
+        counters = supervisor.counters
+        yield CounterMetricFamily(
+            "armwright_worker_starts",
+            "Worker processes that were started; beyond the first ones, replacements",
+            counters.started_workers,
+        )
+        outcomes = CounterMetricFamily(
+            "armwright_work", "Work given to workers, by what became of it", labels=("outcome",)
+        )
+        for outcome in ("finished", "crashed", "overrun", "cancelled", "rejected", "yielded"):
+            outcomes.add_metric([outcome], getattr(counters, outcome))
+        yield outcomes
+
+
+class _Jobs(Collector):
+    """Jobs by status."""
+
+    def __init__(self, counts: Mapping[Status, int]) -> None:
+        self._counts = counts
+
+    def collect(self) -> Iterator[Metric]:
+        family = GaugeMetricFamily("armwright_jobs", "Jobs that are kept", labels=("status",))
+        for status in STATUSES:
+            family.add_metric([status], self._counts[status])
+        yield family
+
+
+class Measured:
+    """Middleware that counts requests and how long they took.
+
+    Args:
+        app: The application behind it.
+        metrics: The counters.
+    """
+
+    def __init__(self, app: ASGIApp, metrics: Metrics) -> None:
+        self._app = app
+        self._metrics = metrics
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass a request on."""
+        if scope["type"] != "http" or ERRAND in scope:
+            await self._app(scope, receive, send)
+            return
+        status = 500
+        began = time.perf_counter()
+
+        async def watched(message: Message) -> None:
+            nonlocal status
+            if message["type"] == "http.response.start":
+                status = message["status"]
+            await send(message)
+
+        try:
+            await self._app(scope, receive, watched)
+        finally:
+            # A path that no route has is whatever somebody typed.
+            route = getattr(scope.get("route"), "path", None) or "unmatched"
+            seconds = time.perf_counter() - began
+            self._metrics.answered(route, scope["method"], status, seconds)

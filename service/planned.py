@@ -1,0 +1,56 @@
+"""Has a worker plan, and counts what came of it."""
+
+from fastapi import Request
+
+from service import catalog
+from service.computing import PATIENCE
+from service.errors import ProblemError
+from service.metrics import Metrics
+from service.references import Planned, Reference
+from service.schemas.plan import PlanRequest
+from service.settings import Settings
+from service.worker import Progress
+from service.worker_main import Job
+
+
+async def planned(
+    request: Request,
+    body: PlanRequest,
+    content: bytes,
+    scene: Reference | None = None,
+    on_progress: Progress | None = None,
+) -> bytes:
+    """The answer to a request for a plan, JSON.
+
+    Args:
+        request: On whose behalf.
+        body: What is asked.
+        content: The same as JSON, for the worker.
+        scene: In place of the one of the body.
+        on_progress: Told of progress in place of the job that the request belongs to.
+
+    Raises:
+        ProblemError: There is no plan; as `catalog.answer`.
+    """
+    settings: Settings = request.app.state.settings
+    metrics: Metrics = request.app.state.metrics
+    timeout = settings.default_timeout if body.timeout is None else body.timeout
+
+    def job(robot: Reference, stored: Reference | None) -> Job:
+        return Job("service.plan_tasks:plan", (robot, scene or stored, content, timeout))
+
+    try:
+        found: Planned = await catalog.answer(
+            request,
+            job,
+            body.robot,
+            body.scene,
+            timeout=timeout,
+            patience=PATIENCE,
+            on_progress=on_progress,
+        )
+    except ProblemError as problem:
+        metrics.plan_failed(problem.code, problem.details.get("stages"))
+        raise
+    metrics.plan_succeeded(found.planner, found.stages)
+    return found.content

@@ -1,0 +1,57 @@
+"""Many problems at once, always as a job."""
+
+from fastapi import APIRouter, Request, Response
+
+from service import catalog
+from service.batch import Batch
+from service.body import JobRoute
+from service.computing import allowed, errand, postpone
+from service.errors import ProblemError
+from service.openapi import RESPONSES
+from service.schemas.batch import BatchAnswer, BatchRequest
+from service.schemas.job import JobSummary
+from service.settings import Settings
+
+_RESULT = {200: {"description": "The result of the job", "model": BatchAnswer}}
+router = APIRouter(prefix="/v1", tags=["planning"], route_class=JobRoute, responses=RESPONSES)
+
+
+@router.post(
+    "/plan/batch",
+    status_code=202,
+    summary="Plan many motions",
+    response_model=JobSummary,
+    responses=_RESULT,  # type: ignore[arg-type]
+)
+async def plan_batch(body: BatchRequest, request: Request) -> Response:
+    """A job whose result lists, in order, the plan of each problem or why there is none.
+
+    One that fails, or that brings a worker down, costs the others nothing.
+    """
+    await _check(body, request)
+    postpone(request)
+    away = errand(request)
+    assert away is not None
+    return Response(await Batch(body, request, away).run(), media_type="application/json")
+
+
+async def _check(body: BatchRequest, request: Request) -> None:
+    """Refuse what is wrong with the whole; what is wrong with one problem is told in its place."""
+    settings: Settings = request.app.state.settings
+    if len(body.problems) > settings.batch_limit:
+        raise ProblemError(
+            "PAYLOAD_TOO_LARGE",
+            f"problems: {len(body.problems)} are more than the {settings.batch_limit} allowed here",
+            stage="request",
+            hint="Send them in several batches.",
+            batch_limit=settings.batch_limit,
+        )
+    if errand(request) is not None:
+        return
+    parts = (body, *body.problems)
+    for seconds in {part.timeout for part in parts}:
+        allowed(settings, seconds)
+    for robot in {part.robot for part in parts if part.robot is not None}:
+        await catalog.robot(request, robot)
+    for scene in {part.scene for part in parts if isinstance(part.scene, str)}:
+        await catalog.scene(request, scene)

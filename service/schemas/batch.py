@@ -1,0 +1,108 @@
+"""Many planning problems in one request."""
+
+from copy import copy
+from typing import Any, cast
+
+from pydantic import ConfigDict, Field, create_model, model_validator
+from pydantic.fields import FieldInfo
+
+from service.schemas.base import Answer, Body, Name, Timeout
+from service.schemas.kinematics import JOINTS_EXAMPLE
+from service.schemas.plan import Goal, PlanAnswer, PlanRequest, Start
+from service.schemas.problem import Problem
+from service.schemas.scene import SceneReference
+
+#: What every problem needs, from the batch or of its own.
+_NEEDED = ("robot", "start", "goal")
+
+
+class _Needs(Body):
+    robot: Name | None = Field(None, examples=["panda"])
+    scene: SceneReference | None = Field(None, examples=["table"])
+    start: Start | None = None
+    goal: Goal | None = None
+    timeout: Timeout | None = Field(None, description="for all stages of one problem [s]")
+
+
+def _optional(field: FieldInfo) -> tuple[Any, FieldInfo]:
+    """A field of a plan that may be left out."""
+    left_out = copy(field)
+    left_out.default, left_out.default_factory = None, None
+    left_out.annotation = cast(Any, field.annotation) | None
+    return left_out.annotation, left_out
+
+
+# Types that are named before they are there are looked up now.
+PlanRequest.model_rebuild()
+_FIELDS: dict[str, Any] = {
+    name: _optional(field)
+    for name, field in PlanRequest.model_fields.items()
+    if name not in _Needs.model_fields
+}
+
+#: Whatever a plan takes, nothing of it required.
+PartialPlan: type[_Needs] = create_model(
+    "PartialPlan",
+    __base__=_Needs,
+    __module__=__name__,
+    __doc__="A motion to be planned; what is left out is taken from the batch.",
+    **_FIELDS,
+)
+
+
+class BatchRequest(PartialPlan):
+    """Many motions to be planned; what stands beside `problems` holds for each that lacks it."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "robot": "panda",
+                    "scene": "table",
+                    "start": {"joints": [*JOINTS_EXAMPLE]},
+                    "timeout": 5.0,
+                    "problems": [
+                        {"goal": {"joints": [0.6, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]}},
+                        {"goal": {"joints": [1.2, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]}, "seed": 2},
+                    ],
+                }
+            ]
+        }
+    )
+
+    problems: list[PartialPlan] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _check_complete(self) -> "BatchRequest":
+        for index, problem in enumerate(self.problems):
+            for name in _NEEDED:
+                if getattr(problem, name) is None and getattr(self, name) is None:
+                    raise ValueError(
+                        f"problems[{index}] has no {name}: give it there, or once for all of them"
+                    )
+        return self
+
+    def plan_request(self, index: int, **changes: Any) -> PlanRequest:
+        """A problem with what the batch gives for all of them."""
+        return PlanRequest.model_validate(
+            {**_given(self), **_given(self.problems[index]), **changes}
+        )
+
+
+def _given(part: Body) -> dict[str, Any]:
+    return {
+        name: value
+        for name in PlanRequest.model_fields
+        if (value := getattr(part, name)) is not None
+    }
+
+
+class BatchAnswer(Answer):
+    """What became of each problem, in the order of the request."""
+
+    results: list[PlanAnswer | Problem] = Field(
+        description='the plan, whose status is "success", or the problem document, whose status is '
+        "a number"
+    )
+    succeeded: int
+    failed: int
