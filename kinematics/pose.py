@@ -178,6 +178,44 @@ def from_rpy(angles: ArrayLike) -> Matrix:
     return rotation_z(yaw) @ rotation_y(pitch) @ rotation_x(roll)
 
 
+def to_rpy(rotation: Matrix, *, flip: bool = False) -> Matrix:
+    """Angles (roll, pitch, yaw) [rad] of R = Rz(yaw) Ry(pitch) Rx(roll).
+
+    The branch has pitch in [-pi/2, pi/2]; ``flip`` answers the other one, pi - pitch. Where
+    cos(pitch) = 0 only yaw - roll (or yaw + roll) is determined: roll = 0 is chosen.
+    """
+    R = rotation
+    cosine = math.hypot(R[0, 0], R[1, 0])
+    if cosine < _SINGULAR_SINE:
+        pitch = math.atan2(-R[2, 0], 0.0)
+        return np.array([0.0, pitch, math.atan2(-R[0, 1], R[1, 1])])
+    sign = -1.0 if flip else 1.0
+    pitch = math.atan2(-R[2, 0], sign * cosine)
+    yaw = math.atan2(sign * R[1, 0], sign * R[0, 0])
+    # Near cos(pitch) = 0 yaw carries noise; roll from what it leaves over makes up for it.
+    rest = (rotation_z(yaw) @ rotation_y(pitch)).T @ R
+    roll = math.atan2(rest[2, 1] - rest[1, 2], rest[1, 1] + rest[2, 2])
+    return np.array([roll, pitch, yaw])
+
+
+def to_axis_angle(rotation: Matrix) -> tuple[Matrix, float]:
+    """Unit axis (3,) and angle in [0, pi] [rad] of a rotation matrix; the axis z where it is I."""
+    x, y, z, w = to_quaternion(rotation)
+    sine = math.sqrt(x * x + y * y + z * z)
+    if sine == 0.0:
+        return np.array([0.0, 0.0, 1.0]), 0.0
+    return np.array([x, y, z]) / sine, 2.0 * math.atan2(sine, w)
+
+
+def multiply_quaternions(first: ArrayLike, second: ArrayLike) -> Matrix:
+    """The quaternion (x, y, z, w) of the product R_1 R_2, with w >= 0.
+
+    Raises:
+        InvalidPose: A norm differs from 1 by more than 1e-3.
+    """
+    return to_quaternion(from_quaternion(first) @ from_quaternion(second))
+
+
 def from_axis_angle(axis: ArrayLike, angle: float) -> Matrix:
     """Rotation by ``angle`` [rad] about ``axis`` (3,), R = I + sin S + (1 - cos) S^2.
 

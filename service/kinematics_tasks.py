@@ -6,7 +6,7 @@ What is cheap is called by the server itself, on chains it keeps; all else runs 
 from typing import Any, cast
 
 import numpy as np
-from pydantic_core import to_json
+from pydantic_core import from_json, to_json
 
 from kinematics.chain import Array, Chain
 from kinematics.errors import InvalidOption, NotAvailable
@@ -18,7 +18,7 @@ from kinematics.ik.numeric import AXES
 from kinematics.ik.solution import IkResult, IkSolution
 from kinematics.ik.structure import structure
 from kinematics.jacobian import analytic_zyz, geometric
-from kinematics.pose import to_quaternions
+from kinematics.pose import to_quaternions, to_rpy, to_zyz
 from kinematics.velocity import (
     DAMPED_BELOW,
     JointVelocities,
@@ -42,6 +42,7 @@ from service.schemas.kinematics import (
     JacobianRequest,
     VelocityRequest,
 )
+from service.schemas.pose import Orientation, Pose
 
 #: Configurations looked for where all are wanted but no number is given, and candidates among
 #: which one is looked for that collides with nothing: of a closed form, and by search.
@@ -64,7 +65,7 @@ def fk(chain: Chain, body: FkRequest) -> bytes:
     """
     wanted = chain.link(body.link or chain.tip_link).name
     poses = link_poses(chain, body.joints)
-    answers = _poses(poses)
+    answers = _poses(poses, body.orientation)
     links = {
         link.name: answers[i] if poses.ndim == 3 else [row[i] for row in answers]
         for i, link in enumerate(chain.links)
@@ -72,18 +73,26 @@ def fk(chain: Chain, body: FkRequest) -> bytes:
     return to_json({"pose": links[wanted], "links": links})
 
 
-def _poses(poses: Array) -> Any:
+def _poses(poses: Array, form: Orientation) -> Any:
     positions = poses[..., :3, 3].tolist()
-    quaternions = to_quaternions(poses[..., :3, :3]).tolist()
+    turns = _orientations(poses[..., :3, :3], form).tolist()
     if poses.ndim == 3:
-        return _zipped(positions, quaternions)
-    return [_zipped(*row) for row in zip(positions, quaternions, strict=True)]
+        return _zipped(positions, turns, form)
+    return [_zipped(*row, form) for row in zip(positions, turns, strict=True)]
 
 
-def _zipped(positions: Any, quaternions: Any) -> list[dict[str, Any]]:
-    return [
-        {"position": p, "quaternion_xyzw": q} for p, q in zip(positions, quaternions, strict=True)
-    ]
+def _orientations(rotations: Array, form: Orientation) -> Array:
+    if form == "quaternion_xyzw":
+        return to_quaternions(rotations)
+    if form == "rotation_matrix":
+        return rotations
+    convert = to_zyz if form == "euler_zyz" else to_rpy
+    flat = rotations.reshape(-1, 3, 3)
+    return np.array([convert(R) for R in flat]).reshape(*rotations.shape[:-2], 3)
+
+
+def _zipped(positions: Any, turns: Any, form: Orientation) -> list[dict[str, Any]]:
+    return [{"position": p, form: turn} for p, turn in zip(positions, turns, strict=True)]
 
 
 def jacobian(chain: Chain, body: JacobianRequest) -> bytes:
@@ -231,6 +240,30 @@ def ik(robot: Reference, scene: Reference | None, content: bytes) -> bytes | Ref
     """
     body = IkRequest.model_validate_json(content)
     _check_method(body)
+    if not isinstance(body.pose, list):
+        return _ik(robot, scene, body, body.pose)
+    each = [_ik(robot, scene, body, pose) for pose in body.pose]
+    return next((item for item in each if isinstance(item, Absent)), None) or _together(each)
+
+
+def _together(each: list[bytes | Refusal | Absent]) -> bytes:
+    """The answers to many poses as one."""
+    told = [from_json(item) if isinstance(item, bytes) else {"solutions": []} for item in each]
+    answer: dict[str, Any] = {"solutions": [item["solutions"] for item in told]}
+    answer["unsolved"] = [
+        {"index": i, "code": item.code, "detail": item.message, "hint": item.hint}
+        for i, item in enumerate(each)
+        if isinstance(item, Refusal)
+    ]
+    if allowed := next((i["allowed_collisions"] for i in told if "allowed_collisions" in i), None):
+        answer["allowed_collisions"] = allowed
+    return to_json(answer)
+
+
+def _ik(
+    robot: Reference, scene: Reference | None, body: IkRequest, pose: Pose
+) -> bytes | Refusal | Absent:
+    """The answer for one pose."""
     prepared = library.robot(robot)
     chain = prepared.chain
     link = chain.link(body.link or chain.tip_link).name
@@ -240,12 +273,12 @@ def ik(robot: Reference, scene: Reference | None, content: bytes) -> bytes | Ref
         held = holding(prepared.geometry, place, body.attached, body.allowed_collisions)
     trace = None
     if body.method == "gradient":
-        trace = _followed(chain, body)
+        trace = _followed(chain, body, pose)
         if not trace.converged:
             return _not_converged(link, trace)
         found = IkResult((trace.solution,), trace.solution, 1)
     else:
-        found = _found(chain, body)
+        found = _found(chain, body, pose)
     if not found.solutions:
         return _unreachable(chain, link, found)
     answers = [_solution(chain, solution) for solution in found.solutions]
@@ -282,13 +315,15 @@ def _check_method(body: IkRequest) -> None:
             hint="Leave constraints out; scene keeps solutions out of collision, and axes frees "
             "some axes of the pose.",
         )
+    if isinstance(body.pose, list) and body.gradient is not None and body.gradient.trace:
+        raise InvalidOption("a trace goes with one pose, not with many")
     if body.gradient is not None and body.method != "gradient":
         raise InvalidOption("gradient goes with method 'gradient'")
     if body.method == "gradient" and (body.axes or body.parameters or body.all_turns):
         raise InvalidOption("axes, parameters and all_turns do not go with method 'gradient'")
 
 
-def _found(chain: Chain, body: IkRequest) -> IkResult:
+def _found(chain: Chain, body: IkRequest, pose: Pose) -> IkResult:
     method = cast(Method, body.method)
     closed = method != "numeric" and body.axes is None and structure(chain, body.link) is not None
     many = body.all_solutions or body.all_turns
@@ -299,7 +334,7 @@ def _found(chain: Chain, body: IkRequest) -> IkResult:
         most = max(most, _CANDIDATES_CLOSED if closed else _CANDIDATES_SEARCHED)
     return inverse_kinematics(
         chain,
-        translate.transform(body.pose),
+        translate.transform(pose),
         link=body.link,
         method=method,
         seed_joints=body.seed_joints,
@@ -313,13 +348,13 @@ def _found(chain: Chain, body: IkRequest) -> IkResult:
     )
 
 
-def _followed(chain: Chain, body: IkRequest) -> Trace:
+def _followed(chain: Chain, body: IkRequest, pose: Pose) -> Trace:
     how = body.gradient
     options = GradientOptions()
     if how is not None:
         options = GradientOptions(how.rule, how.coordinates, how.gain, how.steps)
     return follow(
-        chain, translate.transform(body.pose), link=body.link, seed_joints=body.seed_joints,
+        chain, translate.transform(pose), link=body.link, seed_joints=body.seed_joints,
         options=options,
     )  # fmt: skip
 

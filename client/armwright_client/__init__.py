@@ -109,6 +109,7 @@ from armwright_client.kinematics import (
     Gradient,
     GradientTrace,
     IkAnswer,
+    IkBatch,
     IkOptions,
     IkRequest,
     IkSolution,
@@ -116,6 +117,7 @@ from armwright_client.kinematics import (
     JacobianBatch,
     JacobianOptions,
     JacobianRequest,
+    Unsolved,
 )
 from armwright_client.pending import AsyncPending, Pending
 from armwright_client.plan import (
@@ -255,6 +257,7 @@ __all__ = [
     "Health",
     "IdempotencyKeyReused",
     "IkAnswer",
+    "IkBatch",
     "IkOptions",
     "IkRequest",
     "IkSolution",
@@ -366,6 +369,7 @@ __all__ = [
     "Unavailable",
     "UnexpectedAnswer",
     "UnrecognizedGoalType",
+    "Unsolved",
     "UnsupportedMediaType",
     "ValidateOptions",
     "ValidateRequest",

@@ -43,12 +43,14 @@ from armwright_client.kinematics import (
     FkBatch,
     FkRequest,
     IkAnswer,
+    IkBatch,
     IkOptions,
     IkRequest,
     JacobianAnswer,
     JacobianBatch,
     JacobianOptions,
     JacobianRequest,
+    Orientation,
 )
 from armwright_client.pending import cancel_call, events_call, job_call
 from armwright_client.plan import (
@@ -123,15 +125,29 @@ class RobotEndpoints:
         return Call("DELETE", path("robots", name), nothing)
 
     @Endpoint
-    def fk(self, robot: str, joints: VectorLike, *, link: str | None = None) -> Call[FkAnswer]:
+    def fk(
+        self,
+        robot: str,
+        joints: VectorLike,
+        *,
+        link: str | None = None,
+        orientation: Orientation | None = None,
+    ) -> Call[FkAnswer]:
         """Poses of the links at a configuration [rad or m]."""
-        body = FkRequest.of(joints=joints, link=link)
+        body = FkRequest.of(joints=joints, link=link, orientation=orientation)
         return Call("POST", path("robots", robot, "fk"), FkAnswer.read, body)
 
     @Endpoint
-    def fk_batch(self, robot: str, joints: RowsLike, *, link: str | None = None) -> Call[FkBatch]:
+    def fk_batch(
+        self,
+        robot: str,
+        joints: RowsLike,
+        *,
+        link: str | None = None,
+        orientation: Orientation | None = None,
+    ) -> Call[FkBatch]:
         """Poses of the links at many configurations."""
-        body = FkRequest.of(joints=joints, link=link)
+        body = FkRequest.of(joints=joints, link=link, orientation=orientation)
         return Call("POST", path("robots", robot, "fk"), FkBatch.read, body)
 
     @Endpoint
@@ -155,6 +171,14 @@ class RobotEndpoints:
         """Configurations that reach a pose, best first; see `IkOptions`."""
         body = IkRequest.of(pose=pose, **options)
         return Call("POST", path("robots", robot, "ik"), IkAnswer.read, body, deadline=body.timeout)
+
+    @Endpoint
+    def ik_batch(
+        self, robot: str, poses: Sequence[Pose], **options: Unpack[IkOptions]
+    ) -> Call[IkBatch]:
+        """Configurations that reach each of many poses; see `IkOptions`."""
+        body = IkRequest.of(pose=list(poses), **options)
+        return Call("POST", path("robots", robot, "ik"), IkBatch.read, body, deadline=body.timeout)
 
     @Endpoint
     def velocity(

@@ -23,14 +23,16 @@ from armwright_client.scene import SceneReference
 JacobianKind = Literal["geometric", "analytic_zyz"]
 IkMethod = Literal["auto", "analytic", "numeric", "gradient", "constrained"]
 IkChoice = Literal["nearest", "limits", "manipulability"]
+Orientation = Literal["quaternion_xyzw", "rotation_matrix", "euler_zyz", "rpy"]
 Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
 
 
 class FkRequest(Request):
-    """Configurations whose link poses are asked for."""
+    """Configurations whose link poses are asked for, and the form of their orientations."""
 
     joints: Vector | Rows
     link: str | None = None
+    orientation: Orientation | None = None
 
 
 class FkAnswer(Answer):
@@ -159,9 +161,9 @@ class IkOptions(TypedDict, total=False):
 
 
 class IkRequest(Request):
-    """A pose to be reached; see `IkOptions`."""
+    """A pose to be reached, or many of them; see `IkOptions`."""
 
-    pose: Pose
+    pose: Pose | Sequence[Pose]
     link: str | None = None
     seed_joints: Vector | None = None
     method: IkMethod = "auto"
@@ -218,9 +220,41 @@ class GradientTrace(Answer):
     orientation_error: list[float]
 
 
+class Unsolved(Answer):
+    """One of many poses that has no solution, and the problem it would be alone.
+
+    Args:
+        index: Which of the poses.
+        code: Of the problem.
+        detail: What is wrong.
+        hint: What to do about it.
+    """
+
+    index: int
+    code: str
+    detail: str
+    hint: str | None = None
+
+
 class IkAnswer(Answer):
     """Solutions, best first, and the trace of a gradient if it was asked for."""
 
     solutions: list[IkSolution]
+    unsolved: list[Unsolved] = Field(default_factory=list)
+    trace: GradientTrace | None = None
+    allowed_collisions: list[tuple[str, str]] = Field(default_factory=list)
+
+
+class IkBatch(Answer):
+    """Solutions of many poses, in their order.
+
+    Args:
+        solutions: Of each pose, best first; empty where there is none.
+        unsolved: The poses that have none, and why.
+        allowed_collisions: Pairs that may touch.
+    """
+
+    solutions: list[list[IkSolution]]
+    unsolved: list[Unsolved] = Field(default_factory=list)
     trace: GradientTrace | None = None
     allowed_collisions: list[tuple[str, str]] = Field(default_factory=list)

@@ -22,10 +22,11 @@ from service.schemas.base import (
     Vector6,
     exactly_one,
 )
-from service.schemas.pose import Pose, PoseAnswer
+from service.schemas.pose import Orientation, OrientedPoseAnswer, Pose
 from service.schemas.scene import SceneReference
 
 MAX_SOLUTIONS = 1_000
+MAX_POSES = 1_000
 MAX_CONSTRAINTS = 32
 MAX_PARAMETERS = 1_000
 MAX_TWISTS = 10_000
@@ -40,13 +41,16 @@ class FkRequest(Body):
 
     joints: Joints = Field(examples=[JOINTS_EXAMPLE])
     link: Label | None = Field(None, description="the tip if left out")
+    orientation: Orientation = Field(
+        "quaternion_xyzw", description="the form that orientations are answered in"
+    )
 
 
 class FkAnswer(Answer):
     """Poses in the base frame; with many configurations each pose is a list."""
 
-    pose: PoseAnswer | list[PoseAnswer]
-    links: dict[str, PoseAnswer | list[PoseAnswer]]
+    pose: OrientedPoseAnswer | list[OrientedPoseAnswer]
+    links: dict[str, OrientedPoseAnswer | list[OrientedPoseAnswer]]
 
 
 class JacobianRequest(Body):
@@ -90,9 +94,9 @@ class GradientOptions(Body):
 
 
 class IkRequest(Body):
-    """A pose to be reached."""
+    """A pose to be reached, or many of them, each for itself."""
 
-    pose: Pose
+    pose: Pose | Annotated[list[Pose], Field(min_length=1, max_length=MAX_POSES)]
     link: Label | None = Field(None, description="the tip if left out")
     seed_joints: JointVector | None = Field(None, examples=[JOINTS_EXAMPLE])
     method: Literal["auto", "analytic", "numeric", "gradient", "constrained"] = Field(
@@ -152,10 +156,22 @@ class GradientTrace(Answer):
     orientation_error: list[float] = Field(description="[rad]")
 
 
-class IkAnswer(Answer):
-    """Solutions, best first."""
+class Unsolved(Answer):
+    """One of many poses that has no solution, and the problem it would be alone."""
 
-    solutions: list[IkSolution]
+    index: int
+    code: str
+    detail: str
+    hint: str | None
+
+
+class IkAnswer(Answer):
+    """Solutions, best first; with many poses a list for each, empty where there is none."""
+
+    solutions: list[IkSolution] | list[list[IkSolution]]
+    unsolved: list[Unsolved] = Field(
+        default_factory=list, description="with many poses: those without a solution, and why"
+    )
     trace: GradientTrace | None = None
     allowed_collisions: list[list[str]] = Field(
         default_factory=list, description="of the request, as they were obeyed"

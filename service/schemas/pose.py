@@ -1,7 +1,7 @@
 """Poses on the wire."""
 
 from collections.abc import Callable
-from typing import Annotated
+from typing import Annotated, Literal
 
 from numpy.typing import ArrayLike
 from pydantic import Field, field_validator, model_validator
@@ -58,8 +58,26 @@ def _check(conversion: Callable[[ArrayLike], object], value: ArrayLike) -> None:
         raise ValueError(error.message) from error
 
 
+Orientation = Literal["quaternion_xyzw", "rotation_matrix", "euler_zyz", "rpy"]
+
+
 class PoseAnswer(Answer):
     """A pose of the robot's base frame."""
 
     position: list[Coordinate] = Field(examples=[[0.4, 0.0, 0.3]])
     quaternion_xyzw: list[float] = Field(examples=[[0.0, 0.0, 0.0, 1.0]])
+
+
+class OrientedPoseAnswer(Answer):
+    """A pose of the robot's base frame with its orientation in the form that was asked for."""
+
+    position: list[Coordinate] = Field(examples=[[0.4, 0.0, 0.3]])
+    quaternion_xyzw: list[float] | None = Field(None, examples=[[0.0, 0.0, 0.0, 1.0]])
+    rotation_matrix: list[list[float]] | None = Field(None, description="rows")
+    euler_zyz: list[float] | None = Field(
+        None, description="[phi, theta, psi] [rad], theta in [0, pi]; psi = 0 where sin(theta) = 0"
+    )
+    rpy: list[float] | None = Field(
+        None,
+        description="[roll, pitch, yaw] [rad], pitch in [-pi/2, pi/2]; roll = 0 at its ends",
+    )

@@ -62,6 +62,8 @@ PAIRS: list[tuple[type[Readable], type[BaseModel]]] = [
     (ours.IkRequest, their_kinematics.IkRequest),
     (ours.IkSolution, their_kinematics.IkSolution),
     (ours.IkAnswer, their_kinematics.IkAnswer),
+    (ours.IkBatch, their_kinematics.IkAnswer),
+    (ours.Unsolved, their_kinematics.Unsolved),
     (ours.Attached, their_attached.Attached),
     (ours.CheckRequest, their_check.CheckRequest),
     (ours.Collision, their_check.Collision),

@@ -175,3 +175,38 @@ def test_many_quaternions_are_those_of_each() -> None:
         assert found.shape == (*shape[:-2], 4)
         each = [pose.to_quaternion(R) for R in some.reshape(-1, 3, 3)]
         np.testing.assert_array_equal(found.reshape(-1, 4), each)
+
+
+@pytest.mark.parametrize("flip", [False, True])
+def test_rpy_both_branches(flip: bool) -> None:
+    for R in [*ROTATIONS, *(pose.from_rpy([0.3, sign * math.pi / 2, -0.8]) for sign in (-1, 1))]:
+        angles = pose.to_rpy(R, flip=flip)
+        np.testing.assert_allclose(pose.from_rpy(angles), R, atol=4e-15)
+        assert np.isfinite(angles).all()
+        if not flip:
+            assert abs(angles[1]) <= math.pi / 2 + 1e-15
+        x, y, z = angles
+        expected = Rotation.from_euler("xyz", [x, y, z]).as_matrix()
+        np.testing.assert_allclose(expected, R, atol=4e-15)
+
+
+def test_rpy_where_pitch_is_a_right_angle_chooses_no_roll() -> None:
+    for sign in (1.0, -1.0):
+        angles = pose.to_rpy(pose.rotation_z(0.4) @ pose.rotation_y(sign * math.pi / 2))
+        np.testing.assert_allclose(angles, [0.0, sign * math.pi / 2, 0.4], atol=1e-15)
+
+
+def test_axis_and_angle_undo_each_other() -> None:
+    for R in ROTATIONS:
+        axis, angle = pose.to_axis_angle(R)
+        assert np.linalg.norm(axis) == pytest.approx(1.0, abs=1e-15)
+        assert 0.0 <= angle <= math.pi
+        np.testing.assert_allclose(pose.from_axis_angle(axis, angle), R, atol=2e-15)
+    assert pose.to_axis_angle(np.eye(3))[1] == 0.0
+
+
+def test_products_of_quaternions_are_those_of_rotations() -> None:
+    for a, b in RNG.normal(size=(30, 2, 4)):
+        p, q = a / np.linalg.norm(a), b / np.linalg.norm(b)
+        expected = (Rotation.from_quat(p) * Rotation.from_quat(q)).as_quat(canonical=True)
+        np.testing.assert_allclose(pose.multiply_quaternions(p, q), expected, atol=1e-15)

@@ -1,5 +1,6 @@
 """Kinematics over HTTP against the domain called directly."""
 
+from collections.abc import Callable
 from typing import Any
 
 import httpx
@@ -8,7 +9,14 @@ import pytest
 
 from kinematics.forward import forward, link_poses
 from kinematics.jacobian import analytic_zyz, geometric
-from kinematics.pose import from_quaternion, rotation_error, to_quaternion, transform
+from kinematics.pose import (
+    from_quaternion,
+    rotation_error,
+    to_quaternion,
+    to_rpy,
+    to_zyz,
+    transform,
+)
 from kinematics.robots import builtin_chain
 from obstacles.world import World
 from service import library, translate
@@ -399,3 +407,50 @@ def test_a_large_batch_goes_to_a_worker(client: httpx.Client) -> None:
     np.testing.assert_allclose(
         matrix(found["pose"][-1]), forward(builtin_chain("panda"), q[-1]), atol=1e-12
     )
+
+
+FORMS: dict[str, Callable[[Any], Any]] = {
+    "quaternion_xyzw": to_quaternion,
+    "rotation_matrix": np.array,
+    "euler_zyz": to_zyz,
+    "rpy": to_rpy,
+}
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_poses_in_every_form_there_and_back(client: httpx.Client, form: str) -> None:
+    chain = builtin_chain("ur5e")
+    # At q5 = 0 the tool's z is level; the second has zyz angles with sin(theta) = 0.
+    q = [[0.3, -1.0, 1.4, -0.7, -1.3, 0.2], [0.1, -1.2, 1.0, 0.2 - np.pi / 2, -np.pi / 2, 0.3]]
+    request = {"joints": q, "orientation": form}
+    found = answer(client.post("/v1/robots/ur5e/fk", json=request))
+    FkAnswer.model_validate(found)
+    for pose, row in zip(found["pose"], q, strict=True):
+        assert set(pose) == {"position", form}
+        T = forward(chain, row)
+        np.testing.assert_allclose(pose[form], FORMS[form](T[:3, :3]), atol=1e-12)
+        body = {"pose": pose, "seed_joints": row, "method": "analytic"}
+        (best,) = answer(client.post("/v1/robots/ur5e/ik", json=body))["solutions"]
+        np.testing.assert_allclose(forward(chain, best["joints"]), T, atol=3e-9)
+
+
+def test_ik_of_many_poses(client: httpx.Client) -> None:
+    chain = builtin_chain("ur5e")
+    poses = [as_pose(forward(chain, q)) for q in draws("ur5e", 5, seed=4)]
+    far = {"position": [3.0, 0.0, 0.0]}
+    body: dict[str, Any] = {"pose": [*poses[:3], far, *poses[3:]], "all_solutions": True}
+    found = answer(client.post("/v1/robots/ur5e/ik", json=body))
+    IkAnswer.model_validate(found)
+    assert [len(item) > 0 for item in found["solutions"]] == [True] * 3 + [False] + [True] * 2
+    (missing,) = found["unsolved"]
+    assert missing["index"] == 3
+    assert missing["code"] == "NO_IK_SOLUTION"
+    for pose, each in zip(body["pose"], found["solutions"], strict=True):
+        if each:
+            alone = answer(
+                client.post("/v1/robots/ur5e/ik", json={"pose": pose, "all_solutions": True})
+            )
+            assert alone["solutions"] == each
+    problem(client.post("/v1/robots/ur5e/ik", json={"pose": []}), 422, "VALIDATION_ERROR")
+    traced = {"pose": poses, "method": "gradient", "gradient": {"trace": True}}
+    problem(client.post("/v1/robots/ur5e/ik", json=traced), 422, "VALIDATION_ERROR")
