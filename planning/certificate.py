@@ -31,6 +31,7 @@ from planning.limit_check import (
 )
 from planning.pair_table import PairTable
 from planning.timing.loads import Loads
+from planning.tool_deviation import PathDeviation
 from planning.walk import (
     ASKED,
     ASKING,
@@ -87,6 +88,7 @@ class Certificate:
         continuity: Largest jumps of position and velocity.
         cells: Intervals of time that were looked at.
         violation: The first thing that is wrong; None where it is verified.
+        path_deviation: How far the tool is off the motions asked for, where some were.
     """
 
     verified: bool
@@ -99,6 +101,7 @@ class Certificate:
     continuity: Mapping[str, float]
     cells: int
     violation: Violation | None = None
+    path_deviation: PathDeviation | None = None
 
 
 METHOD = (

@@ -5,12 +5,16 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, Literal
 
+from kinematics.chain import Array
 from kinematics.errors import InvalidOption
 from planning.timing.law import METHODS, Method
 
 Interpolation = Literal["linear", "natural_spline", "clamped_spline"]
 INTERPOLATIONS: tuple[Interpolation, ...] = ("linear", "natural_spline", "clamped_spline")
 
+#: Least deviation of the tool that can be asked for [m], [rad]: inverse kinematics and the bounds
+#: have three digits to spare below it.
+LEAST_DEVIATION = 1e-7
 #: Longest a single plan may take [s].
 MAX_TIMEOUT = 600.0
 
@@ -97,6 +101,66 @@ class TimingOptions:
                 )
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class ToolMotionOptions:
+    """One motion of the tool, as it is asked for.
+
+    Args:
+        kind: "lin" or "circ".
+        T_base_tip: Where it ends, shape (4, 4).
+        via: Point on an arc, shape (3,) [m].
+        center: Of an arc, shape (3,) [m].
+        normal: Axis that the arc turns about by the right hand, with ``center``, shape (3,).
+    """
+
+    kind: Literal["lin", "circ"]
+    T_base_tip: Array
+    via: Sequence[float] | None = None
+    center: Sequence[float] | None = None
+    normal: Sequence[float] | None = None
+
+    def __post_init__(self) -> None:
+        if self.kind == "lin" and not (self.via is self.center is self.normal is None):
+            raise InvalidOption("via, center and normal belong to motions of type circ")
+        if self.kind == "circ" and (self.via is None) == (self.center is None):
+            raise InvalidOption(
+                "a motion of type circ needs via or center",
+                hint="Give a point on the way, or the centre.",
+            )
+        if self.normal is not None and self.center is None:
+            raise InvalidOption("normal goes with center: via says which way round")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CartesianOptions:
+    """How the tool is led along lines and arcs.
+
+    Args:
+        motions: In order; none for one line to the goal.
+        max_deviation: Of the tool's origin from its motion, for every instant [m].
+        max_orientation_deviation: Of its orientation from that at the same place [rad].
+        orientation: "slerp" about an axis that keeps still, or "free": only the origin is led.
+        allow_partial: Whether a motion that ends early is an answer too.
+
+    Raises:
+        InvalidOption: A deviation is out of its range.
+    """
+
+    motions: tuple[ToolMotionOptions, ...] = ()
+    max_deviation: float = 1e-4
+    max_orientation_deviation: float = 1e-3
+    orientation: Literal["slerp", "free"] = "slerp"
+    allow_partial: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("max_deviation", "max_orientation_deviation"):
+            if not LEAST_DEVIATION <= getattr(self, name) <= 1.0:
+                raise InvalidOption(
+                    f"planner_options.{name} must be from {LEAST_DEVIATION:g} to 1",
+                    hint="Metres and radians; a tenth of a millimetre is a usual one.",
+                )
+
+
 @dataclass(frozen=True, slots=True)
 class Options:
     """How a problem is planned.
@@ -104,6 +168,7 @@ class Options:
     Args:
         planner: "auto" (the ladder) or the name of one planner.
         planner_options: Its parameters, by name.
+        cartesian: Those of the planner "cartesian".
         timing: How the path is timed.
         limits: Joint limits (n,) in place of the robot's, by quantity.
         timeout: Seconds for all stages together.
@@ -116,6 +181,7 @@ class Options:
 
     planner: str = "auto"
     planner_options: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+    cartesian: CartesianOptions = field(default_factory=CartesianOptions)
     timing: TimingOptions = field(default_factory=TimingOptions)
     limits: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
     timeout: float = 5.0

@@ -1,14 +1,12 @@
 """The whole way from a problem to a certified trajectory: the one file that sees every stage."""
 
-import time
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
-from typing import TypeVar
 
 from kinematics.chain import Array
 from kinematics.trajectory import Trajectory
 from obstacles.checker import Checker
+from planning.cartesian import cartesian_plan
 from planning.certificate import Certificate, certify
 from planning.deadline import Deadline
 from planning.law_choice import chosen_law
@@ -16,9 +14,10 @@ from planning.motion_timing import motions
 from planning.options import Options, TimingOptions
 from planning.preflight import Ready, preflight
 from planning.problem import Problem
-from planning.result import Attempt, Failure, Path, Plan, StageReport
+from planning.result import Attempt, Failure, Path, Plan
 from planning.rung import Rung, check_options
 from planning.shortcut import shortcut
+from planning.stages import Stages
 from planning.timing.failure import TimingFailed
 from planning.timing.law import Law
 
@@ -29,28 +28,6 @@ _RESERVED_SHARE = 0.2
 _RESERVED_MOST = 1.0
 #: Share of the time for a path of the robot in its solids' hulls, before the exact one is tried.
 _HULLS_SHARE = 0.4
-
-_T = TypeVar("_T")
-
-
-@dataclass(slots=True)
-class _Stages:
-    """Reports of the stages, written down as they end."""
-
-    observer: Callable[[str], None] | None = None
-    reports: list[StageReport] = field(default_factory=list)
-
-    def run(self, name: str, stage: Callable[[], _T], tell: Callable[[_T], tuple[bool, str]]) -> _T:
-        """Run a stage, time it, and note what ``tell`` makes of its answer."""
-        if self.observer is not None:
-            self.observer(name)
-        began = time.perf_counter()
-        answer = stage()
-        succeeded, detail = tell(answer)
-        milliseconds = 1e3 * (time.perf_counter() - began)
-        outcome = "succeeded" if succeeded else "failed"
-        self.reports.append(StageReport(name, outcome, milliseconds, detail))
-        return answer
 
 
 def plan(problem: Problem, options: Options) -> Plan | Failure:
@@ -70,7 +47,9 @@ def plan(problem: Problem, options: Options) -> Plan | Failure:
     deadline = Deadline.after(options.timeout)
     check_options(options)
     law = _law(problem, options)
-    stages = _Stages(options.observer)
+    stages = Stages(options.observer)
+    if options.planner == "cartesian":
+        return cartesian_plan(problem, options, law, stages, deadline)
     ready = stages.run("preflight", lambda: preflight(problem, options.seed), _tell_preflight)
     if isinstance(ready, Failure):
         return replace(ready, stages=tuple(stages.reports))
@@ -122,7 +101,7 @@ def _tell_preflight(answer: Ready | Failure) -> tuple[bool, str]:
 
 
 def _find_path(
-    problem: Problem, ready: Ready, options: Options, stages: _Stages, deadline: Deadline
+    problem: Problem, ready: Ready, options: Options, stages: Stages, deadline: Deadline
 ) -> tuple[str, Attempt, Checker] | Failure:
     """Climb the ladder, or the one rung that was asked for; in hulls first where that can be."""
     for checker in ready.checkers:
@@ -162,7 +141,7 @@ def _time_and_prove(
     waypoints: Array,
     law: Law,
     timing: TimingOptions,
-    stages: _Stages,
+    stages: Stages,
     deadline: Deadline,
 ) -> tuple[Trajectory, Certificate] | Failure:
     """Time the path and prove it, with ever safer motions until one can be proved."""

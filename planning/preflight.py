@@ -43,16 +43,45 @@ class Ready:
     notes: tuple[str, ...]
 
 
-def preflight(problem: Problem, seed: int) -> Ready | Failure:
-    """Check the start and find the goals' configurations, or say why there is no point."""
-    chain = problem.robot.chain
+@dataclass(frozen=True, slots=True, eq=False)
+class Begun:
+    """A valid start.
+
+    Args:
+        joints: Inside the limits, shape (n,).
+        checker: Of the exact robot in the scene with its margins.
+        clearance: Of the start, margins taken off [m].
+        notes: What was done to the request.
+    """
+
+    joints: Array
+    checker: Checker
+    clearance: float
+    notes: tuple[str, ...]
+
+
+def ready_start(problem: Problem) -> Begun | Failure:
+    """Check the start alone: inside its limits, or moved onto them, and free."""
     checker = Checker.of(problem.robot, problem.scene, problem.margin)
-    start, outside = _snapped(chain, problem.start, problem.start_state_tolerance)
+    start, outside = _snapped(problem.robot.chain, problem.start, problem.start_state_tolerance)
     if outside is not None:
         return _limit_failure("start", outside)
     clearance, pair = checker.clearance(start)
     if clearance <= TOUCHING:
         return _collision_failure(problem, "start", start, pair, clearance)
+    notes: tuple[str, ...] = ()
+    if not np.array_equal(start, problem.start):
+        moved = float(np.abs(start - problem.start).max())
+        notes = (f"The start was outside a limit by {moved:.3g} and was moved onto it.",)
+    return Begun(start, checker, clearance, notes)
+
+
+def preflight(problem: Problem, seed: int) -> Ready | Failure:
+    """Check the start and find the goals' configurations, or say why there is no point."""
+    begun = ready_start(problem)
+    if isinstance(begun, Failure):
+        return begun
+    start, checker, clearance = begun.joints, begun.checker, begun.clearance
     goals: list[tuple[float, Array]] = []
     failures: list[Failure] = []
     for goal in problem.goals:
@@ -70,12 +99,8 @@ def preflight(problem: Problem, seed: int) -> Ready | Failure:
     slack = min(_SLACK, 0.5 * clearance, 0.5 * max(spare for spare, _ in goals))
     kept = [q for spare, q in goals if spare > slack]
     kept.sort(key=lambda q: float(np.linalg.norm(q - start)))
-    notes: tuple[str, ...] = ()
-    if not np.array_equal(start, problem.start):
-        moved = float(np.abs(start - problem.start).max())
-        notes = (f"The start was outside a limit by {moved:.3g} and was moved onto it.",)
     exact = Checker(checker.model, slack)
-    return Ready(start, kept, (*_in_hulls(problem, start, kept, slack), exact), notes)
+    return Ready(start, kept, (*_in_hulls(problem, start, kept, slack), exact), begun.notes)
 
 
 def _in_hulls(

@@ -48,6 +48,27 @@ class Path:
         return float(np.linalg.norm(np.diff(self.waypoints, axis=0), axis=1).sum())
 
 
+@dataclass(frozen=True, slots=True)
+class ToolMotionReport:
+    """What became of one motion of the tool.
+
+    Args:
+        kind: "lin" or "circ".
+        length: Of the whole of it [m].
+        angle: How far the tool turns in the whole of it [rad].
+        fraction: How far it was carried out.
+        begins: When [s].
+        ends: When [s].
+    """
+
+    kind: str
+    length: float
+    angle: float
+    fraction: float
+    begins: float
+    ends: float
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Descent:
     """Where a descent on a potential went.
@@ -116,6 +137,9 @@ class Plan:
         notes: What was done to the request (a snapped start, ...), for the answer.
         descent: Where a potential field went, if one found the path.
         progress: The shortest paths over time, of a planner that goes on after the first.
+        fraction: How much of the tool's motions was carried out, where these were asked for.
+        tool_motions: What became of each.
+        stopped: Why it ends early, where it does.
     """
 
     planner: str
@@ -126,6 +150,9 @@ class Plan:
     notes: tuple[str, ...] = ()
     descent: Descent | None = None
     progress: tuple[Progress, ...] = ()
+    fraction: float | None = None
+    tool_motions: tuple[ToolMotionReport, ...] = ()
+    stopped: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

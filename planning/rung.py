@@ -13,7 +13,7 @@ from planning.problem import Problem
 from planning.result import Attempt, Descent
 from planning.straight_line import straight_line
 
-PLANNERS = ("auto", "straight_line", "potential_field", *sampling.PLANNERS)
+PLANNERS = ("auto", "straight_line", "potential_field", "cartesian", *sampling.PLANNERS)
 
 #: Share of the time that is left, and goals (the nearest), that the ladder's field may spend.
 _FIELD_SHARE = 0.1
@@ -33,7 +33,7 @@ def check_options(options: Options) -> None:
             hint=f"Choose one of: {', '.join(PLANNERS)}.",
             planners=list(PLANNERS),
         )
-    if planner in ("auto", "straight_line"):
+    if planner in ("auto", "straight_line", "cartesian"):
         if given:
             raise InvalidOption(
                 f"planner {planner!r} has no options",

@@ -129,6 +129,7 @@ def _refusal(failure: Failure) -> Refusal:
 def _answer(found: Plan, body: PlanRequest, held: Held) -> dict[str, Any]:
     certificate = translate_motion.certificate_answer(found.certificate)
     certificate["allowed_collisions"] = held.allowed
+    cartesian = found.fraction is not None
     return {
         "status": "success",
         "planner": found.planner,
@@ -145,6 +146,11 @@ def _answer(found: Plan, body: PlanRequest, held: Held) -> dict[str, Any]:
             "request_hash": hashlib.sha256(body.model_dump_json().encode()).hexdigest(),
             "versions": _versions(),
         },
+        "fraction": found.fraction,
+        "tool_motions": (
+            translate_motion.tool_motions_answer(found.tool_motions) if cartesian else None
+        ),
+        "stopped": None if found.stopped is None else translate_motion.plain(found.stopped),
         "notes": list(found.notes),
         "potential_field": _descent(found),
         "progress": [asdict(step) for step in found.progress],

@@ -13,18 +13,18 @@ from kinematics.trajectory import MAX_DEGREE, Trajectory
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from planning.certificate import Certificate
-from planning.options import Options
+from planning.options import CartesianOptions, Options, ToolMotionOptions
 from planning.problem import Goal, JointGoal, PoseGoal, Problem
-from planning.result import StageReport
+from planning.result import StageReport, ToolMotionReport
 from planning.rung import PLANNERS
 from service import translate, translate_timing
 from service.schemas import plan as schema
+from service.schemas.cartesian import cartesian_options
 
 #: Part of the contract, whether there is a planner of that name yet or not: our own, and OMPL's
 #: as OMPL's bindings have them, which may be written in any case, with or without underscores.
 _CONTRACT = (
     "optimize",
-    "cartesian",
     "aorrtc",
     "bfmt",
     "bitstar",
@@ -117,13 +117,33 @@ def options(body: schema.PlanRequest, chain: Chain, timeout: float) -> Options:
     Raises:
         InvalidOption: A value is out of its range.
     """
+    name = planner_name(body.planner)
+    cartesian = name == "cartesian"
     return Options(
-        planner=planner_name(body.planner),
-        planner_options=dict(body.planner_options or {}),
+        planner=name,
+        planner_options={} if cartesian else dict(body.planner_options or {}),
+        cartesian=_cartesian(body) if cartesian else CartesianOptions(),
         timing=translate_timing.timing_options(body.timing),
         limits=translate_timing.given_limits(body.limits, chain.joint_names),
         timeout=timeout,
         seed=body.seed,
+    )
+
+
+def _cartesian(body: schema.PlanRequest) -> CartesianOptions:
+    given = cartesian_options(body.planner_options)
+    motions = tuple(
+        ToolMotionOptions(
+            item.type, translate.transform(item.pose), item.via, item.center, item.normal
+        )
+        for item in given.motions or ()
+    )
+    return CartesianOptions(
+        motions,
+        given.max_deviation,
+        given.max_orientation_deviation,
+        given.orientation,
+        given.allow_partial,
     )
 
 
@@ -310,6 +330,15 @@ def certificate_answer(certificate: Certificate, begins: float = 0.0) -> dict[st
         "cells": certificate.cells,
         "violation": None,
     }
+    deviation = certificate.path_deviation
+    if deviation is not None:
+        answer["path_deviation"] = {
+            "position": deviation.position,
+            "orientation": deviation.orientation,
+            "time": deviation.time + begins,
+            "max_position": deviation.max_position,
+            "max_orientation": deviation.max_orientation,
+        }
     violation = certificate.violation
     if violation is not None:
         answer["violation"] = {
@@ -323,6 +352,21 @@ def certificate_answer(certificate: Certificate, begins: float = 0.0) -> dict[st
 
 def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
+
+
+def tool_motions_answer(reports: Sequence[ToolMotionReport]) -> list[dict[str, Any]]:
+    """What became of the tool's motions, as answers give it."""
+    return [
+        {
+            "type": report.kind,
+            "length": report.length,
+            "angle": report.angle,
+            "fraction": report.fraction,
+            "begins": report.begins,
+            "ends": report.ends,
+        }
+        for report in reports
+    ]
 
 
 def stages_answer(stages: Sequence[StageReport]) -> list[dict[str, Any]]:

@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from kinematics import pose as rotation
+from kinematics.forward import forward
 from kinematics.robots import builtin_names
 from service import (
     check_tasks,
@@ -64,6 +66,7 @@ def requests() -> None:
             _plan(panda, planner)
         field = {"joints": _START, "goal_joints": _GOAL, "scene": _scene()}
         _ask(potential_tasks.potential, panda, field)
+        _lead(panda)
         _retime(panda)
 
 
@@ -81,6 +84,26 @@ def _retime(panda: Reference) -> None:
         {"method": "spline"},
     ):
         retime_tasks.retime(panda, json.dumps(body | {"timing": timing}).encode())
+
+
+def _lead(panda: Reference) -> None:
+    """The tool along a line and an arc."""
+    tip = forward(library.robot(panda).chain, _START)
+    turn = rotation.to_quaternion(tip[:3, :3]).tolist()
+    places = [(tip[:3, 3] + shift).tolist() for shift in np.diag([0.05, 0.05, 0.0])[:2]]
+    poses = [{"position": place, "quaternion_xyzw": turn} for place in places]
+    motions = [
+        {"type": "lin", "pose": poses[0]},
+        {"type": "circ", "pose": poses[1], "center": tip[:3, 3].tolist()},
+    ]
+    body = {
+        "robot": "panda",
+        "start": {"joints": _START},
+        "goal": {"pose": poses[1]},
+        "planner": "cartesian",
+        "planner_options": {"motions": motions},
+    }
+    _ask(plan_tasks.plan, panda, body, _TIMEOUT)
 
 
 def _plan(panda: Reference, planner: str) -> None:

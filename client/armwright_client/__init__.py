@@ -9,6 +9,7 @@ from armwright_client.certificate import (
     LimitUse,
     LimitUses,
     LimitValues,
+    PathDeviation,
     ValidateOptions,
     ValidateRequest,
 )
@@ -124,6 +125,7 @@ from armwright_client.plan import (
     BatchAnswer,
     BatchProblem,
     BatchRequest,
+    CartesianOptions,
     Descent,
     Goal,
     GoalLike,
@@ -141,6 +143,8 @@ from armwright_client.plan import (
     Stage,
     Start,
     Timing,
+    ToolMotion,
+    ToolMotionReport,
 )
 from armwright_client.pose import Pose
 from armwright_client.potential import (
@@ -221,6 +225,7 @@ __all__ = [
     "BatchRequest",
     "Box",
     "Capsule",
+    "CartesianOptions",
     "Certificate",
     "CheckAnswer",
     "CheckBatch",
@@ -300,6 +305,7 @@ __all__ = [
     "OutsideLimits",
     "Overloaded",
     "Path",
+    "PathDeviation",
     "Payload",
     "PayloadTooLarge",
     "Pending",
@@ -361,6 +367,8 @@ __all__ = [
     "TimedOut",
     "TimedTrajectory",
     "Timing",
+    "ToolMotion",
+    "ToolMotionReport",
     "Trajectory",
     "TransportError",
     "TransportTimeout",

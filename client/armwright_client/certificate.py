@@ -43,6 +43,24 @@ class LimitUses(Answer):
     tool_speed: LimitUse | None = None
 
 
+class PathDeviation(Answer):
+    """How far the tool is off its motions at most, proved for every instant.
+
+    Args:
+        position: From the line or arc [m].
+        orientation: From that at the same place [rad]; None where it is free.
+        time: Where it is farthest off [s].
+        max_position: What was allowed [m].
+        max_orientation: What was allowed [rad].
+    """
+
+    position: float
+    orientation: float | None = None
+    time: float
+    max_position: float
+    max_orientation: float | None = None
+
+
 class Certificate(Answer):
     """The proof that a motion is valid at every instant, or the first violation.
 
@@ -56,6 +74,7 @@ class Certificate(Answer):
         limits: How much of each is used.
         continuity: Of position and its derivatives across pieces.
         path_constraint_residual: Largest violation of the path constraints.
+        path_deviation: Of the tool from the motions of the planner "cartesian".
         cells: Intervals of time that were looked at.
         violation: The first one, with its time, where it was not proved.
         allowed_collisions: Of the request: pairs that were not looked at.
@@ -70,6 +89,7 @@ class Certificate(Answer):
     limits: LimitUses | None = None
     continuity: Any = None
     path_constraint_residual: float | None = None
+    path_deviation: PathDeviation | None = None
     cells: int | None = None
     violation: dict[str, Any] | None = None
     allowed_collisions: list[tuple[str, str]] = Field(default_factory=list)

@@ -15,6 +15,7 @@ from armwright_client.base import (
     Request,
     Rows,
     Vector,
+    Vector3,
     VectorLike,
 )
 from armwright_client.certificate import Certificate, LimitValues
@@ -140,6 +141,84 @@ class Timing(Request):
     sample_period: Positive | None = None
 
 
+class ToolMotion(Request):
+    """A line, or an arc through a point or about a centre, from where the tool is.
+
+    Args:
+        type: "lin" or "circ".
+        pose: Of the tip where the motion ends.
+        via: Point on the arc.
+        center: Of the arc.
+        normal: With the centre: axis to turn about by the right hand, up to a whole turn; the
+            shorter arc if left out.
+    """
+
+    type: Literal["lin", "circ"]
+    pose: Pose
+    via: Vector3 | None = None
+    center: Vector3 | None = None
+    normal: Vector3 | None = None
+
+    @classmethod
+    def lin(cls, pose: Pose) -> Self:
+        """A line to a pose."""
+        return cls(type="lin", pose=pose)
+
+    @classmethod
+    def circ(
+        cls,
+        pose: Pose,
+        *,
+        via: VectorLike | None = None,
+        center: VectorLike | None = None,
+        normal: VectorLike | None = None,
+    ) -> Self:
+        """An arc to a pose, through a point or about a centre."""
+        return cls.of(type="circ", pose=pose, via=via, center=center, normal=normal)
+
+
+class CartesianOptions(Request):
+    """What `planner_options` are for the planner "cartesian".
+
+    Args:
+        motions: In order; one line to the goal if left out.
+        max_deviation: Of the tool's origin from its motion, for every instant [m].
+        max_orientation_deviation: Of its orientation from that at the same place [rad].
+        orientation: "slerp" about an axis that keeps still, or "free": only the origin is led.
+        allow_partial: Whether a motion that ends early is an answer too.
+    """
+
+    motions: list[ToolMotion] | None = None
+    max_deviation: Positive = 1e-4
+    max_orientation_deviation: Positive = 1e-3
+    orientation: Literal["slerp", "free"] = "slerp"
+    allow_partial: bool = False
+
+    def as_options(self) -> dict[str, Any]:
+        """The mapping that a plan's `planner_options` take."""
+        return self.model_dump(mode="json", exclude_none=True)
+
+
+class ToolMotionReport(Answer):
+    """What became of one motion of the tool.
+
+    Args:
+        type: "lin" or "circ".
+        length: Of the whole of it [m].
+        angle: How far the tool turns in the whole of it [rad].
+        fraction: How far it was carried out.
+        begins: When [s].
+        ends: When [s].
+    """
+
+    type: str
+    length: float
+    angle: float
+    fraction: float
+    begins: float
+    ends: float
+
+
 class PlanOptions(TypedDict, total=False):
     """What can be asked of a plan beyond robot, start and goal.
 
@@ -257,6 +336,9 @@ class Plan(Answer):
         trajectory: The timed motion.
         certificate: The proof that it is valid at every instant.
         reproducibility: What the same answer can be had again with.
+        fraction: How much of the motions of the planner "cartesian" was carried out.
+        tool_motions: What became of each.
+        stopped: Why they end early, where they do.
         notes: What was done to the request, say a start moved onto a limit.
         potential_field: Where it went, if a potential field found the path.
         progress: The shortest paths over time, of planners that improve theirs.
@@ -269,6 +351,9 @@ class Plan(Answer):
     trajectory: TimedTrajectory
     certificate: Certificate
     reproducibility: Reproducibility
+    fraction: float | None = None
+    tool_motions: list[ToolMotionReport] | None = None
+    stopped: dict[str, Any] | None = None
     notes: list[str] = Field(default_factory=list)
     potential_field: Descent | None = None
     progress: list[Progress] = Field(default_factory=list)

@@ -22,6 +22,11 @@ from service.schemas.base import (
     Timeout,
     exactly_one,
 )
+from service.schemas.cartesian import (
+    PathDeviationAnswer,
+    ToolMotionAnswer,
+    cartesian_options,
+)
 from service.schemas.check import Margin
 from service.schemas.dynamics import Payload
 from service.schemas.kinematics import JOINTS_EXAMPLE, Constraints
@@ -124,9 +129,13 @@ class PlanRequest(Body):
     start: Start
     goal: Goal
     planner: Annotated[str, Field(pattern=r"^[A-Za-z0-9_]{1,64}$")] = Field(
-        "auto", description="auto, straight_line, potential_field, rrt_connect, optimize, …"
+        "auto", description="auto, straight_line, potential_field, rrt_connect, cartesian, …"
     )
-    planner_options: FreeForm | None = None
+    planner_options: FreeForm | None = Field(
+        None,
+        description="the planner's own; of cartesian: motions [{type: lin | circ, pose, via, "
+        "center, normal}], max_deviation, max_orientation_deviation, orientation, allow_partial",
+    )
     constraints: Constraints | None = None
     attached: AttachedObjects | None = None
     allowed_collisions: AllowedCollisions | None = None
@@ -136,6 +145,12 @@ class PlanRequest(Body):
     limits: "LimitsBody | None" = None
     timeout: Timeout | None = Field(None, description="for all stages together [s]")
     seed: Seed = 0
+
+    @model_validator(mode="after")
+    def _check_planner_options(self) -> "PlanRequest":
+        if self.planner.lower() == "cartesian":
+            cartesian_options(self.planner_options)
+        return self
 
 
 class Segment(Body):
@@ -296,6 +311,9 @@ class CertificateAnswer(Answer):
     limits: LimitUses | None = None
     continuity: Any = None
     path_constraint_residual: float | None = None
+    path_deviation: PathDeviationAnswer | None = Field(
+        None, description="of the tool from the motions of the planner cartesian"
+    )
     cells: int = Field(0, description="intervals of time that were looked at")
     violation: dict[str, Any] | None = Field(None, description="the first, with its time")
     allowed_collisions: list[list[str]] = Field(
@@ -339,6 +357,13 @@ class PlanAnswer(Answer):
     trajectory: TrajectoryAnswer
     certificate: CertificateAnswer
     reproducibility: Reproducibility
+    fraction: float | None = Field(
+        None, description="how much of the motions of the planner cartesian was carried out"
+    )
+    tool_motions: list[ToolMotionAnswer] | None = Field(None, description="of that planner")
+    stopped: dict[str, Any] | None = Field(
+        None, description="why they end early: reason, message, motion, nearest, …"
+    )
     notes: list[str] = Field(default_factory=list, description="what was done to the request")
     potential_field: DescentAnswer | None = Field(
         None, description="where it went, if a potential field found the path"

@@ -14,6 +14,7 @@ import armwright_client as ours
 from armwright_client.base import Readable, Request
 from armwright_client.robot import RobotFields
 from service.schemas import attached as their_attached
+from service.schemas import cartesian as their_cartesian
 from service.schemas import check as their_check
 from service.schemas import kinematics as their_kinematics
 from service.schemas import plan as their_plan
@@ -86,6 +87,10 @@ PAIRS: list[tuple[type[Readable], type[BaseModel]]] = [
     (ours.LimitUse, their_plan.LimitUse),
     (ours.LimitUses, their_plan.LimitUses),
     (ours.Certificate, their_plan.CertificateAnswer),
+    (ours.PathDeviation, their_cartesian.PathDeviationAnswer),
+    (ours.ToolMotion, their_cartesian.ToolMotion),
+    (ours.CartesianOptions, their_cartesian.CartesianOptions),
+    (ours.ToolMotionReport, their_cartesian.ToolMotionAnswer),
     (ours.Reproducibility, their_plan.Reproducibility),
     (ours.Plan, their_plan.PlanAnswer),
     (ours.Descent, their_plan.DescentAnswer),

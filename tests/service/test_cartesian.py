@@ -1,0 +1,149 @@
+"""Tool motions over HTTP: what is asked for, what comes back, what is refused."""
+
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+
+from armwright_client import CartesianOptions as ClientOptions
+from armwright_client import Plan as ClientPlan
+from armwright_client import Pose as ClientPose
+from armwright_client import ToolMotion
+from kinematics.forward import forward
+from kinematics.pose import to_quaternion
+from kinematics.robots import builtin_chain
+from service.schemas.plan import PlanAnswer
+from tests.service.robots import HOME, answer, problem, scene
+
+CHAIN = builtin_chain("panda")
+TIP = forward(CHAIN, HOME)
+TURN = to_quaternion(TIP[:3, :3]).tolist()
+
+
+def pose(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> dict[str, Any]:
+    return {"position": (TIP[:3, 3] + [x, y, z]).tolist(), "quaternion_xyzw": TURN}
+
+
+BODY: dict[str, Any] = {
+    "robot": "panda",
+    "start": {"joints": HOME},
+    "goal": {"pose": pose(0.0, 0.2, 0.0)},
+    "planner": "cartesian",
+    "timeout": 20.0,
+}
+
+
+def plan(client: httpx.Client, **changes: Any) -> dict[str, Any]:
+    found = answer(client.post("/v1/plan", json=BODY | changes))
+    PlanAnswer.model_validate(found)
+    ClientPlan.model_validate(found)
+    return found
+
+
+def test_a_goal_alone_is_one_line(client: httpx.Client) -> None:
+    found = plan(client, timing={"sample_period": 0.01, "tool_speed": 0.2})
+    assert (found["planner"], found["fraction"], found["stopped"]) == ("cartesian", 1.0, None)
+    (motion,) = found["tool_motions"]
+    assert (motion["type"], motion["begins"], motion["fraction"]) == ("lin", 0.0, 1.0)
+    assert motion["length"] == pytest.approx(0.2)
+    assert motion["ends"] == pytest.approx(found["trajectory"]["duration"])
+    deviation = found["certificate"]["path_deviation"]
+    assert 0.0 < deviation["position"] <= deviation["max_position"] == 1e-4
+    assert 0.0 <= deviation["orientation"] <= deviation["max_orientation"] == 1e-3
+    tool = forward(CHAIN, found["trajectory"]["samples"]["position"])[:, :3, 3] - TIP[:3, 3]
+    assert np.abs(tool[:, [0, 2]]).max() <= deviation["position"]
+    assert np.ptp(tool[:, 1]) == pytest.approx(0.2, abs=1e-6)
+    assert [stage["name"] for stage in found["stages"]] == [
+        "preflight", "cartesian", "timing", "certificate"]  # fmt: skip
+    assert plan(client, timing={"sample_period": 0.01, "tool_speed": 0.2})["path"] == found["path"]
+
+
+def test_the_client_says_the_same(client: httpx.Client) -> None:
+    options = ClientOptions(
+        motions=[
+            ToolMotion.lin(ClientPose.model_validate(pose(0.0, 0.1, 0.0))),
+            ToolMotion.circ(
+                ClientPose.model_validate(pose(0.0, 0.2, 0.0)),
+                via=(TIP[:3, 3] + [0.0, 0.15, 0.05]).tolist(),
+            ),
+        ],
+        max_deviation=1e-5,
+    )
+    found = plan(client, planner_options=options.as_options())
+    assert [motion["type"] for motion in found["tool_motions"]] == ["lin", "circ"]
+    assert found["tool_motions"][1]["length"] == pytest.approx(0.05 * np.pi)
+    assert found["certificate"]["path_deviation"]["position"] <= 1e-5
+
+
+def test_a_way_that_ends_early(client: httpx.Client) -> None:
+    wall = {
+        "id": "wall",
+        "shape": {"type": "box", "size": [0.4, 0.02, 0.4]},
+        "pose": {"position": (TIP[:3, 3] + [0.0, 0.3, 0.0]).tolist()},
+    }
+    body = BODY | {"goal": {"pose": pose(0.0, 0.4, 0.0)}, "scene": scene(wall)}
+    document = problem(client.post("/v1/plan", json=body), 422, "PLANNING_FAILED")
+    assert document["stage"] == "cartesian"
+    details = document["details"]
+    assert details["reason"] == "collision"
+    assert "wall" in details["pair"]
+    assert 0.0 < details["fraction"] < 0.75
+    reached = forward(CHAIN, details["nearest"]["joints"])
+    np.testing.assert_allclose(reached[:3, 3], details["nearest"]["pose"]["position"], atol=1e-9)
+    partial = plan(client, **(body | {"planner_options": {"allow_partial": True}}))
+    assert partial["fraction"] == pytest.approx(details["fraction"])
+    assert partial["stopped"]["reason"] == "collision"
+    assert partial["notes"]
+    assert partial["certificate"]["verified"]
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "words"),
+    [
+        ({"motion": []}, "VALIDATION_ERROR", "planner_options.motion"),
+        ({"motions": []}, "VALIDATION_ERROR", "motions"),
+        ({"motions": [{"type": "arc", "pose": pose()}]}, "VALIDATION_ERROR", "motions[0].type"),
+        ({"motions": [{"type": "circ", "pose": pose()}]}, "VALIDATION_ERROR", "via, center"),
+        (
+            {"motions": [{"type": "lin", "pose": pose(), "via": [0, 0, 0]}]},
+            "VALIDATION_ERROR",
+            "belong to",
+        ),
+        ({"max_deviation": 0.0}, "VALIDATION_ERROR", "max_deviation"),
+        ({"max_deviation": "fine"}, "VALIDATION_ERROR", "max_deviation"),
+        ({"orientation": "kept"}, "VALIDATION_ERROR", "orientation"),
+        (
+            {"motions": [{"type": "lin", "pose": pose(0.0, 0.1, 0.0)}]},
+            "INVALID_GOAL_CONSTRAINTS",
+            "from the goal",
+        ),
+        (
+            {
+                "motions": [
+                    {
+                        "type": "circ",
+                        "pose": pose(0.0, 0.2, 0.0),
+                        "via": (TIP[:3, 3] + [0.0, 0.1, 0.0]).tolist(),
+                    }
+                ]
+            },
+            "INVALID_GOAL_CONSTRAINTS",
+            "lie on one line",
+        ),
+    ],
+)
+def test_what_is_refused(
+    client: httpx.Client, options: dict[str, Any], code: str, words: str
+) -> None:
+    document = problem(client.post("/v1/plan", json=BODY | {"planner_options": options}), 422, code)
+    told = document["detail"] + str(document["details"])
+    assert words in told
+
+
+def test_several_goals_and_times_are_refused(client: httpx.Client) -> None:
+    goal = {"any_of": [{"pose": pose(0.0, 0.1, 0.0)}, {"pose": pose(0.0, 0.2, 0.0)}]}
+    response = client.post("/v1/plan", json=BODY | {"goal": goal})
+    problem(response, 422, "INVALID_GOAL_CONSTRAINTS")
+    timing = {"method": "spline", "times": [0.0, 1.0]}
+    problem(client.post("/v1/plan", json=BODY | {"timing": timing}), 422, "VALIDATION_ERROR")
