@@ -9,6 +9,7 @@ from obstacles.checker import Checker
 from planning.cartesian import cartesian_plan
 from planning.certificate import Certificate, certify
 from planning.deadline import Deadline
+from planning.diagnosis import Diagnosis, diagnose
 from planning.law_choice import chosen_law
 from planning.motion_timing import motions
 from planning.options import Options, TimingOptions
@@ -26,6 +27,8 @@ LADDER = ("straight_line", "potential_field", "rrt_connect")
 #: Share of the time, and at most so many seconds, kept back for shortening, timing and the proof.
 _RESERVED_SHARE = 0.2
 _RESERVED_MOST = 1.0
+#: Seconds at most that are spent on finding out why there is no path.
+_DIAGNOSIS_MOST = 1.0
 #: Share of the time for a path of the robot in its solids' hulls, before the exact one is tried.
 _HULLS_SHARE = 0.4
 
@@ -56,7 +59,13 @@ def plan(problem: Problem, options: Options) -> Plan | Failure:
     reserved = min(_RESERVED_SHARE * options.timeout, _RESERVED_MOST)
     found = _find_path(problem, ready, options, stages, Deadline(deadline.at - reserved))
     if isinstance(found, Failure):
-        return replace(found, stages=tuple(stages.reports))
+        told = stages.run(
+            "diagnosis",
+            lambda: _diagnosis(problem, ready, options, deadline),
+            lambda told: (True, told.sentence),
+        )
+        details = {**found.details, **told.details}
+        return replace(found, stages=tuple(stages.reports), details=details)
     planner, attempt, checker = found
     waypoints = attempt.waypoints
     assert waypoints is not None
@@ -129,6 +138,15 @@ def _find_path(
         stage=last.name,
         details=attempt.details,
     )
+
+
+def _diagnosis(problem: Problem, ready: Ready, options: Options, deadline: Deadline) -> Diagnosis:
+    """What is in the way, in the time that was kept back for a path that was not found."""
+    own = Deadline.after(min(_DIAGNOSIS_MOST, deadline.remaining))
+    return diagnose(
+        problem.robot, problem.scene, ready.checkers[-1], ready.start, ready.goals, own,
+        margin=problem.margin, seed=options.seed,
+    )  # fmt: skip
 
 
 def _tell_attempt(attempt: Attempt) -> tuple[bool, str]:

@@ -10,6 +10,7 @@ from kinematics.ik import numeric
 from obstacles.checker import Checker, collision_model
 from obstacles.robot_geometry import hulled
 from obstacles.world import ACCURACY, World
+from planning.diagnosis import nearest_free
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.result import Failure
 
@@ -163,6 +164,7 @@ def _collision_failure(
         message = f"at the {which}, {a!r} and {b!r} are {distance:.4g} m apart"
         message += f", nearer than their margin of {margin:.4g} m" if margin > TOUCHING else ""
         message += ": they touch" if distance <= TOUCHING else ""
+    nearest = nearest_free(Checker.of(problem.robot, problem.scene, problem.margin), q)
     told = [{"pair": list(contact.pair), "depth": contact.depth} for contact in contacts]
     return Failure(
         code=f"{which.upper()}{'_STATE' if which == 'start' else ''}_IN_COLLISION",
@@ -170,7 +172,13 @@ def _collision_failure(
         hint=f"Move the {which} away, lower the margin, or allow the pair if contact is meant "
         "(allowed_collisions, or touch_links of what is held).",
         stage=which,
-        details={"pair": [a, b], "depth": depth, "collisions": told, **details},
+        details={
+            "pair": [a, b],
+            "depth": depth,
+            "collisions": told,
+            "nearest_valid": None if nearest is None else nearest.details,
+            **details,
+        },
     )
 
 

@@ -11,6 +11,9 @@
         ├── InCollision
         │   ├── StartStateInCollision   START_STATE_IN_COLLISION
         │   └── GoalInCollision         GOAL_IN_COLLISION
+        ├── NoWay
+        │   ├── PlanningFailed          PLANNING_FAILED
+        │   └── TimedOut                TIMED_OUT
         ├── OutsideLimits
         │   ├── StartStateInvalid       START_STATE_INVALID
         │   ├── GoalStateInvalid        GOAL_STATE_INVALID
@@ -118,6 +121,11 @@ class InCollision(ApiError):
         """How deep [m]."""
         return _number(self.details.get("depth"))
 
+    @property
+    def nearest_valid(self) -> list[float] | None:
+        """Joints nearby that are free, where some were found; `details` say how far off."""
+        return _joints(self.details.get("nearest_valid"))
+
 
 class StartStateInCollision(InCollision):
     """The start configuration is in collision."""
@@ -187,7 +195,42 @@ class NoIkSolution(ApiError):
     code = "NO_IK_SOLUTION"
 
 
-class PlanningFailed(ApiError):
+class NoWay(ApiError):
+    """No motion was found; what is in the way, as far as the service found out."""
+
+    @property
+    def blocked_by(self) -> list[tuple[tuple[str, str], float]]:
+        """Pairs that stopped motions, with their share of those that were stopped."""
+        found = []
+        for item in _items(self.details.get("blocked_by")):
+            match item:
+                case {"pair": [str(first), str(second)], "share": int() | float() as share}:
+                    found.append(((first, second), float(share)))
+        return found
+
+    @property
+    def would_unblock(self) -> list[str]:
+        """Obstacles of which each, taken away alone, leaves a way that was found."""
+        return [name for name in _items(self.details.get("would_unblock")) if isinstance(name, str)]
+
+    @property
+    def reason(self) -> str | None:
+        """Why a motion of the tool ends early: its `reason`."""
+        reason = self.details.get("reason")
+        return reason if isinstance(reason, str) else None
+
+    @property
+    def fraction(self) -> float | None:
+        """How much of the tool's motions can be carried out."""
+        return _number(self.details.get("fraction"))
+
+    @property
+    def nearest(self) -> list[float] | None:
+        """Joints where the tool's motion ends."""
+        return _joints(self.details.get("nearest"))
+
+
+class PlanningFailed(NoWay):
     """No valid motion was found."""
 
     code = "PLANNING_FAILED"
@@ -199,7 +242,7 @@ class InvalidMotionPlan(ApiError):
     code = "INVALID_MOTION_PLAN"
 
 
-class TimedOut(ApiError):
+class TimedOut(NoWay):
     """The deadline of the request passed in the service."""
 
     code = "TIMED_OUT"
@@ -351,6 +394,17 @@ class NotImplementedByServer(ApiError):
     """The service knows the request, but its version can't answer it yet."""
 
     code = "NOT_IMPLEMENTED"
+
+
+def _items(value: object) -> list[object]:
+    return list(value) if isinstance(value, list) else []
+
+
+def _joints(value: object) -> list[float] | None:
+    match value:
+        case {"joints": [*joints]} if all(isinstance(q, int | float) for q in joints):
+            return [float(q) for q in joints]
+    return None
 
 
 def _number(value: object) -> float | None:
