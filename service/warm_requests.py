@@ -66,6 +66,10 @@ def requests() -> None:
             _plan(panda, planner)
         field = {"joints": _START, "goal_joints": _GOAL, "scene": _scene()}
         _ask(potential_tasks.potential, panda, field)
+        # A start in collision: the nearest free one is looked for.
+        _ask(
+            plan_tasks.plan, panda, _problem("auto") | {"start": {"joints": touching[0]}}, _TIMEOUT
+        )
         _lead(panda)
         _retime(panda)
 
@@ -106,8 +110,8 @@ def _lead(panda: Reference) -> None:
     _ask(plan_tasks.plan, panda, body, _TIMEOUT)
 
 
-def _plan(panda: Reference, planner: str) -> None:
-    problem = {
+def _problem(planner: str) -> dict[str, Any]:
+    return {
         "robot": "panda",
         "scene": _scene(),
         "start": {"joints": _START},
@@ -115,7 +119,10 @@ def _plan(panda: Reference, planner: str) -> None:
         "planner": planner,
         "timing": {"sample_period": 0.1},
     }
-    answer = _ask(plan_tasks.plan, panda, problem, _TIMEOUT)
+
+
+def _plan(panda: Reference, planner: str) -> None:
+    answer = _ask(plan_tasks.plan, panda, _problem(planner), _TIMEOUT)
     if isinstance(answer, bytes):
         if planner == "auto":
             _track(panda, json.loads(answer)["trajectory"])

@@ -297,7 +297,9 @@ def test_no_way_at_all_is_told_in_time_with_what_was_tried(client: httpx.Client)
     assert 0.5 < time.monotonic() - start < 2.0
     assert document["hint"]
     tried = [stage["name"] for stage in document["details"]["stages"]]
-    assert tried == ["preflight", "straight_line", "potential_field", "rrt_connect"]
+    assert tried == ["preflight", "straight_line", "potential_field", "rrt_connect", "diagnosis"]
+    assert document["details"]["blocked_by"][0]["pair"] == ["lower", "ball"]
+    assert document["details"]["would_unblock"] == ["ball"]
 
 
 @pytest.mark.parametrize(
