@@ -67,9 +67,8 @@ def requests() -> None:
         field = {"joints": _START, "goal_joints": _GOAL, "scene": _scene()}
         _ask(potential_tasks.potential, panda, field)
         # A start in collision: the nearest free one is looked for.
-        _ask(
-            plan_tasks.plan, panda, _problem("auto") | {"start": {"joints": touching[0]}}, _TIMEOUT
-        )
+        stuck = _problem("auto") | {"start": {"joints": touching[0]}}
+        _ask(plan_tasks.plan, panda, stuck, _TIMEOUT)
         _lead(panda)
         _retime(panda)
 
