@@ -38,6 +38,8 @@ ANALYTIC_PEERS = ("EAIK", "ik-geo")
 POSITION_AND_YAW: tuple[Axis, ...] = ("x", "y", "z", "rz")
 #: Rounding of a judge's own arithmetic, relative to the tolerance.
 _ROOM = 1.001
+#: Batches are timed so often.
+_ROUNDS = 15
 
 
 class Judge:
@@ -145,18 +147,22 @@ def numeric(name: str, options: argparse.Namespace) -> None:
         report_peers(told, NUMERIC_PEERS, judge, poses[:m], ours)
     poses, starts = forward(chain, sets["random"][:1000]), starts[:1000]
     starts = random_configurations(chain, len(poses), 3)
-    solve_many(chain, poses, seed_joints=starts, axes=axes)
-    batch = []
-    for _ in range(5):
+    batch, alone, single = [], [], []
+    for _ in range(_ROUNDS):
+        # In turn, so that what else the machine does disturbs all of them alike.
         start = time.perf_counter()
         solve_many(chain, poses, seed_joints=starts, axes=axes)
         batch.append(1e6 * (time.perf_counter() - start) / len(poses))
-    _, single = timed(
-        lambda k: solve(chain, poses[k], seed_joints=starts[k], axes=axes), len(poses)
-    )
+        start = time.perf_counter()
+        solve_many(chain, poses, seed_joints=starts, axes=axes, threads=1)
+        alone.append(1e6 * (time.perf_counter() - start) / len(poses))
+        _, spent = timed(partial(_solved, chain, poses, starts, axes), len(poses))
+        single.append(spent.mean())
     print(
-        f"{name:9s} numeric batch of {len(poses)}: {np.median(batch):.1f} us a pose, single calls "
-        f"{single.mean():.1f} us on average: {single.mean() / np.median(batch):.2f} x"
+        f"{name:9s} numeric batch of {len(poses)}: {np.median(batch):.1f} us a pose, one thread "
+        f"{np.median(alone):.1f}, single calls {np.median(single):.1f} us on average: "
+        f"{np.median(single) / np.median(batch):.2f} x and "
+        f"{np.median(single) / np.median(alone):.2f} x"
     )
 
 
@@ -198,11 +204,15 @@ def analytic(name: str, options: argparse.Namespace) -> None:
         worst = max(
             float(judge_worst(judge, table.joints, poses[k])) for k, table in enumerate(found)
         )
-        batched = []
-        for _ in range(5):
+        batched, alone = [], []
+        for _ in range(_ROUNDS):
+            some = None if seeds is None else seeds[:1000]
             start = time.perf_counter()
-            branches(chain, poses[:1000], seed_joints=None if seeds is None else seeds[:1000])
+            branches(chain, poses[:1000], seed_joints=some)
             batched.append(1e6 * (time.perf_counter() - start) / len(poses[:1000]))
+            start = time.perf_counter()
+            branches(chain, poses[:1000], seed_joints=some, threads=1)
+            alone.append(1e6 * (time.perf_counter() - start) / len(poses[:1000]))
         turns = np.mean([
             sum(len(whole_turns(chain, row, 10_000)) for row in table.joints[table.within_limits])
             for table in found[:200]
@@ -212,7 +222,8 @@ def analytic(name: str, options: argparse.Namespace) -> None:
             f"{100 * (1 - len(unanswered) / len(q)):.3f} %  branches "
             f"{np.mean([len(table.table) for table in found]):.2f} (with whole turns {turns:.1f})  "
             f"worst error {worst:.1e}  median {np.median(spent):5.2f} us  p99 "
-            f"{np.percentile(spent, 99):5.1f} us  batched {np.median(batched):.2f} us"
+            f"{np.percentile(spent, 99):5.1f} us  batched {np.median(batched):.2f} us, "
+            f"one thread {np.median(alone):.2f} us"
         )
         for k in unanswered[:10]:
             print(f"    unanswered: {np.array2string(q[k], precision=6)}")

@@ -240,9 +240,9 @@ def ik(robot: Reference, scene: Reference | None, content: bytes) -> bytes | Ref
     """
     body = IkRequest.model_validate_json(content)
     _check_method(body)
-    if not isinstance(body.pose, list):
+    if body.pose is not None:
         return _ik(robot, scene, body, body.pose)
-    each = [_ik(robot, scene, body, pose) for pose in body.pose]
+    each = [_ik(robot, scene, body, pose) for pose in body.poses or ()]
     return next((item for item in each if isinstance(item, Absent)), None) or _together(each)
 
 
@@ -315,7 +315,7 @@ def _check_method(body: IkRequest) -> None:
             hint="Leave constraints out; scene keeps solutions out of collision, and axes frees "
             "some axes of the pose.",
         )
-    if isinstance(body.pose, list) and body.gradient is not None and body.gradient.trace:
+    if body.poses is not None and body.gradient is not None and body.gradient.trace:
         raise InvalidOption("a trace goes with one pose, not with many")
     if body.gradient is not None and body.method != "gradient":
         raise InvalidOption("gradient goes with method 'gradient'")

@@ -177,7 +177,7 @@ class RobotEndpoints:
         self, robot: str, poses: Sequence[Pose], **options: Unpack[IkOptions]
     ) -> Call[IkBatch]:
         """Configurations that reach each of many poses; see `IkOptions`."""
-        body = IkRequest.of(pose=list(poses), **options)
+        body = IkRequest.of(poses=list(poses), **options)
         return Call("POST", path("robots", robot, "ik"), IkBatch.read, body, deadline=body.timeout)
 
     @Endpoint

@@ -163,7 +163,8 @@ class IkOptions(TypedDict, total=False):
 class IkRequest(Request):
     """A pose to be reached, or many of them; see `IkOptions`."""
 
-    pose: Pose | Sequence[Pose]
+    pose: Pose | None = None
+    poses: Sequence[Pose] | None = None
     link: str | None = None
     seed_joints: Vector | None = None
     method: IkMethod = "auto"

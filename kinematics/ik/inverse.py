@@ -74,7 +74,7 @@ def inverse_kinematics(
         raise InvalidOption(f"there is no method {method!r}", hint=f"One of: {', '.join(METHODS)}.")
     if most < 1:
         raise InvalidOption("most must be 1 at least")
-    near = middle(chain) if seed_joints is None else chain.configuration(seed_joints)
+    near = middle(chain) if seed_joints is None else chain.configuration(seed_joints, "seed_joints")
     whole = set(axes) == set(AXES)
     if method == "analytic" and not whole:
         raise InvalidOption("a closed form needs all axes of the target", hint='Take "numeric".')

@@ -96,7 +96,10 @@ class GradientOptions(Body):
 class IkRequest(Body):
     """A pose to be reached, or many of them, each for itself."""
 
-    pose: Pose | Annotated[list[Pose], Field(min_length=1, max_length=MAX_POSES)]
+    pose: Pose | None = None
+    poses: Annotated[list[Pose], Field(min_length=1, max_length=MAX_POSES)] | None = Field(
+        None, description="many poses instead of one: solutions then holds a list for each"
+    )
     link: Label | None = Field(None, description="the tip if left out")
     seed_joints: JointVector | None = Field(None, examples=[JOINTS_EXAMPLE])
     method: Literal["auto", "analytic", "numeric", "gradient", "constrained"] = Field(
@@ -133,6 +136,11 @@ class IkRequest(Body):
     constraints: Constraints | None = None
     timeout: Timeout | None = None
     seed: Seed = 0
+
+    @model_validator(mode="after")
+    def _pose_or_poses(self) -> Self:
+        exactly_one(self, ("pose", "poses"))
+        return self
 
 
 class IkSolution(Answer):

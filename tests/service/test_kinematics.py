@@ -438,19 +438,21 @@ def test_ik_of_many_poses(client: httpx.Client) -> None:
     chain = builtin_chain("ur5e")
     poses = [as_pose(forward(chain, q)) for q in draws("ur5e", 5, seed=4)]
     far = {"position": [3.0, 0.0, 0.0]}
-    body: dict[str, Any] = {"pose": [*poses[:3], far, *poses[3:]], "all_solutions": True}
+    body: dict[str, Any] = {"poses": [*poses[:3], far, *poses[3:]], "all_solutions": True}
     found = answer(client.post("/v1/robots/ur5e/ik", json=body))
     IkAnswer.model_validate(found)
     assert [len(item) > 0 for item in found["solutions"]] == [True] * 3 + [False] + [True] * 2
     (missing,) = found["unsolved"]
     assert missing["index"] == 3
     assert missing["code"] == "NO_IK_SOLUTION"
-    for pose, each in zip(body["pose"], found["solutions"], strict=True):
+    for pose, each in zip(body["poses"], found["solutions"], strict=True):
         if each:
             alone = answer(
                 client.post("/v1/robots/ur5e/ik", json={"pose": pose, "all_solutions": True})
             )
             assert alone["solutions"] == each
-    problem(client.post("/v1/robots/ur5e/ik", json={"pose": []}), 422, "VALIDATION_ERROR")
-    traced = {"pose": poses, "method": "gradient", "gradient": {"trace": True}}
+    problem(client.post("/v1/robots/ur5e/ik", json={"poses": []}), 422, "VALIDATION_ERROR")
+    both = {"pose": far, "poses": poses}
+    problem(client.post("/v1/robots/ur5e/ik", json=both), 422, "VALIDATION_ERROR")
+    traced = {"poses": poses, "method": "gradient", "gradient": {"trace": True}}
     problem(client.post("/v1/robots/ur5e/ik", json=traced), 422, "VALIDATION_ERROR")
