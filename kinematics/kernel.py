@@ -22,7 +22,10 @@ _log = logging.getLogger(__name__)
 def kernel(function: _F, /) -> _F: ...
 @overload
 def kernel(
-    *, fastmath: bool = False, inline: Literal["never", "always"] = "never"
+    *,
+    fastmath: bool = False,
+    inline: Literal["never", "always"] = "never",
+    allocates: bool = True,
 ) -> Callable[[_F], _F]: ...
 def kernel(
     function: _F | None = None,
@@ -30,6 +33,7 @@ def kernel(
     *,
     fastmath: bool = False,
     inline: Literal["never", "always"] = "never",
+    allocates: bool = True,
 ) -> _F | Callable[[_F], _F]:
     """Compile a function with numba on its first call and keep the machine code on disk.
 
@@ -43,6 +47,8 @@ def kernel(
         fastmath: let LLVM reorder floating-point arithmetic; only where no verdict hangs on the
             last bits and NaN cannot occur.
         inline: "always" pastes the body into the kernels that call it.
+        allocates: False for a kernel that makes no array: numba then counts no references, which
+            for a handful of arrays in tuples costs more than a small kernel does.
 
     Returns:
         The compiled function, or a decorator when called with options.
@@ -50,7 +56,12 @@ def kernel(
 
     def compiled(body: _F) -> _F:
         dispatcher = numba.njit(
-            error_model="numpy", nogil=True, fastmath=fastmath, inline=inline, cache=False
+            error_model="numpy",
+            nogil=True,
+            fastmath=fastmath,
+            inline=inline,
+            cache=False,
+            _nrt=allocates,
         )(body)
         if isinstance(dispatcher, Dispatcher):  # NUMBA_DISABLE_JIT leaves the function as it is
             _keep_on_disk(dispatcher)

@@ -7,11 +7,13 @@ import numpy as np
 
 from kinematics.chain import Array, Indices
 from obstacles.collision_model import CollisionModel
-from obstacles.motion import COLLIDING, FREE, certify_curve, certify_path, closest_pair
-from obstacles.piece import Piece
-from obstacles.proximity import near_pairs
+from obstacles.motion import COLLIDING, FREE, certify_curve, certify_path
+from obstacles.proximity import Near, closest_pair, near_pairs
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
+
+#: Near pairs there is room for at first.
+_NEAR_PAIRS = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,36 +53,8 @@ class Proximity(NamedTuple):
 
 
 def collision_model(robot: RobotGeometry, scene: Scene, margin: float = 0.0) -> CollisionModel:
-    """Pack a robot and a scene: every link against every obstacle, and the robot's own pairs.
-
-    What stands still with the base can't be planned out of anything and is not paired with
-    obstacles; pairs that the scene or the robot allows are left out. ``margin`` [m] is kept from
-    obstacles, beyond their own; the robot's own links, which may be built close together, only
-    have to stay apart.
-    """
-    pieces: list[Piece] = list(robot.pieces)
-    names = list(robot.links)
-    margins_of: list[float] = []
-    for obstacle in scene.obstacles:
-        own = obstacle.pieces()
-        pieces += own
-        names += [obstacle.id] * len(own)
-        margins_of += [obstacle.margin] * len(own)
-    p, m = len(robot.pieces), len(margins_of)
-    joints = [*robot.joints, *([-1] * m)]
-    pairs = [
-        (i, p + k)
-        for k in range(m)
-        for i in range(p)
-        if not scene.allows(robot.links[i], names[p + k])
-    ]
-    own_pairs = [
-        (int(i), int(j))
-        for i, j in robot.self_pairs
-        if not scene.allows(robot.links[i], robot.links[j])
-    ]
-    margins = [margin + margins_of[k - p] for _, k in pairs] + [0.0] * len(own_pairs)
-    return CollisionModel.build(robot.chain, pieces, joints, names, pairs + own_pairs, margins)
+    """``CollisionModel.of``."""
+    return CollisionModel.of(robot, scene, margin)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,11 +95,13 @@ class Checker:
             q: Shape (n,).
             within: Pairs farther apart than this, margins taken off, are left out [m].
         """
-        arrays = self.model.arrays
-        n, k = self.model.chain.n, len(arrays.pairs)
-        pairs, distances, gradients = np.empty(k, np.int64), np.empty(k), np.empty((k, n))
         point = np.ascontiguousarray(q, dtype=np.float64)
-        m = near_pairs(arrays, point, within + self.slack, pairs, distances, gradients)
+        m, room = _NEAR_PAIRS, 0
+        while m > room:
+            room = m
+            near = Near(np.empty(room, np.int64), np.empty(room), np.empty((room, len(point))))
+            m = near_pairs(self.model.arrays, point, within + self.slack, near)
+        pairs, distances, gradients = near
         return Proximity(pairs[:m], distances[:m] - self.slack, gradients[:m])
 
     def valid(self, q: Array) -> bool:

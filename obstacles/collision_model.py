@@ -1,101 +1,213 @@
-"""A robot, a scene and what it holds, packed for the kernels: pieces, who carries them, pairs."""
+"""A robot and a scene packed for the kernels; each is prepared once and kept by its content."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.chain import Array, Chain, Indices
-from obstacles.piece import Piece, PieceArrays
+from obstacles.piece import Piece
+from obstacles.piece_set import (
+    HALF,
+    KIND,
+    MARGIN,
+    MIDDLE,
+    OWNER,
+    POSE,
+    WIDTH,
+    CoreKind,
+    PieceSet,
+    ball_rows,
+)
+from obstacles.robot_geometry import RobotGeometry
+from obstacles.scene import Scene
+from obstacles.shapes import PointCloud
+from obstacles.support_table import Lists
+from obstacles.tree import Tree, tree
 
 _T = TypeVar("_T", bound=np.generic)
 
 
 class ModelArrays(NamedTuple):
-    """What a kernel reads (n joints, p pieces, v vertices, k pairs).
+    """What a kernel reads (n joints, p pieces of the robot, m of the scene, k pairs of the robot).
 
-    Pieces of the robot come first, in the frame of the joint that carries them; what stands
-    still (joint -1) is in the base frame. Pair (i, j) has ``joints[i] < joints[j]``, so that
-    piece j is the one that moves when piece i is looked at from.
+    Args:
+        joint_types: Of the chain, shape (n,).
+        offsets: Of the chain, shape (n, 4, 4).
+        joints: The joint that carries each piece, -1 for the base, shape (p,).
+        robot: Rows of the robot's pieces, each in the frame of its joint, shape (p, WIDTH).
+        scene: Rows of what stands around, in the base frame, shape (m, WIDTH).
+        corners: Of all pieces, shape (v, 3).
+        tables: Of all pieces.
+        self_pairs: Pieces (i, j) of the robot that must stay apart, ``joints[i] < joints[j]``, so
+            that j is the one that moves seen from i, shape (k, 2).
+        nodes: Of a tree over the scene's pieces with their own margins, half-spaces left out.
+        items: Of the tree.
+        skipped: Whether a piece may touch an obstacle, shape (p, obstacles).
+        roots: Where every search starts: (i, -1) is piece i against the tree's first node,
+            (i, k) against half-space k, (p + s, 0) is pair s of the robot; shape (r, 2).
+        margin: To be kept from obstacles beyond their own [m].
     """
 
     joint_types: Indices
     offsets: Array
     joints: Indices
-    kinds: Indices
-    starts: Indices
-    vertices: Array
-    sizes: Array
-    poses: Array
-    centers: Array
-    radii: Array
-    boxes: Array
-    pairs: Indices
-    margins: Array
+    robot: Array
+    scene: Array
+    corners: Array
+    tables: Lists
+    self_pairs: Indices
+    nodes: Array
+    items: Indices
+    skipped: NDArray[np.bool_]
+    roots: Indices
+    margin: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CollisionModel:
     """Everything a collision verdict depends on but the configuration.
 
+    What stands still with the base can't be planned out of anything and is not compared with
+    obstacles; pairs that the scene or the robot allows are left out.
+
     Args:
-        chain: The robot.
-        pieces: All convex pieces, shape of each in the frame of its joint or of the base.
-        joints: The joint that carries each piece, -1 for what stands still, shape (p,).
-        names: The link or obstacle each piece belongs to, p of them.
+        chain: The robot's.
+        links: The link each piece of the robot belongs to, p of them.
+        obstacles: Names of the obstacles.
         arrays: The same, packed.
     """
 
     chain: Chain
-    pieces: tuple[Piece, ...]
-    joints: Indices
-    names: tuple[str, ...]
+    links: tuple[str, ...]
+    obstacles: tuple[str, ...]
     arrays: ModelArrays
 
     @classmethod
-    def build(
-        cls,
-        chain: Chain,
-        pieces: Sequence[Piece],
-        joints: Sequence[int],
-        names: Sequence[str],
-        pairs: Sequence[tuple[int, int]] | Indices,
-        margins: Sequence[float] | Array,
-    ) -> "CollisionModel":
-        """Pack pieces and the pairs (k, 2) of them that must stay ``margins`` (k,) [m] apart.
+    def of(cls, robot: RobotGeometry, scene: Scene, margin: float = 0.0) -> "CollisionModel":
+        """Pack a robot and a scene: every link against every obstacle, and the robot's own pairs.
 
-        Pairs on one rigid body can't move against each other and are left out.
+        ``margin`` [m] is kept from obstacles, beyond their own; the robot's own links, which may
+        be built close together, only have to stay apart.
         """
-        carrier = np.array(joints, dtype=np.int64)
-        carrier.setflags(write=False)
-        wanted = np.array(pairs, dtype=np.int64).reshape(-1, 2)
-        order = np.argsort(carrier[wanted], axis=1, kind="stable")
-        wanted = np.take_along_axis(wanted, order, axis=1)
-        moving = carrier[wanted[:, 0]] != carrier[wanted[:, 1]]
-        packed = PieceArrays.pack(pieces)
+        own, around = _robot_part(robot), _scene_part(scene)
+        self_pairs, skipped = own.pairs, _skipped(robot, scene)
+        if scene.allowed_collisions:
+            names = robot.links
+            kept = [not scene.allows(names[i], names[j]) for i, j in self_pairs]
+            self_pairs = self_pairs[np.array(kept, dtype=np.bool_)]
+        robot_set = own.pieces.behind(around.pieces)
         arrays = ModelArrays(
-            joint_types=chain.joint_types,
-            offsets=chain.offsets,
-            joints=carrier,
-            kinds=packed.kinds,
-            starts=packed.starts,
-            vertices=packed.vertices,
-            sizes=packed.sizes,
-            poses=packed.poses,
-            centers=packed.centers,
-            radii=packed.radii,
-            boxes=packed.boxes,
-            pairs=_readonly(wanted[moving]),
-            margins=_readonly(np.array(margins, dtype=np.float64).reshape(-1)[moving]),
+            joint_types=robot.chain.joint_types,
+            offsets=robot.chain.offsets,
+            joints=robot.joints,
+            robot=_readonly(robot_set.rows),
+            scene=around.pieces.rows,
+            corners=_readonly(robot_set.corners),
+            tables=_readonly(robot_set.tables),
+            self_pairs=_readonly(self_pairs),
+            nodes=around.tree.nodes,
+            items=around.tree.items,
+            skipped=_readonly(skipped),
+            roots=_readonly(_roots(robot, self_pairs, skipped, around)),
+            margin=float(margin),
         )
-        return cls(chain, tuple(pieces), carrier, tuple(names), arrays)
+        return cls(robot.chain, robot.links, scene.ids, arrays)
 
     def pair_name(self, pair: int) -> tuple[str, str]:
-        """Names of the two bodies of a pair, the robot's link first."""
-        i, j = self.arrays.pairs[pair]
-        return self.names[j], self.names[i]
+        """Names of the two bodies of a pair, the link that moves first.
+
+        Pair i m + k is piece i of the robot and piece k of the scene, p m + s the robot's pair s.
+        """
+        p, m = len(self.links), len(self.arrays.scene)
+        if pair >= p * m:
+            i, j = self.arrays.self_pairs[pair - p * m]
+            return self.links[j], self.links[i]
+        owner = int(self.arrays.scene[pair % m, OWNER])
+        return self.links[pair // m], self.obstacles[owner]
+
+
+class _RobotPart(NamedTuple):
+    pieces: PieceSet
+    pairs: Indices
+
+
+class _ScenePart(NamedTuple):
+    pieces: PieceSet
+    tree: Tree
+    walls: Indices
+
+
+@lru_cache(maxsize=64)
+def _robot_part(robot: RobotGeometry) -> _RobotPart:
+    order = np.argsort(robot.joints[robot.self_pairs], axis=1, kind="stable")
+    pairs = np.take_along_axis(robot.self_pairs, order, axis=1)
+    return _RobotPart(PieceSet.of(robot.pieces), _readonly(pairs))
+
+
+@lru_cache(maxsize=16)
+def _scene_part(scene: Scene) -> _ScenePart:
+    pieces: list[Piece] = []
+    owners: list[int] = []
+    balls, ball_owners = [np.zeros((0, WIDTH))], [np.zeros(0, dtype=np.int64)]
+    for number, obstacle in enumerate(scene.obstacles):
+        shape, T = obstacle.shape, obstacle.T_world_obstacle
+        if isinstance(shape, PointCloud):
+            balls.append(ball_rows(shape.points @ T[:3, :3].T + T[:3, 3], shape.radius))
+            ball_owners.append(np.full(len(shape.points), number))
+            continue
+        own = obstacle.pieces()
+        pieces += own
+        owners += [number] * len(own)
+    packed = PieceSet.of(pieces)
+    rows = np.vstack([packed.rows, *balls])
+    owner = np.concatenate([np.array(owners, dtype=np.int64), *ball_owners])
+    rows[:, OWNER] = owner
+    rows[:, MARGIN] = np.array([obstacle.margin for obstacle in scene.obstacles])[owner]
+    wall = rows[:, KIND] == CoreKind.HALFSPACE
+    solid = np.flatnonzero(~wall)
+    grown = tree(*_bounds(rows[solid]))
+    items = _readonly(solid[grown.items])
+    kept = PieceSet(_readonly(rows), _readonly(packed.corners), _readonly(packed.tables))
+    return _ScenePart(kept, Tree(grown.nodes, items), np.flatnonzero(wall))
+
+
+def _bounds(rows: Array) -> tuple[Array, Array]:
+    """Lowest and highest corners of pieces in the base frame, margins on, both (m, 3)."""
+    T = rows[:, POSE : POSE + 12].reshape(-1, 3, 4)
+    middle = np.einsum("kij,kj->ki", T[:, :, :3], rows[:, MIDDLE : MIDDLE + 3]) + T[:, :, 3]
+    half = np.einsum("kij,kj->ki", np.abs(T[:, :, :3]), rows[:, HALF : HALF + 3])
+    half += rows[:, MARGIN : MARGIN + 1]
+    return middle - half, middle + half
+
+
+def _skipped(robot: RobotGeometry, scene: Scene) -> NDArray[np.bool_]:
+    skipped = np.zeros((len(robot.pieces), len(scene.obstacles)), dtype=np.bool_)
+    skipped[robot.joints < 0] = True
+    if scene.allowed_collisions:
+        links = np.array(robot.links)
+        column = {name: k for k, name in enumerate(scene.ids)}
+        for a, b in scene.allowed_collisions:
+            for link, obstacle in ((a, b), (b, a)):
+                if obstacle in column:
+                    skipped[links == link, column[obstacle]] = True
+    return skipped
+
+
+def _roots(
+    robot: RobotGeometry, self_pairs: Indices, skipped: NDArray[np.bool_], around: _ScenePart
+) -> Indices:
+    p = len(robot.pieces)
+    # What is carried farthest out meets things first.
+    moving = np.argsort(-robot.joints, kind="stable")
+    moving = moving[~skipped[moving].all(axis=1)] if skipped.size else moving[:0]
+    owners = around.pieces.rows[:, OWNER].astype(np.int64)
+    rows = [(int(i), -1) for i in moving if len(around.tree.items)]
+    rows += [(int(i), int(k)) for i in moving for k in around.walls if not skipped[i, owners[k]]]
+    rows += [(p + s, 0) for s in range(len(self_pairs))]
+    return np.array(rows, dtype=np.int64).reshape(-1, 2)
 
 
 def _readonly(array: NDArray[_T]) -> NDArray[_T]:

@@ -9,16 +9,24 @@ computation on 3D game objects", Game Developers Conference, 2001.
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from kinematics.chain import Array, Indices
 from kinematics.kernel import kernel
-from obstacles.gjk import Vector, cross, dot, minus, nearest_on_simplex, support_in
-from obstacles.piece import PieceKind
+from obstacles.gjk import (
+    Vector,
+    cross,
+    dot,
+    minus,
+    nearest_on_simplex,
+    support,
+    wall_distance,
+)
+from obstacles.piece_set import KIND, ROUNDING, CoreKind
+from obstacles.support_table import Lists
 
-_HALFSPACE = int(PieceKind.HALFSPACE)
+_HALFSPACE = int(CoreKind.HALFSPACE)
 _MAX_ITERATIONS = 60
 #: Relative gap between the bounds at which nearest points count as found.
 _GAP = 1e-12
@@ -34,38 +42,27 @@ _COPLANAR = 1e-11
 _FLAT = 1e-9
 
 
-class Pieces(NamedTuple):
-    """Packed pieces as ``PieceArrays`` has them, for kernels."""
-
-    kinds: Indices
-    starts: Indices
-    vertices: Array
-    sizes: Array
-
-
 @kernel
 def _supports(
-    pieces: Pieces, i: int, T_i: Array, j: int, T_j: Array, d: Vector
+    a: Array, i: int, b: Array, j: int, corners: Array, tables: Lists, d: Vector
 ) -> tuple[Vector, Vector]:
     """Supports of piece i along ``d`` and of piece j along -d."""
-    k, s, v, z = pieces.kinds, pieces.starts, pieces.vertices, pieces.sizes
-    a = support_in(k[i], v, s[i], s[i + 1], z[i], T_i, d)
-    b = support_in(k[j], v, s[j], s[j + 1], z[j], T_j, (-d[0], -d[1], -d[2]))
-    return a, b
+    return support(a, i, corners, tables, d), support(b, j, corners, tables, (-d[0], -d[1], -d[2]))
 
 
 @kernel
 def contact(
-    pieces: Pieces, i: int, T_i: Array, j: int, T_j: Array, axis: Array
+    a: Array, i: int, b: Array, j: int, corners: Array, tables: Lists, axis: Array
 ) -> tuple[float, Vector, Vector]:
     """Signed distance of two pieces, the direction along which it is measured, and a point.
 
     Args:
-        pieces: Packed pieces.
-        i: One piece.
-        T_i: Its frame in a common frame, shape (4, 4).
-        j: The other piece, neither or one of the two a half-space.
-        T_j: Its frame in the same common frame, shape (4, 4).
+        a: Rows of a ``PieceSet``, their poses in a common frame.
+        i: One of them.
+        b: Such rows, the same or others.
+        j: One of them; neither or one of the two is a half-space.
+        corners: Of both.
+        tables: Of both.
         axis: Where to look first, from j to i, shape (3,).
 
     Returns:
@@ -73,9 +70,9 @@ def contact(
         moving i by t along it, or j by t against it, changes the distance by t; the point of j
         that is nearest or deepest.
     """
-    if pieces.kinds[i] == _HALFSPACE or pieces.kinds[j] == _HALFSPACE:
-        return _with_halfspace(pieces, i, T_i, j, T_j)
-    rounding = pieces.sizes[i, 2] + pieces.sizes[j, 2]
+    if a[i, KIND] == _HALFSPACE or b[j, KIND] == _HALFSPACE:
+        return _with_halfspace(a, i, b, j, corners, tables)
+    rounding = a[i, ROUNDING] + b[j, ROUNDING]
     S, scratch, seen = np.empty((4, 3)), np.empty((4, 3)), np.empty((_MAX_ITERATIONS, 6))
     v = (axis[0], axis[1], axis[2])
     if not dot(v, v) > 0.0:
@@ -83,8 +80,8 @@ def contact(
     count, used, lower, normal = 0, 0, -np.inf, v
     square = np.inf
     for iteration in range(_MAX_ITERATIONS):
-        a, b = _supports(pieces, i, T_i, j, T_j, (-v[0], -v[1], -v[2]))
-        w = minus(a, b)
+        p, r = _supports(a, i, b, j, corners, tables, (-v[0], -v[1], -v[2]))
+        w = minus(p, r)
         length = math.sqrt(dot(v, v))
         plane = dot(v, w) / length
         if plane > lower:
@@ -97,18 +94,18 @@ def contact(
         if repeated:
             break
         seen[used, 0], seen[used, 1], seen[used, 2] = w
-        seen[used, 3], seen[used, 4], seen[used, 5] = b
+        seen[used, 3], seen[used, 4], seen[used, 5] = r
         used += 1
         S[count, 0], S[count, 1], S[count, 2] = w
         v, count = nearest_on_simplex(S, count + 1, scratch, lower > 0.0)
         before, square = square, dot(v, v)
         if count == 4 or square <= _CONTACT * _CONTACT:
-            return _overlap(pieces, i, T_i, j, T_j, normal, rounding)
+            return _overlap(a, i, b, j, corners, tables, normal, rounding)
         if square >= before:
             break
     weights = _weights(S, count, v)
     point = _weighted(S, count, weights, seen, used)
-    return lower - rounding, normal, _rounded(point, normal, pieces.sizes[j, 2])
+    return lower - rounding, normal, _rounded(point, normal, b[j, ROUNDING])
 
 
 @kernel
@@ -118,21 +115,13 @@ def _rounded(p: Vector, n: Vector, rounding: float) -> Vector:
 
 @kernel
 def _with_halfspace(
-    pieces: Pieces, i: int, T_i: Array, j: int, T_j: Array
+    a: Array, i: int, b: Array, j: int, corners: Array, tables: Lists
 ) -> tuple[float, Vector, Vector]:
-    wall_is_j = pieces.kinds[j] == _HALFSPACE
-    H, T, k = (T_j, T_i, i) if wall_is_j else (T_i, T_j, j)
-    n = (H[0, 2], H[1, 2], H[2, 2])
-    down = (-n[0], -n[1], -n[2])
-    starts, size = pieces.starts, pieces.sizes[k]
-    p = support_in(
-        pieces.kinds[k], pieces.vertices, starts[k], starts[k + 1], size, T, down
-    )  # fmt: skip
-    p = _rounded(p, down, size[2])
-    distance = dot(n, (p[0] - H[0, 3], p[1] - H[1, 3], p[2] - H[2, 3]))
-    if not wall_is_j:
-        return distance, down, p
-    return distance, n, _rounded(p, n, -distance)
+    if b[j, KIND] == _HALFSPACE:
+        distance, n, p = wall_distance(a, i, b, j, corners, tables)
+        return distance, n, _rounded(p, n, -distance)
+    distance, n, p = wall_distance(b, j, a, i, corners, tables)
+    return distance, (-n[0], -n[1], -n[2]), p
 
 
 @kernel
@@ -174,54 +163,56 @@ def _weighted(S: Array, count: int, weights: Vector, seen: Array, used: int) -> 
 
 @kernel
 def _overlap(
-    pieces: Pieces,
+    a: Array,
     i: int,
-    T_i: Array,
+    b: Array,
     j: int,
-    T_j: Array,
+    corners: Array,
+    tables: Lists,
     axis: Vector,
     rounding: float,
 ) -> tuple[float, Vector, Vector]:
     """``contact`` of pieces whose cores overlap or touch."""
-    corners = np.empty((_CORNERS, 6))
-    used = _first_corners(pieces, i, T_i, j, T_j, corners)
+    grown = np.empty((_CORNERS, 6))
+    used = _first_corners(a, i, b, j, corners, tables, grown)
     if used < 4:
         # A - B is flat: it has no inside, and the cores touch.
-        out = _next_direction(corners, used - 1) if used > 1 else axis
+        out = _next_direction(grown, used - 1) if used > 1 else axis
         back = (-out[0], -out[1], -out[2])
-        a, b = _supports(pieces, i, T_i, j, T_j, back)
-        depth = -dot(out, minus(a, b))
-        return -depth - rounding, out, _rounded(b, out, pieces.sizes[j, 2])
+        p, r = _supports(a, i, b, j, corners, tables, back)
+        return dot(out, minus(p, r)) - rounding, out, _rounded(r, out, b[j, ROUNDING])
     faces, planes = np.empty((_FACES, 3), dtype=np.int64), np.empty((_FACES, 4))
     made = 0
     for skipped in range(4):
-        _put_face(corners, faces, planes, made, skipped)
+        _put_face(grown, faces, planes, made, skipped)
         made += 1
     best, depth = 0, np.inf
     normal, point = axis, axis
     while True:
         best = int(np.argmin(planes[:made, 3]))
         n = (planes[best, 0], planes[best, 1], planes[best, 2])
-        a, b = _supports(pieces, i, T_i, j, T_j, n)
-        w = minus(a, b)
+        p, r = _supports(a, i, b, j, corners, tables, n)
+        w = minus(p, r)
         reach = dot(n, w)
         if reach < depth:
             depth, normal = reach, n
-            point = _on_face(corners, faces[best], planes[best])
+            point = _on_face(grown, faces[best], planes[best])
         gap = reach - planes[best, 3]
         full = used == _CORNERS or made + 2 * _CORNERS > _FACES
         if gap <= _FLAT or full or planes[best, 3] >= depth:
             break
-        corners[used, 0], corners[used, 1], corners[used, 2] = w
-        corners[used, 3], corners[used, 4], corners[used, 5] = b
-        made = _grow(corners, used, faces, planes, made)
+        grown[used, 0], grown[used, 1], grown[used, 2] = w
+        grown[used, 3], grown[used, 4], grown[used, 5] = r
+        made = _grow(grown, used, faces, planes, made)
         used += 1
     out = (-normal[0], -normal[1], -normal[2])
-    return -depth - rounding, out, _rounded(point, out, pieces.sizes[j, 2])
+    return -depth - rounding, out, _rounded(point, out, b[j, ROUNDING])
 
 
 @kernel
-def _first_corners(pieces: Pieces, i: int, T_i: Array, j: int, T_j: Array, corners: Array) -> int:
+def _first_corners(
+    a: Array, i: int, b: Array, j: int, corners: Array, tables: Lists, grown: Array
+) -> int:
     """Write corners of a tetrahedron of A - B that has a volume; fewer than 4 where none was found.
 
     The longest extent first, then what is farthest from the line, then from the plane.
@@ -232,18 +223,18 @@ def _first_corners(pieces: Pieces, i: int, T_i: Array, j: int, T_j: Array, corne
         for sign in range(2 if found else 1):
             turn = 1.0 - 2.0 * sign
             n = (turn * d[0], turn * d[1], turn * d[2])
-            a, b = _supports(pieces, i, T_i, j, T_j, n)
-            w = minus(a, b)
+            p, r = _supports(a, i, b, j, corners, tables, n)
+            w = minus(p, r)
             along = 1.0
             if found:
-                along = dot(n, (w[0] - corners[0, 0], w[1] - corners[0, 1], w[2] - corners[0, 2]))
+                along = dot(n, (w[0] - grown[0, 0], w[1] - grown[0, 1], w[2] - grown[0, 2]))
             if along > best:
                 best = along
-                corners[found, 0], corners[found, 1], corners[found, 2] = w
-                corners[found, 3], corners[found, 4], corners[found, 5] = b
+                grown[found, 0], grown[found, 1], grown[found, 2] = w
+                grown[found, 3], grown[found, 4], grown[found, 5] = r
         if best <= _FLAT:
             return found
-        d = _next_direction(corners, found)
+        d = _next_direction(grown, found)
     return 4
 
 

@@ -15,37 +15,60 @@ import math
 
 import numpy as np
 
-from kinematics.chain import Array, Indices
+from kinematics.chain import Array
 from kinematics.kernel import kernel
-from obstacles.piece import PieceKind
+from obstacles.piece_set import KIND, POSE, ROUNDING, SIZE, START, STOP, TABLE, CoreKind
+from obstacles.support_table import Lists, cell_of
 
 FARTHER = 0
 BETWEEN = 1
 CLOSER = 2
 
-_CYLINDER = int(PieceKind.CYLINDER)
-_CONE = int(PieceKind.CONE)
-_HALFSPACE = int(PieceKind.HALFSPACE)
+_POLYTOPE = int(CoreKind.POLYTOPE)
+_CYLINDER = int(CoreKind.CYLINDER)
+_HALFSPACE = int(CoreKind.HALFSPACE)
+_BOX = int(CoreKind.BOX)
+_TABLED = int(CoreKind.TABLED)
+_POINT = int(CoreKind.POINT)
 _MAX_ITERATIONS = 60
 #: Relative gap between the bounds at which the distance counts as found.
 _GAP = 1e-10
+#: A distance between the thresholds is known well enough with this share of it proved.
+_KNOWN = 0.8
 #: A core distance below this [m] is contact: what is left of the digits can't tell more.
 _CONTACT = 1e-12
 
 Vector = tuple[float, float, float]
+#: The motion of one body seen from another around a configuration: by how much its ball's centre is
+#: displaced (3) and how far it turns (3), both to first order, the ball's radius, what the first
+#: order leaves out at most, and the most that any point moves [m, rad].
+Drift = tuple[float, float, float, float, float, float, float, float, float]
+STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-@kernel
-def support(kind: int, points: Array, start: int, stop: int, size: Array, d: Vector) -> Vector:
-    """Farthest point of a piece's core along ``d``, all in the piece's frame."""
-    if kind == 0:
-        best, index = -np.inf, start
-        for i in range(start, stop):
-            value = points[i, 0] * d[0] + points[i, 1] * d[1] + points[i, 2] * d[2]
+@kernel(allocates=False)
+def _farthest(rows: Array, i: int, corners: Array, tables: Lists, d: Vector) -> Vector:
+    """The corner of a polytope that is farthest along ``d``."""
+    start = int(rows[i, START])
+    best, found = -np.inf, start
+    if rows[i, KIND] == _TABLED:
+        table = int(rows[i, TABLE])
+        cell = table + cell_of(d[0], d[1], d[2])
+        for entry in range(table + tables[cell], table + tables[cell + 1]):
+            k = start + tables[entry]
+            value = corners[k, 0] * d[0] + corners[k, 1] * d[1] + corners[k, 2] * d[2]
             if value > best:
-                best, index = value, i
-        return points[index, 0], points[index, 1], points[index, 2]
-    radius, half = size[0], size[1]
+                best, found = value, k
+    else:
+        for k in range(start, int(rows[i, STOP])):
+            value = corners[k, 0] * d[0] + corners[k, 1] * d[1] + corners[k, 2] * d[2]
+            if value > best:
+                best, found = value, k
+    return corners[found, 0], corners[found, 1], corners[found, 2]
+
+
+@kernel(allocates=False)
+def _round_support(kind: float, radius: float, half: float, d: Vector) -> Vector:
     radial = math.sqrt(d[0] * d[0] + d[1] * d[1])
     x, y = 0.0, 0.0
     if radial > 0.0:
@@ -57,53 +80,64 @@ def support(kind: int, points: Array, start: int, stop: int, size: Array, d: Vec
     return x, y, -half
 
 
-@kernel
-def support_in(
-    kind: int, points: Array, start: int, stop: int, size: Array, T: Array, d: Vector
-) -> Vector:
-    """Farthest point of a piece's core along ``d``, in the frame that ``T`` (4, 4) maps into."""
-    x = T[0, 0] * d[0] + T[1, 0] * d[1] + T[2, 0] * d[2]
-    y = T[0, 1] * d[0] + T[1, 1] * d[1] + T[2, 1] * d[2]
-    z = T[0, 2] * d[0] + T[1, 2] * d[1] + T[2, 2] * d[2]
-    p = support(kind, points, start, stop, size, (x, y, z))
+@kernel(allocates=False)
+def support(rows: Array, i: int, corners: Array, tables: Lists, d: Vector) -> Vector:
+    """Farthest point of the core of piece i along ``d``, in the frame that its pose maps into."""
+    T = POSE
+    kind = rows[i, KIND]
+    if kind == _POINT:
+        return rows[i, T + 3], rows[i, T + 7], rows[i, T + 11]
+    x = rows[i, T] * d[0] + rows[i, T + 4] * d[1] + rows[i, T + 8] * d[2]
+    y = rows[i, T + 1] * d[0] + rows[i, T + 5] * d[1] + rows[i, T + 9] * d[2]
+    z = rows[i, T + 2] * d[0] + rows[i, T + 6] * d[1] + rows[i, T + 10] * d[2]
+    if kind == _BOX:
+        p = (
+            rows[i, SIZE] if x >= 0.0 else -rows[i, SIZE],
+            rows[i, SIZE + 1] if y >= 0.0 else -rows[i, SIZE + 1],
+            rows[i, SIZE + 2] if z >= 0.0 else -rows[i, SIZE + 2],
+        )
+    elif kind in (_TABLED, _POLYTOPE):
+        p = _farthest(rows, i, corners, tables, (x, y, z))
+    else:
+        p = _round_support(kind, rows[i, SIZE], rows[i, SIZE + 1], (x, y, z))
     return (
-        T[0, 0] * p[0] + T[0, 1] * p[1] + T[0, 2] * p[2] + T[0, 3],
-        T[1, 0] * p[0] + T[1, 1] * p[1] + T[1, 2] * p[2] + T[1, 3],
-        T[2, 0] * p[0] + T[2, 1] * p[1] + T[2, 2] * p[2] + T[2, 3],
+        rows[i, T] * p[0] + rows[i, T + 1] * p[1] + rows[i, T + 2] * p[2] + rows[i, T + 3],
+        rows[i, T + 4] * p[0] + rows[i, T + 5] * p[1] + rows[i, T + 6] * p[2] + rows[i, T + 7],
+        rows[i, T + 8] * p[0] + rows[i, T + 9] * p[1] + rows[i, T + 10] * p[2] + rows[i, T + 11],
     )
 
 
-@kernel
+@kernel(allocates=False)
 def dot(a: Vector, b: Vector) -> float:
     """Scalar product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@kernel
+@kernel(allocates=False)
 def minus(a: Vector, b: Vector) -> Vector:
     """Difference."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-@kernel
+@kernel(allocates=False)
 def cross(a: Vector, b: Vector) -> Vector:
     """Vector product."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@kernel
+@kernel(allocates=False)
 def row(S: Array, i: int) -> Vector:
     """Row i of S (k, 3)."""
     return S[i, 0], S[i, 1], S[i, 2]
 
 
-@kernel
+@kernel(allocates=False)
 def put(S: Array, i: int, p: Vector) -> None:
     """Write p into row i of S (k, 3)."""
     S[i, 0], S[i, 1], S[i, 2] = p[0], p[1], p[2]
 
 
-@kernel
+@kernel(allocates=False)
 def nearest_on_segment(a: Vector, b: Vector, S: Array) -> tuple[Vector, int]:
     """Point of segment ab nearest to the origin; the corners it needs are left in S."""
     ab = minus(b, a)
@@ -121,7 +155,7 @@ def nearest_on_segment(a: Vector, b: Vector, S: Array) -> tuple[Vector, int]:
     return (a[0] + t * ab[0], a[1] + t * ab[1], a[2] + t * ab[2]), 2
 
 
-@kernel
+@kernel(allocates=False)
 def nearest_on_triangle(a: Vector, b: Vector, c: Vector, S: Array) -> tuple[Vector, int]:
     """Point of triangle abc nearest to the origin; the corners it needs are left in S.
 
@@ -164,7 +198,7 @@ def nearest_on_triangle(a: Vector, b: Vector, c: Vector, S: Array) -> tuple[Vect
     ), 3
 
 
-@kernel
+@kernel(allocates=False)
 def _outside(a: Vector, b: Vector, c: Vector, opposite: Vector) -> bool:
     """Whether the origin is not strictly on the side of face abc where ``opposite`` is."""
     normal = cross(minus(b, a), minus(c, a))
@@ -173,7 +207,7 @@ def _outside(a: Vector, b: Vector, c: Vector, opposite: Vector) -> bool:
     return origin * inside <= 0.0
 
 
-@kernel
+@kernel(allocates=False)
 def nearest_on_tetrahedron(S: Array, scratch: Array, apart: bool) -> tuple[Vector, int]:
     """Point of the tetrahedron in S nearest to the origin; 4 corners: the origin is inside.
 
@@ -203,7 +237,7 @@ def nearest_on_tetrahedron(S: Array, scratch: Array, apart: bool) -> tuple[Vecto
     return nearest, count
 
 
-@kernel
+@kernel(allocates=False)
 def nearest_on_simplex(S: Array, count: int, scratch: Array, apart: bool) -> tuple[Vector, int]:
     """Point of the simplex in S (4, 3) nearest to the origin, and how many corners it needs."""
     if count == 1:
@@ -218,80 +252,96 @@ def nearest_on_simplex(S: Array, count: int, scratch: Array, apart: bool) -> tup
     return v, left
 
 
-@kernel
-def halfspace_distance(
-    kind: int, points: Array, start: int, stop: int, size: Array, T: Array, H: Array
-) -> float:
-    """Distance of a piece to the half-space z <= 0 of frame H; negative is how deep it is in."""
-    normal = (H[0, 2], H[1, 2], H[2, 2])
-    down = (-normal[0], -normal[1], -normal[2])
-    p = support_in(kind, points, start, stop, size, T, down)
-    return float(dot(normal, (p[0] - H[0, 3], p[1] - H[1, 3], p[2] - H[2, 3])) - size[2])
+@kernel(allocates=False)
+def wall_distance(
+    a: Array, i: int, b: Array, wall: int, corners: Array, tables: Lists
+) -> tuple[float, Vector, Vector]:
+    """Distance of piece i to a half-space, negative inside, its normal, and the lowest point."""
+    n = (b[wall, POSE + 2], b[wall, POSE + 6], b[wall, POSE + 10])
+    p = support(a, i, corners, tables, (-n[0], -n[1], -n[2]))
+    r = a[i, ROUNDING]
+    p = (p[0] - r * n[0], p[1] - r * n[1], p[2] - r * n[2])
+    origin = (b[wall, POSE + 3], b[wall, POSE + 7], b[wall, POSE + 11])
+    return dot(n, minus(p, origin)), n, p
 
 
-@kernel
+@kernel(allocates=False)
+def allowance(n: Vector, drift: Drift) -> float:
+    """How much the motion around a configuration can take off a distance measured along ``n``."""
+    vx, vy, vz, wx, wy, wz, radius, rest, most = drift
+    along = abs(n[0] * vx + n[1] * vy + n[2] * vz)
+    turn = cross(n, (wx, wy, wz))
+    return min(along + radius * math.sqrt(dot(turn, turn)) + rest, most)
+
+
+@kernel(allocates=False)
 def separation(
-    kinds: Indices,
-    starts: Indices,
-    points: Array,
-    sizes: Array,
+    a: Array,
     i: int,
-    T_i: Array,
+    b: Array,
     j: int,
-    T_j: Array,
+    corners: Array,
+    tables: Lists,
     near: float,
     far: float,
+    drift: Drift,
     axis: Array,
-    S: Array,
-    scratch: Array,
+    room: Array,
 ) -> tuple[int, float, float]:
-    """Compare the distance of pieces i and j with two thresholds, near <= far [m].
+    """Compare the distance of piece i of ``a`` and piece j of ``b`` with two thresholds.
 
     Args:
-        kinds: Of ``PieceArrays``, as are the next three.
-        starts: Where each piece's vertices begin.
-        points: The vertices.
-        sizes: Radius, half height, rounding.
-        i: One piece.
-        T_i: Its frame in a common frame, shape (4, 4).
-        j: The other piece.
-        T_j: Its frame in the same common frame, shape (4, 4).
-        near: At most this far apart counts as too close; -inf asks for the distance itself.
-        far: Farther apart than this is far enough; +inf asks for the distance itself.
+        a: Rows of a ``PieceSet``, their poses in a common frame.
+        i: One of them.
+        b: Such rows, the same or others.
+        j: One of them.
+        corners: Of both.
+        tables: Of both.
+        near: At most this far apart counts as too close [m]; -inf asks for the distance itself.
+        far: Farther apart than this, and than the drift's allowance along the same plane on top, is
+            far enough [m]; +inf asks for the distance itself.
+        drift: What motion there is, ``STILL`` for none.
         axis: Where to look first, from j to i, shape (3,); replaced by what was found.
-        S: Room to work in, shape (4, 3).
-        scratch: More of it, shape (4, 3).
+        room: Room to work in, shape (8, 3).
 
     Returns:
-        FARTHER (distance > far), CLOSER (distance <= near) or BETWEEN, and a lower and an upper
-        bound of the distance. Bounds of overlapping pieces are minus their roundings, or 0.
+        FARTHER, CLOSER (distance <= near) or BETWEEN, and a lower and an upper bound of the
+        distance. Bounds of overlapping pieces are minus their roundings, or 0. Where it is FARTHER,
+        the lower bound is proved by the plane across ``axis``.
     """
-    if kinds[j] == _HALFSPACE or kinds[i] == _HALFSPACE:
-        if kinds[j] == _HALFSPACE:
-            d = halfspace_distance(kinds[i], points, starts[i], starts[i + 1], sizes[i], T_i, T_j)
+    if a[i, KIND] == _HALFSPACE or b[j, KIND] == _HALFSPACE:
+        if b[j, KIND] == _HALFSPACE:
+            d, n, _ = wall_distance(a, i, b, j, corners, tables)
         else:
-            d = halfspace_distance(kinds[j], points, starts[j], starts[j + 1], sizes[j], T_j, T_i)
-        return (FARTHER if d > far else CLOSER if d <= near else BETWEEN), d, d
-    rounding = sizes[i, 2] + sizes[j, 2]
+            d, n, _ = wall_distance(b, j, a, i, corners, tables)
+        axis[0], axis[1], axis[2] = n
+        return (
+            (FARTHER if d > far + allowance(n, drift) else CLOSER if d <= near else BETWEEN),
+            d,
+            d,
+        )
+    rounding = a[i, ROUNDING] + b[j, ROUNDING]
+    S, scratch = room[:4], room[4:]
     v = (axis[0], axis[1], axis[2])
     square = dot(v, v)
     if not square > 0.0:
         v = (1.0, 0.0, 0.0)
         square = 1.0
-    lower, upper = -rounding, np.inf
+    lower, upper, enough = -rounding, np.inf, far
     count = 0
     for iteration in range(_MAX_ITERATIONS):
-        back = (-v[0], -v[1], -v[2])
-        a = support_in(kinds[i], points, starts[i], starts[i + 1], sizes[i], T_i, back)
-        b = support_in(kinds[j], points, starts[j], starts[j + 1], sizes[j], T_j, v)
-        w = minus(a, b)
+        p = support(a, i, corners, tables, (-v[0], -v[1], -v[2]))
+        q = support(b, j, corners, tables, v)
+        w = minus(p, q)
         length = math.sqrt(square)
         plane = dot(v, w) / length
         if plane - rounding > lower:
             lower = plane - rounding
             axis[0], axis[1], axis[2] = v[0] / length, v[1] / length, v[2] / length
-        if lower > far:
-            return FARTHER, lower, upper
+            if lower > near:
+                enough = far + allowance((axis[0], axis[1], axis[2]), drift)
+                if lower > enough:
+                    return FARTHER, lower, upper
         if iteration > 0 and length - plane <= _GAP * length:
             break
         repeated = False
@@ -306,12 +356,11 @@ def separation(
             upper = -rounding
             break
         upper = min(upper, math.sqrt(square) - rounding)
-        settled = near > -np.inf and lower > near and upper <= far
-        if upper <= near or settled:
+        # Between the two, and known well enough for what follows.
+        settled = upper <= enough and lower - near >= _KNOWN * (upper - near)
+        if upper <= near or (settled and lower > near > -np.inf):
             break
         if iteration > 0 and square >= before:
             break
     lower = min(lower, upper)
-    if upper <= near:
-        return CLOSER, lower, upper
-    return (FARTHER if lower > far else BETWEEN), lower, upper
+    return (CLOSER if upper <= near else BETWEEN), lower, upper

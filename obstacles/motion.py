@@ -6,26 +6,43 @@ from the one that carries the point down to the base, with what it moved so far 
 
     B <- B + (rho_j + B) delta_j      (revolute),      B <- B + delta_j      (prismatic).
 
-Where a pair's distance in the middle exceeds its bound B and the margin, the pair is free all
-over the interval; what is left is halved. Pairs settled on an interval are not looked at again
-inside it. Source: "Adaptive dynamic collision checking for single and multiple articulated
-robots in complex environments", IEEE Transactions on Robotics, 2005.
+What counts is motion along the normal n of a plane that parts a pair, and there joints make up
+for each other. With v and w the velocities of the ball's centre and of the body, r its radius,
+L_j = rho_j + B the lever of joint j at most, and e_j what is not linear in its motion, Taylor's
+theorem gives
+
+    D = |n . v| + r |n x w| + sum_j L_j (e_j + delta_j (delta_j / 2 + sum_(k < j) delta_k)),
+
+with k over revolute joints, because |d2p / dq_j dq_k| <= L_max(j, k). Where a plane proves a
+distance in the middle that exceeds the smaller of B and D and the margin, the pair is free all over
+the interval; what is left is halved, without the share around the middle that was proved for all
+pairs. Pairs settled on an interval are not looked at again inside it.
+
+What stands around is met from the top of a tree of boxes; a pair waits there as (piece, node)
+until the intervals are so short that it pays to go down. Intervals are looked at from the longest
+to the shortest, so that a motion that collides is refused early.
+Source: "Adaptive dynamic collision checking for single and multiple articulated robots in complex
+environments", IEEE Transactions on Robotics, 2005, for B and the halving.
 """
 
 import math
 
 import numpy as np
 
-from kinematics.chain import Array
-from kinematics.forward import forward_kernel
+from kinematics.chain import Array, Indices
 from kinematics.kernel import kernel
 from obstacles.collision_model import ModelArrays
-from obstacles.gjk import CLOSER, FARTHER, separation
+from obstacles.gjk import BETWEEN, CLOSER, FARTHER, STILL, Vector, allowance, separation
+from obstacles.piece_set import CENTER, HALF, KIND, MARGIN, MIDDLE, OWNER, POSE, RADIUS, CoreKind
+from obstacles.support_table import Lists
+from obstacles.tree import EXTENT, FIRST, LAST, SKIP, gap
+from obstacles.workspace import Workspace, drift, place, visit, workspace
 
 FREE = 0
 COLLIDING = 1
 UNDECIDED = 2
 
+_HALFSPACE = int(CoreKind.HALFSPACE)
 _MAX_DEPTH = 40
 #: Intervals looked at before an edge is given up as undecided.
 _MAX_INTERVALS = 20_000
@@ -33,93 +50,285 @@ _MAX_INTERVALS = 20_000
 _RESOLUTION = 1e-6
 #: What floating point may have cost a distance of a few metres [m], with room to spare.
 _ROUNDING_ERROR = 1e-9
+#: Share of a pair's proved surroundings of the middle that is used: the rest is clearance left.
+_TRUSTED = 0.9
+#: A node is entered once the motion is less than this many times its size: above, halving the
+#: interval settles more than going down.
+_COARSE = 1.0
+#: Entries there is room for at first.
+_ENTRIES = 256
+
+# Places in Workspace.tally.
+_CLEARANCE, _SHARE, _STOPPED = 0, 1, 2
 
 
-@kernel
-def place_piece(model: ModelArrays, frames: Array, i: int, poses: Array, centers: Array) -> None:
-    """Write the pose (4, 4) and the ball's centre (3,) of piece i in the base frame."""
-    joint = model.joints[i]
-    P = model.poses[i]
-    c = model.centers[i]
-    if joint < 0:
-        for row in range(3):
-            centers[i, row] = c[row]
-            for column in range(4):
-                poses[i, row, column] = P[row, column]
-        return
-    F = frames[joint]
-    for row in range(3):
-        f0, f1, f2, f3 = F[row, 0], F[row, 1], F[row, 2], F[row, 3]
-        centers[i, row] = f0 * c[0] + f1 * c[1] + f2 * c[2] + f3
-        for column in range(4):
-            poses[i, row, column] = f0 * P[0, column] + f1 * P[1, column] + f2 * P[2, column]
-        poses[i, row, 3] += f3
+@kernel(allocates=False)
+def quick_bound(a: Array, i: int, b: Array, j: int, enough: float) -> tuple[float, Vector]:
+    """A cheap lower bound [m] of the distance of two pieces, and the plane that proves it.
+
+    From their balls, and where that is not ``enough``, from the box of each and the ball of the
+    other. The normal points from j to i.
+    """
+    if a[i, KIND] == _HALFSPACE:
+        n = (-a[i, POSE + 2], -a[i, POSE + 6], -a[i, POSE + 10])
+        height = (a[i, POSE + 3] - b[j, CENTER]) * n[0] + (a[i, POSE + 7] - b[j, CENTER + 1]) * n[1]
+        height += (a[i, POSE + 11] - b[j, CENTER + 2]) * n[2]
+        return height - b[j, RADIUS], n
+    x, y = a[i, CENTER] - b[j, CENTER], a[i, CENTER + 1] - b[j, CENTER + 1]
+    z = a[i, CENTER + 2] - b[j, CENTER + 2]
+    length = math.sqrt(x * x + y * y + z * z)
+    bound = length - a[i, RADIUS] - b[j, RADIUS]
+    scale = 1.0 / length if length > 0.0 else 0.0
+    n = (x * scale, y * scale, z * scale)
+    if bound > enough:
+        return bound, n
+    out = _out_of_box(b, j, a, i)
+    length = math.sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2])
+    if length - b[j, RADIUS] > bound:
+        bound = length - b[j, RADIUS]
+        scale = 1.0 / length if length > 0.0 else 0.0
+        n = (-out[0] * scale, -out[1] * scale, -out[2] * scale)
+        if bound > enough:
+            return bound, n
+    out = _out_of_box(a, i, b, j)
+    length = math.sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2])
+    if length - a[i, RADIUS] > bound:
+        bound = length - a[i, RADIUS]
+        scale = 1.0 / length if length > 0.0 else 0.0
+        n = (out[0] * scale, out[1] * scale, out[2] * scale)
+    return bound, n
 
 
-@kernel
-def motion_bounds(
-    model: ModelArrays, frames: Array, center: Array, i: int, delta: Array, bounds: Array
-) -> None:
-    """Write how far any point of piece i can move when only joints >= j move, at bounds[j]."""
-    radius = model.radii[i]
-    total = 0.0
-    for j in range(model.joints[i], -1, -1):
-        if delta[j] > 0.0:
-            if model.joint_types[j] == 0:
-                x = center[0] - frames[j, 0, 3]
-                y = center[1] - frames[j, 1, 3]
-                z = center[2] - frames[j, 2, 3]
-                zx, zy, zz = frames[j, 0, 2], frames[j, 1, 2], frames[j, 2, 2]
-                along = x * zx + y * zy + z * zz
-                square = x * x + y * y + z * z - along * along
-                rho = math.sqrt(max(square, 0.0)) + radius
-                total += (rho + total) * delta[j]
-            else:
-                total += delta[j]
-        bounds[j] = total
-
-
-@kernel
-def _ball_to_box(center: Array, radius: float, box: Array, T: Array) -> float:
-    """Lower bound of the distance between a ball and a piece's box of frame T."""
-    x, y, z = center[0] - T[0, 3], center[1] - T[1, 3], center[2] - T[2, 3]
-    square = 0.0
+@kernel(allocates=False)
+def _out_of_box(a: Array, i: int, b: Array, j: int) -> Vector:
+    """From the nearest point of the box of piece j to the centre of piece i."""
+    x, y = a[i, CENTER] - b[j, POSE + 3], a[i, CENTER + 1] - b[j, POSE + 7]
+    z = a[i, CENTER + 2] - b[j, POSE + 11]
+    fx, fy, fz = 0.0, 0.0, 0.0
     for k in range(3):
-        local = x * T[0, k] + y * T[1, k] + z * T[2, k] - box[k]
-        out = abs(local) - box[3 + k]
+        ex, ey, ez = b[j, POSE + k], b[j, POSE + 4 + k], b[j, POSE + 8 + k]
+        local = x * ex + y * ey + z * ez - b[j, MIDDLE + k]
+        out = abs(local) - b[j, HALF + k]
         if out > 0.0:
-            square += out * out
-    return float(math.sqrt(square) - radius)
+            out = out if local > 0.0 else -out
+            fx += out * ex
+            fy += out * ey
+            fz += out * ez
+    return fx, fy, fz
+
+
+@kernel(allocates=False, inline="always")
+def _settle(
+    a: Array, i: int, still: int, placed: Array, j: int, last: int, corners: Array, tables: Lists,
+    twists: Array, strays: Array, room: Array, tally: Array, apart: float, axes: Array, at: int,
+) -> int:  # fmt: skip
+    """Compare piece j, carried by joint ``last``, with piece i of ``a`` on the interval visited.
+
+    Returns:
+        FARTHER (apart all over it), CLOSER (at most ``apart`` in the middle) or BETWEEN.
+    """
+    enough, most = apart + _ROUNDING_ERROR, strays[j, 3 * still + 3]
+    lower, n = quick_bound(a, i, placed, j, enough + most)
+    lost, verdict = most, FARTHER
+    if not lower > enough + most:
+        moving = drift(twists, placed, strays, j, last, still) if most > 0.0 else STILL
+        if lower > enough:
+            lost = allowance(n, moving)
+        if not lower > enough + lost:
+            axis = axes[at]
+            if axis[0] == 0.0 and axis[1] == 0.0 and axis[2] == 0.0:
+                axis[0], axis[1], axis[2] = n
+            verdict, lower, _ = separation(
+                a, i, placed, j, corners, tables, apart, enough, moving, axis, room
+            )
+            lost = allowance((axis[0], axis[1], axis[2]), moving)
+    if verdict == BETWEEN:
+        share = _TRUSTED * max(lower - enough, 0.0) / lost if lost > 0.0 else 0.0
+        tally[_SHARE] = min(tally[_SHARE], share)
+        tally[_STOPPED] += lost < _RESOLUTION
+        lost *= share
+    if verdict == FARTHER or (verdict == BETWEEN and lost > 0.0):
+        tally[_CLEARANCE] = min(tally[_CLEARANCE], lower - lost - apart)
+    return verdict
+
+
+@kernel(allocates=False)
+def _examine(
+    model: ModelArrays, work: Workspace, margin: float, given: Indices, hints: Array,
+    first: int, count: int, entries: Indices, axes: Array, kept: int,
+) -> tuple[int, int]:  # fmt: skip
+    """Look at ``count`` of the ``given`` entries on the interval being visited; keep what is left.
+
+    Returns:
+        How many entries are kept now, -1 where there is no room for them; the pair that touches, or
+        -1.
+    """
+    joints, scene, nodes, items = model.joints, model.scene, model.nodes, model.items
+    corners, tables, skipped = model.corners, model.tables, model.skipped
+    placed, strays, twists, room, tally = (
+        work.placed, work.strays, work.twists, work.room, work.tally,
+    )  # fmt: skip
+    p, m = joints.shape[0], scene.shape[0]
+    extra = model.margin + margin
+    for entry in range(first, first + count):
+        i, k = given[entry, 0], given[entry, 1]
+        if kept == entries.shape[0]:
+            return -1, -1
+        if i >= p:
+            a, b = model.self_pairs[i - p, 0], model.self_pairs[i - p, 1]
+            place(model, work, a)
+            place(model, work, b)
+            for row in range(3):
+                axes[kept, row] = hints[entry, row]
+            verdict = _settle(
+                placed, a, joints[a], placed, b, joints[b], corners, tables,
+                twists, strays, room, tally, margin, axes, kept,
+            )  # fmt: skip
+            if verdict == CLOSER:
+                return kept, p * m + i - p
+            if verdict != FARTHER:
+                entries[kept, 0], entries[kept, 1] = i, k
+                kept += 1
+            continue
+        place(model, work, i)
+        x, y, z = placed[i, CENTER], placed[i, CENTER + 1], placed[i, CENTER + 2]
+        most = strays[i, 0]
+        reach = placed[i, RADIUS] + extra + most + _ROUNDING_ERROR
+        node, after = 0, 1
+        if k < 0:
+            node = -1 - k
+            after = int(nodes[node, SKIP])
+        while node < after:
+            start, stop = 0, 1
+            if k < 0:
+                square = gap(nodes, node, x, y, z)
+                if square > reach * reach:
+                    free = math.sqrt(square) - reach
+                    tally[_CLEARANCE] = min(tally[_CLEARANCE], free)
+                    node = int(nodes[node, SKIP])
+                    continue
+                start, stop = int(nodes[node, FIRST]), int(nodes[node, LAST])
+                if start < 0:
+                    if most > _COARSE * nodes[node, EXTENT]:
+                        if kept == entries.shape[0]:
+                            return -1, -1
+                        entries[kept, 0], entries[kept, 1] = i, -1 - node
+                        kept += 1
+                        tally[_SHARE] = 0.0
+                        node = int(nodes[node, SKIP])
+                    else:
+                        node += 1
+                    continue
+            node += 1
+            for item in range(start, stop):
+                piece = items[item] if k < 0 else k
+                if skipped[i, int(scene[piece, OWNER])]:
+                    continue
+                if kept == entries.shape[0]:
+                    return -1, -1
+                for row in range(3):
+                    axes[kept, row] = 0.0 if k < 0 else hints[entry, row]
+                verdict = _settle(
+                    scene, piece, -1, placed, i, joints[i], corners, tables,
+                    twists, strays, room, tally, scene[piece, MARGIN] + extra, axes, kept,
+                )  # fmt: skip
+                if verdict == CLOSER:
+                    return kept, i * m + piece
+                if verdict != FARTHER:
+                    entries[kept, 0], entries[kept, 1] = i, piece
+                    kept += 1
+    return kept, -1
+
+
+@kernel(allocates=False)
+def _pair_of(model: ModelArrays, entry: Indices) -> int:
+    """A pair that an entry stands for."""
+    p, m = model.joints.shape[0], model.scene.shape[0]
+    i, k = entry[0], entry[1]
+    if i >= p:
+        return int(p * m + i - p)
+    if k >= 0:
+        return int(i * m + k)
+    node = -1 - k
+    while model.nodes[node, FIRST] < 0.0:
+        node += 1
+    return int(i * m + model.items[int(model.nodes[node, FIRST])])
+
+
+@kernel(allocates=False)
+def _look_at(
+    work: Workspace, b0: Array, b1: Array, b2: Array, b3: Array, middle: float, half: float
+) -> None:
+    """Write the curve's configuration in the middle of an interval and how far it strays there."""
+    for j in range(b0.shape[0]):
+        slope = b1[j] + (2.0 * b2[j] + 3.0 * b3[j] * middle) * middle
+        bend = abs(b2[j] + 3.0 * b3[j] * middle) + abs(b3[j]) * half
+        work.joints[0, j] = b0[j] + (b1[j] + (b2[j] + b3[j] * middle) * middle) * middle
+        work.joints[1, j] = (abs(slope) + bend * half) * half
+        work.joints[2, j] = slope * half
+        work.joints[3, j] = bend * half * half
 
 
 @kernel
-def quick_bound(model: ModelArrays, i: int, j: int, poses: Array, centers: Array) -> float:
-    """A cheap lower bound [m] of the distance of pieces i and j from their balls and boxes."""
-    if model.kinds[i] == 3:
-        x = centers[j, 0] - poses[i, 0, 3]
-        y = centers[j, 1] - poses[i, 1, 3]
-        z = centers[j, 2] - poses[i, 2, 3]
-        height = x * poses[i, 0, 2] + y * poses[i, 1, 2] + z * poses[i, 2, 2]
-        return float(height - model.radii[j])
-    bound = _ball_to_box(centers[j], model.radii[j], model.boxes[i], poses[i])
-    other = _ball_to_box(centers[i], model.radii[i], model.boxes[j], poses[j])
-    return max(bound, other)
-
-
-@kernel
-def ball_bound(model: ModelArrays, i: int, j: int, centers: Array) -> float:
-    """Lower bound [m] of the distance of pieces i and j from their balls alone."""
-    x = centers[i, 0] - centers[j, 0]
-    y = centers[i, 1] - centers[j, 1]
-    z = centers[i, 2] - centers[j, 2]
-    return float(math.sqrt(x * x + y * y + z * z) - model.radii[i] - model.radii[j])
-
-
-@kernel
-def look_along_centers(i: int, j: int, centers: Array, axis: Array) -> None:
-    """Start a pair's search along the line between its balls' centres."""
-    for row in range(3):
-        axis[row] = centers[i, row] - centers[j, row]
+def certify_in(
+    model: ModelArrays, work: Workspace,
+    b0: Array, b1: Array, b2: Array, b3: Array, margin: float, found: Array,
+) -> int:  # fmt: skip
+    """``certify_curve`` with a workspace of the caller's, for many curves in a row."""
+    roots = model.roots
+    entries, axes = roots, np.zeros((roots.shape[0], 3))
+    spans, lists = np.empty((1, 2)), np.empty((1, 2), dtype=np.int64)
+    spans[0, 0], spans[0, 1], lists[0, 0], lists[0, 1] = 0.0, 1.0, 0, roots.shape[0]
+    visits, open_spans = 0, 1
+    tally = work.tally
+    tally[_CLEARANCE] = np.inf
+    found[0], found[1] = 0.0, -1.0
+    for _ in range(_MAX_DEPTH):
+        left, hints = np.empty((_ENTRIES, 2), dtype=np.int64), np.empty((_ENTRIES, 3))
+        halves = np.empty((2 * open_spans, 2))
+        lists_left = np.empty((2 * open_spans, 2), dtype=np.int64)
+        made, kept = 0, 0
+        for span in range(open_spans):
+            low, high = spans[span, 0], spans[span, 1]
+            middle, half = 0.5 * (low + high), 0.5 * (high - low)
+            _look_at(work, b0, b1, b2, b3, middle, half)
+            visit(model, work)
+            visits += 1
+            begin = kept
+            tally[_SHARE], tally[_STOPPED] = 1.0, 0.0
+            first, count = lists[span, 0], lists[span, 1]
+            while True:
+                kept, hit = _examine(
+                    model, work, margin, entries, axes, first, count, left, hints, begin
+                )
+                if kept >= 0:
+                    break
+                more = np.empty((2 * left.shape[0], 2), dtype=np.int64)
+                more_hints = np.empty((2 * left.shape[0], 3))
+                more[:begin], more_hints[:begin] = left[:begin], hints[:begin]
+                left, hints = more, more_hints
+            if hit >= 0:
+                found[0], found[1], found[2], found[3] = middle, hit, visits, -np.inf
+                return COLLIDING
+            if kept == begin:
+                continue
+            if tally[_STOPPED] > 0.0 or visits >= _MAX_INTERVALS:
+                found[0], found[1], found[2] = middle, _pair_of(model, left[begin]), visits
+                found[3] = tally[_CLEARANCE] + margin
+                return UNDECIDED
+            proved = half * tally[_SHARE]
+            halves[made, 0], halves[made, 1] = low, middle - proved
+            halves[made + 1, 0], halves[made + 1, 1] = middle + proved, high
+            for side in range(2):
+                lists_left[made + side, 0], lists_left[made + side, 1] = begin, kept - begin
+            made += 2
+        if made == 0:
+            found[2], found[3] = visits, tally[_CLEARANCE] + margin
+            return FREE
+        entries, axes, spans, lists, open_spans = left, hints, halves, lists_left, made
+    found[0], found[1] = spans[0, 0], _pair_of(model, entries[lists[0, 0]])
+    found[2], found[3] = visits, tally[_CLEARANCE] + margin
+    return UNDECIDED
 
 
 @kernel
@@ -136,90 +345,14 @@ def certify_curve(
         b3: Of s^3.
         margin: Asked for on top of the pairs' own margins [m].
         found: Filled with what was found, shape (4,): where on the curve it stopped (s), the pair
-            that stopped it or -1, intervals looked at, and the clearance proved so far [m].
+            that stopped it or -1, intervals looked at, and the clearance proved so far, the pairs'
+            own margins taken off [m].
 
     Returns:
         FREE (proved), COLLIDING (a configuration was found with a pair at most its margin apart) or
         UNDECIDED (a pair comes within a millionth of a metre of its margin).
     """
-    n, p, k = b0.shape[0], model.joints.shape[0], model.pairs.shape[0]
-    q, delta = np.empty(n), np.empty(n)
-    frames = np.empty((n, 4, 4))
-    poses, centers = np.empty((p, 4, 4)), np.empty((p, 3))
-    bounds = np.empty((p, n))
-    stamp = np.full(p, -1, dtype=np.int64)
-    axes = np.zeros((k, 3))
-    S, scratch = np.empty((4, 3)), np.empty((4, 3))
-    active = np.empty((_MAX_DEPTH + 1, k), dtype=np.int32)
-    counts = np.empty(_MAX_DEPTH + 1, dtype=np.int64)
-    lows, highs = np.empty(_MAX_DEPTH + 2), np.empty(_MAX_DEPTH + 2)
-    depths = np.empty(_MAX_DEPTH + 2, dtype=np.int64)
-    counts[0] = k
-    for pair in range(k):
-        active[0, pair] = pair
-    lows[0], highs[0], depths[0] = 0.0, 1.0, 0
-    top, visits = 1, 0
-    clearance = np.inf
-    found[0], found[1] = 0.0, -1.0
-    while top > 0:
-        top -= 1
-        low, high, depth = lows[top], highs[top], depths[top]
-        middle, half = 0.5 * (low + high), 0.5 * (high - low)
-        for j in range(n):
-            q[j] = b0[j] + (b1[j] + (b2[j] + b3[j] * middle) * middle) * middle
-            slope = b1[j] + (2.0 * b2[j] + 3.0 * b3[j] * middle) * middle
-            bend = abs(b2[j] + 3.0 * b3[j] * middle) + abs(b3[j]) * half
-            delta[j] = (abs(slope) + bend * half) * half
-        forward_kernel(model.joint_types, model.offsets, q, frames)
-        visits += 1
-        kept, widest = 0, 0.0
-        for entry in range(counts[depth]):
-            pair = active[depth, entry]
-            i, j = model.pairs[pair, 0], model.pairs[pair, 1]
-            for piece in (i, j):
-                # Nothing that stands still has to be placed twice.
-                if stamp[piece] != visits and (stamp[piece] < 0 or model.joints[piece] >= 0):
-                    stamp[piece] = visits
-                    place_piece(model, frames, piece, poses, centers)
-                    motion_bounds(model, frames, centers[piece], piece, delta, bounds[piece])
-            bound = bounds[j, model.joints[i] + 1]
-            apart = model.margins[pair] + margin
-            far = apart + bound + _ROUNDING_ERROR
-            lower = ball_bound(model, i, j, centers)
-            if lower <= far:
-                lower = max(lower, quick_bound(model, i, j, poses, centers))
-            if lower <= far:
-                if axes[pair, 0] == 0.0 and axes[pair, 1] == 0.0 and axes[pair, 2] == 0.0:
-                    look_along_centers(i, j, centers, axes[pair])
-                verdict, lower, _ = separation(
-                    model.kinds, model.starts, model.vertices, model.sizes,
-                    i, poses[i], j, poses[j], apart, far, axes[pair], S, scratch,
-                )  # fmt: skip
-                if verdict == CLOSER:
-                    found[0], found[1], found[2], found[3] = middle, pair, visits, -np.inf
-                    return COLLIDING
-                if verdict != FARTHER:
-                    active[depth + 1, kept] = pair
-                    kept += 1
-                    widest = max(widest, bound)
-                    if bound < _RESOLUTION:
-                        found[0], found[1], found[2] = middle, pair, visits
-                        found[3] = clearance
-                        return UNDECIDED
-                    continue
-            clearance = min(clearance, lower - bound - model.margins[pair])
-        if kept == 0:
-            continue
-        if depth + 2 > _MAX_DEPTH or visits >= _MAX_INTERVALS:
-            found[0], found[1], found[2] = middle, active[depth + 1, 0], visits
-            found[3] = clearance
-            return UNDECIDED
-        counts[depth + 1] = kept
-        lows[top], highs[top], depths[top] = middle, high, depth + 1
-        lows[top + 1], highs[top + 1], depths[top + 1] = low, middle, depth + 1
-        top += 2
-    found[2], found[3] = visits, clearance
-    return FREE
+    return certify_in(model, workspace(model), b0, b1, b2, b3, margin, found)
 
 
 @kernel
@@ -228,41 +361,10 @@ def certify_path(
 ) -> tuple[int, int]:
     """``certify_curve`` along every leg of a polyline (m, n); the verdict and the leg it is on."""
     zero = np.zeros(waypoints.shape[1])
+    work = workspace(model)
     for leg in range(waypoints.shape[0] - 1):
         step = waypoints[leg + 1] - waypoints[leg]
-        verdict = certify_curve(model, waypoints[leg], step, zero, zero, margin, found)
+        verdict = certify_in(model, work, waypoints[leg], step, zero, zero, margin, found)
         if verdict != FREE:
             return verdict, leg
     return FREE, waypoints.shape[0] - 1
-
-
-@kernel
-def closest_pair(model: ModelArrays, q: Array) -> tuple[float, int]:
-    """Least distance [m] over all pairs, margins taken off, and the pair it belongs to.
-
-    Overlap is told as 0 or below, but not how deep it is.
-    """
-    n, p, k = q.shape[0], model.joints.shape[0], model.pairs.shape[0]
-    frames = np.empty((n, 4, 4))
-    poses, centers = np.empty((p, 4, 4)), np.empty((p, 3))
-    axis = np.empty(3)
-    S, scratch = np.empty((4, 3)), np.empty((4, 3))
-    forward_kernel(model.joint_types, model.offsets, q, frames)
-    for piece in range(p):
-        place_piece(model, frames, piece, poses, centers)
-    best, best_pair = np.inf, -1
-    for pair in range(k):
-        i, j = model.pairs[pair, 0], model.pairs[pair, 1]
-        apart = model.margins[pair]
-        if ball_bound(model, i, j, centers) - apart >= best:
-            continue
-        if quick_bound(model, i, j, poses, centers) - apart >= best:
-            continue
-        look_along_centers(i, j, centers, axis)
-        verdict, lower, _ = separation(
-            model.kinds, model.starts, model.vertices, model.sizes,
-            i, poses[i], j, poses[j], -np.inf, best + apart, axis, S, scratch,
-        )  # fmt: skip
-        if verdict != FARTHER and lower - apart < best:
-            best, best_pair = lower - apart, pair
-    return best, best_pair

@@ -8,66 +8,229 @@ p the point of j that is nearest (or deepest), and z_k, o_k axis and origin of j
 for the joints between the two, 0 for all others.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from kinematics.chain import Array, Indices
-from kinematics.forward import forward_kernel
 from kinematics.kernel import kernel
 from obstacles.collision_model import ModelArrays
-from obstacles.contact import Pieces, contact
-from obstacles.gjk import Vector
-from obstacles.motion import ball_bound, look_along_centers, place_piece, quick_bound
+from obstacles.contact import contact
+from obstacles.gjk import FARTHER, STILL, Vector, separation
+from obstacles.motion import quick_bound
+from obstacles.piece_set import CENTER, MARGIN, OWNER, RADIUS
+from obstacles.support_table import Lists
+from obstacles.tree import FIRST, LAST, SKIP, gap
+from obstacles.workspace import Workspace, place, visit, workspace
+
+_DEEPEST = 128
+
+
+@kernel
+def _stand(model: ModelArrays, q: Array) -> Workspace:
+    """A workspace with the robot standing still in ``q``."""
+    work = workspace(model)
+    work.joints[:] = 0.0
+    work.joints[0] = q
+    visit(model, work)
+    for i in range(model.joints.shape[0]):
+        place(model, work, i)
+    return work
+
+
+@kernel
+def _closer(
+    a: Array, i: int, b: Array, j: int, corners: Array, tables: Lists, room: Array,
+    apart: float, best: float,
+) -> float:  # fmt: skip
+    """Distance of two pieces beyond ``apart`` if that is less than ``best``, else ``best``."""
+    lower, n = quick_bound(a, i, b, j, best + apart)
+    if lower - apart >= best:
+        return best
+    axis = room[8]
+    axis[0], axis[1], axis[2] = n
+    verdict, lower, _ = separation(
+        a, i, b, j, corners, tables, -np.inf, best + apart, STILL, axis, room
+    )
+    return best if verdict == FARTHER else min(best, lower - apart)
+
+
+@kernel
+def _closest_obstacle(
+    model: ModelArrays, work: Workspace, i: int, best: float
+) -> tuple[float, int]:
+    """Least distance of piece i from what is in the tree, if less than ``best``; the piece."""
+    nodes, placed, scene = model.nodes, work.placed, model.scene
+    x, y, z = placed[i, CENTER], placed[i, CENTER + 1], placed[i, CENTER + 2]
+    stack, gaps = np.empty(_DEEPEST, dtype=np.int64), np.empty(_DEEPEST)
+    stack[0], gaps[0], top, found = 0, gap(nodes, 0, x, y, z), 1, -1
+    while top > 0:
+        top -= 1
+        node = stack[top]
+        if np.sqrt(gaps[top]) - placed[i, RADIUS] - model.margin >= best:
+            continue
+        if nodes[node, FIRST] < 0.0:
+            # The nearer one of the two is looked at first.
+            left, right = node + 1, int(nodes[node + 1, SKIP])
+            near, far = gap(nodes, left, x, y, z), gap(nodes, right, x, y, z)
+            if far < near:
+                left, right, near, far = right, left, far, near
+            stack[top], gaps[top], stack[top + 1], gaps[top + 1] = right, far, left, near
+            top += 2
+            continue
+        for entry in range(int(nodes[node, FIRST]), int(nodes[node, LAST])):
+            k = model.items[entry]
+            if model.skipped[i, int(scene[k, OWNER])]:
+                continue
+            distance = _closer(
+                scene, k, placed, i, model.corners, model.tables, work.room,
+                scene[k, MARGIN] + model.margin, best,
+            )  # fmt: skip
+            if distance < best:
+                best, found = distance, k
+    return best, found
+
+
+@kernel
+def closest_pair(model: ModelArrays, q: Array) -> tuple[float, int]:
+    """Least distance [m] over all pairs, margins taken off, and the pair it belongs to.
+
+    Overlap is told as 0 or below, but not how deep it is.
+    """
+    work = _stand(model, q)
+    p, m = model.joints.shape[0], model.scene.shape[0]
+    corners, tables, room, placed = model.corners, model.tables, work.room, work.placed
+    best, closest = np.inf, -1
+    for root in range(model.roots.shape[0]):
+        i, k = model.roots[root, 0], model.roots[root, 1]
+        if i >= p:
+            a, b = model.self_pairs[i - p, 0], model.self_pairs[i - p, 1]
+            distance = _closer(placed, a, placed, b, corners, tables, room, 0.0, best)
+            pair = p * m + i - p
+        elif k >= 0:
+            apart = model.scene[k, MARGIN] + model.margin
+            distance = _closer(model.scene, k, placed, i, corners, tables, room, apart, best)
+            pair = i * m + k
+        else:
+            distance, k = _closest_obstacle(model, work, i, best)
+            pair = i * m + k
+        if distance < best:
+            best, closest = distance, pair
+    return best, closest
 
 
 @kernel
 def distance_gradient(
-    model: ModelArrays, frames: Array, i: int, j: int, n: Vector, p: Vector, gradient: Array
+    types: Indices, frames: Array, still: int, joint: int, n: Vector, p: Vector, gradient: Array
 ) -> None:
-    """Write dd/dq (n,) of a pair; ``n`` points from piece j to piece i, ``p`` is a point of j."""
+    """Write dd/dq (n,) of a pair.
+
+    Args:
+        types: Of the joints.
+        frames: Of the joints, shape (n, 4, 4).
+        still: The joint that carries the first piece, -1 for the base.
+        joint: The joint that carries the second piece, beyond ``still``.
+        n: Unit direction from the second piece to the first.
+        p: The point of the second piece.
+        gradient: Filled, shape (n,).
+    """
     gradient[:] = 0.0
-    for k in range(model.joints[i] + 1, model.joints[j] + 1):
+    for k in range(still + 1, joint + 1):
         zx, zy, zz = frames[k, 0, 2], frames[k, 1, 2], frames[k, 2, 2]
-        if model.joint_types[k] == 0:
+        if types[k] == 0:
             x, y, z = p[0] - frames[k, 0, 3], p[1] - frames[k, 1, 3], p[2] - frames[k, 2, 3]
             zx, zy, zz = zy * z - zz * y, zz * x - zx * z, zx * y - zy * x
         gradient[k] = -(n[0] * zx + n[1] * zy + n[2] * zz)
 
 
+class Near(NamedTuple):
+    """Where near pairs are written, as far as they fit (r rows, n joints).
+
+    Args:
+        pairs: Shape (r,).
+        distances: Signed, margins taken off, shape (r,) [m].
+        gradients: dd/dq, shape (r, n).
+    """
+
+    pairs: Indices
+    distances: Array
+    gradients: Array
+
+
 @kernel
-def near_pairs(
-    model: ModelArrays, q: Array, within: float, found: Indices, distances: Array, gradients: Array
-) -> int:
+def _note(
+    model: ModelArrays, work: Workspace, a: Array, i: int, still: int, j: int, apart: float,
+    within: float, pair: int, near: Near, count: int,
+) -> int:  # fmt: skip
+    """Write a pair to row ``count`` if it is near; how many there are then."""
+    far, b = within + apart, work.placed
+    lower, n = quick_bound(a, i, b, j, far)
+    if lower > far:
+        return count
+    axis = work.room[8]
+    axis[0], axis[1], axis[2] = n
+    distance, normal, point = contact(a, i, b, j, model.corners, model.tables, axis)
+    if distance > far:
+        return count
+    if count < near.pairs.shape[0]:
+        near.pairs[count], near.distances[count] = pair, distance - apart
+        distance_gradient(
+            model.joint_types, work.frames, still, model.joints[j], normal, point,
+            near.gradients[count],
+        )  # fmt: skip
+    return count + 1
+
+
+@kernel
+def near_pairs(model: ModelArrays, q: Array, within: float, near: Near) -> int:
     """Find the pairs whose distance, margins taken off, is at most ``within`` [m].
 
     Args:
         model: The packed robot and scene.
         q: Shape (n,).
         within: [m].
-        found: Filled with the pairs, shape (k,).
-        distances: Filled with their signed distances, margins taken off, shape (k,) [m].
-        gradients: Filled with dd/dq, shape (k, n).
+        near: Filled.
 
     Returns:
-        How many were found.
+        How many there are, which can be more than fit.
     """
-    n, p = q.shape[0], model.joints.shape[0]
-    frames, poses, centers = np.empty((n, 4, 4)), np.empty((p, 4, 4)), np.empty((p, 3))
-    axis = np.empty(3)
-    pieces = Pieces(model.kinds, model.starts, model.vertices, model.sizes)
-    forward_kernel(model.joint_types, model.offsets, q, frames)
-    for piece in range(p):
-        place_piece(model, frames, piece, poses, centers)
+    work = _stand(model, q)
+    p, m = model.joints.shape[0], model.scene.shape[0]
     count = 0
-    for pair in range(model.pairs.shape[0]):
-        i, j = model.pairs[pair, 0], model.pairs[pair, 1]
-        far = within + model.margins[pair]
-        if ball_bound(model, i, j, centers) > far or quick_bound(model, i, j, poses, centers) > far:
+    for root in range(model.roots.shape[0]):
+        i, k = model.roots[root, 0], model.roots[root, 1]
+        if i >= p:
+            a, b = model.self_pairs[i - p, 0], model.self_pairs[i - p, 1]
+            count = _note(
+                model, work, work.placed, a, model.joints[a], b, 0.0, within, p * m + i - p,
+                near, count,
+            )  # fmt: skip
+        elif k >= 0:
+            apart = model.scene[k, MARGIN] + model.margin
+            count = _note(model, work, model.scene, k, -1, i, apart, within, i * m + k, near, count)
+        else:
+            count = _near_obstacles(model, work, i, within, near, count)
+    return count
+
+
+@kernel
+def _near_obstacles(
+    model: ModelArrays, work: Workspace, i: int, within: float, near: Near, count: int
+) -> int:
+    """``near_pairs`` of piece i with what is in the tree."""
+    nodes, items, scene = model.nodes, model.items, model.scene
+    row = work.placed[i]
+    reach = max(row[RADIUS] + model.margin + within, 0.0)
+    node = 0
+    while node < nodes.shape[0]:
+        if gap(nodes, node, row[CENTER], row[CENTER + 1], row[CENTER + 2]) > reach * reach:
+            node = int(nodes[node, SKIP])
             continue
-        look_along_centers(i, j, centers, axis)
-        distance, normal, point = contact(pieces, i, poses[i], j, poses[j], axis)
-        if distance > far:
-            continue
-        found[count], distances[count] = pair, distance - model.margins[pair]
-        distance_gradient(model, frames, i, j, normal, point, gradients[count])
-        count += 1
+        first, last = max(int(nodes[node, FIRST]), 0), max(int(nodes[node, LAST]), 0)
+        for k in items[first:last]:
+            if not model.skipped[i, int(scene[k, OWNER])]:
+                apart = scene[k, MARGIN] + model.margin
+                pair = i * scene.shape[0] + k
+                count = _note(model, work, scene, k, -1, i, apart, within, pair, near, count)
+        node += 1
     return count

@@ -24,10 +24,11 @@ from kinematics.errors import InvalidRobotDescription, InvalidScene
 from kinematics.forward import joint_frames
 from kinematics.mesh_uri import resolve_mesh
 from kinematics.srdf import Semantics
-from obstacles.gjk import separation
+from obstacles.gjk import STILL, separation
 from obstacles.hull import convex_hull
 from obstacles.mesh import load_mesh, scaled
 from obstacles.piece import Piece, PieceArrays, PieceKind
+from obstacles.piece_set import POSE, PieceSet
 from obstacles.scene import Obstacle
 from obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 
@@ -294,41 +295,33 @@ def _always(bare: RobotGeometry, known: Mapping[Pair, str]) -> set[Pair]:
         pair = _sorted(bare.links[i], bare.links[j])
         if pair not in known:
             candidates.setdefault(pair, []).append((int(i), int(j)))
+    packed = PieceSet.of(bare.pieces)
+    owned = np.tile(np.eye(4), (len(bare.pieces), 1, 1))
+    owned[:, :3] = packed.rows[:, POSE : POSE + 12].reshape(-1, 3, 4)
     random = np.random.default_rng(_ALWAYS_SEED)
     for _ in range(_ALWAYS_SAMPLES):
         if not candidates:
             break
-        poses = _piece_poses(bare, random.uniform(lower, upper))
+        frames = np.concatenate(
+            [np.eye(4)[None], joint_frames(bare.chain, random.uniform(lower, upper))]
+        )
+        poses = frames[bare.joints + 1, :3] @ owned
+        packed.rows[:, POSE : POSE + 12] = poses.reshape(-1, 12)
         candidates = {
             pair: pieces
             for pair, pieces in candidates.items()
-            if any(_touch(bare.arrays, poses, i, j) for i, j in pieces)
+            if any(_touch(packed, i, j) for i, j in pieces)
         }
     return set(candidates)
 
 
-def _piece_poses(geometry: RobotGeometry, q: Array) -> Array:
-    frames = np.concatenate([np.eye(4)[None], joint_frames(geometry.chain, q)])
-    return frames[geometry.joints + 1] @ geometry.arrays.poses
-
-
-def _touch(arrays: PieceArrays, poses: Array, i: int, j: int) -> bool:
-    axis, room = np.zeros(3), np.empty((2, 4, 3))
+def _touch(placed: PieceSet, i: int, j: int) -> bool:
+    rows, corners, tables = placed
+    origins = rows[:, POSE + 3 : POSE + 12 : 4]
+    axis, room = origins[i] - origins[j], np.empty((8, 3))
     _, _, upper = separation(
-        arrays.kinds,
-        arrays.starts,
-        arrays.vertices,
-        arrays.sizes,
-        i,
-        poses[i],
-        j,
-        poses[j],
-        0.0,
-        np.inf,
-        axis,
-        room[0],
-        room[1],
-    )
+        rows, i, rows, j, corners, tables, 0.0, np.inf, STILL, axis, room
+    )  # fmt: skip
     return upper <= 0.0
 
 

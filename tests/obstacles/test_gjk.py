@@ -8,8 +8,9 @@ import pytest
 
 from kinematics.chain import Array
 from kinematics.pose import transform
-from obstacles.gjk import BETWEEN, CLOSER, FARTHER, separation
-from obstacles.piece import Piece, PieceArrays, PieceKind
+from obstacles.gjk import BETWEEN, CLOSER, FARTHER, STILL, separation
+from obstacles.piece import Piece, PieceKind
+from obstacles.piece_set import CENTER, PieceSet
 from tests.obstacles.solids import (
     KINDS,
     NO_VERTICES,
@@ -22,13 +23,13 @@ from tests.obstacles.solids import (
 def compare(
     a: Piece, b: Piece, near: float = -np.inf, far: float = np.inf, axis: Array | None = None
 ) -> tuple[int, float, float]:
-    packed = PieceArrays.pack([a, b])
-    towards = packed.centers[0] - packed.centers[1] if axis is None else np.array(axis)
+    rows, corners, tables = PieceSet.of([a, b])
+    towards = rows[0, CENTER : CENTER + 3] - rows[1, CENTER : CENTER + 3]
+    if axis is not None:
+        towards = np.array(axis)
     return separation(
-        packed.kinds, packed.starts, packed.vertices, packed.sizes,
-        0, packed.poses[0], 1, packed.poses[1], near, far, towards,
-        np.empty((4, 3)), np.empty((4, 3)),
-    )  # fmt: skip
+        rows, 0, rows, 1, corners, tables, near, far, STILL, towards, np.empty((8, 3))
+    )
 
 
 @pytest.mark.parametrize("kinds", list(itertools.combinations_with_replacement(KINDS, 2)))

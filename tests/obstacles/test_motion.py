@@ -11,12 +11,13 @@ from kinematics.serial import serial_chain
 from kinematics.srdf import parse_srdf
 from kinematics.urdf import parse_urdf
 from obstacles.checker import Checker
-from obstacles.collision_model import CollisionModel
-from obstacles.motion import motion_bounds
+from obstacles.gjk import allowance
 from obstacles.piece import Piece, PieceKind
+from obstacles.piece_set import CENTER, RADIUS
 from obstacles.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Box, Cylinder, HalfSpace, Sphere
+from obstacles.workspace import drift, place, visit, workspace
 from tests.obstacles.solids import random_transform
 
 
@@ -46,10 +47,11 @@ def slider() -> tuple[Checker, Chain]:
         np.zeros(1, dtype=bool),
     )  # fmt: skip
     ball = Piece(PieceKind.POLYTOPE, np.eye(4), np.zeros((1, 3)), rounding=0.1)
-    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (0, 0.5)])
-    wall = Piece(PieceKind.POLYTOPE, transform(None, [0.0, 0.0, 1.0]), corners)
-    model = CollisionModel.build(chain, [ball, wall], [0, -1], ["tip", "wall"], [(0, 1)], [0.0])
-    return Checker(model), chain
+    one = np.zeros(1, dtype=np.int64)
+    robot = RobotGeometry(chain, (ball,), ("tip",), one, one, {})
+    wall = Box(np.array([2.0, 2.0, 0.5]))
+    scene = Scene((Obstacle("wall", wall, transform(None, [0.0, 0.0, 1.25])),))
+    return Checker.of(robot, scene), chain
 
 
 def test_slide_up_to_a_wall_is_free_until_it_touches() -> None:
@@ -104,8 +106,8 @@ def test_proved_motions_stay_as_far_away_as_was_proved(name: str) -> None:
 def test_no_point_of_a_piece_moves_farther_than_its_bound() -> None:
     robot = builtin("stanford")
     chain = robot.chain
-    checker = Checker.of(robot, Scene())
-    model = checker.model.arrays
+    model = Checker.of(robot, Scene()).model.arrays
+    work = workspace(model)
     random = np.random.default_rng(8)
     lower, upper = chain.sampling_bounds()
     tightest = 0.0
@@ -113,21 +115,64 @@ def test_no_point_of_a_piece_moves_farther_than_its_bound() -> None:
         q = random.uniform(lower, upper)
         delta = random.uniform(0.0, 0.3, chain.n) * (random.random(chain.n) < 0.7)
         moved = q + random.uniform(-1.0, 1.0, chain.n) * delta
+        work.joints[:] = q, delta, delta, 0.0 * q
+        visit(model, work)
         before, after = joint_frames(chain, q), joint_frames(chain, moved)
         for i, joint in enumerate(model.joints):
             if joint < 0:
                 continue
-            center = before[joint][:3, :3] @ model.centers[i] + before[joint][:3, 3]
-            bounds = np.zeros(chain.n)
-            motion_bounds(model, before, center, i, delta, bounds)
-            points = _surface(random, model.centers[i], model.radii[i])
+            place(model, work, i)
+            center, radius = model.robot[i, CENTER : CENTER + 3], model.robot[i, RADIUS]
+            points = _surface(random, center, radius)
             steps = _apply(after[joint], points) - _apply(before[joint], points)
             distance = np.linalg.norm(steps, axis=1)
-            assert distance.max() <= bounds[0] + 1e-12
-            if bounds[0] > 0.0:
-                tightest = max(tightest, float(distance.max() / bounds[0]))
+            bound = work.strays[i, 0]
+            assert distance.max() <= bound + 1e-12
+            if bound > 0.0:
+                tightest = max(tightest, float(distance.max() / bound))
     # A bound that is never nearly reached would prove nothing in time.
     assert tightest > 0.6
+
+
+@pytest.mark.parametrize("name", ["panda", "stanford", "scara"])
+def test_no_point_gets_nearer_along_a_normal_than_is_allowed(name: str) -> None:
+    """Along random curves, seen from the base and from other links."""
+    chain = builtin(name).chain
+    robot = builtin(name)
+    model = Checker.of(robot, Scene()).model.arrays
+    work, random = workspace(model), np.random.default_rng(9)
+    lower, upper = chain.sampling_bounds()
+    gained, tightest = [], 0.0
+    for _ in range(150):
+        q, u = (
+            random.uniform(lower, upper),
+            random.normal(size=chain.n) * random.choice([0.01, 0.2]),
+        )
+        bend = np.abs(random.normal(size=chain.n)) * random.choice([0.0, 0.02])
+        work.joints[:] = q, np.abs(u) + bend, u, bend
+        visit(model, work)
+        i = int(random.choice(np.flatnonzero(model.joints > 0)))
+        last = int(model.joints[i])
+        still = int(random.integers(-1, last))
+        place(model, work, i)
+        moving = drift(work.twists, work.placed, work.strays, i, last, still)
+        n = random.normal(size=3)
+        n /= np.linalg.norm(n)
+        allowed = allowance((n[0], n[1], n[2]), moving)
+        points = _surface(random, model.robot[i, CENTER : CENTER + 3], model.robot[i, RADIUS])
+        start = joint_frames(chain, q)
+        seen = np.eye(4) if still < 0 else start[still]
+        for t in np.linspace(-1.0, 1.0, 9):
+            moved = joint_frames(chain, q + t * u + t * t * random.uniform(-1.0, 1.0) * bend)
+            # As seen from the body that is taken to stand still.
+            back = seen @ np.linalg.inv(np.eye(4) if still < 0 else moved[still])
+            steps = _apply(back @ moved[last], points) - _apply(start[last], points)
+            along = float(np.abs(steps @ n).max())
+            assert along <= allowed + 1e-12
+            tightest = max(tightest, along / allowed)
+        gained.append(allowed / work.strays[i, 3 * (still + 1)])
+    assert tightest > 0.8
+    assert np.median(gained) < 0.9
 
 
 def _surface(random: np.random.Generator, center: Array, radius: float) -> Array:

@@ -9,8 +9,9 @@ from kinematics.chain import Array
 from kinematics.pose import transform
 from kinematics.robots import builtin_names
 from obstacles.checker import Checker
-from obstacles.contact import Pieces, contact
-from obstacles.piece import Piece, PieceArrays, PieceKind
+from obstacles.contact import contact
+from obstacles.piece import Piece, PieceKind
+from obstacles.piece_set import CENTER, PieceSet
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import HalfSpace
 from obstacles.signed_distance import signed_distance
@@ -19,10 +20,9 @@ from tests.obstacles.test_motion import builtin, clutter
 
 
 def found(a: Piece, b: Piece) -> tuple[float, Array, Array]:
-    packed = PieceArrays.pack([a, b])
-    pieces = Pieces(packed.kinds, packed.starts, packed.vertices, packed.sizes)
-    axis = packed.centers[0] - packed.centers[1]
-    distance, normal, point = contact(pieces, 0, packed.poses[0], 1, packed.poses[1], axis)
+    rows, corners, tables = PieceSet.of([a, b])
+    axis = rows[0, CENTER : CENTER + 3] - rows[1, CENTER : CENTER + 3]
+    distance, normal, point = contact(rows, 0, rows, 1, corners, tables, axis)
     return distance, np.array(normal), np.array(point)
 
 

@@ -1,0 +1,117 @@
+"""Convex pieces packed for the kernels that compare them: one row of numbers each.
+
+Kernels are handed few arrays with wide rows rather than many narrow ones: every array handed from
+one kernel to another costs about as much as a distance of two balls.
+"""
+
+from collections.abc import Sequence
+from enum import IntEnum
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from kinematics.chain import Array
+from obstacles.piece import Piece, PieceKind
+from obstacles.support_table import LEAST_CORNERS, Lists, support_table
+
+
+class CoreKind(IntEnum):
+    """How the farthest point of a core is found."""
+
+    POLYTOPE = 0
+    CYLINDER = 1
+    CONE = 2
+    HALFSPACE = 3
+    BOX = 4
+    TABLED = 5
+    POINT = 6
+
+
+#: What stands in which columns of a row: its kind, the obstacle it belongs to and that obstacle's
+#: margin; a ball that holds it, in the owner's frame; of a box half sizes, else radius and half
+#: height, then the rounding; a box that holds it by its middle and half sizes, in its own frame;
+#: the upper three rows of T_owner_piece; its corners, from one to before the other; its table.
+KIND, OWNER, MARGIN = 0, 1, 2
+CENTER, RADIUS = 3, 6
+SIZE, ROUNDING = 7, 10
+MIDDLE, HALF = 11, 14
+POSE = 17
+START, STOP, TABLE = 29, 30, 31
+WIDTH = 32
+
+
+class PieceSet(NamedTuple):
+    """Pieces side by side (p pieces, v corners).
+
+    Args:
+        rows: One for each piece, columns as named above, shape (p, WIDTH).
+        corners: In the frame of the piece they belong to, shape (v, 3).
+        tables: Those of tabled pieces one behind the other.
+    """
+
+    rows: Array
+    corners: Array
+    tables: Lists
+
+    @classmethod
+    def of(cls, pieces: Sequence[Piece]) -> "PieceSet":
+        """Pack pieces in their order."""
+        rows = np.zeros((len(pieces), WIDTH))
+        corners, tables = [np.zeros((0, 3))], [np.zeros(0, dtype=np.int32)]
+        corner, cell = 0, 0
+        for row, piece in zip(rows, pieces, strict=True):
+            _write(row, piece)
+            if row[KIND] in (CoreKind.POLYTOPE, CoreKind.TABLED):
+                row[START], row[STOP] = corner, corner + len(piece.vertices)
+                corner += len(piece.vertices)
+                corners.append(piece.vertices)
+            if row[KIND] == CoreKind.TABLED:
+                row[TABLE] = cell
+                tables.append(_table(piece.vertices.tobytes()))
+                cell += len(tables[-1])
+        return cls(rows, np.ascontiguousarray(np.vstack(corners)), np.concatenate(tables))
+
+    def behind(self, other: "PieceSet") -> "PieceSet":
+        """The same pieces with the corners and tables of ``other`` before theirs."""
+        rows = self.rows.copy()
+        rows[:, START : STOP + 1] += len(other.corners)
+        rows[:, TABLE] += len(other.tables)
+        corners = np.vstack([other.corners, self.corners])
+        return PieceSet(rows, corners, np.concatenate([other.tables, self.tables]))
+
+
+def ball_rows(points: Array, radius: float) -> Array:
+    """Rows (b, WIDTH) of balls about ``points`` (b, 3)."""
+    rows = np.zeros((len(points), WIDTH))
+    rows[:, KIND] = CoreKind.POINT
+    rows[:, CENTER : CENTER + 3] = points
+    rows[:, RADIUS] = rows[:, ROUNDING] = radius
+    rows[:, HALF : HALF + 3] = radius
+    rows[:, POSE : POSE + 12] = np.eye(4)[:3].reshape(12)
+    rows[:, POSE + 3 : POSE + 12 : 4] = points
+    return rows
+
+
+def _write(row: Array, piece: Piece) -> None:
+    T = piece.T_owner_piece
+    if len(piece.vertices) == 1:
+        row[:] = ball_rows((T[:3, :3] @ piece.vertices[0] + T[:3, 3])[None], piece.rounding)[0]
+        return
+    half = piece.box_half_sizes()
+    row[KIND] = int(piece.kind)
+    if half is not None:
+        row[KIND], row[SIZE : SIZE + 3] = CoreKind.BOX, half
+    elif piece.kind == PieceKind.POLYTOPE and len(piece.vertices) >= LEAST_CORNERS:
+        row[KIND] = CoreKind.TABLED
+    else:
+        row[SIZE], row[SIZE + 1] = piece.radius, piece.half_height
+    row[ROUNDING] = piece.rounding
+    row[CENTER : CENTER + 3], row[RADIUS] = piece.bounding_sphere()
+    row[MIDDLE : MIDDLE + 6] = piece.local_box()
+    row[POSE : POSE + 12] = T[:3].reshape(12)
+
+
+@lru_cache(maxsize=1024)
+def _table(corners: bytes) -> Lists:
+    return support_table(np.frombuffer(corners).reshape(-1, 3))
