@@ -8,7 +8,7 @@ import numpy as np
 from kinematics.chain import Array, Indices
 from obstacles.collision_model import CollisionModel
 from obstacles.motion import COLLIDING, FREE, certify_curve, certify_path
-from obstacles.proximity import Near, closest_pair, near_pairs
+from obstacles.proximity import closest_pair, near_pairs
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 
@@ -99,9 +99,11 @@ class Checker:
         m, room = _NEAR_PAIRS, 0
         while m > room:
             room = m
-            near = Near(np.empty(room, np.int64), np.empty(room), np.empty((room, len(point))))
-            m = near_pairs(self.model.arrays, point, within + self.slack, near)
-        pairs, distances, gradients = near
+            pairs, distances = np.empty(room, np.int64), np.empty(room)
+            gradients = np.empty((room, len(point)))
+            m = near_pairs(
+                self.model.arrays, point, within + self.slack, pairs, distances, gradients
+            )
         return Proximity(pairs[:m], distances[:m] - self.slack, gradients[:m])
 
     def valid(self, q: Array) -> bool:

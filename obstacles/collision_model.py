@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.chain import Array, Chain, Indices
-from obstacles.piece import Piece
 from obstacles.piece_set import (
     HALF,
     KIND,
@@ -22,7 +21,7 @@ from obstacles.piece_set import (
     ball_rows,
 )
 from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Scene
+from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import PointCloud
 from obstacles.support_table import Lists
 from obstacles.tree import Tree, tree
@@ -49,6 +48,7 @@ class ModelArrays(NamedTuple):
         roots: Where every search starts: (i, -1) is piece i against the tree's first node,
             (i, k) against half-space k, (p + s, 0) is pair s of the robot; shape (r, 2).
         margin: To be kept from obstacles beyond their own [m].
+        own_margin: To be kept between the robot's own pieces [m].
     """
 
     joint_types: Indices
@@ -64,6 +64,7 @@ class ModelArrays(NamedTuple):
     skipped: NDArray[np.bool_]
     roots: Indices
     margin: float
+    own_margin: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,8 +114,15 @@ class CollisionModel:
             skipped=_readonly(skipped),
             roots=_readonly(_roots(robot, self_pairs, skipped, around)),
             margin=float(margin),
+            own_margin=0.0,
         )
         return cls(robot.chain, robot.links, scene.ids, arrays)
+
+    @classmethod
+    def bare(cls, chain: Chain) -> "CollisionModel":
+        """A robot without solids where there is nothing."""
+        none = np.zeros(0, dtype=np.int64)
+        return cls.of(RobotGeometry(chain, (), (), none, none, {}), Scene())
 
     def pair_name(self, pair: int) -> tuple[str, str]:
         """Names of the two bodies of a pair, the link that moves first.
@@ -127,6 +135,13 @@ class CollisionModel:
             return self.links[j], self.links[i]
         owner = int(self.arrays.scene[pair % m, OWNER])
         return self.links[pair // m], self.obstacles[owner]
+
+
+def together(robot: RobotGeometry, scene: Scene) -> PieceSet:
+    """The pieces of a robot, each in the frame of its joint, and behind them those of a scene."""
+    own, around = _robot_part(robot).pieces, _scene_part(scene).pieces
+    behind = own.behind(around)
+    return PieceSet(_readonly(np.vstack([behind.rows, around.rows])), behind.corners, behind.tables)
 
 
 class _RobotPart(NamedTuple):
@@ -149,29 +164,29 @@ def _robot_part(robot: RobotGeometry) -> _RobotPart:
 
 @lru_cache(maxsize=16)
 def _scene_part(scene: Scene) -> _ScenePart:
-    pieces: list[Piece] = []
-    owners: list[int] = []
-    balls, ball_owners = [np.zeros((0, WIDTH))], [np.zeros(0, dtype=np.int64)]
-    for number, obstacle in enumerate(scene.obstacles):
-        shape, T = obstacle.shape, obstacle.T_world_obstacle
-        if isinstance(shape, PointCloud):
-            balls.append(ball_rows(shape.points @ T[:3, :3].T + T[:3, 3], shape.radius))
-            ball_owners.append(np.full(len(shape.points), number))
-            continue
-        own = obstacle.pieces()
-        pieces += own
-        owners += [number] * len(own)
-    packed = PieceSet.of(pieces)
-    rows = np.vstack([packed.rows, *balls])
-    owner = np.concatenate([np.array(owners, dtype=np.int64), *ball_owners])
-    rows[:, OWNER] = owner
-    rows[:, MARGIN] = np.array([obstacle.margin for obstacle in scene.obstacles])[owner]
+    shaped = [() if _is_cloud(obstacle) else obstacle.pieces() for obstacle in scene.obstacles]
+    packed = PieceSet.of([piece for own in shaped for piece in own])
+    blocks, first = [np.zeros((0, WIDTH))], 0
+    for number, (obstacle, own) in enumerate(zip(scene.obstacles, shaped, strict=True)):
+        rows = packed.rows[first : first + len(own)]
+        first += len(own)
+        if isinstance(obstacle.shape, PointCloud):
+            T = obstacle.T_world_obstacle
+            points = obstacle.shape.points @ T[:3, :3].T + T[:3, 3]
+            rows = ball_rows(points, obstacle.shape.radius)
+        rows[:, OWNER], rows[:, MARGIN] = number, obstacle.margin
+        blocks.append(rows)
+    rows = np.vstack(blocks)
     wall = rows[:, KIND] == CoreKind.HALFSPACE
     solid = np.flatnonzero(~wall)
     grown = tree(*_bounds(rows[solid]))
     items = _readonly(solid[grown.items])
     kept = PieceSet(_readonly(rows), _readonly(packed.corners), _readonly(packed.tables))
     return _ScenePart(kept, Tree(grown.nodes, items), np.flatnonzero(wall))
+
+
+def _is_cloud(obstacle: Obstacle) -> bool:
+    return isinstance(obstacle.shape, PointCloud)
 
 
 def _bounds(rows: Array) -> tuple[Array, Array]:

@@ -182,7 +182,7 @@ def _examine(
                 axes[kept, row] = hints[entry, row]
             verdict = _settle(
                 placed, a, joints[a], placed, b, joints[b], corners, tables,
-                twists, strays, room, tally, margin, axes, kept,
+                twists, strays, room, tally, model.own_margin + margin, axes, kept,
             )  # fmt: skip
             if verdict == CLOSER:
                 return kept, p * m + i - p

@@ -8,8 +8,6 @@ p the point of j that is nearest (or deepest), and z_k, o_k axis and origin of j
 for the joints between the two, 0 for all others.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from kinematics.chain import Array, Indices
@@ -105,7 +103,7 @@ def closest_pair(model: ModelArrays, q: Array) -> tuple[float, int]:
         i, k = model.roots[root, 0], model.roots[root, 1]
         if i >= p:
             a, b = model.self_pairs[i - p, 0], model.self_pairs[i - p, 1]
-            distance = _closer(placed, a, placed, b, corners, tables, room, 0.0, best)
+            distance = _closer(placed, a, placed, b, corners, tables, room, model.own_margin, best)
             pair = p * m + i - p
         elif k >= 0:
             apart = model.scene[k, MARGIN] + model.margin
@@ -143,24 +141,10 @@ def distance_gradient(
         gradient[k] = -(n[0] * zx + n[1] * zy + n[2] * zz)
 
 
-class Near(NamedTuple):
-    """Where near pairs are written, as far as they fit (r rows, n joints).
-
-    Args:
-        pairs: Shape (r,).
-        distances: Signed, margins taken off, shape (r,) [m].
-        gradients: dd/dq, shape (r, n).
-    """
-
-    pairs: Indices
-    distances: Array
-    gradients: Array
-
-
 @kernel
 def _note(
     model: ModelArrays, work: Workspace, a: Array, i: int, still: int, j: int, apart: float,
-    within: float, pair: int, near: Near, count: int,
+    within: float, pair: int, found: Indices, distances: Array, gradients: Array, count: int,
 ) -> int:  # fmt: skip
     """Write a pair to row ``count`` if it is near; how many there are then."""
     far, b = within + apart, work.placed
@@ -172,24 +156,28 @@ def _note(
     distance, normal, point = contact(a, i, b, j, model.corners, model.tables, axis)
     if distance > far:
         return count
-    if count < near.pairs.shape[0]:
-        near.pairs[count], near.distances[count] = pair, distance - apart
+    if count < found.shape[0]:
+        found[count], distances[count] = pair, distance - apart
         distance_gradient(
             model.joint_types, work.frames, still, model.joints[j], normal, point,
-            near.gradients[count],
+            gradients[count],
         )  # fmt: skip
     return count + 1
 
 
 @kernel
-def near_pairs(model: ModelArrays, q: Array, within: float, near: Near) -> int:
+def near_pairs(
+    model: ModelArrays, q: Array, within: float, found: Indices, distances: Array, gradients: Array
+) -> int:
     """Find the pairs whose distance, margins taken off, is at most ``within`` [m].
 
     Args:
         model: The packed robot and scene.
         q: Shape (n,).
         within: [m].
-        near: Filled.
+        found: Filled with the pairs as far as they fit, shape (r,).
+        distances: Filled with their signed distances, margins taken off, shape (r,) [m].
+        gradients: Filled with dd/dq, shape (r, n).
 
     Returns:
         How many there are, which can be more than fit.
@@ -202,21 +190,25 @@ def near_pairs(model: ModelArrays, q: Array, within: float, near: Near) -> int:
         if i >= p:
             a, b = model.self_pairs[i - p, 0], model.self_pairs[i - p, 1]
             count = _note(
-                model, work, work.placed, a, model.joints[a], b, 0.0, within, p * m + i - p,
-                near, count,
+                model, work, work.placed, a, model.joints[a], b, model.own_margin, within,
+                p * m + i - p, found, distances, gradients, count,
             )  # fmt: skip
         elif k >= 0:
             apart = model.scene[k, MARGIN] + model.margin
-            count = _note(model, work, model.scene, k, -1, i, apart, within, i * m + k, near, count)
+            count = _note(
+                model, work, model.scene, k, -1, i, apart, within, i * m + k,
+                found, distances, gradients, count,
+            )  # fmt: skip
         else:
-            count = _near_obstacles(model, work, i, within, near, count)
+            count = _near_obstacles(model, work, i, within, found, distances, gradients, count)
     return count
 
 
 @kernel
 def _near_obstacles(
-    model: ModelArrays, work: Workspace, i: int, within: float, near: Near, count: int
-) -> int:
+    model: ModelArrays, work: Workspace, i: int, within: float,
+    found: Indices, distances: Array, gradients: Array, count: int,
+) -> int:  # fmt: skip
     """``near_pairs`` of piece i with what is in the tree."""
     nodes, items, scene = model.nodes, model.items, model.scene
     row = work.placed[i]
@@ -231,6 +223,9 @@ def _near_obstacles(
             if not model.skipped[i, int(scene[k, OWNER])]:
                 apart = scene[k, MARGIN] + model.margin
                 pair = i * scene.shape[0] + k
-                count = _note(model, work, scene, k, -1, i, apart, within, pair, near, count)
+                count = _note(
+                    model, work, scene, k, -1, i, apart, within, pair,
+                    found, distances, gradients, count,
+                )  # fmt: skip
         node += 1
     return count

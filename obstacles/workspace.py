@@ -95,14 +95,17 @@ def place(model: ModelArrays, work: Workspace, i: int) -> None:
     if work.stamps[i] == now or joint < 0:
         return
     work.stamps[i] = now
-    _place(model.robot, work.frames, joint, work.placed, i)
+    place_row(work.placed, i, model.robot, work.frames, joint)
     _write_strays(
         model.joint_types, work.frames, work.twists, work.joints, work.placed, joint, work.strays, i
     )
 
 
 @kernel(allocates=False)
-def _place(rows: Array, frames: Array, joint: int, placed: Array, i: int) -> None:
+def place_row(placed: Array, i: int, rows: Array, frames: Array, joint: int) -> None:
+    """Write pose and ball of piece i in the base frame; of what stands still they are there."""
+    if joint < 0:
+        return
     x, y, z = rows[i, CENTER], rows[i, CENTER + 1], rows[i, CENTER + 2]
     for row in range(3):
         f0, f1, f2 = frames[joint, row, 0], frames[joint, row, 1], frames[joint, row, 2]

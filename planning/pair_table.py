@@ -8,9 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.chain import Array, Indices
+from obstacles.collision_model import together
 from obstacles.piece import PieceArrays
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
+from obstacles.support_table import Lists
 
 #: Scenes whose pieces are kept packed.
 _KEPT_SCENES = 32
@@ -36,6 +38,9 @@ class PairArrays(NamedTuple):
         radii: Of these balls, shape (p,).
         boxes: Centre and half sizes of a box that holds each piece, in its own frame, (p, 6).
         extents: Size of the largest numbers that a piece's place is summed from, shape (p,) [m].
+        rows: The pieces for the planner's distance iteration, as in ``PieceSet``.
+        corners: Of the same.
+        tables: Of the same.
     """
 
     joint_types: Indices
@@ -54,6 +59,9 @@ class PairArrays(NamedTuple):
     radii: Array
     boxes: Array
     extents: Array
+    rows: Array
+    corners: Array
+    tables: Lists
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,6 +103,7 @@ class PairTable:
         vertices = np.concatenate([pieces.vertices for pieces in both])
         sizes = np.concatenate([pieces.sizes for pieces in both])
         poses = np.concatenate([pieces.poses for pieces in both])
+        packed = together(robot, scene)
         arrays = PairArrays(
             joint_types=robot.chain.joint_types,
             offsets=robot.chain.offsets,
@@ -112,6 +121,9 @@ class PairTable:
             radii=np.concatenate([pieces.radii for pieces in both]),
             boxes=np.concatenate([pieces.boxes for pieces in both]),
             extents=_extents(starts, vertices, sizes, poses),
+            rows=packed.rows,
+            corners=packed.corners,
+            tables=packed.tables,
         )
         return cls(arrays, names)
 

@@ -17,7 +17,8 @@ from kinematics.chain import Array, Indices
 from kinematics.forward import forward_kernel
 from kinematics.kernel import kernel
 from kinematics.trajectory import Trajectory
-from obstacles.gjk import separation
+from obstacles.gjk import STILL, separation
+from obstacles.workspace import place_row
 from planning.cells import (
     COLUMNS,
     MOVED,
@@ -148,14 +149,14 @@ def go_on(
     With ``sharp`` cells are halved until the clearance told is sharp, else only until all is free.
     """
     room = np.empty((2, coefficients.shape[2]))
-    S, scratch, axis = np.empty((4, 3)), np.empty((4, 3)), np.empty(3)
+    rows, room, axis = model.rows.copy(), np.empty((8, 3)), np.empty(3)
     seen = 0
     while w.counters[TOP] > 0:
         if seen >= most:
             return PAUSED
         seen += 1
         half = take(breaks, coefficients, w, room)
-        look(model, w, half, sharp, S, scratch, axis)
+        look(model, w, half, sharp, rows, room, axis)
         if w.counters[ASKED] > 0:
             return ASKING
         if w.counters[KEPT] > 0:
@@ -229,7 +230,7 @@ def take(breaks: Array, coefficients: Array, w: Walk, room: Array) -> float:
 
 @kernel
 def look(  # noqa: PLR0915  one loop: calls with many arrays cost more than they do
-    model: PairArrays, w: Walk, half: float, sharp: bool, S: Array, scratch: Array, axis: Array
+    model: PairArrays, w: Walk, half: float, sharp: bool, rows: Array, room: Array, axis: Array
 ) -> None:
     """Settle what witnesses settle of the last cell; note what is left and what is asked."""
     # Entries of a tuple cost numba a count of references each time they are named.
@@ -276,9 +277,11 @@ def look(  # noqa: PLR0915  one loop: calls with many arrays cost more than they
             by_halving = moved > _HOPELESS or held - need > _HALVES * along
             if not settled and (moved <= _WORTH or not by_halving):
                 axis[0], axis[1], axis[2] = -u[0], -u[1], -u[2]
+                place_row(rows, i, model.rows, w.frames, joints[i])
+                place_row(rows, j, model.rows, w.frames, joints[j])
                 _, _, upper = separation(
-                    kinds, starts, model.vertices, sizes, i, poses[i], j, poses[j],
-                    -np.inf, need + moved, axis, S, scratch,
+                    rows, i, rows, j, model.corners, model.tables, -np.inf, need + moved, STILL,
+                    axis, room,
                 )  # fmt: skip
                 nearest[own] = min(nearest[own], upper)
                 some, u = direction(kinds, poses, i, j, (-axis[0], -axis[1], -axis[2]))
