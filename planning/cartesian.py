@@ -444,7 +444,8 @@ def _proved(
 ) -> Certificate:
     certificate = certify(
         whole, problem.robot, problem.scene, margin=problem.margin,
-        limits=_bounds(law, parts), loads=law.loads, deadline=deadline,
+        limits=_bounds(law, parts), loads=law.loads, constraints=problem.constraints,
+        deadline=deadline,
     )  # fmt: skip
     motions = [motion for motion, _ in _moving(found)]
     deviation = path_deviation(problem.robot.chain, motions, parts, tolerances)

@@ -21,6 +21,8 @@ from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from obstacles.world import ACCURACY, World
 from planning.cells import VALUE
+from planning.constraint_check import ConstraintReport, check_motion
+from planning.constraints.constraint_set import ConstraintSet
 from planning.deadline import Deadline
 from planning.limit_check import (
     RATIO_TOLERANCE,
@@ -89,6 +91,7 @@ class Certificate:
         cells: Intervals of time that were looked at.
         violation: The first thing that is wrong; None where it is verified.
         path_deviation: How far the tool is off the motions asked for, where some were.
+        path_constraints: How well each constraint of the path is held.
     """
 
     verified: bool
@@ -102,6 +105,16 @@ class Certificate:
     cells: int
     violation: Violation | None = None
     path_deviation: PathDeviation | None = None
+    path_constraints: tuple[ConstraintReport, ...] = ()
+
+    @property
+    def path_constraint_residual(self) -> float | None:
+        """The worst residual of all hard path constraints over all t [m or rad], 0 where they hold.
+
+        None where there are none.
+        """
+        hard = [report.residual for report in self.path_constraints if report.hard]
+        return max(0.0, *hard) if hard else None
 
 
 METHOD = (
@@ -119,6 +132,7 @@ def certify(
     margin: float = 0.0,
     limits: Mapping[str, Array] | None = None,
     loads: Loads | None = None,
+    constraints: ConstraintSet | None = None,
     deadline: Deadline | None = None,
 ) -> Certificate:
     """Prove that a trajectory is free for every instant and inside every limit, or say why not.
@@ -131,11 +145,16 @@ def certify(
         limits: Limits (n,) to hold it to, by quantity ("velocity", ...); what is not named is
             taken from the robot, NaN and infinity bind nothing.
         loads: Limits of torque and tool speed.
+        constraints: What the motion has to hold for every instant.
         deadline: When to give up (which proves nothing).
     """
     reports, wrong = check_limits(trajectory, robot.chain.limits, dict(limits or {}), loads)
     continuity, jumps = check_continuity(trajectory)
     wrong += jumps
+    kept, violated = (
+        check_motion(constraints, trajectory) if constraints is not None else ((), None)
+    )
+    wrong += [violated] if violated else []
     proof = _Proof(trajectory, robot, scene, margin, deadline)
     proof.run()
     wrong += [proof.violation] if proof.violation else []
@@ -152,6 +171,7 @@ def certify(
         continuity=continuity,
         cells=proof.visited,
         violation=first,
+        path_constraints=kept,
     )
 
 

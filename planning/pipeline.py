@@ -8,13 +8,17 @@ from kinematics.trajectory import Trajectory
 from obstacles.checker import Checker
 from planning.cartesian import cartesian_plan
 from planning.certificate import Certificate, certify
+from planning.constrained_checker import ConstrainedChecker
 from planning.deadline import Deadline
 from planning.diagnosis import Diagnosis, diagnose
 from planning.law_choice import chosen_law
+from planning.manifold import Manifold, shorten
 from planning.motion_timing import motions
 from planning.options import Options, TimingOptions
+from planning.path_constraints import constrained, with_limits
 from planning.preflight import Ready, preflight
 from planning.problem import Problem
+from planning.relaxation import Relaxation, relaxed
 from planning.result import Attempt, Failure, Path, Plan
 from planning.rung import Rung, check_options
 from planning.shortcut import shortcut
@@ -49,11 +53,16 @@ def plan(problem: Problem, options: Options) -> Plan | Failure:
     """
     deadline = Deadline.after(options.timeout)
     check_options(options)
+    options = with_limits(options, problem.constraints)
     law = _law(problem, options)
     stages = Stages(options.observer)
     if options.planner == "cartesian":
         return cartesian_plan(problem, options, law, stages, deadline)
-    ready = stages.run("preflight", lambda: preflight(problem, options.seed), _tell_preflight)
+    ready = stages.run(
+        "preflight",
+        lambda: constrained(problem, preflight(problem, options.seed), options.seed),
+        _tell_preflight,
+    )
     if isinstance(ready, Failure):
         return replace(ready, stages=tuple(stages.reports))
     reserved = min(_RESERVED_SHARE * options.timeout, _RESERVED_MOST)
@@ -72,7 +81,7 @@ def plan(problem: Problem, options: Options) -> Plan | Failure:
     if len(waypoints) > 2:
         waypoints = stages.run(
             "shortcut",
-            lambda: shortcut(checker, waypoints, options.seed, deadline),
+            lambda: _shorter(checker, waypoints, options.seed, deadline),
             lambda short: (True, f"{len(waypoints)} waypoints became {len(short)}."),
         )
     try:
@@ -96,6 +105,12 @@ def plan(problem: Problem, options: Options) -> Plan | Failure:
         descent=attempt.descent,
         progress=attempt.progress,
     )
+
+
+def _shorter(checker: Checker, waypoints: Array, seed: int, deadline: Deadline) -> Array:
+    if isinstance(checker, ConstrainedChecker):
+        return shorten(Manifold(checker), waypoints, seed, deadline)
+    return shortcut(checker, waypoints, seed, deadline)
 
 
 def _law(problem: Problem, options: Options) -> Law:
@@ -140,9 +155,14 @@ def _find_path(
     )
 
 
-def _diagnosis(problem: Problem, ready: Ready, options: Options, deadline: Deadline) -> Diagnosis:
+def _diagnosis(
+    problem: Problem, ready: Ready, options: Options, deadline: Deadline
+) -> Diagnosis | Relaxation:
     """What is in the way, in the time that was kept back for a path that was not found."""
     own = Deadline.after(min(_DIAGNOSIS_MOST, deadline.remaining))
+    exact = ready.checkers[-1]
+    if isinstance(exact, ConstrainedChecker):
+        return relaxed(exact, ready.start, ready.goals, options.seed, own)
     return diagnose(
         problem.robot, problem.scene, ready.checkers[-1], ready.start, ready.goals, own,
         margin=problem.margin, seed=options.seed,
@@ -169,7 +189,10 @@ def _time_and_prove(
             motion,
             lambda timed: (True, f"{timed.duration:.3f} s, {timed.pieces} pieces."),
         )
-        prove = partial(certify, timed, problem.robot, problem.scene, margin=problem.margin)
+        prove = partial(
+            certify, timed, problem.robot, problem.scene, margin=problem.margin,
+            constraints=problem.constraints,
+        )  # fmt: skip
         certificate = stages.run(
             "certificate",
             partial(prove, limits=law.bounds, loads=law.loads, deadline=deadline),

@@ -9,6 +9,7 @@ from kinematics.chain import Array, frozen
 from kinematics.errors import InvalidGoal
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
+from planning.constraints.constraint_set import ConstraintSet
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,6 +62,7 @@ class Problem:
         goals: Any one of these is to be reached.
         margin: Distance to keep from obstacles beyond their own margins [m].
         start_state_tolerance: A start this little outside a limit is snapped onto it.
+        constraints: What the whole motion has to hold; its clearance raises the margin.
 
     Raises:
         InvalidGoal: There is no goal, or the margin is negative.
@@ -73,6 +75,7 @@ class Problem:
     goals: tuple[Goal, ...]
     margin: float = 0.0
     start_state_tolerance: float = 1e-6
+    constraints: ConstraintSet | None = None
     content_hash: str = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -86,6 +89,8 @@ class Problem:
                 chain.configuration(goal.joints, "goal.joints").reshape(chain.n)
         if not (np.isfinite(self.margin) and self.margin >= 0.0):
             raise InvalidGoal(f"margin is {self.margin}; it must be 0 or more")
+        if self.constraints is not None:
+            object.__setattr__(self, "margin", max(self.margin, self.constraints.margin))
         object.__setattr__(self, "content_hash", self._hash())
 
     def _hash(self) -> str:
@@ -100,4 +105,6 @@ class Problem:
                 numbers = [goal.position_tolerance, goal.orientation_tolerance]
                 digest.update(np.array(numbers).tobytes())
         digest.update(np.array([self.margin, self.start_state_tolerance]).tobytes())
+        if self.constraints is not None:
+            digest.update(self.constraints.content_hash.encode())
         return digest.hexdigest()

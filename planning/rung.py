@@ -5,7 +5,9 @@ from dataclasses import dataclass
 from kinematics.errors import InvalidOption
 from obstacles.checker import Checker
 from planning import sampling
+from planning.constrained_checker import ConstrainedChecker
 from planning.deadline import Deadline
+from planning.manifold import Manifold, connect
 from planning.options import Options
 from planning.potential_field import QUICK, FieldOptions, potential_field
 from planning.preflight import Ready
@@ -80,6 +82,8 @@ class Rung:
         return Attempt(None, f"Blocked: {motions[0].pair[0]} and {motions[0].pair[1]}.")
 
     def _field(self) -> Attempt:
+        if isinstance(self.checker, ConstrainedChecker) and self.options.planner == "auto":
+            return Attempt(None, "Left out: its forces know nothing of constraints.")
         alone = self.options.planner != "auto"
         parameters = FieldOptions.of(self.options.planner_options) if alone else QUICK
         share = 1.0 if alone else _FIELD_SHARE
@@ -99,6 +103,12 @@ class Rung:
         return Attempt(None, found.detail, details=details)
 
     def _sample(self) -> Attempt:
+        if isinstance(self.checker, ConstrainedChecker) and self.planner == "rrt_connect":
+            way, walks = connect(
+                Manifold(self.checker), self.ready.start, self.ready.goals, self.options.seed,
+                self.deadline,
+            )  # fmt: skip
+            return Attempt(way, f"{walks} walks along the constraints.")
         found = sampling.sample(
             self.planner, self.problem.robot.chain, self.checker,
             self.ready.start, self.ready.goals,

@@ -330,13 +330,27 @@ def gradient_kernel(
 ) -> float:
     """Write a row's gradient (n,) and answer its value."""
     value, linear, angular = value_kernel(q, frames, row, E)
-    n = q.shape[0]
+    covector_kernel(types, frames, row, linear, angular, gradient)
+    if int(row[0]) == _JOINT:
+        gradient[int(row[1])] = 1.0
+    return value
+
+
+@kernel
+def covector_kernel(
+    types: Indices,
+    frames: Array,
+    row: Array,
+    linear: tuple[float, float, float],
+    angular: tuple[float, float, float],
+    gradient: Array,
+) -> None:
+    """Write into (n,) what covectors on the velocities of a row's bodies make of each joint's."""
     carrier, reference = int(row[1]), int(row[2])
-    for j in range(n):
+    for j in range(gradient.shape[0]):
         gradient[j] = 0.0
     if int(row[0]) == _JOINT:
-        gradient[carrier] = 1.0
-        return value
+        return
     P = point_kernel(frames, row)
     # Joints between the two bodies move one against the other: outwards one way, inwards the other.
     sign = 1.0 if carrier > reference else -1.0
@@ -348,7 +362,54 @@ def gradient_kernel(
         else:
             arm = cross(z, (P[0] - F[0, 3], P[1] - F[1, 3], P[2] - F[2, 3]))
             gradient[j] = sign * (dot(linear, arm) + dot(angular, z))
-    return value
+
+
+@kernel
+def sideways_kernel(
+    frames: Array, row: Array, second: bool
+) -> tuple[float, tuple[float, float, float], tuple[float, float, float]]:
+    """A bound across the way that a distance or an angle is measured, and its covectors.
+
+    A ball of radius u holds |e . y| <= u for every direction e, not just the one towards y: without
+    those, steps towards a small ball or a narrow cone run past it. Infinite where there is none.
+    """
+    kind = int(row[0])
+    none = (0.0, 0.0, 0.0)
+    d = (row[12], row[13], row[14])
+    if kind == _ANGLE:
+        if second or row[UPPER] >= 0.5 * math.pi:
+            return math.inf, none, none
+        a = axis_kernel(frames, row)
+        w = away_kernel(a, d)
+        return math.sin(row[UPPER]), none, to_base_kernel(frames, row, cross(a, w))
+    if kind not in (_DISTANCE, _LOOK):
+        return math.inf, none, none
+    x = seen_kernel(frames, row, point_kernel(frames, row))
+    y = (x[0] - row[9], x[1] - row[10], x[2] - row[11])
+    if kind == _LOOK:
+        length = math.sqrt(dot(y, y))
+        if second or row[UPPER] >= 0.5 * math.pi or length <= _NO_DIRECTION:
+            return math.inf, none, none
+        a = axis_kernel(frames, row)
+        w = away_kernel(a, (-y[0] / length, -y[1] / length, -y[2] / length))
+        linear = (w[0] / length, w[1] / length, w[2] / length)
+        return (
+            math.sin(row[UPPER]),
+            to_base_kernel(frames, row, linear),
+            to_base_kernel(frames, row, cross(a, w)),
+        )
+    along = dot(d, y)
+    y = (y[0] - along * d[0], y[1] - along * d[1], y[2] - along * d[2])
+    length = math.sqrt(dot(y, y))
+    line = dot(d, d) > 0.5
+    if length <= _NO_DIRECTION or (line and second):
+        return math.inf, none, none
+    u = (y[0] / length, y[1] / length, y[2] / length)
+    # Any unit vector across u; of a line, the one that is across the line too.
+    e = d if line else away_kernel((-u[0], -u[1], -u[2]), u)
+    if second or line:
+        e = cross(u, e)
+    return row[UPPER], to_base_kernel(frames, row, e), none
 
 
 @kernel

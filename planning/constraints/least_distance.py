@@ -1,0 +1,110 @@
+"""The nearest point to a given one under linear inequalities: the step of the nonlinear programs.
+
+    minimise |x - d|^2 / 2    subject to    a_i . x <= b_i
+
+by a dual active-set method: from the unconstrained minimum the most violated inequality is taken in
+turn, and those that no longer press are let go. It ends with the exact minimum or with the proof
+that there is none. Source: "A numerically stable dual method for solving strictly convex quadratic
+programs", Mathematical Programming, 1983.
+"""
+
+import math
+
+import numpy as np
+
+from kinematics.chain import Array, Indices
+from kinematics.kernel import kernel
+
+#: Inequalities are kept to this (their rows have the length of about a metre, or 1).
+_FEASIBLE = 1e-11
+#: Squared part of a unit row that no other row explains, below which they explain it all.
+_DEPENDENT = 1e-16
+#: Changes of the active set a row, after which rounding is going round in circles.
+_ROUNDS = 20
+
+
+@kernel
+def least_distance(A: Array, b: Array, count: int, d: Array, x: Array) -> bool:
+    """Write the nearest x (n,) to d (n,) with A x <= b over the first ``count`` rows of A (k, n).
+
+    Returns:
+        False where there is none; x is then the last point looked at.
+    """
+    n = d.shape[0]
+    for j in range(n):
+        x[j] = d[j]
+    active = np.empty(n, dtype=np.int64)
+    duals, r, z = np.zeros(n + 1), np.zeros(n), np.empty(n)
+    gram = np.empty((n, n))
+    size = 0
+    for _ in range(_ROUNDS * (count + 1)):
+        p, worst = -1, _FEASIBLE
+        for i in range(count):
+            excess = -b[i]
+            for j in range(n):
+                excess += A[i, j] * x[j]
+            if excess > worst:
+                p, worst = i, excess
+        if p < 0:
+            return True
+        dual = 0.0
+        while True:
+            # What of row p the active ones do not explain: a_p - sum_i r_i a_i.
+            _explain(A, active, size, p, gram, r)
+            left, square = 0.0, 0.0
+            for j in range(n):
+                z[j] = A[p, j]
+                square += A[p, j] * A[p, j]
+                for i in range(size):
+                    z[j] -= r[i] * A[active[i], j]
+                left += z[j] * z[j]
+            most, leaving = math.inf, -1
+            for i in range(size):
+                if r[i] > 0.0 and duals[i] < most * r[i]:
+                    most, leaving = duals[i] / r[i], i
+            whole = math.inf
+            if left > _DEPENDENT * square and size < n:
+                whole = worst / left
+            step = min(most, whole)
+            if math.isinf(step):
+                return False
+            dual += step
+            for i in range(size):
+                duals[i] -= step * r[i]
+            if whole < math.inf:
+                for j in range(n):
+                    x[j] -= step * z[j]
+                worst -= step * left
+            if step == whole:
+                active[size], duals[size] = p, dual
+                size += 1
+                break
+            size -= 1
+            for i in range(leaving, size):
+                active[i], duals[i] = active[i + 1], duals[i + 1]
+    return False
+
+
+@kernel
+def _explain(A: Array, active: Indices, size: int, p: int, gram: Array, r: Array) -> None:
+    """Least-squares coefficients r of row p in the active rows, by their Gram matrix's factors."""
+    n = A.shape[1]
+    for i in range(size):
+        for k in range(i + 1):
+            total = 0.0
+            for j in range(n):
+                total += A[active[i], j] * A[active[k], j]
+            for l in range(k):  # noqa: E741
+                total -= gram[i, l] * gram[k, l]
+            gram[i, k] = math.sqrt(max(total, 1e-300)) if i == k else total / gram[k, k]
+        total = 0.0
+        for j in range(n):
+            total += A[active[i], j] * A[p, j]
+        for k in range(i):
+            total -= gram[i, k] * r[k]
+        r[i] = total / gram[i, i]
+    for i in range(size - 1, -1, -1):
+        total = r[i]
+        for k in range(i + 1, size):
+            total -= gram[k, i] * r[k]
+        r[i] = total / gram[i, i]
