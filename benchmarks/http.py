@@ -20,11 +20,9 @@ from pathlib import Path
 import numpy as np
 
 from armwright_client import Client, JointLimits, NotReady, RobotUpload, Scene, TransportError
-from benchmarks.mbm import ACCELERATION, panda, problems
-from obstacles.moveit import scene_from_moveit
+from benchmarks.mbm_problems import ACCELERATION, cases, panda
 from planning.options import Options
 from planning.pipeline import plan
-from planning.problem import JointGoal, Problem
 from planning.result import Plan
 
 
@@ -79,28 +77,26 @@ def main() -> None:
     asked = parser.parse_args()
     folder = asked.problems.parent.parent / "panda"
     robot = panda(folder)
-    names = robot.chain.joint_names
     rows: list[tuple[float, float, float]] = []
     with service() as address, Client(address) as client:
         wait_until_ready(client)
         client.robots.create(upload(folder))
-        chosen = list(problems(asked.problems, asked.every))
-        for count, (_, text, _, _) in enumerate(chosen):
-            client.scenes.create(Scene(name=f"scene_{count}", moveit=text))
+        chosen = list(cases(asked.problems, robot.chain.joint_names, asked.every))
+        for count, case in enumerate(chosen):
+            client.scenes.create(Scene(name=f"scene_{count}", moveit=case.text))
         for counted in (False, True):
-            for count, (name, text, start_at, goal_at) in enumerate(chosen):
-                start, goal = (np.array([at[j] for j in names]) for at in (start_at, goal_at))
-                problem = Problem(robot, scene_from_moveit(text), start, (JointGoal(goal),))
+            for count, case in enumerate(chosen):
+                problem = case.problem(robot, 0.0)
                 began = time.perf_counter()
                 here = plan(problem, Options())
                 inside = time.perf_counter() - began
                 began = time.perf_counter()
                 there = client.plan(
-                    "uploaded_panda", start, goal, scene=f"scene_{count}", timeout=5.0
+                    "uploaded_panda", case.start, case.goal, scene=f"scene_{count}", timeout=5.0
                 )
                 outside = time.perf_counter() - began
-                assert isinstance(here, Plan), name
-                assert there.path.joints == here.path.waypoints.tolist(), name
+                assert isinstance(here, Plan), case.name
+                assert there.path.joints == here.path.waypoints.tolist(), case.name
                 stages = sum(stage.milliseconds for stage in there.stages)
                 if counted:
                     rows.append((1e3 * inside, 1e3 * outside, stages))

@@ -1,165 +1,197 @@
-"""MotionBenchMaker problems for the Panda: how many are solved, how fast, and are they clean?
+"""MotionBenchMaker problems for the Panda: how many are solved, how fast, how short, and clean?
 
-    python -m benchmarks.mbm ../data/mbm/panda [--seed 0] [--margin 0] [--every 1]
+    python -m benchmarks.mbm ../data/mbm/panda [--seeds 0 1 2] [--margins 0 0.002] [--every 1]
 
 Reads ``sceneNNNN.yaml`` and ``requestNNNN.yaml`` of every kind of scene below the folder, and the
 robot (``panda.urdf``, ``panda.srdf``, ``meshes/``) from ``../../panda`` beside it. Plans joint to
 joint in this process and has every trajectory looked at by ``benchmarks.recheck``, which shares no
-code with the planner.
+code with the planner. "path" is all that comes before timing, every edge proved; "whole" is a call
+of ``plan``. Both are told by the clock and as computing time of this process, which other
+programs on the machine disturb less. With ``--beside-ompl`` the same problems are planned by
+OMPL's RRT-Connect and its own simplification on the same proved edges, for the lengths of paths;
+with ``--repeats`` nothing is timed, answers are compared byte by byte instead, here and in fresh
+processes.
 """
 
 import argparse
+import itertools
 import time
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import yaml
 
-from benchmarks.recheck import Recheck, Scenery
-from kinematics.serial import serial_chain
-from kinematics.srdf import parse_srdf
-from kinematics.urdf import parse_urdf
-from obstacles.moveit import scene_from_moveit
-from obstacles.robot_geometry import RobotGeometry, robot_geometry
+from benchmarks.mbm_ompl import simplified_length
+from benchmarks.mbm_problems import ACCELERATION, Case, cases, panda
+from benchmarks.mbm_repeats import compare
+from benchmarks.recheck import Recheck
+from obstacles.robot_geometry import RobotGeometry
 from planning.options import Options
 from planning.pipeline import plan
-from planning.problem import JointGoal, Problem
 from planning.result import Failure, Plan
 
-#: The URDF gives no accelerations: those of the manufacturer's data sheet [rad/s^2].
-ACCELERATION = (15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0)
-Joints = dict[str, float]
-PLANNING_STAGES = {"preflight", "straight_line", "potential_field", "rrt_connect", "shortcut"}
+#: Stages after the path is found.
+AFTERWARDS = {"timing", "certificate"}
 
 
 @dataclass
-class Tally:
-    """What came of the problems of one kind."""
+class Record:
+    """What came of one problem; times by the clock and of computing [ms].
 
-    valid: int = 0
-    solved: int = 0
-    refused: int = 0
-    unclean: int = 0
-    over_limit: int = 0
-    planning: list[float] = field(default_factory=list)
-    whole: list[float] = field(default_factory=list)
-    durations: list[float] = field(default_factory=list)
-    winners: dict[str, int] = field(default_factory=dict)
+    Args:
+        case: The problem.
+        failure: What was answered instead of a plan.
+        whole: Of the whole call.
+        path: Of all stages up to the shortened path.
+        stages: Computing time by stage.
+        planner: Who found the path.
+        length: Of the path [rad].
+        beside: Length of OMPL's path [rad], NaN where it was not asked for.
+        duration: Of the motion [s].
+        unclean: What an independent look found wrong.
+    """
 
-
-def panda(folder: Path) -> RobotGeometry:
-    """The robot as it lies in the folder, with the data sheet's accelerations."""
-    description = parse_urdf((folder / "panda.urdf").read_text())
-    semantics = parse_srdf((folder / "panda.srdf").read_text())
-    names = [f"panda_joint{i}" for i in range(1, 8)]
-    extra = {name: {"acceleration": a} for name, a in zip(names, ACCELERATION, strict=True)}
-    chain = serial_chain(description, semantics=semantics, joint_limits=extra)
-    meshes = {
-        f"package://{path.relative_to(folder)}": path.read_bytes()
-        for path in sorted((folder / "meshes").rglob("*.obj"))
-    }
-    return robot_geometry(chain, description, meshes, semantics)
-
-
-def problems(
-    folder: Path, every: int
-) -> Iterator[tuple[str, str, dict[str, float], dict[str, float]]]:
-    """Kind, scene text, start and goal of every problem, as joint name to value."""
-    for kind in sorted(path for path in folder.iterdir() if path.is_dir()):
-        for scene in sorted(kind.glob("scene*.yaml"))[::every]:
-            request = yaml.safe_load((kind / scene.name.replace("scene", "request")).read_text())
-            state = request["start_state"]["joint_state"]
-            start = dict(zip(state["name"], state["position"], strict=True))
-            goals = request["goal_constraints"][0]["joint_constraints"]
-            goal = {entry["joint_name"]: entry["position"] for entry in goals}
-            yield f"{kind.name}/{scene.stem}", scene.read_text(), start, goal
+    case: Case
+    failure: Failure | None = None
+    whole: tuple[float, float] = (np.nan, np.nan)
+    path: tuple[float, float] = (np.nan, np.nan)
+    stages: dict[str, float] = field(default_factory=dict)
+    planner: str = ""
+    length: float = np.nan
+    beside: float = np.nan
+    duration: float = np.nan
+    unclean: str = ""
 
 
-def run(folder: Path, seed: int, margin: float, every: int, timeout: float) -> dict[str, Tally]:
-    """Plan and re-check every problem; one tally a kind."""
-    robot_folder = folder.parent.parent / "panda"
-    robot, recheck = panda(robot_folder), Recheck(robot_folder)
-    names = robot.chain.joint_names
-    tallies: dict[str, Tally] = {}
-    warm = True
-    for name, text, start_at, goal_at in problems(folder, every):
-        tally = tallies.setdefault(name.split("/")[0], Tally())
-        start, goal = (np.array([at[j] for j in names]) for at in (start_at, goal_at))
-        truth = recheck.scene(text)
-        if recheck.collision(start, truth) or recheck.collision(goal, truth):
+def run(
+    chosen: Iterable[Case], robot: RobotGeometry, recheck: Recheck, options: Options, margin: float,
+    beside: bool,
+) -> list[Record]:  # fmt: skip
+    """Plan and re-check every problem whose start and goal are free."""
+    records: list[Record] = []
+    for case in chosen:
+        truth = recheck.scene(case.text)
+        if recheck.collision(case.start, truth) or recheck.collision(case.goal, truth):
             continue
-        tally.valid += 1
-        scene = scene_from_moveit(text)
-        problem = Problem(robot, scene, start, (JointGoal(goal),), margin=margin)
-        options = Options(timeout=timeout, seed=seed)
-        if warm:
-            plan(problem, options)
-            warm = False
-        began = time.perf_counter()
-        answer = plan(problem, options)
-        whole = 1e3 * (time.perf_counter() - began)
-        if isinstance(answer, Failure):
-            tally.refused += answer.stage == "certificate"
-            print(f"  {name}: {answer.code} {answer.message}", flush=True)
-            continue
-        _count(tally, name, answer, whole, recheck, truth)
-    return tallies
+        if not records:
+            plan(case.problem(robot, margin), options)
+        record = _solve(case, robot, recheck, options, margin)
+        if beside:
+            record.beside = simplified_length(case.problem(robot, margin), options.seed)
+        if record.failure is not None:
+            print(f"  {case.name}: {record.failure.code} {record.failure.message}", flush=True)
+        if record.unclean:
+            print(f"  {case.name}: UNCLEAN {record.unclean}", flush=True)
+        records.append(record)
+    return records
 
 
-def _count(
-    tally: Tally, name: str, answer: Plan, whole: float, recheck: Recheck, truth: Scenery
-) -> None:
-    tally.solved += 1
-    tally.whole.append(whole)
-    spent = [s.milliseconds for s in answer.stages if s.name in PLANNING_STAGES]
-    tally.planning.append(sum(spent))
-    tally.durations.append(answer.trajectory.duration)
-    tally.winners[answer.planner] = tally.winners.get(answer.planner, 0) + 1
-    trajectory = answer.trajectory
-    acceleration = np.array(ACCELERATION)
-    found = recheck.motion(trajectory.breaks, trajectory.coefficients, acceleration, truth)
-    tally.unclean += found.colliding is not None
-    tally.over_limit += found.limit_ratio > 1.0 + 1e-9
-    if found.colliding or found.limit_ratio > 1.0 + 1e-9:
-        print(f"  {name}: UNCLEAN {found}", flush=True)
+def _solve(
+    case: Case, robot: RobotGeometry, recheck: Recheck, options: Options, margin: float
+) -> Record:
+    record = Record(case)
+    problem = case.problem(robot, margin)
+    began, computed = time.perf_counter(), time.process_time()
+    answer = plan(problem, options)
+    took, computed = time.perf_counter() - began, time.process_time() - computed
+    record.whole = 1e3 * took, 1e3 * computed
+    if isinstance(answer, Failure):
+        record.failure = answer
+        return record
+    _read(record, answer)
+    trajectory, truth = answer.trajectory, recheck.scene(case.text)
+    found = recheck.motion(
+        trajectory.breaks, trajectory.coefficients, np.array(ACCELERATION), truth
+    )
+    if found.colliding is not None or found.limit_ratio > 1.0 + 1e-9:
+        record.unclean = str(found)
+    return record
 
 
-def report(tallies: dict[str, Tally]) -> None:
-    """Print one row a kind, and one for all."""
-    total = Tally()
-    for tally in tallies.values():
-        for name in ("valid", "solved", "refused", "unclean", "over_limit"):
-            setattr(total, name, getattr(total, name) + getattr(tally, name))
-        for name in ("planning", "whole", "durations"):
-            getattr(total, name).extend(getattr(tally, name))
-        for winner, count in tally.winners.items():
-            total.winners[winner] = total.winners.get(winner, 0) + count
-    head = "kind                     valid solved refused unclean over | plan ms med   p95 |"
-    print(head + " whole ms med   p95    max | motion s | won by")
-    for kind, tally in [*tallies.items(), ("all", total)]:
-        planning, whole = np.array(tally.planning or [np.nan]), np.array(tally.whole or [np.nan])
-        winners = ", ".join(f"{name} {count}" for name, count in sorted(tally.winners.items()))
+def _read(record: Record, answer: Plan) -> None:
+    for stage in answer.stages:
+        spent = record.stages.get(stage.name, 0.0)
+        record.stages[stage.name] = spent + stage.processor_milliseconds
+    before = [stage for stage in answer.stages if stage.name not in AFTERWARDS]
+    record.path = (
+        sum(stage.milliseconds for stage in before),
+        sum(stage.processor_milliseconds for stage in before),
+    )
+    record.planner, record.length = answer.planner, answer.path.length
+    record.duration = answer.trajectory.duration
+
+
+def report(records: list[Record]) -> None:
+    """Print one row a kind, one for all, and what the stages take."""
+    print(
+        "kind                     valid solved unclean |    path ms: p50   p95    max  (computing)"
+        " |   whole ms: p50   p95    max  (computing) |   length  p95 | motion s"
+    )
+    kinds = sorted({record.case.kind for record in records})
+    for kind in [*kinds, "all"]:
+        _row(kind, [r for r in records if kind in ("all", r.case.kind)])
+    solved = [record for record in records if record.failure is None]
+    names = sorted({name for record in solved for name in record.stages})
+    for name in names:
+        times = [record.stages[name] for record in solved if name in record.stages]
+        print(f"  {name:16} in {len(times):4d}, computing ms: {_spread(times)}")
+    print("  won by", dict(sorted(Counter(record.planner for record in solved).items())))
+    beside = [(r.length, r.beside) for r in solved if np.isfinite(r.beside)]
+    if beside:
+        ours, theirs = np.array(beside).T
         print(
-            f"{kind:24} {tally.valid:5d} {tally.solved:6d} {tally.refused:7d} {tally.unclean:7d}"
-            f" {tally.over_limit:4d}"
-            f" | {np.median(planning):10.1f} {np.percentile(planning, 95):6.1f}"
-            f" | {np.median(whole):11.1f} {np.percentile(whole, 95):6.1f} {whole.max():7.1f}"
-            f" | {np.median(tally.durations or [np.nan]):8.2f} | {winners}"
+            f"  lengths beside OMPL's: mean {ours.mean():.3f} and {theirs.mean():.3f},"
+            f" p95 {np.percentile(ours, 95):.3f} and {np.percentile(theirs, 95):.3f},"
+            f" shorter in {np.mean(ours < theirs):.0%}"
         )
+
+
+def _row(kind: str, records: list[Record]) -> None:
+    solved = [record for record in records if record.failure is None]
+    unclean = sum(bool(record.unclean) for record in solved)
+    columns = [
+        _spread([getattr(r, what)[k] for r in solved]) for what in ("path", "whole") for k in (0, 1)
+    ]
+    lengths = [record.length for record in solved] or [np.nan]
+    motion = np.median([record.duration for record in solved] or [np.nan])
+    print(
+        f"{kind:24} {len(records):5d} {len(solved):6d} {unclean:7d}"
+        f" | {columns[0]} ({columns[1]}) | {columns[2]} ({columns[3]})"
+        f" | {np.mean(lengths):6.2f} {np.percentile(lengths, 95):6.2f} | {motion:5.2f}"
+    )
+
+
+def _spread(values: Sequence[float]) -> str:
+    if not len(values):
+        return "    -     -      -"
+    p50, p95, most = np.percentile(values, [50, 95, 100])
+    return f"{p50:6.1f} {p95:6.1f} {most:7.1f}"
 
 
 def main() -> None:
     """Run the benchmark from the command line."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("problems", type=Path)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--margin", type=float, default=0.0)
+    parser.add_argument("--seeds", type=int, nargs="+", default=[0])
+    parser.add_argument("--margins", type=float, nargs="+", default=[0.0], help="[m]")
     parser.add_argument("--every", type=int, default=1, help="take every n-th problem of a kind")
-    parser.add_argument("--timeout", type=float, default=5.0)
+    parser.add_argument("--timeout", type=float, default=5.0, help="[s]")
+    parser.add_argument("--beside-ompl", action="store_true")
+    parser.add_argument("--repeats", type=int, default=0)
     asked = parser.parse_args()
-    report(run(asked.problems, asked.seed, asked.margin, asked.every, asked.timeout))
+    robot_folder = asked.problems.parent.parent / "panda"
+    robot = panda(robot_folder)
+    chosen = list(cases(asked.problems, robot.chain.joint_names, asked.every))
+    if asked.repeats:
+        compare(asked.problems, robot, chosen, asked.repeats)
+        return
+    recheck = Recheck(robot_folder)
+    for margin, seed in itertools.product(asked.margins, asked.seeds):
+        print(f"margin {1e3 * margin:g} mm, seed {seed}", flush=True)
+        options = Options(timeout=asked.timeout, seed=seed)
+        report(run(chosen, robot, recheck, options, margin, asked.beside_ompl))
 
 
 if __name__ == "__main__":

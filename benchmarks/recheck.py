@@ -18,8 +18,15 @@ from numpy.typing import NDArray
 #: Largest joint change between two samples [rad].
 STEP = 1e-3
 
-Scenery = list[tuple[str, Any]]
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Scenery:
+    """The obstacles with their names, and FCL's tree of their boxes."""
+
+    objects: list[tuple[str, Any]]
+    manager: Any
 
 
 @dataclass(frozen=True)
@@ -40,7 +47,14 @@ class Recheck:
         self.data = self.model.createData()
         self.bodies: list[tuple[str, int, Array, Any]] = []
         self._load(urdf, folder)
-        self.disabled = _disabled(folder / "panda.srdf")
+        disabled = _disabled(folder / "panda.srdf")
+        names = [body[0] for body in self.bodies]
+        self.pairs = [
+            (i, j)
+            for i in range(len(names))
+            for j in range(i)
+            if frozenset((names[i], names[j])) not in disabled
+        ]
 
     def _load(self, urdf: str, folder: Path) -> None:
         for link in ElementTree.fromstring(urdf).findall("link"):
@@ -72,7 +86,10 @@ class Recheck:
                 rotation = pinocchio.Quaternion(w, x, y, z).normalized().matrix()
                 placed = fcl.Transform(rotation, np.array(pose["position"], dtype=float))
                 objects.append((entry["id"], fcl.CollisionObject(solid, placed)))
-        return objects
+        manager = fcl.DynamicAABBTreeCollisionManager()
+        manager.registerObjects([thing for _, thing in objects])
+        manager.setup()
+        return Scenery(objects, manager)
 
     def collision(self, q: Array, scene: Scenery) -> tuple[str, str, float] | None:
         """The first colliding pair at q, or None."""
@@ -80,18 +97,28 @@ class Recheck:
         for _, frame, T, body in self.bodies:
             M = self.data.oMf[frame].homogeneous @ T
             body.setTransform(fcl.Transform(M[:3, :3], M[:3, 3]))
-        request = fcl.CollisionRequest()
-        for i, (name, _, _, body) in enumerate(self.bodies):
+        for name, _, _, body in self.bodies:
             if name != "panda_link0":
-                for other, thing in scene:
-                    if fcl.collide(body, thing, request, fcl.CollisionResult()):
-                        return name, other, 0.0
-            for other, _, _, second in self.bodies[:i]:
-                if frozenset((name, other)) in self.disabled:
-                    continue
-                if fcl.collide(body, second, request, fcl.CollisionResult()):
-                    return name, other, 0.0
+                hit = fcl.CollisionData()
+                scene.manager.collide(body, hit, fcl.defaultCollisionCallback)
+                if hit.result.is_collision:
+                    return name, self._first_hit(body, scene), 0.0
+        request = fcl.CollisionRequest()
+        for i, j in self.pairs:
+            (name, _, _, body), (other, _, _, second) = self.bodies[i], self.bodies[j]
+            if fcl.collide(body, second, request, fcl.CollisionResult()):
+                return name, other, 0.0
         return None
+
+    @staticmethod
+    def _first_hit(body: Any, scene: "Scenery") -> str:
+        request = fcl.CollisionRequest()
+        hits = (
+            name
+            for name, thing in scene.objects
+            if fcl.collide(body, thing, request, fcl.CollisionResult())
+        )
+        return next(hits, "the scene")
 
     def motion(
         self, breaks: Array, coefficients: Array, acceleration: Array, scene: Scenery

@@ -13,12 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.mbm import ACCELERATION, panda, problems
+from benchmarks.mbm_problems import ACCELERATION, cases, panda
 from benchmarks.ratios import worst_ratio
-from obstacles.moveit import scene_from_moveit
 from planning.options import Options, TimingOptions
 from planning.pipeline import plan
-from planning.problem import JointGoal, Problem
 from planning.result import Failure
 from planning.timing.law import METHODS
 
@@ -33,16 +31,15 @@ def main() -> None:
     parser.add_argument("--every", type=int, default=1, help="take every n-th problem of a kind")
     asked = parser.parse_args()
     robot = panda(asked.problems.parent.parent / "panda")
-    names, velocity = robot.chain.joint_names, robot.chain.limits.velocity
+    velocity = robot.chain.limits.velocity
     limits = {"acceleration": np.array(ACCELERATION), "jerk": np.array(JERK)}
     print("method        solved  over  worst ratio  motion s  timing ms med   max  attempts")
     for method in METHODS:
         solved, over, worst = 0, 0, 0.0
         durations, spent, attempts = [], [], []
         began = time.perf_counter()
-        for _, text, start, goal in problems(asked.problems, asked.every):
-            ends = [np.array([at[j] for j in names]) for at in (start, goal)]
-            problem = Problem(robot, scene_from_moveit(text), ends[0], (JointGoal(ends[1]),))
+        for case in cases(asked.problems, robot.chain.joint_names, asked.every):
+            problem = case.problem(robot, 0.0)
             options = Options(timing=TimingOptions(method), limits=limits, timeout=10.0)
             answer = plan(problem, options)
             if isinstance(answer, Failure):

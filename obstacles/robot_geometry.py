@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from types import MappingProxyType
 from typing import TypeAlias
 
@@ -172,6 +173,8 @@ def robot_geometry(
     return replace(bare, allowed=_allowed(bare, description, semantics))
 
 
+# A few, for requests that hold one thing or another: they are keyed by identity.
+@lru_cache(maxsize=16)
 def hulled(robot: RobotGeometry) -> RobotGeometry:
     """The same robot with the hull of every solid that was cut into pieces, in their place.
 

@@ -4,6 +4,7 @@ import hashlib
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field, fields
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,8 @@ from obstacles.shapes import MAX_SIZE, Shape
 
 MAX_OBSTACLES = 10_000
 MAX_NAME = 256
+#: All pieces of a scene, whose each is, and its margin.
+Packed: TypeAlias = tuple[PieceArrays, NDArray[np.int64], Array]
 _LAST_ROW = np.array([0.0, 0.0, 0.0, 1.0])
 
 
@@ -37,6 +40,7 @@ class Obstacle:
     shape: Shape
     T_world_obstacle: Array = field(default_factory=lambda: np.eye(4))
     margin: float = 0.0
+    _pieces: tuple[Piece, ...] | None = field(default=None, init=False, repr=False)
 
     def __post_init__(self) -> None:
         checked_name(self.id, "obstacle id")
@@ -56,11 +60,14 @@ class Obstacle:
 
     def pieces(self) -> tuple[Piece, ...]:
         """Its convex pieces in the robot's base frame, without the margin."""
-        T = self.T_world_obstacle
-        return tuple(
-            Piece(p.kind, T @ p.T_owner_piece, p.vertices, p.radius, p.half_height, p.rounding)
-            for p in self.shape.pieces()
-        )
+        if self._pieces is None:
+            T = self.T_world_obstacle
+            pieces = tuple(
+                Piece(p.kind, T @ p.T_owner_piece, p.vertices, p.radius, p.half_height, p.rounding)
+                for p in self.shape.pieces()
+            )
+            object.__setattr__(self, "_pieces", pieces)
+        return self._pieces or ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,6 +85,7 @@ class Scene:
     obstacles: tuple[Obstacle, ...] = ()
     allowed_collisions: frozenset[tuple[str, str]] = frozenset()
     content_hash: str = field(init=False, repr=False)
+    _packed: Packed | None = field(default=None, init=False, repr=False)
 
     def __post_init__(self) -> None:
         obstacles = tuple(self.obstacles)
@@ -126,15 +134,23 @@ class Scene:
 
     def allows(self, a: str, b: str) -> bool:
         """Whether ``a`` and ``b`` (obstacle ids or robot links) may touch."""
+        if not self.allowed_collisions:
+            return False
         return (min(a, b), max(a, b)) in self.allowed_collisions
 
-    def pieces(self) -> tuple[PieceArrays, NDArray[np.int64], Array]:
+    def pieces(self) -> Packed:
         """Every convex piece in the robot's base frame.
 
         Returns:
             The pieces (p); the index of the obstacle each belongs to, shape (p,); the obstacle's
             margin for each, shape (p,) [m].
         """
+        if self._packed is None:
+            object.__setattr__(self, "_packed", self._pack())
+        assert self._packed is not None
+        return self._packed
+
+    def _pack(self) -> Packed:
         pieces: list[Piece] = []
         owners: list[int] = []
         for i, obstacle in enumerate(self.obstacles):

@@ -24,6 +24,7 @@ MAX_SIZE = 1e4
 MAX_POINTS = 50_000
 MAX_VERTICES = 100_000
 _UNIT_TOLERANCE = 1e-12
+_CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
 
 
 class Shape(ABC):
@@ -61,8 +62,7 @@ class Box(Shape):
 
     def pieces(self) -> tuple[Piece, ...]:
         """One polytope of eight corners."""
-        signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-        return (Piece(PieceKind.POLYTOPE, np.eye(4), 0.5 * self.size * signs),)
+        return (Piece(PieceKind.POLYTOPE, np.eye(4), 0.5 * self.size * _CORNERS),)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

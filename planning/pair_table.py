@@ -1,7 +1,6 @@
 """The pairs of convex pieces that must stay apart, packed for the certificate's own kernels."""
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -9,13 +8,9 @@ from numpy.typing import NDArray
 
 from kinematics.chain import Array, Indices
 from obstacles.collision_model import together
-from obstacles.piece import PieceArrays
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from obstacles.support_table import Lists
-
-#: Scenes whose pieces are kept packed.
-_KEPT_SCENES = 32
 
 
 class PairArrays(NamedTuple):
@@ -83,9 +78,9 @@ class PairTable:
         What stands still with the base can't be moved away from obstacles and is not compared with
         them; from obstacles ``margin`` [m] is kept beyond their own.
         """
-        still, own_margins, owners = _still(scene)
-        count = len(robot.pieces)
-        names = robot.links + tuple(scene.ids[owner] for owner in owners)
+        still, owners, own_margins = scene.pieces()
+        count, ids = len(robot.pieces), scene.ids
+        names = robot.links + tuple(ids[owner] for owner in owners.tolist())
         joints = np.concatenate([robot.joints, np.full(len(still), -1, dtype=np.int64)])
         moving = np.flatnonzero(robot.joints >= 0)
         obstacles = np.arange(count, count + len(still))
@@ -131,12 +126,6 @@ class PairTable:
         """The link, and the obstacle or other link, of a pair."""
         i, j = self.arrays.pairs[pair]
         return self.names[j], self.names[i]
-
-
-@lru_cache(maxsize=_KEPT_SCENES)
-def _still(scene: Scene) -> tuple[PieceArrays, Array, tuple[int, ...]]:
-    arrays, owners, margins = scene.pieces()
-    return arrays, margins, tuple(owners.tolist())
 
 
 def _forbidden(pairs: Indices, names: tuple[str, ...], scene: Scene) -> NDArray[np.bool_]:

@@ -21,12 +21,14 @@ class StageReport:
         outcome: "succeeded", "failed", "skipped".
         milliseconds: Time it took [ms].
         detail: One sentence for a person.
+        processor_milliseconds: Time this process computed for it [ms]; on a busy machine less.
     """
 
     name: str
     outcome: str
     milliseconds: float
     detail: str = ""
+    processor_milliseconds: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

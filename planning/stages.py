@@ -26,10 +26,11 @@ class Stages:
         """Run a stage, time it, and note what ``tell`` makes of its answer."""
         if self.observer is not None:
             self.observer(name)
-        began = time.perf_counter()
+        began, computed = time.perf_counter(), time.process_time()
         answer = stage()
         succeeded, detail = tell(answer)
         milliseconds = 1e3 * (time.perf_counter() - began)
+        computed = 1e3 * (time.process_time() - computed)
         outcome = "succeeded" if succeeded else "failed"
-        self.reports.append(StageReport(name, outcome, milliseconds, detail))
+        self.reports.append(StageReport(name, outcome, milliseconds, detail, computed))
         return answer

@@ -149,14 +149,14 @@ def go_on(
     With ``sharp`` cells are halved until the clearance told is sharp, else only until all is free.
     """
     room = np.empty((2, coefficients.shape[2]))
-    rows, room, axis = model.rows.copy(), np.empty((8, 3)), np.empty(3)
+    rows, space, axis = model.rows.copy(), np.empty((8, 3)), np.empty(3)
     seen = 0
     while w.counters[TOP] > 0:
         if seen >= most:
             return PAUSED
         seen += 1
         half = take(breaks, coefficients, w, room)
-        look(model, w, half, sharp, rows, room, axis)
+        look(model, w, half, sharp, rows, space, axis)
         if w.counters[ASKED] > 0:
             return ASKING
         if w.counters[KEPT] > 0:

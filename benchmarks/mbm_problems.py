@@ -1,0 +1,73 @@
+"""MotionBenchMaker problems for the Panda as values: the robot, and where it is to go in what."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from kinematics.chain import Array
+from kinematics.serial import serial_chain
+from kinematics.srdf import parse_srdf
+from kinematics.urdf import parse_urdf
+from obstacles.moveit import scene_from_moveit
+from obstacles.robot_geometry import RobotGeometry, robot_geometry
+from planning.problem import JointGoal, Problem
+
+#: The URDF gives no accelerations: those of the manufacturer's data sheet [rad/s^2].
+ACCELERATION = (15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0)
+
+
+@dataclass(frozen=True)
+class Case:
+    """One problem as its files tell it.
+
+    Args:
+        name: Kind of scene and number, "box_panda/scene0001".
+        text: Of the scene.
+        start: In the order of the robot's joints, shape (7,).
+        goal: Likewise.
+    """
+
+    name: str
+    text: str
+    start: Array
+    goal: Array
+
+    @property
+    def kind(self) -> str:
+        """The kind of scene."""
+        return self.name.split("/")[0]
+
+    def problem(self, robot: RobotGeometry, margin: float) -> Problem:
+        """The same for the planner; the scene is parsed anew each time."""
+        scene = scene_from_moveit(self.text)
+        return Problem(robot, scene, self.start, (JointGoal(self.goal),), margin=margin)
+
+
+def panda(folder: Path) -> RobotGeometry:
+    """The robot as it lies in the folder, with the data sheet's accelerations."""
+    description = parse_urdf((folder / "panda.urdf").read_text())
+    semantics = parse_srdf((folder / "panda.srdf").read_text())
+    names = [f"panda_joint{i}" for i in range(1, 8)]
+    extra = {name: {"acceleration": a} for name, a in zip(names, ACCELERATION, strict=True)}
+    chain = serial_chain(description, semantics=semantics, joint_limits=extra)
+    meshes = {
+        f"package://{path.relative_to(folder)}": path.read_bytes()
+        for path in sorted((folder / "meshes").rglob("*.obj"))
+    }
+    return robot_geometry(chain, description, meshes, semantics)
+
+
+def cases(folder: Path, names: tuple[str, ...], every: int) -> Iterator[Case]:
+    """Every n-th problem of every kind, its joints in the order of ``names``."""
+    for kind in sorted(path for path in folder.iterdir() if path.is_dir()):
+        for scene in sorted(kind.glob("scene*.yaml"))[::every]:
+            request = yaml.safe_load((kind / scene.name.replace("scene", "request")).read_text())
+            state = request["start_state"]["joint_state"]
+            start = dict(zip(state["name"], state["position"], strict=True))
+            goals = request["goal_constraints"][0]["joint_constraints"]
+            goal = {entry["joint_name"]: entry["position"] for entry in goals}
+            ends = (np.array([at[j] for j in names]) for at in (start, goal))
+            yield Case(f"{kind.name}/{scene.stem}", scene.read_text(), *ends)
