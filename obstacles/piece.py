@@ -127,17 +127,36 @@ class PieceArrays:
     def pack(cls, pieces: Sequence[Piece]) -> "PieceArrays":
         """Put ``pieces`` side by side, in their order."""
         p = len(pieces)
-        balls = [piece.bounding_sphere() for piece in pieces]
-        counts = np.array([0] + [len(piece.vertices) for piece in pieces])
-        vertices = [piece.vertices for piece in pieces] or [np.zeros((0, 3))]
+        counts = [len(piece.vertices) for piece in pieces]
+        starts = np.cumsum([0, *counts])
+        vertices = np.concatenate([piece.vertices for piece in pieces] or [np.zeros((0, 3))])
         sizes = [(piece.radius, piece.half_height, piece.rounding) for piece in pieces]
+        poses = np.array([piece.T_owner_piece for piece in pieces]).reshape(p, 4, 4)
+        kinds = np.array([int(piece.kind) for piece in pieces], dtype=np.int64)
+        centers, radii, boxes = np.zeros((p, 3)), np.empty(p), np.empty((p, 6))
+        cornered = np.flatnonzero((kinds == PieceKind.POLYTOPE) & (np.array(counts) > 0))
+        for i in np.flatnonzero(kinds != PieceKind.POLYTOPE):
+            centers[i], radii[i] = pieces[i].bounding_sphere()
+            boxes[i] = pieces[i].local_box()
+        if len(cornered):
+            # All at once: a scene has many small ones.
+            first = starts[cornered]
+            low = np.minimum.reduceat(vertices, first)
+            high = np.maximum.reduceat(vertices, first)
+            middle = (low + high) / 2.0
+            away = vertices - np.repeat(middle, np.array(counts)[cornered], axis=0)
+            rounding = np.array(sizes)[cornered, 2]
+            radii[cornered] = np.maximum.reduceat(np.linalg.norm(away, axis=1), first) + rounding
+            boxes[cornered] = np.hstack([middle, (high - low) / 2.0 + rounding[:, None]])
+            T = poses[cornered]
+            centers[cornered] = (T[:, :3, :3] @ middle[..., None])[..., 0] + T[:, :3, 3]
         return cls(
-            kinds=np.array([int(piece.kind) for piece in pieces], dtype=np.int64),
-            starts=np.cumsum(counts).astype(np.int64),
-            vertices=np.ascontiguousarray(np.vstack(vertices)),
+            kinds=kinds,
+            starts=starts.astype(np.int64),
+            vertices=vertices,
             sizes=np.array(sizes, dtype=np.float64).reshape(p, 3),
-            poses=np.array([piece.T_owner_piece for piece in pieces]).reshape(p, 4, 4),
-            centers=np.array([ball[0] for ball in balls]).reshape(p, 3),
-            radii=np.array([ball[1] for ball in balls], dtype=np.float64),
-            boxes=np.array([piece.local_box() for piece in pieces]).reshape(p, 6),
+            poses=poses,
+            centers=centers,
+            radii=radii,
+            boxes=boxes,
         )
