@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio
 
-from benchmarks.mbm import ACCELERATION, panda, problems
+from benchmarks.mbm_problems import ACCELERATION, cases, panda
 from benchmarks.recheck import Recheck
 from kinematics.chain import Array
 from kinematics.forward import forward
@@ -135,13 +135,11 @@ def run(folder: Path, kind: str, every: int, timeout: float, seed: int) -> dict[
     dense = Dense(recheck, robot.chain.tip_link)
     tallies: dict[str, Tally] = {}
     warm = True
-    for name, text, start_at, goal_at in problems(folder, every):
-        tally = tallies.setdefault(name.split("/")[0], Tally())
-        start, goal = (
-            np.array([at[j] for j in robot.chain.joint_names]) for at in (start_at, goal_at)
-        )
+    for case in cases(folder, robot.chain.joint_names, every):
+        name, text = case.name, case.text
+        tally = tallies.setdefault(case.kind, Tally())
         scene = scene_from_moveit(text)
-        found = made(kind, robot, scene, start, goal)
+        found = made(kind, robot, scene, case.start, case.goal)
         if found is None:
             print(f"  {name}: no start or goal", flush=True)
             continue

@@ -135,7 +135,7 @@ class PieceArrays:
         kinds = np.array([int(piece.kind) for piece in pieces], dtype=np.int64)
         centers, radii, boxes = np.zeros((p, 3)), np.empty(p), np.empty((p, 6))
         cornered = np.flatnonzero((kinds == PieceKind.POLYTOPE) & (np.array(counts) > 0))
-        for i in np.flatnonzero(kinds != PieceKind.POLYTOPE):
+        for i in np.flatnonzero(kinds != PieceKind.POLYTOPE).tolist():
             centers[i], radii[i] = pieces[i].bounding_sphere()
             boxes[i] = pieces[i].local_box()
         if len(cornered):
