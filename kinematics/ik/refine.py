@@ -29,7 +29,13 @@ from kinematics.ik.spherical import (
     WIDTH,
     spherical_kernel,
 )
-from kinematics.ik.step import error_kernel, frame_kernel, step_within_kernel, uniform_kernel
+from kinematics.ik.step import (
+    State,
+    error_kernel,
+    frame_kernel,
+    step_within_kernel,
+    uniform_kernel,
+)
 from kinematics.jacobian import frame_and_jacobian_kernel
 from kinematics.kernel import kernel
 
@@ -49,6 +55,8 @@ _GOOD, _CLOSE = 1e-12, 1e-10
 #: Arms that miss a form by more [m or rad] than this are searched around where polishing moves an
 #: angle by more than ``_FAR`` [rad]: so many starts a candidate, so far around [rad].
 _EXACT, _FAR, _AROUND, _SPREAD = 1e-10, 0.02, 20, 0.4
+#: Poses around a target that are tried where it has no candidate itself.
+_NUDGES = 16
 
 
 @kernel
@@ -331,7 +339,7 @@ def branches_kernel(
         if found == rows:
             raw, rows = np.empty((_CANDIDATES, WIDTH)), _CANDIDATES
             found = candidates_kernel(plan, T, value, free, slack, t, raw, 0)
-        hard = False
+        hard, before = False, count
         for k in range(found):
             position, orientation, moved = _verify(
                 plan, model, link, T, seed, raw, k, exact, q, walk
@@ -344,6 +352,11 @@ def branches_kernel(
         if hard and not exact:
             count = _complete(
                 plan, model, link, T, lower, upper, seed, tolerance, raw, found, q, out, count,
+            )  # fmt: skip
+        if count == before and not exact:
+            count = _nudged(
+                plan, model, link, T, value, lower, upper, seed, tolerance, free, slack, t, raw, q,
+                out, count,
             )  # fmt: skip
         inside = 0
         for k in range(count):
@@ -502,6 +515,61 @@ def _complete(
                 plan, model, link, T, lower, upper, seed, tolerance, error, about, q, out, count
             )
     return count
+
+
+@kernel
+def _nudged(
+    plan: Array, model: Array, link: int, T: Frame, value: float, lower: Array, upper: Array,
+    seed: Array, tolerance: float, free: Array, slack: float, t: Array, raw: Array, q: Array,
+    out: Array, count: int,
+) -> int:  # fmt: skip
+    """Add what is polished from the candidates of poses near a target that has none itself.
+
+    That is where a singularity of the true arm is none of the form's, or beyond its reach.
+    """
+    n, held, joints = q.shape[0], int(plan[0, 2]), 7 if plan[0, 0] == 2.0 else 6
+    state = np.array([0xD1B54A32D192ED03], dtype=np.uint64)
+    unlimited = np.full(n, np.inf)
+    for trial in range(_NUDGES):
+        size = max(1e-7, 30.0 * plan[0, 5]) * (1.0 + 0.1 * trial * trial)
+        x, y, z = _jitter(state, size), _jitter(state, size), _jitter(state, size)
+        a, b, c = _jitter(state, size), _jitter(state, size), _jitter(state, size)
+        r = 1.0 / math.sqrt(1.0 + a * a + b * b + c * c)
+        w, a, b, c = r, a * r, b * r, c * r
+        near = _product(
+            (
+                1.0 - 2.0 * (b * b + c * c), 2.0 * (a * b - c * w), 2.0 * (a * c + b * w), 0.0,
+                2.0 * (a * b + c * w), 1.0 - 2.0 * (a * a + c * c), 2.0 * (b * c - a * w), 0.0,
+                2.0 * (a * c - b * w), 2.0 * (b * c + a * w), 1.0 - 2.0 * (a * a + b * b), 0.0,
+            ),
+            (
+                T[0], T[1], T[2], 0.0, T[4], T[5], T[6], 0.0, T[8], T[9], T[10], 0.0,
+            ),
+        )  # fmt: skip
+        near = (
+            near[0], near[1], near[2], T[3] + x, near[4], near[5], near[6], T[7] + y,
+            near[8], near[9], near[10], T[11] + z,
+        )  # fmt: skip
+        found = candidates_kernel(plan, near, value, free, slack, t, raw, 0)
+        for k in range(min(found, 16)):
+            q[:] = seed
+            for j in range(joints):
+                q[int(plan[1 + j, 13])] = plan[1 + j, 0] * math.atan2(
+                    raw[k, 2 * j + 1], raw[k, 2 * j]
+                )
+            if held >= 0:
+                q[held] = raw[k, PARAMETER]
+            error = polish_kernel(model, link, T, -unlimited, unlimited, held, q)
+            about = (raw[k, BRANCH], 0.0, raw[k, PARAMETER])
+            count = _admit(
+                plan, model, link, T, lower, upper, seed, tolerance, error, about, q, out, count
+            )
+    return count
+
+
+@kernel
+def _jitter(state: State, size: float) -> float:
+    return size * (2.0 * uniform_kernel(state) - 1.0)
 
 
 @kernel

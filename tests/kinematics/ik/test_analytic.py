@@ -10,6 +10,7 @@ from kinematics.chain import Array, Chain
 from kinematics.errors import InvalidOption, InvalidPose, InvalidRobotState, NotAvailable
 from kinematics.forward import forward
 from kinematics.ik.analytic import branches, closed_form, parameter
+from kinematics.ik.inverse import inverse_kinematics
 from kinematics.ik.numeric import solve
 from kinematics.ik.structure import structure
 from kinematics.jacobian import geometric
@@ -238,6 +239,20 @@ def test_calibrated_arms_keep_their_branches(name: str, size: float) -> None:
                 compared += 1
                 assert apart(found.joints, other.joints).min() < 1e-3
     assert compared > 20
+
+
+@pytest.mark.parametrize("size", [1e-9, 1e-5, 1e-3])
+@pytest.mark.parametrize("name", ["ur5e", "kr6_sixx", "iiwa14"])
+def test_calibrated_arms_answer_edge_poses(name: str, size: float) -> None:
+    rng = np.random.default_rng(12)
+    for _ in range(3):
+        chain = calibrated(builtin_chain(name), size, rng)
+        for k in range(40):
+            q = edge_configuration(chain, rng, k)
+            T = forward(chain, q)
+            found = inverse_kinematics(chain, T, seed_joints=q)
+            assert found.solutions, q
+            assert np.abs(forward(chain, found.solutions[0].joints) - T).max() < 3e-6
 
 
 def test_the_stretched_arm_and_the_target_on_axis_1() -> None:
