@@ -27,6 +27,8 @@ from planning.constraints.row import LOWER, UPPER, covector_kernel, sideways_ker
 HELD = 1e-9
 #: Pairs farther apart than this [m] do not shape a step.
 _NEAR = 0.12
+#: Near pairs that a step has room for; what a cloud has beyond it the exact check sees in the end.
+_MOST_NEAR = 512
 #: Longest step of a joint [rad or m].
 _LONGEST = 0.6
 _FEASIBLE_STEPS = 40
@@ -105,12 +107,13 @@ def make_goal(
 
 def search_arrays(model: CollisionModel, headroom: float = 0.0) -> ModelArrays:
     """A robot in its scene for the kernels, with so much [m] to keep beyond the margins."""
-    return model.arrays._replace(margins=model.arrays.margins + headroom)
+    arrays = model.arrays
+    return arrays._replace(margin=arrays.margin + headroom, own_margin=arrays.own_margin + headroom)
 
 
 def bare_arrays(chain: Chain) -> ModelArrays:
     """A robot that can't collide, for the kernels."""
-    return search_arrays(CollisionModel.build(chain, [], [], [], [], []))
+    return search_arrays(CollisionModel.bare(chain))
 
 
 class Work(NamedTuple):
@@ -133,7 +136,8 @@ class Work(NamedTuple):
 @kernel
 def make_work(model: ModelArrays, goal: Goal) -> Work:
     """Room for a descent."""
-    n, k = goal.lower.shape[0], model.pairs.shape[0]
+    n = goal.lower.shape[0]
+    k = _MOST_NEAR if model.roots.shape[0] > 0 else 0
     m = max(goal.hard.shape[0], goal.soft.shape[0])
     rows = 6 * goal.hard.shape[0] + 2 * n + k
     return Work(
@@ -174,9 +178,9 @@ def linearise(model: ModelArrays, goal: Goal, q: Array, work: Work) -> tuple[int
         if residual > 0.0:
             worst = max(worst, residual)
             total += residual * residual
-    if model.pairs.shape[0] > 0:
+    if model.roots.shape[0] > 0:
         near = near_pairs(model, q, _NEAR, work.pairs, work.distances, work.gradients)
-        for i in range(near):
+        for i in range(min(near, _MOST_NEAR)):
             for j in range(n):
                 A[count, j] = -work.gradients[i, j]
             b[count] = work.distances[i]
