@@ -108,7 +108,7 @@ class Checker:
 
     def valid(self, q: Array) -> bool:
         """Whether a configuration keeps every pair its margin apart."""
-        return self.segment(q, q).free
+        return self.free(q, q)
 
     def segment(self, start: Array, end: Array) -> Motion:
         """Prove the straight joint motion from ``start`` to ``end``, both (n,)."""

@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.chain import Array, Chain, Indices
+from obstacles.model_arrays import ModelArrays
+from obstacles.pair_grid import PairGrid, pair_grid
 from obstacles.piece_set import (
     HALF,
     KIND,
@@ -23,48 +25,11 @@ from obstacles.piece_set import (
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import PointCloud
-from obstacles.support_table import Lists
 from obstacles.tree import Tree, tree
 
+__all__ = ["CollisionModel", "ModelArrays", "together"]
+
 _T = TypeVar("_T", bound=np.generic)
-
-
-class ModelArrays(NamedTuple):
-    """What a kernel reads (n joints, p pieces of the robot, m of the scene, k pairs of the robot).
-
-    Args:
-        joint_types: Of the chain, shape (n,).
-        offsets: Of the chain, shape (n, 4, 4).
-        joints: The joint that carries each piece, -1 for the base, shape (p,).
-        robot: Rows of the robot's pieces, each in the frame of its joint, shape (p, WIDTH).
-        scene: Rows of what stands around, in the base frame, shape (m, WIDTH).
-        corners: Of all pieces, shape (v, 3).
-        tables: Of all pieces.
-        self_pairs: Pieces (i, j) of the robot that must stay apart, ``joints[i] < joints[j]``, so
-            that j is the one that moves seen from i, shape (k, 2).
-        nodes: Of a tree over the scene's pieces with their own margins, half-spaces left out.
-        items: Of the tree.
-        skipped: Whether a piece may touch an obstacle, shape (p, obstacles).
-        roots: Where every search starts: (i, -1) is piece i against the tree's first node,
-            (i, k) against half-space k, (p + s, 0) is pair s of the robot; shape (r, 2).
-        margin: To be kept from obstacles beyond their own [m].
-        own_margin: To be kept between the robot's own pieces [m].
-    """
-
-    joint_types: Indices
-    offsets: Array
-    joints: Indices
-    robot: Array
-    scene: Array
-    corners: Array
-    tables: Lists
-    self_pairs: Indices
-    nodes: Array
-    items: Indices
-    skipped: NDArray[np.bool_]
-    roots: Indices
-    margin: float
-    own_margin: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,11 +59,13 @@ class CollisionModel:
         be built close together, only have to stay apart.
         """
         own, around = _robot_part(robot), _scene_part(scene)
-        self_pairs, skipped = own.pairs, _skipped(robot, scene)
+        self_pairs, grid, skipped = own.pairs, own.grid, _skipped(robot, scene)
         if scene.allowed_collisions:
             names = robot.links
             kept = [not scene.allows(names[i], names[j]) for i, j in self_pairs]
-            self_pairs = self_pairs[np.array(kept, dtype=np.bool_)]
+            chosen = np.array(kept, dtype=np.bool_)
+            self_pairs = self_pairs[chosen]
+            grid = PairGrid(grid.axes[chosen], grid.starts[chosen], grid.values)
         robot_set = own.pieces.behind(around.pieces)
         arrays = ModelArrays(
             joint_types=robot.chain.joint_types,
@@ -109,6 +76,9 @@ class CollisionModel:
             corners=_readonly(robot_set.corners),
             tables=_readonly(robot_set.tables),
             self_pairs=_readonly(self_pairs),
+            grid_axes=_readonly(grid.axes),
+            grid_starts=_readonly(grid.starts),
+            grid_values=_readonly(grid.values),
             nodes=around.tree.nodes,
             items=around.tree.items,
             skipped=_readonly(skipped),
@@ -147,6 +117,7 @@ def together(robot: RobotGeometry, scene: Scene) -> PieceSet:
 class _RobotPart(NamedTuple):
     pieces: PieceSet
     pairs: Indices
+    grid: PairGrid
 
 
 class _ScenePart(NamedTuple):
@@ -159,7 +130,8 @@ class _ScenePart(NamedTuple):
 def _robot_part(robot: RobotGeometry) -> _RobotPart:
     order = np.argsort(robot.joints[robot.self_pairs], axis=1, kind="stable")
     pairs = np.take_along_axis(robot.self_pairs, order, axis=1)
-    return _RobotPart(PieceSet.of(robot.pieces), _readonly(pairs))
+    grid = pair_grid(robot.chain, robot.pieces, robot.joints, pairs)
+    return _RobotPart(PieceSet.of(robot.pieces), _readonly(pairs), grid)
 
 
 @lru_cache(maxsize=16)

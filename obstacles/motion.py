@@ -31,8 +31,9 @@ import numpy as np
 
 from kinematics.chain import Array, Indices
 from kinematics.kernel import kernel
-from obstacles.collision_model import ModelArrays
 from obstacles.gjk import BETWEEN, CLOSER, FARTHER, STILL, Vector, allowance, separation
+from obstacles.model_arrays import ModelArrays
+from obstacles.pair_grid import known
 from obstacles.piece_set import CENTER, HALF, KIND, MARGIN, MIDDLE, OWNER, POSE, RADIUS, CoreKind
 from obstacles.support_table import Lists
 from obstacles.tree import EXTENT, FIRST, LAST, SKIP, gap
@@ -55,8 +56,6 @@ _TRUSTED = 0.9
 #: A node is entered once the motion is less than this many times its size: above, halving the
 #: interval settles more than going down.
 _COARSE = 1.0
-#: Entries there is room for at first.
-_ENTRIES = 256
 
 # Places in Workspace.tally.
 _CLEARANCE, _SHARE, _STOPPED = 0, 1, 2
@@ -178,6 +177,14 @@ def _examine(
             a, b = model.self_pairs[i - p, 0], model.self_pairs[i - p, 1]
             place(model, work, a)
             place(model, work, b)
+            if model.grid_axes[i - p, 0, 2] > 0.0:
+                proved = known(
+                    model.grid_axes, model.grid_starts, model.grid_values, i - p, joints[a],
+                    work.joints,
+                ) - strays[b, 3 * joints[a] + 3] - model.own_margin - margin  # fmt: skip
+                if proved > _ROUNDING_ERROR:
+                    tally[_CLEARANCE] = min(tally[_CLEARANCE], proved)
+                    continue
             for row in range(3):
                 axes[kept, row] = hints[entry, row]
             verdict = _settle(
@@ -276,17 +283,22 @@ def certify_in(
 ) -> int:  # fmt: skip
     """``certify_curve`` with a workspace of the caller's, for many curves in a row."""
     roots = model.roots
-    entries, axes = roots, np.zeros((roots.shape[0], 3))
-    spans, lists = np.empty((1, 2)), np.empty((1, 2), dtype=np.int64)
+    entries, axes = roots, work.hints[2]
+    spans, lists = work.spans[0], work.lists[0]
     spans[0, 0], spans[0, 1], lists[0, 0], lists[0, 1] = 0.0, 1.0, 0, roots.shape[0]
     visits, open_spans = 0, 1
     tally = work.tally
     tally[_CLEARANCE] = np.inf
     found[0], found[1] = 0.0, -1.0
-    for _ in range(_MAX_DEPTH):
-        left, hints = np.empty((_ENTRIES, 2), dtype=np.int64), np.empty((_ENTRIES, 3))
-        halves = np.empty((2 * open_spans, 2))
-        lists_left = np.empty((2 * open_spans, 2), dtype=np.int64)
+    for level in range(_MAX_DEPTH):
+        # What a level leaves is written beside what it reads.
+        side = (level + 1) % 2
+        left, hints, halves, lists_left = (
+            work.entries[side], work.hints[side], work.spans[side], work.lists[side],
+        )  # fmt: skip
+        if 2 * open_spans > halves.shape[0]:
+            halves = np.empty((2 * open_spans, 2))
+            lists_left = np.empty((2 * open_spans, 2), dtype=np.int64)
         made, kept = 0, 0
         for span in range(open_spans):
             low, high = spans[span, 0], spans[span, 1]
@@ -319,8 +331,8 @@ def certify_in(
             proved = half * tally[_SHARE]
             halves[made, 0], halves[made, 1] = low, middle - proved
             halves[made + 1, 0], halves[made + 1, 1] = middle + proved, high
-            for side in range(2):
-                lists_left[made + side, 0], lists_left[made + side, 1] = begin, kept - begin
+            for at in (made, made + 1):
+                lists_left[at, 0], lists_left[at, 1] = begin, kept - begin
             made += 2
         if made == 0:
             found[2], found[3] = visits, tally[_CLEARANCE] + margin

@@ -12,9 +12,9 @@ import numpy as np
 
 from kinematics.chain import Array, Indices
 from kinematics.kernel import kernel
-from obstacles.collision_model import ModelArrays
 from obstacles.contact import contact
 from obstacles.gjk import FARTHER, STILL, Vector, separation
+from obstacles.model_arrays import ModelArrays
 from obstacles.motion import quick_bound
 from obstacles.piece_set import CENTER, MARGIN, OWNER, RADIUS
 from obstacles.support_table import Lists

@@ -20,8 +20,8 @@ from obstacles.piece import Piece, PieceKind
 #: the distance iterations would lose their digits.
 MIN_SIZE = 1e-6
 MAX_SIZE = 1e4
-#: A cloud's points are a piece each; more of them are a job for a coarser cloud.
-MAX_POINTS = 50_000
+#: More points than this are a job for a coarser cloud.
+MAX_POINTS = 200_000
 MAX_VERTICES = 100_000
 _UNIT_TOLERANCE = 1e-12
 _CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])

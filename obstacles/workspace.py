@@ -8,9 +8,12 @@ import numpy as np
 from kinematics.chain import Array, Indices
 from kinematics.forward import forward_kernel
 from kinematics.kernel import kernel
-from obstacles.collision_model import ModelArrays
 from obstacles.gjk import Drift
+from obstacles.model_arrays import ModelArrays
 from obstacles.piece_set import CENTER, POSE, RADIUS
+
+#: Entries and intervals there is room for at first.
+_ENTRIES, _INTERVALS = 256, 64
 
 
 class Workspace(NamedTuple):
@@ -28,6 +31,10 @@ class Workspace(NamedTuple):
         stamps: The visit at which each piece was placed; the number of visits last, shape (p + 1,).
         room: Shape (9, 3).
         tally: What was found on an interval, shape (4,).
+        entries: Pairs left, on two levels by turns, shape (2, e, 2).
+        hints: Their separating axes, and none for the roots, shape (3, e, 3).
+        spans: Intervals left, shape (2, s, 2).
+        lists: First and number of the entries of each, shape (2, s, 2).
     """
 
     joints: Array
@@ -38,6 +45,10 @@ class Workspace(NamedTuple):
     stamps: Indices
     room: Array
     tally: Array
+    entries: Indices
+    hints: Array
+    spans: Array
+    lists: Indices
 
 
 @kernel
@@ -46,6 +57,8 @@ def workspace(model: ModelArrays) -> Workspace:
     n, p = model.joint_types.shape[0], model.joints.shape[0]
     stamps = np.full(p + 1, -1, dtype=np.int64)
     stamps[p] = 0
+    hints = np.empty((3, max(_ENTRIES, model.roots.shape[0]), 3))
+    hints[2] = 0.0
     return Workspace(
         np.empty((4, n)),
         np.empty((n, 4, 4)),
@@ -55,6 +68,10 @@ def workspace(model: ModelArrays) -> Workspace:
         stamps,
         np.empty((9, 3)),
         np.empty(4),
+        np.empty((2, _ENTRIES, 2), dtype=np.int64),
+        hints,
+        np.empty((2, _INTERVALS, 2)),
+        np.empty((2, _INTERVALS, 2), dtype=np.int64),
     )
 
 

@@ -1,0 +1,53 @@
+"""What the collision kernels read of a robot in a scene."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinematics.chain import Array, Indices
+from obstacles.support_table import Lists
+
+
+class ModelArrays(NamedTuple):
+    """What a kernel reads (n joints, p pieces of the robot, m of the scene, k pairs of the robot).
+
+    Args:
+        joint_types: Of the chain, shape (n,).
+        offsets: Of the chain, shape (n, 4, 4).
+        joints: The joint that carries each piece, -1 for the base, shape (p,).
+        robot: Rows of the robot's pieces, each in the frame of its joint, shape (p, WIDTH).
+        scene: Rows of what stands around, in the base frame, shape (m, WIDTH).
+        corners: Of all pieces, shape (v, 3).
+        tables: Of all pieces.
+        self_pairs: Pieces (i, j) of the robot that must stay apart, ``joints[i] < joints[j]``, so
+            that j is the one that moves seen from i, shape (k, 2).
+        grid_axes: Of ``PairGrid``, by pair of the robot, as are the next two.
+        grid_starts: Of the same.
+        grid_values: Of the same.
+        nodes: Of a tree over the scene's pieces with their own margins, half-spaces left out.
+        items: Of the tree.
+        skipped: Whether a piece may touch an obstacle, shape (p, obstacles).
+        roots: Where every search starts: (i, -1) is piece i against the tree's first node,
+            (i, k) against half-space k, (p + s, 0) is pair s of the robot; shape (r, 2).
+        margin: To be kept from obstacles beyond their own [m].
+        own_margin: To be kept between the robot's own pieces [m].
+    """
+
+    joint_types: Indices
+    offsets: Array
+    joints: Indices
+    robot: Array
+    scene: Array
+    corners: Array
+    tables: Lists
+    self_pairs: Indices
+    grid_axes: Array
+    grid_starts: Indices
+    grid_values: Array
+    nodes: Array
+    items: Indices
+    skipped: NDArray[np.bool_]
+    roots: Indices
+    margin: float
+    own_margin: float

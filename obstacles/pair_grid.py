@@ -1,0 +1,158 @@
+"""Distances of a robot's own pairs that depend on one or two joints, proved on a grid of them.
+
+A wrist's links are built close together and are near each other wherever the arm is, so no ball or
+box ever parts them; but how far they are apart is a function of the joints between them alone. On a
+cell of the grid the distance is at least that in its middle less what the pair can move within it.
+"""
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from kinematics.chain import Array, Chain, Indices
+from kinematics.kernel import kernel
+from obstacles.gjk import STILL, separation
+from obstacles.model_arrays import ModelArrays
+from obstacles.piece import Piece
+from obstacles.piece_set import PieceSet
+from obstacles.workspace import place, visit, workspace
+
+#: Cells for a joint: where two matter, and where one does. Filling takes a microsecond a cell.
+_SIDE, _LINE = 40, 512
+#: What rounding may have cost a distance [m].
+_ROUNDING = 1e-9
+#: Pairs that get a grid: a robot of many pieces has more of them than are worth the wait.
+_MOST = 24
+
+
+class PairGrid(NamedTuple):
+    """Distances of k pairs on grids.
+
+    Args:
+        axes: For each pair and each of two joints its lowest value, cells for one unit of it, and
+            the number of cells, 0 where there is no grid; shape (k, 2, 3).
+        starts: Where each pair's distances start, shape (k,).
+        values: Proved distances [m], the second joint running fastest.
+    """
+
+    axes: Array
+    starts: Indices
+    values: Array
+
+
+@kernel(allocates=False)
+def known(axes: Array, starts: Indices, values: Array, s: int, still: int, joints: Array) -> float:
+    """What the grid proves of the distance of pair ``s`` [m].
+
+    Args:
+        axes: Of ``PairGrid``, as are the next two.
+        starts: Where each pair's distances start.
+        values: The distances.
+        s: The pair.
+        still: The joint that carries its first piece.
+        joints: The configuration in its first row.
+    """
+    cell = 0
+    for k in range(2):
+        count = axes[s, k, 2]
+        if count == 1.0:
+            continue
+        at = (joints[0, still + 1 + k] - axes[s, k, 0]) * axes[s, k, 1]
+        if not 0.0 <= at < count:
+            return -np.inf
+        cell = cell * int(count) + int(at)
+    return float(values[starts[s] + cell])
+
+
+@kernel
+def _fill(model: ModelArrays, axes: Array, values: Array) -> None:
+    """Write the distances of the only pair of pieces there is into ``values``."""
+    work = workspace(model)
+    axis, first, count = np.zeros(3), model.joints[0] + 1, int(axes[1, 2])
+    for cell in range(values.shape[0]):
+        work.joints[:] = 0.0
+        for k, at in enumerate((cell // count, cell % count)):
+            if axes[k, 2] > 1.0:
+                half = 0.5 / axes[k, 1]
+                work.joints[0, first + k] = axes[k, 0] + (2.0 * at + 1.0) * half
+                work.joints[1, first + k] = half
+        visit(model, work)
+        place(model, work, 0)
+        place(model, work, 1)
+        _, lower, _ = separation(
+            work.placed, 0, work.placed, 1, model.corners, model.tables, -np.inf, np.inf, STILL,
+            axis, work.room,
+        )  # fmt: skip
+        values[cell] = lower - work.strays[1, 3 * first] - _ROUNDING
+
+
+def pair_grid(chain: Chain, pieces: Sequence[Piece], joints: Indices, pairs: Indices) -> PairGrid:
+    """The grids of all pairs (k, 2) that depend on one or two joints with limits.
+
+    Args:
+        chain: The robot.
+        pieces: Its pieces, each in the frame of its joint.
+        joints: The joint that carries each piece.
+        pairs: Two pieces each, the second one carried farther out.
+    """
+    axes, starts = np.zeros((len(pairs), 2, 3)), np.zeros(len(pairs), dtype=np.int64)
+    values, length, most = [np.zeros(0)], 0, _MOST
+    for s, (i, j) in enumerate(pairs):
+        first, last = int(joints[i]) + 1, int(joints[j])
+        own = _axes(chain, first, last)
+        if own is None or most == 0:
+            continue
+        most -= 1
+        axes[s], starts[s] = own, length
+        values.append(_values(chain, pieces[i], pieces[j], first, last))
+        length += len(values[-1])
+    return PairGrid(axes, starts, np.concatenate(values))
+
+
+def _axes(chain: Chain, first: int, last: int) -> Array | None:
+    """``PairGrid.axes`` of a pair that joints ``first`` to ``last`` move; None for no grid."""
+    span = slice(first, last + 1)
+    lower, upper = chain.limits.lower[span], chain.limits.upper[span]
+    if len(lower) > 2 or not np.isfinite(upper - lower).all() or not (upper > lower).all():
+        return None
+    side = _LINE if len(lower) == 1 else _SIDE
+    axes = np.array([[0.0, 0.0, 1.0]] * 2)
+    # A hair wider than the limits, which belong to them.
+    room = 1e-9 * (upper - lower)
+    axes[: len(lower)] = np.column_stack(
+        [lower - room, side / (upper - lower + 2.0 * room), np.full(len(lower), side)]
+    )
+    return axes
+
+
+@lru_cache(maxsize=256)
+def _values(chain: Chain, a: Piece, b: Piece, first: int, last: int) -> Array:
+    axes = _axes(chain, first, last)
+    assert axes is not None
+    pieces = PieceSet.of([a, b])
+    none, nothing = np.zeros((0, 2), dtype=np.int64), np.zeros((0, 0))
+    model = ModelArrays(
+        joint_types=chain.joint_types,
+        offsets=chain.offsets,
+        joints=np.array([first - 1, last], dtype=np.int64),
+        robot=pieces.rows,
+        scene=nothing,
+        corners=pieces.corners,
+        tables=pieces.tables,
+        self_pairs=none,
+        grid_axes=np.zeros((0, 2, 3)),
+        grid_starts=none[:, 0],
+        grid_values=np.zeros(0),
+        nodes=nothing,
+        items=none[:, 0],
+        skipped=np.zeros((0, 0), dtype=np.bool_),
+        roots=none,
+        margin=0.0,
+        own_margin=0.0,
+    )
+    values = np.empty(int(axes[:, 2].prod()))
+    _fill(model, axes, values)
+    values.setflags(write=False)
+    return values

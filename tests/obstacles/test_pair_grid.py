@@ -1,0 +1,51 @@
+"""Grids of a robot's own pairs prove no more than is true, and enough to be of use."""
+
+import numpy as np
+import pytest
+
+from kinematics.robots import builtin_names
+from obstacles.checker import Checker
+from obstacles.pair_grid import known
+from obstacles.scene import Scene
+from obstacles.world import World
+from tests.obstacles.test_motion import builtin
+
+
+@pytest.mark.parametrize("name", builtin_names())
+def test_what_the_grid_proves_is_true(name: str) -> None:
+    robot = builtin(name)
+    arrays = Checker.of(robot, Scene()).model.arrays
+    world = World(robot, Scene())
+    rows = {frozenset(map(int, pair)): k for k, pair in enumerate(world.pairs)}
+    random = np.random.default_rng(41)
+    lower, upper = robot.chain.sampling_bounds()
+    useful = compared = 0
+    for _ in range(60):
+        q = random.uniform(lower, upper)
+        world.place(q)
+        for s, (i, j) in enumerate(arrays.self_pairs):
+            if arrays.grid_axes[s, 0, 2] == 0.0:
+                continue
+            proved = known(
+                arrays.grid_axes, arrays.grid_starts, arrays.grid_values, s,
+                int(arrays.joints[i]), q[None],
+            )  # fmt: skip
+            true = world.distance(rows[frozenset((int(i), int(j)))])
+            assert proved <= max(true, 0.0) + 1e-9
+            compared += 1
+            useful += proved > 0.0 or true <= 0.02
+    assert useful >= 0.6 * compared
+
+
+def test_outside_its_limits_a_grid_knows_nothing() -> None:
+    robot = builtin("panda")
+    arrays = Checker.of(robot, Scene()).model.arrays
+    (with_grid,) = np.nonzero(arrays.grid_axes[:, 0, 2])
+    assert len(with_grid)
+    s = int(with_grid[0])
+    still = int(arrays.joints[arrays.self_pairs[s, 0]])
+    for q in (robot.chain.limits.upper, robot.chain.limits.lower):
+        at = arrays.grid_axes, arrays.grid_starts, arrays.grid_values, s, still
+        assert np.isfinite(known(*at, q[None]))
+        assert known(*at, q[None] * 1.01) == -np.inf
+        assert known(*at, np.full((1, 7), np.nan)) == -np.inf
