@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 from kinematics.chain import Array
 from kinematics.errors import InvalidOption
+from planning.optimize.options import RefineOptions
 from planning.timing.law import METHODS, Method
 
 Interpolation = Literal["linear", "natural_spline", "clamped_spline"]
@@ -174,6 +175,7 @@ class Options:
         timeout: Seconds for all stages together.
         seed: Of everything random; the same seed gives the same answer.
         observer: Called with the name of each stage as it begins.
+        refine: How the motion that was found is optimised; None for not at all.
 
     Raises:
         InvalidOption: The timeout is not in (0, 600].
@@ -187,6 +189,7 @@ class Options:
     timeout: float = 5.0
     seed: int = 0
     observer: Callable[[str], None] | None = field(default=None, repr=False, compare=False)
+    refine: RefineOptions | None = None
 
     def __post_init__(self) -> None:
         if not 0.0 < self.timeout <= MAX_TIMEOUT:

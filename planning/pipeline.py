@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
 from kinematics.chain import Array
 from kinematics.trajectory import Trajectory
@@ -14,7 +15,9 @@ from planning.diagnosis import Diagnosis, diagnose
 from planning.law_choice import chosen_law
 from planning.manifold import Manifold, shorten
 from planning.motion_timing import motions
-from planning.options import Options, TimingOptions
+from planning.optimize.options import OPTIMIZE
+from planning.optimize.setup import MOST_OFFERS, Refining, check_ends, refining
+from planning.options import Options
 from planning.path_constraints import constrained, with_limits
 from planning.preflight import Ready, preflight
 from planning.problem import Problem
@@ -36,6 +39,10 @@ _DIAGNOSIS_MOST = 1.0
 #: Share of the time for a path of the robot in its solids' hulls, before the exact one is tried.
 _HULLS_SHARE = 0.4
 
+#: Share of the time that is left which optimising, and then proving what it offers, may take: what
+#: was there before is still to be proved where that comes to nothing.
+_REFINING_SHARE = 0.5
+
 
 def plan(problem: Problem, options: Options) -> Plan | Failure:
     """Find, shorten, time and prove a motion, all before one deadline.
@@ -52,10 +59,14 @@ def plan(problem: Problem, options: Options) -> Plan | Failure:
         MissingLimit: A velocity or acceleration limit is not known.
     """
     deadline = Deadline.after(options.timeout)
+    options = refining(options, problem)
     check_options(options)
     options = with_limits(options, problem.constraints)
     law = _law(problem, options)
     stages = Stages(options.observer)
+    wrong = check_ends(problem, law)
+    if wrong is not None:
+        return wrong
     if options.planner == "cartesian":
         return cartesian_plan(problem, options, law, stages, deadline)
     ready = stages.run(
@@ -85,20 +96,21 @@ def plan(problem: Problem, options: Options) -> Plan | Failure:
             lambda short: (True, f"{len(waypoints)} waypoints became {len(short)}."),
         )
     try:
-        timed = _time_and_prove(problem, checker, waypoints, law, options.timing, stages, deadline)
+        timed = _time_and_prove(problem, checker, waypoints, law, options, stages, deadline)
     except TimingFailed as error:
         hint = error.hint or "Look at the velocity and acceleration limits."
         timed = Failure("INVALID_MOTION_PLAN", error.message, hint, "timing")
     if isinstance(timed, Failure):
         return replace(timed, stages=tuple(stages.reports))
-    trajectory, certificate = timed
+    trajectory, certificate = timed.trajectory, timed.certificate
+    optimised = timed.waypoints is not None
     notes = ready.notes + attempt.notes
     if not problem.robot.pieces:
         notes += ("The robot has no collision geometry: nothing is known of collisions.",)
     return Plan(
-        planner=planner,
+        planner=OPTIMIZE if optimised else planner,
         stages=tuple(stages.reports),
-        path=Path(waypoints),
+        path=Path(waypoints if timed.waypoints is None else timed.waypoints),
         trajectory=trajectory,
         certificate=certificate,
         notes=notes,
@@ -173,36 +185,83 @@ def _tell_attempt(attempt: Attempt) -> tuple[bool, str]:
     return attempt.waypoints is not None, attempt.detail
 
 
+class _Proved(NamedTuple):
+    """A motion with its proof; the waypoints of its own path, where it left the one given."""
+
+    trajectory: Trajectory
+    certificate: Certificate
+    waypoints: Array | None = None
+
+
 def _time_and_prove(
     problem: Problem,
     checker: Checker,
     waypoints: Array,
     law: Law,
-    timing: TimingOptions,
+    options: Options,
     stages: Stages,
     deadline: Deadline,
-) -> tuple[Trajectory, Certificate] | Failure:
+) -> _Proved | Failure:
     """Time the path and prove it, with ever safer motions until one can be proved."""
-    for motion in motions(checker, waypoints, law, timing, deadline):
+    refine = options.refine
+    for motion in motions(checker, waypoints, law, options.timing, deadline):
         timed = stages.run(
             "timing",
             motion,
             lambda timed: (True, f"{timed.duration:.3f} s, {timed.pieces} pieces."),
         )
-        prove = partial(
-            certify, timed, problem.robot, problem.scene, margin=problem.margin,
-            constraints=problem.constraints,
-        )  # fmt: skip
-        certificate = stages.run(
-            "certificate",
-            partial(prove, limits=law.bounds, loads=law.loads, deadline=deadline),
-            _tell_certificate,
-        )
+        if refine is not None:
+            better = _refine(problem, checker, timed, law, options, stages, deadline)
+            if better is not None:
+                return better
+            refine = None
+        certificate = _prove(problem, timed, law, stages, deadline)
         if certificate.verified:
-            return timed, certificate
+            return _Proved(timed, certificate)
         if deadline.passed:
             break
     return _refused(certificate, deadline)
+
+
+def _prove(
+    problem: Problem, timed: Trajectory, law: Law, stages: Stages, deadline: Deadline
+) -> Certificate:
+    prove = partial(
+        certify, timed, problem.robot, problem.scene, margin=problem.margin,
+        constraints=problem.constraints,
+    )  # fmt: skip
+    return stages.run(
+        "certificate",
+        partial(prove, limits=law.bounds, loads=law.loads, deadline=deadline),
+        _tell_certificate,
+    )
+
+
+def _refine(
+    problem: Problem,
+    checker: Checker,
+    timed: Trajectory,
+    law: Law,
+    options: Options,
+    stages: Stages,
+    deadline: Deadline,
+) -> _Proved | Failure | None:
+    """Optimise a motion and prove what comes of it; None where the motion itself is to be taken."""
+    work = Refining(problem, checker, options, law, timed)
+    for _ in range(MOST_OFFERS):
+        offer = stages.run(OPTIMIZE, partial(work.offer, _share(deadline)), work.tell)
+        if offer is None:
+            break
+        certificate = _prove(problem, offer.trajectory, law, stages, _share(deadline))
+        if certificate.verified:
+            return _Proved(offer.trajectory, certificate, offer.waypoints)
+        if not work.refuse(offer, certificate):
+            break
+    return work.failure(deadline)
+
+
+def _share(deadline: Deadline) -> Deadline:
+    return Deadline.after(_REFINING_SHARE * deadline.remaining)
 
 
 def _tell_certificate(certificate: Certificate) -> tuple[bool, str]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from kinematics.chain import Array, frozen
-from kinematics.errors import InvalidGoal
+from kinematics.errors import InvalidGoal, InvalidRobotState
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from planning.constraints.constraint_set import ConstraintSet
@@ -18,12 +18,19 @@ class JointGoal:
 
     Args:
         joints: Shape (n,) [rad or m].
+        velocity: There, shape (n,); at rest where none is given.
+        acceleration: There, shape (n,); None where any will do.
     """
 
     joints: Array
+    velocity: Array | None = None
+    acceleration: Array | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "joints", frozen(self.joints))
+        for name in ("velocity", "acceleration"):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, frozen(getattr(self, name)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,6 +70,8 @@ class Problem:
         margin: Distance to keep from obstacles beyond their own margins [m].
         start_state_tolerance: A start this little outside a limit is snapped onto it.
         constraints: What the whole motion has to hold; its clearance raises the margin.
+        start_velocity: At the start, shape (n,); at rest where none is given.
+        start_acceleration: At the start, shape (n,); None where any will do.
 
     Raises:
         InvalidGoal: There is no goal, or the margin is negative.
@@ -76,22 +85,52 @@ class Problem:
     margin: float = 0.0
     start_state_tolerance: float = 1e-6
     constraints: ConstraintSet | None = None
+    start_velocity: Array | None = None
+    start_acceleration: Array | None = None
     content_hash: str = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         chain = self.robot.chain
         start = chain.configuration(self.start, "start.joints")
         object.__setattr__(self, "start", frozen(start.reshape(chain.n)))
+        for name in ("start_velocity", "start_acceleration"):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, frozen(getattr(self, name)))
         if not self.goals:
             raise InvalidGoal("no goal is given")
         for goal in self.goals:
             if isinstance(goal, JointGoal):
                 chain.configuration(goal.joints, "goal.joints").reshape(chain.n)
+        for name, rates in self._rates():
+            if rates.shape != (chain.n,) or not np.isfinite(rates).all():
+                raise InvalidRobotState(
+                    f"{name} must be {chain.n} finite numbers, one for each joint",
+                    hint=f"The order is: {', '.join(chain.joint_names)}.",
+                )
         if not (np.isfinite(self.margin) and self.margin >= 0.0):
             raise InvalidGoal(f"margin is {self.margin}; it must be 0 or more")
         if self.constraints is not None:
             object.__setattr__(self, "margin", max(self.margin, self.constraints.margin))
         object.__setattr__(self, "content_hash", self._hash())
+
+    @property
+    def moving(self) -> bool:
+        """Whether the motion is to begin or end with a velocity or acceleration."""
+        return any(rates.any() for _, rates in self._rates())
+
+    def _rates(self) -> list[tuple[str, Array]]:
+        """Velocities and accelerations that are given, with their names on the wire."""
+        given = [
+            ("start.velocities", self.start_velocity),
+            ("start.accelerations", self.start_acceleration),
+        ]
+        for goal in self.goals:
+            if isinstance(goal, JointGoal):
+                given += [
+                    ("goal.velocities", goal.velocity),
+                    ("goal.accelerations", goal.acceleration),
+                ]
+        return [(name, rates) for name, rates in given if rates is not None]
 
     def _hash(self) -> str:
         digest = hashlib.sha256()
@@ -107,4 +146,6 @@ class Problem:
         digest.update(np.array([self.margin, self.start_state_tolerance]).tobytes())
         if self.constraints is not None:
             digest.update(self.constraints.content_hash.encode())
+        for name, rates in self._rates():
+            digest.update(name.encode() + rates.tobytes())
         return digest.hexdigest()

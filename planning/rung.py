@@ -8,6 +8,7 @@ from planning import sampling
 from planning.constrained_checker import ConstrainedChecker
 from planning.deadline import Deadline
 from planning.manifold import Manifold, connect
+from planning.optimize.options import OPTIMIZE
 from planning.options import Options
 from planning.potential_field import QUICK, FieldOptions, potential_field
 from planning.preflight import Ready
@@ -15,7 +16,9 @@ from planning.problem import Problem
 from planning.result import Attempt, Descent
 from planning.straight_line import straight_line
 
-PLANNERS = ("auto", "straight_line", "potential_field", "cartesian", *sampling.PLANNERS)
+PLANNERS = (
+    "auto", "straight_line", "potential_field", "cartesian", OPTIMIZE, *sampling.PLANNERS,
+)  # fmt: skip
 
 #: Share of the time that is left, and goals (the nearest), that the ladder's field may spend.
 _FIELD_SHARE = 0.1

@@ -13,6 +13,7 @@ from kinematics.trajectory import MAX_DEGREE, Trajectory
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from planning.certificate import Certificate
+from planning.optimize.options import RefineOptions
 from planning.options import CartesianOptions, Options, ToolMotionOptions
 from planning.problem import Goal, JointGoal, PoseGoal, Problem
 from planning.result import StageReport, ToolMotionReport
@@ -24,7 +25,6 @@ from service.schemas.cartesian import cartesian_options
 #: Part of the contract, whether there is a planner of that name yet or not: our own, and OMPL's
 #: as OMPL's bindings have them, which may be written in any case, with or without underscores.
 _CONTRACT = (
-    "optimize",
     "aorrtc",
     "bfmt",
     "bitstar",
@@ -96,12 +96,21 @@ def problem(body: schema.PlanRequest, robot: RobotGeometry, scene: Scene) -> Pro
     alternatives = body.goal.any_of or [body.goal]
     goals = tuple(_goal(item, robot.chain) for item in alternatives)
     start = np.array(body.start.joints)
-    return Problem(robot, scene, start, goals, body.margin, body.start_state_tolerance)
+    return Problem(
+        robot, scene, start, goals, body.margin, body.start_state_tolerance,
+        start_velocity=_rates(body.start.velocities),
+        start_acceleration=_rates(body.start.accelerations),
+    )  # fmt: skip
+
+
+def _rates(given: Sequence[float] | None) -> Array | None:
+    return None if given is None else np.array(given, dtype=np.float64)
 
 
 def _goal(body: schema.SingleGoal, chain: Chain) -> Goal:
     if body.joints is not None:
-        return JointGoal(chain.configuration(body.joints, "goal.joints"))
+        q = chain.configuration(body.joints, "goal.joints")
+        return JointGoal(q, _rates(body.velocities), _rates(body.accelerations))
     assert body.pose is not None
     given = {
         name: getattr(body, name)
@@ -127,6 +136,7 @@ def options(body: schema.PlanRequest, chain: Chain, timeout: float) -> Options:
         limits=translate_timing.given_limits(body.limits, chain.joint_names),
         timeout=timeout,
         seed=body.seed,
+        refine=_refine(body.refine),
     )
 
 
@@ -145,6 +155,14 @@ def _cartesian(body: schema.PlanRequest) -> CartesianOptions:
         given.orientation,
         given.allow_partial,
     )
+
+
+def _refine(body: schema.Refine | bool | None) -> RefineOptions | None:
+    if body is None or body is False:
+        return None
+    if body is True:
+        return RefineOptions()
+    return RefineOptions.of(body.model_dump(exclude_none=True))
 
 
 # ---------------------------------------------------------------------------- trajectories

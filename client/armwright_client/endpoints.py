@@ -420,12 +420,15 @@ class ServiceEndpoints:
 
     @Endpoint
     def plan(
-        self, robot: str, start: VectorLike, goal: GoalLike, **options: Unpack[PlanOptions]
+        self,
+        robot: str,
+        start: VectorLike | Start,
+        goal: GoalLike,
+        **options: Unpack[PlanOptions],
     ) -> Call[Plan]:
         """A certified motion from a configuration to a goal; see `PlanOptions`."""
-        body = PlanRequest.of(
-            robot=robot, start=Start.of(joints=start), goal=as_goal(goal), **options
-        )
+        begin = start if isinstance(start, Start) else Start.of(joints=start)
+        body = PlanRequest.of(robot=robot, start=begin, goal=as_goal(goal), **options)
         return Call("POST", path("plan"), Plan.read, body, deadline=body.timeout)
 
     @JobEndpoint

@@ -30,15 +30,25 @@ TimingMethod = Literal["toppra", "spline", "jerk_limited"]
 
 
 class Start(Request):
-    """Where a motion begins."""
+    """Where a motion begins.
+
+    Args:
+        joints: The configuration [rad or m].
+        velocities: There, for a motion that is optimised; at rest if left out.
+        accelerations: There, likewise; any that keep the limits if left out.
+    """
 
     joints: Vector
+    velocities: Vector | None = None
+    accelerations: Vector | None = None
 
 
 class SingleGoal(Request):
     """A configuration, or a pose of the tip within tolerances [m, rad]."""
 
     joints: Vector | None = None
+    velocities: Vector | None = None
+    accelerations: Vector | None = None
     pose: Pose | None = None
     position_tolerance: Positive | None = None
     orientation_tolerance: Positive | None = None
@@ -65,9 +75,15 @@ class Goal(SingleGoal):
         return ("joints", "pose", "any_of")
 
     @classmethod
-    def at_joints(cls, joints: VectorLike) -> Self:
-        """A configuration as the goal [rad or m]."""
-        return cls.of(joints=joints)
+    def at_joints(
+        cls,
+        joints: VectorLike,
+        *,
+        velocities: VectorLike | None = None,
+        accelerations: VectorLike | None = None,
+    ) -> Self:
+        """A configuration as the goal [rad or m], for an optimised motion passed at a velocity."""
+        return cls.of(joints=joints, velocities=velocities, accelerations=accelerations)
 
     @classmethod
     def at_pose(
@@ -219,6 +235,27 @@ class ToolMotionReport(Answer):
     ends: float
 
 
+Objective = Literal["time", "jerk", "energy", "path_length"]
+
+
+class Refine(Request):
+    """How the motion that was found is optimised, before it is proved.
+
+    Args:
+        objective: What becomes small, or the weight of each.
+        duration: The longest the motion may take [s].
+        degree: Of the spline.
+        control_points: Of each joint.
+        rounds: Convex problems solved at most.
+    """
+
+    objective: Objective | dict[Objective, NonNegative] = "time"
+    duration: Positive | None = None
+    degree: int | None = None
+    control_points: int | None = None
+    rounds: int | None = None
+
+
 class PlanOptions(TypedDict, total=False):
     """What can be asked of a plan beyond robot, start and goal.
 
@@ -226,6 +263,7 @@ class PlanOptions(TypedDict, total=False):
         scene: What is in the way: a stored scene's name, or a scene.
         planner: "auto" if left out.
         planner_options: The planner's own.
+        refine: Whether, or how, the motion that was found is optimised.
         constraints: That hold along the path.
         attached: Objects that move with a link.
         allowed_collisions: More pairs that may touch.
@@ -240,6 +278,7 @@ class PlanOptions(TypedDict, total=False):
     scene: SceneReference
     planner: str
     planner_options: Options
+    refine: bool | Refine
     constraints: OptionsList
     attached: AttachedObjects
     allowed_collisions: Pairs
@@ -260,6 +299,7 @@ class PlanRequest(Request):
     scene: SceneReference | None = None
     planner: str = "auto"
     planner_options: Options | None = None
+    refine: bool | Refine | None = None
     constraints: OptionsList | None = None
     attached: AttachedObjects | None = None
     allowed_collisions: Pairs | None = None

@@ -47,6 +47,12 @@ class Start(Body):
     """Where the motion begins."""
 
     joints: JointVector = Field(examples=[JOINTS_EXAMPLE])
+    velocities: JointVector | None = Field(
+        None, description="there, for a motion that is optimised; at rest if left out"
+    )
+    accelerations: JointVector | None = Field(
+        None, description="there, likewise; any that keep the limits if left out"
+    )
 
 
 class SingleGoal(Body):
@@ -54,6 +60,12 @@ class SingleGoal(Body):
 
     joints: JointVector | None = Field(None, examples=[[0.6, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]])
     pose: Pose | None = None
+    velocities: JointVector | None = Field(
+        None, description="at the joints, for a motion that is optimised; at rest if left out"
+    )
+    accelerations: JointVector | None = Field(
+        None, description="there, likewise; any that keep the limits if left out"
+    )
     position_tolerance: Tolerance | None = Field(None, description="[m]")
     orientation_tolerance: Tolerance | None = Field(None, description="[rad]")
 
@@ -67,6 +79,9 @@ class SingleGoal(Body):
         for name in ("position_tolerance", "orientation_tolerance"):
             if self.pose is None and getattr(self, name) is not None:
                 raise ValueError(f"{name} belongs to a pose")
+        for name in ("velocities", "accelerations"):
+            if self.joints is None and getattr(self, name) is not None:
+                raise ValueError(f"{name} belong to joints")
 
 
 class Goal(SingleGoal):
@@ -108,6 +123,32 @@ class Timing(Body):
     )
 
 
+Objective = Literal["time", "jerk", "energy", "path_length"]
+
+
+class Refine(Body):
+    """How the motion that was found is optimised, before it is proved."""
+
+    objective: Objective | Annotated[dict[Objective, NonNegative], Field(min_length=1)] = Field(
+        "time",
+        description=(
+            "what becomes small: time T [s], jerk ∫|q⃛|²dt, energy ∫|τ|²dt, path_length ∫|dq|; "
+            "or the weight of each"
+        ),
+        examples=["time", {"time": 1.0, "jerk": 1e-6}],
+    )
+    duration: Positive | None = Field(None, description="the longest the motion may take [s]")
+    degree: Annotated[int, Field(ge=3, le=7)] | None = Field(
+        None, description="of the spline; 3, for jerk 5, if left out"
+    )
+    control_points: Annotated[int, Field(ge=8, le=64)] | None = Field(
+        None, description="of each joint; 16 if left out"
+    )
+    rounds: Annotated[int, Field(ge=1, le=100)] | None = Field(
+        None, description="convex problems solved at most; 12 if left out"
+    )
+
+
 _EXAMPLE: JsonDict = {
     "robot": "panda",
     "scene": "table",
@@ -135,6 +176,9 @@ class PlanRequest(Body):
         None,
         description="the planner's own; of cartesian: motions [{type: lin | circ, pose, via, "
         "center, normal}], max_deviation, max_orientation_deviation, orientation, allow_partial",
+    )
+    refine: bool | Refine | None = Field(
+        None, description="optimise what the planner found; true for the least time"
     )
     constraints: Constraints | None = None
     attached: AttachedObjects | None = None

@@ -190,6 +190,15 @@ def test_fields_are_those_of_the_service(mine: type[Readable], theirs: type[Base
             their_plan.PlanRequest,
         ),
         (
+            ours.PlanRequest(
+                robot="panda",
+                start=ours.Start(joints=(0, 1), velocities=(0.1, 0), accelerations=(0, 0)),
+                goal=ours.Goal.at_joints((1, 1), velocities=(0, 0.1), accelerations=(0, 0)),
+                refine=ours.Refine(objective={"time": 1, "jerk": 1e-6}, degree=5, rounds=20),
+            ),
+            their_plan.PlanRequest,
+        ),
+        (
             ours.ValidateRequest(
                 robot="panda",
                 trajectory=ours.Trajectory(

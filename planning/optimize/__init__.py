@@ -1,0 +1,1 @@
+"""Trajectory optimisation: the shape and the timing of a motion found together."""

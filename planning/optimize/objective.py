@@ -1,0 +1,203 @@
+"""What is to become small, its value and its convex quadratic model.
+
+    time          T
+    jerk          integral of |q'''|^2 dt = T^-5 integral of |d3q/du3|^2 du
+    energy        integral of |tau|^2 dt
+    path_length   integral of |dq/du| du
+
+Sums of squares are modelled with the products of first derivatives as Hessian (Gauss-Newton). The
+length, which is no sum of squares, lies below sum_k w_k (|x_k|^2 / |x_k'| + |x_k'|) / 2 with
+x = dq/du, which touches it at the current x'.
+"""
+
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy.sparse
+
+from dynamics.inverse import inverse_dynamics
+from kinematics.chain import Array, Chain
+from kinematics.trajectory import Trajectory
+from planning.limit_check import JERK_JUMP
+from planning.optimize.iterate import Iterate
+from planning.optimize.options import Objective
+from planning.optimize.response import torques
+from planning.optimize.rows import local_matrix
+from planning.optimize.task import Task
+
+#: Its stubs know no stacks of sparse and dense matrices.
+sparse: Any = scipy.sparse
+
+#: Weight of the squared shares of the acceleration limits, so that of many fastest motions a smooth
+#: one is chosen: it may cost as much of the time.
+_SMOOTHING = 3e-4
+#: Nearest to the last iterate of all that are equally good.
+_NEAREST = 1e-7
+#: Places in each piece at which integrals without a closed form are summed up.
+_NODES = 4
+#: A speed [rad] below which a motion counts as standing still in its path's length.
+_AT_REST = 1e-3
+
+
+class Model(NamedTuple):
+    """1/2 z' H z + g' z in the unknowns z = (control points, T, s)."""
+
+    H: Any
+    g: Array
+
+
+def value(trajectory: Trajectory, weights: Mapping[Objective, float], carrier: Chain) -> float:
+    """The objective of a motion, infinite where its jerk counts and is not bounded.
+
+    Args:
+        trajectory: The motion.
+        weights: By objective.
+        carrier: The robot with what it carries.
+    """
+    return sum(w * _VALUES[name](trajectory, carrier) for name, w in weights.items())
+
+
+def model(task: Task, weights: Mapping[Objective, float], iterate: Iterate) -> Model:
+    """The quadratic model of the objective at an iterate."""
+    size = iterate.points.size + 2
+    H, g = _smoothing(task, weights, iterate), np.zeros(size)
+    for name, w in weights.items():
+        own = _MODELS[name](task, iterate)
+        H, g = H + w * own.H, g + w * own.g
+    return Model(H, g)
+
+
+def _smoothing(task: Task, weights: Mapping[Objective, float], iterate: Iterate) -> Any:
+    N, n = iterate.points.shape
+    shares = sparse.diags(1.0 / task.bounds["acceleration"] ** 2)
+    gram = sparse.csr_matrix(iterate.space.gram[2] * iterate.duration**-3)
+    weight = 2.0 * _SMOOTHING * weights.get("time", 0.0)
+    near = sparse.identity(N * n + 2) * _NEAREST
+    return near + sparse.block_diag([weight * sparse.kron(gram, shares), np.zeros((2, 2))])
+
+
+# ------------------------------------------------------------------------------------- time
+
+
+def _time_value(trajectory: Trajectory, _carrier: Chain) -> float:
+    return trajectory.duration
+
+
+def _time_model(_task: Task, iterate: Iterate) -> Model:
+    size = iterate.points.size + 2
+    g = np.zeros(size)
+    g[-2] = 1.0
+    return Model(sparse.csr_matrix((size, size)), g)
+
+
+# ------------------------------------------------------------------------------------- jerk
+
+
+def _jerk_value(trajectory: Trajectory, _carrier: Chain) -> float:
+    if trajectory.continuity().acceleration > JERK_JUMP:
+        return np.inf
+    times, weights = _nodes(trajectory, trajectory.degree)
+    return float(weights @ np.square(trajectory.sample(times, 3)).sum(axis=1))
+
+
+def _jerk_model(_task: Task, iterate: Iterate) -> Model:
+    P, T = iterate.points, iterate.duration
+    G, n = iterate.space.gram[3], P.shape[1]
+    pulled = G @ P
+    total = float((P * pulled).sum())
+    column = -5.0 * T**-6 * pulled.ravel()
+    H = sparse.bmat(
+        [
+            [2.0 * T**-5 * sparse.kron(sparse.csr_matrix(G), sparse.identity(n)), column[:, None]],
+            [column[None, :], np.array([[12.5 * total * T**-7]])],
+        ]
+    )
+    H = sparse.block_diag([H, np.zeros((1, 1))], format="csr")
+    gradient = np.append(2.0 * T**-5 * pulled.ravel(), [-5.0 * total * T**-6, 0.0])
+    return _about(H, gradient, iterate)
+
+
+# ----------------------------------------------------------------------------------- energy
+
+
+def _energy_value(trajectory: Trajectory, carrier: Chain) -> float:
+    times, weights = _nodes(trajectory, _NODES)
+    states = (trajectory.sample(times, order) for order in range(3))
+    return float(weights @ np.square(inverse_dynamics(carrier, *states)).sum(axis=1))
+
+
+def _energy_model(task: Task, iterate: Iterate) -> Model:
+    T, n = iterate.duration, iterate.points.shape[1]
+    assert task.carrier is not None
+    places, weights = _shares(iterate)
+    found = torques(task.carrier, iterate, places)
+    # Residuals sqrt(T w) tau, one row a joint and place.
+    root = np.repeat(np.sqrt(T * weights), n)
+    rows = [root[:, None] * gradient.reshape(-1, n) for gradient in found.gradients]
+    tau = found.values.ravel()
+    in_time = root * (found.in_time.ravel() + 0.5 * tau / T)
+    A = local_matrix(iterate, np.repeat(places, n), rows, in_time)
+    return _about(2.0 * (A.T @ A), 2.0 * (A.T @ (root * tau)), iterate)
+
+
+# ------------------------------------------------------------------------------ path length
+
+
+def _length_value(trajectory: Trajectory, _carrier: Chain) -> float:
+    times, weights = _nodes(trajectory, 2 * _NODES)
+    return float(weights @ np.linalg.norm(trajectory.sample(times, 1), axis=1))
+
+
+def _length_model(_task: Task, iterate: Iterate) -> Model:
+    places, weights = _shares(iterate)
+    B, n = iterate.space.matrix(places, 1), iterate.points.shape[1]
+    speeds = np.maximum(np.linalg.norm(B @ iterate.points, axis=1), _AT_REST)
+    G = B.T @ ((weights / speeds)[:, None] * B)
+    # The quadratic is of P itself: its gradient at 0 vanishes.
+    H = sparse.kron(sparse.csr_matrix(G), sparse.identity(n))
+    H = sparse.block_diag([H, np.zeros((2, 2))], format="csr")
+    return Model(H, np.zeros(iterate.points.size + 2))
+
+
+# ---------------------------------------------------------------------------------- integrals
+
+
+def _about(H: Any, gradient: Array, iterate: Iterate) -> Model:
+    """A model whose gradient is known at the iterate, as one whose gradient is known at 0."""
+    z = np.append(iterate.points.ravel(), [iterate.duration, 0.0])
+    return Model(H, gradient - H @ z)
+
+
+def _gauss(breaks: Array, count: int) -> tuple[Array, Array]:
+    nodes, weights = np.polynomial.legendre.leggauss(count)
+    half = 0.5 * np.diff(breaks)[:, None]
+    places = breaks[:-1, None] + half * (nodes + 1.0)
+    return places.ravel(), (half * weights).ravel()
+
+
+def _shares(iterate: Iterate) -> tuple[Array, Array]:
+    return _gauss(np.asarray(iterate.space.breaks), _NODES)
+
+
+def _nodes(trajectory: Trajectory, count: int) -> tuple[Array, Array]:
+    return _gauss(trajectory.breaks, max(count, 1))
+
+
+_VALUES: Mapping[Objective, Callable[[Trajectory, Chain], float]] = MappingProxyType(
+    {
+        "time": _time_value,
+        "jerk": _jerk_value,
+        "energy": _energy_value,
+        "path_length": _length_value,
+    }
+)
+_MODELS: Mapping[Objective, Callable[[Task, Iterate], Model]] = MappingProxyType(
+    {
+        "time": _time_model,
+        "jerk": _jerk_model,
+        "energy": _energy_model,
+        "path_length": _length_model,
+    }
+)

@@ -1,0 +1,168 @@
+"""Optimisation of a motion that is known: what it offers is better, or it offers nothing."""
+
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from kinematics.chain import Array
+from kinematics.trajectory import Trajectory
+from planning.deadline import Deadline
+from planning.limit_check import JERK_JUMP
+from planning.optimize.candidate import Candidate
+from planning.optimize.descent import Descent
+from planning.optimize.objective import value
+from planning.optimize.options import CONTROL_POINTS, RefineOptions
+from planning.optimize.outlook import Hindrance
+from planning.optimize.spline import SplineSpace
+from planning.optimize.task import Task
+from planning.optimize.warm import fitted
+from planning.timing.dilation import dilate
+from planning.timing.failure import TimingFailed
+from planning.timing.law import Law
+from planning.timing.path import JointPath
+
+#: Control points where nobody says how many: 16 are enough for a dozen corners.
+_POINTS = 16
+#: A motion for which little time counts not at all may take so many times what it took.
+_LEISURE = 1.25
+#: Rounds that follow when a motion could not be proved.
+_MORE_ROUNDS = 4
+#: What gains less than this part of the objective is left as it was.
+_WORTH_IT = 1e-6
+#: A place of a motion is found among so many of its spline.
+_LOOKED_AT = 1001
+
+
+class Offer(NamedTuple):
+    """A motion that is better than the one that was known.
+
+    Args:
+        trajectory: In time.
+        waypoints: On its path, shape (k, n).
+        value: Of the objective.
+    """
+
+    trajectory: Trajectory
+    waypoints: Array
+    value: float
+
+
+@dataclass(slots=True)
+class Refinement:
+    """One motion being optimised.
+
+    Args:
+        task: What is to be kept.
+        options: What is to become small.
+        law: How paths are timed.
+        known: The motion to start from.
+        binding: Whether it may be kept; else anything within the limits is better.
+    """
+
+    task: Task
+    options: RefineOptions
+    law: Law
+    known: Trajectory
+    binding: bool = True
+    value: float = field(init=False)
+    _descent: Descent = field(init=False)
+
+    def __post_init__(self) -> None:
+        carrier = self.task.carrier or self.task.chain
+        if not self.retimed:
+            self.task = self._with_jerk()
+        self.value = value(self.known, self.options.weights, carrier)
+        space = SplineSpace.uniform(self.options.least_degree, self._count())
+        start = fitted(self.task, space, self.known)
+        self._descent = Descent(self.task, self.options, start, self._longest())
+
+    def _with_jerk(self) -> Task:
+        """The task with the robot's own jerk limits: a spline's acceleration does not jump."""
+        jerk = self.task.chain.limits.jerk
+        if "jerk" in self.task.bounds or not np.isfinite(jerk).any():
+            return self.task
+        bounds = dict(self.task.bounds) | {"jerk": np.where(np.isnan(jerk), np.inf, jerk)}
+        return replace(self.task, bounds=bounds)
+
+    def _count(self) -> int:
+        least = self.options.least_degree + 5
+        return int(np.clip(self.options.control_points or _POINTS, least, CONTROL_POINTS[1]))
+
+    def _longest(self) -> float:
+        if self.options.duration is not None:
+            return self.options.duration
+        fast = "time" in self.options.weights
+        return np.inf if fast else _LEISURE * self.known.duration
+
+    @property
+    def retimed(self) -> bool:
+        """Whether the path of a spline is timed by the law in the end."""
+        return (
+            self.options.fastest
+            and self.task.still
+            and self.law.method != "spline"
+            and self.options.least_degree <= 3
+        )
+
+    @property
+    def rounds(self) -> int:
+        """Convex problems solved so far."""
+        return self._descent.rounds
+
+    @property
+    def hindrance(self) -> Hindrance:
+        """Why nothing better was found."""
+        if self._descent.best is not None:
+            which = "shorter" if self.options.fastest else "better"
+            return Hindrance(f"nothing {which} was found", "Use more control_points.")
+        found = self._descent.hindrance
+        late = Hindrance("time was up before a motion was found", "Allow more time.")
+        return found or late
+
+    def offer(self, deadline: Deadline) -> Offer | None:
+        """Optimise; the best motion if it is better than the known one."""
+        self._descent.run(deadline)
+        best = self._descent.best
+        if best is None:
+            return None
+        motion, worth = self._faster(best)
+        if self.binding and not worth < self.value * (1.0 - _WORTH_IT):
+            return None
+        iterate = best.iterate
+        return Offer(motion, iterate.sample(np.asarray(iterate.space.breaks)), worth)
+
+    def refuse(self, offer: Offer, time: float) -> None:
+        """An offer could not be proved free at a time [s]: keep away from there, and go on."""
+        best = self._descent.best
+        if best is not None:
+            self._descent.refuse(_place(best, offer.trajectory.sample([time])[0]))
+        self._descent.allow(_MORE_ROUNDS)
+
+    def _faster(self, best: Candidate) -> tuple[Trajectory, float]:
+        """The spline as it is, or its path timed by the law where that is faster."""
+        if not self.retimed:
+            return best.trajectory, best.value
+        lengths = np.diff(best.iterate.space.breaks) * best.iterate.duration
+        motion = best.iterate.trajectory(self.task.chain.joint_names)
+        try:
+            timed = self.law.time(JointPath(motion.coefficients, lengths), motion.joint_names)
+        except TimingFailed:
+            motion = self._within_jerk(best.trajectory)
+            return motion, self.options.weights["time"] * motion.duration
+        weight = self.options.weights["time"]
+        motions = [self._within_jerk(found) for found in (timed.trajectory, best.trajectory)]
+        return min(((m, weight * m.duration) for m in motions), key=lambda pair: pair[1])
+
+    def _within_jerk(self, motion: Trajectory) -> Trajectory:
+        """The motion; where its acceleration does not jump, within the robot's jerk limits too."""
+        limits = self.task.chain.limits.jerk
+        if motion.continuity().acceleration > JERK_JUMP or not np.isfinite(limits).any():
+            return motion
+        return dilate(motion, jerk=np.where(np.isfinite(limits), limits, np.inf)).trajectory
+
+
+def _place(candidate: Candidate, q: Array) -> float:
+    """The place u of a spline that is nearest to a configuration on its path."""
+    u = np.linspace(0.0, 1.0, _LOOKED_AT)
+    return float(u[np.argmin(np.square(candidate.iterate.sample(u) - q).sum(axis=1))])

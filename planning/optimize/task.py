@@ -1,0 +1,101 @@
+"""What an optimised motion has to keep: its ends, its limits, what it must not meet."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from kinematics.chain import Array, Chain, frozen
+from obstacles.checker import Checker
+from planning.constraints.constraint_set import ConstraintSet
+from planning.timing.loads import Loads
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class End:
+    """How a motion begins or ends.
+
+    Args:
+        position: Shape (n,).
+        velocity: Shape (n,).
+        acceleration: Shape (n,); None where any will do.
+    """
+
+    position: Array
+    velocity: Array
+    acceleration: Array | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("position", "velocity"):
+            object.__setattr__(self, name, frozen(getattr(self, name)))
+        if self.acceleration is not None:
+            object.__setattr__(self, "acceleration", frozen(self.acceleration))
+
+    @classmethod
+    def at_rest(cls, position: Array, *, smooth: bool) -> "End":
+        """At rest, where ``smooth`` without acceleration."""
+        none = np.zeros_like(position)
+        return cls(position, none, none if smooth else None)
+
+    @property
+    def still(self) -> bool:
+        """Whether it is at rest, whatever time is scaled by."""
+        return not self.velocity.any() and (
+            self.acceleration is None or not self.acceleration.any()
+        )
+
+    @property
+    def order(self) -> int:
+        """The highest derivative that is given."""
+        return 1 if self.acceleration is None else 2
+
+    @property
+    def derivatives(self) -> list[Array]:
+        """Position, velocity and, where it is given, acceleration."""
+        found = [self.position, self.velocity]
+        return found if self.acceleration is None else [*found, self.acceleration]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Task:
+    """What an optimised motion has to keep.
+
+    Args:
+        checker: The robot in its scene.
+        start: How the motion begins.
+        end: How it ends.
+        bounds: Limits of velocity, acceleration and perhaps jerk, shape (n,) each, by quantity.
+        loads: Limits of torque and tool speed.
+        constraints: What every configuration on the way has to hold.
+        carrier: The robot with all that it carries, for the energy objective.
+    """
+
+    checker: Checker
+    start: End
+    end: End
+    bounds: Mapping[str, Array]
+    loads: Loads | None = None
+    constraints: ConstraintSet | None = None
+    carrier: Chain | None = field(default=None, repr=False)
+
+    @property
+    def chain(self) -> Chain:
+        """The robot."""
+        return self.checker.model.chain
+
+    @property
+    def still(self) -> bool:
+        """Whether it begins and ends at rest, so that time can be scaled."""
+        return self.start.still and self.end.still
+
+    @property
+    def orders(self) -> dict[int, Array]:
+        """The limits by the order of the derivative."""
+        names = ("velocity", "acceleration", "jerk")
+        found = {k: self.bounds[name] for k, name in enumerate(names, 1) if name in self.bounds}
+        return {k: limits for k, limits in found.items() if np.isfinite(limits).any()}
+
+    def with_margin(self, slack: float) -> "Task":
+        """The same, ``slack`` [m] more from everything."""
+        checker = self.checker
+        return replace(self, checker=Checker(checker.model, checker.slack + slack))

@@ -1,0 +1,333 @@
+"""Optimised plans: closed forms, independent looks at limits and torques, ends that move."""
+
+import time
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pinocchio
+import pytest
+from numpy.polynomial import Polynomial
+
+from kinematics.chain import Array
+from kinematics.errors import InvalidOption
+from kinematics.robots import builtin_urdf
+from kinematics.trajectory import Trajectory
+from obstacles.checker import Checker
+from obstacles.scene import Scene
+from planning.deadline import Deadline
+from planning.optimize.descent import Descent
+from planning.optimize.options import RefineOptions
+from planning.optimize.spline import SplineSpace
+from planning.optimize.task import End, Task
+from planning.optimize.warm import fitted
+from planning.options import Options, Payload, TimingOptions
+from planning.pipeline import plan
+from planning.problem import JointGoal, Problem
+from planning.result import Failure, Plan
+from tests.planning.dense import least_clearance, worst_ratio
+from tests.planning.scenes import HOME, box, builtin
+
+OPTIMIZE = Options(planner="optimize", timeout=30.0)
+ASIDE = HOME + np.array([1.1, 0.3, -0.2, 0.4, 0.2, 0.1, 0.3])
+
+BEHIND = HOME + np.array([1.1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+
+
+def options(timing: TimingOptions | None = None, **refine: Any) -> Options:
+    return Options("optimize", refine, timing=timing or TimingOptions(), timeout=30.0)
+
+
+def problem(name: str, start: Array, goal: JointGoal | Array, **more: Any) -> Problem:
+    goals = (goal if isinstance(goal, JointGoal) else JointGoal(goal),)
+    return Problem(builtin(name), more.pop("scene", Scene()), start, goals, **more)
+
+
+def solved(asked: Problem, how: Options = OPTIMIZE) -> Plan:
+    answer = plan(asked, how)
+    assert isinstance(answer, Plan), answer
+    assert answer.certificate.verified
+    assert worst_ratio(answer.trajectory, asked.robot) <= 1.0 + 1e-9
+    np.testing.assert_allclose(answer.trajectory.start, asked.start, atol=1e-9)
+    if asked.scene.obstacles:
+        assert least_clearance(answer.trajectory, asked.robot, asked.scene, asked.margin) > 0.0
+    return answer
+
+
+def behind_a_post() -> Problem:
+    """A post that the arm has to go around."""
+    post = Scene((box("post", (0.08, 0.08, 1.2), (0.307, 0.188, 0.6)),))
+    return problem("panda", HOME, BEHIND, scene=post)
+
+
+# ---------------------------------------------------------------------------- closed forms
+
+
+def test_one_joint_tends_to_the_bang_bang_time() -> None:
+    v, a, way = 3.0, 12.0, np.array([1.2, 0.0])
+    least = 1.2 / v + v / a
+    bounds = {"velocity": np.full(2, v), "acceleration": np.full(2, a)}
+    start, end = (End.at_rest(q, smooth=False) for q in (0.0 * way, way))
+    task = Task(Checker.of(builtin("planar_rr"), Scene()), start, end, bounds)
+    known = Trajectory(
+        task.chain.joint_names,
+        np.array([0.0, 9.0]),
+        np.stack([0.0 * way, way / 9.0], axis=-1)[None],
+    )
+    times = []
+    for count in (10, 24, 48):
+        near = fitted(task, SplineSpace.uniform(3, count), known)
+        descent = Descent(task, RefineOptions(), near, np.inf)
+        descent.run(Deadline.after(30.0))
+        assert descent.best is not None
+        times.append(descent.best.trajectory.duration)
+    assert times[0] > times[1] > times[2] > least
+    assert times[2] < 1.002 * least
+
+
+def test_the_least_jerk_is_the_quintic() -> None:
+    answer = solved(problem("panda", HOME, HOME + 0.3), options(objective="jerk", duration=2.0))
+    trajectory = answer.trajectory
+    assert trajectory.duration == pytest.approx(2.0, rel=1e-5)
+    s = np.linspace(0.0, 1.0, 201)
+    quintic = HOME + 0.3 * (10.0 * s**3 - 15.0 * s**4 + 6.0 * s**5)[:, None]
+    sampled = trajectory.sample(s * trajectory.duration)
+    np.testing.assert_allclose(sampled, quintic, atol=1e-6)
+
+
+def test_the_shortest_path_is_straight() -> None:
+    # Without the post, or as near to it as can be.
+    asked = behind_a_post()
+    bent = plan(asked, Options(timeout=30.0))
+    assert isinstance(bent, Plan)
+    free = problem("panda", HOME, BEHIND)
+    straight = solved(free, options(objective="path_length"))
+    assert straight.path.length == pytest.approx(1.1, rel=1e-4)
+    around = solved(asked, options(objective="path_length", rounds=30))
+    assert straight.path.length < around.path.length < bent.path.length * (1.0 + 1e-3)
+
+
+@pytest.mark.parametrize("objective", ["time", "jerk", "energy", "path_length"])
+def test_every_objective_gets_smaller(objective: str) -> None:
+    asked = behind_a_post()
+    known = plan(asked, Options(timeout=30.0))
+    better = solved(asked, options(objective=objective))
+    assert isinstance(known, Plan)
+    assert better.planner == "optimize"
+    values = [_measure(answer.trajectory, objective, asked) for answer in (known, better)]
+    assert values[1] < values[0]
+
+
+def _measure(trajectory: Trajectory, objective: str, asked: Problem) -> float:
+    times = np.linspace(0.0, trajectory.duration, 4001)
+    if objective == "time":
+        return trajectory.duration
+    if objective == "path_length":
+        return float(np.linalg.norm(np.diff(trajectory.sample(times), axis=0), axis=1).sum())
+    if objective == "jerk":
+        if trajectory.continuity().acceleration > 1e-6:
+            return np.inf
+        return float(np.trapezoid(np.square(trajectory.sample(times, 3)).sum(axis=1), times))
+    torque = _torques("panda", trajectory, times)
+    return float(np.trapezoid(np.square(torque).sum(axis=1), times))
+
+
+# ------------------------------------------------------------------------------- refinement
+
+
+def test_refinement_of_any_planner_is_no_worse() -> None:
+    asked = behind_a_post()
+    for planner in ("auto", "rrt_connect"):
+        for method in ("toppra", "jerk_limited"):
+            timing = TimingOptions(method)
+            plain = Options(planner, timing=timing, timeout=30.0)
+            refined = Options(planner, timing=timing, timeout=30.0, refine=RefineOptions())
+            known, better = plan(asked, plain), solved(asked, refined)
+            assert isinstance(known, Plan)
+            assert better.trajectory.duration < known.trajectory.duration
+            outcomes = [stage.outcome for stage in better.stages if stage.name == "optimize"]
+            assert outcomes[-1] == "succeeded"
+
+
+def test_jerk_is_kept() -> None:
+    asked = behind_a_post()
+    known = plan(asked, Options(timing=TimingOptions("jerk_limited"), timeout=30.0))
+    assert isinstance(known, Plan)
+    better = solved(asked, options(TimingOptions("jerk_limited")))
+    assert better.trajectory.duration < known.trajectory.duration
+    assert _worst(better.trajectory, asked.robot.chain.limits.jerk, 3) <= 1.0 + 1e-9
+
+
+def _worst(trajectory: Trajectory, limits: Array, order: int) -> float:
+    """Largest share of limits, by numpy's roots."""
+    worst = 0.0
+    for piece, length in zip(trajectory.coefficients, np.diff(trajectory.breaks), strict=True):
+        for c, limit in zip(piece, limits, strict=True):
+            rate = Polynomial(c).deriv(order)
+            roots = np.real(rate.deriv().roots()) if rate.degree() > 1 else np.zeros(0)
+            places = np.concatenate([[0.0, length], roots[(roots > 0.0) & (roots < length)]])
+            worst = max(worst, float(np.abs(rate(places)).max() / limit))
+    return worst
+
+
+def test_the_same_twice() -> None:
+    first, second = (solved(behind_a_post()) for _ in range(2))
+    assert first.trajectory == second.trajectory
+
+
+def test_going_nowhere_is_left_as_it_is() -> None:
+    answer = solved(problem("panda", HOME, HOME))
+    assert answer.planner == "straight_line"
+    assert answer.trajectory.duration < 0.01
+
+
+@pytest.mark.parametrize(
+    "name", ["scara", "stanford", "cart_pendulum", "planar_rr", "kr6_sixx", "ur5e"]
+)
+def test_other_arms(name: str) -> None:
+    limits = builtin(name).chain.limits
+    low, high = np.maximum(limits.lower, -1.0), np.minimum(limits.upper, 1.0)
+    rng = np.random.default_rng(4)
+    ends = (rng.uniform(0.6 * low + 0.4 * high, 0.4 * low + 0.6 * high) for _ in range(2))
+    answer = plan(problem(name, *ends), options(objective={"time": 1.0, "jerk": 1e-9}))
+    if isinstance(answer, Failure):
+        assert answer.code.endswith("IN_COLLISION")
+    else:
+        assert answer.certificate.verified
+
+
+# ------------------------------------------------------------------------------------ loads
+
+
+def _torques(name: str, trajectory: Trajectory, times: Array, payload: float = 0.0) -> Array:
+    model = pinocchio.buildModelFromXML(builtin_urdf(name))
+    fingers = [j for j, n in enumerate(model.names) if "finger" in n]
+    model = pinocchio.buildReducedModel(model, fingers, pinocchio.neutral(model))
+    if payload:
+        tip = model.frames[model.getFrameId(builtin(name).chain.tip_link)]
+        load = pinocchio.Inertia(payload, np.zeros(3), np.zeros((3, 3)))
+        model.appendBodyToJoint(tip.parentJoint, load, tip.placement)
+    data = model.createData()
+    states = [trajectory.sample(times, order) for order in range(3)]
+    return np.array([pinocchio.rnea(model, data, *state) for state in zip(*states, strict=True)])
+
+
+@pytest.mark.parametrize("method", ["toppra", "jerk_limited"])
+def test_torques_with_a_payload_are_kept(method: Any) -> None:
+    timing = TimingOptions(method, torque_limits=True, payload=Payload(3.0))
+    chain = builtin("panda").chain
+    effort = chain.limits.effort * np.array([0.45, 0.9, 0.45, 0.7, 0.7, 0.9, 0.7])
+    asked = problem("panda", HOME, ASIDE)
+    known = plan(asked, Options(timing=timing, limits={"effort": effort}, timeout=30.0))
+    how = Options("optimize", timing=timing, limits={"effort": effort}, timeout=30.0)
+    better = solved(asked, how)
+    assert isinstance(known, Plan)
+    assert better.trajectory.duration <= known.trajectory.duration
+    trajectory = better.trajectory
+    times = np.linspace(0.0, trajectory.duration, 3001)
+    share = np.abs(_torques("panda", trajectory, times, 3.0) / effort).max()
+    bound = better.certificate.limits["torque"].worst_ratio
+    assert share <= bound <= 1.0
+    assert bound <= share * 1.01
+
+
+def test_tool_speed_is_kept() -> None:
+    asked, timing = problem("panda", HOME, ASIDE), TimingOptions(tool_speed=0.4)
+    better = solved(asked, options(timing))
+    assert better.planner == "optimize"
+    assert better.certificate.limits["tool_speed"].worst_ratio <= 1.0
+
+
+# ----------------------------------------------------------------------------- moving ends
+
+
+@pytest.mark.parametrize("method", ["toppra", "jerk_limited"])
+def test_ends_may_move(method: Any) -> None:
+    v, a = np.linspace(-0.4, 0.5, 7), np.linspace(0.8, -0.6, 7)
+    goal = JointGoal(ASIDE, -v, a)
+    asked = problem("panda", HOME, goal, start_velocity=v, start_acceleration=a)
+    trajectory = solved(asked, options(TimingOptions(method))).trajectory
+    np.testing.assert_allclose(trajectory.end, ASIDE, atol=1e-9)
+    for order, values in ((1, (v, -v)), (2, (a, a))):
+        ends = trajectory.sample([0.0, trajectory.duration], order)
+        np.testing.assert_allclose(ends, np.array(values), atol=1e-8)
+
+
+def test_ends_too_fast_are_told() -> None:
+    asked = problem("panda", HOME, ASIDE, start_velocity=np.full(7, 9.0))
+    answer = plan(asked, OPTIMIZE)
+    assert isinstance(answer, Failure)
+    assert answer.code == "START_STATE_INVALID"
+    assert answer.details["joint"] in asked.robot.chain.joint_names
+
+
+def test_ends_that_move_need_optimisation() -> None:
+    with pytest.raises(InvalidOption, match="optimised"):
+        plan(problem("panda", HOME, ASIDE, start_velocity=np.full(7, 0.1)), Options())
+
+
+def test_a_wall_ahead_can_not_be_braked_from() -> None:
+    chain = builtin("panda").chain
+    near = HOME.copy()
+    near[0] = chain.limits.upper[0] - 0.01
+    v = np.zeros(7)
+    v[0] = chain.limits.velocity[0]
+    answer = plan(problem("panda", near, ASIDE, start_velocity=v), OPTIMIZE)
+    assert isinstance(answer, Failure)
+    assert answer.stage == "optimize"
+    assert answer.hint
+
+
+# -------------------------------------------------------------------------------- failures
+
+
+def test_too_short_a_duration_says_what_is_needed() -> None:
+    answer = plan(problem("panda", HOME, ASIDE), options(duration=0.05))
+    assert isinstance(answer, Failure)
+    assert answer.code == "INVALID_MOTION_PLAN"
+    assert "takes" in answer.message
+    assert "duration" in answer.hint
+
+
+@pytest.mark.parametrize("timeout", [0.02, 0.1, 0.3])
+def test_deadlines_are_kept(timeout: float) -> None:
+    asked = behind_a_post()
+    plan(asked, OPTIMIZE)
+    how = Options("optimize", {"control_points": 64, "rounds": 100}, timeout=timeout)
+    began = time.process_time()
+    answer = plan(asked, how)
+    # Processor time, for others compute here too: it is at most the time on the wall.
+    assert time.process_time() - began < timeout + 0.1
+    assert isinstance(answer, Plan) or answer.code == "TIMED_OUT"
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"objective": "fun"},
+        {"objective": {"time": -1.0}},
+        {"objective": {}},
+        {"objective": 3},
+        {"objective": {"time": True}},
+        {"degree": 2},
+        {"degree": 3.5},
+        {"control_points": 1000},
+        {"rounds": 0},
+        {"duration": -1.0},
+        {"speed": 1.0},
+    ],
+)
+def test_options_out_of_range_are_refused(given: Mapping[str, Any]) -> None:
+    with pytest.raises(InvalidOption):
+        RefineOptions.of(given)
+
+
+def test_given_times_are_not_optimised() -> None:
+    timing = TimingOptions("spline", times=(0.0, 3.0))
+    with pytest.raises(InvalidOption, match="times"):
+        plan(problem("panda", HOME, ASIDE), Options("optimize", timing=timing))
+
+
+def test_refine_is_asked_for_once() -> None:
+    with pytest.raises(InvalidOption, match="twice"):
+        plan(problem("panda", HOME, ASIDE), Options("optimize", refine=RefineOptions()))

@@ -1,0 +1,102 @@
+"""Optimised plans over HTTP."""
+
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+
+from service.schemas.plan import PlanAnswer
+from tests.service.robots import ASIDE, FLOOR, HOME, POST, answer, problem, scene
+
+BODY: dict[str, Any] = {
+    "robot": "panda",
+    "scene": scene(POST, FLOOR),
+    "start": {"joints": HOME},
+    "goal": {"joints": ASIDE},
+    "timeout": 30.0,
+}
+
+
+def plan(client: httpx.Client, **changes: Any) -> dict[str, Any]:
+    found = answer(client.post("/v1/plan", json=BODY | changes))
+    PlanAnswer.model_validate(found)
+    assert found["certificate"]["verified"]
+    return found
+
+
+def test_the_planner_optimize_is_no_worse_than_the_ladder(client: httpx.Client) -> None:
+    known, better = plan(client), plan(client, planner="optimize")
+    assert better["trajectory"]["duration"] <= known["trajectory"]["duration"]
+    smooth = plan(client, planner="optimize", planner_options={"objective": "jerk"})
+    assert smooth["planner"] == "optimize"
+    assert smooth["certificate"]["limits"]["jerk"]["worst_ratio"] <= 1.0
+    names = [stage["name"] for stage in better["stages"]]
+    assert names.index("timing") < names.index("optimize") < names.index("certificate")
+    np.testing.assert_allclose(better["path"]["joints"][0], HOME, atol=1e-9)
+    np.testing.assert_allclose(better["path"]["joints"][-1], ASIDE, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "refine", [True, {"objective": "jerk"}, {"objective": {"time": 1.0, "energy": 1e-4}}]
+)
+def test_any_planner_is_refined(client: httpx.Client, refine: Any) -> None:
+    better = plan(client, planner="rrt_connect", refine=refine)
+    assert better["planner"] == "optimize"
+    assert "rrt_connect" in [stage["name"] for stage in better["stages"]]
+
+
+def test_refine_false_is_none(client: httpx.Client) -> None:
+    assert plan(client, refine=False)["trajectory"] == plan(client)["trajectory"]
+
+
+def test_ends_that_move(client: httpx.Client) -> None:
+    v = [0.2, -0.1, 0.1, 0.0, 0.1, 0.0, -0.2]
+    start = {"joints": HOME, "velocities": v, "accelerations": [0.0] * 7}
+    goal = {"joints": ASIDE, "velocities": [-x for x in v]}
+    found = plan(client, start=start, goal=goal, planner="optimize")
+    segments = found["trajectory"]["segments"]
+    np.testing.assert_allclose([row[1] for row in segments[0]["coefficients"]], v, atol=1e-8)
+    last = segments[-1]
+    h = last["t1"] - last["t0"]
+    ends = [
+        sum(k * c * h ** (k - 1) for k, c in enumerate(row) if k) for row in last["coefficients"]
+    ]
+    np.testing.assert_allclose(ends, [-x for x in v], atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("changes", "code"),
+    [
+        ({"start": {"joints": HOME, "velocities": [0.1] * 7}}, "VALIDATION_ERROR"),
+        (
+            {"start": {"joints": HOME, "velocities": [0.1] * 6}, "planner": "optimize"},
+            "INVALID_ROBOT_STATE",
+        ),
+        (
+            {"start": {"joints": HOME, "velocities": [9.0] * 7}, "planner": "optimize"},
+            "START_STATE_INVALID",
+        ),
+        (
+            {"goal": {"joints": ASIDE, "velocities": [9.0] * 7}, "planner": "optimize"},
+            "GOAL_STATE_INVALID",
+        ),
+        (
+            {"goal": {"pose": {"position": [0.4, 0.0, 0.4]}, "velocities": [0.0] * 7}},
+            "VALIDATION_ERROR",
+        ),
+        ({"refine": {"objective": "fun"}}, "VALIDATION_ERROR"),
+        ({"refine": {"objective": {}}}, "VALIDATION_ERROR"),
+        ({"refine": {"objective": {"time": 0.0}}}, "VALIDATION_ERROR"),
+        ({"refine": {"degree": 2}}, "VALIDATION_ERROR"),
+        ({"refine": True, "planner": "optimize"}, "VALIDATION_ERROR"),
+        ({"planner": "optimize", "planner_options": {"objective": "fun"}}, "VALIDATION_ERROR"),
+        ({"planner": "optimize", "planner_options": {"range": 0.1}}, "VALIDATION_ERROR"),
+        ({"refine": {"duration": 0.01}}, "INVALID_MOTION_PLAN"),
+    ],
+)
+def test_what_can_not_be_optimised(
+    client: httpx.Client, changes: dict[str, Any], code: str
+) -> None:
+    refused = problem(client.post("/v1/plan", json=BODY | changes), 422, code)
+    assert refused["hint"]
