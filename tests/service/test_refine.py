@@ -14,7 +14,7 @@ BODY: dict[str, Any] = {
     "scene": scene(POST, FLOOR),
     "start": {"joints": HOME},
     "goal": {"joints": ASIDE},
-    "timeout": 30.0,
+    "timeout": 300.0,
 }
 
 

@@ -28,14 +28,14 @@ from planning.result import Failure, Plan
 from tests.planning.dense import least_clearance, worst_ratio
 from tests.planning.scenes import HOME, box, builtin
 
-OPTIMIZE = Options(planner="optimize", timeout=30.0)
+OPTIMIZE = Options(planner="optimize", timeout=300.0)
 ASIDE = HOME + np.array([1.1, 0.3, -0.2, 0.4, 0.2, 0.1, 0.3])
 
 BEHIND = HOME + np.array([1.1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
 
 
 def options(timing: TimingOptions | None = None, **refine: Any) -> Options:
-    return Options("optimize", refine, timing=timing or TimingOptions(), timeout=30.0)
+    return Options("optimize", refine, timing=timing or TimingOptions(), timeout=300.0)
 
 
 def problem(name: str, start: Array, goal: JointGoal | Array, **more: Any) -> Problem:
@@ -98,7 +98,7 @@ def test_the_least_jerk_is_the_quintic() -> None:
 def test_the_shortest_path_is_straight() -> None:
     # Without the post, or as near to it as can be.
     asked = behind_a_post()
-    bent = plan(asked, Options(timeout=30.0))
+    bent = plan(asked, Options(timeout=300.0))
     assert isinstance(bent, Plan)
     free = problem("panda", HOME, BEHIND)
     straight = solved(free, options(objective="path_length"))
@@ -110,7 +110,7 @@ def test_the_shortest_path_is_straight() -> None:
 @pytest.mark.parametrize("objective", ["time", "jerk", "energy", "path_length"])
 def test_every_objective_gets_smaller(objective: str) -> None:
     asked = behind_a_post()
-    known = plan(asked, Options(timeout=30.0))
+    known = plan(asked, Options(timeout=300.0))
     better = solved(asked, options(objective=objective))
     assert isinstance(known, Plan)
     assert better.planner == "optimize"
@@ -140,8 +140,8 @@ def test_refinement_of_any_planner_is_no_worse() -> None:
     for planner in ("auto", "rrt_connect"):
         for method in ("toppra", "jerk_limited"):
             timing = TimingOptions(method)
-            plain = Options(planner, timing=timing, timeout=30.0)
-            refined = Options(planner, timing=timing, timeout=30.0, refine=RefineOptions())
+            plain = Options(planner, timing=timing, timeout=300.0)
+            refined = Options(planner, timing=timing, timeout=300.0, refine=RefineOptions())
             known, better = plan(asked, plain), solved(asked, refined)
             assert isinstance(known, Plan)
             assert better.trajectory.duration < known.trajectory.duration
@@ -151,7 +151,7 @@ def test_refinement_of_any_planner_is_no_worse() -> None:
 
 def test_jerk_is_kept() -> None:
     asked = behind_a_post()
-    known = plan(asked, Options(timing=TimingOptions("jerk_limited"), timeout=30.0))
+    known = plan(asked, Options(timing=TimingOptions("jerk_limited"), timeout=300.0))
     assert isinstance(known, Plan)
     better = solved(asked, options(TimingOptions("jerk_limited")))
     assert better.trajectory.duration < known.trajectory.duration
@@ -218,8 +218,8 @@ def test_torques_with_a_payload_are_kept(method: Any) -> None:
     chain = builtin("panda").chain
     effort = chain.limits.effort * np.array([0.45, 0.9, 0.45, 0.7, 0.7, 0.9, 0.7])
     asked = problem("panda", HOME, ASIDE)
-    known = plan(asked, Options(timing=timing, limits={"effort": effort}, timeout=30.0))
-    how = Options("optimize", timing=timing, limits={"effort": effort}, timeout=30.0)
+    known = plan(asked, Options(timing=timing, limits={"effort": effort}, timeout=300.0))
+    how = Options("optimize", timing=timing, limits={"effort": effort}, timeout=300.0)
     better = solved(asked, how)
     assert isinstance(known, Plan)
     assert better.trajectory.duration <= known.trajectory.duration
