@@ -6,6 +6,7 @@ import logging
 import os
 from collections.abc import Callable, Iterator
 from enum import EnumType
+from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import Any, Literal, TypeVar, cast, overload
 
@@ -91,17 +92,23 @@ def _keep_on_disk(dispatcher: Any) -> None:
 
 
 class _KernelCache(FunctionCache):
-    """Numba's cache with two faults mended.
+    """Numba's cache with three faults mended.
 
     Numba's own stamp is the file of the kernel alone, so a kernel would keep the stale machine code
     of an edited kernel that it calls from another file; and two processes that save different
-    signatures of one kernel at once can each take the other's code for their own.
+    signatures of one kernel at once can each take the other's code for their own. A type that is
+    there no more, in a signature that is kept, would end the call.
     """
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         # Not before the first call: by then every name the kernel uses exists.
         self._cache_file._source_stamp = fingerprint(self._py_func)
-        return super().load_overload(sig, target_context)
+        try:
+            return super().load_overload(sig, target_context)
+        except (AttributeError, ImportError):
+            # The list of what is kept names a type that an earlier version had.
+            Path(self._cache_file._index_path).unlink(missing_ok=True)
+            return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
         self._impl.locator.ensure_cache_path()

@@ -1,5 +1,6 @@
 """A robot and a scene packed for the kernels; each is prepared once and kept by its content."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple, TypeVar
@@ -11,12 +12,14 @@ from kinematics.chain import Array, Chain, Indices
 from obstacles.model_arrays import ModelArrays
 from obstacles.pair_grid import PairGrid, pair_grid
 from obstacles.piece_set import (
+    CENTER,
     HALF,
     KIND,
     MARGIN,
     MIDDLE,
     OWNER,
     POSE,
+    RADIUS,
     WIDTH,
     CoreKind,
     PieceSet,
@@ -66,23 +69,25 @@ class CollisionModel:
             chosen = np.array(kept, dtype=np.bool_)
             self_pairs = self_pairs[chosen]
             grid = PairGrid(grid.axes[chosen], grid.starts[chosen], grid.values)
+        groups = _groups(robot, own.bodies, self_pairs)
         robot_set = own.pieces.behind(around.pieces)
         arrays = ModelArrays(
             joint_types=robot.chain.joint_types,
             offsets=robot.chain.offsets,
-            joints=robot.joints,
+            joints=own.carriers,
             robot=_readonly(robot_set.rows),
             scene=around.pieces.rows,
             corners=_readonly(robot_set.corners),
             tables=_readonly(robot_set.tables),
             self_pairs=_readonly(self_pairs),
+            groups=_readonly(groups),
             grid_axes=_readonly(grid.axes),
             grid_starts=_readonly(grid.starts),
             grid_values=_readonly(grid.values),
             nodes=around.tree.nodes,
             items=around.tree.items,
             skipped=_readonly(skipped),
-            roots=_readonly(_roots(robot, self_pairs, skipped, around)),
+            roots=_readonly(_roots(robot, groups, skipped, around)),
             margin=float(margin),
             own_margin=0.0,
         )
@@ -110,12 +115,16 @@ class CollisionModel:
 def together(robot: RobotGeometry, scene: Scene) -> PieceSet:
     """The pieces of a robot, each in the frame of its joint, and behind them those of a scene."""
     own, around = _robot_part(robot).pieces, _scene_part(scene).pieces
-    behind = own.behind(around)
+    behind = own._replace(rows=own.rows[: len(robot.pieces)]).behind(around)
     return PieceSet(_readonly(np.vstack([behind.rows, around.rows])), behind.corners, behind.tables)
 
 
 class _RobotPart(NamedTuple):
+    """A robot's rows, pieces and then bodies, what carries them, and its pairs by bodies."""
+
     pieces: PieceSet
+    carriers: Indices
+    bodies: Mapping[int, int]
     pairs: Indices
     grid: PairGrid
 
@@ -130,8 +139,34 @@ class _ScenePart(NamedTuple):
 def _robot_part(robot: RobotGeometry) -> _RobotPart:
     order = np.argsort(robot.joints[robot.self_pairs], axis=1, kind="stable")
     pairs = np.take_along_axis(robot.self_pairs, order, axis=1)
+    pairs = pairs[np.lexsort(robot.joints[pairs[:, ::-1]].T)]
     grid = pair_grid(robot.chain, robot.pieces, robot.joints, pairs)
-    return _RobotPart(PieceSet.of(robot.pieces), _readonly(pairs), grid)
+    packed, p = PieceSet.of(robot.pieces), len(robot.pieces)
+    carried = np.unique(robot.joints)
+    balls = [_around(packed.rows[robot.joints == joint]) for joint in carried]
+    rows = np.vstack([packed.rows, *balls])
+    carriers = _readonly(np.concatenate([robot.joints, carried]))
+    bodies = {int(joint): p + k for k, joint in enumerate(carried)}
+    return _RobotPart(packed._replace(rows=rows), carriers, bodies, _readonly(pairs), grid)
+
+
+def _around(rows: Array) -> Array:
+    """The row (1, WIDTH) of a ball that holds the balls of ``rows``."""
+    centers, radii = rows[:, CENTER : CENTER + 3], rows[:, RADIUS]
+    middle = 0.5 * ((centers - radii[:, None]).min(axis=0) + (centers + radii[:, None]).max(axis=0))
+    reach = float((np.linalg.norm(centers - middle, axis=1) + radii).max())
+    return ball_rows(middle[None], reach)
+
+
+def _groups(robot: RobotGeometry, bodies: Mapping[int, int], self_pairs: Indices) -> Indices:
+    """``ModelArrays.groups`` of pairs in the order of their bodies."""
+    if not len(self_pairs):
+        return np.zeros((0, 4), dtype=np.int64)
+    joints = robot.joints[self_pairs]
+    first = np.flatnonzero(np.any(np.diff(joints, axis=0, prepend=-2) != 0, axis=1))
+    last = np.append(first[1:], len(joints))
+    rows = [[bodies[int(a)], bodies[int(b)]] for a, b in joints[first]]
+    return np.column_stack([first, last, np.array(rows, dtype=np.int64).reshape(-1, 2)])
 
 
 @lru_cache(maxsize=16)
@@ -184,16 +219,15 @@ def _skipped(robot: RobotGeometry, scene: Scene) -> NDArray[np.bool_]:
 
 
 def _roots(
-    robot: RobotGeometry, self_pairs: Indices, skipped: NDArray[np.bool_], around: _ScenePart
+    robot: RobotGeometry, groups: Indices, skipped: NDArray[np.bool_], around: _ScenePart
 ) -> Indices:
-    p = len(robot.pieces)
     # What is carried farthest out meets things first.
     moving = np.argsort(-robot.joints, kind="stable")
     moving = moving[~skipped[moving].all(axis=1)] if skipped.size else moving[:0]
     owners = around.pieces.rows[:, OWNER].astype(np.int64)
     rows = [(int(i), -1) for i in moving if len(around.tree.items)]
     rows += [(int(i), int(k)) for i in moving for k in around.walls if not skipped[i, owners[k]]]
-    rows += [(p + s, 0) for s in range(len(self_pairs))]
+    rows += [(-1 - g, 0) for g in range(len(groups))]
     return np.array(rows, dtype=np.int64).reshape(-1, 2)
 
 

@@ -15,13 +15,16 @@ class ModelArrays(NamedTuple):
     Args:
         joint_types: Of the chain, shape (n,).
         offsets: Of the chain, shape (n, 4, 4).
-        joints: The joint that carries each piece, -1 for the base, shape (p,).
-        robot: Rows of the robot's pieces, each in the frame of its joint, shape (p, WIDTH).
+        joints: The joint that carries each row of ``robot``, -1 for the base.
+        robot: Rows of the robot's pieces, each in the frame of its joint, and behind them a ball
+            for each body that holds all its pieces, shape (p + bodies, WIDTH).
         scene: Rows of what stands around, in the base frame, shape (m, WIDTH).
         corners: Of all pieces, shape (v, 3).
         tables: Of all pieces.
         self_pairs: Pieces (i, j) of the robot that must stay apart, ``joints[i] < joints[j]``, so
-            that j is the one that moves seen from i, shape (k, 2).
+            that j is the one that moves seen from i; by bodies, shape (k, 2).
+        groups: Pairs of bodies: the first and the number after the last of their self pairs, and
+            the rows of their balls, shape (g, 4).
         grid_axes: Of ``PairGrid``, by pair of the robot, as are the next two.
         grid_starts: Of the same.
         grid_values: Of the same.
@@ -29,7 +32,8 @@ class ModelArrays(NamedTuple):
         items: Of the tree.
         skipped: Whether a piece may touch an obstacle, shape (p, obstacles).
         roots: Where every search starts: (i, -1) is piece i against the tree's first node,
-            (i, k) against half-space k, (p + s, 0) is pair s of the robot; shape (r, 2).
+            (i, k) against half-space k, (-1 - g, 0) is group g, and once looked at (p + s, 0) is
+            pair s of the robot; shape (r, 2).
         margin: To be kept from obstacles beyond their own [m].
         own_margin: To be kept between the robot's own pieces [m].
     """
@@ -42,6 +46,7 @@ class ModelArrays(NamedTuple):
     corners: Array
     tables: Lists
     self_pairs: Indices
+    groups: Indices
     grid_axes: Array
     grid_starts: Indices
     grid_values: Array

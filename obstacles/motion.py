@@ -99,6 +99,14 @@ def quick_bound(a: Array, i: int, b: Array, j: int, enough: float) -> tuple[floa
 
 
 @kernel(allocates=False)
+def balls_apart(placed: Array, a: int, b: int) -> float:
+    """Distance of the balls of two rows [m]."""
+    x, y = placed[a, CENTER] - placed[b, CENTER], placed[a, CENTER + 1] - placed[b, CENTER + 1]
+    z = placed[a, CENTER + 2] - placed[b, CENTER + 2]
+    return float(math.sqrt(x * x + y * y + z * z) - placed[a, RADIUS] - placed[b, RADIUS])
+
+
+@kernel(allocates=False)
 def _out_of_box(a: Array, i: int, b: Array, j: int) -> Vector:
     """From the nearest point of the box of piece j to the centre of piece i."""
     x, y = a[i, CENTER] - b[j, POSE + 3], a[i, CENTER + 1] - b[j, POSE + 7]
@@ -167,35 +175,48 @@ def _examine(
     placed, strays, twists, room, tally = (
         work.placed, work.strays, work.twists, work.room, work.tally,
     )  # fmt: skip
-    p, m = joints.shape[0], scene.shape[0]
+    p, m = skipped.shape[0], scene.shape[0]
     extra = model.margin + margin
     for entry in range(first, first + count):
         i, k = given[entry, 0], given[entry, 1]
         if kept == entries.shape[0]:
             return -1, -1
-        if i >= p:
-            a, b = model.self_pairs[i - p, 0], model.self_pairs[i - p, 1]
-            place(model, work, a)
-            place(model, work, b)
-            if model.grid_axes[i - p, 0, 2] > 0.0:
-                proved = known(
-                    model.grid_axes, model.grid_starts, model.grid_values, i - p, joints[a],
-                    work.joints,
-                ) - strays[b, 3 * joints[a] + 3] - model.own_margin - margin  # fmt: skip
-                if proved > _ROUNDING_ERROR:
-                    tally[_CLEARANCE] = min(tally[_CLEARANCE], proved)
+        if i < 0 or i >= p:
+            start, stop = i - p, i - p + 1
+            if i < 0:
+                start, stop, a, b = model.groups[-1 - i]
+                place(model, work, a)
+                place(model, work, b)
+                free = balls_apart(placed, a, b)
+                free -= strays[b, 3 * joints[a] + 3] + model.own_margin + margin
+                if free > _ROUNDING_ERROR:
+                    tally[_CLEARANCE] = min(tally[_CLEARANCE], free)
                     continue
-            for row in range(3):
-                axes[kept, row] = hints[entry, row]
-            verdict = _settle(
-                placed, a, joints[a], placed, b, joints[b], corners, tables,
-                twists, strays, room, tally, model.own_margin + margin, axes, kept,
-            )  # fmt: skip
-            if verdict == CLOSER:
-                return kept, p * m + i - p
-            if verdict != FARTHER:
-                entries[kept, 0], entries[kept, 1] = i, k
-                kept += 1
+            for s in range(start, stop):
+                a, b = model.self_pairs[s, 0], model.self_pairs[s, 1]
+                place(model, work, b)
+                if model.grid_axes[s, 0, 2] > 0.0:
+                    proved = known(
+                        model.grid_axes, model.grid_starts, model.grid_values, s, joints[a],
+                        work.joints,
+                    ) - strays[b, 3 * joints[a] + 3] - model.own_margin - margin  # fmt: skip
+                    if proved > _ROUNDING_ERROR:
+                        tally[_CLEARANCE] = min(tally[_CLEARANCE], proved)
+                        continue
+                if kept == entries.shape[0]:
+                    return -1, -1
+                place(model, work, a)
+                for row in range(3):
+                    axes[kept, row] = 0.0 if i < 0 else hints[entry, row]
+                verdict = _settle(
+                    placed, a, joints[a], placed, b, joints[b], corners, tables,
+                    twists, strays, room, tally, model.own_margin + margin, axes, kept,
+                )  # fmt: skip
+                if verdict == CLOSER:
+                    return kept, p * m + s
+                if verdict != FARTHER:
+                    entries[kept, 0], entries[kept, 1] = p + s, k
+                    kept += 1
             continue
         place(model, work, i)
         x, y, z = placed[i, CENTER], placed[i, CENTER + 1], placed[i, CENTER + 2]
@@ -250,7 +271,7 @@ def _examine(
 @kernel(allocates=False)
 def _pair_of(model: ModelArrays, entry: Indices) -> int:
     """A pair that an entry stands for."""
-    p, m = model.joints.shape[0], model.scene.shape[0]
+    p, m = model.skipped.shape[0], model.scene.shape[0]
     i, k = entry[0], entry[1]
     if i >= p:
         return int(p * m + i - p)

@@ -20,11 +20,11 @@ from obstacles.piece_set import PieceSet
 from obstacles.workspace import place, visit, workspace
 
 #: Cells for a joint: where two matter, and where one does. Filling takes a microsecond a cell.
-_SIDE, _LINE = 40, 512
+_SIDE, _LINE = 32, 512
 #: What rounding may have cost a distance [m].
 _ROUNDING = 1e-9
 #: Pairs that get a grid: a robot of many pieces has more of them than are worth the wait.
-_MOST = 24
+_MOST = 64
 
 
 class PairGrid(NamedTuple):
@@ -142,6 +142,7 @@ def _values(chain: Chain, a: Piece, b: Piece, first: int, last: int) -> Array:
         corners=pieces.corners,
         tables=pieces.tables,
         self_pairs=none,
+        groups=np.zeros((0, 4), dtype=np.int64),
         grid_axes=np.zeros((0, 2, 3)),
         grid_starts=none[:, 0],
         grid_values=np.zeros(0),

@@ -15,7 +15,7 @@ from kinematics.kernel import kernel
 from obstacles.contact import contact
 from obstacles.gjk import FARTHER, STILL, Vector, separation
 from obstacles.model_arrays import ModelArrays
-from obstacles.motion import quick_bound
+from obstacles.motion import balls_apart, quick_bound
 from obstacles.piece_set import CENTER, MARGIN, OWNER, RADIUS
 from obstacles.support_table import Lists
 from obstacles.tree import FIRST, LAST, SKIP, gap
@@ -96,16 +96,24 @@ def closest_pair(model: ModelArrays, q: Array) -> tuple[float, int]:
     Overlap is told as 0 or below, but not how deep it is.
     """
     work = _stand(model, q)
-    p, m = model.joints.shape[0], model.scene.shape[0]
+    p, m = model.skipped.shape[0], model.scene.shape[0]
     corners, tables, room, placed = model.corners, model.tables, work.room, work.placed
     best, closest = np.inf, -1
     for root in range(model.roots.shape[0]):
         i, k = model.roots[root, 0], model.roots[root, 1]
-        if i >= p:
-            a, b = model.self_pairs[i - p, 0], model.self_pairs[i - p, 1]
-            distance = _closer(placed, a, placed, b, corners, tables, room, model.own_margin, best)
-            pair = p * m + i - p
-        elif k >= 0:
+        if i < 0:
+            first, last, a, b = model.groups[-1 - i]
+            if balls_apart(placed, a, b) - model.own_margin >= best:
+                continue
+            for s in range(first, last):
+                a, b = model.self_pairs[s, 0], model.self_pairs[s, 1]
+                distance = _closer(
+                    placed, a, placed, b, corners, tables, room, model.own_margin, best
+                )
+                if distance < best:
+                    best, closest = distance, p * m + s
+            continue
+        if k >= 0:
             apart = model.scene[k, MARGIN] + model.margin
             distance = _closer(model.scene, k, placed, i, corners, tables, room, apart, best)
             pair = i * m + k
@@ -183,16 +191,20 @@ def near_pairs(
         How many there are, which can be more than fit.
     """
     work = _stand(model, q)
-    p, m = model.joints.shape[0], model.scene.shape[0]
+    p, m = model.skipped.shape[0], model.scene.shape[0]
     count = 0
     for root in range(model.roots.shape[0]):
         i, k = model.roots[root, 0], model.roots[root, 1]
-        if i >= p:
-            a, b = model.self_pairs[i - p, 0], model.self_pairs[i - p, 1]
-            count = _note(
-                model, work, work.placed, a, model.joints[a], b, model.own_margin, within,
-                p * m + i - p, found, distances, gradients, count,
-            )  # fmt: skip
+        if i < 0:
+            first, last, a, b = model.groups[-1 - i]
+            if balls_apart(work.placed, a, b) - model.own_margin > within:
+                continue
+            for s in range(first, last):
+                a, b = model.self_pairs[s, 0], model.self_pairs[s, 1]
+                count = _note(
+                    model, work, work.placed, a, model.joints[a], b, model.own_margin, within,
+                    p * m + s, found, distances, gradients, count,
+                )  # fmt: skip
         elif k >= 0:
             apart = model.scene[k, MARGIN] + model.margin
             count = _note(

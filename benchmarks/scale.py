@@ -1,0 +1,131 @@
+"""What a look at the scene costs as it grows: obstacles 10 to 1,000, clouds of 1,000 to 100,000.
+
+    python -m benchmarks.scale
+
+The built-in Panda among random boxes, cylinders and balls, and among points on the walls of a room
+with a table. Times are processor time: the model of a scene seen for the first time and again; a
+configuration and a motion of half a radian in a loop inside a kernel; the clearance from Python.
+"""
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from kinematics.chain import Array
+from kinematics.kernel import kernel
+from kinematics.pose import transform
+from kinematics.robots import builtin_srdf, builtin_urdf
+from kinematics.serial import serial_chain
+from kinematics.srdf import parse_srdf
+from kinematics.urdf import parse_urdf
+from obstacles.checker import Checker
+from obstacles.model_arrays import ModelArrays
+from obstacles.motion import FREE, certify_in
+from obstacles.robot_geometry import RobotGeometry, robot_geometry
+from obstacles.scene import Obstacle, Scene
+from obstacles.shapes import Box, Cylinder, PointCloud, Sphere
+from obstacles.workspace import workspace
+
+_STATES = 400
+_REPEATS = 5
+
+
+@kernel
+def certify_all(model: ModelArrays, starts: Array, steps: Array, verdicts: Array) -> None:
+    """Verdict on the straight motion by ``steps`` (k, n) from each of ``starts`` (k, n)."""
+    work, found, zero = workspace(model), np.empty(4), np.zeros(starts.shape[1])
+    for k in range(starts.shape[0]):
+        verdicts[k] = certify_in(model, work, starts[k], steps[k], zero, zero, 0.0, found)
+
+
+def cheapest(task: Callable[[], object]) -> float:
+    """Processor time of the cheapest of a few runs [s]."""
+    spent = []
+    for _ in range(_REPEATS):
+        began = time.process_time()
+        task()
+        spent.append(time.process_time() - began)
+    return min(spent)
+
+
+def panda() -> RobotGeometry:
+    """The built-in Panda."""
+    description, semantics = parse_urdf(builtin_urdf("panda")), parse_srdf(builtin_srdf("panda"))
+    chain = serial_chain(description, semantics=semantics)
+    return robot_geometry(chain, description, {}, semantics)
+
+
+def clutter(random: np.random.Generator, count: int) -> Scene:
+    """Solids around the arm, the smaller the more of them there are: all take the same room."""
+    scale = (10.0 / count) ** (1.0 / 3.0)
+    shapes = (
+        Box(np.full(3, 0.15 * scale)),
+        Cylinder(0.08 * scale, 0.2 * scale),
+        Sphere(0.1 * scale),
+    )
+    obstacles = []
+    for k in range(count):
+        place = random.uniform(-1.0, 1.0, 3)
+        place[:2] += 0.35 * np.sign(place[:2])
+        obstacles.append(Obstacle(f"o{k}", shapes[k % 3], transform(None, place)))
+    return Scene(tuple(obstacles))
+
+
+def room(random: np.random.Generator, count: int) -> Scene:
+    """Points on a floor, three walls and a table top, as a depth camera sees them."""
+    points = random.uniform([-1.2, -1.2, -0.4], [1.2, 1.2, 1.4], (count, 3))
+    face = random.integers(0, 5, count)
+    points[face == 0, 2] = -0.4
+    points[face == 1, 0] = -1.2
+    points[face == 2, 1] = -1.2
+    points[face == 3, 1] = 1.2
+    table = face == 4
+    points[table] = random.uniform([0.35, -0.6, 0.1], [0.9, 0.6, 0.101], (int(table.sum()), 3))
+    return Scene((Obstacle("cloud", PointCloud(points, 0.01)),))
+
+
+def measure(robot: RobotGeometry, scene: Scene, random: np.random.Generator) -> str:
+    """One row of the table."""
+    began = time.process_time()
+    checker = Checker.of(robot, scene)
+    prepared = time.process_time() - began
+    began = time.process_time()
+    Checker.of(robot, scene, 0.01)
+    again = time.process_time() - began
+    lower, upper = robot.chain.sampling_bounds()
+    states = random.uniform(lower, upper, (_STATES, robot.chain.n))
+    steps = random.normal(size=states.shape)
+    steps *= 0.5 / np.linalg.norm(steps, axis=1, keepdims=True)
+    verdicts, model = np.empty(_STATES), checker.model.arrays
+    certify_all(model, states, steps, verdicts)
+    edge = cheapest(lambda: certify_all(model, states, steps, verdicts))
+    free_edges = float((verdicts == FREE).mean())
+    state = cheapest(lambda: certify_all(model, states, 0.0 * steps, verdicts))
+    free = states[verdicts == FREE][:100]
+    clearance = cheapest(lambda: [checker.clearance(q) for q in free]) / max(len(free), 1)
+    return (
+        f"{1e3 * prepared:9.1f} {1e3 * again:7.2f} | {1e6 * state / _STATES:8.2f}"
+        f" {1e6 * edge / _STATES:8.2f} {1e6 * clearance:9.1f} |"
+        f" {np.mean(verdicts == FREE):6.0%} {free_edges:6.0%}"
+    )
+
+
+def main() -> None:
+    """Print a row for each size."""
+    robot = panda()
+    Checker.of(robot, Scene())
+    measure(robot, clutter(np.random.default_rng(0), 3), np.random.default_rng(0))
+    head = "model ms   again | state us  edge us clear. us | free st. edges"
+    print(f"{'obstacles':>9} {head}")
+    for count in (10, 30, 100, 300, 1000):
+        scene = clutter(np.random.default_rng(1), count)
+        print(f"{count:9d} {measure(robot, scene, np.random.default_rng(2))}", flush=True)
+    print(f"{'points':>9} {head}")
+    for count in (1_000, 3_000, 10_000, 30_000, 100_000):
+        scene = room(np.random.default_rng(1), count)
+        print(f"{count:9d} {measure(robot, scene, np.random.default_rng(2))}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
