@@ -10,13 +10,12 @@ from starlette.concurrency import run_in_threadpool
 
 from kinematics.errors import ArmwrightError
 from service import catalog, prepared
+from service.batch_tasks import Item
 from service.computing import Errand
 from service.errors import ProblemError, from_domain
 from service.handlers import unexpected
 from service.planned import planned
 from service.references import Reference
-from service.schemas.batch import BatchRequest
-from service.schemas.scene import NamedScene, Scene
 from service.settings import Settings
 from service.worker_faults import ShuttingDown
 from service.worker_main import Job
@@ -27,19 +26,19 @@ class Batch:
     """A batch that is being planned.
 
     Args:
-        body: The problems.
+        count: Its problems.
         request: Their request.
         errand: Of the job that it has become.
     """
 
-    def __init__(self, body: BatchRequest, request: Request, errand: Errand) -> None:
-        self._body = body
+    def __init__(self, count: int, request: Request, errand: Errand) -> None:
         self._request = request
         self._errand = errand
         self._settings: Settings = request.app.state.settings
         self._scene: Reference | None = None
-        self._results: list[bytes] = [b""] * len(body.problems)
-        self._shares = [0.0] * len(body.problems)
+        self._items: tuple[Item, ...] = ()
+        self._results: list[bytes] = [b""] * count
+        self._shares = [0.0] * count
         self._done = 0
         self._failed = 0
 
@@ -51,12 +50,12 @@ class Batch:
         """
         supervisor: WorkerSupervisor = self._request.app.state.supervisor
         self._tell()
-        await self._prepare_scene()
-        waiting = iter(range(len(self._results)))
+        await self._split()
+        waiting = iter(range(len(self._items)))
         try:
             # Each worker has one of them at most, so that other jobs get their turns.
             async with asyncio.TaskGroup() as group:
-                for _ in range(min(supervisor.count, len(self._results))):
+                for _ in range(min(supervisor.count, len(self._items))):
                     group.create_task(self._work_off(waiting))
         except* ProblemError as errors:
             raise errors.exceptions[0] from None
@@ -65,20 +64,15 @@ class Batch:
                 await run_in_threadpool(prepared.forget, self._scene)
         return self._answer()
 
-    async def _prepare_scene(self) -> None:
-        """Have a scene that all problems share built once, not with each of them."""
-        scene = self._body.scene
-        if not isinstance(scene, Scene):
-            return
-        # Its name makes it another document than any that is stored.
-        name = f"batch-{self._errand.id}"
-        document = NamedScene.model_validate({**scene.__dict__, "name": name})
-        content = document.model_dump_json(exclude_none=True).encode()
-        folder = str(self._settings.prepared_dir)
-        await catalog.build(
-            self._request, Job("service.tasks:prepare_scene", (content, folder, name))
+    async def _split(self) -> None:
+        """Have a worker take the request apart, and build a scene that all problems share."""
+        folder, name = str(self._settings.prepared_dir), f"batch-{self._errand.id}"
+        arguments = (await self._request.body(), folder, name)
+        self._items, shared = await catalog.build(
+            self._request, Job("service.batch_tasks:split", arguments)
         )
-        self._scene = Reference("scene", name, prepared.document_hash(content), folder)
+        if shared is not None:
+            self._scene = Reference("scene", name, shared, folder)
 
     async def _work_off(self, waiting: Iterator[int]) -> None:
         for index in waiting:
@@ -101,16 +95,14 @@ class Batch:
             self._tell()
 
     async def _plan(self, index: int) -> bytes:
-        own_scene = self._body.problems[index].scene
-        shared = self._scene if own_scene is None else None
-        body = self._body.plan_request(index, **({} if shared is None else {"scene": None}))
-        content = body.model_dump_json(exclude_unset=True).encode()
+        item = self._items[index]
 
         def on_progress(share: float, _stage: str) -> None:
             self._shares[index] = max(self._shares[index], min(share, 1.0))
             self._tell()
 
-        return await planned(self._request, body, content, shared, on_progress)
+        scene = self._scene if item.shared else None
+        return await planned(self._request, item, item.content, scene, on_progress)
 
     def _note(self, index: int, problem: ProblemError) -> None:
         self._failed += 1

@@ -4,22 +4,26 @@ import asyncio
 import math
 import re
 from collections.abc import Callable, Coroutine, Iterator
-from typing import Any
+from typing import Any, TypeGuard, TypeVar
 
 from fastapi import Request, Response
 from fastapi.params import Form
 from fastapi.routing import APIRoute
+from pydantic import BaseModel
 from pydantic_core import from_json
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.errors import ProblemError
 from service.idempotency import answer_once
+from service.outline import INLINE_BYTES, outlined
 from service.postponing import is_postponed, postponed
+from service.validation import validated
 
 _JSON_TYPE = re.compile(r"application/([\w.+-]+\+)?json")
 _MAX_LISTED = 20
 
+_Model = TypeVar("_Model", bound=BaseModel)
 Handler = Callable[[Request], Coroutine[Any, Any, Response]]
 
 
@@ -71,17 +75,40 @@ def _not_finite(value: Any, path: str = "") -> Iterator[str]:
 
 
 class JsonRequest(Request):
-    """A request whose body is parsed strictly."""
+    """A request whose body is parsed strictly.
+
+    Args:
+        request: As the framework has it.
+        model: What the body must follow; a large one is answered as an instance of it.
+    """
+
+    def __init__(self, request: Request, model: type[BaseModel] | None = None) -> None:
+        super().__init__(request.scope, request.receive)
+        self._model = model
 
     async def json(self) -> Any:
-        """The parsed body.
+        """The parsed body; of a large one an outline, which is valid already.
 
         Raises:
-            ProblemError: The body is not valid JSON.
+            ProblemError: The body is not valid JSON, or a large one does not follow its model.
         """
         if not hasattr(self, "_json"):
-            self._json = parse_json(await self.body())
+            content = await self.body()
+            if self._model is not None and len(content) > INLINE_BYTES:
+                self._json = await outlined(self, self._model, content)
+            else:
+                self._json = parse_json(content)
         return self._json
+
+    async def read(self, model: type[_Model]) -> _Model:
+        """The body as a model, of a large one an outline.
+
+        Raises:
+            ProblemError: It does not follow the model.
+        """
+        self._model = model
+        value = await self.json()
+        return value if isinstance(value, model) else validated(model, value)
 
 
 class JsonRoute(APIRoute):
@@ -93,12 +120,14 @@ class JsonRoute(APIRoute):
     def get_route_handler(self) -> Handler:
         """The handler of the framework behind the checks of the body."""
         handle = super().get_route_handler()
+        annotation = None if self.body_field is None else self.body_field.field_info.annotation
+        model = annotation if _is_model(annotation) else None
         takes_json = self.body_field is not None and not isinstance(
             self.body_field.field_info, Form
         )
 
         async def checked(request: Request) -> Response:
-            strict = JsonRequest(request.scope, request.receive)
+            strict = JsonRequest(request, model)
             if takes_json and await strict.body():
                 require_json(strict.headers.get("content-type"))
             if is_postponed(strict, self.always_postponed):
@@ -106,6 +135,10 @@ class JsonRoute(APIRoute):
             return await answer_once(strict, handle)
 
         return checked
+
+
+def _is_model(annotation: Any) -> TypeGuard[type[BaseModel]]:
+    return isinstance(annotation, type) and issubclass(annotation, BaseModel)
 
 
 class JobRoute(JsonRoute):

@@ -34,7 +34,8 @@ async def answer_once(
         )
     store: Store = request.app.state.store
     endpoint = f"{request.method} {request.url.path}"
-    digest = hashlib.sha256(await request.body()).hexdigest()
+    body = await request.body()
+    digest = (await run_in_threadpool(hashlib.sha256, body)).hexdigest()
     earlier = await run_in_threadpool(store.begin, key, endpoint, digest)
     if earlier is not None:
         return _repeated(earlier)

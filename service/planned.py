@@ -1,5 +1,7 @@
 """Has a worker plan, and counts what came of it."""
 
+from typing import Protocol
+
 from fastapi import Request
 
 from service import catalog
@@ -7,15 +9,31 @@ from service.computing import PATIENCE
 from service.errors import ProblemError
 from service.metrics import Metrics
 from service.references import Planned, Reference
-from service.schemas.plan import PlanRequest
+from service.schemas.scene import Scene
 from service.settings import Settings
 from service.worker import Progress
 from service.worker_main import Job
 
 
+class Asked(Protocol):
+    """What has to be known of a request for a plan."""
+
+    @property
+    def robot(self) -> str:
+        """Its name."""
+
+    @property
+    def scene(self) -> str | Scene | None:
+        """As it is given."""
+
+    @property
+    def timeout(self) -> float | None:
+        """As it is given [s]."""
+
+
 async def planned(
     request: Request,
-    body: PlanRequest,
+    body: Asked,
     content: bytes,
     scene: Reference | None = None,
     on_progress: Progress | None = None,

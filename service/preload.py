@@ -31,9 +31,11 @@ for _variable in ("OMP", "OPENBLAS", "MKL", "NUMBA", "VECLIB_MAXIMUM"):
 atexit.register(os._exit, 0)
 
 from service import (  # noqa: E402
+    batch_tasks,  # noqa: F401
     check_tasks,  # noqa: F401
     dynamics_tasks,  # noqa: F401
     kinematics_tasks,  # noqa: F401
+    outline_tasks,  # noqa: F401
     plan_tasks,  # noqa: F401
     retime_tasks,  # noqa: F401
     simulate_tasks,  # noqa: F401

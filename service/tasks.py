@@ -12,6 +12,7 @@ from service.archive import read_archive
 from service.prepared import PreparedRobot
 from service.references import Reference
 from service.schemas.robot import RobotBody
+from service.schemas.scene import NamedScene
 from service.schemas.scene import Scene as SceneBody
 from service.validation import validation_problem
 
@@ -26,6 +27,23 @@ def check_scene(document: bytes) -> str:
         InvalidScene: It can't be built; the message names the obstacle.
     """
     return translate.scene(SceneBody.model_validate_json(document)).content_hash
+
+
+def make_scene(content: bytes, folder: str, name: str) -> bytes:
+    """Build a scene from a request that stores it, and keep it for all workers.
+
+    Returns:
+        The JSON document to be stored.
+
+    Raises:
+        InvalidScene: It can't be built; the message names the obstacle.
+    """
+    body = NamedScene.model_validate(
+        SceneBody.model_validate_json(content).__dict__ | {"name": name}
+    )
+    document = body.model_dump_json(exclude_none=True).encode()
+    prepare_scene(document, folder, name)
+    return document
 
 
 def prepare_scene(document: bytes, folder: str, name: str) -> str:
@@ -43,6 +61,20 @@ def prepare_scene(document: bytes, folder: str, name: str) -> str:
     reference = Reference("scene", name, prepared.document_hash(document), folder)
     prepared.write(reference, scene)
     return scene.content_hash
+
+
+def make_robot(content: bytes, folder: str) -> tuple[bytes, bytes]:
+    """Build a robot from a request that stores it, and keep it for all workers.
+
+    Returns:
+        The JSON document to be stored, and the robot's model as it is answered.
+
+    Raises:
+        InvalidRobotDescription: It can't be built.
+    """
+    body = RobotBody.model_validate_json(content)
+    document = body.model_dump_json(exclude_none=True).encode()
+    return document, prepare_robot(document, folder)
 
 
 def prepare_robot(document: bytes, folder: str) -> bytes:

@@ -168,7 +168,7 @@ def _outcome(content: memoryview, modules: Sequence[str]) -> tuple[Any, ...]:
     try:
         job: Job = pickle.loads(content)
         value = resolve(job.task, modules)(*job.args, **job.kwargs)
-        return Reply.RESULT, pickle.dumps(value, pickle.HIGHEST_PROTOCOL)
+        return Reply.RESULT, value
     except ArmwrightError as error:
         return Reply.FAULT, error.code, error.message, error.hint, dict(error.details)
     except Exception:  # noqa: BLE001  (whatever it is, it must not take the worker along)

@@ -32,6 +32,8 @@ _log = logging.getLogger(__name__)
 #: Where the functions are that workers may be asked to call.
 TASK_MODULES = (
     "service.tasks",
+    "service.outline_tasks",
+    "service.batch_tasks",
     "service.kinematics_tasks",
     "service.check_tasks",
     "service.plan_tasks",
@@ -396,7 +398,7 @@ class WorkerSupervisor:
         self._mean_seconds += _MEAN_WEIGHT * (seconds - self._mean_seconds)
         self.counters.finished += 1
         if kind == Reply.RESULT:
-            ticket.settle(pickle.loads(values[0]))
+            ticket.settle(values[0])
         elif kind == Reply.FAULT:
             ticket.settle(from_fields(*values))
         else:

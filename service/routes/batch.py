@@ -32,7 +32,9 @@ async def plan_batch(body: BatchRequest, request: Request) -> Response:
     postpone(request)
     away = errand(request)
     assert away is not None
-    return Response(await Batch(body, request, away).run(), media_type="application/json")
+    return Response(
+        await Batch(len(body.problems), request, away).run(), media_type="application/json"
+    )
 
 
 async def _check(body: BatchRequest, request: Request) -> None:

@@ -10,7 +10,7 @@ from starlette.datastructures import FormData, UploadFile
 
 from kinematics.robots import builtin_names
 from service import catalog, prepared
-from service.body import JsonRoute, require_json
+from service.body import JsonRequest, JsonRoute, require_json
 from service.errors import ProblemError
 from service.openapi import RESPONSES
 from service.schemas.robot import RobotAnswer, RobotBody, RobotFields, RobotList, RobotSummary
@@ -112,15 +112,11 @@ async def delete_robot(name: str, request: Request) -> None:
 async def _from_json(request: Request, content_type: str) -> tuple[bytes, bytes, str]:
     if await request.body():
         require_json(content_type)
-    parsed = await request.json()
-    try:
-        body = RobotBody.model_validate(parsed)
-    except ValidationError as error:
-        raise _invalid(error, parsed) from None
+    assert isinstance(request, JsonRequest)
+    body = await request.read(RobotBody)
     await _check_name(request, body.name)
-    document = body.model_dump_json(exclude_none=True).encode()
-    job = Job("service.tasks:prepare_robot", (document, _folder(request)))
-    answer: bytes = await catalog.build(request, job)
+    job = Job("service.tasks:make_robot", (await request.body(), _folder(request)))
+    document, answer = await catalog.build(request, job)
     return document, answer, body.name
 
 

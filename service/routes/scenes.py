@@ -31,12 +31,12 @@ _KIND = "scene"
 @router.post(
     "/{name}/project", summary="Project points onto the obstacles", response_model=ProjectAnswer
 )
-async def project(name: str, body: ProjectRequest, request: Request) -> Response:
+async def project(name: str, _body: ProjectRequest, request: Request) -> Response:
     """For each point and obstacle the nearest point of the obstacle's surface, and how far it is.
 
     The distance is negative inside; margins are no part of an obstacle here.
     """
-    content = body.model_dump_json().encode()
+    content = await request.body()
     result = await catalog.answer_scene(
         request, lambda scene: Job("service.check_tasks:project", (scene, content)), name
     )
@@ -46,7 +46,7 @@ async def project(name: str, body: ProjectRequest, request: Request) -> Response
 @router.post("", status_code=201, summary="Store a new scene")
 async def create_scene(body: NamedScene, request: Request, response: Response) -> SceneSummary:
     """Checks the scene and stores it under its name, which must be free."""
-    content = await _checked(body, request)
+    content = await _made(request, body.name)
     record = await run_in_threadpool(_store(request).create, _KIND, body.name, content)
     response.headers["Location"] = f"/v1/scenes/{record.name}"
     return _summary(record)
@@ -82,8 +82,8 @@ async def put_scene(name: str, body: Scene, request: Request, response: Response
             stage="request",
             hint="Leave the name out of the body.",
         )
-    named = validated(NamedScene, {**body.__dict__, "name": name})
-    content = await _checked(named, request)
+    validated(NamedScene, {"obstacles": [], "name": name})
+    content = await _made(request, name)
     before = await _prepared_as(request, name)
     record = await run_in_threadpool(_store(request).replace, _KIND, name, content)
     if before is not None and before.hash != record.hash:
@@ -103,10 +103,11 @@ async def delete_scene(name: str, request: Request) -> None:
         await run_in_threadpool(prepared.forget, before)
 
 
-async def _checked(body: NamedScene, request: Request) -> bytes:
-    content = body.model_dump_json(exclude_none=True).encode()
+async def _made(request: Request, name: str) -> bytes:
+    """The document of a scene that a worker has built of the request."""
     folder = str(request.app.state.settings.prepared_dir)
-    await catalog.build(request, Job("service.tasks:prepare_scene", (content, folder, body.name)))
+    job = Job("service.tasks:make_scene", (await request.body(), folder, name))
+    content: bytes = await catalog.build(request, job)
     return content
 
 
