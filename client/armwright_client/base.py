@@ -3,7 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, Protocol, Self, TypeAlias
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, JsonValue
+from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, JsonValue
+from pydantic_core import core_schema
 
 
 class ArrayLike(Protocol):
@@ -63,8 +64,24 @@ VectorLike: TypeAlias = Sequence[float] | ArrayLike
 #: What may be given where rows of numbers are taken.
 RowsLike: TypeAlias = Sequence[Sequence[float]] | Sequence[ArrayLike] | ArrayLike
 
-#: In front of a type: tuples, arrays and mappings are taken too.
-PLAIN = BeforeValidator(plain)
+class Plain:
+    """In front of a type: tuples, arrays and mappings are taken too.
+
+    JSON has none of them, so answers are read without looking for them.
+    """
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> core_schema.CoreSchema:
+        """The schema of the type, behind `plain` for all but JSON."""
+        schema = handler(source)
+        return core_schema.json_or_python_schema(
+            json_schema=schema,
+            python_schema=core_schema.no_info_before_validator_function(plain, schema),
+        )
+
+
+PLAIN = Plain()
 
 if TYPE_CHECKING:
     # What is read is a list, but a tuple may be given.
