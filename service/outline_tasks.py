@@ -31,7 +31,8 @@ def outline(model: str, content: bytes) -> BaseModel | Refusal:
     try:
         value = parse_json(content)
         try:
-            body = TypeAdapter(expected).validate_python(value)
+            # As the framework does it, down to the messages.
+            body = TypeAdapter(expected).validate_python(value, from_attributes=True)
         except ValidationError as error:
             found = [{**item, "loc": ("body", *item["loc"])} for item in error.errors()]
             raise validation_problem(found, value) from None
