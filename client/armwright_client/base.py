@@ -64,6 +64,7 @@ VectorLike: TypeAlias = Sequence[float] | ArrayLike
 #: What may be given where rows of numbers are taken.
 RowsLike: TypeAlias = Sequence[Sequence[float]] | Sequence[ArrayLike] | ArrayLike
 
+
 class Plain:
     """In front of a type: tuples, arrays and mappings are taken too.
 
