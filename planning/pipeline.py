@@ -122,7 +122,7 @@ def plan(problem: Problem, options: Options) -> Plan | Failure:
 def _shorter(checker: Checker, waypoints: Array, seed: int, deadline: Deadline) -> Array:
     if isinstance(checker, ConstrainedChecker):
         return shorten(Manifold(checker), waypoints, seed, deadline)
-    return shortcut(checker, waypoints, seed, deadline)
+    return shortcut(checker, waypoints, deadline)
 
 
 def _law(problem: Problem, options: Options) -> Law:

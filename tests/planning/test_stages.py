@@ -5,6 +5,7 @@ import pytest
 
 from kinematics.errors import InvalidOption
 from obstacles.checker import Checker
+from obstacles.scene import Scene
 from planning import sampling
 from planning.deadline import Deadline
 from planning.rounding import certified_reaches
@@ -95,17 +96,27 @@ def test_planner_stops_at_its_deadline_and_checks_its_options() -> None:
 def test_shortcut_shortens_and_stays_proved(seed: int) -> None:
     checker = Checker.of(builtin("panda"), SCENE)
     path = sampled(seed)
-    short = shortcut(checker, path, seed, Deadline.after(30.0))
-    assert np.array_equal(short, shortcut(checker, path, seed, Deadline.after(30.0)))
+    short = shortcut(checker, path, Deadline.after(30.0))
+    assert np.array_equal(short, shortcut(checker, path, Deadline.after(30.0)))
     assert np.array_equal(short[[0, -1]], path[[0, -1]])
     assert checker.polyline(short)[0].free
     lengths = [np.linalg.norm(np.diff(points, axis=0), axis=1).sum() for points in (short, path)]
     assert lengths[0] <= lengths[1] + 1e-12
 
 
+def test_corner_in_free_space_is_dropped_and_one_around_a_post_stays_cut() -> None:
+    robot = builtin("planar_rr")
+    free = Checker.of(robot, Scene())
+    bent = np.array([[0.0, 0.0], [0.5, 0.9], [1.0, 0.0]])
+    assert np.array_equal(shortcut(free, bent, Deadline.after(30.0)), bent[[0, 2]])
+    straight = np.array([[0.0, 0.0], [0.5, 0.0], [1.0, 0.0]])
+    assert np.array_equal(shortcut(free, straight, Deadline.after(30.0)), straight[[0, 2]])
+    assert np.array_equal(shortcut(free, bent, Deadline.after(-1.0)), bent[[0, 2]])
+
+
 def test_rounded_corners_are_proved() -> None:
     checker = Checker.of(builtin("panda"), SCENE)
-    points = merge(shortcut(checker, sampled(1), 1, Deadline.after(30.0)))
+    points = merge(shortcut(checker, sampled(1), Deadline.after(30.0)))
     reaches = certified_reaches(checker, points, Deadline.after(30.0))
     assert reaches.shape == (len(points) - 2,)
     assert (reaches > 0.0).any()
