@@ -11,7 +11,7 @@ HOST ?= 127.0.0.1
 PORT ?= 8000
 
 .DEFAULT_GOAL := help
-.PHONY: install demo test check bench bench-timing bench-mbm bench-http serve docker-steps clean help
+.PHONY: install demo test check bench bench-timing bench-verdict bench-mbm bench-http serve docker-steps clean help
 
 install: $(INSTALLED)  ## Install the app, the client and the tools into .venv
 
@@ -44,6 +44,9 @@ bench: $(INSTALLED)  ## Measure kernels, planning and the service
 
 bench-timing: $(INSTALLED)  ## Judge the timing of a thousand random paths
 	$(BIN)/python -m benchmarks.timing_limits 1000
+
+bench-verdict: $(INSTALLED)  ## Hold a hundred thousand collision verdicts against FCL
+	$(BIN)/python -m benchmarks.verdict
 
 bench-mbm: $(INSTALLED)  ## Measure on MotionBenchMaker problems: make bench-mbm PROBLEMS=dir
 	@test -n "$(PROBLEMS)" || { echo "Say where the problems are: make $@ PROBLEMS=dir" >&2; exit 1; }

@@ -7,6 +7,7 @@ NAMES = (
     "kinematics",
     "ik",
     "timing",
+    "scale",
 )
 
 for name in NAMES:

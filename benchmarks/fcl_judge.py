@@ -1,0 +1,107 @@
+"""Collision by python-fcl alone, from the shapes of a robot and a scene: what verdicts are held to.
+
+Solids are given to FCL in hundredths of a millimetre, where its iterations stop early enough not to
+matter. Pairs whose bounding balls are apart are not asked about; all others are.
+"""
+
+import fcl
+import numpy as np
+
+from kinematics.chain import Array
+from kinematics.forward import joint_frames
+from kinematics.pose import align_z
+from obstacles.hull import convex_hull
+from obstacles.piece import Piece, PieceKind
+from obstacles.robot_geometry import RobotGeometry
+from obstacles.scene import Scene
+
+_UNITS = 1e5
+
+
+class FclJudge:
+    """A robot among obstacles, margins left out."""
+
+    def __init__(self, robot: RobotGeometry, scene: Scene) -> None:
+        self._robot, p = robot, len(robot.pieces)
+        pieces, names = list(robot.pieces), list(robot.links)
+        for obstacle in scene.obstacles:
+            own = obstacle.pieces()
+            pieces += own
+            names += [obstacle.id] * len(own)
+        self._pieces = pieces
+        made = [_solid(piece) for piece in pieces]
+        self._objects = [fcl.CollisionObject(shape) for shape, _ in made]
+        owned = np.array([piece.T_owner_piece for piece in pieces])
+        self._frames = owned @ np.array([T for _, T in made])
+        balls = [piece.bounding_sphere() for piece in pieces]
+        self._centers = np.array([center for center, _ in balls])
+        self._radii = np.array([radius for _, radius in balls])
+        pairs = [
+            (i, k)
+            for i in np.flatnonzero(robot.joints >= 0)
+            for k in range(p, len(pieces))
+            if not scene.allows(names[i], names[k])
+        ]
+        pairs += [
+            tuple(pair) for pair in robot.self_pairs if not scene.allows(*(names[i] for i in pair))
+        ]
+        self._pairs = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+        for k in range(p, len(pieces)):
+            self._place(k, self._frames[k])
+
+    def collides(self, q: Array) -> bool:
+        """Whether any pair touches in a configuration (n,)."""
+        robot, p = self._robot, len(self._robot.pieces)
+        frames = np.concatenate([np.eye(4)[None], joint_frames(robot.chain, q)])[robot.joints + 1]
+        centers = self._centers.copy()
+        centers[:p] = np.einsum("kij,kj->ki", frames[:, :3, :3], centers[:p]) + frames[:, :3, 3]
+        i, j = self._pairs.T
+        gaps = np.linalg.norm(centers[i] - centers[j], axis=1) - self._radii[i] - self._radii[j]
+        placed: set[int] = set()
+        for a, b in self._pairs[gaps <= 0.0]:
+            for k in (int(a), int(b)):
+                if k < p and k not in placed:
+                    placed.add(k)
+                    self._place(k, frames[k] @ self._frames[k])
+            if self._touch(int(a), int(b)):
+                return True
+        return False
+
+    def _place(self, k: int, T: Array) -> None:
+        self._objects[k].setTransform(fcl.Transform(T[:3, :3], _UNITS * T[:3, 3]))
+
+    def _touch(self, a: int, b: int) -> bool:
+        rounding = _left_over(self._pieces[a]) + _left_over(self._pieces[b])
+        one, other = self._objects[a], self._objects[b]
+        if rounding > 0.0:
+            return bool(fcl.distance(one, other) <= _UNITS * rounding)
+        return bool(fcl.collide(one, other))
+
+
+def _left_over(piece: Piece) -> float:
+    """The rounding that FCL's solid does not have."""
+    return piece.rounding if len(piece.vertices) > 2 else 0.0
+
+
+def _solid(piece: Piece) -> "tuple[fcl.CollisionGeometry, Array]":
+    """FCL's solid and its frame in the piece's."""
+    T = np.eye(4)
+    if piece.kind == PieceKind.HALFSPACE:
+        return fcl.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0), T
+    if piece.kind != PieceKind.POLYTOPE:
+        kind = fcl.Cylinder if piece.kind == PieceKind.CYLINDER else fcl.Cone
+        return kind(_UNITS * piece.radius, 2.0 * _UNITS * piece.half_height), T
+    half = piece.box_half_sizes()
+    if half is not None:
+        return fcl.Box(*(2.0 * _UNITS * half)), T
+    points = piece.vertices
+    if len(points) <= 2:
+        T[:3, 3], along = points.mean(axis=0), points[-1] - points[0]
+        length = float(np.linalg.norm(along))
+        if length == 0.0:
+            return fcl.Sphere(_UNITS * piece.rounding), T
+        T[:3, :3] = align_z(along)
+        return fcl.Capsule(_UNITS * piece.rounding, _UNITS * length), T
+    hull = convex_hull(points)
+    counted = np.hstack([np.full((len(hull.triangles), 1), 3), hull.triangles]).ravel()
+    return fcl.Convex(_UNITS * hull.vertices, len(hull.triangles), counted), T
