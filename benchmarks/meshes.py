@@ -267,8 +267,8 @@ def _compare(
         bin_ = f"{1e3 * low:5.1f} to {1e3 * high:4.1f} mm"
         print(f"  {bin_} {own.sum():12d} {false:12d} {hull:18d}")
     lost = table[free, 0] - table[free, 1]
-    print(f"  clearance lost: median {1e3 * np.median(lost):.2f} mm, "
-          f"95 % {1e3 * np.quantile(lost, 0.95):.2f} mm, most {1e3 * lost.max():.2f} mm")  # fmt: skip
+    middle, most = np.quantile(lost, [0.5, 0.95])
+    print(f"  clearance lost: median {1e3 * middle:.2f} mm, 95 % {1e3 * most:.2f} mm")
 
 
 if __name__ == "__main__":

@@ -1,14 +1,16 @@
 """Pick a crate from a table and put it behind a wall, in three plans over HTTP.
 
-    python examples/pick_and_place.py
+    armwright serve &
+    python examples/pick_and_place.py [--url http://127.0.0.1:8000]
 
-Starts a service of its own. The crate is an obstacle while it stands, a part of the robot while it
+The crate is an obstacle while it stands, a part of the robot while it
 is held, and an obstacle again where it was put. Every motion is proved for every instant. Exits 0
 when everything was as it should be.
 """
 
+import argparse
+
 import numpy as np
-from demo import service, wait_until_ready
 
 from armwright_client import (
     Attached,
@@ -76,8 +78,9 @@ def end(plan: Plan) -> list[float]:
 
 def main() -> None:
     """Run the three plans."""
-    with service() as address, Client(address, timeout=60.0) as client:
-        wait_until_ready(client)
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--url", default="http://127.0.0.1:8000", help="of the service")
+    with Client(parser.parse_args().url, timeout=60.0) as client:
         timing = Timing(velocity_scaling=0.5, acceleration_scaling=0.5, torque_limits=True)
         grip = [("panda_hand", "crate")]
         # 1. To the crate. The hand may touch it.

@@ -21,7 +21,7 @@ from service import (
     simulate_tasks,
     tasks,
 )
-from service.references import Reference, builtin_reference
+from service.references import Planned, Reference, builtin_reference
 
 _START = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
 _GOAL = [1.2, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]
@@ -122,14 +122,11 @@ def _problem(planner: str) -> dict[str, Any]:
 
 def _plan(panda: Reference, planner: str) -> None:
     answer = _ask(plan_tasks.plan, panda, _problem(planner), _TIMEOUT)
-    if isinstance(answer, bytes):
+    if isinstance(answer, Planned):
+        trajectory = json.loads(answer.content)["trajectory"]
         if planner == "auto":
-            _track(panda, json.loads(answer)["trajectory"])
-        motion = {
-            "robot": "panda",
-            "scene": _scene(),
-            "trajectory": json.loads(answer)["trajectory"],
-        }
+            _track(panda, trajectory)
+        motion = {"robot": "panda", "scene": _scene(), "trajectory": trajectory}
         _ask(plan_tasks.validate, panda, motion, _TIMEOUT)
 
 
