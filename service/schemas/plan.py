@@ -160,10 +160,21 @@ _EXAMPLE: JsonDict = {
 }
 
 
+_CARTESIAN: JsonDict = {
+    "robot": "panda",
+    "start": {"joints": [*JOINTS_EXAMPLE]},
+    "goal": {"pose": {"position": [0.45, 0.2, 0.5], "rpy": [3.14159, 0.0, 0.0]}},
+    "planner": "cartesian",
+    "planner_options": {"max_deviation": 1e-4},
+    "timing": {"method": "jerk_limited", "tool_speed": 0.25},
+    "timeout": 5.0,
+}
+
+
 class PlanRequest(Body):
     """A motion to be planned."""
 
-    model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
+    model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE, _CARTESIAN]})
 
     robot: Name = Field(examples=["panda"])
     scene: SceneReference | None = Field(None, examples=["table"])
