@@ -8,7 +8,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.chain import Array, Chain, Indices
+from kinematics.errors import InvalidOption
 from kinematics.kernel import direct, kernel
+from kinematics.lanes import (
+    FRAME,
+    LANES,
+    at_joint_kernel,
+    pose_lanes_kernel,
+    poses_lanes_kernel,
+)
+from kinematics.turns import turns_kernel
 
 _FLOAT = np.dtype(np.float64)
 # Names of this module: looking them up in another one costs as much as a joint does.
@@ -26,39 +35,6 @@ def finite_kernel(q: Array) -> bool:
     for i in range(q.shape[0]):
         total += q[i] - q[i]
     return total == 0.0
-
-
-@kernel
-def turns_kernel(q: Array, cosines: Array, sines: Array) -> None:
-    """Write cosine and sine of each of q (n,), to 2e-16, in a loop that compiles to vectors.
-
-    x = k pi/2 + r by pi/2 in three pieces, and minimax polynomials for |r| <= pi/4 ("A freely
-    distributable C math library", fdlibm, 1993), chosen by arithmetic instead of branches. Two
-    library calls an angle would be most of what forward kinematics costs.
-    """
-    for i in range(q.shape[0]):
-        k = math.floor(q[i] * (2.0 / math.pi) + 0.5)
-        r = q[i] - k * 1.5707963267341256
-        r = (r - k * 6.077100506303966e-11) - k * 2.0222662487959506e-21
-        z = r * r
-        s = -2.50507602534068634195e-08 + z * 1.58969099521155010221e-10
-        s = -1.98412698298579493134e-04 + z * (2.75573137070700676789e-06 + z * s)
-        s = -1.66666666666666324348e-01 + z * (8.33333333332248946124e-03 + z * s)
-        s = r + r * z * s
-        c = 2.08757232129817482790e-09 + z * -1.13596475577881948265e-11
-        c = 2.48015872894767294178e-05 + z * (-2.75573143513906633035e-07 + z * c)
-        c = 4.16666666666666019037e-02 + z * (-1.38888888888741095749e-03 + z * c)
-        c = (1.0 - 0.5 * z) + z * z * c
-        half = 0.5 * k
-        odd = 2.0 * (half - math.floor(half))
-        half = 0.5 * math.floor(half)
-        sign = 1.0 - 4.0 * (half - math.floor(half))
-        sines[i] = sign * ((1.0 - odd) * s + odd * c)
-        cosines[i] = sign * ((1.0 - odd) * c - odd * s)
-    for i in range(q.shape[0]):
-        # k times the first piece of pi/2 is exact up to here.
-        if not abs(q[i]) < 1e6:
-            cosines[i], sines[i] = math.cos(q[i]), math.sin(q[i])
 
 
 @kernel
@@ -153,16 +129,6 @@ def pose_kernel(model: Array, q: Array, link: int, T: Array) -> bool:
 
 
 @kernel
-def at_joint_kernel(A: Array, i: int) -> bool:
-    """Whether the frame in row i is the identity, as most links' frames in their joint's are."""
-    return bool(
-        A[i, 4] == 0.0 and A[i, 8] == 0.0 and A[i, 12] == 0.0 and A[i, 2] == 0.0
-        and A[i, 3] == 0.0 and A[i, 5] == 0.0 and A[i, 7] == 0.0 and A[i, 9] == 0.0
-        and A[i, 10] == 0.0 and A[i, 1] == 1.0 and A[i, 6] == 1.0 and A[i, 11] == 1.0
-    )  # fmt: skip
-
-
-@kernel
 def poses_kernel(model: Array, q: Array, poses: Array) -> bool:
     """Write the poses (len(links), 4, 4) of all links; False where q does not fit."""
     if not fits_kernel(model, q):
@@ -190,14 +156,24 @@ def poses_kernel(model: Array, q: Array, poses: Array) -> bool:
 @kernel
 def pose_batch_kernel(model: Array, q: Array, link: int, poses: Array) -> None:
     """Write the poses (m, 4, 4) of link number ``link`` for a batch q (m, n)."""
-    for k in range(q.shape[0]):
+    m = q.shape[0] - q.shape[0] % LANES
+    if m > 0:
+        room = np.empty((3 * q.shape[1] + FRAME) * LANES)
+        for k in range(0, m, LANES):
+            pose_lanes_kernel(model, q[k : k + LANES], link, poses[k : k + LANES], room)
+    for k in range(m, q.shape[0]):
         pose_kernel(model, q[k], link, poses[k])
 
 
 @kernel
 def poses_batch_kernel(model: Array, q: Array, poses: Array) -> None:
     """Write the poses (m, len(links), 4, 4) of all links for a batch q (m, n)."""
-    for k in range(q.shape[0]):
+    m = q.shape[0] - q.shape[0] % LANES
+    if m > 0:
+        room = np.empty((3 * q.shape[1] + FRAME * (1 + poses.shape[1])) * LANES)
+        for k in range(0, m, LANES):
+            poses_lanes_kernel(model, q[k : k + LANES], poses[k : k + LANES], room)
+    for k in range(m, q.shape[0]):
         poses_kernel(model, q[k], poses[k])
 
 
@@ -323,13 +299,25 @@ def forward(chain: Chain, q: ArrayLike, link: str | None = None) -> Array:
     return poses.reshape(*q.shape[:-1], 4, 4)
 
 
-def link_poses(chain: Chain, q: ArrayLike, links: Sequence[str] | None = None) -> Array:
+def link_poses(
+    chain: Chain, q: ArrayLike, links: Sequence[str] | None = None, *, out: Array | None = None
+) -> Array:
     """Poses of several links (all of them where none are named), shape (..., len(links), 4, 4).
+
+    Args:
+        chain: The robot.
+        q: One configuration (n,) or a batch (..., n) [rad or m].
+        links: Their names.
+        out: Where to write the poses of all links and what to answer then: a contiguous float64
+            array of the answer's shape. Fresh memory is a good part of what large batches cost.
 
     Raises:
         InvalidRobotState: Wrong length or not finite.
         InvalidLinkName: No such link.
+        InvalidOption: ``out`` is of another shape or kind, or ``links`` are named too.
     """
+    if out is not None:
+        return _poses_into(chain, chain.configuration(q), links, out)
     if links is not None:
         numbers = [link_number(chain, name) for name in links]
         return link_poses(chain, q)[..., numbers, :, :]
@@ -347,3 +335,14 @@ def link_poses(chain: Chain, q: ArrayLike, links: Sequence[str] | None = None) -
     poses = np.empty((flat.shape[0], *shape))
     poses_batch_kernel(chain.model, flat, poses)
     return poses.reshape(*q.shape[:-1], *shape)
+
+
+def _poses_into(chain: Chain, q: Array, links: Sequence[str] | None, out: Array) -> Array:
+    shape = (*q.shape[:-1], len(chain.links), 4, 4)
+    good = isinstance(out, np.ndarray) and out.shape == shape and out.dtype == _FLOAT
+    if links is not None or not good or not (out.flags.c_contiguous and out.flags.writeable):
+        raise InvalidOption(
+            f"out must be a writable contiguous float64 array of shape {shape}, and no links named"
+        )
+    poses_batch_kernel(chain.model, q.reshape(-1, chain.n), out.reshape(-1, *shape[-3:]))
+    return out

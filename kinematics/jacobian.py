@@ -17,10 +17,11 @@ from kinematics.forward import (
     link_number,
     move_kernel,
     store_kernel,
-    turns_kernel,
 )
 from kinematics.kernel import direct, kernel
+from kinematics.lanes import COLUMN, FRAME, LANES, gather_kernel, jacobian_lanes_kernel
 from kinematics.pose import to_zyz
+from kinematics.turns import turns_kernel
 
 _FLOAT = np.dtype(np.float64)
 # Names of this module: looking them up in another one costs as much as a joint does.
@@ -96,8 +97,25 @@ def frame_and_jacobian_kernel(model: Array, q: Array, link: int, J: Array) -> Fr
 @kernel
 def jacobian_batch_kernel(model: Array, q: Array, link: int, point: Array, J: Array) -> None:
     """Jacobians (m, 6, n) of a point (3,) in the frame of link ``link``, for a batch q (m, n)."""
+    n = q.shape[1]
+    m = q.shape[0] - q.shape[0] % LANES
     offset = point[0] != 0.0 or point[1] != 0.0 or point[2] != 0.0
-    for k in range(q.shape[0]):
+    if offset:
+        m = 0
+    if m > 0:
+        size, columns = n * LANES, n * COLUMN * LANES
+        room = np.empty(3 * size + FRAME * LANES + columns)
+        values, cosines, sines = room[:size], room[size : 2 * size], room[2 * size : 3 * size]
+        frames, lanes = room[3 * size : 3 * size + FRAME * LANES], room[3 * size + FRAME * LANES :]
+        for k in range(0, m, LANES):
+            gather_kernel(q[k : k + LANES], values)
+            turns_kernel(values, cosines, sines)
+            jacobian_lanes_kernel(model, values, cosines, sines, link, frames, lanes)
+            for lane in range(LANES):
+                for row in range(6):
+                    for j in range(n):
+                        J[k + lane, row, j] = lanes[(COLUMN * j + row) * LANES + lane]
+    for k in range(m, q.shape[0]):
         B = frame_and_jacobian_kernel(model, q[k], link, J[k])
         if not offset:
             continue
@@ -105,7 +123,7 @@ def jacobian_batch_kernel(model: Array, q: Array, link: int, point: Array, J: Ar
         x = B[0] * point[0] + B[1] * point[1] + B[2] * point[2]
         y = B[4] * point[0] + B[5] * point[1] + B[6] * point[2]
         z = B[8] * point[0] + B[9] * point[1] + B[10] * point[2]
-        for j in range(q.shape[1]):
+        for j in range(n):
             wx, wy, wz = J[k, 3, j], J[k, 4, j], J[k, 5, j]
             J[k, 0, j] += wy * z - wz * y
             J[k, 1, j] += wz * x - wx * z

@@ -30,7 +30,6 @@ from kinematics.forward import (
     finite_kernel,
     link_number,
     move_kernel,
-    turns_kernel,
 )
 from kinematics.ik.batch import shared
 from kinematics.ik.solution import IkResult, IkSolution
@@ -43,6 +42,7 @@ from kinematics.ik.step import (
 )
 from kinematics.jacobian import frame_and_jacobian_kernel
 from kinematics.kernel import direct, kernel
+from kinematics.turns import turns_kernel
 
 Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
 AXES: tuple[Axis, ...] = get_args(Axis)

@@ -1,11 +1,13 @@
 """Forward kinematics against pinocchio on real robots, and against plain matrix products."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
 from kinematics.chain import JointType
-from kinematics.errors import InvalidLinkName, InvalidRobotState
+from kinematics.errors import InvalidLinkName, InvalidOption, InvalidRobotState
 from kinematics.forward import forward, joint_frames, link_poses
 from kinematics.pose import rotation_z, transform
 from tests.kinematics.samples import Reference, Sample, configurations, random_chain, samples
@@ -36,7 +38,39 @@ def test_equals_the_product_of_the_joints() -> None:
         np.testing.assert_allclose(forward(chain, q), T @ chain.tip.T_joint_link, atol=1e-13)
 
 
-@pytest.mark.parametrize("shape", [(), (1,), (4,), (2, 3), (0,)])
+@pytest.mark.parametrize("sample", samples(), ids=lambda sample: sample.name)
+def test_batches_are_where_pinocchio_puts_them(sample: Sample) -> None:
+    reference = Reference(sample)
+    chain = reference.chain
+    q = np.array(list(configurations(chain, 21)))
+    poses, tips = link_poses(chain, q), forward(chain, q)
+    for k, row in enumerate(q):
+        for link, T in zip(chain.links, poses[k], strict=True):
+            np.testing.assert_allclose(T, reference.pose(row, link.name), atol=1e-12, rtol=0)
+        np.testing.assert_array_equal(tips[k], poses[k, chain.index[chain.tip_link]])
+        np.testing.assert_array_equal(poses[k], link_poses(chain, row))
+
+
+def test_poses_are_written_where_asked() -> None:
+    rng = np.random.default_rng(8)
+    chain = random_chain(rng, 6)
+    q = rng.uniform(-3, 3, (2, 13, 6))
+    q[0, 2] = 3e6
+    wanted = link_poses(chain, q)
+    out = np.full_like(wanted, np.nan)
+    assert link_poses(chain, q, out=out) is out
+    np.testing.assert_array_equal(out, wanted)
+    one = np.empty(wanted.shape[2:])
+    np.testing.assert_array_equal(link_poses(chain, q[1, 4], out=one), wanted[1, 4])
+    wrongs: list[Any] = [out[0], out.astype(np.float32), np.asfortranarray(out), out.tolist()]
+    for wrong in wrongs:
+        with pytest.raises(InvalidOption, match="out must be"):
+            link_poses(chain, q, out=wrong)
+    with pytest.raises(InvalidOption, match="no links named"):
+        link_poses(chain, q, ["base"], out=out)
+
+
+@pytest.mark.parametrize("shape", [(), (1,), (4,), (2, 3), (3, 7), (0,)])
 def test_batches_keep_their_shape(shape: tuple[int, ...]) -> None:
     rng = np.random.default_rng(6)
     chain = random_chain(rng, 4)

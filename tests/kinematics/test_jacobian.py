@@ -54,7 +54,7 @@ def test_columns_beyond_the_link_are_zero() -> None:
         assert not geometric(chain, q, link.name)[:, i:].any()
 
 
-@pytest.mark.parametrize("shape", [(), (3,), (2, 2), (0,)])
+@pytest.mark.parametrize("shape", [(), (3,), (2, 2), (3, 7), (0,)])
 def test_batches_keep_their_shape(shape: tuple[int, ...]) -> None:
     rng = np.random.default_rng(13)
     chain = random_chain(rng, 4)
