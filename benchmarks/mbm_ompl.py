@@ -8,7 +8,7 @@ from planning.deadline import Deadline
 from planning.preflight import preflight
 from planning.problem import Problem
 from planning.result import Failure
-from planning.sampling import _CertifiedEdges, _space, _state
+from planning.sampling.space import CertifiedEdges, joint_space, state_of
 
 #: What OMPL may take for a path [s], and its own limit for simplifying it.
 _SOLVE, _SIMPLIFY = 10.0, 1.0
@@ -23,13 +23,13 @@ def simplified_length(problem: Problem, seed: int) -> float:
     util.RNG.setSeed(seed + 1)
     chain = problem.robot.chain
     checker: Checker = ready.checkers[-1]
-    space = _space(chain, [ready.start, *ready.goals])
+    space = joint_space(chain, [ready.start, *ready.goals])
     information = base.SpaceInformation(space)
-    edges = _CertifiedEdges(information, checker, chain.n)
+    edges = CertifiedEdges(information, checker, chain.n, Deadline.after(_SOLVE + _SIMPLIFY))
     information.setStateValidityChecker(edges.state_valid)
     information.setMotionValidator(edges)
     setup = geometric.SimpleSetup(information)
-    setup.setStartAndGoalStates(_state(space, ready.start), _state(space, ready.goals[0]))
+    setup.setStartAndGoalStates(state_of(space, ready.start), state_of(space, ready.goals[0]))
     planner = geometric.RRTConnect(information)
     planner.setRange(_RANGE)
     setup.setPlanner(planner)

@@ -18,8 +18,8 @@ from kinematics.forward import forward
 from obstacles.checker import Checker
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
-from planning import sampling
 from planning.deadline import Deadline
+from planning.sampling.search import sample
 from planning.straight_line import straight_line
 
 #: Clearance that a configuration found to be free has at least, margins taken off [m].
@@ -328,7 +328,7 @@ def _connected(
     if waypoints is not None:
         return True
     try:
-        found = sampling.sample("rrt_connect", chain, checker, start, goals, _RANGE, seed, deadline)
+        found = sample("rrt_connect", chain, checker, start, goals, _RANGE, seed, deadline)
     except ArmwrightError:
         # A diagnosis never adds a failure of its own to the one it explains.
         return False

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 from kinematics.errors import InvalidOption
 from obstacles.checker import Checker
-from planning import sampling
 from planning.constrained_checker import ConstrainedChecker
 from planning.deadline import Deadline
 from planning.manifold import Manifold, connect
@@ -14,10 +13,13 @@ from planning.potential_field import QUICK, FieldOptions, potential_field
 from planning.preflight import Ready
 from planning.problem import Problem
 from planning.result import Attempt, Descent
+from planning.sampling.planners import PLANNERS as SAMPLING_PLANNERS
+from planning.sampling.planners import checked
+from planning.sampling.search import sample
 from planning.straight_line import straight_line
 
 PLANNERS = (
-    "auto", "straight_line", "potential_field", "cartesian", OPTIMIZE, *sampling.PLANNERS,
+    "auto", "straight_line", "potential_field", "cartesian", OPTIMIZE, *SAMPLING_PLANNERS,
 )  # fmt: skip
 
 #: Share of the time that is left, and goals (the nearest), that the ladder's field may spend.
@@ -47,7 +49,7 @@ def check_options(options: Options) -> None:
     elif planner == "potential_field":
         FieldOptions.of(given)
     else:
-        sampling.check_options(planner, given)
+        checked(planner, given)
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,9 +114,9 @@ class Rung:
                 self.deadline,
             )  # fmt: skip
             return Attempt(way, f"{walks} walks along the constraints.")
-        found = sampling.sample(
+        alone = self.options.planner != "auto"
+        return sample(
             self.planner, self.problem.robot.chain, self.checker,
             self.ready.start, self.ready.goals,
-            self.options.planner_options, self.options.seed, self.deadline,
+            self.options.planner_options if alone else {}, self.options.seed, self.deadline,
         )  # fmt: skip
-        return Attempt(found.waypoints, f"{found.edges} edges checked.")

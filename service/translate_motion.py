@@ -22,23 +22,6 @@ from service import translate, translate_timing
 from service.schemas import plan as schema
 from service.schemas.cartesian import cartesian_options
 
-#: Part of the contract, whether there is a planner of that name yet or not: our own, and OMPL's
-#: as OMPL's bindings have them, which may be written in any case, with or without underscores.
-_CONTRACT = (
-    "aorrtc",
-    "bfmt",
-    "bitstar",
-    "bkpiece1",
-    "fmt",
-    "informedrrtstar",
-    "kpiece1",
-    "lbkpiece1",
-    "prm",
-    "prmstar",
-    "rrt",
-    "rrtstar",
-    "sorrtstar",
-)
 #: Samples of one answer: at a kilobyte each, a hundred megabytes.
 _MAX_SAMPLES = 100_000
 #: What sums of times round off, as part of the duration.
@@ -54,12 +37,6 @@ def check_available(body: schema.PlanRequest) -> None:
     Raises:
         NotAvailable: The request asks for it.
     """
-    if planner_name(body.planner) not in PLANNERS and _bare(body.planner) in _CONTRACT:
-        raise NotAvailable(
-            f"the planner {body.planner!r} is not built yet",
-            hint=f"There are: {', '.join(PLANNERS)}.",
-            planners=list(PLANNERS),
-        )
     check_constraints(body.constraints)
 
 
@@ -78,7 +55,10 @@ def check_constraints(constraints: Sequence[Any] | None) -> None:
 
 
 def planner_name(name: str) -> str:
-    """The name of a planner as the pipeline has it; an unknown one as it is."""
+    """The name of a planner as the pipeline has it; an unknown one as it is.
+
+    OMPL's may be written in any case, with or without underscores.
+    """
     return next((known for known in PLANNERS if _bare(known) == _bare(name)), name)
 
 

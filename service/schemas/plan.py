@@ -5,6 +5,8 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field, model_validator
 from pydantic.config import JsonDict
 
+from planning.sampling.planners import PLANNERS as SAMPLING
+from planning.sampling.planners import described
 from service.schemas.attached import AllowedCollisions, AttachedObjects
 from service.schemas.base import (
     MAX_JOINTS,
@@ -170,6 +172,14 @@ _CARTESIAN: JsonDict = {
     "timeout": 5.0,
 }
 
+#: As the contract lists them.
+PLANNERS = ("auto", "straight_line", "potential_field", *SAMPLING, "optimize", "cartesian")
+_OPTIONS = (
+    "Of the planner that is named.\n"
+    "* `cartesian`: motions [{type: lin | circ, pose, via, center, normal}], max_deviation, "
+    "max_orientation_deviation, orientation, allow_partial\n"
+) + "\n".join(f"* `{name}`: {described(name)}" for name in SAMPLING)
+
 
 class PlanRequest(Body):
     """A motion to be planned."""
@@ -181,12 +191,13 @@ class PlanRequest(Body):
     start: Start
     goal: Goal
     planner: Annotated[str, Field(pattern=r"^[A-Za-z0-9_]{1,64}$")] = Field(
-        "auto", description="auto, straight_line, potential_field, rrt_connect, cartesian, …"
+        "auto",
+        description=f"one of: {', '.join(PLANNERS)}; OMPL's may be written as OMPL writes them "
+        "(RRTConnect)",
+        examples=["auto", "rrt_connect", "bit_star"],
     )
     planner_options: FreeForm | None = Field(
-        None,
-        description="the planner's own; of cartesian: motions [{type: lin | circ, pose, via, "
-        "center, normal}], max_deviation, max_orientation_deviation, orientation, allow_partial",
+        None, description=_OPTIONS, examples=[{"range": 0.5}, {"cost_threshold": 3.0}]
     )
     refine: bool | Refine | None = Field(
         None, description="optimise what the planner found; true for the least time"

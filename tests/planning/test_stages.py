@@ -6,10 +6,11 @@ import pytest
 from kinematics.errors import InvalidOption
 from obstacles.checker import Checker
 from obstacles.scene import Scene
-from planning import sampling
 from planning.deadline import Deadline
 from planning.rounding import certified_reaches
-from planning.sampling import PLANNERS, sample
+from planning.sampling import search
+from planning.sampling.planners import PLANNERS
+from planning.sampling.search import sample
 from planning.shortcut import shortcut
 from planning.straight_line import straight_line
 from planning.timing.blend import blend, merge
@@ -27,7 +28,7 @@ def sampled(seed: int) -> np.ndarray:
         "rrt_connect", robot.chain, checker, START, [GOAL], {}, seed, Deadline.after(30.0)
     )
     assert result.waypoints is not None
-    assert result.edges > 0
+    assert "edges checked" in result.detail
     return result.waypoints
 
 
@@ -60,7 +61,7 @@ def test_seeds_differ() -> None:
 
 def test_trees_that_take_long_are_started_anew(monkeypatch: pytest.MonkeyPatch) -> None:
     alone = [sampled(seed) for seed in range(3)]
-    monkeypatch.setattr(sampling, "_FIRST_BUDGET", 8)
+    monkeypatch.setattr(search, "_FIRST_BUDGET", 8)
     robot = builtin("panda")
     checker = Checker.of(robot, SCENE)
     arguments = ("rrt_connect", robot.chain, checker, START, [GOAL])

@@ -320,8 +320,6 @@ def test_no_way_at_all_is_told_in_time_with_what_was_tried(client: httpx.Client)
         ({"planner": "teleport"}, 422, "VALIDATION_ERROR"),
         ({"planner": "rrt_connect", "planner_options": {"rang": 1}}, 422, "VALIDATION_ERROR"),
         ({"planner": "rrt_connect", "planner_options": {"range": -1}}, 422, "VALIDATION_ERROR"),
-        ({"planner": "PRMstar"}, 501, "NOT_IMPLEMENTED"),
-        ({"planner": "rrt_star"}, 501, "NOT_IMPLEMENTED"),
         ({"timing": {"times": [0.0, 1.0]}}, 422, "VALIDATION_ERROR"),
         ({"timing": {"method": "guess"}}, 422, "VALIDATION_ERROR"),
         ({"timing": {"velocity_scaling": 0.0}}, 422, "VALIDATION_ERROR"),

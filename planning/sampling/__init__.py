@@ -1,0 +1,1 @@
+"""Sampling-based planning by OMPL, whole certified edges at a time."""

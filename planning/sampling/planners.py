@@ -1,0 +1,201 @@
+"""OMPL's planners: what they are called here, and the options each of them has.
+
+Defaults and ranges are those that OMPL declares; where a range would let a request take all memory
+it is narrower, and ``range`` has a default that suits arms.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from kinematics.errors import InvalidOption
+from planning.sampling.parameter import Parameter, Value
+
+#: Longest edge [rad]: arms in clutter are solved several times sooner with short ones.
+DEFAULT_RANGE = 0.5
+#: More edges than any planner proves in the longest time a request may take.
+_MOST = 100_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Planner:
+    """One of OMPL's planners.
+
+    Args:
+        ompl: Its name in OMPL.
+        parameters: Its own options.
+        improves: Whether it goes on after its first path, for shorter ones.
+        roadmap: Whether it grows a roadmap, which is searched here.
+        batch: The option that says how many states it draws, of those that draw them all at once.
+        one_goal: Whether it can be given one goal alone; they then take turns.
+    """
+
+    ompl: str
+    parameters: tuple[Parameter, ...] = ()
+    improves: bool = False
+    roadmap: bool = False
+    batch: str | None = None
+    one_goal: bool = False
+
+    @property
+    def options(self) -> dict[str, Parameter]:
+        """All its options by name, those of the search around it too."""
+        own = (*self.parameters, *_BUDGETS, *((_THRESHOLD,) if self.improves else ()))
+        return {parameter.name: parameter for parameter in own}
+
+
+def _number(
+    name: str, default: float | None, least: float = 0.0, most: float = 1.0, *, above: bool = False
+) -> Parameter:
+    return Parameter(name, "number", default, least, most, above)
+
+
+def _whole(name: str, default: int | None, least: int, most: int) -> Parameter:
+    return Parameter(name, "whole", default, least, most)
+
+
+def _on(name: str) -> Parameter:
+    return Parameter(name, "switch", True)
+
+
+def _off(name: str) -> Parameter:
+    return Parameter(name, "switch", False)
+
+
+_BUDGETS = (_whole("max_iterations", None, 1, _MOST), _whole("max_edges", None, 1, _MOST))
+_THRESHOLD = _number("cost_threshold", None, 0.0, 1e6, above=True)
+_RANGE = _number("range", DEFAULT_RANGE, 0.0, 10_000.0, above=True)
+_BIAS = _number("goal_bias", 0.05)
+_BORDER = _number("border_fraction", 0.9, 0.01)
+_EXPANSION = _number("failed_expansion_cell_score_factor", 0.5, 0.01)
+_LEAST_VALID = "min_valid_path_fraction"
+
+
+def _tree_star(*, informed: bool, ordered: bool) -> tuple[Parameter, ...]:
+    """Options of RRT* and of what is made of it."""
+    return (
+        _RANGE,
+        _BIAS,
+        _number("rewire_factor", 1.1, 1.0, 10.0),
+        _on("k_nearest"),
+        _on("delay_cc"),
+        (_on if informed else _off)("tree_pruning"),
+        _number("prune_threshold", 0.05),
+        (_on if informed else _off)("pruned_measure"),
+        (_on if informed else _off)("informed_sampling"),
+        _off("sample_rejection"),
+        _off("new_state_rejection"),
+        _on("admissible_cost_to_come"),
+        (_on if ordered else _off)("ordered_sampling"),
+        _whole("batch_size", 100 if ordered else 1, 1, 100_000),
+        _whole("num_sampling_attempts", 100, 10, 100_000),
+    )
+
+
+def _marching(*, radius: float, heuristics: bool) -> tuple[Parameter, ...]:
+    """Options of fast marching trees."""
+    return (
+        _whole("num_samples", 1000, 10, 20_000),
+        _number("radius_multiplier", radius, 0.1, 50.0),
+        _number("free_space_volume", None, 0.0, 1e12, above=True),
+        _on("nearest_k"),
+        _on("cache_cc"),
+        (_on if heuristics else _off)("heuristics"),
+        _on("extended_fmt"),
+    )
+
+
+_BATCH_TREES = (
+    _number("rewire_factor", 1.1, 1.0, 10.0),
+    _whole("samples_per_batch", 100, 1, 10_000),
+    _on("use_k_nearest"),
+    _on("pruning"),
+    _number("prune_threshold_fraction", 0.05),
+    _off("delay_rewiring_until_initial_solution"),
+    _off("just_in_time_sampling"),
+    _off("drop_samples_on_prune"),
+    _off("stop_on_soln_improvement"),
+)
+
+_CATALOGUE: Mapping[str, Planner] = {
+    "rrt_connect": Planner("RRTConnect", (_RANGE, _off("intermediate_states"))),
+    "aorrtc": Planner("AORRTC", (_RANGE,), improves=True, one_goal=True),
+    "bfmt": Planner(
+        "BFMT", _marching(radius=1.0, heuristics=True), batch="num_samples", one_goal=True
+    ),
+    "bit_star": Planner("BITstar", _BATCH_TREES, improves=True),
+    "bkpiece1": Planner("BKPIECE1", (_RANGE, _BORDER, _EXPANSION, _number(_LEAST_VALID, 0.5))),
+    "fmt": Planner("FMT", _marching(radius=1.1, heuristics=False), batch="num_samples"),
+    "informed_rrt_star": Planner(
+        "InformedRRTstar", _tree_star(informed=True, ordered=False), improves=True
+    ),
+    "kpiece1": Planner("KPIECE1", (_RANGE, _BIAS, _BORDER, _EXPANSION, _number(_LEAST_VALID, 0.2))),
+    "lbkpiece1": Planner("LBKPIECE1", (_RANGE, _BORDER, _number(_LEAST_VALID, 0.5))),
+    "prm": Planner("PRM", (_whole("max_nearest_neighbors", None, 1, 1000),), roadmap=True),
+    "prm_star": Planner("PRMstar", roadmap=True, improves=True),
+    "rrt": Planner("RRT", (_RANGE, _BIAS, _off("intermediate_states"))),
+    "rrt_star": Planner("RRTstar", _tree_star(informed=False, ordered=False), improves=True),
+    "sorrt_star": Planner("SORRTstar", _tree_star(informed=True, ordered=True), improves=True),
+}
+PLANNERS = tuple(_CATALOGUE)
+
+
+def named(planner: str) -> Planner:
+    """The planner of a name.
+
+    Raises:
+        InvalidOption: There is none; the message lists those there are.
+    """
+    if planner not in _CATALOGUE:
+        raise InvalidOption(
+            f"there is no planner {planner!r}", hint=f"Choose one of: {', '.join(PLANNERS)}."
+        )
+    return _CATALOGUE[planner]
+
+
+def checked(planner: str, options: Mapping[str, Any]) -> dict[str, Value]:
+    """All options of a planner, those that are not given as they are by default.
+
+    Raises:
+        InvalidOption: There is no such option, or a value is out of its range.
+    """
+    known = named(planner).options
+    hint = f"Its options, with their defaults: {described(planner)}."
+    for name, value in options.items():
+        if name not in known:
+            raise InvalidOption(
+                f"planner {planner!r} has no option {name!r}", hint=hint, options=list(known)
+            )
+        if not known[name].takes(value):
+            raise InvalidOption(
+                f"planner_options.{name} must be {known[name].needed}, not {value!r}",
+                hint=hint,
+                options=list(known),
+            )
+    values = {name: options.get(name, parameter.default) for name, parameter in known.items()}
+    _fit_together(values, hint)
+    return values
+
+
+def _fit_together(values: Mapping[str, Value], hint: str) -> None:
+    """Refuse what OMPL takes, but only complains of, or does not survive."""
+    informed, rejecting = values.get("informed_sampling"), values.get("sample_rejection")
+    if informed and rejecting:
+        raise InvalidOption(
+            "planner_options: informed_sampling and sample_rejection exclude each other", hint=hint
+        )
+    for name in ("ordered_sampling", "pruned_measure"):
+        if values.get(name) and not informed and not (rejecting and name == "ordered_sampling"):
+            raise InvalidOption(f"planner_options.{name} needs informed_sampling", hint=hint)
+
+
+def described(planner: str) -> str:
+    """The options of a planner with what they take and their defaults, for a person."""
+    return ", ".join(
+        f"{parameter.name} ({parameter.needed}; {_shown(parameter.default)})"
+        for parameter in named(planner).options.values()
+    )
+
+
+def _shown(default: Value) -> str:
+    return "none" if default is None else str(default).lower()

@@ -1,0 +1,197 @@
+"""One request to one of OMPL's planners: seeded, watched, and its answer looked at once more."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from ompl import base, geometric, util
+
+from kinematics.chain import Array, Chain
+from obstacles.checker import Checker
+from planning.deadline import Deadline
+from planning.result import Attempt
+from planning.sampling.parameter import Value
+from planning.sampling.planners import Planner, checked, named
+from planning.sampling.roadmap import grow
+from planning.sampling.space import CertifiedEdges, problem, solution
+from planning.sampling.watch import Watch
+
+#: The time a random tree takes is spread widely: one that has looked at so many edges without
+#: arriving is given up for a fresh one, which may look at somewhat more. Counted in edges, not in
+#: time, the answer depends on the seed alone.
+_FIRST_BUDGET = 2000
+_BUDGET_GROWTH = 1.5
+#: Questions for each edge of its share after which a run that hardly looks at edges is ended too.
+_IDLE = 20
+#: A batch of states that left start and goal apart is followed by one so much larger.
+_BATCH_GROWTH = 2
+_MOST_BATCH = 20_000
+#: Between the seeds of one request's trees; neighbouring requests should not share them.
+_SEED_STRIDE = 7_919
+_SEEDS = 2**31 - 1
+
+_NOT_REPEATED = (
+    "The planner looked for shorter paths until it had to stop: the same request may find another "
+    "one. With max_iterations, max_edges or cost_threshold among planner_options it repeats."
+)
+_STOPPED = {
+    "time": "the time was up",
+    "iterations": "max_iterations were used up",
+    "edges": "max_edges were used up",
+    "threshold": "the path was short enough",
+    "memory": "the memory that one plan may take was used up",
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Query:
+    """A request as every run of its planner sees it."""
+
+    planner: Planner
+    chain: Chain
+    checker: Checker
+    start: Array
+    goals: list[Array]
+    options: Mapping[str, Value]
+    deadline: Deadline
+
+
+@dataclass(slots=True)
+class _Account:
+    """What was spent on all runs of a request."""
+
+    edges: int = 0
+    iterations: int = 0
+    runs: int = 0
+
+
+def sample(
+    planner: str,
+    chain: Chain,
+    checker: Checker,
+    start: Array,
+    goals: list[Array],
+    options: Mapping[str, Any],
+    seed: int,
+    deadline: Deadline,
+) -> Attempt:
+    """Plan from a configuration to any of several with one of OMPL's planners.
+
+    Args:
+        planner: One of ``PLANNERS``.
+        chain: The robot, for its limits.
+        checker: The robot in its scene.
+        start: Shape (n,), valid.
+        goals: Valid configurations (n,).
+        options: By name; ``planners`` lists them.
+        seed: The same seed gives the same path, unless time ends the search for shorter ones.
+        deadline: When to stop.
+
+    Raises:
+        InvalidOption: An unknown planner or option, or a value out of its range.
+    """
+    values = checked(planner, options)
+    for goal in goals:
+        if np.array_equal(start, goal):
+            return Attempt(np.array([start, goal]), "The start is a goal.")
+    query = _Query(named(planner), chain, checker, start, goals, values, deadline)
+    spent = _Account()
+    while True:
+        # OMPL's generator is one for the process: what is drawn from here on depends on this alone.
+        util.RNG.setSeed((seed + spent.runs * _SEED_STRIDE) % _SEEDS + 1)
+        waypoints, watch = _run(query, spent)
+        if waypoints is not None or watch.reason not in (None, "share") or deadline.passed:
+            return _attempt(query, waypoints, watch, spent)
+
+
+def _run(query: _Query, spent: _Account) -> tuple[Array | None, Watch]:
+    """One run of the planner: the path it found, and when and why it stopped."""
+    planner, goals = query.planner, query.goals
+    if planner.one_goal:
+        goals = [goals[spent.runs % len(goals)]]
+    information, definition, edges = problem(
+        query.chain, query.checker, query.start, goals, query.deadline
+    )
+    watch = _watch(query, spent, edges)
+    solver = getattr(geometric, planner.ompl)(information)
+    # Before anything else: some of OMPL's planners can't even be thrown away without a problem.
+    solver.setProblemDefinition(definition)
+    for name, value in _settings(query, spent.runs):
+        planner.options[name].setter(solver)(value)
+    solver.setup()
+    if planner.roadmap:
+        found = grow(solver, edges, query.start, goals, watch, on=planner.improves)
+    else:
+        if planner.improves:
+            watch.best = lambda: float(solver.bestCost().value())
+        solver.solve(base.PlannerTerminationCondition(watch))
+        watch.best = None
+        found = solution(definition, query.chain.n)
+    spent.edges += edges.count
+    spent.iterations += watch.iterations
+    spent.runs += 1
+    return found, watch
+
+
+def _settings(query: _Query, runs: int) -> list[tuple[str, Value]]:
+    """The planner's own options that are to be set."""
+    own = {parameter.name: query.options[parameter.name] for parameter in query.planner.parameters}
+    batch = query.planner.batch
+    if batch is not None:
+        first = own[batch]
+        assert isinstance(first, int)
+        rounds = runs // len(query.goals) if query.planner.one_goal else runs
+        own[batch] = min(first * _BATCH_GROWTH**rounds, max(_MOST_BATCH, first))
+    return [(name, value) for name, value in own.items() if value is not None]
+
+
+def _watch(query: _Query, spent: _Account, edges: CertifiedEdges) -> Watch:
+    """Stops a run at what is left of the request's budgets, or at the run's own share."""
+    options, planner = query.options, query.planner
+    threshold = options.get("cost_threshold")
+    watch = Watch(
+        query.deadline,
+        edges=lambda: edges.count,
+        threshold=None if threshold is None else float(threshold),
+        max_iterations=_left(options["max_iterations"], spent.iterations),
+        max_edges=_left(options["max_edges"], spent.edges),
+    )
+    share = _FIRST_BUDGET * _BUDGET_GROWTH**spent.runs
+    if planner.one_goal and len(query.goals) > 1:
+        # Every goal has its turn before the budgets are spent.
+        turns = 2 * len(query.goals)
+        watch.share = min(share, _budget(options["max_edges"]) / turns)
+        watch.turn = min(_IDLE * share, _budget(options["max_iterations"]) / turns)
+    elif not (planner.improves or planner.roadmap or planner.batch):
+        watch.share = share
+    return watch
+
+
+def _budget(value: Value) -> float:
+    return math.inf if value is None else float(value)
+
+
+def _left(budget: Value, spent: int) -> int | None:
+    return None if budget is None else max(int(budget) - spent, 1)
+
+
+def _attempt(query: _Query, waypoints: Array | None, watch: Watch, spent: _Account) -> Attempt:
+    """What the runs came to; a path is proved once more, whatever the planner made of its edges."""
+    runs = "" if spent.runs == 1 else f" in {spent.runs} runs"
+    detail = f"{spent.edges} edges checked{runs}"
+    if waypoints is not None and not query.checker.polyline(waypoints)[0].free:
+        return Attempt(None, f"{detail}; the planner joined states that no proved edge joins.")
+    if watch.progress:
+        first, last = watch.progress[0], watch.progress[-1]
+        detail += (
+            f"; the first path of length {first.length:.4g} after {first.milliseconds:.0f} ms, the "
+            f"shortest of {last.length:.4g} after {last.milliseconds:.0f} ms"
+        )
+    if watch.reason in _STOPPED:
+        detail += f"; {_STOPPED[watch.reason]}"
+    notes: tuple[str, ...] = ()
+    if waypoints is not None and watch.reason in ("time", "memory"):
+        notes = (_NOT_REPEATED,)
+    return Attempt(waypoints, f"{detail}.", notes, progress=tuple(watch.progress))

@@ -1,0 +1,97 @@
+"""OMPL's view of an arm: its joints as a space, and a checker that proves whole edges."""
+
+from typing import Any
+
+import numpy as np
+from ompl import base, util
+
+from kinematics.chain import Array, Chain
+from obstacles.checker import Checker
+from planning.deadline import Deadline
+
+util.setLogLevel(util.LogLevel.LOG_NONE)
+
+
+def joint_space(chain: Chain, known: list[Array]) -> Any:
+    """The box of the joint limits; where there are none, a turn beyond what is known."""
+    lower, upper = np.min(known, axis=0) - 2.0 * np.pi, np.max(known, axis=0) + 2.0 * np.pi
+    lower = np.where(np.isfinite(chain.limits.lower), chain.limits.lower, lower)
+    upper = np.where(np.isfinite(chain.limits.upper), chain.limits.upper, upper)
+    bounds = base.RealVectorBounds(chain.n)
+    for j in range(chain.n):
+        bounds.setLow(j, float(lower[j]))
+        bounds.setHigh(j, float(upper[j]))
+    space = base.RealVectorStateSpace(chain.n)
+    space.setBounds(bounds)
+    return space
+
+
+def state_of(space: Any, q: Array) -> Any:
+    """A configuration as OMPL has it."""
+    state = space.allocState()
+    state[0 : len(q)] = [float(value) for value in q]
+    return state
+
+
+class CertifiedEdges(base.MotionValidator):
+    """OMPL's door to the checker: a planner never holds an edge that is not proved.
+
+    Args:
+        information: OMPL's.
+        checker: Proves edges.
+        n: Joints.
+        deadline: Afterwards nothing is proved any more, so that a planner in the midst of a long
+            round comes to its end.
+    """
+
+    def __init__(self, information: Any, checker: Checker, n: int, deadline: Deadline) -> None:
+        super().__init__(information)
+        self._checker = checker
+        self._n = n
+        self._deadline = deadline
+        self.count = 0
+        self.proved: list[tuple[Array, Array]] | None = None
+
+    def checkMotion(self, a: Any, b: Any) -> bool:
+        """Whether the straight motion from a to b is proved free."""
+        if self._deadline.passed:
+            return False
+        self.count += 1
+        start, end = np.array(a[0 : self._n]), np.array(b[0 : self._n])
+        free = self._checker.free(start, end)
+        if free and self.proved is not None:
+            self.proved.append((start, end))
+        return free
+
+    def state_valid(self, state: Any) -> bool:
+        """Whether one state is free."""
+        return not self._deadline.passed and self._checker.valid(np.array(state[0 : self._n]))
+
+
+def problem(
+    chain: Chain, checker: Checker, start: Array, goals: list[Array], deadline: Deadline
+) -> tuple[Any, Any, CertifiedEdges]:
+    """OMPL's space information and problem definition, and the edges that it will ask for."""
+    space = joint_space(chain, [start, *goals])
+    information = base.SpaceInformation(space)
+    edges = CertifiedEdges(information, checker, chain.n, deadline)
+    information.setStateValidityChecker(edges.state_valid)
+    information.setMotionValidator(edges)
+    information.setup()
+    definition = base.ProblemDefinition(information)
+    definition.addStartState(state_of(space, start))
+    targets = base.GoalStates(information)
+    for goal in goals:
+        targets.addState(state_of(space, goal))
+    definition.setGoal(targets)
+    definition.setOptimizationObjective(base.PathLengthOptimizationObjective(information))
+    return information, definition, edges
+
+
+def solution(definition: Any, n: int) -> Array | None:
+    """The path that was found, shape (k, n), if it ends at a goal."""
+    # The status is also true of paths that end near the goal: only an exact one counts.
+    if not definition.hasExactSolution():
+        return None
+    states = definition.getSolutionPath().getStates()
+    return np.array([state[0:n] for state in states], dtype=np.float64)

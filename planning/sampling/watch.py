@@ -1,0 +1,91 @@
+"""When a planner is to stop, and what it had come to until then."""
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from planning.deadline import Deadline
+from planning.result import Progress
+
+#: A planner may fill so much memory [bytes] before it is stopped.
+MOST_MEMORY = 1 << 30
+_PAGE = 4096
+_STATM = Path("/proc/self/statm")
+#: Looking at the memory costs as much as a few edges.
+_LOOK_EVERY = 512
+#: A path has to be shorter by this share of its length to count as progress.
+_GAIN = 1e-6
+
+
+def resident() -> int:
+    """Memory of this process [bytes]; 0 where that can't be told."""
+    try:
+        return _PAGE * int(_STATM.read_text().split()[1])
+    except (OSError, ValueError, IndexError):
+        return 0
+
+
+@dataclass(slots=True)
+class Watch:
+    """Asked by a planner, again and again, whether to stop.
+
+    Args:
+        deadline: When time is up.
+        edges: How many edges were looked at so far.
+        max_iterations: Questions after which to stop.
+        max_edges: Edges after which to stop.
+        share: Edges after which another run is to be begun, if there is no path yet.
+        turn: Questions after which that is so too.
+        threshold: Length of a path that is short enough.
+        best: Length of the shortest path so far, of a planner that improves its own.
+    """
+
+    deadline: Deadline
+    edges: Callable[[], int]
+    max_iterations: int | None = None
+    max_edges: int | None = None
+    share: float = math.inf
+    turn: float = math.inf
+    threshold: float | None = None
+    best: Callable[[], float] | None = None
+    iterations: int = 0
+    reason: str | None = None
+    progress: list[Progress] = field(default_factory=list)
+    began: float = field(default_factory=time.monotonic)
+    memory: int = field(default_factory=resident)
+
+    def __call__(self) -> bool:
+        """Whether to stop; why is kept as ``reason``."""
+        if self.reason is not None:
+            return True
+        self.iterations += 1
+        if self.best is not None:
+            self.note(self.best())
+        if self.reason is None:
+            self.reason = self._spent()
+        return self.reason is not None
+
+    def note(self, length: float) -> None:
+        """Keep the length of a path, if it is the shortest so far."""
+        if not (math.isfinite(length) and length > 0.0):
+            return
+        if self.progress and length >= (1.0 - _GAIN) * self.progress[-1].length:
+            return
+        spent = 1e3 * (time.monotonic() - self.began)
+        self.progress.append(Progress(spent, self.edges(), length))
+        if self.threshold is not None and length <= self.threshold:
+            self.reason = "threshold"
+
+    def _spent(self) -> str | None:
+        if self.deadline.passed:
+            return "time"
+        if self.max_iterations is not None and self.iterations >= self.max_iterations:
+            return "iterations"
+        if self.max_edges is not None and self.edges() >= self.max_edges:
+            return "edges"
+        if not self.progress and (self.edges() >= self.share or self.iterations >= self.turn):
+            return "share"
+        full = self.iterations % _LOOK_EVERY == 0 and resident() - self.memory > MOST_MEMORY
+        return "memory" if full else None

@@ -1,0 +1,130 @@
+"""Every planner by its name: proved paths, all goals, budgets, deadlines, repeatability."""
+
+import time
+
+import numpy as np
+import pytest
+
+from kinematics.chain import Array
+from obstacles.checker import Checker
+from planning.deadline import Deadline
+from planning.result import Attempt
+from planning.sampling.planners import PLANNERS, named
+from planning.sampling.search import sample
+from tests.planning.sampling.world import ENCLOSED, GOAL, SHORTEST, START, WALL, plane
+from tests.planning.scenes import HOME, builtin, shelf
+
+IMPROVING = [name for name in PLANNERS if named(name).improves]
+
+
+def search(
+    planner: str,
+    goals: list[Array],
+    seed: int = 0,
+    seconds: float = 20.0,
+    **options: float,
+) -> Attempt:
+    if named(planner).batch is not None:
+        options.setdefault("num_samples", 200)
+    return sample(planner, plane(), WALL, START, goals, options, seed, Deadline.after(seconds))
+
+
+def length(found: Attempt) -> float:
+    assert found.waypoints is not None, found.detail
+    return float(np.linalg.norm(np.diff(found.waypoints, axis=0), axis=1).sum())
+
+
+@pytest.mark.parametrize("planner", PLANNERS)
+def test_paths_are_proved_and_repeat_for_a_seed(planner: str) -> None:
+    for seed in range(3):
+        budget = {"max_iterations": 400} if planner in IMPROVING else {}
+        found, again = (search(planner, [GOAL], seed, **budget) for _ in range(2))
+        assert found.waypoints is not None, found.detail
+        assert np.array_equal(found.waypoints[0], START)
+        assert np.array_equal(found.waypoints[-1], GOAL)
+        assert WALL.polyline(found.waypoints)[0].free
+        assert length(found) >= SHORTEST - 1e-9
+        assert again.waypoints is not None
+        assert np.array_equal(found.waypoints, again.waypoints)
+        assert found.notes == ()
+        assert [p.length for p in found.progress] == [p.length for p in again.progress]
+
+
+@pytest.mark.parametrize("planner", PLANNERS)
+def test_a_goal_that_cannot_be_reached_does_not_stand_in_the_way(planner: str) -> None:
+    budget = {"max_iterations": 2000} if planner in IMPROVING else {}
+    for goals in ([ENCLOSED, GOAL], [GOAL, ENCLOSED]):
+        found = search(planner, goals, 1, **budget)
+        assert found.waypoints is not None, found.detail
+        assert np.array_equal(found.waypoints[-1], GOAL)
+
+
+@pytest.mark.parametrize("planner", PLANNERS)
+def test_deadlines_hold_where_there_is_no_way(planner: str) -> None:
+    began = time.monotonic()
+    found = search(planner, [ENCLOSED], 0, 0.3)
+    late = time.monotonic() - began - 0.3
+    assert found.waypoints is None
+    assert "time was up" in found.detail or "edges checked" in found.detail
+    # Other processes may take the processor in between.
+    assert late < 0.25
+
+
+@pytest.mark.parametrize("planner", PLANNERS)
+def test_budgets_end_it_where_there_is_no_way(planner: str) -> None:
+    for option in ("max_iterations", "max_edges"):
+        found = search(planner, [ENCLOSED], 0, 5.0, **{option: 300})
+        assert found.waypoints is None
+        if option in found.detail:
+            return
+    pytest.fail(found.detail)
+
+
+@pytest.mark.parametrize("planner", IMPROVING)
+def test_paths_get_shorter_until_the_budget_is_spent(planner: str) -> None:
+    found = search(planner, [GOAL], 2, max_iterations=2000 if planner == "prm_star" else 5000)
+    lengths = [step.length for step in found.progress]
+    assert lengths == sorted(lengths, reverse=True)
+    assert lengths[-1] == pytest.approx(length(found), rel=1e-5)
+    assert length(found) <= 1.1 * SHORTEST
+    assert "max_iterations" in found.detail
+
+
+@pytest.mark.parametrize("planner", IMPROVING)
+def test_a_path_that_is_short_enough_ends_it(planner: str) -> None:
+    found = search(planner, [GOAL], 2, cost_threshold=1.3 * SHORTEST)
+    assert length(found) <= 1.3 * SHORTEST
+    assert "short enough" in found.detail
+    assert found.notes == ()
+
+
+@pytest.mark.parametrize("planner", IMPROVING)
+def test_what_the_deadline_ended_is_not_called_reproducible(planner: str) -> None:
+    found = search(planner, [GOAL], 2, 0.3)
+    assert found.waypoints is not None
+    assert len(found.notes) == 1
+    assert "max_iterations" in found.notes[0]
+
+
+def test_a_start_that_is_a_goal_is_enough() -> None:
+    for planner in PLANNERS:
+        found = search(planner, [GOAL, START])
+        assert found.waypoints is not None
+        assert np.array_equal(found.waypoints, [START, START])
+
+
+@pytest.mark.parametrize("planner", PLANNERS)
+def test_an_arm_reaches_into_a_shelf(planner: str) -> None:
+    robot, scene = builtin("panda"), shelf(0.62)
+    checker = Checker.of(robot, scene)
+    goal = np.array([0.2, -0.9, 0.1, -2.5, 0.1, 1.7, 0.9])
+    start = HOME.copy()
+    start[0] = -1.2
+    assert checker.valid(goal)
+    options = {"num_samples": 500} if named(planner).batch else {}
+    options |= {"max_edges": 300, "max_iterations": 3000} if planner in IMPROVING else {}
+    found = sample(planner, robot.chain, checker, start, [goal], options, 0, Deadline.after(20.0))
+    assert found.waypoints is not None, found.detail
+    assert checker.polyline(found.waypoints)[0].free
+    limits = robot.chain.limits
+    assert ((found.waypoints >= limits.lower) & (found.waypoints <= limits.upper)).all()

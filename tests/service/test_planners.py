@@ -1,0 +1,167 @@
+"""Every planner by its name over HTTP: goals of every form, options, what it tells of itself."""
+
+import time
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+
+from kinematics.forward import forward
+from kinematics.robots import builtin_chain
+from planning.rung import PLANNERS
+from planning.sampling.planners import PLANNERS as SAMPLING
+from planning.sampling.planners import named
+from service.schemas.plan import PlanAnswer
+from tests.service.robots import ASIDE, FLOOR, HOME, POST, answer, problem, scene
+
+BODY: dict[str, Any] = {
+    "robot": "panda",
+    "scene": scene(POST, FLOOR),
+    "start": {"joints": HOME},
+    "goal": {"joints": ASIDE},
+    "timeout": 20.0,
+    "seed": 1,
+}
+#: A pose over the table's far side, and a configuration inside the post.
+POSE = {"position": [0.35, 0.5, 0.4], "rpy": [3.1, 0.0, 0.3]}
+INSIDE = [0.58, 0.4, 0.0, -1.6, 0.0, 2.0, 0.785]
+
+
+def quick(planner: str) -> dict[str, Any]:
+    """Options with which a planner comes to an end soon, wherever it runs."""
+    if planner == "potential_field":
+        return {"preset": "thorough", "escapes": 5, "max_iterations": 200}
+    kind = named(planner)
+    if kind.batch is not None:
+        return {"num_samples": 300}
+    if "goal_bias" in kind.options and kind.improves:
+        return {"range": 2.0, "goal_bias": 0.3, "max_iterations": 800}
+    if planner == "aorrtc":
+        return {"cost_threshold": 20.0}
+    return {"max_edges": 300, "max_iterations": 1000} if kind.improves else {}
+
+
+def plan(client: httpx.Client, planner: str, **changes: Any) -> dict[str, Any]:
+    body = BODY | {"planner": planner, "planner_options": quick(planner)} | changes
+    found = answer(client.post("/v1/plan", json=body))
+    PlanAnswer.model_validate(found)
+    assert found["planner"] == planner
+    assert found["certificate"]["verified"] is True
+    return found
+
+
+def end(found: dict[str, Any]) -> np.ndarray:
+    return np.array(found["path"]["joints"][-1])
+
+
+@pytest.mark.parametrize("planner", ["potential_field", *SAMPLING])
+def test_any_of_several_goals(client: httpx.Client, planner: str) -> None:
+    goals = [{"joints": INSIDE}, {"pose": POSE}, {"joints": ASIDE}]
+    found = plan(client, planner, goal={"any_of": goals})
+    q = end(found)
+    tip = forward(builtin_chain("panda"), q)
+    at_pose = np.linalg.norm(tip[:3, 3] - POSE["position"]) < 1e-4
+    assert at_pose or np.allclose(q, ASIDE)
+    assert np.allclose(found["path"]["joints"][0], HOME)
+
+
+@pytest.mark.parametrize("planner", ["potential_field", *SAMPLING])
+def test_a_pose_within_its_tolerances(client: httpx.Client, planner: str) -> None:
+    goal = {"pose": POSE, "position_tolerance": 2e-3, "orientation_tolerance": 0.02}
+    found = plan(client, planner, goal=goal)
+    tip = forward(builtin_chain("panda"), end(found))
+    assert np.linalg.norm(tip[:3, 3] - POSE["position"]) <= 2e-3
+
+
+def test_planners_that_improve_tell_their_progress(client: httpx.Client) -> None:
+    found, again = (plan(client, "bit_star") for _ in range(2))
+    lengths = [step["length"] for step in found["progress"]]
+    assert lengths
+    assert lengths == sorted(lengths, reverse=True)
+    assert lengths == [step["length"] for step in again["progress"]]
+    assert found["trajectory"] == again["trajectory"]
+    assert not any("looked for shorter" in note for note in found["notes"])
+    late = plan(client, "bit_star", planner_options={}, timeout=5.0)
+    assert any("looked for shorter" in note for note in late["notes"])
+
+
+def test_the_field_tells_where_it_went(client: httpx.Client) -> None:
+    goal = {"joints": [0.4, *HOME[1:]]}
+    found = plan(client, "potential_field", goal=goal, planner_options={}, scene=scene(FLOOR))
+    told = found["potential_field"]
+    assert len(told["joints"]) == len(told["potentials"]) == told["iterations"] + 2
+    assert told["joints"][0] == HOME
+    assert told["potentials"][-1] < told["potentials"][0]
+    assert found["progress"] == []
+    stuck = problem(
+        client.post(
+            "/v1/plan",
+            json=BODY | {"planner": "potential_field", "planner_options": {"max_iterations": 1}},
+        ),
+        422,
+        "PLANNING_FAILED",
+    )
+    assert stuck["details"]["iterations"] == 1
+    assert len(stuck["details"]["joints"]) == 7
+    assert stuck["details"]["potential"] > 0.0
+
+
+@pytest.mark.parametrize(
+    ("planner", "options", "words"),
+    [
+        ("rrt_connect", {"rage": 1}, "rage"),
+        ("rrt_connect", {"range": "long"}, "range"),
+        ("BITstar", {"samples_per_batch": 0}, "samples_per_batch"),
+        ("prm", {"cost_threshold": 1.0}, "cost_threshold"),
+        ("potential_field", {"longest_step": 0}, "longest_step"),
+        ("potential_field", {"attractive_weights": [1, 2]}, "2 value"),
+        ("auto", {"range": 1.0}, "no options"),
+        ("straight_line", {"range": 1.0}, "no options"),
+    ],
+)
+def test_wrong_options(
+    client: httpx.Client, planner: str, options: dict[str, Any], words: str
+) -> None:
+    body = BODY | {"planner": planner, "planner_options": options}
+    document = problem(client.post("/v1/plan", json=body), 422, "VALIDATION_ERROR")
+    assert words in document["detail"]
+    assert document["hint"]
+
+
+def test_names_as_ompl_writes_them(client: httpx.Client) -> None:
+    for written, name in (("RRTConnect", "rrt_connect"), ("PRM", "prm"), ("KPIECE1", "kpiece1")):
+        body = BODY | {"planner": written}
+        assert answer(client.post("/v1/plan", json=body))["planner"] == name
+
+
+def test_openapi_names_every_planner_and_option(client: httpx.Client) -> None:
+    fields = client.get("/openapi.json").json()["components"]["schemas"]["PlanRequest"][
+        "properties"
+    ]
+    for name in PLANNERS:
+        assert name in fields["planner"]["description"]
+    for name in SAMPLING:
+        for option in named(name).options:
+            assert option in fields["planner_options"]["description"]
+
+
+def test_deadlines_hold_for_every_planner(client: httpx.Client) -> None:
+    # The first link can't pass the post, whatever the second does.
+    post = {"id": "post", "shape": {"type": "sphere", "radius": 0.1}}
+    place = scene(post | {"pose": {"position": [0.0, 0.0, 0.5]}})
+    for planner in SAMPLING:
+        body = {
+            "robot": "planar_rr",
+            "planner": planner,
+            "scene": place,
+            "start": {"joints": [0.0, 0.0]},
+            "goal": {"joints": [2.8, 0.0]},
+            "timeout": 0.5,
+        }
+        began = time.monotonic()
+        document = client.post("/v1/plan", json=body).json()
+        spent = time.monotonic() - began
+        assert document["code"] == "TIMED_OUT", (planner, document)
+        # Other processes may take the processor in between.
+        assert spent < 1.0, planner
