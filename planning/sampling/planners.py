@@ -111,8 +111,6 @@ _BATCH_TREES = (
     _on("use_k_nearest"),
     _on("pruning"),
     _number("prune_threshold_fraction", 0.05),
-    _off("delay_rewiring_until_initial_solution"),
-    _off("just_in_time_sampling"),
     _off("drop_samples_on_prune"),
     _off("stop_on_soln_improvement"),
 )

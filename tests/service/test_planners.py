@@ -164,4 +164,4 @@ def test_deadlines_hold_for_every_planner(client: httpx.Client) -> None:
         spent = time.monotonic() - began
         assert document["code"] == "TIMED_OUT", (planner, document)
         # Other processes may take the processor in between.
-        assert spent < 1.0, planner
+        assert spent < 3.0, planner
