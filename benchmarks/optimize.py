@@ -1,0 +1,125 @@
+"""What optimisation gains on MotionBenchMaker problems, and what it costs.
+
+    python -m benchmarks.optimize ../data/mbm/panda [--every 1] [--method toppra] [--objective time]
+
+Plans every problem by the ladder (RRT-Connect of OMPL, shortcuts, timing along the path) and by the
+planner "optimize", and has every optimised motion looked at by ``benchmarks.recheck``. Times are of
+the processor.
+"""
+
+import argparse
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.mbm_problems import ACCELERATION, Case, cases, panda
+from benchmarks.recheck import Recheck
+from benchmarks.timing_plans import JERK
+from obstacles.robot_geometry import RobotGeometry
+from planning.options import Options, TimingOptions
+from planning.pipeline import plan
+from planning.result import Failure, Plan
+
+
+@dataclass(frozen=True)
+class Record:
+    """One problem, planned twice.
+
+    Args:
+        case: The problem.
+        before: Duration of the ladder's motion [s].
+        after: Of the optimised one [s].
+        planner: That had the last word.
+        refining: Time of optimising [ms].
+        proving: Time of the proof of what came of it [ms].
+        unclean: What the re-check found.
+    """
+
+    case: Case
+    before: float
+    after: float
+    planner: str
+    refining: float
+    proving: float
+    unclean: str
+
+
+def solve(
+    case: Case, robot: RobotGeometry, recheck: Recheck, known: Options, better: Options
+) -> Record | None:
+    """Plan both ways and look again; None where there is no plan to improve."""
+    problem, truth = case.problem(robot, 0.0), recheck.scene(case.text)
+    first = plan(problem, known)
+    if isinstance(first, Failure):
+        print(f"  {case.name}: {first.code} {first.message}", flush=True)
+        return None
+    second = plan(problem, better)
+    if isinstance(second, Failure):
+        print(f"  {case.name}: LOST {second.code} {second.message}", flush=True)
+        return None
+    motion = second.trajectory
+    limits = np.array(ACCELERATION)
+    found = recheck.motion(motion.breaks, motion.coefficients, limits, truth)
+    dirty = found.colliding is not None or found.limit_ratio > 1.0 + 1e-9
+    return Record(
+        case,
+        first.trajectory.duration,
+        motion.duration,
+        second.planner,
+        _spent(second, "optimize"),
+        _spent(second, "certificate"),
+        str(found) if dirty else "",
+    )
+
+
+def _spent(answer: Plan, name: str) -> float:
+    return sum(s.processor_milliseconds for s in answer.stages if s.name == name)
+
+
+def report(records: list[Record]) -> None:
+    """Print a row a kind of scene, and one for all."""
+    kinds = sorted({record.case.kind for record in records})
+    print("kind                       n  ratio of durations p10  median   p90  worse  unclean"
+          "  optimise ms median   p90  proof ms median   p90")  # fmt: skip
+    for kind in [*kinds, "all"]:
+        own = [record for record in records if kind in ("all", record.case.kind)]
+        ratios = np.array([record.after / record.before for record in own])
+        refining = [record.refining for record in own]
+        proving = [record.proving for record in own]
+        low, middle, high = np.percentile(ratios, [10, 50, 90])
+        print(
+            f"{kind:24}{len(own):4}{low:24.3f}{middle:8.3f}{high:6.3f}{(ratios > 1.0).sum():7}"
+            f"{sum(bool(record.unclean) for record in own):9}"
+            f"{np.median(refining):21.0f}{np.percentile(refining, 90):6.0f}"
+            f"{np.median(proving):17.0f}{np.percentile(proving, 90):6.0f}"
+        )
+    print(dict(Counter(record.planner for record in records)))
+
+
+def main() -> None:
+    """Run the benchmark from the command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("problems", type=Path)
+    parser.add_argument("--every", type=int, default=1, help="take every n-th problem of a kind")
+    parser.add_argument("--method", default="toppra")
+    parser.add_argument("--objective", default="time")
+    asked = parser.parse_args()
+    folder = asked.problems.parent.parent / "panda"
+    robot, recheck = panda(folder), Recheck(folder)
+    timing, limits = TimingOptions(asked.method), {"jerk": np.array(JERK)}
+    known = Options(timing=timing, limits=limits, timeout=60.0)
+    options = {"objective": asked.objective}
+    better = Options("optimize", options, timing=timing, limits=limits, timeout=60.0)
+    records: list[Record] = []
+    for case in cases(asked.problems, robot.chain.joint_names, asked.every):
+        if not records:
+            plan(case.problem(robot, 0.0), better)
+        record = solve(case, robot, recheck, known, better)
+        records += [] if record is None else [record]
+    report(records)
+
+
+if __name__ == "__main__":
+    main()
