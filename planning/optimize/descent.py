@@ -46,6 +46,8 @@ _PENALTY = 20.0
 _GAIN = 2e-3
 #: Durations of one round lie between these multiples of the last one.
 _FASTER, _SLOWER = 0.3, 3.0
+#: The first round takes about so many times as long as the look before it.
+_FIRST = 3.0
 #: Motions that are not at rest at an end can't be slowed down: limits are aimed at from below.
 _HAIR = 1e-5
 #: Ratios to limits that are equal to 1 but for rounding.
@@ -79,20 +81,23 @@ class Descent:
     best: Candidate | None = None
     reach: float = _REACH
     places: Places = field(init=False)
+    looking: float = field(init=False)
     seen: Outlook = field(init=False)
     hindrance: Hindrance | None = None
 
     def __post_init__(self) -> None:
         self.most_rounds = self.options.rounds
         self.places = Places.within(self.iterate.space.breaks, _EACH, _SPARE)
+        began = time.monotonic()
         if self.task.still:
             self.iterate = self._timed(self.iterate)
         self.seen = look(self.task, self.iterate, self.places, self.reach)
         self._offer(self.iterate)
+        self.looking = time.monotonic() - began
 
     def run(self, deadline: Deadline) -> None:
         """Go on until rounds no longer gain, or the rounds or the time are used up."""
-        longest = 0.0
+        longest = _FIRST * self.looking
         while self.rounds < self.most_rounds and deadline.remaining > longest:
             self.rounds += 1
             began = time.monotonic()

@@ -297,7 +297,7 @@ def test_deadlines_are_kept(timeout: float) -> None:
     began = time.process_time()
     answer = plan(asked, how)
     # Processor time, for others compute here too: it is at most the time on the wall.
-    assert time.process_time() - began < timeout + 0.1
+    assert time.process_time() - began < timeout + 0.15
     assert isinstance(answer, Plan) or answer.code == "TIMED_OUT"
 
 
