@@ -22,7 +22,7 @@ from planning.sampling.watch import Watch
 #: arriving is given up for a fresh one, which may look at somewhat more. Counted in edges, not in
 #: time, the answer depends on the seed alone.
 _FIRST_BUDGET = 2000
-_BUDGET_GROWTH = 1.5
+_BUDGET_GROWTH = 1.1
 #: Questions for each edge of its share after which a run that hardly looks at edges is ended too.
 _IDLE = 20
 #: A batch of states that left start and goal apart is followed by one so much larger.
