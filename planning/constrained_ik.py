@@ -22,7 +22,7 @@ from obstacles.collision_model import ModelArrays
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.descent import Goal, bare_arrays, descend, make_goal, search_arrays
+from planning.constraints.descent import Goal, descend, make_goal, search_arrays
 from planning.constraints.program import PLANES, Planes, program
 from planning.deadline import Deadline
 
@@ -166,7 +166,7 @@ class _Search:
     chain: Chain = field(init=False)
     goal: Goal = field(init=False)
     checker: Checker | None = field(init=False)
-    wide: ModelArrays = field(init=False)
+    wide: ModelArrays | None = field(init=False)
     first: Array = field(init=False)
     hard: NDArray[np.bool_] = field(init=False)
     found: list[ConstrainedSolution] = field(init=False)
@@ -193,7 +193,7 @@ class _Search:
         hard, soft = self.constraints.hard, self.constraints.soft
         self.goal = make_goal(hard, near, metric, soft=soft, link=link)
         self.hard = np.isinf(self.constraints.weights)
-        self.checker, self.wide = None, bare_arrays(self.chain)
+        self.checker, self.wide = None, None
         if self.scene is not None:
             self.checker = Checker.of(self.robot, self.scene, self.constraints.margin)
             self.wide = search_arrays(self.checker.model, _HEADROOM)

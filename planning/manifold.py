@@ -20,7 +20,6 @@ from planning.constrained_checker import ConstrainedChecker, narrowed
 from planning.constraints.descent import (
     HELD,
     Goal,
-    bare_arrays,
     make_feasible,
     make_goal,
     make_work,
@@ -53,7 +52,6 @@ class Manifold:
     """
 
     checker: ConstrainedChecker
-    bare: ModelArrays = field(init=False)
     goal: Goal = field(init=False)
     rows: Array = field(init=False)
 
@@ -61,14 +59,13 @@ class Manifold:
         chain, constraints = self.checker.model.chain, self.checker.constraints
         zero, inner = np.zeros(chain.n), narrowed(constraints, _KEPT_BACK)
         goal = make_goal(constraints, zero, zero, rows=inner)
-        object.__setattr__(self, "bare", bare_arrays(chain))
         object.__setattr__(self, "goal", goal)
         object.__setattr__(self, "rows", self.checker.rows)
 
     def projected(self, q: Array) -> Array | None:
         """The configuration of the set that Newton's method finds from q, if it finds one."""
         made = np.array(q)
-        if project_kernel(self.bare, self.goal, made, _SAMPLE_PROJECTIONS) > HELD:
+        if project_kernel(self.goal, made, _SAMPLE_PROJECTIONS) > HELD:
             return None
         return made
 
@@ -79,7 +76,7 @@ class Manifold:
         """
         steps = np.empty((_WALK, len(start)))
         count, arrived = walk_kernel(
-            self.checker.model.arrays, self.checker.slack, self.bare, self.goal, self.rows,
+            self.checker.model.arrays, self.checker.slack, self.goal, self.rows,
             np.array(start), np.array(end), steps,
         )  # fmt: skip
         return steps[:count], bool(arrived)
@@ -237,20 +234,20 @@ def _cut(
 
 
 @kernel
-def project_kernel(bare: ModelArrays, goal: Goal, q: Array, steps: int) -> float:
+def project_kernel(goal: Goal, q: Array, steps: int) -> float:
     """Bring q (n,) into the set in place; the worst residual that is left."""
-    work = make_work(bare, goal)
-    return make_feasible(bare, goal, q, steps, work, np.empty_like(q), np.empty_like(q))
+    work = make_work(None, goal)
+    return make_feasible(None, goal, q, steps, work, np.empty_like(q), np.empty_like(q))
 
 
 @kernel
 def walk_kernel(
-    model: ModelArrays, slack: float, bare: ModelArrays, goal: Goal, rows: Array, start: Array,
+    model: ModelArrays, slack: float, goal: Goal, rows: Array, start: Array,
     end: Array, steps: Array,
 ) -> tuple[int, bool]:  # fmt: skip
     """Kernel of ``Manifold.walk``: how many rows of ``steps`` were written, and if it arrived."""
     n = start.shape[0]
-    work = make_work(bare, goal)
+    work = make_work(None, goal)
     trial, dq, scratch = np.empty(n), np.empty(n), np.empty(n)
     q, zero = start.copy(), np.zeros(n)
     m = rows.shape[0]
@@ -265,7 +262,7 @@ def walk_kernel(
             trial[j] = q[j] + share * (end[j] - q[j])
         good = True
         if not arrives:
-            good = make_feasible(bare, goal, trial, _PROJECTIONS, work, scratch, dq) <= HELD
+            good = make_feasible(None, goal, trial, _PROJECTIONS, work, scratch, dq) <= HELD
         left = np.sqrt(np.sum((end - trial) ** 2))
         moved = np.sqrt(np.sum((trial - q) ** 2))
         # A projection that leads back or far aside is no step towards the end.

@@ -7,7 +7,7 @@ import numpy as np
 from kinematics.chain import Array
 from planning.constraints.constraint import Constraint
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.descent import bare_arrays, descend, make_goal
+from planning.constraints.descent import descend, make_goal
 
 #: A configuration that is this near to holding all [m or rad] shows that they can.
 _HELD = 1e-6
@@ -115,14 +115,13 @@ def _least(
     first = 0.5 * (low + high) if near is None else np.array(near)
     goal = make_goal(constraints, first, np.zeros(chain.n), soft=soft)
     goal = goal._replace(weights=np.full(len(goal.soft), weight))
-    bare = bare_arrays(chain)
     random = np.random.default_rng(seed)
     best, best_q = (np.inf, np.inf), first
     for start in range(starts):
         q = np.clip(first, chain.limits.lower, chain.limits.upper)
         q = np.array(q) if start == 0 else random.uniform(low, high)
         told = np.empty(2)
-        descend(bare, goal, q, told)
+        descend(None, goal, q, told)
         rank = (max(float(told[0]), _HELD), float(told[1]))
         if rank < best:
             best, best_q = rank, q

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinematics.chain import Array, Chain, Indices
+from kinematics.chain import Array, Indices
 from kinematics.jacobian import frame_and_jacobian_kernel
 from kinematics.kernel import kernel
 from obstacles.collision_model import CollisionModel, ModelArrays
@@ -54,6 +54,8 @@ class Goal(NamedTuple):
         upper: Joint limits, shape (n,).
         posture: What q is kept near, shape (n,).
         metric: Weights of that, 0 where manipulability counts instead, shape (n,).
+        types: Of the joints, shape (n,).
+        offsets: Of the joints, shape (n, 4, 4).
         chain: ``Chain.model``.
         link: Whose manipulability, -1 for the tip's; -2 where it does not count.
     """
@@ -65,6 +67,8 @@ class Goal(NamedTuple):
     upper: Array
     posture: Array
     metric: Array
+    types: Indices
+    offsets: Array
     chain: Array
     link: int
 
@@ -100,6 +104,8 @@ def make_goal(
         upper=np.array(chain.limits.upper),
         posture=np.array(posture),
         metric=np.array(metric),
+        types=chain.joint_types,
+        offsets=chain.offsets,
         chain=chain.model,
         link=link,
     )
@@ -109,11 +115,6 @@ def search_arrays(model: CollisionModel, headroom: float = 0.0) -> ModelArrays:
     """A robot in its scene for the kernels, with so much [m] to keep beyond the margins."""
     arrays = model.arrays
     return arrays._replace(margin=arrays.margin + headroom, own_margin=arrays.own_margin + headroom)
-
-
-def bare_arrays(chain: Chain) -> ModelArrays:
-    """A robot that can't collide, for the kernels."""
-    return search_arrays(CollisionModel.bare(chain))
 
 
 class Work(NamedTuple):
@@ -134,10 +135,10 @@ class Work(NamedTuple):
 
 
 @kernel
-def make_work(model: ModelArrays, goal: Goal) -> Work:
+def make_work(model: ModelArrays | None, goal: Goal) -> Work:
     """Room for a descent."""
     n = goal.lower.shape[0]
-    k = _MOST_NEAR if model.roots.shape[0] > 0 else 0
+    k = 0 if model is None else _MOST_NEAR
     m = max(goal.hard.shape[0], goal.soft.shape[0])
     rows = 6 * goal.hard.shape[0] + 2 * n + k
     return Work(
@@ -148,7 +149,9 @@ def make_work(model: ModelArrays, goal: Goal) -> Work:
 
 
 @kernel
-def linearise(model: ModelArrays, goal: Goal, q: Array, work: Work) -> tuple[int, float, float]:
+def linearise(
+    model: ModelArrays | None, goal: Goal, q: Array, work: Work
+) -> tuple[int, float, float]:
     """Write A dq <= b, all constraints at q to first order.
 
     Returns:
@@ -156,7 +159,7 @@ def linearise(model: ModelArrays, goal: Goal, q: Array, work: Work) -> tuple[int
     """
     n = q.shape[0]
     evaluate_kernel(
-        model.joint_types, model.offsets, goal.hard, q, work.frames, work.E, work.values,
+        goal.types, goal.offsets, goal.hard, q, work.frames, work.E, work.values,
         work.residuals, work.jacobian,
     )  # fmt: skip
     A, b = work.A, work.b
@@ -174,11 +177,12 @@ def linearise(model: ModelArrays, goal: Goal, q: Array, work: Work) -> tuple[int
             b[count] = room
             count += 1
         if residual > 0.0 and sign > 0.0:
-            count = _sideways(model, goal, i, work, count)
+            count = _sideways(goal, i, work, count)
         if residual > 0.0:
             worst = max(worst, residual)
             total += residual * residual
-    if model.roots.shape[0] > 0:
+    # Where nothing is there to collide with, the compiler leaves this out.
+    if model is not None:
         near = near_pairs(model, q, _NEAR, work.pairs, work.distances, work.gradients)
         for i in range(min(near, _MOST_NEAR)):
             for j in range(n):
@@ -200,15 +204,13 @@ def linearise(model: ModelArrays, goal: Goal, q: Array, work: Work) -> tuple[int
 
 
 @kernel
-def _sideways(model: ModelArrays, goal: Goal, i: int, work: Work, count: int) -> int:
+def _sideways(goal: Goal, i: int, work: Work, count: int) -> int:
     """Add the bounds across a violated distance or angle; the number of rows."""
     for second in (False, True):
         bound, linear, angular = sideways_kernel(work.frames, goal.hard[i], second)
         if bound == math.inf:
             continue
-        covector_kernel(
-            model.joint_types, work.frames, goal.hard[i], linear, angular, work.A[count]
-        )
+        covector_kernel(goal.types, work.frames, goal.hard[i], linear, angular, work.A[count])
         for j in range(work.A.shape[1]):
             work.A[count + 1, j] = -work.A[count, j]
         work.b[count], work.b[count + 1] = bound, bound
@@ -246,7 +248,7 @@ def _moved(goal: Goal, q: Array, dq: Array, share: float, trial: Array) -> float
 
 @kernel
 def make_feasible(
-    model: ModelArrays, goal: Goal, q: Array, steps: int, work: Work, trial: Array, dq: Array
+    model: ModelArrays | None, goal: Goal, q: Array, steps: int, work: Work, trial: Array, dq: Array
 ) -> float:
     """Bring q (n,) into the feasible set, in place; the worst violation that is left."""
     zero = np.zeros(q.shape[0])
@@ -276,7 +278,7 @@ def make_feasible(
 
 
 @kernel
-def objective_kernel(model: ModelArrays, goal: Goal, q: Array, work: Work) -> float:
+def objective_kernel(goal: Goal, q: Array, work: Work) -> float:
     """What is minimised: |q - posture|^2 / 2 in the metric or - log w, and the soft rows."""
     value = 0.0
     for j in range(q.shape[0]):
@@ -285,7 +287,7 @@ def objective_kernel(model: ModelArrays, goal: Goal, q: Array, work: Work) -> fl
         value -= log_manipulability(goal, q, work.J)
     if goal.soft.shape[0] > 0:
         evaluate_kernel(
-            model.joint_types, model.offsets, goal.soft, q, work.frames, work.E, work.values,
+            goal.types, goal.offsets, goal.soft, q, work.frames, work.E, work.values,
             work.residuals, work.jacobian,
         )  # fmt: skip
         for i in range(goal.soft.shape[0]):
@@ -313,7 +315,7 @@ def log_manipulability(goal: Goal, q: Array, J: Array) -> float:
 
 
 @kernel
-def _downhill(model: ModelArrays, goal: Goal, q: Array, work: Work, H: Array) -> None:
+def _downhill(goal: Goal, q: Array, work: Work, H: Array) -> None:
     """Write the objective's slope into ``work.slope`` and its Gauss-Newton matrix into H."""
     n = q.shape[0]
     H[:] = 0.0
@@ -330,7 +332,7 @@ def _downhill(model: ModelArrays, goal: Goal, q: Array, work: Work, H: Array) ->
             q[j] = kept
     if goal.soft.shape[0] > 0:
         evaluate_kernel(
-            model.joint_types, model.offsets, goal.soft, q, work.frames, work.E, work.values,
+            goal.types, goal.offsets, goal.soft, q, work.frames, work.E, work.values,
             work.residuals, work.jacobian,
         )  # fmt: skip
         for i in range(goal.soft.shape[0]):
@@ -346,16 +348,16 @@ def _downhill(model: ModelArrays, goal: Goal, q: Array, work: Work, H: Array) ->
 
 @kernel
 def improve(
-    model: ModelArrays, goal: Goal, q: Array, steps: int, work: Work, trial: Array, dq: Array
+    model: ModelArrays | None, goal: Goal, q: Array, steps: int, work: Work, trial: Array, dq: Array
 ) -> float:
     """Go down the objective inside the feasible set, in place; the worst violation in the end."""
     n = q.shape[0]
     H, best = np.empty((n, n)), q.copy()
     AL = np.empty_like(work.A)
-    value = objective_kernel(model, goal, q, work)
+    value = objective_kernel(goal, q, work)
     share, worst = 1.0, 0.0
     for _ in range(steps):
-        _downhill(model, goal, q, work, H)
+        _downhill(goal, q, work, H)
         # In y = L^T dq the step is a least-distance problem.
         inverse = np.linalg.inv(np.linalg.cholesky(H)).T
         d = -(np.ascontiguousarray(inverse.T) @ work.slope)
@@ -376,7 +378,7 @@ def improve(
             q[:] = trial
             worst = make_feasible(model, goal, q, _CORRECTIONS, work, trial, y)
             if worst <= HELD:
-                gained = value - objective_kernel(model, goal, q, work)
+                gained = value - objective_kernel(goal, q, work)
                 if gained > 0.0:
                     break
             gained = 0.0
@@ -394,7 +396,7 @@ def improve(
 
 
 @kernel
-def descend(model: ModelArrays, goal: Goal, q: Array, found: Array) -> None:
+def descend(model: ModelArrays | None, goal: Goal, q: Array, found: Array) -> None:
     """From q (n,), in place, to a configuration that holds everything and is locally best.
 
     ``found`` (2,) is filled with the worst violation and the objective.
@@ -404,4 +406,4 @@ def descend(model: ModelArrays, goal: Goal, q: Array, found: Array) -> None:
     if worst <= HELD:
         improve(model, goal, q, _BETTER_STEPS, work, trial, dq)
     found[0] = worst
-    found[1] = objective_kernel(model, goal, q, work)
+    found[1] = objective_kernel(goal, q, work)
