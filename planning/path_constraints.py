@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from kinematics.chain import Array
+from kinematics.chain import Array, Chain
 from kinematics.errors import InvalidGoal
 from planning.constrained_checker import ConstrainedChecker
 from planning.constrained_ik import IkOptions, constrained_ik
@@ -17,6 +17,7 @@ from planning.options import Options
 from planning.preflight import TOUCHING, Ready
 from planning.problem import PoseGoal, Problem
 from planning.result import Failure
+from planning.timing.loads import Loads
 
 #: Half a row's width along a path is at least this [m or rad]: the motion of a tool along a line
 #: is made of joint motions that leave it, and a set without thickness can be left at no instant.
@@ -57,6 +58,27 @@ def with_limits(options: Options, constraints: ConstraintSet | None) -> Options:
             given = np.array(constraints.torque.limits)
             limits["effort"] = np.minimum(given, limits.get("effort", np.inf))
     return replace(options, timing=timing, limits=limits)
+
+
+def limit_loads(
+    loads: Loads | None, constraints: ConstraintSet | None, chain: Chain
+) -> Loads | None:
+    """Loads that a foreign motion is held to, those of its constraints included.
+
+    Raises:
+        MissingLimit: Torques are constrained, and a joint's effort limit is not known.
+    """
+    if constraints is None or (constraints.tool_speed is None and constraints.torque is None):
+        return loads
+    effort = None if loads is None else loads.effort
+    if constraints.torque is not None:
+        own = constraints.torque.limits
+        limits = chain.limits
+        given = limits.require("effort", chain.joint_names) if own is None else np.array(own)
+        effort = given if effort is None else np.minimum(effort, given)
+    speed = None if loads is None else loads.tool_speed
+    speeds = [value for value in (speed, constraints.tool_speed) if value is not None]
+    return Loads(chain if loads is None else loads.chain, effort, min(speeds, default=None))
 
 
 def constrained(problem: Problem, ready: Ready | Failure, seed: int) -> Ready | Failure:

@@ -9,11 +9,11 @@ import numpy as np
 from pydantic_core import from_json, to_json
 
 from kinematics.chain import Array, Chain
-from kinematics.errors import InvalidOption, NotAvailable
+from kinematics.errors import InvalidOption
 from kinematics.forward import forward, link_poses
 from kinematics.ik.choice import outside
 from kinematics.ik.gradient import GradientOptions, Trace, follow
-from kinematics.ik.inverse import METHODS, Method, inverse_kinematics
+from kinematics.ik.inverse import Method, inverse_kinematics
 from kinematics.ik.numeric import AXES
 from kinematics.ik.solution import IkResult, IkSolution
 from kinematics.ik.structure import structure
@@ -31,7 +31,7 @@ from obstacles.checker import Checker
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from obstacles.world import World
-from service import library, translate
+from service import constrained_ik_tasks, library, translate
 from service.answering import answering
 from service.holding import holding
 from service.references import Absent, Reference, Refusal, builtin_reference
@@ -240,7 +240,7 @@ def ik(robot: Reference, scene: Reference | None, content: bytes) -> bytes | Ref
     """
     body = IkRequest.model_validate_json(content)
     _check_method(body)
-    if body.pose is not None:
+    if body.poses is None:
         return _ik(robot, scene, body, body.pose)
     each = [_ik(robot, scene, body, pose) for pose in body.poses or ()]
     return next((item for item in each if isinstance(item, Absent)), None) or _together(each)
@@ -261,9 +261,9 @@ def _together(each: list[bytes | Refusal | Absent]) -> bytes:
 
 
 def _ik(
-    robot: Reference, scene: Reference | None, body: IkRequest, pose: Pose
+    robot: Reference, scene: Reference | None, body: IkRequest, pose: Pose | None
 ) -> bytes | Refusal | Absent:
-    """The answer for one pose."""
+    """The answer for one pose, or for none where constraints say what is wanted."""
     prepared = library.robot(robot)
     chain = prepared.chain
     link = chain.link(body.link or chain.tip_link).name
@@ -271,6 +271,9 @@ def _ik(
     if _wants_check(body):
         place = library.scene(scene or (None if isinstance(body.scene, str) else body.scene))
         held = holding(prepared.geometry, place, body.attached, body.allowed_collisions)
+    if _constrained(body):
+        return constrained_ik_tasks.answer(prepared.geometry, held, body, pose)
+    assert pose is not None
     trace = None
     if body.method == "gradient":
         trace = _followed(chain, body, pose)
@@ -297,24 +300,26 @@ def _ik(
     return to_json(answer)
 
 
+def _constrained(body: IkRequest) -> bool:
+    """Whether constraints decide: they are given, or the method is named."""
+    return body.method == "constrained" or bool(body.constraints)
+
+
 def _wants_check(body: IkRequest) -> bool:
     """Whether solutions are to be checked: a scene is given, or something is held."""
     return body.scene is not None or bool(body.attached)
 
 
 def _check_method(body: IkRequest) -> None:
-    if body.method == "constrained":
-        raise NotAvailable(
-            "inverse kinematics by the method 'constrained' is not built yet",
-            hint=f"There are: {', '.join(METHODS)}, gradient.",
-            methods=[*METHODS, "gradient"],
+    if body.constraints and body.method not in {"auto", "constrained"}:
+        raise InvalidOption(
+            f"constraints do not go with the method {body.method!r}",
+            hint='Ask for the method "constrained", or leave constraints out.',
         )
-    if body.constraints:
-        raise NotAvailable(
-            "constraints of inverse kinematics are not built yet",
-            hint="Leave constraints out; scene keeps solutions out of collision, and axes frees "
-            "some axes of the pose.",
-        )
+    if body.posture is not None and not _constrained(body):
+        raise InvalidOption("posture goes with the method 'constrained'")
+    if _constrained(body) and (body.parameters or body.all_turns):
+        raise InvalidOption("parameters and all_turns do not go with the method 'constrained'")
     if body.poses is not None and body.gradient is not None and body.gradient.trace:
         raise InvalidOption("a trace goes with one pose, not with many")
     if body.gradient is not None and body.method != "gradient":

@@ -14,6 +14,7 @@ from pydantic_core import to_json
 from planning import pipeline
 from planning.certificate import certify
 from planning.deadline import Deadline
+from planning.path_constraints import limit_loads
 from planning.result import Failure, Plan
 from service import library, translate_motion, translate_timing, worker_main
 from service.answering import answering
@@ -21,6 +22,7 @@ from service.computing import PATIENCE
 from service.holding import Held, holding
 from service.references import Absent, Planned, Reference, Refusal
 from service.schemas.plan import PlanRequest, ValidateRequest
+from service.translate_constraint import constraint_set
 from service.version import VERSION
 
 #: What a plan depends on beside the request.
@@ -54,7 +56,6 @@ def plan(
         ArmwrightError: The request is at fault.
     """
     body = PlanRequest.model_validate_json(content)
-    translate_motion.check_available(body)
     place = library.scene(scene or (None if isinstance(body.scene, str) else body.scene))
     geometry = library.robot(robot).geometry
     held = holding(geometry, place, body.attached, body.allowed_collisions)
@@ -86,7 +87,6 @@ def validate(
         ArmwrightError: The request is at fault.
     """
     body = ValidateRequest.model_validate_json(content)
-    translate_motion.check_constraints(body.constraints)
     place = library.scene(scene or (None if isinstance(body.scene, str) else body.scene))
     geometry = library.robot(robot).geometry
     held = holding(geometry, place, body.attached, body.allowed_collisions)
@@ -94,10 +94,13 @@ def validate(
     motion, begins = translate_motion.trajectory(body.trajectory, arm.chain)
     limits = translate_motion.limits(body.limits, arm.chain)
     deadline = Deadline.after(max(_left(body.timeout or timeout), 0.0))
-    loads = translate_timing.effort_loads(body.limits, arm.chain)
+    wanted = constraint_set(body.constraints, arm.chain)
+    loads = limit_loads(translate_timing.effort_loads(body.limits, arm.chain), wanted, arm.chain)
+    margin = body.margin if wanted is None else max(body.margin, wanted.margin)
     certificate = certify(
-        motion, arm, held.scene, margin=body.margin, limits=limits, loads=loads, deadline=deadline
-    )
+        motion, arm, held.scene, margin=margin, limits=limits, loads=loads, constraints=wanted,
+        deadline=deadline,
+    )  # fmt: skip
     violation = certificate.violation
     if violation is not None and violation.kind == "time":
         return _late()

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from kinematics.chain import Array, Chain, Limits
-from kinematics.errors import InvalidOption, InvalidTrajectory, NotAvailable
+from kinematics.errors import InvalidOption, InvalidTrajectory
 from kinematics.interpolation import interpolate
 from kinematics.trajectory import MAX_DEGREE, Trajectory
 from obstacles.robot_geometry import RobotGeometry
@@ -21,6 +21,7 @@ from planning.rung import PLANNERS
 from service import translate, translate_timing
 from service.schemas import plan as schema
 from service.schemas.cartesian import cartesian_options
+from service.translate_constraint import constraint_set
 
 #: Samples of one answer: at a kilobyte each, a hundred megabytes.
 _MAX_SAMPLES = 100_000
@@ -29,29 +30,6 @@ _TIME_ROUNDING = 1e-9
 
 
 # -------------------------------------------------------------------------------- problems
-
-
-def check_available(body: schema.PlanRequest) -> None:
-    """Refuse what is part of the contract but not built yet.
-
-    Raises:
-        NotAvailable: The request asks for it.
-    """
-    check_constraints(body.constraints)
-
-
-def check_constraints(constraints: Sequence[Any] | None) -> None:
-    """Refuse path constraints, which are not built yet.
-
-    Raises:
-        NotAvailable: There are some.
-    """
-    if constraints:
-        raise NotAvailable(
-            "path constraints are not built yet",
-            hint="Leave constraints out; scene, margin and attached are obeyed.",
-            field="constraints",
-        )
 
 
 def planner_name(name: str) -> str:
@@ -78,6 +56,7 @@ def problem(body: schema.PlanRequest, robot: RobotGeometry, scene: Scene) -> Pro
     start = np.array(body.start.joints)
     return Problem(
         robot, scene, start, goals, body.margin, body.start_state_tolerance,
+        constraints=constraint_set(body.constraints, robot.chain),
         start_velocity=_rates(body.start.velocities),
         start_acceleration=_rates(body.start.accelerations),
     )  # fmt: skip
@@ -328,6 +307,18 @@ def certificate_answer(certificate: Certificate, begins: float = 0.0) -> dict[st
         "cells": certificate.cells,
         "violation": None,
     }
+    answer["path_constraint_residual"] = certificate.path_constraint_residual
+    answer["path_constraints"] = [
+        {
+            "constraint": report.constraint,
+            "name": report.name,
+            "residual": report.residual,
+            "unit": report.unit,
+            "hard": report.hard,
+            "time": report.time + begins,
+        }
+        for report in certificate.path_constraints
+    ]
     deviation = certificate.path_deviation
     if deviation is not None:
         answer["path_deviation"] = {

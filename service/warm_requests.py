@@ -70,6 +70,7 @@ def requests() -> None:
         stuck = _problem("auto") | {"start": {"joints": touching[0]}}
         _ask(plan_tasks.plan, panda, stuck, _TIMEOUT)
         _lead(panda)
+        _hold(panda)
         _retime(panda)
 
 
@@ -87,6 +88,22 @@ def _retime(panda: Reference) -> None:
         {"method": "spline"},
     ):
         retime_tasks.retime(panda, json.dumps(body | {"timing": timing}).encode())
+
+
+def _hold(panda: Reference) -> None:
+    """Constraints of a configuration, with obstacles and without, and of a motion."""
+    upright = {"type": "orientation", "axis": [0, 0, 1], "direction": [0, 0, -1]}
+    wanted = [
+        upright | {"cone_angle": 0.3},
+        {"type": "relative_pose", "pose": {"position": [0.4, 0.0, 0.4], "rpy": [3.1, 0, 0]},
+         "position_tolerance": 0.05, "orientation_tolerance": [0.3, 0.3, 3.2], "weight": 1.0},
+    ]  # fmt: skip
+    for scene in (None, _scene()):
+        _ask(kinematics_tasks.ik, panda, {"constraints": wanted, "scene": scene})
+    for angle, planner in ((0.3, "auto"), (0.3, "rrt_connect"), (1e-3, "auto")):
+        body = _problem(planner) | {"constraints": [upright | {"cone_angle": angle}]}
+        body["goal"] = {"joints": [-0.6, *_START[1:]]}
+        _ask(plan_tasks.plan, panda, body, _TIMEOUT)
 
 
 def _lead(panda: Reference) -> None:

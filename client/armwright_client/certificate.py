@@ -7,13 +7,13 @@ from pydantic import Field
 from armwright_client.base import (
     Answer,
     NonNegative,
-    OptionsList,
     Pairs,
     Positive,
     Request,
     Vector,
 )
 from armwright_client.check import AttachedObjects
+from armwright_client.constraint import Constraints, ConstraintUse
 from armwright_client.scene import SceneReference
 from armwright_client.trajectory import Trajectory
 
@@ -73,7 +73,8 @@ class Certificate(Answer):
         method: How it was proved.
         limits: How much of each is used.
         continuity: Of position and its derivatives across pieces.
-        path_constraint_residual: Largest violation of the path constraints.
+        path_constraint_residual: Bound of the largest violation of hard path constraints.
+        path_constraints: Each with the bound of its residual over all t.
         path_deviation: Of the tool from the motions of the planner "cartesian".
         cells: Intervals of time that were looked at.
         violation: The first one, with its time, where it was not proved.
@@ -89,6 +90,7 @@ class Certificate(Answer):
     limits: LimitUses | None = None
     continuity: Any = None
     path_constraint_residual: float | None = None
+    path_constraints: list[ConstraintUse] = Field(default_factory=list)
     path_deviation: PathDeviation | None = None
     cells: int | None = None
     violation: dict[str, Any] | None = None
@@ -119,7 +121,7 @@ class ValidateOptions(TypedDict, total=False):
 
     scene: SceneReference
     limits: LimitValues
-    constraints: OptionsList
+    constraints: Constraints
     attached: AttachedObjects
     allowed_collisions: Pairs
     margin: float
@@ -133,7 +135,7 @@ class ValidateRequest(Request):
     trajectory: Trajectory
     scene: SceneReference | None = None
     limits: LimitValues | None = None
-    constraints: OptionsList | None = None
+    constraints: Constraints | None = None
     attached: AttachedObjects | None = None
     allowed_collisions: Pairs | None = None
     margin: NonNegative | None = None

@@ -167,8 +167,10 @@ class RobotEndpoints:
         return Call("POST", path("robots", robot, "jacobian"), JacobianBatch.read, body)
 
     @Endpoint
-    def ik(self, robot: str, pose: Pose, **options: Unpack[IkOptions]) -> Call[IkAnswer]:
-        """Configurations that reach a pose, best first; see `IkOptions`."""
+    def ik(
+        self, robot: str, pose: Pose | None = None, **options: Unpack[IkOptions]
+    ) -> Call[IkAnswer]:
+        """Configurations that reach a pose or hold constraints, best first; see `IkOptions`."""
         body = IkRequest.of(pose=pose, **options)
         return Call("POST", path("robots", robot, "ik"), IkAnswer.read, body, deadline=body.timeout)
 

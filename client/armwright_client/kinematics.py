@@ -8,7 +8,6 @@ from pydantic import Field
 from armwright_client.base import (
     Answer,
     Matrix,
-    OptionsList,
     Pairs,
     Request,
     Rows,
@@ -17,6 +16,7 @@ from armwright_client.base import (
     VectorLike,
 )
 from armwright_client.check import AttachedObjects
+from armwright_client.constraint import Constraints, ConstraintUse
 from armwright_client.pose import Pose
 from armwright_client.scene import SceneReference
 
@@ -137,7 +137,8 @@ class IkOptions(TypedDict, total=False):
         scene: To be free of collisions in.
         attached: What is held meanwhile.
         allowed_collisions: More pairs that may touch.
-        constraints: Beyond the pose.
+        constraints: Beyond the pose, or in its place.
+        posture: With constraints: what is nearest; the seed if left out.
         timeout: [s].
         seed: Of the random generator.
     """
@@ -155,7 +156,8 @@ class IkOptions(TypedDict, total=False):
     scene: SceneReference
     attached: AttachedObjects
     allowed_collisions: Pairs
-    constraints: OptionsList
+    constraints: Constraints
+    posture: VectorLike
     timeout: float
     seed: int
 
@@ -178,7 +180,8 @@ class IkRequest(Request):
     scene: SceneReference | None = None
     attached: AttachedObjects | None = None
     allowed_collisions: Pairs | None = None
-    constraints: OptionsList | None = None
+    constraints: Constraints | None = None
+    posture: Vector | None = None
     timeout: float | None = None
     seed: int = 0
 
@@ -189,20 +192,24 @@ class IkSolution(Answer):
     Args:
         joints: [rad or m].
         branch: Name of the closed form's branch.
-        position_error: [m].
+        position_error: [m]; None where no pose was asked for.
         orientation_error: [rad].
         within_limits: Whether every joint is.
         collision_free: None where no scene was given.
         rejected_because: Why it can't be used, if so.
+        clearance: With constraints: from the closest pair, margins taken off [m].
+        constraints: How well each is held, the pose as the last one.
     """
 
     joints: list[float]
     branch: str | None = None
-    position_error: float
-    orientation_error: float
+    position_error: float | None
+    orientation_error: float | None
     within_limits: bool
     collision_free: bool | None = None
     rejected_because: str | None = None
+    clearance: float | None = None
+    constraints: list[ConstraintUse] = Field(default_factory=list)
 
 
 class GradientTrace(Answer):

@@ -9,7 +9,6 @@ from armwright_client.base import (
     Answer,
     NonNegative,
     Options,
-    OptionsList,
     Pairs,
     Positive,
     Request,
@@ -20,6 +19,7 @@ from armwright_client.base import (
 )
 from armwright_client.certificate import Certificate, LimitValues
 from armwright_client.check import AttachedObjects
+from armwright_client.constraint import Constraints
 from armwright_client.dynamics import Payload
 from armwright_client.pose import Pose
 from armwright_client.problem import Problem
@@ -279,7 +279,7 @@ class PlanOptions(TypedDict, total=False):
     planner: str
     planner_options: Options
     refine: bool | Refine
-    constraints: OptionsList
+    constraints: Constraints
     attached: AttachedObjects
     allowed_collisions: Pairs
     margin: float
@@ -300,7 +300,7 @@ class PlanRequest(Request):
     planner: str = "auto"
     planner_options: Options | None = None
     refine: bool | Refine | None = None
-    constraints: OptionsList | None = None
+    constraints: Constraints | None = None
     attached: AttachedObjects | None = None
     allowed_collisions: Pairs | None = None
     margin: NonNegative | None = None
@@ -458,7 +458,7 @@ class BatchProblem(Request):
     scene: SceneReference | None = None
     planner: str | None = None
     planner_options: Options | None = None
-    constraints: OptionsList | None = None
+    constraints: Constraints | None = None
     attached: AttachedObjects | None = None
     allowed_collisions: Pairs | None = None
     margin: NonNegative | None = None

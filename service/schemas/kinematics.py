@@ -8,7 +8,6 @@ from service.schemas.attached import AllowedCollisions, AttachedObjects
 from service.schemas.base import (
     Answer,
     Body,
-    FreeForm,
     Joints,
     JointVector,
     Label,
@@ -22,18 +21,16 @@ from service.schemas.base import (
     Vector6,
     exactly_one,
 )
+from service.schemas.constraint import Constraints, ConstraintUse
 from service.schemas.pose import Orientation, OrientedPoseAnswer, Pose
 from service.schemas.scene import SceneReference
 
 MAX_SOLUTIONS = 1_000
 MAX_POSES = 1_000
-MAX_CONSTRAINTS = 32
 MAX_PARAMETERS = 1_000
 MAX_TWISTS = 10_000
 
 JOINTS_EXAMPLE = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
-
-Constraints = Annotated[list[FreeForm], Field(max_length=MAX_CONSTRAINTS)]
 
 
 class FkRequest(Body):
@@ -133,13 +130,19 @@ class IkRequest(Body):
         None, description="what is held; solutions are then checked, with no scene too"
     )
     allowed_collisions: AllowedCollisions | None = None
-    constraints: Constraints | None = None
+    constraints: Constraints | None = Field(
+        None, description="with the methods constrained and auto; with them no pose is needed"
+    )
+    posture: JointVector | None = Field(
+        None, description="of the method constrained: what is nearest; the seed if left out"
+    )
     timeout: Timeout | None = None
     seed: Seed = 0
 
     @model_validator(mode="after")
     def _pose_or_poses(self) -> Self:
-        exactly_one(self, ("pose", "poses"))
+        if not self.constraints or self.pose is not None or self.poses is not None:
+            exactly_one(self, ("pose", "poses"))
         return self
 
 
@@ -148,11 +151,17 @@ class IkSolution(Answer):
 
     joints: list[float] = Field(examples=[JOINTS_EXAMPLE])
     branch: str | None = None
-    position_error: float = Field(description="[m]")
-    orientation_error: float = Field(description="[rad]")
+    position_error: float | None = Field(description="[m]; null where no pose was asked for")
+    orientation_error: float | None = Field(description="[rad]")
     within_limits: bool
     collision_free: bool | None = None
     rejected_because: str | None = None
+    clearance: float | None = Field(
+        None, description="with constraints: from the closest pair, margins taken off [m]"
+    )
+    constraints: list[ConstraintUse] = Field(
+        default_factory=list, description="how well each is held, the pose as the last one"
+    )
 
 
 class GradientTrace(Answer):

@@ -30,8 +30,9 @@ from service.schemas.cartesian import (
     cartesian_options,
 )
 from service.schemas.check import Margin
+from service.schemas.constraint import Constraints, ConstraintUse
 from service.schemas.dynamics import Payload
-from service.schemas.kinematics import JOINTS_EXAMPLE, Constraints
+from service.schemas.kinematics import JOINTS_EXAMPLE
 from service.schemas.pose import Pose
 from service.schemas.scene import SceneReference
 
@@ -376,7 +377,14 @@ class CertificateAnswer(Answer):
     method: str
     limits: LimitUses | None = None
     continuity: Any = None
-    path_constraint_residual: float | None = None
+    path_constraint_residual: float | None = Field(
+        None,
+        description="the worst violation of the hard path constraints over all t [m or rad], "
+        "bounded from above; null without any",
+    )
+    path_constraints: list[ConstraintUse] = Field(
+        default_factory=list, description="each with the bound of its residual over all t"
+    )
     path_deviation: PathDeviationAnswer | None = Field(
         None, description="of the tool from the motions of the planner cartesian"
     )

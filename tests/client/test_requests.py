@@ -16,6 +16,7 @@ from armwright_client.robot import RobotFields
 from service.schemas import attached as their_attached
 from service.schemas import cartesian as their_cartesian
 from service.schemas import check as their_check
+from service.schemas import constraint as their_constraint
 from service.schemas import kinematics as their_kinematics
 from service.schemas import plan as their_plan
 from service.schemas import pose as their_pose
@@ -65,6 +66,24 @@ PAIRS: list[tuple[type[Readable], type[BaseModel]]] = [
     (ours.IkAnswer, their_kinematics.IkAnswer),
     (ours.IkBatch, their_kinematics.IkAnswer),
     (ours.Unsolved, their_kinematics.Unsolved),
+    *(
+        (getattr(ours, name), getattr(their_constraint, name))
+        for name in (
+            "BoxRegion",
+            "ClearanceConstraint",
+            "ConstraintUse",
+            "JointConstraint",
+            "LineRegion",
+            "LookAtConstraint",
+            "OrientationConstraint",
+            "PlaneRegion",
+            "PositionConstraint",
+            "RelativePoseConstraint",
+            "SphereRegion",
+            "ToolSpeedConstraint",
+            "TorqueConstraint",
+        )
+    ),
     (ours.Attached, their_attached.Attached),
     (ours.CheckRequest, their_check.CheckRequest),
     (ours.Collision, their_check.Collision),
@@ -168,7 +187,11 @@ def test_fields_are_those_of_the_service(mine: type[Readable], theirs: type[Base
         ),
         (ours.FkRequest(joints=[(0, 1), (2, 3)]), their_kinematics.FkRequest),
         (
-            ours.IkRequest(pose=ours.Pose.at(1, 2, 3), scene=SCENE, constraints=({"type": "x"},)),
+            ours.IkRequest(
+                pose=ours.Pose.at(1, 2, 3),
+                scene=SCENE,
+                constraints=({"type": "clearance", "margin": 0.1},),
+            ),
             their_kinematics.IkRequest,
         ),
         (

@@ -101,7 +101,9 @@ def test_velocities_and_every_kind_of_inverse_kinematics(client: Client) -> None
     )
     assert len(every.solutions) == 256
     free = client.robots.ik("panda", pose, axes=["x", "y", "z"], choice="manipulability")
-    assert free.solutions[0].position_error <= 1e-6
+    error = free.solutions[0].position_error
+    assert error is not None
+    assert error <= 1e-6
 
 
 def test_the_potential_at_one_configuration_and_at_many(client: Client) -> None:
@@ -360,6 +362,7 @@ def test_inverse_kinematics_reaches_the_pose(client: Client) -> None:
     answer = client.robots.ik("panda", pose, seed_joints=READY, timeout=30)
     best = answer.solutions[0]
     assert best.within_limits
+    assert best.position_error is not None
     assert best.position_error < 1e-4
     reached = client.robots.fk("panda", best.joints).pose
     np.testing.assert_allclose(reached.position, pose.position, atol=1e-4)

@@ -344,17 +344,6 @@ def test_velocities_refused(client: httpx.Client, body: dict[str, Any]) -> None:
     problem(client.post("/v1/robots/panda/velocity", json=body), 422, "VALIDATION_ERROR")
 
 
-def test_the_constrained_method_is_not_built_yet(client: httpx.Client) -> None:
-    body = {"pose": {"position": [0.4, 0, 0.4]}, "method": "constrained"}
-    document = problem(client.post("/v1/robots/panda/ik", json=body), 501, "NOT_IMPLEMENTED")
-    assert "numeric" in document["hint"]
-
-
-def test_constraints_are_not_built_yet(client: httpx.Client) -> None:
-    body = {"pose": {"position": [0.4, 0, 0.4]}, "constraints": [{"type": "upright"}]}
-    problem(client.post("/v1/robots/panda/ik", json=body), 501, "NOT_IMPLEMENTED")
-
-
 @pytest.mark.parametrize(
     ("path", "body", "status", "code"),
     [

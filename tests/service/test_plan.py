@@ -324,7 +324,7 @@ def test_no_way_at_all_is_told_in_time_with_what_was_tried(client: httpx.Client)
         ({"timing": {"method": "guess"}}, 422, "VALIDATION_ERROR"),
         ({"timing": {"velocity_scaling": 0.0}}, 422, "VALIDATION_ERROR"),
         ({"timing": {"sample_period": 1e-4, "velocity_scaling": 1e-4}}, 422, "VALIDATION_ERROR"),
-        ({"constraints": [{"type": "upright"}]}, 501, "NOT_IMPLEMENTED"),
+        ({"constraints": [{"type": "upright"}]}, 422, "VALIDATION_ERROR"),
         ({"timeout": 1e5}, 422, "VALIDATION_ERROR"),
         ({"timeout": 0.0}, 422, "VALIDATION_ERROR"),
         ({"margin": -0.1}, 422, "VALIDATION_ERROR"),

@@ -1,0 +1,199 @@
+"""What a configuration or a motion has to hold, on the wire."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from service.schemas.base import (
+    MAX_JOINTS,
+    Answer,
+    Body,
+    Label,
+    Length,
+    NonNegative,
+    Number,
+    Point,
+    Positive,
+    Vector3,
+)
+from service.schemas.pose import Pose, Quaternion
+
+MAX_CONSTRAINTS = 32
+Angle = Annotated[float, Field(ge=0.0, le=3.141592653589793)]
+#: One for all axes, or one for each.
+Tolerances = NonNegative | Annotated[list[NonNegative], Field(min_length=3, max_length=3)]
+Weight = Annotated[Positive, Field(description="makes it soft: what a squared unit of it costs")]
+
+
+class _Weighed(Body):
+    weight: Weight | None = None
+
+
+class _OfLink(_Weighed):
+    link: Label | None = Field(None, description="the tip if left out")
+    reference_link: Label | None = Field(
+        None, description="whose frame it is seen from; the base if left out"
+    )
+
+
+class JointConstraint(_Weighed):
+    """position − tolerance_below ≤ q ≤ position + tolerance_above [rad or m]."""
+
+    type: Literal["joint"]
+    joint: Label = Field(examples=["panda_joint1"])
+    position: Number = Field(examples=[0.0])
+    tolerance_above: NonNegative = Field(0.0, examples=[0.3])
+    tolerance_below: NonNegative = Field(0.0, examples=[0.3])
+
+
+class BoxRegion(Body):
+    """A box by the pose of its centre and its edge lengths [m]."""
+
+    type: Literal["box"]
+    pose: Pose
+    size: Annotated[list[NonNegative], Field(min_length=3, max_length=3)] = Field(
+        examples=[[0.1, 0.4, 0.2]]
+    )
+
+
+class SphereRegion(Body):
+    """All points within a radius of a centre [m]."""
+
+    type: Literal["sphere"]
+    center: Point = Field(examples=[[0.4, 0.0, 0.4]])
+    radius: NonNegative = Field(examples=[0.05])
+
+
+class PlaneRegion(Body):
+    """All points within a tolerance of a plane [m]."""
+
+    type: Literal["plane"]
+    point: Point = Field(examples=[[0.4, 0.0, 0.4]])
+    normal: Vector3 = Field(examples=[[0.0, 0.0, 1.0]])
+    tolerance: NonNegative = Field(examples=[0.002])
+
+
+class LineRegion(Body):
+    """All points within a tolerance of a line [m]."""
+
+    type: Literal["line"]
+    point: Point = Field(examples=[[0.4, 0.0, 0.4]])
+    direction: Vector3 = Field(examples=[[0.0, 1.0, 0.0]])
+    tolerance: NonNegative = Field(examples=[0.002])
+    length: Length | None = Field(None, description="within half of it of the point, along it")
+
+
+Region = Annotated[BoxRegion | SphereRegion | PlaneRegion | LineRegion, Field(discriminator="type")]
+
+
+class PositionConstraint(_OfLink):
+    """A point of a link stays in a region."""
+
+    type: Literal["position"]
+    point: Point = Field(default_factory=lambda: [0.0, 0.0, 0.0], description="in its frame [m]")
+    region: Region
+
+
+class OrientationConstraint(_OfLink):
+    """An axis of a link within a cone about a direction, or an orientation within tolerances."""
+
+    type: Literal["orientation"]
+    axis: Vector3 | None = Field(None, examples=[[0.0, 0.0, 1.0]], description="of the link")
+    direction: Vector3 | None = Field(None, examples=[[0.0, 0.0, -1.0]])
+    cone_angle: Angle | None = Field(
+        None, examples=[0.1745], description="from the cone's axis to its side [rad]"
+    )
+    quaternion_xyzw: Quaternion | None = None
+    axis_tolerances: Tolerances | None = Field(
+        None, description="about its x, y, z [rad]; π or more leaves an axis free"
+    )
+
+    @model_validator(mode="after")
+    def _check_form(self) -> "OrientationConstraint":
+        cone = [self.axis, self.direction, self.cone_angle]
+        near = [self.quaternion_xyzw, self.axis_tolerances]
+        whole = all(x is not None for x in cone) and all(x is None for x in near)
+        if not whole and not (all(x is not None for x in near) and all(x is None for x in cone)):
+            raise ValueError(
+                "give axis, direction and cone_angle, or quaternion_xyzw and axis_tolerances"
+            )
+        return self
+
+
+class LookAtConstraint(_OfLink):
+    """An axis of a link, from a point on it, points at a target within an angle."""
+
+    type: Literal["look_at"]
+    axis: Vector3 = Field(examples=[[0.0, 0.0, 1.0]])
+    target: Point = Field(examples=[[0.6, 0.0, 0.1]])
+    angle: Angle = Field(examples=[0.05], description="[rad]")
+    point: Point = Field(default_factory=lambda: [0.0, 0.0, 0.0], description="in its frame [m]")
+
+
+class ClearanceConstraint(Body):
+    """Every obstacle stays at least so far away, beyond its own margin [m]."""
+
+    type: Literal["clearance"]
+    margin: NonNegative = Field(examples=[0.02])
+
+
+class RelativePoseConstraint(_OfLink):
+    """A link stays near a pose in the frame of another link, or of the base."""
+
+    type: Literal["relative_pose"]
+    pose: Pose
+    position_tolerance: Tolerances = Field(0.0, description="along the pose's x, y, z [m]")
+    orientation_tolerance: Tolerances = Field(0.0, description="about the pose's x, y, z [rad]")
+
+
+class ToolSpeedConstraint(Body):
+    """The tip moves at most so fast [m/s]; of motions only."""
+
+    type: Literal["tool_speed"]
+    limit: Positive = Field(examples=[0.25])
+
+
+class TorqueConstraint(Body):
+    """Joint torques stay within limits [N m or N], the robot's if left out; of motions only."""
+
+    type: Literal["torque"]
+    limits: Annotated[list[Positive], Field(min_length=1, max_length=MAX_JOINTS)] | None = None
+
+
+Constraint = Annotated[
+    JointConstraint
+    | PositionConstraint
+    | OrientationConstraint
+    | LookAtConstraint
+    | ClearanceConstraint
+    | RelativePoseConstraint
+    | ToolSpeedConstraint
+    | TorqueConstraint,
+    Field(discriminator="type"),
+]
+Constraints = Annotated[
+    list[Constraint],
+    Field(
+        max_length=MAX_CONSTRAINTS,
+        examples=[
+            [
+                {
+                    "type": "orientation", "axis": [0, 0, 1], "direction": [0, 0, -1],
+                    "cone_angle": 0.1745,
+                },
+                {"type": "clearance", "margin": 0.02},
+            ]
+        ],
+    ),
+]  # fmt: skip
+
+
+class ConstraintUse(Answer):
+    """How well a constraint is held; its residual is positive by how much it is violated."""
+
+    constraint: int = Field(description="its number in the request")
+    name: str
+    residual: float = Field(description="[unit]; negative by what is to spare")
+    unit: str = Field(examples=["rad"])
+    hard: bool
+    time: float | None = Field(None, description="about when it is worst [s], of a motion")

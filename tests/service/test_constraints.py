@@ -1,0 +1,222 @@
+"""Constraints over HTTP: configurations, plans, foreign motions, and what is refused."""
+
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+
+from kinematics.forward import forward
+from kinematics.robots import builtin_chain
+from service.schemas.kinematics import IkAnswer
+from service.schemas.plan import CertificateAnswer, PlanAnswer
+from tests.service.robots import HOME, POST, answer, problem, scene
+
+CHAIN = builtin_chain("panda")
+UPRIGHT = {
+    "type": "orientation", "axis": [0, 0, 1], "direction": [0, 0, -1], "cone_angle": 0.1745
+}  # fmt: skip
+PLACE = {
+    "type": "position",
+    "region": {"type": "sphere", "center": [0.4, 0.3, 0.4], "radius": 1e-3},
+}
+
+
+def ik(client: httpx.Client, **body: Any) -> Any:
+    found = answer(client.post("/v1/robots/panda/ik", json={"method": "constrained"} | body))
+    IkAnswer.model_validate(found)
+    return found["solutions"]
+
+
+def tilt(q: Any) -> float:
+    return float(np.arccos(np.clip(-forward(CHAIN, q)[2, 2], -1.0, 1.0)))
+
+
+def at(client: httpx.Client, y: float) -> Any:
+    region = {"type": "sphere", "center": [0.4, y, 0.4], "radius": 1e-3}
+    wanted = [UPRIGHT | {"cone_angle": 0.12}, {"type": "position", "region": region}]
+    return ik(client, constraints=wanted, seed_joints=HOME)[0]["joints"]
+
+
+def test_constraints_alone_say_what_is_wanted(client: httpx.Client) -> None:
+    (best,) = ik(client, constraints=[UPRIGHT, PLACE])
+    assert tilt(best["joints"]) <= 0.1745 + 1e-6
+    tip = forward(CHAIN, best["joints"])[:3, 3]
+    assert np.linalg.norm(tip - [0.4, 0.3, 0.4]) <= 1e-3 + 1e-6
+    assert best["position_error"] is None
+    assert [(use["constraint"], use["unit"], use["hard"]) for use in best["constraints"]] == [
+        (0, "rad", True), (1, "m", True)
+    ]  # fmt: skip
+    assert all(use["residual"] <= 1e-6 for use in best["constraints"])
+
+
+@pytest.mark.parametrize("method", ["auto", "constrained"])
+def test_a_pose_with_a_margin(client: httpx.Client, method: str) -> None:
+    pose = {"position": [0.4, -0.2, 0.4], "rpy": [np.pi, 0, 0]}
+    body = {"method": method, "pose": pose, "scene": scene(POST)}
+    (best,) = ik(client, **body, constraints=[{"type": "clearance", "margin": 0.02}])
+    assert best["collision_free"] is True
+    assert best["clearance"] > 0.0
+    assert best["position_error"] < 1e-6
+    assert best["orientation_error"] < 1e-6
+    assert best["constraints"][-1]["name"] == "pose of the tip seen from the base"
+
+
+def test_free_axes_wishes_and_postures(client: httpx.Client) -> None:
+    pose = {"position": [0.4, -0.2, 0.4], "rpy": [np.pi, 0, 0]}
+    wish = {"type": "joint", "joint": "panda_joint7", "position": 0.3, "weight": 10.0}
+    options = {"pose": pose, "axes": ["x", "y", "z"], "posture": HOME}
+    (best,) = ik(client, **options, constraints=[wish])
+    assert best["position_error"] < 1e-6
+    assert abs(best["joints"][6] - 0.3) < 0.05
+    several = ik(client, pose=pose, max_solutions=3, choice="manipulability")
+    assert 1 <= len(several) <= 3
+
+
+def test_every_kind_is_understood(client: httpx.Client) -> None:
+    T = forward(CHAIN, HOME)
+    wanted = [
+        {"type": "joint", "joint": "panda_joint1", "position": 0, "tolerance_above": 0.5,
+         "tolerance_below": 0.5},
+        {"type": "position", "link": "panda_link6", "point": [0, 0, 0.1],
+         "region": {"type": "box", "pose": {"position": [0.5, 0, 0.5]}, "size": [1, 1, 1]}},
+        {"type": "position", "region": {"type": "plane", "point": T[:3, 3].tolist(),
+                                        "normal": [0, 0, 2], "tolerance": 0.01}},
+        {"type": "position", "region": {"type": "line", "point": T[:3, 3].tolist(),
+                                        "direction": [0, 1, 0], "tolerance": 0.2, "length": 1}},
+        {"type": "orientation", "quaternion_xyzw": [1, 0, 0, 0], "axis_tolerances": [1, 1, 4]},
+        {"type": "look_at", "axis": [0, 0, 1], "target": [0.4, 0, 0], "angle": 0.5},
+        {"type": "relative_pose", "reference_link": "panda_link2",
+         "pose": {"position": [0, 0, 0]}, "position_tolerance": 2, "orientation_tolerance": 4},
+        {"type": "clearance", "margin": 0.01},
+    ]  # fmt: skip
+    (best,) = ik(client, constraints=wanted, seed_joints=HOME, scene=scene(POST))
+    assert [use["constraint"] for use in best["constraints"]] == [*range(7)]
+    assert all(use["residual"] <= 1e-6 for use in best["constraints"])
+
+
+def test_a_plan_holds_them_for_every_instant(client: httpx.Client) -> None:
+    body = {
+        "robot": "panda", "scene": scene(POST), "start": {"joints": at(client, -0.3)},
+        "goal": {"joints": at(client, 0.35)}, "timeout": 60,
+        "constraints": [UPRIGHT, {"type": "tool_speed", "limit": 0.4}],
+        "timing": {"sample_period": 0.01},
+    }  # fmt: skip
+    found = answer(client.post("/v1/plan", json=body))
+    PlanAnswer.model_validate(found)
+    certificate = found["certificate"]
+    assert certificate["verified"]
+    assert certificate["path_constraint_residual"] == 0.0
+    assert certificate["path_constraints"][0]["residual"] <= 1e-6
+    assert certificate["limits"]["tool_speed"]["worst_ratio"] <= 1.0 + 1e-9
+    assert max(map(tilt, found["trajectory"]["samples"]["position"])) <= 0.1745 + 1e-6
+    # What was answered proves itself, and a narrower cone finds where it does not.
+    proof = {name: body[name] for name in ("robot", "scene", "constraints")}
+    proof["trajectory"] = {"segments": found["trajectory"]["segments"]}
+    judged = answer(client.post("/v1/validate", json=proof))
+    CertificateAnswer.model_validate(judged)
+    assert judged["verified"]
+    widest = max(map(tilt, found["trajectory"]["samples"]["position"]))
+    proof["constraints"] = [UPRIGHT | {"cone_angle": 0.9 * widest}]
+    judged = answer(client.post("/v1/validate", json=proof))
+    assert not judged["verified"]
+    assert judged["violation"]["kind"] == "path_constraint"
+    assert judged["path_constraint_residual"] > 0.05 * widest
+
+
+def plan(client: httpx.Client, code: str, **change: Any) -> Any:
+    body = {"robot": "panda", "start": {"joints": HOME}, "goal": {"joints": HOME}} | change
+    return problem(client.post("/v1/plan", json=body), 422, code)
+
+
+def test_violations_name_the_constraint_and_by_how_much(client: httpx.Client) -> None:
+    held = at(client, 0.3)
+    tilted = [*held[:5], held[5] + 0.5, held[6]]
+    excess = tilt(tilted) - 0.1745
+    ends = {"start": {"joints": held}, "goal": {"joints": held}, "constraints": [UPRIGHT]}
+    for end, code in (
+        ("start", "START_STATE_VIOLATES_PATH_CONSTRAINTS"),
+        ("goal", "GOAL_VIOLATES_PATH_CONSTRAINTS"),
+    ):
+        document = plan(client, code, **(ends | {end: {"joints": tilted}}))
+        assert document["details"]["constraint"] == 0
+        assert document["details"]["residual"] == pytest.approx(excess, abs=1e-6)
+        assert document["stage"] == end
+
+
+def planes(*heights: float) -> list[dict[str, Any]]:
+    return [
+        {"type": "position", "region": {"type": "plane", "point": [0, 0, z], "normal": [0, 0, 1],
+                                        "tolerance": 0.01}}
+        for z in heights
+    ]  # fmt: skip
+
+
+def test_impossible_sets_name_their_conflict(client: httpx.Client) -> None:
+    document = plan(client, "INVALID_GOAL_CONSTRAINTS", constraints=[UPRIGHT, *planes(0.2, 0.6)])
+    assert document["details"]["constraints"] == [1, 2]
+    assert "0.38 m" in document["hint"]
+    body = {"method": "constrained", "constraints": planes(0.2, 0.6)}
+    refused = client.post("/v1/robots/panda/ik", json=body)
+    document = problem(refused, 422, "INVALID_GOAL_CONSTRAINTS")
+    assert document["details"]["conflict"] == [0, 1]
+    np.testing.assert_allclose(document["details"]["relaxations"], 0.38, atol=1e-3)
+
+
+def test_no_room_is_told_with_what_is_in_the_way(client: httpx.Client) -> None:
+    wall = {"id": "wall", "shape": {"type": "box", "size": [0.4, 0.4, 0.4]},
+            "pose": {"position": [0.4, 0.3, 0.4]}}  # fmt: skip
+    body = {"method": "constrained", "constraints": [PLACE], "scene": scene(wall)}
+    refused = client.post("/v1/robots/panda/ik", json=body)
+    document = problem(refused, 422, "NO_IK_SOLUTION")
+    assert document["stage"] == "ik"
+    assert document["hint"]
+
+
+@pytest.mark.parametrize(
+    ("constraint", "code"),
+    [
+        ({"type": "upright"}, "VALIDATION_ERROR"),
+        ({"type": "orientation", "axis": [0, 0, 1]}, "VALIDATION_ERROR"),
+        (UPRIGHT | {"axis_tolerances": 0.1}, "VALIDATION_ERROR"),
+        (UPRIGHT | {"cone_angle": 4.0}, "VALIDATION_ERROR"),
+        (UPRIGHT | {"axis": [0, 0, 0]}, "INVALID_GOAL_CONSTRAINTS"),
+        (UPRIGHT | {"link": "nose"}, "INVALID_LINK_NAME"),
+        (UPRIGHT | {"link": "panda_link0"}, "INVALID_GOAL_CONSTRAINTS"),
+        (UPRIGHT | {"weight": 0}, "VALIDATION_ERROR"),
+        ({"type": "joint", "joint": "elbow", "position": 0}, "INVALID_GOAL_CONSTRAINTS"),
+        ({"type": "clearance", "margin": -1}, "VALIDATION_ERROR"),
+        ({"type": "torque", "limits": [1]}, "INVALID_GOAL_CONSTRAINTS"),
+    ],
+)
+def test_malformed_ones_are_refused(
+    client: httpx.Client, constraint: dict[str, Any], code: str
+) -> None:
+    plan(client, code, constraints=[constraint])
+
+
+def test_too_thin_ones_are_refused_for_paths(client: httpx.Client) -> None:
+    flat = {"type": "position", "region": {"type": "plane", "point": [0, 0, 0.5],
+                                           "normal": [0, 0, 1], "tolerance": 0}}  # fmt: skip
+    document = plan(client, "INVALID_GOAL_CONSTRAINTS", constraints=[flat])
+    assert "Widen" in document["hint"]
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        {"method": "numeric", "constraints": [UPRIGHT], "pose": {"position": [0.4, 0, 0.4]}},
+        {"method": "auto", "posture": HOME, "pose": {"position": [0.4, 0, 0.4]}},
+        {"method": "constrained"},
+        {"method": "constrained", "constraints": []},
+    ],
+)
+def test_what_does_not_go_together(client: httpx.Client, body: dict[str, Any]) -> None:
+    problem(client.post("/v1/robots/panda/ik", json=body), 422, "VALIDATION_ERROR")
+
+
+def test_limits_of_motions_are_none_of_configurations(client: httpx.Client) -> None:
+    body = {"method": "constrained", "constraints": [{"type": "tool_speed", "limit": 1}]}
+    refused = client.post("/v1/robots/panda/ik", json=body)
+    document = problem(refused, 422, "INVALID_GOAL_CONSTRAINTS")
+    assert "plan" in document["hint"]
