@@ -11,6 +11,9 @@ from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.hold import HOLDS, VIOLATED, held
 from planning.limit_check import Violation
 
+#: Samples that tell how bad a violation gets.
+_SAMPLES = 1_000
+
 
 @dataclass(frozen=True, slots=True)
 class ConstraintReport:
@@ -19,7 +22,8 @@ class ConstraintReport:
     Args:
         constraint: Its number in the request.
         name: What it is, in words.
-        residual: Upper bound over all t of its worst residual; negative by what is to spare.
+        residual: Upper bound over all t of its worst residual, negative by what is to spare; the
+            largest one found where it is violated.
         unit: Of the residual, "m" or "rad".
         time: About when it is worst [s].
         hard: Whether it has to hold.
@@ -52,11 +56,19 @@ def check_motion(
         row = int(np.argmax(found.worst))
         hard = constraint.weight is None
         unit = own.rows[row].unit
-        reports.append(
-            ConstraintReport(
-                i, constraint.name, float(found.worst[row]), unit, float(found.times[row]), hard
-            )
-        )
+        worst, time = float(found.worst[row]), float(found.times[row])
+        if found.verdict == VIOLATED:
+            # The proof stopped at the first violation: how bad it gets is told by samples.
+            times = np.linspace(0.0, trajectory.duration, _SAMPLES)
+            sampled = own.residuals(trajectory.sample(times))
+            place, row = divmod(int(np.argmax(sampled)), sampled.shape[1])
+            if sampled[place, row] > worst:
+                worst, time, unit = (
+                    float(sampled[place, row]),
+                    float(times[place]),
+                    own.rows[row].unit,
+                )
+        reports.append(ConstraintReport(i, constraint.name, worst, unit, time, hard))
         if not hard or found.verdict == HOLDS or (first is not None and first.time <= found.time):
             continue
         wrong = own.rows[found.row]

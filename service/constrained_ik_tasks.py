@@ -25,6 +25,8 @@ from service.schemas.pose import Pose
 _ALL = 16
 #: Time where the request names none [s].
 _TIMEOUT = 5.0
+#: Share of it for the search; the rest is kept for saying why nothing was found.
+_SHARE = 0.5
 
 
 def answer(
@@ -50,7 +52,7 @@ def answer(
         seed_joints=None if body.seed_joints is None else np.array(body.seed_joints),
         most=body.max_solutions or many,
         seed=body.seed,
-        deadline=Deadline.after(body.timeout or _TIMEOUT),
+        deadline=Deadline.after(_SHARE * (body.timeout or _TIMEOUT)),
     )
     found = constrained_ik(robot, wanted, None if held is None else held.scene, options)
     if not found.solutions:

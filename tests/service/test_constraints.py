@@ -98,7 +98,7 @@ def test_every_kind_is_understood(client: httpx.Client) -> None:
 def test_a_plan_holds_them_for_every_instant(client: httpx.Client) -> None:
     body = {
         "robot": "panda", "scene": scene(POST), "start": {"joints": at(client, -0.3)},
-        "goal": {"joints": at(client, 0.35)}, "timeout": 60,
+        "goal": {"joints": at(client, 0.0)}, "timeout": 60,
         "constraints": [UPRIGHT, {"type": "tool_speed", "limit": 0.4}],
         "timing": {"sample_period": 0.01},
     }  # fmt: skip
@@ -166,7 +166,7 @@ def test_impossible_sets_name_their_conflict(client: httpx.Client) -> None:
 def test_no_room_is_told_with_what_is_in_the_way(client: httpx.Client) -> None:
     wall = {"id": "wall", "shape": {"type": "box", "size": [0.4, 0.4, 0.4]},
             "pose": {"position": [0.4, 0.3, 0.4]}}  # fmt: skip
-    body = {"method": "constrained", "constraints": [PLACE], "scene": scene(wall)}
+    body = {"method": "constrained", "constraints": [PLACE], "scene": scene(wall), "timeout": 4}
     refused = client.post("/v1/robots/panda/ik", json=body)
     document = problem(refused, 422, "NO_IK_SOLUTION")
     assert document["stage"] == "ik"
