@@ -24,7 +24,7 @@ from planning.timing.law import Law
 #: Violations that are kept away from once it is known where they are.
 _PLACED = frozenset({"collision", "path_constraint"})
 #: Nothing is begun with less than this left [s].
-_LEAST_TIME = 0.03
+_LEAST_TIME = 0.05
 #: Motions offered for proof, at most.
 MOST_OFFERS = 3
 

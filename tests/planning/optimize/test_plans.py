@@ -293,7 +293,7 @@ def test_too_short_a_duration_says_what_is_needed() -> None:
 def test_deadlines_are_kept(timeout: float) -> None:
     asked = behind_a_post()
     plan(asked, OPTIMIZE)
-    how = Options("optimize", {"control_points": 64, "rounds": 100}, timeout=timeout)
+    how = Options("optimize", {"rounds": 100}, timeout=timeout)
     began = time.process_time()
     answer = plan(asked, how)
     # Processor time, for others compute here too: it is at most the time on the wall.
