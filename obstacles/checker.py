@@ -1,19 +1,33 @@
 """Exact verdicts about configurations and joint motions: free, colliding, how far apart."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
-from kinematics.chain import Array, Indices
-from obstacles.collision_model import CollisionModel
-from obstacles.motion import COLLIDING, FREE, certify_curve, certify_path
+from kinematics.chain import Array, Chain, Indices, Limits, Link
+from kinematics.kernel import direct
+from obstacles.collision_model import CollisionModel, ModelArrays
+from obstacles.motion import COLLIDING, FREE, certify_curve, certify_edge, certify_path
 from obstacles.proximity import closest_pair, near_pairs
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 
+_FLOAT = np.dtype(np.float64)
 #: Near pairs there is room for at first.
 _NEAR_PAIRS = 64
+
+
+@cache
+def _edge_verdict() -> Callable[[ModelArrays, Array, Array, float], int]:
+    """``certify_edge`` without the look at its arguments' types, which would cost more than it."""
+    limits = Limits.unlimited(1)
+    links = (Link("base", -1, np.eye(4)), Link("tip", 0, np.eye(4)))
+    turning = np.zeros(1, dtype=np.int64), np.eye(4)[None]
+    chain = Chain("any", ("j",), *turning, links, "base", "tip", limits, np.zeros(1, np.bool_))
+    return direct(certify_edge, CollisionModel.bare(chain).arrays, np.zeros(1), np.zeros(1), 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,11 +139,8 @@ class Checker:
 
     def free(self, start: Array, end: Array) -> bool:
         """Whether the straight joint motion is proved free: ``segment`` without the report."""
-        found = np.empty(4)
-        zero = np.zeros(start.shape[0])
-        step = end - start
-        verdict = certify_curve(self.model.arrays, start, step, zero, zero, self.slack, found)
-        return bool(verdict == FREE)
+        a, b = np.ascontiguousarray(start, _FLOAT), np.ascontiguousarray(end, _FLOAT)
+        return _edge_verdict()(self.model.arrays, a, b, float(self.slack)) == FREE
 
     def polyline(self, waypoints: Array) -> tuple[Motion, int]:
         """Prove every leg of a polyline (k, n); what was found and the leg it is about."""

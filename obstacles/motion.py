@@ -389,6 +389,13 @@ def certify_curve(
 
 
 @kernel
+def certify_edge(model: ModelArrays, start: Array, end: Array, margin: float) -> int:
+    """``certify_curve`` on the straight motion from ``start`` to ``end``, the verdict alone."""
+    zero, found = np.zeros(start.shape[0]), np.empty(4)
+    return certify_in(model, workspace(model), start, end - start, zero, zero, margin, found)
+
+
+@kernel
 def certify_path(
     model: ModelArrays, waypoints: Array, margin: float, found: Array
 ) -> tuple[int, int]:
