@@ -23,6 +23,8 @@ from planning.deadline import Deadline
 #: Rounds, and edge checks in all of them, after which a path counts as short.
 _ROUNDS = 6
 _MOST_CHECKS = 250
+#: Intervals of a check beyond which it counts as another one.
+_INTERVALS_A_CHECK = 100
 #: A round that gains less than this share of the length was the last.
 _LEAST_ROUND = 0.01
 #: Cuts tried at a corner: the whole of it, a half, a quarter, an eighth of its legs.
@@ -45,7 +47,7 @@ def shortcut(checker: Checker, waypoints: Array, deadline: Deadline) -> Array:
     points = np.empty((len(waypoints) + _MOST_CHECKS, waypoints.shape[1]))
     points[: len(waypoints)] = waypoints
     model, slack, checks = checker.model.arrays, checker.slack, np.zeros(1, dtype=np.int64)
-    count = skip_kernel(model, slack, points, len(waypoints))
+    count = skip_kernel(model, slack, points, len(waypoints), checks)
     before = np.inf
     for _ in range(_ROUNDS):
         length = length_kernel(points, count)
@@ -53,19 +55,26 @@ def shortcut(checker: Checker, waypoints: Array, deadline: Deadline) -> Array:
             break
         before = length
         count = round_kernel(model, slack, points, count, _LEAST_GAIN * length, checks)
-        count = skip_kernel(model, slack, points, count)
+        count = skip_kernel(model, slack, points, count, checks)
     return np.array(points[:count])
 
 
 @kernel
-def _free(model: ModelArrays, work: Workspace, a: Array, b: Array, slack: float) -> bool:
+def _free(
+    model: ModelArrays, work: Workspace, a: Array, b: Array, slack: float, checks: Indices
+) -> bool:
     """Whether the straight motion from a to b, both (n,), is proved free."""
     zero, found = np.zeros(a.shape[0]), np.empty(4)
-    return bool(certify_in(model, work, a, b - a, zero, zero, slack, found) == FREE)
+    verdict = certify_in(model, work, a, b - a, zero, zero, slack, found)
+    # A motion that grazes takes thousands of intervals: it counts as many checks.
+    checks[0] += 1 + int(found[2]) // _INTERVALS_A_CHECK
+    return bool(verdict == FREE)
 
 
 @kernel
-def skip_kernel(model: ModelArrays, slack: float, points: Array, count: int) -> int:
+def skip_kernel(
+    model: ModelArrays, slack: float, points: Array, count: int, checks: Indices
+) -> int:
     """From each of ``count`` waypoints go straight to the farthest that a bisection finds in sight.
 
     What is kept is moved to the front of ``points``; answers how many that are.
@@ -74,9 +83,9 @@ def skip_kernel(model: ModelArrays, slack: float, points: Array, count: int) -> 
     at, kept = 0, 1
     while at < count - 1:
         sure, maybe = at + 1, count - 1
-        while sure < maybe:
+        while sure < maybe and checks[0] < _MOST_CHECKS:
             # Waypoints before ``kept`` are done with; ``at`` itself may have been overwritten.
-            if _free(model, work, points[kept - 1], points[maybe], slack):
+            if _free(model, work, points[kept - 1], points[maybe], slack, checks):
                 sure = maybe
             else:
                 maybe = (sure + maybe) // 2
@@ -118,8 +127,7 @@ def round_kernel(
             if share == 1.0:
                 # To the last bit: these two stay waypoints.
                 a[:], b[:] = points[k - 1], points[k + 1]
-            checks[0] += 1
-            if _free(model, work, a, b, slack):
+            if _free(model, work, a, b, slack, checks):
                 break
             share /= 2.0
         else:
