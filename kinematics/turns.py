@@ -2,6 +2,8 @@
 
 import math
 
+import numpy as np
+
 from kinematics.chain import Array
 from kinematics.kernel import kernel
 
@@ -15,7 +17,7 @@ def turns_kernel(q: Array, cosines: Array, sines: Array) -> None:
     library calls an angle would be most of what forward kinematics costs.
     """
     for i in range(q.shape[0]):
-        k = math.floor(q[i] * (2.0 / math.pi) + 0.5)
+        k = np.floor(q[i] * (2.0 / math.pi) + 0.5)
         r = q[i] - k * 1.5707963267341256
         r = (r - k * 6.077100506303966e-11) - k * 2.0222662487959506e-21
         z = r * r
@@ -28,9 +30,9 @@ def turns_kernel(q: Array, cosines: Array, sines: Array) -> None:
         c = 4.16666666666666019037e-02 + z * (-1.38888888888741095749e-03 + z * c)
         c = (1.0 - 0.5 * z) + z * z * c
         half = 0.5 * k
-        odd = 2.0 * (half - math.floor(half))
-        half = 0.5 * math.floor(half)
-        sign = 1.0 - 4.0 * (half - math.floor(half))
+        odd = 2.0 * (half - np.floor(half))
+        half = 0.5 * np.floor(half)
+        sign = 1.0 - 4.0 * (half - np.floor(half))
         sines[i] = sign * ((1.0 - odd) * s + odd * c)
         cosines[i] = sign * ((1.0 - odd) * c - odd * s)
     for i in range(q.shape[0]):

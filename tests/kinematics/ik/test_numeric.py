@@ -179,6 +179,24 @@ def test_batches_reach_every_pose_inside_the_limits(name: str) -> None:
     np.testing.assert_array_equal(batch.joints[7], one.solutions[0].joints)
 
 
+@pytest.mark.parametrize("name", ["panda", "ur5e"])
+def test_poses_of_a_batch_are_answered_as_alone(name: str) -> None:
+    chain = builtin_chain(name)
+    random = np.random.default_rng(18)
+    lower, upper = chain.sampling_bounds()
+    q = random.uniform(lower, upper, (40, chain.n))
+    q[::3] = np.where(random.random(q[::3].shape) < 0.5, lower, q[::3])
+    targets = forward(chain, q)
+    targets[[5, 39], :3, 3] = 9.0
+    batch = solve_many(chain, targets, starts=40, seed=3)
+    assert not batch.solved[[5, 39]].any()
+    for k, target in enumerate(targets):
+        one = solve(chain, target, starts=40, seed=3)
+        assert bool(one.solutions) == batch.solved[k]
+        np.testing.assert_array_equal(batch.joints[k], one.nearest.joints)
+        assert (batch.steps[k], batch.position_error[k]) == one.nearest[3:0:-2]
+
+
 @pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 6, 8, 13, 20])
 def test_steps_solve_the_damped_system(n: int) -> None:
     random = np.random.default_rng(n)
