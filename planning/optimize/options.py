@@ -34,7 +34,7 @@ class RefineOptions:
         duration: The longest the motion may take [s]; None for as long as the motion it starts
             from.
         degree: Of the spline; None for 5 where the jerk is made small, else 3.
-        control_points: Of each joint; None for a number that goes with the path's corners.
+        control_points: Of each joint; None for 16.
         rounds: Convex problems solved, at most.
 
     Raises:
