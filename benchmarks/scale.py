@@ -21,7 +21,7 @@ from kinematics.srdf import parse_srdf
 from kinematics.urdf import parse_urdf
 from obstacles.checker import Checker
 from obstacles.model_arrays import ModelArrays
-from obstacles.motion import FREE, certify_in
+from obstacles.motion import FREE, MAX_INTERVALS, certify_in
 from obstacles.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Box, Cylinder, PointCloud, Sphere
@@ -36,7 +36,8 @@ def certify_all(model: ModelArrays, starts: Array, steps: Array, verdicts: Array
     """Verdict on the straight motion by ``steps`` (k, n) from each of ``starts`` (k, n)."""
     work, found, zero = workspace(model), np.empty(4), np.zeros(starts.shape[1])
     for k in range(starts.shape[0]):
-        verdicts[k] = certify_in(model, work, starts[k], steps[k], zero, zero, 0.0, found)
+        q, dq = starts[k], steps[k]
+        verdicts[k] = certify_in(model, work, q, dq, zero, zero, 0.0, MAX_INTERVALS, found)
 
 
 def cheapest(task: Callable[[], object]) -> float:

@@ -46,7 +46,7 @@ UNDECIDED = 2
 _HALFSPACE = int(CoreKind.HALFSPACE)
 _MAX_DEPTH = 40
 #: Intervals looked at before an edge is given up as undecided.
-_MAX_INTERVALS = 20_000
+MAX_INTERVALS = 20_000
 #: A bound this small [m] that still does not separate a pair is contact within its margin.
 _RESOLUTION = 1e-6
 #: What floating point may have cost a distance of a few metres [m], with room to spare.
@@ -300,9 +300,9 @@ def _look_at(
 @kernel
 def certify_in(
     model: ModelArrays, work: Workspace,
-    b0: Array, b1: Array, b2: Array, b3: Array, margin: float, found: Array,
+    b0: Array, b1: Array, b2: Array, b3: Array, margin: float, most: int, found: Array,
 ) -> int:  # fmt: skip
-    """``certify_curve`` with a workspace of the caller's, for many curves in a row."""
+    """``certify_curve`` in a workspace of the caller's; given up after ``most`` intervals."""
     roots = model.roots
     entries, axes = roots, work.hints[2]
     spans, lists = work.spans[0], work.lists[0]
@@ -345,7 +345,7 @@ def certify_in(
                 return COLLIDING
             if kept == begin:
                 continue
-            if tally[_STOPPED] > 0.0 or visits >= _MAX_INTERVALS:
+            if tally[_STOPPED] > 0.0 or visits >= most:
                 found[0], found[1], found[2] = middle, _pair_of(model, left[begin]), visits
                 found[3] = tally[_CLEARANCE] + margin
                 return UNDECIDED
@@ -385,14 +385,15 @@ def certify_curve(
         FREE (proved), COLLIDING (a configuration was found with a pair at most its margin apart) or
         UNDECIDED (a pair comes within a millionth of a metre of its margin).
     """
-    return certify_in(model, workspace(model), b0, b1, b2, b3, margin, found)
+    return certify_in(model, workspace(model), b0, b1, b2, b3, margin, MAX_INTERVALS, found)
 
 
 @kernel
 def certify_edge(model: ModelArrays, start: Array, end: Array, margin: float) -> int:
     """``certify_curve`` on the straight motion from ``start`` to ``end``, the verdict alone."""
     zero, found = np.zeros(start.shape[0]), np.empty(4)
-    return certify_in(model, workspace(model), start, end - start, zero, zero, margin, found)
+    work, step = workspace(model), end - start
+    return certify_in(model, work, start, step, zero, zero, margin, MAX_INTERVALS, found)
 
 
 @kernel
@@ -404,7 +405,8 @@ def certify_path(
     work = workspace(model)
     for leg in range(waypoints.shape[0] - 1):
         step = waypoints[leg + 1] - waypoints[leg]
-        verdict = certify_in(model, work, waypoints[leg], step, zero, zero, margin, found)
+        start = waypoints[leg]
+        verdict = certify_in(model, work, start, step, zero, zero, margin, MAX_INTERVALS, found)
         if verdict != FREE:
             return verdict, leg
     return FREE, waypoints.shape[0] - 1

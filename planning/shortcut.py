@@ -23,8 +23,10 @@ from planning.deadline import Deadline
 #: Rounds, and edge checks in all of them, after which a path counts as short.
 _ROUNDS = 6
 _MOST_CHECKS = 250
-#: Intervals of a check beyond which it counts as another one.
-_INTERVALS_A_CHECK = 100
+#: Intervals of a check beyond which it counts as another one; a cut that needs more than the most
+#: is not worth its proof.
+_INTERVALS_A_CHECK = 40
+_MOST_INTERVALS = 800
 #: A round that gains less than this share of the length was the last.
 _LEAST_ROUND = 0.01
 #: Cuts tried at a corner: the whole of it, a half, a quarter, an eighth of its legs.
@@ -65,7 +67,7 @@ def _free(
 ) -> bool:
     """Whether the straight motion from a to b, both (n,), is proved free."""
     zero, found = np.zeros(a.shape[0]), np.empty(4)
-    verdict = certify_in(model, work, a, b - a, zero, zero, slack, found)
+    verdict = certify_in(model, work, a, b - a, zero, zero, slack, _MOST_INTERVALS, found)
     # A motion that grazes takes thousands of intervals: it counts as many checks.
     checks[0] += 1 + int(found[2]) // _INTERVALS_A_CHECK
     return bool(verdict == FREE)

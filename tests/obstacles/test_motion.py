@@ -12,6 +12,7 @@ from kinematics.srdf import parse_srdf
 from kinematics.urdf import parse_urdf
 from obstacles.checker import Checker
 from obstacles.gjk import allowance
+from obstacles.motion import FREE, MAX_INTERVALS, UNDECIDED, certify_in
 from obstacles.piece import Piece, PieceKind
 from obstacles.piece_set import CENTER, RADIUS
 from obstacles.robot_geometry import RobotGeometry, robot_geometry
@@ -204,3 +205,22 @@ def test_polyline_names_the_leg() -> None:
     assert motion.colliding
     assert leg == 2
     assert checker.polyline(np.array([[0.0], [0.5], [0.2]]))[0].free
+
+
+def test_proof_is_given_up_after_the_intervals_it_may_take() -> None:
+    random = np.random.default_rng(5)
+    robot = builtin("panda")
+    model = Checker.of(robot, clutter(random)).model.arrays
+    limits, zero, found = robot.chain.limits, np.zeros(robot.chain.n), np.empty(4)
+    given_up = 0
+    for _ in range(200):
+        a, b = random.uniform(limits.lower, limits.upper, (2, robot.chain.n))
+        step = 0.2 * (b - a)
+        work = workspace(model)
+        verdict = certify_in(model, work, a, step, zero, zero, 0.0, MAX_INTERVALS, found)
+        needed = found[2]
+        if verdict == FREE and needed > 1:
+            assert certify_in(model, work, a, step, zero, zero, 0.0, 1, found) == UNDECIDED
+            assert found[2] == 1
+            given_up += 1
+    assert given_up > 5
