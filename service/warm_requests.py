@@ -66,6 +66,7 @@ def requests() -> None:
             _plan(panda, planner)
         field = {"joints": _START, "goal_joints": _GOAL, "scene": _scene()}
         _ask(potential_tasks.potential, panda, field)
+        _collide(panda)
         # A start in collision: the nearest free one is looked for.
         stuck = _problem("auto") | {"start": {"joints": touching[0]}}
         _ask(plan_tasks.plan, panda, stuck, _TIMEOUT)
@@ -145,6 +146,14 @@ def _plan(panda: Reference, planner: str) -> None:
             _track(panda, trajectory)
         motion = {"robot": "panda", "scene": _scene(), "trajectory": trajectory}
         _ask(plan_tasks.validate, panda, motion, _TIMEOUT)
+
+
+def _collide(panda: Reference) -> None:
+    """A motion through the post: what comes close is left to the referee of the proof."""
+    rows = [[a, b - a] for a, b in zip(_START, _GOAL, strict=True)]
+    segment = {"t0": 0.0, "t1": 1.0, "coefficients": rows}
+    body = {"robot": "panda", "scene": _scene(), "trajectory": {"segments": [segment]}}
+    _ask(plan_tasks.validate, panda, body, _TIMEOUT)
 
 
 #: Without an SRDF, so that the links that always touch are looked for; with no two that do.

@@ -41,7 +41,8 @@ def test_the_planner_optimize_is_no_worse_than_the_ladder(client: httpx.Client) 
     "refine", [True, {"objective": "jerk"}, {"objective": {"time": 1.0, "energy": 1e-4}}]
 )
 def test_any_planner_is_refined(client: httpx.Client, refine: Any) -> None:
-    better = plan(client, planner="rrt_connect", refine=refine)
+    # The path of this seed leaves something to be gained.
+    better = plan(client, planner="rrt_connect", refine=refine, seed=1)
     assert better["planner"] == "optimize"
     assert "rrt_connect" in [stage["name"] for stage in better["stages"]]
 
