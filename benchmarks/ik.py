@@ -10,7 +10,6 @@ import argparse
 import subprocess
 import tempfile
 import time
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from benchmarks.ik_peers import timed
 from benchmarks.poses import edge_configurations, random_configurations
 from kinematics.chain import Chain
 from kinematics.forward import forward
@@ -66,18 +66,6 @@ class Judge:
         turn = pin.log3(reached.rotation.T @ T[:3, :3])
         away = reached.translation - T[:3, 3]
         return float(np.linalg.norm(away)), float(np.linalg.norm(turn))
-
-
-def timed(function: Callable[[int], Any], count: int) -> tuple[list[Any], Array]:
-    """Answers of a number of calls and what each took [us]."""
-    function(0)
-    answers, spent = [], np.empty(count)
-    for k in range(count):
-        start = time.perf_counter()
-        answer = function(k)
-        spent[k] = 1e6 * (time.perf_counter() - start)
-        answers.append(answer)
-    return answers, spent
 
 
 def _solved(chain: Chain, poses: Array, starts: Array, axes: tuple[Axis, ...], k: int) -> IkResult:

@@ -81,3 +81,29 @@ def answer(response: httpx.Response, status: int = 200) -> dict[str, Any]:
     assert response.status_code == status, response.text
     found: dict[str, Any] = response.json()
     return found
+
+
+#: Past the post, a plan that takes some steps.
+DETOUR: dict[str, Any] = {
+    "robot": "panda",
+    "scene": scene(POST, FLOOR),
+    "start": {"joints": HOME},
+    "goal": {"joints": ASIDE},
+    "timeout": 20.0,
+}
+
+
+def stuck(robot: str, timeout: float) -> dict[str, Any]:
+    """A plan for ``bench`` robots to which no way exists, so it is worked on until time is up."""
+    ball = {
+        "id": "ball",
+        "shape": {"type": "sphere", "radius": 0.02},
+        "pose": {"position": [0.0, 0.0, 0.2]},
+    }
+    return {
+        "robot": robot,
+        "scene": scene(ball),
+        "start": {"joints": [-1.5, 0.0]},
+        "goal": {"joints": [1.5, 0.0]},
+        "timeout": timeout,
+    }

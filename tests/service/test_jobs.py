@@ -21,17 +21,22 @@ from service.app import create_app
 from service.settings import Settings
 from tests.service.conftest import Served
 from tests.service.processes import wait_until
-from tests.service.robots import ASIDE, FLOOR, HOME, POST, answer, bench, problem, scene
+from tests.service.robots import (
+    ASIDE,
+    DETOUR,
+    FLOOR,
+    HOME,
+    POST,
+    answer,
+    bench,
+    problem,
+    scene,
+    stuck,
+)
 from tests.service.server import serving
 
 ASYNC = {"Prefer": "respond-async"}
-PLAN: dict[str, Any] = {
-    "robot": "panda",
-    "scene": scene(POST, FLOOR),
-    "start": {"joints": HOME},
-    "goal": {"joints": ASIDE},
-    "timeout": 20.0,
-}
+PLAN = DETOUR
 #: Nothing is in the way, so it takes milliseconds.
 EASY: dict[str, Any] = {
     "robot": "planar_rr",
@@ -40,19 +45,7 @@ EASY: dict[str, Any] = {
     "timeout": 20.0,
 }
 #: No way exists, so it is worked on until the time is up.
-STUCK: dict[str, Any] = {
-    "robot": "stuck",
-    "scene": scene(
-        {
-            "id": "ball",
-            "shape": {"type": "sphere", "radius": 0.02},
-            "pose": {"position": [0.0, 0.0, 0.2]},
-        }
-    ),
-    "start": {"joints": [-1.5, 0.0]},
-    "goal": {"joints": [1.5, 0.0]},
-    "timeout": 60.0,
-}
+STUCK = stuck("stuck", 60.0)
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,6 @@ import signal
 import threading
 import time
 from pathlib import Path
-from typing import Any
 
 import httpx
 import pytest
@@ -14,30 +13,18 @@ from service.app import create_app
 from service.settings import Settings
 from tests.service.conftest import Served
 from tests.service.processes import wait_until
-from tests.service.robots import ASIDE, FLOOR, HOME, POST, answer, bench, problem, scene
+from tests.service.robots import (
+    DETOUR,
+    answer,
+    bench,
+    problem,
+    stuck,
+)
 from tests.service.server import serving
 
-BODY: dict[str, Any] = {
-    "robot": "panda",
-    "scene": scene(POST, FLOOR),
-    "start": {"joints": HOME},
-    "goal": {"joints": ASIDE},
-    "timeout": 20.0,
-}
+BODY = DETOUR
 #: No way exists, so it is worked on until the time is up.
-STUCK: dict[str, Any] = {
-    "robot": "killed",
-    "scene": scene(
-        {
-            "id": "ball",
-            "shape": {"type": "sphere", "radius": 0.02},
-            "pose": {"position": [0.0, 0.0, 0.2]},
-        }
-    ),
-    "start": {"joints": [-1.5, 0.0]},
-    "goal": {"joints": [1.5, 0.0]},
-    "timeout": 20.0,
-}
+STUCK = stuck("killed", 20.0)
 
 
 def test_a_worker_killed_in_a_plan_costs_that_plan_alone(served: Served) -> None:
