@@ -1,14 +1,19 @@
-"""OMPL as it is mostly used from Python, beside Armwright, on the same problems in one run.
+"""Other planners beside Armwright, on the same problems in one run.
 
-    python -m benchmarks.peers ../data/mbm/panda [--every 20] [--timeout 20]
+    python -m benchmarks.peers ../data/mbm/panda [--every 20] [--timeout 20] [--mplib PYTHON]
 
-The peer is RRT-Connect with its defaults, a state checker in Python (pinocchio and python-fcl), and
-OMPL's own simplification. What both return is looked at densely by ``benchmarks.recheck``; times
-are the processor's.
+OMPL as it is mostly used from Python: RRT-Connect with its defaults, a state checker in Python
+(pinocchio and python-fcl), and OMPL's own simplification. MPLib in an environment of its own (see
+``benchmarks/peers_mplib.py``): RRT-Connect and simplification in C++. What they return is looked at
+densely by ``benchmarks.recheck``; times are the processor's.
 """
 
 import argparse
+import json
+import subprocess
+import tempfile
 import time
+from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -19,6 +24,7 @@ from ompl import base, geometric, util
 from benchmarks.mbm_problems import Case, cases, panda
 from benchmarks.recheck import STEP, Recheck, Scenery
 from kinematics.chain import Array, Chain
+from obstacles.robot_geometry import RobotGeometry
 from planning.options import Options
 from planning.pipeline import plan
 from planning.result import Plan
@@ -59,40 +65,79 @@ def clean(path: Array, recheck: Recheck, truth: Scenery) -> bool:
     return True
 
 
+def ours(case: Case, robot: RobotGeometry, timeout: float) -> Answer:
+    """Processor time [ms] of the whole plan, timed and proved, and its path."""
+    began = time.process_time()
+    found = plan(case.problem(robot, 0.0), Options(timeout=timeout))
+    spent = 1e3 * (time.process_time() - began)
+    return spent, found.path.waypoints if isinstance(found, Plan) else None
+
+
+def mplib(interpreter: Path, folder: Path, tasks: Sequence[Case], timeout: float) -> list[Answer]:
+    """What MPLib answers in its own environment."""
+    entries = [
+        {"scene": case.text, "start": case.start.tolist(), "goal": case.goal.tolist()}
+        for case in tasks
+    ]
+    with tempfile.TemporaryDirectory() as work:
+        problems, answers = Path(work, "problems.json"), Path(work, "answers.json")
+        problems.write_text(json.dumps({"timeout": timeout, "cases": entries}))
+        script = Path(__file__).with_name("peers_mplib.py")
+        command = [str(interpreter), str(script), str(problems), str(folder), str(answers)]
+        subprocess.run(command, check=True)
+        rows = json.loads(answers.read_text())
+    return [(row["ms"], np.array(row["path"]) if row["path"] else None) for row in rows]
+
+
+def table(names: Sequence[str], rows: Sequence[Sequence[tuple[float, float, bool]]]) -> None:
+    """Print what each planner did: times and lengths of what it solved."""
+    print(f"{'':18} solved  ms median     p95  length median  clean")
+    for name, found in zip(names, rows, strict=True):
+        times, lengths = [row[0] for row in found], [row[1] for row in found]
+        print(
+            f"{name:18} {len(found):6d} {np.median(times):10.1f} {np.percentile(times, 95):7.1f}"
+            f" {np.median(lengths):14.2f} {sum(row[2] for row in found):6d}"
+        )
+
+
 def main() -> None:
     """Run the comparison from the command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("problems", type=Path)
     parser.add_argument("--every", type=int, default=20)
     parser.add_argument("--timeout", type=float, default=20.0)
+    parser.add_argument("--mplib", type=Path, help="the Python in which MPLib is installed")
     asked = parser.parse_args()
     folder = asked.problems.parent.parent / "panda"
     robot, recheck = panda(folder), Recheck(folder)
-    tallies: dict[str, list[tuple[float, float, bool]]] = {"armwright": [], "ompl, python-fcl": []}
-    tried = 0
+    tasks, truths = [], []
     for case in cases(asked.problems, robot.chain.joint_names, asked.every):
         truth = recheck.scene(case.text)
-        if recheck.collision(case.start, truth) or recheck.collision(case.goal, truth):
-            continue
-        if tried == 0:
-            plan(case.problem(robot, 0.0), Options(timeout=60.0))
-        tried += 1
-        began = time.process_time()
-        found = plan(case.problem(robot, 0.0), Options(timeout=asked.timeout))
-        spent = 1e3 * (time.process_time() - began)
-        ours = found.path.waypoints if isinstance(found, Plan) else None
-        answers = (spent, ours), peer(case, robot.chain, recheck, truth, asked.timeout)
-        for (milliseconds, path), rows in zip(answers, tallies.values(), strict=True):
-            if path is not None:
-                length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
-                rows.append((milliseconds, length, clean(path, recheck, truth)))
-    print(f"{'of ' + str(tried):18} solved  ms median     p95  length median  clean")
-    for name, rows in tallies.items():
-        times, lengths = [row[0] for row in rows], [row[1] for row in rows]
-        print(
-            f"{name:18} {len(rows):6d} {np.median(times):10.1f} {np.percentile(times, 95):7.1f}"
-            f" {np.median(lengths):14.2f} {sum(row[2] for row in rows):6d}"
-        )
+        # Only problems whose ends are free for the judge too.
+        if not recheck.collision(case.start, truth) and not recheck.collision(case.goal, truth):
+            tasks.append(case)
+            truths.append(truth)
+    plan(tasks[0].problem(robot, 0.0), Options(timeout=60.0))
+    answers = {
+        "armwright": [ours(case, robot, asked.timeout) for case in tasks],
+        "ompl, python-fcl": [
+            peer(case, robot.chain, recheck, truth, asked.timeout)
+            for case, truth in zip(tasks, truths, strict=True)
+        ],
+    }
+    if asked.mplib:
+        answers["mplib"] = mplib(asked.mplib, folder, tasks, asked.timeout)
+    rows = [
+        [
+            (spent, float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()), judged)
+            for (spent, path), truth in zip(found, truths, strict=True)
+            if path is not None
+            for judged in [clean(path, recheck, truth)]
+        ]
+        for found in answers.values()
+    ]
+    print(f"{len(tasks)} problems")
+    table(list(answers), rows)
 
 
 if __name__ == "__main__":
