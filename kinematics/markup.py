@@ -8,14 +8,24 @@ import math
 import re
 from collections.abc import Iterator
 from typing import Any
-from xml.etree.ElementTree import Element, ParseError, TreeBuilder
+from xml.etree.ElementTree import Element, ParseError, TreeBuilder, tostring
 
 from defusedxml.common import DefusedXmlException
 from defusedxml.ElementTree import DefusedXMLParser
 
 from kinematics.errors import InvalidRobotDescription
 
-__all__ = ["Element", "attribute", "children", "number", "numbers", "read_robot", "single"]
+__all__ = [
+    "Element",
+    "attribute",
+    "children",
+    "number",
+    "numbers",
+    "read_document",
+    "read_robot",
+    "single",
+    "tostring",
+]
 
 #: The largest real descriptions (humanoids with hands) are below 1 MiB, 20 deep, 20,000 elements.
 MAX_BYTES = 16 * 1024 * 1024
@@ -66,7 +76,7 @@ def read_robot(text: str | bytes, what: str) -> Element:
             f"the {what} has more than {MAX_BYTES // 2**20} MiB",
             hint="Meshes belong beside the description, not inside it.",
         )
-    root = _parse(text, what)
+    root = read_document(text, what)
     namespace = root.tag[: root.tag.rindex("}") + 1] if root.tag.startswith("{") else ""
     _strip(root, namespace, what)
     if root.tag != "robot":
@@ -77,7 +87,12 @@ def read_robot(text: str | bytes, what: str) -> Element:
     return root
 
 
-def _parse(text: str | bytes, what: str) -> Element:
+def read_document(text: str | bytes, what: str) -> Element:
+    """Parse ``text`` of any kind and answer its root as it is.
+
+    Raises:
+        InvalidRobotDescription: Not well-formed, with a DTD, too deep or with too many elements.
+    """
     parser = DefusedXMLParser(
         target=_BoundedBuilder(), forbid_dtd=True, forbid_entities=True, forbid_external=True
     )

@@ -14,11 +14,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinematics.chain import Array, frozen
 from kinematics.errors import InvalidScene
+from obstacles.collada import triangles
 from obstacles.hull import convex_hull
 
 #: What is read, by file extension. No archives (a small one can unpack to gigabytes), nothing
-#: that fetches other files, nothing that needs another parser.
-FILE_TYPES = ("stl", "obj", "ply", "off")
+#: that fetches other files.
+FILE_TYPES = ("stl", "obj", "ply", "off", "dae")
 MAX_BYTES = 64 * 2**20
 MAX_VERTICES = 600_000
 MAX_FACES = 200_000
@@ -49,7 +50,8 @@ def load_mesh(data: bytes, file_type: str) -> tuple[Array, Faces]:
         file_type: Its extension, one of ``FILE_TYPES``.
 
     Returns:
-        Vertices (k, 3), in the file's units; triangles (f, 3).
+        Vertices (k, 3), in the file's units ("dae": in metres, as it says its unit); triangles
+        (f, 3).
 
     Raises:
         InvalidScene: Unknown type, too large, unreadable, empty, not finite or indices out of
@@ -65,14 +67,21 @@ def load_mesh(data: bytes, file_type: str) -> tuple[Array, Faces]:
     if len(data) > MAX_BYTES:
         raise InvalidScene(f"mesh file: {len(data)} bytes, at most {MAX_BYTES} are taken")
     try:
-        loaded = trimesh.load_scene(
-            io.BytesIO(data), file_type=kind, process=False, allow_remote=False
-        )
-        mesh = loaded.to_mesh()
-        vertices, faces = np.array(mesh.vertices), np.array(mesh.faces)
+        vertices, faces = _read(data, kind)
     except Exception as error:  # noqa: BLE001  a foreign parser on foreign bytes raises anything
         raise InvalidScene(f"mesh file: not a readable {kind} ({type(error).__name__})") from None
     return checked_mesh(vertices, faces)
+
+
+def _read(data: bytes, kind: str) -> tuple[Array, Faces]:
+    if kind == "dae":
+        mesh = trimesh.Trimesh(**trimesh.triangles.to_kwargs(triangles(data)), process=False)
+        mesh.merge_vertices()
+    else:
+        mesh = trimesh.load_scene(
+            io.BytesIO(data), file_type=kind, process=False, allow_remote=False
+        ).to_mesh()
+    return np.array(mesh.vertices), np.array(mesh.faces)
 
 
 def checked_mesh(vertices: ArrayLike, faces: ArrayLike) -> tuple[Array, Faces]:

@@ -23,7 +23,7 @@ from armwright_client.errors import InvalidArgument
 
 _PACKAGE = "package://"
 #: What the service reads; nothing else is sent, whatever a description names.
-_SUFFIXES = (".stl", ".obj", ".ply", ".off")
+_SUFFIXES = (".stl", ".obj", ".ply", ".off", ".dae")
 
 
 @dataclass(frozen=True, slots=True)

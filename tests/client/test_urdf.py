@@ -95,9 +95,9 @@ def test_other_places_are_never_read(tmp_path: Path, uri: str) -> None:
         RobotUpload.from_urdf(write(tmp_path / "arm.urdf", uri))
 
 
-@pytest.mark.parametrize("uri", ["../../../etc/passwd", "a.dae", "a"])
+@pytest.mark.parametrize("uri", ["../../../etc/passwd", "a.glb", "a"])
 def test_only_meshes_are_sent(tmp_path: Path, uri: str) -> None:
-    mesh(tmp_path / "a.dae")
+    mesh(tmp_path / "a.glb")
     with pytest.raises(InvalidArgument, match="can't be sent"):
         RobotUpload.from_urdf(write(tmp_path / "arm.urdf", uri))
 
