@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import PurePosixPath
 
 from kinematics.errors import InvalidRobotDescription
+from obstacles.mesh import FILE_TYPES
 
 #: A robot with visual and collision meshes of all its variants stays well below these.
 MAX_ENTRIES = 2_000
@@ -22,7 +23,7 @@ _MAX_NAME = 1_024
 _UPWARD = re.compile(
     r"""(?P<start>\bfilename\s*=\s*(?P<quote>["']))(?P<path>(\./)*\.\./[^"'<>&]*)(?P<end>(?P=quote))"""
 )
-_MESHES = (".stl", ".obj", ".ply", ".off")
+_MESHES = tuple(f".{kind}" for kind in FILE_TYPES)
 _ARCHIVES = (".zip", ".gz", ".tgz", ".tar", ".bz2", ".xz", ".7z", ".rar", ".zst", ".jar", ".3mf")
 _ARCHIVE_STARTS = (
     b"PK\x03\x04",

@@ -4,7 +4,9 @@ import base64
 
 from pydantic import ValidationError
 
+from kinematics.description import MeshGeometry
 from kinematics.errors import InvalidRobotDescription
+from kinematics.urdf import parse_urdf
 from obstacles.decomposition import keep_decompositions
 from obstacles.scene import Scene
 from service import prepared, translate, translate_robot
@@ -113,7 +115,13 @@ def unpack_robot(content: bytes, fields: dict[str, object], folder: str) -> tupl
         InvalidRobotDescription: The archive or what is in it is not valid.
     """
     archive = read_archive(content)
-    meshes = {name: base64.b64encode(data).decode() for name, data in archive.meshes.items()}
+    named = _collision_files(archive.urdf)
+    # What is only looked at can be many times larger than what collides.
+    meshes = {
+        name: base64.b64encode(data).decode()
+        for name, data in archive.meshes.items()
+        if name.rpartition("/")[2] in named
+    }
     given = {"srdf": archive.srdf} | {k: v for k, v in fields.items() if v is not None}
     try:
         body = RobotBody.model_validate({**given, "urdf": archive.urdf, "meshes": meshes or None})
@@ -122,3 +130,9 @@ def unpack_robot(content: bytes, fields: dict[str, object], folder: str) -> tupl
         raise InvalidRobotDescription(f"the robot archive: {problem.detail}") from None
     document = body.model_dump_json(exclude_none=True).encode()
     return document, prepare_robot(document, folder)
+
+
+def _collision_files(urdf: str) -> set[str]:
+    """Names, without folders, of the mesh files that links collide with."""
+    solids = (part.geometry for link in parse_urdf(urdf).links.values() for part in link.collisions)
+    return {part.uri.rpartition("/")[2] for part in solids if isinstance(part, MeshGeometry)}

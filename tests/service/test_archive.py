@@ -1,18 +1,27 @@
 """Robot archives: what is read of them, and what is refused."""
 
 import io
+import json
 import struct
 import warnings
 import zipfile
 from collections.abc import Mapping
+from pathlib import Path
 
 import pytest
+import trimesh
 
 from kinematics.errors import InvalidRobotDescription
 from service import archive
 from service.archive import read_archive
+from service.tasks import unpack_robot
+from tests.obstacles.test_collada import written
 
 URDF = "<robot/>"
+MESH = '<mesh filename="package://arm/{}"/>'
+ONE_JOINT = """<robot name="arm"><link name="base"/><link name="arm">{}</link>
+  <joint name="swing" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>
+  <limit lower="-1" upper="1" velocity="1" effort="1"/></joint></robot>"""
 
 
 def packed(files: Mapping[str, bytes | str], method: int = zipfile.ZIP_DEFLATED) -> bytes:
@@ -33,7 +42,7 @@ def test_reads_what_a_robot_is_made_of(method: int) -> None:
                 "arm/meshes/": b"",
                 "arm/meshes/a.STL": b"solid",
                 "arm/meshes/b.obj": b"v 0 0 0",
-                "arm/meshes/visual.dae": b"\x00",
+                "arm/meshes/picture.png": b"\x00",
                 "arm/README.md": b"\xff\xff",
                 "__MACOSX/arm.urdf": b"\x00",
             },
@@ -176,3 +185,17 @@ def test_names_that_go_up_inside_the_archive(uri: str, expected: str, quote: str
     urdf = f"<robot><mesh scale={quote}1 1 1{quote} filename = {quote}{uri}{quote}/></robot>"
     found = read_archive(packed({"arm/urdf/arm.urdf": urdf, "arm/meshes/a.stl": b"solid"}))
     assert found.urdf == urdf.replace(uri, expected)
+
+
+def test_only_what_collides_is_kept(tmp_path: Path) -> None:
+    solid = f"<collision><geometry>{MESH.format('collision/a.dae')}</geometry></collision>"
+    seen = f"<visual><geometry>{MESH.format('visual/b.stl')}</geometry></visual>"
+    content = packed(
+        {
+            "arm/urdf/arm.urdf": ONE_JOINT.format(solid + seen),
+            "arm/collision/a.dae": written(),
+            "arm/visual/b.stl": trimesh.creation.box().export(file_type="stl"),
+        }
+    )
+    document, _ = unpack_robot(content, {"name": "z"}, str(tmp_path))
+    assert list(json.loads(document)["meshes"]) == ["arm/collision/a.dae"]
