@@ -2,11 +2,15 @@
 
     python -m benchmarks.constrained_ik ../data/mbm/panda [--count 500] [--solver auto]
     python -m benchmarks.constrained_ik ../data/mbm/panda --write problems.json
-    PEER/python benchmarks/constrained_ik_drake.py problems.json
+    PEER/bin/python benchmarks/constrained_ik_drake.py problems.json panda.urdf answers.json
+    python -m benchmarks.constrained_ik ../data/mbm/panda --judge answers.json
 
 Kinds: "upright" (a cone of 0.1 rad and a ball of 1 mm), "look_at" (a ray within 0.02 rad of a
 target from a box of 5 cm), "shelf" (a pose within 1 cm and 0.1 rad, 2 cm from every shelf). All are
 made of random configurations that hold them, so all are feasible. Processor time, one thread.
+Every answer is judged by pinocchio's frames and FCL's distances, a peer's by ``--judge``: "clean"
+are those that violate by no more than 1e-6 (distances by 1e-5, which FCL is good for) and touch
+nothing.
 """
 
 import argparse
@@ -17,12 +21,15 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+import pinocchio
 
+from benchmarks.fcl_judge import FclJudge
 from benchmarks.mbm_problems import cases, panda
 from kinematics.chain import Array
 from kinematics.forward import forward
 from obstacles.checker import Checker
 from obstacles.moveit import scene_from_moveit
+from obstacles.piece import Piece, PieceKind
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from planning.constrained_ik import IkOptions, constrained_ik
@@ -38,11 +45,16 @@ from planning.constraints.relative_pose import RelativePoseConstraint
 KINDS = ("upright", "look_at", "shelf")
 MARGIN = 0.02
 _UP = [0.0, 0.0, 1.0]
+#: What counts as held [m or rad], and what FCL's distances are good for [m].
+_OFF, _FCL_OFF = 1e-6, 1e-5
+#: What a peer's looser tolerances may leave.
+_NEARLY = 1e-4
+
+Problem = tuple[Array, tuple[Constraint, ...], Scene | None]
+Solver = Literal["auto", "descent", "ipopt"]
 
 
-def made(
-    kind: str, robot: RobotGeometry, scenes: list[Scene], count: int
-) -> Iterator[tuple[Array, tuple[Constraint, ...], Scene | None]]:
+def made(kind: str, robot: RobotGeometry, scenes: list[Scene], count: int) -> Iterator[Problem]:
     """Configurations, constraints that each holds, and the scene."""
     chain, random = robot.chain, np.random.default_rng(0)
     low, high = chain.sampling_bounds()
@@ -70,17 +82,68 @@ def made(
         at += 1
 
 
+class Judge:
+    """Answers seen by pinocchio and FCL.
+
+    Args:
+        robot: Its solids.
+        urdf: Its kinematics.
+    """
+
+    def __init__(self, robot: RobotGeometry, urdf: str) -> None:
+        self._robot = robot
+        self._model = pinocchio.buildModelFromXML(urdf)
+        self._data = self._model.createData()
+        self._tip = self._model.getFrameId(robot.chain.tip_link)
+        self._judges: dict[str, FclJudge] = {}
+
+    def clean(
+        self, q: Array, constraints: tuple[Constraint, ...], scene: Scene | None, off: float = _OFF
+    ) -> bool:
+        """Whether a configuration holds what was asked for up to ``off`` and touches nothing."""
+        low, high = self._model.lowerPositionLimit, self._model.upperPositionLimit
+        inside = bool((q >= low - off).all() and (q <= high + off).all())
+        pinocchio.framesForwardKinematics(self._model, self._data, q)
+        T = self._data.oMf[self._tip].homogeneous
+        held = all(_residual(T, constraint) <= off for constraint in constraints)
+        if scene is None or not (inside and held):
+            return inside and held
+        judge = self._judges.setdefault(scene.content_hash, FclJudge(self._robot, scene))
+        return not judge.collides(q) and judge.obstacle_distance(q) >= MARGIN - _FCL_OFF - off
+
+
+def _residual(T: Array, constraint: Constraint) -> float:
+    """By how much a pose violates a constraint, negative by what it has to spare."""
+    place = T[:3, 3]
+    if isinstance(constraint, ConeConstraint):
+        cosine = np.asarray(constraint.direction) @ T[:3, :3] @ np.asarray(constraint.axis)
+        return float(np.arccos(np.clip(cosine, -1.0, 1.0))) - constraint.cone_angle
+    if isinstance(constraint, LookAtConstraint):
+        sight = np.asarray(constraint.target) - place
+        axis = T[:3, :3] @ np.asarray(constraint.axis)
+        cosine = sight @ axis / np.linalg.norm(sight)
+        return float(np.arccos(np.clip(cosine, -1.0, 1.0))) - constraint.angle
+    if isinstance(constraint, RelativePoseConstraint):
+        M = np.linalg.inv(constraint.T_reference_link) @ T
+        turn = pinocchio.log3(M[:3, :3])
+        return float(max(np.abs(M[:3, 3]).max() - 0.01, np.abs(turn).max() - 0.1))
+    if isinstance(constraint, PositionConstraint):
+        region = constraint.region
+        if isinstance(region, SphereRegion):
+            return float(np.linalg.norm(place - np.asarray(region.center))) - region.radius
+        assert isinstance(region, BoxRegion)
+        inside = region.T[:3, :3].T @ (place - region.T[:3, 3])
+        return float((np.abs(inside) - 0.5 * np.asarray(region.size)).max())
+    return -np.inf
+
+
 def measure(
-    kind: str,
-    robot: RobotGeometry,
-    scenes: list[Scene],
-    count: int,
-    solver: Literal["auto", "descent", "ipopt"],
+    kind: str, problems: list[Problem], judge: Judge, robot: RobotGeometry, solver: Solver
 ) -> None:
     """Solve all problems of a kind and print one row."""
     low, high = robot.chain.sampling_bounds()
-    spent, worst, solved, starts = [], 0.0, 0, []
-    for i, (_, constraints, scene) in enumerate(made(kind, robot, scenes, count)):
+    spent, worst, solved, clean, starts = [], 0.0, 0, 0, []
+    for i, (_, constraints, scene) in enumerate(problems):
         wanted = ConstraintSet(robot.chain, constraints)
         options = IkOptions(posture=0.5 * (low + high), solver=solver)
         if i == 0:
@@ -92,33 +155,80 @@ def measure(
         if found.solutions:
             best = found.solutions[0]
             worst = max(worst, float(best.residuals.max()))
-            clear = scene is None or Checker.of(robot, scene, MARGIN).valid(np.array(best.joints))
-            solved += clear
+            solved += 1
+            clean += judge.clean(np.array(best.joints), constraints, scene)
     median, late = np.median(spent), np.percentile(spent, 95)
     print(
-        f"{kind:8} {solver:8} {solved:4d} of {count} | ms median {median:7.2f} p95 {late:8.2f} "
-        f"max {max(spent):8.1f} | starts {np.mean(starts):5.1f} | worst violation {worst:.1e}",
+        f"{kind:8} {solver:8} {solved:4d} of {len(problems)} | clean {clean:4d} "
+        f"| ms median {median:7.2f} p95 {late:8.2f} max {max(spent):8.1f} "
+        f"| starts {np.mean(starts):5.1f} | worst violation {worst:.1e}",
         flush=True,
     )
 
 
-def written(robot: RobotGeometry, count: int) -> dict[str, Any]:
-    """The problems without obstacles as values another program reads."""
-    told: dict[str, Any] = {}
-    for kind in KINDS[:2]:
-        told[kind] = []
-        for _, (first, second), _ in made(kind, robot, [], count):
-            values = {k: np.asarray(getattr(first, k)).tolist() for k in ("axis",)}
-            assert isinstance(second, PositionConstraint)
-            region = second.region
-            if isinstance(first, ConeConstraint) and isinstance(region, SphereRegion):
-                values |= {"angle": first.cone_angle, "center": np.asarray(region.center).tolist()}
-                values["radius"] = region.radius
-            elif isinstance(first, LookAtConstraint) and isinstance(region, BoxRegion):
-                values |= {"angle": first.angle, "target": np.asarray(first.target).tolist()}
-                values |= {"T": region.T.tolist(), "size": region.size.tolist()}
-            told[kind].append(values)
+def judged(
+    kind: str, problems: list[Problem], judge: Judge, answers: list[list[float] | None]
+) -> None:
+    """Judge a peer's answers and print one row."""
+    given = [
+        (np.array(answer), constraints, scene)
+        for answer, (_, constraints, scene) in zip(answers, problems, strict=True)
+        if answer is not None
+    ]
+    clean, nearly = (sum(judge.clean(*one, off) for one in given) for off in (_OFF, _NEARLY))
+    print(
+        f"{kind:8} answers {len(given)} of {len(problems)} | clean {clean}, within "
+        f"{_NEARLY:g}: {nearly}",
+        flush=True,
+    )
+
+
+def written(robot: RobotGeometry, scenes: list[Scene], count: int) -> dict[str, Any]:
+    """The problems as values another program reads; solids as convex sets of points."""
+    told: dict[str, Any] = {kind: [] for kind in KINDS}
+    for kind in KINDS:
+        for _, constraints, scene in made(kind, robot, scenes, count):
+            told[kind].append(_values(constraints) | {"scene": _number(scenes, scene)})
+    told["robot"] = [
+        {"link": f"panda_link{joint + 1}"} | _solid(piece)
+        for joint, piece in zip(robot.joints, robot.pieces, strict=True)
+        if joint >= 0
+    ]
+    told["scenes"] = [
+        [_solid(piece) for obstacle in scene.obstacles for piece in obstacle.pieces()]
+        for scene in scenes
+    ]
     return told
+
+
+def _number(scenes: list[Scene], scene: Scene | None) -> int | None:
+    return next((i for i, other in enumerate(scenes) if other is scene), None)
+
+
+def _solid(piece: Piece) -> dict[str, Any]:
+    T = np.asarray(piece.T_owner_piece).tolist()
+    if piece.kind == PieceKind.CYLINDER:
+        return {"T": T, "radius": piece.radius, "length": 2.0 * piece.half_height}
+    half = piece.box_half_sizes()
+    if half is not None:
+        return {"T": T, "box": (2.0 * half).tolist()}
+    return {"T": T, "points": piece.vertices.tolist()}
+
+
+def _values(constraints: tuple[Constraint, ...]) -> dict[str, Any]:
+    first, second = constraints
+    if isinstance(first, RelativePoseConstraint):
+        return {"T": np.asarray(first.T_reference_link).tolist(), "margin": MARGIN}
+    assert isinstance(second, PositionConstraint)
+    region = second.region
+    if isinstance(first, ConeConstraint) and isinstance(region, SphereRegion):
+        values = {"axis": np.asarray(first.axis).tolist(), "angle": first.cone_angle}
+        return values | {"center": np.asarray(region.center).tolist(), "radius": region.radius}
+    assert isinstance(first, LookAtConstraint)
+    assert isinstance(region, BoxRegion)
+    values = {"axis": np.asarray(first.axis).tolist(), "angle": first.angle}
+    values |= {"target": np.asarray(first.target).tolist()}
+    return values | {"T": region.T.tolist(), "size": np.asarray(region.size).tolist()}
 
 
 def main() -> None:
@@ -128,16 +238,24 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=500)
     parser.add_argument("--solver", choices=("auto", "descent", "ipopt"), default="auto")
     parser.add_argument("--write", type=Path)
+    parser.add_argument("--judge", type=Path)
     asked = parser.parse_args()
-    robot = panda(asked.problems.parent.parent / "panda")
-    if asked.write is not None:
-        asked.write.write_text(json.dumps(written(robot, asked.count)))
-        return
+    folder = asked.problems.parent.parent / "panda"
+    robot = panda(folder)
     names = robot.chain.joint_names
     texts = [case.text for case in cases(asked.problems, names, 10) if "shelf" in case.kind]
     scenes = [scene_from_moveit(text) for text in texts]
+    if asked.write is not None:
+        asked.write.write_text(json.dumps(written(robot, scenes, asked.count)))
+        return
+    judge = Judge(robot, (folder / "panda.urdf").read_text())
+    answers = None if asked.judge is None else json.loads(asked.judge.read_text())
     for kind in KINDS:
-        measure(kind, robot, scenes, asked.count, asked.solver)
+        problems = list(made(kind, robot, scenes, asked.count))
+        if answers is None:
+            measure(kind, problems, judge, robot, asked.solver)
+        else:
+            judged(kind, problems[: len(answers[kind])], judge, answers[kind])
 
 
 if __name__ == "__main__":

@@ -5,21 +5,26 @@
 For each problem the axis of the flange that is vertical in the given goal has to stay within 10
 degrees of the vertical. Start and goal are made near those given by constrained inverse kinematics;
 a problem for which it finds none of either is left out. Kinds: "upright"; "plane", the tip in a
-slab of a centimetre through start and goal; "fixed", the orientation within 0.05 rad. Every motion
-is looked at by ``benchmarks.recheck`` every milliradian, and its constraint by pinocchio's frames
-every half milliradian.
+slab of a centimetre through start and goal; "fixed", the orientation within 0.05 rad. With
+``--goal pose`` the goal is the pose of the tip there, in any configuration. A problem that is not
+solved is tried again without obstacles for ten times as long: where even that finds no way, start
+and goal lie in parts of the allowed set that nothing was found to join ("apart").
+
+Solved is what took at most ``--within`` seconds of processor time. Every motion is looked at by
+``benchmarks.recheck`` every milliradian, and its constraint by pinocchio's frames every half
+milliradian.
 """
 
 import argparse
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 import pinocchio
 
-from benchmarks.mbm_problems import ACCELERATION, cases, panda
+from benchmarks.mbm_problems import ACCELERATION, Case, cases, panda
 from benchmarks.recheck import Recheck
 from kinematics.chain import Array
 from kinematics.forward import forward
@@ -36,7 +41,7 @@ from planning.constraints.position import PositionConstraint
 from planning.constraints.region import PlaneRegion, SphereRegion
 from planning.options import Options
 from planning.pipeline import plan
-from planning.problem import JointGoal, Problem
+from planning.problem import Goal, JointGoal, PoseGoal, Problem
 from planning.result import Failure
 
 #: The cone, and what start and goal keep of it [rad].
@@ -52,6 +57,8 @@ class Tally:
     """What came of the problems of one kind of scene."""
 
     made: int = 0
+    left_out: int = 0
+    apart: int = 0
     solved: int = 0
     violating: int = 0
     unclean: int = 0
@@ -128,64 +135,97 @@ def _samples(trajectory: Trajectory) -> Iterator[Array]:
         yield from times[:, None] ** np.arange(len(c)) @ c
 
 
-def run(folder: Path, kind: str, every: int, timeout: float, seed: int) -> dict[str, Tally]:
-    """Make, plan and re-check every problem; one tally a kind of scene."""
-    robot_folder = folder.parent.parent / "panda"
-    robot, recheck = panda(robot_folder), Recheck(robot_folder)
-    dense = Dense(recheck, robot.chain.tip_link)
-    tallies: dict[str, Tally] = {}
-    warm = True
-    for case in cases(folder, robot.chain.joint_names, every):
-        name, text = case.name, case.text
-        tally = tallies.setdefault(case.kind, Tally())
-        scene = scene_from_moveit(text)
-        found = made(kind, robot, scene, case.start, case.goal)
-        if found is None:
-            print(f"  {name}: no start or goal", flush=True)
-            continue
-        first, last, constraint = found
-        tally.made += 1
-        wanted = ConstraintSet(robot.chain, (constraint,))
-        problem = Problem(robot, scene, first, (JointGoal(last),), constraints=wanted)
-        options = Options(timeout=timeout, seed=seed)
-        if warm:
+@dataclass(frozen=True)
+class Asked:
+    """How a run is made: kind of constraint and goal, every n-th problem, times [s] and seed."""
+
+    kind: str
+    goal: str
+    every: int
+    timeout: float
+    within: float
+    seed: int
+
+
+class Bench:
+    """Makes, plans and re-checks every problem."""
+
+    def __init__(self, folder: Path, asked: Asked) -> None:
+        robot_folder = folder.parent.parent / "panda"
+        self._folder, self._asked = folder, asked
+        self._robot, self._recheck = panda(robot_folder), Recheck(robot_folder)
+        self._dense = Dense(self._recheck, self._robot.chain.tip_link)
+        self._warm = False
+
+    def run(self) -> dict[str, Tally]:
+        """One tally a kind of scene."""
+        tallies: dict[str, Tally] = {}
+        for case in cases(self._folder, self._robot.chain.joint_names, self._asked.every):
+            tally = tallies.setdefault(case.kind, Tally())
+            scene = scene_from_moveit(case.text)
+            found = made(self._asked.kind, self._robot, scene, case.start, case.goal)
+            if found is None:
+                print(f"  {case.name}: no start or goal", flush=True)
+                tally.left_out += 1
+            else:
+                tally.made += 1
+                self._solve(case, scene, *found, tally)
+        return tallies
+
+    def _solve(
+        self, case: Case, scene: Scene, first: Array, last: Array, constraint: Geometric,
+        tally: Tally,
+    ) -> None:  # fmt: skip
+        wanted = ConstraintSet(self._robot.chain, (constraint,))
+        goal: Goal = JointGoal(last)
+        if self._asked.goal == "pose":
+            goal = PoseGoal(forward(self._robot.chain, last))
+        problem = Problem(self._robot, scene, first, (goal,), constraints=wanted)
+        options = Options(timeout=self._asked.timeout, seed=self._asked.seed)
+        if not self._warm:
             plan(problem, options)
-            warm = False
+            self._warm = True
         began = time.process_time()
         answer = plan(problem, options)
         spent = time.process_time() - began
-        if isinstance(answer, Failure):
-            print(f"  {name}: {answer.code} {answer.message}", flush=True)
-            continue
+        if isinstance(answer, Failure) or spent > self._asked.within:
+            empty = replace(problem, scene=Scene(()))
+            alone = plan(empty, replace(options, timeout=10.0 * self._asked.within))
+            apart = isinstance(alone, Failure)
+            tally.apart += apart
+            why = answer.code if isinstance(answer, Failure) else "took"
+            print(f"  {case.name}: {why} {spent:.1f} s{', apart' if apart else ''}", flush=True)
+            return
         tally.solved += 1
         tally.seconds.append(spent)
         tally.durations.append(answer.trajectory.duration)
         tally.bounds.append(answer.certificate.path_constraints[0].residual)
-        tally.dense.append(dense.worst(answer.trajectory, constraint))
+        tally.dense.append(self._dense.worst(answer.trajectory, constraint))
         tally.violating += tally.dense[-1] > max(1e-6, tally.bounds[-1])
-        motion = answer.trajectory
-        seen = recheck.motion(
-            motion.breaks, motion.coefficients, np.array(ACCELERATION), recheck.scene(text)
-        )
+        self._look_again(case, answer.trajectory, tally)
+
+    def _look_again(self, case: Case, motion: Trajectory, tally: Tally) -> None:
+        scenery = self._recheck.scene(case.text)
+        limits = np.array(ACCELERATION)
+        seen = self._recheck.motion(motion.breaks, motion.coefficients, limits, scenery)
         tally.unclean += seen.colliding is not None or seen.limit_ratio > 1.0 + 1e-9
-    return tallies
 
 
 def report(tallies: dict[str, Tally]) -> None:
     """Print one row a kind of scene."""
-    head = "kind                     made solved | cpu ms med    p95    max | worst bound"
-    print(head + "      dense | violating unclean | motion s")
+    head = "kind                     none made apart solved | cpu ms med    p95    max | worst"
+    print(head + " bound      dense | violating unclean | motion s")
     for kind, tally in tallies.items():
         ms = 1e3 * np.array(tally.seconds or [np.nan])
         print(
-            f"{kind:24} {tally.made:4d} {tally.solved:6d} | {np.median(ms):10.0f} "
-            f"{np.percentile(ms, 95):6.0f} {ms.max():6.0f} "
+            f"{kind:24} {tally.left_out:4d} {tally.made:4d} {tally.apart:5d} {tally.solved:6d} "
+            f"| {np.median(ms):10.0f} {np.percentile(ms, 95):6.0f} {ms.max():6.0f} "
             f"| {max(tally.bounds, default=np.nan):11.2e} {max(tally.dense, default=np.nan):10.2e} "
             f"| {tally.violating:9d} {tally.unclean:7d} "
             f"| {np.median(tally.durations or [np.nan]):8.2f}"
         )
-    total, solved = (sum(getattr(t, name) for t in tallies.values()) for name in ("made", "solved"))
-    print(f"solved {solved} of {total}")
+    total = [sum(getattr(t, n) for t in tallies.values()) for n in ("made", "apart", "solved")]
+    print(f"solved {total[2]} of {total[0]}, of which {total[1]} are apart without obstacles too")
 
 
 def main() -> None:
@@ -194,10 +234,14 @@ def main() -> None:
     parser.add_argument("problems", type=Path)
     parser.add_argument("--kind", choices=("upright", "plane", "fixed"), default="upright")
     parser.add_argument("--every", type=int, default=1, help="take every n-th problem of a kind")
-    parser.add_argument("--timeout", type=float, default=5.0)
+    parser.add_argument("--goal", choices=("joints", "pose"), default="joints")
+    parser.add_argument("--timeout", type=float, default=15.0, help="by the clock [s]")
+    parser.add_argument("--within", type=float, default=5.0, help="of processor time [s]")
     parser.add_argument("--seed", type=int, default=0)
     asked = parser.parse_args()
-    report(run(asked.problems, asked.kind, asked.every, asked.timeout, asked.seed))
+    given = vars(asked)
+    folder = given.pop("problems")
+    report(Bench(folder, Asked(**given)).run())
 
 
 if __name__ == "__main__":

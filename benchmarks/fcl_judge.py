@@ -67,6 +67,19 @@ class FclJudge:
                 return True
         return False
 
+    def obstacle_distance(self, q: Array) -> float:
+        """Least distance of a moving link from an obstacle, 0 where they touch, q (n,) [m]."""
+        robot, p = self._robot, len(self._robot.pieces)
+        frames = np.concatenate([np.eye(4)[None], joint_frames(robot.chain, q)])[robot.joints + 1]
+        for k in range(p):
+            self._place(k, frames[k] @ self._frames[k])
+        least = np.inf
+        for a, b in self._pairs[self._pairs[:, 1] >= p]:
+            rounding = _left_over(self._pieces[a]) + _left_over(self._pieces[b])
+            apart = fcl.distance(self._objects[a], self._objects[b]) / _UNITS - rounding
+            least = min(least, max(apart, 0.0))
+        return least
+
     def _place(self, k: int, T: Array) -> None:
         self._objects[k].setTransform(fcl.Transform(T[:3, :3], _UNITS * T[:3, 3]))
 

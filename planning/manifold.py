@@ -7,6 +7,7 @@ they meet. Source: "Manipulation planning on constraint manifolds", IEEE Interna
 Robotics and Automation, 2009.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -40,7 +41,12 @@ _FIRST_BUDGET, _BUDGET_GROWTH = 400, 1.6
 _SEED_STRIDE = 7_919
 #: Attempts at a shorter way, and in a row without any gain.
 _CUTS, _PATIENCE, _LEAST_GAIN = 160, 50, 1e-3
+#: A goal more is sought after so many walks, and there are so many at most.
+_GOAL_STRIDE, _MOST_GOALS = 8, 400
 _UNIT = np.array([0.0, 1.0])
+
+#: From a configuration to a goal near it, for the k-th time asked; None where none was found.
+MoreGoals = Callable[[Array, int], Array | None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,6 +119,15 @@ class _Tree:
             self._size += 1
         return parent
 
+    @property
+    def size(self) -> int:
+        """How many nodes there are."""
+        return self._size
+
+    def add_root(self, q: Array) -> int:
+        """Append a configuration that was reached from none; its number."""
+        return self.add(-1, q[None])
+
     def branch(self, number: int) -> list[Array]:
         """The way from a node down to its root."""
         way = []
@@ -123,7 +138,12 @@ class _Tree:
 
 
 def connect(
-    manifold: Manifold, start: Array, goals: list[Array], seed: int, deadline: Deadline
+    manifold: Manifold,
+    start: Array,
+    goals: list[Array],
+    seed: int,
+    deadline: Deadline,
+    more: MoreGoals | None = None,
 ) -> tuple[Array | None, int]:
     """Grow trees from start and goals until they meet.
 
@@ -133,15 +153,17 @@ def connect(
         goals: Valid configurations (n,).
         seed: The same seed gives the same path.
         deadline: When to stop.
+        more: Where goals are regions: finds goals near configurations that were reached.
 
     Returns:
         Waypoints (k, n) whose legs hold and are free, None where it found none in time; and how
         many walks were tried.
     """
     spent, budget, attempt = 0, _FIRST_BUDGET, 0
+    goals = list(goals)
     while not deadline.passed:
         random = np.random.default_rng((seed, attempt * _SEED_STRIDE))
-        path, walks = _attempt(manifold, start, goals, random, budget, deadline)
+        path, walks = _attempt(manifold, start, goals, random, budget, deadline, more)
         spent += walks
         if path is not None:
             return path, spent
@@ -156,6 +178,7 @@ def _attempt(
     random: np.random.Generator,
     budget: int,
     deadline: Deadline,
+    more: MoreGoals | None,
 ) -> tuple[Array | None, int]:
     low, high = _box(manifold, [start, *goals])
     here, there = _Tree([start]), _Tree(list(goals))
@@ -170,6 +193,8 @@ def _attempt(
         steps, _ = manifold.walk(here.node(near), target)
         walks += 1
         target = None
+        if more is not None and forwards and walks // 2 % _GOAL_STRIDE == 1:
+            target = _new_goal(here, there, goals, more, random)
         if len(steps):
             reached = here.add(near, steps)
             close = there.nearest(here.node(reached))
@@ -181,6 +206,23 @@ def _attempt(
                 return np.array(way if forwards else way[::-1]), walks
         here, there, forwards = there, here, not forwards
     return None, walks
+
+
+def _new_goal(
+    reached: _Tree,
+    there: _Tree,
+    goals: list[Array],
+    more: MoreGoals,
+    random: np.random.Generator,
+) -> Array | None:
+    """A goal near what the start's tree has reached, which the other tree grows from too."""
+    if len(goals) >= _MOST_GOALS:
+        return None
+    found = more(reached.node(int(random.integers(reached.size))), len(goals))
+    if found is not None:
+        goals.append(found)
+        there.add_root(found)
+    return found
 
 
 def _box(manifold: Manifold, known: list[Array]) -> tuple[Array, Array]:

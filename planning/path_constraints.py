@@ -12,7 +12,7 @@ from planning.constraints.conflict import conflict
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.hold import TOLERANCE
 from planning.constraints.limit import ClearanceConstraint
-from planning.constraints.relative_pose import RelativePoseConstraint
+from planning.goal_region import aim
 from planning.options import Options
 from planning.preflight import TOUCHING, Ready
 from planning.problem import PoseGoal, Problem
@@ -150,16 +150,11 @@ def _sought(problem: Problem, ready: Ready, seed: int) -> list[Array]:
     for goal in problem.goals:
         if not isinstance(goal, PoseGoal):
             continue
-        aim = RelativePoseConstraint(
-            goal.T_base_tip,
-            position_tolerances=goal.position_tolerance / np.sqrt(3.0),
-            orientation_tolerances=goal.orientation_tolerance / np.sqrt(3.0),
-        )
         margin = ClearanceConstraint(problem.margin)
         geometric = tuple(
             c for c in problem.constraints.hard.constraints if c.rows(checker.model.chain)
         )
-        wanted = ConstraintSet(checker.model.chain, (*geometric, aim, margin))
+        wanted = ConstraintSet(checker.model.chain, (*geometric, aim(goal), margin))
         options = IkOptions(seed_joints=ready.start, most=_GOALS, seed=seed)
         found = constrained_ik(problem.robot, wanted, problem.scene, options)
         goals += [np.array(s.joints) for s in found.solutions if s.clearance > TOUCHING]

@@ -6,12 +6,13 @@ from kinematics.errors import InvalidOption
 from obstacles.checker import Checker
 from planning.constrained_checker import ConstrainedChecker
 from planning.deadline import Deadline
-from planning.manifold import Manifold, connect
+from planning.goal_region import GoalRegion
+from planning.manifold import Manifold, MoreGoals, connect
 from planning.optimize.options import OPTIMIZE
 from planning.options import Options
 from planning.potential_field import QUICK, FieldOptions, potential_field
 from planning.preflight import Ready
-from planning.problem import Problem
+from planning.problem import PoseGoal, Problem
 from planning.result import Attempt, Descent
 from planning.sampling.planners import PLANNERS as SAMPLING_PLANNERS
 from planning.sampling.planners import checked
@@ -107,11 +108,15 @@ class Rung:
         }
         return Attempt(None, found.detail, details=details)
 
+    def _more_goals(self, checker: ConstrainedChecker) -> MoreGoals | None:
+        poses = tuple(goal for goal in self.problem.goals if isinstance(goal, PoseGoal))
+        return GoalRegion(checker, poses).near if poses else None
+
     def _sample(self) -> Attempt:
         if isinstance(self.checker, ConstrainedChecker) and self.planner == "rrt_connect":
             way, walks = connect(
                 Manifold(self.checker), self.ready.start, self.ready.goals, self.options.seed,
-                self.deadline,
+                self.deadline, self._more_goals(self.checker),
             )  # fmt: skip
             return Attempt(way, f"{walks} walks along the constraints.")
         alone = self.options.planner != "auto"
