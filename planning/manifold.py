@@ -27,6 +27,7 @@ from planning.constraints.descent import (
 )
 from planning.constraints.hold import EDGE_CELLS, HOLDS, TOLERANCE, hold_kernel
 from planning.deadline import Deadline
+from planning.trees import search_box
 
 #: Longest and shortest step of a tree, Euclidean in joint space.
 _LONGEST, _SHORTEST = 0.5, 0.01
@@ -180,7 +181,7 @@ def _attempt(
     deadline: Deadline,
     more: MoreGoals | None,
 ) -> tuple[Array | None, int]:
-    low, high = _box(manifold, [start, *goals])
+    low, high = search_box(manifold.checker.model.chain, [start, *goals])
     here, there = _Tree([start]), _Tree(list(goals))
     forwards, walks = True, 0
     target: Array | None = goals[0]
@@ -223,16 +224,6 @@ def _new_goal(
         goals.append(found)
         there.add_root(found)
     return found
-
-
-def _box(manifold: Manifold, known: list[Array]) -> tuple[Array, Array]:
-    """Bounds to draw from: the limits, or a turn beyond what is known where there are none."""
-    limits = manifold.checker.model.chain.limits
-    low, high = np.min(known, axis=0) - 2.0 * np.pi, np.max(known, axis=0) + 2.0 * np.pi
-    return (
-        np.where(np.isfinite(limits.lower), limits.lower, low),
-        np.where(np.isfinite(limits.upper), limits.upper, high),
-    )
 
 
 def shorten(manifold: Manifold, waypoints: Array, seed: int, deadline: Deadline) -> Array:

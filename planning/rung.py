@@ -1,6 +1,8 @@
 """One planner at one problem: a rung of the ladder, whichever it is."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
 
 from kinematics.errors import InvalidOption
 from obstacles.checker import Checker
@@ -18,6 +20,7 @@ from planning.sampling.planners import PLANNERS as SAMPLING_PLANNERS
 from planning.sampling.planners import checked
 from planning.sampling.search import sample
 from planning.straight_line import straight_line
+from planning.trees import grow
 
 PLANNERS = (
     "auto", "straight_line", "potential_field", "cartesian", OPTIMIZE, *SAMPLING_PLANNERS,
@@ -26,6 +29,10 @@ PLANNERS = (
 #: Share of the time that is left, and goals (the nearest), that the ladder's field may spend.
 _FIELD_SHARE = 0.1
 _FIELD_GOALS = 2
+#: Edges after which the ladder's own trees give way to OMPL's, and those grown in the hulls of the
+#: robot's solids to such as are grown with its exact pieces.
+_MOST_EDGES = 200_000
+_MOST_EDGES_IN_HULLS = 20_000
 
 
 def check_options(options: Options) -> None:
@@ -119,9 +126,26 @@ class Rung:
                 self.deadline, self._more_goals(self.checker),
             )  # fmt: skip
             return Attempt(way, f"{walks} walks along the constraints.")
-        alone = self.options.planner != "auto"
+        if self.options.planner == "auto":
+            return self._grow()
+        return self._by_name(self.options.planner_options)
+
+    def _grow(self) -> Attempt:
+        """The ladder's own trees, and OMPL's where they do not meet."""
+        exact = self.checker is self.ready.checkers[-1]
+        found = grow(
+            self.checker, self.ready.start, self.ready.goals, self.options.seed, self.deadline,
+            _MOST_EDGES if exact else _MOST_EDGES_IN_HULLS,
+        )  # fmt: skip
+        detail = f"{found.edges} edges checked"
+        detail += "." if found.runs == 1 else f" in {found.runs} runs."
+        if found.waypoints is not None or self.deadline.passed or not exact:
+            return Attempt(found.waypoints, detail)
+        other = self._by_name({})
+        return replace(other, detail=f"{detail} OMPL: {other.detail}")
+
+    def _by_name(self, options: Mapping[str, Any]) -> Attempt:
         return sample(
-            self.planner, self.problem.robot.chain, self.checker,
-            self.ready.start, self.ready.goals,
-            self.options.planner_options if alone else {}, self.options.seed, self.deadline,
+            self.planner, self.problem.robot.chain, self.checker, self.ready.start,
+            self.ready.goals, options, self.options.seed, self.deadline,
         )  # fmt: skip

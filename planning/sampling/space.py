@@ -8,15 +8,14 @@ from ompl import base, util
 from kinematics.chain import Array, Chain
 from obstacles.checker import Checker
 from planning.deadline import Deadline
+from planning.trees import search_box
 
 util.setLogLevel(util.LogLevel.LOG_NONE)
 
 
 def joint_space(chain: Chain, known: list[Array]) -> Any:
     """The box of the joint limits; where there are none, a turn beyond what is known."""
-    lower, upper = np.min(known, axis=0) - 2.0 * np.pi, np.max(known, axis=0) + 2.0 * np.pi
-    lower = np.where(np.isfinite(chain.limits.lower), chain.limits.lower, lower)
-    upper = np.where(np.isfinite(chain.limits.upper), chain.limits.upper, upper)
+    lower, upper = search_box(chain, known)
     bounds = base.RealVectorBounds(chain.n)
     for j in range(chain.n):
         bounds.setLow(j, float(lower[j]))
