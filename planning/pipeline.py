@@ -39,9 +39,8 @@ _DIAGNOSIS_MOST = 1.0
 #: Share of the time for a path of the robot in its solids' hulls, before the exact one is tried.
 _HULLS_SHARE = 0.4
 
-#: Share of the time that is left which optimising, and then proving what it offers, may take: what
-#: was there before is still to be proved where that comes to nothing.
-_REFINING_SHARE = 0.5
+#: Share of the time that is left which optimising may take; the rest is for the proof of its offer.
+_REFINING_SHARE = 0.8
 
 
 def plan(problem: Problem, options: Options) -> Plan | Failure:
@@ -210,12 +209,13 @@ def _time_and_prove(
             motion,
             lambda timed: (True, f"{timed.duration:.3f} s, {timed.pieces} pieces."),
         )
+        # Proved before anything is made of it: whatever refinement takes, this can be answered.
+        certificate = _prove(problem, timed, law, stages, deadline)
         if refine is not None:
             better = _refine(problem, checker, timed, law, options, stages, deadline)
             if better is not None:
                 return better
             refine = None
-        certificate = _prove(problem, timed, law, stages, deadline)
         if certificate.verified:
             return _Proved(timed, certificate)
         if deadline.passed:
@@ -252,7 +252,7 @@ def _refine(
         offer = stages.run(OPTIMIZE, partial(work.offer, _share(deadline)), work.tell)
         if offer is None:
             break
-        certificate = _prove(problem, offer.trajectory, law, stages, _share(deadline))
+        certificate = _prove(problem, offer.trajectory, law, stages, deadline)
         if certificate.verified:
             return _Proved(offer.trajectory, certificate, offer.waypoints)
         if not work.refuse(offer, certificate):

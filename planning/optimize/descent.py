@@ -36,8 +36,9 @@ from planning.timing.failure import TimingFailed
 #: on where they may not even move that far.
 _REACH, _LEAST_REACH = 0.3, 0.002
 _SHRINK = 0.4
-#: Places looked at in each piece, and what is kept beyond the margins there [m].
-_EACH, _SPARE = 3, 1e-3
+#: Places looked at in each piece, so many at most and so many in all but for that, and what is kept
+#: beyond the margins there [m].
+_EACH, _PLACES, _SPARE = 3, 64, 1e-3
 #: A violation (1 is much) may grow by this factor, or up to this value, from round to round.
 _GROWTH, _TOLERATED = 2.0, 1.0
 #: The slack costs so many times the objective.
@@ -70,12 +71,14 @@ class Descent:
         options: What is to become small.
         iterate: Where it stands.
         longest: The longest the motion may take [s].
+        deadline: When to stop; it may be put off by ``run``.
     """
 
     task: Task
     options: RefineOptions
     iterate: Iterate
     longest: float
+    deadline: Deadline
     rounds: int = 0
     most_rounds: int = field(init=False)
     best: Candidate | None = None
@@ -87,16 +90,19 @@ class Descent:
 
     def __post_init__(self) -> None:
         self.most_rounds = self.options.rounds
-        self.places = Places.within(self.iterate.space.breaks, _EACH, _SPARE)
+        space = self.iterate.space
+        each = int(np.clip(np.ceil(_PLACES / space.pieces), 1, _EACH))
+        self.places = Places.within(space.breaks, each, _SPARE)
         began = time.monotonic()
         if self.task.still:
             self.iterate = self._timed(self.iterate)
-        self.seen = look(self.task, self.iterate, self.places, self.reach)
+        self.seen = self._look(self.iterate)
         self._offer(self.iterate)
         self.looking = time.monotonic() - began
 
     def run(self, deadline: Deadline) -> None:
         """Go on until rounds no longer gain, or the rounds or the time are used up."""
+        self.deadline = deadline
         longest = _FIRST * self.looking
         while self.rounds < self.most_rounds and deadline.remaining > longest:
             self.rounds += 1
@@ -125,7 +131,7 @@ class Descent:
         if self.seen.violation == 0.0 and problem.value(here) - problem.value(z) < _GAIN:
             return False
         following = self._following(z)
-        seen = look(self.task, following, self.places, self.reach)
+        seen = self._look(following)
         before, after = self._value(self.iterate), self._value(following)
         worse = seen.violation > max(_GROWTH * self.seen.violation, _TOLERATED)
         if worse or (after > before * (1.0 + _GAIN) and seen.violation >= self.seen.violation):
@@ -136,6 +142,9 @@ class Descent:
             return True
         places = self._offer(following)
         return bool(places) or before - after > _GAIN * abs(before)
+
+    def _look(self, iterate: Iterate) -> Outlook:
+        return look(self.task, iterate, self.places, self.reach, self.deadline)
 
     def _shrink(self) -> bool:
         self.reach *= _SHRINK
@@ -263,4 +272,4 @@ class Descent:
     def _add(self, places: list[float]) -> None:
         about = 0.5 / self.iterate.space.pieces
         self.places = self.places.with_more(places, about, _SPARE)
-        self.seen = look(self.task, self.iterate, self.places, self.reach)
+        self.seen = self._look(self.iterate)

@@ -14,6 +14,7 @@ from dynamics.inverse import inverse_dynamics
 from kinematics.chain import Array, Chain
 from planning.constrained_checker import ConstrainedChecker
 from planning.constraints.row import UPPER
+from planning.deadline import Deadline
 from planning.optimize.iterate import Iterate
 from planning.optimize.response import Response, tool_speed, torques
 from planning.optimize.rows import Rows, local_matrix
@@ -86,7 +87,12 @@ class Outlook:
     hindrance: Hindrance | None = None
 
 
-def look(task: Task, iterate: Iterate, places: Places, reach: float) -> Outlook:
+_UNSEEN = Outlook(
+    (), np.inf, Hindrance("time was up before a motion was looked at", "Allow more time.")
+)
+
+
+def look(task: Task, iterate: Iterate, places: Places, reach: float, deadline: Deadline) -> Outlook:
     """Look at distances, loads and constraints along a motion.
 
     Args:
@@ -94,8 +100,12 @@ def look(task: Task, iterate: Iterate, places: Places, reach: float) -> Outlook:
         iterate: The motion.
         places: Where.
         reach: How far control points will be moved at most [rad or m].
+        deadline: When time is up, nothing good is known of the motion.
     """
-    seen = [_distances(task, iterate, places, reach), *_loads(task, iterate, places)]
+    near = _distances(task, iterate, places, reach, deadline)
+    if deadline.passed:
+        return _UNSEEN
+    seen = [near, *_loads(task, iterate, places)]
     if task.constraints is not None and task.constraints.rows:
         seen.append(_constraints(task, iterate, places))
     rows = tuple(row for view in seen for row in view.rows)
@@ -108,11 +118,15 @@ def length(chain: Chain) -> float:
     return max(float(np.linalg.norm(chain.offsets[1:, :3, 3], axis=1).sum()), 1e-3)
 
 
-def _distances(task: Task, iterate: Iterate, places: Places, reach: float) -> Outlook:
+def _distances(
+    task: Task, iterate: Iterate, places: Places, reach: float, deadline: Deadline
+) -> Outlook:
     within = _NEAR * reach * max(length(task.chain), 1.0)
     own, gaps, slopes, worst, hindrance = [], [], [], 0.0, None
     samples = iterate.sample(places.at)
     for k, q in enumerate(samples):
+        if deadline.passed:
+            return _UNSEEN
         near = task.checker.gradient(q, within + places.spare[k])
         distances, gradients = near.distances, near.gradients
         if not len(distances):

@@ -57,6 +57,7 @@ class Refinement:
         options: What is to become small.
         law: How paths are timed.
         known: The motion to start from.
+        deadline: When to stop looking at it.
         binding: Whether it may be kept; else anything within the limits is better.
     """
 
@@ -64,6 +65,7 @@ class Refinement:
     options: RefineOptions
     law: Law
     known: Trajectory
+    deadline: Deadline
     binding: bool = True
     value: float = field(init=False)
     _descent: Descent = field(init=False)
@@ -75,7 +77,7 @@ class Refinement:
         self.value = value(self.known, self.options.weights, carrier)
         space = SplineSpace.uniform(self.options.least_degree, self._count())
         start = fitted(self.task, space, self.known)
-        self._descent = Descent(self.task, self.options, start, self._longest())
+        self._descent = Descent(self.task, self.options, start, self._longest(), self.deadline)
 
     def _with_jerk(self) -> Task:
         """The task with the robot's own jerk limits: a spline's acceleration does not jump."""

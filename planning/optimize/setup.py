@@ -96,7 +96,7 @@ class Refining:
             return None
         self._told = ""
         if self._work is None:
-            self._work = self._begin()
+            self._work = self._begin(deadline)
         return self._work.offer(deadline)
 
     def tell(self, offer: Offer | None) -> tuple[bool, str]:
@@ -146,7 +146,7 @@ class Refining:
         assert self.options.refine is not None
         return self.options.refine
 
-    def _begin(self) -> Refinement:
+    def _begin(self, deadline: Deadline) -> Refinement:
         problem, known = self.problem, self.known
         smooth = self.law.jerk is not None or "jerk" in self._refine.weights
         start = _end(known.start, problem.start_velocity, problem.start_acceleration, smooth=smooth)
@@ -157,7 +157,7 @@ class Refining:
         bounds, loads = self.law.bounds, self.law.loads
         held = None if problem.constraints is None else problem.constraints.hard
         task = Task(self.checker, start, end, bounds, loads, held, carrier)
-        return Refinement(task, self._refine, self.law, known, binding=not problem.moving)
+        return Refinement(task, self._refine, self.law, known, deadline, binding=not problem.moving)
 
 
 def check_ends(problem: Problem, law: Law) -> Failure | None:

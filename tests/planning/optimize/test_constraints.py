@@ -49,7 +49,7 @@ def test_a_motion_is_brought_into_its_cone_and_kept_there() -> None:
     ends = (End.at_rest(q, smooth=False) for q in (start, goal))
     task = Task(checker, next(ends), next(ends), bounds, constraints=held)
     near = fitted(task, SplineSpace.uniform(3, 16), known)
-    descent = Descent(task, RefineOptions(rounds=40), near, np.inf)
+    descent = Descent(task, RefineOptions(rounds=40), near, np.inf, Deadline.after(60.0))
     descent.run(Deadline.after(300.0))
     assert descent.best is not None, descent.hindrance
     motion = descent.best.trajectory

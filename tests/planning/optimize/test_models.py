@@ -9,6 +9,7 @@ from dynamics.payload import with_payload
 from kinematics.chain import Array
 from obstacles.checker import Checker
 from obstacles.scene import Scene
+from planning.deadline import Deadline
 from planning.optimize import objective
 from planning.optimize.iterate import Iterate
 from planning.optimize.options import Objective
@@ -120,7 +121,7 @@ def test_rows_of_obstacles_follow_distances() -> None:
     at, scene = iterate(10, 0.02), pillar(angle=0.4, distance=0.55)
     asked = task(scene=scene)
     places = Places.within(SPACE.breaks, 3, 0.0)
-    rows = stacked(list(look(asked, at, places, 0.3).rows))
+    rows = stacked(list(look(asked, at, places, 0.3, Deadline.after(60.0)).rows))
     z = packed(at)
     room = rows.upper - rows.A @ z
     nearest = []
@@ -139,7 +140,7 @@ def test_loads_tell_how_much_slower() -> None:
     factor = least_factor(asked, at, places)
     assert factor > 1.0
     slower = Iterate(SPACE, at.points, at.duration * factor)
-    assert look(asked, slower, places, 0.1).violation == 0.0
+    assert look(asked, slower, places, 0.1, Deadline.after(60.0)).violation == 0.0
     assert least_factor(asked, slower, places) == pytest.approx(1.0, abs=0.02)
 
 

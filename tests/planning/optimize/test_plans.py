@@ -77,7 +77,7 @@ def test_one_joint_tends_to_the_bang_bang_time() -> None:
     times = []
     for count in (10, 24, 48):
         near = fitted(task, SplineSpace.uniform(3, count), known)
-        descent = Descent(task, RefineOptions(), near, np.inf)
+        descent = Descent(task, RefineOptions(), near, np.inf, Deadline.after(60.0))
         descent.run(Deadline.after(30.0))
         assert descent.best is not None
         times.append(descent.best.trajectory.duration)
@@ -289,11 +289,12 @@ def test_too_short_a_duration_says_what_is_needed() -> None:
     assert "duration" in answer.hint
 
 
+@pytest.mark.parametrize("points", [16, 64])
 @pytest.mark.parametrize("timeout", [0.02, 0.1, 0.3])
-def test_deadlines_are_kept(timeout: float) -> None:
+def test_deadlines_are_kept(timeout: float, points: int) -> None:
     asked = behind_a_post()
     plan(asked, OPTIMIZE)
-    how = Options("optimize", {"rounds": 100}, timeout=timeout)
+    how = Options("optimize", {"rounds": 100, "control_points": points}, timeout=timeout)
     began = time.process_time()
     answer = plan(asked, how)
     # Processor time, for others compute here too: it is at most the time on the wall.
