@@ -247,6 +247,7 @@ class Refine(Request):
         degree: Of the spline.
         control_points: Of each joint.
         rounds: Convex problems solved at most.
+        solver: Of each round.
     """
 
     objective: Objective | dict[Objective, NonNegative] = "time"
@@ -254,6 +255,7 @@ class Refine(Request):
     degree: int | None = None
     control_points: int | None = None
     rounds: int | None = None
+    solver: Literal["piqp", "ipopt"] | None = None
 
 
 class PlanOptions(TypedDict, total=False):

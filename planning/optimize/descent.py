@@ -15,11 +15,12 @@ import time
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy import sparse
 
 from kinematics.chain import Array, Chain
 from kinematics.trajectory import Trajectory
 from planning.deadline import Deadline
-from planning.optimize import objective
+from planning.optimize import objective, program
 from planning.optimize.candidate import Candidate, blocked
 from planning.optimize.iterate import Iterate
 from planning.optimize.objective import value
@@ -122,8 +123,7 @@ class Descent:
 
     def _round(self) -> bool:
         """One convex problem and what comes of it; whether another may gain."""
-        problem = self._problem()
-        z = problem.solve()
+        problem, z = self._solved()
         if z is None:
             self.hindrance = Hindrance("no motion near the last one keeps all limits", _LIMITS)
             return self._shrink()
@@ -150,23 +150,25 @@ class Descent:
         self.reach *= _SHRINK
         return self.reach >= _LEAST_REACH
 
-    def _problem(self) -> Quadratic:
+    def _solved(self) -> tuple[Quadratic, Array | None]:
+        """The problem of a round, and the unknowns that solve it if any were found."""
         task, iterate = self.task, self.iterate
         H, g = objective.model(task, self.options.weights, iterate)
         scale = max(self._value(iterate), np.finfo(float).tiny)
         g = g / scale
         g[-1] = _PENALTY
         hair = 0.0 if task.still else _HAIR
-        rows = stacked(
-            [
-                *limit_rows(task, iterate, hair),
-                *end_rows(iterate, task.start, task.end),
-                *self._time_row(),
-                *self.seen.rows,
-            ]
+        others = [*end_rows(iterate, task.start, task.end), *self._time_row(), *self.seen.rows]
+        rows = stacked([*limit_rows(task, iterate, hair), *others])
+        problem = Quadratic(H / scale, g, rows.A, rows.lower, rows.upper, *self._bounds())
+        if self.options.solver == "piqp":
+            return problem, problem.solve()
+        start = np.append(iterate.points.ravel(), [iterate.duration, 0.0])
+        limits = program.Limits(dict(task.orders), hair)
+        none = Rows.below(sparse.csr_matrix((0, len(g))), np.zeros(0))
+        return problem, program.solve(
+            iterate.space, limits, stacked([none, *others]), problem, start
         )
-        least, most = self._bounds()
-        return Quadratic(H / scale, g, rows.A, rows.lower, rows.upper, least, most)
 
     def _time_row(self) -> list[Rows]:
         """The duration's bound, which may be violated while no motion that short is known."""

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -13,6 +13,8 @@ from kinematics.errors import InvalidOption
 OPTIMIZE = "optimize"
 Objective = Literal["time", "jerk", "energy", "path_length"]
 OBJECTIVES: tuple[Objective, ...] = ("time", "jerk", "energy", "path_length")
+Solver = Literal["piqp", "ipopt"]
+SOLVERS: tuple[Solver, ...] = get_args(Solver)
 
 #: Degrees of the splines, least and largest.
 DEGREES = (3, 7)
@@ -36,6 +38,8 @@ class RefineOptions:
         degree: Of the spline; None for 5 where the jerk is made small, else 3.
         control_points: Of each joint; None for 16.
         rounds: Convex problems solved, at most.
+        solver: Of each round: "piqp", with the limits' powers of T linearised on their safe side,
+            or "ipopt", with the powers themselves.
 
     Raises:
         InvalidOption: A value is out of range.
@@ -46,6 +50,7 @@ class RefineOptions:
     degree: int | None = None
     control_points: int | None = None
     rounds: int = 12
+    solver: Solver = "piqp"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "weights", _checked_weights(self.weights))
@@ -54,6 +59,10 @@ class RefineOptions:
         _check_range("degree", self.degree, *DEGREES)
         _check_range("control_points", self.control_points, *CONTROL_POINTS)
         _check_range("rounds", self.rounds, 1, MAX_ROUNDS)
+        if self.solver not in SOLVERS:
+            raise InvalidOption(
+                f"there is no solver {self.solver!r}", hint=f"Choose among: {', '.join(SOLVERS)}."
+            )
 
     @property
     def least_degree(self) -> int:
@@ -72,7 +81,7 @@ class RefineOptions:
         Raises:
             InvalidOption: A name is unknown or a value is out of range.
         """
-        names = ("objective", "duration", "degree", "control_points", "rounds")
+        names = ("objective", "duration", "degree", "control_points", "rounds", "solver")
         unknown = sorted(set(given) - set(names))
         if unknown:
             raise InvalidOption(

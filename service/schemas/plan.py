@@ -150,6 +150,9 @@ class Refine(Body):
     rounds: Annotated[int, Field(ge=1, le=100)] | None = Field(
         None, description="convex problems solved at most; 12 if left out"
     )
+    solver: Literal["piqp", "ipopt"] | None = Field(
+        None, description="of each round; piqp if left out, which is faster"
+    )
 
 
 _EXAMPLE: JsonDict = {

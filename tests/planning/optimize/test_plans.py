@@ -135,6 +135,18 @@ def _measure(trajectory: Trajectory, objective: str, asked: Problem) -> float:
 # ------------------------------------------------------------------------------- refinement
 
 
+@pytest.mark.parametrize("objective", ["time", "energy"])
+def test_ipopt_reaches_what_the_convex_rounds_reach(objective: str) -> None:
+    asked = behind_a_post()
+    times = []
+    for solver in ("piqp", "ipopt"):
+        answer = solved(asked, options(objective=objective, solver=solver))
+        assert answer.planner == "optimize"
+        times.append(_measure(answer.trajectory, objective, asked))
+    # Two solvers of the same rounds: what is left differs by the last round's gain.
+    np.testing.assert_allclose(times[0], times[1], rtol=0.02)
+
+
 def test_refinement_of_any_planner_is_no_worse() -> None:
     asked = behind_a_post()
     for planner in ("auto", "rrt_connect"):
@@ -316,6 +328,7 @@ def test_deadlines_are_kept(timeout: float, points: int) -> None:
         {"rounds": 0},
         {"duration": -1.0},
         {"speed": 1.0},
+        {"solver": "snopt"},
     ],
 )
 def test_options_out_of_range_are_refused(given: Mapping[str, Any]) -> None:
