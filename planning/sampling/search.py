@@ -111,6 +111,12 @@ def _run(query: _Query, spent: _Account) -> tuple[Array | None, Watch]:
     planner, goals = query.planner, query.goals
     if planner.one_goal:
         goals = [goals[spent.runs % len(goals)]]
+        if planner.improves and query.checker.free(query.start, goals[0]):
+            # AORRTC 2.0 answers the goal alone where nothing stands between it and the start
+            # (OMPL's issue 1420). Nothing is shorter than the straight way.
+            spent.edges += 1
+            spent.runs += 1
+            return np.array([query.start, goals[0]]), Watch(query.deadline, edges=lambda: 1)
     information, definition, edges = problem(
         query.chain, query.checker, query.start, goals, query.deadline
     )
@@ -181,6 +187,8 @@ def _attempt(query: _Query, waypoints: Array | None, watch: Watch, spent: _Accou
     """What the runs came to; a path is proved once more, whatever the planner made of its edges."""
     runs = "" if spent.runs == 1 else f" in {spent.runs} runs"
     detail = f"{spent.edges} edges checked{runs}"
+    if waypoints is not None and not _joins(waypoints, query):
+        return Attempt(None, f"{detail}; the planner's path does not lead from start to goal.")
     if waypoints is not None and not query.checker.polyline(waypoints)[0].free:
         return Attempt(None, f"{detail}; the planner joined states that no proved edge joins.")
     if watch.progress:
@@ -195,3 +203,10 @@ def _attempt(query: _Query, waypoints: Array | None, watch: Watch, spent: _Accou
     if waypoints is not None and watch.reason in ("time", "memory"):
         notes = (_NOT_REPEATED,)
     return Attempt(waypoints, f"{detail}.", notes, progress=tuple(watch.progress))
+
+
+def _joins(waypoints: Array, query: _Query) -> bool:
+    last = waypoints[-1]
+    return np.array_equal(waypoints[0], query.start) and any(
+        np.array_equal(last, goal) for goal in query.goals
+    )

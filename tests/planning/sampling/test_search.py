@@ -51,6 +51,19 @@ def test_paths_are_proved_and_repeat_for_a_seed(planner: str) -> None:
 
 
 @pytest.mark.parametrize("planner", PLANNERS)
+def test_with_nothing_in_the_way_paths_still_begin_at_the_start(planner: str) -> None:
+    budget = {"max_iterations": 400} if planner in IMPROVING else {}
+    near = START + np.array([0.0, 0.3])
+    for goals in ([near], [ENCLOSED, near], [GOAL, near]):
+        found = search(planner, goals, 2, **budget)
+        assert found.waypoints is not None, found.detail
+        assert np.array_equal(found.waypoints[0], START)
+        assert any(np.array_equal(found.waypoints[-1], goal) for goal in goals)
+        if found.progress:
+            assert found.progress[-1].length == pytest.approx(length(found), rel=1e-6)
+
+
+@pytest.mark.parametrize("planner", PLANNERS)
 def test_a_goal_that_cannot_be_reached_does_not_stand_in_the_way(planner: str) -> None:
     budget = {"max_iterations": 2000} if planner in IMPROVING else {}
     for goals in ([ENCLOSED, GOAL], [GOAL, ENCLOSED]):
