@@ -29,6 +29,9 @@ from planning.deadline import Deadline
 _STEPS = (0.5, 0.25, 0.5, 0.1)
 #: A step that needs more intervals for its proof grazes something all along: it is not taken.
 _MOST_INTERVALS = 800
+#: Failed steps in a row after which the larger tree has a turn: it may come by where the smaller
+#: one can't get out at random.
+_PATIENCE = 3
 #: Share of the mean distance of two random configurations beyond which a node that has met
 #: something is not grown any more, and draws in a row of which that may be said.
 _DOMAIN = 0.65
@@ -179,13 +182,17 @@ def grow_kernel(
         until: Edges, those of earlier calls counted.
     """
     work, room = workspace(model), np.zeros((3, low.shape[0]))
-    target = room[0]
+    target, failed = room[0], 0
     while trees.tally[_EDGES] < until:
         side = 0 if trees.sizes[0] <= trees.sizes[1] else 1
+        if failed == _PATIENCE:
+            side, failed = 1 - side, 0
         near = _draw(trees, side, low, high, domain, target)
         reached = _step(model, work, slack, trees, side, near, step, room)
         if reached < 0:
+            failed += 1
             continue
+        failed = 0
         target[:] = trees.points[side, reached]
         node, left = _nearest(trees, 1 - side, target)
         while node >= 0 and left > 0.0 and trees.tally[_EDGES] < until:

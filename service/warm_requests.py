@@ -10,6 +10,10 @@ import numpy as np
 from kinematics import pose as rotation
 from kinematics.forward import forward
 from kinematics.robots import builtin_names
+from obstacles.checker import Checker
+from obstacles.scene import Scene
+from planning.deadline import Deadline
+from planning.trees import grow
 from service import (
     check_tasks,
     kinematics_tasks,
@@ -64,6 +68,7 @@ def requests() -> None:
         _ask(check_tasks.check, panda, check)
         for planner in ("auto", "straight_line", "potential_field", "rrt_connect"):
             _plan(panda, planner)
+        _grow(panda)
         field = {"joints": _START, "goal_joints": _GOAL, "scene": _scene()}
         _ask(potential_tasks.potential, panda, field)
         _collide(panda)
@@ -146,6 +151,12 @@ def _plan(panda: Reference, planner: str) -> None:
             _track(panda, trajectory)
         motion = {"robot": "panda", "scene": _scene(), "trajectory": trajectory}
         _ask(plan_tasks.validate, panda, motion, _TIMEOUT)
+
+
+def _grow(panda: Reference) -> None:
+    """Trees, which the ladder has no need of where a rung before them finds a way."""
+    checker = Checker.of(library.robot(panda).geometry, Scene())
+    grow(checker, np.array(_START), [np.array(_GOAL)], 0, Deadline.after(_TIMEOUT), 1000)
 
 
 def _collide(panda: Reference) -> None:
