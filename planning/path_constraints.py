@@ -40,8 +40,9 @@ def check_widths(constraints: ConstraintSet) -> None:
                 f"{constraints.label(i)} has a tolerance of {half:.3g} {row.unit}: along a path "
                 f"{LEAST_TOLERANCE:g} {row.unit} at least are needed",
                 hint="Widen its tolerance or region; a millimetre is easily held.",
-                constraint=int(constraints.owners[i]),
-            )
+                constraint=int(constraints.owners[i]), tolerance=half,
+                relaxation=LEAST_TOLERANCE - half, unit=row.unit,
+            )  # fmt: skip
 
 
 def with_limits(options: Options, constraints: ConstraintSet | None) -> Options:

@@ -10,7 +10,10 @@ from obstacles.checker import Checker
 from planning.constrained_checker import ConstrainedChecker
 from planning.constraints.constraint_set import ConstraintSet
 from planning.deadline import Deadline
-from planning.manifold import Manifold, connect
+from planning.manifold import Manifold, connect, shorten
+
+#: Places of each leg of a way at which residuals are looked at.
+_LOOKED_AT = 33
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,24 +23,34 @@ class Relaxation:
     Args:
         constraints: Their numbers.
         names: What they are, in words.
+        wider: By how much each has to be wider for the way that was found [unit]; less may do.
+        units: Of these.
     """
 
     constraints: tuple[int, ...]
     names: tuple[str, ...]
+    wider: tuple[float, ...]
+    units: tuple[str, ...]
 
     @property
     def details(self) -> dict[str, Any]:
         """As values a program can use."""
-        return {"constraints_that_unblock": list(self.constraints)}
+        return {
+            "constraints_that_unblock": list(self.constraints),
+            "relaxations": list(self.wider),
+        }
 
     @property
     def sentence(self) -> str:
         """What would help, for a person."""
         if not self.constraints:
             return "Leaving out any one of the constraints did not help in time."
-        named = zip(self.constraints, self.names, strict=True)
-        texts = [f"without constraint {i} ({name})" for i, name in named]
-        return f"There is a way {' or '.join(texts)}: widen it."
+        named = zip(self.constraints, self.names, self.wider, self.units, strict=True)
+        texts = [
+            f"constraint {i} ({name}) is widened by {wider:.4g} {unit}"
+            for i, name, wider, unit in named
+        ]
+        return f"There is a way if {', or '.join(texts)}; less may do."
 
 
 def relaxed(
@@ -54,13 +67,28 @@ def relaxed(
     """
     whole = checker.constraints
     numbers = sorted({int(i) for i in whole.owners})
-    helping = []
+    helping: list[tuple[int, float, str]] = []
     for place, i in enumerate(numbers):
         rest = tuple(c for j, c in enumerate(whole.constraints) if j != i)
         own = Deadline.after(deadline.remaining / (len(numbers) - place))
-        if _way(checker, ConstraintSet(whole.chain, rest), start, goals, seed, own):
-            helping.append(i)
-    return Relaxation(tuple(helping), tuple(whole.constraints[i].name for i in helping))
+        way = _way(checker, ConstraintSet(whole.chain, rest), start, goals, seed, own)
+        if way is not None:
+            alone = ConstraintSet(whole.chain, (whole.constraints[i],))
+            helping.append((i, *_needed(alone, way)))
+    return Relaxation(
+        tuple(i for i, _, _ in helping),
+        tuple(whole.constraints[i].name for i, _, _ in helping),
+        tuple(wider for _, wider, _ in helping),
+        tuple(unit for _, _, unit in helping),
+    )
+
+
+def _needed(constraint: ConstraintSet, way: Array) -> tuple[float, str]:
+    """The worst residual of a constraint along a polyline (k, n), and its unit."""
+    shares = np.linspace(0.0, 1.0, _LOOKED_AT)[:, None, None]
+    residuals = constraint.residuals(way[:-1] + shares * np.diff(way, axis=0))
+    row = int(np.argmax(residuals.reshape(-1, residuals.shape[-1]).max(axis=0)))
+    return max(float(residuals[..., row].max()), 0.0), constraint.rows[row].unit
 
 
 def _way(
@@ -70,10 +98,13 @@ def _way(
     goals: list[Array],
     seed: int,
     deadline: Deadline,
-) -> bool:
+) -> Array | None:
     plain = Checker(checker.model, checker.slack)
     spare = np.zeros(len(rest.rows))
     freer = ConstrainedChecker(plain.model, plain.slack, constraints=rest, spare=spare)
-    if any(freer.free(start, goal) for goal in goals):
-        return True
-    return connect(Manifold(freer), start, goals, seed, deadline)[0] is not None
+    for goal in goals:
+        if freer.free(start, goal):
+            return np.array([start, goal])
+    way, _ = connect(Manifold(freer), start, goals, seed, deadline)
+    # What is asked for in vain is to be widened by little: the way found is made shorter first.
+    return None if way is None else shorten(Manifold(freer), way, seed, deadline)

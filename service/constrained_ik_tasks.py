@@ -121,9 +121,10 @@ def _refused(wanted: ConstraintSet, found: ConstrainedIk, body: IkRequest) -> Re
         hint = "Widen it by that much, allow more time, or try another seed."
     elif found.nearest.pair is not None:
         a, b = found.nearest.pair
-        what = f"has {a!r} and {b!r} closer than they may be"
+        short = -found.nearest.clearance
+        what = f"has {a!r} and {b!r} closer than they may be by {short:.4g} m"
         details |= {"pair": [a, b], "clearance": found.nearest.clearance}
-        hint = "Lower the margin, widen the constraints, or move the obstacle."
+        hint = f"Lower the margin by {short:.4g} m, widen the constraints, or move the obstacle."
     else:
         what, hint = "is in collision", "Lower the margin, or widen the constraints."
     return Refusal(

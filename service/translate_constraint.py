@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from kinematics.chain import Array, Chain
-from kinematics.errors import InvalidGoal
+from kinematics.errors import InvalidGoal, InvalidPose
 from kinematics.pose import from_quaternion
 from planning.constraints.constraint import Constraint
 from planning.constraints.constraint_set import ConstraintSet
@@ -49,7 +49,7 @@ def _numbered(i: int, body: schema.Constraint, chain: Chain) -> Constraint:
     try:
         made = constraint(body)
         made.rows(chain)
-    except InvalidGoal as error:
+    except (InvalidGoal, InvalidPose) as error:
         details = dict(error.details) | {"constraint": i}
         message = f"constraints[{i}] ({body.type}): {error.message}"
         raise InvalidGoal(message, hint=error.hint, **details) from None

@@ -105,7 +105,10 @@ def unit(values: ArrayLike, name: str) -> Array:
     array = vector(values, name)
     length = float(np.linalg.norm(array))
     if length < _SHORTEST:
-        raise InvalidGoal(f"{name} has length {length:.3g}, so it names no direction")
+        raise InvalidGoal(
+            f"{name} has length {length:.3g}, so it names no direction",
+            hint="Any length but 0 will do: [0, 0, 1] is the z axis.",
+        )
     return frozen(array / length)
 
 

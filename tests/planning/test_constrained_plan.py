@@ -174,9 +174,16 @@ def test_a_constraint_that_bars_the_way_is_named() -> None:
     wall = Scene((box("wall", (0.2, 0.05, 0.3), (0.4, 0.0, 0.45)),))
     wanted = ConstraintSet(CHAIN, (line,))
     problem = Problem(ROBOT, wall, start, (JointGoal(goal),), constraints=wanted)
-    answer = plan(problem, Options(timeout=3.0))
+    answer = plan(problem, Options(timeout=6.0))
     assert isinstance(answer, Failure)
     assert answer.details["constraints_that_unblock"] == [0]
+    (wider,) = answer.details["relaxations"]
+    assert 5e-3 < wider < 1.5
+    # As much wider as is said is wide enough.
+    line = PositionConstraint(LineRegion([0.35, 0.0, 0.4], [0.0, 1.0, 0.0], 5e-3 + wider))
+    wanted = ConstraintSet(CHAIN, (line,))
+    problem = Problem(ROBOT, wall, start, (JointGoal(goal),), constraints=wanted)
+    assert isinstance(plan(problem, Options(timeout=60.0)), Plan)
 
 
 def test_sets_without_thickness_are_refused() -> None:
