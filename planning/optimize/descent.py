@@ -211,9 +211,10 @@ class Descent:
         return Iterate(iterate.space, iterate.points, T)
 
     def _value(self, iterate: Iterate) -> float:
-        return value(
-            iterate.trajectory(self.task.chain.joint_names), self.options.weights, self._carrier
-        )
+        return self._worth(iterate.trajectory(self.task.chain.joint_names))
+
+    def _worth(self, motion: Trajectory) -> float:
+        return value(motion, self.options.weights, self._carrier, self.task.wishes)
 
     @property
     def _carrier(self) -> Chain:
@@ -251,7 +252,7 @@ class Descent:
             message = f"the shortest motion that was found takes {motion.duration:.4g} s"
             self.hindrance = Hindrance(message, "Allow a longer duration, or raise the limits.")
             return None
-        return Candidate(iterate, motion, value(motion, self.options.weights, self._carrier))
+        return Candidate(iterate, motion, self._worth(motion))
 
     def _exceeded(self, motion: Trajectory) -> Hindrance:
         """Which limit a motion exceeds the most, by how much."""

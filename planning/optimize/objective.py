@@ -4,6 +4,7 @@
     jerk          integral of |q'''|^2 dt = T^-5 integral of |d3q/du3|^2 du
     energy        integral of |tau|^2 dt
     path_length   integral of |dq/du| du
+    wishes        integral of sum_i w_i max(r_i, 0)^2 / 2 dt, r the residuals of soft constraints
 
 Sums of squares are modelled with the products of first derivatives as Hessian (Gauss-Newton). The
 length, which is no sum of squares, lies below sum_k w_k (|x_k|^2 / |x_k'| + |x_k'|) / 2 with
@@ -20,6 +21,7 @@ import scipy.sparse
 from dynamics.inverse import inverse_dynamics
 from kinematics.chain import Array, Chain
 from kinematics.trajectory import Trajectory
+from planning.constraints.constraint_set import ConstraintSet
 from planning.limit_check import JERK_JUMP
 from planning.optimize.iterate import Iterate
 from planning.optimize.options import Objective
@@ -48,15 +50,22 @@ class Model(NamedTuple):
     g: Array
 
 
-def value(trajectory: Trajectory, weights: Mapping[Objective, float], carrier: Chain) -> float:
+def value(
+    trajectory: Trajectory,
+    weights: Mapping[Objective, float],
+    carrier: Chain,
+    wishes: ConstraintSet | None = None,
+) -> float:
     """The objective of a motion, infinite where its jerk counts and is not bounded.
 
     Args:
         trajectory: The motion.
         weights: By objective.
         carrier: The robot with what it carries.
+        wishes: Soft constraints.
     """
-    return sum(w * _VALUES[name](trajectory, carrier) for name, w in weights.items())
+    total = sum(w * _VALUES[name](trajectory, carrier) for name, w in weights.items())
+    return total if wishes is None else total + _wishes_value(trajectory, wishes)
 
 
 def model(task: Task, weights: Mapping[Objective, float], iterate: Iterate) -> Model:
@@ -66,6 +75,9 @@ def model(task: Task, weights: Mapping[Objective, float], iterate: Iterate) -> M
     for name, w in weights.items():
         own = _MODELS[name](task, iterate)
         H, g = H + w * own.H, g + w * own.g
+    if task.wishes is not None:
+        own = _wishes_model(task.wishes, iterate)
+        H, g = H + own.H, g + own.g
     return Model(H, g)
 
 
@@ -159,6 +171,27 @@ def _length_model(_task: Task, iterate: Iterate) -> Model:
     H = sparse.kron(sparse.csr_matrix(G), sparse.identity(n))
     H = sparse.block_diag([H, np.zeros((2, 2))], format="csr")
     return Model(H, np.zeros(iterate.points.size + 2))
+
+
+# ----------------------------------------------------------------------------------- wishes
+
+
+def _wishes_value(trajectory: Trajectory, wishes: ConstraintSet) -> float:
+    times, weights = _nodes(trajectory, _NODES)
+    violated = np.maximum(wishes.residuals(trajectory.sample(times)), 0.0)
+    return 0.5 * float(weights @ (violated**2 @ wishes.weights))
+
+
+def _wishes_model(wishes: ConstraintSet, iterate: Iterate) -> Model:
+    T = iterate.duration
+    places, weights = _shares(iterate)
+    residuals, J = wishes.evaluate(iterate.sample(places))
+    k, i = np.nonzero(residuals > 0.0)
+    # Residuals sqrt(T w w_i) r_i, those that are violated.
+    root = np.sqrt(T * weights[k] * wishes.weights[i])
+    r = root * residuals[k, i]
+    A = local_matrix(iterate, places[k], [root[:, None] * J[k, i]], 0.5 * r / T)
+    return _about(A.T @ A, A.T @ r, iterate)
 
 
 # ---------------------------------------------------------------------------------- integrals

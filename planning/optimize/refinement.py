@@ -71,10 +71,9 @@ class Refinement:
     _descent: Descent = field(init=False)
 
     def __post_init__(self) -> None:
-        carrier = self.task.carrier or self.task.chain
         if not self.retimed:
             self.task = self._with_jerk()
-        self.value = value(self.known, self.options.weights, carrier)
+        self.value = self._worth(self.known)
         space = SplineSpace.uniform(self.options.least_degree, self._count())
         start = fitted(self.task, space, self.known)
         self._descent = Descent(self.task, self.options, start, self._longest(), self.deadline)
@@ -151,10 +150,13 @@ class Refinement:
             timed = self.law.time(JointPath(motion.coefficients, lengths), motion.joint_names)
         except TimingFailed:
             motion = self._within_jerk(best.trajectory)
-            return motion, self.options.weights["time"] * motion.duration
-        weight = self.options.weights["time"]
+            return motion, self._worth(motion)
         motions = [self._within_jerk(found) for found in (timed.trajectory, best.trajectory)]
-        return min(((m, weight * m.duration) for m in motions), key=lambda pair: pair[1])
+        return min(((m, self._worth(m)) for m in motions), key=lambda pair: pair[1])
+
+    def _worth(self, motion: Trajectory) -> float:
+        carrier = self.task.carrier or self.task.chain
+        return value(motion, self.options.weights, carrier, self.task.wishes)
 
     def _within_jerk(self, motion: Trajectory) -> Trajectory:
         """The motion; where its acceleration does not jump, within the robot's jerk limits too."""

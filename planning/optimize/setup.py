@@ -107,7 +107,7 @@ class Refining:
         if offer is None:
             return False, f"{self._work.hindrance.message}, {rounds}."
         detail = f"{self.known.duration:.3f} s became {offer.trajectory.duration:.3f} s, {rounds}"
-        if not self._refine.fastest:
+        if not self._refine.fastest or self._wished:
             detail += f"; objective {self._work.value:.4g} became {offer.value:.4g}"
         return True, f"{detail}."
 
@@ -142,6 +142,11 @@ class Refining:
         return not self.problem.moving and not self.known.coefficients[:, :, 1:].any()
 
     @property
+    def _wished(self) -> bool:
+        given = self.problem.constraints
+        return given is not None and bool(given.soft.rows)
+
+    @property
     def _refine(self) -> RefineOptions:
         assert self.options.refine is not None
         return self.options.refine
@@ -155,8 +160,10 @@ class Refining:
         end = _end(known.end, *rates, smooth=smooth)
         carrier = _carrier(problem.robot.chain, self.options.timing, self.law)
         bounds, loads = self.law.bounds, self.law.loads
-        held = None if problem.constraints is None else problem.constraints.hard
-        task = Task(self.checker, start, end, bounds, loads, held, carrier)
+        given = problem.constraints
+        held = None if given is None else given.hard
+        wishes = given.soft if given is not None and self._wished else None
+        task = Task(self.checker, start, end, bounds, loads, held, carrier, wishes)
         return Refinement(task, self._refine, self.law, known, deadline, binding=not problem.moving)
 
 

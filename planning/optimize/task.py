@@ -67,6 +67,7 @@ class Task:
         bounds: Limits of velocity, acceleration and perhaps jerk, shape (n,) each, by quantity.
         loads: Limits of torque and tool speed.
         constraints: What every configuration on the way has to hold.
+        wishes: Soft constraints: what they are violated by costs something.
         carrier: The robot with all that it carries, for the energy objective.
     """
 
@@ -77,6 +78,7 @@ class Task:
     loads: Loads | None = None
     constraints: ConstraintSet | None = None
     carrier: Chain | None = field(default=None, repr=False)
+    wishes: ConstraintSet | None = None
 
     @property
     def chain(self) -> Chain:
