@@ -190,12 +190,12 @@ def written(robot: RobotGeometry, scenes: list[Scene], count: int) -> dict[str, 
         for _, constraints, scene in made(kind, robot, scenes, count):
             told[kind].append(_values(constraints) | {"scene": _number(scenes, scene)})
     told["robot"] = [
-        {"link": f"panda_link{joint + 1}"} | _solid(piece)
+        {"link": f"panda_link{joint + 1}"} | solid(piece)
         for joint, piece in zip(robot.joints, robot.pieces, strict=True)
         if joint >= 0
     ]
     told["scenes"] = [
-        [_solid(piece) for obstacle in scene.obstacles for piece in obstacle.pieces()]
+        [solid(piece) for obstacle in scene.obstacles for piece in obstacle.pieces()]
         for scene in scenes
     ]
     return told
@@ -205,7 +205,8 @@ def _number(scenes: list[Scene], scene: Scene | None) -> int | None:
     return next((i for i, other in enumerate(scenes) if other is scene), None)
 
 
-def _solid(piece: Piece) -> dict[str, Any]:
+def solid(piece: Piece) -> dict[str, Any]:
+    """A piece as values another program reads."""
     T = np.asarray(piece.T_owner_piece).tolist()
     if piece.kind == PieceKind.CYLINDER:
         return {"T": T, "radius": piece.radius, "length": 2.0 * piece.half_height}
