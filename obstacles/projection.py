@@ -102,7 +102,8 @@ class Projector:
         checked = _points(points)
         projection = np.empty((len(checked), len(self.ids), 3))
         distance = np.empty((len(checked), len(self.ids)))
-        project_kernel(checked, self.arrays, projection, distance)
+        everything = np.full(len(checked), np.inf)
+        project_kernel(checked, self.arrays, everything, projection, distance)
         return projection, distance
 
 
@@ -117,9 +118,12 @@ def project(points: ArrayLike, obstacles: Scene | Sequence[Obstacle]) -> tuple[A
 
 @kernel
 def project_kernel(
-    points: Array, arrays: ProjectionArrays, projection: Array, distance: Array
+    points: Array, arrays: ProjectionArrays, within: Array, projection: Array, distance: Array
 ) -> None:
-    """Write pi(p) (m, o, 3) and the signed distance (m, o) of ``points`` (m, 3)."""
+    """Write pi(p) (m, o, 3) and the signed distance (m, o) of ``points`` (m, 3).
+
+    What is farther from a point than ``within`` (m,) may be left out: its distance is infinite.
+    """
     for m in range(points.shape[0]):
         p = (points[m, 0], points[m, 1], points[m, 2])
         distance[m] = np.inf
@@ -128,7 +132,8 @@ def project_kernel(
             ball = arrays.balls[i]
             x, y, z = p[0] - ball[0], p[1] - ball[1], p[2] - ball[2]
             # Outside of the ball, the piece is at least as far as it; inside it may be anything.
-            if np.sqrt(x * x + y * y + z * z) - ball[3] >= max(distance[m, owner], 0.0):
+            least = np.sqrt(x * x + y * y + z * z) - ball[3]
+            if least >= max(distance[m, owner], 0.0) or least > within[m]:
                 continue
             nearest = _on_piece(arrays, i, p)
             if nearest[3] < distance[m, owner]:

@@ -23,7 +23,7 @@ import numpy as np
 from kinematics.chain import Array, Chain, Indices
 from kinematics.kernel import kernel
 from obstacles.projection import ProjectionArrays, Projector, project_kernel
-from planning.field.control_points import ControlPoints, control_points
+from planning.field.control_points import ControlPoints, control_points, control_points_kernel
 from planning.field.weights import FieldWeights
 
 #: On a surface nothing points out of it: there the distance itself is differentiated [m].
@@ -105,16 +105,18 @@ def repulsion_kernel(
     field: FieldArrays,
     obstacles: ProjectionArrays,
     points: Array,
+    within: Array,
     projections: Array,
     distances: Array,
     forces: Array,
 ) -> float:
     """Write F_rep of the points (m, 3) into ``forces`` (m, 3); the sum of U_rep.
 
-    ``projections`` (m, o, 3) and ``distances`` (m, o) are written on the way.
+    ``projections`` (m, o, 3) and ``distances`` (m, o) are written on the way, of what is no farther
+    than ``within`` (m,), which must be as far as an obstacle is felt.
     """
     weights, reach = field.repulsive, field.reach
-    project_kernel(points, obstacles, projections, distances)
+    project_kernel(points, obstacles, within, projections, distances)
     total = 0.0
     u = np.empty(3)
     for i in range(points.shape[0]):
@@ -150,7 +152,7 @@ def outward_kernel(
         around[row, row // 2] += _NUDGE if row % 2 == 0 else -_NUDGE
     o = obstacles.owners[-1] + 1
     beside, slopes = np.empty((6, o, 3)), np.empty((6, o))
-    project_kernel(around, obstacles, beside, slopes)
+    project_kernel(around, obstacles, np.full(6, np.inf), beside, slopes)
     square = 0.0
     for axis in range(3):
         u[axis] = slopes[2 * axis, k] - slopes[2 * axis + 1, k]
@@ -168,6 +170,51 @@ def force_kernel(jacobians: Array, pulls: Array, pushes: Array, joint_force: Arr
         for i in range(m):
             for row in range(3):
                 joint_force[j] += jacobians[i, row, j] * (pulls[i, row] + pushes[i, row])
+
+
+class FieldModel(NamedTuple):
+    """All that the value of a field depends on but the configuration.
+
+    Args:
+        types: Of the chain's joints, shape (n,).
+        offsets: Of the chain, shape (n, 4, 4).
+        points: The control points.
+        obstacles: What pushes them.
+        goal: Shape (n,).
+        joint_weight: k of the pull in joint space [N m].
+    """
+
+    types: Indices
+    offsets: Array
+    points: FieldArrays
+    obstacles: ProjectionArrays
+    goal: Array
+    joint_weight: float
+
+
+@kernel
+def value_kernel(field: FieldModel, q: Array, joint_force: Array) -> float:
+    """U at q (n,); -grad U is written into ``joint_force`` (n,)."""
+    m, n = field.points.joints.shape[0], q.shape[0]
+    owners = field.obstacles.owners
+    o = owners[-1] + 1 if owners.shape[0] > 0 else 0
+    points, jacobians = np.empty((m, 3)), np.empty((m, 3, n))
+    pulls, pushes = np.empty((m, 3)), np.empty((m, 3))
+    projections, distances = np.empty((m, o, 3)), np.empty((m, o))
+    control_points_kernel(
+        field.types, field.offsets, field.points.joints, field.points.places, q, points, jacobians
+    )
+    potential = attraction_kernel(field.points, points, pulls)
+    potential += repulsion_kernel(
+        field.points, field.obstacles, points, field.points.radii + field.points.reach,
+        projections, distances, pushes,
+    )  # fmt: skip
+    force_kernel(jacobians, pulls, pushes, joint_force)
+    for j in range(n):
+        e = field.goal[j] - q[j]
+        potential += 0.5 * field.joint_weight * e * e
+        joint_force[j] += field.joint_weight * e
+    return potential
 
 
 class Field:
@@ -213,6 +260,18 @@ class Field:
         )
 
     @property
+    def model(self) -> FieldModel:
+        """The same for kernels."""
+        return FieldModel(
+            types=self._chain.joint_types,
+            offsets=self._chain.offsets,
+            points=self._arrays,
+            obstacles=self._obstacles.arrays,
+            goal=np.array(self._goal, dtype=np.float64),
+            joint_weight=float(self._joint_weight),
+        )
+
+    @property
     def goals(self) -> Array:
         """Where the control points are at the goal, shape (m, 3) [m]."""
         return self._arrays.goals
@@ -224,8 +283,9 @@ class Field:
         pulls, pushes, force = np.empty((m, 3)), np.empty((m, 3)), np.empty(self._chain.n)
         projections, distances = np.empty((m, o, 3)), np.empty((m, o))
         potential = attraction_kernel(self._arrays, points, pulls) + repulsion_kernel(
-            self._arrays, self._obstacles.arrays, points, projections, distances, pushes
-        )
+            self._arrays, self._obstacles.arrays, points, np.full(m, np.inf), projections,
+            distances, pushes,
+        )  # fmt: skip
         force_kernel(jacobians, pulls, pushes, force)
         if self._joint_weight > 0.0:
             e = self._goal - q

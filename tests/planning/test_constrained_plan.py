@@ -1,6 +1,7 @@
 """Motions that hold constraints for every instant, judged by pinocchio's frames."""
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 import pinocchio as pin
@@ -12,6 +13,7 @@ from kinematics.forward import forward
 from kinematics.pose import transform
 from kinematics.robots import builtin_urdf
 from kinematics.trajectory import Trajectory
+from obstacles.checker import Checker
 from obstacles.scene import Scene
 from planning.certificate import certify
 from planning.constrained_ik import IkOptions, constrained_ik
@@ -22,8 +24,12 @@ from planning.constraints.limit import ClearanceConstraint, ToolSpeedConstraint,
 from planning.constraints.orientation import ConeConstraint, OrientationConstraint
 from planning.constraints.position import PositionConstraint
 from planning.constraints.region import LineRegion, PlaneRegion, SphereRegion
+from planning.deadline import Deadline
 from planning.options import Options
+from planning.path_constraints import constrained
 from planning.pipeline import plan
+from planning.potential_field import FieldOptions, potential_field
+from planning.preflight import Ready, preflight
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.result import Failure, Plan
 from tests.planning.dense import least_clearance, worst_ratio
@@ -213,3 +219,25 @@ def test_same_seed_same_motion() -> None:
     start, goal = at([0.35, -0.35, 0.4], NARROW), at([0.35, 0.4, 0.35], NARROW)
     first, again = (planned(start, goal, pillar(0.1, 0.5), UPRIGHT) for _ in range(2))
     assert first.trajectory == again.trajectory
+
+
+def test_a_potential_field_by_name_takes_no_step_that_leaves_a_constraint() -> None:
+    start, goal = at([0.35, -0.35, 0.4], NARROW), at([0.35, 0.4, 0.35], NARROW)
+    constraints = ConstraintSet(CHAIN, (UPRIGHT,))
+    problem = Problem(ROBOT, Scene(), start, (JointGoal(goal),), constraints=constraints)
+    ready = constrained(problem, preflight(problem, 0), 0)
+    assert isinstance(ready, Ready)
+    checker = ready.checkers[-1]
+    options = FieldOptions.of({"preset": "quick", "connect": False})
+    deadline = Deadline.after(20.0)
+    found = potential_field(ROBOT, checker, Scene(), start, [goal], options, 0, deadline)
+    free = Checker(checker.model, checker.slack)
+    wild = potential_field(ROBOT, free, Scene(), start, [goal], options, 0, deadline)
+    assert len(found.visited) > 1
+    legs = [(a, b) for a, b in pairwise(found.visited)]
+    assert all(checker.free(a, b) for a, b in legs)
+    shares = np.linspace(0.0, 1.0, 50)[:, None]
+    for a, b in legs:
+        for q in (1.0 - shares) * a + shares * b:
+            assert tilt(forward(CHAIN, q)) <= np.radians(10.0) + 1e-6
+    assert not all(checker.free(a, b) for a, b in pairwise(wild.visited))

@@ -197,4 +197,5 @@ def test_presets_can_be_changed_by_name() -> None:
     assert made.control_points == "links"
     assert made.escapes == 2
     assert FieldOptions.of({}) is not None
-    assert FieldOptions.of({"step_sizes": None}).step_size(3) is None
+    none = np.zeros(2)
+    assert FieldOptions.of({"step_sizes": None}).rules(none, none).sizes.shape == (0,)

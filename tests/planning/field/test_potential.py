@@ -10,7 +10,7 @@ from obstacles.projection import Projector
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Box, HalfSpace, Mesh, PointCloud, Sphere
 from planning.field.control_points import along_links, control_points, frame_origins
-from planning.field.potential import Field
+from planning.field.potential import Field, value_kernel
 from planning.field.weights import FieldWeights
 from tests.planning.scenes import HOME, builtin, pillar, shelf
 
@@ -245,3 +245,22 @@ def test_weights_are_checked(options: dict[str, object]) -> None:
 def test_weights_must_fit_the_control_points() -> None:
     with pytest.raises(InvalidOption, match="3 value"):
         FieldWeights(attractive_weights=[1.0, 2.0, 3.0]).each(7)
+
+
+@pytest.mark.parametrize("name", ["panda", "scara", "ur5e"])
+def test_the_descents_kernel_has_the_value_and_the_force_of_the_field(name: str) -> None:
+    robot = builtin(name)
+    random = np.random.default_rng(17)
+    lower, upper = robot.chain.sampling_bounds()
+    floor = Obstacle("floor", HalfSpace(np.array([0.0, 0.0, 1.0]), -0.1), np.eye(4))
+    scenes = (Scene(), shelf(0.5), Scene((*shelf(0.4).obstacles, *pillar().obstacles, floor)))
+    for scene in scenes:
+        for where in (frame_origins(robot.chain), along_links(robot)):
+            goal = random.uniform(lower, upper)
+            field = Field(robot.chain, where, Projector(scene), goal, FieldWeights(), 0.3)
+            for _ in range(30):
+                q, force = random.uniform(lower, upper), np.empty(robot.chain.n)
+                expected, potential = field.at(q), value_kernel(field.model, q, force)
+                assert potential == pytest.approx(expected.potential, rel=1e-12)
+                scale = np.abs(expected.joint_force).max() + 1.0
+                assert force == pytest.approx(expected.joint_force, abs=1e-12 * scale)
