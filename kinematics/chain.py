@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from enum import IntEnum
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -148,7 +149,8 @@ class Chain:
     Also known: ``index``, where each link stands in ``links``; ``model``, all that forward
     kinematics reads in one array (1 + n + len(links), 14): n and the tip's number, then a joint's
     type and offset or a link's joint and frame in a row, frames by their upper three rows, and
-    last the links' numbers in the order of their joints; ``content_hash``.
+    last the links' numbers in the order of their joints; ``content_hash``; ``memo``, where what was
+    made of a chain last can wait for the next call: finding it by hash costs more than a frame.
     """
 
     name: str
@@ -166,6 +168,7 @@ class Chain:
     index: Mapping[str, int] = field(init=False, repr=False)
     model: Array = field(init=False, repr=False)
     content_hash: str = field(init=False, repr=False)
+    memo: dict[str, Any] = field(init=False, repr=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         n = len(self.joint_names)

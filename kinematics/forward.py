@@ -1,6 +1,5 @@
 """Forward kinematics: joint values to frames."""
 
-import math
 from collections.abc import Callable, Sequence
 from functools import cache
 
@@ -9,23 +8,21 @@ from numpy.typing import ArrayLike
 
 from kinematics.chain import Array, Chain, Indices
 from kinematics.errors import InvalidOption
-from kinematics.kernel import direct, kernel
-from kinematics.lanes import (
-    FRAME,
-    LANES,
+from kinematics.frame import (
+    IDENTITY,
     at_joint_kernel,
-    pose_lanes_kernel,
-    poses_lanes_kernel,
+    compose_kernel,
+    move_kernel,
+    store_kernel,
 )
-from kinematics.turns import turns_kernel
+from kinematics.kernel import direct, kernel
+from kinematics.lanes import FRAME, pose_lanes_kernel, poses_lanes_kernel
+from kinematics.turns import few_turns_kernel, turn_at_kernel
+from kinematics.vector import LANES
 
 _FLOAT = np.dtype(np.float64)
 # Names of this module: looking them up in another one costs as much as a joint does.
-_empty, _contiguous = np.empty, np.ascontiguousarray
-#: Joints whose cosines and sines fit into a pose.
-_ROOM = 8
-Frame = tuple[float, float, float, float, float, float, float, float, float, float, float, float]
-IDENTITY: Frame = (1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+_empty, _contiguous, _POSE = np.empty, np.ascontiguousarray, (4, 4)
 
 
 @kernel
@@ -38,114 +35,41 @@ def finite_kernel(q: Array) -> bool:
 
 
 @kernel
-def step_kernel(model: Array, row: int, q: float, B: Frame) -> Frame:
-    """The frame behind a joint at ``q``, by its row of ``Chain.model``, from the one before it.
-
-    Frames are their upper three rows as twelve numbers: so they stay in registers. Rows are named
-    by their number, since a view of one costs as much as the product.
-    """
-    if model[row, 0] == 0.0:
-        return turn_kernel(model, row, math.cos(q), math.sin(q), B)
-    return slide_kernel(model, row, q, B)
-
-
-@kernel
-def move_kernel(model: Array, row: int, q: float, c: float, s: float, B: Frame) -> Frame:
-    """``step_kernel`` where cosine and sine of q are known."""
-    if model[row, 0] == 0.0:
-        return turn_kernel(model, row, c, s, B)
-    return slide_kernel(model, row, q, B)
-
-
-@kernel
-def slide_kernel(model: Array, row: int, q: float, B: Frame) -> Frame:
-    """``step_kernel`` of a prismatic joint."""
-    b00, b01, b02, b03, b10, b11, b12, b13, b20, b21, b22, b23 = compose_kernel(B, model, row)
-    return (
-        b00, b01, b02, b03 + q * b02, b10, b11, b12, b13 + q * b12,
-        b20, b21, b22, b23 + q * b22,
-    )  # fmt: skip
-
-
-@kernel
-def turn_kernel(model: Array, row: int, c: float, s: float, B: Frame) -> Frame:
-    """``step_kernel`` of a revolute joint by its cosine and sine."""
-    b00, b01, b02, b03, b10, b11, b12, b13, b20, b21, b22, b23 = compose_kernel(B, model, row)
-    return (
-        b00 * c + b01 * s, b01 * c - b00 * s, b02, b03,
-        b10 * c + b11 * s, b11 * c - b10 * s, b12, b13,
-        b20 * c + b21 * s, b21 * c - b20 * s, b22, b23,
-    )  # fmt: skip
-
-
-@kernel
-def compose_kernel(B: Frame, A: Array, i: int) -> Frame:
-    """B times the frame in row i of an array as ``Chain.model``."""
-    b00, b01, b02, b03, b10, b11, b12, b13, b20, b21, b22, b23 = B
-    a00, a01, a02, a03 = A[i, 1], A[i, 2], A[i, 3], A[i, 4]
-    a10, a11, a12, a13 = A[i, 5], A[i, 6], A[i, 7], A[i, 8]
-    a20, a21, a22, a23 = A[i, 9], A[i, 10], A[i, 11], A[i, 12]
-    return (
-        b00 * a00 + b01 * a10 + b02 * a20, b00 * a01 + b01 * a11 + b02 * a21,
-        b00 * a02 + b01 * a12 + b02 * a22, b00 * a03 + b01 * a13 + b02 * a23 + b03,
-        b10 * a00 + b11 * a10 + b12 * a20, b10 * a01 + b11 * a11 + b12 * a21,
-        b10 * a02 + b11 * a12 + b12 * a22, b10 * a03 + b11 * a13 + b12 * a23 + b13,
-        b20 * a00 + b21 * a10 + b22 * a20, b20 * a01 + b21 * a11 + b22 * a21,
-        b20 * a02 + b21 * a12 + b22 * a22, b20 * a03 + b21 * a13 + b22 * a23 + b23,
-    )  # fmt: skip
-
-
-@kernel
-def store_kernel(B: Frame, T: Array) -> None:
-    """Write a frame into T (4, 4)."""
-    T[0, 0], T[0, 1], T[0, 2], T[0, 3] = B[0], B[1], B[2], B[3]
-    T[1, 0], T[1, 1], T[1, 2], T[1, 3] = B[4], B[5], B[6], B[7]
-    T[2, 0], T[2, 1], T[2, 2], T[2, 3] = B[8], B[9], B[10], B[11]
-    T[3, 0], T[3, 1], T[3, 2], T[3, 3] = 0.0, 0.0, 0.0, 1.0
-
-
-@kernel
 def fits_kernel(model: Array, q: Array) -> bool:
     """Whether q is one finite number a joint."""
     return q.shape[0] == int(model[0, 0]) and finite_kernel(q)
 
 
-@kernel
+@kernel(allocates=False)
 def pose_kernel(model: Array, q: Array, link: int, T: Array) -> bool:
     """Write the pose (4, 4) of link number ``link``, -1 for the tip; False where q does not fit."""
     if not fits_kernel(model, q):
         return False
-    n = q.shape[0]
-    row = 1 + n + (link if link >= 0 else int(model[0, 1]))
-    # The pose has room for the turns of most arms until it is written.
-    room = T.reshape(16) if n <= _ROOM else np.empty(2 * n)
-    half = room.shape[0] // 2
-    turns_kernel(q, room[:half], room[half:])
+    row = 1 + q.shape[0] + (link if link >= 0 else int(model[0, 1]))
+    turns = few_turns_kernel(q)
     B = IDENTITY
     for i in range(int(model[row, 0]) + 1):
-        B = move_kernel(model, 1 + i, q[i], room[i], room[half + i], B)
+        c, s = turn_at_kernel(q, i, turns)
+        B = move_kernel(model, 1 + i, q[i], c, s, B)
     store_kernel(compose_kernel(B, model, row), T)
     return True
 
 
-@kernel
+@kernel(allocates=False)
 def poses_kernel(model: Array, q: Array, poses: Array) -> bool:
     """Write the poses (len(links), 4, 4) of all links; False where q does not fit."""
     if not fits_kernel(model, q):
         return False
-    n, count = q.shape[0], poses.shape[0]
-    # The pose that is written last has room for the turns until then.
-    last = poses[int(model[n + count, 13])]
-    room = last.reshape(16) if n <= _ROOM else np.empty(2 * n)
-    half = room.shape[0] // 2
-    turns_kernel(q, room[:half], room[half:])
+    n = q.shape[0]
+    turns = few_turns_kernel(q)
     B, joint = IDENTITY, -1
-    for k in range(count):
+    for k in range(poses.shape[0]):
         link = int(model[1 + n + k, 13])
         row = 1 + n + link
         while joint < int(model[row, 0]):
             joint += 1
-            B = move_kernel(model, 1 + joint, q[joint], room[joint], room[half + joint], B)
+            c, s = turn_at_kernel(q, joint, turns)
+            B = move_kernel(model, 1 + joint, q[joint], c, s, B)
         if at_joint_kernel(model, row):
             store_kernel(B, poses[link])
         else:
@@ -170,7 +94,7 @@ def poses_batch_kernel(model: Array, q: Array, poses: Array) -> None:
     """Write the poses (m, len(links), 4, 4) of all links for a batch q (m, n)."""
     m = q.shape[0] - q.shape[0] % LANES
     if m > 0:
-        room = np.empty((3 * q.shape[1] + FRAME * (1 + poses.shape[1])) * LANES)
+        room = np.empty((3 * q.shape[1] + FRAME * poses.shape[1]) * LANES)
         for k in range(0, m, LANES):
             poses_lanes_kernel(model, q[k : k + LANES], poses[k : k + LANES], room)
     for k in range(m, q.shape[0]):
@@ -283,9 +207,9 @@ def forward(chain: Chain, q: ArrayLike, link: str | None = None) -> Array:
         InvalidLinkName: No such link.
     """
     number = -1 if link is None else link_number(chain, link)
-    T = _empty((4, 4))
-    # The usual case, one configuration that is as it should be, is told by the kernel itself.
+    T = _empty(_POSE)
     with_one = one_pose()
+    # The usual case, one configuration that is as it should be, is told by the kernel itself.
     try:
         one = _contiguous(q, _FLOAT)
         if one.ndim == 1 and with_one(chain.model, one, number, T):
@@ -321,9 +245,11 @@ def link_poses(
     if links is not None:
         numbers = [link_number(chain, name) for name in links]
         return link_poses(chain, q)[..., numbers, :, :]
-    shape = (len(chain.links), 4, 4)
+    memo = chain.memo
+    if "link_poses" not in memo:
+        memo["link_poses"] = all_poses(), (len(chain.links), 4, 4)
+    with_one, shape = memo["link_poses"]
     poses = _empty(shape)
-    with_one = all_poses()
     try:
         one = _contiguous(q, _FLOAT)
         if one.ndim == 1 and with_one(chain.model, one, poses):

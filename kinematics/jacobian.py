@@ -8,20 +8,13 @@ from numpy.typing import ArrayLike
 
 from kinematics.chain import Array, Chain, Indices
 from kinematics.errors import InvalidOption, InvalidRobotState
-from kinematics.forward import (
-    IDENTITY,
-    Frame,
-    compose_kernel,
-    fits_kernel,
-    forward_kernel,
-    link_number,
-    move_kernel,
-    store_kernel,
-)
+from kinematics.forward import fits_kernel, forward_kernel, link_number
+from kinematics.frame import IDENTITY, Frame, compose_kernel, move_kernel, store_kernel
 from kinematics.kernel import direct, kernel
-from kinematics.lanes import COLUMN, FRAME, LANES, gather_kernel, jacobian_lanes_kernel
+from kinematics.lanes import COLUMN, gather_kernel, jacobian_lanes_kernel
 from kinematics.pose import to_zyz
-from kinematics.turns import turns_kernel
+from kinematics.turns import few_turns_kernel, turn_at_kernel, turns_kernel
+from kinematics.vector import LANES
 
 _FLOAT = np.dtype(np.float64)
 # Names of this module: looking them up in another one costs as much as a joint does.
@@ -62,7 +55,7 @@ def jacobian_kernel(types: Indices, frames: Array, point: Array, last: int, J: A
             J[5, j] = 0.0
 
 
-@kernel
+@kernel(allocates=False)
 def frame_and_jacobian_kernel(model: Array, q: Array, link: int, J: Array) -> Frame:
     """The frame of a link, -1 for the tip, and its Jacobian written into J (6, n).
 
@@ -72,10 +65,10 @@ def frame_and_jacobian_kernel(model: Array, q: Array, link: int, J: Array) -> Fr
     row = 1 + n + (link if link >= 0 else int(model[0, 1]))
     last = int(model[row, 0])
     B = IDENTITY
-    # The last two rows have room for the turns until their columns are written.
-    turns_kernel(q, J[4], J[5])
+    turns = few_turns_kernel(q)
     for j in range(last + 1):
-        B = move_kernel(model, 1 + j, q[j], J[4, j], J[5, j], B)
+        c, s = turn_at_kernel(q, j, turns)
+        B = move_kernel(model, 1 + j, q[j], c, s, B)
         # Origin and axis wait in the column until the link's own origin is known.
         J[0, j], J[1, j], J[2, j] = B[3], B[7], B[11]
         J[3, j], J[4, j], J[5, j] = B[2], B[6], B[10]
@@ -104,13 +97,13 @@ def jacobian_batch_kernel(model: Array, q: Array, link: int, point: Array, J: Ar
         m = 0
     if m > 0:
         size, columns = n * LANES, n * COLUMN * LANES
-        room = np.empty(3 * size + FRAME * LANES + columns)
+        room = np.empty(3 * size + columns)
         values, cosines, sines = room[:size], room[size : 2 * size], room[2 * size : 3 * size]
-        frames, lanes = room[3 * size : 3 * size + FRAME * LANES], room[3 * size + FRAME * LANES :]
+        lanes = room[3 * size :]
         for k in range(0, m, LANES):
             gather_kernel(q[k : k + LANES], values)
             turns_kernel(values, cosines, sines)
-            jacobian_lanes_kernel(model, values, cosines, sines, link, frames, lanes)
+            jacobian_lanes_kernel(model, values, cosines, sines, link, lanes)
             for lane in range(LANES):
                 for row in range(6):
                     for j in range(n):
@@ -130,7 +123,7 @@ def jacobian_batch_kernel(model: Array, q: Array, link: int, point: Array, J: Ar
             J[k, 2, j] += wx * y - wy * x
 
 
-@kernel
+@kernel(allocates=False)
 def _both_kernel(model: Array, q: Array, link: int, T: Array, J: Array) -> bool:
     fits = fits_kernel(model, q)
     if fits:
@@ -138,7 +131,7 @@ def _both_kernel(model: Array, q: Array, link: int, T: Array, J: Array) -> bool:
     return fits
 
 
-@kernel
+@kernel(allocates=False)
 def _one_jacobian_kernel(model: Array, q: Array, link: int, J: Array) -> bool:
     fits = fits_kernel(model, q)
     if fits:
@@ -240,8 +233,11 @@ def pose_and_jacobian(chain: Chain, q: ArrayLike, link: str | None = None) -> tu
         InvalidLinkName: No such link.
     """
     number = -1 if link is None else link_number(chain, link)
-    T, J = _empty((4, 4)), _empty((6, len(chain.joint_names)))
-    both = both_of_one()
+    memo = chain.memo
+    if "pose_and_jacobian" not in memo:
+        memo["pose_and_jacobian"] = both_of_one(), (4, 4), (6, chain.n)
+    both, pose, wide = memo["pose_and_jacobian"]
+    T, J = _empty(pose), _empty(wide)
     try:
         one = _contiguous(q, _FLOAT)
         if one.ndim == 1 and both(chain.model, one, number, T, J):

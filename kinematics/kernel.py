@@ -25,7 +25,7 @@ def kernel(function: _F, /) -> _F: ...
 def kernel(
     *,
     fastmath: bool = False,
-    inline: Literal["never", "always"] = "never",
+    inline: Literal["never", "always", "code"] = "never",
     allocates: bool = True,
 ) -> Callable[[_F], _F]: ...
 def kernel(
@@ -33,7 +33,7 @@ def kernel(
     /,
     *,
     fastmath: bool = False,
-    inline: Literal["never", "always"] = "never",
+    inline: Literal["never", "always", "code"] = "never",
     allocates: bool = True,
 ) -> _F | Callable[[_F], _F]:
     """Compile a function with numba on its first call and keep the machine code on disk.
@@ -47,7 +47,8 @@ def kernel(
         function: the function to compile, when used without parentheses.
         fastmath: let LLVM reorder floating-point arithmetic; only where no verdict hangs on the
             last bits and NaN cannot occur.
-        inline: "always" pastes the body into the kernels that call it.
+        inline: "always" pastes the body into the kernels that call it, "code" its machine code:
+            vectors that go in and out by way of memory can cost more than their arithmetic.
         allocates: False for a kernel that makes no array: numba then counts no references, which
             for a handful of arrays in tuples costs more than a small kernel does.
 
@@ -60,7 +61,8 @@ def kernel(
             error_model="numpy",
             nogil=True,
             fastmath=fastmath,
-            inline=inline,
+            inline="always" if inline == "always" else "never",
+            **({"forceinline": True} if inline == "code" else {}),
             cache=False,
             _nrt=allocates,
         )(body)
@@ -172,6 +174,10 @@ def _add_value(digest: Any, value: object, names: list[str], seen: set[object]) 
         digest.update(value.dtype.str.encode() + repr(value.shape).encode() + value.tobytes())
     elif isinstance(value, EnumType):
         digest.update(repr(list(value)).encode())
+    elif isinstance(value, FunctionType):
+        # One that numba knows by an overload, which may say its revision.
+        name = f"{value.__module__}.{value.__qualname__}"
+        digest.update(f"{name} {getattr(value, 'revision', 0)}".encode())
     elif isinstance(value, ModuleType) and (value, *names) not in seen:
         seen.add((value, *names))
         # Read as `module.name`; a module of another library yields constants such as math.pi.

@@ -1,19 +1,19 @@
 """Frames and Jacobians of eight configurations abreast, for batches.
 
-What one configuration has as a number is here eight numbers in a row of memory, a *lane* for each
-configuration, so that the innermost loops, over lanes, compile to vector instructions. A frame has
-twelve rows of lanes, a Jacobian six for each joint, joint values one for each joint; all are flat
-arrays. The arithmetic is that of ``forward`` and ``jacobian``, operation by operation.
+What one configuration has as a number is here a vector of eight (see ``vector``), and the
+arithmetic is that of ``frame`` itself. In memory a vector is a row of eight numbers: a frame has
+twelve rows, a Jacobian six for each joint, joint values one for each joint; all are flat arrays.
 """
 
 from kinematics.chain import Array
+from kinematics.frame import Frame, at_joint_kernel, compose_kernel, move_kernel
 from kinematics.kernel import kernel
 from kinematics.turns import turns_kernel
+from kinematics.vector import Lanes, fill, load, store
 
-#: Configurations abreast: two vectors of four, which hides the time an operation takes.
-LANES = 8
-#: Rows of lanes of a frame and of a column of a Jacobian.
+#: Rows of a frame and of a column of a Jacobian.
 FRAME, COLUMN = 12, 6
+Column = tuple[Lanes, Lanes, Lanes, Lanes, Lanes, Lanes]
 
 
 @kernel
@@ -24,55 +24,11 @@ def gather_kernel(q: Array, lanes: Array) -> None:
             lanes[j * 8 + lane] = q[lane, j]
 
 
-@kernel
-def identity_lanes_kernel(B: Array) -> None:
-    """Set the frames B (FRAME * LANES,) to the identity."""
-    for i in range(96):
-        B[i] = 0.0
-    for lane in range(8):
-        B[lane], B[40 + lane], B[80 + lane] = 1.0, 1.0, 1.0
-
-
-@kernel
-def compose_lanes_kernel(B: Array, A: Array, i: int, C: Array) -> None:
-    """``forward.compose_kernel`` of frames B (FRAME * LANES,) into C, which may be B."""
-    a00, a01, a02, a03 = A[i, 1], A[i, 2], A[i, 3], A[i, 4]
-    a10, a11, a12, a13 = A[i, 5], A[i, 6], A[i, 7], A[i, 8]
-    a20, a21, a22, a23 = A[i, 9], A[i, 10], A[i, 11], A[i, 12]
-    for row in range(3):
-        at = 32 * row
-        for lane in range(8):
-            x, y, z, p = B[at + lane], B[at + 8 + lane], B[at + 16 + lane], B[at + 24 + lane]
-            C[at + lane] = x * a00 + y * a10 + z * a20
-            C[at + 8 + lane] = x * a01 + y * a11 + z * a21
-            C[at + 16 + lane] = x * a02 + y * a12 + z * a22
-            C[at + 24 + lane] = x * a03 + y * a13 + z * a23 + p
-
-
-@kernel
-def move_lanes_kernel(
-    model: Array, row: int, q: Array, cosines: Array, sines: Array, at: int, B: Array
-) -> None:
-    """``forward.move_kernel`` in place, for the lanes from ``at`` on of values and turns."""
-    A, i = model, row
-    a00, a01, a02, a03 = A[i, 1], A[i, 2], A[i, 3], A[i, 4]
-    a10, a11, a12, a13 = A[i, 5], A[i, 6], A[i, 7], A[i, 8]
-    a20, a21, a22, a23 = A[i, 9], A[i, 10], A[i, 11], A[i, 12]
-    if A[i, 0] == 0.0:
-        for k in range(3):
-            b = 32 * k
-            for lane in range(8):
-                x, y, z, p = B[b + lane], B[b + 8 + lane], B[b + 16 + lane], B[b + 24 + lane]
-                c, s = cosines[at + lane], sines[at + lane]
-                u, v = x * a00 + y * a10 + z * a20, x * a01 + y * a11 + z * a21
-                B[b + lane], B[b + 8 + lane] = u * c + v * s, v * c - u * s
-                B[b + 16 + lane] = x * a02 + y * a12 + z * a22
-                B[b + 24 + lane] = x * a03 + y * a13 + z * a23 + p
-        return
-    compose_lanes_kernel(B, model, row, B)
-    for k in range(3):
-        for lane in range(8):
-            B[32 * k + 24 + lane] += q[at + lane] * B[32 * k + 16 + lane]
+@kernel(inline="code")
+def identity_lanes_kernel() -> Frame:
+    """Eight identities."""
+    zero, one = fill(0.0), fill(1.0)
+    return one, zero, zero, zero, zero, one, zero, zero, zero, zero, one, zero
 
 
 @kernel
@@ -89,80 +45,113 @@ def store_lanes_kernel(frames: Array, poses: Array) -> None:
 
 @kernel
 def jacobian_lanes_kernel(
-    model: Array, q: Array, cosines: Array, sines: Array, link: int, B: Array, J: Array
-) -> None:
-    """Write frames of a link into B and Jacobians into J (n * COLUMN * LANES,), column by column.
+    model: Array, q: Array, cosines: Array, sines: Array, link: int, J: Array
+) -> Frame:
+    """The frames of a link, and Jacobians written into J (n * COLUMN * LANES,) by columns.
 
     ``jacobian.frame_and_jacobian_kernel`` from joint values and their turns (n * LANES,).
     """
     n = q.shape[0] // 8
     row = 1 + n + (link if link >= 0 else int(model[0, 1]))
     last = int(model[row, 0])
-    identity_lanes_kernel(B)
+    B = identity_lanes_kernel()
     for j in range(last + 1):
-        move_lanes_kernel(model, 1 + j, q, cosines, sines, 8 * j, B)
-        at = 48 * j
-        for k in range(3):
-            for lane in range(8):
-                J[at + 8 * k + lane] = B[32 * k + 24 + lane]
-                J[at + 24 + 8 * k + lane] = B[32 * k + 16 + lane]
-    compose_lanes_kernel(B, model, row, B)
+        at = 8 * j
+        B = move_kernel(model, 1 + j, load(q, at), load(cosines, at), load(sines, at), B)
+        store_column_kernel(J, 48 * j, (B[3], B[7], B[11], B[2], B[6], B[10]))
+    B = compose_kernel(B, model, row)
+    zero = fill(0.0)
     for j in range(n):
         at = 48 * j
         if j > last:
-            for i in range(48):
-                J[at + i] = 0.0
-        elif model[1 + j, 0] == 0.0:
-            for lane in range(8):
-                x = B[24 + lane] - J[at + lane]
-                y = B[56 + lane] - J[at + 8 + lane]
-                z = B[88 + lane] - J[at + 16 + lane]
-                a, b, c = J[at + 24 + lane], J[at + 32 + lane], J[at + 40 + lane]
-                J[at + lane], J[at + 8 + lane], J[at + 16 + lane] = (
-                    b * z - c * y, c * x - a * z, a * y - b * x,
-                )  # fmt: skip
+            store_column_kernel(J, at, (zero, zero, zero, zero, zero, zero))
+            continue
+        px, py, pz, zx, zy, zz = load_column_kernel(J, at)
+        if model[1 + j, 0] == 0.0:
+            x, y, z = B[3] - px, B[7] - py, B[11] - pz
+            store(J, at, zy * z - zz * y)
+            store(J, at + 8, zz * x - zx * z)
+            store(J, at + 16, zx * y - zy * x)
         else:
-            for i in range(24):
-                J[at + i], J[at + 24 + i] = J[at + 24 + i], 0.0
+            store_column_kernel(J, at, (zx, zy, zz, zero, zero, zero))
+    return B
 
 
-@kernel
-def at_joint_kernel(A: Array, i: int) -> bool:
-    """Whether the frame in row i is the identity, as most links' frames in their joint's are."""
-    return bool(
-        A[i, 4] == 0.0 and A[i, 8] == 0.0 and A[i, 12] == 0.0 and A[i, 2] == 0.0
-        and A[i, 3] == 0.0 and A[i, 5] == 0.0 and A[i, 7] == 0.0 and A[i, 9] == 0.0
-        and A[i, 10] == 0.0 and A[i, 1] == 1.0 and A[i, 6] == 1.0 and A[i, 11] == 1.0
+@kernel(inline="code")
+def load_column_kernel(J: Array, at: int) -> Column:
+    """The six vectors of a column that begins at an index."""
+    return (
+        load(J, at), load(J, at + 8), load(J, at + 16),
+        load(J, at + 24), load(J, at + 32), load(J, at + 40),
     )  # fmt: skip
+
+
+@kernel(inline="code")
+def store_column_kernel(J: Array, at: int, column: Column) -> None:
+    """Write them."""
+    store(J, at, column[0])
+    store(J, at + 8, column[1])
+    store(J, at + 16, column[2])
+    store(J, at + 24, column[3])
+    store(J, at + 32, column[4])
+    store(J, at + 40, column[5])
+
+
+@kernel(inline="code")
+def load_frame_kernel(frames: Array, at: int) -> Frame:
+    """The twelve vectors of eight frames that begin at an index."""
+    return (
+        load(frames, at), load(frames, at + 8), load(frames, at + 16), load(frames, at + 24),
+        load(frames, at + 32), load(frames, at + 40), load(frames, at + 48), load(frames, at + 56),
+        load(frames, at + 64), load(frames, at + 72), load(frames, at + 80), load(frames, at + 88),
+    )  # fmt: skip
+
+
+@kernel(inline="code")
+def store_frame_kernel(frames: Array, at: int, B: Frame) -> None:
+    """Write them."""
+    store(frames, at, B[0])
+    store(frames, at + 8, B[1])
+    store(frames, at + 16, B[2])
+    store(frames, at + 24, B[3])
+    store(frames, at + 32, B[4])
+    store(frames, at + 40, B[5])
+    store(frames, at + 48, B[6])
+    store(frames, at + 56, B[7])
+    store(frames, at + 64, B[8])
+    store(frames, at + 72, B[9])
+    store(frames, at + 80, B[10])
+    store(frames, at + 88, B[11])
 
 
 @kernel
 def poses_lanes_kernel(model: Array, q: Array, poses: Array, room: Array) -> None:
     """Poses (LANES, links, 4, 4) of all links at q (LANES, n).
 
-    The frames wait in ``room``, (3 n + FRAME (links + 1)) * LANES, until the poses are written from
-    the first to the last byte: memory likes that better than eight places in turn.
+    The frames wait in ``room``, (3 n + FRAME links) * LANES, until the poses are written from the
+    first to the last byte: memory likes that better than eight places in turn.
     """
     n, count = q.shape[1], poses.shape[1]
     size = 8 * n
     values, cosines, sines = room[:size], room[size : 2 * size], room[2 * size : 3 * size]
-    B, frames = room[3 * size : 3 * size + 96], room[3 * size + 96 :]
+    frames = room[3 * size :]
     gather_kernel(q, values)
     turns_kernel(values, cosines, sines)
-    identity_lanes_kernel(B)
+    B = identity_lanes_kernel()
     joint = -1
     for k in range(count):
         link = int(model[1 + n + k, 13])
         row = 1 + n + link
         while joint < int(model[row, 0]):
             joint += 1
-            move_lanes_kernel(model, 1 + joint, values, cosines, sines, 8 * joint, B)
-        C = frames[96 * link : 96 * link + 96]
+            at = 8 * joint
+            B = move_kernel(
+                model, 1 + joint, load(values, at), load(cosines, at), load(sines, at), B
+            )
         if at_joint_kernel(model, row):
-            for i in range(96):
-                C[i] = B[i]
+            store_frame_kernel(frames, 96 * link, B)
         else:
-            compose_lanes_kernel(B, model, row, C)
+            store_frame_kernel(frames, 96 * link, compose_kernel(B, model, row))
     store_lanes_kernel(frames[: 96 * count], poses.reshape(poses.size))
 
 
@@ -173,11 +162,12 @@ def pose_lanes_kernel(model: Array, q: Array, link: int, poses: Array, room: Arr
     size = 8 * n
     row = 1 + n + (link if link >= 0 else int(model[0, 1]))
     values, cosines, sines = room[:size], room[size : 2 * size], room[2 * size : 3 * size]
-    B = room[3 * size : 3 * size + 96]
     gather_kernel(q, values)
     turns_kernel(values, cosines, sines)
-    identity_lanes_kernel(B)
+    B = identity_lanes_kernel()
     for j in range(int(model[row, 0]) + 1):
-        move_lanes_kernel(model, 1 + j, values, cosines, sines, 8 * j, B)
-    compose_lanes_kernel(B, model, row, B)
-    store_lanes_kernel(B, poses.reshape(poses.size))
+        at = 8 * j
+        B = move_kernel(model, 1 + j, load(values, at), load(cosines, at), load(sines, at), B)
+    frames = room[3 * size : 3 * size + 96]
+    store_frame_kernel(frames, 0, compose_kernel(B, model, row))
+    store_lanes_kernel(frames, poses.reshape(poses.size))

@@ -10,14 +10,8 @@ import math
 import numpy as np
 
 from kinematics.chain import Array, Indices
-from kinematics.forward import (
-    IDENTITY,
-    Frame,
-    compose_kernel,
-    finite_kernel,
-    step_kernel,
-    turn_kernel,
-)
+from kinematics.forward import finite_kernel
+from kinematics.frame import IDENTITY, Frame, compose_kernel, step_kernel, turn_kernel
 from kinematics.ik.parallel import parallel_kernel
 from kinematics.ik.redundant import arm_angle_kernel, redundant_kernel
 from kinematics.ik.spherical import (
@@ -570,6 +564,17 @@ def _nudged(
 @kernel
 def _jitter(state: State, size: float) -> float:
     return size * (2.0 * uniform_kernel(state) - 1.0)
+
+
+@kernel(allocates=False)
+def branches_alone_kernel(
+    plan: Array, model: Array, link: int, target: Array, lower: Array, upper: Array, seed: Array,
+    values: Array, tolerance: float, enough: int, out: Array,
+) -> int:  # fmt: skip
+    """``branches_kernel`` for calls from Python: arrays are taken over without counting them."""
+    return branches_kernel(
+        plan, model, link, target, lower, upper, seed, values, tolerance, enough, out
+    )
 
 
 @kernel

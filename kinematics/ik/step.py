@@ -9,11 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.chain import Array, Indices
-from kinematics.forward import Frame
+from kinematics.frame import Frame
 from kinematics.kernel import kernel
+from kinematics.vector import Lanes, anywhere, choose
 
 State = NDArray[np.uint64]
-Error = tuple[float, float, float, float, float, float]
+Error = tuple[Lanes, Lanes, Lanes, Lanes, Lanes, Lanes]
+#: The lower half of a symmetric matrix of six rows, by rows.
+Square = tuple[Lanes, ...]
 
 
 @kernel
@@ -25,9 +28,12 @@ def frame_kernel(T: Array) -> Frame:
     )  # fmt: skip
 
 
-@kernel
+@kernel(inline="code")
 def error_kernel(B: Frame, T: Frame) -> Error:
-    """What takes frame B to T: [p_T - p_B; log(R_T R_B^T)], continuous to half a turn."""
+    """What takes frame B to T: [p_T - p_B; log(R_T R_B^T)], continuous to half a turn.
+
+    Of numbers or of vectors.
+    """
     # Half of the sum of the cross products of the columns is sin(angle) times the axis.
     x = 0.5 * (B[4] * T[8] - B[8] * T[4] + B[5] * T[9] - B[9] * T[5] + B[6] * T[10] - B[10] * T[6])
     y = 0.5 * (B[8] * T[0] - B[0] * T[8] + B[9] * T[1] - B[1] * T[9] + B[10] * T[2] - B[2] * T[10])
@@ -37,34 +43,56 @@ def error_kernel(B: Frame, T: Frame) -> Error:
         B[0] * T[0] + B[4] * T[4] + B[8] * T[8] + B[1] * T[1] + B[5] * T[5] + B[9] * T[9]
         + B[2] * T[2] + B[6] * T[6] + B[10] * T[10] - 1.0
     )  # fmt: skip
-    if square < 1e-8 and cosine > 0.0:
-        # asin(s) / s to the eighth power of s.
-        scale = 1.0 + square * (1.0 / 6.0 + square * 0.075)
-        x, y, z = scale * x, scale * y, scale * z
-    elif square > 1e-14:
-        sine = math.sqrt(square)
-        scale = math.atan2(sine, cosine) / sine
-        x, y, z = scale * x, scale * y, scale * z
-    else:
-        x, y, z = half_turn_kernel(B, T)
+    scale = stretch_kernel(square, cosine)
+    x, y, z = scale * x, scale * y, scale * z
+    half_turn = (square <= 1e-14) & (cosine <= 0.0)
+    if anywhere(half_turn):
+        a, b, c = half_turn_kernel(B, T)
+        x, y, z = choose(half_turn, a, x), choose(half_turn, b, y), choose(half_turn, c, z)
     return T[3] - B[3], T[7] - B[7], T[11] - B[11], x, y, z
 
 
+@kernel(inline="code")
+def stretch_kernel(square: Lanes, cosine: Lanes) -> Lanes:
+    """An angle over its sine, by the sine's square and the cosine; without branches.
+
+    Turned back by 0, 45 or 90 degrees the sine is at most that of 22.5, and
+    asin(x) = x + x^3 P(x^2) / Q(x^2) with the minimax fit for |x| < 0.5 of "A freely distributable
+    C math library" (fdlibm, 1993).
+    """
+    sine = math.sqrt(square)
+    unit = 1.0 / max(math.sqrt(square + cosine * cosine), 1e-300)
+    s, c = sine * unit, abs(cosine) * unit
+    small, large = s <= 0.41421356237309503 * c, s > 2.414213562373095 * c
+    x = choose(small, s, choose(large, -c, (s - c) * 0.7071067811865476))
+    t = x * x
+    P = 7.91534994289814532176e-04 + t * 3.47933107596021167570e-05
+    P = 2.01212532134862925881e-01 + t * (-4.00555345006794114027e-02 + t * P)
+    P = t * (1.66666666666666657415e-01 + t * (-3.25565818622400915405e-01 + t * P))
+    Q = -6.88283971605453293030e-01 + t * 7.70381505559019352791e-02
+    Q = 1.0 + t * (-2.40339491173441421878e00 + t * (2.02094576023350569471e00 + t * Q))
+    ratio = P / Q
+    base = choose(small, 0.0, choose(large, 0.5 * math.pi, 0.25 * math.pi))
+    angle = base + (x + x * ratio)
+    behind = cosine < 0.0
+    angle = choose(behind, math.pi - angle, angle)
+    far = angle / max(sine, 1e-300)
+    return choose(behind, far, choose(small, unit + unit * ratio, far))
+
+
 @kernel
-def half_turn_kernel(B: Frame, T: Frame) -> tuple[float, float, float]:
+def half_turn_kernel(B: Frame, T: Frame) -> tuple[Lanes, Lanes, Lanes]:
     """Answer pi times the axis of R_T R_B^T = m, half a turn: the largest column of (m + I) / 2."""
     m00, m11 = T[0] * B[0] + T[1] * B[1] + T[2] * B[2], T[4] * B[4] + T[5] * B[5] + T[6] * B[6]
     m22 = T[8] * B[8] + T[9] * B[9] + T[10] * B[10]
     m10 = T[4] * B[0] + T[5] * B[1] + T[6] * B[2]
     m20 = T[8] * B[0] + T[9] * B[1] + T[10] * B[2]
     m21 = T[8] * B[4] + T[9] * B[5] + T[10] * B[6]
-    if m00 >= m11 and m00 >= m22:
-        x, y, z = m00 + 1.0, m10, m20
-    elif m11 >= m22:
-        x, y, z = m10, m11 + 1.0, m21
-    else:
-        x, y, z = m20, m21, m22 + 1.0
-    scale = math.pi / math.sqrt(x * x + y * y + z * z)
+    first, second = (m00 >= m11) & (m00 >= m22), m11 >= m22
+    x = choose(first, m00 + 1.0, choose(second, m10, m20))
+    y = choose(first, m10, choose(second, m11 + 1.0, m21))
+    z = choose(first, m20, choose(second, m21, m22 + 1.0))
+    scale = math.pi / max(math.sqrt(x * x + y * y + z * z), 1e-300)
     return scale * x, scale * y, scale * z
 
 
@@ -94,26 +122,15 @@ def cholesky_solve_kernel(H: Array, g: Array, n: int) -> None:
         g[i] = total * H[i, i]
 
 
-@kernel
-def dual_kernel(J: Array, e: Array, free: Indices, count: int, damping: float, x: Array) -> None:
-    """Solve (J J^T + damping I) x = e over the columns ``free[:count]`` of J (6, n), x (6,).
+@kernel(inline="code")
+def factor_solve_kernel(A: Square, e: Error) -> Error:
+    """Solve A x = e for a positive definite A by the rows of its lower half.
 
-    L D L^T without roots, written out: that is twice as fast as any loop over so few rows.
+    L D L^T without roots, written out, of numbers or of vectors: twice as fast as any loop over so
+    few rows.
     """
-    a00 = a11 = a22 = a33 = a44 = a55 = damping
-    a10 = a20 = a21 = a30 = a31 = a32 = a40 = a41 = a42 = a43 = 0.0
-    a50 = a51 = a52 = a53 = a54 = 0.0
-    for i in range(count):
-        j = free[i]
-        j0, j1, j2, j3, j4, j5 = J[0, j], J[1, j], J[2, j], J[3, j], J[4, j], J[5, j]
-        a00 += j0 * j0
-        a10, a11 = a10 + j1 * j0, a11 + j1 * j1
-        a20, a21, a22 = a20 + j2 * j0, a21 + j2 * j1, a22 + j2 * j2
-        a30, a31, a32, a33 = a30 + j3 * j0, a31 + j3 * j1, a32 + j3 * j2, a33 + j3 * j3
-        a40, a41, a42 = a40 + j4 * j0, a41 + j4 * j1, a42 + j4 * j2
-        a43, a44 = a43 + j4 * j3, a44 + j4 * j4
-        a50, a51, a52 = a50 + j5 * j0, a51 + j5 * j1, a52 + j5 * j2
-        a53, a54, a55 = a53 + j5 * j3, a54 + j5 * j4, a55 + j5 * j5
+    a00, a10, a11, a20, a21, a22, a30, a31, a32, a33, a40, a41, a42, a43, a44 = A[:15]
+    a50, a51, a52, a53, a54, a55 = A[15:]
     d0 = 1.0 / max(a00, 1e-300)
     l1, l2, l3, l4, l5 = a10 * d0, a20 * d0, a30 * d0, a40 * d0, a50 * d0
     a11, a21, a31, a41, a51 = (
@@ -147,8 +164,34 @@ def dual_kernel(J: Array, e: Array, free: Indices, count: int, damping: float, x
     x3 = x3 * d3 - o4 * x4 - o5 * x5
     x2 = x2 * d2 - n3 * x3 - n4 * x4 - n5 * x5
     x1 = x1 * d1 - m2 * x2 - m3 * x3 - m4 * x4 - m5 * x5
-    x[0] = x0 * d0 - l1 * x1 - l2 * x2 - l3 * x3 - l4 * x4 - l5 * x5
-    x[1], x[2], x[3], x[4], x[5] = x1, x2, x3, x4, x5
+    x0 = x0 * d0 - l1 * x1 - l2 * x2 - l3 * x3 - l4 * x4 - l5 * x5
+    return x0, x1, x2, x3, x4, x5
+
+
+@kernel
+def dual_kernel(J: Array, e: Array, free: Indices, count: int, damping: float, x: Array) -> None:
+    """Solve (J J^T + damping I) x = e over the columns ``free[:count]`` of J (6, n), x (6,)."""
+    a00 = a11 = a22 = a33 = a44 = a55 = damping
+    a10 = a20 = a21 = a30 = a31 = a32 = a40 = a41 = a42 = a43 = 0.0
+    a50 = a51 = a52 = a53 = a54 = 0.0
+    for i in range(count):
+        j = free[i]
+        j0, j1, j2, j3, j4, j5 = J[0, j], J[1, j], J[2, j], J[3, j], J[4, j], J[5, j]
+        a00 += j0 * j0
+        a10, a11 = a10 + j1 * j0, a11 + j1 * j1
+        a20, a21, a22 = a20 + j2 * j0, a21 + j2 * j1, a22 + j2 * j2
+        a30, a31, a32, a33 = a30 + j3 * j0, a31 + j3 * j1, a32 + j3 * j2, a33 + j3 * j3
+        a40, a41, a42 = a40 + j4 * j0, a41 + j4 * j1, a42 + j4 * j2
+        a43, a44 = a43 + j4 * j3, a44 + j4 * j4
+        a50, a51, a52 = a50 + j5 * j0, a51 + j5 * j1, a52 + j5 * j2
+        a53, a54, a55 = a53 + j5 * j3, a54 + j5 * j4, a55 + j5 * j5
+    A = (
+        a00, a10, a11, a20, a21, a22, a30, a31, a32, a33, a40, a41, a42, a43, a44,
+        a50, a51, a52, a53, a54, a55,
+    )  # fmt: skip
+    x[0], x[1], x[2], x[3], x[4], x[5] = factor_solve_kernel(
+        A, (e[0], e[1], e[2], e[3], e[4], e[5])
+    )
 
 
 @kernel
@@ -159,8 +202,10 @@ def step_within_kernel(
     """Write the damped step from q, clipped to the limits, into ``out`` (n,).
 
     (J^T J + damping I) dq = J^T e over the joints that are free to move: one at a limit that e
-    pushes outwards is left out. With six joints and more it is found as J^T x from the smaller
-    (J J^T + damping I) x = e. J is (6, n), e (6,); room: free (n,), H (n, n), g (n or 6,).
+    pushes outwards is left out. A chain of six joints and more has it as J^T x from the smaller
+    (J J^T + damping I) x = e: where fewer are free, x is large across what J reaches, but not so
+    large that rounding of J^T x, about 1e-16 |e| / damping, would matter.
+    J is (6, n), e (6,); room: free (n,), H (n, n), g (n or 6,).
     """
     n, count = q.shape[0], 0
     for j in range(n):
@@ -174,7 +219,7 @@ def step_within_kernel(
                 continue
         free[count] = j
         count += 1
-    if count >= 6:
+    if n >= 6:
         dual_kernel(J, e, free, count, damping, g)
         for a in range(count):
             j = free[a]
