@@ -13,23 +13,12 @@ from kinematics.chain import Array
 from planning.constrained_checker import ConstrainedChecker
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.descent import HELD, Goal, make_goal
-from planning.constraints.relative_pose import RelativePoseConstraint
 from planning.manifold import project_kernel
+from planning.pose_goals import aim
 from planning.preflight import TOUCHING
 from planning.problem import PoseGoal
 
 _PROJECTIONS = 40
-#: Of a goal's tolerances, shared among three axes: what rounding needs is kept back.
-_SHARE = 0.999 / np.sqrt(3.0)
-
-
-def aim(goal: PoseGoal) -> RelativePoseConstraint:
-    """The constraint that a configuration of a pose holds, inside the goal's tolerances."""
-    return RelativePoseConstraint(
-        goal.T_base_tip,
-        position_tolerances=_SHARE * goal.position_tolerance,
-        orientation_tolerances=_SHARE * goal.orientation_tolerance,
-    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,13 +7,11 @@ import numpy as np
 from kinematics.chain import Array, Chain
 from kinematics.errors import InvalidGoal
 from planning.constrained_checker import ConstrainedChecker
-from planning.constrained_ik import IkOptions, constrained_ik
 from planning.constraints.conflict import conflict
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.hold import TOLERANCE
-from planning.constraints.limit import ClearanceConstraint
-from planning.goal_region import aim
 from planning.options import Options
+from planning.pose_goals import sought
 from planning.preflight import TOUCHING, Ready
 from planning.problem import PoseGoal, Problem
 from planning.result import Failure
@@ -22,7 +20,6 @@ from planning.timing.loads import Loads
 #: Half a row's width along a path is at least this [m or rad]: the motion of a tool along a line
 #: is made of joint motions that leave it, and a set without thickness can be left at no instant.
 LEAST_TOLERANCE = 1e-4
-_GOALS = 8
 
 
 def check_widths(constraints: ConstraintSet) -> None:
@@ -148,15 +145,11 @@ def _sought(problem: Problem, ready: Ready, seed: int) -> list[Array]:
     assert problem.constraints is not None
     goals: list[Array] = []
     checker = ready.checkers[-1]
+    hard = problem.constraints.hard.constraints
+    geometric = tuple(c for c in hard if c.rows(checker.model.chain))
     for goal in problem.goals:
         if not isinstance(goal, PoseGoal):
             continue
-        margin = ClearanceConstraint(problem.margin)
-        geometric = tuple(
-            c for c in problem.constraints.hard.constraints if c.rows(checker.model.chain)
-        )
-        wanted = ConstraintSet(checker.model.chain, (*geometric, aim(goal), margin))
-        options = IkOptions(seed_joints=ready.start, most=_GOALS, seed=seed)
-        found = constrained_ik(problem.robot, wanted, problem.scene, options)
-        goals += [np.array(s.joints) for s in found.solutions if s.clearance > TOUCHING]
+        found = sought(problem, goal, ready.start, seed, geometric)
+        goals += [np.array(s.joints) for s in found if s.clearance > TOUCHING]
     return [q for q in goals if checker.valid(q)]

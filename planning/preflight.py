@@ -11,6 +11,7 @@ from obstacles.checker import Checker, collision_model
 from obstacles.robot_geometry import hulled
 from obstacles.world import ACCURACY, World
 from planning.diagnosis import nearest_free
+from planning.pose_goals import sought
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.result import Failure
 
@@ -228,6 +229,11 @@ def _pose_goal(
         (checker.clearance(solution.joints), solution.joints) for solution in result.solutions
     ]
     valid = [(clearance, q) for (clearance, _), q in spares if clearance > TOUCHING]
+    if valid:
+        return valid
+    # Those of the pose alone collide: an arm with joints to spare may have others that do not.
+    others = sought(problem, goal, start, seed)
+    valid = [(s.clearance, np.array(s.joints)) for s in others if s.clearance > TOUCHING]
     if valid:
         return valid
     (clearance, pair), q = max(spares, key=lambda entry: entry[0][0])

@@ -8,7 +8,8 @@ from numpy.typing import ArrayLike
 
 from kinematics.chain import Chain
 from planning.constraints.attachment import Attachment, tolerance, unit, vector, weight
-from planning.constraints.row import Row, RowKind
+from planning.constraints.orientation import angle_row
+from planning.constraints.row import Row
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,10 +57,5 @@ class LookAtConstraint:
             InvalidGoal: The link does not move against the reference.
         """
         at = Attachment.of(chain, self.link, self.reference_link)
-        return [
-            Row(
-                RowKind.LOOK, at.carrier, at.reference, -np.inf, self.angle, "rad",
-                point=at.point(np.asarray(self.point)), axis=at.axis(np.asarray(self.axis)),
-                center=at.place(np.asarray(self.target)), label="the line of sight",
-            )
-        ]  # fmt: skip
+        sight = np.asarray(self.point), np.asarray(self.target)
+        return [angle_row(at, np.asarray(self.axis), self.angle, "the line of sight", sight=sight)]

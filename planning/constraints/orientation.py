@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -56,13 +57,8 @@ class ConeConstraint:
             InvalidGoal: The link does not move against the reference.
         """
         at = Attachment.of(chain, self.link, self.reference_link)
-        return [
-            Row(
-                RowKind.ANGLE, at.carrier, at.reference, -np.inf, self.cone_angle, "rad",
-                axis=at.axis(np.asarray(self.axis)),
-                direction=at.direction(np.asarray(self.direction)), label="the cone",
-            )
-        ]  # fmt: skip
+        axis, direction = np.asarray(self.axis), np.asarray(self.direction)
+        return [angle_row(at, axis, self.cone_angle, "the cone", direction=direction)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -108,6 +104,36 @@ class OrientationConstraint:
         """
         at = Attachment.of(chain, self.link, self.reference_link)
         return rotation_rows(at, self.rotation, np.asarray(self.axis_tolerances))
+
+
+def angle_row(
+    at: Attachment,
+    axis: Array,
+    most: float,
+    label: str,
+    *,
+    direction: Array | None = None,
+    sight: tuple[Array, Array] | None = None,
+) -> Row:
+    """A row that keeps a link's axis within an angle of a direction, or of a line of sight.
+
+    Args:
+        at: The link.
+        axis: Of the link, shape (3,).
+        most: The angle [rad].
+        label: What it bounds, in words.
+        direction: In the link that it is seen from, shape (3,).
+        sight: In its place, a point of the link and the target in the link it is seen from.
+    """
+    row = partial(
+        Row, carrier=at.carrier, reference=at.reference, lower=-np.inf, upper=most, unit="rad",
+        axis=at.axis(axis), label=label,
+    )  # fmt: skip
+    if sight is not None:
+        point, target = sight
+        return row(kind=RowKind.LOOK, point=at.point(point), center=at.place(target))
+    assert direction is not None
+    return row(kind=RowKind.ANGLE, direction=at.direction(direction))
 
 
 def rotation_rows(at: Attachment, rotation: Array, limits: Array) -> list[Row]:

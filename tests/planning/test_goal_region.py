@@ -13,9 +13,10 @@ from planning.constraints.orientation import OrientationConstraint
 from planning.goal_region import GoalRegion
 from planning.options import Options
 from planning.pipeline import plan
+from planning.pose_goals import sought
 from planning.problem import PoseGoal, Problem
 from planning.result import Plan
-from tests.planning.scenes import HOME, builtin, pillar
+from tests.planning.scenes import HOME, box, builtin, pillar
 
 ROBOT = builtin("panda")
 MODEL = pin.buildModelFromXML(builtin_urdf("panda"))
@@ -68,3 +69,27 @@ def test_a_branch_that_the_start_is_not_in_keeps_no_pose_from_being_reached() ->
         reached = forward(ROBOT.chain, answer.trajectory.end)
         np.testing.assert_allclose(reached, goal, atol=1e-3)
         assert answer.certificate.path_constraint_residual == 0.0
+
+
+def test_a_pose_that_most_configurations_collide_in_has_others() -> None:
+    # Posts to both sides of the elbow leave few of the arm's configurations of this pose.
+    T = forward(ROBOT.chain, HOME)
+    goal = T.copy()
+    goal[:3, 3] += [0.1, 0.0, -0.2]
+    rng = np.random.default_rng(3)
+    found = 0
+    for _ in range(6):
+        turns, away = rng.uniform(0.0, 2.0 * np.pi, 4), rng.uniform(0.2, 0.4, 4)
+        posts = [
+            box(f"post{i}", (0.04, 0.04, 1.6), (r * np.cos(t), r * np.sin(t), 0.8))
+            for i, (t, r) in enumerate(zip(turns, away, strict=True))
+        ]
+        scene = Scene(tuple(posts))
+        pose = PoseGoal(goal)
+        problem = Problem(ROBOT, scene, HOME, (pose,))
+        for solution in sought(problem, pose, HOME, 0):
+            found += 1
+            q = np.array(solution.joints)
+            assert Checker.of(ROBOT, scene, 0.0).valid(q)
+            np.testing.assert_allclose(forward(ROBOT.chain, q), goal, atol=1e-3)
+    assert found >= 1
