@@ -62,14 +62,8 @@ class CollisionModel:
         be built close together, only have to stay apart.
         """
         own, around = _robot_part(robot), _scene_part(scene)
-        self_pairs, grid, skipped = own.pairs, own.grid, _skipped(robot, scene)
-        if scene.allowed_collisions:
-            names = robot.links
-            kept = [not scene.allows(names[i], names[j]) for i, j in self_pairs]
-            chosen = np.array(kept, dtype=np.bool_)
-            self_pairs = self_pairs[chosen]
-            grid = PairGrid(grid.axes[chosen], grid.starts[chosen], grid.values)
-        groups = _groups(robot, own.bodies, self_pairs)
+        skipped = _skipped(robot, scene)
+        self_pairs, grid, groups = _own_pairs(robot, scene.allowed_collisions)
         robot_set = own.pieces.behind(around.pieces)
         arrays = ModelArrays(
             joint_types=robot.chain.joint_types,
@@ -79,11 +73,11 @@ class CollisionModel:
             scene=around.pieces.rows,
             corners=_readonly(robot_set.corners),
             tables=_readonly(robot_set.tables),
-            self_pairs=_readonly(self_pairs),
-            groups=_readonly(groups),
-            grid_axes=_readonly(grid.axes),
-            grid_starts=_readonly(grid.starts),
-            grid_values=_readonly(grid.values),
+            self_pairs=self_pairs,
+            groups=groups,
+            grid_axes=grid.axes,
+            grid_starts=grid.starts,
+            grid_values=grid.values,
             nodes=around.tree.nodes,
             items=around.tree.items,
             skipped=_readonly(skipped),
@@ -148,6 +142,25 @@ def _robot_part(robot: RobotGeometry) -> _RobotPart:
     carriers = _readonly(np.concatenate([robot.joints, carried]))
     bodies = {int(joint): p + k for k, joint in enumerate(carried)}
     return _RobotPart(packed._replace(rows=rows), carriers, bodies, _readonly(pairs), grid)
+
+
+@lru_cache(maxsize=64)
+def _own_pairs(
+    robot: RobotGeometry, allowed: frozenset[tuple[str, str]]
+) -> tuple[Indices, PairGrid, Indices]:
+    """The robot's pairs but for those that are allowed, their grids and ``ModelArrays.groups``."""
+    own, names = _robot_part(robot), robot.links
+    kept = [
+        (min(pair), max(pair)) not in allowed
+        for pair in ((names[i], names[j]) for i, j in own.pairs)
+    ]
+    chosen = np.array(kept, dtype=np.bool_)
+    grid = PairGrid(
+        _readonly(own.grid.axes[chosen]), _readonly(own.grid.starts[chosen]),
+        _readonly(own.grid.values),
+    )  # fmt: skip
+    pairs = _readonly(own.pairs[chosen])
+    return pairs, grid, _readonly(_groups(robot, own.bodies, pairs))
 
 
 def _around(rows: Array) -> Array:
@@ -225,10 +238,16 @@ def _roots(
     moving = np.argsort(-robot.joints, kind="stable")
     moving = moving[~skipped[moving].all(axis=1)] if skipped.size else moving[:0]
     owners = around.pieces.rows[:, OWNER].astype(np.int64)
-    rows = [(int(i), -1) for i in moving if len(around.tree.items)]
-    rows += [(int(i), int(k)) for i in moving for k in around.walls if not skipped[i, owners[k]]]
-    rows += [(-1 - g, 0) for g in range(len(groups))]
-    return np.array(rows, dtype=np.int64).reshape(-1, 2)
+    first = moving if len(around.tree.items) else moving[:0]
+    walls = [(int(i), int(k)) for i in moving for k in around.walls if not skipped[i, owners[k]]]
+    bodies = -1 - np.arange(len(groups))
+    return np.concatenate(
+        [
+            np.column_stack([first, np.full(len(first), -1)]),
+            np.array(walls, dtype=np.int64).reshape(-1, 2),
+            np.column_stack([bodies, np.zeros(len(bodies), dtype=np.int64)]),
+        ]
+    )
 
 
 def _readonly(array: NDArray[_T]) -> NDArray[_T]:

@@ -8,6 +8,8 @@ are kept as they are. All are exact: nothing is tessellated.
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from enum import IntEnum
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,36 +53,58 @@ class Piece:
 
     def bounding_sphere(self) -> tuple[Array, float]:
         """A ball that holds the whole piece: centre in the owner's frame (3,) [m], radius [m]."""
-        if self.kind == PieceKind.HALFSPACE:
-            return self.T_owner_piece[:3, 3], np.inf
-        if self.kind == PieceKind.POLYTOPE:
-            center = (self.vertices.min(axis=0) + self.vertices.max(axis=0)) / 2.0
-            radius = float(np.linalg.norm(self.vertices - center, axis=1).max())
-        elif self.kind == PieceKind.CYLINDER:
-            center, radius = np.zeros(3), float(np.hypot(self.radius, self.half_height))
-        else:
-            center, radius = _cone_ball(self.radius, self.half_height)
-        T = self.T_owner_piece
-        return T[:3, :3] @ center + T[:3, 3], radius + self.rounding
+        T, core = self.T_owner_piece, self._core()
+        return T[:3, :3] @ core.center + T[:3, 3], core.radius + self.rounding
 
     def local_box(self) -> Array:
         """A box that holds the piece: centre and half sizes in the piece's frame, shape (6,)."""
-        if self.kind == PieceKind.HALFSPACE:
-            return np.array([0.0, 0.0, 0.0, np.inf, np.inf, np.inf])
-        if self.kind == PieceKind.POLYTOPE:
-            low, high = self.vertices.min(axis=0), self.vertices.max(axis=0)
-            return np.concatenate([(low + high) / 2.0, (high - low) / 2.0 + self.rounding])
-        half = np.array([self.radius, self.radius, self.half_height]) + self.rounding
-        return np.concatenate([np.zeros(3), half])
+        box = self._core().box.copy()
+        box[3:] += self.rounding
+        return box
 
     def box_half_sizes(self) -> Array | None:
         """Half the sizes of a box about the piece's frame, shape (3,); None for any other piece."""
-        if self.kind != PieceKind.POLYTOPE or len(self.vertices) != 8 or self.rounding > 0.0:
-            return None
-        half = np.abs(self.vertices[0])
-        signs = {tuple(corner > 0.0) for corner in self.vertices}
-        is_box = len(signs) == 8 and (np.abs(self.vertices) == half).all()
-        return half if is_box else None
+        return None if self.rounding > 0.0 else self._core().half
+
+    def _core(self) -> "_Core":
+        return _core(int(self.kind), self.vertices.tobytes(), self.radius, self.half_height)
+
+
+class _Core(NamedTuple):
+    """What is known of a core in its frame: a ball and a box that hold it, half a box's size."""
+
+    center: Array
+    radius: float
+    box: Array
+    half: Array | None
+
+
+#: Obstacles that move from request to request keep their cores.
+@lru_cache(maxsize=4096)
+def _core(kind: int, vertices: bytes, radius: float, half_height: float) -> _Core:
+    zero = np.zeros(3)
+    if kind == PieceKind.HALFSPACE:
+        return _Core(zero, np.inf, np.array([0.0, 0.0, 0.0, np.inf, np.inf, np.inf]), None)
+    if kind == PieceKind.POLYTOPE:
+        corners = np.frombuffer(vertices).reshape(-1, 3)
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        center = (low + high) / 2.0
+        reach = float(np.linalg.norm(corners - center, axis=1).max())
+        box = np.concatenate([center, (high - low) / 2.0])
+        return _Core(center, reach, box, _half_of_box(corners))
+    box = np.array([0.0, 0.0, 0.0, radius, radius, half_height])
+    if kind == PieceKind.CYLINDER:
+        return _Core(zero, float(np.hypot(radius, half_height)), box, None)
+    return _Core(*_cone_ball(radius, half_height), box, None)
+
+
+def _half_of_box(corners: Array) -> Array | None:
+    """Half the sizes (3,) of a box about its frame; None where the corners (k, 3) are no such."""
+    if len(corners) != 8:
+        return None
+    half = np.abs(corners[0])
+    octants = set(((corners > 0.0) @ np.array([1, 2, 4])).tolist())
+    return half if len(octants) == 8 and (np.abs(corners) == half).all() else None
 
 
 def _cone_ball(radius: float, half_height: float) -> tuple[Array, float]:

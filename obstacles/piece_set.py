@@ -28,6 +28,10 @@ class CoreKind(IntEnum):
     POINT = 6
 
 
+#: As numbers: to look a member of an enumeration up takes longer than the rest of a row.
+_TABLED = float(CoreKind.TABLED)
+_CORNERED = float(CoreKind.POLYTOPE), _TABLED
+
 #: What stands in which columns of a row: its kind, the obstacle it belongs to and that obstacle's
 #: margin; a ball that holds it, in the owner's frame; of a box half sizes, else radius and half
 #: height, then the rounding; a box that holds it by its middle and half sizes, in its own frame;
@@ -62,11 +66,11 @@ class PieceSet(NamedTuple):
         corner, cell = 0, 0
         for row, piece in zip(rows, pieces, strict=True):
             _write(row, piece)
-            if row[KIND] in (CoreKind.POLYTOPE, CoreKind.TABLED):
+            if row[KIND] in _CORNERED:
                 row[START], row[STOP] = corner, corner + len(piece.vertices)
                 corner += len(piece.vertices)
                 corners.append(piece.vertices)
-            if row[KIND] == CoreKind.TABLED:
+            if row[KIND] == _TABLED:
                 row[TABLE] = cell
                 tables.append(_table(piece.vertices.tobytes()))
                 cell += len(tables[-1])
@@ -98,18 +102,32 @@ def _write(row: Array, piece: Piece) -> None:
     if len(piece.vertices) == 1:
         row[:] = ball_rows((T[:3, :3] @ piece.vertices[0] + T[:3, 3])[None], piece.rounding)[0]
         return
+    size = piece.radius, piece.half_height, piece.rounding
+    row[:] = _row(int(piece.kind), piece.vertices.tobytes(), *size)
+    row[CENTER : CENTER + 3] = T[:3, :3] @ row[CENTER : CENTER + 3] + T[:3, 3]
+    row[POSE : POSE + 12] = T[:3].reshape(12)
+
+
+#: Obstacles that only move from request to request keep all else of their rows.
+@lru_cache(maxsize=4096)
+def _row(kind: int, corners: bytes, radius: float, half_height: float, rounding: float) -> Array:
+    """The row of a piece in its own frame, shape (WIDTH,)."""
+    vertices = np.frombuffer(corners).reshape(-1, 3)
+    size, row = (radius, half_height, rounding), np.zeros(WIDTH)
+    piece = Piece(PieceKind(kind), np.eye(4), vertices, *size)
     half = piece.box_half_sizes()
-    row[KIND] = int(piece.kind)
+    row[KIND] = kind
     if half is not None:
         row[KIND], row[SIZE : SIZE + 3] = CoreKind.BOX, half
-    elif piece.kind == PieceKind.POLYTOPE and len(piece.vertices) >= LEAST_CORNERS:
+    elif kind == PieceKind.POLYTOPE and len(vertices) >= LEAST_CORNERS:
         row[KIND] = CoreKind.TABLED
     else:
-        row[SIZE], row[SIZE + 1] = piece.radius, piece.half_height
-    row[ROUNDING] = piece.rounding
+        row[SIZE], row[SIZE + 1] = radius, half_height
+    row[ROUNDING] = rounding
     row[CENTER : CENTER + 3], row[RADIUS] = piece.bounding_sphere()
     row[MIDDLE : MIDDLE + 6] = piece.local_box()
-    row[POSE : POSE + 12] = T[:3].reshape(12)
+    row.setflags(write=False)
+    return row
 
 
 @lru_cache(maxsize=1024)

@@ -24,6 +24,9 @@ MAX_SIZE = 1e4
 MAX_POINTS = 200_000
 MAX_VERTICES = 100_000
 _UNIT_TOLERANCE = 1e-12
+#: Looked up once: in an enumeration that takes longer than the rest of a box.
+_POLYTOPE = PieceKind.POLYTOPE
+_HERE = np.eye(4)
 _CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
 
 
@@ -62,7 +65,7 @@ class Box(Shape):
 
     def pieces(self) -> tuple[Piece, ...]:
         """One polytope of eight corners."""
-        return (Piece(PieceKind.POLYTOPE, np.eye(4), 0.5 * self.size * _CORNERS),)
+        return (Piece(_POLYTOPE, _HERE, 0.5 * self.size * _CORNERS),)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
