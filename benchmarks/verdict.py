@@ -5,7 +5,9 @@
 Random states of every built-in robot among random solids of every kind (and with --problems of a
 Panda with meshes in MotionBenchMaker scenes) are judged by the kernel and by python-fcl
 (``benchmarks.fcl_judge``). A difference counts as wrong where the distance is farther than a
-micrometre from 0. Times are processor time in a loop inside a kernel, and from Python.
+micrometre from 0; so does a verdict of the walk over motions that differs. Times are processor
+time in a loop inside a kernel, and from Python; "path" is a state on a path that the planner found
+in the scene, "asked" the pairs of such a state that its brackets left to the exact test.
 """
 
 import argparse
@@ -30,7 +32,14 @@ from obstacles.moveit import scene_from_moveit
 from obstacles.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Box, Capsule, Cone, Convex, Cylinder, HalfSpace, PointCloud, Sphere
+from obstacles.verdict import verdicts_on
+from planning.options import Options
+from planning.pipeline import plan
+from planning.problem import JointGoal, Problem
+from planning.result import Plan
 
+#: Time for a path [s], and states that are looked at on it.
+_BUDGET, _ALONG = 2.0, 300
 #: Distances this near to 0 [m] are left to rounding.
 BAND = 1e-6
 _SCENES = 3
@@ -65,22 +74,30 @@ def clutter(random: np.random.Generator, reach: float) -> Scene:
     return Scene(tuple(obstacles))
 
 
-def pairs(problems: Path | None) -> Iterator[tuple[str, RobotGeometry, Scene]]:
-    """Robots in scenes: three of our own for each built-in robot, and those of the problems."""
+def pairs(problems: Path | None) -> Iterator[tuple[str, RobotGeometry, Scene, Array | None]]:
+    """Robots in scenes: three of our own for each built-in robot, and the problems' with ends."""
     random = np.random.default_rng(0)
     for name in builtin_names():
         robot = builtin(name)
         reach = float(np.linalg.norm(robot.chain.offsets[:, :3, 3], axis=1).sum()) + 0.1
         for k in range(_SCENES):
-            yield f"{name} {k}", robot, clutter(random, reach)
+            yield f"{name} {k}", robot, clutter(random, reach), None
     if problems is not None:
         arm = mesh_panda(problems.parent.parent / "panda")
         for case in cases(problems, arm.chain.joint_names, _EVERY):
-            yield case.name, arm, scene_from_moveit(case.text)
+            ends = np.array([case.start, case.goal])
+            yield case.name, arm, scene_from_moveit(case.text), ends
 
 
 def judge(checker: Checker, states: Array) -> Array:
     """The kernel's verdicts on states (k, n)."""
+    verdicts = np.empty(len(states))
+    verdicts_on(checker.model.arrays, states, checker.slack, verdicts)
+    return verdicts
+
+
+def walked(checker: Checker, states: Array) -> Array:
+    """The verdicts of the walk over motions, on motions that stay where they are."""
     verdicts = np.empty(len(states))
     certify_all(checker.model.arrays, states, 0.0 * states, verdicts)
     return verdicts
@@ -89,26 +106,39 @@ def judge(checker: Checker, states: Array) -> Array:
 def wrong(checker: Checker, referee: FclJudge, states: Array, verdicts: Array) -> tuple[int, int]:
     """Verdicts on states (k, n) that FCL does not share, and those among them outside the band."""
     differ = beyond = 0
-    for q, verdict in zip(states, verdicts, strict=True):
-        if referee.collides(q) != (verdict == COLLIDING):
+    for q, verdict, other in zip(states, verdicts, walked(checker, states), strict=True):
+        truth = referee.collides(q)
+        if truth != (verdict == COLLIDING) or truth != (other == COLLIDING):
             differ += 1
             near = checker.gradient(q, BAND).distances
             beyond += not abs(near.min(initial=np.inf)) <= BAND
     return differ, beyond
 
 
-def measure(
-    checker: Checker, free: Array, random: np.random.Generator
-) -> tuple[float, float, float]:
-    """What a free state costs, an edge of half a radian from it, a state from Python [s]."""
+def path_states(robot: RobotGeometry, scene: Scene, ends: Array) -> Array:
+    """States along the first path that is found between rows of ``ends``, two by two, (k, n)."""
+    for start, goal in zip(ends[::2], ends[1::2], strict=False):
+        problem = Problem(robot, scene, start, (JointGoal(goal),), margin=0.0)
+        answer = plan(problem, Options(timeout=_BUDGET))
+        if isinstance(answer, Plan):
+            path = answer.trajectory
+            return path.sample(np.linspace(path.breaks[0], path.breaks[-1], _ALONG))
+    return ends[:0]
+
+
+def measure(checker: Checker, free: Array, path: Array, random: np.random.Generator) -> Array:
+    """Cost of a free state, one on a path, pairs asked there, of an edge, of a call from Python."""
     steps = random.normal(size=free.shape)
     steps *= 0.5 / np.linalg.norm(steps, axis=1, keepdims=True)
     room, model, k = np.empty(len(free)), checker.model.arrays, max(len(free), 1)
-    return (
-        cheapest(lambda: certify_all(model, free, 0.0 * free, room)) / k,
+    along, number = np.empty(len(path)), max(len(path), 1)
+    return np.array([
+        cheapest(lambda: verdicts_on(model, free, 0.0, room)) / k,
+        cheapest(lambda: verdicts_on(model, path, 0.0, along)) / number,
+        verdicts_on(model, path, 0.0, along) / number,
         cheapest(lambda: certify_all(model, free, steps, room)) / k,
         cheapest(lambda: [checker.valid(q) for q in free]) / k,
-    )
+    ])  # fmt: skip
 
 
 def main() -> None:
@@ -120,28 +150,35 @@ def main() -> None:
     todo = list(pairs(asked.problems))
     each = -(-asked.states // len(todo))
     random = np.random.default_rng(1)
-    print(f"{'robot and scene':36} states collide | state us  edge us  python us | differ wrong")
+    print(f"{'robot and scene':32} states collide | us: state   path (asked)  edge python | wrong")
     total, differing, mistaken, times = 0, 0, 0, []
-    for name, robot, scene in todo:
+    for name, robot, scene, ends in todo:
         checker, referee = Checker.of(robot, scene), FclJudge(robot, scene)
         lower, upper = robot.chain.sampling_bounds()
         states = random.uniform(lower, upper, (each, robot.chain.n))
         verdicts = judge(checker, states)
         differ, beyond = wrong(checker, referee, states, verdicts)
-        spent = measure(checker, states[verdicts == FREE][:300], random)
+        free = states[verdicts == FREE]
+        path = path_states(robot, scene, free[:20] if ends is None else ends)
+        spent = measure(checker, free[:300], path, random)
+        if not len(path):
+            spent[1:3] = np.nan
+        if not len(free):
+            spent[:] = np.nan
         total, differing, mistaken = total + each, differing + differ, mistaken + beyond
         times.append(spent)
+        state, along, asked, edge, called = spent * [1e6, 1e6, 1.0, 1e6, 1e6]
         print(
-            f"{name:36} {each:6d} {np.mean(verdicts == COLLIDING):7.0%} |"
-            f" {1e6 * spent[0]:8.2f} {1e6 * spent[1]:8.2f} {1e6 * spent[2]:10.2f}"
-            f" | {differ:6d} {beyond:5d}",
+            f"{name:32} {each:6d} {np.mean(verdicts == COLLIDING):7.0%} | {state:9.2f} {along:6.2f}"
+            f" ({asked:5.2f}) {edge:5.1f} {called:6.2f} | {beyond:5d}",
             flush=True,
         )
-    state, edge, called = np.median(times, axis=0)
+    state, along, asked, edge, called = np.nanmedian(times, axis=0) * [1e6, 1e6, 1.0, 1e6, 1e6]
     print(f"{total} states: {differing} differ from FCL, {mistaken} of them beyond {BAND:g} m")
     print(
-        f"medians: {1e6 * state:.2f} us a free state, {1e6 * edge:.2f} us an edge of 0.5 rad from"
-        f" it ({1.0 / edge:,.0f} a second), {1e6 * called:.2f} us a state from Python"
+        f"medians: {state:.2f} us a free state, {along:.2f} us a state on a path ({asked:.2f} exact"
+        f" tests), {edge:.2f} us an edge of 0.5 rad ({1e6 / edge:,.0f} a second), {called:.2f} us a"
+        " state from Python"
     )
 
 

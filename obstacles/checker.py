@@ -14,6 +14,7 @@ from obstacles.motion import COLLIDING, FREE, certify_curve, certify_edge, certi
 from obstacles.proximity import closest_pair, near_pairs
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
+from obstacles.verdict import bracket_on, verdict_on
 
 _FLOAT = np.dtype(np.float64)
 #: Near pairs there is room for at first.
@@ -23,11 +24,21 @@ _NEAR_PAIRS = 64
 @cache
 def _edge_verdict() -> Callable[[ModelArrays, Array, Array, float], int]:
     """``certify_edge`` without the look at its arguments' types, which would cost more than it."""
+    return direct(certify_edge, _any_model(), np.zeros(1), np.zeros(1), 0.0)
+
+
+@cache
+def _state_verdict() -> Callable[[ModelArrays, Array, float], int]:
+    """``verdict_on`` likewise."""
+    return direct(verdict_on, _any_model(), np.zeros(1), 0.0)
+
+
+def _any_model() -> ModelArrays:
     limits = Limits.unlimited(1)
     links = (Link("base", -1, np.eye(4)), Link("tip", 0, np.eye(4)))
     turning = np.zeros(1, dtype=np.int64), np.eye(4)[None]
     chain = Chain("any", ("j",), *turning, links, "base", "tip", limits, np.zeros(1, np.bool_))
-    return direct(certify_edge, CollisionModel.bare(chain).arrays, np.zeros(1), np.zeros(1), 0.0)
+    return CollisionModel.bare(chain).arrays
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +75,21 @@ class Proximity(NamedTuple):
     pairs: Indices
     distances: Array
     gradients: Array
+
+
+class Bracket(NamedTuple):
+    """What sphere brackets tell of a configuration.
+
+    Args:
+        free: All outer spheres are clear.
+        colliding: An inner sphere met something.
+        flagged: Pairs that neither tells about, for the exact test; where it collides, those found
+            before.
+    """
+
+    free: bool
+    colliding: bool
+    flagged: tuple[tuple[str, str], ...]
 
 
 def collision_model(robot: RobotGeometry, scene: Scene, margin: float = 0.0) -> CollisionModel:
@@ -122,7 +148,19 @@ class Checker:
 
     def valid(self, q: Array) -> bool:
         """Whether a configuration keeps every pair its margin apart."""
-        return self.free(q, q)
+        point = np.ascontiguousarray(q, _FLOAT)
+        return _state_verdict()(self.model.arrays, point, float(self.slack)) == FREE
+
+    def bracket(self, q: Array) -> "Bracket":
+        """What the sphere brackets alone tell of a configuration, and whom they leave to ask."""
+        point = np.ascontiguousarray(q, dtype=np.float64)
+        asked = np.zeros(1 + _NEAR_PAIRS, dtype=np.int64)
+        verdict = bracket_on(self.model.arrays, point, self.slack, asked)
+        if asked[0] >= len(asked):
+            asked = np.zeros(1 + asked[0], dtype=np.int64)
+            verdict = bracket_on(self.model.arrays, point, self.slack, asked)
+        pairs = tuple(self.model.pair_name(int(pair)) for pair in asked[1 : 1 + asked[0]])
+        return Bracket(verdict == FREE, verdict == COLLIDING, pairs)
 
     def segment(self, start: Array, end: Array) -> Motion:
         """Prove the straight joint motion from ``start`` to ``end``, both (n,)."""

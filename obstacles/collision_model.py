@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.chain import Array, Chain, Indices
+from obstacles.brackets import Brackets, brackets
 from obstacles.model_arrays import ModelArrays
 from obstacles.pair_grid import PairGrid, pair_grid
 from obstacles.piece_set import (
@@ -64,6 +65,7 @@ class CollisionModel:
         own, around = _robot_part(robot), _scene_part(scene)
         skipped = _skipped(robot, scene)
         self_pairs, grid, groups = _own_pairs(robot, scene.allowed_collisions)
+        bodies, carried = _bodies(robot, own.bodies, skipped)
         robot_set = own.pieces.behind(around.pieces)
         arrays = ModelArrays(
             joint_types=robot.chain.joint_types,
@@ -81,6 +83,11 @@ class CollisionModel:
             nodes=around.tree.nodes,
             items=around.tree.items,
             skipped=_readonly(skipped),
+            spheres=own.brackets.spheres,
+            sphere_starts=own.brackets.starts,
+            bodies=bodies,
+            carried=carried,
+            walls=_readonly(around.walls),
             roots=_readonly(_roots(robot, groups, skipped, around)),
             margin=float(margin),
             own_margin=0.0,
@@ -121,6 +128,7 @@ class _RobotPart(NamedTuple):
     bodies: Mapping[int, int]
     pairs: Indices
     grid: PairGrid
+    brackets: Brackets
 
 
 class _ScenePart(NamedTuple):
@@ -141,7 +149,8 @@ def _robot_part(robot: RobotGeometry) -> _RobotPart:
     rows = np.vstack([packed.rows, *balls])
     carriers = _readonly(np.concatenate([robot.joints, carried]))
     bodies = {int(joint): p + k for k, joint in enumerate(carried)}
-    return _RobotPart(packed._replace(rows=rows), carriers, bodies, _readonly(pairs), grid)
+    own = packed._replace(rows=rows)
+    return _RobotPart(own, carriers, bodies, _readonly(pairs), grid, brackets(robot))
 
 
 @lru_cache(maxsize=64)
@@ -180,6 +189,20 @@ def _groups(robot: RobotGeometry, bodies: Mapping[int, int], self_pairs: Indices
     last = np.append(first[1:], len(joints))
     rows = [[bodies[int(a)], bodies[int(b)]] for a, b in joints[first]]
     return np.column_stack([first, last, np.array(rows, dtype=np.int64).reshape(-1, 2)])
+
+
+def _bodies(
+    robot: RobotGeometry, rows: Mapping[int, int], skipped: NDArray[np.bool_]
+) -> tuple[Indices, Indices]:
+    """``ModelArrays.bodies`` and ``carried``."""
+    met = np.flatnonzero((robot.joints >= 0) & ~skipped.all(axis=1))
+    carried = met[np.argsort(-robot.joints[met], kind="stable")]
+    # All moving bodies, for their balls: some may have no piece that meets anything.
+    moving = sorted((joint for joint in rows if joint >= 0), reverse=True)
+    last = np.searchsorted(-robot.joints[carried], -np.array(moving, dtype=np.int64), side="right")
+    first = np.concatenate([[0], last[:-1]]) if len(last) else last
+    bodies = np.column_stack([[rows[joint] for joint in moving], first, last])
+    return _readonly(bodies.astype(np.int64).reshape(-1, 3)), _readonly(carried)
 
 
 @lru_cache(maxsize=16)

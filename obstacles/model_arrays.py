@@ -31,6 +31,12 @@ class ModelArrays(NamedTuple):
         nodes: Of a tree over the scene's pieces with their own margins, half-spaces left out.
         items: Of the tree.
         skipped: Whether a piece may touch an obstacle, shape (p, obstacles).
+        spheres: Of ``Brackets``, as are the next.
+        sphere_starts: Of the same.
+        bodies: Moving bodies from the outermost in: the row of its ball, and from which to before
+            which entry of ``carried`` its pieces go, shape (b, 3).
+        carried: Pieces that may meet obstacles, by bodies.
+        walls: Half-spaces of the scene.
         roots: Where every search starts: (i, -1) is piece i against the tree's first node,
             (i, k) against half-space k, (-1 - g, 0) is group g, and once looked at (p + s, 0) is
             pair s of the robot; shape (r, 2).
@@ -53,6 +59,11 @@ class ModelArrays(NamedTuple):
     nodes: Array
     items: Indices
     skipped: NDArray[np.bool_]
+    spheres: Array
+    sphere_starts: Indices
+    bodies: Indices
+    carried: Indices
+    walls: Indices
     roots: Indices
     margin: float
     own_margin: float

@@ -17,10 +17,12 @@ from obstacles.gjk import STILL, separation
 from obstacles.model_arrays import ModelArrays
 from obstacles.piece import Piece
 from obstacles.piece_set import PieceSet
-from obstacles.workspace import place, visit, workspace
+from obstacles.workspace import Workspace, place, visit, workspace
 
 #: Cells for a joint: where two matter, and where one does. Filling takes a microsecond a cell.
 _SIDE, _LINE = 32, 512
+#: A cell that loses more than this share of its distance is looked at in so many parts a side.
+_LOST, _PARTS = 0.5, 4
 #: What rounding may have cost a distance [m].
 _ROUNDING = 1e-9
 #: Pairs that get a grid: a robot of many pieces has more of them than are worth the wait.
@@ -69,23 +71,48 @@ def known(axes: Array, starts: Indices, values: Array, s: int, still: int, joint
 @kernel
 def _fill(model: ModelArrays, axes: Array, values: Array) -> None:
     """Write the distances of the only pair of pieces there is into ``values``."""
-    work = workspace(model)
-    axis, first, count = np.zeros(3), model.joints[0] + 1, int(axes[1, 2])
+    work, axis = workspace(model), np.zeros(3)
+    middles, halves, inner, smaller = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
+    count = int(axes[1, 2])
+    sides = (_PARTS if axes[0, 2] > 1.0 else 1, _PARTS if axes[1, 2] > 1.0 else 1)
     for cell in range(values.shape[0]):
-        work.joints[:] = 0.0
         for k, at in enumerate((cell // count, cell % count)):
             if axes[k, 2] > 1.0:
-                half = 0.5 / axes[k, 1]
-                work.joints[0, first + k] = axes[k, 0] + (2.0 * at + 1.0) * half
-                work.joints[1, first + k] = half
-        visit(model, work)
-        place(model, work, 0)
-        place(model, work, 1)
-        _, lower, _ = separation(
-            work.placed, 0, work.placed, 1, model.corners, model.tables, -np.inf, np.inf, STILL,
-            axis, work.room,
-        )  # fmt: skip
-        values[cell] = lower - work.strays[1, 3 * first] - _ROUNDING
+                halves[k] = 0.5 / axes[k, 1]
+                middles[k] = axes[k, 0] + (2.0 * at + 1.0) * halves[k]
+        lower, lost = _proved(model, work, axis, middles, halves)
+        least = lower - lost
+        if lower > 0.0 and lost > _LOST * lower:
+            least = np.inf
+            for part in range(sides[0] * sides[1]):
+                for k, at in enumerate((part // sides[1], part % sides[1])):
+                    smaller[k] = halves[k] / sides[k]
+                    inner[k] = middles[k] - halves[k] + (2.0 * at + 1.0) * smaller[k]
+                lower, lost = _proved(model, work, axis, inner, smaller)
+                least = min(least, lower - lost)
+                if least <= 0.0:
+                    break
+        values[cell] = least - _ROUNDING
+
+
+@kernel
+def _proved(
+    model: ModelArrays, work: Workspace, axis: Array, middles: Array, halves: Array
+) -> tuple[float, float]:
+    """Distance in the middle of a cell, and how much of it is lost to motion within the cell."""
+    first = model.joints[0] + 1
+    work.joints[:] = 0.0
+    for k in range(2):
+        if halves[k] > 0.0:
+            work.joints[0, first + k], work.joints[1, first + k] = middles[k], halves[k]
+    visit(model, work)
+    place(model, work, 0)
+    place(model, work, 1)
+    _, lower, _ = separation(
+        work.placed, 0, work.placed, 1, model.corners, model.tables, -np.inf, np.inf, STILL,
+        axis, work.room,
+    )  # fmt: skip
+    return lower, work.strays[1, 3 * first]
 
 
 def pair_grid(chain: Chain, pieces: Sequence[Piece], joints: Indices, pairs: Indices) -> PairGrid:
@@ -149,6 +176,11 @@ def _values(chain: Chain, a: Piece, b: Piece, first: int, last: int) -> Array:
         nodes=nothing,
         items=none[:, 0],
         skipped=np.zeros((0, 0), dtype=np.bool_),
+        spheres=nothing,
+        sphere_starts=none[:, 0],
+        bodies=none,
+        carried=none[:, 0],
+        walls=none[:, 0],
         roots=none,
         margin=0.0,
         own_margin=0.0,
