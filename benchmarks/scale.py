@@ -25,6 +25,7 @@ from obstacles.motion import FREE, MAX_INTERVALS, certify_in
 from obstacles.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Box, Cylinder, PointCloud, Sphere
+from obstacles.verdict import verdicts_on
 from obstacles.workspace import workspace
 
 _STATES = 400
@@ -102,7 +103,7 @@ def measure(robot: RobotGeometry, scene: Scene, random: np.random.Generator) -> 
     certify_all(model, states, steps, verdicts)
     edge = cheapest(lambda: certify_all(model, states, steps, verdicts))
     free_edges = float((verdicts == FREE).mean())
-    state = cheapest(lambda: certify_all(model, states, 0.0 * steps, verdicts))
+    state = cheapest(lambda: verdicts_on(model, states, 0.0, verdicts))
     free = states[verdicts == FREE][:100]
     clearance = cheapest(lambda: [checker.clearance(q) for q in free]) / max(len(free), 1)
     return (

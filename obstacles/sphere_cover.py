@@ -27,6 +27,8 @@ _BETWEEN, _ROUNDS = 3, 8
 _STEPS, _SHORTER = 48, 0.88
 #: What the better half of a cell counts for beside the worse one.
 _SMALLER = 0.25
+#: A cut that leaves more of the excess than this gains little.
+_GAINED = 0.95
 #: Of balls that hold others, depths count so much beside radii: they are for telling pairs apart.
 _PARTING = 0.1
 #: Lengths below this [m] are rounding errors.
@@ -189,36 +191,49 @@ def _split(
 ) -> tuple[Array, Indices, Array, Indices]:
     """The halves of a cell whose balls, written into ``pair`` (2, 5), have the least excess.
 
-    It is halved along the axes and towards the corner that is farthest from its ball's centre; no
-    half is answered of a cell that has no length.
+    It is halved along the axes and towards the corner that is farthest from its ball's centre.
+    Where none of that gains much, as on a slice of a bar, it is halved along its longest side: the
+    next cuts gain then. No half is answered of a cell that has no length.
     """
-    nothing, none = points[:0], edges[:0]
-    halves = nothing, none, nothing, none
-    trial, n, back = np.empty((2, 5)), np.zeros(3), np.zeros(3)
-    least = np.inf
+    n, longest, length = np.zeros(3), np.zeros(3), 0.0
+    least, best = np.inf, np.zeros(3)
     for side in range(4):
         if side < 3:
             for axis in range(3):
                 n[axis] = 1.0 if axis == side else 0.0
+            lowest, highest = _heights(points, n)
+            if highest - lowest > length:
+                length = highest - lowest
+                longest[0], longest[1], longest[2] = n[0], n[1], n[2]
         else:
             _towards_farthest(points, ball, n)
-        lowest, highest = _heights(points, n)
-        if not highest - lowest > _ROUNDING:
-            continue
-        for axis in range(3):
-            back[axis] = -n[axis]
-        one, one_edges = _cut(points, edges, n, 0.5 * (lowest + highest))
-        other, other_edges = _cut(points, edges, back, -0.5 * (lowest + highest))
-        _best_ball(one, planes, 1.0, trial[0])
-        _best_ball(other, planes, 1.0, trial[1])
-        first, second = trial[0, 3] - trial[0, 4], trial[1, 3] - trial[1, 4]
+        _halve(points, edges, planes, n, pair)
+        first, second = pair[0, 3] - pair[0, 4], pair[1, 3] - pair[1, 4]
         excess = max(first, second) + _SMALLER * min(first, second)
-        if excess < least:
+        if max(first, second) < _GAINED * (ball[3] - ball[4]) and excess < least:
             least = excess
-            for column in range(5):
-                pair[0, column], pair[1, column] = trial[0, column], trial[1, column]
-            halves = one, one_edges, other, other_edges
-    return halves
+            best[0], best[1], best[2] = n[0], n[1], n[2]
+    return _halve(points, edges, planes, best if least < np.inf else longest, pair)
+
+
+@kernel
+def _halve(
+    points: Array, edges: Indices, planes: Array, n: Array, pair: Array
+) -> tuple[Array, Indices, Array, Indices]:
+    """Halves of a cell along ``n`` (3,), and their balls in ``pair``; none if it has no length."""
+    lowest, highest = _heights(points, n)
+    if not highest - lowest > _ROUNDING:
+        for column in range(5):
+            pair[0, column], pair[1, column] = np.inf, 0.0
+        return points, edges, points[:0], edges[:0]
+    back = np.empty(3)
+    for axis in range(3):
+        back[axis] = -n[axis]
+    one, one_edges = _cut(points, edges, n, 0.5 * (lowest + highest))
+    other, other_edges = _cut(points, edges, back, -0.5 * (lowest + highest))
+    _best_ball(one, planes, 1.0, pair[0])
+    _best_ball(other, planes, 1.0, pair[1])
+    return one, one_edges, other, other_edges
 
 
 @kernel
