@@ -5,6 +5,7 @@ box ever parts them; but how far they are apart is a function of the joints betw
 cell of the grid the distance is at least that in its middle less what the pair can move within it.
 """
 
+import itertools
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
@@ -12,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kinematics.chain import Array, Chain, Indices
+from kinematics.forward import joint_frames
 from kinematics.kernel import kernel
 from obstacles.gjk import STILL, separation
 from obstacles.model_arrays import ModelArrays
@@ -25,6 +27,8 @@ _SIDE, _LINE = 32, 512
 _LOST, _PARTS = 0.5, 4
 #: What rounding may have cost a distance [m].
 _ROUNDING = 1e-9
+#: Where between its limits a joint is looked at, to find the pairs that need a grid.
+_LOOKS = (0.05, 0.35, 0.65, 0.95)
 #: Pairs that get a grid: a robot of many pieces has more of them than are worth the wait.
 _MOST = 64
 
@@ -125,17 +129,53 @@ def pair_grid(chain: Chain, pieces: Sequence[Piece], joints: Indices, pairs: Ind
         pairs: Two pieces each, the second one carried farther out.
     """
     axes, starts = np.zeros((len(pairs), 2, 3)), np.zeros(len(pairs), dtype=np.int64)
-    values, length, most = [np.zeros(0)], 0, _MOST
-    for s, (i, j) in enumerate(pairs):
+    values, length = [np.zeros(0)], 0
+    for s in _chosen(chain, pieces, joints, pairs):
+        i, j = pairs[s]
         first, last = int(joints[i]) + 1, int(joints[j])
         own = _axes(chain, first, last)
-        if own is None or most == 0:
-            continue
-        most -= 1
+        assert own is not None
         axes[s], starts[s] = own, length
         values.append(_values(chain, pieces[i], pieces[j], first, last))
         length += len(values[-1])
     return PairGrid(axes, starts, np.concatenate(values))
+
+
+def _chosen(chain: Chain, pieces: Sequence[Piece], joints: Indices, pairs: Indices) -> list[int]:
+    """Pairs that get a grid: those whose balls part them least, none that they always part."""
+    gaps: list[tuple[float, int]] = []
+    balls = [piece.bounding_sphere() for piece in pieces]
+    placed: dict[tuple[int, int], list[tuple[Array, Array]]] = {}
+    for s, (i, j) in enumerate(pairs):
+        span = int(joints[i]) + 1, int(joints[j])
+        if span not in placed:
+            placed[span] = _poses(chain, *span)
+        (a, a_radius), (b, b_radius) = balls[i], balls[j]
+        apart = [
+            float(np.linalg.norm(A[:3, :3] @ a + A[:3, 3] - B[:3, :3] @ b - B[:3, 3]))
+            for A, B in placed[span]
+        ]
+        if apart and min(apart) < a_radius + b_radius:
+            gaps.append((float(np.mean(apart)) - a_radius - b_radius, s))
+    return sorted(s for _, s in sorted(gaps)[:_MOST])
+
+
+def _poses(chain: Chain, first: int, last: int) -> list[tuple[Array, Array]]:
+    """Poses of the two bodies of pairs that joints ``first`` to ``last`` move, all over them.
+
+    None where they get no grid.
+    """
+    if _axes(chain, first, last) is None:
+        return []
+    lower, upper = chain.limits.lower, chain.limits.upper
+    poses = []
+    for shares in itertools.product(_LOOKS, repeat=last - first + 1):
+        q = np.zeros(chain.n)
+        for k, share in enumerate(shares, start=first):
+            q[k] = lower[k] + share * (upper[k] - lower[k])
+        frames = np.concatenate([np.eye(4)[None], joint_frames(chain, q)])
+        poses.append((frames[first], frames[last + 1]))
+    return poses
 
 
 def _axes(chain: Chain, first: int, last: int) -> Array | None:

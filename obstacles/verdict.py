@@ -26,6 +26,8 @@ from obstacles.workspace import Workspace, place_row, workspace
 
 #: What floating point may have cost a distance of a few metres [m], with room to spare.
 _ROUNDING_ERROR = 1e-9
+#: Pairs of two bodies from which on it pays to bring the balls of all pieces into the base frame.
+_FEW = 4
 
 
 @kernel(allocates=False)
@@ -130,13 +132,21 @@ def _body_against(
 def _own_pairs(model: ModelArrays, work: Workspace, apart: float, asked: Indices) -> int:
     """The verdict on the robot's own pairs."""
     placed, pairs, joints = work.placed, model.self_pairs, model.joints
-    first_pair, verdict = model.skipped.shape[0] * model.scene.shape[0], FREE
+    pieces = model.skipped.shape[0]
+    first_pair, verdict, ready = pieces * model.scene.shape[0], FREE, False
     for group in range(model.groups.shape[0]):
         start, stop, a, b = model.groups[group]
         if balls_apart(placed, a, b) > apart + _ROUNDING_ERROR:
             continue
+        if not ready and stop - start > _FEW:
+            for i in range(pieces):
+                if joints[i] >= 0:
+                    _place_ball(model.robot, i, work.frames, joints[i], placed)
+            ready = True
         for s in range(start, stop):
             i, j = pairs[s, 0], pairs[s, 1]
+            if ready and balls_apart(placed, i, j) > apart + _ROUNDING_ERROR:
+                continue
             if model.grid_axes[s, 0, 2] > 0.0:
                 proved = known(
                     model.grid_axes, model.grid_starts, model.grid_values, s, joints[i], work.joints

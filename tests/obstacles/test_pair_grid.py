@@ -49,3 +49,14 @@ def test_outside_its_limits_a_grid_knows_nothing() -> None:
         assert np.isfinite(known(*at, q[None]))
         assert known(*at, q[None] * 1.01) == -np.inf
         assert known(*at, np.full((1, 7), np.nan)) == -np.inf
+
+
+def test_links_that_are_never_far_apart_get_theirs_first() -> None:
+    robot = builtin("panda")
+    arrays = Checker.of(robot, Scene()).model.arrays
+    wrist = 0
+    for s, (i, j) in enumerate(arrays.self_pairs):
+        if {robot.links[i], robot.links[j]} == {"panda_link5", "panda_link7"}:
+            wrist += arrays.grid_axes[s, 0, 2] > 0.0
+    assert wrist >= 12
+    assert (arrays.grid_axes[:, 0, 2] > 0.0).sum() <= 64
