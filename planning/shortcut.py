@@ -2,10 +2,11 @@
 
 Waypoints are left out as far as can be. Then, round by round, every corner that is left is cut off:
 whole, or else by a line between the middles of its legs, their quarters, their eighths, and the new
-corners in the next round. Which cut is tried next depends on what the last ones gained, so few edge
-checks are spent where there is nothing to gain, and nothing is random. All of a round is one
-kernel: a cut is an edge check and little else. Random cuts along the path, the usual way, need
-three times as many checks for paths of the same length.
+corners in the next round. What failed at a corner is not tried again before a neighbour of it has
+moved. In the end waypoints are left out once more. Which cut is tried next depends on what the last
+ones gained, so few edge checks are spent where there is nothing to gain, and nothing is random. All
+of a round is one kernel: a cut is an edge check and little else. Random cuts along the path, the
+usual way, need several times as many checks for paths of the same length.
 """
 
 import math
@@ -32,7 +33,7 @@ _LEAST_ROUND = 0.01
 #: Cuts tried at a corner: the whole of it, a half, a quarter, an eighth of its legs.
 _CUTS = 4
 #: A corner that is worth less than this share of the length is left as it is.
-_LEAST_GAIN = 1e-4
+_LEAST_GAIN = 5e-4
 
 
 def shortcut(checker: Checker, waypoints: Array, deadline: Deadline) -> Array:
@@ -46,7 +47,8 @@ def shortcut(checker: Checker, waypoints: Array, deadline: Deadline) -> Array:
         deadline: When to stop trying.
     """
     # A check brings one corner more at most.
-    points = np.empty((len(waypoints) + _MOST_CHECKS, waypoints.shape[1]))
+    room = len(waypoints) + _MOST_CHECKS
+    points, tried = np.empty((room, waypoints.shape[1])), np.zeros(room, dtype=np.int64)
     points[: len(waypoints)] = waypoints
     model, slack, checks = checker.model.arrays, checker.slack, np.zeros(1, dtype=np.int64)
     count = skip_kernel(model, slack, points, len(waypoints), checks)
@@ -56,9 +58,8 @@ def shortcut(checker: Checker, waypoints: Array, deadline: Deadline) -> Array:
         if deadline.passed or count < 3 or before - length < _LEAST_ROUND * before:
             break
         before = length
-        count = round_kernel(model, slack, points, count, _LEAST_GAIN * length, checks)
-        count = skip_kernel(model, slack, points, count, checks)
-    return np.array(points[:count])
+        count = round_kernel(model, slack, points, tried, count, _LEAST_GAIN * length, checks)
+    return np.array(points[: thin_kernel(model, slack, points, count, checks)])
 
 
 @kernel
@@ -97,15 +98,38 @@ def skip_kernel(
 
 
 @kernel
-def round_kernel(
-    model: ModelArrays, slack: float, points: Array, count: int, worth: float, checks: Indices
+def thin_kernel(
+    model: ModelArrays, slack: float, points: Array, count: int, checks: Indices
 ) -> int:
+    """From each of ``count`` waypoints go straight past as many others as can be left out.
+
+    What is kept is moved to the front of ``points``; answers how many that are.
+    """
+    work = workspace(model)
+    at, kept = 0, 1
+    while at < count - 1:
+        at += 1
+        while at < count - 1 and checks[0] < _MOST_CHECKS:
+            if not _free(model, work, points[kept - 1], points[at + 1], slack, checks):
+                break
+            at += 1
+        points[kept] = points[at]
+        kept += 1
+    return kept
+
+
+@kernel
+def round_kernel(
+    model: ModelArrays, slack: float, points: Array, tried: Indices, count: int, worth: float,
+    checks: Indices,
+) -> int:  # fmt: skip
     """Cut off every corner of a path as far as is proved free; how many waypoints it then has.
 
     Args:
         model: The packed robot and scene.
         slack: Distance to keep beyond the margins [m].
         points: Holds ``count`` waypoints and has room for one more a check.
+        tried: How many of the cuts at each waypoint are known to fail, from the widest on.
         count: How many.
         worth: A corner that is worth less is left as it is, in the unit of the path's length.
         checks: Edge checks that were made, shape (1,).
@@ -119,29 +143,33 @@ def round_kernel(
         if before + after - _distance(points[k - 1], points[k + 1]) < worth:
             k += 1
             continue
-        share = 1.0
-        for _ in range(_CUTS):
+        while tried[k] < _CUTS:
             if checks[0] >= _MOST_CHECKS:
                 return count
+            share = 0.5 ** tried[k]
             for j in range(n):
                 a[j] = points[k, j] + share * (points[k - 1, j] - points[k, j])
                 b[j] = points[k, j] + share * (points[k + 1, j] - points[k, j])
-            if share == 1.0:
+            if tried[k] == 0:
                 # To the last bit: these two stay waypoints.
                 a[:], b[:] = points[k - 1], points[k + 1]
             if _free(model, work, a, b, slack, checks):
                 break
-            share /= 2.0
-        else:
+            tried[k] += 1
+        if tried[k] == _CUTS:
             k += 1
             continue
-        if share == 1.0:
+        tried[k - 1] = tried[k + 1] = 0
+        if tried[k] == 0:
             # Both ends of the cut are waypoints already.
             points[k : count - 1] = points[k + 1 : count].copy()
+            tried[k : count - 1] = tried[k + 1 : count].copy()
             count -= 1
             continue
         points[k + 2 : count + 1] = points[k + 1 : count].copy()
+        tried[k + 2 : count + 1] = tried[k + 1 : count].copy()
         points[k], points[k + 1] = a, b
+        tried[k] = tried[k + 1] = 0
         count += 1
         k += 2
     return count
