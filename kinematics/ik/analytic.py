@@ -170,17 +170,16 @@ def branches(
     if setup is None or setup[0] != link:
         setup = _prepared(chain, link)
         chain.memo["analytic"] = setup
-    _, closed, form, number, plan, model, lower, upper, near = setup
+    _, closed, form, number, plan, model, lower, upper, near, shape = setup
     many = _ALL if enough is None else enough
     seeds = near if seed_joints is None else _numbers(seed_joints, "seed_joints")
     T = _numbers(target, "the target")
     values = _OWN if parameters is None else _parameters(parameters)
     if T.shape == _POSE and seeds.ndim == 1 and values.ndim == 1:
-        n = seeds.shape[0]
-        table = _empty((_ROWS * values.shape[0], n + MORE))
+        table = _empty(shape if values is _OWN else (_ROWS * values.shape[0], shape[1]))
         count = closed(plan, model, number, T, lower, upper, seeds, values, tolerance, many, table)
         if count >= 0:
-            return cast(Branches, _new(Branches, (form, n, table[:count], None)))
+            return cast(Branches, _new(Branches, (form, shape[1] - MORE, table[:count], None)))
     chain.configuration(seeds, "seed_joints")
     if T.shape[-2:] != _POSE or not np.isfinite(T).all():
         raise InvalidPose("the target must be a finite 4x4 transform, or a batch of them")
@@ -207,13 +206,15 @@ def branches(
 @lru_cache(maxsize=256)
 def _prepared(
     chain: Chain, link: str | None
-) -> tuple[str | None, Any, Structure, int, Array, Array, Array, Array, Array]:
+) -> tuple[str | None, Any, Structure, int, Array, Array, Array, Array, Array, tuple[int, int]]:
     """All that a call needs of a chain up to a link."""
     form = closed_form(chain, link)
     number = -1 if link is None else link_number(chain, link)
     limits = chain.limits
     lower, upper = limits.lower, limits.upper
-    return link, _one(), form, number, form.plan, chain.model, lower, upper, middle(chain)
+    shape = (_ROWS, chain.n + MORE)
+    near = middle(chain)
+    return link, _one(), form, number, form.plan, chain.model, lower, upper, near, shape
 
 
 def _numbers(values: ArrayLike, name: str) -> Array:

@@ -22,8 +22,12 @@ def shared(part: Callable[[slice], None], count: int, threads: int | None = None
         part(slice(0, count))
         return
     parts = [slice(i * count // workers, (i + 1) * count // workers) for i in range(workers)]
-    with ThreadPoolExecutor(workers) as pool:
-        list(pool.map(part, parts))
+    # The caller's own thread has nothing better to do.
+    with ThreadPoolExecutor(workers - 1) as pool:
+        others = [pool.submit(part, some) for some in parts[1:]]
+        part(parts[0])
+        for other in others:
+            other.result()
 
 
 def processors() -> int:

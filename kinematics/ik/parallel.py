@@ -51,7 +51,7 @@ def parallel_kernel(
         status, cp, sp, cd, sd = cosine_kernel(a1, b1, depth - nz * o[2], slack)
         if status == 0:
             return count
-        family = count + 1.0 if status == 2 else 0.0
+        family = -(count + 1.0) if status == 2 else 0.0
         for i in range(2 if status == 1 else free.shape[0]):
             side = 1.0 - 2.0 * i
             c1, s1 = cp * cd - side * sp * sd, sp * cd + side * cp * sd
@@ -74,7 +74,7 @@ def parallel_kernel(
     h[1, 1], h[1, 2] = ux * A6[3] + uy * A6[7], uy * A6[3] - ux * A6[7]
     a2, b2 = nx * z[0] + ny * z[1], nx * z[1] - ny * z[0]
     pairs, any_fifth = pair_kernel((a1, b1, a2, b2), h, rho, slack, free[:, 4], out)
-    family = count + 1.0 if any_fifth else 0.0
+    family = -(count + 1.0) if any_fifth else 0.0
     for i in range(pairs):
         c1, s1 = out[i, 2], out[i, 3]
         r = math.sqrt(c1 * c1 + s1 * s1)
@@ -140,7 +140,7 @@ def _behind_first(
             continue
         # Axis 6 is parallel to the three: a plane arm of four joints, the last one free.
         same = 1.0 if m2[2] > 0.0 else -1.0
-        number = family_kernel(family, count)
+        number = count + 1.0 if family == 0.0 else family
         rest = math.atan2(sc, cc)
         toward, least, most = _window(plan, p, cb, sb)
         fixed = math.atan2(plan[0, 7], plan[0, 6])

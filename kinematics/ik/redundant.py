@@ -17,7 +17,6 @@ from kinematics.ik.spherical import (
     SHOULDER,
     WRIST,
     back_kernel,
-    family_kernel,
     flange_kernel,
 )
 from kinematics.ik.subproblem import TINY, Vector, cosine_kernel, orient_kernel
@@ -226,7 +225,7 @@ def _wrists(
                 break
             continue
         same = 1.0 if w2[2] > 0.0 else -1.0
-        q7, number = math.atan2(sc, cc), family_kernel(family, count)
+        q7, number = math.atan2(sc, cc), count + 1.0 if family == 0.0 else family
         for k in range(2 * free.shape[0]):
             half = k // 2
             a = free[half, 4] if k % 2 == 0 else same * (q7 - free[half, 6])

@@ -25,6 +25,7 @@ from kinematics.ik.spherical import (
 )
 from kinematics.ik.step import (
     State,
+    cholesky_solve_kernel,
     error_kernel,
     frame_kernel,
     step_within_kernel,
@@ -47,8 +48,12 @@ _SAME = 1e-6
 #: Errors below this are not worth a step, below the other no polish.
 _GOOD, _CLOSE = 1e-12, 1e-10
 #: Arms that miss a form by more [m or rad] than this are searched around where polishing moves an
-#: angle by more than ``_FAR`` [rad]: so many starts a candidate, so far around [rad].
-_EXACT, _FAR, _AROUND, _SPREAD = 1e-10, 0.02, 20, 0.4
+#: angle by more than ``_FAR`` [rad]: so many starts a candidate, so far around [rad] but for every
+#: fourth, and so many candidates at most.
+_EXACT, _FAR, _AROUND, _SPREAD, _CENTRES = 1e-10, 0.02, 20, 0.4, 16
+#: Branches that some direction moves by less than this [m or rad a radian] may have a twin, which
+#: is looked for so far along it [rad].
+_FOLD, _STEPS_ASIDE = 0.03, (1e-4, 1e-3, 1e-2, 5e-2, 0.2, 0.6)
 #: Poses around a target that are tried where it has no candidate itself.
 _NUDGES = 16
 
@@ -260,6 +265,8 @@ def free_kernel(plan: Array, lower: Array, upper: Array, seed: Array, free: Arra
         index = int(plan[1 + j, 13])
         sign = plan[1 + j, 0]
         free[0, j] = sign * seed[index]
+        if free.shape[0] == 1:
+            continue
         free[1, j] = sign * (lower[index] if math.isfinite(lower[index]) else seed[index] + 1.0)
         free[2, j] = sign * (upper[index] if math.isfinite(upper[index]) else seed[index] - 1.0)
         for k in range(3, free.shape[0]):
@@ -320,33 +327,49 @@ def branches_kernel(
     t, q, walk = room[:14], room[14 : 14 + n], room[14 + n : 14 + 16 * n].reshape((n, 15))
     free = room[14 + 16 * n :].reshape((11, joints))
     walk[:] = np.nan
-    free_kernel(plan, lower, upper, seed, free)
     T = frame_kernel(target)
     slack = max(2.0 * tolerance, 10.0 * plan[0, 5])
-    exact = plan[0, 5] <= _EXACT
+    # Many values of a parameter are tried for one that will do, one value for all its branches.
+    exact, alone = plan[0, 5] <= _EXACT, values.shape[0] == 1
+    # Of families the seed's own member first: mostly it is inside the limits, and will do.
+    members = 1 if exact else free.shape[0]
+    free_kernel(plan, lower, upper, seed, free[:members])
     count, inside = 0, 0
     for v in range(values.shape[0]):
         value = values[v]
         if math.isnan(value):
             value = parameter_kernel(plan, seed, np.empty(7))
-        found = candidates_kernel(plan, T, value, free, slack, t, raw, 0)
-        if found == rows:
-            raw, rows = np.empty((_CANDIDATES, WIDTH)), _CANDIDATES
-            found = candidates_kernel(plan, T, value, free, slack, t, raw, 0)
-        hard, before = False, count
-        for k in range(found):
-            position, orientation, moved = _verify(
-                plan, model, link, T, seed, raw, k, exact, q, walk
-            )
-            hard = hard or moved
-            count = _admit(
-                plan, model, link, T, lower, upper, seed, tolerance, (position, orientation),
-                (raw[k, BRANCH], raw[k, FAMILY], value), q, out, count,
-            )  # fmt: skip
+        before = count
+        for trial in range(2):
+            found = candidates_kernel(plan, T, value, free[:members], slack, t, raw, 0)
+            if found == rows:
+                raw, rows = np.empty((_CANDIDATES, WIDTH)), _CANDIDATES
+                found = candidates_kernel(plan, T, value, free[:members], slack, t, raw, 0)
+            hard = False
+            for k in range(found):
+                position, orientation, moved = _verify(
+                    plan, model, link, T, seed, raw, k, exact, q, walk
+                )
+                hard = hard or moved
+                count = _admit(
+                    plan, model, link, T, lower, upper, seed, tolerance, (position, orientation),
+                    (raw[k, BRANCH], raw[k, FAMILY], value), q, out, count,
+                )  # fmt: skip
+            if trial == 1 or members > 1 or _settled(raw, found, out, before, count, n):
+                break
+            members, count = free.shape[0], before
+            free_kernel(plan, lower, upper, seed, free)
+        if members > 1 and exact:
+            members = 1
         if hard and not exact:
             count = _complete(
-                plan, model, link, T, lower, upper, seed, tolerance, raw, found, q, out, count,
+                plan, model, link, T, lower, upper, seed, tolerance, raw, found,
+                _AROUND if alone else _AROUND // 4, q, out, count,
             )  # fmt: skip
+        if alone and not exact:
+            count = _twins(
+                plan, model, link, T, lower, upper, seed, tolerance, before, q, out, count
+            )
         if count == before and not exact:
             count = _nudged(
                 plan, model, link, T, value, lower, upper, seed, tolerance, free, slack, t, raw, q,
@@ -358,6 +381,23 @@ def branches_kernel(
         if inside >= enough:
             break
     return count
+
+
+@kernel
+def _settled(raw: Array, found: int, out: Array, before: int, count: int, n: int) -> bool:
+    """Whether every family's first member is inside the limits and speaks for all of them."""
+    for k in range(found):
+        family = raw[k, FAMILY]
+        if family == 0.0:
+            continue
+        settled = False
+        for i in range(before, count):
+            if out[i, n + GROUP] == family and out[i, n + CODE] == raw[k, BRANCH]:
+                settled = out[i, n + INSIDE] == 1.0
+                break
+        if family < 0.0 or not settled:
+            return False
+    return True
 
 
 @kernel(inline="always")
@@ -475,7 +515,7 @@ def _admit(
 @kernel
 def _complete(
     plan: Array, model: Array, link: int, T: Frame, lower: Array, upper: Array, seed: Array,
-    tolerance: float, raw: Array, found: int, q: Array, out: Array, count: int,
+    tolerance: float, raw: Array, found: int, trials: int, q: Array, out: Array, count: int,
 ) -> int:  # fmt: skip
     """Search around the candidates of a form that the arm misses, near a singularity of the form.
 
@@ -487,28 +527,90 @@ def _complete(
     last = int(model[1 + n + link, 0])
     state = np.array([0x9E3779B97F4A7C15], dtype=np.uint64)
     unlimited = np.full(n, np.inf)
-    for k in range(min(found, 16)):
-        for _ in range(_AROUND):
+    some = min(found, _CENTRES)
+    for i in range(some):
+        # Members of families fill many rows in turn.
+        k = i * found // some
+        for trial in range(trials):
             for j in range(7 if plan[0, 0] == 2.0 else 6):
                 index = int(plan[1 + j, 13])
                 q[index] = plan[1 + j, 0] * math.atan2(raw[k, 2 * j + 1], raw[k, 2 * j])
             if held >= 0:
                 q[held] = raw[k, PARAMETER]
+            spread = math.pi if trial % 4 == 3 else _SPREAD
             for j in range(last + 1):
                 if j != held:
-                    q[j] += _SPREAD * (2.0 * uniform_kernel(state) - 1.0)
+                    q[j] += spread * (2.0 * uniform_kernel(state) - 1.0)
             turn = math.pi * (2.0 * uniform_kernel(state) - 1.0)
             ends = (0, 2) if plan[0, 1] != 0.0 else (3, 5)
             a, b = int(plan[1 + ends[0], 13]), int(plan[1 + ends[1], 13])
             if uniform_kernel(state) < 0.5:
                 q[min(a, b)] += turn
-                q[max(a, b)] -= turn
+                q[max(a, b)] += turn if uniform_kernel(state) < 0.5 else -turn
             error = polish_kernel(model, link, T, -unlimited, unlimited, held, q)
             about = (raw[k, BRANCH], raw[k, FAMILY], raw[k, PARAMETER])
             count = _admit(
                 plan, model, link, T, lower, upper, seed, tolerance, error, about, q, out, count
             )
     return count
+
+
+@kernel
+def _twins(
+    plan: Array, model: Array, link: int, T: Frame, lower: Array, upper: Array, seed: Array,
+    tolerance: float, before: int, q: Array, out: Array, count: int,
+) -> int:  # fmt: skip
+    """Look for the twin of each branch that is near a fold, where two of them meet.
+
+    It lies along the direction that moves the link least. The form may have one root there, or
+    none, where the true arm has two.
+    """
+    n, held = q.shape[0], int(plan[0, 2])
+    J, v, unlimited = np.empty((6, n)), np.empty(n), np.full(n, np.inf)
+    k = before
+    while k < count:
+        q[:] = out[k, :n]
+        frame_and_jacobian_kernel(model, q, link, J)
+        if _least_moving(J, held, int(model[1 + n + link, 0]), v) < _FOLD:
+            for step in _STEPS_ASIDE:
+                for side in (1.0, -1.0):
+                    for j in range(n):
+                        q[j] = out[k, j] + side * step * v[j]
+                    error = polish_kernel(model, link, T, -unlimited, unlimited, held, q)
+                    about = (out[k, n + CODE], 0.0, out[k, n + VALUE])
+                    count = _admit(
+                        plan, model, link, T, lower, upper, seed, tolerance, error, about, q, out,
+                        count,
+                    )  # fmt: skip
+        k += 1
+    return count
+
+
+@kernel
+def _least_moving(J: Array, held: int, last: int, v: Array) -> float:
+    """Write the direction that J (6, n) stretches least into v, by inverse iteration; how much."""
+    n = v.shape[0]
+    H = np.empty((n, n))
+    if held >= 0:
+        J[:, held] = 0.0
+    for j in range(n):
+        v[j] = 1.0 + 0.1 * j if j <= last and j != held else 0.0
+    for _ in range(3):
+        for a in range(n):
+            for b in range(a + 1):
+                H[a, b] = 0.0
+                for i in range(6):
+                    H[a, b] += J[i, a] * J[i, b]
+            H[a, a] += 1e-14 if a <= last and a != held else 1.0
+        cholesky_solve_kernel(H, v, n)
+        v /= math.sqrt(np.sum(v * v))
+    square = 0.0
+    for i in range(6):
+        along = 0.0
+        for j in range(n):
+            along += J[i, j] * v[j]
+        square += along * along
+    return math.sqrt(square)
 
 
 @kernel

@@ -96,8 +96,12 @@ def spherical_kernel(
 
 @kernel
 def family_kernel(family: float, count: int) -> float:
-    """The number of a family that begins at row ``count``, inside another or not (0)."""
-    return family if family != 0.0 else count + 1.0
+    """The number of a family that begins at row ``count``, inside another or not (0).
+
+    It is positive where any member has all the branches of the family, as with a straight wrist,
+    else negative.
+    """
+    return family if family != 0.0 else -(count + 1.0)
 
 
 @kernel
@@ -127,7 +131,7 @@ def _wrists(
             continue
         # Axes 4 and 6 are one: only q4 + q6, or their difference, is determined.
         same = 1.0 if m2[2] > 0.0 else -1.0
-        number = family_kernel(family, count)
+        number = count + 1.0 if family == 0.0 else family
         q6 = math.atan2(sc, cc)
         for k in range(2 * free.shape[0]):
             half = k // 2
@@ -169,7 +173,7 @@ def _parallel_arms(
         return count
     # W in the frame of joint 3, turned as the offset before it is: what is found then is q3.
     bx, by = A3[1] * A4[4] + A3[2] * A4[8], A3[5] * A4[4] + A3[6] * A4[8]
-    family = count + 1.0 if status == 2 else 0.0
+    family = -(count + 1.0) if status == 2 else 0.0
     for i in range(2 if status == 1 else free.shape[0]):
         side = 1.0 - 2.0 * i
         c1, s1 = cp * cd - side * sp * sd, sp * cd + side * cp * sd
@@ -231,7 +235,7 @@ def _any_arms(
         rho[k] = 2.0 * n[k] - (1.0 if k == 0 else 2.0) * f[0, 2] * f[k, 2]
     rho[3], rho[4], rho[5] = -(f[1, 2] ** 2), -2.0 * f[1, 2] * f[2, 2], -(f[2, 2] ** 2)
     pairs, any_third = pair_kernel((B[0], B[1], R[0], R[1]), h, rho, slack, free[:, 2], out)
-    whole = count + 1.0 if any_third else 0.0
+    whole = -(count + 1.0) if any_third else 0.0
     for i in range(pairs):
         c3, s3, y0, y1 = out[i, 0], out[i, 1], out[i, 2], out[i, 3]
         fx = f[0, 0] + f[1, 0] * c3 + f[2, 0] * s3

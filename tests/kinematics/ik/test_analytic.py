@@ -1,6 +1,6 @@
 """Closed forms: verified by pinocchio, complete against dense numeric search."""
 
-import dataclasses
+from dataclasses import fields, replace
 
 import numpy as np
 import pinocchio as pin
@@ -11,7 +11,7 @@ from kinematics.errors import InvalidOption, InvalidPose, InvalidRobotState, Not
 from kinematics.forward import forward
 from kinematics.ik.analytic import branches, closed_form, parameter
 from kinematics.ik.inverse import inverse_kinematics
-from kinematics.ik.numeric import solve
+from kinematics.ik.numeric import solve, solve_many
 from kinematics.ik.structure import structure
 from kinematics.jacobian import geometric
 from kinematics.pose import (
@@ -241,6 +241,33 @@ def test_calibrated_arms_keep_their_branches(name: str, size: float) -> None:
     assert compared > 20
 
 
+@pytest.mark.parametrize("size", [1e-7, 1e-5, 1e-3])
+@pytest.mark.parametrize("name", ["ur5e", "elbow_wrist"])
+def test_calibrated_arms_keep_both_sides_of_a_fold(name: str, size: float) -> None:
+    rng = np.random.default_rng(8)
+    whole = np.full(6, np.pi)
+    twins = 0
+    for _ in range(4):
+        chain = calibrated(builtin_chain(name), size, rng)
+        chain = replace(chain, limits=replace(chain.limits, lower=-whole, upper=whole))
+        for _ in range(4):
+            q = rng.uniform(-np.pi, np.pi, 6)
+            # Hardly bent: where the form has one branch, the true arm may have two.
+            q[2] = (0.0 if name == "ur5e" else 0.5 * np.pi) + 10.0 ** rng.uniform(-4.0, -1.0)
+            T = forward(chain, q)
+            found = branches(chain, T).joints
+            seeds = np.clip(q + rng.normal(size=(60, 6)) * 0.3, -np.pi, np.pi)
+            search = solve_many(
+                chain, np.tile(T, (60, 1, 1)), seed_joints=seeds, starts=1, threads=1,
+                position_tolerance=1e-10, orientation_tolerance=1e-10,
+            )  # fmt: skip
+            for other in search.joints[search.solved]:
+                if np.linalg.svd(geometric(chain, other), compute_uv=False)[-1] > 1e-5:
+                    assert apart(found, other).min() < 1e-4
+                    twins += bool(1e-4 < apart(other[None], q)[0] < 0.3)
+    assert twins > 20
+
+
 @pytest.mark.parametrize("size", [1e-9, 1e-5, 1e-3])
 @pytest.mark.parametrize("name", ["ur5e", "kr6_sixx", "iiwa14"])
 def test_calibrated_arms_answer_edge_poses(name: str, size: float) -> None:
@@ -287,20 +314,20 @@ def test_parameters_of_redundant_arms(name: str) -> None:
 def test_a_rail_before_six_joints_is_held_at_the_parameter() -> None:
     arm = builtin_chain("ur5e")
     tip = arm.tip.T_joint_link
-    rail = dataclasses.replace(
+    rail = replace(
         arm,
         joint_names=("rail", *arm.joint_names),
         joint_types=np.array([1, *arm.joint_types]),
         offsets=np.array([transform(random_rotation(np.random.default_rng(6))), *arm.offsets]),
         links=tuple(
-            dataclasses.replace(link, joint=6 if link.joint == 5 else -1) for link in arm.links
+            replace(link, joint=6 if link.joint == 5 else -1) for link in arm.links
         ),
-        limits=dataclasses.replace(
+        limits=replace(
             arm.limits,
             **{
                 item.name: np.array([-1.0 if item.name == "lower" else 2.0, *getattr(
                     arm.limits, item.name)])
-                for item in dataclasses.fields(arm.limits)
+                for item in fields(arm.limits)
             },
         ),
         continuous=np.zeros(7, dtype=np.bool_),
