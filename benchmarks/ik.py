@@ -68,11 +68,13 @@ class Judge:
         return float(np.linalg.norm(away)), float(np.linalg.norm(turn))
 
 
-def _solved(chain: Chain, poses: Array, starts: Array, axes: tuple[Axis, ...], k: int) -> IkResult:
+def _solved(
+    chain: Chain, poses: list[Array], starts: list[Array], axes: tuple[Axis, ...], k: int
+) -> IkResult:
     return solve(chain, poses[k], seed_joints=starts[k], axes=axes)
 
 
-def _branched(chain: Chain, poses: Array, seeds: Array | None, k: int) -> Branches:
+def _branched(chain: Chain, poses: list[Array], seeds: list[Array] | None, k: int) -> Branches:
     return branches(chain, poses[k], seed_joints=None if seeds is None else seeds[k])
 
 
@@ -115,7 +117,7 @@ def numeric(name: str, options: argparse.Namespace) -> None:
     for kind, q in sets.items():
         poses = forward(chain, q)
         starts = random_configurations(chain, len(q), 3)
-        found, spent = timed(partial(_solved, chain, poses, starts, axes), len(q))
+        found, spent = timed(partial(_solved, chain, list(poses), list(starts), axes), len(q))
         failures = [
             k
             for k, result in enumerate(found)
@@ -135,22 +137,31 @@ def numeric(name: str, options: argparse.Namespace) -> None:
         report_peers(told, NUMERIC_PEERS, judge, poses[:m], ours)
     poses, starts = forward(chain, sets["random"][:1000]), starts[:1000]
     starts = random_configurations(chain, len(poses), 3)
-    batch, alone, single = [], [], []
+    report_batch(chain, poses, starts, axes)
+
+
+def report_batch(chain: Chain, poses: Array, starts: Array, axes: tuple[Axis, ...]) -> None:
+    """Print what a pose of a batch costs beside single calls from the same seeds."""
+    rows, seeds = list(poses), list(starts)
+    batch, alone, single, median = [], [], [], []
     for _ in range(_ROUNDS):
         # In turn, so that what else the machine does disturbs all of them alike.
         start = time.perf_counter()
         solve_many(chain, poses, seed_joints=starts, axes=axes)
         batch.append(1e6 * (time.perf_counter() - start) / len(poses))
-        start = time.perf_counter()
+        begun = time.process_time()
         solve_many(chain, poses, seed_joints=starts, axes=axes, threads=1)
-        alone.append(1e6 * (time.perf_counter() - start) / len(poses))
-        _, spent = timed(partial(_solved, chain, poses, starts, axes), len(poses))
-        single.append(spent.mean())
+        alone.append(1e6 * (time.process_time() - begun) / len(poses))
+        begun = time.process_time()
+        _, spent = timed(partial(_solved, chain, rows, seeds, axes), len(poses))
+        single.append(1e6 * (time.process_time() - begun) / len(poses))
+        median.append(np.median(spent))
+    one = np.median(alone)
     print(
-        f"{name:9s} numeric batch of {len(poses)}: {np.median(batch):.1f} us a pose, one thread "
-        f"{np.median(alone):.1f}, single calls {np.median(single):.1f} us on average: "
-        f"{np.median(single) / np.median(batch):.2f} x and "
-        f"{np.median(single) / np.median(alone):.2f} x"
+        f"{chain.name:9s} numeric batch of {len(poses)}: {one:.2f} us of processor time a pose, "
+        f"one thread; single calls {np.median(single):.2f} on average, {np.median(median):.2f} in "
+        f"the median: {np.median(single) / one:.2f} x and {np.median(median) / one:.2f} x; all "
+        f"processors {np.median(batch):.2f} us on the clock"
     )
 
 
@@ -187,7 +198,8 @@ def analytic(name: str, options: argparse.Namespace) -> None:
         poses = forward(chain, q)
         form = structure(chain)
         seeds = q if form is not None and form.redundant else None
-        found, spent = timed(partial(_branched, chain, poses, seeds), len(q))
+        rows = None if seeds is None else list(seeds)
+        found, spent = timed(partial(_branched, chain, list(poses), rows), len(q))
         unanswered = [k for k, table in enumerate(found) if not table.within_limits.any()]
         worst = max(
             float(judge_worst(judge, table.joints, poses[k])) for k, table in enumerate(found)
@@ -198,9 +210,9 @@ def analytic(name: str, options: argparse.Namespace) -> None:
             start = time.perf_counter()
             branches(chain, poses[:1000], seed_joints=some)
             batched.append(1e6 * (time.perf_counter() - start) / len(poses[:1000]))
-            start = time.perf_counter()
+            start = time.process_time()
             branches(chain, poses[:1000], seed_joints=some, threads=1)
-            alone.append(1e6 * (time.perf_counter() - start) / len(poses[:1000]))
+            alone.append(1e6 * (time.process_time() - start) / len(poses[:1000]))
         turns = np.mean([
             sum(len(whole_turns(chain, row, 10_000)) for row in table.joints[table.within_limits])
             for table in found[:200]
