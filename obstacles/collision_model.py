@@ -14,6 +14,8 @@ from obstacles.model_arrays import ModelArrays
 from obstacles.pair_grid import PairGrid, pair_grid
 from obstacles.piece_set import (
     CENTER,
+    GROUP,
+    GROUP_STOP,
     HALF,
     KIND,
     MARGIN,
@@ -75,6 +77,7 @@ class CollisionModel:
             scene=around.pieces.rows,
             corners=_readonly(robot_set.corners),
             tables=_readonly(robot_set.tables),
+            surfaces=_readonly(robot_set.surfaces),
             self_pairs=self_pairs,
             groups=groups,
             grid_axes=grid.axes,
@@ -117,7 +120,10 @@ def together(robot: RobotGeometry, scene: Scene) -> PieceSet:
     """The pieces of a robot, each in the frame of its joint, and behind them those of a scene."""
     own, around = _robot_part(robot).pieces, _scene_part(scene).pieces
     behind = own._replace(rows=own.rows[: len(robot.pieces)]).behind(around)
-    return PieceSet(_readonly(np.vstack([behind.rows, around.rows])), behind.corners, behind.tables)
+    rows = np.vstack([behind.rows, around.rows])
+    grouped = rows[len(robot.pieces) :, GROUP_STOP] > 0.0
+    rows[len(robot.pieces) :, GROUP : GROUP_STOP + 1][grouped] += len(robot.pieces)
+    return behind._replace(rows=_readonly(rows))
 
 
 class _RobotPart(NamedTuple):
@@ -212,6 +218,8 @@ def _scene_part(scene: Scene) -> _ScenePart:
     blocks, first = [np.zeros((0, WIDTH))], 0
     for number, (obstacle, own) in enumerate(zip(scene.obstacles, shaped, strict=True)):
         rows = packed.rows[first : first + len(own)]
+        grouped = rows[:, GROUP_STOP] > 0.0
+        rows[grouped, GROUP : GROUP_STOP + 1] += sum(map(len, blocks)) - first
         first += len(own)
         if isinstance(obstacle.shape, PointCloud):
             T = obstacle.T_world_obstacle
@@ -224,7 +232,12 @@ def _scene_part(scene: Scene) -> _ScenePart:
     solid = np.flatnonzero(~wall)
     grown = tree(*_bounds(rows[solid]))
     items = _readonly(solid[grown.items])
-    kept = PieceSet(_readonly(rows), _readonly(packed.corners), _readonly(packed.tables))
+    kept = PieceSet(
+        _readonly(rows),
+        _readonly(packed.corners),
+        _readonly(packed.tables),
+        _readonly(packed.surfaces),
+    )
     return _ScenePart(kept, Tree(grown.nodes, items), np.flatnonzero(wall))
 
 

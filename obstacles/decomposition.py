@@ -1,58 +1,90 @@
-"""Triangle meshes as convex pieces that cover them.
+"""Triangle meshes as convex pieces that cover them, each with the triangles it stands for.
 
-A mesh whose hull lies on it is its hull; bodies that are closed and convex are a hull each; what
-is left is cut into nearly convex parts. Each triangle is then proved to lie inside one piece: the
-distance to a convex piece is a convex function, so over a triangle it is largest at a corner.
-Triangles that straddle pieces are split, and a piece grows by what still sticks out of it.
+A body whose hull is the body is its hull. What is not convex is cut by planes where that saves the
+hulls of the parts most volume. A part's hull covers it, cut faces included: what a plane cuts out
+of a solid is bounded by where it cuts the surface, and those points belong to both parts. So a
+distance to all hulls is a distance to the solid; where it does not do, the triangles decide
+(``obstacles.surface``), and nothing is filled that the mesh leaves open.
 """
 
 import hashlib
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import lru_cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import ConvexHull, QhullError
 
 from kinematics.chain import Array, frozen
-from kinematics.kernel import kernel
 from obstacles.hull import Hull, convex_hull
-from obstacles.mesh import Faces, cut
-from obstacles.nearest import Indices, hull_distances, mesh_distances, nearest_on_hull
+from obstacles.mesh import Faces
+from obstacles.nearest import hull_distances, mesh_distances
+from obstacles.winding import is_solid, oriented, winding_numbers
 
-#: A hull that is nowhere farther from the mesh than this part of the mesh's diagonal stands for
-#: it: a millimetre for an object of half a metre, less than cutting it up would leave.
-_CONVEX = 2e-3
+#: A hull that is nowhere farther from the mesh than this stands for it [m]: half of what verdicts
+#: are held to.
+_SAME = 5e-7
+#: Part of a hull's area that may be missing from a mesh that has the same area but for rounding.
+_SAME_AREA = 1e-6
 #: Points on a hull at which its distance to the mesh is measured.
 _SAMPLES = 2000
 #: A mesh of more bodies than this is no assembly but a heap of triangles.
 _MAX_BODIES = 64
-#: Corners a piece may have: each costs every distance query about a nanosecond.
+#: Corners a piece may have that is the mesh itself, and one that only covers it.
 _EXACT_CORNERS = 192
-_THINNED_CORNERS = 64
+_COVER_CORNERS = 128
 #: Part of the diagonal that thinning may cost before more corners are spent.
 _THINNING = 1e-3
-#: Part of the diagonal below which a triangle that straddles pieces is split no further.
-_SMALLEST = 1e-3
-#: Growth that no one notices, as part of the diagonal.
-_NEGLIGIBLE = 1e-4
 #: Part of the diagonal that counts as one point: what single-precision files keep.
 _MERGING = 1e-6
+#: Places at which a cut is tried, along each axis.
+_PLACES = 12
+#: A cut is worth a piece more if it saves this part of the volume of the whole mesh's hull.
+_WORTH = 0.02
+_MOST_PARTS = 12
+#: Winding number beyond which a point is inside.
+_INSIDE = 0.5
+#: Corners that a cover gets at once.
+_THINNED_AT_ONCE = 8
+
+
+def _spread(count: int) -> Array:
+    """Directions all over the sphere, (count, 3), along a spiral of equal areas."""
+    z = 1.0 - (2.0 * np.arange(count) + 1.0) / count
+    turn = np.pi * (1.0 + np.sqrt(5.0)) * np.arange(count)
+    flat = np.sqrt(1.0 - z * z)
+    return np.column_stack([flat * np.cos(turn), flat * np.sin(turn), z])
+
+
+#: Where to look for the corners of a hull when only its volume is of interest.
+_DIRECTIONS = np.vstack([_spread(200), np.eye(3), -np.eye(3)])
 
 _directory: Path | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ConvexPart:
-    """One convex piece of a mesh: the hull of ``vertices`` (k, 3) grown by ``rounding`` [m]."""
+    """One convex piece of a mesh: the hull of ``vertices`` (k, 3) grown by ``rounding`` [m].
+
+    Args:
+        vertices: Of the hull.
+        rounding: What it is grown by.
+        triangles: What it covers, corners of each, shape (t, 3, 3); none where it is the mesh.
+        anchors: A point on each of the bodies they belong to, shape (r, 3).
+        filled: Whether they bound a solid, together with those of the other filled parts.
+    """
 
     vertices: Array
     rounding: float
+    triangles: Array
+    anchors: Array
+    filled: bool
 
 
 def keep_decompositions(directory: Path | None) -> None:
@@ -62,14 +94,14 @@ def keep_decompositions(directory: Path | None) -> None:
 
 
 def convex_pieces(vertices: Array, faces: Faces) -> tuple[ConvexPart, ...]:
-    """Convex pieces whose union covers every triangle of a mesh.
+    """Convex pieces whose union covers a mesh and what it encloses.
 
     Args:
         vertices: Shape (k, 3) [m].
         faces: Shape (f, 3).
 
     Returns:
-        The pieces; the same mesh gives the same ones. A flat mesh gives its flat hull.
+        The pieces, filled ones first; the same mesh gives the same ones.
     """
     used, numbers = np.unique(faces, return_inverse=True)
     return _kept(vertices[used].tobytes(), numbers.astype(np.int64).tobytes())
@@ -77,7 +109,7 @@ def convex_pieces(vertices: Array, faces: Faces) -> tuple[ConvexPart, ...]:
 
 @lru_cache(maxsize=256)
 def _kept(vertices: bytes, faces: bytes) -> tuple[ConvexPart, ...]:
-    digest = hashlib.sha256(b"2" + len(vertices).to_bytes(8) + vertices + faces).hexdigest()
+    digest = hashlib.sha256(b"3" + len(vertices).to_bytes(8) + vertices + faces).hexdigest()
     file = _directory / f"{digest}.npz" if _directory is not None else None
     if file is not None and (stored := _read(file)) is not None:
         return stored
@@ -91,49 +123,104 @@ def _kept(vertices: bytes, faces: bytes) -> tuple[ConvexPart, ...]:
 def _read(file: Path) -> tuple[ConvexPart, ...] | None:
     try:
         with np.load(file, allow_pickle=False) as stored:
-            counts, vertices, roundings = stored["counts"], stored["vertices"], stored["roundings"]
+            columns = [_ungrouped(stored, item.name) for item in fields(ConvexPart)]
     except (OSError, ValueError, KeyError, BadZipFile):
         return None
-    groups = np.split(vertices, np.cumsum(counts)[:-1])
     return tuple(
-        ConvexPart(frozen(group), float(rounding))
-        for group, rounding in zip(groups, roundings, strict=True)
+        ConvexPart(frozen(v), float(r[0]), frozen(t), frozen(a), bool(f[0]))
+        for v, r, t, a, f in zip(*columns, strict=True)
     )
+
+
+def _ungrouped(stored: "np.lib.npyio.NpzFile", name: str) -> list[Array]:
+    return np.split(stored[name], np.cumsum(stored[f"{name}_counts"])[:-1])
 
 
 def _write(file: Path, parts: tuple[ConvexPart, ...]) -> None:
     file.parent.mkdir(parents=True, exist_ok=True)
+    columns: dict[str, Any] = {}
+    for item in fields(ConvexPart):
+        own = [np.atleast_1d(getattr(part, item.name)) for part in parts]
+        columns[item.name] = np.concatenate(own)
+        columns[f"{item.name}_counts"] = np.array([len(array) for array in own])
     # Written aside and renamed: another process sees all of it or nothing.
     with tempfile.NamedTemporaryFile(dir=file.parent, suffix=".npz", delete=False) as stream:
-        np.savez(
-            stream,
-            counts=[len(part.vertices) for part in parts],
-            vertices=np.vstack([part.vertices for part in parts]),
-            roundings=[part.rounding for part in parts],
-        )
+        np.savez(stream, **columns)
     Path(stream.name).replace(file)
 
 
+class _Body(NamedTuple):
+    """A connected part of a mesh: triangles all turned alike, and whether they bound a solid."""
+
+    faces: Faces
+    hull: Hull
+    solid: bool
+    volume: float
+
+
 def _decompose(vertices: Array, faces: Faces) -> tuple[ConvexPart, ...]:
-    whole = convex_hull(vertices)
     diagonal = float(np.linalg.norm(np.ptp(vertices, axis=0)))
-    if not whole.solid or overhang(whole, vertices, faces) <= _CONVEX * diagonal:
-        return (_thinned(whole, _EXACT_CORNERS, _NEGLIGIBLE * diagonal),)
-    parts: list[ConvexPart] = []
-    rest = []
-    for body, closed in _bodies(vertices, faces, _MERGING * diagonal):
-        hull = convex_hull(vertices[np.unique(body)])
-        if closed and overhang(hull, vertices, body) <= _CONVEX * diagonal:
-            parts.append(_thinned(hull, _EXACT_CORNERS, _NEGLIGIBLE * diagonal))
-        else:
-            rest.append(body)
-    if rest:
-        used, numbers = np.unique(np.vstack(rest), return_inverse=True)
-        for points in cut(vertices[used], numbers.reshape(-1, 3)):
-            # What thinning loses here is no part of the mesh, or covered by growing below.
-            thinned = _thinned(convex_hull(points), _THINNED_CORNERS, _THINNING * diagonal)
-            parts.append(ConvexPart(thinned.vertices, 0.0))
-    return _grown(tuple(parts), vertices, faces, diagonal)
+    whole = convex_hull(vertices[np.unique(faces)])
+    if _is_hull(whole, vertices, faces) and _has_no_inside_walls(whole, vertices, faces):
+        return (_as_it_is(whole),)
+    bodies = [_body(vertices, own) for own in _connected(vertices, faces, _MERGING * diagonal)]
+    # A body turned inside out is a cavity of another one: then nothing may be filled unasked.
+    cavities = len({body.volume > 0.0 for body in bodies if body.solid}) > 1
+    convex = [
+        not (cavities and body.solid) and _is_hull(body.hull, vertices, body.faces)
+        for body in bodies
+    ]
+    rest = [body for body, is_convex in zip(bodies, convex, strict=True) if not is_convex]
+    parts = _parts(vertices, [body.faces for body in rest if body.solid], diagonal, True)
+    parts += _parts(vertices, [body.faces for body in rest if not body.solid], diagonal, False)
+    parts += [_as_it_is(b.hull) for b, is_convex in zip(bodies, convex, strict=True) if is_convex]
+    return tuple(sorted(parts, key=lambda part: not part.filled))
+
+
+def _as_it_is(hull: Hull) -> ConvexPart:
+    none = frozen(np.zeros((0, 3)))
+    return ConvexPart(hull.vertices, 0.0, frozen(np.zeros((0, 3, 3))), none, False)
+
+
+def _body(vertices: Array, faces: Faces) -> _Body:
+    faces = oriented(faces)
+    a, b, c = (vertices[faces[:, k]] - vertices[faces[0, 0]] for k in range(3))
+    volume = float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
+    hull = convex_hull(vertices[np.unique(faces)])
+    return _Body(faces, hull, hull.solid and is_solid(vertices, faces), volume)
+
+
+def _is_hull(hull: Hull, vertices: Array, faces: Faces) -> bool:
+    """Whether every point of a hull's surface is one of the mesh inside it."""
+    if len(hull.vertices) > _EXACT_CORNERS:
+        return False
+    corners = hull.vertices[hull.triangles]
+    wanted = float(_areas(corners).sum())
+    if hull.solid:
+        own = vertices[np.unique(np.sort(faces, axis=1), axis=0)]
+        lies = np.zeros(len(own), dtype=np.bool_)
+        for plane in hull.planes:
+            lies |= (np.abs(own @ plane[:3] - plane[3]) <= _SAME).all(axis=1)
+        if float(_areas(own[lies]).sum()) < (1.0 - _SAME_AREA) * wanted:
+            return False
+    return overhang(hull, vertices, faces) <= _SAME
+
+
+def _has_no_inside_walls(hull: Hull, vertices: Array, faces: Faces) -> bool:
+    """Whether no corner of a mesh lies deep in its hull, as those of a cavity would."""
+    if not hull.solid:
+        return True
+    used = vertices[np.unique(faces)]
+    return all(
+        float((block @ hull.planes[:, :3].T - hull.planes[:, 3]).max(axis=1).min()) >= -_SAME
+        for block in np.array_split(used, len(used) // 4096 + 1)
+    )
+
+
+def _areas(corners: Array) -> Array:
+    """Areas of triangles (t, 3, 3)."""
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return np.asarray(0.5 * np.linalg.norm(cross, axis=1))
 
 
 def overhang(hull: Hull, vertices: Array, faces: Faces) -> float:
@@ -143,8 +230,7 @@ def overhang(hull: Hull, vertices: Array, faces: Faces) -> float:
     needs no closed mesh, and unlike the depth of the mesh in its hull it does not mind inner walls.
     """
     corners = hull.vertices[hull.triangles]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    areas = np.linalg.norm(normals, axis=1)
+    areas = _areas(corners)
     if not areas.sum() > 0.0:
         return 0.0
     random = np.random.default_rng(0)
@@ -158,30 +244,127 @@ def overhang(hull: Hull, vertices: Array, faces: Faces) -> float:
     return float(distances.max())
 
 
-def _bodies(vertices: Array, faces: Faces, merging: float) -> list[tuple[Faces, bool]]:
-    """Connected parts of a mesh, and whether each is closed: every edge has two triangles."""
-    _, number = np.unique(np.round(vertices / merging), axis=0, return_inverse=True)
-    merged = number.reshape(-1)[faces]
-    edges = np.sort(merged[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    size = int(merged.max()) + 1
+def _connected(vertices: Array, faces: Faces, merging: float) -> list[Faces]:
+    """Connected parts of a mesh, each with one number for corners that lie in one place."""
+    _, first, number = np.unique(
+        np.round(vertices / merging) if merging > 0.0 else vertices,
+        axis=0, return_index=True, return_inverse=True,
+    )  # fmt: skip
+    merged = first[number.reshape(-1)][faces]
+    edges = merged[:, [[0, 1], [1, 2]]].reshape(-1, 2)
+    size = len(vertices)
     graph = coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(size, size))
     label = connected_components(graph, directed=False)[1][merged[:, 0]]
-    if label.max() == 0 or len(np.unique(label)) > _MAX_BODIES:
-        return [(faces, False)]
-    bodies = []
-    for body in np.unique(label):
-        own = np.flatnonzero(label == body)
-        rows = edges.reshape(-1, 3, 2)[own].reshape(-1, 2)
-        _, counts = np.unique(rows, axis=0, return_counts=True)
-        bodies.append((faces[own], bool((counts == 2).all())))
-    return bodies
+    names = np.unique(label)
+    if len(names) > _MAX_BODIES:
+        return [merged]
+    return [merged[label == name] for name in names]
 
 
-def _thinned(hull: Hull, most: int, tolerance: float) -> ConvexPart:
-    """The hull of some of a hull's corners, grown to hold the others."""
+class _Bodies(NamedTuple):
+    """Bodies that are cut together.
+
+    Args:
+        vertices: Shape (k, 3).
+        faces: Of all, shape (f, 3).
+        filled: Whether they bound solids.
+        diagonal: Of the whole mesh [m].
+    """
+
+    vertices: Array
+    faces: Faces
+    filled: bool
+    diagonal: float
+
+    def inside(self, points: Array) -> Array:
+        """Those of ``points`` (m, 3) that the bodies enclose."""
+        numbers = np.zeros(len(points))
+        if self.filled and len(points):
+            winding_numbers(points, self.vertices, self.faces, numbers)
+        return np.asarray(points[np.abs(numbers) > _INSIDE])
+
+
+class _Part(NamedTuple):
+    """What planes have cut out of bodies.
+
+    Args:
+        triangles: What is there of the surface, shape (t, 3, 3).
+        names: The body of each, shape (t,).
+        box: Where the planes are, lowest and highest, infinite where none is, shape (2, 3).
+        inner: Corners of the box that are inside the bodies, shape (c, 3).
+        volume: Of the hull [m^3].
+        axis: Across which another cut is best.
+        at: Where.
+        saved: Volume that this would save [m^3].
+    """
+
+    triangles: Array
+    names: NDArray[np.int64]
+    box: Array
+    inner: Array
+    volume: float = 0.0
+    axis: int = 0
+    at: float = 0.0
+    saved: float = 0.0
+
+    @property
+    def points(self) -> Array:
+        """All whose hull covers the part, shape (3 t + c, 3)."""
+        return np.vstack([self.triangles.reshape(-1, 3), self.inner])
+
+
+def _parts(vertices: Array, own: list[Faces], diagonal: float, filled: bool) -> list[ConvexPart]:
+    """Bodies cut together, by planes, until no cut saves enough."""
+    if not own:
+        return []
+    bodies = _Bodies(vertices, np.ascontiguousarray(np.vstack(own)), filled, diagonal)
+    names = np.repeat(np.arange(len(own)), [len(faces) for faces in own])
+    box = np.array([[-np.inf] * 3, [np.inf] * 3])
+    found = [_weighed(_Part(vertices[bodies.faces], names, box, np.zeros((0, 3))))]
+    enough = _WORTH * found[0].volume
+    ahead = not found[0].saved > enough
+    if ahead:
+        found = [_ahead(bodies, found[0], enough)]
+    while len(found) < _MOST_PARTS:
+        best = max(range(len(found)), key=lambda k: found[k].saved)
+        if not found[best].saved > enough:
+            break
+        halves = [_weighed(side) for side in _halves(bodies, found[best])]
+        # What it saves was an estimate.
+        saved = found[best].volume - sum(half.volume for half in halves)
+        worth = saved > enough or (ahead and len(found) == 1)
+        found[best : best + 1] = halves if worth else [found[best]._replace(saved=0.0)]
+    return [_covered(part, bodies) for part in found]
+
+
+def _halves(bodies: _Bodies, part: _Part) -> list[_Part]:
+    """What is below the plane chosen for a part, and what is above it."""
+    sides = _cut(part.triangles, part.names, part.axis, part.at)
+    halves = []
+    for side, (triangles, names) in enumerate(sides):
+        box = part.box.copy()
+        box[1 - side, part.axis] = part.at
+        corners = np.array([[box[i, 0], box[j, 1], box[k, 2]] for i, j, k in np.ndindex(2, 2, 2)])
+        inner = bodies.inside(corners[np.isfinite(corners).all(axis=1)])
+        if len(triangles) or len(inner):
+            halves.append(_Part(triangles, names, box, inner))
+    return halves
+
+
+def _covered(part: _Part, bodies: _Bodies) -> ConvexPart:
+    if not len(part.triangles):  # a box all of which is inside
+        return _as_it_is(convex_hull(part.inner))
+    corners, rounding = _thinned(convex_hull(part.points), _THINNING * bodies.diagonal)
+    _, first = np.unique(part.names, return_index=True)
+    anchors = frozen(part.triangles[first, 0])
+    return ConvexPart(corners, rounding, frozen(part.triangles), anchors, bodies.filled)
+
+
+def _thinned(hull: Hull, tolerance: float) -> tuple[Array, float]:
+    """Some of a hull's corners, and what their hull must be grown by to hold the others."""
     points = hull.vertices
-    if len(points) <= most or not hull.solid:
-        return ConvexPart(frozen(points), 0.0)
+    if len(points) <= _COVER_CORNERS or not hull.solid:
+        return frozen(points), 0.0
     signs = np.array([[x, y, z] for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)])
     chosen = {int(i) for i in (points @ signs.T).argmax(axis=0)}
     distances = np.empty(len(points))
@@ -190,185 +373,131 @@ def _thinned(hull: Hull, most: int, tolerance: float) -> ConvexPart:
         hull_distances(
             points, inner.vertices, inner.triangles, inner.planes, inner.solid, distances
         )
-        worst = int(distances.argmax())
-        if len(chosen) >= most or distances[worst] <= tolerance:
-            return ConvexPart(frozen(inner.vertices), max(0.0, float(distances[worst])))
-        chosen.add(worst)
+        if len(chosen) >= _COVER_CORNERS or distances.max() <= tolerance:
+            return frozen(inner.vertices), max(0.0, float(distances.max()))
+        # Several at once: a hull costs more than a corner too many.
+        chosen |= {int(i) for i in np.argsort(-distances)[:_THINNED_AT_ONCE]}
 
 
-def _grown(
-    parts: tuple[ConvexPart, ...], vertices: Array, faces: Faces, diagonal: float
-) -> tuple[ConvexPart, ...]:
-    """The parts, each grown by what the triangles nearest to it stick out."""
-    hulls = [convex_hull(part.vertices) for part in parts]
-    packed = _Hulls(
-        np.vstack([hull.vertices for hull in hulls]),
-        np.vstack([hull.triangles for hull in hulls]),
-        np.vstack([hull.planes for hull in hulls]),
-        np.array([hull.solid for hull in hulls]),
-        np.cumsum([0] + [len(hull.vertices) for hull in hulls]),
-        np.cumsum([0] + [len(hull.triangles) for hull in hulls]),
-    )
-    radii = np.array([part.rounding for part in parts])
-    growth = np.zeros(len(parts))
-    smallest = _SMALLEST * diagonal
-    _cover(vertices, faces, packed, radii, _NEGLIGIBLE * diagonal, smallest, growth)
-    return tuple(
-        ConvexPart(part.vertices, float(radius))
-        for part, radius in zip(parts, radii + growth, strict=True)
-    )
-
-
-class _Hulls(NamedTuple):
-    """Hulls of several pieces, packed: those of piece i are from ``starts[i]`` to the next."""
-
-    corners: Array
-    triangles: Faces
-    planes: Array
-    solid: NDArray[np.bool_]
-    corner_starts: Indices
-    face_starts: Indices
-
-
-@kernel
-def _height(hulls: _Hulls, i: int, p: Array) -> float:
-    """Height of a point over the planes of piece i: its distance, or less where it is outside."""
-    if not hulls.solid[i]:
-        return -np.inf
-    height = -np.inf
-    planes = hulls.planes
-    for f in range(hulls.face_starts[i], hulls.face_starts[i + 1]):
-        above = planes[f, 0] * p[0] + planes[f, 1] * p[1] + planes[f, 2] * p[2] - planes[f, 3]
-        height = max(height, above)
-    return height
-
-
-@kernel
-def _distance(hulls: _Hulls, i: int, p: Array) -> float:
-    """Signed distance of a point to piece i."""
-    corners = hulls.corners[hulls.corner_starts[i] : hulls.corner_starts[i + 1]]
-    first, last = hulls.face_starts[i], hulls.face_starts[i + 1]
-    point = (p[0], p[1], p[2])
-    nearest = nearest_on_hull(
-        point, corners, hulls.triangles[first:last], hulls.planes[first:last], hulls.solid[i]
-    )
-    return nearest[3]
-
-
-@kernel
-def _inside_one(
-    hulls: _Hulls, radii: Array, triangle: Array, first: int, out: Array, exact: NDArray[np.bool_]
-) -> int:
-    """The piece that holds a triangle's corners in its hull, or -1; looked for from ``first`` on.
-
-    On the way it writes how far corner k is out of piece i with its radius, at least: (p, 3).
-    """
-    pieces = radii.shape[0]
-    for turn in range(pieces):
-        i: int = (first + turn) % pieces
-        for k in range(3):
-            height = _height(hulls, i, triangle[k])
-            out[i, k] = height - radii[i]
-            exact[i, k] = hulls.solid[i] and height <= 0.0
-        if exact[i].all():
-            return i
-    return -1
-
-
-@kernel
-def _nearest_piece(
-    hulls: _Hulls,
-    radii: Array,
-    growth: Array,
-    triangle: Array,
-    out: Array,
-    exact: NDArray[np.bool_],
-) -> int:
-    """The piece that a triangle sticks out of least, or one that has grown enough to hold it."""
-    best, piece = np.inf, 0
-    for i in range(radii.shape[0]):
-        if out[i].max() >= max(best, growth[i]):
+def _weighed(part: _Part) -> _Part:
+    """The part with its volume and its best cut."""
+    points = np.unique(part.points, axis=0)
+    best, volume = part._replace(volume=_volume(points)), _grown([points])[0]
+    edges = part.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2, 3)
+    for axis in range(3):
+        low, high = float(points[:, axis].min()), float(points[:, axis].max())
+        if not volume > 0.0 or not high > low:
             continue
-        for k in range(3):
-            if not exact[i, k]:
-                out[i, k] = _distance(hulls, i, triangle[k]) - radii[i]
-                exact[i, k] = True
-        if out[i].max() <= growth[i]:
-            return i
-        if out[i].max() < best:
-            best, piece = out[i].max(), i
-    return piece
+        places = np.linspace(low, high, _PLACES + 2)[1:-1]
+        at, left = _cheapest(edges, points, axis, places)
+        if volume - left > best.saved:
+            best = best._replace(axis=axis, at=at, saved=volume - left)
+    return best
 
 
-@kernel
-def _unavoidable(
-    hulls: _Hulls, radii: Array, triangle: Array, out: Array, exact: NDArray[np.bool_]
-) -> float:
-    """How far the worst corner of a triangle is out of all pieces: no splitting helps that."""
-    worst = 0.0
-    for k in range(3):
-        least = np.inf
-        for i in range(radii.shape[0]):
-            if exact[i, k]:
-                least = min(least, out[i, k])
-        for i in range(radii.shape[0]):
-            if not exact[i, k] and out[i, k] < least:
-                out[i, k] = _distance(hulls, i, triangle[k]) - radii[i]
-                exact[i, k] = True
-                least = min(least, out[i, k])
-        worst = max(worst, least)
-    return worst
+def _ahead(bodies: _Bodies, part: _Part, enough: float) -> _Part:
+    """The part with a cut through its middle where only cutting its halves again saves volume.
+
+    No single cut helps a ring, whose halves have hulls as large as half of its own.
+    """
+    points, best = part.points, part
+    for axis in range(3):
+        at = 0.5 * float(points[:, axis].min() + points[:, axis].max())
+        halves = [_weighed(side) for side in _halves(bodies, part._replace(axis=axis, at=at))]
+        saved = part.volume - sum(half.volume - half.saved for half in halves)
+        if len(halves) == 2 and saved > max(best.saved, enough):
+            best = part._replace(axis=axis, at=at, saved=saved)
+    return best
 
 
-@kernel
-def _cover(
-    vertices: Array,
-    faces: Faces,
-    hulls: _Hulls,
-    radii: Array,
-    negligible: float,
-    smallest: float,
-    growth: Array,
-) -> None:
-    """Write into ``growth`` how much each piece has to grow for the union to hold all faces."""
-    out = np.empty((radii.shape[0], 3))
-    exact = np.empty((radii.shape[0], 3), dtype=np.bool_)
-    # Depth first: a triangle split in two leaves one more to do, and halves at most 60 times.
-    stack = np.empty((64, 3, 3))
-    # Neighbours tend to lie in the same piece.
-    last = 0
-    for f in range(faces.shape[0]):
-        for k in range(3):
-            stack[0, k] = vertices[faces[f, k]]
-        count = 1
-        while count > 0:
-            count -= 1
-            triangle = stack[count].copy()
-            found = _inside_one(hulls, radii, triangle, last, out, exact)
-            if found >= 0:
-                last = found
-                continue
-            piece = _nearest_piece(hulls, radii, growth, triangle, out, exact)
-            best = out[piece].max()
-            if best <= growth[piece]:
-                last = piece
-                continue
-            edge, longest = 0, 0.0
-            for k in range(3):
-                length = float(np.linalg.norm(triangle[k] - triangle[(k + 1) % 3]))
-                if length > longest:
-                    edge, longest = k, length
-            if (
-                best <= negligible
-                or longest <= smallest
-                or count > 61
-                or best <= _unavoidable(hulls, radii, triangle, out, exact) + negligible
-            ):
-                growth[piece] = best
-                continue
-            middle = 0.5 * (triangle[edge] + triangle[(edge + 1) % 3])
-            stack[count] = triangle
-            stack[count, edge] = middle
-            stack[count + 1] = triangle
-            stack[count + 1, (edge + 1) % 3] = middle
-            count += 2
+def _cheapest(edges: Array, points: Array, axis: int, places: Array) -> tuple[float, float]:
+    """Where a cut across an axis leaves the hulls least volume, and how much that is."""
+    place = np.searchsorted(places, points[:, axis])
+    order = np.argsort(place, kind="stable")
+    slabs = np.split(points[order], np.searchsorted(place[order], np.arange(1, len(places) + 1)))
+    ends = edges[:, :, axis]
+    for k, at in enumerate(places):
+        across = edges[(ends[:, 0] < at) != (ends[:, 1] < at)]
+        cuts = _crossings(across[:, 0], across[:, 1], axis, at)
+        slabs[k], slabs[k + 1] = np.vstack([slabs[k], cuts]), np.vstack([slabs[k + 1], cuts])
+    slabs = [_farthest(slab) for slab in slabs]
+    below = _grown(slabs)[:-1]
+    above = _grown(slabs[::-1])[-2::-1]
+    both = np.array(below) + np.array(above)
+    return float(places[both.argmin()]), float(both.min())
+
+
+def _grown(slabs: list[Array]) -> list[float]:
+    """Volumes of the hulls of the first one, two, ... slabs of points."""
+    corners, volumes = np.zeros((0, 3)), []
+    for points in slabs:
+        corners = _farthest(np.vstack([corners, points]))
+        volumes.append(_volume(corners))
+    return volumes
+
+
+def _volume(points: Array) -> float:
+    try:
+        return float(ConvexHull(points).volume)
+    except (QhullError, ValueError):
+        return 0.0
+
+
+def _farthest(points: Array) -> Array:
+    """The points that are the farthest ones along some direction: their hull is nearly the hull."""
+    if len(points) <= len(_DIRECTIONS):
+        return points
+    return np.asarray(points[np.unique((_DIRECTIONS @ points.T).argmax(axis=1))])
+
+
+def _crossings(a: Array, b: Array, axis: int, at: float) -> Array:
+    """Where segments from ``a`` to ``b``, both (m, 3), meet a plane across an axis.
+
+    Ends are taken in the same order whichever way an edge runs: neighbours agree to the last bit.
+    """
+    turned = (a[:, axis] > b[:, axis])[:, None]
+    low, high = np.where(turned, b, a), np.where(turned, a, b)
+    share = (at - low[:, axis]) / (high[:, axis] - low[:, axis])
+    points = low + share[:, None] * (high - low)
+    points[:, axis] = at
+    return np.asarray(points)
+
+
+def _cut(
+    triangles: Array, bodies: NDArray[np.int64], axis: int, at: float
+) -> tuple[tuple[Array, NDArray[np.int64]], tuple[Array, NDArray[np.int64]]]:
+    """Triangles and their bodies below a plane and above it; those that cross it are cut."""
+    heights = triangles[:, :, axis] - at
+    under, over = heights.max(axis=1) <= 0.0, heights.min(axis=1) >= 0.0
+    below, above = [(triangles[under], bodies[under])], []
+    above.append((triangles[over & ~under], bodies[over & ~under]))
+    across = np.flatnonzero(~under & ~over)
+    # The corner that is alone on its side comes first.
+    signs = np.sign(heights[across])
+    alone = np.where((signs > 0.0).sum(axis=1) == 1, (signs > 0.0).argmax(axis=1),
+                     (signs < 0.0).argmax(axis=1))  # fmt: skip
+    order = (alone[:, None] + np.arange(3)) % 3
+    corners = np.take_along_axis(triangles[across], order[:, :, None], axis=1)
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    ab, ac = _crossing_or_end(a, b, axis, at), _crossing_or_end(a, c, axis, at)
+    lower = (a[:, axis] < at)[:, None, None]
+    tips = np.stack([a, ab, ac], axis=1)
+    for own, number in (
+        (tips, 0),
+        (np.stack([ab, b, c], axis=1), 1),
+        (np.stack([ab, c, ac], axis=1), 1),
+    ):
+        is_low = lower[:, 0, 0] if number == 0 else ~lower[:, 0, 0]
+        real = _areas(own) > 0.0
+        below.append((own[is_low & real], bodies[across][is_low & real]))
+        above.append((own[~is_low & real], bodies[across][~is_low & real]))
+    joined = [
+        (np.concatenate([own for own, _ in side]), np.concatenate([name for _, name in side]))
+        for side in (below, above)
+    ]
+    return joined[0], joined[1]
+
+
+def _crossing_or_end(a: Array, b: Array, axis: int, at: float) -> Array:
+    on = (b[:, axis] == at)[:, None]
+    return np.where(on, b, _crossings(a, b, axis, at))

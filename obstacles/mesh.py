@@ -1,13 +1,11 @@
-"""Triangle meshes: read from bytes, checked, scaled and cut into parts.
+"""Triangle meshes: read from bytes, checked and scaled.
 
-The only place that knows trimesh and coacd.
+The only place that knows trimesh.
 """
 
 import io
-import logging
 from collections.abc import Sequence
 
-import coacd
 import numpy as np
 import trimesh
 from numpy.typing import ArrayLike, NDArray
@@ -15,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 from kinematics.chain import Array, frozen
 from kinematics.errors import InvalidScene
 from obstacles.collada import triangles
-from obstacles.hull import convex_hull
 
 #: What is read, by file extension. No archives (a small one can unpack to gigabytes), nothing
 #: that fetches other files.
@@ -24,22 +21,7 @@ MAX_BYTES = 64 * 2**20
 MAX_VERTICES = 600_000
 MAX_FACES = 200_000
 
-#: Hollows shallower than this [m] may be filled, within bounds relative to the object's half size:
-#: finer ones cost minutes, coarser ones swallow it.
-_CONCAVITY = 0.008
-_CONCAVITY_RANGE = (0.04, 0.25)
-#: A small part of the search effort coacd spends by itself: on robot links the parts come out as
-#: good to within some millimetres, in seconds instead of minutes.
-_CUTTING = {
-    "preprocess_resolution": 30,
-    "resolution": 500,
-    "mcts_nodes": 6,
-    "mcts_iterations": 20,
-    "mcts_max_depth": 1,
-}
-
 Faces = NDArray[np.int64]
-_log = logging.getLogger(__name__)
 
 
 def load_mesh(data: bytes, file_type: str) -> tuple[Array, Faces]:
@@ -124,27 +106,3 @@ def scaled(vertices: Array, faces: Faces, scale: Sequence[float]) -> tuple[Array
         raise InvalidScene(f"mesh scale {list(scale)}: needed are three numbers other than 0")
     turned = faces[:, ::-1] if np.prod(np.sign(factors)) < 0.0 else faces
     return checked_mesh(vertices * factors, turned)
-
-
-def cut(vertices: Array, faces: Faces) -> list[Array]:
-    """Corners of nearly convex parts whose hulls together make up a mesh about as it is.
-
-    Source: "Approximate convex decomposition for 3D meshes with collision-aware concavity and tree
-    search", ACM Transactions on Graphics, 2022. The same mesh gives the same parts. A flat mesh,
-    and one where it fails, is answered whole: its hull covers it.
-    """
-    if not convex_hull(vertices).solid:
-        return [vertices]
-    half = float(np.ptp(vertices, axis=0).max()) / 2.0
-    concavity = float(np.clip(_CONCAVITY / half, *_CONCAVITY_RANGE))
-    coacd.set_log_level("off")
-    try:
-        parts = coacd.run_coacd(
-            coacd.Mesh(vertices, faces), threshold=concavity, seed=0, **_CUTTING
-        )
-    except Exception as error:  # noqa: BLE001  a foreign solver; its failure is a coarser answer
-        _log.warning("a mesh of %d faces was not cut but hulled: %s", len(faces), error)
-        return [vertices]
-    corners = [np.array(points, dtype=np.float64) for points, _ in parts]
-    found = [points for points in corners if len(points) and np.isfinite(points).all()]
-    return found or [vertices]

@@ -21,6 +21,7 @@ class ModelArrays(NamedTuple):
         scene: Rows of what stands around, in the base frame, shape (m, WIDTH).
         corners: Of all pieces, shape (v, 3).
         tables: Of all pieces.
+        surfaces: Trees over the triangles of those that are covers, as in ``PieceSet``.
         self_pairs: Pieces (i, j) of the robot that must stay apart, ``joints[i] < joints[j]``, so
             that j is the one that moves seen from i; by bodies, shape (k, 2).
         groups: Pairs of bodies: the first and the number after the last of their self pairs, and
@@ -51,6 +52,7 @@ class ModelArrays(NamedTuple):
     scene: Array
     corners: Array
     tables: Lists
+    surfaces: Array
     self_pairs: Indices
     groups: Indices
     grid_axes: Array

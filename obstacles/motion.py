@@ -31,11 +31,13 @@ import numpy as np
 
 from kinematics.chain import Array, Indices
 from kinematics.kernel import kernel
-from obstacles.gjk import BETWEEN, CLOSER, FARTHER, STILL, Vector, allowance, separation
+from obstacles.bounds import balls_apart, quick_bound
+from obstacles.gjk import BETWEEN, CLOSER, FARTHER, STILL, allowance, separation
 from obstacles.model_arrays import ModelArrays
 from obstacles.pair_grid import known
-from obstacles.piece_set import CENTER, HALF, KIND, MARGIN, MIDDLE, OWNER, POSE, RADIUS, CoreKind
+from obstacles.piece_set import CENTER, MARGIN, NODE_STOP, OWNER, RADIUS
 from obstacles.support_table import Lists
+from obstacles.surface import surface_distance
 from obstacles.tree import EXTENT, FIRST, LAST, SKIP, gap
 from obstacles.workspace import Workspace, drift, place, visit, workspace
 
@@ -43,7 +45,6 @@ FREE = 0
 COLLIDING = 1
 UNDECIDED = 2
 
-_HALFSPACE = int(CoreKind.HALFSPACE)
 _MAX_DEPTH = 40
 #: Intervals looked at before an edge is given up as undecided.
 MAX_INTERVALS = 20_000
@@ -57,77 +58,18 @@ _TRUSTED = 0.9
 #: interval settles more than going down.
 _COARSE = 1.0
 
+#: A cover that is apart by less than this share of the motion hardly is.
+_GRAZING = 0.1
+
 # Places in Workspace.tally.
 _CLEARANCE, _SHARE, _STOPPED = 0, 1, 2
-
-
-@kernel(allocates=False)
-def quick_bound(a: Array, i: int, b: Array, j: int, enough: float) -> tuple[float, Vector]:
-    """A cheap lower bound [m] of the distance of two pieces, and the plane that proves it.
-
-    From their balls, and where that is not ``enough``, from the box of each and the ball of the
-    other. The normal points from j to i.
-    """
-    if a[i, KIND] == _HALFSPACE:
-        n = (-a[i, POSE + 2], -a[i, POSE + 6], -a[i, POSE + 10])
-        height = (a[i, POSE + 3] - b[j, CENTER]) * n[0] + (a[i, POSE + 7] - b[j, CENTER + 1]) * n[1]
-        height += (a[i, POSE + 11] - b[j, CENTER + 2]) * n[2]
-        return height - b[j, RADIUS], n
-    x, y = a[i, CENTER] - b[j, CENTER], a[i, CENTER + 1] - b[j, CENTER + 1]
-    z = a[i, CENTER + 2] - b[j, CENTER + 2]
-    length = math.sqrt(x * x + y * y + z * z)
-    bound = length - a[i, RADIUS] - b[j, RADIUS]
-    scale = 1.0 / length if length > 0.0 else 0.0
-    n = (x * scale, y * scale, z * scale)
-    if bound > enough:
-        return bound, n
-    out = _out_of_box(b, j, a, i)
-    length = math.sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2])
-    if length - b[j, RADIUS] > bound:
-        bound = length - b[j, RADIUS]
-        scale = 1.0 / length if length > 0.0 else 0.0
-        n = (-out[0] * scale, -out[1] * scale, -out[2] * scale)
-        if bound > enough:
-            return bound, n
-    out = _out_of_box(a, i, b, j)
-    length = math.sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2])
-    if length - a[i, RADIUS] > bound:
-        bound = length - a[i, RADIUS]
-        scale = 1.0 / length if length > 0.0 else 0.0
-        n = (out[0] * scale, out[1] * scale, out[2] * scale)
-    return bound, n
-
-
-@kernel(allocates=False)
-def balls_apart(placed: Array, a: int, b: int) -> float:
-    """Distance of the balls of two rows [m]."""
-    x, y = placed[a, CENTER] - placed[b, CENTER], placed[a, CENTER + 1] - placed[b, CENTER + 1]
-    z = placed[a, CENTER + 2] - placed[b, CENTER + 2]
-    return float(math.sqrt(x * x + y * y + z * z) - placed[a, RADIUS] - placed[b, RADIUS])
-
-
-@kernel(allocates=False)
-def _out_of_box(a: Array, i: int, b: Array, j: int) -> Vector:
-    """From the nearest point of the box of piece j to the centre of piece i."""
-    x, y = a[i, CENTER] - b[j, POSE + 3], a[i, CENTER + 1] - b[j, POSE + 7]
-    z = a[i, CENTER + 2] - b[j, POSE + 11]
-    fx, fy, fz = 0.0, 0.0, 0.0
-    for k in range(3):
-        ex, ey, ez = b[j, POSE + k], b[j, POSE + 4 + k], b[j, POSE + 8 + k]
-        local = x * ex + y * ey + z * ez - b[j, MIDDLE + k]
-        out = abs(local) - b[j, HALF + k]
-        if out > 0.0:
-            out = out if local > 0.0 else -out
-            fx += out * ex
-            fy += out * ey
-            fz += out * ez
-    return fx, fy, fz
 
 
 @kernel(allocates=False, inline="always")
 def _settle(
     a: Array, i: int, still: int, placed: Array, j: int, last: int, corners: Array, tables: Lists,
-    twists: Array, strays: Array, room: Array, tally: Array, apart: float, axes: Array, at: int,
+    surfaces: Array, twists: Array, strays: Array, room: Array, stack: Array, tally: Array,
+    apart: float, axes: Array, at: int,
 ) -> int:  # fmt: skip
     """Compare piece j, carried by joint ``last``, with piece i of ``a`` on the interval visited.
 
@@ -149,6 +91,27 @@ def _settle(
                 a, i, placed, j, corners, tables, apart, enough, moving, axis, room
             )
             lost = allowance((axis[0], axis[1], axis[2]), moving)
+            # A cover that touches proves nothing: its triangles decide.
+            touching = verdict == CLOSER or lower - enough < _GRAZING * lost
+            if (
+                verdict != FARTHER and touching
+                and (a[i, NODE_STOP] > 0.0 or placed[j, NODE_STOP] > 0.0)
+            ):  # fmt: skip
+                verdict, lower = surface_distance(
+                    a,
+                    i,
+                    placed,
+                    j,
+                    corners,
+                    tables,
+                    surfaces,
+                    apart,
+                    enough + most,
+                    axis,
+                    room,
+                    stack,
+                )
+                lost = most
     if verdict == BETWEEN:
         share = _TRUSTED * max(lower - enough, 0.0) / lost if lost > 0.0 else 0.0
         tally[_SHARE] = min(tally[_SHARE], share)
@@ -172,8 +135,8 @@ def _examine(
     """
     joints, scene, nodes, items = model.joints, model.scene, model.nodes, model.items
     corners, tables, skipped = model.corners, model.tables, model.skipped
-    placed, strays, twists, room, tally = (
-        work.placed, work.strays, work.twists, work.room, work.tally,
+    placed, strays, twists, room, tally, stack, surfaces = (
+        work.placed, work.strays, work.twists, work.room, work.tally, work.stack, model.surfaces,
     )  # fmt: skip
     p, m = skipped.shape[0], scene.shape[0]
     extra = model.margin + margin
@@ -210,7 +173,8 @@ def _examine(
                     axes[kept, row] = 0.0 if i < 0 else hints[entry, row]
                 verdict = _settle(
                     placed, a, joints[a], placed, b, joints[b], corners, tables,
-                    twists, strays, room, tally, model.own_margin + margin, axes, kept,
+                    surfaces, twists, strays, room, stack, tally, model.own_margin + margin,
+                    axes, kept,
                 )  # fmt: skip
                 if verdict == CLOSER:
                     return kept, p * m + s
@@ -258,7 +222,8 @@ def _examine(
                     axes[kept, row] = 0.0 if k < 0 else hints[entry, row]
                 verdict = _settle(
                     scene, piece, -1, placed, i, joints[i], corners, tables,
-                    twists, strays, room, tally, scene[piece, MARGIN] + extra, axes, kept,
+                    surfaces, twists, strays, room, stack, tally, scene[piece, MARGIN] + extra,
+                    axes, kept,
                 )  # fmt: skip
                 if verdict == CLOSER:
                     return kept, i * m + piece

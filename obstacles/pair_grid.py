@@ -7,6 +7,7 @@ cell of the grid the distance is at least that in its middle less what the pair 
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -198,7 +199,8 @@ def _axes(chain: Chain, first: int, last: int) -> Array | None:
 def _values(chain: Chain, a: Piece, b: Piece, first: int, last: int) -> Array:
     axes = _axes(chain, first, last)
     assert axes is not None
-    pieces = PieceSet.of([a, b])
+    # By their covers alone: on a grid, what is inside of what can't be told.
+    pieces = PieceSet.of([replace(piece, surface=None) for piece in (a, b)])
     none, nothing = np.zeros((0, 2), dtype=np.int64), np.zeros((0, 0))
     model = ModelArrays(
         joint_types=chain.joint_types,
@@ -208,6 +210,7 @@ def _values(chain: Chain, a: Piece, b: Piece, first: int, last: int) -> Array:
         scene=nothing,
         corners=pieces.corners,
         tables=pieces.tables,
+        surfaces=pieces.surfaces,
         self_pairs=none,
         groups=np.zeros((0, 4), dtype=np.int64),
         grid_axes=np.zeros((0, 2, 3)),

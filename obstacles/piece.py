@@ -2,11 +2,12 @@
 
 A piece is the Minkowski sum of a convex core and a ball (its ``rounding``): a sphere is a rounded
 point, a capsule a rounded segment, a box or hull a polytope, cylinders, cones and half-spaces
-are kept as they are. All are exact: nothing is tessellated.
+are kept as they are. All are exact: nothing is tessellated. A piece of a mesh that is not convex
+covers a part of it, and carries the triangles that decide where the cover does not do.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from enum import IntEnum
 from functools import lru_cache
 from typing import NamedTuple
@@ -27,6 +28,23 @@ class PieceKind(IntEnum):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Surface:
+    """The triangles of a mesh that one convex piece covers, in the piece's frame.
+
+    Args:
+        triangles: Their corners, shape (t, 3, 3) [m].
+        anchors: A point on each of the bodies they belong to, shape (r, 3) [m].
+        place: Which of the pieces it is whose triangles together bound a solid.
+        count: How many these are, one behind the other; 0 where nothing is enclosed.
+    """
+
+    triangles: Array
+    anchors: Array
+    place: int = 0
+    count: int = 0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Piece:
     """One convex solid in the frame of what owns it.
 
@@ -38,6 +56,7 @@ class Piece:
         radius: Of a cylinder or a cone's base [m].
         half_height: Of a cylinder or cone [m].
         rounding: Radius of the ball added to the core [m].
+        surface: The part of a mesh it stands for, None where it is the solid itself.
     """
 
     kind: PieceKind
@@ -46,10 +65,15 @@ class Piece:
     radius: float = 0.0
     half_height: float = 0.0
     rounding: float = 0.0
+    surface: Surface | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "T_owner_piece", frozen(self.T_owner_piece))
         object.__setattr__(self, "vertices", frozen(np.reshape(self.vertices, (-1, 3))))
+
+    def placed(self, T: Array) -> "Piece":
+        """The piece moved by ``T`` (4, 4): from its owner's frame into the one T maps into."""
+        return replace(self, T_owner_piece=T @ self.T_owner_piece)
 
     def bounding_sphere(self) -> tuple[Array, float]:
         """A ball that holds the whole piece: centre in the owner's frame (3,) [m], radius [m]."""
@@ -146,6 +170,35 @@ class PieceArrays:
 
     def __len__(self) -> int:
         return len(self.kinds)
+
+    @classmethod
+    def balls(cls, points: Array, radius: float, T: Array) -> "PieceArrays":
+        """Balls about ``points`` (k, 3), which ``T`` (4, 4) maps into their owner's frame."""
+        k = len(points)
+        return cls(
+            kinds=np.full(k, int(PieceKind.POLYTOPE), dtype=np.int64),
+            starts=np.arange(k + 1),
+            vertices=points,
+            sizes=np.tile([0.0, 0.0, radius], (k, 1)),
+            poses=np.tile(T, (k, 1, 1)),
+            centers=points @ T[:3, :3].T + T[:3, 3],
+            radii=np.full(k, radius),
+            boxes=np.hstack([points, np.full((k, 3), radius)]),
+        )
+
+    @classmethod
+    def joined(cls, blocks: Sequence["PieceArrays"]) -> "PieceArrays":
+        """Those of several one behind the other."""
+        if len(blocks) == 1:
+            return blocks[0]
+        columns = {
+            item.name: np.concatenate([getattr(block, item.name) for block in blocks])
+            for item in fields(cls)
+            if item.name != "starts"
+        }
+        counts = np.concatenate([np.diff(block.starts) for block in blocks])
+        starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+        return cls(starts=starts, **columns)
 
     @classmethod
     def pack(cls, pieces: Sequence[Piece]) -> "PieceArrays":

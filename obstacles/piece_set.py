@@ -12,8 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from kinematics.chain import Array
-from obstacles.piece import Piece, PieceKind
+from obstacles.piece import Piece, PieceKind, Surface
 from obstacles.support_table import LEAST_CORNERS, Lists, support_table
+from obstacles.tree import FIRST, LAST, NODE_WIDTH, SKIP, tree
 
 
 class CoreKind(IntEnum):
@@ -42,7 +43,12 @@ SIZE, ROUNDING = 7, 10
 MIDDLE, HALF = 11, 14
 POSE = 17
 START, STOP, TABLE = 29, 30, 31
-WIDTH = 32
+#: Of a cover: the nodes of a tree over its triangles, the rows that bound a solid together with it,
+#: and corners that lie one on each of its bodies. From one to before the other; 0, 0 for none.
+NODE, NODE_STOP = 32, 33
+GROUP, GROUP_STOP = 34, 35
+ANCHOR, ANCHOR_STOP = 36, 37
+WIDTH = 38
 
 
 class PieceSet(NamedTuple):
@@ -52,19 +58,23 @@ class PieceSet(NamedTuple):
         rows: One for each piece, columns as named above, shape (p, WIDTH).
         corners: In the frame of the piece they belong to, shape (v, 3).
         tables: Those of tabled pieces one behind the other.
+        surfaces: Nodes of the trees over the triangles of covers, one triangle a leaf, columns as
+            in ``Tree`` but that a leaf goes from one to before another corner; shape (t, 10).
     """
 
     rows: Array
     corners: Array
     tables: Lists
+    surfaces: Array
 
     @classmethod
     def of(cls, pieces: Sequence[Piece]) -> "PieceSet":
         """Pack pieces in their order."""
         rows = np.zeros((len(pieces), WIDTH))
         corners, tables = [np.zeros((0, 3))], [np.zeros(0, dtype=np.int32)]
-        corner, cell = 0, 0
-        for row, piece in zip(rows, pieces, strict=True):
+        surfaces = [np.zeros((0, NODE_WIDTH))]
+        corner, cell, node = 0, 0, 0
+        for i, (row, piece) in enumerate(zip(rows, pieces, strict=True)):
             _write(row, piece)
             if row[KIND] in _CORNERED:
                 row[START], row[STOP] = corner, corner + len(piece.vertices)
@@ -74,15 +84,38 @@ class PieceSet(NamedTuple):
                 row[TABLE] = cell
                 tables.append(_table(piece.vertices.tobytes()))
                 cell += len(tables[-1])
-        return cls(rows, np.ascontiguousarray(np.vstack(corners)), np.concatenate(tables))
+            if piece.surface is not None:
+                own, triangles = _surface(piece.surface)
+                _shift(own, node, corner)
+                row[NODE], row[NODE_STOP] = node, node + len(own)
+                row[ANCHOR] = corner + len(triangles)
+                corners += [triangles, piece.surface.anchors]
+                corner += len(triangles) + len(piece.surface.anchors)
+                row[ANCHOR_STOP] = corner
+                if piece.surface.count:
+                    row[GROUP] = i - piece.surface.place
+                    row[GROUP_STOP] = row[GROUP] + piece.surface.count
+                surfaces.append(own)
+                node += len(own)
+        packed = np.ascontiguousarray(np.vstack(corners))
+        return cls(rows, packed, np.concatenate(tables), np.vstack(surfaces))
 
     def behind(self, other: "PieceSet") -> "PieceSet":
         """The same pieces with the corners and tables of ``other`` before theirs."""
         rows = self.rows.copy()
         rows[:, START : STOP + 1] += len(other.corners)
         rows[:, TABLE] += len(other.tables)
-        corners = np.vstack([other.corners, self.corners])
-        return PieceSet(rows, corners, np.concatenate([other.tables, self.tables]))
+        covers = rows[:, NODE_STOP] > 0.0
+        rows[covers, NODE : NODE_STOP + 1] += len(other.surfaces)
+        rows[covers, ANCHOR : ANCHOR_STOP + 1] += len(other.corners)
+        surfaces = self.surfaces.copy()
+        _shift(surfaces, len(other.surfaces), len(other.corners))
+        return PieceSet(
+            rows,
+            np.vstack([other.corners, self.corners]),
+            np.concatenate([other.tables, self.tables]),
+            np.vstack([other.surfaces, surfaces]),
+        )
 
 
 def ball_rows(points: Array, radius: float) -> Array:
@@ -128,6 +161,29 @@ def _row(kind: int, corners: bytes, radius: float, half_height: float, rounding:
     row[MIDDLE : MIDDLE + 6] = piece.local_box()
     row.setflags(write=False)
     return row
+
+
+def _surface(surface: Surface) -> tuple[Array, Array]:
+    """The tree over a cover's triangles, and their corners in its leaves' order."""
+    nodes, triangles = _surface_tree(surface.triangles.tobytes())
+    return nodes.copy(), triangles
+
+
+@lru_cache(maxsize=1024)
+def _surface_tree(triangles: bytes) -> tuple[Array, Array]:
+    corners = np.frombuffer(triangles).reshape(-1, 3, 3)
+    grown = tree(corners.min(axis=1), corners.max(axis=1), 1)
+    nodes = grown.nodes.copy()
+    leaves = nodes[:, FIRST] >= 0.0
+    nodes[leaves, FIRST : LAST + 1] *= 3.0
+    return nodes, np.ascontiguousarray(corners[grown.items].reshape(-1, 3))
+
+
+def _shift(nodes: Array, by: int, corners: int) -> None:
+    """Renumber nodes that come to stand behind others, in place."""
+    leaves = nodes[:, FIRST] >= 0.0
+    nodes[:, SKIP] += by
+    nodes[leaves, FIRST : LAST + 1] += corners
 
 
 @lru_cache(maxsize=1024)

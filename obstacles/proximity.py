@@ -12,16 +12,19 @@ import numpy as np
 
 from kinematics.chain import Array, Indices
 from kinematics.kernel import kernel
+from obstacles.bounds import balls_apart, quick_bound
 from obstacles.contact import contact
-from obstacles.gjk import FARTHER, STILL, Vector, separation
+from obstacles.gjk import BETWEEN, CLOSER, FARTHER, STILL, Vector, separation
 from obstacles.model_arrays import ModelArrays
-from obstacles.motion import balls_apart, quick_bound
-from obstacles.piece_set import CENTER, MARGIN, OWNER, RADIUS
+from obstacles.piece_set import CENTER, MARGIN, NODE_STOP, OWNER, RADIUS
 from obstacles.support_table import Lists
+from obstacles.surface import DESK, surface_distance
 from obstacles.tree import FIRST, LAST, SKIP, gap
 from obstacles.workspace import Workspace, place, visit, workspace
 
 _DEEPEST = 128
+#: How deep the hollows of a mesh are thought to be at first [m].
+_DEPTH = 0.01
 
 
 @kernel
@@ -38,8 +41,8 @@ def _stand(model: ModelArrays, q: Array) -> Workspace:
 
 @kernel
 def _closer(
-    a: Array, i: int, b: Array, j: int, corners: Array, tables: Lists, room: Array,
-    apart: float, best: float,
+    a: Array, i: int, b: Array, j: int, corners: Array, tables: Lists, surfaces: Array,
+    room: Array, stack: Array, apart: float, best: float, exact: bool,
 ) -> float:  # fmt: skip
     """Distance of two pieces beyond ``apart`` if that is less than ``best``, else ``best``."""
     lower, n = quick_bound(a, i, b, j, best + apart)
@@ -50,12 +53,17 @@ def _closer(
     verdict, lower, _ = separation(
         a, i, b, j, corners, tables, -np.inf, best + apart, STILL, axis, room
     )
+    if exact and verdict != FARTHER and (a[i, NODE_STOP] > 0.0 or b[j, NODE_STOP] > 0.0):
+        verdict, lower = surface_distance(
+            a, i, b, j, corners, tables, surfaces, -np.inf, best + apart, axis, room, stack
+        )
+        lower = min(lower, 0.0) if verdict == CLOSER else lower
     return best if verdict == FARTHER else min(best, lower - apart)
 
 
 @kernel
 def _closest_obstacle(
-    model: ModelArrays, work: Workspace, i: int, best: float
+    model: ModelArrays, work: Workspace, i: int, best: float, exact: bool
 ) -> tuple[float, int]:
     """Least distance of piece i from what is in the tree, if less than ``best``; the piece."""
     nodes, placed, scene = model.nodes, work.placed, model.scene
@@ -81,8 +89,8 @@ def _closest_obstacle(
             if model.skipped[i, int(scene[k, OWNER])]:
                 continue
             distance = _closer(
-                scene, k, placed, i, model.corners, model.tables, work.room,
-                scene[k, MARGIN] + model.margin, best,
+                scene, k, placed, i, model.corners, model.tables, model.surfaces, work.room,
+                work.stack, scene[k, MARGIN] + model.margin, best, exact,
             )  # fmt: skip
             if distance < best:
                 best, found = distance, k
@@ -96,9 +104,24 @@ def closest_pair(model: ModelArrays, q: Array) -> tuple[float, int]:
     Overlap is told as 0 or below, but not how deep it is.
     """
     work = _stand(model, q)
+    best, closest = _closest(model, work, np.inf, model.surfaces.shape[0] == 0)
+    if model.surfaces.shape[0] == 0 or closest < 0:
+        return best, closest
+    # Triangles are looked at where their covers are near, and that is known now.
+    reach, closest = max(best, 0.0) + _DEPTH, -1
+    while closest < 0:
+        best, closest = _closest(model, work, reach, True)
+        reach *= 4.0
+    return best, closest
+
+
+@kernel
+def _closest(model: ModelArrays, work: Workspace, best: float, exact: bool) -> tuple[float, int]:
+    """The closest pair if it is closer than ``best`` [m], by triangles or else by covers."""
     p, m = model.skipped.shape[0], model.scene.shape[0]
     corners, tables, room, placed = model.corners, model.tables, work.room, work.placed
-    best, closest = np.inf, -1
+    surfaces, stack = model.surfaces, work.stack
+    closest = -1
     for root in range(model.roots.shape[0]):
         i, k = model.roots[root, 0], model.roots[root, 1]
         if i < 0:
@@ -108,17 +131,31 @@ def closest_pair(model: ModelArrays, q: Array) -> tuple[float, int]:
             for s in range(first, last):
                 a, b = model.self_pairs[s, 0], model.self_pairs[s, 1]
                 distance = _closer(
-                    placed, a, placed, b, corners, tables, room, model.own_margin, best
-                )
+                    placed, a, placed, b, corners, tables, surfaces, room, stack,
+                    model.own_margin, best, exact,
+                )  # fmt: skip
                 if distance < best:
                     best, closest = distance, p * m + s
             continue
         if k >= 0:
             apart = model.scene[k, MARGIN] + model.margin
-            distance = _closer(model.scene, k, placed, i, corners, tables, room, apart, best)
+            distance = _closer(
+                model.scene,
+                k,
+                placed,
+                i,
+                corners,
+                tables,
+                surfaces,
+                room,
+                stack,
+                apart,
+                best,
+                exact,
+            )
             pair = i * m + k
         else:
-            distance, k = _closest_obstacle(model, work, i, best)
+            distance, k = _closest_obstacle(model, work, i, best, exact)
             pair = i * m + k
         if distance < best:
             best, closest = distance, pair
@@ -162,6 +199,18 @@ def _note(
     axis = work.room[8]
     axis[0], axis[1], axis[2] = n
     distance, normal, point = contact(a, i, b, j, model.corners, model.tables, axis)
+    if distance <= far and (a[i, NODE_STOP] > 0.0 or b[j, NODE_STOP] > 0.0):
+        verdict, _ = surface_distance(
+            a, i, b, j, model.corners, model.tables, model.surfaces, -np.inf, max(far, 0.0),
+            axis, work.room, work.stack,
+        )  # fmt: skip
+        # Where they touch, the depth is that of the covers: the way out is no longer.
+        if verdict == FARTHER:
+            return count
+        if verdict == BETWEEN:
+            desk = work.stack[DESK : DESK + 2]
+            axis[0], axis[1], axis[2] = normal
+            distance, normal, point = contact(desk, 0, desk, 1, model.corners, model.tables, axis)
     if distance > far:
         return count
     if count < found.shape[0]:

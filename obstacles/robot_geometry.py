@@ -10,7 +10,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from kinematics.chain import Array, Chain, Link
+from kinematics.chain import Chain, Link
 from kinematics.description import (
     BoxGeometry,
     CapsuleGeometry,
@@ -25,13 +25,13 @@ from kinematics.errors import InvalidRobotDescription, InvalidScene
 from kinematics.forward import joint_frames
 from kinematics.mesh_uri import resolve_mesh
 from kinematics.srdf import Semantics
-from obstacles.gjk import STILL, separation
 from obstacles.hull import convex_hull
 from obstacles.mesh import load_mesh, scaled
 from obstacles.piece import Piece, PieceArrays, PieceKind
-from obstacles.piece_set import POSE, PieceSet
+from obstacles.piece_set import CENTER, POSE, PieceSet
 from obstacles.scene import Obstacle
 from obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
+from obstacles.surface import touching
 
 Meshes: TypeAlias = Mapping[str, bytes] | Callable[[str], bytes]
 Pair: TypeAlias = tuple[str, str]
@@ -115,7 +115,7 @@ class RobotGeometry:
                 f"attached object {attached.id!r} has the name of a link or attached object",
                 hint="Give it a name of its own.",
             )
-        own = tuple(placed(p, holder.T_joint_link) for p in attached.pieces())
+        own = tuple(p.placed(holder.T_joint_link) for p in attached.pieces())
         same = {name for name, j in zip(self.links, self.joints, strict=True) if j == holder.joint}
         allowed = dict(self.allowed)
         allowed |= {_sorted(attached.id, name): "same body" for name in same}
@@ -184,7 +184,7 @@ def hulled(robot: RobotGeometry) -> RobotGeometry:
     members: dict[int, list[int]] = {}
     for i, solid in enumerate(robot.solids):
         members.setdefault(int(solid), []).append(i)
-    if len(members) == len(robot.pieces):
+    if len(members) == len(robot.pieces) and all(p.surface is None for p in robot.pieces):
         return robot
     first = [own[0] for own in members.values()]
     pieces = tuple(_hull([robot.pieces[i] for i in own]) for own in members.values())
@@ -199,38 +199,27 @@ def hulled(robot: RobotGeometry) -> RobotGeometry:
 
 def _hull(parts: list[Piece]) -> Piece:
     if len(parts) == 1:
-        return parts[0]
+        return parts[0] if parts[0].surface is None else replace(parts[0], surface=None)
     points = [p.vertices @ p.T_owner_piece[:3, :3].T + p.T_owner_piece[:3, 3] for p in parts]
     rounding = max(part.rounding for part in parts)
     corners = convex_hull(np.vstack(points)).vertices
     return Piece(PieceKind.POLYTOPE, np.eye(4), corners, rounding=rounding)
 
 
-def placed(piece: Piece, T: Array) -> Piece:
-    """The piece moved by ``T`` (4, 4): from an owner's frame into the one that T maps into."""
-    return Piece(
-        piece.kind,
-        T @ piece.T_owner_piece,
-        piece.vertices,
-        piece.radius,
-        piece.half_height,
-        piece.rounding,
-    )
-
-
 def _cut_lint(link: str, element: CollisionElement, pieces: list[Piece]) -> list[str]:
-    if not isinstance(element.geometry, MeshGeometry) or len(pieces) == 1:
+    count = sum(len(piece.surface.triangles) for piece in pieces if piece.surface is not None)
+    if not isinstance(element.geometry, MeshGeometry) or (len(pieces) == 1 and not count):
         return []
-    grown = max(piece.rounding for piece in pieces)
     what = f"link {link!r}: mesh {element.geometry.uri!r} is not convex"
-    return [f"{what}: {len(pieces)} convex pieces cover it, grown by up to {1e3 * grown:.2g} mm"]
+    told = f", where they touch {count} triangles decide" if count else ""
+    return [f"{what}: {len(pieces)} convex pieces make it up{told}"]
 
 
 def _element_pieces(link: Link, element: CollisionElement, meshes: Meshes | None) -> list[Piece]:
     try:
         shape = _shape(element.geometry, meshes)
         T = link.T_joint_link @ element.T_link_element
-        return [placed(piece, T) for piece in shape.pieces()]
+        return [piece.placed(T) for piece in shape.pieces()]
     except InvalidScene as error:
         geometry = element.geometry
         what = f"mesh {geometry.uri!r}" if isinstance(geometry, MeshGeometry) else "collision"
@@ -301,6 +290,8 @@ def _always(bare: RobotGeometry, known: Mapping[Pair, str]) -> set[Pair]:
     packed = PieceSet.of(bare.pieces)
     owned = np.tile(np.eye(4), (len(bare.pieces), 1, 1))
     owned[:, :3] = packed.rows[:, POSE : POSE + 12].reshape(-1, 3, 4)
+    centers = np.ones((len(bare.pieces), 4, 1))
+    centers[:, :3, 0] = packed.rows[:, CENTER : CENTER + 3]
     random = np.random.default_rng(_ALWAYS_SEED)
     for _ in range(_ALWAYS_SAMPLES):
         if not candidates:
@@ -308,24 +299,15 @@ def _always(bare: RobotGeometry, known: Mapping[Pair, str]) -> set[Pair]:
         frames = np.concatenate(
             [np.eye(4)[None], joint_frames(bare.chain, random.uniform(lower, upper))]
         )
-        poses = frames[bare.joints + 1, :3] @ owned
-        packed.rows[:, POSE : POSE + 12] = poses.reshape(-1, 12)
+        carried = frames[bare.joints + 1, :3]
+        packed.rows[:, POSE : POSE + 12] = (carried @ owned).reshape(-1, 12)
+        packed.rows[:, CENTER : CENTER + 3] = (carried @ centers)[:, :, 0]
         candidates = {
             pair: pieces
             for pair, pieces in candidates.items()
-            if any(_touch(packed, i, j) for i, j in pieces)
+            if any(touching(packed, i, j) for i, j in pieces)
         }
     return set(candidates)
-
-
-def _touch(placed: PieceSet, i: int, j: int) -> bool:
-    rows, corners, tables = placed
-    origins = rows[:, POSE + 3 : POSE + 12 : 4]
-    axis, room = origins[i] - origins[j], np.empty((8, 3))
-    _, _, upper = separation(
-        rows, i, rows, j, corners, tables, 0.0, np.inf, STILL, axis, room
-    )  # fmt: skip
-    return upper <= 0.0
 
 
 def _self_pairs(geometry: RobotGeometry) -> NDArray[np.int64]:
@@ -346,6 +328,10 @@ def _content_hash(geometry: RobotGeometry) -> str:
     arrays = geometry.arrays
     for array in (arrays.kinds, arrays.starts, arrays.vertices, arrays.sizes, arrays.poses):
         digest.update(array.tobytes())
+    for piece in geometry.pieces:
+        if piece.surface is not None:
+            digest.update(piece.surface.triangles.tobytes())
+            digest.update(f"{piece.surface.place}/{piece.surface.count}".encode())
     digest.update(geometry.joints.tobytes())
     for name in geometry.links:
         digest.update(name.encode() + b"\0")

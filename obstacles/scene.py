@@ -13,7 +13,7 @@ from kinematics.chain import Array, frozen
 from kinematics.errors import InvalidObjectName, InvalidPose, InvalidScene
 from kinematics.pose import from_matrix, transform
 from obstacles.piece import Piece, PieceArrays
-from obstacles.shapes import MAX_SIZE, Shape
+from obstacles.shapes import MAX_SIZE, Mesh, PointCloud, Shape
 
 MAX_OBSTACLES = 10_000
 MAX_NAME = 256
@@ -62,12 +62,27 @@ class Obstacle:
         """Its convex pieces in the robot's base frame, without the margin."""
         if self._pieces is None:
             T = self.T_world_obstacle
-            pieces = tuple(
-                Piece(p.kind, T @ p.T_owner_piece, p.vertices, p.radius, p.half_height, p.rounding)
-                for p in self.shape.pieces()
-            )
+            pieces = tuple(p.placed(T) for p in self.shape.pieces())
             object.__setattr__(self, "_pieces", pieces)
         return self._pieces or ()
+
+    @property
+    def is_mesh(self) -> bool:
+        """Whether it is made of triangles."""
+        return isinstance(self.shape, Mesh)
+
+    def packed(self) -> PieceArrays:
+        """The same, packed; a point cloud without a piece for each of its points."""
+        if isinstance(self.shape, PointCloud):
+            shape = self.shape
+            return PieceArrays.balls(shape.points, shape.radius, self.T_world_obstacle)
+        return PieceArrays.pack(self.pieces())
+
+    def piece(self, k: int) -> Piece:
+        """Piece ``k`` of them."""
+        if isinstance(self.shape, PointCloud):
+            return self.shape.piece(k).placed(self.T_world_obstacle)
+        return self.pieces()[k]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -151,16 +166,18 @@ class Scene:
         return self._packed
 
     def _pack(self) -> Packed:
-        pieces: list[Piece] = []
-        owners: list[int] = []
-        for i, obstacle in enumerate(self.obstacles):
-            own = obstacle.pieces()
-            pieces += own
-            owners += [i] * len(own)
-        index = np.array(owners, dtype=np.int64)
+        blocks = [obstacle.packed() for obstacle in self.obstacles] or [PieceArrays.pack(())]
+        counts = [len(block) for block in blocks] if self.obstacles else []
+        index = np.repeat(np.arange(len(counts), dtype=np.int64), counts)
         index.setflags(write=False)
         all_margins = np.array([o.margin for o in self.obstacles], dtype=np.float64)
-        return PieceArrays.pack(pieces), index, frozen(all_margins[index])
+        return PieceArrays.joined(blocks), index, frozen(all_margins[index])
+
+    def piece(self, k: int) -> Piece:
+        """Piece ``k`` of those that ``pieces`` packs, in the robot's base frame."""
+        owners = self.pieces()[1]
+        owner = int(owners[k])
+        return self.obstacles[owner].piece(k - int(np.searchsorted(owners, owner)))
 
 
 def checked_name(name: str, what: str) -> str:

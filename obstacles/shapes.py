@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 from kinematics.chain import Array, frozen
 from kinematics.errors import InvalidScene
 from kinematics.pose import align_z, transform
-from obstacles.decomposition import convex_pieces
+from obstacles.decomposition import ConvexPart, convex_pieces
 from obstacles.hull import convex_hull
 from obstacles.mesh import checked_mesh
-from obstacles.piece import Piece, PieceKind
+from obstacles.piece import Piece, PieceKind, Surface
 
 #: Nothing an arm can meet is thinner than a micrometre or longer than ten kilometres; beyond that
 #: the distance iterations would lose their digits.
@@ -222,7 +222,7 @@ class Convex(Shape):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mesh(Shape):
-    """A triangle mesh, solid; one that is not convex is covered by convex pieces.
+    """A triangle mesh with what it encloses; an open one is its surface alone.
 
     Args:
         vertices: Shape (k, 3) [m].
@@ -242,9 +242,10 @@ class Mesh(Shape):
         object.__setattr__(self, "faces", faces)
 
     def pieces(self) -> tuple[Piece, ...]:
-        """The hulls that cover it."""
+        """The hulls that cover it, each with the triangles inside it that decide."""
         parts = convex_pieces(self.vertices, self.faces)
-        return tuple(_rounded(part.vertices, part.rounding) for part in parts)
+        filled = sum(part.filled for part in parts)
+        return tuple(_covering(part, place, filled) for place, part in enumerate(parts))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -268,7 +269,11 @@ class PointCloud(Shape):
 
     def pieces(self) -> tuple[Piece, ...]:
         """One rounded point each."""
-        return tuple(_rounded(point, self.radius) for point in self.points)
+        return tuple(self.piece(k) for k in range(len(self.points)))
+
+    def piece(self, k: int) -> Piece:
+        """The ball about point ``k``."""
+        return _rounded(self.points[k], self.radius)
 
 
 _NONE = np.zeros((0, 3))
@@ -276,6 +281,14 @@ _NONE = np.zeros((0, 3))
 
 def _rounded(vertices: ArrayLike, rounding: float) -> Piece:
     return Piece(PieceKind.POLYTOPE, np.eye(4), np.asarray(vertices), rounding=rounding)
+
+
+def _covering(part: ConvexPart, place: int, filled: int) -> Piece:
+    surface = None
+    if len(part.triangles):
+        group = (place, filled) if part.filled else (0, 0)
+        surface = Surface(part.triangles, part.anchors, *group)
+    return replace(_rounded(part.vertices, part.rounding), surface=surface)
 
 
 def _length(value: float, name: str) -> float:

@@ -82,6 +82,9 @@ def sphere_set(piece: Piece, most: int = MOST, enough: float = ENOUGH) -> Sphere
     centers, outer, inner, skips = _spheres(
         piece.kind, piece.vertices.tobytes(), *size, most, enough
     )
+    if piece.surface is not None:
+        # What covers a part of a mesh may hold more than it: no ball is known to be inside.
+        inner = np.full(len(inner), -np.inf)
     T = piece.T_owner_piece
     return SphereSet(centers @ T[:3, :3].T + T[:3, 3], outer, inner, skips)
 

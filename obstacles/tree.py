@@ -20,6 +20,7 @@ _LEAF = 2
 #: diagonal, the node after all below it, and for a leaf from which to before which item it goes
 #: (-1: no leaf).
 BOX, EXTENT, SKIP, FIRST, LAST = 0, 6, 7, 8, 9
+NODE_WIDTH = 10
 
 
 class Tree(NamedTuple):
@@ -36,7 +37,7 @@ class Tree(NamedTuple):
 
 @kernel
 def _grow(
-    low: Array, high: Array, items: Indices, boxes: Array, skips: Indices, spans: Indices
+    low: Array, high: Array, items: Indices, boxes: Array, skips: Indices, spans: Indices, most: int
 ) -> int:
     """Write the nodes over boxes ``low``, ``high`` (m, 3) and sort ``items`` (m,) by leaf."""
     m = items.shape[0]
@@ -49,7 +50,7 @@ def _grow(
         node = made
         made += 1
         spans[node, 0], spans[node, 1] = first, last
-        least, most = np.full(3, np.inf), np.full(3, -np.inf)
+        least, largest = np.full(3, np.inf), np.full(3, -np.inf)
         for axis in range(3):
             boxes[node, axis], boxes[node, 3 + axis] = np.inf, -np.inf
         for entry in range(first, last):
@@ -58,10 +59,10 @@ def _grow(
                 boxes[node, axis] = min(boxes[node, axis], low[k, axis])
                 boxes[node, 3 + axis] = max(boxes[node, 3 + axis], high[k, axis])
                 middle = low[k, axis] + high[k, axis]
-                least[axis], most[axis] = min(least[axis], middle), max(most[axis], middle)
-        if last - first <= _LEAF:
+                least[axis], largest[axis] = min(least[axis], middle), max(largest[axis], middle)
+        if last - first <= most:
             continue
-        axis = int(np.argmax(most - least))
+        axis = int(np.argmax(largest - least))
         own = items[first:last].copy()
         middles = low[own, axis] + high[own, axis]
         order = np.argsort(middles, kind="mergesort")
@@ -77,21 +78,23 @@ def _grow(
             after = skips[after]
         skips[node] = after
     for node in range(made):
-        if spans[node, 1] - spans[node, 0] > _LEAF:
+        if spans[node, 1] - spans[node, 0] > most:
             spans[node] = -1
     return made
 
 
-def tree(low: Array, high: Array) -> Tree:
-    """The tree over boxes from ``low`` to ``high``, both (m, 3)."""
+def tree(low: Array, high: Array, most: int = _LEAF) -> Tree:
+    """The tree over boxes from ``low`` to ``high``, both (m, 3), at most so many in a leaf."""
     m = len(low)
     items = np.arange(m, dtype=np.int64)
     room = max(2 * m, 1)
     boxes, skips = np.empty((room, 6)), np.empty(room, dtype=np.int64)
     spans = np.empty((room, 2), dtype=np.int64)
-    made = _grow(np.ascontiguousarray(low), np.ascontiguousarray(high), items, boxes, skips, spans)
+    made = _grow(
+        np.ascontiguousarray(low), np.ascontiguousarray(high), items, boxes, skips, spans, most
+    )
     made = made if m else 0
-    nodes = np.empty((made, 10))
+    nodes = np.empty((made, NODE_WIDTH))
     nodes[:, BOX : BOX + 6] = boxes[:made]
     nodes[:, EXTENT] = 0.5 * np.linalg.norm(boxes[:made, 3:] - boxes[:made, :3], axis=1)
     nodes[:, SKIP], nodes[:, FIRST : LAST + 1] = skips[:made], spans[:made]

@@ -15,12 +15,14 @@ from kinematics.chain import Array, Indices
 from kinematics.forward import forward_kernel
 from kinematics.kernel import kernel
 from obstacles.ball_distance import bound_from, closed_form
+from obstacles.bounds import balls_apart, quick_bound
 from obstacles.brackets import AFTER, INNER, OUTER
 from obstacles.gjk import CLOSER, FARTHER, STILL, Vector, dot, minus, separation
 from obstacles.model_arrays import ModelArrays
-from obstacles.motion import COLLIDING, FREE, UNDECIDED, balls_apart, quick_bound
+from obstacles.motion import COLLIDING, FREE, UNDECIDED
 from obstacles.pair_grid import known
-from obstacles.piece_set import CENTER, MARGIN, OWNER, RADIUS
+from obstacles.piece_set import CENTER, MARGIN, NODE_STOP, OWNER, RADIUS
+from obstacles.surface import surface_distance
 from obstacles.tree import FIRST, LAST, SKIP, gap
 from obstacles.workspace import Workspace, place_row, workspace
 
@@ -177,7 +179,8 @@ def _bracket(
     Returns:
         FREE, COLLIDING, or UNDECIDED: the exact test is to be asked.
     """
-    exact = closed_form(rows, k)
+    # What covers a part of a mesh may hold more than it: it is free, but never struck, by itself.
+    exact = closed_form(rows, k) and not rows[k, NODE_STOP] > 0.0
     while sphere < end:
         x, y, z = spheres[sphere, 0], spheres[sphere, 1], spheres[sphere, 2]
         distance = bound_from(
@@ -273,6 +276,11 @@ def _ask(
     verdict, _, _ = separation(
         rows, k, work.placed, i, model.corners, model.tables, apart, enough, STILL, axis, work.room
     )
+    if verdict != FARTHER and (rows[k, NODE_STOP] > 0.0 or work.placed[i, NODE_STOP] > 0.0):
+        verdict, _ = surface_distance(
+            rows, k, work.placed, i, model.corners, model.tables, model.surfaces, apart, enough,
+            axis, work.room, work.stack,
+        )  # fmt: skip
     if verdict == FARTHER:
         return FREE
     return COLLIDING if verdict == CLOSER else UNDECIDED

@@ -11,6 +11,7 @@ from kinematics.kernel import kernel
 from obstacles.gjk import Drift
 from obstacles.model_arrays import ModelArrays
 from obstacles.piece_set import CENTER, POSE, RADIUS
+from obstacles.surface import STACK
 
 #: Entries and intervals there is room for at first.
 _ENTRIES, _INTERVALS = 256, 64
@@ -30,6 +31,7 @@ class Workspace(NamedTuple):
             levers as long as they can become, and the second order; shape (p, 3 (n + 1)).
         stamps: The visit at which each piece was placed; the number of visits last, shape (p + 1,).
         room: Shape (9, 3).
+        stack: Room for ``surface_distance``.
         tally: What was found on an interval, shape (4,).
         entries: Pairs left, on two levels by turns, shape (2, e, 2).
         hints: Their separating axes, and none for the roots, shape (3, e, 3).
@@ -44,6 +46,7 @@ class Workspace(NamedTuple):
     strays: Array
     stamps: Indices
     room: Array
+    stack: Array
     tally: Array
     entries: Indices
     hints: Array
@@ -67,6 +70,7 @@ def workspace(model: ModelArrays) -> Workspace:
         np.zeros((p, 3 * (n + 1))),
         stamps,
         np.empty((9, 3)),
+        np.empty(STACK),
         np.empty(4),
         np.empty((2, _ENTRIES, 2), dtype=np.int64),
         hints,

@@ -10,9 +10,8 @@ which proves a distance without FCL. Where that falls short of what FCL claims, 
 overlap, the distance is found anew.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import fcl
 import numpy as np
@@ -21,11 +20,14 @@ from numpy.typing import ArrayLike, NDArray
 from kinematics.chain import Array
 from kinematics.forward import joint_frames
 from kinematics.pose import align_z
+from obstacles.collision_model import together
 from obstacles.hull import convex_hull
 from obstacles.piece import Piece, PieceArrays, PieceKind
+from obstacles.piece_set import CENTER, GROUP, GROUP_STOP, POSE, PieceSet
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from obstacles.signed_distance import halfspace_distance, plane_bound, signed_distance
+from obstacles.surface import mesh_distance
 
 #: FCL's units a metre.
 _UNITS = 1e5
@@ -34,6 +36,11 @@ _UNITS = 1e5
 ACCURACY = 1e-7
 #: FCL knows no points and segments: they are balls and capsules this thin [m], taken off again.
 _THIN = 1e-9
+#: One triangle seen from both sides.
+_TWO_SIDES = np.array([3, 0, 1, 2, 3, 2, 1, 0])
+#: Pairs are sorted that may be nearer than a tenth of a metre, then a metre and so on up to this,
+#: and at last all [m].
+_NEAR, _FAR = 0.01, 100.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,42 +73,62 @@ class World:
     def __init__(self, robot: RobotGeometry, scene: Scene) -> None:
         self.robot = robot
         self.scene = scene
-        pieces, owners, margins = list(robot.pieces), list(robot.links), [0.0] * len(robot.pieces)
-        for obstacle in scene.obstacles:
-            own = obstacle.pieces()
-            pieces += own
-            owners += [obstacle.id] * len(own)
-            margins += [obstacle.margin] * len(own)
-        self._pieces: Sequence[Piece] = pieces
-        self._names: Sequence[str] = owners
-        self._arrays = PieceArrays.pack(pieces)
-        self._vertices = [piece.vertices for piece in pieces]
+        still, self._owners, self._own_margins = scene.pieces()
+        self._arrays = PieceArrays.joined([robot.arrays, still])
         self._poses = self._arrays.poses.copy()
         self._centers = self._arrays.centers.copy()
-        self.pairs = self._choose_pairs()
-        self.margins = np.array(margins)[self.pairs].max(axis=1, initial=0.0)
-        self._solids = [_solid(piece) for piece in pieces]
-        self._stale = [True] * len(pieces)
+        self._ids = scene.ids
+        self._pieces: dict[int, Piece] = dict(enumerate(robot.pieces))
+        self._solids: dict[int, _Solid] = {}
+        self._stale = np.ones(len(self._arrays), dtype=np.bool_)
         self._request = fcl.DistanceRequest(enable_nearest_points=True)
         self._result = fcl.DistanceResult()
 
-    def _choose_pairs(self) -> NDArray[np.int64]:
+    @cached_property
+    def pairs(self) -> NDArray[np.int64]:
+        """All pairs that must stay apart: pieces of the robot first, shape (k, 2)."""
+        rows = [np.column_stack([np.full(len(k), i), k]) for i, k in self._partners()]
+        return np.vstack([np.zeros((0, 2), dtype=np.int64), *rows])
+
+    @cached_property
+    def margins(self) -> Array:
+        """What each pair keeps beyond nothing, shape (k,) [m]."""
+        k = self.pairs[:, 1] - len(self.robot.pieces)
+        margins = np.zeros(len(k))
+        margins[k >= 0] = self._own_margins[k[k >= 0]]
+        return margins
+
+    def _partners(self) -> list[tuple[int, NDArray[np.int64]]]:
+        """What each piece of the robot must stay apart from, obstacles before its own links."""
         robot, scene, p = self.robot, self.scene, len(self.robot.pieces)
-        pairs = [
-            (i, k)
-            for i in np.flatnonzero(robot.joints >= 0)
-            for k in range(p, len(self._pieces))
-            if not scene.allows(robot.links[i], self._names[k])
-        ]
-        pairs += [
-            (i, j) for i, j in robot.self_pairs if not scene.allows(robot.links[i], robot.links[j])
-        ]
-        return np.array(pairs, dtype=np.int64).reshape(-1, 2)
+        found = []
+        for i in np.flatnonzero(robot.joints >= 0):
+            forbidden = [not scene.allows(robot.links[i], name) for name in self._ids]
+            found.append((int(i), p + np.flatnonzero(np.array(forbidden)[self._owners])))
+        own: dict[int, list[int]] = {}
+        for i, j in robot.self_pairs:
+            if not scene.allows(robot.links[i], robot.links[j]):
+                own.setdefault(int(i), []).append(int(j))
+        return found + [(i, np.array(others)) for i, others in own.items()]
+
+    @cached_property
+    def _known_partners(self) -> list[tuple[int, NDArray[np.int64]]]:
+        return self._partners()
+
+    def _name(self, k: int) -> str:
+        p = len(self.robot.pieces)
+        return self.robot.links[k] if k < p else self._ids[int(self._owners[k - p])]
+
+    def _piece(self, k: int) -> Piece:
+        """Piece k; a cloud's are made when they are asked for."""
+        if k not in self._pieces:
+            self._pieces[k] = self.scene.piece(k - len(self.robot.pieces))
+        return self._pieces[k]
 
     def pair_names(self, pair: int) -> tuple[str, str]:
         """The link, and the obstacle or other link, of a pair of pieces."""
         i, j = self.pairs[pair]
-        return self._names[i], self._names[j]
+        return self._name(int(i)), self._name(int(j))
 
     def place(self, q: ArrayLike) -> None:
         """Put the robot into a configuration (n,).
@@ -120,19 +147,36 @@ class World:
         self._poses[:p] = frames @ self._arrays.poses[:p]
         centers = self._arrays.centers[:p, :, None]
         self._centers[:p] = (frames[:, :3, :3] @ centers)[..., 0] + frames[:, :3, 3]
-        self._stale[:p] = [True] * p
+        self._stale[:p] = True
 
     def lower_bounds(self) -> Array:
         """A bound below the distance of every pair, by bounding balls, margins off, (k,) [m]."""
         i, j = self.pairs.T
+        return self._bounds(i, j) - self.margins
+
+    def _bounds(self, i: int | NDArray[np.int64], j: NDArray[np.int64]) -> Array:
+        """What bounding balls prove of distances, no margin taken off, (k,) [m]."""
+        i = np.broadcast_to(i, j.shape)
         radii = self._arrays.radii
-        gaps = np.linalg.norm(self._centers[i] - self._centers[j], axis=1)
-        bounds: Array = gaps - radii[i] - radii[j] - self.margins
+        bounds = np.linalg.norm(self._centers[i] - self._centers[j], axis=1) - radii[i] - radii[j]
         for row in np.flatnonzero(self._arrays.kinds[j] == PieceKind.HALFSPACE):
             T = self._poses[j[row]]
-            height = float(T[:3, 2] @ (self._centers[i[row]] - T[:3, 3]))
-            bounds[row] = height - radii[i[row]] - self.margins[row]
-        return bounds
+            bounds[row] = float(T[:3, 2] @ (self._centers[i[row]] - T[:3, 3])) - radii[i[row]]
+        return np.asarray(bounds)
+
+    def _near(self, most: float) -> list[tuple[float, int, int, float]]:
+        """Pairs that may be nearer than ``most``: bound, both, margin; the nearest first."""
+        p, found = len(self.robot.pieces), []
+        for i, others in self._known_partners:
+            margins = np.zeros(len(others))
+            obstacles = others >= p
+            margins[obstacles] = self._own_margins[others[obstacles] - p]
+            bounds = self._bounds(i, others) - margins
+            found += [
+                (float(bounds[k]), i, int(others[k]), float(margins[k]))
+                for k in np.flatnonzero(bounds <= most)
+            ]
+        return sorted(found)
 
     def distance(self, pair: int) -> float:
         """Distance of a pair of pieces where they are now, its margin taken off [m].
@@ -149,15 +193,19 @@ class World:
             InvalidRobotState: Wrong length or not finite.
         """
         self.place(q)
-        bounds = self.lower_bounds()
-        best, closest = np.inf, -1
-        for pair in np.argsort(bounds):
-            if bounds[pair] >= best:
-                break
-            distance = self.distance(int(pair))
-            if distance < best:
-                best, closest = distance, int(pair)
-        return Clearance(best, self.pair_names(closest) if closest >= 0 else None)
+        best, closest, reach = np.inf, (-1, -1), _NEAR
+        while closest[0] < 0 and reach < np.inf:
+            reach = reach * 10.0 if reach < _FAR else np.inf
+            for bound, i, j, margin in self._near(reach):
+                if bound >= best:
+                    break
+                distance = self.between(i, j) - margin
+                if distance < best:
+                    best, closest = distance, (i, j)
+            if best > reach:
+                closest, best = (-1, -1), np.inf
+        names = (self._name(closest[0]), self._name(closest[1])) if closest[0] >= 0 else None
+        return Clearance(best, names)
 
     def apart(self, q: ArrayLike, names: tuple[str, str]) -> float:
         """Distance of two named bodies in a configuration (n,), margins taken off [m].
@@ -168,9 +216,13 @@ class World:
             InvalidRobotState: Wrong length or not finite.
         """
         self.place(q)
-        wanted = set(names)
-        own = [k for k in range(len(self.pairs)) if set(self.pair_names(k)) == wanted]
-        return min((self.distance(k) for k in own), default=np.inf)
+        wanted, best = set(names), np.inf
+        for bound, i, j, margin in self._near(np.inf):
+            if bound >= best:
+                break
+            if {self._name(i), self._name(j)} == wanted:
+                best = min(best, self.between(i, j) - margin)
+        return best
 
     def collisions(self, q: ArrayLike) -> list[Collision]:
         """All that touch (or come into each other's margin) in a configuration (n,), deepest first.
@@ -180,10 +232,10 @@ class World:
         """
         self.place(q)
         depths: dict[tuple[str, str], float] = {}
-        for pair in np.flatnonzero(self.lower_bounds() <= 0.0):
-            distance = self.distance(int(pair))
+        for _, i, j, margin in self._near(0.0):
+            distance = self.between(i, j) - margin
             if distance <= 0.0:
-                names = self.pair_names(int(pair))
+                names = self._name(i), self._name(j)
                 depths[names] = max(depths.get(names, 0.0), -distance)
         found = [Collision(pair, depth) for pair, depth in depths.items()]
         return sorted(found, key=lambda collision: -collision.depth)
@@ -191,46 +243,110 @@ class World:
     def between(self, i: int, j: int) -> float:
         """Distance of two pieces where they are now, as ``distance``, no margin taken off [m].
 
-        The robot's pieces come first, then those of the obstacles in their order.
+        The robot's pieces come first, then those of the obstacles in their order. Where covers of
+        meshes are asked about, the distance of what they cover; its depth is that of the covers.
         """
-        a, b = self._pieces[i], self._pieces[j]
+        distance = self._between_cores(i, j)
+        if self._piece(i).surface is None and self._piece(j).surface is None:
+            return distance
+        # Half-spaces are the obstacles.
+        first, second = (j, i) if self._piece(j).kind == PieceKind.HALFSPACE else (i, j)
+        (a, m), (b, n) = self._group(first), self._group(second)
+        packed = self._packed
+        found = mesh_distance(
+            a, m, b, n, packed.corners, packed.tables, packed.surfaces,
+            self._centers[first] - self._centers[second],
+        )  # fmt: skip
+        return min(distance, 0.0) if found <= 0.0 else found
+
+    @cached_property
+    def _packed(self) -> PieceSet:
+        return together(self.robot, self.scene)
+
+    def _group(self, k: int) -> tuple[Array, int]:
+        """Rows of the solid that piece k is a part of, in its place, and which one it is."""
+        row = self._packed.rows[k]
+        first, stop = (int(row[GROUP]), int(row[GROUP_STOP])) if row[GROUP_STOP] > 0 else (k, k + 1)
+        rows = self._packed.rows[first:stop].copy()
+        rows[:, POSE : POSE + 12] = self._poses[k, :3].reshape(12)
+        rows[k - first, CENTER : CENTER + 3] = self._centers[k]
+        rows[:, GROUP : GROUP_STOP + 1] -= first * (rows[:, GROUP_STOP : GROUP_STOP + 1] > 0)
+        return rows, k - first
+
+    def _between_cores(self, i: int, j: int) -> float:
+        a, b = self._piece(i), self._piece(j)
         if b.kind == PieceKind.HALFSPACE:
             return halfspace_distance(a, self._poses[i], self._poses[j])
         if a.kind == PieceKind.HALFSPACE:
             return halfspace_distance(b, self._poses[j], self._poses[i])
         # A result that is used again keeps the nearest points of the smallest distance so far.
         self._result = fcl.DistanceResult()
-        proposed = fcl.distance(self._current(i), self._current(j), self._request, self._result)
+        one, other = self._current(i), self._current(j)
+        proposed = fcl.distance(one.object, other.object, self._request, self._result)
         if proposed > 0.0:
-            distance = proposed / _UNITS + self._solids[i].excess + self._solids[j].excess
+            distance = proposed / _UNITS + one.excess + other.excess
             p, q = self._result.nearest_points
-            if distance - (proved := self._proved(i, j, q - p)) <= ACCURACY:
+            proved = _proved(a, self._poses[i], b, self._poses[j], q - p)
+            if distance - proved <= ACCURACY:
                 return proved
         return signed_distance(a, self._poses[i], b, self._poses[j])[0]
 
-    def _proved(self, i: int, j: int, towards: Array) -> float:
-        """What a plane across a direction from i to j proves of their distance [m]."""
-        kinds, sizes = self._arrays.kinds, self._arrays.sizes
-        proved = plane_bound(
-            kinds[i],
-            self._vertices[i],
-            sizes[i],
-            self._poses[i],
-            kinds[j],
-            self._vertices[j],
-            sizes[j],
-            self._poses[j],
-            towards,
-        )
-        return proved - float(sizes[i, 2] + sizes[j, 2])
-
-    def _current(self, k: int) -> "fcl.CollisionObject":
+    def _current(self, k: int) -> "_Solid":
+        if k not in self._solids:
+            self._solids[k] = _solid(self._piece(k))
         solid = self._solids[k]
         if self._stale[k]:
-            T = self._poses[k] @ solid.T_piece_fcl
-            solid.object.setTransform(fcl.Transform(T[:3, :3], _UNITS * T[:3, 3]))
+            _move(solid, self._poses[k])
             self._stale[k] = False
-        return solid.object
+        return solid
+
+
+def convex_distance(a: Piece, T_a: Array, b: Piece, T_b: Array) -> float:
+    """Distance of two convex pieces at T_a and T_b (4, 4) each, proved, by FCL [m]."""
+    if b.kind == PieceKind.HALFSPACE:
+        return halfspace_distance(a, T_a, T_b)
+    if a.kind == PieceKind.HALFSPACE:
+        return halfspace_distance(b, T_b, T_a)
+    one, other, result = _solid(a), _solid(b), fcl.DistanceResult()
+    _move(one, T_a)
+    _move(other, T_b)
+    request = fcl.DistanceRequest(enable_nearest_points=True)
+    proposed = fcl.distance(one.object, other.object, request, result)
+    if proposed > 0.0:
+        distance = proposed / _UNITS + one.excess + other.excess
+        p, q = result.nearest_points
+        proved = _proved(a, T_a, b, T_b, q - p)
+        if distance - proved <= ACCURACY:
+            return proved
+    return signed_distance(a, T_a, b, T_b)[0]
+
+
+def points_of(piece: Piece, T: Array) -> Array:
+    """A point of each body that a piece is made of, placed, shape (m, 3); none of a half-space."""
+    if piece.kind == PieceKind.HALFSPACE:
+        return np.zeros((0, 3))
+    if piece.surface is not None:
+        points = piece.surface.anchors
+    elif piece.kind == PieceKind.POLYTOPE:
+        points = piece.vertices[:1]
+    else:
+        points = np.zeros((1, 3))
+    return np.asarray(points @ T[:3, :3].T + T[:3, 3])
+
+
+def _proved(a: Piece, T_a: Array, b: Piece, T_b: Array, towards: Array) -> float:
+    """What a plane across a direction from a to b proves of their distance [m]."""
+    proved = plane_bound(
+        int(a.kind), a.vertices, np.array([a.radius, a.half_height, a.rounding]), T_a,
+        int(b.kind), b.vertices, np.array([b.radius, b.half_height, b.rounding]), T_b,
+        np.asarray(towards),
+    )  # fmt: skip
+    return proved - a.rounding - b.rounding
+
+
+def _move(solid: "_Solid", pose: Array) -> None:
+    T = pose @ solid.T_piece_fcl
+    solid.object.setTransform(fcl.Transform(T[:3, :3], _UNITS * T[:3, 3]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -251,7 +367,8 @@ class _Solid:
 def _solid(piece: Piece) -> _Solid:
     if piece.kind == PieceKind.HALFSPACE:
         return _Solid(None, np.eye(4), 0.0)
-    shape, T, excess = _shape(piece)
+    # A triangle is asked about once, the others again and again.
+    shape, T, excess = _made(piece) if len(piece.vertices) == 3 else _shape(piece)
     # The shape may be shared, the object that is moved about may not.
     return _Solid(fcl.CollisionObject(shape), T, excess)
 
@@ -259,6 +376,10 @@ def _solid(piece: Piece) -> _Solid:
 @lru_cache(maxsize=4096)
 def _shape(piece: Piece) -> tuple["fcl.CollisionGeometry", Array, float]:
     """FCL's shape of a piece with its frame and excess; a robot's are asked for in every plan."""
+    return _made(piece)
+
+
+def _made(piece: Piece) -> tuple["fcl.CollisionGeometry", Array, float]:
     T = np.eye(4)
     rounding = piece.rounding
     if piece.kind != PieceKind.POLYTOPE:
@@ -276,6 +397,8 @@ def _shape(piece: Piece) -> tuple["fcl.CollisionGeometry", Array, float]:
             return fcl.Sphere(_UNITS * _THIN), T, _THIN - rounding
         T[:3, :3] = align_z(along)
         return fcl.Capsule(_UNITS * _THIN, _UNITS * length), T, _THIN - rounding
+    if len(points) == 3 and np.linalg.norm(np.cross(*(points[1:] - points[0]))) > 0.0:
+        return fcl.Convex(_UNITS * points, 2, _TWO_SIDES), T, -rounding
     hull = convex_hull(points)
     faces = hull.triangles
     if not hull.solid:

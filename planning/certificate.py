@@ -11,15 +11,15 @@ FCL decides. What the limits ask is decided by the exact extrema of the polynomi
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from kinematics.chain import Array, Limits
 from kinematics.trajectory import Trajectory
+from obstacles.inside import first_inside
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
-from obstacles.world import ACCURACY, World
+from obstacles.world import ACCURACY, convex_distance
 from planning.cells import VALUE
 from planning.constraint_check import ConstraintReport, check_motion
 from planning.constraints.constraint_set import ConstraintSet
@@ -40,6 +40,7 @@ from planning.walk import (
     DEPTH,
     DONE,
     FIRST,
+    FULL,
     KEPT,
     LAST,
     MAX_DEPTH,
@@ -50,6 +51,7 @@ from planning.walk import (
     VISITS,
     go_on,
     halve,
+    roomier,
     settle,
     sharp_enough,
     walk_along,
@@ -225,10 +227,6 @@ class _Proof:
         self._walk = walk_along(trajectory, self._table.arrays)
         self.violation: Violation | None = None
 
-    @cached_property
-    def _world(self) -> World:
-        return World(self._robot, self._scene)
-
     @property
     def visited(self) -> int:
         """Cells that were looked at."""
@@ -242,12 +240,18 @@ class _Proof:
     @property
     def closest(self) -> tuple[str, str] | None:
         """The pair that the smaller of them belongs to."""
-        pair = int(self._walk.closest[np.argmin(self._walk.clearance)])
-        return self._table.pair_names(pair) if pair >= 0 else None
+        i, j = (int(k) for k in self._walk.closest[np.argmin(self._walk.clearance)])
+        return self._table.names(i, j) if i >= 0 else None
 
     def run(self) -> None:
         """Settle every pair on every cell, or find the first violation."""
-        if not len(self._table.arrays.pairs):
+        if not len(self._table.arrays.roots):
+            return
+        inside = first_inside(self._robot, self._scene, self._trajectory.start)
+        if inside is not None:
+            message = f"{inside[0]!r} and {inside[1]!r}: one is inside the other at the start"
+            details = {"pair": list(inside), "distance": 0.0, "margin": 0.0, "at": "start"}
+            self.violation = Violation("collision", 0.0, message, details)
             return
         while True:
             if self._deadline is not None and self._deadline.passed:
@@ -262,62 +266,73 @@ class _Proof:
                 return
             if state == ASKING:
                 self._referee()
+            if state == FULL:
+                self._walk = roomier(self._walk)
 
     def _referee(self) -> None:
         """Let FCL decide about the pairs asked about, so that the walk can go on."""
         walk, counters = self._walk, self._walk.counters
-        self._world.place_frames(walk.frames)
-        asked = [int(pair) for pair in walk.asked[: counters[ASKED]]]
-        left: list[int] = []
+        asked = [(int(i), int(j)) for i, j in walk.asked[: counters[ASKED]]]
+        left: list[tuple[int, int]] = []
         hit = -1
-        for at, pair in enumerate(asked):
-            verdict = self._judged(pair)
+        for at, (i, j) in enumerate(asked):
+            verdict = self._judged(at, i, j)
             if verdict == _HIT:
-                left, hit = left + asked[at:], pair
+                left, hit = left + asked[at:], at
                 break
             if verdict == _OPEN:
-                left.append(pair)
+                left.append((i, j))
         if hit >= 0:
             # Nothing later than the middle of this cell is the first violation any more.
             counters[TOP] = 0
             if self._last_word(hit):
                 return
-        depth, kept = int(counters[DEPTH]), int(counters[KEPT])
+        kept = int(counters[KEPT])
         if not (left or kept):
             return
-        walk.active[depth + 1, kept : kept + len(left)] = left
+        end = int(walk.starts[counters[DEPTH] + 1]) + kept
+        walk.entries[end : end + len(left)] = np.array(left, dtype=np.int64).reshape(-1, 2)
+        walk.axes[end : end + len(left)] = 0.0
         counters[KEPT] = kept + len(left)
         halve(walk, self._trajectory.breaks, hit < 0)
 
-    def _judged(self, pair: int) -> int:
-        """What FCL says of a pair: free all over the cell, open, or a violation."""
+    def _judged(self, at: int, i: int, j: int) -> int:
+        """What FCL says of a pair asked about: free all over the cell, open, or a violation."""
         walk, arrays = self._walk, self._table.arrays
-        i, j = (int(k) for k in arrays.pairs[pair])
-        apart, own = float(arrays.margins[pair]), int(arrays.own[pair])
-        distance = self._world.between(i, j)
-        lower = distance - float(walk.bounds[pair]) - ACCURACY
-        last_word = self._last_word(pair)
+        own = OWN if i < arrays.moving else OBSTACLE
+        apart = 0.0 if own == OWN else float(arrays.margins[i]) + arrays.margin
+        distance = convex_distance(
+            self._table.solid(i), self._pose(i), self._table.solid(j), self._pose(j)
+        )
+        lower = distance - float(walk.bounds[at]) - ACCURACY
+        last_word = self._last_word(at)
         if lower > apart and (last_word or lower >= sharp_enough(walk, own)):
-            settle(walk, own, pair, lower)
+            settle(walk, own, i, j, lower)
             return _FREE
         if distance > apart and not last_word:
             return _OPEN
-        self._violate(pair, distance, apart)
+        self._violate(at, (i, j), distance, apart)
         return _HIT
 
-    def _last_word(self, pair: int) -> bool:
-        """Whether the cell can't be halved any more to the good of a pair."""
-        walk = self._walk
-        return bool(walk.bounds[pair] < RESOLUTION or walk.counters[DEPTH] == MAX_DEPTH)
+    def _pose(self, k: int) -> Array:
+        """Where element k is in the middle of the cell, by the frames of the joints alone."""
+        joint, T = int(self._table.arrays.joints[k]), self._table.arrays.poses[k]
+        return np.asarray(self._walk.frames[joint] @ T) if joint >= 0 else T
 
-    def _violate(self, pair: int, distance: float, apart: float) -> None:
+    def _last_word(self, at: int) -> bool:
+        """Whether the cell can't be halved any more to the good of a pair asked about."""
+        walk = self._walk
+        return bool(walk.bounds[at] < RESOLUTION or walk.counters[DEPTH] == MAX_DEPTH)
+
+    def _violate(self, at: int, pair: tuple[int, int], distance: float, apart: float) -> None:
         """Note a violation in the middle of the cell; the walk goes from late to early ones."""
         walk, trajectory = self._walk, self._trajectory
+        i, j = pair
         whole = walk.counters[FIRST] < walk.counters[LAST]
         begins = 0.0 if whole else float(trajectory.breaks[walk.counters[FIRST]])
         time = min(begins + float(walk.cell[1]), trajectory.duration)
-        settle(walk, int(self._table.arrays.own[pair]), pair, distance)
-        names = self._table.pair_names(pair)
+        settle(walk, OWN if i < self._table.arrays.moving else OBSTACLE, i, j, distance)
+        names = self._table.names(i, j)
         asked = f", {apart:.6g} m are asked for" if apart > 0.0 else ""
         message = f"{names[0]!r} and {names[1]!r} are {distance:.6g} m apart{asked}"
         details = {"pair": list(names), "distance": distance, "margin": apart}
@@ -326,6 +341,6 @@ class _Proof:
             if np.abs(q - end).max() <= _AT_AN_END:
                 message, details["at"] = f"{message} at the {where}", where
                 break
-        decided = distance <= apart or walk.bounds[pair] < RESOLUTION
+        decided = distance <= apart or walk.bounds[at] < RESOLUTION
         kind = "collision" if decided else "undecided"
         self.violation = Violation(kind, time, message, details)

@@ -11,14 +11,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kinematics.chain import Array, Indices
 from kinematics.forward import forward_kernel
 from kinematics.kernel import kernel
 from kinematics.trajectory import Trajectory
 from obstacles.gjk import STILL, separation
-from obstacles.workspace import place_row
+from obstacles.piece_set import CENTER, KIND, POSE, ROUNDING, START, STOP, WIDTH, CoreKind
 from planning.cells import (
     COLUMNS,
     MOVED,
@@ -43,6 +42,11 @@ RESOLUTION = 1e-7
 #: The clearance told is at least this share of the true one, where that is less than _ENOUGH [m].
 _SHARP = 0.8
 _ENOUGH = 0.05
+#: Where the cover of a part of a mesh keeps this much [m], its triangles are not asked for more.
+_COVERED = 0.005
+#: Pairs there is room for at first, and elements that wait while those below one are looked at: two
+#: trees, each halved at every step, and one sibling for each.
+_ENTRIES, _WAITING = 512, 256
 #: Halvings of a trajectory after which time has no digits left to halve.
 MAX_DEPTH = 80
 
@@ -54,18 +58,19 @@ _HALVES = 0.25
 _WORTH = 1e-4
 
 #: What a walk stops for.
-DONE, ASKING, PAUSED = 0, 1, 2
+DONE, ASKING, PAUSED, FULL = 0, 1, 2, 3
 #: Entries of its counters.
 TOP, VISITS, KEPT, ASKED, DEPTH, FIRST, MIDDLE, LAST = range(8)
 #: Columns of the cells waiting, beside their first and last piece and their depth.
 _LOW, _HIGH = 0, 1
 
+POLYTOPE = int(CoreKind.POLYTOPE)
 #: Whom a pair is with.
 OBSTACLE, OWN = 0, 1
 
 
 class Walk(NamedTuple):
-    """Where a walk stands, in arrays that its kernel goes on from (k pairs, p pieces, n joints).
+    """Where a walk stands, in arrays that its kernel goes on from (c pairs, p elements, n joints).
 
     Args:
         counters: By TOP, ...: cells waiting, cells seen, pairs left on the last one, pairs asked
@@ -76,19 +81,21 @@ class Walk(NamedTuple):
         ends: Their ends, where they lie in one piece, in its own time, shape (d, 2) [s].
         cell: Low end, middle and high end of the last one, in the time of its piece where it lies
             in one, else from the start, shape (3,) [s].
-        active: Pairs open at each depth, shape (d, k).
+        entries: Pairs of elements open on the cells that wait, those of each depth behind those
+            of the one before, shape (c, 2).
+        axes: Where to look first for each of them, none where 0, shape (c, 3).
+        starts: Where those of each depth start, shape (d,).
         counts: How many of them, shape (d,).
-        asked: Pairs asked about, shape (k,).
-        bounds: How far each pair moved where it was last looked at, shape (k,) [m].
-        axes: The last direction of each pair, shape (k, 3).
+        asked: Pairs asked about, shape (c, 2).
+        bounds: How far each of these moves in the last cell, shape (c,) [m].
         joints: Of ``enclose``, in the last cell.
         frames: T_base_joint in its middle, shape (n, 4, 4).
         poses: Of the pieces, shape (p, 4, 4).
         centers: Of their balls, shape (p, 3).
-        moves: Of ``sway``, shape (p, n, 8).
+        moves: Of ``sway``, of the elements that move, shape (m, n, 8).
         stamps: The cell for which each piece was placed, -1 for none, shape (p,).
         clearance: Proved so far, from obstacles and among the robot's own, shape (2,) [m].
-        closest: The pairs these belong to, -1 for none, shape (2,).
+        closest: The pairs these belong to, -1 for none, shape (2, 2).
         nearest: Least distances that were met, about, shape (2,) [m].
     """
 
@@ -97,11 +104,12 @@ class Walk(NamedTuple):
     spans: Indices
     ends: Array
     cell: Array
-    active: NDArray[np.int32]
+    entries: Indices
+    axes: Array
+    starts: Indices
     counts: Indices
     asked: Indices
     bounds: Array
-    axes: Array
     joints: Array
     frames: Array
     poses: Array
@@ -116,10 +124,11 @@ class Walk(NamedTuple):
 def walk_along(trajectory: Trajectory, model: PairArrays) -> Walk:
     """A walk at the start of a trajectory, every pair open."""
     n, depth = trajectory.n, MAX_DEPTH + 2
-    k, p = len(model.pairs), len(model.joints)
-    active = np.empty((depth, k), dtype=np.int32)
-    active[0] = np.arange(k)
-    counts = np.zeros(depth, dtype=np.int64)
+    k, p = len(model.roots), len(model.joints)
+    room = max(_ENTRIES, 4 * k)
+    entries, axes = np.empty((room, 2), dtype=np.int64), np.zeros((room, 3))
+    entries[:k] = model.roots
+    starts, counts = np.zeros(depth, dtype=np.int64), np.zeros(depth, dtype=np.int64)
     counts[0] = k
     frames = np.zeros((n, 4, 4))
     frames[:, 3, 3] = 1.0
@@ -128,16 +137,25 @@ def walk_along(trajectory: Trajectory, model: PairArrays) -> Walk:
     walk = Walk(
         np.zeros(8, dtype=np.int64), table,
         np.empty((depth, 3), dtype=np.int64), np.empty((depth, 2)), np.zeros(3),
-        active, counts, np.empty(k, dtype=np.int64), np.zeros(k), np.zeros((k, 3)),
+        entries, axes, starts, counts, np.empty((room, 2), dtype=np.int64), np.zeros(room),
         np.empty((n, COLUMNS)), frames,
-        np.empty((p, 4, 4)), np.empty((p, 3)), np.zeros((p, n, SWAY_COLUMNS)),
+        np.empty((p, 4, 4)), np.empty((p, 3)), np.empty((model.moving, n, SWAY_COLUMNS)),
         np.full(p, -1, dtype=np.int64),
-        np.full(2, np.inf), np.full(2, -1, dtype=np.int64), np.full(2, np.inf),
+        np.full(2, np.inf), np.full((2, 2), -1, dtype=np.int64), np.full(2, np.inf),
     )  # fmt: skip
     push(walk, trajectory.breaks, 0, trajectory.pieces - 1, 0)
     # The start alone first: what touches there is the first violation.
     push_part(walk, 0, 0.0, 0.0, 0)
     return walk
+
+
+def roomier(walk: Walk) -> Walk:
+    """The same walk with room for twice as many pairs."""
+    twice = {
+        name: np.concatenate([getattr(walk, name), np.zeros_like(getattr(walk, name))])
+        for name in ("entries", "axes", "asked", "bounds")
+    }
+    return walk._replace(**twice)
 
 
 @kernel
@@ -146,17 +164,23 @@ def go_on(
 ) -> int:
     """Walk on until all is settled (DONE), a referee is ASKed, or ``most`` cells were seen.
 
+    FULL asks for more room: the cell is looked at again.
+
     With ``sharp`` cells are halved until the clearance told is sharp, else only until all is free.
     """
     room = np.empty((2, coefficients.shape[2]))
-    rows, space, axis = model.rows.copy(), np.empty((8, 3)), np.empty(3)
+    rows, space, axis = np.empty((2, WIDTH)), np.empty((8, 3)), np.empty(3)
+    stack = np.empty((_WAITING, 2), dtype=np.int64)
     seen = 0
     while w.counters[TOP] > 0:
         if seen >= most:
             return PAUSED
         seen += 1
         half = take(breaks, coefficients, w, room)
-        look(model, w, half, sharp, rows, space, axis)
+        if not look(model, w, half, sharp, rows, space, axis, stack):
+            w.counters[TOP] += 1
+            w.counters[VISITS] -= 1
+            return FULL
         if w.counters[ASKED] > 0:
             return ASKING
         if w.counters[KEPT] > 0:
@@ -229,81 +253,139 @@ def take(breaks: Array, coefficients: Array, w: Walk, room: Array) -> float:
 
 
 @kernel
-def look(  # noqa: PLR0915  one loop: calls with many arrays cost more than they do
-    model: PairArrays, w: Walk, half: float, sharp: bool, rows: Array, room: Array, axis: Array
-) -> None:
-    """Settle what witnesses settle of the last cell; note what is left and what is asked."""
+def look(
+    model: PairArrays, w: Walk, half: float, sharp: bool, rows: Array, room: Array, axis: Array,
+    stack: Indices,
+) -> bool:  # fmt: skip
+    """Settle what witnesses settle of the last cell; note what is left and what is asked.
+
+    Returns:
+        False where there is no room for what is left.
+    """
     # Entries of a tuple cost numba a count of references each time they are named.
-    types, radii, joints, pairs = model.joint_types, model.radii, model.joints, model.pairs
+    types, radii, joints, skipped = model.joint_types, model.radii, model.joints, model.skipped
     kinds, sizes, columns, starts = model.kinds, model.sizes, model.columns, model.starts
-    boxes, extents, margins, own_pairs = model.boxes, model.extents, model.margins, model.own
-    counters, active, bounds, nearest = w.counters, w.active, w.bounds, w.nearest
-    poses, centers, moves, stamps, axes = w.poses, w.centers, w.moves, w.stamps, w.axes
+    boxes, extents, margins, parts = model.boxes, model.extents, model.margins, model.parts
+    below, kids, moving, margin = model.below, model.kids, model.moving, model.margin
+    counters, entries, nearest, given = w.counters, w.entries, w.nearest, w.axes
+    poses, centers, moves, stamps = w.poses, w.centers, w.moves, w.stamps
     clearance, closest = w.clearance, w.closest
     depth, visit = counters[DEPTH], counters[VISITS]
+    first, last = w.starts[depth], w.starts[depth] + w.counts[depth]
+    w.starts[depth + 1] = last
     kept, asked = 0, 0
     forward_kernel(types, model.offsets, w.joints[:, VALUE], w.frames)
     chain_reach = reach(types, model.offsets, w.joints)
-    for entry in range(w.counts[depth]):
-        pair = active[depth, entry]
-        i, j = pairs[pair, 0], pairs[pair, 1]
-        for k in (i, j):
-            if stamps[k] != visit and (joints[k] >= 0 or stamps[k] < 0):
-                stamps[k] = visit
-                place(joints[k], k, w.frames, model.poses, model.centers, poses, centers)
-                sway(types, w.frames, centers, k, radii[k], joints[k], w.joints, half, moves)
-        own, apart, after = own_pairs[pair], margins[pair], joints[i] + 1
-        lost = rounding(types.shape[0], chain_reach + extents[i] + extents[j])
-        moved = moves[j, after, MOVED] + lost
-        enough = min(_ENOUGH, _SHARP * nearest[own]) if sharp else -np.inf
-        need = max(apart, enough)
-        lower = roughly(centers, radii, boxes, poses, i, j, need + moved) - moved
-        upper = np.inf
-        if not (lower > apart and lower >= enough):
-            u = (axes[pair, 0], axes[pair, 1], axes[pair, 2])
-            if u[0] == 0.0 and u[1] == 0.0 and u[2] == 0.0:
-                u = (
-                    centers[j, 0] - centers[i, 0],
-                    centers[j, 1] - centers[i, 1],
-                    centers[j, 2] - centers[i, 2],
-                )
-            some, u = direction(kinds, poses, i, j, u)
-            held, along = -np.inf, moved
-            if some:
-                held = gap(kinds, sizes, columns, starts, poses, i, j, u)
-                along = min(moved, moved_along(moves, j, after, radii[j], half, u) + lost)
-            lower = held - along
-            settled = lower > apart and lower >= enough
-            by_halving = moved > _HOPELESS or held - need > _HALVES * along
-            if not settled and (moved <= _WORTH or not by_halving):
-                axis[0], axis[1], axis[2] = -u[0], -u[1], -u[2]
-                place_row(rows, i, model.rows, w.frames, joints[i])
-                place_row(rows, j, model.rows, w.frames, joints[j])
-                _, _, upper = separation(
-                    rows, i, rows, j, model.corners, model.tables, -np.inf, need + moved, STILL,
-                    axis, room,
-                )  # fmt: skip
-                nearest[own] = min(nearest[own], upper)
-                some, u = direction(kinds, poses, i, j, (-axis[0], -axis[1], -axis[2]))
+    for entry in range(first, last):
+        stack[0, 0], stack[0, 1], top = entries[entry, 0], entries[entry, 1], 1
+        while top > 0:
+            top -= 1
+            i, j = stack[top, 0], stack[top, 1]
+            own = OWN if i < moving else OBSTACLE
+            if own == OBSTACLE and parts[i] >= 0 and skipped[parts[j], parts[i]]:
+                continue
+            for k in (i, j):
+                if stamps[k] != visit and (joints[k] >= 0 or stamps[k] < 0):
+                    stamps[k] = visit
+                    place(joints[k], k, w.frames, model.poses, model.centers, poses, centers)
+                    if k < moving:
+                        sway(
+                            types, w.frames, centers, k, radii[k], joints[k], w.joints, half, moves
+                        )
+            apart = margins[i] + margin if own == OBSTACLE else 0.0
+            after = joints[i] + 1
+            lost = rounding(types.shape[0], chain_reach + extents[i] + extents[j])
+            moved = moves[j, after, MOVED] + lost
+            holds = below[i + 1] - below[i] + below[j + 1] - below[j] > 0
+            enough = _enough(nearest[own], sharp, holds and kinds[i] >= 0 and kinds[j] >= 0)
+            need = max(apart, enough)
+            lower = roughly(centers, radii, boxes, poses, i, j, need + moved) - moved
+            upper = np.inf
+            u = (0.0, 0.0, 0.0)
+            if kinds[i] >= 0 and kinds[j] >= 0 and not (lower > apart and lower >= enough):
+                if i == entries[entry, 0] and j == entries[entry, 1]:
+                    u = (given[entry, 0], given[entry, 1], given[entry, 2])
+                if u[0] == 0.0 and u[1] == 0.0 and u[2] == 0.0:
+                    u = (
+                        centers[j, 0] - centers[i, 0],
+                        centers[j, 1] - centers[i, 1],
+                        centers[j, 2] - centers[i, 2],
+                    )
+                some, u = direction(kinds, poses, i, j, u)
+                held, along = -np.inf, moved
                 if some:
                     held = gap(kinds, sizes, columns, starts, poses, i, j, u)
                     along = min(moved, moved_along(moves, j, after, radii[j], half, u) + lost)
-                    lower = held - along
-                moved = along
-            axes[pair, 0], axes[pair, 1], axes[pair, 2] = u
-            enough = min(_ENOUGH, _SHARP * nearest[own]) if sharp else -np.inf
-        if lower > apart and (lower >= enough or moved < RESOLUTION):
-            if lower < clearance[own]:
-                clearance[own], closest[own] = lower, pair
-            continue
-        bounds[pair] = moved
-        if moved < RESOLUTION or depth == MAX_DEPTH or upper <= apart:
-            w.asked[asked] = pair
-            asked += 1
-        else:
-            active[depth + 1, kept] = pair
-            kept += 1
+                lower = held - along
+                settled = lower > apart and lower >= enough
+                by_halving = moved > _HOPELESS or held - need > _HALVES * along
+                if not settled and (moved <= _WORTH or not by_halving):
+                    axis[0], axis[1], axis[2] = -u[0], -u[1], -u[2]
+                    _row(model, rows, 0, i, poses, centers)
+                    _row(model, rows, 1, j, poses, centers)
+                    _, _, upper = separation(
+                        rows, 0, rows, 1, model.corners, model.tables, -np.inf, need + moved,
+                        STILL, axis, room,
+                    )  # fmt: skip
+                    some, u = direction(kinds, poses, i, j, (-axis[0], -axis[1], -axis[2]))
+                    if some:
+                        held = gap(kinds, sizes, columns, starts, poses, i, j, u)
+                        along = min(moved, moved_along(moves, j, after, radii[j], half, u) + lost)
+                        lower = held - along
+                    moved = along
+                    if not holds:
+                        nearest[own] = min(nearest[own], upper)
+                        enough = _enough(nearest[own], sharp, False)
+            if lower > apart and (lower >= enough or (moved < RESOLUTION and not holds)):
+                if lower < clearance[own]:
+                    clearance[own], closest[own, 0], closest[own, 1] = lower, i, j
+                continue
+            if holds:
+                # What holds others is opened once it hardly moves, the larger one of two.
+                side = 0
+                if below[i + 1] == below[i] or (below[j + 1] > below[j] and radii[j] > radii[i]):
+                    side = 1
+                opened = j if side == 1 else i
+                if moved <= radii[opened] or moved < RESOLUTION or depth == MAX_DEPTH:
+                    for kid in range(below[opened], below[opened + 1]):
+                        stack[top, 0], stack[top, 1] = i, j
+                        stack[top, side] = kids[kid]
+                        top += 1
+                    continue
+            if last + kept + asked >= entries.shape[0]:
+                return False
+            if not holds and (moved < RESOLUTION or depth == MAX_DEPTH or upper <= apart):
+                w.asked[asked, 0], w.asked[asked, 1], w.bounds[asked] = i, j, moved
+                asked += 1
+            else:
+                entries[last + kept, 0], entries[last + kept, 1] = i, j
+                given[last + kept, 0], given[last + kept, 1], given[last + kept, 2] = u
+                kept += 1
     counters[KEPT], counters[ASKED] = kept, asked
+    return True
+
+
+@kernel
+def _enough(nearest: float, sharp: bool, cover: bool) -> float:
+    """Clearance beyond which a sharper bound would tell nothing [m]."""
+    if not sharp:
+        return -np.inf
+    return float(min(_COVERED if cover else _ENOUGH, _SHARP * nearest))
+
+
+@kernel
+def _row(model: PairArrays, rows: Array, k: int, i: int, poses: Array, centers: Array) -> None:
+    """Write element i, placed, as row k for the planner's distance iteration."""
+    given = model.row[i]
+    for column in range(WIDTH):
+        rows[k, column] = model.rows[given, column]
+    if model.first[i] >= 0:
+        rows[k, KIND], rows[k, ROUNDING] = POLYTOPE, 0.0
+        rows[k, START], rows[k, STOP] = model.first[i], model.first[i] + 3
+    for row in range(3):
+        rows[k, CENTER + row] = centers[i, row]
+        for column in range(4):
+            rows[k, POSE + 4 * row + column] = poses[i, row, column]
 
 
 @kernel
@@ -328,9 +410,9 @@ def roughly(
 
 
 @kernel
-def settle(w: Walk, own: int, pair: int, clearance: float) -> bool:
+def settle(w: Walk, own: int, i: int, j: int, clearance: float) -> bool:
     """Note what was proved of a pair on a cell."""
     if clearance < w.clearance[own]:
         w.clearance[own] = clearance
-        w.closest[own] = pair
+        w.closest[own, 0], w.closest[own, 1] = i, j
     return True

@@ -113,7 +113,7 @@ def test_layers_stand_in_order() -> None:
         "kinematics",
     ]
     forbidden = {name for c in contracts.values() for name in c.get("forbidden_modules", ())}
-    assert forbidden >= {"fcl", "ompl", "toppra", "ruckig", "trimesh", "coacd", "casadi", "numba"}
+    assert forbidden >= {"fcl", "ompl", "toppra", "ruckig", "trimesh", "casadi", "numba"}
     assert forbidden >= {"fastapi", "pydantic", "uvicorn", "defusedxml", "xml"}
 
 

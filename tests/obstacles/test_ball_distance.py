@@ -37,7 +37,7 @@ def test_balls_outside_are_as_far_as_fcl_says(kind: str) -> None:
     apart = 0
     for _ in range(150):
         piece, _ = random_solid(random, kind, random_transform(random, 0.3))
-        rows, corners, tables = PieceSet.of([piece])
+        rows, corners, tables, _ = PieceSet.of([piece])
         assert closed_form(rows, 0)
         p, radius = random.normal(size=3) * 0.6, random.uniform(0.01, 0.2)
         ours = distance_from(rows, 0, corners, tables, *p) - radius
@@ -57,7 +57,7 @@ def test_signed_distances_inside_and_outside(kind: str) -> None:
     inside = 0
     for _ in range(40):
         piece, _ = random_solid(random, kind, random_transform(random, 0.1))
-        rows, corners, tables = PieceSet.of([piece])
+        rows, corners, tables, _ = PieceSet.of([piece])
         p = random.normal(size=3) * 0.2
         ours = distance_from(rows, 0, corners, tables, *p)
         point = Piece(PieceKind.POLYTOPE, np.eye(4), p[None], rounding=0.0)
@@ -75,7 +75,7 @@ def test_halfspaces_and_rounded_polytopes() -> None:
     for _ in range(50):
         T = random_transform(random)
         wall, p = Piece(PieceKind.HALFSPACE, T, NO_VERTICES), random.normal(size=3)
-        rows, corners, tables = PieceSet.of([wall])
+        rows, corners, tables, _ = PieceSet.of([wall])
         expected = float(T[:3, 2] @ (p - T[:3, 3]))
         assert distance_from(rows, 0, corners, tables, *p) == pytest.approx(expected)
         corners_of = random.normal(size=(6, 3)) * 0.2

@@ -85,11 +85,13 @@ def test_unmerged_and_turned_triangles_do_not_matter() -> None:
     assert convex_hull(part.vertices).volume == pytest.approx(body.volume)
 
 
-def test_a_fine_convex_mesh_is_thinned_and_grown_to_hold_it() -> None:
+def test_a_fine_convex_mesh_is_covered_and_keeps_its_triangles() -> None:
     body = trimesh.creation.icosphere(4)
     (part,) = pieces_of(body)
     assert len(part.vertices) <= 192
-    assert 0.0 < part.rounding < 0.05
+    assert part.rounding < 0.05
+    assert len(part.triangles) == len(body.faces)
+    assert part.filled
     for point in np.array(body.vertices)[::40]:
         assert outside_of(point, part) <= 1e-7
 
@@ -112,6 +114,97 @@ def test_pieces_cover_a_mesh_that_is_not_convex_and_little_more() -> None:
     assert min(outside_of(np.array([0.5, 0.5, 0.1]), part) for part in parts) > 0.25
     assert sum(convex_hull(part.vertices).volume for part in parts) < 1.15 * body.volume
     assert max(part.rounding for part in parts) < 5e-3
+
+
+def ring() -> trimesh.Trimesh:
+    return trimesh.creation.torus(0.5, 0.1, major_sections=32, minor_sections=16)
+
+
+def room() -> trimesh.Trimesh:
+    """A box with walls: its inner side is turned inside out."""
+    inner = trimesh.creation.box([1.8, 1.8, 1.8])
+    inner.invert()
+    joined = trimesh.util.concatenate([trimesh.creation.box([2.0, 2.0, 2.0]), inner])
+    assert isinstance(joined, trimesh.Trimesh)
+    return joined
+
+
+def spiky(seed: int) -> trimesh.Trimesh:
+    """A ball with random bumps and dents."""
+    body = trimesh.creation.icosphere(2)
+    random = np.random.default_rng(seed)
+    body.vertices *= random.uniform(0.4, 1.0, (len(body.vertices), 1))
+    return body
+
+
+def lower_half(body: trimesh.Trimesh) -> trimesh.Trimesh:
+    """The triangles below z = 0: a surface with an edge."""
+    heights = np.array(body.triangles)[:, :, 2]
+    return trimesh.Trimesh(body.vertices, np.array(body.faces)[heights.max(axis=1) <= 1e-9])
+
+
+def windings(points: Array, triangles: Array) -> Array:
+    """Solid angles over 4 pi, by numpy."""
+    a, b, c = (triangles[None, :, k] - points[:, None] for k in range(3))
+    la, lb, lc = (np.linalg.norm(v, axis=2) for v in (a, b, c))
+    volume = np.einsum("mfk,mfk->mf", a, np.cross(b, c))
+    flat = la * lb * lc + (a * b).sum(2) * lc + (b * c).sum(2) * la + (c * a).sum(2) * lb
+    return np.asarray(np.arctan2(volume, flat).sum(axis=1) / (2.0 * np.pi))
+
+
+@pytest.mark.parametrize("body", [ell(), ring(), room(), spiky(0), spiky(1), table()])
+def test_what_a_mesh_encloses_is_covered_and_its_triangles_are_all_there(
+    body: trimesh.Trimesh,
+) -> None:
+    parts = pieces_of(body)
+    random = np.random.default_rng(3)
+    low, high = np.array(body.bounds)
+    points = random.uniform(low, high, (400, 3))
+    inside = points[np.abs(windings(points, np.array(body.triangles))) > 0.5][:120]
+    assert len(inside) > 10
+    assert max(min(outside_of(p, part) for part in parts) for p in inside) <= 1e-6
+    kept = [part.triangles for part in parts if len(part.triangles)]
+    for part in parts:
+        for corner in part.triangles.reshape(-1, 3)[::29]:
+            assert outside_of(corner, part) <= 1e-6
+    if kept:
+        areas = [np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]) for t in kept]
+        total = sum(0.5 * np.linalg.norm(area, axis=1).sum() for area in areas)
+        assert total == pytest.approx(body.area)
+        np.testing.assert_allclose(
+            windings(points[:100], np.vstack(kept)),
+            windings(points[:100], np.array(body.triangles)), atol=1e-6,
+        )  # fmt: skip
+
+
+def test_a_ring_is_cut_open() -> None:
+    body = ring()
+    parts = pieces_of(body)
+    assert sum(convex_hull(part.vertices).volume for part in parts) < 1.4 * body.volume
+    assert min(outside_of(np.zeros(3), part) for part in parts) > 0.1
+
+
+@pytest.mark.parametrize(("body", "filled"), [
+    (ring(), True),
+    (room(), True),
+    (lower_half(trimesh.creation.icosphere(3)), False),
+    (trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 1, 2], [0, 1, 3]]), False),
+])  # fmt: skip
+def test_only_what_is_closed_is_filled(body: trimesh.Trimesh, filled: bool) -> None:
+    assert [part.filled for part in pieces_of(body)] == [filled] * len(pieces_of(body))
+
+
+def test_turned_triangles_of_a_body_that_is_not_convex_do_not_matter() -> None:
+    body = ell()
+    random = np.random.default_rng(0)
+    soup = np.array(body.triangles)
+    soup[::2] = soup[::2, ::-1]
+    soup = random.permutation(soup).reshape(-1, 3)
+    parts = convex_pieces(soup, np.arange(len(soup)).reshape(-1, 3))
+    assert all(part.filled for part in parts)
+    triangles = np.vstack([part.triangles for part in parts])
+    points = np.array([[0.5, 0.1, 0.1], [0.1, 0.5, 0.1], [0.5, 0.5, 0.1]])
+    np.testing.assert_allclose(np.abs(windings(points, triangles)), [1.0, 1.0, 0.0], atol=1e-9)
 
 
 def test_the_same_mesh_gives_the_same_pieces() -> None:

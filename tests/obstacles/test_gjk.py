@@ -23,7 +23,7 @@ from tests.obstacles.solids import (
 def compare(
     a: Piece, b: Piece, near: float = -np.inf, far: float = np.inf, axis: Array | None = None
 ) -> tuple[int, float, float]:
-    rows, corners, tables = PieceSet.of([a, b])
+    rows, corners, tables, _ = PieceSet.of([a, b])
     towards = rows[0, CENTER : CENTER + 3] - rows[1, CENTER : CENTER + 3]
     if axis is not None:
         towards = np.array(axis)

@@ -10,7 +10,7 @@ import trimesh
 from kinematics.chain import Array
 from kinematics.errors import InvalidScene
 from obstacles import mesh as mesh_module
-from obstacles.mesh import FILE_TYPES, checked_mesh, cut, load_mesh, scaled
+from obstacles.mesh import FILE_TYPES, checked_mesh, load_mesh, scaled
 
 
 def exported(body: trimesh.Trimesh, file_type: str) -> bytes:
@@ -121,9 +121,3 @@ def test_refuses_a_scale(scale: tuple[float, ...]) -> None:
     body = trimesh.creation.box([1.0, 1.0, 1.0])
     with pytest.raises(InvalidScene, match="scale"):
         scaled(*checked_mesh(body.vertices, body.faces), scale)
-
-
-def test_a_flat_mesh_is_not_cut() -> None:
-    flat = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
-    (part,) = cut(flat, np.array([[0, 1, 2]]))
-    np.testing.assert_array_equal(part, flat)

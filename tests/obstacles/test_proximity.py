@@ -20,7 +20,7 @@ from tests.obstacles.test_motion import builtin, clutter
 
 
 def found(a: Piece, b: Piece) -> tuple[float, Array, Array]:
-    rows, corners, tables = PieceSet.of([a, b])
+    rows, corners, tables, _ = PieceSet.of([a, b])
     axis = rows[0, CENTER : CENTER + 3] - rows[1, CENTER : CENTER + 3]
     distance, normal, point = contact(rows, 0, rows, 1, corners, tables, axis)
     return distance, np.array(normal), np.array(point)

@@ -44,10 +44,7 @@ def slide(*pieces: Piece) -> RobotGeometry:
         np.zeros(1, dtype=bool),
     )  # fmt: skip
     back = np.linalg.inv(along_x)
-    own = tuple(
-        Piece(p.kind, back @ p.T_owner_piece, p.vertices, p.radius, p.half_height, p.rounding)
-        for p in pieces
-    )
+    own = tuple(p.placed(back) for p in pieces)
     numbers = np.arange(len(own))
     return RobotGeometry(chain, own, ("car",) * len(own), 0 * numbers, numbers, {})
 

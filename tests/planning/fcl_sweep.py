@@ -81,7 +81,7 @@ class _Moved:
     def __init__(self, world: World, q: Array, delta: Array) -> None:
         robot = world.robot
         self._world, self._delta = world, delta
-        self._joints = np.append(robot.joints, np.full(len(world._pieces) - len(robot.pieces), -1))
+        self._joints = np.append(robot.joints, np.full(len(world._arrays) - len(robot.pieces), -1))
         self._frames = joint_frames(robot.chain, q)
         self._known: dict[tuple[int, int], float] = {}
 
