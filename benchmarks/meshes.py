@@ -1,10 +1,11 @@
 """Robots whose links are not convex, against their very meshes: ``python -m benchmarks.meshes``.
 
 A UR5 with the collision meshes of the package example-robot-data is put into configurations that
-nearly touch something, in shelves and on tables of our own and among the obstacles of
-MotionBenchMaker's problems where a folder of them is named. What Armwright says is compared with FCL's answer on the triangles themselves: a configuration
-that is free by its triangles and refused by Armwright is a false collision; one that collides by
-its triangles and is taken is a miss. How it would be with one hull a link is counted too.
+nearly touch something or just collide, in shelves and on tables of our own and among the obstacles
+of MotionBenchMaker's problems where a folder of them is named. What Armwright says is compared with
+FCL's answer on the triangles themselves: a configuration that is free by its triangles and refused
+by Armwright is a false collision; one that collides by its triangles and is taken is a miss. How it
+would be with one hull a link is counted too.
 """
 
 import argparse
