@@ -4,6 +4,7 @@ import hashlib
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field, fields
+from itertools import groupby
 from typing import TypeAlias
 
 import numpy as np
@@ -70,6 +71,12 @@ class Obstacle:
     def is_mesh(self) -> bool:
         """Whether it is made of triangles."""
         return isinstance(self.shape, Mesh)
+
+    @property
+    def count(self) -> int:
+        """How many pieces it has."""
+        shape = self.shape
+        return len(shape.points) if isinstance(shape, PointCloud) else len(self.pieces())
 
     def packed(self) -> PieceArrays:
         """The same, packed; a point cloud without a piece for each of its points."""
@@ -166,12 +173,22 @@ class Scene:
         return self._packed
 
     def _pack(self) -> Packed:
-        blocks = [obstacle.packed() for obstacle in self.obstacles] or [PieceArrays.pack(())]
-        counts = [len(block) for block in blocks] if self.obstacles else []
+        # Those that are no clouds together: a call for each of many small ones costs the most.
+        blocks: list[PieceArrays] = []
+        for cloud, run in groupby(self.obstacles, lambda o: isinstance(o.shape, PointCloud)):
+            if cloud:
+                blocks += [obstacle.packed() for obstacle in run]
+            else:
+                blocks.append(PieceArrays.pack([p for o in run for p in o.pieces()]))
+        counts = [obstacle.count for obstacle in self.obstacles]
         index = np.repeat(np.arange(len(counts), dtype=np.int64), counts)
         index.setflags(write=False)
         all_margins = np.array([o.margin for o in self.obstacles], dtype=np.float64)
-        return PieceArrays.joined(blocks), index, frozen(all_margins[index])
+        return (
+            PieceArrays.joined(blocks or [PieceArrays.pack(())]),
+            index,
+            frozen(all_margins[index]),
+        )
 
     def piece(self, k: int) -> Piece:
         """Piece ``k`` of those that ``pieces`` packs, in the robot's base frame."""

@@ -160,14 +160,17 @@ def _arrays(robot: RobotGeometry, scene: Scene) -> PairArrays:
     packed, p = together(robot, scene), len(robot.pieces)
     still, owners, margins = scene.pieces()
     nodes = int(packed.rows[p:, NODE_STOP].max(initial=0.0))
-    own = _solids(robot.arrays, packed, slice(0, p), slice(nodes, None), 0)
-    own = own._replace(parts=np.arange(p)[own.row], margins=np.zeros(len(own.kinds)))
+    own, own_extents, corners = _own(robot)
+    # The scene's corners come first in what is packed.
+    ahead = len(packed.corners) - corners
+    own = own._replace(first=np.where(own.first >= 0, own.first + ahead, -1))
     moving = len(own.kinds)
     around = _solids(still, packed, slice(p, None), slice(0, nodes), moving)
     placed = around.row - p
     around = around._replace(parts=owners[placed], margins=margins[placed])
     boxed = _tree(still, margins, moving, moving + len(around.kinds))
-    everything = own.then(around).then(boxed)
+    rest = around.then(boxed)
+    everything = own.then(rest)
     joints = np.full(len(everything.kinds), -1, dtype=np.int64)
     joints[:moving] = robot.joints[own.parts]
     skipped = _skipped(robot, scene)
@@ -189,7 +192,7 @@ def _arrays(robot: RobotGeometry, scene: Scene) -> PairArrays:
         centers=everything.centers,
         radii=everything.radii,
         boxes=everything.boxes,
-        extents=_extents(everything),
+        extents=np.concatenate([own_extents, _extents(rest)]),
         below=_starts(everything.kid_counts),
         kids=everything.kids,
         parts=everything.parts,
@@ -200,6 +203,15 @@ def _arrays(robot: RobotGeometry, scene: Scene) -> PairArrays:
         corners=packed.corners,
         tables=packed.tables,
     )
+
+
+@lru_cache(maxsize=8)
+def _own(robot: RobotGeometry) -> tuple[_Elements, Array, int]:
+    """The robot's elements alone, their extents, and how many corners are packed with them."""
+    packed = together(robot, Scene(()))
+    own = _solids(robot.arrays, packed, slice(None), slice(None), 0)
+    own = own._replace(parts=own.row, margins=np.zeros(len(own.kinds)))
+    return own, _extents(own), len(packed.corners)
 
 
 def _starts(counts: Indices) -> Indices:

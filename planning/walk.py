@@ -42,8 +42,12 @@ RESOLUTION = 1e-7
 #: The clearance told is at least this share of the true one, where that is less than _ENOUGH [m].
 _SHARP = 0.8
 _ENOUGH = 0.05
-#: Where the cover of a part of a mesh keeps this much [m], its triangles are not asked for more.
-_COVERED = 0.005
+#: Where the covers of parts of meshes are so far apart [m], that is told for the parts' distance.
+_COVERED = 0.001
+#: Covers are opened when they move less than this [m], and are not parted by this share of what
+#: they move: before, halving time parts them sooner than a look at all that they cover.
+_OPENED = 0.01
+_PARTED = 0.02
 #: Pairs there is room for at first, and elements that wait while those below one are looked at: two
 #: trees, each halved at every step, and one sibling for each.
 _ENTRIES, _WAITING = 512, 256
@@ -297,10 +301,10 @@ def look(
             lost = rounding(types.shape[0], chain_reach + extents[i] + extents[j])
             moved = moves[j, after, MOVED] + lost
             holds = below[i + 1] - below[i] + below[j + 1] - below[j] > 0
-            enough = _enough(nearest[own], sharp, holds and kinds[i] >= 0 and kinds[j] >= 0)
+            enough = _enough(nearest[own], sharp)
             need = max(apart, enough)
             lower = roughly(centers, radii, boxes, poses, i, j, need + moved) - moved
-            upper = np.inf
+            upper, parted = np.inf, False
             u = (0.0, 0.0, 0.0)
             if kinds[i] >= 0 and kinds[j] >= 0 and not (lower > apart and lower >= enough):
                 if i == entries[entry, 0] and j == entries[entry, 1]:
@@ -333,9 +337,10 @@ def look(
                         along = min(moved, moved_along(moves, j, after, radii[j], half, u) + lost)
                         lower = held - along
                     moved = along
-                    if not holds:
+                    if not holds or upper > _COVERED:
                         nearest[own] = min(nearest[own], upper)
-                        enough = _enough(nearest[own], sharp, False)
+                        enough = _enough(nearest[own], sharp)
+                parted = held - max(apart, enough) > _PARTED * moved
             if lower > apart and (lower >= enough or (moved < RESOLUTION and not holds)):
                 if lower < clearance[own]:
                     clearance[own], closest[own, 0], closest[own, 1] = lower, i, j
@@ -346,7 +351,8 @@ def look(
                 if below[i + 1] == below[i] or (below[j + 1] > below[j] and radii[j] > radii[i]):
                     side = 1
                 opened = j if side == 1 else i
-                if moved <= radii[opened] or moved < RESOLUTION or depth == MAX_DEPTH:
+                still = _OPENED if kinds[opened] >= 0 else radii[opened]
+                if (moved <= still and not parted) or moved < RESOLUTION or depth == MAX_DEPTH:
                     for kid in range(below[opened], below[opened + 1]):
                         stack[top, 0], stack[top, 1] = i, j
                         stack[top, side] = kids[kid]
@@ -366,11 +372,11 @@ def look(
 
 
 @kernel
-def _enough(nearest: float, sharp: bool, cover: bool) -> float:
+def _enough(nearest: float, sharp: bool) -> float:
     """Clearance beyond which a sharper bound would tell nothing [m]."""
     if not sharp:
         return -np.inf
-    return float(min(_COVERED if cover else _ENOUGH, _SHARP * nearest))
+    return float(min(_ENOUGH, _SHARP * nearest))
 
 
 @kernel
