@@ -3,7 +3,8 @@
 For a closed convex solid O and a point p outside there is exactly one nearest point pi(p) in O, and
 p - pi(p) is orthogonal to O's boundary there. Inside, pi(p) is taken to be the nearest point of the
 boundary, and the distance is negative. Everything is computed in closed form: to 1e-9 m on
-primitives and hulls alike.
+primitives and hulls alike. On a mesh that is not convex pi(p) is a nearest point of its triangles
+(there may be several), and inside is what they enclose.
 """
 
 from collections.abc import Sequence
@@ -27,6 +28,8 @@ from obstacles.nearest import (
 )
 from obstacles.piece import Piece, PieceKind
 from obstacles.scene import Obstacle, Scene
+from obstacles.shapes import PointCloud
+from obstacles.winding import winding_numbers
 
 _HULL = int(PieceKind.POLYTOPE)
 _CYLINDER = int(PieceKind.CYLINDER)
@@ -36,6 +39,8 @@ _HALFSPACE = int(PieceKind.HALFSPACE)
 _BOX = 4
 #: Distances from a core below this part of its size leave no direction to round it along.
 _ON_CORE = 1e-14
+#: Winding number beyond which a point is inside.
+_INSIDE = 0.5
 
 
 class ProjectionArrays(NamedTuple):
@@ -54,6 +59,9 @@ class ProjectionArrays(NamedTuple):
         planes: Of all hulls, shape (f, 4).
         triangle_starts: Shape (p + 1,).
         owners: Index of the obstacle of each piece, in ascending order, shape (p,).
+        enclosing: First of the pieces whose triangles together enclose an obstacle's inside, and
+            one behind the last; equal where there are none; shape (o, 2).
+        around: Centre and radius of a ball about these in the world, shape (o, 4).
     """
 
     kinds: NDArray[np.int64]
@@ -68,6 +76,8 @@ class ProjectionArrays(NamedTuple):
     planes: Array
     triangle_starts: NDArray[np.int64]
     owners: NDArray[np.int64]
+    enclosing: NDArray[np.int64]
+    around: Array
 
 
 class Projector:
@@ -80,14 +90,14 @@ class Projector:
     def __init__(self, obstacles: Scene | Sequence[Obstacle]) -> None:
         found = obstacles.obstacles if isinstance(obstacles, Scene) else tuple(obstacles)
         self.ids = tuple(obstacle.id for obstacle in found)
-        self.arrays = _pack([obstacle.pieces() for obstacle in found])
+        self.arrays = _pack(found)
 
     def __call__(self, points: ArrayLike) -> tuple[Array, Array]:
         """Project ``points`` onto every obstacle.
 
-        A union of several pieces (a mesh, a point cloud) is answered by the piece of the smallest
-        signed distance. Outside of all of them that is exact; inside, the distance is a bound:
-        the way out of the union is at least as long as out of the piece the point is deepest in.
+        A union of several solids (a point cloud, a mesh of several bodies) is answered by the one
+        of the smallest signed distance. Outside of all of them that is exact; inside, the distance
+        is a bound: the way out of the union is at least as long as out of that one.
 
         Args:
             points: Shape (m, 3) [m].
@@ -133,7 +143,10 @@ def project_kernel(
             x, y, z = p[0] - ball[0], p[1] - ball[1], p[2] - ball[2]
             # Outside of the ball, the piece is at least as far as it; inside it may be anything.
             least = np.sqrt(x * x + y * y + z * z) - ball[3]
-            if least >= max(distance[m, owner], 0.0) or least > within[m]:
+            if least >= max(distance[m, owner], 0.0):
+                continue
+            # From deep inside of a mesh its triangles may all be far away.
+            if least > within[m] and not _holds(arrays.around[owner], p):
                 continue
             nearest = _on_piece(arrays, i, p)
             if nearest[3] < distance[m, owner]:
@@ -141,18 +154,46 @@ def project_kernel(
                 projection[m, owner, 1] = nearest[1]
                 projection[m, owner, 2] = nearest[2]
                 distance[m, owner] = nearest[3]
+        for owner in range(distance.shape[1]):
+            outside = distance[m, owner] > 0.0 and _holds(arrays.around[owner], p)
+            if outside and _winding(arrays, owner, p) > _INSIDE:
+                distance[m, owner] = -distance[m, owner]
+
+
+@kernel
+def _holds(ball: Array, p: Vector) -> bool:
+    x, y, z = p[0] - ball[0], p[1] - ball[1], p[2] - ball[2]
+    return bool(x * x + y * y + z * z <= ball[3] * ball[3])
+
+
+@kernel
+def _winding(arrays: ProjectionArrays, owner: int, p: Vector) -> float:
+    """How often the triangles that enclose an obstacle wind around p."""
+    total, number, point = 0.0, np.empty(1), np.empty((1, 3))
+    for i in range(arrays.enclosing[owner, 0], arrays.enclosing[owner, 1]):
+        point[0, 0], point[0, 1], point[0, 2] = _to_local(arrays.poses[i], p)
+        corners = arrays.corners[arrays.corner_starts[i] : arrays.corner_starts[i + 1]]
+        faces = arrays.triangles[arrays.triangle_starts[i] : arrays.triangle_starts[i + 1]]
+        winding_numbers(point, corners, faces, number)
+        total += number[0]
+    return total
+
+
+@kernel
+def _to_local(T: Array, p: Vector) -> Vector:
+    x, y, z = p[0] - T[0, 3], p[1] - T[1, 3], p[2] - T[2, 3]
+    return (
+        T[0, 0] * x + T[1, 0] * y + T[2, 0] * z,
+        T[0, 1] * x + T[1, 1] * y + T[2, 1] * z,
+        T[0, 2] * x + T[1, 2] * y + T[2, 2] * z,
+    )
 
 
 @kernel
 def _on_piece(arrays: ProjectionArrays, i: int, p: Vector) -> Nearest:
     """Nearest point of the boundary of piece i, in the world."""
     T = arrays.poses[i]
-    x, y, z = p[0] - T[0, 3], p[1] - T[1, 3], p[2] - T[2, 3]
-    local = (
-        T[0, 0] * x + T[1, 0] * y + T[2, 0] * z,
-        T[0, 1] * x + T[1, 1] * y + T[2, 1] * z,
-        T[0, 2] * x + T[1, 2] * y + T[2, 2] * z,
-    )
+    local = _to_local(T, p)
     size = arrays.sizes[i]
     kind = arrays.kinds[i]
     q = (0.0, 0.0, 0.0, 0.0)
@@ -212,21 +253,111 @@ def _points(points: ArrayLike) -> Array:
     return array
 
 
-def _pack(obstacles: Sequence[Sequence[Piece]]) -> ProjectionArrays:
-    pieces = [piece for own in obstacles for piece in own]
+class _Block(NamedTuple):
+    """Pieces of one obstacle: columns as in ``ProjectionArrays``, and how many of them each has."""
+
+    kinds: Indices
+    poses: Array
+    sizes: Array
+    balls: Array
+    across: Array
+    solid: NDArray[np.bool_]
+    corners: Array
+    corner_counts: Indices
+    triangles: Indices
+    planes: Array
+    triangle_counts: Indices
+
+
+def _pack(obstacles: Sequence[Obstacle]) -> ProjectionArrays:
+    found = [_block(obstacle) for obstacle in obstacles]
+    counts = [len(block.kinds) for block, _ in found]
+    columns = zip(_EMPTY, *(block for block, _ in found), strict=True)
+    joined = _Block(*map(np.concatenate, columns))
+    first = _indices(np.cumsum([0, *counts]))[:-1]
+    enclosing = [[i, i + filled] for i, (_, filled) in zip(first, found, strict=True)]
+    return ProjectionArrays(
+        kinds=joined.kinds,
+        poses=joined.poses,
+        sizes=joined.sizes,
+        balls=joined.balls,
+        across=joined.across,
+        solid=joined.solid,
+        corners=joined.corners,
+        corner_starts=_indices(np.cumsum([0, *joined.corner_counts])),
+        triangles=joined.triangles,
+        planes=joined.planes,
+        triangle_starts=_indices(np.cumsum([0, *joined.triangle_counts])),
+        owners=np.repeat(np.arange(len(counts)), counts),
+        enclosing=_indices(enclosing).reshape(-1, 2),
+        around=frozen([_around(block.balls[:filled]) for block, filled in found]).reshape(-1, 4),
+    )
+
+
+def _around(balls: Array) -> Array:
+    """A ball about others (k, 4), a point where there are none; shape (4,)."""
+    if not len(balls):
+        return np.zeros(4)
+    center = balls[:, :3].mean(axis=0)
+    reach = np.linalg.norm(balls[:, :3] - center, axis=1) + balls[:, 3]
+    return np.array([*center, reach.max()])
+
+
+def _block(obstacle: Obstacle) -> tuple[_Block, int]:
+    """An obstacle's pieces; the triangles of so many, the first, enclose its inside."""
+    if isinstance(obstacle.shape, PointCloud):
+        return _cloud(obstacle.shape, obstacle.T_world_obstacle), 0
+    pieces = obstacle.pieces()
+    filled = tuple(piece for piece in pieces if piece.surface and piece.surface.count)
+    if filled:
+        rest = (piece for piece in pieces if piece not in filled)
+        pieces = (*filled, *(piece for piece in rest if not _within(piece, filled)))
+    return _solids(pieces), len(filled)
+
+
+def _within(piece: Piece, filled: Sequence[Piece]) -> bool:
+    """Whether a solid is what the triangles of others of the same mesh enclose."""
+    if piece.surface is not None:
+        return False
+    corners = np.vstack([p.surface.triangles.reshape(-1, 3) for p in filled if p.surface])
+    number, faces = np.empty(1), np.arange(len(corners)).reshape(-1, 3)
+    winding_numbers(piece.vertices.mean(axis=0)[None], corners, faces, number)
+    return bool(number[0] > _INSIDE)
+
+
+def _cloud(cloud: PointCloud, T: Array) -> _Block:
+    """A rounded point each, without a ``Piece`` for it."""
+    p, points = len(cloud.points), cloud.points
+    one = np.ones(p, dtype=np.int64)
+    balls = np.column_stack([points @ T[:3, :3].T + T[:3, 3], np.full(p, cloud.radius)])
+    return _Block(
+        kinds=one * _HULL,
+        poses=np.tile(T, (p, 1, 1)),
+        sizes=np.tile([0.0, 0.0, cloud.radius, 0.0], (p, 1)),
+        balls=balls,
+        across=np.tile([1.0, 0.0, 0.0], (p, 1)),
+        solid=np.zeros(p, dtype=np.bool_),
+        corners=points,
+        corner_counts=one,
+        triangles=np.zeros((p, 3), dtype=np.int64),
+        planes=np.zeros((p, 4)),
+        triangle_counts=one,
+    )
+
+
+def _solids(pieces: Sequence[Piece]) -> _Block:
     p = len(pieces)
-    half = [piece.box_half_sizes() for piece in pieces]
+    half = [None if piece.surface else piece.box_half_sizes() for piece in pieces]
     hulls = [_core(piece) if h is None else _NO_HULL for piece, h in zip(pieces, half, strict=True)]
     kinds = [int(piece.kind) if h is None else _BOX for piece, h in zip(pieces, half, strict=True)]
     sizes = [
-        (piece.radius, piece.half_height, piece.rounding, 0.0)
+        (piece.radius, piece.half_height, 0.0 if piece.surface else piece.rounding, 0.0)
         if h is None
         else (h[0], h[1], 0.0, h[2])
         for piece, h in zip(pieces, half, strict=True)
     ]
     balls = [piece.bounding_sphere() for piece in pieces]
-    owners = [i for i, own in enumerate(obstacles) for _ in own]
-    return ProjectionArrays(
+    return _Block(
         kinds=_indices(kinds),
         poses=frozen([piece.T_owner_piece for piece in pieces]).reshape(p, 4, 4),
         sizes=frozen(sizes).reshape(p, 4),
@@ -234,11 +365,10 @@ def _pack(obstacles: Sequence[Sequence[Piece]]) -> ProjectionArrays:
         across=frozen([_across(hull) for hull in hulls]).reshape(p, 3),
         solid=np.array([hull.solid for hull in hulls], dtype=np.bool_),
         corners=frozen(np.vstack([np.zeros((0, 3)), *(hull.vertices for hull in hulls)])),
-        corner_starts=_indices(np.cumsum([0] + [len(hull.vertices) for hull in hulls])),
+        corner_counts=_indices([len(hull.vertices) for hull in hulls]),
         triangles=_indices(np.vstack([np.zeros((0, 3)), *(hull.triangles for hull in hulls)])),
         planes=frozen(np.vstack([np.zeros((0, 4)), *(hull.planes for hull in hulls)])),
-        triangle_starts=_indices(np.cumsum([0] + [len(hull.triangles) for hull in hulls])),
-        owners=_indices(owners),
+        triangle_counts=_indices([len(hull.triangles) for hull in hulls]),
     )
 
 
@@ -252,10 +382,14 @@ _NO_HULL = Hull(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64), np.zeros((0,
 def _core(piece: Piece) -> Hull:
     if piece.kind != PieceKind.POLYTOPE:
         return _NO_HULL
-    if len(piece.vertices) == 1:
-        # What a hull of one point is, without the work: point clouds have thousands.
-        return Hull(piece.vertices, np.zeros((1, 3), dtype=np.int64), np.zeros((1, 4)), solid=False)
+    if piece.surface is not None:
+        corners = piece.surface.triangles.reshape(-1, 3)
+        faces = np.arange(len(corners)).reshape(-1, 3)
+        return Hull(corners, faces, np.zeros((len(faces), 4)), solid=False)
     return convex_hull(piece.vertices)
+
+
+_EMPTY = _solids(())
 
 
 def _across(hull: Hull) -> Array:

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+import trimesh
 from scipy.optimize import nnls
 
 from kinematics.chain import Array
@@ -152,6 +153,49 @@ def test_a_cloud_is_answered_by_its_nearest_ball() -> None:
     _, distance = project(points, [Obstacle("a", PointCloud(cloud, 0.05))])
     expected = np.linalg.norm(points[:, None] - cloud[None], axis=2).min(axis=1) - 0.05
     np.testing.assert_allclose(distance[:, 0], expected, atol=EXACT)
+
+
+def ring(points: Array) -> Array:
+    across = np.hypot(points[:, 0], points[:, 1])
+    return np.asarray((across > 0.15) & (across < 0.3) & (np.abs(points[:, 2]) < 0.05))
+
+
+def room(points: Array) -> Array:
+    outer, inner = np.abs(points).max(axis=1) < 0.3, np.abs(points).max(axis=1) < 0.2
+    return np.asarray(outer & ~inner)
+
+
+def walls() -> trimesh.Trimesh:
+    """A box with a hollow inside: its inner surface looks inwards."""
+    inner = trimesh.creation.box([0.4] * 3)
+    inner.invert()
+    return trimesh.util.concatenate([trimesh.creation.box([0.6] * 3), inner])
+
+
+@pytest.mark.parametrize(("body", "inside"), [
+    (trimesh.creation.annulus(0.15, 0.3, 0.1, sections=256), ring),
+    (walls(), room),
+])  # fmt: skip
+def test_hollows_of_meshes_are_not_filled(
+    body: trimesh.Trimesh, inside: Callable[[Array], Array]
+) -> None:
+    random = np.random.default_rng(4)
+    T = random_transform(random)
+    own = random.uniform(-0.35, 0.35, (400, 3))
+    points = own @ T[:3, :3].T + T[:3, 3]
+    obstacle = Obstacle("mesh", Mesh(body.vertices, body.faces), T)
+    pi, distance = project(points, [Obstacle("far", Sphere(0.1), T), obstacle])
+    corners = np.array(body.triangles)
+    closest = [trimesh.triangles.closest_point(corners, np.tile(p, (len(corners), 1))) for p in own]
+    nearest = np.linalg.norm(np.array(closest) - own[:, None], axis=2).min(axis=1)
+    np.testing.assert_allclose(np.abs(distance[:, 1]), nearest, atol=EXACT)
+    np.testing.assert_allclose(
+        np.linalg.norm(points - pi[:, 1], axis=1), np.abs(distance[:, 1]), atol=EXACT
+    )
+    # The ring has 256 sides where the test's is round.
+    clear = np.abs(distance[:, 1]) > 1e-4
+    assert np.array_equal(distance[clear, 1] < 0.0, inside(own)[clear])
+    assert inside(own).sum() > 20
 
 
 def test_a_mesh_is_answered_by_its_nearest_piece() -> None:
