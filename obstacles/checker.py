@@ -93,8 +93,8 @@ class Bracket(NamedTuple):
 
 
 def collision_model(robot: RobotGeometry, scene: Scene, margin: float = 0.0) -> CollisionModel:
-    """``CollisionModel.of``."""
-    return CollisionModel.of(robot, scene, margin)
+    """``CollisionModel``."""
+    return CollisionModel(robot, scene, margin)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,7 +1,7 @@
 """A robot and a scene packed for the kernels; each is prepared once and kept by its content."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import NamedTuple, TypeVar
 
@@ -40,68 +40,52 @@ _T = TypeVar("_T", bound=np.generic)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CollisionModel:
-    """Everything a collision verdict depends on but the configuration.
+    """Everything a collision verdict depends on but the configuration; packed when first asked.
 
-    What stands still with the base can't be planned out of anything and is not compared with
-    obstacles; pairs that the scene or the robot allows are left out.
+    Every link is compared with every obstacle, and the robot's own pairs. What stands still with
+    the base can't be planned out of anything and is not compared with obstacles; pairs that the
+    scene or the robot allows are left out.
 
     Args:
-        chain: The robot's.
-        links: The link each piece of the robot belongs to, p of them.
-        obstacles: Names of the obstacles.
-        arrays: The same, packed.
+        robot: Chain and solids.
+        scene: What stands around.
+        margin: To be kept from obstacles, beyond their own [m]; the robot's own links, which may be
+            built close together, only have to stay apart.
     """
 
-    chain: Chain
-    links: tuple[str, ...]
-    obstacles: tuple[str, ...]
-    arrays: ModelArrays
+    robot: RobotGeometry
+    scene: Scene
+    margin: float = 0.0
+    _arrays: ModelArrays | None = field(default=None, init=False, repr=False)
 
-    @classmethod
-    def of(cls, robot: RobotGeometry, scene: Scene, margin: float = 0.0) -> "CollisionModel":
-        """Pack a robot and a scene: every link against every obstacle, and the robot's own pairs.
+    @property
+    def chain(self) -> Chain:
+        """The robot's."""
+        return self.robot.chain
 
-        ``margin`` [m] is kept from obstacles, beyond their own; the robot's own links, which may
-        be built close together, only have to stay apart.
-        """
-        own, around = _robot_part(robot), _scene_part(scene)
-        skipped = _skipped(robot, scene)
-        self_pairs, grid, groups = _own_pairs(robot, scene.allowed_collisions)
-        bodies, carried = _bodies(robot, own.bodies, skipped)
-        robot_set = own.pieces.behind(around.pieces)
-        arrays = ModelArrays(
-            joint_types=robot.chain.joint_types,
-            offsets=robot.chain.offsets,
-            joints=own.carriers,
-            robot=_readonly(robot_set.rows),
-            scene=around.pieces.rows,
-            corners=_readonly(robot_set.corners),
-            tables=_readonly(robot_set.tables),
-            surfaces=_readonly(robot_set.surfaces),
-            self_pairs=self_pairs,
-            groups=groups,
-            grid_axes=grid.axes,
-            grid_starts=grid.starts,
-            grid_values=grid.values,
-            nodes=around.tree.nodes,
-            items=around.tree.items,
-            skipped=_readonly(skipped),
-            spheres=own.brackets.spheres,
-            sphere_starts=own.brackets.starts,
-            bodies=bodies,
-            carried=carried,
-            walls=_readonly(around.walls),
-            roots=_readonly(_roots(robot, groups, skipped, around)),
-            margin=float(margin),
-            own_margin=0.0,
-        )
-        return cls(robot.chain, robot.links, scene.ids, arrays)
+    @property
+    def links(self) -> tuple[str, ...]:
+        """The link each piece of the robot belongs to, p of them."""
+        return self.robot.links
+
+    @property
+    def obstacles(self) -> tuple[str, ...]:
+        """Names of the obstacles."""
+        return self.scene.ids
+
+    @property
+    def arrays(self) -> ModelArrays:
+        """The same, packed."""
+        if self._arrays is None:
+            object.__setattr__(self, "_arrays", _packed(self.robot, self.scene, self.margin))
+        assert self._arrays is not None
+        return self._arrays
 
     @classmethod
     def bare(cls, chain: Chain) -> "CollisionModel":
         """A robot without solids where there is nothing."""
         none = np.zeros(0, dtype=np.int64)
-        return cls.of(RobotGeometry(chain, (), (), none, none, {}), Scene())
+        return cls(RobotGeometry(chain, (), (), none, none, {}), Scene())
 
     def pair_name(self, pair: int) -> tuple[str, str]:
         """Names of the two bodies of a pair, the link that moves first.
@@ -114,6 +98,40 @@ class CollisionModel:
             return self.links[j], self.links[i]
         owner = int(self.arrays.scene[pair % m, OWNER])
         return self.links[pair // m], self.obstacles[owner]
+
+
+def _packed(robot: RobotGeometry, scene: Scene, margin: float) -> ModelArrays:
+    own, around = _robot_part(robot), _scene_part(scene)
+    skipped = _skipped(robot, scene)
+    self_pairs, grid, groups = _own_pairs(robot, scene.allowed_collisions)
+    bodies, carried = _bodies(robot, own.bodies, skipped)
+    robot_set = own.pieces.behind(around.pieces)
+    return ModelArrays(
+        joint_types=robot.chain.joint_types,
+        offsets=robot.chain.offsets,
+        joints=own.carriers,
+        robot=_readonly(robot_set.rows),
+        scene=around.pieces.rows,
+        corners=_readonly(robot_set.corners),
+        tables=_readonly(robot_set.tables),
+        surfaces=_readonly(robot_set.surfaces),
+        self_pairs=self_pairs,
+        groups=groups,
+        grid_axes=grid.axes,
+        grid_starts=grid.starts,
+        grid_values=grid.values,
+        nodes=around.tree.nodes,
+        items=around.tree.items,
+        skipped=_readonly(skipped),
+        spheres=own.brackets.spheres,
+        sphere_starts=own.brackets.starts,
+        bodies=bodies,
+        carried=carried,
+        walls=_readonly(around.walls),
+        roots=_readonly(_roots(robot, groups, skipped, around)),
+        margin=float(margin),
+        own_margin=0.0,
+    )
 
 
 def together(robot: RobotGeometry, scene: Scene) -> PieceSet:

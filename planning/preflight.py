@@ -71,15 +71,21 @@ def ready_start(problem: Problem) -> Begun | Failure:
     clearance, pair = checker.clearance(start)
     if clearance <= TOUCHING:
         return _collision_failure(problem, "start", start, pair, clearance)
-    notes: tuple[str, ...] = ()
-    if not np.array_equal(start, problem.start):
-        moved = float(np.abs(start - problem.start).max())
-        notes = (f"The start was outside a limit by {moved:.3g} and was moved onto it.",)
-    return Begun(start, checker, clearance, notes)
+    return Begun(start, checker, clearance, _moved(problem.start, start))
+
+
+def _moved(given: Array, start: Array) -> tuple[str, ...]:
+    if np.array_equal(start, given):
+        return ()
+    moved = float(np.abs(start - given).max())
+    return (f"The start was outside a limit by {moved:.3g} and was moved onto it.",)
 
 
 def preflight(problem: Problem, seed: int) -> Ready | Failure:
     """Check the start and find the goals' configurations, or say why there is no point."""
+    roomy = _roomy(problem)
+    if roomy is not None:
+        return roomy
     begun = ready_start(problem)
     if isinstance(begun, Failure):
         return begun
@@ -103,6 +109,28 @@ def preflight(problem: Problem, seed: int) -> Ready | Failure:
     kept.sort(key=lambda q: float(np.linalg.norm(q - start)))
     exact = Checker(checker.model, slack)
     return Ready(start, kept, (*_in_hulls(problem, start, kept, slack), exact), begun.notes)
+
+
+def _roomy(problem: Problem) -> Ready | None:
+    """What is ready where even the hulls of the robot's solids have room at start and goals.
+
+    Then the solids have it too: they are only packed if planning in hulls leads nowhere.
+    """
+    robot, goals = hulled(problem.robot), problem.goals
+    joints = [goal.joints for goal in goals if isinstance(goal, JointGoal)]
+    if robot is problem.robot or len(joints) < len(goals):
+        return None
+    tolerance = problem.start_state_tolerance
+    snapped = [_snapped(robot.chain, q, tolerance) for q in (problem.start, *joints)]
+    hulls = Checker.of(robot, problem.scene, problem.margin)
+    for q, outside in snapped:
+        if outside is not None or hulls.clearance(q)[0] < 2.0 * _SLACK:
+            return None
+    start, *ends = (q for q, _ in snapped)
+    ends.sort(key=lambda q: float(np.linalg.norm(q - start)))
+    exact = collision_model(problem.robot, problem.scene, problem.margin)
+    checkers = Checker(hulls.model, _SLACK), Checker(exact, _SLACK)
+    return Ready(start, ends, checkers, _moved(problem.start, start))
 
 
 def _in_hulls(
