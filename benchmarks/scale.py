@@ -4,11 +4,14 @@
 
 The built-in Panda among random boxes, cylinders and balls, and among points on the walls of a room
 with a table. Times are processor time: the model of a scene seen for the first time and again; a
-configuration and a motion of half a radian in a loop inside a kernel; the clearance from Python.
+configuration and a motion of half a radian in a loop inside a kernel; the clearance from Python;
+proved plans between random free configurations, for a scene not seen before and again.
 """
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -27,9 +30,15 @@ from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Box, Cylinder, PointCloud, Sphere
 from obstacles.verdict import verdicts_on
 from obstacles.workspace import workspace
+from planning.options import Options
+from planning.pipeline import plan
+from planning.problem import JointGoal, Problem
+from planning.result import Plan
 
 _STATES = 400
 _REPEATS = 5
+#: Plans between random free configurations for each scene, and the time each may take [s].
+_PLANS, _PATIENCE = 8, 2.0
 
 
 @kernel
@@ -91,15 +100,16 @@ def measure(robot: RobotGeometry, scene: Scene, random: np.random.Generator) -> 
     """One row of the table."""
     began = time.process_time()
     checker = Checker.of(robot, scene)
+    model = checker.model.arrays
     prepared = time.process_time() - began
     began = time.process_time()
-    Checker.of(robot, scene, 0.01)
+    assert Checker.of(robot, scene, 0.01).model.arrays is not model
     again = time.process_time() - began
     lower, upper = robot.chain.sampling_bounds()
     states = random.uniform(lower, upper, (_STATES, robot.chain.n))
     steps = random.normal(size=states.shape)
     steps *= 0.5 / np.linalg.norm(steps, axis=1, keepdims=True)
-    verdicts, model = np.empty(_STATES), checker.model.arrays
+    verdicts = np.empty(_STATES)
     certify_all(model, states, steps, verdicts)
     edge = cheapest(lambda: certify_all(model, states, steps, verdicts))
     free_edges = float((verdicts == FREE).mean())
@@ -109,8 +119,24 @@ def measure(robot: RobotGeometry, scene: Scene, random: np.random.Generator) -> 
     return (
         f"{1e3 * prepared:9.1f} {1e3 * again:7.2f} | {1e6 * state / _STATES:8.2f}"
         f" {1e6 * edge / _STATES:8.2f} {1e6 * clearance:9.1f} |"
-        f" {np.mean(verdicts == FREE):6.0%} {free_edges:6.0%}"
+        f" {np.mean(verdicts == FREE):6.0%} {free_edges:6.0%} | {planned(robot, scene, free)}"
     )
+
+
+def planned(robot: RobotGeometry, scene: Scene, free: Array) -> str:
+    """Medians of proved plans between free configurations: for the first time, again, how many."""
+    firsts: list[float] = []
+    agains: list[float] = []
+    for start, goal in pairwise(free[: _PLANS + 1]):
+        problem = Problem(robot, scene, start, (JointGoal(goal),))
+        for spent in (firsts, agains):
+            # Another scene of the same content: what is kept by content does not count as first.
+            fresh = Scene(scene.obstacles) if spent is firsts else scene
+            began = time.process_time()
+            found = plan(replace(problem, scene=fresh), Options(timeout=_PATIENCE))
+            if isinstance(found, Plan):
+                spent.append(time.process_time() - began)
+    return f"{1e3 * np.median(firsts):8.0f} {1e3 * np.median(agains):8.0f} {len(agains):4d}"
 
 
 def main() -> None:
@@ -118,7 +144,9 @@ def main() -> None:
     robot = panda()
     Checker.of(robot, Scene())
     measure(robot, clutter(np.random.default_rng(0), 3), np.random.default_rng(0))
-    head = "model ms   again | state us  edge us clear. us | free st. edges"
+    head = (
+        "model ms   again | state us  edge us clear. us | free st. edges | plan ms    again   of 8"
+    )
     print(f"{'obstacles':>9} {head}")
     for count in (10, 30, 100, 300, 1000):
         scene = clutter(np.random.default_rng(1), count)
