@@ -8,6 +8,7 @@ primitives and hulls alike. On a mesh that is not convex pi(p) is a nearest poin
 """
 
 from collections.abc import Sequence
+from itertools import groupby
 from typing import NamedTuple
 
 import numpy as np
@@ -134,6 +135,7 @@ def project_kernel(
 
     What is farther from a point than ``within`` (m,) may be left out: its distance is infinite.
     """
+    enclosing = arrays.enclosing
     for m in range(points.shape[0]):
         p = (points[m, 0], points[m, 1], points[m, 2])
         distance[m] = np.inf
@@ -146,7 +148,8 @@ def project_kernel(
             if least >= max(distance[m, owner], 0.0):
                 continue
             # From deep inside of a mesh its triangles may all be far away.
-            if least > within[m] and not _holds(arrays.around[owner], p):
+            empty = enclosing[owner, 0] == enclosing[owner, 1]
+            if least > within[m] and (empty or not _holds(arrays.around[owner], p)):
                 continue
             nearest = _on_piece(arrays, i, p)
             if nearest[3] < distance[m, owner]:
@@ -155,8 +158,9 @@ def project_kernel(
                 projection[m, owner, 2] = nearest[2]
                 distance[m, owner] = nearest[3]
         for owner in range(distance.shape[1]):
-            outside = distance[m, owner] > 0.0 and _holds(arrays.around[owner], p)
-            if outside and _winding(arrays, owner, p) > _INSIDE:
+            if enclosing[owner, 0] == enclosing[owner, 1] or not distance[m, owner] > 0.0:
+                continue
+            if _holds(arrays.around[owner], p) and _winding(arrays, owner, p) > _INSIDE:
                 distance[m, owner] = -distance[m, owner]
 
 
@@ -270,12 +274,22 @@ class _Block(NamedTuple):
 
 
 def _pack(obstacles: Sequence[Obstacle]) -> ProjectionArrays:
-    found = [_block(obstacle) for obstacle in obstacles]
-    counts = [len(block.kinds) for block, _ in found]
-    columns = zip(_EMPTY, *(block for block, _ in found), strict=True)
-    joined = _Block(*map(np.concatenate, columns))
+    blocks, counts, filled = [_EMPTY], list[int](), list[int]()
+    for cloud, run in groupby(obstacles, lambda o: isinstance(o.shape, PointCloud)):
+        if cloud:
+            own = [_cloud(obstacle) for obstacle in run]
+            counts += [len(block.kinds) for block in own]
+            filled += [0] * len(own)
+            blocks += own
+        else:
+            # Together: a call for each of many small ones costs the most.
+            parts, enclosing = zip(*map(_parts, run), strict=True)
+            counts += [len(pieces) for pieces in parts]
+            filled += enclosing
+            blocks.append(_solids([piece for pieces in parts for piece in pieces]))
+    joined = _Block(*map(np.concatenate, zip(*blocks, strict=True)))
     first = _indices(np.cumsum([0, *counts]))[:-1]
-    enclosing = [[i, i + filled] for i, (_, filled) in zip(first, found, strict=True)]
+    ends = np.column_stack([first, first + _indices(filled)])
     return ProjectionArrays(
         kinds=joined.kinds,
         poses=joined.poses,
@@ -289,8 +303,8 @@ def _pack(obstacles: Sequence[Obstacle]) -> ProjectionArrays:
         planes=joined.planes,
         triangle_starts=_indices(np.cumsum([0, *joined.triangle_counts])),
         owners=np.repeat(np.arange(len(counts)), counts),
-        enclosing=_indices(enclosing).reshape(-1, 2),
-        around=frozen([_around(block.balls[:filled]) for block, filled in found]).reshape(-1, 4),
+        enclosing=_indices(ends),
+        around=frozen([_around(joined.balls[i:j]) for i, j in ends]).reshape(-1, 4),
     )
 
 
@@ -303,16 +317,14 @@ def _around(balls: Array) -> Array:
     return np.array([*center, reach.max()])
 
 
-def _block(obstacle: Obstacle) -> tuple[_Block, int]:
+def _parts(obstacle: Obstacle) -> tuple[tuple[Piece, ...], int]:
     """An obstacle's pieces; the triangles of so many, the first, enclose its inside."""
-    if isinstance(obstacle.shape, PointCloud):
-        return _cloud(obstacle.shape, obstacle.T_world_obstacle), 0
     pieces = obstacle.pieces()
     filled = tuple(piece for piece in pieces if piece.surface and piece.surface.count)
     if filled:
         rest = (piece for piece in pieces if piece not in filled)
         pieces = (*filled, *(piece for piece in rest if not _within(piece, filled)))
-    return _solids(pieces), len(filled)
+    return pieces, len(filled)
 
 
 def _within(piece: Piece, filled: Sequence[Piece]) -> bool:
@@ -325,8 +337,10 @@ def _within(piece: Piece, filled: Sequence[Piece]) -> bool:
     return bool(number[0] > _INSIDE)
 
 
-def _cloud(cloud: PointCloud, T: Array) -> _Block:
-    """A rounded point each, without a ``Piece`` for it."""
+def _cloud(obstacle: Obstacle) -> _Block:
+    """The balls of a point cloud, without a ``Piece`` for each."""
+    cloud, T = obstacle.shape, obstacle.T_world_obstacle
+    assert isinstance(cloud, PointCloud)
     p, points = len(cloud.points), cloud.points
     one = np.ones(p, dtype=np.int64)
     balls = np.column_stack([points @ T[:3, :3].T + T[:3, 3], np.full(p, cloud.radius)])
