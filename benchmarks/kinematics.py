@@ -21,7 +21,7 @@ from kinematics.jacobian import geometric, pose_and_jacobian
 from kinematics.robots import builtin_chain, builtin_urdf
 
 Array = NDArray[np.float64]
-ROBOTS = ("panda", "ur5e", "iiwa14")
+ROBOTS = ("panda", "ur5e", "iiwa14", "kr6_sixx", "scara")
 ROUNDS, CALLS, BATCH = 41, 1000, 100_000
 
 

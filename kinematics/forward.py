@@ -40,7 +40,7 @@ def fits_kernel(model: Array, q: Array) -> bool:
     return q.shape[0] == int(model[0, 0]) and finite_kernel(q)
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, unlocks=False)
 def pose_kernel(model: Array, q: Array, link: int, T: Array) -> bool:
     """Write the pose (4, 4) of link number ``link``, -1 for the tip; False where q does not fit."""
     if not fits_kernel(model, q):
@@ -55,7 +55,7 @@ def pose_kernel(model: Array, q: Array, link: int, T: Array) -> bool:
     return True
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, unlocks=False)
 def poses_kernel(model: Array, q: Array, poses: Array) -> bool:
     """Write the poses (len(links), 4, 4) of all links; False where q does not fit."""
     if not fits_kernel(model, q):
@@ -245,15 +245,17 @@ def link_poses(
     if links is not None:
         numbers = [link_number(chain, name) for name in links]
         return link_poses(chain, q)[..., numbers, :, :]
-    memo = chain.memo
-    if "link_poses" not in memo:
-        memo["link_poses"] = all_poses(), (len(chain.links), 4, 4)
-    with_one, shape = memo["link_poses"]
-    poses = _empty(shape)
+    try:
+        with_one, model, shape = chain.memo["link_poses"]
+    except KeyError:
+        with_one, model, shape = all_poses(), chain.model, (len(chain.links), 4, 4)
+        chain.memo["link_poses"] = with_one, model, shape
     try:
         one = _contiguous(q, _FLOAT)
-        if one.ndim == 1 and with_one(chain.model, one, poses):
-            return poses
+        if one.ndim == 1:
+            poses = _empty(shape)
+            if with_one(model, one, poses):
+                return poses
     except (TypeError, ValueError):
         pass
     q = chain.configuration(q)

@@ -123,7 +123,7 @@ def jacobian_batch_kernel(model: Array, q: Array, link: int, point: Array, J: Ar
             J[k, 2, j] += wx * y - wy * x
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, unlocks=False)
 def _both_kernel(model: Array, q: Array, link: int, T: Array, J: Array) -> bool:
     fits = fits_kernel(model, q)
     if fits:
@@ -131,7 +131,7 @@ def _both_kernel(model: Array, q: Array, link: int, T: Array, J: Array) -> bool:
     return fits
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, unlocks=False)
 def _one_jacobian_kernel(model: Array, q: Array, link: int, J: Array) -> bool:
     fits = fits_kernel(model, q)
     if fits:

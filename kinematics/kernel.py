@@ -27,6 +27,7 @@ def kernel(
     fastmath: bool = False,
     inline: Literal["never", "always", "code"] = "never",
     allocates: bool = True,
+    unlocks: bool = True,
 ) -> Callable[[_F], _F]: ...
 def kernel(
     function: _F | None = None,
@@ -35,13 +36,15 @@ def kernel(
     fastmath: bool = False,
     inline: Literal["never", "always", "code"] = "never",
     allocates: bool = True,
+    unlocks: bool = True,
 ) -> _F | Callable[[_F], _F]:
     """Compile a function with numba on its first call and keep the machine code on disk.
 
     Division follows IEEE 754 (x / 0 is inf or nan, never an exception) and the interpreter lock is
-    released inside. A type checker sees the signature of the function itself. The machine code is
-    kept in NUMBA_CACHE_DIR if set, else beside the source, else (read-only source) in the user's
-    cache folder; where none can be written it is compiled anew in each process.
+    released inside, unless asked otherwise. A type checker sees the signature of the function
+    itself. The machine code is kept in NUMBA_CACHE_DIR if set, else beside the source, else (read-
+    only source) in the user's cache folder; where none can be written it is compiled anew in each
+    process.
 
     Args:
         function: the function to compile, when used without parentheses.
@@ -51,6 +54,8 @@ def kernel(
             vectors that go in and out by way of memory can cost more than their arithmetic.
         allocates: False for a kernel that makes no array: numba then counts no references, which
             for a handful of arrays in tuples costs more than a small kernel does.
+        unlocks: False for a kernel that Python calls and that is over sooner than the lock is given
+            up and taken again.
 
     Returns:
         The compiled function, or a decorator when called with options.
@@ -59,7 +64,7 @@ def kernel(
     def compiled(body: _F) -> _F:
         dispatcher = numba.njit(
             error_model="numpy",
-            nogil=True,
+            nogil=unlocks,
             fastmath=fastmath,
             inline="always" if inline == "always" else "never",
             **({"forceinline": True} if inline == "code" else {}),
@@ -88,7 +93,7 @@ def direct(function: _F, *examples: object) -> _F:
 
 def _keep_on_disk(dispatcher: Any) -> None:
     try:
-        dispatcher._cache = _KernelCache(dispatcher.py_func)
+        dispatcher._cache = _KernelCache(dispatcher)
     except RuntimeError as error:  # numba found no folder it may write to
         _log.warning("%s; it is compiled anew in each process. Set NUMBA_CACHE_DIR.", error)
 
@@ -102,9 +107,13 @@ class _KernelCache(FunctionCache):
     there no more, in a signature that is kept, would end the call.
     """
 
+    def __init__(self, dispatcher: Any) -> None:
+        super().__init__(dispatcher.py_func)
+        self._options = "" if dispatcher.targetoptions["nogil"] else " locked"
+
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         # Not before the first call: by then every name the kernel uses exists.
-        self._cache_file._source_stamp = fingerprint(self._py_func)
+        self._cache_file._source_stamp = fingerprint(self._py_func) + self._options
         try:
             return super().load_overload(sig, target_context)
         except (AttributeError, ImportError):

@@ -71,6 +71,14 @@ def test_an_edited_callee_in_another_file_is_recompiled(sources: Path) -> None:
     assert run(sources) == (11.0, 0)
 
 
+def test_a_kernel_that_keeps_the_lock_is_recompiled(sources: Path) -> None:
+    run(sources)
+    locked = CALLER.replace("@kernel\ndef top", "@kernel(unlocks=False)\ndef top")
+    (sources / "caller.py").write_text(locked)
+    assert run(sources) == (7.0, 0)
+    assert run(sources) == (7.0, 1)
+
+
 def test_an_edit_that_changes_no_code_keeps_the_machine_code(sources: Path) -> None:
     run(sources)
     with (sources / "folder" / "callee.py").open("a") as file:
