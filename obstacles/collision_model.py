@@ -29,11 +29,10 @@ from obstacles.piece_set import (
     ball_rows,
 )
 from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Obstacle, Scene
-from obstacles.shapes import PointCloud
+from obstacles.scene import Scene
 from obstacles.tree import Tree, tree
 
-__all__ = ["CollisionModel", "ModelArrays", "together"]
+__all__ = ["CollisionModel", "ModelArrays", "skipped_pairs", "together"]
 
 _T = TypeVar("_T", bound=np.generic)
 
@@ -102,7 +101,7 @@ class CollisionModel:
 
 def _packed(robot: RobotGeometry, scene: Scene, margin: float) -> ModelArrays:
     own, around = _robot_part(robot), _scene_part(scene)
-    skipped = _skipped(robot, scene)
+    skipped = skipped_pairs(robot, scene)
     self_pairs, grid, groups = _own_pairs(robot, scene.allowed_collisions)
     bodies, carried = _bodies(robot, own.bodies, skipped)
     robot_set = own.pieces.behind(around.pieces)
@@ -142,6 +141,23 @@ def together(robot: RobotGeometry, scene: Scene) -> PieceSet:
     grouped = rows[len(robot.pieces) :, GROUP_STOP] > 0.0
     rows[len(robot.pieces) :, GROUP : GROUP_STOP + 1][grouped] += len(robot.pieces)
     return behind._replace(rows=_readonly(rows))
+
+
+def skipped_pairs(robot: RobotGeometry, scene: Scene) -> NDArray[np.bool_]:
+    """Which pieces of a robot may touch which obstacles, shape (p, obstacles).
+
+    Those may that stand still with the base, and those whose link the scene allows to.
+    """
+    skipped = np.zeros((len(robot.pieces), len(scene.obstacles)), dtype=np.bool_)
+    skipped[robot.joints < 0] = True
+    if scene.allowed_collisions:
+        links = np.array(robot.links)
+        column = {name: k for k, name in enumerate(scene.ids)}
+        for a, b in scene.allowed_collisions:
+            for link, obstacle in ((a, b), (b, a)):
+                if obstacle in column:
+                    skipped[links == link, column[obstacle]] = True
+    return skipped
 
 
 class _RobotPart(NamedTuple):
@@ -231,7 +247,7 @@ def _bodies(
 
 @lru_cache(maxsize=16)
 def _scene_part(scene: Scene) -> _ScenePart:
-    shaped = [() if _is_cloud(obstacle) else obstacle.pieces() for obstacle in scene.obstacles]
+    shaped = [() if obstacle.is_cloud else obstacle.pieces() for obstacle in scene.obstacles]
     packed = PieceSet.of([piece for own in shaped for piece in own])
     blocks, first = [np.zeros((0, WIDTH))], 0
     for number, (obstacle, own) in enumerate(zip(scene.obstacles, shaped, strict=True)):
@@ -239,10 +255,9 @@ def _scene_part(scene: Scene) -> _ScenePart:
         grouped = rows[:, GROUP_STOP] > 0.0
         rows[grouped, GROUP : GROUP_STOP + 1] += sum(map(len, blocks)) - first
         first += len(own)
-        if isinstance(obstacle.shape, PointCloud):
-            T = obstacle.T_world_obstacle
-            points = obstacle.shape.points @ T[:3, :3].T + T[:3, 3]
-            rows = ball_rows(points, obstacle.shape.radius)
+        if obstacle.is_cloud:
+            balls = obstacle.balls()
+            rows = ball_rows(balls.centers, balls.radii[0])
         rows[:, OWNER], rows[:, MARGIN] = number, obstacle.margin
         blocks.append(rows)
     rows = np.vstack(blocks)
@@ -259,10 +274,6 @@ def _scene_part(scene: Scene) -> _ScenePart:
     return _ScenePart(kept, Tree(grown.nodes, items), np.flatnonzero(wall))
 
 
-def _is_cloud(obstacle: Obstacle) -> bool:
-    return isinstance(obstacle.shape, PointCloud)
-
-
 def _bounds(rows: Array) -> tuple[Array, Array]:
     """Lowest and highest corners of pieces in the base frame, margins on, both (m, 3)."""
     T = rows[:, POSE : POSE + 12].reshape(-1, 3, 4)
@@ -270,19 +281,6 @@ def _bounds(rows: Array) -> tuple[Array, Array]:
     half = np.einsum("kij,kj->ki", np.abs(T[:, :, :3]), rows[:, HALF : HALF + 3])
     half += rows[:, MARGIN : MARGIN + 1]
     return middle - half, middle + half
-
-
-def _skipped(robot: RobotGeometry, scene: Scene) -> NDArray[np.bool_]:
-    skipped = np.zeros((len(robot.pieces), len(scene.obstacles)), dtype=np.bool_)
-    skipped[robot.joints < 0] = True
-    if scene.allowed_collisions:
-        links = np.array(robot.links)
-        column = {name: k for k, name in enumerate(scene.ids)}
-        for a, b in scene.allowed_collisions:
-            for link, obstacle in ((a, b), (b, a)):
-                if obstacle in column:
-                    skipped[links == link, column[obstacle]] = True
-    return skipped
 
 
 def _roots(

@@ -27,9 +27,8 @@ from obstacles.nearest import (
     nearest_on_cylinder,
     nearest_on_hull,
 )
-from obstacles.piece import Piece, PieceKind
+from obstacles.piece import Piece, PieceArrays, PieceKind
 from obstacles.scene import Obstacle, Scene
-from obstacles.shapes import PointCloud
 from obstacles.winding import winding_numbers
 
 _HULL = int(PieceKind.POLYTOPE)
@@ -275,9 +274,9 @@ class _Block(NamedTuple):
 
 def _pack(obstacles: Sequence[Obstacle]) -> ProjectionArrays:
     blocks, counts, filled = [_EMPTY], list[int](), list[int]()
-    for cloud, run in groupby(obstacles, lambda o: isinstance(o.shape, PointCloud)):
+    for cloud, run in groupby(obstacles, lambda o: o.is_cloud):
         if cloud:
-            own = [_cloud(obstacle) for obstacle in run]
+            own = [_cloud(obstacle.balls()) for obstacle in run]
             counts += [len(block.kinds) for block in own]
             filled += [0] * len(own)
             blocks += own
@@ -337,21 +336,17 @@ def _within(piece: Piece, filled: Sequence[Piece]) -> bool:
     return bool(number[0] > _INSIDE)
 
 
-def _cloud(obstacle: Obstacle) -> _Block:
-    """The balls of a point cloud, without a ``Piece`` for each."""
-    cloud, T = obstacle.shape, obstacle.T_world_obstacle
-    assert isinstance(cloud, PointCloud)
-    p, points = len(cloud.points), cloud.points
+def _cloud(cloud: PieceArrays) -> _Block:
+    p = len(cloud)
     one = np.ones(p, dtype=np.int64)
-    balls = np.column_stack([points @ T[:3, :3].T + T[:3, 3], np.full(p, cloud.radius)])
     return _Block(
-        kinds=one * _HULL,
-        poses=np.tile(T, (p, 1, 1)),
-        sizes=np.tile([0.0, 0.0, cloud.radius, 0.0], (p, 1)),
-        balls=balls,
+        kinds=cloud.kinds,
+        poses=cloud.poses,
+        sizes=np.hstack([cloud.sizes, np.zeros((p, 1))]),
+        balls=np.column_stack([cloud.centers, cloud.radii]),
         across=np.tile([1.0, 0.0, 0.0], (p, 1)),
         solid=np.zeros(p, dtype=np.bool_),
-        corners=points,
+        corners=cloud.vertices,
         corner_counts=one,
         triangles=np.zeros((p, 3), dtype=np.int64),
         planes=np.zeros((p, 4)),

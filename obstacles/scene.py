@@ -73,17 +73,20 @@ class Obstacle:
         return isinstance(self.shape, Mesh)
 
     @property
+    def is_cloud(self) -> bool:
+        """Whether it is made of balls about points."""
+        return isinstance(self.shape, PointCloud)
+
+    @property
     def count(self) -> int:
         """How many pieces it has."""
         shape = self.shape
         return len(shape.points) if isinstance(shape, PointCloud) else len(self.pieces())
 
-    def packed(self) -> PieceArrays:
-        """The same, packed; a point cloud without a piece for each of its points."""
-        if isinstance(self.shape, PointCloud):
-            shape = self.shape
-            return PieceArrays.balls(shape.points, shape.radius, self.T_world_obstacle)
-        return PieceArrays.pack(self.pieces())
+    def balls(self) -> PieceArrays:
+        """Those of a point cloud, packed without a piece for each of them."""
+        assert isinstance(self.shape, PointCloud)
+        return PieceArrays.balls(self.shape.points, self.shape.radius, self.T_world_obstacle)
 
     def piece(self, k: int) -> Piece:
         """Piece ``k`` of them."""
@@ -107,6 +110,8 @@ class Scene:
     obstacles: tuple[Obstacle, ...] = ()
     allowed_collisions: frozenset[tuple[str, str]] = frozenset()
     content_hash: str = field(init=False, repr=False)
+    #: Names of the obstacles, in their order.
+    ids: tuple[str, ...] = field(init=False, repr=False)
     _packed: Packed | None = field(default=None, init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -121,6 +126,7 @@ class Scene:
                 ids=twice,
             )
         object.__setattr__(self, "obstacles", obstacles)
+        object.__setattr__(self, "ids", tuple(obstacle.id for obstacle in obstacles))
         object.__setattr__(self, "allowed_collisions", _pairs(self.allowed_collisions))
         object.__setattr__(self, "content_hash", _content_hash(self))
 
@@ -132,11 +138,6 @@ class Scene:
 
     def __reduce__(self) -> tuple[object, ...]:
         return Scene, (self.obstacles, self.allowed_collisions)
-
-    @property
-    def ids(self) -> tuple[str, ...]:
-        """Names of the obstacles, in their order."""
-        return tuple(obstacle.id for obstacle in self.obstacles)
 
     def obstacle(self, name: str) -> Obstacle:
         """The obstacle called ``name``.
@@ -175,9 +176,9 @@ class Scene:
     def _pack(self) -> Packed:
         # Those that are no clouds together: a call for each of many small ones costs the most.
         blocks: list[PieceArrays] = []
-        for cloud, run in groupby(self.obstacles, lambda o: isinstance(o.shape, PointCloud)):
+        for cloud, run in groupby(self.obstacles, lambda o: o.is_cloud):
             if cloud:
-                blocks += [obstacle.packed() for obstacle in run]
+                blocks += [obstacle.balls() for obstacle in run]
             else:
                 blocks.append(PieceArrays.pack([p for o in run for p in o.pieces()]))
         counts = [obstacle.count for obstacle in self.obstacles]

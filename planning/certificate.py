@@ -306,7 +306,7 @@ class _Proof:
         )
         lower = distance - float(walk.bounds[at]) - ACCURACY
         last_word = self._last_word(at)
-        if lower > apart and (last_word or lower >= sharp_enough(walk, own)):
+        if lower > apart and (last_word or lower >= sharp_enough(walk.nearest[own], True)):
             settle(walk, own, i, j, lower)
             return _FREE
         if distance > apart and not last_word:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.chain import Array, Indices
-from obstacles.collision_model import together
+from obstacles.collision_model import skipped_pairs, together
 from obstacles.piece import Piece, PieceArrays, PieceKind
 from obstacles.piece_set import NODE, NODE_STOP, PieceSet
 from obstacles.robot_geometry import RobotGeometry
@@ -173,7 +173,7 @@ def _arrays(robot: RobotGeometry, scene: Scene) -> PairArrays:
     everything = own.then(rest)
     joints = np.full(len(everything.kinds), -1, dtype=np.int64)
     joints[:moving] = robot.joints[own.parts]
-    skipped = _skipped(robot, scene)
+    skipped = skipped_pairs(robot, scene)
     walls = moving + np.flatnonzero(still.kinds == PieceKind.HALFSPACE)
     tops = [len(joints) - len(boxed.kinds)] if len(boxed.kinds) else []
     return PairArrays(
@@ -301,17 +301,6 @@ def _most(nodes: Array, margins: Array) -> Array:
         below = margins[first:last] if first >= 0 else most[[k + 1, int(nodes[k + 1, SKIP])]]
         most[k] = below.max()
     return most
-
-
-def _skipped(robot: RobotGeometry, scene: Scene) -> NDArray[np.bool_]:
-    skipped = np.zeros((len(robot.pieces), len(scene.obstacles)), dtype=np.bool_)
-    skipped[robot.joints < 0] = True
-    for a, b in scene.allowed_collisions:
-        for link, obstacle in ((a, b), (b, a)):
-            if obstacle in scene.ids:
-                rows = [name == link for name in robot.links]
-                skipped[np.array(rows, dtype=np.bool_), scene.ids.index(obstacle)] = True
-    return skipped
 
 
 def _roots(

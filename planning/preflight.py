@@ -83,7 +83,8 @@ def _moved(given: Array, start: Array) -> tuple[str, ...]:
 
 def preflight(problem: Problem, seed: int) -> Ready | Failure:
     """Check the start and find the goals' configurations, or say why there is no point."""
-    roomy = _roomy(problem)
+    hulls = _hulls(problem)
+    roomy = None if hulls is None else _roomy(problem, hulls)
     if roomy is not None:
         return roomy
     begun = ready_start(problem)
@@ -107,22 +108,33 @@ def preflight(problem: Problem, seed: int) -> Ready | Failure:
     slack = min(_SLACK, 0.5 * clearance, 0.5 * max(spare for spare, _ in goals))
     kept = [q for spare, q in goals if spare > slack]
     kept.sort(key=lambda q: float(np.linalg.norm(q - start)))
-    exact = Checker(checker.model, slack)
-    return Ready(start, kept, (*_in_hulls(problem, start, kept, slack), exact), begun.notes)
+    checkers = [Checker(checker.model, slack)]
+    if hulls is not None:
+        quick = Checker(hulls.model, slack)
+        if all(quick.valid(q) for q in (start, *kept)):
+            checkers.insert(0, quick)
+    return Ready(start, kept, tuple(checkers), begun.notes)
 
 
-def _roomy(problem: Problem) -> Ready | None:
+def _hulls(problem: Problem) -> Checker | None:
+    """The checker of the robot in its solids' hulls; None where these are the solids."""
+    robot = hulled(problem.robot)
+    if robot is problem.robot:
+        return None
+    return Checker.of(robot, problem.scene, problem.margin)
+
+
+def _roomy(problem: Problem, hulls: Checker) -> Ready | None:
     """What is ready where even the hulls of the robot's solids have room at start and goals.
 
     Then the solids have it too: they are only packed if planning in hulls leads nowhere.
     """
-    robot, goals = hulled(problem.robot), problem.goals
+    goals = problem.goals
     joints = [goal.joints for goal in goals if isinstance(goal, JointGoal)]
-    if robot is problem.robot or len(joints) < len(goals):
+    if len(joints) < len(goals):
         return None
     tolerance = problem.start_state_tolerance
-    snapped = [_snapped(robot.chain, q, tolerance) for q in (problem.start, *joints)]
-    hulls = Checker.of(robot, problem.scene, problem.margin)
+    snapped = [_snapped(problem.robot.chain, q, tolerance) for q in (problem.start, *joints)]
     for q, outside in snapped:
         if outside is not None or hulls.clearance(q)[0] < 2.0 * _SLACK:
             return None
@@ -131,18 +143,6 @@ def _roomy(problem: Problem) -> Ready | None:
     exact = collision_model(problem.robot, problem.scene, problem.margin)
     checkers = Checker(hulls.model, _SLACK), Checker(exact, _SLACK)
     return Ready(start, ends, checkers, _moved(problem.start, start))
-
-
-def _in_hulls(
-    problem: Problem, start: Array, goals: list[Array], slack: float
-) -> tuple[Checker, ...]:
-    """The checker of the robot in hulls, where that differs and start and goals are free in it."""
-    robot = hulled(problem.robot)
-    if robot is problem.robot:
-        return ()
-    model = collision_model(robot, problem.scene, problem.margin)
-    checker = Checker(model, slack)
-    return (checker,) if all(checker.valid(q) for q in (start, *goals)) else ()
 
 
 def _snapped(chain: Chain, q: Array, tolerance: float) -> tuple[Array, dict[str, Any] | None]:

@@ -301,7 +301,7 @@ def look(
             lost = rounding(types.shape[0], chain_reach + extents[i] + extents[j])
             moved = moves[j, after, MOVED] + lost
             holds = below[i + 1] - below[i] + below[j + 1] - below[j] > 0
-            enough = _enough(nearest[own], sharp)
+            enough = sharp_enough(nearest[own], sharp)
             need = max(apart, enough)
             lower = roughly(centers, radii, boxes, poses, i, j, need + moved) - moved
             upper, parted = np.inf, False
@@ -339,7 +339,7 @@ def look(
                     moved = along
                     if not holds or upper > _COVERED:
                         nearest[own] = min(nearest[own], upper)
-                        enough = _enough(nearest[own], sharp)
+                        enough = sharp_enough(nearest[own], sharp)
                 parted = held - max(apart, enough) > _PARTED * moved
             if lower > apart and (lower >= enough or (moved < RESOLUTION and not holds)):
                 if lower < clearance[own]:
@@ -372,7 +372,7 @@ def look(
 
 
 @kernel
-def _enough(nearest: float, sharp: bool) -> float:
+def sharp_enough(nearest: float, sharp: bool) -> float:
     """Clearance beyond which a sharper bound would tell nothing [m]."""
     if not sharp:
         return -np.inf
@@ -392,12 +392,6 @@ def _row(model: PairArrays, rows: Array, k: int, i: int, poses: Array, centers: 
         rows[k, CENTER + row] = centers[i, row]
         for column in range(4):
             rows[k, POSE + 4 * row + column] = poses[i, row, column]
-
-
-@kernel
-def sharp_enough(w: Walk, own: int) -> float:
-    """Clearance beyond which a sharper bound would tell nothing [m]."""
-    return float(min(_ENOUGH, _SHARP * w.nearest[own]))
 
 
 @kernel
