@@ -7,7 +7,7 @@ covers a part of it, and carries the triangles that decide where the cover does 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from enum import IntEnum
 from functools import lru_cache
 from typing import NamedTuple
@@ -73,7 +73,14 @@ class Piece:
 
     def placed(self, T: Array) -> "Piece":
         """The piece moved by ``T`` (4, 4): from its owner's frame into the one T maps into."""
-        return replace(self, T_owner_piece=T @ self.T_owner_piece)
+        pose = T @ self.T_owner_piece
+        pose.setflags(write=False)
+        moved = object.__new__(Piece)
+        # What was checked once: a scene has many pieces, and is placed for every request.
+        for name in _SAME_WHEREVER:
+            object.__setattr__(moved, name, getattr(self, name))
+        object.__setattr__(moved, "T_owner_piece", pose)
+        return moved
 
     def bounding_sphere(self) -> tuple[Array, float]:
         """A ball that holds the whole piece: centre in the owner's frame (3,) [m], radius [m]."""
@@ -92,6 +99,9 @@ class Piece:
 
     def _core(self) -> "_Core":
         return _core(int(self.kind), self.vertices.tobytes(), self.radius, self.half_height)
+
+
+_SAME_WHEREVER = tuple(f.name for f in fields(Piece) if f.name != "T_owner_piece")
 
 
 class _Core(NamedTuple):

@@ -70,17 +70,20 @@ class PieceSet(NamedTuple):
     @classmethod
     def of(cls, pieces: Sequence[Piece]) -> "PieceSet":
         """Pack pieces in their order."""
-        rows = np.zeros((len(pieces), WIDTH))
+        rows = _rows(pieces)
+        kinds = rows[:, KIND].tolist()
         corners, tables = [np.zeros((0, 3))], [np.zeros(0, dtype=np.int32)]
         surfaces = [np.zeros((0, NODE_WIDTH))]
         corner, cell, node = 0, 0, 0
-        for i, (row, piece) in enumerate(zip(rows, pieces, strict=True)):
-            _write(row, piece)
-            if row[KIND] in _CORNERED:
+        for i, (kind, piece) in enumerate(zip(kinds, pieces, strict=True)):
+            if kind not in _CORNERED and piece.surface is None:
+                continue
+            row = rows[i]
+            if kind in _CORNERED:
                 row[START], row[STOP] = corner, corner + len(piece.vertices)
                 corner += len(piece.vertices)
                 corners.append(piece.vertices)
-            if row[KIND] == _TABLED:
+            if kind == _TABLED:
                 row[TABLE] = cell
                 tables.append(_table(piece.vertices.tobytes()))
                 cell += len(tables[-1])
@@ -102,6 +105,8 @@ class PieceSet(NamedTuple):
 
     def behind(self, other: "PieceSet") -> "PieceSet":
         """The same pieces with the corners and tables of ``other`` before theirs."""
+        if not len(other.corners):
+            return self
         rows = self.rows.copy()
         rows[:, START : STOP + 1] += len(other.corners)
         rows[:, TABLE] += len(other.tables)
@@ -130,15 +135,19 @@ def ball_rows(points: Array, radius: float) -> Array:
     return rows
 
 
-def _write(row: Array, piece: Piece) -> None:
-    T = piece.T_owner_piece
-    if len(piece.vertices) == 1:
-        row[:] = ball_rows((T[:3, :3] @ piece.vertices[0] + T[:3, 3])[None], piece.rounding)[0]
-        return
-    size = piece.radius, piece.half_height, piece.rounding
-    row[:] = _row(int(piece.kind), piece.vertices.tobytes(), *size)
-    row[CENTER : CENTER + 3] = T[:3, :3] @ row[CENTER : CENTER + 3] + T[:3, 3]
-    row[POSE : POSE + 12] = T[:3].reshape(12)
+def _rows(pieces: Sequence[Piece]) -> Array:
+    """The rows of pieces but for what they share, all placed at once, shape (p, WIDTH)."""
+    own = [
+        _row(int(p.kind), p.vertices.tobytes(), p.radius, p.half_height, p.rounding) for p in pieces
+    ]
+    rows = np.array(own).reshape(-1, WIDTH)
+    T = np.array([p.T_owner_piece[:3] for p in pieces]).reshape(-1, 3, 4)
+    centers = rows[:, CENTER : CENTER + 3, None]
+    centers[:] = T[:, :, :3] @ centers + T[:, :, 3:]
+    points = rows[:, KIND] == CoreKind.POINT
+    T[points, :, :3], T[points, :, 3:] = np.eye(3), centers[points]
+    rows[:, POSE : POSE + 12] = T.reshape(-1, 12)
+    return rows
 
 
 #: Obstacles that only move from request to request keep all else of their rows.
@@ -152,6 +161,8 @@ def _row(kind: int, corners: bytes, radius: float, half_height: float, rounding:
     row[KIND] = kind
     if half is not None:
         row[KIND], row[SIZE : SIZE + 3] = CoreKind.BOX, half
+    elif len(vertices) == 1:
+        row[KIND] = CoreKind.POINT
     elif kind == PieceKind.POLYTOPE and len(vertices) >= LEAST_CORNERS:
         row[KIND] = CoreKind.TABLED
     else:
@@ -159,6 +170,8 @@ def _row(kind: int, corners: bytes, radius: float, half_height: float, rounding:
     row[ROUNDING] = rounding
     row[CENTER : CENTER + 3], row[RADIUS] = piece.bounding_sphere()
     row[MIDDLE : MIDDLE + 6] = piece.local_box()
+    if len(vertices) == 1:
+        row[MIDDLE : MIDDLE + 3] = 0.0  # its frame is put at its point
     row.setflags(write=False)
     return row
 

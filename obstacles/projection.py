@@ -8,6 +8,8 @@ primitives and hulls alike. On a mesh that is not convex pi(p) is a nearest poin
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
 from itertools import groupby
 from typing import NamedTuple
 
@@ -355,29 +357,24 @@ def _cloud(cloud: PieceArrays) -> _Block:
 
 
 def _solids(pieces: Sequence[Piece]) -> _Block:
-    p = len(pieces)
-    half = [None if piece.surface else piece.box_half_sizes() for piece in pieces]
-    hulls = [_core(piece) if h is None else _NO_HULL for piece, h in zip(pieces, half, strict=True)]
-    kinds = [int(piece.kind) if h is None else _BOX for piece, h in zip(pieces, half, strict=True)]
-    sizes = [
-        (piece.radius, piece.half_height, 0.0 if piece.surface else piece.rounding, 0.0)
-        if h is None
-        else (h[0], h[1], 0.0, h[2])
-        for piece, h in zip(pieces, half, strict=True)
-    ]
-    balls = [piece.bounding_sphere() for piece in pieces]
+    p, cores = len(pieces), [_core(piece) for piece in pieces]
+    hulls = [core.hull for core in cores if core.hull is not None]
+    poses = np.array([piece.T_owner_piece for piece in pieces]).reshape(p, 4, 4)
+    balls = np.array([core.ball for core in cores]).reshape(p, 4)
+    middles = balls[:, :3, None]
+    middles[:] = poses[:, :3, :3] @ middles + poses[:, :3, 3:]
     return _Block(
-        kinds=_indices(kinds),
-        poses=frozen([piece.T_owner_piece for piece in pieces]).reshape(p, 4, 4),
-        sizes=frozen(sizes).reshape(p, 4),
-        balls=frozen([[*center, radius] for center, radius in balls]).reshape(p, 4),
-        across=frozen([_across(hull) for hull in hulls]).reshape(p, 3),
-        solid=np.array([hull.solid for hull in hulls], dtype=np.bool_),
-        corners=frozen(np.vstack([np.zeros((0, 3)), *(hull.vertices for hull in hulls)])),
-        corner_counts=_indices([len(hull.vertices) for hull in hulls]),
-        triangles=_indices(np.vstack([np.zeros((0, 3)), *(hull.triangles for hull in hulls)])),
-        planes=frozen(np.vstack([np.zeros((0, 4)), *(hull.planes for hull in hulls)])),
-        triangle_counts=_indices([len(hull.triangles) for hull in hulls]),
+        kinds=_indices([core.kind for core in cores]),
+        poses=poses,
+        sizes=np.array([core.size for core in cores]).reshape(p, 4),
+        balls=balls,
+        across=np.array([core.across for core in cores]).reshape(p, 3),
+        solid=np.array([core.solid for core in cores], dtype=np.bool_),
+        corners=np.vstack([_NOWHERE, *(hull.vertices for hull in hulls)]),
+        corner_counts=_indices([core.corners for core in cores]),
+        triangles=_indices(np.vstack([_NOWHERE, *(hull.triangles for hull in hulls)])),
+        planes=np.vstack([np.zeros((0, 4)), *(hull.planes for hull in hulls)]),
+        triangle_counts=_indices([core.triangles for core in cores]),
     )
 
 
@@ -385,24 +382,77 @@ def _indices(values: ArrayLike) -> Indices:
     return np.array(values, dtype=np.int64)
 
 
-_NO_HULL = Hull(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64), np.zeros((0, 4)), solid=False)
+_NOWHERE = np.zeros((0, 3))
 
 
-def _core(piece: Piece) -> Hull:
-    if piece.kind != PieceKind.POLYTOPE:
-        return _NO_HULL
-    if piece.surface is not None:
-        corners = piece.surface.triangles.reshape(-1, 3)
-        faces = np.arange(len(corners)).reshape(-1, 3)
-        return Hull(corners, faces, np.zeros((len(faces), 4)), solid=False)
-    return convex_hull(piece.vertices)
+class _Core(NamedTuple):
+    """A piece in its own frame: what its columns of ``ProjectionArrays`` are made of."""
+
+    kind: int
+    size: Array
+    ball: Array
+    across: Array
+    solid: bool
+    hull: Hull | None
+    corners: int
+    triangles: int
 
 
-_EMPTY = _solids(())
+def _core(piece: Piece) -> _Core:
+    if piece.surface is None:
+        return _plain(
+            piece.kind, piece.vertices.tobytes(), piece.radius, piece.half_height, piece.rounding
+        )
+    # Its own triangles, and the ball that holds its cover.
+    corners = piece.surface.triangles.reshape(-1, 3)
+    faces = np.arange(len(corners)).reshape(-1, 3)
+    hull = Hull(corners, faces, np.zeros((len(faces), 4)), solid=False)
+    return _cornered(replace(piece, T_owner_piece=np.eye(4)), hull, 0.0)
+
+
+#: Obstacles that only move from request to request keep their cores.
+@lru_cache(maxsize=4096)
+def _plain(
+    kind: PieceKind, corners: bytes, radius: float, half_height: float, rounding: float
+) -> _Core:
+    vertices = np.frombuffer(corners).reshape(-1, 3)
+    piece = Piece(kind, np.eye(4), vertices, radius, half_height, rounding)
+    half = piece.box_half_sizes()
+    if kind == PieceKind.POLYTOPE and half is None:
+        return _cornered(piece, convex_hull(vertices), rounding)
+    size = (
+        (radius, half_height, rounding, 0.0) if half is None else (half[0], half[1], 0.0, half[2])
+    )
+    number = int(kind) if half is None else _BOX
+    return _Core(number, np.array(size), _ball(piece), _ALONG_X, False, None, 0, 0)
+
+
+def _cornered(piece: Piece, hull: Hull, rounding: float) -> _Core:
+    return _Core(
+        _HULL,
+        np.array([piece.radius, piece.half_height, rounding, 0.0]),
+        _ball(piece),
+        _across(hull),
+        hull.solid,
+        hull,
+        len(hull.vertices),
+        len(hull.triangles),
+    )
+
+
+def _ball(piece: Piece) -> Array:
+    center, radius = piece.bounding_sphere()
+    return np.array([*center, radius])
+
+
+_ALONG_X = np.array([1.0, 0.0, 0.0])
 
 
 def _across(hull: Hull) -> Array:
     if len(hull.vertices) < 2 or hull.solid:
-        return np.array([1.0, 0.0, 0.0])
+        return _ALONG_X
     _, _, axes = np.linalg.svd(hull.vertices - hull.vertices.mean(axis=0))
     return np.asarray(axes[2])
+
+
+_EMPTY = _solids(())
