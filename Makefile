@@ -9,6 +9,10 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 HOST ?= 127.0.0.1
 PORT ?= 8000
+# MotionBenchMaker's problems, where they lie in a folder data/ here or beside.
+PROBLEMS ?= $(firstword $(wildcard data/mbm/panda ../data/mbm/panda ../*/data/mbm/panda))
+SEEDS ?= 0
+MARGINS ?= 0
 
 .DEFAULT_GOAL := help
 .PHONY: install demo test check bench bench-timing bench-verdict bench-mbm bench-http serve docker-steps clean help
@@ -48,9 +52,9 @@ bench-timing: $(INSTALLED)  ## Judge the timing of a thousand random paths
 bench-verdict: $(INSTALLED)  ## Hold a hundred thousand collision verdicts against FCL
 	$(BIN)/python -m benchmarks.verdict
 
-bench-mbm: $(INSTALLED)  ## Measure on MotionBenchMaker problems: make bench-mbm PROBLEMS=dir
+bench-mbm: $(INSTALLED)  ## Measure on MotionBenchMaker's: make bench-mbm PROBLEMS=dir SEEDS="0 1 2"
 	@test -n "$(PROBLEMS)" || { echo "Say where the problems are: make $@ PROBLEMS=dir" >&2; exit 1; }
-	$(BIN)/python -m benchmarks.mbm $(PROBLEMS)
+	$(BIN)/python -m benchmarks.mbm $(PROBLEMS) --seeds $(SEEDS) --margins $(MARGINS)
 
 bench-http: $(INSTALLED)  ## Measure what HTTP costs on some of them: make bench-http PROBLEMS=dir
 	@test -n "$(PROBLEMS)" || { echo "Say where the problems are: make $@ PROBLEMS=dir" >&2; exit 1; }
