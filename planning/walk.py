@@ -69,6 +69,7 @@ TOP, VISITS, KEPT, ASKED, DEPTH, FIRST, MIDDLE, LAST = range(8)
 _LOW, _HIGH = 0, 1
 
 POLYTOPE = int(CoreKind.POLYTOPE)
+_BALL = int(CoreKind.POINT)
 #: Whom a pair is with.
 OBSTACLE, OWN = 0, 1
 
@@ -392,6 +393,9 @@ def _row(model: PairArrays, rows: Array, k: int, i: int, poses: Array, centers: 
         rows[k, CENTER + row] = centers[i, row]
         for column in range(4):
             rows[k, POSE + 4 * row + column] = poses[i, row, column]
+        if rows[k, KIND] == _BALL:
+            # Where its centre is: a point of a cloud lies off the cloud's frame.
+            rows[k, POSE + 4 * row + 3] = centers[i, row]
 
 
 @kernel

@@ -8,7 +8,7 @@ from kinematics.forward import forward
 from kinematics.trajectory import Trajectory
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Obstacle, Scene
-from obstacles.shapes import HalfSpace
+from obstacles.shapes import HalfSpace, PointCloud
 from obstacles.world import World
 from planning.certificate import certify
 from planning.deadline import Deadline
@@ -48,6 +48,40 @@ def test_clearance_is_a_sharp_lower_bound(name: str) -> None:
             distance = World(robot, scene).clearance(at).distance
             assert distance <= 1e-6
     assert proved > 2
+
+
+def test_points_of_a_cloud_take_no_more_cells_than_spheres() -> None:
+    """Wherever the cloud's frame is: a witness is looked for where the points are."""
+    robot = builtin("panda")
+    lower, upper = robot.chain.sampling_bounds()
+    random = np.random.default_rng(3)
+    cells = np.zeros((2, 12))
+    for k in range(12):
+        points = random.uniform([0.2, -0.3, 0.2], [0.8, 0.3, 0.8], (20, 3))
+        T = np.eye(4)
+        T[:3, 3] = random.uniform(-0.5, 0.5, 3)
+        cloud = Scene((Obstacle("cloud", PointCloud(points - T[:3, 3], 0.01), T),))
+        spheres = Scene(
+            tuple(
+                Obstacle(f"{i}", PointCloud(np.zeros((1, 3)), 0.01), _at(p))
+                for i, p in enumerate(points)
+            )
+        )
+        a, b = lower + random.uniform(0.1, 0.9, (2, robot.chain.n)) * (upper - lower)
+        trajectory = cubic(robot, a, a + 0.3 * (b - a), 5.0)
+        proofs = [certify(trajectory, robot, scene) for scene in (cloud, spheres)]
+        cells[:, k] = [proof.cells for proof in proofs]
+        assert proofs[0].min_obstacle_clearance == pytest.approx(
+            proofs[1].min_obstacle_clearance, rel=0.25, abs=1e-6
+        )
+    assert cells.max() < 3000.0
+    assert np.all(cells[0] <= 1.5 * cells[1] + 20.0)
+
+
+def _at(p: Array) -> Array:
+    T = np.eye(4)
+    T[:3, 3] = p
+    return T
 
 
 def test_collision_between_coarse_samples_is_found() -> None:
