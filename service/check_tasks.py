@@ -12,6 +12,7 @@ from obstacles.projection import project as project_points
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from obstacles.world import World
+from planning.preflight import TOUCHING
 from service import library
 from service.answering import answering
 from service.holding import holding
@@ -34,7 +35,7 @@ class Judge:
     Args:
         robot: The robot with what it holds.
         bare: Kernel verdicts without the obstacles' margins.
-        strict: The same with them.
+        strict: The same with them and that of the request, which concern obstacles alone.
         world: Depths, without margins.
     """
 
@@ -44,14 +45,14 @@ class Judge:
     world: World
 
     @classmethod
-    def of(cls, robot: RobotGeometry, scene: Scene) -> "Judge":
-        """The judge of a robot in a scene."""
+    def of(cls, robot: RobotGeometry, scene: Scene, margin: float) -> "Judge":
+        """The judge of a robot that keeps ``margin`` [m] more than theirs from obstacles."""
         plain = dataclasses.replace(
             scene, obstacles=tuple(dataclasses.replace(o, margin=0.0) for o in scene.obstacles)
         )
         bare = Checker.of(robot, plain)
-        margins = any(obstacle.margin > 0.0 for obstacle in scene.obstacles)
-        strict = Checker.of(robot, scene) if margins else bare
+        margins = margin > 0.0 or any(obstacle.margin > 0.0 for obstacle in scene.obstacles)
+        strict = Checker.of(robot, scene, margin) if margins else bare
         return cls(robot, bare, strict, World(robot, plain))
 
 
@@ -68,16 +69,16 @@ def check(robot: Reference, scene: Reference | None, content: bytes) -> bytes | 
     joints = geometry.chain.configuration(body.joints)
     place = library.scene(scene or (None if isinstance(body.scene, str) else body.scene))
     held = holding(geometry, place, body.attached, body.allowed_collisions)
-    key = (held.robot.content_hash, held.scene.content_hash)
-    judge = _JUDGES.get(key, lambda: Judge.of(held.robot, held.scene))
-    verdicts = [_verdict(judge, q, body.margin) for q in joints.reshape(-1, geometry.chain.n)]
+    key = (held.robot.content_hash, held.scene.content_hash, body.margin)
+    judge = _JUDGES.get(key, lambda: Judge.of(held.robot, held.scene, body.margin))
+    verdicts = [_verdict(judge, q) for q in joints.reshape(-1, geometry.chain.n)]
     if joints.ndim == 1:
         return to_json(verdicts[0] | {"allowed_collisions": held.allowed})
     answer = {name: [verdict[name] for verdict in verdicts] for name in verdicts[0]}
     return to_json(answer | {"allowed_collisions": held.allowed})
 
 
-def _verdict(judge: Judge, q: Array, margin: float) -> dict[str, Any]:
+def _verdict(judge: Judge, q: Array) -> dict[str, Any]:
     chain = judge.robot.chain
     clearance, pair = judge.bare.clearance(q)
     collisions = []
@@ -91,7 +92,7 @@ def _verdict(judge: Judge, q: Array, margin: float) -> dict[str, Any]:
     outside = np.flatnonzero((q < chain.limits.lower) | (q > chain.limits.upper))
     broken = [_broken(judge.robot, q, int(j)) for j in outside]
     return {
-        "valid": not collisions and not broken and room > margin,
+        "valid": not collisions and not broken and room > TOUCHING,
         "clearance": clearance if np.isfinite(clearance) else None,
         "clearance_pair": None if pair is None else list(pair),
         "collisions": collisions,

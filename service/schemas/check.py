@@ -9,7 +9,10 @@ from service.schemas.base import Answer, Body, Joints, Name, NonNegative, Timeou
 from service.schemas.kinematics import JOINTS_EXAMPLE
 from service.schemas.scene import SceneReference
 
-Margin = Annotated[NonNegative, Field(le=10.0, description="distance to be kept [m]")]
+Margin = Annotated[
+    NonNegative,
+    Field(le=10.0, description="distance to be kept from obstacles, beyond their own margins [m]"),
+]
 
 
 class CheckRequest(Body):

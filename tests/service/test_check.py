@@ -68,6 +68,15 @@ def test_one_configuration_is_told_without_lists(client: httpx.Client) -> None:
     assert check(client, [HOME], scene=scene(POST))["valid"] == [True]
 
 
+def test_a_margin_concerns_obstacles_and_not_the_links_of_the_arm(client: httpx.Client) -> None:
+    alone = check(client, HOME, scene=None)
+    margin = 2.0 * alone["clearance"]
+    found = check(client, HOME, scene=None, margin=margin)
+    assert (found["valid"], found["clearance"]) == (True, alone["clearance"])
+    body = {"robot": "panda", "start": {"joints": HOME}, "goal": {"joints": ASIDE}}
+    assert client.post("/v1/plan", json=body | {"margin": margin}).status_code == 200
+
+
 def test_depth_of_a_known_overlap(client: httpx.Client) -> None:
     hand = forward(builtin_chain("panda"), HOME, "panda_hand")[:3, 3]
     ball = {"id": "in_hand", "shape": {"type": "sphere", "radius": 0.02}}
@@ -100,17 +109,16 @@ def test_margins(client: httpx.Client) -> None:
     clearance = world(scene(POST)).clearance(HOME).distance
     own = world(scene()).clearance(HOME).distance
     assert clearance == pytest.approx(own), "the robot itself is nearest at home"
-    for margin, valid in ((0.9 * own, True), (1.1 * own, False)):
-        found = check(client, HOME, scene=scene(POST), margin=margin)
-        assert (found["valid"], found["collisions"]) == (valid, [])
-        assert found["clearance"] == pytest.approx(own, abs=1e-6)
     near = world(scene(POST, allowed_collisions=[]))
     near.place(HOME)
     post = min(near.distance(k) for k in range(len(near.pairs)) if "post" in near.pair_names(k))
     for margin, valid in ((0.9 * post, True), (1.1 * post, False)):
-        found = check(client, HOME, scene=scene(POST | {"margin": margin}))
-        assert found["valid"] is valid
-        assert found["clearance"] == pytest.approx(own, abs=1e-6), "margins are not taken off"
+        ways = {"scene": scene(POST | {"margin": margin})}, {"margin": margin}
+        both = {"scene": scene(POST | {"margin": 0.4 * margin}), "margin": 0.6 * margin}
+        for way in (*ways, both):
+            found = check(client, HOME, **({"scene": scene(POST)} | way))
+            assert (found["valid"], found["collisions"]) == (valid, [])
+            assert found["clearance"] == pytest.approx(own, abs=1e-6), "margins are not taken off"
     assert chain.n == 7
 
 
