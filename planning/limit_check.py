@@ -57,6 +57,12 @@ class Violation:
     details: Mapping[str, Any]
 
 
+def beyond(joint: str, value: float, limit: float) -> str:
+    """Say by how much a joint is outside which limit of its position [rad or m]."""
+    which = "above its upper" if value > limit else "below its lower"
+    return f"joint {joint!r} is at {value:.9g}, {abs(value - limit):.3g} {which} limit {limit:.9g}"
+
+
 def check_limits(
     trajectory: Trajectory,
     limits: Limits,
@@ -153,6 +159,6 @@ def _check_position(trajectory: Trajectory, limits: Limits) -> tuple[LimitReport
     over = high[k] - upper[k] >= lower[k] - low[k]
     value, limit = (high[k], upper[k]) if over else (low[k], lower[k])
     time = float(high_time[k] if over else low_time[k])
-    message = f"joint {names[k]!r} is at {value:.6g}, its limit is {limit:.6g}"
+    message = beyond(names[k], float(value), float(limit))
     details = {"joint": names[k], "value": float(value), "limit": float(limit)}
     return report, Violation("position", time, message, details)

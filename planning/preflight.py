@@ -11,6 +11,7 @@ from obstacles.checker import Checker, collision_model
 from obstacles.robot_geometry import hulled
 from obstacles.world import ACCURACY, World
 from planning.diagnosis import nearest_free
+from planning.limit_check import beyond
 from planning.pose_goals import sought
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.result import Failure
@@ -152,17 +153,15 @@ def _snapped(chain: Chain, q: Array, tolerance: float) -> tuple[Array, dict[str,
     j = int(np.argmax(np.abs(inside - q)))
     if abs(inside[j] - q[j]) <= tolerance:
         return inside, None
+    excess = float(abs(q[j] - inside[j]))
     broken = {"joint": chain.joint_names[j], "value": float(q[j]), "limit": float(inside[j])}
-    return q, broken
+    return q, broken | {"excess": excess}
 
 
 def _limit_failure(which: str, broken: dict[str, Any]) -> Failure:
     return Failure(
         code=f"{which.upper()}_STATE_INVALID",
-        message=(
-            f"the {which} has joint {broken['joint']!r} at {broken['value']:.6g}, beyond its limit "
-            f"{broken['limit']:.6g}"
-        ),
+        message=f"at the {which}, {beyond(broken['joint'], broken['value'], broken['limit'])}",
         hint="Bring the joint inside its limits.",
         stage=which,
         details=broken,

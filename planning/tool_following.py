@@ -291,10 +291,11 @@ class _Way:
         j = int(np.argmax(np.maximum(below, above)))
         if max(below[j], above[j]) <= 0.0:
             return None
-        limit = float(limits.lower[j] if below[j] > above[j] else limits.upper[j])
-        name = chain.joint_names[j]
+        which = "lower" if below[j] > above[j] else "upper"
+        limit, name = float(getattr(limits, which)[j]), chain.joint_names[j]
         details = {"joint": name, "limit": limit, "value": float(q[j])}
-        return Stop(reached, "limit", f"joint {name!r} comes to its limit {limit:.6g}", details)
+        text = f"joint {name!r} comes to its {which} limit {limit:.6g}"
+        return Stop(reached, "limit", text, details)
 
     def _singular_values(self, q: Array) -> Array:
         """Of the rows of the Jacobian that count and are not always 0, largest first."""

@@ -174,6 +174,11 @@ def test_limits_of_start_and_goal() -> None:
     assert answer.code == "START_STATE_INVALID"
     assert answer.details["joint"] == "panda_joint4"
     assert answer.details["value"] == 0.5
+    assert answer.details["excess"] == pytest.approx(0.5698)
+    assert "0.57 above its upper limit -0.0698" in answer.message
+    outside[3] = -3.5
+    answer = failed(Problem(robot, Scene(), outside, (JointGoal(HOME),)))
+    assert "joint 'panda_joint4' is at -3.5, 0.428 below its lower limit -3.07" in answer.message
     assert failed(Problem(robot, Scene(), HOME, (JointGoal(outside),))).code == "GOAL_STATE_INVALID"
     barely = HOME.copy()
     barely[3] = robot.chain.limits.upper[3] + 1e-7
