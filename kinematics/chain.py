@@ -34,10 +34,18 @@ class JointType(IntEnum):
 
 
 def frozen(values: ArrayLike) -> Array:
-    """A read-only, contiguous copy of ``values`` as float64."""
+    """A read-only, contiguous copy of ``values`` as float64; what is one already, itself."""
+    if _is_frozen(values):
+        return values  # type: ignore[return-value]
     array = np.array(values, dtype=np.float64, order="C")
     array.setflags(write=False)
     return array
+
+
+def _is_frozen(values: ArrayLike) -> bool:
+    if type(values) is not np.ndarray or values.dtype != np.float64 or values.base is not None:
+        return False  # a view may be of what can still be written to
+    return values.flags.c_contiguous and not values.flags.writeable
 
 
 @dataclass(frozen=True, slots=True, eq=False)

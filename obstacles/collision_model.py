@@ -23,7 +23,6 @@ from obstacles.piece_set import (
     OWNER,
     POSE,
     RADIUS,
-    WIDTH,
     CoreKind,
     PieceSet,
     ball_rows,
@@ -249,18 +248,12 @@ def _bodies(
 def _scene_part(scene: Scene) -> _ScenePart:
     shaped = [() if obstacle.is_cloud else obstacle.pieces() for obstacle in scene.obstacles]
     packed = PieceSet.of([piece for own in shaped for piece in own])
-    blocks, first = [np.zeros((0, WIDTH))], 0
-    for number, (obstacle, own) in enumerate(zip(scene.obstacles, shaped, strict=True)):
-        rows = packed.rows[first : first + len(own)]
-        grouped = rows[:, GROUP_STOP] > 0.0
-        rows[grouped, GROUP : GROUP_STOP + 1] += sum(map(len, blocks)) - first
-        first += len(own)
-        if obstacle.is_cloud:
-            balls = obstacle.balls()
-            rows = ball_rows(balls.centers, balls.radii[0])
-        rows[:, OWNER], rows[:, MARGIN] = number, obstacle.margin
-        blocks.append(rows)
-    rows = np.vstack(blocks)
+    rows = packed.rows
+    if any(obstacle.is_cloud for obstacle in scene.obstacles):
+        rows = _with_clouds(rows, scene, [len(own) for own in shaped])
+    counts = np.array([obstacle.count for obstacle in scene.obstacles], dtype=np.int64)
+    rows[:, OWNER] = np.repeat(np.arange(len(counts)), counts)
+    rows[:, MARGIN] = np.repeat([obstacle.margin for obstacle in scene.obstacles], counts)
     wall = rows[:, KIND] == CoreKind.HALFSPACE
     solid = np.flatnonzero(~wall)
     grown = tree(*_bounds(rows[solid]))
@@ -272,6 +265,22 @@ def _scene_part(scene: Scene) -> _ScenePart:
         _readonly(packed.surfaces),
     )
     return _ScenePart(kept, Tree(grown.nodes, items), np.flatnonzero(wall))
+
+
+def _with_clouds(shaped: Array, scene: Scene, counts: list[int]) -> Array:
+    """The rows of shapes, ``counts`` for each obstacle, and between them the balls of clouds."""
+    blocks, first, before = list[Array](), 0, 0
+    for obstacle, count in zip(scene.obstacles, counts, strict=True):
+        rows = shaped[first : first + count]
+        if obstacle.is_cloud:
+            balls = obstacle.balls()
+            rows = ball_rows(balls.centers, balls.radii[0])
+        else:
+            grouped = rows[:, GROUP_STOP] > 0.0
+            rows[grouped, GROUP : GROUP_STOP + 1] += before - first
+        first, before = first + count, before + len(rows)
+        blocks.append(rows)
+    return np.vstack(blocks)
 
 
 def _bounds(rows: Array) -> tuple[Array, Array]:

@@ -136,9 +136,9 @@ def _roomy(problem: Problem, hulls: Checker) -> Ready | None:
         return None
     tolerance = problem.start_state_tolerance
     snapped = [_snapped(problem.robot.chain, q, tolerance) for q in (problem.start, *joints)]
-    for q, outside in snapped:
-        if outside is not None or hulls.clearance(q)[0] < 2.0 * _SLACK:
-            return None
+    roomy = Checker(hulls.model, 2.0 * _SLACK)
+    if not all(outside is None and roomy.valid(q) for q, outside in snapped):
+        return None
     start, *ends = (q for q, _ in snapped)
     ends.sort(key=lambda q: float(np.linalg.norm(q - start)))
     exact = collision_model(problem.robot, problem.scene, problem.margin)
