@@ -38,6 +38,7 @@ _VECTOR = ir.VectorType(ir.DoubleType(), LANES)
 _BITS = ir.VectorType(ir.IntType(1), LANES)
 #: Arrays of numbers are aligned to a number, not to a vector.
 _ALIGNMENT = 8
+_NUMBERS = types.Array(types.float64, 1, "C")
 
 
 class _VectorType(types.Type):
@@ -239,6 +240,15 @@ def bits(where: Conditions) -> int:
     return int(np.packbits(where, bitorder="little")[0])
 
 
+@_revised
+def on_stack(count: int) -> Array:
+    """Room for a constant count of numbers, shape (count,), until the kernel that asks returns.
+
+    It costs nothing, and a kernel that makes no other arrays may be one that does not allocate.
+    """
+    return np.empty(count)
+
+
 def _place(context: Any, builder: Any, kind: Any, array: Any, at: Any) -> Any:
     """A pointer to the vector that begins at an index, which nothing checks."""
     data = context.make_array(kind)(context, builder, array).data
@@ -326,6 +336,23 @@ def _lane(context: Any, value: Any, number: Any) -> Any:
         return builder.extract_element(*values)
 
     return types.float64(value, types.int64), emit
+
+
+# By type and not by overload, which must not answer an array where nothing allocates.
+@type_callable(on_stack)  # type: ignore[untyped-decorator]
+def _on_stack_typed(context: Any) -> Any:
+    return lambda count: _NUMBERS if isinstance(count, types.IntegerLiteral) else None
+
+
+@lower_builtin(on_stack, types.IntegerLiteral)  # type: ignore[untyped-decorator]
+def _on_stack_compiled(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+    count = _whole(signature.args[0].literal_value)
+    array = context.make_array(_NUMBERS)(context, builder)
+    context.populate_array(
+        array, data=cgutils.alloca_once(builder, ir.DoubleType(), size=count), shape=(count,),
+        strides=(_whole(8),), itemsize=_whole(8), meminfo=None,
+    )  # fmt: skip
+    return array._getvalue()
 
 
 @overload(floor, strict=False)  # type: ignore[untyped-decorator]

@@ -6,7 +6,7 @@ both spheres (the arm angle is the parameter) or with six such joints behind or 
 """
 
 from functools import cache, lru_cache
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,8 +31,11 @@ from kinematics.kernel import direct
 
 #: Largest error of a solution [m], [rad].
 TOLERANCE = 1e-9
-#: A closed form has 8 branches, 16 at most for general axes, and as many again by rounding.
-_ROWS = 16
+#: A closed form has 8 branches, 16 at most for general axes, and as many again by rounding: most
+#: poses do with less memory.
+_ROWS, _MOST = 16, 9
+#: No link is called so.
+_NONE = object()
 _FLOAT = np.dtype(np.float64)
 _POSE = (4, 4)
 #: The seed's own parameter, and more branches than there are.
@@ -166,11 +169,15 @@ def branches(
         InvalidPose: The target is not finite or has another shape.
         InvalidRobotState: Seeds of the wrong length or not finite.
     """
-    setup = chain.memo.get("analytic")
-    if setup is None or setup[0] != link:
-        setup = _prepared(chain, link)
+    try:
+        own, closed, form, number, plan, model, lower, upper, near, shape = chain.memo["analytic"]
+    except KeyError:
+        own = _NONE
+    if own != link:
+        setup = own, closed, form, number, plan, model, lower, upper, near, shape = _prepared(
+            chain, link
+        )
         chain.memo["analytic"] = setup
-    _, closed, form, number, plan, model, lower, upper, near, shape = setup
     many = _ALL if enough is None else enough
     seeds = near if seed_joints is None else _numbers(seed_joints, "seed_joints")
     T = _numbers(target, "the target")
@@ -178,8 +185,15 @@ def branches(
     if T.shape == _POSE and seeds.ndim == 1 and values.ndim == 1:
         table = _empty(shape if values is _OWN else (_ROWS * values.shape[0], shape[1]))
         count = closed(plan, model, number, T, lower, upper, seeds, values, tolerance, many, table)
+        if count == _MOST and values is _OWN:
+            # There may be more than there was room for.
+            table = _empty((_ROWS, shape[1]))
+            count = closed(
+                plan, model, number, T, lower, upper, seeds, values, tolerance, many, table
+            )
         if count >= 0:
-            return cast(Branches, _new(Branches, (form, shape[1] - MORE, table[:count], None)))
+            found: Branches = _new(Branches, (form, shape[1] - MORE, table[:count], None))
+            return found
     chain.configuration(seeds, "seed_joints")
     if T.shape[-2:] != _POSE or not np.isfinite(T).all():
         raise InvalidPose("the target must be a finite 4x4 transform, or a batch of them")
@@ -212,7 +226,7 @@ def _prepared(
     number = -1 if link is None else link_number(chain, link)
     limits = chain.limits
     lower, upper = limits.lower, limits.upper
-    shape = (_ROWS, chain.n + MORE)
+    shape = (_MOST, chain.n + MORE)
     near = middle(chain)
     return link, _one(), form, number, form.plan, chain.model, lower, upper, near, shape
 

@@ -13,8 +13,6 @@ in the plane gives the rest.
 
 import math
 
-import numpy as np
-
 from kinematics.chain import Array
 from kinematics.ik.spherical import (
     TIP,
@@ -33,11 +31,12 @@ from kinematics.ik.subproblem import (
     pair_kernel,
 )
 from kinematics.kernel import kernel
+from kinematics.vector import on_stack
 
 __all__ = ["TIP", "parallel_kernel"]
 
 
-@kernel
+@kernel(allocates=False)
 def parallel_kernel(
     plan: Array, t: Array, free: Array, slack: float, raw: Array, count: int
 ) -> int:
@@ -65,8 +64,8 @@ def parallel_kernel(
                 plan, x, z, o, c1, s1, 0.0, 0.0, code, family, free, slack, raw, count
             )
         return count
-    h, rho, out = np.zeros((2, 3)), np.zeros(6), np.empty((24, 4))
-    rho[0] = 1.0
+    h, rho, out = on_stack(6).reshape((2, 3)), on_stack(6), on_stack(96).reshape((24, 4))
+    rho[0], rho[1:] = 1.0, 0.0
     ux, uy, uz = A5[9], A5[10], A5[11]
     h[0, 0] = depth - nz * o[2] + uz * A6[12]
     h[0, 1], h[0, 2] = ux * A6[4] + uy * A6[8], uy * A6[4] - ux * A6[8]
@@ -98,7 +97,7 @@ def parallel_kernel(
     return count
 
 
-@kernel
+@kernel(allocates=False)
 def _behind_first(
     plan: Array, x: Vector, z: Vector, o: Vector, c1: float, s1: float, c5: float, s5: float,
     code: float, family: float, free: Array, slack: float, raw: Array, count: int,
@@ -164,7 +163,7 @@ def _behind_first(
     return count
 
 
-@kernel
+@kernel(allocates=False)
 def _window(plan: Array, p: Vector, c5: float, s5: float) -> tuple[float, float, float]:
     """Where q2 + q3 + q4 lets both links reach: that far [rad] at least and most from a middle."""
     u, v = _offset(plan, c5, s5)
@@ -181,7 +180,7 @@ def _window(plan: Array, p: Vector, c5: float, s5: float) -> tuple[float, float,
     return middle, math.acos(least), math.acos(most)
 
 
-@kernel
+@kernel(allocates=False)
 def _offset(plan: Array, c5: float, s5: float) -> tuple[float, float]:
     """Joint 6's origin in the frame of joint 4, across its axis."""
     A5, A6 = plan[5], plan[6]
@@ -192,7 +191,7 @@ def _offset(plan: Array, c5: float, s5: float) -> tuple[float, float]:
     )
 
 
-@kernel
+@kernel(allocates=False)
 def _elbows(
     plan: Array, p: Vector, turn: tuple[float, float, float, float],
     wrist: tuple[float, float, float, float], code: float, family: float, free: Array,

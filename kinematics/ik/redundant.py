@@ -25,26 +25,26 @@ from kinematics.kernel import kernel
 Turns = tuple[float, float, float, float, float, float]
 
 
-@kernel
+@kernel(allocates=False)
 def cross_kernel(a: Vector, b: Vector) -> Vector:
     """The cross product."""
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
-@kernel
+@kernel(allocates=False)
 def _unit(a: Vector) -> Vector:
     r = math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
     return (a[0] / r, a[1] / r, a[2] / r)
 
 
-@kernel
+@kernel(allocates=False)
 def _across(a: Vector, unit: Vector) -> Vector:
     """The direction of ``a`` across ``unit``."""
     d = a[0] * unit[0] + a[1] * unit[1] + a[2] * unit[2]
     return _unit((a[0] - d * unit[0], a[1] - d * unit[1], a[2] - d * unit[2]))
 
 
-@kernel
+@kernel(allocates=False)
 def _reference(s: Vector) -> Vector:
     """The horizontal direction across the unit vector ``s`` that arm angles count from."""
     if s[0] * s[0] + s[1] * s[1] < 1e-16:
@@ -52,7 +52,7 @@ def _reference(s: Vector) -> Vector:
     return _unit((-s[1], s[0], 0.0))
 
 
-@kernel
+@kernel(allocates=False)
 def _elbow(plan: Array, c4: float, s4: float) -> tuple[Vector, Vector]:
     """SW and axis 4 in the frame of joint 3."""
     A, p = plan[4], plan[5]
@@ -65,7 +65,7 @@ def _elbow(plan: Array, c4: float, s4: float) -> tuple[Vector, Vector]:
     return f, (A[3], A[7], A[11])
 
 
-@kernel
+@kernel(allocates=False)
 def _reach(plan: Array) -> tuple[float, float, float]:
     """|SW|^2 = r[0] + r[1] cos(q4) + r[2] sin(q4)."""
     A, p = plan[4], plan[5]
@@ -79,7 +79,7 @@ def _reach(plan: Array) -> tuple[float, float, float]:
     )
 
 
-@kernel
+@kernel(allocates=False)
 def arm_angle_kernel(plan: Array, angles: Array) -> float:
     """The arm angle of a configuration, its angles in plan order."""
     _, a, b = _reach(plan)
@@ -100,7 +100,7 @@ def arm_angle_kernel(plan: Array, angles: Array) -> float:
     )
 
 
-@kernel
+@kernel(allocates=False)
 def _turn(plan: Array, j: int, c: float, s: float, v: Vector) -> Vector:
     """A direction behind joint j as seen before its turn and, but for the first, its offset."""
     x, y, z = c * v[0] - s * v[1], s * v[0] + c * v[1], v[2]
@@ -114,7 +114,7 @@ def _turn(plan: Array, j: int, c: float, s: float, v: Vector) -> Vector:
     )
 
 
-@kernel
+@kernel(allocates=False)
 def redundant_kernel(
     plan: Array, t: Array, angle: float, free: Array, slack: float, raw: Array, count: int
 ) -> int:
@@ -154,7 +154,7 @@ def redundant_kernel(
     return count
 
 
-@kernel
+@kernel(allocates=False)
 def _mix(a: Vector, b: Vector, c: Vector, x: float, y: float, z: float) -> Vector:
     return (
         a[0] * x + b[0] * y + c[0] * z,
@@ -163,7 +163,7 @@ def _mix(a: Vector, b: Vector, c: Vector, x: float, y: float, z: float) -> Vecto
     )
 
 
-@kernel
+@kernel(allocates=False)
 def _behind(
     plan: Array, c4: float, s4: float, m0: Vector, m1: Vector, m2: Vector, v: Vector
 ) -> Vector:
@@ -175,7 +175,7 @@ def _behind(
     return back_kernel(c4, s4, plan[5], x, y, z)
 
 
-@kernel
+@kernel(allocates=False)
 def _shoulders(
     plan: Array, m0: Vector, m2: Vector, w0: Vector, w2: Vector, fourth: tuple[float, float],
     code: float, free: Array, slack: float, raw: Array, count: int,
@@ -207,7 +207,7 @@ def _shoulders(
     return count
 
 
-@kernel
+@kernel(allocates=False)
 def _wrists(
     plan: Array, w0: Vector, w2: Vector, first: Turns, fourth: tuple[float, float], code: float,
     family: float, free: Array, slack: float, raw: Array, count: int,
@@ -236,7 +236,7 @@ def _wrists(
     return count
 
 
-@kernel
+@kernel(allocates=False)
 def _add(
     raw: Array, count: int, first: Turns, fourth: tuple[float, float], last: Turns, code: float,
     family: float,

@@ -9,9 +9,9 @@ import math
 
 import numpy as np
 
-from kinematics.chain import Array, Indices
+from kinematics.chain import MAX_JOINTS, Array, Indices
 from kinematics.forward import finite_kernel
-from kinematics.frame import IDENTITY, Frame, compose_kernel, step_kernel, turn_kernel
+from kinematics.frame import IDENTITY, Frame, compose_kernel, step_kernel
 from kinematics.ik.parallel import parallel_kernel
 from kinematics.ik.redundant import arm_angle_kernel, redundant_kernel
 from kinematics.ik.spherical import (
@@ -31,18 +31,19 @@ from kinematics.ik.step import (
     step_within_kernel,
     uniform_kernel,
 )
+from kinematics.ik.verification import VERIFIED, miss_kernel, near_kernel, verify_kernel
 from kinematics.jacobian import frame_and_jacobian_kernel
 from kinematics.kernel import kernel
+from kinematics.vector import LANES, on_stack
 
 #: Columns behind the joints of a solution: errors [m], [rad], inside limits, branch, family,
 #: parameter.
 POSITION, ORIENTATION, INSIDE, CODE, GROUP, VALUE, MORE = 0, 1, 2, 3, 4, 5, 6
 #: Candidates of one pose at most, since families stand for themselves with several members, and
-#: of most poses.
-_CANDIDATES, _FEW = 400, 24
+#: the room for them; members of a family that are tried, and the room for those.
+_CANDIDATES, _MEMBERS = 400, 11
+_RAW, _FREE = _CANDIDATES * WIDTH, _MEMBERS * 7
 _POLISH_STEPS = 25
-#: An angle this little outside a limit [rad] is rounding of a double root, and put onto it.
-_SNAP = 1e-6
 #: Solutions nearer than this in every joint are one.
 _SAME = 1e-6
 #: Errors below this are not worth a step, below the other no polish.
@@ -58,7 +59,7 @@ _FOLD, _STEPS_ASIDE = 0.03, (1e-4, 1e-3, 1e-2, 5e-2, 0.2, 0.6)
 _NUDGES = 16
 
 
-@kernel
+@kernel(allocates=False)
 def tip_kernel(model: Array, q: Array, link: int) -> Frame:
     """The frame of link number ``link`` of ``Chain.model``."""
     row = 1 + q.shape[0] + link
@@ -68,26 +69,13 @@ def tip_kernel(model: Array, q: Array, link: int) -> Frame:
     return compose_kernel(B, model, row)
 
 
-@kernel
+@kernel(allocates=False)
 def size_kernel(e: tuple[float, float, float, float, float, float]) -> tuple[float, float]:
     """Lengths of the two halves of an error."""
     return (
         math.sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2]),
         math.sqrt(e[3] * e[3] + e[4] * e[4] + e[5] * e[5]),
     )
-
-
-@kernel
-def miss_kernel(B: Frame, T: Frame) -> tuple[float, float]:
-    """Distance [m] and angle [rad] between two frames: |R_T - R_B|^2 = 8 sin^2(angle / 2)."""
-    x, y, z = T[3] - B[3], T[7] - B[7], T[11] - B[11]
-    a, b, c = T[0] - B[0], T[4] - B[4], T[8] - B[8]
-    d, e, f = T[1] - B[1], T[5] - B[5], T[9] - B[9]
-    g, h, i = T[2] - B[2], T[6] - B[6], T[10] - B[10]
-    square = a * a + b * b + c * c + d * d + e * e + f * f + g * g + h * h + i * i
-    half = math.sqrt(0.125 * square)
-    angle = 2.0 * half if half < 1e-4 else 2.0 * math.asin(min(half, 1.0))
-    return math.sqrt(x * x + y * y + z * z), angle
 
 
 @kernel
@@ -133,54 +121,7 @@ def polish_kernel(
     return position, orientation
 
 
-@kernel
-def angle_kernel(c: float, s: float) -> float:
-    """The angle of a unit vector (c, s) in (-pi, pi], in a third of the time of atan2.
-
-    Turned by 0, 45 or 90 degrees |s| <= sin(22.5 degrees), and asin(x) = x + x^3 P(x^2) / Q(x^2)
-    with the minimax fit for |x| < 0.5 of "A freely distributable C math library" (fdlibm, 1993).
-    """
-    a, b = abs(c), abs(s)
-    if b <= 0.41421356237309503 * a:
-        x, base = b, 0.0
-    elif b <= 2.414213562373095 * a:
-        x, base = (b - a) * 0.7071067811865476, 0.25 * math.pi
-    else:
-        x, base = -a, 0.5 * math.pi
-    t = x * x
-    P = 7.91534994289814532176e-04 + t * 3.47933107596021167570e-05
-    P = 2.01212532134862925881e-01 + t * (-4.00555345006794114027e-02 + t * P)
-    P = t * (1.66666666666666657415e-01 + t * (-3.25565818622400915405e-01 + t * P))
-    Q = -6.88283971605453293030e-01 + t * 7.70381505559019352791e-02
-    Q = 1.0 + t * (-2.40339491173441421878e00 + t * (2.02094576023350569471e00 + t * Q))
-    angle = base + (x + x * (P / Q))
-    if c < 0.0:
-        angle = math.pi - angle
-    return -angle if s < 0.0 else angle
-
-
-@kernel
-def near_kernel(angle: float, lower: float, upper: float, seed: float) -> tuple[float, bool, bool]:
-    """The angle by whole turns nearest to the seed, inside the limits if it can be.
-
-    Also whether it is inside, and whether it had to be put onto a limit for that.
-    """
-    turn = 2.0 * math.pi
-    best = angle + turn * math.floor((seed - angle) / turn + 0.5)
-    if best >= lower and best <= upper:
-        return best, True, False
-    if best > upper:
-        low = best - turn * math.ceil((best - upper - _SNAP) / turn)
-        if low >= lower - _SNAP:
-            return min(max(low, lower), upper), True, low < lower or low > upper
-    else:
-        high = best + turn * math.ceil((lower - _SNAP - best) / turn)
-        if high <= upper + _SNAP:
-            return min(max(high, lower), upper), True, high < lower or high > upper
-    return best, False, False
-
-
-@kernel
+@kernel(allocates=False)
 def fold_kernel(plan: Array, T: Frame, value: float) -> Frame:
     """The pose the closed form is asked for: without the locked joint, inverted if it runs back."""
     lock = int(plan[0, 2])
@@ -222,7 +163,7 @@ def fold_kernel(plan: Array, T: Frame, value: float) -> Frame:
     return T
 
 
-@kernel
+@kernel(allocates=False)
 def _product(A: Frame, B: Frame) -> Frame:
     return (
         A[0] * B[0] + A[1] * B[4] + A[2] * B[8], A[0] * B[1] + A[1] * B[5] + A[2] * B[9],
@@ -237,7 +178,7 @@ def _product(A: Frame, B: Frame) -> Frame:
     )  # fmt: skip
 
 
-@kernel
+@kernel(allocates=False)
 def candidates_kernel(
     plan: Array, T: Frame, value: float, free: Array, slack: float, t: Array, raw: Array, count: int
 ) -> int:
@@ -258,7 +199,7 @@ def candidates_kernel(
     return count
 
 
-@kernel
+@kernel(allocates=False)
 def free_kernel(plan: Array, lower: Array, upper: Array, seed: Array, free: Array) -> None:
     """Fill ``free`` (k, joints in plan order): the seed, both limits, then steps around a turn."""
     for j in range(free.shape[1]):
@@ -273,7 +214,7 @@ def free_kernel(plan: Array, lower: Array, upper: Array, seed: Array, free: Arra
             free[k, j] = free[0, j] + (k - 2) * 2.0 * math.pi / (free.shape[0] - 2)
 
 
-@kernel
+@kernel(allocates=False)
 def parameter_kernel(plan: Array, q: Array, angles: Array) -> float:
     """The parameter of a configuration: the locked joint's value, or the arm angle."""
     lock = int(plan[0, 2])
@@ -287,7 +228,7 @@ def parameter_kernel(plan: Array, q: Array, angles: Array) -> float:
     return arm_angle_kernel(plan, angles)
 
 
-@kernel
+@kernel(allocates=False)
 def branches_kernel(
     plan: Array, model: Array, link: int, target: Array, lower: Array, upper: Array, seed: Array,
     values: Array, tolerance: float, enough: int, out: Array,
@@ -319,14 +260,10 @@ def branches_kernel(
                 return -2
     if link < 0:
         link = int(model[0, 1])
+    raw, lanes = on_stack(_RAW).reshape((_CANDIDATES, WIDTH)), on_stack(VERIFIED)
     joints = 7 if plan[0, 0] == 2.0 else 6
-    # One piece of memory for all: each costs as much as a joint does.
-    rows = _CANDIDATES if values.shape[0] > 1 else _FEW
-    room = np.empty(rows * WIDTH + 14 + 16 * n + 11 * joints)
-    raw, room = room[: rows * WIDTH].reshape((rows, WIDTH)), room[rows * WIDTH :]
-    t, q, walk = room[:14], room[14 : 14 + n], room[14 + n : 14 + 16 * n].reshape((n, 15))
-    free = room[14 + 16 * n :].reshape((11, joints))
-    walk[:] = np.nan
+    free = on_stack(_FREE)[: _MEMBERS * joints].reshape((_MEMBERS, joints))
+    t, q = on_stack(14), on_stack(MAX_JOINTS)[:n]
     T = frame_kernel(target)
     slack = max(2.0 * tolerance, 10.0 * plan[0, 5])
     # Many values of a parameter are tried for one that will do, one value for all its branches.
@@ -338,23 +275,33 @@ def branches_kernel(
     for v in range(values.shape[0]):
         value = values[v]
         if math.isnan(value):
-            value = parameter_kernel(plan, seed, np.empty(7))
+            value = parameter_kernel(plan, seed, t[:7])
         before = count
         for trial in range(2):
             found = candidates_kernel(plan, T, value, free[:members], slack, t, raw, 0)
-            if found == rows:
-                raw, rows = np.empty((_CANDIDATES, WIDTH)), _CANDIDATES
-                found = candidates_kernel(plan, T, value, free[:members], slack, t, raw, 0)
             hard = False
-            for k in range(found):
-                position, orientation, moved = _verify(
-                    plan, model, link, T, seed, raw, k, exact, q, walk
-                )
-                hard = hard or moved
-                count = _admit(
-                    plan, model, link, T, lower, upper, seed, tolerance, (position, orientation),
-                    (raw[k, BRANCH], raw[k, FAMILY], value), q, out, count,
-                )  # fmt: skip
+            for first in range(0, found, LANES):
+                some = min(found - first, LANES)
+                bounds = (lower, upper, seed)
+                snapped = verify_kernel(plan, model, link, T, raw, first, some, bounds, lanes)
+                for lane in range(some):
+                    row = first + lane
+                    position, orientation = lanes[16 * n + lane], lanes[16 * n + 8 + lane]
+                    hard = hard or raw[row, FAMILY] != 0.0
+                    if max(position, orientation) > _CLOSE or (snapped >> lane) & 1 != 0:
+                        count, moved = _polished(
+                            plan, model, link, T, lower, upper, seed, tolerance, raw[row], lane,
+                            lanes, q, out, count,
+                        )  # fmt: skip
+                        hard = hard or moved
+                    elif max(position, orientation) <= tolerance:
+                        for j in range(n):
+                            q[j] = lanes[8 * (n + j) + lane]
+                        about = (
+                            position, orientation, lanes[16 * n + 16 + lane], raw[row, BRANCH],
+                            raw[row, FAMILY], value,
+                        )  # fmt: skip
+                        count = _enter(about, q, out, count)
             if trial == 1 or members > 1 or _settled(raw, found, out, before, count, n):
                 break
             members, count = free.shape[0], before
@@ -383,7 +330,7 @@ def branches_kernel(
     return count
 
 
-@kernel
+@kernel(allocates=False)
 def _settled(raw: Array, found: int, out: Array, before: int, count: int, n: int) -> bool:
     """Whether every family's first member is inside the limits and speaks for all of them."""
     for k in range(found):
@@ -400,62 +347,37 @@ def _settled(raw: Array, found: int, out: Array, before: int, count: int, n: int
     return True
 
 
-@kernel(inline="always")
-def _verify(
-    plan: Array, model: Array, link: int, T: Frame, seed: Array, raw: Array, which: int,
-    exact: bool, q: Array, walk: Array,
-) -> tuple[float, float, bool]:  # fmt: skip
-    """Put a candidate into q and polish it if need be: its errors, and whether it moved far."""
-    n, joints = q.shape[0], 7 if plan[0, 0] == 2.0 else 6
-    held = int(plan[0, 2])
-    row = 1 + n + link
-    last = int(model[row, 0])
-    # Neighbouring candidates share their first joints: so much of the walk stands already.
-    shared = last + 1
-    for j in range(joints):
-        i = int(plan[1 + j, 13])
-        c, s = raw[which, 2 * j], plan[1 + j, 0] * raw[which, 2 * j + 1]
-        if walk[i, 0] != c or walk[i, 1] != s:
-            walk[i, 0], walk[i, 1] = c, s
-            walk[i, 2] = angle_kernel(c, s)
-            shared = min(shared, i)
-    if held >= 0 and walk[held, 2] != raw[which, PARAMETER]:
-        walk[held, 2] = raw[which, PARAMETER]
-        shared = min(shared, held)
-    B = IDENTITY if shared == 0 else _walked(walk, shared - 1)
-    for j in range(shared, last + 1):
-        if j != held:
-            B = turn_kernel(model, 1 + j, walk[j, 0], walk[j, 1], B)
-        else:
-            B = step_kernel(model, 1 + j, walk[j, 2], B)
-        walk[j, 3], walk[j, 4], walk[j, 5], walk[j, 6] = B[0], B[1], B[2], B[3]
-        walk[j, 7], walk[j, 8], walk[j, 9], walk[j, 10] = B[4], B[5], B[6], B[7]
-        walk[j, 11], walk[j, 12], walk[j, 13], walk[j, 14] = B[8], B[9], B[10], B[11]
+@kernel
+def _polished(
+    plan: Array, model: Array, link: int, T: Frame, lower: Array, upper: Array, seed: Array,
+    tolerance: float, row: Array, lane: int, lanes: Array, q: Array, out: Array, count: int,
+) -> tuple[int, bool]:  # fmt: skip
+    """Add a candidate that misses the target a little, or that a limit would cut, to ``out``.
+
+    Returns:
+        The new count, and whether polishing took it far away.
+    """
+    n, held = q.shape[0], int(plan[0, 2])
+    position, orientation = lanes[16 * n + lane], lanes[16 * n + 8 + lane]
     for j in range(n):
-        q[j] = walk[j, 2] if j <= last else seed[j]
-    position, orientation = miss_kernel(compose_kernel(B, model, row), T)
-    far = raw[which, FAMILY] != 0.0
+        q[j] = lanes[8 * j + lane]
+    far = False
     if max(position, orientation) > _CLOSE:
         # Without limits first, so that a branch is found where it is, inside or not.
         position, orientation = polish_kernel(
             model, link, T, np.full(n, -np.inf), np.full(n, np.inf), held, q
         )
-        if not exact:
-            far = far or max(position, orientation) > _CLOSE
-            for j in range(last + 1):
-                far = far or abs(q[j] - walk[j, 2]) > _FAR
-    return position, orientation, far
+        far = max(position, orientation) > _CLOSE
+        for j in range(int(model[1 + n + link, 0]) + 1):
+            far = far or abs(q[j] - lanes[8 * j + lane]) > _FAR
+    count = _admit(
+        plan, model, link, T, lower, upper, seed, tolerance, (position, orientation),
+        (row[BRANCH], row[FAMILY], row[PARAMETER]), q, out, count,
+    )  # fmt: skip
+    return count, far
 
 
 @kernel
-def _walked(w: Array, i: int) -> Frame:
-    return (
-        w[i, 3], w[i, 4], w[i, 5], w[i, 6], w[i, 7], w[i, 8],
-        w[i, 9], w[i, 10], w[i, 11], w[i, 12], w[i, 13], w[i, 14],
-    )  # fmt: skip
-
-
-@kernel(inline="always")
 def _admit(
     plan: Array, model: Array, link: int, T: Frame, lower: Array, upper: Array, seed: Array,
     tolerance: float, error: tuple[float, float], about: tuple[float, float, float], q: Array,
@@ -485,13 +407,24 @@ def _admit(
                 position, orientation = polish_kernel(model, link, T, -whole, whole, held, q)
             if not (position <= tolerance and orientation <= tolerance):
                 return count
+    known = (position, orientation, 1.0 if inside else 0.0, code, family, value)
+    return _enter(known, q, out, count)
+
+
+@kernel(inline="code", allocates=False)
+def _enter(
+    about: tuple[float, float, float, float, float, float], q: Array, out: Array, count: int
+) -> int:
+    """Add q and what is known ``about`` it, as a row has it, unless it is there; the new count."""
+    n = q.shape[0]
+    _, _, inside, code, family, value = about
     place = count
     for k in range(count):
         if out[k, n + VALUE] != value:
             continue
         if family != 0.0 and out[k, n + GROUP] == family and out[k, n + CODE] == code:
             # One member stands for a family: the first that is inside the limits.
-            if out[k, n + INSIDE] == 1.0 or not inside:
+            if out[k, n + INSIDE] == 1.0 or inside == 0.0:
                 return count
             place = k
             break
@@ -506,9 +439,8 @@ def _admit(
         return count
     for j in range(n):
         out[place, j] = q[j]
-    out[place, n + POSITION], out[place, n + ORIENTATION] = position, orientation
-    out[place, n + INSIDE], out[place, n + CODE] = (1.0 if inside else 0.0), code
-    out[place, n + GROUP], out[place, n + VALUE] = family, value
+    for k in range(MORE):
+        out[place, n + k] = about[k]
     return count + 1 if place == count else count
 
 

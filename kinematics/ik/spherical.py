@@ -13,8 +13,6 @@ triangle. The last three angles are those of the rotation that is left.
 
 import math
 
-import numpy as np
-
 from kinematics.chain import Array
 from kinematics.ik.subproblem import (
     TINY,
@@ -25,6 +23,7 @@ from kinematics.ik.subproblem import (
     pair_kernel,
 )
 from kinematics.kernel import kernel
+from kinematics.vector import on_stack
 
 #: Rows of a plan: what ``structure`` packs and the kernels read.
 TIP, WRIST, SHOULDER, LOCKED, LOCKED_TIP, ROWS = 8, 9, 10, 11, 12, 13
@@ -33,7 +32,7 @@ TIP, WRIST, SHOULDER, LOCKED, LOCKED_TIP, ROWS = 8, 9, 10, 11, 12, 13
 BRANCH, FAMILY, PARAMETER, WIDTH = 14, 15, 16, 17
 
 
-@kernel
+@kernel(allocates=False)
 def back_kernel(c: float, s: float, A: Array, x: float, y: float, z: float) -> Vector:
     """R_A^T Rz^T v: a direction seen from before a joint's offset and turn."""
     u, v = c * x + s * y, c * y - s * x
@@ -44,7 +43,7 @@ def back_kernel(c: float, s: float, A: Array, x: float, y: float, z: float) -> V
     )
 
 
-@kernel
+@kernel(allocates=False)
 def rotation_column(t: Array, tip: Array, k: int) -> Vector:
     """Column k of R_t R_tip^T."""
     i = 1 + 4 * k
@@ -55,7 +54,7 @@ def rotation_column(t: Array, tip: Array, k: int) -> Vector:
     )
 
 
-@kernel
+@kernel(allocates=False)
 def flange_kernel(plan: Array, t: Array) -> tuple[Vector, Vector, Vector]:
     """Columns 0 and 2 of the last joint's frame and its origin, seen from the frame A_1."""
     A1, tip = plan[1], plan[TIP]
@@ -73,7 +72,7 @@ def flange_kernel(plan: Array, t: Array) -> tuple[Vector, Vector, Vector]:
     )  # fmt: skip
 
 
-@kernel
+@kernel(allocates=False)
 def spherical_kernel(
     plan: Array, t: Array, free: Array, slack: float, raw: Array, count: int
 ) -> int:
@@ -94,7 +93,7 @@ def spherical_kernel(
     return _any_arms(plan, x, z, p, free, slack, raw, count)
 
 
-@kernel
+@kernel(allocates=False)
 def family_kernel(family: float, count: int) -> float:
     """The number of a family that begins at row ``count``, inside another or not (0).
 
@@ -104,7 +103,7 @@ def family_kernel(family: float, count: int) -> float:
     return family if family != 0.0 else -(count + 1.0)
 
 
-@kernel
+@kernel(allocates=False)
 def _wrists(
     plan: Array, x: Vector, z: Vector, arm: tuple[float, float, float, float, float, float],
     code: float, family: float, free: Array, slack: float, raw: Array, count: int,
@@ -143,7 +142,7 @@ def _wrists(
     return count
 
 
-@kernel
+@kernel(allocates=False)
 def add_kernel(
     raw: Array, count: int, arm: tuple[float, float, float, float, float, float],
     hand: tuple[float, float, float, float, float, float], code: float, family: float,
@@ -158,7 +157,7 @@ def add_kernel(
     return count + 1
 
 
-@kernel
+@kernel(allocates=False)
 def _parallel_arms(
     plan: Array, x: Vector, z: Vector, p: Vector, free: Array, slack: float, raw: Array, count: int
 ) -> int:
@@ -203,7 +202,7 @@ def _parallel_arms(
     return count
 
 
-@kernel
+@kernel(allocates=False)
 def _any_arms(
     plan: Array, x: Vector, z: Vector, p: Vector, free: Array, slack: float, raw: Array, count: int
 ) -> int:
@@ -212,9 +211,9 @@ def _any_arms(
     # Joint 2's frame sees p_2 and axis 1 so.
     B = back_kernel(1.0, 0.0, A2, A2[4], A2[8], A2[12])
     R = (A2[9], A2[10], A2[11])
-    h, rho, out = np.empty((2, 3)), np.empty(6), np.empty((24, 4))
+    h, rho, out = on_stack(6).reshape((2, 3)), on_stack(6), on_stack(96).reshape((24, 4))
     # f = f[0] + f[1] cos(q3) + f[2] sin(q3), and the same for |f|^2 with half of it in n.
-    f, n = np.empty((3, 3)), np.empty(3)
+    f, n = on_stack(9).reshape((3, 3)), on_stack(3)
     n[0] = 0.5 * (A4[4] * A4[4] + A4[8] * A4[8] + A4[12] * A4[12])
     n[1] = n[2] = 0.0
     for row in range(3):
@@ -253,7 +252,7 @@ def _any_arms(
     return count
 
 
-@kernel
+@kernel(allocates=False)
 def _first_joint(
     plan: Array, x: Vector, z: Vector, p: Vector, arm: tuple[float, float, float, float],
     f: Vector, family: float, free: Array, slack: float, raw: Array, count: int,

@@ -13,6 +13,7 @@ import numpy as np
 from kinematics.chain import Array
 from kinematics.kernel import kernel
 from kinematics.polynomial import horner_kernel, unit_roots_kernel
+from kinematics.vector import on_stack
 
 Vector = tuple[float, float, float]
 Angles = tuple[int, float, float, float, float, float, float]
@@ -28,7 +29,7 @@ _THIN, _SWEEPS = 1e-5, 5
 _ROUNDING = 1e-14
 
 
-@kernel
+@kernel(allocates=False)
 def cosine_kernel(
     a: float, b: float, d: float, slack: float
 ) -> tuple[int, float, float, float, float]:
@@ -46,7 +47,7 @@ def cosine_kernel(
     return 1, a / r, b / r, min(max(d / r, -1.0), 1.0), math.sqrt(max(square, 0.0)) / r
 
 
-@kernel
+@kernel(allocates=False)
 def orient_kernel(
     B: Array, C: Array, w: Array, m0: Vector, m2: Vector, side: float, slack: float
 ) -> Angles:  # fmt: skip
@@ -116,7 +117,7 @@ def wrist_constants(B: Array, C: Array) -> Array:
     return np.array([alpha, beta, math.cos(phase), math.sin(phase)])
 
 
-@kernel
+@kernel(allocates=False)
 def elbow_kernel(
     px: float, py: float, ax: float, ay: float, bx: float, by: float, side: float, slack: float
 ) -> tuple[int, float, float, float, float]:
@@ -142,7 +143,7 @@ def elbow_kernel(
     return (3 if abs(sd) < TINY else 1), c / r, s / r, cy, sy
 
 
-@kernel
+@kernel(allocates=False)
 def circle_roots_kernel(E: Array, noise: float, work: Array, roots: Array) -> int:
     """Write cosines and sines (8, 2) of the zeros of a quadratic in cosine and sine; their count.
 
@@ -193,7 +194,7 @@ def circle_roots_kernel(E: Array, noise: float, work: Array, roots: Array) -> in
     return count
 
 
-@kernel
+@kernel(allocates=False)
 def _add_root(t: float, sign: float, roots: Array, count: int) -> int:
     c, s = sign * (1.0 - t * t) / (1.0 + t * t), sign * 2.0 * t / (1.0 + t * t)
     for k in range(count):
@@ -205,7 +206,7 @@ def _add_root(t: float, sign: float, roots: Array, count: int) -> int:
     return count
 
 
-@kernel
+@kernel(allocates=False)
 def pair_kernel(
     N: tuple[float, float, float, float], h: Array, rho: Array, slack: float, free: Array,
     out: Array,
@@ -268,7 +269,7 @@ def pair_kernel(
                     continue
                 count = _add_pair(out, count, c, s, first, second, v0, v1)
         return count, status == 2
-    E, roots = np.empty(6), np.empty((8, 2))
+    E, roots, work = on_stack(6), on_stack(16).reshape((8, 2)), on_stack(48).reshape((8, 6))
     q = s2 * s2
     E[0] = q * (rho[0] - g0 * g0) - k0 * k0
     E[1] = q * (rho[1] - 2.0 * g0 * g1) - 2.0 * k0 * k1
@@ -278,7 +279,7 @@ def pair_kernel(
     E[5] = q * (rho[5] - g2 * g2) - k2 * k2
     size = max(k0 * k0, k1 * k1, k2 * k2)
     size = max(size, q * (rho[0] + g0 * g0 + g1 * g1 + g2 * g2))
-    number = circle_roots_kernel(E, _ROUNDING * size, np.empty((8, 6)), roots)
+    number = circle_roots_kernel(E, _ROUNDING * size, work, roots)
     for i in range(number if number >= 0 else free.shape[0]):
         if number >= 0:
             c, s = roots[i, 0], roots[i, 1]
@@ -289,13 +290,13 @@ def pair_kernel(
     return count, number < 0
 
 
-@kernel
+@kernel(allocates=False)
 def _quadratic(e: Array, c: float, s: float) -> float:
     value: float = e[0] + e[1] * c + e[2] * s + e[3] * c * c + e[4] * c * s + e[5] * s * s
     return value
 
 
-@kernel
+@kernel(allocates=False)
 def _add_pair(
     out: Array, count: int, c: float, s: float, first: float, second: float, v0: float, v1: float
 ) -> int:

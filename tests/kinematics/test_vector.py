@@ -10,7 +10,19 @@ from numpy.typing import NDArray
 from kinematics import vector
 from kinematics.kernel import fingerprint, kernel
 from kinematics.turns import turn_of_kernel, turns_kernel
-from kinematics.vector import LANES, anywhere, bits, choose, fill, first, floor, lane, load, store
+from kinematics.vector import (
+    LANES,
+    anywhere,
+    bits,
+    choose,
+    fill,
+    first,
+    floor,
+    lane,
+    load,
+    on_stack,
+    store,
+)
 
 Array = NDArray[np.float64]
 ODD = [0.0, -0.0, 1.5, -2.5, 1e-310, 1e300, np.inf, -np.inf, np.nan, 1.0 / 3.0, -1e-9, 7.0]
@@ -83,6 +95,25 @@ def test_fewer_numbers_than_lanes_repeat_the_last(count: int) -> None:
     assert first_kernel(a, out) == a.sum() + (LANES - count) * count
     np.testing.assert_array_equal(out[1:-1], np.minimum(np.arange(1.0, LANES + 1.0), count))
     assert out[0] == out[-1] == 0.0
+
+
+_ROOM = 3 * 5
+
+
+@kernel(allocates=False)
+def stack_kernel(depth: int) -> float:
+    """What each of some calls in calls finds in its own room."""
+    room = on_stack(_ROOM).reshape((3, 5))
+    for i in range(3):
+        for j in range(5):
+            room[i, j] = depth
+    deeper = stack_kernel(depth - 1) if depth > 0 else 0.0
+    return deeper + float(room[2, 4] - room[0, 0]) + float(room.sum())
+
+
+def test_room_on_the_stack_is_the_own_of_each_call() -> None:
+    assert stack_kernel(100) == _ROOM * 5050.0
+    assert on_stack(4).shape == (4,)
 
 
 def test_bodies_in_python_say_the_same() -> None:

@@ -9,6 +9,7 @@ import pytest
 from kinematics.chain import Array, Chain
 from kinematics.errors import InvalidOption, InvalidPose, InvalidRobotState, NotAvailable
 from kinematics.forward import forward
+from kinematics.ik import analytic
 from kinematics.ik.analytic import branches, closed_form, parameter
 from kinematics.ik.inverse import inverse_kinematics
 from kinematics.ik.numeric import solve, solve_many
@@ -356,6 +357,21 @@ def test_batches_equal_single_calls(name: str) -> None:
     for k in range(20):
         one = branches(chain, T[k], seed_joints=q[k])
         np.testing.assert_allclose(batch.table[k, : batch.counts[k]], one.table, atol=1e-12)
+
+
+def test_single_calls_answer_more_branches_than_they_have_room_for_at_first(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(analytic, "_MOST", 3)
+    rng = np.random.default_rng(11)
+    arm = general_arm(rng, "three parallel, axes 5 and 6 meet")
+    T = forward(arm, rng.uniform(-3.0, 3.0, (50, 6)))
+    batch = branches(arm, T)
+    assert batch.counts is not None
+    assert batch.counts.max() == 8
+    for k in range(50):
+        one = branches(arm, T[k])
+        np.testing.assert_array_equal(batch.table[k, : batch.counts[k]], one.table)
 
 
 def test_poses_out_of_reach_have_no_branch() -> None:

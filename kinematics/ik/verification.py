@@ -1,0 +1,153 @@
+"""Candidates of a closed form, eight abreast: their angles, frames, errors and nearest turns.
+
+A candidate is a row of cosines and sines, see ``spherical``. What holds for a lane (see ``vector``)
+holds for a number, to the last bit, so a branch does not hang on its neighbours.
+"""
+
+import math
+
+from kinematics.chain import MAX_JOINTS, Array
+from kinematics.frame import Frame, compose_kernel, move_kernel, turn_kernel
+from kinematics.ik.spherical import PARAMETER
+from kinematics.kernel import kernel
+from kinematics.lanes import identity_lanes_kernel
+from kinematics.vector import (
+    LANES,
+    Conditions,
+    Lanes,
+    anywhere,
+    bits,
+    choose,
+    fill,
+    floor,
+    load,
+    store,
+)
+
+#: An angle this little outside a limit [rad] is rounding of a double root, and put onto it.
+_SNAP = 1e-6
+#: Rows of vectors behind four for each joint: errors [m], [rad], and whether inside the limits.
+_BEHIND = 3
+#: Room for what ``verify_kernel`` answers.
+VERIFIED = 8 * (4 * MAX_JOINTS + _BEHIND)
+
+
+@kernel(inline="code")
+def angle_kernel(c: Lanes, s: Lanes) -> Lanes:
+    """The angle of a unit vector (c, s) in (-pi, pi], in a third of the time of atan2.
+
+    Turned by 0, 45 or 90 degrees |s| <= sin(22.5 degrees), and asin(x) = x + x^3 P(x^2) / Q(x^2)
+    with the minimax fit for |x| < 0.5 of "A freely distributable C math library" (fdlibm, 1993).
+    """
+    a, b = abs(c), abs(s)
+    small, large = b <= 0.41421356237309503 * a, b > 2.414213562373095 * a
+    x = choose(small, b, choose(large, -a, (b - a) * 0.7071067811865476))
+    base = choose(small, 0.0, choose(large, 0.5 * math.pi, 0.25 * math.pi))
+    t = x * x
+    P = 7.91534994289814532176e-04 + t * 3.47933107596021167570e-05
+    P = 2.01212532134862925881e-01 + t * (-4.00555345006794114027e-02 + t * P)
+    P = t * (1.66666666666666657415e-01 + t * (-3.25565818622400915405e-01 + t * P))
+    Q = -6.88283971605453293030e-01 + t * 7.70381505559019352791e-02
+    Q = 1.0 + t * (-2.40339491173441421878e00 + t * (2.02094576023350569471e00 + t * Q))
+    angle = base + (x + x * (P / Q))
+    angle = choose(c < 0.0, math.pi - angle, angle)
+    return choose(s < 0.0, -angle, angle)
+
+
+@kernel(inline="code")
+def near_kernel(
+    angle: Lanes, lower: float, upper: float, seed: float
+) -> tuple[Lanes, Conditions, Conditions]:
+    """The angle by whole turns nearest to the seed, inside the limits if it can be.
+
+    Also whether it is inside, and whether it had to be put onto a limit for that.
+    """
+    turn = 2.0 * math.pi
+    best = angle + turn * floor((seed - angle) / turn + 0.5)
+    above, below = best > upper, best < lower
+    inside, snapped = (best >= lower) & (best <= upper), above & below
+    if anywhere(above | below):
+        # So many turns, rounded up, take it to the limit that it is beyond.
+        low = best + turn * floor((upper + _SNAP - best) / turn)
+        high = best - turn * floor((best + _SNAP - lower) / turn)
+        moved = choose(above, low, high)
+        held = min(max(moved, lower), upper)
+        within = (above & (low >= lower - _SNAP)) | (below & (high <= upper + _SNAP))
+        snapped = within & ((moved < lower) | (moved > upper))
+        best = choose(within, held, best)
+        inside = inside | within
+    return best, inside, snapped
+
+
+@kernel(inline="code")
+def miss_kernel(B: Frame, T: Frame) -> tuple[Lanes, Lanes]:
+    """Distance [m] and 2 sin(angle / 2), the angle [rad] where it is small, between two frames.
+
+    The squared distance of their rotations is 8 sin^2(angle / 2).
+    """
+    x, y, z = T[3] - B[3], T[7] - B[7], T[11] - B[11]
+    a, b, c = T[0] - B[0], T[4] - B[4], T[8] - B[8]
+    d, e, f = T[1] - B[1], T[5] - B[5], T[9] - B[9]
+    g, h, i = T[2] - B[2], T[6] - B[6], T[10] - B[10]
+    square = a * a + b * b + c * c + d * d + e * e + f * f + g * g + h * h + i * i
+    return math.sqrt(x * x + y * y + z * z), math.sqrt(0.5 * square)
+
+
+@kernel(allocates=False)
+def verify_kernel(
+    plan: Array, model: Array, link: int, T: Frame, raw: Array, first: int, count: int,
+    bounds: tuple[Array, Array, Array], lanes: Array,
+) -> int:  # fmt: skip
+    """Verify ``count`` candidates, 8 at most, from row ``first`` of ``raw`` on.
+
+    Args:
+        plan: The closed form, see ``structure``.
+        model: ``Chain.model``.
+        link: The number of the link to bring there.
+        T: The target.
+        raw: The candidates, of one parameter.
+        first: Which to begin with.
+        count: How many there are, 8 at most.
+        bounds: Lower and upper limits and the seed, each (n,).
+        lanes: The answer, by rows of eight numbers: angles, then the nearest turns of the n joints,
+            errors [m], [rad], and 1 where all joints are inside their limits; (VERIFIED,).
+
+    Returns:
+        The candidates that some limit had to be put on, as bits.
+    """
+    lower, upper, seed = bounds
+    n, joints, held = seed.shape[0], 7 if plan[0, 0] == 2.0 else 6, int(plan[0, 2])
+    row = 1 + n + link
+    last = int(model[row, 0])
+    rest = 8 * (2 * n + _BEHIND)
+    for j in range(joints):
+        at, sign = rest + 16 * int(plan[1 + j, 13]), plan[1 + j, 0]
+        for lane in range(LANES):
+            k = first + min(lane, count - 1)
+            lanes[at + lane], lanes[at + 8 + lane] = raw[k, 2 * j], sign * raw[k, 2 * j + 1]
+    B = identity_lanes_kernel()
+    inside = fill(0.0) <= 0.0
+    snapped = fill(0.0) < 0.0
+    for j in range(n):
+        if j > last:
+            value = fill(seed[j])
+        elif j == held:
+            value = fill(raw[first, PARAMETER])
+            cosine, sine = math.cos(raw[first, PARAMETER]), math.sin(raw[first, PARAMETER])
+            B = move_kernel(model, 1 + j, value, fill(cosine), fill(sine), B)
+        else:
+            c, s = load(lanes, rest + 16 * j), load(lanes, rest + 16 * j + 8)
+            B = turn_kernel(model, 1 + j, c, s, B)
+            value = angle_kernel(c, s)
+        store(lanes, 8 * j, value)
+        if j != held and j <= last:
+            value, fits, put = near_kernel(value, lower[j], upper[j], seed[j])
+            inside, snapped = inside & fits, snapped | put
+        else:
+            inside = inside & (value >= lower[j]) & (value <= upper[j])
+        store(lanes, 8 * (n + j), value)
+    position, orientation = miss_kernel(compose_kernel(B, model, row), T)
+    store(lanes, 16 * n, position)
+    store(lanes, 16 * n + 8, orientation)
+    store(lanes, 16 * n + 16, choose(inside, 1.0, 0.0))
+    return bits(snapped)
