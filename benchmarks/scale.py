@@ -38,7 +38,7 @@ from planning.result import Plan
 _STATES = 400
 _REPEATS = 5
 #: Plans between random free configurations for each scene, and the time each may take [s].
-_PLANS, _PATIENCE = 8, 2.0
+_PLANS, _PATIENCE = 8, 20.0
 
 
 @kernel
@@ -130,13 +130,21 @@ def planned(robot: RobotGeometry, scene: Scene, free: Array) -> str:
     for start, goal in pairwise(free[: _PLANS + 1]):
         problem = Problem(robot, scene, start, (JointGoal(goal),))
         for spent in (firsts, agains):
-            # Another scene of the same content: what is kept by content does not count as first.
-            fresh = Scene(scene.obstacles) if spent is firsts else scene
+            if spent is firsts:
+                # Moved by a micrometre it is none of those whose models are kept.
+                problem = replace(problem, scene=_moved(scene, 1e-6 * (1 + len(firsts))))
             began = time.process_time()
-            found = plan(replace(problem, scene=fresh), Options(timeout=_PATIENCE))
+            found = plan(problem, Options(timeout=_PATIENCE))
             if isinstance(found, Plan):
                 spent.append(time.process_time() - began)
     return f"{1e3 * np.median(firsts):8.0f} {1e3 * np.median(agains):8.0f} {len(agains):4d}"
+
+
+def _moved(scene: Scene, by: float) -> Scene:
+    T = transform(np.eye(3), [by, 0.0, 0.0])
+    return Scene(
+        tuple(replace(o, T_world_obstacle=T @ o.T_world_obstacle) for o in scene.obstacles)
+    )
 
 
 def main() -> None:

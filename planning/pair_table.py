@@ -150,9 +150,10 @@ class _Elements(NamedTuple):
     first: Indices
     margins: Array
 
-    def then(self, other: "_Elements") -> "_Elements":
-        """These, and others behind them."""
-        return _Elements(*(np.concatenate(pair) for pair in zip(self, other, strict=True)))
+    @classmethod
+    def joined(cls, *blocks: "_Elements") -> "_Elements":
+        """Those of several one behind the other."""
+        return cls(*map(np.concatenate, zip(*blocks, strict=True)))
 
 
 @lru_cache(maxsize=8)
@@ -169,8 +170,7 @@ def _arrays(robot: RobotGeometry, scene: Scene) -> PairArrays:
     placed = around.row - p
     around = around._replace(parts=owners[placed], margins=margins[placed])
     boxed = _tree(still, margins, moving, moving + len(around.kinds))
-    rest = around.then(boxed)
-    everything = own.then(rest)
+    everything = _Elements.joined(own, around, boxed)
     joints = np.full(len(everything.kinds), -1, dtype=np.int64)
     joints[:moving] = robot.joints[own.parts]
     skipped = skipped_pairs(robot, scene)
@@ -192,7 +192,7 @@ def _arrays(robot: RobotGeometry, scene: Scene) -> PairArrays:
         centers=everything.centers,
         radii=everything.radii,
         boxes=everything.boxes,
-        extents=np.concatenate([own_extents, _extents(rest)]),
+        extents=np.concatenate([own_extents, _extents(around), _extents(boxed)]),
         below=_starts(everything.kid_counts),
         kids=everything.kids,
         parts=everything.parts,
@@ -249,7 +249,7 @@ def _solids(
         np.zeros((len(leaf), 3)), poses, centers, np.linalg.norm(boxes[:, 3:], axis=1), boxes,
         np.where(leaf, 0, 2), kids, 0 * owner, numbers[owner], first, np.zeros(len(leaf)),
     )  # fmt: skip
-    return pieces.then(below)
+    return _Elements.joined(pieces, below)
 
 
 def _tree(still: PieceArrays, margins: Array, moving: int, base: int) -> _Elements:
