@@ -20,10 +20,11 @@ from numpy.typing import ArrayLike, NDArray
 from kinematics.chain import Array
 from kinematics.forward import joint_frames
 from kinematics.pose import align_z
+from obstacles.ball_distance import bound_from, closed_form
 from obstacles.collision_model import together
 from obstacles.hull import convex_hull
 from obstacles.piece import Piece, PieceArrays, PieceKind
-from obstacles.piece_set import CENTER, GROUP, GROUP_STOP, POSE, PieceSet
+from obstacles.piece_set import CENTER, GROUP, GROUP_STOP, KIND, POSE, CoreKind, PieceSet
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from obstacles.signed_distance import halfspace_distance, plane_bound, signed_distance
@@ -279,6 +280,9 @@ class World:
             return halfspace_distance(a, self._poses[i], self._poses[j])
         if a.kind == PieceKind.HALFSPACE:
             return halfspace_distance(b, self._poses[j], self._poses[i])
+        ball = self._from_ball(i, j)
+        if ball is not None:
+            return ball
         # A result that is used again keeps the nearest points of the smallest distance so far.
         self._result = fcl.DistanceResult()
         one, other = self._current(i), self._current(j)
@@ -290,6 +294,18 @@ class World:
             if distance - proved <= ACCURACY:
                 return proved
         return signed_distance(a, self._poses[i], b, self._poses[j])[0]
+
+    def _from_ball(self, i: int, j: int) -> float | None:
+        """The distance of two pieces where one is a ball and there is a closed form [m]."""
+        ball, other = (i, j) if len(self._piece(i).vertices) == 1 else (j, i)
+        if len(self._piece(ball).vertices) != 1 or not closed_form(self._packed.rows, other):
+            return None
+        row = self._packed.rows[other : other + 1].copy()
+        row[0, POSE : POSE + 12] = self._poses[other, :3].reshape(12)
+        if row[0, KIND] == CoreKind.POINT:
+            row[0, POSE + 3 : POSE + 12 : 4] = self._centers[other]
+        x, y, z = self._centers[ball]
+        return bound_from(row, 0, self._packed.corners, x, y, z) - self._piece(ball).rounding
 
     def _current(self, k: int) -> "_Solid":
         if k not in self._solids:

@@ -83,11 +83,13 @@ def _verdict(judge: Judge, q: Array) -> dict[str, Any]:
     clearance, pair = judge.bare.clearance(q)
     collisions = []
     if clearance <= _TOUCHING:
-        collisions = [
-            {"pair": list(found.pair), "depth": found.depth} for found in judge.world.collisions(q)
-        ]
-        nearest = judge.world.clearance(q)
-        clearance, pair = nearest.distance, nearest.pair
+        contacts = judge.world.collisions(q)
+        collisions = [{"pair": list(found.pair), "depth": found.depth} for found in contacts]
+        if collisions:
+            clearance, pair = -contacts[0].depth, contacts[0].pair
+        else:
+            nearest = judge.world.clearance(q)
+            clearance, pair = nearest.distance, nearest.pair
     room = clearance if judge.strict is judge.bare else judge.strict.clearance(q)[0]
     outside = np.flatnonzero((q < chain.limits.lower) | (q > chain.limits.upper))
     broken = [_broken(judge.robot, q, int(j)) for j in outside]

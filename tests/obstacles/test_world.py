@@ -124,6 +124,21 @@ def test_depths_of_spheres_boxes_and_capsules() -> None:
         assert distance(Cylinder(0.3, 5.0), cube, T) == pytest.approx(gap - 0.1, abs=1e-7)
 
 
+@pytest.mark.parametrize("kind", ["box", "sphere", "capsule", "cylinder", "cone", "hull"])
+def test_balls_and_points_of_clouds_are_as_deep_as_by_the_growing_polytope(kind: str) -> None:
+    random = np.random.default_rng(8)
+    for k in range(20):
+        piece, _ = random_solid(random, kind, random_transform(random, 0.1))
+        offset, T = random.normal(size=3) * 0.1, random_transform(random, 0.1)
+        shape = PointCloud(offset[None], 0.05) if k % 2 else Sphere(0.05)
+        world = World(slide(piece), Scene((Obstacle("ball", shape, T),)))
+        world.place(np.zeros(1))
+        ball = world.scene.piece(0)
+        exact = signed_distance(piece, world._poses[0], ball, world._poses[1])[0]
+        # Round solids are found to 1e-4 of their size by the polytope, too shallow by that.
+        assert world.between(0, 1) == pytest.approx(exact, abs=2e-4)
+
+
 def test_the_halfspace_is_exact() -> None:
     random = np.random.default_rng(24)
     for _ in range(20):
