@@ -7,6 +7,7 @@ over cells of time that are halved until the bound is a thousandth above what is
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,9 @@ RATIO_TOLERANCE = 1e-9
 JUMP_TOLERANCE = 1e-9
 #: Jump of acceleration beyond which jerk is not bounded [rad/s^2].
 JERK_JUMP = 1e-6
+#: Roots with less of an imaginary part than this share of their size are real: two that have met are
+#: told apart by half the digits.
+_REAL = 1e-7
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +50,7 @@ class Violation:
     Args:
         kind: "collision", "undecided", "position", "velocity", "acceleration", "jerk", "torque",
             "tool_speed", "continuity", "start", "goal" or "time".
-        time: When it happens [s].
+        time: When it begins [s]; of "torque" and "tool_speed", when it is worst.
         message: One sentence.
         details: Values a program can use.
     """
@@ -108,9 +112,10 @@ def check_continuity(trajectory: Trajectory) -> tuple[dict[str, float], list[Vio
         if jump > JUMP_TOLERANCE:
             jumps_at = np.abs(trajectory.jumps(order)).max(axis=1)
             at = int(np.argmax(jumps_at > JUMP_TOLERANCE))
-            message = f"the {name} jumps by {jump:.3g} between two pieces"
+            first = float(jumps_at[at])
+            message = f"the {name} jumps by {first:.3g} between two pieces"
             time = float(trajectory.breaks[at + 1])
-            wrong.append(Violation("continuity", time, message, {"quantity": name, "jump": jump}))
+            wrong.append(Violation("continuity", time, message, {"quantity": name, "jump": first}))
     return continuity, wrong
 
 
@@ -134,9 +139,48 @@ def _check_peaks(
     report = LimitReport(float(ratios[j]), joint, float(peaks.time[j]))
     if report.worst_ratio <= 1.0 + RATIO_TOLERANCE:
         return report, None
-    message = f"joint {joint!r} has {name} {peaks.value[j]:.6g}, its limit is {limit[j]:.6g}"
-    details = {"joint": joint, "value": float(peaks.value[j]), "limit": float(limit[j])}
-    return report, Violation(name, report.time, message, details)
+    most = np.where(bound, limit, np.inf) * (1.0 + RATIO_TOLERANCE)
+    time, k = _first_beyond(trajectory, order, -most, most) or (report.time, j)
+    joint, value = trajectory.joint_names[k], float(peaks.value[k])
+    message = f"joint {joint!r} has {name} {value:.6g}, its limit is {limit[k]:.6g}"
+    return report, Violation(
+        name, time, message, {"joint": joint, "value": value, "limit": float(limit[k])}
+    )
+
+
+def _first_beyond(
+    trajectory: Trajectory, order: int, lower: Array, upper: Array
+) -> tuple[float, int] | None:
+    """When a derivative first leaves its bounds (n,), and of which joint; None if it does not."""
+    low, high = trajectory.piece_extrema(order)
+    out = (low < lower) | (high > upper)
+    if not out.any():
+        return None
+    piece = int(np.argmax(out.any(axis=1)))
+    rates = trajectory.derivative(order) if order else trajectory
+    begins, ends = (float(t) for t in trajectory.breaks[piece : piece + 2])
+    times = [
+        (_leaves(rates.coefficients[piece, j], ends - begins, lower[j], upper[j]), int(j))
+        for j in np.flatnonzero(out[piece])
+    ]
+    time, joint = min(times)
+    return begins + time, joint
+
+
+def _leaves(coefficients: Array, length: float, lower: float, upper: float) -> float:
+    """When a polynomial of [0, length] first leaves its bounds."""
+    value = np.polynomial.Polynomial(coefficients)
+    crossings = [0.0, length]
+    for bound in (lower, upper):
+        if np.isfinite(bound):
+            roots = (value - bound).trim().roots()
+            real = roots.real[np.abs(roots.imag) <= _REAL * (1.0 + np.abs(roots))]
+            crossings += [float(t) for t in real if 0.0 < t < length]
+    crossings.sort()
+    for a, b in pairwise(crossings):
+        if not lower <= value(0.5 * (a + b)) <= upper:
+            return a
+    return crossings[-1]
 
 
 def _check_position(trajectory: Trajectory, limits: Limits) -> tuple[LimitReport, Violation | None]:
@@ -156,9 +200,10 @@ def _check_position(trajectory: Trajectory, limits: Limits) -> tuple[LimitReport
     k = int(np.argmax(outside))
     if outside[k] <= RATIO_TOLERANCE:
         return report, None
+    edges = lower - RATIO_TOLERANCE, upper + RATIO_TOLERANCE
+    time, k = _first_beyond(trajectory, 0, *edges) or (0.0, k)
     over = high[k] - upper[k] >= lower[k] - low[k]
     value, limit = (high[k], upper[k]) if over else (low[k], lower[k])
-    time = float(high_time[k] if over else low_time[k])
     message = beyond(names[k], float(value), float(limit))
     details = {"joint": names[k], "value": float(value), "limit": float(limit)}
     return report, Violation("position", time, message, details)

@@ -237,6 +237,13 @@ def test_a_goal_out_of_reach_says_how_far(client: httpx.Client) -> None:
     assert "reach" in document["hint"]
 
 
+def test_a_duration_that_is_not_the_motions_is_refused(client: httpx.Client) -> None:
+    motion = plan(client, scene=None)["trajectory"]
+    body = {"robot": "panda", "trajectory": motion | {"duration": 2.0 * motion["duration"]}}
+    document = problem(client.post("/v1/validate", json=body), 422, "INVALID_MOTION_PLAN")
+    assert "but the motion lasts" in document["detail"]
+
+
 def test_a_goal_beyond_a_limit(client: httpx.Client) -> None:
     goal = {"joints": [*ASIDE[:5], 9.0, 0.0]}
     document = problem(
