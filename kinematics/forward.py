@@ -25,7 +25,7 @@ _FLOAT = np.dtype(np.float64)
 _empty, _contiguous, _POSE = np.empty, np.ascontiguousarray, (4, 4)
 
 
-@kernel
+@kernel(allocates=False)
 def finite_kernel(q: Array) -> bool:
     """Whether all of (n,) is finite."""
     total = 0.0
@@ -34,7 +34,7 @@ def finite_kernel(q: Array) -> bool:
     return total == 0.0
 
 
-@kernel
+@kernel(allocates=False)
 def fits_kernel(model: Array, q: Array) -> bool:
     """Whether q is one finite number a joint."""
     return q.shape[0] == int(model[0, 0]) and finite_kernel(q)

@@ -13,7 +13,7 @@ Frame = tuple[Lanes, Lanes, Lanes, Lanes, Lanes, Lanes, Lanes, Lanes, Lanes, Lan
 IDENTITY: Frame = (1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 
 
-@kernel
+@kernel(allocates=False)
 def step_kernel(model: Array, row: int, q: float, B: Frame) -> Frame:
     """The frame behind a joint at ``q``, by its row of ``Chain.model``, from the one before it.
 
@@ -70,7 +70,7 @@ def compose_kernel(B: Frame, A: Array, i: int) -> Frame:
     )  # fmt: skip
 
 
-@kernel
+@kernel(allocates=False)
 def store_kernel(B: Frame, T: Array) -> None:
     """Write a frame into T (4, 4)."""
     T[0, 0], T[0, 1], T[0, 2], T[0, 3] = B[0], B[1], B[2], B[3]
@@ -79,7 +79,7 @@ def store_kernel(B: Frame, T: Array) -> None:
     T[3, 0], T[3, 1], T[3, 2], T[3, 3] = 0.0, 0.0, 0.0, 1.0
 
 
-@kernel
+@kernel(allocates=False)
 def at_joint_kernel(A: Array, i: int) -> bool:
     """Whether the frame in row i is the identity, as most links' frames in their joint's are."""
     return bool(

@@ -16,7 +16,7 @@ FRAME, COLUMN = 12, 6
 Column = tuple[Lanes, Lanes, Lanes, Lanes, Lanes, Lanes]
 
 
-@kernel
+@kernel(allocates=False)
 def gather_kernel(q: Array, lanes: Array) -> None:
     """Lay q (LANES, n) out by joints, into lanes (n * LANES,)."""
     for lane in range(8):
@@ -31,7 +31,7 @@ def identity_lanes_kernel() -> Frame:
     return one, zero, zero, zero, zero, one, zero, zero, zero, zero, one, zero
 
 
-@kernel
+@kernel(allocates=False)
 def store_lanes_kernel(frames: Array, poses: Array) -> None:
     """Write frames (links * FRAME * LANES,) into poses (LANES, links, 4, 4), flat."""
     count = frames.shape[0] // 96
@@ -43,7 +43,37 @@ def store_lanes_kernel(frames: Array, poses: Array) -> None:
             poses[to + 12], poses[to + 13], poses[to + 14], poses[to + 15] = 0.0, 0.0, 0.0, 1.0
 
 
-@kernel
+@kernel(allocates=False)
+def axes_lanes_kernel(
+    model: Array, q: Array, cosines: Array, sines: Array, link: int, axes: Array
+) -> Frame:
+    """The frames of a link from joint values and their turns (n * LANES,).
+
+    The origins and z axes of the joints on the way are written into axes (n * COLUMN * LANES,).
+    """
+    row = 1 + q.shape[0] // 8 + (link if link >= 0 else int(model[0, 1]))
+    B = identity_lanes_kernel()
+    for j in range(int(model[row, 0]) + 1):
+        at = 8 * j
+        B = move_kernel(model, 1 + j, load(q, at), load(cosines, at), load(sines, at), B)
+        store_column_kernel(axes, 48 * j, (B[3], B[7], B[11], B[2], B[6], B[10]))
+    return compose_kernel(B, model, row)
+
+
+@kernel(inline="code")
+def column_lanes_kernel(model: Array, axes: Array, j: int, last: int, B: Frame) -> Column:
+    """Column j of the Jacobians of frames B that joint ``last`` carries, by what is in ``axes``."""
+    zero = fill(0.0)
+    if j > last:
+        return zero, zero, zero, zero, zero, zero
+    px, py, pz, zx, zy, zz = load_column_kernel(axes, 48 * j)
+    if model[1 + j, 0] != 0.0:
+        return zx, zy, zz, zero, zero, zero
+    x, y, z = B[3] - px, B[7] - py, B[11] - pz
+    return zy * z - zz * y, zz * x - zx * z, zx * y - zy * x, zx, zy, zz
+
+
+@kernel(allocates=False)
 def jacobian_lanes_kernel(
     model: Array, q: Array, cosines: Array, sines: Array, link: int, J: Array
 ) -> Frame:
@@ -52,28 +82,10 @@ def jacobian_lanes_kernel(
     ``jacobian.frame_and_jacobian_kernel`` from joint values and their turns (n * LANES,).
     """
     n = q.shape[0] // 8
-    row = 1 + n + (link if link >= 0 else int(model[0, 1]))
-    last = int(model[row, 0])
-    B = identity_lanes_kernel()
-    for j in range(last + 1):
-        at = 8 * j
-        B = move_kernel(model, 1 + j, load(q, at), load(cosines, at), load(sines, at), B)
-        store_column_kernel(J, 48 * j, (B[3], B[7], B[11], B[2], B[6], B[10]))
-    B = compose_kernel(B, model, row)
-    zero = fill(0.0)
+    last = int(model[1 + n + (link if link >= 0 else int(model[0, 1])), 0])
+    B = axes_lanes_kernel(model, q, cosines, sines, link, J)
     for j in range(n):
-        at = 48 * j
-        if j > last:
-            store_column_kernel(J, at, (zero, zero, zero, zero, zero, zero))
-            continue
-        px, py, pz, zx, zy, zz = load_column_kernel(J, at)
-        if model[1 + j, 0] == 0.0:
-            x, y, z = B[3] - px, B[7] - py, B[11] - pz
-            store(J, at, zy * z - zz * y)
-            store(J, at + 8, zz * x - zx * z)
-            store(J, at + 16, zx * y - zy * x)
-        else:
-            store_column_kernel(J, at, (zx, zy, zz, zero, zero, zero))
+        store_column_kernel(J, 48 * j, column_lanes_kernel(model, J, j, last, B))
     return B
 
 
@@ -124,7 +136,7 @@ def store_frame_kernel(frames: Array, at: int, B: Frame) -> None:
     store(frames, at + 88, B[11])
 
 
-@kernel
+@kernel(allocates=False)
 def poses_lanes_kernel(model: Array, q: Array, poses: Array, room: Array) -> None:
     """Poses (LANES, links, 4, 4) of all links at q (LANES, n).
 
@@ -155,7 +167,7 @@ def poses_lanes_kernel(model: Array, q: Array, poses: Array, room: Array) -> Non
     store_lanes_kernel(frames[: 96 * count], poses.reshape(poses.size))
 
 
-@kernel
+@kernel(allocates=False)
 def pose_lanes_kernel(model: Array, q: Array, link: int, poses: Array, room: Array) -> None:
     """Poses (LANES, 4, 4) of a link, -1 for the tip; room (3 n + FRAME) * LANES."""
     n = q.shape[1]

@@ -37,7 +37,7 @@ def turn_of_kernel(q: Lanes) -> tuple[Lanes, Lanes]:
     return sign * choose(odd, -s, c), sign * choose(odd, c, s)
 
 
-@kernel
+@kernel(allocates=False)
 def turns_kernel(q: Array, cosines: Array, sines: Array) -> None:
     """Write cosine and sine of each of q (n,)."""
     whole = q.shape[0] - q.shape[0] % LANES

@@ -29,16 +29,36 @@ from kinematics.ik.search import (
     weigh_column_kernel,
     weigh_kernel,
 )
-from kinematics.ik.step import Error, State, error_kernel, factor_solve_kernel, frame_kernel
+from kinematics.ik.step import (
+    Error,
+    State,
+    add_outer_kernel,
+    along_kernel,
+    diagonal_kernel,
+    error_kernel,
+    factor_solve_kernel,
+    frame_kernel,
+)
 from kinematics.kernel import kernel
 from kinematics.lanes import (
-    jacobian_lanes_kernel,
+    axes_lanes_kernel,
+    column_lanes_kernel,
     load_column_kernel,
     load_frame_kernel,
     store_column_kernel,
 )
 from kinematics.turns import turns_kernel
-from kinematics.vector import LANES, Conditions, bits, choose, fill, load, store
+from kinematics.vector import (
+    LANES,
+    Conditions,
+    anywhere,
+    bits,
+    choose,
+    fill,
+    load,
+    on_stack,
+    store,
+)
 
 #: Rows of vectors that the search keeps of its lanes: squared error, errors [m], [rad], the least
 #: square of all starts, the square that progress is counted from, mu, steps of all starts, of this
@@ -48,7 +68,7 @@ _ALL_STEPS, _START_STEPS, _STALE, _FRESH, _ACTIVE, _PATIENCE, _GAIN = 48, 56, 64
 _STATE = 104
 
 
-@kernel
+@kernel(allocates=False)
 def propose_kernel(
     J: Array, e: Array, q: Array, lower: Array, upper: Array, state: Array, start: Array,
     mask: Array, H: Array, g: Array, trial: Array,
@@ -58,13 +78,22 @@ def propose_kernel(
     error = load_column_kernel(e, 0)
     fresh = load(state, _FRESH) > 0.0
     damping = load(state, _MU) * load(state, _SQUARE) + LEAST_DAMPING
-    mask_kernel(J, error, q, lower, upper, mask)
+    A = diagonal_kernel(damping, fill(0.0))
+    for j in range(n):
+        column, value = load_column_kernel(J, 48 * j), load(q, 8 * j)
+        low, high, moves = value <= lower[j], value >= upper[j], fill(1.0)
+        if anywhere(low | high):
+            pull = along_kernel(column, error)
+            moves = choose((low & (pull <= 0.0)) | (high & (pull >= 0.0)), 0.0, moves)
+            c0, c1, c2, c3, c4, c5 = column
+            column = moves * c0, moves * c1, moves * c2, moves * c3, moves * c4, moves * c5
+        store(mask, 8 * j, moves)
+        if n >= 6:
+            A = add_outer_kernel(A, column)
     if n >= 6:
-        x = dual_lanes_kernel(J, error, mask, damping, n)
+        x = factor_solve_kernel(A, error)
         for j in range(n):
-            j0, j1, j2, j3, j4, j5 = load_column_kernel(J, 48 * j)
-            step = j0 * x[0] + j1 * x[1] + j2 * x[2] + j3 * x[3] + j4 * x[4] + j5 * x[5]
-            store(g, 8 * j, step)
+            store(g, 8 * j, along_kernel(load_column_kernel(J, 48 * j), x))
     else:
         primal_lanes_kernel(J, error, mask, damping, n, H, g)
     for j in range(n):
@@ -75,44 +104,7 @@ def propose_kernel(
         store(trial, at, choose(fresh, load(start, at), moved))
 
 
-@kernel
-def mask_kernel(J: Array, e: Error, q: Array, lower: Array, upper: Array, mask: Array) -> None:
-    """Write 1 for joints that are free to move, 0 for others."""
-    for j in range(lower.shape[0]):
-        j0, j1, j2, j3, j4, j5 = load_column_kernel(J, 48 * j)
-        value, low, high = load(q, 8 * j), lower[j], upper[j]
-        pull = j0 * e[0] + j1 * e[1] + j2 * e[2] + j3 * e[3] + j4 * e[4] + j5 * e[5]
-        held = ((value <= low) & (pull <= 0.0)) | ((value >= high) & (pull >= 0.0))
-        store(mask, 8 * j, choose(held, 0.0, 1.0))
-
-
-@kernel
-def dual_lanes_kernel(J: Array, e: Error, mask: Array, damping: float, n: int) -> Error:
-    """``step.dual_kernel`` of the free joints."""
-    zero = fill(0.0)
-    a00 = a11 = a22 = a33 = a44 = a55 = damping
-    a10 = a20 = a21 = a30 = a31 = a32 = a40 = a41 = a42 = a43 = zero
-    a50 = a51 = a52 = a53 = a54 = zero
-    for j in range(n):
-        j0, j1, j2, j3, j4, j5 = load_column_kernel(J, 48 * j)
-        m = load(mask, 8 * j)
-        j0, j1, j2, j3, j4, j5 = m * j0, m * j1, m * j2, m * j3, m * j4, m * j5
-        a00 = a00 + j0 * j0
-        a10, a11 = a10 + j1 * j0, a11 + j1 * j1
-        a20, a21, a22 = a20 + j2 * j0, a21 + j2 * j1, a22 + j2 * j2
-        a30, a31, a32, a33 = a30 + j3 * j0, a31 + j3 * j1, a32 + j3 * j2, a33 + j3 * j3
-        a40, a41, a42 = a40 + j4 * j0, a41 + j4 * j1, a42 + j4 * j2
-        a43, a44 = a43 + j4 * j3, a44 + j4 * j4
-        a50, a51, a52 = a50 + j5 * j0, a51 + j5 * j1, a52 + j5 * j2
-        a53, a54, a55 = a53 + j5 * j3, a54 + j5 * j4, a55 + j5 * j5
-    A = (
-        a00, a10, a11, a20, a21, a22, a30, a31, a32, a33, a40, a41, a42, a43, a44,
-        a50, a51, a52, a53, a54, a55,
-    )  # fmt: skip
-    return factor_solve_kernel(A, e)
-
-
-@kernel
+@kernel(allocates=False)
 def primal_lanes_kernel(
     J: Array, e: Error, mask: Array, damping: float, n: int, H: Array, g: Array
 ) -> None:
@@ -154,12 +146,15 @@ def primal_lanes_kernel(
         store(g, 8 * i, total * load(H, 8 * (i * n + i)))
 
 
-@kernel
+@kernel(allocates=False)
 def judge_kernel(
-    B: Frame, T: Frame, axes: Array, scales: tuple[float, float, float], J_trial: Array,
-    trial: Array, J: Array, e: Array, q: Array, state: Array,
+    model: Array, last: int, B: Frame, T: Frame, axes: Array, scales: tuple[float, float, float],
+    walked: Array, trial: Array, J: Array, e: Array, q: Array, state: Array,
 ) -> int:  # fmt: skip
-    """Keep what is better; the lanes whose start is over, as bits."""
+    """Keep what is better; the lanes whose start is over, as bits.
+
+    ``walked`` holds the joints' axes at ``trial``, see ``lanes.axes_lanes_kernel``.
+    """
     w = scales[2]
     weighed, after, position, rotation = weigh_kernel(error_kernel(B, T), T, axes, w)
     fresh, square = load(state, _FRESH) > 0.0, load(state, _SQUARE)
@@ -171,7 +166,7 @@ def judge_kernel(
     store_column_kernel(e, 0, _kept(kept, weighed, load_column_kernel(e, 0)))
     for j in range(trial.shape[0] // 8):
         at = 48 * j
-        column = weigh_column_kernel(load_column_kernel(J_trial, at), T, axes, w)
+        column = weigh_column_kernel(column_lanes_kernel(model, walked, j, last, B), T, axes, w)
         store_column_kernel(J, at, _kept(kept, column, load_column_kernel(J, at)))
         store(q, 8 * j, choose(kept, load(trial, 8 * j), load(q, 8 * j)))
     mu = load(state, _MU)
@@ -215,7 +210,7 @@ def abreast_kernel(
         link = int(model[0, 1])
     size, last, w = 8 * n, int(model[1 + n + link, 0]), scales[2]
     lower, upper = bounds[0], bounds[1]
-    J, J_trial, e, T = np.zeros(6 * size), np.zeros(6 * size), np.zeros(48), np.zeros(96)
+    J, walked, e, T = np.zeros(6 * size), np.zeros(6 * size), np.zeros(48), np.zeros(96)
     q, trial, start, mask = np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(size)
     cosines, sines, H, g = np.zeros(size), np.zeros(size), np.zeros(n * size), np.zeros(size)
     near, own, room = np.zeros(16), np.zeros(n), np.zeros(n)
@@ -229,9 +224,9 @@ def abreast_kernel(
     while active > 0:
         propose_kernel(J, e, q, lower, upper, state, start, mask, H, g, trial)
         turns_kernel(trial, cosines, sines)
-        B = jacobian_lanes_kernel(model, trial, cosines, sines, link, J_trial)
+        B = axes_lanes_kernel(model, trial, cosines, sines, link, walked)
         over = judge_kernel(
-            B, load_frame_kernel(T, 0), axes, scales, J_trial, trial, J, e, q, state
+            model, last, B, load_frame_kernel(T, 0), axes, scales, walked, trial, J, e, q, state
         )
         for lane in range(8 if over != 0 else 0):
             if (over >> lane) & 1 == 0:
@@ -268,33 +263,51 @@ def abreast_kernel(
                 draw_kernel(
                     model, link, target, axes, bounds[2], bounds[3], w, draws[lane], room, own
                 )  # fmt: skip
-            _begin(lane, attempt, own, start, state)
+            _begin(lane, attempt, own, lower, upper, start, state)
 
 
-@kernel
+@kernel(allocates=False)
 def _take(
     lane: int, pose: int, targets: Array, seed: int, begin: Array, lower: Array, upper: Array,
     start: Array, T: Array, state: Array, draws: State,
 ) -> None:  # fmt: skip
     """Give a lane a pose."""
+    only = _only(lane)
     for i in range(12):
-        T[8 * i + lane] = targets[pose, i // 4, i % 4]
+        _put(T, 8 * i, only, targets[pose, i // 4, i % 4])
     draws[lane, 0] = np.uint64(seed)
-    state[_LEAST + lane], state[_ALL_STEPS + lane], state[_ACTIVE + lane] = np.inf, 0.0, 1.0
-    _begin(lane, 0, begin[pose], start, state)
-    for j in range(begin.shape[1]):
-        start[8 * j + lane] = min(max(begin[pose, j], lower[j]), upper[j])
+    state[_LEAST + lane] = np.inf
+    _put(state, _ALL_STEPS, only, 0.0)
+    _put(state, _ACTIVE, only, 1.0)
+    _begin(lane, 0, begin[pose], lower, upper, start, state)
 
 
-@kernel
-def _begin(lane: int, attempt: int, q: Array, start: Array, state: Array) -> None:
-    """Let a lane begin again at q (n,)."""
-    long = attempt % LONG == LONG - 1
-    state[_PATIENCE + lane] = LONG_PATIENCE if long else PATIENCE
-    state[_GAIN + lane] = LONG_GAIN if long else GAIN
-    state[_FRESH + lane] = 1.0
+@kernel(allocates=False)
+def _begin(
+    lane: int, attempt: int, q: Array, lower: Array, upper: Array, start: Array, state: Array
+) -> None:
+    """Let a lane begin again at q (n,), taken into the limits."""
+    only, long = _only(lane), attempt % LONG == LONG - 1
+    _put(state, _PATIENCE, only, LONG_PATIENCE if long else PATIENCE)
+    _put(state, _GAIN, only, LONG_GAIN if long else GAIN)
+    _put(state, _FRESH, only, 1.0)
     for j in range(q.shape[0]):
-        start[8 * j + lane] = q[j]
+        _put(start, 8 * j, only, min(max(q[j], lower[j]), upper[j]))
+
+
+@kernel(inline="code")
+def _only(lane: int) -> Conditions:
+    """Whether a lane is the one of that number."""
+    numbers = on_stack(LANES)
+    for k in range(8):
+        numbers[k] = k
+    return (load(numbers, 0) >= lane) & (load(numbers, 0) <= lane)
+
+
+@kernel(inline="code")
+def _put(array: Array, at: int, only: Conditions, value: float) -> None:
+    """Write a number into one lane: reading a vector next waits less for a vector written."""
+    store(array, at, choose(only, value, load(array, at)))
 
 
 @kernel

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from kinematics.chain import Array
+from kinematics.chain import MAX_JOINTS, Array
 from kinematics.forward import finite_kernel
 from kinematics.frame import IDENTITY, Frame, compose_kernel, move_kernel
 from kinematics.ik.step import (
@@ -19,7 +19,7 @@ from kinematics.jacobian import frame_and_jacobian_kernel
 from kinematics.kernel import kernel
 from kinematics.lanes import load_frame_kernel
 from kinematics.turns import few_turns_kernel, turn_at_kernel
-from kinematics.vector import Lanes, choose, fill, load, store
+from kinematics.vector import Lanes, choose, fill, load, on_stack, store
 
 #: Steps from one start; most that converge at all do so in a quarter of it.
 STEPS = 60
@@ -35,6 +35,8 @@ _DRAWS = 2
 #: Configurations whose frames are known beforehand, those among which a start is chosen, and
 #: where only some axes count.
 ROWS, LOOK, _MASKED, TABLE_SEED = 4096, 64, 32, 1
+#: Room for a Jacobian.
+_WIDE = 6 * MAX_JOINTS
 #: What a radian weighs against a reach of metres.
 WEIGHT = 0.18
 
@@ -73,7 +75,7 @@ def weigh_column_kernel(column: Error, T: Frame, axes: Array, w: float) -> Error
     return x, y, z, w * a, w * b, w * c
 
 
-@kernel
+@kernel(allocates=False)
 def weigh_jacobian_kernel(T: Frame, axes: Array, w: float, J: Array) -> None:
     """The same for all columns of J (6, n), in place."""
     for j in range(J.shape[1]):
@@ -83,7 +85,7 @@ def weigh_jacobian_kernel(T: Frame, axes: Array, w: float, J: Array) -> None:
         )
 
 
-@kernel
+@kernel(allocates=False)
 def draw_kernel(
     model: Array, link: int, T: Frame, axes: Array, lower: Array, upper: Array, w: float,
     state: State, trial: Array, q: Array,
@@ -109,7 +111,7 @@ def draw_kernel(
                 q[j] = trial[j]
 
 
-@kernel
+@kernel(allocates=False)
 def pick_kernel(
     table: Array, T: Frame, axes: Array, w: float, state: State, last: int, near: Array, q: Array
 ) -> None:
@@ -186,7 +188,7 @@ def table_kernel(
             table[at + 8 * row] = B[row] if row % 4 == 3 else scale * B[row]
 
 
-@kernel
+@kernel(allocates=False)
 def solve_kernel(
     model: Array, link: int, target: Array, axes: Array, bounds: Array, table: Array,
     scales: tuple[float, float, float], starts: int, spent: int, seed: int, start: Array,
@@ -224,16 +226,12 @@ def solve_kernel(
     if link < 0:
         link = int(model[0, 1])
     T = frame_kernel(target)
-    state = np.empty(1, dtype=np.uint64)
+    state = on_stack(1).view(np.uint64)
     state[0] = np.uint64(seed) + np.uint64(0xD1342543DE82EF95) * np.uint64(spent)
-    # One piece of memory for all: each costs as much as a joint does.
-    wide = max(n, 6)
-    room = np.empty(14 * n + n * n + 6 + wide + 16)
-    q, trial, room = room[:n], room[n : 2 * n], room[2 * n :]
-    J, J_trial = room[: 6 * n].reshape((6, n)), room[6 * n : 12 * n].reshape((6, n))
-    H, room = room[12 * n : 12 * n + n * n].reshape((n, n)), room[12 * n + n * n :]
-    e, g, near = room[:6], room[6 : 6 + wide], room[6 + wide :]
-    free, last = np.empty(n, dtype=np.int64), int(model[1 + n + link, 0])
+    q, trial = on_stack(MAX_JOINTS)[:n], on_stack(MAX_JOINTS)[:n]
+    J, J_trial = on_stack(_WIDE)[: 6 * n].reshape((6, n)), on_stack(_WIDE)[: 6 * n].reshape((6, n))
+    H, e, g, near = on_stack(25).reshape((5, 5)), on_stack(6), on_stack(MAX_JOINTS), on_stack(16)
+    free, last = on_stack(MAX_JOINTS).view(np.int64), int(model[1 + n + link, 0])
     lower, upper, w = bounds[0], bounds[1], scales[2]
     for j in range(n):
         q[j] = min(max(start[j], lower[j]), upper[j])

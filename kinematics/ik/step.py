@@ -19,7 +19,7 @@ Error = tuple[Lanes, Lanes, Lanes, Lanes, Lanes, Lanes]
 Square = tuple[Lanes, ...]
 
 
-@kernel
+@kernel(allocates=False)
 def frame_kernel(T: Array) -> Frame:
     """The upper three rows of (4, 4) as twelve numbers."""
     return (
@@ -80,7 +80,7 @@ def stretch_kernel(square: Lanes, cosine: Lanes) -> Lanes:
     return choose(behind, far, choose(small, unit + unit * ratio, far))
 
 
-@kernel
+@kernel(allocates=False)
 def half_turn_kernel(B: Frame, T: Frame) -> tuple[Lanes, Lanes, Lanes]:
     """Answer pi times the axis of R_T R_B^T = m, half a turn: the largest column of (m + I) / 2."""
     m00, m11 = T[0] * B[0] + T[1] * B[1] + T[2] * B[2], T[4] * B[4] + T[5] * B[5] + T[6] * B[6]
@@ -96,7 +96,7 @@ def half_turn_kernel(B: Frame, T: Frame) -> tuple[Lanes, Lanes, Lanes]:
     return scale * x, scale * y, scale * z
 
 
-@kernel
+@kernel(allocates=False)
 def cholesky_solve_kernel(H: Array, g: Array, n: int) -> None:
     """Solve H x = g in place for the leading n rows of a positive definite H."""
     for i in range(n):
@@ -168,33 +168,54 @@ def factor_solve_kernel(A: Square, e: Error) -> Error:
     return x0, x1, x2, x3, x4, x5
 
 
-@kernel
+@kernel(inline="code")
+def diagonal_kernel(value: Lanes, zero: Lanes) -> Square:
+    """``value`` times the identity; ``zero`` is a number or a vector as ``value`` is."""
+    return (
+        value, zero, value, zero, zero, value, zero, zero, zero, value, zero, zero, zero, zero,
+        value, zero, zero, zero, zero, zero, value,
+    )  # fmt: skip
+
+
+@kernel(inline="code")
+def add_outer_kernel(A: Square, column: Error) -> Square:
+    """A + c c^T of a column c, of numbers or of vectors."""
+    a00, a10, a11, a20, a21, a22, a30, a31, a32, a33, a40, a41, a42, a43, a44 = A[:15]
+    a50, a51, a52, a53, a54, a55 = A[15:]
+    c0, c1, c2, c3, c4, c5 = column
+    return (
+        a00 + c0 * c0, a10 + c1 * c0, a11 + c1 * c1, a20 + c2 * c0, a21 + c2 * c1, a22 + c2 * c2,
+        a30 + c3 * c0, a31 + c3 * c1, a32 + c3 * c2, a33 + c3 * c3, a40 + c4 * c0, a41 + c4 * c1,
+        a42 + c4 * c2, a43 + c4 * c3, a44 + c4 * c4, a50 + c5 * c0, a51 + c5 * c1, a52 + c5 * c2,
+        a53 + c5 * c3, a54 + c5 * c4, a55 + c5 * c5,
+    )  # fmt: skip
+
+
+@kernel(inline="code")
+def column_kernel(J: Array, j: int) -> Error:
+    """Column j of J (6, n)."""
+    return J[0, j], J[1, j], J[2, j], J[3, j], J[4, j], J[5, j]
+
+
+@kernel(inline="code")
+def along_kernel(column: Error, e: Error) -> Lanes:
+    """The product of a column and an error, of numbers or of vectors."""
+    j0, j1, j2, j3, j4, j5 = column
+    return j0 * e[0] + j1 * e[1] + j2 * e[2] + j3 * e[3] + j4 * e[4] + j5 * e[5]
+
+
+@kernel(allocates=False)
 def dual_kernel(J: Array, e: Array, free: Indices, count: int, damping: float, x: Array) -> None:
     """Solve (J J^T + damping I) x = e over the columns ``free[:count]`` of J (6, n), x (6,)."""
-    a00 = a11 = a22 = a33 = a44 = a55 = damping
-    a10 = a20 = a21 = a30 = a31 = a32 = a40 = a41 = a42 = a43 = 0.0
-    a50 = a51 = a52 = a53 = a54 = 0.0
+    A = diagonal_kernel(damping, 0.0)
     for i in range(count):
-        j = free[i]
-        j0, j1, j2, j3, j4, j5 = J[0, j], J[1, j], J[2, j], J[3, j], J[4, j], J[5, j]
-        a00 += j0 * j0
-        a10, a11 = a10 + j1 * j0, a11 + j1 * j1
-        a20, a21, a22 = a20 + j2 * j0, a21 + j2 * j1, a22 + j2 * j2
-        a30, a31, a32, a33 = a30 + j3 * j0, a31 + j3 * j1, a32 + j3 * j2, a33 + j3 * j3
-        a40, a41, a42 = a40 + j4 * j0, a41 + j4 * j1, a42 + j4 * j2
-        a43, a44 = a43 + j4 * j3, a44 + j4 * j4
-        a50, a51, a52 = a50 + j5 * j0, a51 + j5 * j1, a52 + j5 * j2
-        a53, a54, a55 = a53 + j5 * j3, a54 + j5 * j4, a55 + j5 * j5
-    A = (
-        a00, a10, a11, a20, a21, a22, a30, a31, a32, a33, a40, a41, a42, a43, a44,
-        a50, a51, a52, a53, a54, a55,
-    )  # fmt: skip
+        A = add_outer_kernel(A, column_kernel(J, free[i]))
     x[0], x[1], x[2], x[3], x[4], x[5] = factor_solve_kernel(
         A, (e[0], e[1], e[2], e[3], e[4], e[5])
     )
 
 
-@kernel
+@kernel(allocates=False)
 def step_within_kernel(
     J: Array, e: Array, q: Array, lower: Array, upper: Array, damping: float,
     free: Indices, H: Array, g: Array, out: Array,
@@ -205,40 +226,32 @@ def step_within_kernel(
     pushes outwards is left out. A chain of six joints and more has it as J^T x from the smaller
     (J J^T + damping I) x = e: where fewer are free, x is large across what J reaches, but not so
     large that rounding of J^T x, about 1e-16 |e| / damping, would matter.
-    J is (6, n), e (6,); room: free (n,), H (n, n), g (n or 6,).
+    J is (6, n), e (6,); room: free (n,), g (n or 6,) and,
+    for fewer than six joints, H (n, n).
     """
     n, count = q.shape[0], 0
+    error = (e[0], e[1], e[2], e[3], e[4], e[5])
     for j in range(n):
         out[j] = q[j]
         if q[j] <= lower[j] or q[j] >= upper[j]:
-            pull = (
-                J[0, j] * e[0] + J[1, j] * e[1] + J[2, j] * e[2]
-                + J[3, j] * e[3] + J[4, j] * e[4] + J[5, j] * e[5]
-            )  # fmt: skip
+            pull = along_kernel(column_kernel(J, j), error)
             if (q[j] <= lower[j] and pull <= 0.0) or (q[j] >= upper[j] and pull >= 0.0):
                 continue
         free[count] = j
         count += 1
     if n >= 6:
         dual_kernel(J, e, free, count, damping, g)
+        x = (g[0], g[1], g[2], g[3], g[4], g[5])
         for a in range(count):
             j = free[a]
-            step = (
-                J[0, j] * g[0] + J[1, j] * g[1] + J[2, j] * g[2]
-                + J[3, j] * g[3] + J[4, j] * g[4] + J[5, j] * g[5]
-            )  # fmt: skip
+            step = along_kernel(column_kernel(J, j), x)
             out[j] = min(max(q[j] + step, lower[j]), upper[j])
         return
     for a in range(count):
-        i = free[a]
-        j0, j1, j2, j3, j4, j5 = J[0, i], J[1, i], J[2, i], J[3, i], J[4, i], J[5, i]
-        g[a] = j0 * e[0] + j1 * e[1] + j2 * e[2] + j3 * e[3] + j4 * e[4] + j5 * e[5]
+        column = column_kernel(J, free[a])
+        g[a] = along_kernel(column, error)
         for b in range(a + 1):
-            k = free[b]
-            H[a, b] = (
-                j0 * J[0, k] + j1 * J[1, k] + j2 * J[2, k]
-                + j3 * J[3, k] + j4 * J[4, k] + j5 * J[5, k]
-            )  # fmt: skip
+            H[a, b] = along_kernel(column, column_kernel(J, free[b]))
         H[a, a] += damping
     cholesky_solve_kernel(H, g, count)
     for a in range(count):
@@ -246,7 +259,7 @@ def step_within_kernel(
         out[j] = min(max(q[j] + g[a], lower[j]), upper[j])
 
 
-@kernel
+@kernel(allocates=False)
 def uniform_kernel(state: State) -> float:
     """Next number in [0, 1) of a splitmix64 sequence, whose state is one uint64."""
     state[0] += np.uint64(0x9E3779B97F4A7C15)
