@@ -22,8 +22,8 @@ RATIO_TOLERANCE = 1e-9
 JUMP_TOLERANCE = 1e-9
 #: Jump of acceleration beyond which jerk is not bounded [rad/s^2].
 JERK_JUMP = 1e-6
-#: Roots with less of an imaginary part than this share of their size are real: two that have met are
-#: told apart by half the digits.
+#: Roots with less of an imaginary part than this share of their size are real: two that have met
+#: are told apart by half the digits.
 _REAL = 1e-7
 
 

@@ -25,9 +25,6 @@ from service.translate_constraint import constraint_set
 
 #: Samples of one answer: at a kilobyte each, a hundred megabytes.
 _MAX_SAMPLES = 100_000
-#: A duration that is told may differ from the motion's by this share, or seconds below one: clients
-#: round what they print.
-_DURATION_GAP = 1e-6
 #: What sums of times round off, as part of the duration.
 _TIME_ROUNDING = 1e-9
 
@@ -138,7 +135,6 @@ def trajectory(body: schema.TrajectoryBody, chain: Chain) -> tuple[Trajectory, f
         InvalidOption: The interpolation is unknown, or what it needs is not given.
     """
     order = _order(body.joint_names, chain)
-    _check_duration(body)
     if body.segments is not None:
         return _from_segments(body.segments, chain, order), body.segments[0].t0
     samples = body.samples
@@ -155,19 +151,6 @@ def trajectory(body: schema.TrajectoryBody, chain: Chain) -> tuple[Trajectory, f
     times, names = np.array(samples.time), chain.joint_names
     made = interpolate(names, times, rows[0], body.interpolation or "", rows[1], rows[2])
     return made, samples.time[0]
-
-
-def _check_duration(body: schema.TrajectoryBody) -> None:
-    if body.segments is not None:
-        lasts = body.segments[-1].t1 - body.segments[0].t0
-    else:
-        assert body.samples is not None
-        lasts = body.samples.time[-1] - body.samples.time[0]
-    if body.duration is not None and abs(body.duration - lasts) > _DURATION_GAP * max(lasts, 1.0):
-        raise InvalidTrajectory(
-            f"trajectory.duration is {body.duration:g} s, but the motion lasts {lasts:g} s",
-            hint="Leave duration out, or give the time from the first to the last.",
-        )
 
 
 def named_trajectory(body: schema.TrajectoryBody) -> Trajectory:

@@ -261,7 +261,9 @@ class TrajectoryBody(Body):
     """Anybody's motion: polynomial pieces, or samples and how to read between them."""
 
     joint_names: Annotated[list[Label], Field(min_length=1, max_length=MAX_JOINTS)] | None = None
-    duration: NonNegative | None = None
+    duration: NonNegative | None = Field(
+        None, description="for people: the motion lasts as long as its segments or samples do [s]"
+    )
     segments: Annotated[list[Segment], Field(min_length=1, max_length=MAX_SAMPLES)] | None = None
     samples: Samples | None = None
     interpolation: Annotated[str, Field(pattern=r"^[a-z_]{1,32}$")] | None = Field(
