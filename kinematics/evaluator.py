@@ -68,4 +68,4 @@ class KinematicsEvaluator:
 
     def _wrong(self, q: Array) -> InvalidRobotState:
         self.chain.configuration(q)
-        return InvalidRobotState("joints must be one configuration here, not several")
+        return InvalidRobotState("joints must be one configuration here, in one contiguous array")

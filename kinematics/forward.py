@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,7 +23,7 @@ from kinematics.vector import LANES
 
 _FLOAT = np.dtype(np.float64)
 # Names of this module: looking them up in another one costs as much as a joint does.
-_empty, _contiguous, _POSE = np.empty, np.ascontiguousarray, (4, 4)
+_empty, _POSE = np.empty, (4, 4)
 
 
 @kernel(allocates=False)
@@ -36,8 +37,9 @@ def finite_kernel(q: Array) -> bool:
 
 @kernel(allocates=False)
 def fits_kernel(model: Array, q: Array) -> bool:
-    """Whether q is one finite number a joint."""
-    return q.shape[0] == int(model[0, 0]) and finite_kernel(q)
+    """Whether q is one finite number a joint, one beside the other."""
+    n = int(model[0, 0])
+    return q.shape[0] == n and (n == 1 or q.strides[0] == 8) and finite_kernel(q)
 
 
 @kernel(allocates=False, unlocks=False)
@@ -207,15 +209,15 @@ def forward(chain: Chain, q: ArrayLike, link: str | None = None) -> Array:
         InvalidLinkName: No such link.
     """
     number = -1 if link is None else link_number(chain, link)
-    T = _empty(_POSE)
-    with_one = one_pose()
     # The usual case, one configuration that is as it should be, is told by the kernel itself.
+    one: Any = q
     try:
-        one = _contiguous(q, _FLOAT)
-        if one.ndim == 1 and with_one(chain.model, one, number, T):
-            return T
-    except (TypeError, ValueError):
-        pass
+        if one.dtype is _FLOAT and one.ndim == 1:
+            T = _empty(_POSE)
+            if one_pose()(chain.model, one, number, T):
+                return T
+    except (AttributeError, TypeError):
+        pass  # It is no array.
     q = chain.configuration(q)
     flat = q.reshape(-1, chain.n)
     poses = np.empty((flat.shape[0], 4, 4))
@@ -250,13 +252,13 @@ def link_poses(
     except KeyError:
         with_one, model, shape = all_poses(), chain.model, (len(chain.links), 4, 4)
         chain.memo["link_poses"] = with_one, model, shape
+    one: Any = q
     try:
-        one = _contiguous(q, _FLOAT)
-        if one.ndim == 1:
+        if one.dtype is _FLOAT and one.ndim == 1:
             poses = _empty(shape)
             if with_one(model, one, poses):
                 return poses
-    except (TypeError, ValueError):
+    except (AttributeError, TypeError):
         pass
     q = chain.configuration(q)
     flat = q.reshape(-1, chain.n)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,7 +19,7 @@ from kinematics.vector import LANES
 
 _FLOAT = np.dtype(np.float64)
 # Names of this module: looking them up in another one costs as much as a joint does.
-_empty, _contiguous = np.empty, np.ascontiguousarray
+_empty = np.empty
 #: sin(theta) below which zyz rates don't exist: the Jacobian's entries pass 1e8 there.
 ZYZ_SINGULAR_SINE = 1e-8
 
@@ -238,15 +239,17 @@ def pose_and_jacobian(chain: Chain, q: ArrayLike, link: str | None = None) -> tu
         memo["pose_and_jacobian"] = both_of_one(), (4, 4), (6, chain.n)
     both, pose, wide = memo["pose_and_jacobian"]
     T, J = _empty(pose), _empty(wide)
+    one: Any = q
     try:
-        one = _contiguous(q, _FLOAT)
-        if one.ndim == 1 and both(chain.model, one, number, T, J):
+        if one.dtype is _FLOAT and one.ndim == 1 and both(chain.model, one, number, T, J):
             return T, J
-    except (TypeError, ValueError):
-        pass
-    if chain.configuration(q).ndim != 1:
+    except (AttributeError, TypeError):
+        pass  # It is no array.
+    q = chain.configuration(q)
+    if q.ndim != 1:
         raise InvalidRobotState("joints must be one configuration here, not several")
-    raise AssertionError("a configuration that is valid fits")
+    both(chain.model, q, number, T, J)
+    return T, J
 
 
 def geometric(
@@ -270,13 +273,13 @@ def geometric(
     if point is None:
         # The usual case, one configuration that is as it should be, is told by the kernel itself.
         number = -1 if link is None else link_number(chain, link)
-        J = _empty((6, len(chain.joint_names)))
-        with_one = one_jacobian()
+        one: Any = q
         try:
-            one = _contiguous(q, _FLOAT)
-            if one.ndim == 1 and with_one(chain.model, one, number, J):
-                return J
-        except (TypeError, ValueError):
+            if one.dtype is _FLOAT and one.ndim == 1:
+                J = _empty((6, len(chain.joint_names)))
+                if one_jacobian()(chain.model, one, number, J):
+                    return J
+        except (AttributeError, TypeError):
             pass
     q = chain.configuration(q)
     at = _point(point)
