@@ -21,6 +21,7 @@ from obstacles.checker import Checker
 from planning.certificate import Certificate, Violation, certify
 from planning.deadline import Deadline
 from planning.options import CartesianOptions, Options
+from planning.path_constraints import end_violation
 from planning.preflight import Begun, ready_start
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.result import Failure, Path, Plan, ToolMotionReport
@@ -175,7 +176,7 @@ def cartesian_plan(
         lambda: tool_path(chain, checker, begun.joints, motions, tolerances, deadline),
         _tell_path,
     )
-    refused = _refused(problem, asked, found)
+    refused = _refused(problem, asked, found) or _off_constraints(problem, found)
     if refused is not None:
         return replace(refused, stages=tuple(stages.reports))
     try:
@@ -203,6 +204,14 @@ def cartesian_plan(
         tool_motions=reports,
         stopped=stopped,
     )
+
+
+def _off_constraints(problem: Problem, found: ToolPath) -> Failure | None:
+    """Why the ends of the motion can't be answered: what constrains the path is broken there."""
+    start = end_violation(problem.constraints, "start", found.followed[0].start)
+    if start is not None or found.stop is not None:
+        return start
+    return end_violation(problem.constraints, "goal", found.followed[-1].end)
 
 
 def _check(problem: Problem, options: Options) -> None:
@@ -401,7 +410,9 @@ def _time_and_prove(
     return Failure(
         code="TIMED_OUT" if deadline.passed else "INVALID_MOTION_PLAN",
         message=f"the motion that was found could not be proved: {violation.message}",
-        hint="Allow more time, a larger max_deviation, or a smaller margin.",
+        hint="Lead the tool elsewhere, or widen the constraint."
+        if violation.kind == "path_constraint"
+        else "Allow more time, a larger max_deviation, or a smaller margin.",
         stage="certificate",
         details={"kind": violation.kind, "time": violation.time, **violation.details},
     )

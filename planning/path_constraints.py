@@ -117,6 +117,14 @@ def constrained(problem: Problem, ready: Ready | Failure, seed: int) -> Ready | 
     return replace(ready, goals=goals, checkers=checkers or ready.checkers[-1:])
 
 
+def end_violation(constraints: ConstraintSet | None, which: str, q: Array) -> Failure | None:
+    """Say what the "start" or "goal" at q (n,) violates most, if it violates anything."""
+    row = None if constraints is None else _violated(constraints, q)
+    if constraints is None or row is None:
+        return None
+    return _violation_failure(constraints, which, q, row)
+
+
 def _violated(constraints: ConstraintSet, q: Array) -> int | None:
     """The hard row that is violated most, if one is."""
     residuals = np.where(np.isinf(constraints.weights), constraints.residuals(q), -np.inf)

@@ -147,3 +147,34 @@ def test_several_goals_and_times_are_refused(client: httpx.Client) -> None:
     problem(response, 422, "INVALID_GOAL_CONSTRAINTS")
     timing = {"method": "spline", "times": [0.0, 1.0]}
     problem(client.post("/v1/plan", json=BODY | {"timing": timing}), 422, "VALIDATION_ERROR")
+
+
+@pytest.mark.parametrize(
+    ("center", "radius", "code"),
+    [
+        ([0.0, 0.2, 0.0], 0.15, "START_STATE_VIOLATES_PATH_CONSTRAINTS"),
+        ([0.0, 0.0, 0.0], 0.15, "GOAL_VIOLATES_PATH_CONSTRAINTS"),
+        ([0.1, 0.1, 0.0], 0.1415, None),
+    ],
+)
+def test_ends_that_violate_constraints_are_told_as_such(
+    client: httpx.Client, center: list[float], radius: float, code: str | None
+) -> None:
+    region = {"type": "sphere", "center": pose(*center)["position"], "radius": radius}
+    body = BODY | {"constraints": [{"type": "position", "region": region}]}
+    response = client.post("/v1/plan", json=body)
+    if code is None:
+        assert answer(response)["certificate"]["path_constraint_residual"] == 0.0
+    else:
+        assert problem(response, 422, code)["details"]["residual"] == pytest.approx(0.05, abs=1e-3)
+
+
+def test_what_breaks_a_constraint_on_the_way_is_told(client: httpx.Client) -> None:
+    region = {"type": "box", "pose": pose(0.0, 0.1, 0.0), "size": [0.1, 0.21, 0.1]}
+    arc = {"type": "circ", "pose": pose(0.0, 0.2, 0.0), "via": pose(0.0, 0.1, -0.08)["position"]}
+    options = {"motions": [arc]}
+    body = BODY | {"constraints": [{"type": "position", "region": region}]}
+    response = client.post("/v1/plan", json=body | {"planner_options": options})
+    document = problem(response, 422, "INVALID_MOTION_PLAN")
+    assert document["details"]["kind"] == "path_constraint"
+    assert "constraint" in document["hint"]
