@@ -17,8 +17,9 @@ import fcl
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinematics.chain import Array
+from kinematics.chain import Array, Indices
 from kinematics.forward import joint_frames
+from kinematics.kernel import kernel
 from kinematics.pose import align_z
 from obstacles.ball_distance import bound_from, closed_form
 from obstacles.collision_model import together
@@ -78,6 +79,7 @@ class World:
         self._arrays = PieceArrays.joined([robot.arrays, still])
         self._poses = self._arrays.poses.copy()
         self._centers = self._arrays.centers.copy()
+        self._every_margin = np.append(np.zeros(len(robot.pieces)), self._own_margins)
         self._ids = scene.ids
         self._pieces: dict[int, Piece] = dict(enumerate(robot.pieces))
         self._solids: dict[int, _Solid] = {}
@@ -167,11 +169,14 @@ class World:
 
     def _near(self, most: float) -> list[tuple[float, int, int, float]]:
         """Pairs that may be nearer than ``most``: bound, both, margin; the nearest first."""
-        p, found = len(self.robot.pieces), []
-        for i, others in self._known_partners:
-            margins = np.zeros(len(others))
-            obstacles = others >= p
-            margins[obstacles] = self._own_margins[others[obstacles] - p]
+        found = []
+        for i, partners in self._known_partners:
+            others = np.empty_like(partners)
+            count = _reachable(
+                self._centers, self._arrays.radii, self._every_margin, i, partners, most, others
+            )
+            others = others[:count]
+            margins = self._every_margin[others]
             bounds = self._bounds(i, others) - margins
             found += [
                 (float(bounds[k]), i, int(others[k]), float(margins[k]))
@@ -315,6 +320,24 @@ class World:
             _move(solid, self._poses[k])
             self._stale[k] = False
         return solid
+
+
+@kernel
+def _reachable(
+    centers: Array, radii: Array, margins: Array, i: int, partners: Indices, most: float,
+    found: Indices,
+) -> int:  # fmt: skip
+    """Partners whose ball may be nearer than ``most`` and their margin to that of i; how many."""
+    count = 0
+    for j in partners:
+        x, y = centers[i, 0] - centers[j, 0], centers[i, 1] - centers[j, 1]
+        z = centers[i, 2] - centers[j, 2]
+        # A hair more: the bound itself decides. Half-spaces have no ball and are all taken.
+        reach = (radii[i] + radii[j] + margins[j] + most) * (1.0 + 1e-9) + 1e-12
+        if not x * x + y * y + z * z > reach * reach:
+            found[count] = j
+            count += 1
+    return count
 
 
 def convex_distance(a: Piece, T_a: Array, b: Piece, T_b: Array) -> float:
