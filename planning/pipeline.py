@@ -70,7 +70,7 @@ def plan(problem: Problem, options: Options) -> Plan | Failure:
         return cartesian_plan(problem, options, law, stages, deadline)
     ready = stages.run(
         "preflight",
-        lambda: constrained(problem, preflight(problem, options.seed), options.seed),
+        lambda: constrained(problem, preflight(problem, options.seed, deadline), options.seed),
         _tell_preflight,
     )
     if isinstance(ready, Failure):

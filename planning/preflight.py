@@ -1,6 +1,9 @@
 """What can be known before planning: is the start valid, is a goal, can it be reached."""
 
+from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,6 +13,7 @@ from kinematics.ik import numeric
 from obstacles.checker import Checker, collision_model
 from obstacles.robot_geometry import hulled
 from obstacles.world import ACCURACY, World
+from planning.deadline import Deadline
 from planning.diagnosis import nearest_free
 from planning.limit_check import beyond
 from planning.pose_goals import sought
@@ -19,6 +23,9 @@ from planning.result import Failure
 #: Configurations looked for when a goal is a pose, and starts spent on them.
 _POSE_CANDIDATES = 12
 _POSE_STARTS = 120
+#: Of several poses whose configurations all collide, others are sought for so many: each search
+#: takes a tenth of a second.
+_SOUGHT_GOALS = 8
 #: A start or goal this near to its margin [m] counts as touching, and is told with pair and depth:
 #: the proof knows distances to a tenth of a micrometre, below twice that nothing can be proved.
 TOUCHING = 2.0 * ACCURACY
@@ -44,6 +51,14 @@ class Ready:
     goals: list[Array]
     checkers: tuple[Checker, ...]
     notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Refusal:
+    """A goal that is not valid, and how to say why: that takes time, and is done of one alone."""
+
+    code: str
+    failure: Callable[[], Failure]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,8 +97,14 @@ def _moved(given: Array, start: Array) -> tuple[str, ...]:
     return (f"The start was outside a limit by {moved:.3g} and was moved onto it.",)
 
 
-def preflight(problem: Problem, seed: int) -> Ready | Failure:
-    """Check the start and find the goals' configurations, or say why there is no point."""
+def preflight(problem: Problem, seed: int, deadline: Deadline | None = None) -> Ready | Failure:
+    """Check the start and find the goals' configurations, or say why there is no point.
+
+    Args:
+        problem: The robot, the scene, start and goals.
+        seed: Of inverse kinematics.
+        deadline: When to look at no more goals.
+    """
     hulls = _hulls(problem)
     roomy = None if hulls is None else _roomy(problem, hulls)
     if roomy is not None:
@@ -93,19 +114,24 @@ def preflight(problem: Problem, seed: int) -> Ready | Failure:
         return begun
     start, checker, clearance = begun.joints, begun.checker, begun.clearance
     goals: list[tuple[float, Array]] = []
-    failures: list[Failure] = []
-    for goal in problem.goals:
-        found = (
-            _joint_goal(problem, checker, goal)
-            if isinstance(goal, JointGoal)
-            else _pose_goal(problem, checker, goal, start, seed)
-        )
-        if isinstance(found, Failure):
-            failures.append(found)
+    refusals: list[_Refusal] = []
+    patient = _SOUGHT_GOALS
+    for i, goal in enumerate(problem.goals):
+        if deadline is not None and deadline.passed:
+            return _late(i, len(problem.goals))
+        if isinstance(goal, JointGoal):
+            found = _joint_goal(problem, checker, goal)
+        else:
+            found = _pose_goal(problem, checker, goal, start, seed)
+            if isinstance(found, _Refusal) and found.code == "GOAL_IN_COLLISION" and patient:
+                patient -= 1
+                found = _clear_of_obstacles(problem, goal, start, seed) or found
+        if isinstance(found, _Refusal):
+            refusals.append(found)
         else:
             goals += found
     if not goals:
-        return failures[0]
+        return _none_valid(refusals)
     slack = min(_SLACK, 0.5 * clearance, 0.5 * max(spare for spare, _ in goals))
     kept = [q for spare, q in goals if spare > slack]
     kept.sort(key=lambda q: float(np.linalg.norm(q - start)))
@@ -210,21 +236,47 @@ def _collision_failure(
     )
 
 
+def _late(looked_at: int, count: int) -> Failure:
+    return Failure(
+        code="TIMED_OUT",
+        message=f"time was up when {looked_at} of {count} goals had been looked at",
+        hint="Allow more time, or give fewer goals.",
+        stage="goal",
+    )
+
+
+def _none_valid(refusals: list[_Refusal]) -> Failure:
+    """Why the first goal is not valid, and of several, how many fail for what."""
+    first = refusals[0].failure()
+    if len(refusals) == 1:
+        return first
+    counts = dict(Counter(refusal.code for refusal in refusals))
+    message = f"none of {len(refusals)} goals is valid; the first: {first.message}"
+    return replace(first, message=message, details={**first.details, "goals": counts})
+
+
 def _joint_goal(
     problem: Problem, checker: Checker, goal: JointGoal
-) -> list[tuple[float, Array]] | Failure:
+) -> list[tuple[float, Array]] | _Refusal:
     q, outside = _snapped(problem.robot.chain, goal.joints, problem.start_state_tolerance)
     if outside is not None:
-        return _limit_failure("goal", outside)
+        return _Refusal("GOAL_STATE_INVALID", partial(_limit_failure, "goal", outside))
     clearance, pair = checker.clearance(q)
     if clearance <= TOUCHING:
-        return _collision_failure(problem, "goal", q, pair, clearance)
+        return _collides(problem, q, pair, clearance)
     return [(clearance, q)]
+
+
+def _collides(
+    problem: Problem, q: Array, pair: tuple[str, str] | None, clearance: float
+) -> _Refusal:
+    told = partial(_collision_failure, problem, "goal", q, pair, clearance)
+    return _Refusal("GOAL_IN_COLLISION", told)
 
 
 def _pose_goal(
     problem: Problem, checker: Checker, goal: PoseGoal, start: Array, seed: int
-) -> list[tuple[float, Array]] | Failure:
+) -> list[tuple[float, Array]] | _Refusal:
     chain = problem.robot.chain
     result = numeric.solve(
         chain,
@@ -238,7 +290,7 @@ def _pose_goal(
     )
     if not result.solutions:
         nearest = result.nearest
-        return Failure(
+        failure = Failure(
             code="NO_IK_SOLUTION",
             message=(
                 f"no configuration brings {chain.tip_link!r} to the goal's pose: the nearest is "
@@ -252,16 +304,20 @@ def _pose_goal(
                 "nearest_joints": nearest.joints.tolist(),
             },
         )
+        return _Refusal(failure.code, lambda: failure)
     spares = [
         (checker.clearance(solution.joints), solution.joints) for solution in result.solutions
     ]
     valid = [(clearance, q) for (clearance, _), q in spares if clearance > TOUCHING]
     if valid:
         return valid
-    # Those of the pose alone collide: an arm with joints to spare may have others that do not.
-    others = sought(problem, goal, start, seed)
-    valid = [(s.clearance, np.array(s.joints)) for s in others if s.clearance > TOUCHING]
-    if valid:
-        return valid
     (clearance, pair), q = max(spares, key=lambda entry: entry[0][0])
-    return _collision_failure(problem, "goal", q, pair, clearance)
+    return _collides(problem, q, pair, clearance)
+
+
+def _clear_of_obstacles(
+    problem: Problem, goal: PoseGoal, start: Array, seed: int
+) -> list[tuple[float, Array]]:
+    """Configurations of a pose sought with the obstacles in sight: arms with joints to spare."""
+    found = sought(problem, goal, start, seed)
+    return [(s.clearance, np.array(s.joints)) for s in found if s.clearance > TOUCHING]

@@ -51,8 +51,15 @@ def problem(body: schema.PlanRequest, robot: RobotGeometry, scene: Scene) -> Pro
         InvalidRobotState: A joint vector has the wrong length.
         InvalidGoal: A goal is malformed.
     """
-    alternatives = body.goal.any_of or [body.goal]
-    goals = tuple(_goal(item, robot.chain) for item in alternatives)
+    goal = body.goal
+    goals = (
+        (_goal(goal, robot.chain, "goal.joints"),)
+        if goal.any_of is None
+        else tuple(
+            _goal(item, robot.chain, f"goal.any_of[{i}].joints")
+            for i, item in enumerate(goal.any_of)
+        )
+    )
     start = np.array(body.start.joints)
     return Problem(
         robot, scene, start, goals, body.margin, body.start_state_tolerance,
@@ -66,9 +73,9 @@ def _rates(given: Sequence[float] | None) -> Array | None:
     return None if given is None else np.array(given, dtype=np.float64)
 
 
-def _goal(body: schema.SingleGoal, chain: Chain) -> Goal:
+def _goal(body: schema.SingleGoal, chain: Chain, where: str) -> Goal:
     if body.joints is not None:
-        q = chain.configuration(body.joints, "goal.joints")
+        q = chain.configuration(body.joints, where)
         return JointGoal(q, _rates(body.velocities), _rates(body.accelerations))
     assert body.pose is not None
     given = {

@@ -1,17 +1,22 @@
 """Starts and goals that touch, or nearly: told with pair and depth, never hidden."""
 
+import time
+
 import numpy as np
 import pytest
 
+from kinematics.chain import Array
 from kinematics.forward import forward
 from kinematics.pose import transform
+from obstacles.checker import Checker
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Box, Sphere
+from planning import preflight
 from planning.options import Options
 from planning.pipeline import plan
 from planning.preflight import TOUCHING
-from planning.problem import JointGoal, Problem
+from planning.problem import JointGoal, PoseGoal, Problem
 from planning.result import Failure, Plan
 from tests.planning.scenes import HOME, builtin
 
@@ -66,3 +71,44 @@ def test_a_margin_has_no_depth() -> None:
     assert answer.details["clearance"] == pytest.approx(0.004, abs=1e-6)
     assert answer.details["margin"] == pytest.approx(0.005, abs=1e-6)
     assert TOUCHING < 1e-6
+
+
+def test_many_goals_that_collide_cost_little_and_are_counted() -> None:
+    """Only the first is looked into: each takes a search for what is valid nearby."""
+    robot, scene = with_ball(-1e-3)
+    random = np.random.default_rng(0)
+    goals = [JointGoal(HOME + 1e-5 * random.normal(size=7)) for _ in range(300)]
+    goals.append(JointGoal(HOME + 10.0))
+    searches: list[Array] = []
+
+    def nearby(checker: Checker, q: Array) -> None:
+        searches.append(q)
+
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(preflight, "nearest_free", nearby)
+        refused = plan(Problem(robot, scene, AWAY, tuple(goals)), Options(timeout=10.0))
+        assert len(searches) == 1
+        found = plan(Problem(robot, scene, AWAY, (*goals, JointGoal(AWAY + 0.1))), Options())
+    assert isinstance(refused, Failure)
+    assert refused.code == "GOAL_IN_COLLISION"
+    assert refused.details["goals"] == {"GOAL_IN_COLLISION": 300, "GOAL_STATE_INVALID": 1}
+    assert refused.message.startswith("none of 301 goals is valid; the first: at the goal, ")
+    assert len(searches) == 1
+    assert isinstance(found, Plan)
+    np.testing.assert_allclose(found.trajectory.end, AWAY + 0.1, rtol=0.0, atol=1e-12)
+
+
+def test_goals_are_looked_at_until_time_is_up() -> None:
+    """Poses inside an obstacle, each of which takes inverse kinematics and a search."""
+    robot = builtin("panda")
+    crate = Obstacle("crate", Box(np.array([0.3, 0.3, 0.3])), transform(None, [0.5, 0.4, 0.4]))
+    goals = tuple(
+        PoseGoal(transform(np.diag([1.0, -1.0, -1.0]), [0.5 + 1e-4 * k, 0.4, 0.4]))
+        for k in range(1000)
+    )
+    begun = time.monotonic()
+    answer = plan(Problem(robot, Scene((crate,)), HOME, goals), Options(timeout=0.5))
+    assert isinstance(answer, Failure)
+    assert answer.code == "TIMED_OUT"
+    assert "of 1000 goals" in answer.message
+    assert time.monotonic() - begun < 3.0
