@@ -12,6 +12,7 @@ overlap, the distance is found anew.
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import Literal
 
 import fcl
 import numpy as np
@@ -24,6 +25,7 @@ from kinematics.pose import align_z
 from obstacles.ball_distance import bound_from, closed_form
 from obstacles.collision_model import together
 from obstacles.hull import convex_hull
+from obstacles.mesh_depth import mesh_depth
 from obstacles.piece import Piece, PieceArrays, PieceKind
 from obstacles.piece_set import CENTER, GROUP, GROUP_STOP, KIND, POSE, CoreKind, PieceSet
 from obstacles.robot_geometry import RobotGeometry
@@ -43,6 +45,7 @@ _TWO_SIDES = np.array([3, 0, 1, 2, 3, 2, 1, 0])
 #: Pairs are sorted that may be nearer than a tenth of a metre, then a metre and so on up to this,
 #: and at last all [m].
 _NEAR, _FAR = 0.01, 100.0
+_ENDS: tuple[Literal["left"], Literal["right"]] = "left", "right"
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,6 +213,9 @@ class World:
                     best, closest = distance, (i, j)
             if best > reach:
                 closest, best = (-1, -1), np.inf
+        if best <= 0.0:
+            deepest = self._touching()[0]
+            return Clearance(-deepest.depth, deepest.pair)
         names = (self._name(closest[0]), self._name(closest[1])) if closest[0] >= 0 else None
         return Clearance(best, names)
 
@@ -237,12 +243,22 @@ class World:
             InvalidRobotState: Wrong length or not finite.
         """
         self.place(q)
+        return self._touching()
+
+    def _touching(self) -> list[Collision]:
+        """``collisions`` where the robot is now."""
         depths: dict[tuple[str, str], float] = {}
+        known: dict[tuple[int, int], float] = {}
         for _, i, j, margin in self._near(0.0):
-            distance = self.between(i, j) - margin
-            if distance <= 0.0:
+            distance = self.between(i, j)
+            if distance <= 0.0 and self._is_mesh(i, j):
+                bodies = self._body(i).start, self._body(j).start
+                if bodies not in known:
+                    known[bodies] = -self._mesh_depth(i, j)
+                distance = known[bodies]
+            if distance <= margin:
                 names = self._name(i), self._name(j)
-                depths[names] = max(depths.get(names, 0.0), -distance)
+                depths[names] = max(depths.get(names, 0.0), margin - distance)
         found = [Collision(pair, depth) for pair, depth in depths.items()]
         return sorted(found, key=lambda collision: -collision.depth)
 
@@ -250,10 +266,10 @@ class World:
         """Distance of two pieces where they are now, as ``distance``, no margin taken off [m].
 
         The robot's pieces come first, then those of the obstacles in their order. Where covers of
-        meshes are asked about, the distance of what they cover; its depth is that of the covers.
+        meshes are asked about, the distance of what they cover, 0 or below where that touches.
         """
         distance = self._between_cores(i, j)
-        if self._piece(i).surface is None and self._piece(j).surface is None:
+        if not self._is_mesh(i, j):
             return distance
         # Half-spaces are the obstacles.
         first, second = (j, i) if self._piece(j).kind == PieceKind.HALFSPACE else (i, j)
@@ -269,15 +285,40 @@ class World:
     def _packed(self) -> PieceSet:
         return together(self.robot, self.scene)
 
+    def _is_mesh(self, i: int, j: int) -> bool:
+        """Whether one of two pieces covers triangles."""
+        return self._piece(i).surface is not None or self._piece(j).surface is not None
+
+    def _body(self, k: int) -> slice:
+        """All pieces of the link's solid or the mesh that piece k is a part of."""
+        p, row = len(self.robot.pieces), self._packed.rows[k]
+        first, stop = k, k + 1
+        if k < p:
+            numbers = self.robot.solids
+            first, stop = (int(np.searchsorted(numbers, numbers[k], side)) for side in _ENDS)
+        elif self.scene.obstacles[int(self._owners[k - p])].is_mesh:
+            own = self._owners[k - p]
+            first, stop = (p + int(np.searchsorted(self._owners, own, side)) for side in _ENDS)
+        if row[GROUP_STOP] > 0.0:
+            first, stop = min(first, int(row[GROUP])), max(stop, int(row[GROUP_STOP]))
+        return slice(first, stop)
+
     def _group(self, k: int) -> tuple[Array, int]:
-        """Rows of the solid that piece k is a part of, in its place, and which one it is."""
-        row = self._packed.rows[k]
-        first, stop = (int(row[GROUP]), int(row[GROUP_STOP])) if row[GROUP_STOP] > 0 else (k, k + 1)
-        rows = self._packed.rows[first:stop].copy()
-        rows[:, POSE : POSE + 12] = self._poses[k, :3].reshape(12)
-        rows[k - first, CENTER : CENTER + 3] = self._centers[k]
-        rows[:, GROUP : GROUP_STOP + 1] -= first * (rows[:, GROUP_STOP : GROUP_STOP + 1] > 0)
-        return rows, k - first
+        """Rows of the body that piece k is a part of, in its place, and which one it is."""
+        body = self._body(k)
+        rows = self._packed.rows[body].copy()
+        rows[:, POSE : POSE + 12] = self._poses[body, :3].reshape(-1, 12)
+        rows[:, CENTER : CENTER + 3] = self._centers[body]
+        rows[:, GROUP : GROUP_STOP + 1] -= body.start * (rows[:, GROUP_STOP : GROUP_STOP + 1] > 0)
+        return rows, k - body.start
+
+    def _mesh_depth(self, i: int, j: int) -> float:
+        """How far the bodies that two pieces are parts of can be moved to be apart [m]."""
+        # Half-spaces are the obstacles.
+        first, second = (j, i) if self._piece(j).kind != PieceKind.HALFSPACE else (i, j)
+        (a, _), (b, _) = self._group(first), self._group(second)
+        packed = self._packed
+        return float(mesh_depth(a, b, packed.corners, packed.tables, packed.surfaces))
 
     def _between_cores(self, i: int, j: int) -> float:
         a, b = self._piece(i), self._piece(j)
