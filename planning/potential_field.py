@@ -122,7 +122,7 @@ class FieldOptions:
             whole(name, getattr(self, name), least, most)
         if self.control_points not in CONTROL_POINTS:
             raise InvalidOption(
-                f"there are no control_points {self.control_points!r}",
+                f"control_points can't be {self.control_points!r}",
                 hint=f"Choose one of: {', '.join(CONTROL_POINTS)}.",
             )
         if not isinstance(self.connect, bool):
