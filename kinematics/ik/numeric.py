@@ -16,7 +16,7 @@ import math
 from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cache, lru_cache
-from typing import Any, Literal, NoReturn, cast, get_args
+from typing import Any, Literal, NoReturn, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -45,6 +45,8 @@ _empty, _contiguous = np.empty, np.ascontiguousarray
 #: A named tuple from all its values, in half the time of its constructor.
 _new: Any = tuple.__new__
 _POSE = (4, 4)
+#: No link is called so.
+_NONE = object()
 #: Seeds are taken as 63 bits.
 _SEEDS = 2**63 - 1
 
@@ -168,18 +170,22 @@ def solve(
         InvalidPose: ``target`` is no finite 4x4 matrix.
         InvalidOption: A tolerance or the number of starts is not positive, or an axis unknown.
     """
-    setup = chain.memo.get("numeric")
-    if setup is None or setup[0] != link:
-        setup = _prepared(chain, link)
+    try:
+        own, search, number, model, bounds, table, home, weight = chain.memo["numeric"]
+    except KeyError:
+        own = _NONE
+    if own != link:
+        setup = own, search, number, model, bounds, table, home, weight = _prepared(chain, link)
         chain.memo["numeric"] = setup
-    _, search, number, model, bounds, table, home, weight = setup
     T = _numbers(target)
     if T.shape != _POSE:
         raise InvalidPose("the target must be a finite 4x4 transform")
     begin = home if seed_joints is None else _numbers(seed_joints)
     if begin.ndim != 1:
         raise_start(chain, begin)
-    mask = _mask(POSITION if position_only else axes)
+    mask = (
+        _ALL if axes is AXES and not position_only else _mask(POSITION if position_only else axes)
+    )
     if not (position_tolerance > 0.0 and orientation_tolerance > 0.0 and starts >= 1):
         _refuse(starts)
     found: list[IkSolution] = []
@@ -197,7 +203,8 @@ def solve(
         best.setflags(write=False)
         solution = _new(IkSolution, (best, position, orientation, steps, None, True))
         if solutions == 1 and done:
-            return cast(IkResult, _new(IkResult, ((solution,), solution, spent, "")))
+            answer: IkResult = _new(IkResult, ((solution,), solution, spent, ""))
+            return answer
         if nearest is None or _error(solution) < _error(nearest):
             nearest = solution
         if done and all(np.abs(best - other.joints).max() > _SAME for other in found):
