@@ -15,6 +15,7 @@ from kinematics.chain import Array, Chain, frozen
 from kinematics.errors import InvalidOption, InvalidPose, NotAvailable
 from kinematics.forward import link_number
 from kinematics.ik.batch import shared
+from kinematics.ik.branches import branches_alone_kernel, branches_batch_kernel
 from kinematics.ik.refine import (
     CODE,
     INSIDE,
@@ -22,8 +23,6 @@ from kinematics.ik.refine import (
     ORIENTATION,
     POSITION,
     VALUE,
-    branches_alone_kernel,
-    branches_batch_kernel,
     parameter_kernel,
 )
 from kinematics.ik.structure import Structure, structure

@@ -23,6 +23,7 @@ from kinematics.ik.spherical import (
     flange_kernel,
 )
 from kinematics.ik.subproblem import (
+    EXACT,
     TINY,
     Vector,
     cosine_kernel,
@@ -72,7 +73,7 @@ def parallel_kernel(
     h[1, 0] = uz * A6[11] - nz * z[2]
     h[1, 1], h[1, 2] = ux * A6[3] + uy * A6[7], uy * A6[3] - ux * A6[7]
     a2, b2 = nx * z[0] + ny * z[1], nx * z[1] - ny * z[0]
-    pairs, any_fifth = pair_kernel((a1, b1, a2, b2), h, rho, slack, free[:, 4], out)
+    pairs, any_fifth = pair_kernel((a1, b1, a2, b2), h, rho, slack, plan[0, 5], free[:, 4], out)
     family = -(count + 1.0) if any_fifth else 0.0
     for i in range(pairs):
         c1, s1 = out[i, 2], out[i, 3]
@@ -121,26 +122,26 @@ def _behind_first(
             other = abs(cb - c5) + abs(sb - s5) > 1e-4
             if other and status == 1:
                 continue
+        # Where an arm misses the form, its turn is known to that over the angle of axis 6 with n.
+        loose, room = False, slack
+        if plan[0, 5] > EXACT:
+            lever, least = math.hypot(m2[0], m2[1]), math.sqrt(plan[0, 5])
+            loose, room = lever < least, slack / max(lever, least)
         if status != 2:
             count = _elbows(
-                plan,
-                p,
-                (c1, s1, ct, st),
-                (cb, sb, cc, sc),
-                code + i,
-                family,
-                free,
-                slack,
-                raw,
+                plan, p, (c1, s1, ct, st), (cb, sb, cc, sc), code + i, family, free, room, raw,
                 count,
-            )
-            if status == 3:
+            )  # fmt: skip
+            if status == 3 and not loose:
                 break
-            continue
+            if not loose or i == 1:
+                continue
         # Axis 6 is parallel to the three: a plane arm of four joints, the last one free.
         same = 1.0 if m2[2] > 0.0 else -1.0
         number = count + 1.0 if family == 0.0 else family
         rest = math.atan2(sc, cc)
+        if status != 2:
+            rest += same * math.atan2(st, ct)
         toward, least, most = _window(plan, p, cb, sb)
         fixed = math.atan2(plan[0, 7], plan[0, 6])
         for k in range(2 * free.shape[0] + 2):
@@ -159,7 +160,8 @@ def _behind_first(
                 (cb, sb, math.cos(q6), math.sin(q6)), code, number + (0.5 if other else 0.0),
                 free, slack, raw, count,
             )  # fmt: skip
-        break
+        if status != 1:
+            break
     return count
 
 

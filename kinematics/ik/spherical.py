@@ -233,7 +233,9 @@ def _any_arms(
     for k in range(3):
         rho[k] = 2.0 * n[k] - (1.0 if k == 0 else 2.0) * f[0, 2] * f[k, 2]
     rho[3], rho[4], rho[5] = -(f[1, 2] ** 2), -2.0 * f[1, 2] * f[2, 2], -(f[2, 2] ** 2)
-    pairs, any_third = pair_kernel((B[0], B[1], R[0], R[1]), h, rho, slack, free[:, 2], out)
+    pairs, any_third = pair_kernel(
+        (B[0], B[1], R[0], R[1]), h, rho, slack, plan[0, 5], free[:, 2], out
+    )
     whole = -(count + 1.0) if any_third else 0.0
     for i in range(pairs):
         c3, s3, y0, y1 = out[i, 0], out[i, 1], out[i, 2], out[i, 3]

@@ -17,14 +17,12 @@ import numpy as np
 
 from kinematics.chain import Array, Chain, JointType, frozen
 from kinematics.ik.spherical import LOCKED, LOCKED_TIP, ROWS, SHOULDER, TIP, WRIST
-from kinematics.ik.subproblem import wrist_constants
+from kinematics.ik.subproblem import EXACT, wrist_constants
 from kinematics.pose import inverse, rotation_x, transform
 
 Kind = Literal["spherical", "three_parallel", "redundant"]
 KINDS: tuple[Kind, ...] = ("spherical", "three_parallel", "redundant")
 
-#: Within this [m, rad] axes have a form exactly: it is far below what is asked of a solution.
-EXACT = 1e-10
 #: Axes may miss a form by this much; beyond, too many branches would come and go.
 NEAR_LENGTH, NEAR_ANGLE = 8e-3, 2e-2
 #: Axes that must not be parallel are at least so far from it [rad].

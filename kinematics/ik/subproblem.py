@@ -20,6 +20,8 @@ Angles = tuple[int, float, float, float, float, float, float]
 
 #: Lengths [m] and sines below this are rounding: the angle about such a lever is free.
 TINY = 1e-11
+#: Within this [m, rad] axes have a form exactly: it is far below what is asked of a solution.
+EXACT = 1e-10
 #: Each chart t = tan(x / 2) of the circle holds |t| up to this.
 _CHART = 1.001
 #: Below this ratio of its singular values a matrix is read as of rank one, and what it lacks of
@@ -144,16 +146,18 @@ def elbow_kernel(
 
 
 @kernel(allocates=False)
-def circle_roots_kernel(E: Array, noise: float, work: Array, roots: Array) -> int:
+def circle_roots_kernel(E: Array, noise: float, depth: float, work: Array, roots: Array) -> int:
     """Write cosines and sines (8, 2) of the zeros of a quadratic in cosine and sine; their count.
 
     E = (e0, ec, es, ecc, ecs, ess): e0 + ec c + es s + ecc c^2 + ecs c s + ess s^2. Two charts
     t = tan(x / 2) of the circle each give a quartic; they overlap a little, so that rounding loses
-    no zero between them. Where one touches zero within rounding, its extremum counts as a root.
+    no zero between them. Where one touches zero within rounding, or misses it by no more than
+    ``depth``, its extremum counts as a root.
 
     Args:
         E: The coefficients, shape (6,).
         noise: How exact they are.
+        depth: By how much they may differ from those of the arm that is meant.
         work: Room, at least (8, 6).
         roots: The answer.
 
@@ -166,7 +170,7 @@ def circle_roots_kernel(E: Array, noise: float, work: Array, roots: Array) -> in
         scale = max(scale, abs(E[k]))
     if scale <= noise:
         return -1
-    touch = max(1e-12, noise / scale)
+    touch = max(1e-12, max(noise, depth) / scale)
     c, found, spare = work[5], work[6], work[7]
     for chart in range(2):
         sign = 1.0 if chart == 0 else -1.0
@@ -208,8 +212,8 @@ def _add_root(t: float, sign: float, roots: Array, count: int) -> int:
 
 @kernel(allocates=False)
 def pair_kernel(
-    N: tuple[float, float, float, float], h: Array, rho: Array, slack: float, free: Array,
-    out: Array,
+    N: tuple[float, float, float, float], h: Array, rho: Array, slack: float, miss: float,
+    free: Array, out: Array,
 ) -> tuple[int, bool]:  # fmt: skip
     """Solve N y = h(x), |y|^2 = rho(x) for an angle x and a vector y of the plane.
 
@@ -222,6 +226,7 @@ def pair_kernel(
         h: Coefficients of 1, cos(x), sin(x), shape (2, 3).
         rho: Of 1, c, s, c^2, cs, s^2, shape (6,).
         slack: As ``cosine_kernel`` has it.
+        miss: How far the arm is from the one that is meant [m or rad].
         free: Angles to take where any is a solution.
         out: The answer: cos(x), sin(x), y_0, y_1 a row, shape (24, 4).
 
@@ -279,7 +284,7 @@ def pair_kernel(
     E[5] = q * (rho[5] - g2 * g2) - k2 * k2
     size = max(k0 * k0, k1 * k1, k2 * k2)
     size = max(size, q * (rho[0] + g0 * g0 + g1 * g1 + g2 * g2))
-    number = circle_roots_kernel(E, _ROUNDING * size, work, roots)
+    number = circle_roots_kernel(E, _ROUNDING * size, 10.0 * miss * size, work, roots)
     for i in range(number if number >= 0 else free.shape[0]):
         if number >= 0:
             c, s = roots[i, 0], roots[i, 1]

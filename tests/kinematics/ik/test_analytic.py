@@ -283,6 +283,45 @@ def test_calibrated_arms_answer_edge_poses(name: str, size: float) -> None:
             assert np.abs(forward(chain, found.solutions[0].joints) - T).max() < 3e-6
 
 
+def twice_singular(rng: np.random.Generator) -> Array:
+    """Three joints within 1e-9 to 0.1 rad of a right angle: wrist, shoulder, elbow at once."""
+    q = rng.uniform(-np.pi, np.pi, 6)
+    near = np.round(q / (np.pi / 2)) * np.pi / 2
+    near += rng.choice([-1.0, 1.0], 6) * 10.0 ** rng.uniform(-9.0, -1.0, 6)
+    which = rng.permutation(6)[:3]
+    q[which] = near[which]
+    return np.array(q)
+
+
+@pytest.mark.parametrize("size", [1e-7, 1e-5, 1e-4, 1e-3, 3e-3])
+@pytest.mark.parametrize("name", ["ur5e", "puma560", "elbow_wrist"])
+def test_calibrated_arms_keep_their_branches_where_several_things_are_singular(
+    name: str, size: float
+) -> None:
+    rng = np.random.default_rng(11)
+    compared = 0
+    for _ in range(5):
+        chain = calibrated(builtin_chain(name), size, rng)
+        for _ in range(6):
+            q = twice_singular(rng)
+            T = forward(chain, q)
+            found = branches(chain, T).joints
+            assert len(found), q
+            assert np.abs(forward(chain, found) - T).max() < 3e-9
+            J = geometric(chain, np.vstack([q, found]))
+            least = np.linalg.svd(J, compute_uv=False)[:, -1]
+            away = apart(found, q).min()
+            # Nearer than its singular value can tell, two branches are one within 1e-9.
+            if least[0] > 3e-7 and not (away < 0.02 and 0.25 * away * least[0] < 1.5e-9):
+                assert away < 3e-5, q
+            # Branches come and go in pairs whose determinants have opposite signs; two that are one
+            # within 1e-9 have singular values below 1e-4.
+            if least.min() > 1e-4:
+                compared += 1
+                assert np.sign(np.linalg.det(J[1:])).sum() == 0.0, q
+    assert compared > 4
+
+
 def test_the_stretched_arm_and_the_target_on_axis_1() -> None:
     chain = builtin_chain("elbow_wrist")
     straight = np.array([0.4, 0.3, 0.0, 0.2, 0.0, -0.5])
