@@ -21,7 +21,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, QhullError
 
-from kinematics.chain import Array, frozen
+from kinematics.chain import Array, Indices, frozen
+from kinematics.kernel import kernel
 from obstacles.hull import Hull, convex_hull
 from obstacles.mesh import Faces
 from obstacles.nearest import hull_distances, mesh_distances
@@ -447,7 +448,22 @@ def _farthest(points: Array) -> Array:
     """The points that are the farthest ones along some direction: their hull is nearly the hull."""
     if len(points) <= len(_DIRECTIONS):
         return points
-    return np.asarray(points[np.unique((_DIRECTIONS @ points.T).argmax(axis=1))])
+    found = np.empty(len(_DIRECTIONS), dtype=np.int64)
+    _extremes(np.ascontiguousarray(points.T), _DIRECTIONS, found)
+    return np.asarray(points[np.unique(found)])
+
+
+@kernel
+def _extremes(columns: Array, directions: Array, found: Indices) -> None:
+    """Write which of the points (3, m) is the farthest along each of ``directions`` (d, 3)."""
+    for k in range(directions.shape[0]):
+        x, y, z = directions[k, 0], directions[k, 1], directions[k, 2]
+        best, at = -np.inf, 0
+        for i in range(columns.shape[1]):
+            value = x * columns[0, i] + y * columns[1, i] + z * columns[2, i]
+            if value > best:
+                best, at = value, i
+        found[k] = at
 
 
 def _crossings(a: Array, b: Array, axis: int, at: float) -> Array:
