@@ -236,8 +236,12 @@ class Chain:
         """
         try:
             array = np.array(q, dtype=np.float64, order="C")
-        except (TypeError, ValueError) as error:
-            raise InvalidRobotState(f"{name} is no array of numbers: {error}") from None
+        except (TypeError, ValueError):
+            raise InvalidRobotState(
+                f"{name} is no array of numbers with as many in each row",
+                hint=f"Give {self.n} numbers, one for each joint of {self.name!r}, or rows of "
+                "them.",
+            ) from None
         if array.ndim == 0 or array.shape[-1] != self.n:
             raise InvalidRobotState(
                 f"{name} has {array.shape[-1] if array.ndim else 'no'} value(s), "

@@ -90,6 +90,6 @@ class InvalidOption(ArmwrightError):
 
 
 class NotAvailable(ArmwrightError):
-    """What was asked for is part of the contract, but this version can't do it yet."""
+    """What was asked for does not exist for this robot, such as a closed form."""
 
-    code = "NOT_IMPLEMENTED"
+    code = "VALIDATION_ERROR"

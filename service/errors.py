@@ -61,7 +61,6 @@ KINDS: Mapping[str, Kind] = {
     "UNSUPPORTED_MEDIA_TYPE": Kind(415, "The request body has the wrong content type"),
     "OVERLOADED": Kind(429, "There is too much to do at the moment"),
     "NOT_READY": Kind(503, "The service is not ready"),
-    "NOT_IMPLEMENTED": Kind(501, "This is not built yet"),
 }
 _UNLISTED = Kind(422, "The request can't be answered")
 

@@ -236,7 +236,7 @@ def ik(robot: Reference, scene: Reference | None, content: bytes) -> bytes | Ref
         InvalidLinkName: No such link.
         InvalidScene: The inline scene is not valid.
         InvalidOption: Options that the method does not have.
-        NotAvailable: The arm has no closed form, or the method is not built yet.
+        NotAvailable: The arm has no closed form.
     """
     body = IkRequest.model_validate_json(content)
     _check_method(body)
@@ -328,8 +328,22 @@ def _check_method(body: IkRequest) -> None:
         raise InvalidOption("axes, parameters and all_turns do not go with method 'gradient'")
 
 
+def _check_parameters(chain: Chain, body: IkRequest) -> None:
+    if body.parameters is None:
+        return
+    if body.method == "numeric" or body.axes is not None:
+        raise InvalidOption("parameters go with a closed form, not with the numeric method or axes")
+    form = structure(chain, body.link)
+    if form is None or not form.redundant:
+        raise InvalidOption(
+            f"robot {chain.name!r} has no closed form with a parameter",
+            hint="Arms of seven joints have one; leave parameters out.",
+        )
+
+
 def _found(chain: Chain, body: IkRequest, pose: Pose) -> IkResult:
     method = cast(Method, body.method)
+    _check_parameters(chain, body)
     closed = method != "numeric" and body.axes is None and structure(chain, body.link) is not None
     many = body.all_solutions or body.all_turns
     most = body.max_solutions or 1

@@ -229,10 +229,29 @@ def test_closed_forms_name_their_branches(client: httpx.Client) -> None:
         client.post(
             "/v1/robots/scara/ik", json={"pose": {"position": [0.4, 0, 0]}, "method": "analytic"}
         ),
-        501,
-        "NOT_IMPLEMENTED",
+        422,
+        "VALIDATION_ERROR",
     )
     assert "numeric" in document["hint"]
+
+
+@pytest.mark.parametrize(
+    ("name", "more"),
+    [("ur5e", {}), ("scara", {}), ("panda", {"method": "numeric"}), ("iiwa14", {"axes": ["x"]})],
+)
+def test_parameters_that_would_do_nothing_are_refused(
+    client: httpx.Client, name: str, more: dict[str, Any]
+) -> None:
+    body = {"pose": {"position": [0.4, 0, 0.3]}, "parameters": [0.5]} | more
+    response = client.post(f"/v1/robots/{name}/ik", json=body)
+    assert "parameter" in problem(response, 422, "VALIDATION_ERROR")["detail"]
+
+
+def test_rows_of_different_lengths_are_named_as_such(client: httpx.Client) -> None:
+    response = client.post("/v1/robots/panda/fk", json={"joints": [HOME, HOME[:6]]})
+    document = problem(response, 422, "INVALID_ROBOT_STATE")
+    assert "each row" in document["detail"]
+    assert "7 numbers" in document["hint"]
 
 
 def test_solutions_outside_limits_say_which(client: httpx.Client) -> None:
