@@ -110,7 +110,7 @@ def convex_pieces(vertices: Array, faces: Faces) -> tuple[ConvexPart, ...]:
 
 @lru_cache(maxsize=256)
 def _kept(vertices: bytes, faces: bytes) -> tuple[ConvexPart, ...]:
-    digest = hashlib.sha256(b"3" + len(vertices).to_bytes(8) + vertices + faces).hexdigest()
+    digest = hashlib.sha256(b"4" + len(vertices).to_bytes(8) + vertices + faces).hexdigest()
     file = _directory / f"{digest}.npz" if _directory is not None else None
     if file is not None and (stored := _read(file)) is not None:
         return stored
@@ -184,11 +184,25 @@ def _as_it_is(hull: Hull) -> ConvexPart:
 
 
 def _body(vertices: Array, faces: Faces) -> _Body:
-    faces = oriented(faces)
+    hull = convex_hull(vertices[np.unique(faces)])
+    once, faces = _without_repeats(faces), oriented(faces)
+    solid = hull.solid and is_solid(vertices, faces)
+    if hull.solid and not solid and len(once) < len(faces):
+        # A triangle that is there twice winds around twice: without it there may be an inside.
+        once = oriented(once)
+        solid = is_solid(vertices, once)
+        faces = once if solid else faces
     a, b, c = (vertices[faces[:, k]] - vertices[faces[0, 0]] for k in range(3))
     volume = float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
-    hull = convex_hull(vertices[np.unique(faces)])
-    return _Body(faces, hull, hull.solid and is_solid(vertices, faces), volume)
+    return _Body(faces, hull, solid, volume)
+
+
+def _without_repeats(faces: Faces) -> Faces:
+    """Every triangle once, whichever way round, and none of less than three corners."""
+    corners = np.sort(faces, axis=1)
+    real = (np.diff(corners, axis=1) > 0).all(axis=1)
+    _, first = np.unique(corners, axis=0, return_index=True)
+    return faces[np.intersect1d(first, np.flatnonzero(real))]
 
 
 def _is_hull(hull: Hull, vertices: Array, faces: Faces) -> bool:

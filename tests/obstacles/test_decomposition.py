@@ -207,6 +207,18 @@ def test_turned_triangles_of_a_body_that_is_not_convex_do_not_matter() -> None:
     np.testing.assert_allclose(np.abs(windings(points, triangles)), [1.0, 1.0, 0.0], atol=1e-9)
 
 
+@pytest.mark.parametrize("part", [1, 7, 40])
+def test_triangles_that_are_there_twice_or_are_none_do_not_open_a_body(part: int) -> None:
+    body = ring()
+    faces = np.array(body.faces)
+    again, slivers = faces[::part], np.column_stack([faces[:9, 0], faces[:9, 0], faces[:9, 1]])
+    for more in (again, again[:, ::-1], np.vstack([again, slivers])):
+        pieces = convex_pieces(np.array(body.vertices), np.vstack([faces, more]))
+        assert all(piece.filled for piece in pieces)
+        corners = {tuple(p) for piece in pieces for p in piece.triangles.reshape(-1, 3)}
+        assert corners >= {tuple(p) for p in np.array(body.vertices)}
+
+
 def test_the_same_mesh_gives_the_same_pieces() -> None:
     body = ell(0.9)
     first = pieces_of(body)
