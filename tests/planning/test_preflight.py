@@ -1,6 +1,6 @@
 """Starts and goals that touch, or nearly: told with pair and depth, never hidden."""
 
-import time
+import re
 
 import numpy as np
 import pytest
@@ -106,9 +106,9 @@ def test_goals_are_looked_at_until_time_is_up() -> None:
         PoseGoal(transform(np.diag([1.0, -1.0, -1.0]), [0.5 + 1e-4 * k, 0.4, 0.4]))
         for k in range(1000)
     )
-    begun = time.monotonic()
     answer = plan(Problem(robot, Scene((crate,)), HOME, goals), Options(timeout=0.5))
     assert isinstance(answer, Failure)
-    assert answer.code == "TIMED_OUT"
-    assert "of 1000 goals" in answer.message
-    assert time.monotonic() - begun < 3.0
+    assert (answer.code, answer.stage) == ("TIMED_OUT", "goal")
+    looked_at = re.search(r"when (\d+) of 1000 goals", answer.message)
+    assert looked_at is not None
+    assert int(looked_at[1]) < 1000
