@@ -3,6 +3,7 @@
 What is cheap is called by the server itself, on chains it keeps; all else runs in workers.
 """
 
+from collections.abc import Callable, Mapping
 from typing import Any, cast
 
 import numpy as np
@@ -18,7 +19,7 @@ from kinematics.ik.numeric import AXES
 from kinematics.ik.solution import IkResult, IkSolution
 from kinematics.ik.structure import structure
 from kinematics.jacobian import analytic_zyz, geometric
-from kinematics.pose import to_quaternions, to_rpy, to_zyz
+from kinematics.pose import to_axis_angle, to_quaternions, to_rpy, to_zyz
 from kinematics.velocity import (
     DAMPED_BELOW,
     JointVelocities,
@@ -81,14 +82,27 @@ def _poses(poses: Array, form: Orientation) -> Any:
     return [_zipped(*row, form) for row in zip(positions, turns, strict=True)]
 
 
+def _axis_and_angle(rotation: Array) -> Array:
+    axis, angle = to_axis_angle(rotation)
+    return np.append(axis, angle)
+
+
+#: Of one rotation matrix, for forms that there is no batch of.
+_CONVERSIONS: Mapping[str, Callable[[Array], Array]] = {
+    "euler_zyz": to_zyz,
+    "rpy": to_rpy,
+    "axis_angle": _axis_and_angle,
+}
+
+
 def _orientations(rotations: Array, form: Orientation) -> Array:
     if form == "quaternion_xyzw":
         return to_quaternions(rotations)
     if form == "rotation_matrix":
         return rotations
-    convert = to_zyz if form == "euler_zyz" else to_rpy
-    flat = rotations.reshape(-1, 3, 3)
-    return np.array([convert(R) for R in flat]).reshape(*rotations.shape[:-2], 3)
+    convert = _CONVERSIONS[form]
+    turns = np.array([convert(R) for R in rotations.reshape(-1, 3, 3)])
+    return turns.reshape(*rotations.shape[:-2], -1)
 
 
 def _zipped(positions: Any, turns: Any, form: Orientation) -> list[dict[str, Any]]:

@@ -30,6 +30,8 @@ def transform(pose: pose_schema.Pose) -> Array:
         matrix = rotation.from_zyz(pose.euler_zyz)
     elif pose.rpy is not None:
         matrix = rotation.from_rpy(pose.rpy)
+    elif pose.axis_angle is not None:
+        matrix = rotation.from_axis_angle(pose.axis_angle[:3], pose.axis_angle[3])
     return rotation.transform(matrix, pose.position)
 
 

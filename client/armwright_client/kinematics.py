@@ -23,7 +23,7 @@ from armwright_client.scene import SceneReference
 JacobianKind = Literal["geometric", "analytic_zyz"]
 IkMethod = Literal["auto", "analytic", "numeric", "gradient", "constrained"]
 IkChoice = Literal["nearest", "limits", "manipulability"]
-Orientation = Literal["quaternion_xyzw", "rotation_matrix", "euler_zyz", "rpy"]
+Orientation = Literal["quaternion_xyzw", "rotation_matrix", "euler_zyz", "rpy", "axis_angle"]
 Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
 
 

@@ -1,4 +1,4 @@
-"""Poses: a position and at most one of four forms of an orientation."""
+"""Poses: a position and at most one of five forms of an orientation."""
 
 from typing import Self
 
@@ -6,7 +6,7 @@ from pydantic import model_validator
 
 from armwright_client.base import Matrix3, Request, RowsLike, Vector3, Vector4, VectorLike, plain
 
-_ORIENTATIONS = ("quaternion_xyzw", "rotation_matrix", "euler_zyz", "rpy")
+_ORIENTATIONS = ("quaternion_xyzw", "rotation_matrix", "euler_zyz", "rpy", "axis_angle")
 
 
 class Pose(Request):
@@ -20,6 +20,7 @@ class Pose(Request):
         rotation_matrix: 3x3, its rows.
         euler_zyz: [phi, theta, psi] with R = Rz(phi) Ry(theta) Rz(psi) [rad].
         rpy: [roll, pitch, yaw] with R = Rz(yaw) Ry(pitch) Rx(roll) [rad].
+        axis_angle: [x, y, z, angle]: about an axis of any length but 0, by an angle [rad].
     """
 
     position: Vector3
@@ -27,6 +28,7 @@ class Pose(Request):
     rotation_matrix: Matrix3 | None = None
     euler_zyz: Vector3 | None = None
     rpy: Vector3 | None = None
+    axis_angle: Vector4 | None = None
 
     @model_validator(mode="after")
     def _check_orientation(self) -> Self:
@@ -54,6 +56,11 @@ class Pose(Request):
     def from_zyz(cls, position: VectorLike, phi: float, theta: float, psi: float) -> Self:
         """A pose from a position [m] and Euler angles about z, y, z [rad]."""
         return cls.of(position=position, euler_zyz=[phi, theta, psi])
+
+    @classmethod
+    def from_axis_angle(cls, position: VectorLike, axis: VectorLike, angle: float) -> Self:
+        """A pose from a position [m], an axis (3,) of any length but 0 and an angle [rad]."""
+        return cls.of(position=position, axis_angle=[*plain(axis), angle])
 
     @classmethod
     def from_matrix(cls, T_base_pose: RowsLike) -> Self:

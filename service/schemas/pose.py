@@ -1,9 +1,8 @@
 """Poses on the wire."""
 
 from collections.abc import Callable
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from numpy.typing import ArrayLike
 from pydantic import Field, field_validator, model_validator
 
 from kinematics import pose as rotation
@@ -11,7 +10,8 @@ from kinematics.errors import InvalidPose
 from service.schemas.base import Answer, Body, Coordinate, Matrix3, Number, Point, Vector3
 
 Quaternion = Annotated[list[Number], Field(min_length=4, max_length=4)]
-_ORIENTATIONS = ("quaternion_xyzw", "rotation_matrix", "euler_zyz", "rpy")
+AxisAngle = Annotated[list[Number], Field(min_length=4, max_length=4)]
+_ORIENTATIONS = ("quaternion_xyzw", "rotation_matrix", "euler_zyz", "rpy", "axis_angle")
 
 
 class Pose(Body):
@@ -28,6 +28,9 @@ class Pose(Body):
     )
     euler_zyz: Vector3 | None = Field(None, description="[phi, theta, psi], R = Rz Ry Rz [rad]")
     rpy: Vector3 | None = Field(None, description="[roll, pitch, yaw], R = Rz Ry Rx [rad]")
+    axis_angle: AxisAngle | None = Field(
+        None, description="[x, y, z, angle]: about an axis of any length but 0, by an angle [rad]"
+    )
 
     @field_validator("quaternion_xyzw")
     @classmethod
@@ -43,6 +46,13 @@ class Pose(Body):
             _check(rotation.from_matrix, value)
         return value
 
+    @field_validator("axis_angle")
+    @classmethod
+    def _check_axis_angle(cls, value: list[float] | None) -> list[float] | None:
+        if value is not None:
+            _check(lambda turn: rotation.from_axis_angle(turn[:3], turn[3]), value)
+        return value
+
     @model_validator(mode="after")
     def _check_one_orientation(self) -> "Pose":
         given = [name for name in _ORIENTATIONS if getattr(self, name) is not None]
@@ -51,14 +61,14 @@ class Pose(Body):
         return self
 
 
-def _check(conversion: Callable[[ArrayLike], object], value: ArrayLike) -> None:
+def _check(conversion: Callable[[Any], object], value: Any) -> None:
     try:
         conversion(value)
     except InvalidPose as error:
         raise ValueError(error.message) from error
 
 
-Orientation = Literal["quaternion_xyzw", "rotation_matrix", "euler_zyz", "rpy"]
+Orientation = Literal["quaternion_xyzw", "rotation_matrix", "euler_zyz", "rpy", "axis_angle"]
 
 
 class PoseAnswer(Answer):
@@ -80,4 +90,8 @@ class OrientedPoseAnswer(Answer):
     rpy: list[float] | None = Field(
         None,
         description="[roll, pitch, yaw] [rad], pitch in [-pi/2, pi/2]; roll = 0 at its ends",
+    )
+    axis_angle: list[float] | None = Field(
+        None,
+        description="[x, y, z, angle]: a unit axis, the angle [rad] in [0, pi]; z where it is 0",
     )

@@ -339,6 +339,7 @@ def test_poses_are_made_of_other_forms() -> None:
         ours.Pose.from_quaternion(position, rotation.as_quat()),
         ours.Pose.from_rpy(position, roll, pitch, yaw),
         ours.Pose.from_zyz(position, phi, theta, psi),
+        ours.Pose.from_axis_angle(position, 2.0 * rotation.as_rotvec(), rotation.magnitude()),
     ]
     from service.translate import transform
 

@@ -12,6 +12,7 @@ from kinematics.jacobian import analytic_zyz, geometric
 from kinematics.pose import (
     from_quaternion,
     rotation_error,
+    to_axis_angle,
     to_quaternion,
     to_rpy,
     to_zyz,
@@ -422,6 +423,7 @@ FORMS: dict[str, Callable[[Any], Any]] = {
     "rotation_matrix": np.array,
     "euler_zyz": to_zyz,
     "rpy": to_rpy,
+    "axis_angle": lambda R: [*(turn := to_axis_angle(R))[0], turn[1]],
 }
 
 

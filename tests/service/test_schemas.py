@@ -43,6 +43,8 @@ def test_published_examples_are_valid(model: type[BaseModel]) -> None:
         ({"quaternion_xyzw": [0, 0, 0, 1.0009]}, np.eye(3)),
         ({"rotation_matrix": [[0, 0, 1], [1, 0, 0], [0, 1, 0]]}, [[0, 0, 1], [1, 0, 0], [0, 1, 0]]),
         ({"rpy": [math.pi / 2, 0, 0]}, [[1, 0, 0], [0, 0, -1], [0, 1, 0]]),
+        ({"axis_angle": [3, 0, 0, math.pi / 2]}, [[1, 0, 0], [0, 0, -1], [0, 1, 0]]),
+        ({"axis_angle": [0, 1, 0, 0]}, np.eye(3)),
         ({"euler_zyz": [math.pi / 2, math.pi / 2, 0]}, [[0, -1, 0], [0, 0, 1], [-1, 0, 0]]),
     ],
 )  # fmt: skip
@@ -66,6 +68,8 @@ def test_every_form_of_a_pose(pose: dict[str, Any], rotation: Any) -> None:
         ({"rotation_matrix": [[1, 0, 0], [0, 1, 0], [0, 0, -1]]}, "no rotation"),
         ({"rotation_matrix": [[1, 0, 0], [0, 1, 1e-5], [0, 0, 1]]}, "no rotation"),
         ({"rpy": [0, 0, 0], "euler_zyz": [0, 0, 0]}, "at most one"),
+        ({"axis_angle": [0, 0, 0, 1]}, "no direction"),
+        ({"axis_angle": [0, 0, 1]}, "at least 4"),
         ({"yaw": 1}, "Extra"),
     ],
 )
