@@ -1,12 +1,15 @@
 """Collision by python-fcl alone, from the shapes of a robot and a scene: what verdicts are held to.
 
 Solids are given to FCL in hundredths of a millimetre, where its iterations stop early enough not to
-matter. Pairs whose bounding balls are apart are not asked about; all others are.
+matter; of a mesh that is not convex the triangles, and what lies inside of them is told by their
+winding number. Pairs whose bounding balls are apart are not asked about; all others are.
 """
 
 import fcl
 import numpy as np
+import trimesh
 
+from benchmarks.triangles import winding
 from kinematics.chain import Array
 from kinematics.forward import joint_frames
 from kinematics.pose import align_z
@@ -75,30 +78,75 @@ class FclJudge:
             self._place(k, frames[k] @ self._frames[k])
         least = np.inf
         for a, b in self._pairs[self._pairs[:, 1] >= p]:
-            rounding = _left_over(self._pieces[a]) + _left_over(self._pieces[b])
-            apart = fcl.distance(self._objects[a], self._objects[b]) / _UNITS - rounding
-            least = min(least, max(apart, 0.0))
+            least = min(least, max(self._apart(int(a), int(b)), 0.0))
         return least
+
+    def _apart(self, a: int, b: int) -> float:
+        """Distance of two pieces that do not touch [m]."""
+        if self._pieces[b].kind == PieceKind.HALFSPACE and self._pieces[a].surface is not None:
+            return self._height(a, b)
+        rounding = _left_over(self._pieces[a]) + _left_over(self._pieces[b])
+        return float(fcl.distance(self._objects[a], self._objects[b])) / _UNITS - rounding
+
+    def _height(self, a: int, b: int) -> float:
+        """Height of the lowest corner of a mesh above a half-space, which FCL can't tell [m]."""
+        surface = self._pieces[a].surface
+        assert surface is not None
+        mesh, plane = (self._objects[k].getTransform() for k in (a, b))
+        corners = surface.triangles.reshape(-1, 3) @ mesh.getRotation().T
+        corners += (mesh.getTranslation() - plane.getTranslation()) / _UNITS
+        return float((corners @ plane.getRotation()[:, 2]).min())
 
     def _place(self, k: int, T: Array) -> None:
         self._objects[k].setTransform(fcl.Transform(T[:3, :3], _UNITS * T[:3, 3]))
 
     def _touch(self, a: int, b: int) -> bool:
+        if self._pieces[b].kind == PieceKind.HALFSPACE and self._pieces[a].surface is not None:
+            return self._height(a, b) <= 0.0
         rounding = _left_over(self._pieces[a]) + _left_over(self._pieces[b])
         one, other = self._objects[a], self._objects[b]
-        if rounding > 0.0:
-            return bool(fcl.distance(one, other) <= _UNITS * rounding)
-        return bool(fcl.collide(one, other))
+        if rounding > 0.0 and fcl.distance(one, other) <= _UNITS * rounding:
+            return True
+        return bool(fcl.collide(one, other)) or self._holds(a, b) or self._holds(b, a)
+
+    def _holds(self, outer: int, inner: int) -> bool:
+        """Whether a piece that touches no triangle is inside of the solid that they bound."""
+        surface = self._pieces[outer].surface
+        if surface is None or not surface.count:
+            return False
+        first = outer - surface.place
+        corners = [
+            piece.surface.triangles.reshape(-1, 3)
+            for piece in self._pieces[first : first + surface.count]
+            if piece.surface is not None
+        ]
+        there, here = (self._objects[k].getTransform() for k in (inner, outer))
+        solid = self._pieces[inner]
+        point = np.zeros(3) if solid.surface is None else solid.surface.triangles[0, 0]
+        if len(solid.vertices) > 2 and solid.surface is None:
+            point = solid.vertices.mean(axis=0)
+        point = there.getRotation() @ point + there.getTranslation() / _UNITS
+        point = here.getRotation().T @ (point - here.getTranslation() / _UNITS)
+        faces = np.arange(sum(map(len, corners))).reshape(-1, 3)
+        mesh = trimesh.Trimesh(np.vstack(corners), faces, process=False)
+        return bool(winding(mesh, point[None])[0] > 0.5)
 
 
 def _left_over(piece: Piece) -> float:
     """The rounding that FCL's solid does not have."""
-    return piece.rounding if len(piece.vertices) > 2 else 0.0
+    return piece.rounding if len(piece.vertices) > 2 and piece.surface is None else 0.0
 
 
 def _solid(piece: Piece) -> "tuple[fcl.CollisionGeometry, Array]":
     """FCL's solid and its frame in the piece's."""
     T = np.eye(4)
+    if piece.surface is not None:
+        corners = piece.surface.triangles.reshape(-1, 3)
+        mesh = fcl.BVHModel()
+        mesh.beginModel(len(corners), len(corners) // 3)
+        mesh.addSubModel(_UNITS * corners, np.arange(len(corners)).reshape(-1, 3))
+        mesh.endModel()
+        return mesh, T
     if piece.kind == PieceKind.HALFSPACE:
         return fcl.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0), T
     if piece.kind != PieceKind.POLYTOPE:
