@@ -148,6 +148,17 @@ def _square(e: tuple[float, float, float, float, float, float]) -> float:
 
 
 @kernel
+def _border(J: Array, joints: Indices, u: Array, t: Array, M: Array) -> None:
+    """Write [J u; t 0] of the joints that move into M (7, 7)."""
+    for i in range(6):
+        for a in range(JOINTS):
+            M[i, a] = J[i, joints[a]]
+        M[i, 6] = u[i]
+        M[6, i] = t[i]
+    M[6, 6] = 0.0
+
+
+@kernel
 def correct_kernel(
     model: Array, link: int, T: Frame, joints: Indices, u: Array, t: Array, reach: float,
     q: Array, J: Array,
@@ -160,13 +171,9 @@ def correct_kernel(
     moved = 0.0
     for _ in range(_CORRECTIONS):
         error = error_kernel(frame_and_jacobian_kernel(model, q, link, J), T)
-        for i in range(6):
-            b[i] = error[i]
-            for a in range(JOINTS):
-                M[i, a] = J[i, joints[a]]
-            M[i, 6] = u[i]
-            M[6, i] = t[i]
-        M[6, 6], b[6] = 0.0, 0.0
+        _border(J, joints, u, t, M)
+        b[0], b[1], b[2], b[3], b[4], b[5] = error
+        b[6] = 0.0
         if not solve_kernel(M, b):
             return False, 0.0
         size = 0.0
@@ -197,26 +204,16 @@ def tangent_kernel(
     """Turn t into the curve's unit tangent, and u with it if it moves; drho/ds."""
     M, b = np.empty((7, 7)), np.empty(7)
     for _ in range(2 if moving else 1):
-        for i in range(6):
-            b[i] = 0.0
-            for a in range(JOINTS):
-                M[i, a] = J[i, joints[a]]
-            M[i, 6] = u[i]
-            M[6, i] = t[i]
-        M[6, 6], b[6] = 0.0, 1.0
+        _border(J, joints, u, t, M)
+        b[:6], b[6] = 0.0, 1.0
         if not solve_kernel(M, b):
             return False, 0.0
         size = math.sqrt(np.sum(b[:6] * b[:6]))
         for a in range(JOINTS):
             t[a] = b[a] / size
         if moving:
-            for i in range(6):
-                b[i] = 0.0
-                for a in range(JOINTS):
-                    M[a, i] = J[i, joints[a]]
-                M[6, i] = u[i]
-                M[i, 6] = t[i]
-            M[6, 6], b[6] = 0.0, 1.0
+            _border(J, joints, u, t, M.T)
+            b[:6], b[6] = 0.0, 1.0
             if not solve_kernel(M, b):
                 return False, 0.0
             size = math.sqrt(np.sum(b[:6] * b[:6]))
