@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from kinematics.chain import Array, Indices
 from kinematics.frame import Frame
 from kinematics.kernel import kernel
-from kinematics.vector import Lanes, anywhere, choose
+from kinematics.vector import Conditions, Lanes, anywhere, choose
 
 State = NDArray[np.uint64]
 Error = tuple[Lanes, Lanes, Lanes, Lanes, Lanes, Lanes]
@@ -53,16 +53,16 @@ def error_kernel(B: Frame, T: Frame) -> Error:
 
 
 @kernel(inline="code")
-def stretch_kernel(square: Lanes, cosine: Lanes) -> Lanes:
-    """An angle over its sine, by the sine's square and the cosine; without branches.
+def quadrant_kernel(c: Lanes, s: Lanes) -> tuple[Lanes, Lanes, Conditions]:
+    """The angle of a unit vector (c, s) in the first quadrant, in a third of the time of atan2.
 
-    Turned back by 0, 45 or 90 degrees the sine is at most that of 22.5, and
-    asin(x) = x + x^3 P(x^2) / Q(x^2) with the minimax fit for |x| < 0.5 of "A freely distributable
-    C math library" (fdlibm, 1993).
+    Turned back by 0, 45 or 90 degrees the sine x is at most that of 22.5, and
+    asin(x) = x + x r(x^2), r the minimax fit for |x| < 0.5 of "A freely distributable C math
+    library" (fdlibm, 1993).
+
+    Returns:
+        The angle [rad], r, and whether it was turned back by nothing.
     """
-    sine = math.sqrt(square)
-    unit = 1.0 / max(math.sqrt(square + cosine * cosine), 1e-300)
-    s, c = sine * unit, abs(cosine) * unit
     small, large = s <= 0.41421356237309503 * c, s > 2.414213562373095 * c
     x = choose(small, s, choose(large, -c, (s - c) * 0.7071067811865476))
     t = x * x
@@ -73,7 +73,15 @@ def stretch_kernel(square: Lanes, cosine: Lanes) -> Lanes:
     Q = 1.0 + t * (-2.40339491173441421878e00 + t * (2.02094576023350569471e00 + t * Q))
     ratio = P / Q
     base = choose(small, 0.0, choose(large, 0.5 * math.pi, 0.25 * math.pi))
-    angle = base + (x + x * ratio)
+    return base + (x + x * ratio), ratio, small
+
+
+@kernel(inline="code")
+def stretch_kernel(square: Lanes, cosine: Lanes) -> Lanes:
+    """An angle over its sine, by the sine's square and the cosine; without branches."""
+    sine = math.sqrt(square)
+    unit = 1.0 / max(math.sqrt(square + cosine * cosine), 1e-300)
+    angle, ratio, small = quadrant_kernel(abs(cosine) * unit, sine * unit)
     behind = cosine < 0.0
     angle = choose(behind, math.pi - angle, angle)
     far = angle / max(sine, 1e-300)
