@@ -358,7 +358,7 @@ def _cloud(cloud: PieceArrays) -> _Block:
 
 def _solids(pieces: Sequence[Piece]) -> _Block:
     p, cores = len(pieces), [_core(piece) for piece in pieces]
-    hulls = [core.hull for core in cores if core.hull is not None]
+    hulls = [core.hull for core in cores]
     poses = np.array([piece.T_owner_piece for piece in pieces]).reshape(p, 4, 4)
     balls = np.array([core.ball for core in cores]).reshape(p, 4)
     middles = balls[:, :3, None]
@@ -369,12 +369,12 @@ def _solids(pieces: Sequence[Piece]) -> _Block:
         sizes=np.array([core.size for core in cores]).reshape(p, 4),
         balls=balls,
         across=np.array([core.across for core in cores]).reshape(p, 3),
-        solid=np.array([core.solid for core in cores], dtype=np.bool_),
-        corners=np.vstack([_NOWHERE, *(hull.vertices for hull in hulls)]),
-        corner_counts=_indices([core.corners for core in cores]),
-        triangles=_indices(np.vstack([_NOWHERE, *(hull.triangles for hull in hulls)])),
-        planes=np.vstack([np.zeros((0, 4)), *(hull.planes for hull in hulls)]),
-        triangle_counts=_indices([core.triangles for core in cores]),
+        solid=np.array([hull.solid for hull in hulls], dtype=np.bool_),
+        corners=np.vstack([_NO_HULL.vertices, *(hull.vertices for hull in hulls)]),
+        corner_counts=_indices([len(hull.vertices) for hull in hulls]),
+        triangles=np.vstack([_NO_HULL.triangles, *(hull.triangles for hull in hulls)]),
+        planes=np.vstack([_NO_HULL.planes, *(hull.planes for hull in hulls)]),
+        triangle_counts=_indices([len(hull.triangles) for hull in hulls]),
     )
 
 
@@ -382,7 +382,7 @@ def _indices(values: ArrayLike) -> Indices:
     return np.array(values, dtype=np.int64)
 
 
-_NOWHERE = np.zeros((0, 3))
+_NO_HULL = Hull(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64), np.zeros((0, 4)), solid=False)
 
 
 class _Core(NamedTuple):
@@ -392,10 +392,7 @@ class _Core(NamedTuple):
     size: Array
     ball: Array
     across: Array
-    solid: bool
-    hull: Hull | None
-    corners: int
-    triangles: int
+    hull: Hull
 
 
 def _core(piece: Piece) -> _Core:
@@ -424,20 +421,12 @@ def _plain(
         (radius, half_height, rounding, 0.0) if half is None else (half[0], half[1], 0.0, half[2])
     )
     number = int(kind) if half is None else _BOX
-    return _Core(number, np.array(size), _ball(piece), _ALONG_X, False, None, 0, 0)
+    return _Core(number, np.array(size), _ball(piece), _ALONG_X, _NO_HULL)
 
 
 def _cornered(piece: Piece, hull: Hull, rounding: float) -> _Core:
-    return _Core(
-        _HULL,
-        np.array([piece.radius, piece.half_height, rounding, 0.0]),
-        _ball(piece),
-        _across(hull),
-        hull.solid,
-        hull,
-        len(hull.vertices),
-        len(hull.triangles),
-    )
+    size = np.array([piece.radius, piece.half_height, rounding, 0.0])
+    return _Core(_HULL, size, _ball(piece), _across(hull), hull)
 
 
 def _ball(piece: Piece) -> Array:
