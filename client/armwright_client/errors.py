@@ -390,12 +390,6 @@ class NotReady(Unavailable):
     code = "NOT_READY"
 
 
-class NotImplementedByServer(ApiError):
-    """The service knows the request, but its version can't answer it yet."""
-
-    code = "NOT_IMPLEMENTED"
-
-
 def _items(value: object) -> list[object]:
     return list(value) if isinstance(value, list) else []
 
