@@ -25,14 +25,14 @@ import pinocchio
 
 from benchmarks.fcl_judge import FclJudge
 from benchmarks.mbm_problems import cases, panda
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from kinematics.forward import forward
 from obstacles.checker import Checker
 from obstacles.moveit import scene_from_moveit
 from obstacles.piece import Piece, PieceKind
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
-from planning.constrained_ik import IkOptions, constrained_ik
+from planning.constrained.ik import IkOptions, constrained_ik
 from planning.constraints.constraint import Constraint
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.limit import ClearanceConstraint

@@ -26,13 +26,13 @@ import pinocchio
 
 from benchmarks.mbm_problems import ACCELERATION, Case, cases, panda
 from benchmarks.recheck import Recheck
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from kinematics.forward import forward
 from kinematics.trajectory import Trajectory
 from obstacles.moveit import scene_from_moveit
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
-from planning.constrained_ik import IkOptions, constrained_ik
+from planning.constrained.ik import IkOptions, constrained_ik
 from planning.constraints.constraint import Geometric
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.limit import ClearanceConstraint

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from kinematics.serial import serial_chain
+from kinematics.serial_chain import serial_chain
 from kinematics.srdf import Semantics, parse_srdf
 from kinematics.urdf import parse_urdf
 from obstacles.robot_geometry import RobotGeometry, robot_geometry

@@ -10,7 +10,7 @@ import numpy as np
 import trimesh
 
 from benchmarks.triangles import winding
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from kinematics.forward import joint_frames
 from kinematics.pose import align_z
 from obstacles.hull import convex_hull

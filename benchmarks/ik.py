@@ -23,8 +23,8 @@ from benchmarks.poses import edge_configurations, random_configurations
 from kinematics.chain import Chain
 from kinematics.forward import forward
 from kinematics.ik.analytic import Branches, branches
-from kinematics.ik.choice import whole_turns
 from kinematics.ik.numeric import AXES, Axis, solve, solve_many
+from kinematics.ik.ranking import whole_turns
 from kinematics.ik.solution import IkResult
 from kinematics.ik.structure import structure
 from kinematics.jacobian import geometric

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from kinematics.chain import Array
-from kinematics.serial import serial_chain
+from kinematics.arrays import Array
+from kinematics.serial_chain import serial_chain
 from kinematics.srdf import parse_srdf
 from kinematics.urdf import parse_urdf
 from obstacles.moveit import scene_from_moveit

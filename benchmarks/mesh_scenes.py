@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import trimesh
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from kinematics.pose import from_rpy, transform
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Box, Mesh, Shape

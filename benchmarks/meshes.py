@@ -27,7 +27,7 @@ from obstacles.checker import Checker
 from obstacles.moveit import scene_from_moveit
 from obstacles.robot_geometry import RobotGeometry, hulled
 from obstacles.scene import Scene
-from planning.certificate import certify
+from planning.proof.certificate import certify
 
 Array = NDArray[np.float64]
 

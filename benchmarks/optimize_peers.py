@@ -29,7 +29,7 @@ from benchmarks.constrained_ik import solid
 from benchmarks.mbm_problems import ACCELERATION, Case, cases, panda
 from benchmarks.peers import peer
 from benchmarks.recheck import STEP, Recheck, Scenery
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from kinematics.trajectory import Trajectory
 from obstacles.moveit import scene_from_moveit
 from obstacles.robot_geometry import RobotGeometry

@@ -16,7 +16,7 @@ import time
 from pathlib import Path
 
 import numpy as np
-from constrained_ik_drake import World
+from constrained_ik_drake import FclWorld
 from pydrake.math import BsplineBasis, KnotVectorType
 from pydrake.multibody.inverse_kinematics import MinimumDistanceLowerBoundConstraint
 from pydrake.planning import KinematicTrajectoryOptimization
@@ -66,7 +66,7 @@ def main() -> None:
     for path in sorted(folder.glob("problem*.npz")):
         given = np.load(path, allow_pickle=True)
         robot = [one | {"link": f"panda_link{one['link']}"} for one in given["robot"]]
-        world = World(text, robot, given["scene"])
+        world = FclWorld(text, robot, given["scene"])
         began = time.process_time()
         motion, held = optimise(
             world, given["known"], float(given["duration"]), given["acceleration"]

@@ -23,7 +23,8 @@ from ompl import base, geometric, util
 
 from benchmarks.mbm_problems import Case, cases, panda
 from benchmarks.recheck import STEP, Recheck, Scenery
-from kinematics.chain import Array, Chain
+from kinematics.arrays import Array
+from kinematics.chain import Chain
 from obstacles.robot_geometry import RobotGeometry
 from planning.options import Options
 from planning.pipeline import plan

@@ -15,21 +15,21 @@ from itertools import pairwise
 
 import numpy as np
 
-from kinematics.chain import Array
-from kinematics.kernel import kernel
+from kinematics.arrays import Array
+from kinematics.compiled.kernel import kernel
 from kinematics.pose import transform
 from kinematics.robots import builtin_srdf, builtin_urdf
-from kinematics.serial import serial_chain
+from kinematics.serial_chain import serial_chain
 from kinematics.srdf import parse_srdf
 from kinematics.urdf import parse_urdf
 from obstacles.checker import Checker
+from obstacles.edge_check import FREE, MAX_INTERVALS, certify_in
+from obstacles.kernel_work import workspace
 from obstacles.model_arrays import ModelArrays
-from obstacles.motion import FREE, MAX_INTERVALS, certify_in
 from obstacles.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Box, Cylinder, PointCloud, Sphere
-from obstacles.verdict import verdicts_on
-from obstacles.workspace import workspace
+from obstacles.state_check import verdicts_on
 from planning.options import Options
 from planning.pipeline import plan
 from planning.problem import JointGoal, Problem

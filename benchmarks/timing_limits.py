@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from benchmarks.ratios import worst_ratio
 from kinematics.trajectory import Trajectory
 from planning.timing.blend import merge, reach_for_deviation
-from planning.timing.law import Law, Method
+from planning.timing.parametrization import Method, TimeParametrization
 from planning.timing.spline import Ends, chord_knots, spline_path
 
 Array = NDArray[np.float64]
@@ -76,7 +76,7 @@ def random_case(rng: np.random.Generator) -> Case:
 
 def timed(case: Case, method: Method) -> Trajectory:
     """The motion of a case by a method."""
-    law = Law(method, case.velocity, case.acceleration, case.jerk)
+    law = TimeParametrization(method, case.velocity, case.acceleration, case.jerk)
     if case.kind.endswith("spline"):
         ends: Ends = "natural" if case.kind.startswith("natural") else "clamped"
         if method == "spline":

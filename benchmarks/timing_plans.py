@@ -18,7 +18,7 @@ from benchmarks.ratios import worst_ratio
 from planning.options import Options, TimingOptions
 from planning.pipeline import plan
 from planning.result import Failure
-from planning.timing.law import METHODS
+from planning.timing.parametrization import METHODS
 
 #: Of the data sheet [rad/s^3].
 JERK = (7500.0, 3750.0, 5000.0, 6250.0, 7500.0, 10000.0, 10000.0)

@@ -20,19 +20,19 @@ from benchmarks.fcl_judge import FclJudge
 from benchmarks.mbm_problems import cases
 from benchmarks.mbm_problems import panda as mesh_panda
 from benchmarks.scale import certify_all, cheapest
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from kinematics.pose import from_axis_angle, transform
 from kinematics.robots import builtin_names, builtin_srdf, builtin_urdf
-from kinematics.serial import serial_chain
+from kinematics.serial_chain import serial_chain
 from kinematics.srdf import parse_srdf
 from kinematics.urdf import parse_urdf
 from obstacles.checker import Checker
-from obstacles.motion import COLLIDING, FREE
+from obstacles.edge_check import COLLIDING, FREE
 from obstacles.moveit import scene_from_moveit
 from obstacles.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Box, Capsule, Cone, Convex, Cylinder, HalfSpace, PointCloud, Sphere
-from obstacles.verdict import verdicts_on
+from obstacles.state_check import verdicts_on
 from planning.options import Options
 from planning.pipeline import plan
 from planning.problem import JointGoal, Problem

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dynamics.regressor import parameter_names, regressor, standard_parameters
-from kinematics.chain import Array, Chain, JointType, frozen
+from kinematics.arrays import Array, frozen
+from kinematics.chain import Chain, JointType
 from kinematics.errors import InvalidOption
 
 #: Of a column that is a combination of others so much of its length is left: rounding errors,

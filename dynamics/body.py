@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinematics.chain import Array, Chain, Inertia, Link, frozen
+from kinematics.arrays import Array, frozen
+from kinematics.chain import Chain, Inertia, Link
 from kinematics.errors import InvalidOption, MissingInertia
 
 #: What row i of ``Bodies.rows`` holds, by its first column.

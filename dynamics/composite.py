@@ -19,9 +19,9 @@ C_kj = v_k . f_j + w_k . n_j for the moments of the farther one of the two joint
 
 import numpy as np
 
-from dynamics.vector import Vector, add, cross, dot, scale, subtract
-from kinematics.chain import Array
-from kinematics.kernel import kernel
+from kinematics.arrays import Array
+from kinematics.compiled.kernel import kernel
+from kinematics.vec3 import Vector, add, cross, dot, scale, subtract
 
 #: Columns of scratch for each joint: rotation (9) and origin (3) of its frame, then what its column
 #: of D or C needs.

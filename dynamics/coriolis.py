@@ -6,8 +6,9 @@ from numpy.typing import ArrayLike
 from dynamics.batch import stacked
 from dynamics.body import bodies
 from dynamics.composite import COMPOSITE_WORK, coriolis_kernel, frames_kernel
-from kinematics.chain import Array, Chain
-from kinematics.kernel import kernel
+from kinematics.arrays import Array
+from kinematics.chain import Chain
+from kinematics.compiled.kernel import kernel
 
 
 @kernel

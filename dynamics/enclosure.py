@@ -19,8 +19,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynamics.body import Bodies, bodies
-from kinematics.chain import Array, Chain
-from kinematics.kernel import kernel
+from kinematics.arrays import Array
+from kinematics.chain import Chain
+from kinematics.compiled.kernel import kernel
 from kinematics.polynomial import shift_kernel
 from kinematics.trajectory import Trajectory
 

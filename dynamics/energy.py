@@ -6,7 +6,8 @@ from numpy.typing import ArrayLike
 from dynamics.batch import stacked
 from dynamics.gravity import potential_energy
 from dynamics.mass_matrix import augmented_mass_matrix
-from kinematics.chain import Array, Chain
+from kinematics.arrays import Array
+from kinematics.chain import Chain
 
 
 def kinetic_energy(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Array:

@@ -10,8 +10,9 @@ from dynamics.composite import COMPOSITE_WORK, coriolis_kernel, frames_kernel, m
 from dynamics.forward import acceleration_kernel, massless
 from dynamics.recursion import WORK, gravity_kernel, inverse_kernel
 from dynamics.regressor import motor_columns, regressor_kernel
-from kinematics.chain import Array, Chain
-from kinematics.kernel import kernel
+from kinematics.arrays import Array
+from kinematics.chain import Chain
+from kinematics.compiled.kernel import kernel
 
 
 @kernel

@@ -8,9 +8,10 @@ from dynamics.body import MOTOR, bodies
 from dynamics.composite import COMPOSITE_WORK, frames_kernel, mass_matrix_kernel
 from dynamics.inverse import wrench_torque
 from dynamics.recursion import inverse_kernel
-from kinematics.chain import Array, Chain
+from kinematics.arrays import Array
+from kinematics.chain import Chain
+from kinematics.compiled.kernel import kernel
 from kinematics.errors import MissingInertia
-from kinematics.kernel import kernel
 
 #: A pivot this much smaller than its diagonal entry is rounding error, not inertia.
 _PIVOT_RATIO = 1e-14

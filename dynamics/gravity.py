@@ -5,9 +5,10 @@ from numpy.typing import ArrayLike
 
 from dynamics.body import bodies
 from dynamics.recursion import WORK, gravity_kernel
-from kinematics.chain import Array, Chain
+from kinematics.arrays import Array
+from kinematics.chain import Chain
+from kinematics.compiled.kernel import kernel
 from kinematics.forward import joint_frames
-from kinematics.kernel import kernel
 
 
 @kernel

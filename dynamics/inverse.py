@@ -6,10 +6,11 @@ from numpy.typing import ArrayLike
 from dynamics.batch import stacked
 from dynamics.body import bodies
 from dynamics.recursion import WORK, inverse_kernel, reference_inverse_kernel
-from kinematics.chain import Array, Chain
+from kinematics.arrays import Array
+from kinematics.chain import Chain
+from kinematics.compiled.kernel import kernel
 from kinematics.errors import InvalidOption
 from kinematics.jacobian import geometric
-from kinematics.kernel import kernel
 
 
 @kernel

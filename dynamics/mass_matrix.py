@@ -5,8 +5,9 @@ from numpy.typing import ArrayLike
 
 from dynamics.body import bodies
 from dynamics.composite import COMPOSITE_WORK, frames_kernel, mass_matrix_kernel
-from kinematics.chain import Array, Chain
-from kinematics.kernel import kernel
+from kinematics.arrays import Array
+from kinematics.chain import Chain
+from kinematics.compiled.kernel import kernel
 
 
 @kernel

@@ -7,7 +7,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from dynamics.payload import with_motors
-from kinematics.chain import Array, Chain
+from kinematics.arrays import Array
+from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
 
 

@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.chain import Array, Chain, Inertia, Link
+from kinematics.arrays import Array
+from kinematics.chain import Chain, Inertia, Link
 from kinematics.errors import InvalidOption
 
 #: A tensor's principal moments may miss the triangle inequality by this part: text has few digits.

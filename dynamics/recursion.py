@@ -13,9 +13,9 @@ Christoffel symbols.
 
 import numpy as np
 
-from dynamics.vector import Vector, add, cross, scale
-from kinematics.chain import Array
-from kinematics.kernel import kernel
+from kinematics.arrays import Array
+from kinematics.compiled.kernel import kernel
+from kinematics.vec3 import Vector, add, cross, scale
 
 #: Columns of scratch for each joint: cosine, sine, its frame's origin (3), force, moment (3 each).
 WORK = 11

@@ -7,9 +7,10 @@ from dynamics.batch import stacked
 from dynamics.body import FRICTION, MOTOR, STANDARD, bodies
 from dynamics.composite import FRAME, frames_kernel
 from dynamics.recursion import WORK, advance
-from dynamics.vector import Vector, cross, dot, subtract
-from kinematics.chain import Array, Chain, frozen
-from kinematics.kernel import kernel
+from kinematics.arrays import Array, frozen
+from kinematics.chain import Chain
+from kinematics.compiled.kernel import kernel
+from kinematics.vec3 import Vector, cross, dot, subtract
 
 #: The standard parameters of one body, in their order; inertia about the joint frame's origin.
 BODY_PARAMETERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")

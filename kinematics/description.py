@@ -5,7 +5,8 @@ from dataclasses import dataclass, fields
 from types import MappingProxyType
 from typing import TypeAlias
 
-from kinematics.chain import Array, Inertia, frozen
+from kinematics.arrays import Array, frozen
+from kinematics.chain import Inertia
 
 #: The joint types of URDF; the last two are read but can't be part of a chain.
 JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")

@@ -20,7 +20,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from kinematics.chain import Array, Chain, Inertia, JointType, Limits, Link, frozen
+from kinematics.arrays import Array, frozen
+from kinematics.chain import Chain, Inertia, JointType, Limits, Link
 from kinematics.dh_table import Convention, DhRow, DhTable, check_table
 from kinematics.errors import InvalidRobotDescription
 from kinematics.pose import inverse, rotation_x, rotation_y, rotation_z, transform

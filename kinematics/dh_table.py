@@ -7,7 +7,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.chain import MAX_JOINTS, Array, frozen
+from kinematics.arrays import Array, frozen
+from kinematics.chain import MAX_JOINTS
 from kinematics.errors import InvalidPose, InvalidRobotDescription
 from kinematics.pose import from_matrix
 

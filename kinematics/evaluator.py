@@ -4,7 +4,8 @@ from typing import Self
 
 import numpy as np
 
-from kinematics.chain import Array, Chain
+from kinematics.arrays import Array
+from kinematics.chain import Chain
 from kinematics.errors import InvalidRobotState
 from kinematics.forward import all_poses, link_number, one_pose
 from kinematics.jacobian import both_of_one, one_jacobian

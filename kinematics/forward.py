@@ -7,7 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.chain import Array, Chain, Indices
+from kinematics.arrays import Array, Indices
+from kinematics.chain import Chain
+from kinematics.compiled.kernel import direct, kernel
+from kinematics.compiled.simd import LANES
+from kinematics.compiled.simd_frames import FRAME, pose_lanes_kernel, poses_lanes_kernel
 from kinematics.errors import InvalidOption
 from kinematics.frame import (
     IDENTITY,
@@ -16,10 +20,7 @@ from kinematics.frame import (
     move_kernel,
     store_kernel,
 )
-from kinematics.kernel import direct, kernel
-from kinematics.lanes import FRAME, pose_lanes_kernel, poses_lanes_kernel
-from kinematics.turns import few_turns_kernel, turn_at_kernel
-from kinematics.vector import LANES
+from kinematics.sincos import few_turns_kernel, turn_at_kernel
 
 _FLOAT = np.dtype(np.float64)
 # Names of this module: looking them up in another one costs as much as a joint does.

@@ -5,9 +5,9 @@ All is arithmetic that serves one configuration and, with vectors for numbers, e
 
 import math
 
-from kinematics.chain import Array
-from kinematics.kernel import kernel
-from kinematics.vector import Lanes
+from kinematics.arrays import Array
+from kinematics.compiled.kernel import kernel
+from kinematics.compiled.simd import Lanes
 
 Frame = tuple[Lanes, Lanes, Lanes, Lanes, Lanes, Lanes, Lanes, Lanes, Lanes, Lanes, Lanes, Lanes]
 IDENTITY: Frame = (1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0)

@@ -7,15 +7,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.chain import Array, Chain, Indices
+from kinematics.arrays import Array, Indices
+from kinematics.chain import Chain
+from kinematics.compiled.kernel import direct, kernel
+from kinematics.compiled.simd import LANES
+from kinematics.compiled.simd_frames import COLUMN, gather_kernel, jacobian_lanes_kernel
 from kinematics.errors import InvalidOption, InvalidRobotState
 from kinematics.forward import fits_kernel, forward_kernel, link_number
 from kinematics.frame import IDENTITY, Frame, compose_kernel, move_kernel, store_kernel
-from kinematics.kernel import direct, kernel
-from kinematics.lanes import COLUMN, gather_kernel, jacobian_lanes_kernel
 from kinematics.pose import to_zyz
-from kinematics.turns import few_turns_kernel, turn_at_kernel, turns_kernel
-from kinematics.vector import LANES
+from kinematics.sincos import few_turns_kernel, turn_at_kernel, turns_kernel
 
 _FLOAT = np.dtype(np.float64)
 # Names of this module: looking them up in another one costs as much as a joint does.

@@ -4,8 +4,8 @@ A piece has ascending coefficients c, p(t) = sum_k c_k t^k on [0, h]. Ranges are
 interval, q(u) = p(h u), so that neither the length of a piece nor its units matter.
 """
 
-from kinematics.chain import Array
-from kinematics.kernel import kernel
+from kinematics.arrays import Array
+from kinematics.compiled.kernel import kernel
 
 # A root in the unit interval is known as well as doubles know it: half an ulp of 1.
 _ROOT_TOLERANCE = 1.1e-16

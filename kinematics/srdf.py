@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 from kinematics.description import RobotDescription
 from kinematics.errors import InvalidRobotDescription
-from kinematics.markup import Element, attribute, children, number, read_robot
+from kinematics.xml_reader import Element, attribute, children, number, read_robot
 
 State = Mapping[str, float]
 

@@ -12,7 +12,8 @@ import casadi
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.chain import Array, Chain
+from kinematics.arrays import Array
+from kinematics.chain import Chain
 from kinematics.errors import InvalidOption, InvalidRobotState
 
 #: A CasADi matrix, SX (scalar expressions) or MX; CasADi itself has no types.

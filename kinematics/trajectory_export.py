@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from kinematics.trajectory import Trajectory
 
 #: What ROS counts durations in beside seconds.

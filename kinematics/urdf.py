@@ -10,7 +10,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from kinematics.description import (
     JOINT_TYPES,
     JointDescription,
@@ -19,8 +19,8 @@ from kinematics.description import (
     RobotDescription,
 )
 from kinematics.errors import InvalidRobotDescription
-from kinematics.markup import Element, attribute, children, number, numbers, read_robot, single
 from kinematics.urdf_link import MAX_LENGTH, read_link, read_origin
+from kinematics.xml_reader import Element, attribute, children, number, numbers, read_robot, single
 
 #: More links or joints than any robot has.
 MAX_LINKS = 1000

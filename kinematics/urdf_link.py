@@ -5,7 +5,8 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from kinematics.chain import Array, Inertia
+from kinematics.arrays import Array
+from kinematics.chain import Inertia
 from kinematics.description import (
     BoxGeometry,
     CapsuleGeometry,
@@ -17,8 +18,8 @@ from kinematics.description import (
     SphereGeometry,
 )
 from kinematics.errors import InvalidPose, InvalidRobotDescription
-from kinematics.markup import Element, attribute, children, number, numbers, single
 from kinematics.pose import from_quaternion, from_rpy, transform
+from kinematics.xml_reader import Element, attribute, children, number, numbers, single
 
 #: Lengths [m], masses [kg] and moments of inertia [kg m^2] beyond these overflow later sums.
 MAX_LENGTH = 1e6

@@ -17,7 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.chain import Array, Chain, Indices
+from kinematics.arrays import Array, Indices
+from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
 from kinematics.jacobian import geometric
 

@@ -9,7 +9,8 @@ from typing import Literal
 
 import numpy as np
 
-from kinematics.chain import Array, Chain, JointType
+from kinematics.arrays import Array
+from kinematics.chain import Chain, JointType
 from kinematics.pose import inverse
 
 Wrist = Literal["spherical", "three_parallel", "none"]

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 from numpy.typing import ArrayLike
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from kinematics.errors import ArmwrightError, InvalidLinkName, InvalidObjectName
 from kinematics.forward import forward
 from kinematics.pose import inverse

@@ -10,9 +10,10 @@ import math
 
 import numpy as np
 
-from kinematics.chain import Array, Indices
-from kinematics.kernel import kernel
-from obstacles.contact import contact
+from kinematics.arrays import Array, Indices
+from kinematics.compiled.kernel import kernel
+from obstacles.bvh import FIRST, LAST, SKIP, gap
+from obstacles.epa import contact
 from obstacles.piece_set import (
     CENTER,
     HALF,
@@ -27,7 +28,6 @@ from obstacles.piece_set import (
     ball_rows,
 )
 from obstacles.support_table import Lists
-from obstacles.tree import FIRST, LAST, SKIP, gap
 
 _POLYTOPE = int(CoreKind.POLYTOPE)
 _CYLINDER = int(CoreKind.CYLINDER)

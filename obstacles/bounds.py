@@ -2,8 +2,8 @@
 
 import math
 
-from kinematics.chain import Array
-from kinematics.kernel import kernel
+from kinematics.arrays import Array
+from kinematics.compiled.kernel import kernel
 from obstacles.gjk import Vector
 from obstacles.piece_set import CENTER, HALF, KIND, MIDDLE, POSE, RADIUS, CoreKind
 

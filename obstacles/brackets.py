@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from kinematics.chain import Array, Indices
+from kinematics.arrays import Array, Indices
+from obstacles.closest_point import hull_distances
 from obstacles.hull import convex_hull
-from obstacles.nearest import hull_distances
 from obstacles.piece import Piece, PieceKind
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.sphere_set import MOST, SphereSet, round_depths, sphere_set

@@ -7,14 +7,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinematics.chain import Array, Chain, Indices, Limits, Link
-from kinematics.kernel import direct
+from kinematics.arrays import Array, Indices
+from kinematics.chain import Chain, Limits, Link
+from kinematics.compiled.kernel import direct
 from obstacles.collision_model import CollisionModel, ModelArrays
-from obstacles.motion import COLLIDING, FREE, certify_curve, certify_edge, certify_path
+from obstacles.edge_check import COLLIDING, FREE, certify_curve, certify_edge, certify_path
 from obstacles.proximity import closest_pair, near_pairs
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
-from obstacles.verdict import bracket_on, verdict_on
+from obstacles.state_check import bracket_on, verdict_on
 
 _FLOAT = np.dtype(np.float64)
 #: Near pairs there is room for at first.

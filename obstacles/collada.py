@@ -7,8 +7,8 @@ from typing import Any
 import collada
 import numpy as np
 
-from kinematics.chain import Array
-from kinematics.markup import Element, number, read_document, tostring
+from kinematics.arrays import Array
+from kinematics.xml_reader import Element, number, read_document, tostring
 
 #: What a surface is made of. All else (paint, lights, cameras, animations) is taken out first:
 #: files often refer to paint that is not there.

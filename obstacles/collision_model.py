@@ -8,8 +8,10 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from kinematics.chain import Array, Chain, Indices
+from kinematics.arrays import Array, Indices
+from kinematics.chain import Chain
 from obstacles.brackets import Brackets, brackets
+from obstacles.bvh import Tree, tree
 from obstacles.model_arrays import ModelArrays
 from obstacles.pair_grid import PairGrid, pair_grid
 from obstacles.piece_set import (
@@ -29,7 +31,6 @@ from obstacles.piece_set import (
 )
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
-from obstacles.tree import Tree, tree
 
 __all__ = ["CollisionModel", "ModelArrays", "skipped_pairs", "together"]
 

@@ -4,7 +4,7 @@ A body whose hull is the body is its hull. What is not convex is cut by planes w
 hulls of the parts most volume. A part's hull covers it, cut faces included: what a plane cuts out
 of a solid is bounded by where it cuts the surface, and those points belong to both parts. So a
 distance to all hulls is a distance to the solid; where it does not do, the triangles decide
-(``obstacles.surface``), and nothing is filled that the mesh leaves open.
+(``obstacles.mesh_distance``), and nothing is filled that the mesh leaves open.
 """
 
 import hashlib
@@ -21,11 +21,11 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, QhullError
 
-from kinematics.chain import Array, Indices, frozen
-from kinematics.kernel import kernel
+from kinematics.arrays import Array, Indices, frozen
+from kinematics.compiled.kernel import kernel
+from obstacles.closest_point import hull_distances, mesh_distances
 from obstacles.hull import Hull, convex_hull
 from obstacles.mesh import Faces
-from obstacles.nearest import hull_distances, mesh_distances
 from obstacles.winding import is_solid, oriented, winding_numbers
 
 #: A hull that is nowhere farther from the mesh than this stands for it [m]: half of what verdicts

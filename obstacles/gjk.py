@@ -15,8 +15,8 @@ import math
 
 import numpy as np
 
-from kinematics.chain import Array
-from kinematics.kernel import kernel
+from kinematics.arrays import Array
+from kinematics.compiled.kernel import kernel
 from obstacles.piece_set import KIND, POSE, ROUNDING, SIZE, START, STOP, TABLE, CoreKind
 from obstacles.support_table import Lists, cell_of
 

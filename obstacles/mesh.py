@@ -10,7 +10,7 @@ import numpy as np
 import trimesh
 from numpy.typing import ArrayLike, NDArray
 
-from kinematics.chain import Array, frozen
+from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidScene
 from obstacles.collada import triangles
 

@@ -10,11 +10,13 @@ the hulls across the same directions.
 
 import numpy as np
 
-from kinematics.chain import Array
-from kinematics.kernel import kernel
+from kinematics.arrays import Array
+from kinematics.compiled.kernel import kernel
 from obstacles.bounds import quick_bound
-from obstacles.contact import contact
+from obstacles.bvh import FIRST
+from obstacles.epa import contact
 from obstacles.gjk import FARTHER, STILL, Vector, separation, support
+from obstacles.mesh_distance import DESK, STACK, surface_distance
 from obstacles.piece_set import (
     CENTER,
     KIND,
@@ -27,8 +29,6 @@ from obstacles.piece_set import (
     CoreKind,
 )
 from obstacles.support_table import Lists
-from obstacles.surface import DESK, STACK, surface_distance
-from obstacles.tree import FIRST
 
 _HALFSPACE = int(CoreKind.HALFSPACE)
 #: Directions there is room for, and looks that a search may take.

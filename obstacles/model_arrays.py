@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from kinematics.chain import Array, Indices
+from kinematics.arrays import Array, Indices
 from obstacles.support_table import Lists
 
 

@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import yaml
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from kinematics.errors import ArmwrightError, InvalidScene
 from kinematics.pose import from_quaternion, transform
 from obstacles.scene import Obstacle, Scene, checked_name

@@ -13,14 +13,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinematics.chain import Array, Chain, Indices
+from kinematics.arrays import Array, Indices
+from kinematics.chain import Chain
+from kinematics.compiled.kernel import kernel
 from kinematics.forward import joint_frames
-from kinematics.kernel import kernel
 from obstacles.gjk import STILL, separation
+from obstacles.kernel_work import Workspace, place, visit, workspace
 from obstacles.model_arrays import ModelArrays
 from obstacles.piece import Piece
 from obstacles.piece_set import PieceSet
-from obstacles.workspace import Workspace, place, visit, workspace
 
 #: Cells for a joint: where two matter, and where one does. Filling takes a microsecond a cell.
 _SIDE, _LINE = 32, 512

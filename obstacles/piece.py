@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from kinematics.chain import Array, frozen
+from kinematics.arrays import Array, frozen
 
 
 class PieceKind(IntEnum):

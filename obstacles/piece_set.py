@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
+from obstacles.bvh import FIRST, LAST, NODE_WIDTH, SKIP, tree
 from obstacles.piece import Piece, PieceKind, Surface
 from obstacles.support_table import LEAST_CORNERS, Lists, support_table
-from obstacles.tree import FIRST, LAST, NODE_WIDTH, SKIP, tree
 
 
 class CoreKind(IntEnum):

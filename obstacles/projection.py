@@ -16,11 +16,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinematics.chain import Array, frozen
+from kinematics.arrays import Array, frozen
+from kinematics.compiled.kernel import kernel
 from kinematics.errors import InvalidScene
-from kinematics.kernel import kernel
-from obstacles.hull import Hull, convex_hull
-from obstacles.nearest import (
+from obstacles.closest_point import (
     Indices,
     Nearest,
     Vector,
@@ -29,6 +28,7 @@ from obstacles.nearest import (
     nearest_on_cylinder,
     nearest_on_hull,
 )
+from obstacles.hull import Hull, convex_hull
 from obstacles.piece import Piece, PieceArrays, PieceKind
 from obstacles.scene import Obstacle, Scene
 from obstacles.winding import winding_numbers

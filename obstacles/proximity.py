@@ -10,17 +10,17 @@ for the joints between the two, 0 for all others.
 
 import numpy as np
 
-from kinematics.chain import Array, Indices
-from kinematics.kernel import kernel
+from kinematics.arrays import Array, Indices
+from kinematics.compiled.kernel import kernel
 from obstacles.bounds import balls_apart, quick_bound
-from obstacles.contact import contact
+from obstacles.bvh import FIRST, LAST, SKIP, gap
+from obstacles.epa import contact
 from obstacles.gjk import BETWEEN, CLOSER, FARTHER, STILL, Vector, separation
+from obstacles.kernel_work import Workspace, place, visit, workspace
+from obstacles.mesh_distance import DESK, surface_distance
 from obstacles.model_arrays import ModelArrays
 from obstacles.piece_set import CENTER, MARGIN, NODE_STOP, OWNER, RADIUS
 from obstacles.support_table import Lists
-from obstacles.surface import DESK, surface_distance
-from obstacles.tree import FIRST, LAST, SKIP, gap
-from obstacles.workspace import Workspace, place, visit, workspace
 
 _DEEPEST = 128
 #: How deep the hollows of a mesh are thought to be at first [m].

@@ -27,11 +27,11 @@ from kinematics.mesh_uri import resolve_mesh
 from kinematics.srdf import Semantics
 from obstacles.hull import convex_hull
 from obstacles.mesh import load_mesh, scaled
+from obstacles.mesh_distance import touching
 from obstacles.piece import Piece, PieceArrays, PieceKind
 from obstacles.piece_set import CENTER, POSE, PieceSet
 from obstacles.scene import Obstacle
 from obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
-from obstacles.surface import touching
 
 Meshes: TypeAlias = Mapping[str, bytes] | Callable[[str], bytes]
 Pair: TypeAlias = tuple[str, str]

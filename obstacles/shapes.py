@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinematics.chain import Array, frozen
+from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidScene
 from kinematics.pose import align_z, transform
 from obstacles.decomposition import ConvexPart, convex_pieces

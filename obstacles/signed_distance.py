@@ -15,10 +15,10 @@ polytope", Mathematical Programming, 1976.
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from kinematics.chain import Array
-from kinematics.kernel import kernel
+from kinematics.arrays import Array
+from kinematics.compiled.kernel import kernel
+from obstacles.closest_point import nearest_on_hull
 from obstacles.hull import Hull, convex_hull
-from obstacles.nearest import nearest_on_hull
 from obstacles.piece import Piece, PieceKind
 
 #: Gap between the bounds at which the distance counts as found [m].

@@ -17,8 +17,8 @@ import math
 
 import numpy as np
 
-from kinematics.chain import Array, Indices
-from kinematics.kernel import kernel
+from kinematics.arrays import Array, Indices
+from kinematics.compiled.kernel import kernel
 from obstacles.gjk import cross, dot
 
 #: Times that cells and balls are fitted to each other, each time there are twice as many, and last.

@@ -12,11 +12,11 @@ from functools import lru_cache
 
 import numpy as np
 
-from kinematics.chain import Array, Indices
+from kinematics.arrays import Array, Indices
+from kinematics.compiled.kernel import kernel
 from kinematics.errors import InvalidScene
-from kinematics.kernel import kernel
+from obstacles.closest_point import nearest_on_cone, nearest_on_cylinder
 from obstacles.hull import convex_hull
-from obstacles.nearest import nearest_on_cone, nearest_on_cylinder
 from obstacles.piece import Piece, PieceKind
 from obstacles.sphere_cover import cover
 

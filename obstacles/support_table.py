@@ -10,8 +10,8 @@ unlike walking from corner to corner, which may stop on a face that is not quite
 import numpy as np
 from numpy.typing import NDArray
 
-from kinematics.chain import Array
-from kinematics.kernel import kernel
+from kinematics.arrays import Array
+from kinematics.compiled.kernel import kernel
 
 Lists = NDArray[np.int32]
 

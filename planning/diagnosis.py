@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from kinematics.chain import Array, Chain
+from kinematics.arrays import Array
+from kinematics.chain import Chain
 from kinematics.errors import ArmwrightError
 from kinematics.forward import forward
 from obstacles.checker import Checker
@@ -20,7 +21,7 @@ from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from planning.deadline import Deadline
 from planning.sampling.search import sample
-from planning.straight_line import straight_line
+from planning.search.straight_line import straight_line
 
 #: Clearance that a configuration found to be free has at least, margins taken off [m].
 _ROOM = 1e-3

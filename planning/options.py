@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, Literal
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from planning.optimize.options import RefineOptions
-from planning.timing.law import METHODS, Method
+from planning.timing.parametrization import METHODS, Method
 
 Interpolation = Literal["linear", "natural_spline", "clamped_spline"]
 INTERPOLATIONS: tuple[Interpolation, ...] = ("linear", "natural_spline", "clamped_spline")

@@ -4,32 +4,32 @@ from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from kinematics.trajectory import Trajectory
 from obstacles.checker import Checker
-from planning.cartesian import cartesian_plan
-from planning.certificate import Certificate, certify
-from planning.constrained_checker import ConstrainedChecker
+from planning.cartesian.planner import cartesian_plan
+from planning.constrained.checker import ConstrainedChecker
+from planning.constrained.path_constraints import constrained, with_limits
+from planning.constrained.projected_rrt import Manifold, shorten
+from planning.constrained.relaxation import Relaxation, relaxed
 from planning.deadline import Deadline
 from planning.diagnosis import Diagnosis, diagnose
-from planning.law_choice import chosen_law
-from planning.manifold import Manifold, shorten
-from planning.motion_timing import motions
 from planning.optimize.options import OPTIMIZE
-from planning.optimize.setup import MOST_OFFERS, Refining, check_ends, refining
+from planning.optimize.stage import MOST_OFFERS, OptimizeStage, check_ends, refining
 from planning.options import Options
-from planning.path_constraints import constrained, with_limits
 from planning.preflight import Ready, preflight
 from planning.problem import Problem
-from planning.relaxation import Relaxation, relaxed
+from planning.proof.certificate import Certificate, certify
 from planning.result import Attempt, Failure, Path, Plan
-from planning.rung import Rung, check_options
-from planning.shortcut import shortcut
+from planning.search.planner import Rung, check_options
+from planning.search.shortcut import shortcut
 from planning.stages import Stages
+from planning.timing.choice import chosen_parametrization
 from planning.timing.failure import TimingFailed
-from planning.timing.law import Law
+from planning.timing.motion_timing import motions
+from planning.timing.parametrization import TimeParametrization
 
-LADDER = ("straight_line", "potential_field", "rrt_connect")
+CASCADE = ("straight_line", "potential_field", "rrt_connect")
 
 #: Share of the time, and at most so many seconds, kept back for shortening, timing and the proof.
 _RESERVED_SHARE = 0.2
@@ -124,9 +124,11 @@ def _shorter(checker: Checker, waypoints: Array, seed: int, deadline: Deadline) 
     return shortcut(checker, waypoints, deadline)
 
 
-def _law(problem: Problem, options: Options) -> Law:
+def _law(problem: Problem, options: Options) -> TimeParametrization:
     chain = problem.robot.chain
-    return chosen_law(options.timing, chain.joint_names, chain.limits, options.limits, chain)
+    return chosen_parametrization(
+        options.timing, chain.joint_names, chain.limits, options.limits, chain
+    )
 
 
 def _tell_preflight(answer: Ready | Failure) -> tuple[bool, str]:
@@ -143,9 +145,9 @@ def _find_path(
         exact = checker is ready.checkers[-1]
         share = 1.0 if exact else _HULLS_SHARE
         own = Deadline.after(share * deadline.remaining)
-        for planner in LADDER if options.planner == "auto" else (options.planner,):
+        for planner in CASCADE if options.planner == "auto" else (options.planner,):
             rung = Rung(planner, problem, ready, checker, options, own)
-            attempt = stages.run(planner, rung.climb, _tell_attempt)
+            attempt = stages.run(planner, rung.run_planner, _tell_attempt)
             if attempt.waypoints is not None:
                 return planner, attempt, checker
     last = stages.reports[-1]
@@ -196,7 +198,7 @@ def _time_and_prove(
     problem: Problem,
     checker: Checker,
     waypoints: Array,
-    law: Law,
+    law: TimeParametrization,
     options: Options,
     stages: Stages,
     deadline: Deadline,
@@ -224,7 +226,11 @@ def _time_and_prove(
 
 
 def _prove(
-    problem: Problem, timed: Trajectory, law: Law, stages: Stages, deadline: Deadline
+    problem: Problem,
+    timed: Trajectory,
+    law: TimeParametrization,
+    stages: Stages,
+    deadline: Deadline,
 ) -> Certificate:
     prove = partial(
         certify, timed, problem.robot, problem.scene, margin=problem.margin,
@@ -241,13 +247,13 @@ def _refine(
     problem: Problem,
     checker: Checker,
     timed: Trajectory,
-    law: Law,
+    law: TimeParametrization,
     options: Options,
     stages: Stages,
     deadline: Deadline,
 ) -> _Proved | Failure | None:
     """Optimise a motion and prove what comes of it; None where the motion itself is to be taken."""
-    work = Refining(problem, checker, options, law, timed)
+    work = OptimizeStage(problem, checker, options, law, timed)
     for _ in range(MOST_OFFERS):
         offer = stages.run(OPTIMIZE, partial(work.offer, _share(deadline)), work.tell)
         if offer is None:

@@ -8,16 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from kinematics.chain import Array, Chain
+from kinematics.arrays import Array
+from kinematics.chain import Chain
 from kinematics.ik import numeric
 from obstacles.checker import Checker, collision_model
+from obstacles.fcl_distance import ACCURACY, FclWorld
 from obstacles.robot_geometry import hulled
-from obstacles.world import ACCURACY, World
+from planning.constrained.pose_goals import goal_configurations
 from planning.deadline import Deadline
 from planning.diagnosis import nearest_free
-from planning.limit_check import beyond
-from planning.pose_goals import sought
 from planning.problem import JointGoal, PoseGoal, Problem
+from planning.proof.limits import beyond
 from planning.result import Failure
 
 #: Configurations looked for when a goal is a pose, and starts spent on them.
@@ -202,7 +203,7 @@ def _collision_failure(
     The depth is that of the solids themselves; a margin has none.
     """
     solids = tuple(replace(obstacle, margin=0.0) for obstacle in problem.scene.obstacles)
-    world = World(problem.robot, replace(problem.scene, obstacles=solids))
+    world = FclWorld(problem.robot, replace(problem.scene, obstacles=solids))
     contacts = world.collisions(q)
     if contacts:
         a, b = contacts[0].pair
@@ -319,5 +320,5 @@ def _clear_of_obstacles(
     problem: Problem, goal: PoseGoal, start: Array, seed: int
 ) -> list[tuple[float, Array]]:
     """Configurations of a pose sought with the obstacles in sight: arms with joints to spare."""
-    found = sought(problem, goal, start, seed)
+    found = goal_configurations(problem, goal, start, seed)
     return [(s.clearance, np.array(s.joints)) for s in found if s.clearance > TOUCHING]

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from kinematics.chain import Array, frozen
+from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidGoal, InvalidRobotState
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from kinematics.chain import Array, frozen
+from kinematics.arrays import Array, frozen
 from kinematics.trajectory import Trajectory
-from planning.certificate import Certificate
+from planning.proof.certificate import Certificate
 
 
 @dataclass(frozen=True, slots=True)

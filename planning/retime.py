@@ -5,17 +5,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinematics.chain import Array, Chain, Limits
+from kinematics.arrays import Array
+from kinematics.chain import Chain, Limits
 from kinematics.errors import InvalidOption, InvalidTrajectory
 from kinematics.trajectory import REST, Trajectory, stay
-from planning.certificate import Certificate, certify_limits
-from planning.law_choice import chosen_law, require_limits
 from planning.options import Interpolation, TimingOptions
+from planning.proof.certificate import Certificate, certify_limits
 from planning.timing.blend import largest_reaches, merge, reach_for_deviation
-from planning.timing.dilation import Dilated
-from planning.timing.law import Law
+from planning.timing.choice import chosen_parametrization, require_limits
+from planning.timing.parametrization import TimeParametrization
 from planning.timing.path import JointPath
 from planning.timing.spline import Ends, chord_knots, spline_path
+from planning.timing.time_scaling import ScaledTime
 
 #: Legs shorter than this are told of: their direction has lost digits.
 TINY = 1e-9
@@ -83,10 +84,10 @@ def retime(
         needed = ("velocity", "acceleration", *(["jerk"] * (timing.method == "jerk_limited")))
         require_limits(needed, names, overrides)
     limits = Limits.unlimited(n) if chain is None else chain.limits
-    law = chosen_law(timing, names, limits, overrides, chain)
+    law = chosen_parametrization(timing, names, limits, overrides, chain)
     merged = merge(points)
     if len(merged) < 2:
-        rest = Dilated(stay(names, points[0]), 1.0)
+        rest = ScaledTime(stay(names, points[0]), 1.0)
         note = f"The path has no length: the robot stays where it is for {REST:g} s."
         return _answered(rest, law, limits, (note,))
     interpolation = timing.interpolation or _usual(timing)
@@ -117,7 +118,9 @@ def _points(path: PathToTime) -> Array:
     return points
 
 
-def _linear(merged: Array, path: PathToTime, law: Law, timing: TimingOptions) -> Dilated:
+def _linear(
+    merged: Array, path: PathToTime, law: TimeParametrization, timing: TimingOptions
+) -> ScaledTime:
     if path.knots is not None:
         raise InvalidOption(
             "knots belong to splines; straight lines have none",
@@ -137,8 +140,12 @@ def _ends(interpolation: Interpolation) -> Ends:
 
 
 def _spline(
-    path: PathToTime, points: Array, law: Law, timing: TimingOptions, interpolation: Interpolation
-) -> Dilated:
+    path: PathToTime,
+    points: Array,
+    law: TimeParametrization,
+    timing: TimingOptions,
+    interpolation: Interpolation,
+) -> ScaledTime:
     if timing.times is not None and path.knots is not None:
         raise InvalidOption("both path.knots and timing.times are given", hint="Give one.")
     times = path.knots if timing.times is None else np.array(timing.times, dtype=np.float64)
@@ -148,7 +155,9 @@ def _spline(
     return timed if times is not None else timed._replace(factor=1.0)
 
 
-def _answered(timed: Dilated, law: Law, limits: Limits, notes: tuple[str, ...]) -> Retimed:
+def _answered(
+    timed: ScaledTime, law: TimeParametrization, limits: Limits, notes: tuple[str, ...]
+) -> Retimed:
     certificate = certify_limits(timed.trajectory, limits, law.bounds, law.loads)
     needed = 1.0 if certificate.verified else law.needed_factor(timed.trajectory)
     return Retimed(timed.trajectory, certificate, timed.factor, needed, notes)

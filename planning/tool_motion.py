@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.chain import Array, frozen
+from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidGoal
 from kinematics.pose import from_axis_angle, rotation_error, transform
 

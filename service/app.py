@@ -7,9 +7,9 @@ from contextlib import asynccontextmanager
 from fastapi import FastAPI
 from starlette.concurrency import run_in_threadpool
 
-from service import dynamics_tasks, handlers, kinematics_tasks, openapi
-from service.body import BodyLimit, JsonRoute
-from service.jobs import Jobs
+from service.http import handlers, openapi
+from service.http.body import BodyLimit, JsonRoute
+from service.jobs.runner import Jobs
 from service.metrics import Measured, Metrics
 from service.routes import (
     batch,
@@ -27,9 +27,11 @@ from service.routes import (
     simulate,
 )
 from service.settings import Settings
-from service.store import open_store
+from service.storage.document_store import open_store
+from service.tasks import dynamics as dynamics_tasks
+from service.tasks import kinematics as kinematics_tasks
 from service.version import VERSION
-from service.workers import TASK_MODULES, WorkerSupervisor
+from service.workers.supervisor import TASK_MODULES, WorkerSupervisor
 
 _ROUTERS = (
     health.router,

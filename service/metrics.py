@@ -14,10 +14,10 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metri
 from prometheus_client.registry import Collector
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from service.computing import ERRAND
-from service.errors import KINDS
-from service.job_store import STATUSES, Status
-from service.workers import WorkerSupervisor
+from service.http.compute import ERRAND
+from service.http.errors import KINDS
+from service.jobs.store import STATUSES, Status
+from service.workers.supervisor import WorkerSupervisor
 
 #: Inline kinematics take a millisecond, the longest plans minutes [s].
 _SECONDS = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5, 10, 30, 60, 300)

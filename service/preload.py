@@ -30,17 +30,18 @@ for _variable in ("OMP", "OPENBLAS", "MKL", "NUMBA", "VECLIB_MAXIMUM"):
 # Taking compiled kernels apart one by one takes seconds, and nothing here needs to be put away.
 atexit.register(os._exit, 0)
 
-from service import (  # noqa: E402
-    batch_tasks,  # noqa: F401
-    check_tasks,  # noqa: F401
-    dynamics_tasks,  # noqa: F401
-    kinematics_tasks,  # noqa: F401
-    outline_tasks,  # noqa: F401
-    plan_tasks,  # noqa: F401
-    retime_tasks,  # noqa: F401
-    simulate_tasks,  # noqa: F401
-    tasks,  # noqa: F401
-    warm,
+from service import warm  # noqa: E402
+from service.tasks import (  # noqa: E402
+    batch,  # noqa: F401
+    check,  # noqa: F401
+    dynamics,  # noqa: F401
+    kinematics,  # noqa: F401
+    large_body,  # noqa: F401
+    plan,  # noqa: F401
+    potential,  # noqa: F401
+    retime,  # noqa: F401
+    robots,  # noqa: F401
+    simulate,  # noqa: F401
 )
 
 try:

@@ -13,9 +13,9 @@ from fastapi import FastAPI
 from pydantic import ValidationError
 
 from service.app import create_app
-from service.database import StoreError
 from service.settings import Settings
-from service.store import open_store
+from service.storage.database import StoreError
+from service.storage.document_store import open_store
 
 #: After SIGTERM requests may go on for this long, then they are told that the service ends [s].
 _DRAIN = 2.0

@@ -6,9 +6,9 @@ from functools import cache
 
 #: Functions ``"module:name"`` without arguments that make kernels ready; called in this order.
 WARMERS: tuple[str, ...] = (
-    "service.kinematics_tasks:warm",
-    "service.dynamics_tasks:warm",
-    "service.warm_requests:robots",
+    "service.tasks.kinematics:warm",
+    "service.tasks.dynamics:warm",
+    "service.warm_requests:builtin_robots",
     "service.warm_requests:requests",
 )
 

@@ -13,19 +13,16 @@ from kinematics.robots import builtin_names
 from obstacles.checker import Checker
 from obstacles.scene import Scene
 from planning.deadline import Deadline
-from planning.trees import grow
-from service import (
-    check_tasks,
-    kinematics_tasks,
-    library,
-    plan_tasks,
-    potential_tasks,
-    prepared,
-    retime_tasks,
-    simulate_tasks,
-    tasks,
-)
-from service.references import Planned, Reference, builtin_reference
+from planning.search.rrt_connect import grow
+from service.storage import disk_cache, worker_cache
+from service.storage.cache_key import PlanOutcome, Reference, builtin_reference
+from service.tasks import check as check_tasks
+from service.tasks import kinematics as kinematics_tasks
+from service.tasks import plan as plan_tasks
+from service.tasks import potential as potential_tasks
+from service.tasks import retime as retime_tasks
+from service.tasks import robots
+from service.tasks import simulate as simulate_tasks
 
 _START = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
 _GOAL = [1.2, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]
@@ -45,10 +42,10 @@ _SHAPES: dict[str, tuple[dict[str, Any], list[float]]] = {
 }
 
 
-def robots() -> None:
+def builtin_robots() -> None:
     """The built-in robots, which workers then need not build."""
     for name in builtin_names():
-        _ = library.robot(builtin_reference(name)).geometry
+        _ = worker_cache.robot(builtin_reference(name)).geometry
 
 
 def requests() -> None:
@@ -114,7 +111,7 @@ def _hold(panda: Reference) -> None:
 
 def _lead(panda: Reference) -> None:
     """The tool along a line and an arc."""
-    tip = forward(library.robot(panda).chain, _START)
+    tip = forward(worker_cache.robot(panda).chain, _START)
     turn = rotation.to_quaternion(tip[:3, :3]).tolist()
     places = [(tip[:3, 3] + shift).tolist() for shift in np.diag([0.05, 0.05, 0.0])[:2]]
     poses = [{"position": place, "quaternion_xyzw": turn} for place in places]
@@ -145,7 +142,7 @@ def _problem(planner: str) -> dict[str, Any]:
 
 def _plan(panda: Reference, planner: str) -> None:
     answer = _ask(plan_tasks.plan, panda, _problem(planner), _TIMEOUT)
-    if isinstance(answer, Planned):
+    if isinstance(answer, PlanOutcome):
         trajectory = json.loads(answer.content)["trajectory"]
         if planner == "auto":
             _track(panda, trajectory)
@@ -155,7 +152,7 @@ def _plan(panda: Reference, planner: str) -> None:
 
 def _grow(panda: Reference) -> None:
     """Trees, which the ladder has no need of where a rung before them finds a way."""
-    checker = Checker.of(library.robot(panda).geometry, Scene())
+    checker = Checker.of(worker_cache.robot(panda).geometry, Scene())
     grow(checker, np.array(_START), [np.array(_GOAL)], 0, Deadline.after(_TIMEOUT), 1000)
 
 
@@ -190,7 +187,7 @@ def _uploads(folder: str) -> None:
     """A stored robot with a mesh; a scene with one of two bodies, and points projected onto it."""
     meshes = {"c.obj": base64.b64encode(_OBJ.encode()).decode()}
     robot = {"name": "warm", "urdf": _URDF, "meshes": meshes}
-    tasks.prepare_robot(json.dumps(robot).encode(), folder)
+    robots.prepare_robot(json.dumps(robot).encode(), folder)
     corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
     faces = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]]
     faces += [[2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
@@ -202,8 +199,8 @@ def _uploads(folder: str) -> None:
     scene = _scene()
     scene["obstacles"].append({"id": "mesh", "shape": mesh, "pose": {"position": [2.0, 2.0, 2.0]}})
     document = json.dumps({"name": "warm", **scene}).encode()
-    tasks.prepare_scene(document, folder, "warm")
-    reference = Reference("scene", "warm", prepared.document_hash(document), folder)
+    robots.prepare_scene(document, folder, "warm")
+    reference = Reference("scene", "warm", disk_cache.document_hash(document), folder)
     points = {"points": [[0.0, 0.0, 0.0], [2.5, 2.5, 2.5], [-0.6, 0.0, 0.6]]}
     check_tasks.project(reference, json.dumps(points).encode())
 

@@ -8,11 +8,12 @@ import numpy as np
 from dynamics.base_parameters import BaseParameters, base_parameters
 from dynamics.mass_matrix import augmented_mass_matrix
 from dynamics.regressor import reference_regressor
-from kinematics.chain import Array, Chain, frozen
+from kinematics.arrays import Array, frozen
+from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
+from tracking.control_law import Kind, Law, law
 from tracking.controller import AdaptiveController, Reference
 from tracking.gain import adaptation_gain, filtered_gains
-from tracking.law import Kind, Law, law
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,7 +11,7 @@ from scipy.integrate import DOP853
 from dynamics.body import bodies
 from dynamics.forward import forward_dynamics_kernel, massless
 from dynamics.inverse import wrench_torque
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from tracking.controller import AdaptiveController, Controller
 from tracking.loop import HOPELESS, RUNAWAY
 from tracking.result import SimulationOutcome, SimulationResult, settling_time
@@ -156,7 +156,7 @@ class _Loop:
             before = solver.t, solver.y
             failure = solver.step()
             if failure is not None or np.abs(solver.y).max() > RUNAWAY:
-                return SimulationOutcome.RAN_AWAY, solver.y
+                return SimulationOutcome.DIVERGED, solver.y
             self.steps += 1
             self.note(before, solver, law)
         return SimulationOutcome.COMPLETED, solver.y

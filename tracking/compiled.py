@@ -4,19 +4,19 @@ import numpy as np
 
 from dynamics.body import bodies
 from dynamics.forward import massless
-from kinematics.chain import Array
-from tracking.course import EXHAUSTED, MASSLESS, RAN_AWAY, Record, run_kernel
+from kinematics.arrays import Array
+from tracking.control_law import Law, space
 from tracking.disturbance import Disturbance
 from tracking.explicit import ALL_STAGES, POWERS, Steps
 from tracking.implicit import stages
-from tracking.law import Law, space
+from tracking.integrate import DIVERGED, EXHAUSTED, SINGULAR_MASS_MATRIX, Record, run_kernel
 from tracking.loop import HELD, Loop
 from tracking.reference import ReferenceSignal
 from tracking.result import SimulationOutcome, SimulationResult, settling_time
 from tracking.setup import Setup
 
 _OUTCOMES = {
-    RAN_AWAY: SimulationOutcome.RAN_AWAY,
+    DIVERGED: SimulationOutcome.DIVERGED,
     EXHAUSTED: SimulationOutcome.EXHAUSTED,
 }
 #: The rest after a trajectory is a piece of its own.
@@ -41,7 +41,7 @@ def run(setup: Setup, law: Law) -> SimulationResult:
     ended = run_kernel(
         loop, setup.cuts, steps, stages(N), record, tolerances, options.max_evaluations, x
     )
-    if ended == MASSLESS:
+    if ended == SINGULAR_MASS_MATRIX:
         raise massless(setup.robot, int(loop.flags[4]) - 1)
     return _result(setup, record, loop, _OUTCOMES.get(ended, SimulationOutcome.COMPLETED))
 

@@ -6,10 +6,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynamics.inverse import inverse_dynamics
-from kinematics.chain import Array, Chain
+from kinematics.arrays import Array
+from kinematics.chain import Chain
+from tracking.control_law import Kind, Law, law
 from tracking.controller import Controller, Reference
 from tracking.gain import gain_vector, placed_gains
-from tracking.law import Kind, Law, law
 
 
 @dataclass(frozen=True, slots=True, eq=False)

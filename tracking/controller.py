@@ -4,8 +4,9 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Self
 
-from kinematics.chain import Array, Chain
-from tracking.law import Law
+from kinematics.arrays import Array
+from kinematics.chain import Chain
+from tracking.control_law import Law
 
 
 @dataclass(frozen=True, slots=True, eq=False)

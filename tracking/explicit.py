@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.integrate import DOP853
 
-from kinematics.chain import Array
-from kinematics.kernel import kernel
+from kinematics.arrays import Array
+from kinematics.compiled.kernel import kernel
 from tracking.loop import Loop, rate_kernel
 
 _A = np.ascontiguousarray(DOP853.A, dtype=np.float64)

@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.chain import Array, Chain, frozen
+from kinematics.arrays import Array, frozen
+from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
 
 #: A matrix that came through text is symmetric to about this part of its largest entry.

@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from kinematics.chain import Array
-from kinematics.kernel import kernel
+from kinematics.arrays import Array
+from kinematics.compiled.kernel import kernel
 from tracking.loop import Loop, rate_kernel
 
 Complex = NDArray[np.complex128]

@@ -6,11 +6,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynamics.mass_matrix import augmented_mass_matrix
-from kinematics.chain import Array, Chain, frozen
+from kinematics.arrays import Array, frozen
+from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
+from tracking.control_law import Kind, Law, law
 from tracking.controller import Controller, Reference
 from tracking.gain import gain_vector, placed_gains
-from tracking.law import Kind, Law, law
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from dynamics.composite import frames_kernel
 from dynamics.forward import acceleration_kernel
-from dynamics.vector import cross, dot, subtract
-from kinematics.chain import Array
-from kinematics.kernel import kernel
-from tracking.law import Law, Space, control_kernel, lyapunov_kernel
+from kinematics.arrays import Array
+from kinematics.compiled.kernel import kernel
+from kinematics.vec3 import cross, dot, subtract
+from tracking.control_law import Law, Space, control_kernel, lyapunov_kernel
 
 #: A state beyond this [rad, m, rad/s, m/s] is no robot any more: the loop has run away.
 RUNAWAY = 1e6

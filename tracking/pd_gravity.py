@@ -6,10 +6,11 @@ import numpy as np
 
 from dynamics.gravity import gravity_vector
 from dynamics.mass_matrix import augmented_mass_matrix
-from kinematics.chain import Array, Chain
+from kinematics.arrays import Array
+from kinematics.chain import Chain
+from tracking.control_law import Kind, Law, law
 from tracking.controller import Controller, Reference
 from tracking.gain import gain_matrix
-from tracking.law import Kind, Law, law
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -6,14 +6,14 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from kinematics.chain import Array, frozen
+from kinematics.arrays import Array, frozen
 
 
 class SimulationOutcome(Enum):
     """How a simulation ended; the value says what that means and what to try."""
 
     COMPLETED = "the whole motion was simulated"
-    RAN_AWAY = (
+    DIVERGED = (
         "the closed loop is unstable: lower the gains, shorten the control period, "
         "or check the model against the robot"
     )

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.trajectory import MAX_SAMPLES
 from tracking.disturbance import Disturbance, EncoderNoise

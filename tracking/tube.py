@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinematics.chain import Array, JointType, frozen
+from kinematics.arrays import Array, frozen
+from kinematics.chain import JointType
 from kinematics.trajectory import Trajectory
 from obstacles.robot_geometry import RobotGeometry
 

@@ -11,7 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinematics.chain import Array, Chain, frozen
+from kinematics.arrays import Array, frozen
+from kinematics.chain import Chain
+from kinematics.compiled.kernel import direct
 from kinematics.errors import InvalidOption, InvalidPose, NotAvailable
 from kinematics.forward import link_number
 from kinematics.ik.batch import shared
@@ -26,7 +28,6 @@ from kinematics.ik.refine import (
     parameter_kernel,
 )
 from kinematics.ik.structure import Structure, structure
-from kinematics.kernel import direct
 
 #: Largest error of a solution [m], [rad].
 TOLERANCE = 1e-9

@@ -2,7 +2,10 @@
 
 import math
 
-from kinematics.chain import MAX_JOINTS, Array, Indices
+from kinematics.arrays import Array, Indices
+from kinematics.chain import MAX_JOINTS
+from kinematics.compiled.kernel import kernel
+from kinematics.compiled.simd import LANES, on_stack
 from kinematics.forward import finite_kernel
 from kinematics.ik.calibrated import (
     along_kernel,
@@ -10,6 +13,7 @@ from kinematics.ik.calibrated import (
     balanced_kernel,
     nudged_kernel,
 )
+from kinematics.ik.dls_step import frame_kernel
 from kinematics.ik.refine import (
     CLOSE,
     CODE,
@@ -22,11 +26,8 @@ from kinematics.ik.refine import (
     polished_kernel,
 )
 from kinematics.ik.spherical import BRANCH, FAMILY, WIDTH
-from kinematics.ik.step import frame_kernel
 from kinematics.ik.subproblem import EXACT
 from kinematics.ik.verification import VERIFIED, verify_kernel
-from kinematics.kernel import kernel
-from kinematics.vector import LANES, on_stack
 
 #: Candidates of one pose at most, since families stand for themselves with several members, and
 #: the room for them; members of a family that are tried, and the room for those.

@@ -10,8 +10,18 @@ import math
 
 import numpy as np
 
-from kinematics.chain import Array, Indices
+from kinematics.arrays import Array, Indices
+from kinematics.compiled.kernel import kernel
 from kinematics.frame import Frame
+from kinematics.ik.continuation import (
+    JOINTS,
+    been_kernel,
+    follow_kernel,
+    mapped_kernel,
+    sharpen_kernel,
+    weakest_kernel,
+)
+from kinematics.ik.dls_step import State, cholesky_solve_kernel, error_kernel, uniform_kernel
 from kinematics.ik.refine import (
     CODE,
     GROUP,
@@ -25,17 +35,7 @@ from kinematics.ik.refine import (
     tip_kernel,
 )
 from kinematics.ik.spherical import BRANCH, FAMILY, PARAMETER
-from kinematics.ik.step import State, cholesky_solve_kernel, error_kernel, uniform_kernel
-from kinematics.ik.valley import (
-    JOINTS,
-    been_kernel,
-    follow_kernel,
-    mapped_kernel,
-    sharpen_kernel,
-    weakest_kernel,
-)
 from kinematics.jacobian import frame_and_jacobian_kernel
-from kinematics.kernel import kernel
 
 #: Starts around a candidate: so far around [rad] but for every fourth, and so many candidates at
 #: most.

@@ -18,7 +18,8 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.chain import Array, Chain, frozen
+from kinematics.arrays import Array, frozen
+from kinematics.chain import Chain
 from kinematics.errors import InvalidOption, InvalidPose
 from kinematics.forward import forward
 from kinematics.ik.numeric import ORIENTATION_TOLERANCE, POSITION_TOLERANCE

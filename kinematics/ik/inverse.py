@@ -6,12 +6,13 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.chain import Array, Chain, frozen
+from kinematics.arrays import Array, frozen
+from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
 from kinematics.ik import numeric
 from kinematics.ik.analytic import Branches, branches, closed_form, middle, parameter
-from kinematics.ik.choice import Choice, order, whole_turns
 from kinematics.ik.numeric import AXES, Axis
+from kinematics.ik.ranking import Choice, order, whole_turns
 from kinematics.ik.solution import IkResult, IkSolution
 from kinematics.ik.structure import Structure, structure
 

@@ -21,14 +21,21 @@ from typing import Any, Literal, NoReturn, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinematics.chain import Array, Chain, JointType, frozen
+from kinematics.arrays import Array, frozen
+from kinematics.chain import Chain, JointType
+from kinematics.compiled.kernel import direct
 from kinematics.errors import InvalidOption, InvalidPose
 from kinematics.forward import link_number
-from kinematics.ik.abreast import solve_batch_kernel
 from kinematics.ik.batch import shared
-from kinematics.ik.search import ROWS, TABLE_SEED, WEIGHT, solve_alone_kernel, table_kernel
+from kinematics.ik.levenberg_marquardt import (
+    ROWS,
+    TABLE_SEED,
+    WEIGHT,
+    solve_alone_kernel,
+    table_kernel,
+)
+from kinematics.ik.numeric_simd import solve_batch_kernel
 from kinematics.ik.solution import IkResult, IkSolution
-from kinematics.kernel import direct
 
 Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
 AXES: tuple[Axis, ...] = get_args(Axis)

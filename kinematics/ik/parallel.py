@@ -13,7 +13,9 @@ in the plane gives the rest.
 
 import math
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
+from kinematics.compiled.kernel import kernel
+from kinematics.compiled.simd import on_stack
 from kinematics.ik.spherical import (
     TIP,
     WRIST,
@@ -31,8 +33,6 @@ from kinematics.ik.subproblem import (
     orient_kernel,
     pair_kernel,
 )
-from kinematics.kernel import kernel
-from kinematics.vector import on_stack
 
 __all__ = ["TIP", "parallel_kernel"]
 

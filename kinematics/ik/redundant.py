@@ -10,7 +10,8 @@ joint limit and singularity avoidance", 2018.
 
 import math
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
+from kinematics.compiled.kernel import kernel
 from kinematics.ik.spherical import (
     BRANCH,
     FAMILY,
@@ -20,7 +21,6 @@ from kinematics.ik.spherical import (
     flange_kernel,
 )
 from kinematics.ik.subproblem import TINY, Vector, cosine_kernel, orient_kernel
-from kinematics.kernel import kernel
 
 Turns = tuple[float, float, float, float, float, float]
 

@@ -9,15 +9,15 @@ import math
 
 import numpy as np
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
+from kinematics.compiled.kernel import kernel
 from kinematics.frame import IDENTITY, Frame, compose_kernel, step_kernel
+from kinematics.ik.dls_step import error_kernel, step_within_kernel
 from kinematics.ik.parallel import parallel_kernel
 from kinematics.ik.redundant import arm_angle_kernel, redundant_kernel
 from kinematics.ik.spherical import BRANCH, FAMILY, LOCKED, LOCKED_TIP, PARAMETER, spherical_kernel
-from kinematics.ik.step import error_kernel, step_within_kernel
 from kinematics.ik.verification import miss_kernel, near_kernel
 from kinematics.jacobian import frame_and_jacobian_kernel
-from kinematics.kernel import kernel
 
 #: Columns behind the joints of a solution: errors [m], [rad], inside limits, branch, family,
 #: parameter.

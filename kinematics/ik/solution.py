@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
 
 
 class IkSolution(NamedTuple):

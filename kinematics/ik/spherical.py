@@ -13,7 +13,9 @@ triangle. The last three angles are those of the rotation that is left.
 
 import math
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
+from kinematics.compiled.kernel import kernel
+from kinematics.compiled.simd import on_stack
 from kinematics.ik.subproblem import (
     TINY,
     Vector,
@@ -22,8 +24,6 @@ from kinematics.ik.subproblem import (
     orient_kernel,
     pair_kernel,
 )
-from kinematics.kernel import kernel
-from kinematics.vector import on_stack
 
 #: Rows of a plan: what ``structure`` packs and the kernels read.
 TIP, WRIST, SHOULDER, LOCKED, LOCKED_TIP, ROWS = 8, 9, 10, 11, 12, 13

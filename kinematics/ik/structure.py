@@ -15,7 +15,8 @@ from typing import Literal
 
 import numpy as np
 
-from kinematics.chain import Array, Chain, JointType, frozen
+from kinematics.arrays import Array, frozen
+from kinematics.chain import Chain, JointType
 from kinematics.ik.spherical import LOCKED, LOCKED_TIP, ROWS, SHOULDER, TIP, WRIST
 from kinematics.ik.subproblem import EXACT, wrist_constants
 from kinematics.pose import inverse, rotation_x, transform

@@ -10,10 +10,10 @@ import math
 
 import numpy as np
 
-from kinematics.chain import Array
-from kinematics.kernel import kernel
+from kinematics.arrays import Array
+from kinematics.compiled.kernel import kernel
+from kinematics.compiled.simd import on_stack
 from kinematics.polynomial import horner_kernel, unit_roots_kernel
-from kinematics.vector import on_stack
 
 Vector = tuple[float, float, float]
 Angles = tuple[int, float, float, float, float, float, float]

@@ -6,13 +6,10 @@ holds for a number, to the last bit, so a branch does not hang on its neighbours
 
 import math
 
-from kinematics.chain import MAX_JOINTS, Array
-from kinematics.frame import Frame, compose_kernel, move_kernel, turn_kernel
-from kinematics.ik.spherical import PARAMETER
-from kinematics.ik.step import quadrant_kernel
-from kinematics.kernel import kernel
-from kinematics.lanes import identity_lanes_kernel
-from kinematics.vector import (
+from kinematics.arrays import Array
+from kinematics.chain import MAX_JOINTS
+from kinematics.compiled.kernel import kernel
+from kinematics.compiled.simd import (
     LANES,
     Conditions,
     Lanes,
@@ -24,6 +21,10 @@ from kinematics.vector import (
     load,
     store,
 )
+from kinematics.compiled.simd_frames import identity_lanes_kernel
+from kinematics.frame import Frame, compose_kernel, move_kernel, turn_kernel
+from kinematics.ik.dls_step import quadrant_kernel
+from kinematics.ik.spherical import PARAMETER
 
 #: An angle this little outside a limit [rad] is rounding of a double root, and put onto it.
 _SNAP = 1e-6

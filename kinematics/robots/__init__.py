@@ -7,7 +7,7 @@ from importlib.resources import files
 
 from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
-from kinematics.serial import serial_chain
+from kinematics.serial_chain import serial_chain
 from kinematics.srdf import parse_srdf
 from kinematics.urdf import parse_urdf
 

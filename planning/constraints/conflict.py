@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
+from planning.constraints.active_set import descend, make_goal
 from planning.constraints.constraint import Constraint
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.descent import descend, make_goal
 
 #: A configuration that is this near to holding all [m or rad] shows that they can.
 _HELD = 1e-6

@@ -6,9 +6,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.chain import Array, Chain, Indices, frozen
+from kinematics.arrays import Array, Indices, frozen
+from kinematics.chain import Chain
+from kinematics.compiled.kernel import kernel
 from kinematics.forward import forward_kernel
-from kinematics.kernel import kernel
 from planning.constraints.constraint import Constraint
 from planning.constraints.limit import ClearanceConstraint, ToolSpeedConstraint, TorqueConstraint
 from planning.constraints.row import WIDTH, Row, gradient_kernel, residual_kernel

@@ -6,7 +6,7 @@ import numpy as np
 
 from kinematics.chain import Chain, JointType
 from kinematics.errors import InvalidGoal
-from planning.constraints.attachment import tolerance, weight
+from planning.constraints.frames import tolerance, weight
 from planning.constraints.row import Row, RowKind, Unit
 
 

@@ -12,8 +12,8 @@ import math
 
 import numpy as np
 
-from kinematics.chain import Array, Indices
-from kinematics.kernel import kernel
+from kinematics.arrays import Array, Indices
+from kinematics.compiled.kernel import kernel
 
 #: Inequalities are kept to this (their rows have the length of about a metre, or 1).
 _FEASIBLE = 1e-11

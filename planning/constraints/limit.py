@@ -7,7 +7,7 @@ import numpy as np
 
 from kinematics.chain import Chain
 from kinematics.errors import InvalidGoal
-from planning.constraints.attachment import tolerance
+from planning.constraints.frames import tolerance
 from planning.constraints.row import Row
 
 

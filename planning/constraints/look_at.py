@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.chain import Chain
-from planning.constraints.attachment import Attachment, tolerance, unit, vector, weight
+from planning.constraints.frames import Attachment, tolerance, unit, vector, weight
 from planning.constraints.orientation import angle_row
 from planning.constraints.row import Row
 

@@ -7,9 +7,10 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.chain import Array, Chain, frozen
+from kinematics.arrays import Array, frozen
+from kinematics.chain import Chain
 from kinematics.pose import from_matrix
-from planning.constraints.attachment import Attachment, tolerance, tolerances, unit, weight
+from planning.constraints.frames import Attachment, tolerance, tolerances, unit, weight
 from planning.constraints.row import Row, RowKind
 
 _AXES = "xyz"

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.chain import Chain
-from planning.constraints.attachment import Attachment, vector, weight
+from planning.constraints.frames import Attachment, vector, weight
 from planning.constraints.region import Region
 from planning.constraints.row import Row
 

@@ -17,7 +17,8 @@ from typing import Any
 import casadi
 import numpy as np
 
-from kinematics.chain import Array, Chain
+from kinematics.arrays import Array
+from kinematics.chain import Chain
 from kinematics.symbolic import Expression, symbolic_frames, symbolic_jacobian
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.row import WIDTH, Row, RowKind

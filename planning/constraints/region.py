@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.chain import Array, frozen
+from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidGoal
-from planning.constraints.attachment import Attachment, tolerance, unit, vector
+from planning.constraints.frames import Attachment, tolerance, unit, vector
 from planning.constraints.row import Row, RowKind
 
 _AXES = "xyz"

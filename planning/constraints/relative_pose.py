@@ -6,10 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.chain import Array, Chain, frozen
+from kinematics.arrays import Array, frozen
+from kinematics.chain import Chain
 from kinematics.errors import InvalidGoal
 from kinematics.pose import from_matrix, transform
-from planning.constraints.attachment import Attachment, tolerances, weight
+from planning.constraints.frames import Attachment, tolerances, weight
 from planning.constraints.orientation import rotation_rows
 from planning.constraints.region import BoxRegion
 from planning.constraints.row import Row

@@ -23,8 +23,8 @@ from typing import Literal
 
 import numpy as np
 
-from kinematics.chain import Array, Indices, frozen
-from kinematics.kernel import kernel
+from kinematics.arrays import Array, Indices, frozen
+from kinematics.compiled.kernel import kernel
 
 Unit = Literal["rad", "m"]
 

@@ -5,10 +5,11 @@ from functools import lru_cache
 
 import numpy as np
 
-from kinematics.chain import Array, Chain, Indices, frozen
+from kinematics.arrays import Array, Indices, frozen
+from kinematics.chain import Chain
+from kinematics.compiled.kernel import kernel
 from kinematics.forward import forward_kernel
 from kinematics.jacobian import jacobian_kernel
-from kinematics.kernel import kernel
 from obstacles.piece import Piece, PieceKind
 from obstacles.robot_geometry import RobotGeometry
 

@@ -20,8 +20,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinematics.chain import Array, Chain, Indices
-from kinematics.kernel import kernel
+from kinematics.arrays import Array, Indices
+from kinematics.chain import Chain
+from kinematics.compiled.kernel import kernel
 from obstacles.projection import ProjectionArrays, Projector, project_kernel
 from planning.field.control_points import ControlPoints, control_points, control_points_kernel
 from planning.field.weights import FieldWeights

@@ -19,15 +19,16 @@ import numpy as np
 import scipy.sparse
 
 from dynamics.inverse import inverse_dynamics
-from kinematics.chain import Array, Chain
+from kinematics.arrays import Array
+from kinematics.chain import Chain
 from kinematics.trajectory import Trajectory
 from planning.constraints.constraint_set import ConstraintSet
-from planning.limit_check import JERK_JUMP
 from planning.optimize.iterate import Iterate
 from planning.optimize.options import Objective
 from planning.optimize.response import torques
 from planning.optimize.rows import local_matrix
 from planning.optimize.task import Task
+from planning.proof.limits import JERK_JUMP
 
 #: Its stubs know no stacks of sparse and dense matrices.
 sparse: Any = scipy.sparse

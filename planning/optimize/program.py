@@ -18,7 +18,7 @@ import casadi
 import numpy as np
 import scipy.sparse
 
-from kinematics.chain import Array, Indices
+from kinematics.arrays import Array, Indices
 from planning.optimize.quadratic import Quadratic
 from planning.optimize.rows import Rows
 from planning.optimize.spline import SplineSpace

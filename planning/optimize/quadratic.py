@@ -14,7 +14,7 @@ import casadi
 import numpy as np
 from scipy import sparse
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
 
 #: How far off constraints a solution may be, in their own (relative) units.
 _TOLERANCE = 1e-6

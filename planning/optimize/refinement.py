@@ -5,22 +5,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from kinematics.trajectory import Trajectory
 from planning.deadline import Deadline
-from planning.limit_check import JERK_JUMP
 from planning.optimize.candidate import Candidate
-from planning.optimize.descent import Descent
+from planning.optimize.initial_guess import fitted
+from planning.optimize.linearization import Obstruction
 from planning.optimize.objective import value
 from planning.optimize.options import CONTROL_POINTS, RefineOptions
-from planning.optimize.outlook import Hindrance
+from planning.optimize.scp import Descent
 from planning.optimize.spline import SplineSpace
 from planning.optimize.task import Task
-from planning.optimize.warm import fitted
-from planning.timing.dilation import dilate
+from planning.proof.limits import JERK_JUMP
 from planning.timing.failure import TimingFailed
-from planning.timing.law import Law
+from planning.timing.parametrization import TimeParametrization
 from planning.timing.path import JointPath
+from planning.timing.time_scaling import dilate
 
 #: Control points where nobody says how many: 16 are enough for a dozen corners.
 _POINTS = 16
@@ -63,7 +63,7 @@ class Refinement:
 
     task: Task
     options: RefineOptions
-    law: Law
+    law: TimeParametrization
     known: Trajectory
     deadline: Deadline
     binding: bool = True
@@ -112,13 +112,13 @@ class Refinement:
         return self._descent.rounds
 
     @property
-    def hindrance(self) -> Hindrance:
+    def hindrance(self) -> Obstruction:
         """Why nothing better was found."""
         if self._descent.best is not None:
             which = "shorter" if self.options.fastest else "better"
-            return Hindrance(f"nothing {which} was found", "Use more control_points.")
+            return Obstruction(f"nothing {which} was found", "Use more control_points.")
         found = self._descent.hindrance
-        late = Hindrance("time was up before a motion was found", "Allow more time.")
+        late = Obstruction("time was up before a motion was found", "Allow more time.")
         return found or late
 
     def offer(self, deadline: Deadline) -> Offer | None:

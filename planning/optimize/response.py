@@ -12,7 +12,8 @@ import casadi
 import numpy as np
 
 from dynamics.symbolic import symbolic_inverse_dynamics
-from kinematics.chain import Array, Chain
+from kinematics.arrays import Array
+from kinematics.chain import Chain
 from kinematics.symbolic import symbolic_jacobian
 from planning.optimize.iterate import Iterate
 

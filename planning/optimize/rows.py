@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse
 
-from kinematics.chain import Array, Indices
+from kinematics.arrays import Array, Indices
 from planning.optimize.iterate import Iterate
 from planning.optimize.spline import SplineSpace
 from planning.optimize.task import End, Task

@@ -15,7 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
-from kinematics.chain import Array, Indices
+from kinematics.arrays import Array, Indices
 from kinematics.errors import InvalidOption
 from kinematics.trajectory import Trajectory
 

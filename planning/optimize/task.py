@@ -5,10 +5,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from kinematics.chain import Array, Chain, frozen
+from kinematics.arrays import Array, frozen
+from kinematics.chain import Chain
 from obstacles.checker import Checker
 from planning.constraints.constraint_set import ConstraintSet
-from planning.timing.loads import Loads
+from planning.timing.effort_limits import EffortLimits
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,7 +76,7 @@ class Task:
     start: End
     end: End
     bounds: Mapping[str, Array]
-    loads: Loads | None = None
+    loads: EffortLimits | None = None
     constraints: ConstraintSet | None = None
     carrier: Chain | None = field(default=None, repr=False)
     wishes: ConstraintSet | None = None

@@ -11,7 +11,7 @@ from ompl import base
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from planning.sampling.space import CertifiedEdges
 from planning.sampling.watch import Watch
 

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from ompl import base, geometric, util
 
-from kinematics.chain import Array, Chain
+from kinematics.arrays import Array
+from kinematics.chain import Chain
 from obstacles.checker import Checker
 from planning.deadline import Deadline
 from planning.result import Attempt

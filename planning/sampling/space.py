@@ -5,10 +5,11 @@ from typing import Any
 import numpy as np
 from ompl import base, util
 
-from kinematics.chain import Array, Chain
+from kinematics.arrays import Array
+from kinematics.chain import Chain
 from obstacles.checker import Checker
 from planning.deadline import Deadline
-from planning.trees import search_box
+from planning.search.rrt_connect import search_box
 
 util.setLogLevel(util.LogLevel.LOG_NONE)
 

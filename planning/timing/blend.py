@@ -22,7 +22,7 @@ import itertools
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidTrajectory
 from planning.timing.path import SAME_DIRECTION, JointPath
 

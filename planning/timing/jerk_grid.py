@@ -16,9 +16,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from kinematics.chain import Array
-from kinematics.kernel import kernel
-from planning.timing.jerk_barrier import Rows
+from kinematics.arrays import Array
+from kinematics.compiled.kernel import kernel
+from planning.timing.jerk_interior_point import Rows
 from planning.timing.path import JointPath
 
 # phi(T) / T: the length of a ramp for each unit of tau.

@@ -12,12 +12,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.trajectory import Trajectory
-from planning.timing.dilation import Dilated, checked_limits, dilate, fitting_factor
 from planning.timing.failure import TimingFailed
-from planning.timing.jerk_barrier import (
+from planning.timing.jerk_grid import Extra, Grid, KnotLimits, grid
+from planning.timing.jerk_interior_point import (
     Rows,
     decisive_kernel,
     envelope_kernel,
@@ -25,10 +25,10 @@ from planning.timing.jerk_barrier import (
     least_time_kernel,
     time_kernel,
 )
-from planning.timing.jerk_grid import Extra, Grid, KnotLimits, grid
 from planning.timing.jerk_profile import compose_kernel, phases_kernel, ratios_kernel
 from planning.timing.path import SAME_DIRECTION, JointPath
 from planning.timing.ruckig import line_phases
+from planning.timing.time_scaling import ScaledTime, checked_limits, dilate, fitting_factor
 
 #: What the time found may exceed the least one on the grid by, as a part of it.
 TOLERANCE = 3e-3
@@ -69,7 +69,7 @@ def time_path_with_jerk(
     *,
     end_speeds: tuple[float, float] = (0.0, 0.0),
     extra: Extra | None = None,
-) -> Dilated:
+) -> ScaledTime:
     """The path run through in little more than the least time that a bounded jerk allows.
 
     The trajectory follows the path exactly; its acceleration is continuous and 0 at both ends. It
@@ -108,7 +108,7 @@ def time_path_with_jerk(
         # Slowing down changes the speeds at the ends: they are asked for that much higher.
         needed = fitting_factor(motion, *limits)
         if needed <= factor:
-            return Dilated(motion.dilate(factor), factor)
+            return ScaledTime(motion.dilate(factor), factor)
         factor = needed * (1.0 + _HAIR)
     raise TimingFailed(
         "the boundary velocities can't be kept within all limits",

@@ -8,15 +8,15 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.chain import Array, frozen
+from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidOption
 from kinematics.trajectory import Trajectory
 from planning.timing.constraints import Cells, cells
-from planning.timing.dilation import Dilated, checked_limits, dilate
+from planning.timing.effort_limits import EffortLimits, loaded
 from planning.timing.failure import TimingFailed
-from planning.timing.loads import Loads, loaded
 from planning.timing.path import JointPath
 from planning.timing.profile import timed_pieces
+from planning.timing.time_scaling import ScaledTime, checked_limits, dilate
 
 Solver = Literal["reachability", "toppra"]
 
@@ -37,7 +37,7 @@ _FRICTION_ROUNDS = 3
 
 # Imported when used: the toppra package takes a second to load, plotting library included.
 _SOLVERS = MappingProxyType(
-    {"reachability": "planning.timing.parametrisation", "toppra": "planning.timing.toppra"}
+    {"reachability": "planning.timing.reachability", "toppra": "planning.timing.toppra"}
 )
 
 
@@ -50,8 +50,8 @@ def time_path(
     solver: Solver = "reachability",
     resolution: int = RESOLUTION,
     end_speeds: tuple[float, float] = (0.0, 0.0),
-    loads: Loads | None = None,
-) -> Dilated:
+    loads: EffortLimits | None = None,
+) -> ScaledTime:
     """The path run through in the least time, at rest at its ends and at its sharp corners.
 
     The trajectory follows the path exactly and its velocity is continuous; its acceleration jumps.
@@ -97,14 +97,14 @@ def time_path(
     dilated = dilate(Trajectory(tuple(joint_names), breaks, coefficients), limits[0], limits[1])
     if loads is None:
         return dilated
-    obeying = loads.obey(dilated)
+    obeying = loads.slow_down(dilated)
     if obeying.factor > (1.0 + _SAME_SPEED) * dilated.factor and sum(end_speeds) > 0.0:
         raise _unkept()
     return obeying
 
 
 def _loaded_speeds(
-    grid: Cells, path: JointPath, loads: Loads, solve: Callable[[Cells], Array]
+    grid: Cells, path: JointPath, loads: EffortLimits, solve: Callable[[Cells], Array]
 ) -> Array:
     """Speeds under loads; with friction the guess of the speeds that it needs is improved."""
     squares = None

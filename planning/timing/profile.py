@@ -7,8 +7,8 @@ degree d is a polynomial of degree 2 d: its coefficients are computed, nothing i
 import numpy as np
 from numpy.typing import NDArray
 
-from kinematics.chain import Array
-from kinematics.kernel import kernel
+from kinematics.arrays import Array
+from kinematics.compiled.kernel import kernel
 from kinematics.polynomial import shift_kernel
 from planning.timing.constraints import Cells
 from planning.timing.path import JointPath

@@ -10,11 +10,11 @@ from numpy.typing import ArrayLike
 from ruckig import InputParameter, Result, Ruckig, Synchronization
 from ruckig import Trajectory as _Motion
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from kinematics.errors import InvalidTrajectory
 from kinematics.trajectory import REST, Trajectory, stay
-from planning.timing.dilation import Dilated, checked_limits, dilate
 from planning.timing.failure import TimingFailed
+from planning.timing.time_scaling import ScaledTime, checked_limits, dilate
 
 # Phases shorter than this part of the motion are rounding: they would be pieces of no length.
 _NOTHING = 1e-12
@@ -67,7 +67,7 @@ def state_to_state(
     jerk: ArrayLike,
     start_velocity: ArrayLike | None = None,
     end_velocity: ArrayLike | None = None,
-) -> Dilated:
+) -> ScaledTime:
     """From one state to another in the least time.
 
     From rest to rest it is the straight line, run through in phase. (The package leaves the line
@@ -101,7 +101,7 @@ def state_to_state(
         for values, name in ((velocity, "velocity"), (acceleration, "acceleration"), (jerk, "jerk"))
     ]
     if (states[0] == states[1]).all() and not states[2].any() and not states[3].any():
-        return Dilated(stay(names, states[0], REST), 1.0)
+        return ScaledTime(stay(names, states[0], REST), 1.0)
     if not states[2].any() and not states[3].any():
         return dilate(_straight(names, states[0], states[1], limits), *limits)
     asked = _asked(*states)

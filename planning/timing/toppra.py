@@ -12,7 +12,7 @@ from toppra.algorithm import TOPPRA
 from toppra.constraint import LinearConstraint
 from toppra.exceptions import ToppraError
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from planning.timing.constraints import Cells, guards
 from planning.timing.failure import TimingFailed
 

@@ -2,15 +2,15 @@
 
 from fastapi import APIRouter, Request, Response
 
-from service import catalog
-from service.batch import Batch
-from service.body import JobRoute
-from service.computing import allowed, errand, postpone
-from service.errors import ProblemError
-from service.openapi import RESPONSES
+from service.http.body import JobRoute
+from service.http.compute import allowed, errand, postpone
+from service.http.errors import ProblemError
+from service.http.openapi import RESPONSES
+from service.jobs.batch import Batch
 from service.schemas.batch import BatchAnswer, BatchRequest
 from service.schemas.job import JobSummary
 from service.settings import Settings
+from service.storage import robot_repository
 
 _RESULT = {200: {"description": "The result of the job", "model": BatchAnswer}}
 router = APIRouter(prefix="/v1", tags=["planning"], route_class=JobRoute, responses=RESPONSES)
@@ -54,6 +54,6 @@ async def _check(body: BatchRequest, request: Request) -> None:
     for seconds in {part.timeout for part in parts}:
         allowed(settings, seconds)
     for robot in {part.robot for part in parts if part.robot is not None}:
-        await catalog.robot(request, robot)
+        await robot_repository.robot(request, robot)
     for scene in {part.scene for part in parts if isinstance(part.scene, str)}:
-        await catalog.scene(request, scene)
+        await robot_repository.scene(request, scene)

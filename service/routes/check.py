@@ -2,11 +2,11 @@
 
 from fastapi import APIRouter, Request, Response
 
-from service import catalog
-from service.body import JsonRoute
-from service.openapi import RESPONSES
+from service.http.body import JsonRoute
+from service.http.openapi import RESPONSES
 from service.schemas.check import CheckAnswer, CheckRequest
-from service.worker_main import Job
+from service.storage import robot_repository
+from service.workers.main import Job
 
 router = APIRouter(prefix="/v1", tags=["checking"], route_class=JsonRoute, responses=RESPONSES)
 
@@ -15,9 +15,9 @@ router = APIRouter(prefix="/v1", tags=["checking"], route_class=JsonRoute, respo
 async def check(body: CheckRequest, request: Request) -> Response:
     """Whether configurations are within limits and free, and how far from anything they are."""
     content = await request.body()
-    result = await catalog.answer(
+    result = await robot_repository.answer(
         request,
-        lambda robot, scene: Job("service.check_tasks:check", (robot, scene, content)),
+        lambda robot, scene: Job("service.tasks.check:check", (robot, scene, content)),
         body.robot,
         body.scene,
         timeout=body.timeout,

@@ -2,9 +2,8 @@
 
 from fastapi import APIRouter, Request, Response
 
-from service import catalog, dynamics_tasks
-from service.body import JsonRoute
-from service.openapi import RESPONSES
+from service.http.body import JsonRoute
+from service.http.openapi import RESPONSES
 from service.schemas.dynamics import (
     DynamicsAnswer,
     DynamicsRequest,
@@ -13,7 +12,9 @@ from service.schemas.dynamics import (
     WrenchAnswer,
     WrenchRequest,
 )
-from service.worker_main import Job
+from service.storage import robot_repository
+from service.tasks import dynamics as dynamics_tasks
+from service.workers.main import Job
 
 router = APIRouter(
     prefix="/v1/robots/{name}", tags=["dynamics"], route_class=JsonRoute, responses=RESPONSES
@@ -26,7 +27,7 @@ _INLINE_STATES = 10
 @router.post("/wrench", summary="Torques that hold a wrench", response_model=WrenchAnswer)
 async def wrench(name: str, body: WrenchRequest, request: Request) -> Response:
     """τ = Jᵀ F for a wrench F = [f; n] that a link exerts, in the base frame."""
-    chain = await catalog.chain(request, name)
+    chain = await robot_repository.chain(request, name)
     if _count(body.joints) <= _INLINE_STATES:
         return _json(dynamics_tasks.wrench(chain, body))
     return _json(await _in_worker(request, name, "wrench_batch"))
@@ -38,7 +39,7 @@ async def dynamics(name: str, body: DynamicsRequest, request: Request) -> Respon
 
     A robot without inertias is refused with MISSING_INERTIA, which names the links.
     """
-    chain = await catalog.chain(request, name)
+    chain = await robot_repository.chain(request, name)
     if _count(body.joints) <= _INLINE_STATES:
         return _json(dynamics_tasks.dynamics(chain, body))
     return _json(await _in_worker(request, name, "dynamics_batch"))
@@ -50,14 +51,14 @@ async def regressor(name: str, _body: RegressorRequest, request: Request) -> Res
 
     Finding the base parameters takes longer than a request should hold up others: a worker does.
     """
-    await catalog.chain(request, name)
+    await robot_repository.chain(request, name)
     return _json(await _in_worker(request, name, "regressor_batch"))
 
 
 async def _in_worker(request: Request, name: str, task: str) -> bytes:
     content = await request.body()
-    result: bytes = await catalog.answer(
-        request, lambda robot, _: Job(f"service.dynamics_tasks:{task}", (robot, content)), name
+    result: bytes = await robot_repository.answer(
+        request, lambda robot, _: Job(f"service.tasks.dynamics:{task}", (robot, content)), name
     )
     return result
 

@@ -5,13 +5,13 @@ from prometheus_client import CONTENT_TYPE_PLAIN_0_0_4
 from pydantic import Field
 from starlette.concurrency import run_in_threadpool
 
-from service.body import JsonRoute
-from service.errors import ProblemError
+from service.http.body import JsonRoute
+from service.http.errors import ProblemError
+from service.http.openapi import RESPONSES
 from service.metrics import Metrics
-from service.openapi import RESPONSES
 from service.schemas.base import Answer
 from service.version import VERSION
-from service.workers import WorkerSupervisor
+from service.workers.supervisor import WorkerSupervisor
 
 router = APIRouter(tags=["health"], route_class=JsonRoute, responses=RESPONSES)
 

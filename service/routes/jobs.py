@@ -5,11 +5,11 @@ from typing import Annotated
 from fastapi import APIRouter, Header, Query, Request, Response
 from starlette.responses import StreamingResponse
 
-from service.body import JsonRoute
-from service.job_answer import job_document, job_summary
-from service.job_store import Status
-from service.jobs import Jobs
-from service.openapi import RESPONSES
+from service.http.body import JsonRoute
+from service.http.openapi import RESPONSES
+from service.jobs.answer import job_document, job_summary
+from service.jobs.runner import Jobs
+from service.jobs.store import Status
 from service.schemas.job import JobAnswer, JobList, JobSummary
 from service.settings import Settings
 

@@ -3,9 +3,8 @@
 from fastapi import APIRouter, Request, Response
 
 from kinematics.chain import Chain
-from service import catalog, kinematics_tasks
-from service.body import JsonRoute
-from service.openapi import RESPONSES
+from service.http.body import JsonRoute
+from service.http.openapi import RESPONSES
 from service.schemas.kinematics import (
     FkAnswer,
     FkRequest,
@@ -16,7 +15,9 @@ from service.schemas.kinematics import (
     VelocityAnswer,
     VelocityRequest,
 )
-from service.worker_main import Job
+from service.storage import robot_repository
+from service.tasks import kinematics as kinematics_tasks
+from service.workers.main import Job
 
 router = APIRouter(
     prefix="/v1/robots/{name}", tags=["kinematics"], route_class=JsonRoute, responses=RESPONSES
@@ -31,7 +32,7 @@ _INLINE_TWISTS = 10
 @router.post("/fk", summary="Poses of the links", response_model=FkAnswer)
 async def fk(name: str, body: FkRequest, request: Request) -> Response:
     """The pose of one link, the tip if none is named, and of all links, in the base frame."""
-    chain = await catalog.chain(request, name)
+    chain = await robot_repository.chain(request, name)
     if _costs_little(body.joints, chain):
         return _json(kinematics_tasks.fk(chain, body))
     return _json(await _in_worker(request, name, "fk_batch"))
@@ -40,7 +41,7 @@ async def fk(name: str, body: FkRequest, request: Request) -> Response:
 @router.post("/jacobian", summary="Jacobians", response_model=JacobianAnswer)
 async def jacobian(name: str, body: JacobianRequest, request: Request) -> Response:
     """The Jacobian of a link or of a point on it, linear rows first, in the base frame."""
-    chain = await catalog.chain(request, name)
+    chain = await robot_repository.chain(request, name)
     if _costs_little(body.joints, chain):
         return _json(kinematics_tasks.jacobian(chain, body))
     return _json(await _in_worker(request, name, "jacobian_batch"))
@@ -53,7 +54,7 @@ async def velocity(name: str, body: VelocityRequest, request: Request) -> Respon
     The least-norm solution, or that of least residual, plus the null-space term; damped near
     singularities, and what was damped is told.
     """
-    chain = await catalog.chain(request, name)
+    chain = await robot_repository.chain(request, name)
     if _count(body.joints) <= _INLINE_TWISTS:
         return _json(kinematics_tasks.velocity(chain, body))
     return _json(await _in_worker(request, name, "velocity_batch"))
@@ -66,9 +67,9 @@ async def ik(name: str, body: IkRequest, request: Request) -> Response:
     With a scene each is judged; those in collision are answered only where all are asked for.
     """
     content = await request.body()
-    result = await catalog.answer(
+    result = await robot_repository.answer(
         request,
-        lambda robot, scene: Job("service.kinematics_tasks:ik", (robot, scene, content)),
+        lambda robot, scene: Job("service.tasks.kinematics:ik", (robot, scene, content)),
         name,
         body.scene,
         timeout=body.timeout,
@@ -78,8 +79,8 @@ async def ik(name: str, body: IkRequest, request: Request) -> Response:
 
 async def _in_worker(request: Request, name: str, task: str) -> bytes:
     content = await request.body()
-    result: bytes = await catalog.answer(
-        request, lambda robot, _: Job(f"service.kinematics_tasks:{task}", (robot, content)), name
+    result: bytes = await robot_repository.answer(
+        request, lambda robot, _: Job(f"service.tasks.kinematics:{task}", (robot, content)), name
     )
     return result
 

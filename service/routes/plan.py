@@ -2,14 +2,14 @@
 
 from fastapi import APIRouter, Request, Response
 
-from service import catalog
-from service.body import JsonRoute
-from service.computing import PATIENCE
-from service.openapi import RESPONSES
-from service.planned import planned
+from service.http.body import JsonRoute
+from service.http.compute import GRACE
+from service.http.openapi import RESPONSES
+from service.http.plan_answer import planned
 from service.schemas.plan import CertificateAnswer, PlanAnswer, PlanRequest, ValidateRequest
 from service.settings import Settings
-from service.worker_main import Job
+from service.storage import robot_repository
+from service.workers.main import Job
 
 router = APIRouter(prefix="/v1", tags=["planning"], route_class=JsonRoute, responses=RESPONSES)
 
@@ -30,12 +30,12 @@ async def validate(body: ValidateRequest, request: Request) -> Response:
     content = await request.body()
     settings: Settings = request.app.state.settings
     timeout = settings.default_timeout if body.timeout is None else body.timeout
-    result = await catalog.answer(
+    result = await robot_repository.answer(
         request,
-        lambda robot, scene: Job("service.plan_tasks:validate", (robot, scene, content, timeout)),
+        lambda robot, scene: Job("service.tasks.plan:validate", (robot, scene, content, timeout)),
         body.robot,
         body.scene,
         timeout=timeout,
-        patience=PATIENCE,
+        patience=GRACE,
     )
     return Response(result, media_type="application/json")

@@ -2,11 +2,11 @@
 
 from fastapi import APIRouter, Request, Response
 
-from service import catalog
-from service.body import JsonRoute
-from service.openapi import RESPONSES
+from service.http.body import JsonRoute
+from service.http.openapi import RESPONSES
 from service.schemas.potential import PotentialAnswer, PotentialRequest
-from service.worker_main import Job
+from service.storage import robot_repository
+from service.workers.main import Job
 
 router = APIRouter(
     prefix="/v1/robots/{name}", tags=["planning"], route_class=JsonRoute, responses=RESPONSES
@@ -24,9 +24,9 @@ async def potential(name: str, body: PotentialRequest, request: Request) -> Resp
     an obstacle of several pieces (a mesh, a cloud) pushes once, from the nearest of them.
     """
     content = await request.body()
-    result = await catalog.answer(
+    result = await robot_repository.answer(
         request,
-        lambda robot, scene: Job("service.potential_tasks:potential", (robot, scene, content)),
+        lambda robot, scene: Job("service.tasks.potential:potential", (robot, scene, content)),
         name,
         body.scene,
         timeout=body.timeout,

@@ -3,9 +3,9 @@
 from fastapi import APIRouter
 from pydantic import Field
 
-from service.body import JsonRoute
-from service.errors import KINDS, ProblemError
-from service.openapi import RESPONSES
+from service.http.body import JsonRoute
+from service.http.errors import KINDS, ProblemError
+from service.http.openapi import RESPONSES
 from service.schemas.base import Answer
 
 router = APIRouter(

@@ -2,17 +2,17 @@
 
 from fastapi import APIRouter, Request, Response
 
-from service import catalog
-from service.body import JsonRoute
-from service.computing import compute
-from service.openapi import RESPONSES
+from service.http.body import JsonRoute
+from service.http.compute import compute
+from service.http.openapi import RESPONSES
 from service.schemas.retime import (
     ConvertRequest,
     JointTrajectoryAnswer,
     RetimeAnswer,
     RetimeRequest,
 )
-from service.worker_main import Job
+from service.storage import robot_repository
+from service.workers.main import Job
 
 router = APIRouter(prefix="/v1", tags=["timing"], route_class=JsonRoute, responses=RESPONSES)
 
@@ -24,9 +24,9 @@ async def retime(body: RetimeRequest, request: Request) -> Response:
     The limits are certified. Of collisions nothing is known, which the certificate says.
     """
     content = await request.body()
-    result = await catalog.answer_with(
+    result = await robot_repository.answer_with(
         request,
-        lambda robot: Job("service.retime_tasks:retime", (robot, content)),
+        lambda robot: Job("service.tasks.retime:retime", (robot, content)),
         body.robot,
         timeout=body.timeout,
     )
@@ -41,6 +41,6 @@ async def retime(body: RetimeRequest, request: Request) -> Response:
 async def convert(body: ConvertRequest, request: Request) -> Response:
     """A motion as trajectory_msgs/JointTrajectory of ROS in JSON, or as a table in CSV."""
     content = await request.body()
-    result = await compute(request, Job("service.retime_tasks:convert", (content,)))
+    result = await compute(request, Job("service.tasks.retime:convert", (content,)))
     media_type = "text/csv" if body.format == "csv" else "application/json"
     return Response(result, media_type=media_type)

@@ -9,14 +9,14 @@ from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import FormData, UploadFile
 
 from kinematics.robots import builtin_names
-from service import catalog, prepared
-from service.body import JsonRequest, JsonRoute, require_json
-from service.errors import ProblemError
-from service.openapi import RESPONSES
+from service.http.body import JsonRequest, JsonRoute, require_json
+from service.http.errors import ProblemError
+from service.http.openapi import RESPONSES
+from service.http.validation import validation_problem
 from service.schemas.robot import RobotAnswer, RobotBody, RobotFields, RobotList, RobotSummary
-from service.store import Store
-from service.validation import validation_problem
-from service.worker_main import Job
+from service.storage import disk_cache, robot_repository
+from service.storage.document_store import Store
+from service.workers.main import Job
 
 router = APIRouter(prefix="/v1/robots", tags=["robots"], route_class=JsonRoute, responses=RESPONSES)
 
@@ -93,7 +93,7 @@ async def list_robots(
 @router.get("/{name}", summary="Get the model of a robot", response_model=RobotAnswer)
 async def get_robot(name: str, request: Request) -> Response:
     """Joints, limits, links and axes; null where a limit is not known or there is none."""
-    robot = await catalog.model(request, await catalog.robot(request, name))
+    robot = await robot_repository.model(request, await robot_repository.robot(request, name))
     return Response(robot.answer, media_type="application/json")
 
 
@@ -101,9 +101,9 @@ async def get_robot(name: str, request: Request) -> Response:
 async def delete_robot(name: str, request: Request) -> None:
     """Forgets a stored robot."""
     _refuse_built_in(name)
-    reference = await catalog.robot(request, name)
+    reference = await robot_repository.robot(request, name)
     await run_in_threadpool(_store(request).delete, _KIND, name)
-    await run_in_threadpool(prepared.forget, reference)
+    await run_in_threadpool(disk_cache.forget, reference)
 
 
 # ------------------------------------------------------------------------------ from JSON
@@ -115,8 +115,8 @@ async def _from_json(request: Request, content_type: str) -> tuple[bytes, bytes,
     assert isinstance(request, JsonRequest)
     body = await request.read(RobotBody)
     await _check_name(request, body.name)
-    job = Job("service.tasks:make_robot", (await request.body(), _folder(request)))
-    document, answer = await catalog.build(request, job)
+    job = Job("service.tasks.robots:make_robot", (await request.body(), _folder(request)))
+    document, answer = await robot_repository.build(request, job)
     return document, answer, body.name
 
 
@@ -138,8 +138,8 @@ async def _from_form(request: Request) -> tuple[bytes, bytes, str]:
         await _check_name(request, fields.name)
         content = await archive.read()
     given = fields.model_dump(exclude_none=True)
-    job = Job("service.tasks:unpack_robot", (content, given, _folder(request)))
-    document, answer = await catalog.build(request, job)
+    job = Job("service.tasks.robots:unpack_robot", (content, given, _folder(request)))
+    document, answer = await robot_repository.build(request, job)
     return document, answer, fields.name
 
 
@@ -196,7 +196,7 @@ async def _check_name(request: Request, name: str) -> None:
 
 
 def _refuse_built_in(name: str) -> None:
-    if catalog.is_built_in(name):
+    if robot_repository.is_built_in(name):
         raise ProblemError(
             "CONFLICT",
             f"{name!r} is a built-in robot, which can't be replaced or deleted",
@@ -208,12 +208,12 @@ def _refuse_built_in(name: str) -> None:
 
 async def _summary(request: Request, name: str) -> RobotSummary | None:
     try:
-        chain = await catalog.chain(request, name)
+        chain = await robot_repository.chain(request, name)
     except ProblemError as error:
         if error.code != "NOT_FOUND":  # it was deleted a moment ago
             raise
         return None
-    return RobotSummary(name=name, built_in=catalog.is_built_in(name), joints=chain.n)
+    return RobotSummary(name=name, built_in=robot_repository.is_built_in(name), joints=chain.n)
 
 
 def _folder(request: Request) -> str:

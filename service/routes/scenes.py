@@ -6,11 +6,10 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request, Response
 from starlette.concurrency import run_in_threadpool
 
-from service import catalog, prepared
-from service.body import JsonRoute
-from service.errors import ProblemError
-from service.openapi import RESPONSES
-from service.references import Reference
+from service.http.body import JsonRoute
+from service.http.errors import ProblemError
+from service.http.openapi import RESPONSES
+from service.http.validation import validated
 from service.schemas.scene import (
     NamedScene,
     ProjectAnswer,
@@ -19,9 +18,10 @@ from service.schemas.scene import (
     SceneList,
     SceneSummary,
 )
-from service.store import Record, Store
-from service.validation import validated
-from service.worker_main import Job
+from service.storage import disk_cache, robot_repository
+from service.storage.cache_key import Reference
+from service.storage.document_store import Record, Store
+from service.workers.main import Job
 
 router = APIRouter(prefix="/v1/scenes", tags=["scenes"], route_class=JsonRoute, responses=RESPONSES)
 
@@ -37,8 +37,8 @@ async def project(name: str, _body: ProjectRequest, request: Request) -> Respons
     The distance is negative inside; margins are no part of an obstacle here.
     """
     content = await request.body()
-    result = await catalog.answer_scene(
-        request, lambda scene: Job("service.check_tasks:project", (scene, content)), name
+    result = await robot_repository.answer_scene(
+        request, lambda scene: Job("service.tasks.check:project", (scene, content)), name
     )
     return Response(result, media_type="application/json")
 
@@ -87,7 +87,7 @@ async def put_scene(name: str, body: Scene, request: Request, response: Response
     before = await _prepared_as(request, name)
     record = await run_in_threadpool(_store(request).replace, _KIND, name, content)
     if before is not None and before.hash != record.hash:
-        await run_in_threadpool(prepared.forget, before)
+        await run_in_threadpool(disk_cache.forget, before)
     if record.version == 1:
         response.status_code = 201
         response.headers["Location"] = f"/v1/scenes/{name}"
@@ -100,21 +100,21 @@ async def delete_scene(name: str, request: Request) -> None:
     before = await _prepared_as(request, name)
     await run_in_threadpool(_store(request).delete, _KIND, name)
     if before is not None:
-        await run_in_threadpool(prepared.forget, before)
+        await run_in_threadpool(disk_cache.forget, before)
 
 
 async def _made(request: Request, name: str) -> bytes:
     """The document of a scene that a worker has built of the request."""
     folder = str(request.app.state.settings.prepared_dir)
-    job = Job("service.tasks:make_scene", (await request.body(), folder, name))
-    content: bytes = await catalog.build(request, job)
+    job = Job("service.tasks.robots:make_scene", (await request.body(), folder, name))
+    content: bytes = await robot_repository.build(request, job)
     return content
 
 
 async def _prepared_as(request: Request, name: str) -> Reference | None:
     """Where workers keep what is stored under a name, if there is something."""
     try:
-        return await catalog.scene(request, name)
+        return await robot_repository.scene(request, name)
     except ProblemError:
         return None
 

@@ -2,13 +2,13 @@
 
 from fastapi import APIRouter, Request, Response
 
-from service import catalog
-from service.body import JsonRoute
-from service.computing import PATIENCE
-from service.openapi import RESPONSES
+from service.http.body import JsonRoute
+from service.http.compute import GRACE
+from service.http.openapi import RESPONSES
 from service.schemas.simulation import SimulateAnswer, SimulateRequest
 from service.settings import Settings
-from service.worker_main import Job
+from service.storage import robot_repository
+from service.workers.main import Job
 
 router = APIRouter(prefix="/v1", tags=["tracking"], route_class=JsonRoute, responses=RESPONSES)
 
@@ -22,14 +22,14 @@ async def simulate(body: SimulateRequest, request: Request) -> Response:
     content = await request.body()
     settings: Settings = request.app.state.settings
     timeout = settings.default_timeout if body.timeout is None else body.timeout
-    result = await catalog.answer(
+    result = await robot_repository.answer(
         request,
         lambda robot, scene: Job(
-            "service.simulate_tasks:simulate", (robot, scene, content, timeout)
+            "service.tasks.simulate:simulate", (robot, scene, content, timeout)
         ),
         body.robot,
         body.scene,
         timeout=timeout,
-        patience=PATIENCE,
+        patience=GRACE,
     )
     return Response(result, media_type="application/json")

@@ -12,7 +12,7 @@ import armwright_client
 from armwright_client import errors
 from armwright_client.errors import BY_CODE, ApiError, ArmwrightError, from_problem
 from armwright_client.problem import Problem
-from service.errors import KINDS
+from service.http.errors import KINDS
 
 #: The codes that the interface promises.
 CONTRACT = [

@@ -341,7 +341,7 @@ def test_poses_are_made_of_other_forms() -> None:
         ours.Pose.from_zyz(position, phi, theta, psi),
         ours.Pose.from_axis_angle(position, 2.0 * rotation.as_rotvec(), rotation.magnitude()),
     ]
-    from service.translate import transform
+    from service.translate.poses import transform
 
     for form in forms:
         body = their_pose.Pose.model_validate_json(form.model_dump_json(exclude_none=True))

@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 import armwright_client as ours
 from armwright_client import AsyncClient, Client, Pose
 from service.app import create_app
-from service.errors import KINDS
+from service.http.errors import KINDS
 from service.settings import Settings
 
 pytestmark = pytest.mark.timeout(300)

@@ -5,7 +5,8 @@ from typing import Any
 import casadi
 import numpy as np
 
-from kinematics.chain import Array, Chain
+from kinematics.arrays import Array
+from kinematics.chain import Chain
 from kinematics.symbolic import symbolic_frames
 
 

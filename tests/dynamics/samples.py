@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from kinematics.chain import Array, Chain, Inertia, JointType, Limits, Link
+from kinematics.arrays import Array
+from kinematics.chain import Chain, Inertia, JointType, Limits, Link
 from kinematics.pose import from_axis_angle, from_rpy, transform
 
 REVOLUTE, PRISMATIC = int(JointType.REVOLUTE), int(JointType.PRISMATIC)

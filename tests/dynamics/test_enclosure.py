@@ -11,7 +11,7 @@ from dynamics.payload import with_payload
 from kinematics.chain import Chain
 from kinematics.jacobian import geometric
 from kinematics.robots import builtin_names, builtin_urdf
-from kinematics.serial import serial_chain
+from kinematics.serial_chain import serial_chain
 from kinematics.trajectory import Trajectory
 from kinematics.urdf import parse_urdf
 

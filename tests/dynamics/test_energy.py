@@ -9,7 +9,8 @@ from scipy.integrate import solve_ivp
 
 from dynamics.energy import kinetic_energy, total_energy
 from dynamics.forward import forward_dynamics
-from kinematics.chain import Array, Chain
+from kinematics.arrays import Array
+from kinematics.chain import Chain
 from kinematics.robots import builtin_chain
 from tests.dynamics.samples import (
     cart_pendulum,

@@ -12,7 +12,7 @@ from dynamics.gravity import gravity_vector
 from dynamics.inverse import inverse_dynamics
 from dynamics.mass_matrix import mass_matrix
 from dynamics.regressor import regressor
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from kinematics.errors import InvalidRobotState
 from kinematics.robots import builtin_chain
 from tests.dynamics.samples import random_state

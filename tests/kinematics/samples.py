@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from kinematics.chain import Array, Chain, Limits, Link
+from kinematics.arrays import Array
+from kinematics.chain import Chain, Limits, Link
 from kinematics.description import RobotDescription
 from kinematics.pose import from_axis_angle, rotation_x, rotation_z, transform
 from kinematics.robots import builtin_names, builtin_urdf
-from kinematics.serial import select, serial_chain
+from kinematics.serial_chain import select, serial_chain
 from kinematics.urdf import parse_urdf
 
 #: An arm on a rail with what files have: a base above, odd axes, a gripper that mimics, a camera.

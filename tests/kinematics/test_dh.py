@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 import sympy
 
-from kinematics.chain import Array, Chain, JointType, Limits, Link
+from kinematics.arrays import Array
+from kinematics.chain import Chain, JointType, Limits, Link
 from kinematics.dh import (
     PARALLEL_ANGLE,
     Convention,

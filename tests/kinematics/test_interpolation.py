@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import BPoly, CubicHermiteSpline, make_interp_spline
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidTrajectory
 from kinematics.interpolation import INTERPOLATIONS, interpolate
 

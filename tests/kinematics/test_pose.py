@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from kinematics import pose
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from kinematics.errors import InvalidPose
 from tests.kinematics.samples import random_rotation
 

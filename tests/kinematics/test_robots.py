@@ -8,7 +8,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from kinematics.chain import Array, Chain
+from kinematics.arrays import Array
+from kinematics.chain import Chain
 from kinematics.description import BoxGeometry, CylinderGeometry, LinkDescription, SphereGeometry
 from kinematics.errors import InvalidOption
 from kinematics.forward import forward, joint_frames

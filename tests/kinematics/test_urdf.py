@@ -19,7 +19,7 @@ from kinematics.description import (
     SphereGeometry,
 )
 from kinematics.errors import InvalidRobotDescription
-from kinematics.serial import serial_chain
+from kinematics.serial_chain import serial_chain
 from kinematics.urdf import MAX_LINKS, parse_urdf
 from tests.kinematics.samples import TREE, Sample, arm, random_rotation, real_robots
 

@@ -4,7 +4,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from kinematics.chain import Array, Chain
+from kinematics.arrays import Array
+from kinematics.chain import Chain
 from kinematics.errors import InvalidOption, InvalidRobotState
 from kinematics.forward import forward
 from kinematics.jacobian import geometric, geometric_rate, pose_and_jacobian

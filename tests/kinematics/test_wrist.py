@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from kinematics.chain import Array, Chain
+from kinematics.arrays import Array
+from kinematics.chain import Chain
 from kinematics.dh import DhRow, DhTable, chain_from_dh
 from kinematics.forward import joint_frames
 from kinematics.robots import builtin_chain, builtin_names

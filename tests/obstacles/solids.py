@@ -6,7 +6,7 @@ import coal
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from kinematics.pose import from_axis_angle, transform
 from obstacles.piece import Piece, PieceKind
 

@@ -7,14 +7,14 @@ import pytest
 from kinematics.errors import InvalidLinkName, InvalidObjectName, InvalidScene
 from kinematics.forward import link_poses
 from kinematics.pose import from_rpy, inverse, transform
-from kinematics.serial import serial_chain
+from kinematics.serial_chain import serial_chain
 from kinematics.urdf import parse_urdf
 from obstacles.attachment import Attachment, Holding, grasp, hold, release
 from obstacles.checker import Checker
+from obstacles.fcl_distance import FclWorld
 from obstacles.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Box, Sphere
-from obstacles.world import World
 from tests.obstacles.test_robot_geometry import BAR, joint, link
 
 #: Two bars and a stub of a hand that all turn about z, and tilt at the wrist.
@@ -86,7 +86,7 @@ def poses(q: np.ndarray) -> dict[str, np.ndarray]:
 @pytest.mark.parametrize("margin", [0.0, 0.03])
 def test_attached_objects_meet_the_scene_the_robot_and_each_other(margin: float) -> None:
     held = holding(table(margin))
-    checker, world = Checker.of(held.robot, held.scene), World(held.robot, held.scene)
+    checker, world = Checker.of(held.robot, held.scene), FclWorld(held.robot, held.scene)
     random = np.random.default_rng(3)
     seen = set()
     for q in random.uniform(-3.0, 3.0, (150, 3)):
@@ -114,14 +114,14 @@ def test_attached_objects_meet_the_scene_the_robot_and_each_other(margin: float)
 
 def test_what_may_touch_is_not_looked_at() -> None:
     free = holding(table(), rod=("table", "upper", "ball"), ball=("upper",))
-    pairs = World(free.robot, free.scene)
+    pairs = FclWorld(free.robot, free.scene)
     checked = {frozenset(pairs.pair_names(k)) for k in range(len(pairs.pairs))}
     assert checked == {
         frozenset(pair)
         for pair in [("ball", "table"), ("upper", "table"), ("lower", "table"), ("rod", "lower")]
     }
     by_request = hold(free.robot, free.scene, (), [("ball", "table")])
-    left = World(by_request.robot, by_request.scene)
+    left = FclWorld(by_request.robot, by_request.scene)
     assert len(left.pairs) == len(pairs.pairs) - 1
 
 
@@ -141,7 +141,7 @@ def test_from_grasp_to_release_it_is_one_object() -> None:
     np.testing.assert_allclose(put.T_world_obstacle, moved @ stands.T_world_obstacle, atol=1e-12)
     assert there.ids == ("table", "rod")
     # What was grasped stands in the same place for the checks, held or not.
-    before, after = World(robot, scene), World(held.robot, held.scene)
+    before, after = FclWorld(robot, scene), FclWorld(held.robot, held.scene)
     for name in ("upper", "lower"):
         expected = before.apart(q, (name, "rod"))
         if name != "lower":

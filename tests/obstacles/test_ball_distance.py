@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from obstacles.ball_distance import bound_from, closed_form, distance_from, nearest_from
+from obstacles.bvh import Tree, tree
 from obstacles.piece import Piece, PieceKind
 from obstacles.piece_set import CENTER, RADIUS, PieceSet, ball_rows
 from obstacles.signed_distance import signed_distance
-from obstacles.tree import Tree, tree
 from tests.obstacles.solids import KINDS, NO_VERTICES, random_solid, random_transform
 
 #: FCL's iterations stop early enough in these units, hundredths of a millimetre.

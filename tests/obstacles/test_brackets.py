@@ -8,17 +8,17 @@ import pytest
 from benchmarks.fcl_judge import FclJudge
 from benchmarks.scale import certify_all, room
 from benchmarks.verdict import builtin, clutter
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from kinematics.robots import builtin_names
 from obstacles.brackets import Brackets, brackets
 from obstacles.checker import Checker
-from obstacles.motion import COLLIDING, FREE
+from obstacles.edge_check import COLLIDING, FREE
 from obstacles.piece import Piece, PieceKind
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Box, HalfSpace, Sphere
 from obstacles.sphere_set import _spheres
-from obstacles.verdict import verdicts_on
+from obstacles.state_check import verdicts_on
 from tests.obstacles.solids import random_transform
 
 

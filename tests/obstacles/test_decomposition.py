@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from scipy.optimize import nnls
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from obstacles import decomposition
 from obstacles.decomposition import ConvexPart, convex_pieces, keep_decompositions, overhang
 from obstacles.hull import convex_hull

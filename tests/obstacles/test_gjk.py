@@ -6,7 +6,7 @@ import coal
 import numpy as np
 import pytest
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from kinematics.pose import transform
 from obstacles.gjk import BETWEEN, CLOSER, FARTHER, STILL, separation
 from obstacles.piece import Piece, PieceKind

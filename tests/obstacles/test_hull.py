@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from obstacles.hull import convex_hull
 
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from kinematics.chain import Array
-from kinematics.serial import serial_chain
+from kinematics.arrays import Array
+from kinematics.serial_chain import serial_chain
 from kinematics.urdf import parse_urdf
 from obstacles.checker import Checker
 from obstacles.robot_geometry import RobotGeometry, hulled, robot_geometry

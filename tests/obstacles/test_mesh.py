@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from kinematics.errors import InvalidScene
 from obstacles import mesh as mesh_module
 from obstacles.mesh import FILE_TYPES, checked_mesh, load_mesh, scaled

@@ -6,21 +6,21 @@ import numpy as np
 import pytest
 import trimesh
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from kinematics.pose import inverse, transform
+from obstacles.fcl_distance import FclWorld
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Box, HalfSpace, Shape, Sphere
-from obstacles.world import World
 from tests.obstacles.test_decomposition import ell, ring, spiky
-from tests.obstacles.test_surface import BODIES, apart, bowl, mesh, random_pose, small
-from tests.obstacles.test_world import slide
+from tests.obstacles.test_fcl_distance import slide
+from tests.obstacles.test_mesh_distance import BODIES, apart, bowl, mesh, random_pose, small
 
 
 def depth(body: Shape, obstacle: Obstacle) -> float:
     """Of a body that stands at the origin."""
     pieces = body.pieces()
     robot = replace(slide(*pieces), solids=np.zeros(len(pieces), dtype=np.int64))
-    world = World(robot, Scene((obstacle,)))
+    world = FclWorld(robot, Scene((obstacle,)))
     (found,) = world.collisions(np.zeros(1))
     nearest = world.clearance(np.zeros(1))
     assert nearest.distance == -found.depth

@@ -5,17 +5,17 @@ import pytest
 
 from kinematics.robots import builtin_names
 from obstacles.checker import Checker
+from obstacles.fcl_distance import FclWorld
 from obstacles.pair_grid import known
 from obstacles.scene import Scene
-from obstacles.world import World
-from tests.obstacles.test_motion import builtin
+from tests.obstacles.test_edge_check import builtin
 
 
 @pytest.mark.parametrize("name", builtin_names())
 def test_what_the_grid_proves_is_true(name: str) -> None:
     robot = builtin(name)
     arrays = Checker.of(robot, Scene()).model.arrays
-    world = World(robot, Scene())
+    world = FclWorld(robot, Scene())
     rows = {frozenset(map(int, pair)): k for k, pair in enumerate(world.pairs)}
     random = np.random.default_rng(41)
     lower, upper = robot.chain.sampling_bounds()

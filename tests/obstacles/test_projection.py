@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from scipy.optimize import nnls
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from kinematics.errors import InvalidScene
 from kinematics.pose import inverse
 from obstacles.projection import Projector, project

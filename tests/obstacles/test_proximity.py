@@ -5,18 +5,18 @@ import itertools
 import numpy as np
 import pytest
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from kinematics.pose import transform
 from kinematics.robots import builtin_names
 from obstacles.checker import Checker
-from obstacles.contact import contact
+from obstacles.epa import contact
 from obstacles.piece import Piece, PieceKind
 from obstacles.piece_set import CENTER, PieceSet
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import HalfSpace
 from obstacles.signed_distance import signed_distance
 from tests.obstacles.solids import KINDS, NO_VERTICES, random_solid, random_transform
-from tests.obstacles.test_motion import builtin, clutter
+from tests.obstacles.test_edge_check import builtin, clutter
 
 
 def found(a: Piece, b: Piece) -> tuple[float, Array, Array]:

@@ -14,15 +14,15 @@ from kinematics.errors import InvalidLinkName, InvalidRobotDescription, InvalidS
 from kinematics.forward import link_poses
 from kinematics.pose import transform
 from kinematics.robots import builtin_names, builtin_srdf, builtin_urdf
-from kinematics.serial import serial_chain
+from kinematics.serial_chain import serial_chain
 from kinematics.srdf import Semantics, parse_srdf
 from kinematics.urdf import parse_urdf
+from obstacles.fcl_distance import FclWorld
 from obstacles.piece import PieceKind
 from obstacles.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Sphere
 from obstacles.signed_distance import signed_distance
-from obstacles.world import World
 
 
 def link(name: str, *solids: str) -> str:
@@ -77,7 +77,7 @@ def test_pieces_follow_their_links() -> None:
     assert [piece.kind for piece in geometry.pieces] == kinds
 
     random = np.random.default_rng(0)
-    world = World(geometry, Scene())
+    world = FclWorld(geometry, Scene())
     for q in random.uniform(-3.0, 3.0, (10, 3)):
         world.place(q)
         poses = dict(zip((k.name for k in chain.links), link_poses(chain, q), strict=True))
@@ -158,7 +158,7 @@ def test_an_attached_object_is_one_more_piece_of_its_link() -> None:
     assert holding.allowed[("can", "tool")] == "attached"
     q = np.array([0.3, -0.7, 1.1])
 
-    world = World(holding, Scene())
+    world = FclWorld(holding, Scene())
     world.place(q)
     tool = link_poses(chain, q, ["tool"])[0]
     np.testing.assert_allclose(world._poses[-1], tool @ held.T_world_obstacle, atol=1e-12)
@@ -232,7 +232,7 @@ def test_builtin_robots_are_free_somewhere_without_their_srdf_too(name: str) -> 
     blocked = {(int(i), int(j)) for i, j in geometry.self_pairs}
     arrays = geometry.arrays
 
-    world = World(geometry, Scene())
+    world = FclWorld(geometry, Scene())
     for q in random.uniform(lower, upper, (20, chain.n)):
         world.place(q)
         touching = set()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from kinematics.errors import InvalidScene
 from obstacles.piece import PieceKind
 from obstacles.shapes import (

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from kinematics.pose import align_z, transform
 from obstacles.piece import Piece, PieceKind
 from obstacles.signed_distance import halfspace_distance, plane_bound, signed_distance

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from kinematics.errors import InvalidScene
 from obstacles.piece import Piece, PieceKind
 from obstacles.sphere_set import SphereSet, sphere_set

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from kinematics.forward import joint_frames
 from kinematics.trajectory import Trajectory
+from obstacles.fcl_distance import FclWorld
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
-from obstacles.world import World
 
 #: As fine as the certificate itself decides [m].
 _RESOLUTION = 1e-7
@@ -30,7 +30,7 @@ class Sweep:
 
 def sweep(trajectory: Trajectory, robot: RobotGeometry, scene: Scene, margin: float = 0.0) -> Sweep:
     """Prove all pairs apart by more than their margins, or find where they are first not."""
-    world = World(robot, scene)
+    world = FclWorld(robot, scene)
     own = world.pairs[:, 1] < len(robot.pieces)
     apart = world.margins + np.where(own, 0.0, margin)
     everything = np.arange(len(apart))
@@ -78,7 +78,7 @@ def _stray(coefficients: Array, at: float, half: float) -> tuple[Array, Array]:
 class _Moved:
     """How far the second piece of a pair can move against the first, by joints in turn."""
 
-    def __init__(self, world: World, q: Array, delta: Array) -> None:
+    def __init__(self, world: FclWorld, q: Array, delta: Array) -> None:
         robot = world.robot
         self._world, self._delta = world, delta
         self._joints = np.append(robot.joints, np.full(len(world._arrays) - len(robot.pieces), -1))

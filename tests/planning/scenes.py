@@ -6,7 +6,7 @@ import numpy as np
 
 from kinematics.pose import transform
 from kinematics.robots import builtin_srdf, builtin_urdf
-from kinematics.serial import serial_chain
+from kinematics.serial_chain import serial_chain
 from kinematics.srdf import parse_srdf
 from kinematics.urdf import parse_urdf
 from obstacles.robot_geometry import RobotGeometry, robot_geometry

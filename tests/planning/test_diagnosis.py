@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from kinematics.serial import serial_chain
+from kinematics.serial_chain import serial_chain
 from kinematics.urdf import parse_urdf
 from obstacles.checker import Checker
+from obstacles.fcl_distance import FclWorld
 from obstacles.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.scene import Scene
-from obstacles.world import World
 from planning.deadline import Deadline
 from planning.diagnosis import diagnose, nearest_free
 from planning.options import Options
@@ -61,7 +61,7 @@ def test_free_configurations_of_an_arm(case: int) -> None:
     found = nearest_free(checker, q, seed=3)
     assert found is not None
     assert ((found.joints >= low) & (found.joints <= high)).all()
-    clearance = World(robot, scene).clearance(found.joints)
+    clearance = FclWorld(robot, scene).clearance(found.joints)
     assert clearance.distance > 0.0
     again = nearest_free(checker, q, seed=3)
     assert again is not None

@@ -9,7 +9,7 @@ from kinematics.errors import InvalidGoal, InvalidOption, InvalidRobotState, Mis
 from kinematics.forward import forward
 from kinematics.ik.numeric import solve
 from kinematics.pose import from_rpy, rotation_error, transform
-from kinematics.serial import serial_chain
+from kinematics.serial_chain import serial_chain
 from kinematics.urdf import parse_urdf
 from obstacles.checker import Checker
 from obstacles.robot_geometry import robot_geometry

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from kinematics.forward import forward
 from kinematics.pose import transform
 from obstacles.checker import Checker

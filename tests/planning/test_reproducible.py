@@ -6,7 +6,7 @@ import sys
 
 import numpy as np
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from planning.options import Options
 from planning.pipeline import plan
 from planning.problem import JointGoal, Problem

@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 from benchmarks.ratios import worst_ratio
 from kinematics.errors import InvalidOption, InvalidTrajectory, MissingLimit
 from kinematics.robots import builtin_urdf
-from kinematics.serial import serial_chain
+from kinematics.serial_chain import serial_chain
 from kinematics.trajectory_export import csv_text, joint_trajectory
 from kinematics.urdf import parse_urdf
 from planning.options import Payload, TimingOptions

@@ -7,13 +7,13 @@ from kinematics.errors import InvalidOption
 from obstacles.checker import Checker
 from obstacles.scene import Scene
 from planning.deadline import Deadline
-from planning.rounding import certified_reaches
 from planning.sampling import search
 from planning.sampling.planners import PLANNERS
 from planning.sampling.search import sample
-from planning.shortcut import shortcut
-from planning.straight_line import straight_line
+from planning.search.shortcut import shortcut
+from planning.search.straight_line import straight_line
 from planning.timing.blend import blend, merge
+from planning.timing.corner_blending import certified_reaches
 from tests.planning.scenes import HOME, builtin, pillar
 
 START, GOAL = HOME.copy(), HOME.copy()

@@ -7,7 +7,7 @@ import time
 from typing import Any
 
 from kinematics.errors import InvalidLinkName
-from service import worker_main
+from service.workers import main
 
 
 def no_warming() -> None:
@@ -55,13 +55,13 @@ def unpicklable() -> Any:
 
 def advance() -> str:
     for step in range(4):
-        worker_main.report(step / 4, f"step_{step}")
+        main.report(step / 4, f"step_{step}")
         time.sleep(0.06)
     return "done"
 
 
 def remaining() -> float:
-    return worker_main.deadline() - time.monotonic()
+    return main.deadline() - time.monotonic()
 
 
 def surroundings() -> dict[str, Any]:

@@ -8,7 +8,7 @@ from fastapi import FastAPI
 
 from service.app import create_app
 from service.settings import Settings
-from service.workers import WorkerSupervisor
+from service.workers.supervisor import WorkerSupervisor
 from tests.service.server import serving
 
 

@@ -8,11 +8,12 @@ import pytest
 
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain
-from obstacles.world import World
-from service import library, translate
-from service.references import builtin_reference
+from obstacles.fcl_distance import FclWorld
 from service.schemas.check import CheckAnswer
 from service.schemas.scene import ProjectAnswer, Scene
+from service.storage import worker_cache
+from service.storage.cache_key import builtin_reference
+from service.translate import poses
 from tests.service.robots import ASIDE, FLOOR, HOME, POST, answer, problem, scene
 
 BALL = {
@@ -37,9 +38,9 @@ def check(client: httpx.Client, joints: Any, **more: Any) -> dict[str, Any]:
     return answer(client.post("/v1/check", json=body))
 
 
-def world(place: dict[str, Any]) -> World:
-    geometry = library.robot(builtin_reference("panda")).geometry
-    return World(geometry, translate.scene(Scene.model_validate(place)))
+def world(place: dict[str, Any]) -> FclWorld:
+    geometry = worker_cache.robot(builtin_reference("panda")).geometry
+    return FclWorld(geometry, poses.scene(Scene.model_validate(place)))
 
 
 def test_many_configurations_against_the_exact_world(client: httpx.Client) -> None:

@@ -14,7 +14,7 @@ import pytest
 
 from service.cli import main
 from service.settings import Settings
-from service.store import open_store
+from service.storage.document_store import open_store
 from service.version import VERSION
 from tests.service.processes import alive, descendants, wait_until
 

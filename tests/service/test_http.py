@@ -16,12 +16,12 @@ from fastapi import FastAPI, Request
 
 from kinematics.errors import ArmwrightError, InvalidScene, MissingLimit
 from service.app import create_app
-from service.computing import compute
-from service.errors import KINDS
+from service.http.compute import compute
+from service.http.errors import KINDS
 from service.settings import Settings
 from service.version import VERSION
-from service.worker_main import Job
-from service.workers import TASK_MODULES, WorkerSupervisor
+from service.workers.main import Job
+from service.workers.supervisor import TASK_MODULES, WorkerSupervisor
 from tests.service.processes import alive, wait_until
 from tests.service.server import serving
 

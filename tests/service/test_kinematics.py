@@ -19,11 +19,12 @@ from kinematics.pose import (
     transform,
 )
 from kinematics.robots import builtin_chain
-from obstacles.world import World
-from service import library, translate
-from service.references import builtin_reference
+from obstacles.fcl_distance import FclWorld
 from service.schemas.kinematics import FkAnswer, IkAnswer, JacobianAnswer, VelocityAnswer
 from service.schemas.scene import Scene
+from service.storage import worker_cache
+from service.storage.cache_key import builtin_reference
+from service.translate import poses
 from tests.service.robots import HOME, answer, problem, scene
 
 ROBOTS = ("panda", "ur5e", "stanford", "scara", "planar_rr")
@@ -159,8 +160,8 @@ def test_ik_with_a_scene_tells_collisions_by_name(client: httpx.Client) -> None:
     assert False in verdicts
     usable = [item["rejected_because"] is None for item in found]
     assert usable == sorted(usable, reverse=True), "best first"
-    geometry = library.robot(builtin_reference("panda")).geometry
-    world = World(geometry, translate.scene(Scene.model_validate(place)))
+    geometry = worker_cache.robot(builtin_reference("panda")).geometry
+    world = FclWorld(geometry, poses.scene(Scene.model_validate(place)))
     for item in found:
         usable_one = item["collision_free"] and item["within_limits"]
         assert (item["rejected_because"] is None) == usable_one

@@ -10,19 +10,20 @@ import numpy as np
 import pytest
 from numpy.polynomial import polynomial
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from kinematics.forward import forward
 from kinematics.pose import from_rpy
 from kinematics.robots import builtin_chain
-from obstacles.world import World
+from obstacles.fcl_distance import FclWorld
 from planning import pipeline
 from planning.options import Options
 from planning.problem import JointGoal, Problem
 from planning.result import Plan
-from service import library, translate
-from service.references import builtin_reference
 from service.schemas.plan import CertificateAnswer, PlanAnswer
 from service.schemas.scene import Scene
+from service.storage import worker_cache
+from service.storage.cache_key import builtin_reference
+from service.translate import poses
 from tests.service.robots import (
     ACCELERATIONS,
     ASIDE,
@@ -60,9 +61,9 @@ def positions(trajectory: dict[str, Any], count: int = 400) -> Array:
     return np.array(rows)
 
 
-def world(place: dict[str, Any] = PLACE) -> World:
-    geometry = library.robot(builtin_reference("panda")).geometry
-    return World(geometry, translate.scene(Scene.model_validate(place)))
+def world(place: dict[str, Any] = PLACE) -> FclWorld:
+    geometry = worker_cache.robot(builtin_reference("panda")).geometry
+    return FclWorld(geometry, poses.scene(Scene.model_validate(place)))
 
 
 def test_a_plan_around_an_obstacle_is_what_it_says(client: httpx.Client) -> None:
@@ -93,8 +94,8 @@ def test_a_plan_around_an_obstacle_is_what_it_says(client: httpx.Client) -> None
 
 def test_it_is_what_the_domain_plans(client: httpx.Client) -> None:
     found = plan(client, seed=3)
-    geometry = library.robot(builtin_reference("panda")).geometry
-    obstacles = translate.scene(Scene.model_validate(PLACE))
+    geometry = worker_cache.robot(builtin_reference("panda")).geometry
+    obstacles = poses.scene(Scene.model_validate(PLACE))
     made = Problem(geometry, obstacles, np.array(HOME), (JointGoal(np.array(ASIDE)),))
     direct = pipeline.plan(made, Options(timeout=20.0, seed=3))
     assert isinstance(direct, Plan)

@@ -9,7 +9,7 @@ import httpx
 import numpy as np
 import pytest
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from kinematics.dh import chain_from_dh
 from kinematics.dh_table import DhRow, DhTable
 from kinematics.forward import forward

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
-from service import translate
-from service.errors import ProblemError
+from service.http.errors import ProblemError
+from service.http.validation import field_path, validated
 from service.schemas.base import Joints
 from service.schemas.check import CheckRequest
 from service.schemas.kinematics import FkRequest, IkRequest
@@ -15,7 +15,7 @@ from service.schemas.pose import Pose
 from service.schemas.robot import RobotBody
 from service.schemas.scene import NamedScene, Scene
 from service.schemas.shape import Shape
-from service.validation import field_path, validated
+from service.translate import poses
 
 _HALF = math.sqrt(0.5)
 SHAPE: TypeAdapter[Shape] = TypeAdapter(Shape)
@@ -49,7 +49,7 @@ def test_published_examples_are_valid(model: type[BaseModel]) -> None:
     ],
 )  # fmt: skip
 def test_every_form_of_a_pose(pose: dict[str, Any], rotation: Any) -> None:
-    T = translate.transform(Pose.model_validate({"position": [1, 2, 3]} | pose))
+    T = poses.transform(Pose.model_validate({"position": [1, 2, 3]} | pose))
     np.testing.assert_allclose(T[:3, :3], rotation, atol=1e-12)
     assert T[:, 3].tolist() == [1, 2, 3, 1]
 
@@ -104,7 +104,7 @@ def test_joints_are_one_vector_or_many() -> None:
     ],
 )  # fmt: skip
 def test_every_shape_reaches_the_domain(shape: dict[str, Any]) -> None:
-    made = translate.shape(SHAPE.validate_python(shape))
+    made = poses.shape(SHAPE.validate_python(shape))
     assert made.pieces()
     assert type(made).__name__.lower() == shape["type"].replace("_", "")
 
@@ -136,7 +136,7 @@ def test_shapes_that_are_none(shape: Any, words: str) -> None:
 
 def test_scenes() -> None:
     box = {"id": "b", "shape": {"type": "box", "size": [1, 1, 1]}, "pose": {"position": [0, 0, 0]}}
-    scene = translate.scene(Scene.model_validate({"obstacles": [box | {"margin": 0.1}]}))
+    scene = poses.scene(Scene.model_validate({"obstacles": [box | {"margin": 0.1}]}))
     assert scene.obstacle("b").margin == 0.1
     refused(Scene, {"obstacles": [box, box]}, "stands twice")
     refused(Scene, {"obstacles": [], "moveit": "x"}, "exactly one")

@@ -25,11 +25,11 @@ import numpy as np
 from obstacles.checker import Checker
 from obstacles.scene import Scene
 from planning.deadline import Deadline
-from planning.trees import grow
+from planning.search.rrt_connect import grow
 from service import (
     check_tasks, dynamics_tasks, kinematics_tasks, plan_tasks, potential_tasks, simulate_tasks, tasks
 )
-from service.references import builtin_reference
+from service.storage.cache_key import builtin_reference
 from service.schemas.kinematics import FkRequest, JacobianRequest
 
 ROBOTS = {"ur5e": 6, "stanford": 6, "scara": 4, "iiwa14": 7}

@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from kinematics.chain import Array, Chain, Inertia, Link
+from kinematics.arrays import Array
+from kinematics.chain import Chain, Inertia, Link
 from kinematics.trajectory import Trajectory
 from tests.dynamics.samples import PRISMATIC, textbook
 

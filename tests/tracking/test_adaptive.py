@@ -7,7 +7,8 @@ import pytest
 from scipy.integrate import cumulative_simpson
 
 from dynamics.body import scale_masses
-from kinematics.chain import Array, Chain
+from kinematics.arrays import Array
+from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
 from kinematics.interpolation import interpolate
 from kinematics.robots import builtin_chain

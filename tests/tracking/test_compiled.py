@@ -10,7 +10,8 @@ from scipy.integrate import solve_ivp
 from dynamics.body import scale_masses
 from dynamics.motor import Motor, driven
 from dynamics.payload import with_motors, with_payload
-from kinematics.chain import Array, Chain, Inertia
+from kinematics.arrays import Array
+from kinematics.chain import Chain, Inertia
 from kinematics.errors import InvalidOption, InvalidRobotState, MissingInertia
 from kinematics.robots import builtin_chain
 from tests.dynamics.samples import planar_rr, random_chain
@@ -18,10 +19,10 @@ from tests.tracking.samples import constant, slider, smooth
 from tracking import callback
 from tracking.adaptive import Adaptive
 from tracking.computed_torque import ComputedTorque
+from tracking.control_law import Kind
 from tracking.controller import Controller
 from tracking.disturbance import Disturbance, EncoderNoise
 from tracking.independent_joint import IndependentJoint, effective_inertia
-from tracking.law import Kind
 from tracking.passivity import Passivity
 from tracking.pd_gravity import PdGravity
 from tracking.result import SimulationOutcome

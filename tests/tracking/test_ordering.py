@@ -7,7 +7,8 @@ import pytest
 
 from dynamics.body import scale_masses
 from dynamics.gravity import gravity_vector
-from kinematics.chain import Array, Chain
+from kinematics.arrays import Array
+from kinematics.chain import Chain
 from kinematics.robots import builtin_chain
 from kinematics.trajectory import Trajectory
 from tests.tracking.samples import constant, smooth

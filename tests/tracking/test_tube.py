@@ -5,14 +5,14 @@ import pytest
 
 from kinematics.forward import joint_frames
 from kinematics.robots import builtin_srdf, builtin_urdf
-from kinematics.serial import serial_chain
+from kinematics.serial_chain import serial_chain
 from kinematics.srdf import parse_srdf
 from kinematics.trajectory import Trajectory
 from kinematics.urdf import parse_urdf
+from obstacles.fcl_distance import FclWorld
 from obstacles.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Sphere
-from obstacles.world import World
 from tests.tracking.samples import smooth
 from tracking.tube import tube
 
@@ -57,7 +57,7 @@ def test_what_remains_is_less_than_what_there_is() -> None:
     ball = Obstacle("ball", Sphere(0.1), np.array(
         [[1, 0, 0, -0.6], [0, 1, 0, 0.5], [0, 0, 1, 0.3], [0, 0, 0, 1]], dtype=float
     ))  # fmt: skip
-    world = World(robot, Scene((ball,)))
+    world = FclWorld(robot, Scene((ball,)))
     rng = np.random.default_rng(1)
     start = np.array([0.3, -1.2, 1.4, -1.7, -1.5, 0.0])
     path = smooth(chain, start, start + 0.3)

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from kinematics.chain import Array, Chain
+from kinematics.arrays import Array
+from kinematics.chain import Chain
 from kinematics.errors import InvalidOption, InvalidPose
 from kinematics.forward import forward
 from kinematics.ik.gradient import COORDINATES, Coordinates, GradientOptions, follow

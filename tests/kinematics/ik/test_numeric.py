@@ -4,11 +4,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from kinematics.chain import Array, Chain, Limits
+from kinematics.arrays import Array
+from kinematics.chain import Chain, Limits
 from kinematics.errors import InvalidLinkName, InvalidOption, InvalidPose, InvalidRobotState
 from kinematics.forward import forward
+from kinematics.ik.dls_step import dual_kernel, error_kernel, frame_kernel, step_within_kernel
 from kinematics.ik.numeric import AXES, Axis, reach, solve, solve_many
-from kinematics.ik.step import dual_kernel, error_kernel, frame_kernel, step_within_kernel
 from kinematics.pose import from_axis_angle, inverse, rotation_error, transform
 from kinematics.robots import builtin_chain, builtin_names, builtin_urdf
 from tests.kinematics.samples import random_chain

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kinematics.chain import Array, Chain
+from kinematics.arrays import Array
+from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
 from kinematics.forward import forward
 from kinematics.ik.analytic import branches, parameter

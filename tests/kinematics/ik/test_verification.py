@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
+from kinematics.compiled.kernel import kernel
+from kinematics.compiled.simd import choose, load, store
 from kinematics.frame import IDENTITY
-from kinematics.ik.step import frame_kernel
+from kinematics.ik.dls_step import frame_kernel
 from kinematics.ik.verification import angle_kernel, miss_kernel, near_kernel
-from kinematics.kernel import kernel
 from kinematics.pose import from_axis_angle, transform
-from kinematics.vector import choose, load, store
 
 TURN = 2.0 * np.pi
 

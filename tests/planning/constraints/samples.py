@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from kinematics.chain import Array, Chain
+from kinematics.arrays import Array
+from kinematics.chain import Chain
 from kinematics.pose import transform
 from planning.constraints.constraint import Geometric
 from planning.constraints.joint import JointConstraint

@@ -6,7 +6,8 @@ import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
-from kinematics.chain import Array, Chain
+from kinematics.arrays import Array
+from kinematics.chain import Chain
 from kinematics.forward import forward
 from kinematics.pose import transform
 from kinematics.robots import builtin_chain, builtin_names, builtin_urdf

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from kinematics.chain import Array, Chain
+from kinematics.arrays import Array
+from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
 from kinematics.pose import transform
 from obstacles.projection import Projector

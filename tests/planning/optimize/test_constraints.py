@@ -9,24 +9,24 @@ from kinematics.robots import builtin_urdf
 from kinematics.trajectory import Trajectory
 from obstacles.checker import Checker
 from obstacles.scene import Scene
-from planning.certificate import certify
-from planning.constrained_checker import ConstrainedChecker
-from planning.constrained_ik import IkOptions, constrained_ik
+from planning.constrained.checker import ConstrainedChecker
+from planning.constrained.ik import IkOptions, constrained_ik
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.orientation import ConeConstraint
 from planning.constraints.position import PositionConstraint
 from planning.constraints.region import LineRegion, SphereRegion
 from planning.deadline import Deadline
 from planning.optimize import objective
-from planning.optimize.descent import Descent
+from planning.optimize.initial_guess import fitted
 from planning.optimize.iterate import Iterate
 from planning.optimize.options import Objective, RefineOptions
+from planning.optimize.scp import Descent
 from planning.optimize.spline import SplineSpace
 from planning.optimize.task import End, Task
-from planning.optimize.warm import fitted
 from planning.options import Options
 from planning.pipeline import plan
 from planning.problem import JointGoal, Problem
+from planning.proof.certificate import certify
 from planning.result import Plan
 from tests.planning.scenes import HOME, builtin
 

@@ -6,20 +6,20 @@ import numpy as np
 import pytest
 
 from dynamics.payload import with_payload
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from obstacles.checker import Checker
 from obstacles.scene import Scene
 from planning.deadline import Deadline
 from planning.optimize import objective
 from planning.optimize.iterate import Iterate
+from planning.optimize.linearization import Checkpoints, least_factor, look
 from planning.optimize.options import Objective
-from planning.optimize.outlook import Places, least_factor, look
 from planning.optimize.quadratic import Quadratic
 from planning.optimize.response import tool_speed, torques
 from planning.optimize.rows import end_rows, limit_rows, local_matrix, stacked
 from planning.optimize.spline import SplineSpace
 from planning.optimize.task import End, Task
-from planning.timing.loads import Loads
+from planning.timing.effort_limits import EffortLimits
 from tests.planning.scenes import HOME, builtin, pillar
 
 SPACE = SplineSpace.uniform(4, 11)
@@ -33,7 +33,7 @@ def iterate(seed: int, spread: float = 0.1) -> Iterate:
     return Iterate(SPACE, HOME + ramp + spread * rng.normal(size=(SPACE.count, 7)), 1.3)
 
 
-def task(loads: Loads | None = None, scene: Scene | None = None) -> Task:
+def task(loads: EffortLimits | None = None, scene: Scene | None = None) -> Task:
     at = iterate(0)
     return Task(
         Checker.of(builtin("panda"), scene or Scene()),
@@ -120,7 +120,7 @@ def test_ends_that_move_are_exact() -> None:
 def test_rows_of_obstacles_follow_distances() -> None:
     at, scene = iterate(10, 0.02), pillar(angle=0.4, distance=0.55)
     asked = task(scene=scene)
-    places = Places.within(SPACE.breaks, 3, 0.0)
+    places = Checkpoints.within(SPACE.breaks, 3, 0.0)
     rows = stacked(list(look(asked, at, places, 0.3, Deadline.after(60.0)).rows))
     z = packed(at)
     room = rows.upper - rows.A @ z
@@ -134,9 +134,9 @@ def test_rows_of_obstacles_follow_distances() -> None:
 
 def test_loads_tell_how_much_slower() -> None:
     chain = with_payload(PANDA, 3.0)
-    loads = Loads(chain, PANDA.limits.effort, 0.4)
+    loads = EffortLimits(chain, PANDA.limits.effort, 0.4)
     at, asked = iterate(11), task(loads)
-    places = Places.within(SPACE.breaks, 3, 0.0)
+    places = Checkpoints.within(SPACE.breaks, 3, 0.0)
     factor = least_factor(asked, at, places)
     assert factor > 1.0
     slower = Iterate(SPACE, at.points, at.duration * factor)

@@ -9,18 +9,18 @@ import pinocchio
 import pytest
 from numpy.polynomial import Polynomial
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.robots import builtin_urdf
 from kinematics.trajectory import Trajectory
 from obstacles.checker import Checker
 from obstacles.scene import Scene
 from planning.deadline import Deadline
-from planning.optimize.descent import Descent
+from planning.optimize.initial_guess import fitted
 from planning.optimize.options import RefineOptions
+from planning.optimize.scp import Descent
 from planning.optimize.spline import SplineSpace
 from planning.optimize.task import End, Task
-from planning.optimize.warm import fitted
 from planning.options import Options, Payload, TimingOptions
 from planning.pipeline import plan
 from planning.problem import JointGoal, Problem

@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 
-from kinematics.chain import Array
+from kinematics.arrays import Array
 from obstacles.checker import Checker
 from planning.deadline import Deadline
 from planning.result import Attempt

@@ -5,7 +5,8 @@ from typing import Any, cast
 
 import numpy as np
 
-from kinematics.chain import Array, Chain
+from kinematics.arrays import Array
+from kinematics.chain import Chain
 from obstacles.checker import Checker
 from tests.planning.scenes import builtin
 

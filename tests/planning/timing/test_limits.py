@@ -13,14 +13,14 @@ from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
 from kinematics.jacobian import geometric
 from kinematics.robots import builtin_urdf
-from kinematics.serial import serial_chain
+from kinematics.serial_chain import serial_chain
 from kinematics.trajectory import Trajectory
 from kinematics.urdf import parse_urdf
 from planning.timing.blend import blend, largest_reaches
+from planning.timing.effort_limits import EffortLimits
 from planning.timing.failure import TimingFailed
-from planning.timing.law import Law, Method
-from planning.timing.loads import Loads
 from planning.timing.minimum_time import time_path
+from planning.timing.parametrization import Method, TimeParametrization
 
 Array = NDArray[np.float64]
 
@@ -76,8 +76,14 @@ def test_torques_and_tool_speed_are_kept_and_used(name: str, method: Method) -> 
     still = np.abs(inverse_dynamics(chain, q, 0.0 * q, 0.0 * q)).max(axis=0)
     v, a, j = (np.full(chain.n, value) for value in (3.0, 15.0, 300.0))
     effort = 1.3 * still + 2.0
-    for loads in (Loads(chain, effort), Loads(chain, None, 0.6), Loads(chain, effort, 0.6)):
-        motion = Law(method, v, a, j, loads).time(path, chain.joint_names).trajectory
+    for loads in (
+        EffortLimits(chain, effort),
+        EffortLimits(chain, None, 0.6),
+        EffortLimits(chain, effort, 0.6),
+    ):
+        motion = (
+            TimeParametrization(method, v, a, j, loads).time(path, chain.joint_names).trajectory
+        )
         torque, speed = sampled_uses(chain, motion, effort, 0.6)
         uses = loads.uses(motion)
         used = [use.ratio for use in uses.values()]
@@ -96,7 +102,7 @@ def test_a_finer_grid_gains_little_under_loads() -> None:
     chain = chain_of("ur5e")
     waypoints = np.random.default_rng(2).uniform(-1.0, 1.0, (5, 6))
     path = blend(waypoints, largest_reaches(waypoints))
-    loads = Loads(chain, chain.limits.effort, 0.7)
+    loads = EffortLimits(chain, chain.limits.effort, 0.7)
     limits = np.full(6, 3.0), np.full(6, 15.0)
     usual = time_path(path, chain.joint_names, *limits, loads=loads).trajectory.duration
     fine = time_path(path, chain.joint_names, *limits, loads=loads, resolution=5000)
@@ -113,7 +119,7 @@ def test_friction_is_paid_for() -> None:
     limits = np.full(2, 3.0), np.full(2, 20.0)
     durations = []
     for robot in (chain, rough):
-        loads = Loads(robot, effort)
+        loads = EffortLimits(robot, effort)
         motion = time_path(path, robot.joint_names, *limits, loads=loads).trajectory
         torque, _ = sampled_uses(robot, motion, effort, 1.0)
         assert torque <= 1.0 + 1e-9
@@ -123,12 +129,12 @@ def test_friction_is_paid_for() -> None:
 
 def test_a_joint_that_cannot_hold_itself_is_named() -> None:
     chain = with_payload(chain_of("panda"), 40.0)
-    loads = Loads(chain, chain.limits.effort)
+    loads = EffortLimits(chain, chain.limits.effort)
     path = blend([[0.0, 0.5, 0.0, -1.0, 0.0, 1.5, 0.0], [0.5] * 7], [])
     with pytest.raises(TimingFailed, match=r"panda_joint2.*hold"):
         time_path(path, chain.joint_names, np.full(7, 2.0), np.full(7, 10.0), loads=loads)
     with pytest.raises(InvalidOption, match="tool speed"):
-        Loads(chain, None, 0.0)
+        EffortLimits(chain, None, 0.0)
 
 
 def test_boundary_speeds_are_kept_at_minimum_time() -> None:

@@ -1,0 +1,1 @@
+"""The compiler's adapters: kernels, SIMD vectors and SIMD frames."""

@@ -1,0 +1,298 @@
+"""The numeric method's search for one pose: damped steps, and restarts from a table."""
+
+import math
+
+import numpy as np
+
+from kinematics.arrays import Array
+from kinematics.chain import MAX_JOINTS
+from kinematics.compiled.kernel import kernel
+from kinematics.compiled.simd import Lanes, choose, fill, load, on_stack, store
+from kinematics.compiled.simd_frames import load_frame_kernel
+from kinematics.forward import finite_kernel
+from kinematics.frame import IDENTITY, Frame, compose_kernel, move_kernel
+from kinematics.ik.dls_step import (
+    Error,
+    State,
+    error_kernel,
+    frame_kernel,
+    step_within_kernel,
+    uniform_kernel,
+)
+from kinematics.jacobian import frame_and_jacobian_kernel
+from kinematics.sincos import few_turns_kernel, turn_at_kernel
+
+#: Steps from one start; most that converge at all do so in a quarter of it.
+STEPS = 60
+#: A start is given up after so many steps in a row without this factor of the squared error; one
+#: in so many starts is given more, for poses near singularities.
+PATIENCE, GAIN = 1, 0.7
+LONG, LONG_PATIENCE, LONG_GAIN = 5, 8, 0.9
+#: mu at the start and what a good or bad step makes of it.
+DAMPING, LESS, MORE = 0.1, 0.7, 6.0
+LEAST_MU, LEAST_DAMPING = 1e-7, 1e-13
+#: Random draws of which the nearest is the next start.
+_DRAWS = 2
+#: Configurations whose frames are known beforehand, those among which a start is chosen, and
+#: where only some axes count.
+ROWS, LOOK, _MASKED, TABLE_SEED = 4096, 64, 32, 1
+#: Room for a Jacobian.
+_WIDE = 6 * MAX_JOINTS
+#: What a radian weighs against a reach of metres.
+WEIGHT = 0.18
+
+
+@kernel(inline="code")
+def weigh_kernel(
+    error: Error, T: Frame, axes: Array, w: float
+) -> tuple[Error, Lanes, Lanes, Lanes]:
+    """The weighed error, its square, and the errors [m], [rad] that count; also of vectors."""
+    x, y, z, a, b, c = error
+    if axes[6] != 0.0:
+        x, y, z, a, b, c = seen_kernel(error, T, axes)
+    position, rotation = x * x + y * y + z * z, a * a + b * b + c * c
+    weighed = (x, y, z, w * a, w * b, w * c)
+    return weighed, position + w * w * rotation, math.sqrt(position), math.sqrt(rotation)
+
+
+@kernel(inline="code")
+def seen_kernel(column: Error, T: Frame, axes: Array) -> Error:
+    """Six rows as the target's frame sees them, those that do not count 0."""
+    x, y, z, a, b, c = column
+    return (
+        axes[0] * (T[0] * x + T[4] * y + T[8] * z), axes[1] * (T[1] * x + T[5] * y + T[9] * z),
+        axes[2] * (T[2] * x + T[6] * y + T[10] * z), axes[3] * (T[0] * a + T[4] * b + T[8] * c),
+        axes[4] * (T[1] * a + T[5] * b + T[9] * c), axes[5] * (T[2] * a + T[6] * b + T[10] * c),
+    )  # fmt: skip
+
+
+@kernel(inline="code")
+def weigh_column_kernel(column: Error, T: Frame, axes: Array, w: float) -> Error:
+    """The same for a column of the Jacobian; also of vectors."""
+    if axes[6] != 0.0:
+        x, y, z, a, b, c = seen_kernel(column, T, axes)
+    else:
+        x, y, z, a, b, c = column
+    return x, y, z, w * a, w * b, w * c
+
+
+@kernel(allocates=False)
+def weigh_jacobian_kernel(T: Frame, axes: Array, w: float, J: Array) -> None:
+    """The same for all columns of J (6, n), in place."""
+    for j in range(J.shape[1]):
+        column = (J[0, j], J[1, j], J[2, j], J[3, j], J[4, j], J[5, j])
+        J[0, j], J[1, j], J[2, j], J[3, j], J[4, j], J[5, j] = weigh_column_kernel(
+            column, T, axes, w
+        )
+
+
+@kernel(allocates=False)
+def draw_kernel(
+    model: Array, link: int, T: Frame, axes: Array, lower: Array, upper: Array, w: float,
+    state: State, trial: Array, q: Array,
+) -> None:  # fmt: skip
+    """Put the nearest of some random draws into q; joints behind the link stay as they are."""
+    row = 1 + q.shape[0] + link
+    last = int(model[row, 0])
+    for j in range(q.shape[0]):
+        trial[j] = q[j]
+    nearest = np.inf
+    for _ in range(_DRAWS):
+        for j in range(last + 1):
+            trial[j] = lower[j] + uniform_kernel(state) * (upper[j] - lower[j])
+        turns, B = few_turns_kernel(trial), IDENTITY
+        for j in range(last + 1):
+            c, s = turn_at_kernel(trial, j, turns)
+            B = move_kernel(model, 1 + j, trial[j], c, s, B)
+        B = compose_kernel(B, model, row)
+        _, square, _, _ = weigh_kernel(error_kernel(B, T), T, axes, w)
+        if square < nearest:
+            nearest = square
+            for j in range(last + 1):
+                q[j] = trial[j]
+
+
+@kernel(allocates=False)
+def pick_kernel(
+    table: Array, T: Frame, axes: Array, w: float, state: State, last: int, near: Array, q: Array
+) -> None:
+    """Put into q that of some neighbouring rows of the table whose frame is nearest to T.
+
+    Args:
+        table: Eight frames and their configurations in a row of vectors, twelve and n, one such row
+            after the other; the rotations times w / sqrt(2), so that squares add up as those of
+            small errors do.
+        T: The target.
+        axes: As ``solve_kernel`` has it.
+        w: Weight of a radian [m].
+        state: Of the draws.
+        last: The last joint that moves the link.
+        near: Room (16,).
+        q: The answer (n,); joints behind ``last`` stay as they are.
+    """
+    wide = 8 * (q.shape[0] + 12)
+    begin = int(uniform_kernel(state) * (table.shape[0] // wide - LOOK // 8))
+    scale, look = w * math.sqrt(0.5), LOOK // 8
+    least, which = fill(np.inf), fill(0.0)
+    if axes[6] == 0.0:
+        wanted = (
+            scale * T[0], scale * T[1], scale * T[2], T[3], scale * T[4], scale * T[5],
+            scale * T[6], T[7], scale * T[8], scale * T[9], scale * T[10], T[11],
+        )  # fmt: skip
+        for i in range(look):
+            at, square = wide * (begin + i), fill(0.0)
+            for value in wanted:
+                away = load(table, at) - value
+                square = square + away * away
+                at += 8
+            nearer = square < least
+            least, which = choose(nearer, square, least), choose(nearer, 1.0 * i, which)
+    else:
+        look, r = _MASKED // 8, math.sqrt(2.0) / w
+        for i in range(look):
+            f = load_frame_kernel(table, wide * (begin + i))
+            B = (
+                r * f[0], r * f[1], r * f[2], f[3], r * f[4], r * f[5], r * f[6], f[7],
+                r * f[8], r * f[9], r * f[10], f[11],
+            )  # fmt: skip
+            _, square, _, _ = weigh_kernel(error_kernel(B, T), T, axes, w)
+            nearer = square < least
+            least, which = choose(nearer, square, least), choose(nearer, 1.0 * i, which)
+    store(near, 0, least)
+    store(near, 8, which)
+    best = 0
+    for lane in range(1, 8):
+        if near[lane] < near[best]:
+            best = lane
+    at = wide * (begin + int(near[8 + best])) + 96 + best
+    for j in range(last + 1):
+        q[j] = table[at + 8 * j]
+
+
+@kernel
+def table_kernel(
+    model: Array, link: int, lower: Array, upper: Array, w: float, seed: int, table: Array
+) -> None:
+    """Fill a table for ``pick_kernel`` with random configurations, (n + 12) numbers for each."""
+    n = lower.shape[0]
+    q, room = np.empty(n), np.empty((6, n))
+    state = np.empty(1, dtype=np.uint64)
+    state[0] = np.uint64(seed)
+    scale, wide = w * math.sqrt(0.5), 8 * (n + 12)
+    for i in range(table.shape[0] // (n + 12)):
+        at = wide * (i // 8) + i % 8
+        for j in range(n):
+            q[j] = lower[j] + uniform_kernel(state) * (upper[j] - lower[j])
+            table[at + 96 + 8 * j] = q[j]
+        B = frame_and_jacobian_kernel(model, q, link, room)
+        for row in range(12):
+            table[at + 8 * row] = B[row] if row % 4 == 3 else scale * B[row]
+
+
+@kernel(allocates=False)
+def solve_kernel(
+    model: Array, link: int, target: Array, axes: Array, bounds: Array, table: Array,
+    scales: tuple[float, float, float], starts: int, spent: int, seed: int, start: Array,
+    best: Array,
+) -> tuple[int, float, float, int, int]:  # fmt: skip
+    """Search from ``start`` (n,), then from random draws, until the tolerances are met.
+
+    Args:
+        model: ``Chain.model``.
+        link: The number of the link to bring there, -1 for the tip.
+        target: T_base_link, shape (4, 4).
+        axes: 1 for each row of the error in the target's frame that counts, and whether some do
+            not, shape (7,).
+        bounds: Limits, lower and upper, and where random starts are drawn from, shape (4, n).
+        table: What most restarts are taken from, see ``pick_kernel``.
+        scales: Tolerance of position [m], of orientation [rad], and the weight of a radian [m].
+        starts: How many to spend in all.
+        spent: Starts that were spent before; above 0 it begins with a draw instead of ``start``.
+        seed: Of the draws.
+        start: Inside the limits.
+        best: The nearest configuration (n,).
+
+    Returns:
+        1 when the tolerances are met, 0 when not, -1 where ``start`` is not one finite number a
+        joint, -2 where the target is not finite; then the errors of ``best``, and the steps and
+        starts spent.
+    """
+    n = start.shape[0]
+    if n != int(model[0, 0]) or not finite_kernel(start):
+        return -1, 0.0, 0.0, 0, 0
+    for row in range(3):
+        for column in range(4):
+            if not math.isfinite(target[row, column]):
+                return -2, 0.0, 0.0, 0, 0
+    if link < 0:
+        link = int(model[0, 1])
+    T = frame_kernel(target)
+    state = on_stack(1).view(np.uint64)
+    state[0] = np.uint64(seed) + np.uint64(0xD1342543DE82EF95) * np.uint64(spent)
+    q, trial = on_stack(MAX_JOINTS)[:n], on_stack(MAX_JOINTS)[:n]
+    J, J_trial = on_stack(_WIDE)[: 6 * n].reshape((6, n)), on_stack(_WIDE)[: 6 * n].reshape((6, n))
+    H, e, g, near = on_stack(25).reshape((5, 5)), on_stack(6), on_stack(MAX_JOINTS), on_stack(16)
+    free, last = on_stack(MAX_JOINTS).view(np.int64), int(model[1 + n + link, 0])
+    lower, upper, w = bounds[0], bounds[1], scales[2]
+    for j in range(n):
+        q[j] = min(max(start[j], lower[j]), upper[j])
+    least, errors, steps = np.inf, (np.inf, np.inf), 0
+    for attempt in range(spent, starts):
+        if attempt > 0 and attempt % LONG != LONG - 1:
+            pick_kernel(table, T, axes, w, state, last, near, q)
+        elif attempt > 0:
+            draw_kernel(model, link, T, axes, bounds[2], bounds[3], w, state, trial, q)
+        patience, gain = PATIENCE, GAIN
+        if attempt % LONG == LONG - 1:
+            patience, gain = LONG_PATIENCE, LONG_GAIN
+        B = frame_and_jacobian_kernel(model, q, link, J)
+        weighed, square, position, rotation = weigh_kernel(error_kernel(B, T), T, axes, w)
+        e[0], e[1], e[2], e[3], e[4], e[5] = weighed
+        weigh_jacobian_kernel(T, axes, w, J)
+        mu, stale, mark = DAMPING, 0, square
+        for _ in range(STEPS):
+            if position <= scales[0] and rotation <= scales[1]:
+                break
+            damping = mu * square + LEAST_DAMPING
+            step_within_kernel(J, e, q, lower, upper, damping, free, H, g, trial)
+            steps += 1
+            B = frame_and_jacobian_kernel(model, trial, link, J_trial)
+            weighed, after, position_after, rotation_after = weigh_kernel(
+                error_kernel(B, T), T, axes, w
+            )
+            if after < square:
+                q, trial = trial, q
+                J, J_trial = J_trial, J
+                e[0], e[1], e[2], e[3], e[4], e[5] = weighed
+                square, position, rotation = after, position_after, rotation_after
+                weigh_jacobian_kernel(T, axes, w, J)
+                mu = max(LESS * mu, LEAST_MU)
+            else:
+                mu = MORE * mu
+            stale += 1
+            if square < gain * mark:
+                mark, stale = square, 0
+            if stale > patience:
+                break
+        done = position <= scales[0] and rotation <= scales[1]
+        if square < least or done:
+            least = square
+            for j in range(n):
+                best[j] = q[j]
+            errors = (position, rotation)
+        if done:
+            return 1, position, rotation, steps, attempt + 1
+    return 0, errors[0], errors[1], steps, starts
+
+
+@kernel(allocates=False)
+def solve_alone_kernel(
+    model: Array, link: int, target: Array, axes: Array, bounds: Array, table: Array,
+    position: float, orientation: float, weight: float, starts: int, spent: int, seed: int,
+    start: Array, best: Array,
+) -> tuple[int, float, float, int, int]:  # fmt: skip
+    """``solve_kernel`` for calls from Python: arrays are taken over without counting references."""
+    return solve_kernel(
+        model, link, target, axes, bounds, table, (position, orientation, weight), starts, spent,
+        seed, start, best,
+    )  # fmt: skip

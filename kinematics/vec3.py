@@ -1,0 +1,39 @@
+"""Three-vectors as tuples of floats, which stay in registers inside the kernels."""
+
+from kinematics.compiled.kernel import kernel
+
+Vector = tuple[float, float, float]
+
+
+@kernel(fastmath=True)
+def add(a: Vector, b: Vector) -> Vector:
+    """The sum a + b."""
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+@kernel(fastmath=True)
+def subtract(a: Vector, b: Vector) -> Vector:
+    """The difference a - b."""
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+@kernel(fastmath=True)
+def scale(s: float, a: Vector) -> Vector:
+    """The multiple s a."""
+    return s * a[0], s * a[1], s * a[2]
+
+
+@kernel(fastmath=True)
+def dot(a: Vector, b: Vector) -> float:
+    """The scalar product a . b."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@kernel(fastmath=True)
+def cross(a: Vector, b: Vector) -> Vector:
+    """The vector product a x b."""
+    return (
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    )

@@ -1,0 +1,377 @@
+"""Certified motion: a stretch of joint motion is proved free for every instant, not at samples.
+
+Over an interval, joint j strays at most delta_j from its value in the middle. A point at distance
+rho_j from axis j then moves by at most rho_j delta_j (a slide: delta_j); moved joint by joint,
+from the one that carries the point down to the base, with what it moved so far added to rho,
+
+    B <- B + (rho_j + B) delta_j      (revolute),      B <- B + delta_j      (prismatic).
+
+What counts is motion along the normal n of a plane that parts a pair, and there joints make up
+for each other. With v and w the velocities of the ball's centre and of the body, r its radius,
+L_j = rho_j + B the lever of joint j at most, and e_j what is not linear in its motion, Taylor's
+theorem gives
+
+    D = |n . v| + r |n x w| + sum_j L_j (e_j + delta_j (delta_j / 2 + sum_(k < j) delta_k)),
+
+with k over revolute joints, because |d2p / dq_j dq_k| <= L_max(j, k). Where a plane proves a
+distance in the middle that exceeds the smaller of B and D and the margin, the pair is free all over
+the interval; what is left is halved, without the share around the middle that was proved for all
+pairs. Pairs settled on an interval are not looked at again inside it.
+
+What stands around is met from the top of a tree of boxes; a pair waits there as (piece, node)
+until the intervals are so short that it pays to go down. Intervals are looked at from the longest
+to the shortest, so that a motion that collides is refused early.
+Source: "Adaptive dynamic collision checking for single and multiple articulated robots in complex
+environments", IEEE Transactions on Robotics, 2005, for B and the halving.
+"""
+
+import math
+
+import numpy as np
+
+from kinematics.arrays import Array, Indices
+from kinematics.compiled.kernel import kernel
+from obstacles.bounds import balls_apart, quick_bound
+from obstacles.bvh import EXTENT, FIRST, LAST, SKIP, gap
+from obstacles.gjk import BETWEEN, CLOSER, FARTHER, STILL, allowance, separation
+from obstacles.kernel_work import Workspace, drift, place, visit, workspace
+from obstacles.mesh_distance import surface_distance
+from obstacles.model_arrays import ModelArrays
+from obstacles.pair_grid import known
+from obstacles.piece_set import CENTER, MARGIN, NODE_STOP, OWNER, RADIUS
+from obstacles.support_table import Lists
+
+FREE = 0
+COLLIDING = 1
+UNDECIDED = 2
+
+_MAX_DEPTH = 40
+#: Intervals looked at before an edge is given up as undecided.
+MAX_INTERVALS = 20_000
+#: A bound this small [m] that still does not separate a pair is contact within its margin.
+_RESOLUTION = 1e-6
+#: What floating point may have cost a distance of a few metres [m], with room to spare.
+_ROUNDING_ERROR = 1e-9
+#: Share of a pair's proved surroundings of the middle that is used: the rest is clearance left.
+_TRUSTED = 0.9
+#: A node is entered once the motion is less than this many times its size: above, halving the
+#: interval settles more than going down.
+_COARSE = 1.0
+
+#: A cover that is apart by less than this share of the motion hardly is.
+_GRAZING = 0.1
+
+# Places in Workspace.tally.
+_CLEARANCE, _SHARE, _STOPPED = 0, 1, 2
+
+
+@kernel(allocates=False, inline="always")
+def _settle(
+    a: Array, i: int, still: int, placed: Array, j: int, last: int, corners: Array, tables: Lists,
+    surfaces: Array, twists: Array, strays: Array, room: Array, stack: Array, tally: Array,
+    apart: float, axes: Array, at: int,
+) -> int:  # fmt: skip
+    """Compare piece j, carried by joint ``last``, with piece i of ``a`` on the interval visited.
+
+    Returns:
+        FARTHER (apart all over it), CLOSER (at most ``apart`` in the middle) or BETWEEN.
+    """
+    enough, most = apart + _ROUNDING_ERROR, strays[j, 3 * still + 3]
+    lower, n = quick_bound(a, i, placed, j, enough + most)
+    lost, verdict = most, FARTHER
+    if not lower > enough + most:
+        moving = drift(twists, placed, strays, j, last, still) if most > 0.0 else STILL
+        if lower > enough:
+            lost = allowance(n, moving)
+        if not lower > enough + lost:
+            axis = axes[at]
+            if axis[0] == 0.0 and axis[1] == 0.0 and axis[2] == 0.0:
+                axis[0], axis[1], axis[2] = n
+            verdict, lower, _ = separation(
+                a, i, placed, j, corners, tables, apart, enough, moving, axis, room
+            )
+            lost = allowance((axis[0], axis[1], axis[2]), moving)
+            # A cover that touches proves nothing: its triangles decide.
+            touching = verdict == CLOSER or lower - enough < _GRAZING * lost
+            if (
+                verdict != FARTHER and touching
+                and (a[i, NODE_STOP] > 0.0 or placed[j, NODE_STOP] > 0.0)
+            ):  # fmt: skip
+                verdict, lower = surface_distance(
+                    a,
+                    i,
+                    placed,
+                    j,
+                    corners,
+                    tables,
+                    surfaces,
+                    apart,
+                    enough + most,
+                    axis,
+                    room,
+                    stack,
+                )
+                lost = most
+    if verdict == BETWEEN:
+        share = _TRUSTED * max(lower - enough, 0.0) / lost if lost > 0.0 else 0.0
+        tally[_SHARE] = min(tally[_SHARE], share)
+        tally[_STOPPED] += lost < _RESOLUTION
+        lost *= share
+    if verdict == FARTHER or (verdict == BETWEEN and lost > 0.0):
+        tally[_CLEARANCE] = min(tally[_CLEARANCE], lower - lost - apart)
+    return verdict
+
+
+@kernel(allocates=False)
+def _examine(
+    model: ModelArrays, work: Workspace, margin: float, given: Indices, hints: Array,
+    first: int, count: int, entries: Indices, axes: Array, kept: int,
+) -> tuple[int, int]:  # fmt: skip
+    """Look at ``count`` of the ``given`` entries on the interval being visited; keep what is left.
+
+    Returns:
+        How many entries are kept now, -1 where there is no room for them; the pair that touches, or
+        -1.
+    """
+    joints, scene, nodes, items = model.joints, model.scene, model.nodes, model.items
+    corners, tables, skipped = model.corners, model.tables, model.skipped
+    placed, strays, twists, room, tally, stack, surfaces = (
+        work.placed, work.strays, work.twists, work.room, work.tally, work.stack, model.surfaces,
+    )  # fmt: skip
+    p, m = skipped.shape[0], scene.shape[0]
+    extra = model.margin + margin
+    for entry in range(first, first + count):
+        i, k = given[entry, 0], given[entry, 1]
+        if kept == entries.shape[0]:
+            return -1, -1
+        if i < 0 or i >= p:
+            start, stop = i - p, i - p + 1
+            if i < 0:
+                start, stop, a, b = model.groups[-1 - i]
+                place(model, work, a)
+                place(model, work, b)
+                free = balls_apart(placed, a, b)
+                free -= strays[b, 3 * joints[a] + 3] + model.own_margin + margin
+                if free > _ROUNDING_ERROR:
+                    tally[_CLEARANCE] = min(tally[_CLEARANCE], free)
+                    continue
+            for s in range(start, stop):
+                a, b = model.self_pairs[s, 0], model.self_pairs[s, 1]
+                place(model, work, b)
+                if model.grid_axes[s, 0, 2] > 0.0:
+                    proved = known(
+                        model.grid_axes, model.grid_starts, model.grid_values, s, joints[a],
+                        work.joints,
+                    ) - strays[b, 3 * joints[a] + 3] - model.own_margin - margin  # fmt: skip
+                    if proved > _ROUNDING_ERROR:
+                        tally[_CLEARANCE] = min(tally[_CLEARANCE], proved)
+                        continue
+                if kept == entries.shape[0]:
+                    return -1, -1
+                place(model, work, a)
+                for row in range(3):
+                    axes[kept, row] = 0.0 if i < 0 else hints[entry, row]
+                verdict = _settle(
+                    placed, a, joints[a], placed, b, joints[b], corners, tables,
+                    surfaces, twists, strays, room, stack, tally, model.own_margin + margin,
+                    axes, kept,
+                )  # fmt: skip
+                if verdict == CLOSER:
+                    return kept, p * m + s
+                if verdict != FARTHER:
+                    entries[kept, 0], entries[kept, 1] = p + s, k
+                    kept += 1
+            continue
+        place(model, work, i)
+        x, y, z = placed[i, CENTER], placed[i, CENTER + 1], placed[i, CENTER + 2]
+        most = strays[i, 0]
+        reach = placed[i, RADIUS] + extra + most + _ROUNDING_ERROR
+        node, after = 0, 1
+        if k < 0:
+            node = -1 - k
+            after = int(nodes[node, SKIP])
+        while node < after:
+            start, stop = 0, 1
+            if k < 0:
+                square = gap(nodes, node, x, y, z)
+                if square > reach * reach:
+                    free = math.sqrt(square) - reach
+                    tally[_CLEARANCE] = min(tally[_CLEARANCE], free)
+                    node = int(nodes[node, SKIP])
+                    continue
+                start, stop = int(nodes[node, FIRST]), int(nodes[node, LAST])
+                if start < 0:
+                    if most > _COARSE * nodes[node, EXTENT]:
+                        if kept == entries.shape[0]:
+                            return -1, -1
+                        entries[kept, 0], entries[kept, 1] = i, -1 - node
+                        kept += 1
+                        tally[_SHARE] = 0.0
+                        node = int(nodes[node, SKIP])
+                    else:
+                        node += 1
+                    continue
+            node += 1
+            for item in range(start, stop):
+                piece = items[item] if k < 0 else k
+                if skipped[i, int(scene[piece, OWNER])]:
+                    continue
+                if kept == entries.shape[0]:
+                    return -1, -1
+                for row in range(3):
+                    axes[kept, row] = 0.0 if k < 0 else hints[entry, row]
+                verdict = _settle(
+                    scene, piece, -1, placed, i, joints[i], corners, tables,
+                    surfaces, twists, strays, room, stack, tally, scene[piece, MARGIN] + extra,
+                    axes, kept,
+                )  # fmt: skip
+                if verdict == CLOSER:
+                    return kept, i * m + piece
+                if verdict != FARTHER:
+                    entries[kept, 0], entries[kept, 1] = i, piece
+                    kept += 1
+    return kept, -1
+
+
+@kernel(allocates=False)
+def _pair_of(model: ModelArrays, entry: Indices) -> int:
+    """A pair that an entry stands for."""
+    p, m = model.skipped.shape[0], model.scene.shape[0]
+    i, k = entry[0], entry[1]
+    if i >= p:
+        return int(p * m + i - p)
+    if k >= 0:
+        return int(i * m + k)
+    node = -1 - k
+    while model.nodes[node, FIRST] < 0.0:
+        node += 1
+    return int(i * m + model.items[int(model.nodes[node, FIRST])])
+
+
+@kernel(allocates=False)
+def _look_at(
+    work: Workspace, b0: Array, b1: Array, b2: Array, b3: Array, middle: float, half: float
+) -> None:
+    """Write the curve's configuration in the middle of an interval and how far it strays there."""
+    for j in range(b0.shape[0]):
+        slope = b1[j] + (2.0 * b2[j] + 3.0 * b3[j] * middle) * middle
+        bend = abs(b2[j] + 3.0 * b3[j] * middle) + abs(b3[j]) * half
+        work.joints[0, j] = b0[j] + (b1[j] + (b2[j] + b3[j] * middle) * middle) * middle
+        work.joints[1, j] = (abs(slope) + bend * half) * half
+        work.joints[2, j] = slope * half
+        work.joints[3, j] = bend * half * half
+
+
+@kernel
+def certify_in(
+    model: ModelArrays, work: Workspace,
+    b0: Array, b1: Array, b2: Array, b3: Array, margin: float, most: int, found: Array,
+) -> int:  # fmt: skip
+    """``certify_curve`` in a workspace of the caller's; given up after ``most`` intervals."""
+    roots = model.roots
+    entries, axes = roots, work.hints[2]
+    spans, lists = work.spans[0], work.lists[0]
+    spans[0, 0], spans[0, 1], lists[0, 0], lists[0, 1] = 0.0, 1.0, 0, roots.shape[0]
+    visits, open_spans = 0, 1
+    tally = work.tally
+    tally[_CLEARANCE] = np.inf
+    found[0], found[1] = 0.0, -1.0
+    for level in range(_MAX_DEPTH):
+        # What a level leaves is written beside what it reads.
+        side = (level + 1) % 2
+        left, hints, halves, lists_left = (
+            work.entries[side], work.hints[side], work.spans[side], work.lists[side],
+        )  # fmt: skip
+        if 2 * open_spans > halves.shape[0]:
+            halves = np.empty((2 * open_spans, 2))
+            lists_left = np.empty((2 * open_spans, 2), dtype=np.int64)
+        made, kept = 0, 0
+        for span in range(open_spans):
+            low, high = spans[span, 0], spans[span, 1]
+            middle, half = 0.5 * (low + high), 0.5 * (high - low)
+            _look_at(work, b0, b1, b2, b3, middle, half)
+            visit(model, work)
+            visits += 1
+            begin = kept
+            tally[_SHARE], tally[_STOPPED] = 1.0, 0.0
+            first, count = lists[span, 0], lists[span, 1]
+            while True:
+                kept, hit = _examine(
+                    model, work, margin, entries, axes, first, count, left, hints, begin
+                )
+                if kept >= 0:
+                    break
+                more = np.empty((2 * left.shape[0], 2), dtype=np.int64)
+                more_hints = np.empty((2 * left.shape[0], 3))
+                more[:begin], more_hints[:begin] = left[:begin], hints[:begin]
+                left, hints = more, more_hints
+            if hit >= 0:
+                found[0], found[1], found[2], found[3] = middle, hit, visits, -np.inf
+                return COLLIDING
+            if kept == begin:
+                continue
+            if tally[_STOPPED] > 0.0 or visits >= most:
+                found[0], found[1], found[2] = middle, _pair_of(model, left[begin]), visits
+                found[3] = tally[_CLEARANCE] + margin
+                return UNDECIDED
+            proved = half * tally[_SHARE]
+            halves[made, 0], halves[made, 1] = low, middle - proved
+            halves[made + 1, 0], halves[made + 1, 1] = middle + proved, high
+            for at in (made, made + 1):
+                lists_left[at, 0], lists_left[at, 1] = begin, kept - begin
+            made += 2
+        if made == 0:
+            found[2], found[3] = visits, tally[_CLEARANCE] + margin
+            return FREE
+        entries, axes, spans, lists, open_spans = left, hints, halves, lists_left, made
+    found[0], found[1] = spans[0, 0], _pair_of(model, entries[lists[0, 0]])
+    found[2], found[3] = visits, tally[_CLEARANCE] + margin
+    return UNDECIDED
+
+
+@kernel
+def certify_curve(
+    model: ModelArrays, b0: Array, b1: Array, b2: Array, b3: Array, margin: float, found: Array
+) -> int:
+    """Prove that q(s) = b0 + b1 s + b2 s^2 + b3 s^3 keeps all pairs apart for 0 <= s <= 1.
+
+    Args:
+        model: The packed robot and scene.
+        b0: Coefficients of the curve, shape (n,), as are the next three.
+        b1: Of s.
+        b2: Of s^2.
+        b3: Of s^3.
+        margin: Asked for on top of the pairs' own margins [m].
+        found: Filled with what was found, shape (4,): where on the curve it stopped (s), the pair
+            that stopped it or -1, intervals looked at, and the clearance proved so far, the pairs'
+            own margins taken off [m].
+
+    Returns:
+        FREE (proved), COLLIDING (a configuration was found with a pair at most its margin apart) or
+        UNDECIDED (a pair comes within a millionth of a metre of its margin).
+    """
+    return certify_in(model, workspace(model), b0, b1, b2, b3, margin, MAX_INTERVALS, found)
+
+
+@kernel
+def certify_edge(model: ModelArrays, start: Array, end: Array, margin: float) -> int:
+    """``certify_curve`` on the straight motion from ``start`` to ``end``, the verdict alone."""
+    zero, found = np.zeros(start.shape[0]), np.empty(4)
+    work, step = workspace(model), end - start
+    return certify_in(model, work, start, step, zero, zero, margin, MAX_INTERVALS, found)
+
+
+@kernel
+def certify_path(
+    model: ModelArrays, waypoints: Array, margin: float, found: Array
+) -> tuple[int, int]:
+    """``certify_curve`` along every leg of a polyline (m, n); the verdict and the leg it is on."""
+    zero = np.zeros(waypoints.shape[1])
+    work = workspace(model)
+    for leg in range(waypoints.shape[0] - 1):
+        step = waypoints[leg + 1] - waypoints[leg]
+        start = waypoints[leg]
+        verdict = certify_in(model, work, start, step, zero, zero, margin, MAX_INTERVALS, found)
+        if verdict != FREE:
+            return verdict, leg
+    return FREE, waypoints.shape[0] - 1

@@ -1,0 +1,365 @@
+"""Distances of pieces of meshes that are not convex, by their triangles.
+
+Covers prove that pieces are apart. Where a cover touches, what it covers decides: its triangles,
+met from the top of a tree over them, and whether the one body lies inside the other without any
+triangle touching, as a bolt in its hole does not, but a ball in a block does.
+"""
+
+import math
+
+import numpy as np
+
+from kinematics.arrays import Array
+from kinematics.compiled.kernel import kernel
+from obstacles.bounds import quick_bound
+from obstacles.bvh import FIRST, SKIP
+from obstacles.gjk import BETWEEN, CLOSER, FARTHER, STILL, Vector, separation, support
+from obstacles.piece_set import (
+    ANCHOR,
+    ANCHOR_STOP,
+    CENTER,
+    GROUP,
+    GROUP_STOP,
+    HALF,
+    KIND,
+    MIDDLE,
+    NODE,
+    NODE_STOP,
+    POSE,
+    RADIUS,
+    ROUNDING,
+    START,
+    STOP,
+    WIDTH,
+    CoreKind,
+    PieceSet,
+)
+from obstacles.support_table import Lists
+
+_POLYTOPE = int(CoreKind.POLYTOPE)
+_HALFSPACE = int(CoreKind.HALFSPACE)
+#: Pairs of nodes that can wait: two trees, halved each time, and one sibling at each step.
+_WAITING = 256
+#: The first of the two rows of ``stack`` that hold what is looked at, behind those that wait.
+DESK = _WAITING
+STACK = (_WAITING + 2, WIDTH)
+
+
+@kernel(allocates=False)
+def _open(desk: Array, k: int, nodes: Array, node: int) -> None:
+    """Let row k of ``desk`` be a node's box, and its triangle where it is a leaf."""
+    square = 0.0
+    for axis in range(3):
+        low, high = nodes[node, axis], nodes[node, 3 + axis]
+        half = 0.5 * (high - low)
+        desk[k, MIDDLE + axis], desk[k, HALF + axis] = 0.5 * (low + high), half
+        square += half * half
+    desk[k, RADIUS] = math.sqrt(square)
+    x, y, z = desk[k, MIDDLE], desk[k, MIDDLE + 1], desk[k, MIDDLE + 2]
+    for axis in range(3):
+        at = POSE + 4 * axis
+        turned = desk[k, at] * x + desk[k, at + 1] * y + desk[k, at + 2] * z
+        desk[k, CENTER + axis] = turned + desk[k, at + 3]
+    if nodes[node, FIRST] >= 0.0:
+        desk[k, START], desk[k, STOP] = nodes[node, FIRST], nodes[node, FIRST] + 3.0
+
+
+@kernel(allocates=False)
+def _begin(desk: Array, k: int, rows: Array, i: int) -> int:
+    """Copy a row to the desk; the root of its tree, or -1 where it is the solid itself."""
+    for column in range(WIDTH):
+        desk[k, column] = rows[i, column]
+    if not rows[i, NODE_STOP] > 0.0:
+        return -1
+    desk[k, KIND], desk[k, ROUNDING] = _POLYTOPE, 0.0
+    return int(rows[i, NODE])
+
+
+#: A direction, and what whole pieces reach along it: the first least, the second most.
+_Plane = tuple[float, float, float, float, float]
+
+
+@kernel(allocates=False)
+def _plane(
+    desk: Array, na: int, nb: int, corners: Array, tables: Lists, x: float, y: float, z: float
+) -> _Plane:
+    length = math.sqrt(x * x + y * y + z * z)
+    n = (x / length, y / length, z / length) if length > 0.0 else (1.0, 0.0, 0.0)
+    low, high = -np.inf, np.inf
+    if na < 0 and desk[0, KIND] != _HALFSPACE:
+        p = support(desk, 0, corners, tables, (-n[0], -n[1], -n[2]))
+        low = n[0] * p[0] + n[1] * p[1] + n[2] * p[2] - desk[0, ROUNDING]
+    if nb < 0:
+        p = support(desk, 1, corners, tables, n)
+        high = n[0] * p[0] + n[1] * p[1] + n[2] * p[2] + desk[1, ROUNDING]
+    return n[0], n[1], n[2], low, high
+
+
+@kernel(allocates=False)
+def _extent(desk: Array, k: int, n: _Plane) -> tuple[float, float]:
+    """What the box of row k reaches along a direction, least and most."""
+    middle = desk[k, POSE + 3] * n[0] + desk[k, POSE + 7] * n[1] + desk[k, POSE + 11] * n[2]
+    half = 0.0
+    for axis in range(3):
+        at = POSE + axis
+        along = desk[k, at] * n[0] + desk[k, at + 4] * n[1] + desk[k, at + 8] * n[2]
+        middle += along * desk[k, MIDDLE + axis]
+        half += abs(along) * desk[k, HALF + axis]
+    return middle - half, middle + half
+
+
+@kernel(allocates=False)
+def _bound(desk: Array, na: int, nb: int, n: _Plane, enough: float) -> float:
+    """A lower bound of the distance of the two rows of the desk [m]."""
+    low, high = n[3], n[4]
+    if na >= 0:
+        low, _ = _extent(desk, 0, n)
+    if nb >= 0:
+        _, high = _extent(desk, 1, n)
+    if low - high > enough:
+        return low - high
+    bound, _ = quick_bound(desk, 0, desk, 1, enough)
+    return max(bound, low - high)
+
+
+@kernel(allocates=False)
+def surface_distance(
+    a: Array, i: int, b: Array, j: int, corners: Array, tables: Lists, nodes: Array,
+    near: float, most: float, hint: Array, room: Array, stack: Array,
+) -> tuple[int, float]:  # fmt: skip
+    """Compare the distance of what two covers cover with two thresholds.
+
+    Args:
+        a: Rows of a ``PieceSet``, their poses in a common frame.
+        i: One of them.
+        b: Such rows, the same or others.
+        j: One of them; no half-space.
+        corners: Of both.
+        tables: Of both.
+        nodes: Of both.
+        near: At most this far apart is too close [m]; -inf asks for the distance itself.
+        most: Farther apart than this is far enough [m].
+        hint: A direction from j to i across which they may be apart, shape (3,).
+        room: Room to work in, shape (9, 3).
+        stack: The same, shape STACK. Its last two rows are left as the parts that are nearest to
+            each other, where the answer is BETWEEN.
+
+    Returns:
+        FARTHER, CLOSER (at most ``near`` apart, touching, or one inside the other) or BETWEEN, and
+        a lower bound of the distance [m].
+    """
+    desk, axis = stack[DESK : DESK + 2], room[8]
+    na, nb = _begin(desk, 0, a, i), _begin(desk, 1, b, j)
+    plane = _plane(desk, na, nb, corners, tables, hint[0], hint[1], hint[2])
+    limit, top = most, 1
+    stack[0, 0], stack[0, 1], stack[0, 2] = na, nb, -np.inf
+    best_a, best_b = -1, -1
+    while top > 0:
+        top -= 1
+        if stack[top, 2] > limit:
+            continue
+        na, nb = int(stack[top, 0]), int(stack[top, 1])
+        if na >= 0:
+            _open(desk, 0, nodes, na)
+        if nb >= 0:
+            _open(desk, 1, nodes, nb)
+        whole_a, whole_b = na < 0 or nodes[na, FIRST] >= 0.0, nb < 0 or nodes[nb, FIRST] >= 0.0
+        if whole_a and whole_b:
+            lower, n = quick_bound(desk, 0, desk, 1, limit)
+            if lower > limit:
+                continue
+            axis[0], axis[1], axis[2] = n
+            verdict, lower, upper = separation(
+                desk, 0, desk, 1, corners, tables, near, limit, STILL, axis, room
+            )
+            if upper <= max(near, 0.0):
+                return CLOSER, min(lower, 0.0) if near < 0.0 else lower
+            if verdict != FARTHER and lower <= limit:
+                limit, best_a, best_b = lower, na, nb
+                plane = _plane(
+                    desk, min(na, 0), min(nb, 0), corners, tables, axis[0], axis[1], axis[2]
+                )
+            continue
+        side = 0
+        if whole_a or (not whole_b and desk[1, RADIUS] > desk[0, RADIUS]):
+            side = 1
+        left = (na if side == 0 else nb) + 1
+        right = int(nodes[left, SKIP])
+        _open(desk, side, nodes, left)
+        first = _bound(desk, na, nb, plane, limit)
+        _open(desk, side, nodes, right)
+        second = _bound(desk, na, nb, plane, limit)
+        # The nearer one is looked at first.
+        if first <= second:
+            left, right, first, second = right, left, second, first
+        for child, bound in ((left, first), (right, second)):
+            if bound <= limit:
+                stack[top, 0], stack[top, 1], stack[top, 2] = na, nb, bound
+                stack[top, side] = child
+                top += 1
+    if _contained(a, i, b, j, corners, tables, nodes):
+        return CLOSER, -np.inf
+    if limit >= most:
+        return FARTHER, most
+    if best_a >= 0:
+        _open(desk, 0, nodes, best_a)
+    if best_b >= 0:
+        _open(desk, 1, nodes, best_b)
+    return BETWEEN, limit
+
+
+@kernel(allocates=False)
+def _contained(
+    a: Array, i: int, b: Array, j: int, corners: Array, tables: Lists, nodes: Array
+) -> bool:
+    """Whether a body of one piece lies inside the solid of the other, when no triangle touches."""
+    if b[j, GROUP_STOP] > 0.0 and _has_inside(b, j, corners, nodes, a, i, tables):
+        return True
+    return bool(a[i, GROUP_STOP] > 0.0 and _has_inside(a, i, corners, nodes, b, j, tables))
+
+
+@kernel(allocates=False)
+def _has_inside(
+    rows: Array, j: int, corners: Array, nodes: Array, others: Array, i: int, tables: Lists
+) -> bool:
+    """Whether the solid that row j belongs to has a body of row i of ``others`` inside."""
+    if others[i, KIND] == _HALFSPACE:
+        return False
+    if not others[i, NODE_STOP] > 0.0:
+        return _inside(
+            rows, j, corners, nodes, support(others, i, corners, tables, (1.0, 0.0, 0.0))
+        )
+    for k in range(int(others[i, ANCHOR]), int(others[i, ANCHOR_STOP])):
+        x, y, z = corners[k, 0], corners[k, 1], corners[k, 2]
+        p, q = POSE, others[i]
+        point = (
+            q[p] * x + q[p + 1] * y + q[p + 2] * z + q[p + 3],
+            q[p + 4] * x + q[p + 5] * y + q[p + 6] * z + q[p + 7],
+            q[p + 8] * x + q[p + 9] * y + q[p + 10] * z + q[p + 11],
+        )
+        if _inside(rows, j, corners, nodes, point):
+            return True
+    return False
+
+
+@kernel(allocates=False)
+def _inside(rows: Array, j: int, corners: Array, nodes: Array, point: Vector) -> bool:
+    """Whether a point is inside the solid that row j belongs to.
+
+    Rays along the three axes are counted through the surface, out less in; where a crack lets one
+    through, the other two outvote it.
+    """
+    p, row = POSE, rows[j]
+    x, y, z = point[0] - row[p + 3], point[1] - row[p + 7], point[2] - row[p + 11]
+    local = (
+        row[p] * x + row[p + 4] * y + row[p + 8] * z,
+        row[p + 1] * x + row[p + 5] * y + row[p + 9] * z,
+        row[p + 2] * x + row[p + 6] * y + row[p + 10] * z,
+    )
+    votes = 0
+    for w in range(3):
+        u, v = (w + 1) % 3, (w + 2) % 3
+        turns = 0
+        for k in range(int(row[GROUP]), int(row[GROUP_STOP])):
+            node, stop = int(rows[k, NODE]), int(rows[k, NODE_STOP])
+            while node < stop:
+                if (
+                    local[u] < nodes[node, u] or local[u] > nodes[node, 3 + u]
+                    or local[v] < nodes[node, v] or local[v] > nodes[node, 3 + v]
+                    or local[w] > nodes[node, 3 + w]
+                ):  # fmt: skip
+                    node = int(nodes[node, SKIP])
+                    continue
+                if nodes[node, FIRST] >= 0.0:
+                    turns += _crossed(corners, int(nodes[node, FIRST]), local, u, v, w)
+                node += 1
+        votes += turns != 0
+    return votes >= 2
+
+
+@kernel(allocates=False)
+def _crossed(corners: Array, first: int, p: Vector, u: int, v: int, w: int) -> int:
+    """Whether the ray from p along axis w goes through a triangle: out 1, in -1, past it 0.
+
+    Edges belong to one of two neighbours, and are computed alike for both.
+    """
+    turns = 0
+    for k in range(3):
+        s, t = first + k, first + (k + 1) % 3
+        up = 1
+        if corners[s, v] > corners[t, v]:
+            s, t, up = t, s, -1
+        if corners[s, v] <= p[v] < corners[t, v]:
+            ahead = (corners[t, u] - corners[s, u]) * (p[v] - corners[s, v])
+            ahead -= (p[u] - corners[s, u]) * (corners[t, v] - corners[s, v])
+            if ahead > 0.0:
+                turns += up
+    if turns == 0:
+        return 0
+    a, b, c = first, first + 1, first + 2
+    bu, bv, bw = (
+        corners[b, u] - corners[a, u],
+        corners[b, v] - corners[a, v],
+        corners[b, w] - corners[a, w],
+    )
+    cu, cv, cw = (
+        corners[c, u] - corners[a, u],
+        corners[c, v] - corners[a, v],
+        corners[c, w] - corners[a, w],
+    )
+    nu, nv, nw = bv * cw - bw * cv, bw * cu - bu * cw, bu * cv - bv * cu
+    above = (corners[a, u] - p[u]) * nu + (corners[a, v] - p[v]) * nv + (corners[a, w] - p[w]) * nw
+    if nw == 0.0 or not above / nw > 0.0:
+        return 0
+    return 1 if nw > 0.0 else -1
+
+
+@kernel
+def touching(placed: PieceSet, i: int, j: int) -> bool:
+    """Whether two pieces, placed in a common frame, touch."""
+    rows, corners, tables = placed.rows, placed.corners, placed.tables
+    room = np.zeros((9, 3))
+    for row in range(3):
+        at = POSE + 4 * row + 3
+        room[8, row] = rows[i, at] - rows[j, at]
+    _, _, upper = separation(rows, i, rows, j, corners, tables, 0.0, np.inf, STILL, room[8], room)
+    if upper > 0.0 or not max(rows[i, NODE_STOP], rows[j, NODE_STOP]) > 0.0:
+        return bool(upper <= 0.0)
+    verdict, _ = surface_distance(
+        rows,
+        i,
+        rows,
+        j,
+        corners,
+        tables,
+        placed.surfaces,
+        0.0,
+        0.0,
+        room[8],
+        room,
+        np.empty(STACK),
+    )
+    return bool(verdict == CLOSER)
+
+
+@kernel
+def mesh_distance(
+    a: Array, i: int, b: Array, j: int, corners: Array, tables: Lists, nodes: Array, axis: Array
+) -> float:
+    """Distance of two pieces of meshes, placed in a common frame, 0 where they touch [m].
+
+    Args:
+        a: Rows of the solid that the first one is a part of.
+        i: Which one.
+        b: Those of the second one's.
+        j: Which one; no half-space.
+        corners: Of both.
+        tables: Of both.
+        nodes: Of both.
+        axis: Where to look first, from j to i, shape (3,).
+    """
+    room, stack = np.zeros((9, 3)), np.empty(STACK)
+    verdict, lower = surface_distance(
+        a, i, b, j, corners, tables, nodes, -np.inf, np.inf, axis, room, stack
+    )
+    return 0.0 if verdict == CLOSER else lower

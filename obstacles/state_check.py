@@ -1,0 +1,327 @@
+"""The verdict on one configuration: free, colliding, exact where a sphere bracket can't tell.
+
+A body's ball walks the tree of what stands around; what it meets is met by each of its pieces,
+from one sphere about the piece down to the finest ones, at distances in closed form. A piece whose
+outer spheres are all clear of a solid is free of it; where an inner one meets it, it collides.
+Pairs that neither settles are asked of the distance iteration (`gjk`). A pair of the robot's own is
+looked up on its grid first. Poses of whole pieces are only worked out for the exact test.
+"""
+
+import math
+
+import numpy as np
+
+from kinematics.arrays import Array, Indices
+from kinematics.compiled.kernel import kernel
+from kinematics.forward import forward_kernel
+from obstacles.ball_distance import bound_from, closed_form
+from obstacles.bounds import balls_apart, quick_bound
+from obstacles.brackets import AFTER, INNER, OUTER
+from obstacles.bvh import FIRST, LAST, SKIP, gap
+from obstacles.edge_check import COLLIDING, FREE, UNDECIDED
+from obstacles.gjk import CLOSER, FARTHER, STILL, Vector, dot, minus, separation
+from obstacles.kernel_work import Workspace, place_row, workspace
+from obstacles.mesh_distance import surface_distance
+from obstacles.model_arrays import ModelArrays
+from obstacles.pair_grid import known
+from obstacles.piece_set import CENTER, MARGIN, NODE_STOP, OWNER, RADIUS
+
+#: What floating point may have cost a distance of a few metres [m], with room to spare.
+_ROUNDING_ERROR = 1e-9
+#: Pairs of two bodies from which on it pays to bring the balls of all pieces into the base frame.
+_FEW = 4
+
+
+@kernel(allocates=False)
+def verdict_in(model: ModelArrays, work: Workspace, q: Array, margin: float, asked: Indices) -> int:
+    """The verdict on configuration q (n,).
+
+    Args:
+        model: The packed robot and scene.
+        work: A workspace of the model.
+        q: Shape (n,).
+        margin: Asked for on top of the pairs' own margins [m].
+        asked: Filled with how many pairs the brackets left open, and those of them there is room
+            for, shape (1 + r,). With room for any (r > 0) they are flagged and not asked.
+
+    Returns:
+        FREE, COLLIDING, or UNDECIDED: a pair comes within a millionth of a metre of its margin, or
+        is flagged.
+    """
+    asked[0] = 0
+    work.stamps[-1] += 1
+    for joint in range(q.shape[0]):
+        work.joints[0, joint] = q[joint]
+    forward_kernel(model.joint_types, model.offsets, q, work.frames)
+    verdict = FREE
+    for body in range(model.bodies.shape[0]):
+        found = _around_body(model, work, body, model.margin + margin, asked)
+        if found == COLLIDING:
+            return found
+        verdict = max(verdict, found)
+    found = _own_pairs(model, work, model.own_margin + margin, asked)
+    return found if found == COLLIDING else max(verdict, found)
+
+
+@kernel(allocates=False, inline="always")
+def _around_body(
+    model: ModelArrays, work: Workspace, body: int, extra: float, asked: Indices
+) -> int:
+    """The verdict on all pieces of a body against what stands around."""
+    row, walls = model.bodies[body, 0], model.walls
+    nodes, items, rows = model.nodes, model.items, model.robot
+    _place_ball(rows, row, work.frames, model.joints[row], work.placed)
+    placed, verdict, wall = work.placed, FREE, 0
+    x, y, z = placed[row, CENTER], placed[row, CENTER + 1], placed[row, CENTER + 2]
+    reach = max(rows[row, RADIUS] + extra + _ROUNDING_ERROR, 0.0)
+    square, node, end, entry, stop = reach * reach, 0, nodes.shape[0], 0, 0
+    # One loop over half-spaces, nodes and what is in them: what it does is pasted in once.
+    while True:
+        if entry < stop:
+            k = items[entry]
+            entry += 1
+        elif node < end:
+            if gap(nodes, node, x, y, z) > square:
+                node = int(nodes[node, SKIP])
+            else:
+                entry, stop = int(nodes[node, FIRST]), int(nodes[node, LAST])
+                node += 1
+            continue
+        elif wall < walls.shape[0]:
+            k = walls[wall]
+            wall += 1
+        else:
+            return verdict
+        found = _body_against(model, work, body, k, extra, asked)
+        if found == COLLIDING:
+            return found
+        verdict = max(verdict, found)
+
+
+@kernel(allocates=False, inline="always")
+def _body_against(
+    model: ModelArrays, work: Workspace, body: int, k: int, extra: float, asked: Indices
+) -> int:
+    """The verdict on all pieces of a body against piece k of the scene."""
+    row, first, last = model.bodies[body, 0], model.bodies[body, 1], model.bodies[body, 2]
+    scene, placed = model.scene, work.placed
+    apart = scene[k, MARGIN] + extra
+    x, y, z = placed[row, CENTER], placed[row, CENTER + 1], placed[row, CENTER + 2]
+    if last - first > 1:
+        bound = bound_from(scene, k, model.corners, x, y, z)
+        if bound > model.robot[row, RADIUS] + apart + _ROUNDING_ERROR:
+            return FREE
+    verdict = FREE
+    for entry in range(first, last):
+        i = model.carried[entry]
+        if model.skipped[i, int(scene[k, OWNER])]:
+            continue
+        found = _bracket(
+            model.spheres, model.sphere_starts[i], model.sphere_starts[i + 1], work.frames,
+            model.joints[i], scene, k, model.corners, apart,
+        )  # fmt: skip
+        if found == UNDECIDED:
+            found = _ask(
+                model, work, scene, k, i, apart, asked, i * scene.shape[0] + k
+            )  # fmt: skip
+        if found == COLLIDING:
+            return found
+        verdict = max(verdict, found)
+    return verdict
+
+
+@kernel(allocates=False, inline="always")
+def _own_pairs(model: ModelArrays, work: Workspace, apart: float, asked: Indices) -> int:
+    """The verdict on the robot's own pairs."""
+    placed, pairs, joints = work.placed, model.self_pairs, model.joints
+    pieces = model.skipped.shape[0]
+    first_pair, verdict, ready = pieces * model.scene.shape[0], FREE, False
+    for group in range(model.groups.shape[0]):
+        start, stop, a, b = model.groups[group]
+        if balls_apart(placed, a, b) > apart + _ROUNDING_ERROR:
+            continue
+        if not ready and stop - start > _FEW:
+            for i in range(pieces):
+                if joints[i] >= 0:
+                    _place_ball(model.robot, i, work.frames, joints[i], placed)
+            ready = True
+        for s in range(start, stop):
+            i, j = pairs[s, 0], pairs[s, 1]
+            if ready and balls_apart(placed, i, j) > apart + _ROUNDING_ERROR:
+                continue
+            if model.grid_axes[s, 0, 2] > 0.0:
+                proved = known(
+                    model.grid_axes, model.grid_starts, model.grid_values, s, joints[i], work.joints
+                )
+                if proved > apart + _ROUNDING_ERROR:
+                    continue
+            found = _bracket_pair(
+                model.spheres, model.sphere_starts[i], model.sphere_starts[i + 1], joints[i],
+                model.sphere_starts[j], model.sphere_starts[j + 1], joints[j], work.frames, apart,
+                asked.shape[0] > 1,
+            )  # fmt: skip
+            if found == UNDECIDED:
+                _place(model, work, i)
+                found = _ask(model, work, placed, i, j, apart, asked, first_pair + s)
+            if found == COLLIDING:
+                return found
+            verdict = max(verdict, found)
+    return verdict
+
+
+@kernel(allocates=False, inline="always")
+def _bracket(
+    spheres: Array, sphere: int, end: int, frames: Array, joint: int, rows: Array, k: int,
+    corners: Array, apart: float,
+) -> int:  # fmt: skip
+    """What the spheres of a piece, from one to before another, tell about piece k of ``rows``.
+
+    Returns:
+        FREE, COLLIDING, or UNDECIDED: the exact test is to be asked.
+    """
+    # What covers a part of a mesh may hold more than it: it is free, but never struck, by itself.
+    exact = closed_form(rows, k) and not rows[k, NODE_STOP] > 0.0
+    while sphere < end:
+        x, y, z = spheres[sphere, 0], spheres[sphere, 1], spheres[sphere, 2]
+        distance = bound_from(
+            rows, k, corners,
+            frames[joint, 0, 0] * x + frames[joint, 0, 1] * y + frames[joint, 0, 2] * z
+            + frames[joint, 0, 3],
+            frames[joint, 1, 0] * x + frames[joint, 1, 1] * y + frames[joint, 1, 2] * z
+            + frames[joint, 1, 3],
+            frames[joint, 2, 0] * x + frames[joint, 2, 1] * y + frames[joint, 2, 2] * z
+            + frames[joint, 2, 3],
+        )  # fmt: skip
+        if distance > spheres[sphere, OUTER] + apart + _ROUNDING_ERROR:
+            sphere = int(spheres[sphere, AFTER])
+            continue
+        if exact and distance <= spheres[sphere, INNER] + apart - _ROUNDING_ERROR:
+            return COLLIDING
+        sphere += 1
+        if spheres[sphere - 1, AFTER] == sphere:
+            return UNDECIDED
+    return FREE
+
+
+@kernel(allocates=False)
+def _bracket_pair(
+    spheres: Array, a: int, a_end: int, a_joint: int, b: int, b_end: int, b_joint: int,
+    frames: Array, apart: float, deep: bool,
+) -> int:  # fmt: skip
+    """``_bracket`` of two pieces of the robot: the finest spheres of one that come near the other.
+
+    Links are built close together: below the first spheres (``deep``) the exact test is done
+    sooner. Inner radii below 0 prove what they say too: with s and t the signed distances from the
+    pieces, these are at most |c - d| + s(c) + t(d) apart.
+    """
+    middle, far = _moved(spheres, b, frames, b_joint), spheres[b, OUTER] + apart + _ROUNDING_ERROR
+    while a < a_end:
+        center = _moved(spheres, a, frames, a_joint)
+        away = minus(center, middle)
+        if dot(away, away) > (spheres[a, OUTER] + far) ** 2:
+            a = int(spheres[a, AFTER])
+            continue
+        if not deep:
+            return UNDECIDED
+        a += 1
+        if spheres[a - 1, AFTER] != a:
+            continue
+        other, reach = b, spheres[a - 1, OUTER] + apart + _ROUNDING_ERROR
+        while other < b_end:
+            away = minus(center, _moved(spheres, other, frames, b_joint))
+            distance = math.sqrt(dot(away, away))
+            if distance > spheres[other, OUTER] + reach:
+                other = int(spheres[other, AFTER])
+                continue
+            overlap = spheres[a - 1, INNER] + spheres[other, INNER] + apart - _ROUNDING_ERROR
+            if distance <= overlap:
+                return COLLIDING
+            other += 1
+            if spheres[other - 1, AFTER] == other:
+                return UNDECIDED
+    return FREE
+
+
+@kernel(allocates=False)
+def _moved(spheres: Array, k: int, frames: Array, joint: int) -> Vector:
+    """The centre of a sphere in the base frame."""
+    x, y, z = spheres[k, 0], spheres[k, 1], spheres[k, 2]
+    if joint < 0:
+        return x, y, z
+    T = frames[joint]
+    return (
+        T[0, 0] * x + T[0, 1] * y + T[0, 2] * z + T[0, 3],
+        T[1, 0] * x + T[1, 1] * y + T[1, 2] * z + T[1, 3],
+        T[2, 0] * x + T[2, 1] * y + T[2, 2] * z + T[2, 3],
+    )
+
+
+@kernel(allocates=False)
+def _ask(
+    model: ModelArrays, work: Workspace, rows: Array, k: int, i: int, apart: float, asked: Indices,
+    pair: int,
+) -> int:  # fmt: skip
+    """The exact verdict on piece i of the robot and piece k of ``rows``, or a flag for it."""
+    asked[0] += 1
+    if asked.shape[0] > 1:
+        if asked[0] < asked.shape[0]:
+            asked[asked[0]] = pair
+        return UNDECIDED
+    _place(model, work, i)
+    enough, axis = apart + _ROUNDING_ERROR, work.room[8]
+    lower, n = quick_bound(rows, k, work.placed, i, enough)
+    if lower > enough:
+        return FREE
+    axis[0], axis[1], axis[2] = n
+    verdict, _, _ = separation(
+        rows, k, work.placed, i, model.corners, model.tables, apart, enough, STILL, axis, work.room
+    )
+    if verdict != FARTHER and (rows[k, NODE_STOP] > 0.0 or work.placed[i, NODE_STOP] > 0.0):
+        verdict, _ = surface_distance(
+            rows, k, work.placed, i, model.corners, model.tables, model.surfaces, apart, enough,
+            axis, work.room, work.stack,
+        )  # fmt: skip
+    if verdict == FARTHER:
+        return FREE
+    return COLLIDING if verdict == CLOSER else UNDECIDED
+
+
+@kernel(allocates=False)
+def _place_ball(rows: Array, i: int, frames: Array, joint: int, placed: Array) -> None:
+    """Bring the middle of row i into the base frame."""
+    x, y, z = rows[i, CENTER], rows[i, CENTER + 1], rows[i, CENTER + 2]
+    for axis in range(3):
+        placed[i, CENTER + axis] = (
+            frames[joint, axis, 0] * x + frames[joint, axis, 1] * y + frames[joint, axis, 2] * z
+            + frames[joint, axis, 3]
+        )  # fmt: skip
+
+
+@kernel(allocates=False)
+def _place(model: ModelArrays, work: Workspace, i: int) -> None:
+    """Bring piece i into the base frame if it is not there yet."""
+    if work.stamps[i] != work.stamps[-1]:
+        work.stamps[i] = work.stamps[-1]
+        place_row(work.placed, i, model.robot, work.frames, model.joints[i])
+
+
+@kernel
+def verdict_on(model: ModelArrays, q: Array, margin: float) -> int:
+    """``verdict_in`` in a workspace of its own."""
+    return verdict_in(model, workspace(model), q, margin, np.empty(1, dtype=np.int64))
+
+
+@kernel
+def bracket_on(model: ModelArrays, q: Array, margin: float, asked: Indices) -> int:
+    """``verdict_in`` by brackets alone, which flags pairs in ``asked`` (1 + r,), r > 0."""
+    return verdict_in(model, workspace(model), q, margin, asked)
+
+
+@kernel
+def verdicts_on(model: ModelArrays, states: Array, margin: float, verdicts: Array) -> int:
+    """``verdict_in`` of states (k, n) one after the other; how many pairs took the exact test."""
+    work, asked, total = workspace(model), np.empty(1, dtype=np.int64), 0
+    for k in range(states.shape[0]):
+        verdicts[k] = verdict_in(model, work, states[k], margin, asked)
+        total += asked[0]
+    return total

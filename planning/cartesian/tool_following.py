@@ -1,0 +1,324 @@
+"""Joint paths that keep the tool on its motion: one branch of inverse kinematics, followed.
+
+From the configuration at hand the numeric method goes to the next pose along the motion, starting
+where it is: so it stays in its branch. Steps are halved where it fails or the joints jump. Through
+the configurations goes a cubic spline in s, whose second derivative is continuous, so that every
+method can time it; where the spline takes the tool too far off, more configurations are put in
+between. What limits the joints is told where no step is small enough.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from kinematics.arrays import Array
+from kinematics.chain import Chain, Limits
+from kinematics.ik import numeric
+from kinematics.ik.numeric import AXES, POSITION, Axis
+from kinematics.jacobian import pose_and_jacobian
+from kinematics.pose import rotation_error
+from kinematics.trajectory import Trajectory
+from planning.deadline import Deadline
+from planning.proof.tool_deviation import piece_deviations
+from planning.timing.path import JointPath
+from planning.tool_motion import ToolMotion
+
+Reason = Literal["limit", "singularity", "unreachable", "branch", "collision", "deviation", "time"]
+
+#: First steps along a motion [m], [rad]; at least so many of them.
+_STEP_LENGTH, _STEP_ANGLE, _LEAST_STEPS = 0.04, 0.15, 6
+#: A joint that moves more than this in one step [rad or m] may have changed its branch.
+_JUMP = 0.35
+#: Steps below this part of a motion tell that it can't be followed any further.
+_LEAST_STEP = 1e-5
+#: Inverse kinematics is this much finer than the deviation allowed, within these [m, rad].
+_FINER, _FINEST, _COARSEST = 1e-3, 1e-10, 1e-6
+#: The solver keeps this far inside the joint limits [rad or m], for the spline between its answers.
+_INSET = 1e-4
+#: Share of the deviation allowed that the spline may use; timing adds rounding to it.
+_SHARE = 0.98
+_MAX_KNOTS = 6000
+#: Starts spent on finding out whether a pose can be reached at all.
+_SEARCH = 150
+#: Least singular value, as part of the largest, below which an arm counts as singular.
+_SINGULAR = 1e-2
+#: Rows of the Jacobian below this are 0: no joint moves the tool that way.
+_NOTHING = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """Where a motion could be followed no further, and why.
+
+    Args:
+        at: Place on the motion, from 0 to 1.
+        reason: What stood in the way.
+        message: One sentence.
+        details: Values a program can use.
+    """
+
+    at: float
+    reason: Reason
+    message: str
+    details: dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Followed:
+    """A joint path that keeps the tool on its motion.
+
+    Args:
+        path: With s for its parameter; None where the joints do not move at all.
+        start: Configuration it begins with, shape (n,).
+        end: Configuration it ends with, shape (n,).
+        reached: Place on the motion where it ends.
+        stop: Why it ends before 1; None where it does not.
+    """
+
+    path: JointPath | None
+    start: Array
+    end: Array
+    reached: float
+    stop: Stop | None
+
+    def cut(self, at: float, stop: Stop) -> "Followed":
+        """The same up to a place on the motion."""
+        if self.path is None or at >= self.reached:
+            return replace(self, stop=stop)
+        breaks = self.path.breaks
+        last = int(np.searchsorted(breaks, at, side="left")) - 1
+        if last < 0:
+            return Followed(None, self.start, self.start, 0.0, stop)
+        lengths = np.append(self.path.lengths[:last], at - breaks[last])
+        path = JointPath(self.path.coefficients[: last + 1], lengths)
+        return Followed(path, self.start, path.sample([path.length])[0], at, stop)
+
+
+@dataclass(frozen=True, slots=True)
+class Tolerances:
+    """How far the tool may be off its motion.
+
+    Args:
+        position: Of its origin [m].
+        orientation: Of its orientation [rad]; None where that is free.
+    """
+
+    position: float
+    orientation: float | None
+
+    @property
+    def pair(self) -> tuple[float, float]:
+        """Both, infinite where it is free."""
+        return self.position, np.inf if self.orientation is None else self.orientation
+
+    @property
+    def axes(self) -> tuple[Axis, ...]:
+        """What inverse kinematics has to look at."""
+        return POSITION if self.orientation is None else AXES
+
+    @property
+    def solver(self) -> tuple[float, float]:
+        """What inverse kinematics may be off [m], [rad]."""
+        fine = np.clip([_FINER * value for value in self.pair], _FINEST, _COARSEST)
+        return float(fine[0]), float(fine[1])
+
+
+def follow(
+    chain: Chain, motion: ToolMotion, start: Array, tolerances: Tolerances, deadline: Deadline
+) -> Followed:
+    """Follow a motion of the tool from a configuration whose tool is where it begins.
+
+    Args:
+        chain: The robot; its tip is the tool.
+        motion: The motion.
+        start: Inside the limits, shape (n,).
+        tolerances: How far the tool may be off it, between the configurations too.
+        deadline: When to give up.
+    """
+    way = _Way(chain, motion, start, tolerances, deadline)
+    stop = way.march()
+    while True:
+        if len(way.places) < 2 or not np.ptp(way.joints, axis=0).any():
+            reached = way.places[-1] if stop is not None else 1.0
+            return Followed(None, start, start, reached, stop)
+        path = _spline(np.array(way.places), np.array(way.joints))
+        wide = way.too_far(path)
+        if not wide:
+            return Followed(path, start, way.joints[-1], way.places[-1], stop)
+        stop = way.insert(path, wide) or stop
+
+
+class _Way:
+    """Places on a motion and the configurations there."""
+
+    def __init__(
+        self,
+        chain: Chain,
+        motion: ToolMotion,
+        start: Array,
+        tolerances: Tolerances,
+        deadline: Deadline,
+    ) -> None:
+        self.places, self.joints = [0.0], [start]
+        self._chain, self._motion, self._deadline = chain, motion, deadline
+        self._tolerances = tolerances
+        self._narrow = replace(chain, limits=_narrowed(chain.limits, start))
+
+    def march(self) -> Stop | None:
+        """Go along the motion as far as can be; why no farther, if that is not its end."""
+        usual = self._usual_step()
+        step = usual
+        while self.places[-1] < 1.0:
+            at = self.places[-1] + step
+            # A last step of rounding would be one too many.
+            at = 1.0 if 1.0 - at < _LEAST_STEP else at
+            q = self._inside(at, self._predicted(at))
+            if q is not None and np.abs(q - self.joints[-1]).max() <= _JUMP:
+                self.places.append(at)
+                self.joints.append(q)
+                step = min(2.0 * step, usual)
+            elif step / 2.0 < _LEAST_STEP or self._deadline.passed:
+                return self._why(len(self.places) - 1, at)
+            else:
+                step /= 2.0
+        return None
+
+    def _usual_step(self) -> float:
+        motion, (position, orientation) = self._motion, self._tolerances.pair
+        if motion.length < position and motion.angle < orientation:
+            return 1.0
+        steps = max(motion.length / _STEP_LENGTH, motion.angle / _STEP_ANGLE, _LEAST_STEPS)
+        return 1.0 / float(np.ceil(steps))
+
+    def _predicted(self, at: float) -> Array:
+        """Where the joints come to by the least motion that moves the tool as it is to move."""
+        q = self.joints[-1]
+        T, J = pose_and_jacobian(self._chain, q)
+        target = self._motion.pose(at)
+        error = target[:3, 3] - T[:3, 3]
+        if self._tolerances.orientation is None:
+            J = J[:3]
+        else:
+            error = np.concatenate([error, rotation_error(T[:3, :3], target[:3, :3])])
+        step = np.linalg.lstsq(J, error, rcond=_SINGULAR)[0]
+        limits = self._narrow.limits
+        return np.asarray(np.clip(q + step, limits.lower, limits.upper))
+
+    def _inside(self, at: float, seed: Array) -> Array | None:
+        """The solution nearest to the seed, at a limit only if there is no other."""
+        found = self._solve(self._narrow, at, seed)
+        return found if found is not None else self._solve(self._chain, at, seed)
+
+    def _solve(self, chain: Chain, at: float, seed: Array) -> Array | None:
+        position, orientation = self._tolerances.solver
+        result = numeric.solve(
+            chain, self._motion.pose(at), seed_joints=seed, starts=1,
+            position_tolerance=position, orientation_tolerance=orientation,
+            axes=self._tolerances.axes,
+        )  # fmt: skip
+        return result.solutions[0].joints if result.solutions else None
+
+    def too_far(self, path: JointPath) -> list[int]:
+        """Pieces on which the tool is off its motion, or a joint beyond its limit."""
+        chain, breaks = self._chain, path.breaks
+        position, orientation = self._tolerances.pair
+        share = (_SHARE * position, _SHARE * orientation)
+        _, fine, _ = piece_deviations(chain, breaks, path.coefficients, self._motion, share)
+        low, high = Trajectory(chain.joint_names, breaks, path.coefficients).piece_extrema()
+        outside = np.any((low < chain.limits.lower) | (high > chain.limits.upper), axis=1)
+        return [int(i) for i in np.flatnonzero(outside | ~fine)]
+
+    def insert(self, path: JointPath, wide: list[int]) -> Stop | None:
+        """Put a configuration into the middle of these pieces; or why that is no use.
+
+        Where it is none, what comes after is forgotten.
+        """
+        breaks = path.breaks
+        for piece in wide:
+            at = 0.5 * float(breaks[piece] + breaks[piece + 1])
+            k = int(np.searchsorted(self.places, at))
+            q = None
+            narrow = breaks[piece + 1] - breaks[piece] < 2.0 * _LEAST_STEP
+            if not (narrow or self._deadline.passed or len(self.places) >= _MAX_KNOTS):
+                seed = path.sample([at])[0]
+                q = self._inside(at, seed)
+            if q is None or np.abs(q - seed).max() > _JUMP:
+                del self.places[k:], self.joints[k:]
+                return self._why(k - 1, at, between=True)
+            self.places.insert(k, at)
+            self.joints.insert(k, q)
+        return None
+
+    def _why(self, k: int, at: float, *, between: bool = False) -> Stop:
+        """What keeps the arm from going on from its k-th place."""
+        reached, q = self.places[k], self.joints[k]
+        if self._deadline.passed:
+            return Stop(reached, "time", "time was up", {})
+        limited = self._limited(reached, q, at)
+        if limited is not None:
+            return limited
+        values = self._singular_values(q)
+        told: dict[str, Any] = {"smallest_singular_value": float(values[-1])}
+        other = numeric.solve(
+            self._chain, self._motion.pose(at), seed_joints=q, starts=_SEARCH,
+            axes=self._tolerances.axes,
+        )  # fmt: skip
+        if not other.solutions:
+            nearest = other.nearest
+            told["position_error"] = nearest.position_error
+            told["orientation_error"] = nearest.orientation_error
+            return Stop(reached, "unreachable", "the arm does not reach any farther", told)
+        if values[-1] < _SINGULAR * values[0]:
+            text = f"the arm is singular here (smallest singular value {values[-1]:.3g})"
+            return Stop(reached, "singularity", text, told)
+        if between:
+            text = "the joints would have to turn too sharply to keep the tool within max_deviation"
+            return Stop(reached, "deviation", text, told)
+        told["other_joints"] = other.solutions[0].joints.tolist()
+        text = "the arm could only go on in another branch of its inverse kinematics"
+        return Stop(reached, "branch", text, told)
+
+    def _limited(self, reached: float, q: Array, at: float) -> Stop | None:
+        """The joint that would go on beyond its limit, if that is what is in the way."""
+        chain = self._chain
+        n, limits = chain.n, chain.limits
+        endless = replace(limits, lower=np.full(n, -np.inf), upper=np.full(n, np.inf))
+        beyond = self._solve(replace(chain, limits=endless), at, q)
+        if beyond is None or np.abs(beyond - q).max() > _JUMP:
+            return None
+        below, above = limits.lower + _INSET - beyond, beyond - limits.upper + _INSET
+        j = int(np.argmax(np.maximum(below, above)))
+        if max(below[j], above[j]) <= 0.0:
+            return None
+        which = "lower" if below[j] > above[j] else "upper"
+        limit, name = float(getattr(limits, which)[j]), chain.joint_names[j]
+        details = {"joint": name, "limit": limit, "value": float(q[j])}
+        text = f"joint {name!r} comes to its {which} limit {limit:.6g}"
+        return Stop(reached, "limit", text, details)
+
+    def _singular_values(self, q: Array) -> Array:
+        """Of the rows of the Jacobian that count and are not always 0, largest first."""
+        _, J = pose_and_jacobian(self._chain, q)
+        rows = J[:3] if self._tolerances.orientation is None else J
+        some = rows[np.linalg.norm(rows, axis=1) > _NOTHING]
+        return np.asarray(np.linalg.svd(some if len(some) else rows, compute_uv=False))
+
+
+def _narrowed(limits: Limits, start: Array) -> Limits:
+    """Joint limits a little narrower, but for joints that start nearer to them."""
+    lower, upper = limits.lower + _INSET, limits.upper - _INSET
+    lower = np.maximum(np.minimum(lower, start), limits.lower)
+    upper = np.minimum(np.maximum(upper, start), limits.upper)
+    return replace(limits, lower=lower, upper=upper)
+
+
+def _spline(places: Array, joints: Array) -> JointPath:
+    """The cubic spline through configurations (k, n) at places (k,)."""
+    if len(places) == 2:
+        step = (joints[1] - joints[0]) / (places[1] - places[0])
+        zero = np.zeros_like(step)
+        return JointPath(np.stack([joints[0], step, zero, zero], -1)[None], np.diff(places))
+    c = CubicSpline(places, joints, bc_type="not-a-knot").c[::-1]
+    return JointPath(np.ascontiguousarray(np.moveaxis(c, 0, 2)), np.diff(places))

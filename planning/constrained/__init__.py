@@ -1,0 +1,1 @@
+"""Planning and inverse kinematics under constraints."""

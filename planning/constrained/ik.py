@@ -1,0 +1,295 @@
+"""Inverse kinematics under constraints: configurations that hold them all and collide with nothing.
+
+Starts are drawn at random; from each a compiled descent (``constraints.descent``) seeks the nearest
+configuration that holds everything and then the best one around. Where none of them arrives, IPOPT
+takes over from the most promising attempts (``constraints.program``). Whatever is answered has been
+judged by the kernels of the constraints and by the exact collision checker.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinematics.arrays import Array, frozen
+from kinematics.chain import Chain
+from kinematics.errors import InvalidGoal, InvalidOption
+from kinematics.ik.ranking import margin as limit_use
+from kinematics.jacobian import geometric, manipulability
+from obstacles.checker import Checker
+from obstacles.collision_model import ModelArrays
+from obstacles.robot_geometry import RobotGeometry
+from obstacles.scene import Scene
+from planning.constraints.active_set import Goal, descend, make_goal, search_arrays
+from planning.constraints.constraint_set import ConstraintSet
+from planning.constraints.program import PLANES, Planes, program
+from planning.deadline import Deadline
+
+Objective = Literal["nearest", "limits", "manipulability"]
+OBJECTIVES: tuple[Objective, ...] = get_args(Objective)
+
+#: A configuration holds its constraints where no residual exceeds this [m or rad].
+HELD = 1e-6
+#: Kept beyond the margins, so that what was made to hold them is not found to touch them [m].
+_HEADROOM = 1e-6
+#: Starts spent on a better configuration once as many as were asked for are found.
+_COMPARED = 2
+#: Attempts that IPOPT goes on from, and rounds of its distances.
+_TAKEN_OVER, _ROUNDS = 3, 6
+#: Pairs farther apart than this do not bind IPOPT's steps [m].
+_NEAR = 0.3
+#: Solutions nearer than this in every joint [rad or m] are one.
+_SAME = 1e-3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class IkOptions:
+    """How constrained inverse kinematics searches.
+
+    Args:
+        objective: What makes a configuration better: "nearest" to the posture, in the middle of
+            the "limits", or "manipulability".
+        posture: Shape (n,); the seed where None.
+        seed_joints: Where to look first, shape (n,); the posture, or the middle of the limits.
+        most: How many to answer at most.
+        starts: Starts to spend at most.
+        seed: Of the random starts.
+        deadline: When to give up.
+        solver: "auto", or one of "descent" and "ipopt" alone.
+
+    Raises:
+        InvalidOption: An unknown objective or solver, or no number of starts.
+    """
+
+    objective: Objective = "nearest"
+    posture: Array | None = None
+    seed_joints: Array | None = None
+    most: int = 1
+    starts: int = 100
+    seed: int = 0
+    deadline: Deadline | None = None
+    solver: Literal["auto", "descent", "ipopt"] = "auto"
+
+    def __post_init__(self) -> None:
+        if self.objective not in OBJECTIVES:
+            raise InvalidOption(
+                f"there is no objective {self.objective!r}",
+                hint=f"One of: {', '.join(OBJECTIVES)}.",
+            )
+        if self.solver not in {"auto", "descent", "ipopt"}:
+            raise InvalidOption(
+                f"there is no solver {self.solver!r}", hint="One of: auto, descent, ipopt."
+            )
+        if self.most < 1 or self.starts < 1:
+            raise InvalidOption("most and starts must be 1 at least")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ConstrainedSolution:
+    """A configuration and what it holds.
+
+    Args:
+        joints: Shape (n,) [rad or m].
+        residuals: Of the rows, positive where violated, shape (m,) [m or rad].
+        clearance: Distance of the closest pair, margins taken off [m]; infinite where nothing can
+            collide.
+        pair: The pair.
+        cost: The objective.
+        solver: What found it.
+    """
+
+    joints: Array
+    residuals: Array
+    clearance: float
+    pair: tuple[str, str] | None
+    cost: float
+    solver: str
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "joints", frozen(self.joints))
+        object.__setattr__(self, "residuals", frozen(self.residuals))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ConstrainedIk:
+    """What was found.
+
+    Args:
+        solutions: Best first; empty where there is none.
+        nearest: The attempt with the least violation.
+        starts: Starts that were spent.
+    """
+
+    solutions: tuple[ConstrainedSolution, ...]
+    nearest: ConstrainedSolution
+    starts: int
+
+
+def constrained_ik(
+    robot: RobotGeometry,
+    constraints: ConstraintSet,
+    scene: Scene | None = None,
+    options: IkOptions | None = None,
+) -> ConstrainedIk:
+    """Configurations that hold all hard constraints, best first.
+
+    Args:
+        robot: The arm with its geometry.
+        constraints: On its chain; hard ones hold within 1e-6, soft ones cost their weight times
+            half the square of what is violated.
+        scene: The obstacles; without one nothing is known of collisions.
+        options: How to search.
+
+    Raises:
+        InvalidGoal: A constraint bounds a motion, not a configuration.
+        InvalidRobotState: Posture or seed have the wrong length or are not finite.
+    """
+    how = options or IkOptions()
+    if constraints.tool_speed is not None or constraints.torque is not None:
+        name = "tool_speed" if constraints.tool_speed is not None else "torque"
+        raise InvalidGoal(
+            f"a constraint {name} bounds a motion; one configuration has none",
+            hint="Leave it out here and give it to a plan.",
+        )
+    return _Search(robot, constraints, scene, how).run()
+
+
+@dataclass(slots=True)
+class _Search:
+    """One search: its goal as the kernel reads it, and what was found so far."""
+
+    robot: RobotGeometry
+    constraints: ConstraintSet
+    scene: Scene | None
+    how: IkOptions
+    chain: Chain = field(init=False)
+    goal: Goal = field(init=False)
+    checker: Checker | None = field(init=False)
+    wide: ModelArrays | None = field(init=False)
+    first: Array = field(init=False)
+    hard: NDArray[np.bool_] = field(init=False)
+    found: list[ConstrainedSolution] = field(init=False)
+    attempts: list[ConstrainedSolution] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.chain = self.robot.chain
+        n = self.chain.n
+        low, high = self.chain.sampling_bounds()
+        middle = 0.5 * (low + high)
+        seed, posture = self.how.seed_joints, self.how.posture
+        given = posture if posture is not None else seed if seed is not None else middle
+        near = self.chain.configuration(given, "posture").reshape(n)
+        self.first = near
+        if seed is not None:
+            self.first = self.chain.configuration(seed, "seed_joints").reshape(n)
+        metric = np.ones(n)
+        if self.how.objective == "limits":
+            near, metric = middle, (2.0 / np.maximum(high - low, 1e-9)) ** 2
+            metric /= metric.max()
+        elif self.how.objective == "manipulability":
+            metric = np.zeros(n)
+        link = -1 if self.how.objective == "manipulability" else -2
+        hard, soft = self.constraints.hard, self.constraints.soft
+        self.goal = make_goal(hard, near, metric, soft=soft, link=link)
+        self.hard = np.isinf(self.constraints.weights)
+        self.checker, self.wide = None, None
+        if self.scene is not None:
+            self.checker = Checker.of(self.robot, self.scene, self.constraints.margin)
+            self.wide = search_arrays(self.checker.model, _HEADROOM)
+        self.found, self.attempts = [], []
+
+    def run(self) -> ConstrainedIk:
+        """Search until enough is found, or starts or time are spent."""
+        starts, spare = 0, _COMPARED
+        if self.how.solver != "ipopt":
+            for q in self._starts():
+                starts += 1
+                self._take(self._descended(q), "descent")
+                spare -= len(self.found) >= self.how.most
+                if spare < 0 or self._late():
+                    break
+        if not self.found and self.how.solver != "descent":
+            self._by_ipopt()
+        self.found.sort(key=lambda solution: round(solution.cost, 9))
+        nearest = min([*self.found, *self.attempts], key=self.violation)
+        return ConstrainedIk(tuple(self.found[: self.how.most]), nearest, starts)
+
+    def _late(self) -> bool:
+        return self.how.deadline is not None and self.how.deadline.passed
+
+    def _starts(self) -> Iterator[Array]:
+        low, high = self.chain.sampling_bounds()
+        random = np.random.default_rng(self.how.seed)
+        yield np.clip(self.first, self.chain.limits.lower, self.chain.limits.upper)
+        for _ in range(self.how.starts - 1):
+            yield random.uniform(low, high)
+
+    def _descended(self, start: Array) -> Array:
+        q, told = np.array(start), np.empty(2)
+        descend(self.wide, self.goal, q, told)
+        return q
+
+    def _by_ipopt(self) -> None:
+        """Go on from the best attempts, or from fresh starts where there are none."""
+        self.attempts.sort(key=self.violation)
+        starts = [attempt.joints for attempt in self.attempts[:_TAKEN_OVER]]
+        for q in starts or self._starts():
+            self._take(self._solved(np.array(q)), "ipopt")
+            if self.found or self._late():
+                return
+
+    def _solved(self, q: Array) -> Array:
+        nlp = program(self.constraints, self.how.objective == "manipulability")
+        for _ in range(_ROUNDS if self.checker is not None else 1):
+            planes = self._planes(q)
+            before, posture = q, np.array(self.goal.posture)
+            q = nlp.solve(self.constraints, q, posture, self.goal.metric, planes)
+            if self._late() or float(np.abs(q - before).max()) < HELD:
+                break
+        return q
+
+    def _planes(self, q: Array) -> Planes:
+        """Distances of the nearest pairs to first order, as A q <= b."""
+        if self.checker is None:
+            return Planes(np.zeros((0, self.chain.n)), np.zeros(0))
+        near = Checker(self.checker.model, _HEADROOM).gradient(q, _NEAR)
+        kept = np.argsort(near.distances, kind="stable")[:PLANES]
+        A = -near.gradients[kept]
+        return Planes(A, near.distances[kept] + A @ q)
+
+    def _take(self, q: Array, solver: str) -> None:
+        """Judge a configuration and keep it among the solutions or the attempts."""
+        clearance, pair = np.inf, None
+        residuals = self.constraints.residuals(q)
+        if self.checker is not None and self._worst(residuals) <= HELD:
+            clearance, pair = self.checker.clearance(q)
+        elif self.checker is not None:
+            clearance = 0.0
+        solution = ConstrainedSolution(q, residuals, clearance, pair, self._cost(q), solver)
+        if self.violation(solution) > 0.0:
+            self.attempts.append(solution)
+        elif all(float(np.abs(q - other.joints).max()) > _SAME for other in self.found):
+            self.found.append(solution)
+
+    def _worst(self, residuals: Array) -> float:
+        return float(residuals[self.hard].max(initial=-np.inf))
+
+    def violation(self, solution: ConstrainedSolution) -> float:
+        """By how much the hard constraints fail, 0 where they hold within their tolerance."""
+        worst = self._worst(solution.residuals)
+        depth = -solution.clearance if solution.clearance <= 0.0 else 0.0
+        touching = 1e-9 if solution.clearance <= 0.0 else 0.0
+        return (worst if worst > HELD else 0.0) + depth + touching
+
+    def _cost(self, q: Array) -> float:
+        soft = self.constraints.weights[~self.hard]
+        violated = np.maximum(self.constraints.residuals(q)[~self.hard], 0.0)
+        own = 0.5 * float(soft @ violated**2)
+        if self.how.objective == "limits":
+            return own + float(limit_use(self.chain, q[None])[0])
+        if self.how.objective == "manipulability":
+            values = np.asarray(np.linalg.svd(geometric(self.chain, q), compute_uv=False))
+            return own - float(np.log(max(manipulability(values), 1e-300)))
+        return own + 0.5 * float(np.sum((q - self.goal.posture) ** 2))

@@ -1,0 +1,367 @@
+"""Constraints held along a motion for every instant, not at samples.
+
+On a cell of time [t - h, t + h] joint j is q_j(t) + a_j u + e_j with |u| <= 1, a_j = q_j'(t) h and
+|e_j| <= s_j, the sum of the higher powers; it strays by delta_j = |a_j| + s_j at most. A point that
+joints j carry then stays within
+
+    E = sum_j l_j s_j + sum_j l_j delta_j (delta_j + 2 sum_(k inside j) delta_k) / 2
+
+of the segment x(t) + u V, V its velocity times h and l_j the most it is from axis j; a direction
+within sum s_j + (sum delta_j)^2 / 2 of A(t) + u W x A(t); an angle changes by sum delta_j at most.
+What these bounds leave open is looked at again on the halves, so the residual is bounded for all t.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from kinematics.arrays import Array, Indices
+from kinematics.chain import Chain
+from kinematics.compiled.kernel import kernel
+from kinematics.forward import forward_kernel
+from kinematics.trajectory import Trajectory
+from planning.constraints.constraint_set import ConstraintSet
+from planning.constraints.row import (
+    UPPER,
+    RowKind,
+    axis_kernel,
+    cross,
+    dot,
+    log_kernel,
+    point_kernel,
+    residual_kernel,
+    seen_kernel,
+    turned,
+    turned_back,
+    value_kernel,
+)
+
+HOLDS, VIOLATED, UNDECIDED = 0, 1, 2
+#: Residuals that count as none along a motion: what rounding leaves of a bound that is met exactly.
+TOLERANCE = 1e-6
+#: The residual told is at most this share of a row's width above the true one.
+_SHARP = 0.02
+_JOINT, _COORDINATE, _DISTANCE, _ANGLE, _LOOK = (int(kind) for kind in list(RowKind)[:5])
+_DEPTH = 60
+_MOST_CELLS = 2_000_000
+#: Cells spent on an edge of a planner.
+EDGE_CELLS = 4_000
+
+
+class Held(NamedTuple):
+    """What was found out about the rows along a motion (m rows).
+
+    Args:
+        verdict: HOLDS, VIOLATED or UNDECIDED.
+        worst: Upper bounds of the residuals for all t, shape (m,); of what was looked at where a
+            row is violated.
+        times: When the largest residuals were found [s], shape (m,).
+        time: The earliest violation that was found [s].
+        row: The row it is of, -1 for none.
+        residual: Its residual.
+        cells: Cells that were looked at.
+    """
+
+    verdict: int
+    worst: Array
+    times: Array
+    time: float
+    row: int
+    residual: float
+    cells: int
+
+
+def held(constraints: ConstraintSet, trajectory: Trajectory) -> Held:
+    """Bound the residuals of all rows along a trajectory, for every t.
+
+    Args:
+        constraints: On the trajectory's robot.
+        trajectory: Of all its joints, in its order.
+    """
+    m = len(constraints.rows)
+    worst, times, found = np.full(m, -np.inf), np.zeros(m), np.zeros(4)
+    gaps = np.array([max(_SHARP * row.width, TOLERANCE) for row in constraints.rows])
+    verdict = hold_kernel(
+        constraints.chain.joint_types, constraints.chain.offsets, np.array(constraints.packed),
+        np.array(trajectory.breaks), np.array(trajectory.coefficients), gaps, TOLERANCE,
+        _MOST_CELLS, worst, times, found,
+    )  # fmt: skip
+    return Held(
+        int(verdict), worst, times, float(found[0]), int(found[1]), float(found[2]), int(found[3])
+    )
+
+
+def holds(chain: Chain, packed: Array, curve: Array) -> bool:
+    """Whether q(s) = sum_k curve[:, k] s^k holds packed rows for 0 <= s <= 1, curve (n, k)."""
+    m = len(packed)
+    verdict = hold_kernel(
+        chain.joint_types, chain.offsets, np.array(packed), _UNIT, np.array(curve)[None],
+        np.full(m, np.inf), TOLERANCE, EDGE_CELLS, np.empty(m), np.empty(m), np.empty(4),
+    )  # fmt: skip
+    return bool(verdict == HOLDS)
+
+
+_UNIT = np.array([0.0, 1.0])
+
+
+@kernel
+def hold_kernel(
+    types: Indices, offsets: Array, packed: Array, breaks: Array, coefficients: Array,
+    gaps: Array, tolerance: float, most: int, worst: Array, times: Array, found: Array,
+) -> int:  # fmt: skip
+    """Kernel of ``held``; ``worst`` and ``times`` (m,), ``found`` (time, row, residual, cells)."""
+    n, m = offsets.shape[0], packed.shape[0]
+    q, linear, curved = np.empty(n), np.empty(n), np.empty(n)
+    frames, E = np.empty((n, 4, 4)), np.empty((3, 3))
+    open_rows = np.empty((_DEPTH + 2, m), dtype=np.bool_)
+    lows, highs = np.empty(_DEPTH + 2), np.empty(_DEPTH + 2)
+    depths = np.empty(_DEPTH + 2, dtype=np.int64)
+    best = np.full(m, -np.inf)
+    worst[:] = -np.inf
+    times[:] = 0.0
+    found[0], found[1], found[2], found[3] = math.inf, -1.0, 0.0, 0.0
+    verdict = HOLDS
+    for piece in range(coefficients.shape[0]):
+        start = breaks[piece]
+        lows[0], highs[0], depths[0] = 0.0, breaks[piece + 1] - start, 0
+        open_rows[0, :] = True
+        top = 1
+        while top > 0:
+            top -= 1
+            low, high, depth = lows[top], highs[top], depths[top]
+            middle, half = 0.5 * (low + high), 0.5 * (high - low)
+            _stray(coefficients[piece], middle, half, q, linear, curved)
+            forward_kernel(types, offsets, q, frames)
+            found[3] += 1.0
+            kept = False
+            for i in range(m):
+                if not open_rows[depth, i]:
+                    continue
+                residual, bound = bound_kernel(types, q, frames, packed[i], linear, curved, E)
+                if residual > best[i]:
+                    best[i], times[i] = residual, start + middle
+                if residual > tolerance and start + middle < found[0]:
+                    found[0], found[1], found[2] = start + middle, i, residual
+                    verdict = VIOLATED
+                settled = bound <= tolerance and bound <= best[i] + gaps[i]
+                if settled or residual > tolerance:
+                    worst[i] = max(worst[i], bound if settled else residual)
+                open_rows[depth + 1, i] = not settled
+                kept = kept or not settled
+            if verdict == VIOLATED:
+                # Only what comes before it is of interest now, and the halves that do are few.
+                top = 0
+                high = min(high, found[0] - start)
+            if not kept:
+                continue
+            if depth + 2 > _DEPTH or found[3] >= most or half <= 1e-13 * (1.0 + abs(middle)):
+                for i in range(m):
+                    worst[i] = max(worst[i], best[i])
+                if verdict == VIOLATED:
+                    return verdict
+                found[0], found[1] = start + middle, np.argmax(open_rows[depth + 1])
+                return UNDECIDED
+            # The left half is taken first; both share what is open one level down.
+            if verdict != VIOLATED:
+                lows[top], highs[top], depths[top] = middle, high, depth + 1
+                top += 1
+            elif depth >= 40:
+                return verdict
+            lows[top], highs[top], depths[top] = low, middle, depth + 1
+            top += 1
+        if verdict == VIOLATED:
+            return verdict
+    return verdict
+
+
+@kernel
+def _stray(
+    coefficients: Array, at: float, half: float, q: Array, linear: Array, curved: Array
+) -> None:
+    """Write q(at), q'(at) half, and the sum of |c_k| half^k over the higher powers, each (n,)."""
+    n, k = coefficients.shape
+    c = np.empty(k)
+    for j in range(n):
+        for i in range(k):
+            c[i] = coefficients[j, i]
+        # Repeated synthetic division: the coefficients about ``at``.
+        for first in range(k - 1):
+            for i in range(k - 2, first - 1, -1):
+                c[i] += at * c[i + 1]
+        q[j] = c[0]
+        linear[j] = c[1] * half if k > 1 else 0.0
+        total, power = 0.0, half
+        for i in range(2, k):
+            power *= half
+            total += abs(c[i]) * power
+        curved[j] = total
+
+
+@kernel
+def bound_kernel(
+    types: Indices, q: Array, frames: Array, row: Array, linear: Array, curved: Array, E: Array
+) -> tuple[float, float]:
+    """A row's residual in the middle of a cell, and an upper bound of it all over the cell."""
+    value, _, covector = value_kernel(q, frames, row, E)
+    residual, _ = residual_kernel(value, row)
+    kind = int(row[0])
+    if kind == _JOINT:
+        j = int(row[1])
+        return residual, residual + abs(linear[j]) + curved[j]
+    stray = stray_kernel(types, frames, row, linear, curved)
+    V, W, turn, _, moved, error = stray
+    if kind == _COORDINATE:
+        d = (row[12], row[13], row[14])
+        change = min(abs(dot(d, V)) + error, moved)
+        return residual, residual + change
+    if kind == _DISTANCE:
+        return residual, _distance_bound(frames, row, V, error, moved) - row[UPPER]
+    if kind == _ANGLE:
+        a = axis_kernel(frames, row)
+        d = (row[12], row[13], row[14])
+        moved, error = _axis_stray(types, frames, row, linear, curved)
+        cosine = min(max(dot(a, d) - abs(dot(d, cross(W, a))) - error, -1.0), 1.0)
+        # A chord of this length spans an angle that is somewhat larger.
+        swept = min(turn, 2.0 * math.asin(min(0.5 * moved, 1.0)))
+        return residual, min(math.acos(cosine), value + swept) - row[UPPER]
+    if kind == _LOOK:
+        x = seen_kernel(frames, row, point_kernel(frames, row))
+        y = (x[0] - row[9], x[1] - row[10], x[2] - row[11])
+        distance = math.sqrt(dot(y, y))
+        sight = math.asin(moved / distance) if moved < distance else math.pi
+        return residual, min(value + turn + sight, math.pi) - row[UPPER]
+    return residual, residual + _rotation_change(frames, row, covector, stray, E)
+
+
+@kernel
+def _axis_stray(
+    types: Indices, frames: Array, row: Array, linear: Array, curved: Array
+) -> tuple[float, float]:
+    """The most that the row's axis moves on the unit sphere, and that it leaves W x A, over a cell.
+
+    As of a point in ``stray_kernel``, with |z x A| for the distance from a joint's axis: a joint
+    along which it points does not move it.
+    """
+    carrier, reference = int(row[1]), int(row[2])
+    first, last = min(carrier, reference) + 1, max(carrier, reference)
+    a = (row[6], row[7], row[8])
+    if carrier >= 0:
+        a = turned(frames[carrier], a[0], a[1], a[2])
+    inside = 0.0
+    for j in range(first, last + 1):
+        if types[j] == 0:
+            inside += abs(linear[j]) + curved[j]
+    moved, error = 0.0, 0.0
+    for step in range(last - first + 1):
+        j = last - step if carrier > reference else first + step
+        if types[j] == 1:
+            continue
+        delta = abs(linear[j]) + curved[j]
+        inside -= delta
+        arm = cross((frames[j, 0, 2], frames[j, 1, 2], frames[j, 2, 2]), a)
+        lever = min(math.sqrt(dot(arm, arm)) + moved, 1.0)
+        error += lever * curved[j] + 0.5 * lever * delta * (delta + 2.0 * inside)
+        moved += lever * delta
+    return moved, error
+
+
+@kernel
+def _distance_bound(
+    frames: Array, row: Array, V: tuple[float, float, float], error: float, moved: float
+) -> float:
+    """The largest distance over a cell: a convex function, largest at an end of the segment."""
+    d = (row[12], row[13], row[14])
+    x = seen_kernel(frames, row, point_kernel(frames, row))
+    y = (x[0] - row[9], x[1] - row[10], x[2] - row[11])
+    along, across = dot(d, y), dot(d, V)
+    y = (y[0] - along * d[0], y[1] - along * d[1], y[2] - along * d[2])
+    v = (V[0] - across * d[0], V[1] - across * d[1], V[2] - across * d[2])
+    largest = 0.0
+    for sign in (1.0, -1.0):
+        end = (y[0] + sign * v[0], y[1] + sign * v[1], y[2] + sign * v[2])
+        largest = max(largest, math.sqrt(dot(end, end)))
+    return min(largest + error, math.sqrt(dot(y, y)) + moved)
+
+
+@kernel
+def _rotation_change(
+    frames: Array,
+    row: Array,
+    covector: tuple[float, float, float],
+    stray: tuple[
+        tuple[float, float, float], tuple[float, float, float], float, float, float, float
+    ],
+    E: Array,
+) -> float:
+    """How much a component of log(K X) can change while X turns by ``turn`` at most.
+
+    |J^-1| = (t / 2) / sin(t / 2) at a rotation by t; across half a turn the vector changes its sign
+    alone. For t <= 1 the second derivative is at most 1.75 times the square of the rate: |J^-1| is
+    at most 1.05, its slope (1 / 2 + 0.175) times that, and the rate turns at most by its own.
+    """
+    _, W, turn, turn_curved, _, _ = stray
+    e = log_kernel(E)
+    largest = math.sqrt(dot(e, e)) + turn
+    factor = 0.5 * math.pi
+    if largest < math.pi:
+        factor = 0.5 * largest / math.sin(0.5 * largest) if largest > 1e-6 else 1.0
+    change = factor * turn
+    if 1.05 * largest < 1.0:
+        w = covector
+        if row[2] >= 0.0:
+            w = turned_back(frames[int(row[2])], w[0], w[1], w[2])
+        change = min(change, abs(dot(w, W)) + 1.05 * turn_curved + 0.875 * turn * turn)
+    return change
+
+
+@kernel
+def stray_kernel(
+    types: Indices, frames: Array, row: Array, linear: Array, curved: Array
+) -> tuple[tuple[float, float, float], tuple[float, float, float], float, float, float, float]:
+    """How a row's bodies move one against the other over a cell.
+
+    Returns:
+        Velocity of the point and angular velocity in the reference, both times the half cell; the
+        most that directions turn, and the part of it that is not linear; the most that the point
+        moves, and the most that it leaves its straight line.
+    """
+    carrier, reference = int(row[1]), int(row[2])
+    P = point_kernel(frames, row)
+    first, last = min(carrier, reference) + 1, max(carrier, reference)
+    outwards = carrier > reference
+    sign = 1.0 if outwards else -1.0
+    turn = 0.0
+    for j in range(first, last + 1):
+        if types[j] == 0:
+            turn += abs(linear[j]) + curved[j]
+    inside = turn
+    vx, vy, vz, wx, wy, wz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    moved, error, quadratic, turn_curved = 0.0, 0.0, 0.0, 0.0
+    for step in range(last - first + 1):
+        # From the point's side to the reference's.
+        j = last - step if outwards else first + step
+        F = frames[j]
+        z = (F[0, 2], F[1, 2], F[2, 2])
+        delta = abs(linear[j]) + curved[j]
+        a = sign * linear[j]
+        if types[j] == 1:
+            vx, vy, vz = vx + a * z[0], vy + a * z[1], vz + a * z[2]
+            moved += delta
+            error += curved[j]
+            quadratic += 2.0 * delta * inside
+            continue
+        inside -= delta
+        arm = cross(z, (P[0] - F[0, 3], P[1] - F[1, 3], P[2] - F[2, 3]))
+        lever = math.sqrt(dot(arm, arm)) + moved
+        vx, vy, vz = vx + a * arm[0], vy + a * arm[1], vz + a * arm[2]
+        wx, wy, wz = wx + a * z[0], wy + a * z[1], wz + a * z[2]
+        turn_curved += curved[j]
+        error += lever * curved[j]
+        quadratic += lever * delta * (delta + 2.0 * inside)
+        moved += min(lever * delta, 2.0 * lever)
+    V, W = (vx, vy, vz), (wx, wy, wz)
+    if reference >= 0:
+        V = turned_back(frames[reference], vx, vy, vz)
+        W = turned_back(frames[reference], wx, wy, wz)
+    return V, W, turn, turn_curved, moved, error + 0.5 * quadratic

@@ -1,0 +1,246 @@
+"""What a motion comes near to, looked at in places: distances, loads, constraints, linearised.
+
+Each is a function h(z) that must not exceed 0, with the room it has in a unit of its own; between
+two convex problems they are looked at anew.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from dynamics.inverse import inverse_dynamics
+from kinematics.arrays import Array
+from kinematics.chain import Chain
+from planning.constrained.checker import ConstrainedChecker
+from planning.constraints.row import UPPER
+from planning.deadline import Deadline
+from planning.optimize.iterate import Iterate
+from planning.optimize.response import Response, tool_speed, torques
+from planning.optimize.rows import Rows, local_matrix
+from planning.optimize.task import Task
+
+#: What a violation of 1 is: a distance [m], a constraint's residual [m or rad], a share of a load.
+DEPTH, RESIDUAL, SHARE = 0.01, 0.01, 0.1
+#: Pairs are looked at that are nearer than this part of what the trust region lets the robot move,
+#: and get rows if they are among so many nearest of a place. What is overlooked is found when the
+#: motion is proved, and has its place added.
+_NEAR = 0.7
+_HALF = 0.5
+_MOST = 8
+#: Loads aimed at are lower by this share than what is allowed.
+_HEADROOM = 5e-3
+
+
+class Obstruction(NamedTuple):
+    """What keeps a motion from being found.
+
+    Args:
+        message: What is violated, by how much.
+        relief: What would help.
+    """
+
+    message: str
+    relief: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Checkpoints:
+    """Where a motion is looked at.
+
+    Args:
+        at: u, shape (K,).
+        spare: Distance to keep beyond the margins, shape (K,) [m].
+    """
+
+    at: Array
+    spare: Array
+
+    @classmethod
+    def within(cls, breaks: Sequence[float], each: int, spare: float) -> "Checkpoints":
+        """The same number in each piece."""
+        starts, lengths = np.asarray(breaks[:-1]), np.diff(breaks)
+        at = starts[:, None] + lengths[:, None] * (np.arange(each) + 0.5) / each
+        return cls(at.ravel(), np.full(at.size, spare))
+
+    def with_more(self, at: Sequence[float], about: float, spare: float) -> "Checkpoints":
+        """With more places; they and all nearer to them than ``about`` get more to spare."""
+        gained = self.spare.copy()
+        for place in at:
+            gained[np.abs(self.at - place) < about] += spare
+        more = np.full(len(at), self.spare.min() + spare)
+        return Checkpoints(np.append(self.at, at), np.append(gained, more))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Linearization:
+    """What was seen from an iterate.
+
+    Args:
+        rows: With the slack as what they may be violated by.
+        violation: The largest violation, 1 is much; 0 where there is none.
+        hindrance: What is violated the most.
+    """
+
+    rows: tuple[Rows, ...]
+    violation: float
+    hindrance: Obstruction | None = None
+
+
+_UNSEEN = Linearization(
+    (), np.inf, Obstruction("time was up before a motion was looked at", "Allow more time.")
+)
+
+
+def look(
+    task: Task, iterate: Iterate, places: Checkpoints, reach: float, deadline: Deadline
+) -> Linearization:
+    """Look at distances, loads and constraints along a motion.
+
+    Args:
+        task: What is to be kept.
+        iterate: The motion.
+        places: Where.
+        reach: How far control points will be moved at most [rad or m].
+        deadline: When time is up, nothing good is known of the motion.
+    """
+    near = _distances(task, iterate, places, reach, deadline)
+    if deadline.passed:
+        return _UNSEEN
+    seen = [near, *_loads(task, iterate, places)]
+    if task.constraints is not None and task.constraints.rows:
+        seen.append(_constraints(task, iterate, places))
+    rows = tuple(row for view in seen for row in view.rows)
+    worst = max(seen, key=lambda view: view.violation)
+    return Linearization(rows, worst.violation, worst.hindrance)
+
+
+def length(chain: Chain) -> float:
+    """How long a stretched out robot is about [m]."""
+    return max(float(np.linalg.norm(chain.offsets[1:, :3, 3], axis=1).sum()), 1e-3)
+
+
+def _distances(
+    task: Task, iterate: Iterate, places: Checkpoints, reach: float, deadline: Deadline
+) -> Linearization:
+    within = _NEAR * reach * max(length(task.chain), 1.0)
+    own, gaps, slopes, worst, hindrance = [], [], [], 0.0, None
+    samples = iterate.sample(places.at)
+    for k, q in enumerate(samples):
+        if deadline.passed:
+            return _UNSEEN
+        near = task.checker.gradient(q, within + places.spare[k])
+        distances, gradients = near.distances, near.gradients
+        if not len(distances):
+            continue
+        least = int(np.argmin(distances))
+        if -distances[least] > worst:
+            worst = -float(distances[least])
+            a, b = task.checker.model.pair_name(int(near.pairs[least]))
+            message = f"{a!r} and {b!r} are closer than their margin by {worst:.4g} m"
+            hindrance = Obstruction(message, "Lower the margin, or move the obstacle.")
+        room = distances - places.spare[k] - _HALF * reach * np.abs(gradients).sum(axis=1)
+        kept = np.argsort(room, kind="stable")[:_MOST]
+        kept = kept[room[kept] < 0.0]
+        own.append(np.full(len(kept), k))
+        gaps.append(distances[kept] - places.spare[k])
+        slopes.append(gradients[kept])
+    if not own:
+        return Linearization((), 0.0)
+    index, gap, slope = np.concatenate(own), np.concatenate(gaps), np.concatenate(slopes)
+    # gap + slope . (q - q0) + s >= 0.
+    A = local_matrix(iterate, places.at[index], [-slope], in_slack=-DEPTH)
+    rows = Rows.below(A, gap - (slope * samples[index]).sum(axis=1))
+    return Linearization((rows,), worst / DEPTH, hindrance)
+
+
+def _loads(task: Task, iterate: Iterate, places: Checkpoints) -> list[Linearization]:
+    if task.loads is None:
+        return []
+    chain, seen = task.loads.chain, []
+    effort, speed = task.loads.effort, task.loads.tool_speed
+    if effort is not None:
+        q = iterate.sample(places.at)
+        still = inverse_dynamics(chain, q, np.zeros_like(q), np.zeros_like(q)) / effort
+        found = _shares(torques(chain, iterate, places.at), effort)
+        names = [f"the torque of joint {name!r}" for name in chain.joint_names]
+        seen += [
+            _load(iterate, places, found, sign, 2.0 * (1.0 - sign * still), names)
+            for sign in (1.0, -1.0)
+        ]
+    if speed is not None:
+        found = _shares(tool_speed(chain, iterate, places.at), np.array([speed]))
+        in_time = np.ones_like(found.values)
+        seen.append(_load(iterate, places, found, 1.0, in_time, ["the tool's speed"]))
+    return seen
+
+
+def least_factor(task: Task, iterate: Iterate, places: Checkpoints) -> float:
+    """How many times as long a motion has to be for its loads, in the places looked at."""
+    if task.loads is None:
+        return 0.0
+    chain, factor = task.loads.chain, 0.0
+    effort, speed = task.loads.effort, task.loads.tool_speed
+    if effort is not None:
+        q = iterate.sample(places.at)
+        still = inverse_dynamics(chain, q, np.zeros_like(q), np.zeros_like(q)) / effort
+        share = torques(chain, iterate, places.at).values / effort
+        room = np.maximum(1.0 - _HEADROOM - np.sign(share) * still, _HEADROOM)
+        moved = np.maximum(np.abs(share) - np.sign(share) * still, 0.0)
+        factor = float(np.sqrt((moved / room).max()))
+    if speed is not None:
+        fastest = float(tool_speed(chain, iterate, places.at).values.max())
+        factor = max(factor, fastest / (speed * (1.0 - _HEADROOM)))
+    return factor
+
+
+def _shares(found: Response, limits: Array) -> Response:
+    """Values and derivatives as shares of their limits."""
+    first, second, third = (g / limits[:, None] for g in found.gradients)
+    return Response(found.values / limits, (first, second, third), found.in_time / limits)
+
+
+def _load(
+    iterate: Iterate,
+    places: Checkpoints,
+    found: Response,
+    sign: float,
+    gain: Array,
+    names: list[str],
+) -> Linearization:
+    """Rows of loads; ``gain`` is by how much a motion T times as long may use more at T = 1.
+
+    With h the share at rest, what moves must keep within (1 - h) T^2, the tool's speed within T:
+    the tangents of these lie on the safe side, as those of T^-2 would not.
+    """
+    (K, m), n, T = found.values.shape, iterate.points.shape[1], iterate.duration
+    values = sign * found.values.ravel()
+    rows = [sign * gradient.reshape(-1, n) for gradient in found.gradients]
+    in_time = -np.broadcast_to(gain, (K, m)).ravel() / T
+    A = local_matrix(iterate, np.repeat(places.at, m), rows, in_time, in_slack=-SHARE)
+    z = np.append(iterate.points.ravel(), [T, 0.0])
+    upper = (1.0 - _HEADROOM) - values + A @ z
+    worst = int(np.argmax(values))
+    over = max(float(values[worst]) - 1.0, 0.0)
+    message = f"{names[worst % m]} is {1.0 + over:.4g} times its limit"
+    relief = Obstruction(message, "Carry less, or raise the limit.")
+    return Linearization((Rows.below(A, upper),), over / SHARE, relief)
+
+
+def _constraints(task: Task, iterate: Iterate, places: Checkpoints) -> Linearization:
+    assert task.constraints is not None
+    samples = iterate.sample(places.at)
+    residuals, J = task.constraints.evaluate(samples)
+    if isinstance(task.checker, ConstrainedChecker):
+        # Narrower rows than asked for, so that they hold between the places too.
+        residuals = residuals + (task.constraints.packed[:, UPPER] - task.checker.rows[:, UPPER])
+    m = residuals.shape[1]
+    slope = J.reshape(-1, samples.shape[1])
+    A = local_matrix(iterate, np.repeat(places.at, m), [slope], in_slack=-RESIDUAL)
+    upper = (slope * np.repeat(samples, m, axis=0)).sum(axis=1) - residuals.ravel()
+    worst = int(np.argmax(residuals))
+    over = max(float(residuals.ravel()[worst]), 0.0)
+    message = f"{task.constraints.label(worst % m)} is violated by {over:.4g}"
+    hindrance = Obstruction(message, "Widen its tolerance.")
+    return Linearization((Rows.below(A, upper),), over / RESIDUAL, hindrance)

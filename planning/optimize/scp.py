@@ -1,0 +1,287 @@
+"""Sequential convex optimisation of a motion.
+
+Around the last iterate the limits are replaced by linear rows on their safe side, distances, loads
+and constraints by their linear parts, the objective by a convex quadratic; a trust region keeps the
+next iterate near. All linearised rows share one slack that costs more than it can gain. Where an
+iterate violates more than it did before by much, it is dropped and the trust region shrinks.
+Iterates that violate nothing in the places looked at are looked at for every instant; where that
+finds a collision, its place is looked at too from then on, with a little more to spare.
+
+Source: "Motion planning with sequential convex optimization and convex collision checking",
+International Journal of Robotics Research, 2014.
+"""
+
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy import sparse
+
+from kinematics.arrays import Array
+from kinematics.chain import Chain
+from kinematics.trajectory import Trajectory
+from planning.deadline import Deadline
+from planning.optimize import objective, program
+from planning.optimize.candidate import Candidate, blocked
+from planning.optimize.initial_guess import needed
+from planning.optimize.iterate import Iterate
+from planning.optimize.linearization import (
+    Checkpoints,
+    Linearization,
+    Obstruction,
+    least_factor,
+    look,
+)
+from planning.optimize.objective import value
+from planning.optimize.options import RefineOptions
+from planning.optimize.quadratic import Quadratic
+from planning.optimize.rows import Rows, end_rows, limit_rows, stacked
+from planning.optimize.task import Task
+from planning.timing.failure import TimingFailed
+from planning.timing.time_scaling import ScaledTime, fitting_factor, peak_ratios
+
+#: Control points move at most this far in a round at first [rad or m], and it is not worth going
+#: on where they may not even move that far.
+_REACH, _LEAST_REACH = 0.3, 0.002
+_SHRINK = 0.4
+#: Places looked at in each piece, so many at most and so many in all but for that, and what is kept
+#: beyond the margins there [m].
+_EACH, _PLACES, _SPARE = 3, 64, 1e-3
+#: A violation (1 is much) may grow by this factor, or up to this value, from round to round.
+_GROWTH, _TOLERATED = 2.0, 1.0
+#: The slack costs so many times the objective.
+_PENALTY = 20.0
+#: A round that gains less than this part of the objective is the last.
+_GAIN = 2e-3
+#: Durations of one round lie between these multiples of the last one.
+_FASTER, _SLOWER = 0.3, 3.0
+#: The first round takes about so many times as long as the look before it.
+_FIRST = 3.0
+#: Motions that are not at rest at an end can't be slowed down: limits are aimed at from below.
+_HAIR = 1e-5
+#: Ratios to limits that are equal to 1 but for rounding.
+_ROUNDING = 1e-9
+
+
+_LIMITS = "Raise the limits, or lower the velocities at the ends."
+_BETWEEN = Obstruction(
+    "the motion is not free between the places looked at",
+    "Use more control_points or rounds, or lower the margin.",
+)
+
+
+@dataclass(slots=True)
+class Descent:
+    """The rounds of one optimisation.
+
+    Args:
+        task: What is to be kept.
+        options: What is to become small.
+        iterate: Where it stands.
+        longest: The longest the motion may take [s].
+        deadline: When to stop; it may be put off by ``run``.
+    """
+
+    task: Task
+    options: RefineOptions
+    iterate: Iterate
+    longest: float
+    deadline: Deadline
+    rounds: int = 0
+    most_rounds: int = field(init=False)
+    best: Candidate | None = None
+    reach: float = _REACH
+    places: Checkpoints = field(init=False)
+    looking: float = field(init=False)
+    seen: Linearization = field(init=False)
+    hindrance: Obstruction | None = None
+
+    def __post_init__(self) -> None:
+        self.most_rounds = self.options.rounds
+        space = self.iterate.space
+        each = int(np.clip(np.ceil(_PLACES / space.pieces), 1, _EACH))
+        self.places = Checkpoints.within(space.breaks, each, _SPARE)
+        began = time.monotonic()
+        if self.task.still:
+            self.iterate = self._timed(self.iterate)
+        self.seen = self._look(self.iterate)
+        self._offer(self.iterate)
+        self.looking = time.monotonic() - began
+
+    def run(self, deadline: Deadline) -> None:
+        """Go on until rounds no longer gain, or the rounds or the time are used up."""
+        self.deadline = deadline
+        longest = _FIRST * self.looking
+        while self.rounds < self.most_rounds and deadline.remaining > longest:
+            self.rounds += 1
+            began = time.monotonic()
+            if not self._round():
+                return
+            longest = max(longest, time.monotonic() - began)
+
+    def allow(self, rounds: int) -> None:
+        """Let so many rounds follow those that there have been."""
+        self.most_rounds = self.rounds + rounds
+
+    def refuse(self, place: float) -> None:
+        """The best motion could not be proved free at this place: it is out."""
+        self.best = None
+        self._add([place])
+
+    def _round(self) -> bool:
+        """One convex problem and what comes of it; whether another may gain."""
+        problem, z = self._solved()
+        if z is None:
+            self.hindrance = Obstruction("no motion near the last one keeps all limits", _LIMITS)
+            return self._shrink()
+        here = np.append(self.iterate.points.ravel(), [self.iterate.duration, 0.0])
+        if self.seen.violation == 0.0 and problem.value(here) - problem.value(z) < _GAIN:
+            return False
+        following = self._following(z)
+        seen = self._look(following)
+        before, after = self._value(self.iterate), self._value(following)
+        worse = seen.violation > max(_GROWTH * self.seen.violation, _TOLERATED)
+        if worse or (after > before * (1.0 + _GAIN) and seen.violation >= self.seen.violation):
+            return self._shrink()
+        self.iterate, self.seen = following, seen
+        if seen.violation > 0.0:
+            self.hindrance = seen.hindrance
+            return True
+        places = self._offer(following)
+        return bool(places) or before - after > _GAIN * abs(before)
+
+    def _look(self, iterate: Iterate) -> Linearization:
+        return look(self.task, iterate, self.places, self.reach, self.deadline)
+
+    def _shrink(self) -> bool:
+        self.reach *= _SHRINK
+        return self.reach >= _LEAST_REACH
+
+    def _solved(self) -> tuple[Quadratic, Array | None]:
+        """The problem of a round, and the unknowns that solve it if any were found."""
+        task, iterate = self.task, self.iterate
+        H, g = objective.model(task, self.options.weights, iterate)
+        scale = max(self._value(iterate), np.finfo(float).tiny)
+        g = g / scale
+        g[-1] = _PENALTY
+        hair = 0.0 if task.still else _HAIR
+        others = [*end_rows(iterate, task.start, task.end), *self._time_row(), *self.seen.rows]
+        rows = stacked([*limit_rows(task, iterate, hair), *others])
+        problem = Quadratic(H / scale, g, rows.A, rows.lower, rows.upper, *self._bounds())
+        if self.options.solver == "piqp":
+            return problem, problem.solve()
+        start = np.append(iterate.points.ravel(), [iterate.duration, 0.0])
+        limits = program.Limits(dict(task.orders), hair)
+        none = Rows.below(sparse.csr_matrix((0, len(g))), np.zeros(0))
+        return problem, program.solve(
+            iterate.space, limits, stacked([none, *others]), problem, start
+        )
+
+    def _time_row(self) -> list[Rows]:
+        """The duration's bound, which may be violated while no motion that short is known."""
+        if not np.isfinite(self.longest):
+            return []
+        row = np.zeros((1, self.iterate.points.size + 2))
+        row[0, -2:] = 1.0 / self.longest, -1.0
+        return [Rows.below(row, np.ones(1))]
+
+    def _bounds(self) -> tuple[Array, Array]:
+        """The trust region within the joints' ranges; control points at ends at rest are fixed."""
+        points, task = self.iterate.points, self.task
+        limits = task.chain.limits
+        least = np.maximum(points - self.reach, limits.lower)
+        most = np.minimum(points + self.reach, limits.upper)
+        # The end itself may lie on a limit, or past it by what is tolerated.
+        for given, own in ((task.start, slice(None)), (task.end, slice(None, None, -1))):
+            fixed = given.order + 1 if given.still else 1
+            least[own][:fixed] = most[own][:fixed] = given.position
+        T = self.iterate.duration
+        return (
+            np.append(np.minimum(least, most).ravel(), [_FASTER * T, 0.0]),
+            np.append(np.maximum(least, most).ravel(), [_SLOWER * T, np.inf]),
+        )
+
+    def _following(self, z: Array) -> Iterate:
+        """The next iterate: ends made exact, and as slow as the exact extrema ask for."""
+        points = z[:-2].reshape(self.iterate.points.shape)
+        limits = self.task.chain.limits
+        points = np.clip(points, limits.lower, limits.upper)
+        space, T = self.iterate.space, float(z[-2])
+        ended = Iterate(space, points, T).ended(self.task.start, self.task.end)
+        return self._timed(ended) if self.task.still else ended
+
+    def _timed(self, iterate: Iterate) -> Iterate:
+        """As slow as the exact extrema and the loads ask for; as fast, where only time counts."""
+        loaded = iterate.duration * least_factor(self.task, iterate, self.places)
+        least = max(needed(self.task, iterate.space, iterate.points), loaded)
+        T = least if self.options.fastest else max(iterate.duration, least)
+        return Iterate(iterate.space, iterate.points, T)
+
+    def _value(self, iterate: Iterate) -> float:
+        return self._worth(iterate.trajectory(self.task.chain.joint_names))
+
+    def _worth(self, motion: Trajectory) -> float:
+        return value(motion, self.options.weights, self._carrier, self.task.wishes)
+
+    @property
+    def _carrier(self) -> Chain:
+        return self.task.carrier or self.task.chain
+
+    def _offer(self, iterate: Iterate) -> list[float]:
+        """Keep an iterate that violates nothing if it is the best; places where it is not free."""
+        if self.seen.violation > 0.0:
+            return []
+        places = blocked(self.task.checker, iterate)
+        if places:
+            self._add(places)
+            self.hindrance = _BETWEEN
+            return places
+        found = self._candidate(iterate)
+        if found is not None and (self.best is None or found.value < self.best.value):
+            self.best = found
+        return []
+
+    def _candidate(self, iterate: Iterate) -> Candidate | None:
+        motion = iterate.trajectory(self.task.chain.joint_names)
+        loads = self.task.loads
+        factor = fitting_factor(motion, **self.task.bounds)
+        if self.task.still:
+            motion = motion.dilate(max(factor, 1.0) * (1.0 + 1e-12))
+            try:
+                motion = (
+                    motion if loads is None else loads.slow_down(ScaledTime(motion, 1.0)).trajectory
+                )
+            except TimingFailed as failure:
+                self.hindrance = Obstruction(failure.message, failure.hint or _LIMITS)
+                return None
+        elif factor > 1.0 + _ROUNDING or self._overloaded(motion):
+            self.hindrance = self._exceeded(motion)
+            return None
+        if motion.duration > self.longest * (1.0 + _ROUNDING):
+            message = f"the shortest motion that was found takes {motion.duration:.4g} s"
+            self.hindrance = Obstruction(message, "Allow a longer duration, or raise the limits.")
+            return None
+        return Candidate(iterate, motion, self._worth(motion))
+
+    def _exceeded(self, motion: Trajectory) -> Obstruction:
+        """Which limit a motion exceeds the most, by how much."""
+        ratios = {
+            (order, int(joint)): float(value)
+            for order, limits in self.task.orders.items()
+            for joint, value in enumerate(peak_ratios(motion, limits, order))
+        }
+        (order, joint), ratio = max(ratios.items(), key=lambda entry: entry[1])
+        quantity = ("velocity", "acceleration", "jerk")[order - 1]
+        name = self.task.chain.joint_names[joint]
+        message = f"joint {name!r} has {ratio:.4g} times the {quantity} that is allowed"
+        return Obstruction(message, _LIMITS)
+
+    def _overloaded(self, motion: Trajectory) -> bool:
+        loads = self.task.loads
+        uses = {} if loads is None else loads.uses(motion)
+        return any(use.ratio > 1.0 + _ROUNDING for use in uses.values())
+
+    def _add(self, places: list[float]) -> None:
+        about = 0.5 / self.iterate.space.pieces
+        self.places = self.places.with_more(places, about, _SPARE)
+        self.seen = self._look(self.iterate)

@@ -1,0 +1,221 @@
+"""Optimisation as a stage of planning: from a problem and a motion that was found for it."""
+
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+
+import numpy as np
+
+from dynamics.payload import with_payload
+from kinematics.arrays import Array
+from kinematics.chain import Chain
+from kinematics.errors import InvalidOption
+from kinematics.trajectory import Trajectory
+from obstacles.checker import Checker
+from planning.deadline import Deadline
+from planning.optimize.linearization import Obstruction
+from planning.optimize.options import OPTIMIZE, RefineOptions
+from planning.optimize.refinement import Offer, Refinement
+from planning.optimize.task import End, Task
+from planning.options import Options, TimingOptions
+from planning.problem import JointGoal, Problem
+from planning.proof.certificate import Certificate
+from planning.result import Failure
+from planning.timing.parametrization import TimeParametrization
+
+#: Violations that are kept away from once it is known where they are.
+_PLACED = frozenset({"collision", "path_constraint"})
+#: Nothing is begun with less than this left [s].
+_LEAST_TIME = 0.05
+#: Motions offered for proof, at most.
+MOST_OFFERS = 3
+
+
+def refining(options: Options, problem: Problem) -> Options:
+    """The options with what the planner "optimize" stands for: the ladder, and its motion refined.
+
+    Raises:
+        InvalidOption: The ends are to move, but nothing is to be optimised; or ``refine`` is given
+            beside the planner that has it in its options; or the path or the times of the motion
+            are given.
+    """
+    if options.planner == OPTIMIZE:
+        if options.refine is not None:
+            raise InvalidOption(
+                "refine is given twice: the planner optimize has it in planner_options",
+                hint="Leave refine out, or name another planner.",
+            )
+        chosen = RefineOptions.of(options.planner_options)
+        options = replace(
+            options, planner="auto", planner_options=MappingProxyType({}), refine=chosen
+        )
+    if problem.moving and options.refine is None:
+        raise InvalidOption(
+            "only an optimised motion begins or ends with a velocity or acceleration",
+            hint='Ask for planner "optimize" or for refine, or leave velocities out.',
+        )
+    if options.refine is not None and options.planner == "cartesian":
+        raise InvalidOption(
+            "a motion led along lines and arcs can't be optimised: it would leave them",
+            hint="Leave refine out, or name another planner.",
+        )
+    if options.refine is not None and options.timing.times is not None:
+        raise InvalidOption(
+            "a motion whose times are given can't be optimised",
+            hint="Leave timing.times out, or do not ask for refine.",
+        )
+    return options
+
+
+@dataclass(slots=True)
+class OptimizeStage:
+    """The optimisation of a motion that was found for a problem.
+
+    Args:
+        problem: What is to be solved.
+        checker: The robot in its scene, as the planner saw it.
+        options: With ``refine``.
+        law: The limits.
+        known: The motion, at rest at its ends.
+    """
+
+    problem: Problem
+    checker: Checker
+    options: Options
+    law: TimeParametrization
+    known: Trajectory
+    _work: Refinement | None = field(default=None, init=False)
+    _told: str = field(default="", init=False)
+
+    def offer(self, deadline: Deadline) -> Offer | None:
+        """Optimise; the best motion if it is better than the known one.
+
+        Raises:
+            MissingInertia: Torques count and some link's inertia is not known.
+        """
+        self._told = "The robot stays where it is." if self._stays else "There is too little time."
+        if self._stays or deadline.remaining < _LEAST_TIME:
+            return None
+        self._told = ""
+        if self._work is None:
+            self._work = self._begin(deadline)
+        return self._work.offer(deadline)
+
+    def tell(self, offer: Offer | None) -> tuple[bool, str]:
+        """What a report of the stage says."""
+        if self._told or self._work is None:
+            return False, self._told
+        rounds = f"{self._work.rounds} rounds"
+        if offer is None:
+            return False, f"{self._work.hindrance.message}, {rounds}."
+        detail = f"{self.known.duration:.3f} s became {offer.trajectory.duration:.3f} s, {rounds}"
+        if not self._refine.fastest or self._wished:
+            detail += f"; objective {self._work.value:.4g} became {offer.value:.4g}"
+        return True, f"{detail}."
+
+    def refuse(self, offer: Offer, certificate: Certificate) -> bool:
+        """An offer was not proved; whether another one may be."""
+        violation = certificate.violation
+        if self._work is None or violation is None or violation.kind not in _PLACED:
+            return False
+        self._work.refuse(offer, violation.time)
+        return True
+
+    def failure(self, deadline: Deadline) -> Failure | None:
+        """Why there is no motion, where the known one will not do."""
+        longest = self._refine.duration
+        short = longest is None or self.known.duration <= longest
+        if short and not self.problem.moving:
+            return None
+        late = Obstruction("time was up before it began", "Allow more time.")
+        reason, relief = late if self._work is None else self._work.hindrance
+        asked = "the velocities at its ends" if self.problem.moving else f"at most {longest:g} s"
+        return Failure(
+            code="TIMED_OUT" if deadline.passed else "INVALID_MOTION_PLAN",
+            message=f"no motion with {asked} was found: {reason}",
+            hint=relief,
+            stage=OPTIMIZE,
+            details={"reason": reason, "duration_at_rest": self.known.duration},
+        )
+
+    @property
+    def _stays(self) -> bool:
+        """Whether there is no motion to be optimised."""
+        return not self.problem.moving and not self.known.coefficients[:, :, 1:].any()
+
+    @property
+    def _wished(self) -> bool:
+        given = self.problem.constraints
+        return given is not None and bool(given.soft.rows)
+
+    @property
+    def _refine(self) -> RefineOptions:
+        assert self.options.refine is not None
+        return self.options.refine
+
+    def _begin(self, deadline: Deadline) -> Refinement:
+        problem, known = self.problem, self.known
+        smooth = self.law.jerk is not None or "jerk" in self._refine.weights
+        start = _end(known.start, problem.start_velocity, problem.start_acceleration, smooth=smooth)
+        goal = _reached(problem, known.end)
+        rates = (None, None) if goal is None else (goal.velocity, goal.acceleration)
+        end = _end(known.end, *rates, smooth=smooth)
+        carrier = _carrier(problem.robot.chain, self.options.timing, self.law)
+        bounds, loads = self.law.bounds, self.law.loads
+        given = problem.constraints
+        held = None if given is None else given.hard
+        wishes = given.soft if given is not None and self._wished else None
+        task = Task(self.checker, start, end, bounds, loads, held, carrier, wishes)
+        return Refinement(task, self._refine, self.law, known, deadline, binding=not problem.moving)
+
+
+def check_ends(problem: Problem, law: TimeParametrization) -> Failure | None:
+    """Whether velocities and accelerations at the ends are within their limits, or which is not."""
+    given = [("start", problem.start_velocity, problem.start_acceleration)]
+    goals = [goal for goal in problem.goals if isinstance(goal, JointGoal)]
+    given += [("goal", goal.velocity, goal.acceleration) for goal in goals]
+    for which, *rates in given:
+        for quantity, values in zip(("velocity", "acceleration"), rates, strict=True):
+            if values is None:
+                continue
+            limits = law.bounds[quantity]
+            j = int(np.argmax(np.abs(values) / limits))
+            if abs(values[j]) > limits[j]:
+                return _too_fast(problem, which, quantity, j, float(values[j]), float(limits[j]))
+    return None
+
+
+def _too_fast(
+    problem: Problem, which: str, quantity: str, joint: int, value: float, limit: float
+) -> Failure:
+    name = problem.robot.chain.joint_names[joint]
+    return Failure(
+        code=f"{which.upper()}_STATE_INVALID",
+        message=(
+            f"the {which} has joint {name!r} at {quantity} {value:.6g}, its limit is {limit:.6g}"
+        ),
+        hint=f"Give a lower {quantity}, or raise the limit or its scaling.",
+        stage=which,
+        details={"joint": name, "quantity": quantity, "value": value, "limit": limit},
+    )
+
+
+def _end(q: Array, velocity: Array | None, acceleration: Array | None, *, smooth: bool) -> End:
+    if acceleration is None and smooth:
+        acceleration = np.zeros_like(q)
+    return End(q, np.zeros_like(q) if velocity is None else velocity, acceleration)
+
+
+def _reached(problem: Problem, q: Array) -> JointGoal | None:
+    """The goal that a motion ends at, where it is one of joints."""
+    goals = [goal for goal in problem.goals if isinstance(goal, JointGoal)]
+    return min(goals, key=lambda goal: float(np.abs(goal.joints - q).max()), default=None)
+
+
+def _carrier(chain: Chain, timing: TimingOptions, law: TimeParametrization) -> Chain:
+    """The robot with its payload."""
+    if law.loads is not None:
+        return law.loads.chain
+    load = timing.payload
+    if load is None:
+        return chain
+    return with_payload(chain, load.mass, load.center_of_mass, load.inertia, link=load.link)

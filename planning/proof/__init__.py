@@ -1,0 +1,1 @@
+"""The proof of a timed motion, independent of the planners."""

@@ -1,0 +1,347 @@
+"""The proof that a timed trajectory is free for every instant and inside every limit.
+
+It knows nothing of how the trajectory came about and shares no verdict with the planners. It walks
+the polynomials themselves, cell of time by cell of time: where some direction parts a pair in the
+middle of a cell by more than its margin and more than it can move in the cell, it is free all over
+the cell, with at least the difference to spare; others are looked at again on the halves. Whoever
+proposed the direction, it is checked here, on the exact geometry (``sweep``,
+``separating_direction``, ``motion_bounds``). What no direction settles, since it touches or nearly
+so, FCL decides. What the limits ask is decided by the exact extrema of the polynomials.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinematics.arrays import Array
+from kinematics.chain import Limits
+from kinematics.trajectory import Trajectory
+from obstacles.containment import first_inside
+from obstacles.fcl_distance import ACCURACY, convex_distance
+from obstacles.robot_geometry import RobotGeometry
+from obstacles.scene import Scene
+from planning.constraints.constraint_set import ConstraintSet
+from planning.deadline import Deadline
+from planning.proof.constraints import ConstraintReport, check_motion
+from planning.proof.limits import (
+    RATIO_TOLERANCE,
+    LimitReport,
+    Violation,
+    check_continuity,
+    check_limits,
+)
+from planning.proof.motion_bounds import VALUE
+from planning.proof.pair_table import PairTable
+from planning.proof.sweep import (
+    ASKED,
+    ASKING,
+    DEPTH,
+    DONE,
+    FIRST,
+    FULL,
+    KEPT,
+    LAST,
+    MAX_DEPTH,
+    OBSTACLE,
+    OWN,
+    RESOLUTION,
+    TOP,
+    VISITS,
+    go_on,
+    halve,
+    roomier,
+    settle,
+    sharp_enough,
+    walk_along,
+)
+from planning.proof.tool_deviation import PathDeviation
+from planning.timing.effort_limits import EffortLimits
+
+__all__ = [
+    "RATIO_TOLERANCE",
+    "Certificate",
+    "LimitReport",
+    "Violation",
+    "certify",
+    "certify_limits",
+]
+
+#: A violation this near to the start or the goal, in every joint, is told as theirs [rad or m].
+_AT_AN_END = 1e-6
+#: What the referee says of a pair.
+_FREE, _OPEN, _HIT = 0, 1, 2
+#: Cells between two looks at the clock: a few milliseconds.
+_CELLS_A_CALL = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class Certificate:
+    """What was proved about a trajectory.
+
+    Args:
+        verified: Free for every instant and inside every limit.
+        min_clearance: Holds for every t, margins not taken off [m]; infinite where nothing can
+            collide, the distance found where something does.
+        clearance_pair: The pair with the least clearance.
+        min_obstacle_clearance: The same from obstacles alone [m]. Where a collision was found both
+            of these hold up to its time.
+        min_self_clearance: The same among the robot's own links and what it holds [m]; no margin
+            concerns these.
+        method: How it was proved.
+        limits: By quantity.
+        continuity: Largest jumps of position and velocity.
+        cells: Intervals of time that were looked at.
+        violation: The first thing that is wrong; None where it is verified.
+        path_deviation: How far the tool is off the motions asked for, where some were.
+        path_constraints: How well each constraint of the path is held.
+    """
+
+    verified: bool
+    min_clearance: float
+    clearance_pair: tuple[str, str] | None
+    min_obstacle_clearance: float
+    min_self_clearance: float
+    method: str
+    limits: Mapping[str, LimitReport]
+    continuity: Mapping[str, float]
+    cells: int
+    violation: Violation | None = None
+    path_deviation: PathDeviation | None = None
+    path_constraints: tuple[ConstraintReport, ...] = ()
+
+    @property
+    def path_constraint_residual(self) -> float | None:
+        """The worst residual of all hard path constraints over all t [m or rad], 0 where they hold.
+
+        None where there are none.
+        """
+        hard = [report.residual for report in self.path_constraints if report.hard]
+        return max(0.0, *hard) if hard else None
+
+
+METHOD = (
+    "continuous: separating directions checked against motion bounds on cells of time, "
+    "exact extrema of polynomials"
+)
+LIMITS_METHOD = "exact extrema of polynomials; nothing is known of collisions"
+
+
+def certify(
+    trajectory: Trajectory,
+    robot: RobotGeometry,
+    scene: Scene,
+    *,
+    margin: float = 0.0,
+    limits: Mapping[str, Array] | None = None,
+    loads: EffortLimits | None = None,
+    constraints: ConstraintSet | None = None,
+    deadline: Deadline | None = None,
+) -> Certificate:
+    """Prove that a trajectory is free for every instant and inside every limit, or say why not.
+
+    Args:
+        trajectory: Of all joints of the robot, in its order.
+        robot: The arm with its geometry.
+        scene: The obstacles.
+        margin: Distance to keep from obstacles beyond their own margins [m].
+        limits: Limits (n,) to hold it to, by quantity ("velocity", ...); what is not named is
+            taken from the robot, NaN and infinity bind nothing.
+        loads: Limits of torque and tool speed.
+        constraints: What the motion has to hold for every instant.
+        deadline: When to give up (which proves nothing).
+    """
+    reports, wrong = check_limits(trajectory, robot.chain.limits, dict(limits or {}), loads)
+    continuity, jumps = check_continuity(trajectory)
+    wrong += jumps
+    kept, violated = (
+        check_motion(constraints, trajectory) if constraints is not None else ((), None)
+    )
+    wrong += [violated] if violated else []
+    proof = _Proof(trajectory, robot, scene, margin, deadline)
+    proof.run()
+    wrong += [proof.violation] if proof.violation else []
+    obstacle, own = proof.clearances
+    first = min(wrong, key=lambda violation: violation.time) if wrong else None
+    return Certificate(
+        verified=first is None,
+        min_clearance=min(obstacle, own),
+        clearance_pair=proof.closest,
+        min_obstacle_clearance=obstacle,
+        min_self_clearance=own,
+        method=METHOD,
+        limits=reports,
+        continuity=continuity,
+        cells=proof.visited,
+        violation=first,
+        path_constraints=kept,
+    )
+
+
+def certify_limits(
+    trajectory: Trajectory,
+    limits: Limits,
+    bounds: Mapping[str, Array],
+    loads: EffortLimits | None = None,
+) -> Certificate:
+    """Prove that a trajectory keeps its limits, of collisions nothing is said.
+
+    Args:
+        trajectory: The motion.
+        limits: Of its joints.
+        bounds: In place of them, by quantity, as in ``certify``.
+        loads: Limits of torque and tool speed.
+    """
+    reports, wrong = check_limits(trajectory, limits, bounds, loads)
+    if not (np.isfinite(limits.lower) | np.isfinite(limits.upper)).any():
+        del reports["position"]
+    continuity, jumps = check_continuity(trajectory)
+    first = min(wrong + jumps, key=lambda violation: violation.time, default=None)
+    return Certificate(
+        verified=first is None,
+        min_clearance=np.inf,
+        clearance_pair=None,
+        min_obstacle_clearance=np.inf,
+        min_self_clearance=np.inf,
+        method=LIMITS_METHOD,
+        limits=reports,
+        continuity=continuity,
+        cells=0,
+        violation=first,
+    )
+
+
+class _Proof:
+    """A walk of witnesses along a trajectory, with FCL as the referee of what they leave."""
+
+    def __init__(
+        self,
+        trajectory: Trajectory,
+        robot: RobotGeometry,
+        scene: Scene,
+        margin: float,
+        deadline: Deadline | None,
+    ) -> None:
+        self._robot, self._scene = robot, scene
+        self._trajectory, self._deadline = trajectory, deadline
+        self._table = PairTable.of(robot, scene, margin)
+        self._walk = walk_along(trajectory, self._table.arrays)
+        self.violation: Violation | None = None
+
+    @property
+    def visited(self) -> int:
+        """Cells that were looked at."""
+        return int(self._walk.counters[VISITS])
+
+    @property
+    def clearances(self) -> tuple[float, float]:
+        """Proved from obstacles and among the robot's own [m]."""
+        return float(self._walk.clearance[OBSTACLE]), float(self._walk.clearance[OWN])
+
+    @property
+    def closest(self) -> tuple[str, str] | None:
+        """The pair that the smaller of them belongs to."""
+        i, j = (int(k) for k in self._walk.closest[np.argmin(self._walk.clearance)])
+        return self._table.names(i, j) if i >= 0 else None
+
+    def run(self) -> None:
+        """Settle every pair on every cell, or find the first violation."""
+        if not len(self._table.arrays.roots):
+            return
+        inside = first_inside(self._robot, self._scene, self._trajectory.start)
+        if inside is not None:
+            message = f"{inside[0]!r} and {inside[1]!r}: one is inside the other at the start"
+            details = {"pair": list(inside), "distance": 0.0, "margin": 0.0, "at": "start"}
+            self.violation = Violation("collision", 0.0, message, details)
+            return
+        while True:
+            if self._deadline is not None and self._deadline.passed:
+                message = "time was up before the proof was complete"
+                self.violation = self.violation or Violation("time", 0.0, message, {})
+                return
+            state = go_on(
+                self._table.arrays, self._trajectory.breaks, self._trajectory.coefficients,
+                self._walk, self.violation is None, _CELLS_A_CALL,
+            )  # fmt: skip
+            if state == DONE:
+                return
+            if state == ASKING:
+                self._referee()
+            if state == FULL:
+                self._walk = roomier(self._walk)
+
+    def _referee(self) -> None:
+        """Let FCL decide about the pairs asked about, so that the walk can go on."""
+        walk, counters = self._walk, self._walk.counters
+        asked = [(int(i), int(j)) for i, j in walk.asked[: counters[ASKED]]]
+        left: list[tuple[int, int]] = []
+        hit = -1
+        for at, (i, j) in enumerate(asked):
+            verdict = self._judged(at, i, j)
+            if verdict == _HIT:
+                left, hit = left + asked[at:], at
+                break
+            if verdict == _OPEN:
+                left.append((i, j))
+        if hit >= 0:
+            # Nothing later than the middle of this cell is the first violation any more.
+            counters[TOP] = 0
+            if self._last_word(hit):
+                return
+        kept = int(counters[KEPT])
+        if not (left or kept):
+            return
+        end = int(walk.starts[counters[DEPTH] + 1]) + kept
+        walk.entries[end : end + len(left)] = np.array(left, dtype=np.int64).reshape(-1, 2)
+        walk.axes[end : end + len(left)] = 0.0
+        counters[KEPT] = kept + len(left)
+        halve(walk, self._trajectory.breaks, hit < 0)
+
+    def _judged(self, at: int, i: int, j: int) -> int:
+        """What FCL says of a pair asked about: free all over the cell, open, or a violation."""
+        walk, arrays = self._walk, self._table.arrays
+        own = OWN if i < arrays.moving else OBSTACLE
+        apart = 0.0 if own == OWN else float(arrays.margins[i]) + arrays.margin
+        distance = convex_distance(
+            self._table.solid(i), self._pose(i), self._table.solid(j), self._pose(j)
+        )
+        lower = distance - float(walk.bounds[at]) - ACCURACY
+        last_word = self._last_word(at)
+        if lower > apart and (last_word or lower >= sharp_enough(walk.nearest[own], True)):
+            settle(walk, own, i, j, lower)
+            return _FREE
+        if distance > apart and not last_word:
+            return _OPEN
+        self._violate(at, (i, j), distance, apart)
+        return _HIT
+
+    def _pose(self, k: int) -> Array:
+        """Where element k is in the middle of the cell, by the frames of the joints alone."""
+        joint, T = int(self._table.arrays.joints[k]), self._table.arrays.poses[k]
+        return np.asarray(self._walk.frames[joint] @ T) if joint >= 0 else T
+
+    def _last_word(self, at: int) -> bool:
+        """Whether the cell can't be halved any more to the good of a pair asked about."""
+        walk = self._walk
+        return bool(walk.bounds[at] < RESOLUTION or walk.counters[DEPTH] == MAX_DEPTH)
+
+    def _violate(self, at: int, pair: tuple[int, int], distance: float, apart: float) -> None:
+        """Note a violation in the middle of the cell; the walk goes from late to early ones."""
+        walk, trajectory = self._walk, self._trajectory
+        i, j = pair
+        whole = walk.counters[FIRST] < walk.counters[LAST]
+        begins = 0.0 if whole else float(trajectory.breaks[walk.counters[FIRST]])
+        time = min(begins + float(walk.cell[1]), trajectory.duration)
+        settle(walk, OWN if i < self._table.arrays.moving else OBSTACLE, i, j, distance)
+        names = self._table.names(i, j)
+        asked = f", {apart:.6g} m are asked for" if apart > 0.0 else ""
+        message = f"{names[0]!r} and {names[1]!r} are {distance:.6g} m apart{asked}"
+        details = {"pair": list(names), "distance": distance, "margin": apart}
+        q = walk.joints[:, VALUE]
+        for where, end in (("start", trajectory.start), ("goal", trajectory.end)):
+            if np.abs(q - end).max() <= _AT_AN_END:
+                message, details["at"] = f"{message} at the {where}", where
+                break
+        decided = distance <= apart or walk.bounds[at] < RESOLUTION
+        kind = "collision" if decided else "undecided"
+        self.violation = Violation(kind, time, message, details)

@@ -1,0 +1,324 @@
+"""What must stay apart, packed for the certificate's own kernels: solids, and what holds them.
+
+Everything is an element: a convex solid, or something that holds those below it. A tree of boxes
+holds the obstacles; the cover of a part of a mesh holds its triangles, by way of a tree of boxes. A
+pair of elements that can be proved apart settles all pairs below it.
+"""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinematics.arrays import Array, Indices
+from obstacles.bvh import BOX, FIRST, LAST, SKIP, tree
+from obstacles.collision_model import skipped_pairs, together
+from obstacles.piece import Piece, PieceArrays, PieceKind
+from obstacles.piece_set import NODE, NODE_STOP, PieceSet
+from obstacles.robot_geometry import RobotGeometry
+from obstacles.scene import Scene
+from obstacles.support_table import Lists
+
+#: The kind of an element that only holds others; the rest are of ``PieceKind``.
+HOLDER = -1
+#: What rounding may have taken off a box [relative].
+_HAIR = 1e-15
+
+
+class PairArrays(NamedTuple):
+    """What the certificate's kernels read (n joints, e elements, v vertices).
+
+    Elements of the robot come first: its pieces, then what is below them; then those of the scene
+    alike, and at last the tree over the scene's pieces.
+
+    Args:
+        joint_types: 0 revolute, 1 prismatic, shape (n,).
+        offsets: T_(i-1)_i of every joint at 0, shape (n, 4, 4).
+        roots: Pairs that everything hangs below; the second is the robot's and moves against the
+            first; shape (k, 2).
+        moving: How many elements are the robot's.
+        margins: Distance that each element of the scene is to be kept away, of a holder the most of
+            those below it, shape (e,) [m].
+        margin: To be kept from obstacles beyond that [m].
+        joints: Joint that carries each element, -1 for what stands still, shape (e,).
+        kinds: Of the elements' cores, as ``PieceKind``, or HOLDER, shape (e,).
+        starts: Vertices of element i are ``vertices[starts[i]:starts[i + 1]]``, shape (e + 1,).
+        columns: The vertices in their elements' frames, shape (3, v): so loops compile to vectors.
+        sizes: Radius, half height, rounding; shape (e, 3).
+        poses: Frame of each element in that of its joint, shape (e, 4, 4).
+        centers: Of a ball that holds each element, in the frame of its joint, shape (e, 3).
+        radii: Of these balls, shape (e,).
+        boxes: Centre and half sizes of a box that holds each element, in its own frame, (e, 6).
+        extents: Size of the largest numbers that an element's place is summed from, shape (e,) [m].
+        below: What is directly below element i is ``kids[below[i]:below[i + 1]]``, shape (e + 1,).
+        kids: Elements.
+        parts: The robot's piece or the obstacle that an element belongs to, -1 for several, (e,).
+        skipped: Whether a piece of the robot may touch an obstacle, shape (p, obstacles).
+        rows: Rows for the planner's distance iteration, as in ``PieceSet``.
+        row: The row of each element, shape (e,).
+        first: Where the corners of a triangle are in ``corners``, -1 for other elements, (e,).
+        corners: For the planner's distance iteration.
+        tables: The same.
+    """
+
+    joint_types: Indices
+    offsets: Array
+    roots: Indices
+    moving: int
+    margins: Array
+    margin: float
+    joints: Indices
+    kinds: Indices
+    starts: Indices
+    columns: Array
+    sizes: Array
+    poses: Array
+    centers: Array
+    radii: Array
+    boxes: Array
+    extents: Array
+    below: Indices
+    kids: Indices
+    parts: Indices
+    skipped: NDArray[np.bool_]
+    rows: Array
+    row: Indices
+    first: Indices
+    corners: Array
+    tables: Lists
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PairTable:
+    """The pairs of a robot in a scene.
+
+    Args:
+        arrays: Packed.
+        robot: Whose elements come first.
+        scene: What stands around.
+    """
+
+    arrays: PairArrays
+    robot: RobotGeometry
+    scene: Scene
+
+    @classmethod
+    def of(cls, robot: RobotGeometry, scene: Scene, margin: float) -> "PairTable":
+        """All pairs that neither robot nor scene allows to touch.
+
+        What stands still with the base can't be moved away from obstacles and is not compared with
+        them; from obstacles ``margin`` [m] is kept beyond their own.
+        """
+        return cls(_arrays(robot, scene)._replace(margin=margin), robot, scene)
+
+    def names(self, i: int, j: int) -> tuple[str, str]:
+        """The link, and the obstacle or other link, of a pair of elements."""
+        arrays = self.arrays
+        while arrays.parts[i] < 0:  # of several it names the first
+            i = int(arrays.kids[arrays.below[i]])
+        first = self.robot.links if i < arrays.moving else self.scene.ids
+        return self.robot.links[arrays.parts[j]], first[arrays.parts[i]]
+
+    def solid(self, k: int) -> Piece:
+        """Element ``k``, which holds nothing, as a piece in the frame of its joint."""
+        arrays = self.arrays
+        row, robots = int(arrays.row[k]), len(self.robot.pieces)
+        piece = self.robot.pieces[row] if row < robots else self.scene.piece(row - robots)
+        if arrays.first[k] < 0:
+            return piece
+        corners = arrays.columns[:, arrays.starts[k] : arrays.starts[k + 1]].T
+        return replace(piece, vertices=corners, rounding=0.0, surface=None)
+
+
+class _Elements(NamedTuple):
+    """Some elements, columns as in ``PairArrays``; how many vertices and kids each has."""
+
+    kinds: Indices
+    counts: Indices
+    vertices: Array
+    sizes: Array
+    poses: Array
+    centers: Array
+    radii: Array
+    boxes: Array
+    kid_counts: Indices
+    kids: Indices
+    parts: Indices
+    row: Indices
+    first: Indices
+    margins: Array
+
+    @classmethod
+    def joined(cls, *blocks: "_Elements") -> "_Elements":
+        """Those of several one behind the other."""
+        return cls(*map(np.concatenate, zip(*blocks, strict=True)))
+
+
+@lru_cache(maxsize=8)
+def _arrays(robot: RobotGeometry, scene: Scene) -> PairArrays:
+    packed, p = together(robot, scene), len(robot.pieces)
+    still, owners, margins = scene.pieces()
+    nodes = int(packed.rows[p:, NODE_STOP].max(initial=0.0))
+    own, own_extents, corners = _own(robot)
+    # The scene's corners come first in what is packed.
+    ahead = len(packed.corners) - corners
+    own = own._replace(first=np.where(own.first >= 0, own.first + ahead, -1))
+    moving = len(own.kinds)
+    around = _solids(still, packed, slice(p, None), slice(0, nodes), moving)
+    placed = around.row - p
+    around = around._replace(parts=owners[placed], margins=margins[placed])
+    boxed = _tree(still, margins, moving, moving + len(around.kinds))
+    everything = _Elements.joined(own, around, boxed)
+    joints = np.full(len(everything.kinds), -1, dtype=np.int64)
+    joints[:moving] = robot.joints[own.parts]
+    skipped = skipped_pairs(robot, scene)
+    walls = moving + np.flatnonzero(still.kinds == PieceKind.HALFSPACE)
+    tops = [len(joints) - len(boxed.kinds)] if len(boxed.kinds) else []
+    return PairArrays(
+        joint_types=robot.chain.joint_types,
+        offsets=robot.chain.offsets,
+        roots=_roots(robot, scene, [*tops, *walls.tolist()], skipped),
+        moving=moving,
+        margins=everything.margins,
+        margin=0.0,
+        joints=joints,
+        kinds=everything.kinds,
+        starts=_starts(everything.counts),
+        columns=np.ascontiguousarray(everything.vertices.T),
+        sizes=everything.sizes,
+        poses=everything.poses,
+        centers=everything.centers,
+        radii=everything.radii,
+        boxes=everything.boxes,
+        extents=np.concatenate([own_extents, _extents(around), _extents(boxed)]),
+        below=_starts(everything.kid_counts),
+        kids=everything.kids,
+        parts=everything.parts,
+        skipped=skipped,
+        rows=packed.rows,
+        row=everything.row,
+        first=everything.first,
+        corners=packed.corners,
+        tables=packed.tables,
+    )
+
+
+@lru_cache(maxsize=8)
+def _own(robot: RobotGeometry) -> tuple[_Elements, Array, int]:
+    """The robot's elements alone, their extents, and how many corners are packed with them."""
+    packed = together(robot, Scene(()))
+    own = _solids(robot.arrays, packed, slice(None), slice(None), 0)
+    own = own._replace(parts=own.row, margins=np.zeros(len(own.kinds)))
+    return own, _extents(own), len(packed.corners)
+
+
+def _starts(counts: Indices) -> Indices:
+    return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+
+
+def _solids(
+    arrays: PieceArrays, packed: PieceSet, rows: slice, nodes: slice, base: int
+) -> _Elements:
+    """Pieces, and behind them what covers among them cover; the first is element ``base``."""
+    p, own = len(arrays), packed.rows[rows]
+    covers = own[:, NODE_STOP] > 0.0
+    first_node = nodes.start or 0
+    kids = (own[covers, NODE].astype(np.int64) - first_node) + base + p
+    none = np.zeros(p, dtype=np.int64)
+    numbers = np.arange(len(packed.rows), dtype=np.int64)[rows]
+    pieces = _Elements(
+        arrays.kinds, np.diff(arrays.starts), arrays.vertices, arrays.sizes, arrays.poses,
+        arrays.centers, arrays.radii, arrays.boxes, covers.astype(np.int64), kids,
+        none, numbers, none - 1, none.astype(np.float64),
+    )  # fmt: skip
+    tree_nodes = packed.surfaces[nodes]
+    if not len(tree_nodes):
+        return pieces
+    spans = (own[covers, NODE_STOP] - own[covers, NODE]).astype(np.int64)
+    owner = np.repeat(np.flatnonzero(covers), spans)
+    leaf = tree_nodes[:, FIRST] >= 0.0
+    first = np.where(leaf, tree_nodes[:, FIRST], -1.0).astype(np.int64)
+    corners = packed.corners[(first[leaf, None] + np.arange(3)).reshape(-1)]
+    boxes, kids = _boxes(tree_nodes), _children(tree_nodes, first_node, base + p)
+    poses = arrays.poses[owner]
+    centers = (poses[:, :3, :3] @ boxes[:, :3, None])[..., 0] + poses[:, :3, 3]
+    below = _Elements(
+        np.where(leaf, int(PieceKind.POLYTOPE), HOLDER), np.where(leaf, 3, 0), corners,
+        np.zeros((len(leaf), 3)), poses, centers, np.linalg.norm(boxes[:, 3:], axis=1), boxes,
+        np.where(leaf, 0, 2), kids, 0 * owner, numbers[owner], first, np.zeros(len(leaf)),
+    )  # fmt: skip
+    return _Elements.joined(pieces, below)
+
+
+def _tree(still: PieceArrays, margins: Array, moving: int, base: int) -> _Elements:
+    """A tree over the scene's pieces but half-spaces; its top is element ``base``."""
+    solid = np.flatnonzero(still.kinds != PieceKind.HALFSPACE)
+    T, box = still.poses[solid], still.boxes[solid]
+    middle = (T[:, :3, :3] @ box[:, :3, None])[..., 0] + T[:, :3, 3]
+    half = (np.abs(T[:, :3, :3]) @ box[:, 3:, None])[..., 0]
+    grown = tree(middle - half, middle + half)
+    nodes, count = grown.nodes, len(grown.nodes)
+    leaf = nodes[:, FIRST] >= 0.0
+    spans = np.where(leaf, nodes[:, LAST] - nodes[:, FIRST], 2.0).astype(np.int64)
+    kids = np.empty(int(spans.sum()), dtype=np.int64)
+    is_item = np.repeat(leaf, spans)
+    # Leaves come in the order of their items.
+    kids[is_item] = moving + solid[grown.items]
+    kids[~is_item] = _children(nodes, 0, base)
+    boxes, none = _boxes(nodes), np.zeros(count, dtype=np.int64)
+    still_poses = np.tile(np.eye(4), (count, 1, 1))
+    return _Elements(
+        none + HOLDER, none, np.zeros((0, 3)), np.zeros((count, 3)), still_poses,
+
+        boxes[:, :3], np.linalg.norm(boxes[:, 3:], axis=1), boxes, spans, kids, none - 1, none,
+        none - 1, _most(nodes, margins[solid][grown.items]),
+    )  # fmt: skip
+
+
+def _boxes(nodes: Array) -> Array:
+    """Middles and half sizes of nodes' boxes, (t, 6), a hair larger than rounding made them."""
+    low, high = nodes[:, BOX : BOX + 3], nodes[:, BOX + 3 : BOX + 6]
+    half = 0.5 * (high - low) + _HAIR * (np.abs(low) + np.abs(high))
+    return np.hstack([0.5 * (low + high), half])
+
+
+def _children(nodes: Array, first: int, base: int) -> Indices:
+    """The two nodes below each that is no leaf, one behind the other; the first one is ``base``."""
+    inner = np.flatnonzero(nodes[:, FIRST] < 0.0)
+    other = nodes[np.minimum(inner + 1, len(nodes) - 1), SKIP].astype(np.int64) - first
+    return np.column_stack([inner + 1, other]).reshape(-1) + base
+
+
+def _most(nodes: Array, margins: Array) -> Array:
+    """The largest margin of all items below each node; ``margins`` in the order of leaves."""
+    if not len(margins) or margins.min() == margins.max():
+        return np.full(len(nodes), margins.max(initial=0.0))
+    most = np.zeros(len(nodes))
+    for k in range(len(nodes) - 1, -1, -1):
+        first, last = int(nodes[k, FIRST]), int(nodes[k, LAST])
+        below = margins[first:last] if first >= 0 else most[[k + 1, int(nodes[k + 1, SKIP])]]
+        most[k] = below.max()
+    return most
+
+
+def _roots(
+    robot: RobotGeometry, scene: Scene, tops: list[int], skipped: NDArray[np.bool_]
+) -> Indices:
+    met = [int(j) for j in np.flatnonzero(~skipped.all(axis=1))] if skipped.size else []
+    rows = [(top, j) for j in met for top in tops]
+    for a, b in robot.self_pairs:
+        i, j = (int(a), int(b)) if robot.joints[a] <= robot.joints[b] else (int(b), int(a))
+        if not scene.allows(robot.links[i], robot.links[j]):
+            rows.append((i, j))
+    return np.array(rows, dtype=np.int64).reshape(-1, 2)
+
+
+def _extents(elements: _Elements) -> Array:
+    """``PairArrays.extents``."""
+    farthest = np.linalg.norm(np.abs(elements.boxes[:, :3]) + elements.boxes[:, 3:], axis=1)
+    # A half-space is but a plane through its frame.
+    farthest[~np.isfinite(farthest)] = 0.0
+    places = np.linalg.norm(elements.poses[:, :3, 3], axis=1)
+    return np.asarray(places + farthest + elements.sizes.sum(axis=1))

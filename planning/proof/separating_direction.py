@@ -1,0 +1,115 @@
+"""Witnesses: directions that prove two convex pieces apart, checked whoever found them.
+
+For any unit direction u, and h the support function of a piece,
+
+    distance(A, B)  >=  -h_B(-u) - h_A(u),
+
+so one number a piece settles it. Finding a good u is a search with many ways to go wrong; checking
+one is a maximum of sums of three products. The support functions here are this module's own.
+Source: "Certifying algorithms", Computer Science Review, 2011.
+"""
+
+import math
+
+import numpy as np
+
+from kinematics.arrays import Array, Indices
+from kinematics.compiled.kernel import kernel
+from obstacles.piece import PieceKind
+
+Vector = tuple[float, float, float]
+
+_POLYTOPE = int(PieceKind.POLYTOPE)
+_CYLINDER = int(PieceKind.CYLINDER)
+_HALFSPACE = int(PieceKind.HALFSPACE)
+
+#: Rounding that one joint's frame and one piece's place and support can add [units of rounding],
+#: for numbers of the size of all lengths they are summed from: two rotations are multiplied and a
+#: translation is added, each a sum of three products of entries of at most 1.
+_UNITS_A_JOINT = 32.0
+_UNITS_A_PIECE = 64.0
+_UNIT = 2.0**-53
+
+
+# Reordering changes a sum of three products by what is allowed for rounding, and lets the maximum
+# compile to vectors; nothing here can be NaN: vertices are finite and so is the direction.
+@kernel(fastmath=True)
+def highest(columns: Array, start: int, stop: int, x: float, y: float, z: float) -> float:
+    """Largest of x v_0 + y v_1 + z v_2 over the columns v from start to stop of (3, v)."""
+    best = -np.inf
+    for k in range(start, stop):
+        best = max(best, x * columns[0, k] + y * columns[1, k] + z * columns[2, k])
+    return best
+
+
+@kernel
+def height(
+    kind: int, size: Vector, columns: Array, start: int, stop: int, poses: Array, i: int, u: Vector
+) -> float:
+    """Support function of piece i (no half-space), placed, along a unit direction [m]."""
+    x, y, z = u
+    a = poses[i, 0, 0] * x + poses[i, 1, 0] * y + poses[i, 2, 0] * z
+    b = poses[i, 0, 1] * x + poses[i, 1, 1] * y + poses[i, 2, 1] * z
+    c = poses[i, 0, 2] * x + poses[i, 1, 2] * y + poses[i, 2, 2] * z
+    radius, half, rounding = size
+    base = poses[i, 0, 3] * x + poses[i, 1, 3] * y + poses[i, 2, 3] * z + rounding
+    if kind == _POLYTOPE:
+        return float(base + highest(columns, start, stop, a, b, c))
+    rim = radius * math.sqrt(a * a + b * b)
+    if kind == _CYLINDER:
+        return float(base + half * abs(c) + rim)
+    return float(base + max(half * c, rim - half * c))
+
+
+@kernel
+def direction(kinds: Indices, poses: Array, i: int, j: int, u: Vector) -> tuple[bool, Vector]:
+    """The unit direction to look along from piece i to piece j, and whether there is one.
+
+    A half-space i has but one direction that can prove anything; a half-space j has none.
+    """
+    if kinds[j] == _HALFSPACE:
+        return False, u
+    if kinds[i] == _HALFSPACE:
+        u = (poses[i, 0, 2], poses[i, 1, 2], poses[i, 2, 2])
+    length = math.sqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2])
+    if not 0.0 < length < np.inf:
+        return False, u
+    return True, (u[0] / length, u[1] / length, u[2] / length)
+
+
+@kernel
+def gap(
+    kinds: Indices, sizes: Array, columns: Array, starts: Indices, poses: Array,
+    i: int, j: int, u: Vector,
+) -> float:  # fmt: skip
+    """What a unit direction from piece i to piece j proves of their distance, but for rounding [m].
+
+    Args:
+        kinds: Of ``PairArrays``, as are the next three.
+        sizes: The same.
+        columns: The same.
+        starts: The same.
+        poses: Of all pieces in one frame, shape (p, 4, 4).
+        i: One piece.
+        j: The other.
+        u: From ``direction``.
+    """
+    size = (sizes[i, 0], sizes[i, 1], sizes[i, 2])
+    if kinds[i] == _HALFSPACE:
+        top = poses[i, 0, 3] * u[0] + poses[i, 1, 3] * u[1] + poses[i, 2, 3] * u[2] + size[2]
+    else:
+        top = height(kinds[i], size, columns, starts[i], starts[i + 1], poses, i, u)
+    size = (sizes[j, 0], sizes[j, 1], sizes[j, 2])
+    back = (-u[0], -u[1], -u[2])
+    return float(-height(kinds[j], size, columns, starts[j], starts[j + 1], poses, j, back) - top)
+
+
+@kernel
+def rounding(joints: int, lengths: float) -> float:
+    """What rounding can have done to a gap, the frames included [m].
+
+    Args:
+        joints: How many there are.
+        lengths: Sum of the sizes of all numbers that frames and pieces are summed from [m].
+    """
+    return float((_UNITS_A_PIECE + _UNITS_A_JOINT * joints) * _UNIT * lengths)

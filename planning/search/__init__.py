@@ -1,0 +1,1 @@
+"""Planners of free space and what drives them: straight line, RRT-Connect, shortcuts."""

@@ -1,0 +1,192 @@
+"""Shortening a path by straight cuts, each of them proved free before it is taken.
+
+Waypoints are left out as far as can be. Then, round by round, every corner that is left is cut off:
+whole, or else by a line between the middles of its legs, their quarters, their eighths, and the new
+corners in the next round. What failed at a corner is not tried again before a neighbour of it has
+moved. In the end waypoints are left out once more. Which cut is tried next depends on what the last
+ones gained, so few edge checks are spent where there is nothing to gain, and nothing is random. All
+of a round is one kernel: a cut is an edge check and little else. Random cuts along the path, the
+usual way, need several times as many checks for paths of the same length.
+"""
+
+import math
+
+import numpy as np
+
+from kinematics.arrays import Array, Indices
+from kinematics.compiled.kernel import kernel
+from obstacles.checker import Checker
+from obstacles.collision_model import ModelArrays
+from obstacles.edge_check import FREE, certify_in
+from obstacles.kernel_work import Workspace, workspace
+from planning.deadline import Deadline
+
+#: Rounds, and edge checks in all of them, after which a path counts as short.
+_ROUNDS = 6
+_MOST_CHECKS = 250
+#: Intervals of a check beyond which it counts as another one; a cut that needs more than the most
+#: is not worth its proof.
+_INTERVALS_A_CHECK = 40
+_MOST_INTERVALS = 800
+#: A round that gains less than this share of the length was the last.
+_LEAST_ROUND = 0.01
+#: Cuts tried at a corner: the whole of it, a half, a quarter, an eighth of its legs.
+_CUTS = 4
+#: A corner that is worth less than this share of the length is left as it is.
+_LEAST_GAIN = 5e-4
+
+
+def shortcut(checker: Checker, waypoints: Array, deadline: Deadline) -> Array:
+    """Shorten a polyline whose legs are proved free; what comes back is too.
+
+    The budget is counted in edge checks, so that the same path is shortened in the same way.
+
+    Args:
+        checker: Proves the cuts.
+        waypoints: Shape (k, n).
+        deadline: When to stop trying.
+    """
+    # A check brings one corner more at most.
+    room = len(waypoints) + _MOST_CHECKS
+    points, tried = np.empty((room, waypoints.shape[1])), np.zeros(room, dtype=np.int64)
+    points[: len(waypoints)] = waypoints
+    model, slack, checks = checker.model.arrays, checker.slack, np.zeros(1, dtype=np.int64)
+    count = skip_kernel(model, slack, points, len(waypoints), checks)
+    before = np.inf
+    for _ in range(_ROUNDS):
+        length = length_kernel(points, count)
+        if deadline.passed or count < 3 or before - length < _LEAST_ROUND * before:
+            break
+        before = length
+        count = round_kernel(model, slack, points, tried, count, _LEAST_GAIN * length, checks)
+    return np.array(points[: thin_kernel(model, slack, points, count, checks)])
+
+
+@kernel
+def _free(
+    model: ModelArrays, work: Workspace, a: Array, b: Array, slack: float, checks: Indices
+) -> bool:
+    """Whether the straight motion from a to b, both (n,), is proved free."""
+    zero, found = np.zeros(a.shape[0]), np.empty(4)
+    verdict = certify_in(model, work, a, b - a, zero, zero, slack, _MOST_INTERVALS, found)
+    # A motion that grazes takes thousands of intervals: it counts as many checks.
+    checks[0] += 1 + int(found[2]) // _INTERVALS_A_CHECK
+    return bool(verdict == FREE)
+
+
+@kernel
+def skip_kernel(
+    model: ModelArrays, slack: float, points: Array, count: int, checks: Indices
+) -> int:
+    """From each of ``count`` waypoints go straight to the farthest that a bisection finds in sight.
+
+    What is kept is moved to the front of ``points``; answers how many that are.
+    """
+    work = workspace(model)
+    at, kept = 0, 1
+    while at < count - 1:
+        sure, maybe = at + 1, count - 1
+        while sure < maybe and checks[0] < _MOST_CHECKS:
+            # Waypoints before ``kept`` are done with; ``at`` itself may have been overwritten.
+            if _free(model, work, points[kept - 1], points[maybe], slack, checks):
+                sure = maybe
+            else:
+                maybe = (sure + maybe) // 2
+        points[kept] = points[sure]
+        at, kept = sure, kept + 1
+    return kept
+
+
+@kernel
+def thin_kernel(
+    model: ModelArrays, slack: float, points: Array, count: int, checks: Indices
+) -> int:
+    """From each of ``count`` waypoints go straight past as many others as can be left out.
+
+    What is kept is moved to the front of ``points``; answers how many that are.
+    """
+    work = workspace(model)
+    at, kept = 0, 1
+    while at < count - 1:
+        at += 1
+        while at < count - 1 and checks[0] < _MOST_CHECKS:
+            if not _free(model, work, points[kept - 1], points[at + 1], slack, checks):
+                break
+            at += 1
+        points[kept] = points[at]
+        kept += 1
+    return kept
+
+
+@kernel
+def round_kernel(
+    model: ModelArrays, slack: float, points: Array, tried: Indices, count: int, worth: float,
+    checks: Indices,
+) -> int:  # fmt: skip
+    """Cut off every corner of a path as far as is proved free; how many waypoints it then has.
+
+    Args:
+        model: The packed robot and scene.
+        slack: Distance to keep beyond the margins [m].
+        points: Holds ``count`` waypoints and has room for one more a check.
+        tried: How many of the cuts at each waypoint are known to fail, from the widest on.
+        count: How many.
+        worth: A corner that is worth less is left as it is, in the unit of the path's length.
+        checks: Edge checks that were made, shape (1,).
+    """
+    n = points.shape[1]
+    work = workspace(model)
+    a, b = np.empty(n), np.empty(n)
+    k = 1
+    while k < count - 1:
+        before, after = _distance(points[k - 1], points[k]), _distance(points[k], points[k + 1])
+        if before + after - _distance(points[k - 1], points[k + 1]) < worth:
+            k += 1
+            continue
+        while tried[k] < _CUTS:
+            if checks[0] >= _MOST_CHECKS:
+                return count
+            share = 0.5 ** tried[k]
+            for j in range(n):
+                a[j] = points[k, j] + share * (points[k - 1, j] - points[k, j])
+                b[j] = points[k, j] + share * (points[k + 1, j] - points[k, j])
+            if tried[k] == 0:
+                # To the last bit: these two stay waypoints.
+                a[:], b[:] = points[k - 1], points[k + 1]
+            if _free(model, work, a, b, slack, checks):
+                break
+            tried[k] += 1
+        if tried[k] == _CUTS:
+            k += 1
+            continue
+        tried[k - 1] = tried[k + 1] = 0
+        if tried[k] == 0:
+            # Both ends of the cut are waypoints already.
+            points[k : count - 1] = points[k + 1 : count].copy()
+            tried[k : count - 1] = tried[k + 1 : count].copy()
+            count -= 1
+            continue
+        points[k + 2 : count + 1] = points[k + 1 : count].copy()
+        tried[k + 2 : count + 1] = tried[k + 1 : count].copy()
+        points[k], points[k + 1] = a, b
+        tried[k] = tried[k + 1] = 0
+        count += 1
+        k += 2
+    return count
+
+
+@kernel
+def length_kernel(points: Array, count: int) -> float:
+    """Length of the path through the first ``count`` points."""
+    length = 0.0
+    for k in range(count - 1):
+        length += _distance(points[k], points[k + 1])
+    return length
+
+
+@kernel
+def _distance(a: Array, b: Array) -> float:
+    square = 0.0
+    for k in range(a.shape[0]):
+        square += (b[k] - a[k]) ** 2
+    return math.sqrt(square)

@@ -1,0 +1,125 @@
+"""Motions along a path that was found free: the fastest first, then ever safer ones.
+
+What is timed is what is proved. Corners are rounded as far as their curves are proved free, a
+motion with a stop at each corner comes last. A spline of time leaves the polyline between its
+waypoints: with more waypoints on the legs it keeps nearer to them.
+"""
+
+from collections.abc import Callable, Iterator
+from functools import partial
+
+import numpy as np
+
+from kinematics.arrays import Array
+from kinematics.errors import InvalidOption
+from kinematics.trajectory import Trajectory, stay
+from obstacles.checker import Checker
+from planning.deadline import Deadline
+from planning.options import TimingOptions
+from planning.proof.limits import RATIO_TOLERANCE
+from planning.timing.blend import merge, reach_for_deviation
+from planning.timing.corner_blending import certified_reaches
+from planning.timing.failure import TimingFailed
+from planning.timing.parametrization import TimeParametrization, merge_repeated
+from planning.timing.spline import Ends
+
+#: How often the legs of a path are halved to bring a spline nearer to them.
+_HALVINGS = 5
+
+
+def motions(
+    checker: Checker,
+    waypoints: Array,
+    law: TimeParametrization,
+    timing: TimingOptions,
+    deadline: Deadline,
+) -> Iterator[Callable[[], Trajectory]]:
+    """Motions to be tried in turn, until one is proved.
+
+    Args:
+        checker: The robot in its scene.
+        waypoints: A polyline proved free, shape (k, n).
+        law: The limits and the method.
+        timing: What else was asked of the timing.
+        deadline: When corners are not looked at any more.
+
+    Raises:
+        InvalidOption: Times were given that do not fit the waypoints, or an interpolation that
+            would not follow the path that was found.
+    """
+    names = checker.model.chain.joint_names
+    points = merge(waypoints)
+    if len(points) < 2:
+        yield lambda: stay(names, points[0])
+        return
+    if law.method == "spline":
+        yield from _splines(merge_repeated(waypoints), law, timing, names)
+        return
+    if timing.interpolation not in {None, "linear"}:
+        raise InvalidOption(
+            f"a plan timed by {law.method} follows straight lines with rounded corners",
+            hint="Ask for the method spline, or leave interpolation out.",
+        )
+    if len(points) > 2:
+        yield partial(_rounded, checker, points, law, timing, deadline)
+    none = np.zeros(max(len(points) - 2, 0))
+    yield lambda: law.time_polyline(points, none, names).trajectory
+
+
+def _rounded(
+    checker: Checker,
+    points: Array,
+    law: TimeParametrization,
+    timing: TimingOptions,
+    deadline: Deadline,
+) -> Trajectory:
+    """The motion with corners rounded as far as is free and asked for."""
+    most = None
+    if timing.blend_tolerance is not None:
+        most = reach_for_deviation(points, timing.blend_tolerance, law.smooth)
+    reaches = certified_reaches(checker, points, deadline, smooth=law.smooth, most=most)
+    return law.time_polyline(points, reaches, checker.model.chain.joint_names).trajectory
+
+
+def _splines(
+    points: Array, law: TimeParametrization, timing: TimingOptions, names: tuple[str, ...]
+) -> Iterator[Callable[[], Trajectory]]:
+    ends: Ends = "natural" if timing.interpolation == "natural_spline" else "clamped"
+    times = None if timing.times is None else np.array(timing.times, dtype=np.float64)
+    if times is not None and len(times) != len(points):
+        raise InvalidOption(
+            f"timing.times has {len(times)} values, the path that was found has {len(points)} "
+            "waypoints",
+            hint="Leave times out, or time a path of your own by POST /v1/retime.",
+            waypoints=points.tolist(),
+        )
+    for _ in range(_HALVINGS + 1):
+        yield partial(_spline, points, times, ends, law, timing, names)
+        points = _halved(points)
+        times = None if times is None else _halved(times[:, None])[:, 0]
+
+
+def _spline(
+    points: Array,
+    times: Array | None,
+    ends: Ends,
+    law: TimeParametrization,
+    timing: TimingOptions,
+    names: tuple[str, ...],
+) -> Trajectory:
+    motion = law.time_spline(points, times, ends, names, timing.scale_times).trajectory
+    factor = 1.0 if times is None or timing.scale_times else law.needed_factor(motion)
+    if factor > 1.0 + RATIO_TOLERANCE:
+        raise TimingFailed(
+            f"the times given are too short: limits are kept by times {factor:.9g} times as long",
+            hint="Give longer times, or ask for scale_times.",
+            factor=factor,
+        )
+    return motion
+
+
+def _halved(rows: Array) -> Array:
+    """The rows with the middle of each two neighbours between them."""
+    answer = np.empty((2 * len(rows) - 1, rows.shape[1]))
+    answer[::2], answer[1::2] = rows, 0.5 * (rows[1:] + rows[:-1])
+    return answer

@@ -1,0 +1,218 @@
+"""A law of time: the method and all the limits that a path is timed by."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinematics.arrays import Array
+from kinematics.errors import InvalidOption
+from kinematics.trajectory import Trajectory
+from planning.timing.blend import blend, merge
+from planning.timing.effort_limits import EffortLimits
+from planning.timing.failure import TimingFailed
+from planning.timing.jerk_limited import time_path_with_jerk
+from planning.timing.minimum_time import time_path
+from planning.timing.path import JointPath
+from planning.timing.spline import Ends, chord_knots, spline_trajectory
+from planning.timing.time_scaling import ScaledTime, dilate, fit, fitting_factor
+
+Method = Literal["toppra", "spline", "jerk_limited"]
+METHODS: tuple[Method, ...] = ("toppra", "spline", "jerk_limited")
+
+# Boundary velocities may miss the path's direction by this part.
+_ALONG = 1e-6
+# A boundary velocity is kept to so many digits by what slows a motion down in the end.
+_SAME_SPEED = 1e-9
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TimeParametrization:
+    """How paths are timed.
+
+    Args:
+        method: "toppra", "jerk_limited", or "spline" (a cubic spline of time).
+        velocity: Limits, shape (n,), inf where there is none [rad/s or m/s].
+        acceleration: Limits, shape (n,) [rad/s^2 or m/s^2].
+        jerk: Limits, shape (n,); None where jerk is not limited [rad/s^3 or m/s^3].
+        loads: Limits of torque and tool speed.
+        start_velocity: At the start, along the path, shape (n,); at rest where none is given.
+        end_velocity: At the end, likewise.
+    """
+
+    method: Method
+    velocity: Array
+    acceleration: Array
+    jerk: Array | None = None
+    loads: EffortLimits | None = None
+    start_velocity: Array | None = None
+    end_velocity: Array | None = None
+
+    @property
+    def smooth(self) -> bool:
+        """Whether corners have to be rounded by curves of continuous curvature."""
+        return self.method == "jerk_limited"
+
+    @property
+    def bounds(self) -> dict[str, Array]:
+        """The limits that a motion timed by this law is held to, by quantity."""
+        bounds = {"velocity": self.velocity, "acceleration": self.acceleration}
+        return bounds if self.jerk is None else bounds | {"jerk": self.jerk}
+
+    def time(self, path: JointPath, joint_names: Sequence[str]) -> ScaledTime:
+        """The path run through as fast as the limits allow; not for splines of time.
+
+        Raises:
+            InvalidOption: A limit is malformed, or a boundary velocity points off the path.
+            TimingFailed: There is no such motion, or none was found.
+        """
+        speeds = self._end_speeds(path)
+        if self.method != "jerk_limited":
+            return time_path(
+                path, joint_names, self.velocity, self.acceleration,
+                end_speeds=speeds, loads=self.loads,
+            )  # fmt: skip
+        assert self.jerk is not None
+        dilated = time_path_with_jerk(
+            path, joint_names, self.velocity, self.acceleration, self.jerk,
+            end_speeds=speeds, extra=self.loads,
+        )  # fmt: skip
+        return self._obeying(dilated, speeds)
+
+    def time_polyline(
+        self, waypoints: Array, reaches: Array, joint_names: Sequence[str]
+    ) -> ScaledTime:
+        """The polyline with its corners rounded, or with stops at them all where that is faster.
+
+        Args:
+            waypoints: Shape (k, n), merged, k >= 2.
+            reaches: For ``blend``, shape (k - 2,).
+            joint_names: n names.
+
+        Raises:
+            InvalidOption: As ``time``.
+            TimingFailed: As ``time``.
+        """
+        rounded = self.time(blend(waypoints, reaches, smooth=self.smooth), joint_names)
+        if not (self.smooth and reaches.any()):
+            return rounded
+        # Under low jerk limits a narrow curve may take longer than a stop.
+        stopping = self.time(blend(waypoints, 0.0 * reaches, smooth=True), joint_names)
+        return min(rounded, stopping, key=lambda timed: timed.trajectory.duration)
+
+    def time_spline(
+        self,
+        waypoints: ArrayLike,
+        times: ArrayLike | None,
+        ends: Ends,
+        joint_names: Sequence[str],
+        scale: bool = False,
+    ) -> ScaledTime:
+        """The cubic spline of time through the waypoints.
+
+        Args:
+            waypoints: Shape (k, n).
+            times: At the waypoints, shape (k,) [s]. Where none are given they are proportional to
+                the joint-space distance, and as small as the limits allow.
+            ends: "natural", or "clamped": at rest or at the boundary velocities.
+            joint_names: n names.
+            scale: Whether given times are stretched by the least factor that keeps all limits.
+
+        Returns:
+            The motion, and the factor by which it is longer than the times say.
+
+        Raises:
+            InvalidTrajectory: Waypoints and times do not fit.
+            InvalidOption: Boundary velocities were given for natural ends, or without times.
+            TimingFailed: No slowing down keeps the loads.
+        """
+        velocities = self._spline_velocities(ends, times is not None and not scale)
+        if times is None:
+            points = merge_repeated(waypoints)
+            knots = chord_knots(points)
+            motion = spline_trajectory(joint_names, points, knots, ends, velocities)
+            fitted = fit(motion, **self.bounds)
+            return self._obeying(ScaledTime(fitted.trajectory, fitted.factor), (0.0, 0.0))
+        motion = spline_trajectory(joint_names, waypoints, times, ends, velocities)
+        if not scale:
+            return ScaledTime(motion, 1.0)
+        return self._obeying(dilate(motion, **self.bounds), (0.0, 0.0))
+
+    def needed_factor(self, motion: Trajectory) -> float:
+        """How many times as long a motion must be made for all limits to hold; 1 is enough.
+
+        Raises:
+            TimingFailed: No slowing down keeps the loads.
+        """
+        factor = max(1.0, fitting_factor(motion, **self.bounds))
+        if self.loads is None:
+            return factor
+        slower = motion.dilate(factor) if factor > 1.0 else motion
+        return self.loads.slow_down(ScaledTime(slower, factor)).factor
+
+    def _obeying(self, dilated: ScaledTime, speeds: tuple[float, float]) -> ScaledTime:
+        if self.loads is None:
+            return dilated
+        obeying = self.loads.slow_down(dilated)
+        if any(speeds) and obeying.factor > dilated.factor * (1.0 + _SAME_SPEED):
+            raise TimingFailed(
+                "the boundary velocities can't be kept within the torque and tool speed limits",
+                hint="Give lower boundary velocities, or higher limits.",
+            )
+        return obeying
+
+    def _spline_velocities(self, ends: Ends, timed: bool) -> tuple[Array, Array] | None:
+        given = (self.start_velocity, self.end_velocity)
+        if all(value is None for value in given):
+            return None
+        if ends != "clamped" or not timed:
+            raise InvalidOption(
+                "boundary velocities of a spline need clamped ends and times that stay as given",
+                hint="Ask for clamped_spline and give times, without scaling, or leave them out.",
+            )
+        none = np.zeros_like(self.velocity)
+        start, end = (none if value is None else value for value in given)
+        return start, end
+
+    def _end_speeds(self, path: JointPath) -> tuple[float, float]:
+        length = float(path.breaks[-1])
+        speeds = [
+            _speed_along(path.sample([place], 1)[0], velocity, name)
+            for place, velocity, name in (
+                (0.0, self.start_velocity, "start_velocity"),
+                (length, self.end_velocity, "end_velocity"),
+            )
+        ]
+        return speeds[0], speeds[1]
+
+
+def _speed_along(tangent: Array, velocity: Array | None, name: str) -> float:
+    """The ds/dt of a velocity."""
+    if velocity is None or not velocity.any():
+        return 0.0
+    if not np.isfinite(velocity).all() or velocity.shape != tangent.shape:
+        raise InvalidOption(f"{name} must be {len(tangent)} finite numbers")
+    square = float(tangent @ tangent)
+    speed = float(velocity @ tangent) / square if square > 0.0 else 0.0
+    off = float(np.linalg.norm(velocity - speed * tangent))
+    if speed < 0.0 or off > _ALONG * float(np.linalg.norm(velocity)):
+        raise InvalidOption(
+            f"{name} does not point along the path",
+            hint="It must be a positive multiple of the path's direction there.",
+            direction=tangent.tolist(),
+        )
+    return speed
+
+
+def merge_repeated(waypoints: ArrayLike) -> Array:
+    """The waypoints without those that repeat their predecessor; collinear ones stay.
+
+    Raises:
+        InvalidTrajectory: As in ``merge``.
+    """
+    points = np.array(waypoints, dtype=np.float64)
+    merge(points)
+    keep = np.append(True, (np.diff(points, axis=0) != 0.0).any(axis=1))
+    return np.asarray(points[keep])

@@ -1,0 +1,1 @@
+"""HTTP: request bodies, problem documents, headers, OpenAPI."""

@@ -1,0 +1,129 @@
+"""Turns whatever was raised during a request into its problem document."""
+
+import json
+import logging
+import secrets
+from typing import Any
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
+from starlette.responses import Response
+from starlette.routing import Match
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from kinematics.errors import ArmwrightError
+from service.http.errors import PROBLEM_MEDIA_TYPE, ProblemError, from_domain
+from service.http.validation import validation_problem
+
+_log = logging.getLogger(__name__)
+
+#: What the framework raises by status, with what to do about it.
+_FRAMEWORK = {
+    400: ("VALIDATION_ERROR", "The body could not be parsed; /docs shows what is taken."),
+    404: ("NOT_FOUND", "/docs lists the endpoints."),
+    405: ("METHOD_NOT_ALLOWED", "The header Allow names the methods that are possible."),
+    413: ("PAYLOAD_TOO_LARGE", None),
+    415: ("UNSUPPORTED_MEDIA_TYPE", None),
+}
+
+
+def problem_response(problem: ProblemError, instance: str) -> Response:
+    """The HTTP response of a problem for a request to the path `instance`."""
+    content = json.dumps(problem.document(instance), ensure_ascii=False, allow_nan=False)
+    return Response(
+        content.encode("utf-8"), problem.status_code, problem.headers, PROBLEM_MEDIA_TYPE
+    )
+
+
+def install(app: FastAPI) -> None:
+    """Answer every error that reaches the framework with a problem document."""
+
+    async def on_http(request: Request, error: Exception) -> Response:
+        assert isinstance(error, HTTPException)
+        problem = error if isinstance(error, ProblemError) else _from_framework(request, error)
+        return problem_response(problem, request.url.path)
+
+    async def on_domain(request: Request, error: Exception) -> Response:
+        assert isinstance(error, ArmwrightError)
+        return problem_response(from_domain(error), request.url.path)
+
+    async def on_validation(request: Request, error: Exception) -> Response:
+        assert isinstance(error, RequestValidationError)
+        return problem_response(validation_problem(error.errors(), error.body), request.url.path)
+
+    app.add_exception_handler(HTTPException, on_http)
+    app.add_exception_handler(ArmwrightError, on_domain)
+    app.add_exception_handler(RequestValidationError, on_validation)
+
+
+def _from_framework(request: Request, error: HTTPException) -> ProblemError:
+    code, hint = _FRAMEWORK.get(error.status_code, ("INVALID_REQUEST", None))
+    detail = f"{request.method} {request.url.path}: {error.detail}"
+    status = 422 if error.status_code == 400 else error.status_code
+    headers = dict(error.headers or {})
+    if status == 405:
+        headers["Allow"] = ", ".join(_possible_methods(request))
+    return ProblemError(code, detail, hint=hint, status=status, headers=headers)
+
+
+def _possible_methods(request: Request) -> list[str]:
+    """All methods of a path; the framework names only those of the first route that has it."""
+    routes = request.app.router.routes
+    return [
+        method
+        for method in ("GET", "POST", "PUT", "DELETE")
+        if any(r.matches({**request.scope, "method": method})[0] is Match.FULL for r in routes)
+    ]
+
+
+class UnexpectedErrors:
+    """Middleware that answers a mistake of ours with a reference and logs what happened."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass a request on."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        started = False
+
+        async def watched(message: Message) -> None:
+            nonlocal started
+            started = True
+            await send(message)
+
+        try:
+            await self._app(scope, receive, watched)
+        except ClientDisconnect:
+            _log.debug("the client of %s left before its request was complete", scope["path"])
+        except Exception:
+            problem = unexpected(f"{scope['method']} {scope['path']}")
+            if started:  # all that is left is to break the connection off
+                raise
+            await problem_response(problem, scope["path"])(scope, receive, send)
+
+
+def unexpected(what: str, trace: str | None = None, **details: Any) -> ProblemError:
+    """Log a mistake of ours under a new reference and give the problem that names only that.
+
+    Args:
+        what: The request or task in which it happened.
+        trace: The traceback, where it is not that of the exception being handled.
+        details: More values for the problem.
+    """
+    reference = secrets.token_hex(8)
+    if trace is None:
+        _log.exception("unexpected error %s in %r", reference, what)
+    else:
+        _log.error("unexpected error %s in %r\n%s", reference, what, trace)
+    return ProblemError(
+        "CRASH",
+        f"an unexpected error happened; it was logged as {reference}",
+        hint="This is a fault of the service. Report the reference to whoever runs it.",
+        reference=reference,
+        **details,
+    )

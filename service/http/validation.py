@@ -1,0 +1,81 @@
+"""What a refused body is told: each field's path and what is wrong with it, never its value."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from service.http.errors import ProblemError
+
+#: More would not be read.
+_MAX_ERRORS = 50
+_MAX_IN_SENTENCE = 3
+_MAX_PATH = 200
+_MAX_MESSAGE = 500
+
+_Model = TypeVar("_Model", bound=BaseModel)
+
+
+def validated(model: type[_Model], value: Any) -> _Model:
+    """A parsed body as the model it must follow.
+
+    Raises:
+        ProblemError: VALIDATION_ERROR.
+    """
+    try:
+        return model.model_validate(value)
+    except ValidationError as error:
+        found = [{**item, "loc": ("body", *item["loc"])} for item in error.errors()]
+        raise validation_problem(found, value) from None
+
+
+def validation_problem(errors: Sequence[Mapping[str, Any]], body: Any) -> ProblemError:
+    """The problem of the errors pydantic found in a request with this parsed body."""
+    found = [
+        {"path": field_path(error["loc"], body), "problem": _message(error)}
+        for error in errors[:_MAX_ERRORS]
+    ]
+    sentence = "; ".join(f"{item['path']}: {item['problem']}" for item in found[:_MAX_IN_SENTENCE])
+    more = len(errors) - _MAX_IN_SENTENCE
+    return ProblemError(
+        "VALIDATION_ERROR",
+        sentence + (f"; and {more} more" if more > 0 else ""),
+        stage="request",
+        hint="details.errors lists every field; /docs shows what this endpoint takes.",
+        errors=found,
+        count=len(errors),
+    )
+
+
+def field_path(location: Sequence[str | int], body: Any) -> str:
+    """A path such as ``obstacles[0].shape.size[1]`` of where pydantic found an error.
+
+    Pydantic puts the tags of unions among the steps; those name nothing in the body, so a step
+    that does not lead anywhere and is not the last one is left out.
+    """
+    source, *steps = location or ("body",)
+    if source != "body":
+        return ".".join(str(step) for step in location)[:_MAX_PATH]
+    path, value = "", body
+    for position, step in enumerate(steps):
+        inside = _contains(value, step)
+        if inside:
+            value = value[step]
+        elif position < len(steps) - 1 or not isinstance(value, dict):
+            continue
+        path += f"[{step}]" if isinstance(step, int) else f".{step}" if path else str(step)
+    return path[:_MAX_PATH] or "body"
+
+
+def _contains(value: Any, step: str | int) -> bool:
+    if isinstance(value, dict):
+        return step in value
+    return isinstance(value, list) and isinstance(step, int) and 0 <= step < len(value)
+
+
+def _message(error: Mapping[str, Any]) -> str:
+    if error["type"] == "extra_forbidden":
+        return "unknown field"
+    if error["type"] == "missing":
+        return "this field is required"
+    return str(error["msg"]).removeprefix("Value error, ")[:_MAX_MESSAGE]

@@ -1,0 +1,1 @@
+"""Jobs: stored requests that are answered later, and batches of them."""

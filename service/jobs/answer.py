@@ -1,0 +1,49 @@
+"""Jobs as they are answered."""
+
+from datetime import UTC, datetime
+
+from pydantic_core import to_json
+
+from service.jobs.store import JobAnswer, JobRecord
+from service.schemas.job import JobSummary
+
+
+def job_summary(record: JobRecord, lifetime: float | None = None) -> JobSummary:
+    """Where a job stands; ended ones are kept for a lifetime [s]."""
+    expires = None
+    if record.ended is not None and lifetime is not None:
+        expires = record.ended + lifetime
+    return JobSummary(
+        id=record.id,
+        operation=f"{record.method} {record.path}",
+        status=record.status,
+        progress=record.progress,
+        stage=record.stage,
+        created=_iso(record.created) or "",
+        started=_iso(record.started),
+        ended=_iso(record.ended),
+        expires=_iso(expires),
+        location=record.location,
+    )
+
+
+def job_document(record: JobRecord, answer: JobAnswer | None, lifetime: float) -> bytes:
+    """The JSON of a job; its answer, perhaps megabytes, goes in as it is, without being parsed."""
+    result, error = b"null", b"null"
+    if answer is not None and record.status == "succeeded":
+        result = _embedded(answer)
+    elif answer is not None and record.status == "failed":
+        error = _embedded(answer)
+    head = job_summary(record, lifetime).model_dump_json().encode()[:-1]
+    return b"".join((head, b',"result":', result, b',"error":', error, b"}"))
+
+
+def _embedded(answer: JobAnswer) -> bytes:
+    media_type = answer.content_type.split(";")[0]
+    if media_type.endswith("json"):
+        return answer.content or b"null"
+    return to_json(answer.content.decode("utf-8", "replace"))
+
+
+def _iso(seconds: float | None) -> str | None:
+    return None if seconds is None else datetime.fromtimestamp(seconds, UTC).isoformat()

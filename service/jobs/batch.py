@@ -1,0 +1,132 @@
+"""Many problems as one job: each gets its answer or its problem, whatever becomes of the others."""
+
+import asyncio
+import time
+from collections.abc import Iterator
+
+from fastapi import Request
+from pydantic_core import to_json
+from starlette.concurrency import run_in_threadpool
+
+from kinematics.errors import ArmwrightError
+from service.http.compute import JobContext
+from service.http.errors import ProblemError, from_domain
+from service.http.handlers import unexpected
+from service.http.plan_answer import planned
+from service.settings import Settings
+from service.storage import disk_cache, robot_repository
+from service.storage.cache_key import Reference
+from service.tasks.batch import Item
+from service.workers.faults import ShuttingDown
+from service.workers.main import Job
+from service.workers.supervisor import WorkerSupervisor
+
+
+class Batch:
+    """A batch that is being planned.
+
+    Args:
+        count: Its problems.
+        request: Their request.
+        errand: Of the job that it has become.
+    """
+
+    def __init__(self, count: int, request: Request, errand: JobContext) -> None:
+        self._request = request
+        self._errand = errand
+        self._settings: Settings = request.app.state.settings
+        self._scene: Reference | None = None
+        self._items: tuple[Item, ...] = ()
+        self._results: list[bytes] = [b""] * count
+        self._shares = [0.0] * count
+        self._done = 0
+        self._failed = 0
+
+    async def run(self) -> bytes:
+        """The results in order, JSON.
+
+        Raises:
+            ProblemError: The scene of all problems is not valid; the service ends.
+        """
+        supervisor: WorkerSupervisor = self._request.app.state.supervisor
+        self._tell()
+        await self._split()
+        waiting = iter(range(len(self._items)))
+        try:
+            # Each worker has one of them at most, so that other jobs get their turns.
+            async with asyncio.TaskGroup() as group:
+                for _ in range(min(supervisor.count, len(self._items))):
+                    group.create_task(self._work_off(waiting))
+        except* ProblemError as errors:
+            raise errors.exceptions[0] from None
+        finally:
+            if self._scene is not None:
+                await run_in_threadpool(disk_cache.forget, self._scene)
+        return self._answer()
+
+    async def _split(self) -> None:
+        """Have a worker take the request apart, and build a scene that all problems share."""
+        folder, name = str(self._settings.prepared_dir), f"batch-{self._errand.id}"
+        arguments = (await self._request.body(), folder, name)
+        self._items, shared = await robot_repository.build(
+            self._request, Job("service.tasks.batch:split", arguments)
+        )
+        if shared is not None:
+            self._scene = Reference("scene", name, shared, folder)
+
+    async def _work_off(self, waiting: Iterator[int]) -> None:
+        for index in waiting:
+            try:
+                left = self._errand.deadline - time.monotonic()
+                async with asyncio.timeout(max(left, 0.0)):
+                    self._results[index] = await self._plan(index)
+            except ShuttingDown:  # the whole batch is done again when the service is back
+                raise
+            except ProblemError as problem:
+                self._note(index, problem)
+            except ArmwrightError as error:
+                self._note(index, from_domain(error))
+            except TimeoutError:
+                self._note(index, _late(self._settings.job_deadline))
+            except Exception:  # noqa: BLE001  (a mistake of ours costs this problem alone)
+                self._note(index, unexpected(f"problem {index} of job {self._errand.id}"))
+            self._done += 1
+            self._shares[index] = 1.0
+            self._tell()
+
+    async def _plan(self, index: int) -> bytes:
+        item = self._items[index]
+
+        def on_progress(share: float, _stage: str) -> None:
+            self._shares[index] = max(self._shares[index], min(share, 1.0))
+            self._tell()
+
+        scene = self._scene if item.shared else None
+        return await planned(self._request, item, item.content, scene, on_progress)
+
+    def _note(self, index: int, problem: ProblemError) -> None:
+        self._failed += 1
+        instance = f"{self._request.url.path}#/problems/{index}"
+        self._results[index] = to_json(problem.document(instance))
+
+    def _tell(self) -> None:
+        count = len(self._results)
+        share = sum(self._shares) / count
+        self._errand.on_progress(share, f"{self._done} of {count} problems")
+
+    def _answer(self) -> bytes:
+        succeeded = len(self._results) - self._failed
+        return b'{"results":[%s],"succeeded":%d,"failed":%d}' % (
+            b",".join(self._results),
+            succeeded,
+            self._failed,
+        )
+
+
+def _late(seconds: float) -> ProblemError:
+    return ProblemError(
+        "TIMED_OUT",
+        f"the batch did not come so far within the {seconds:g} s that a job may take",
+        stage="job",
+        hint="Send fewer problems at once, or raise ARMWRIGHT_JOB_DEADLINE where the service runs.",
+    )

@@ -1,0 +1,116 @@
+"""A job that has not ended yet: where it stands, and the events that tell of it."""
+
+import asyncio
+import time
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+from pydantic_core import to_json
+
+from service.jobs.store import ENDED, JobAnswer, JobRecord, Status
+
+#: Events that are kept for those who come late or come back; older ones are told by the next.
+_KEPT_EVENTS = 256
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """A server-sent event of a job.
+
+    Args:
+        number: Counted from 1 for each job, across restarts of the service.
+        kind: status, stage, progress or end.
+        data: JSON.
+    """
+
+    number: int
+    kind: str
+    data: bytes
+
+    def encode(self) -> bytes:
+        """The event as the HTML standard has it on the wire."""
+        return b"id: %d\nevent: %s\ndata: %s\n\n" % (self.number, self.kind.encode(), self.data)
+
+
+def describe(record: JobRecord, kind: str, error: bytes | None = None) -> Event:
+    """The event that tells where a job stands now."""
+    data: dict[str, Any] = {
+        "id": record.id,
+        "status": record.status,
+        "progress": record.progress,
+        "stage": record.stage,
+    }
+    text = to_json(data)
+    if error is not None:
+        text = text[:-1] + b',"error":' + error + b"}"
+    return Event(record.event, kind, text)
+
+
+class LiveJob:
+    """A job that waits or runs.
+
+    Args:
+        record: Where it stands.
+        deadline: When it must have ended, on the clock of `time.monotonic` [s].
+        size: Of its request [byte].
+    """
+
+    def __init__(self, record: JobRecord, deadline: float, size: int) -> None:
+        self.record = record
+        self.deadline = deadline
+        self.size = size
+        self.answer: JobAnswer | None = None
+        self.task: asyncio.Task[None] | None = None
+        self.saving = asyncio.Lock()
+        self.changed = asyncio.Event()
+        self._events: deque[Event] = deque(maxlen=_KEPT_EVENTS)
+        self._publish("status")
+
+    @property
+    def ended(self) -> bool:
+        """Whether nothing comes any more."""
+        return self.record.status in ENDED
+
+    def start(self) -> bool:
+        """Note that a worker has begun with it; whether that is news."""
+        if self.record.status != "queued":
+            return False
+        self.record = replace(self.record, status="running", started=time.time())
+        self._publish("status")
+        return True
+
+    def advance(self, progress: float, stage: str) -> None:
+        """Note how far it is; what had to begin anew does not take anything back."""
+        if self.ended:
+            return
+        further = min(max(self.record.progress, progress), 1.0)
+        kind = "stage" if stage != self.record.stage else "progress"
+        if kind == "progress" and further == self.record.progress:
+            return
+        self.record = replace(self.record, progress=further, stage=stage)
+        self._publish(kind)
+
+    def end(self, status: Status, answer: JobAnswer | None, location: str | None = None) -> None:
+        """Note that it has ended."""
+        progress = 1.0 if status == "succeeded" else self.record.progress
+        self.answer = answer
+        self.record = replace(
+            self.record, status=status, progress=progress, ended=time.time(), location=location
+        )
+        self._publish("end", answer.content if status == "failed" and answer else None)
+
+    def wait_again(self) -> JobRecord:
+        """The record of this job as it is to be found when the service starts again."""
+        return replace(self.record, status="queued", progress=0.0, stage=None, started=None)
+
+    def since(self, number: int) -> Iterator[Event]:
+        """The events after one of a number."""
+        return iter([event for event in self._events if event.number > number])
+
+    def _publish(self, kind: str, error: bytes | None = None) -> None:
+        self.record = replace(self.record, event=self.record.event + 1)
+        self._events.append(describe(self.record, kind, error))
+        self.changed.set()
+        self.changed = asyncio.Event()

@@ -1,0 +1,77 @@
+"""Has the application answer a stored request, the same way as one that just came."""
+
+import asyncio
+from collections.abc import MutableMapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from starlette.datastructures import Headers
+from starlette.types import ASGIApp, Message
+
+from service.http.compute import ERRAND, JobContext
+from service.jobs.store import JobAnswer, StoredRequest
+
+
+@dataclass(slots=True)
+class Replayed:
+    """What the application answered."""
+
+    status: int = 500
+    headers: Headers = field(default_factory=Headers)
+    body: bytearray = field(default_factory=bytearray)
+
+    @property
+    def answer(self) -> JobAnswer:
+        """The body and its type."""
+        content_type = self.headers.get("content-type", "application/octet-stream")
+        return JobAnswer(content_type, bytes(self.body))
+
+
+async def replay(app: ASGIApp, request: StoredRequest, errand: JobContext) -> Replayed:
+    """The answer to a stored request.
+
+    Args:
+        app: The whole application, so that errors become problem documents here too.
+        request: As it came.
+        errand: Of the job that it belongs to.
+    """
+    answered = Replayed()
+    unread = [request.body]
+
+    async def receive() -> Message:
+        if unread:
+            return {"type": "http.request", "body": unread.pop(), "more_body": False}
+        # Nobody is there who could leave.
+        await asyncio.Event().wait()
+        raise AssertionError
+
+    async def send(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            answered.status = message["status"]
+            answered.headers = Headers(raw=list(message["headers"]))
+        elif message["type"] == "http.response.body":
+            answered.body += message.get("body", b"")
+
+    await app(_scope(request, errand), receive, send)
+    return answered
+
+
+def _scope(request: StoredRequest, errand: JobContext) -> MutableMapping[str, Any]:
+    return {
+        "type": "http",
+        "asgi": {"version": "3.0"},
+        "http_version": "1.1",
+        "method": request.method,
+        "path": request.path,
+        "raw_path": request.path.encode(),
+        "query_string": b"",
+        "root_path": "",
+        "scheme": "http",
+        "headers": [
+            (b"content-type", request.content_type.encode("latin-1")),
+            (b"content-length", str(len(request.body)).encode()),
+        ],
+        "client": None,
+        "server": None,
+        ERRAND: errand,
+    }

@@ -1,0 +1,1 @@
+"""Storage of robots, scenes and prepared values."""

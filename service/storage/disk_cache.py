@@ -1,0 +1,178 @@
+"""Robots and scenes as workers keep them on disk: built once, loaded by the hash of their document.
+
+The files are pickles, so the folder must be writable by the service alone: it lies in its data
+folder, nothing that was uploaded is ever stored there as it came, and a file that this version did
+not write is not opened.
+"""
+
+import contextlib
+import hashlib
+import pickle
+import tempfile
+import threading
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from functools import cache, cached_property
+from pathlib import Path
+from typing import Any, TypeVar
+
+from kinematics.chain import Chain, Inertia, Limits, Link
+from obstacles.piece import Piece
+from obstacles.robot_geometry import RobotGeometry
+from obstacles.scene import Obstacle, Scene
+from service.storage.cache_key import NotPrepared, Reference
+from service.version import VERSION
+
+_FORMAT = 1
+_DECOMPOSITIONS = "decompositions"
+
+_T = TypeVar("_T")
+
+
+@cache
+def _format() -> str:
+    """Changes whenever what is pickled does; files of another format are built anew."""
+    layout = [
+        (cls.__name__, [item.name for item in fields(cls)])
+        for cls in (Chain, Limits, Link, Inertia, RobotGeometry, Piece, Scene, Obstacle)
+    ]
+    return hashlib.sha256(repr((_FORMAT, VERSION, layout)).encode()).hexdigest()
+
+
+@dataclass(frozen=True)
+class PreparedRobot:
+    """A robot that was built.
+
+    Args:
+        answer: Its model as the service answers it, JSON.
+        packed_chain: Its chain, pickled; `chain` is the same as a value.
+        packed_geometry: Its solids, pickled; `geometry` is the same as a value.
+    """
+
+    answer: bytes
+    packed_chain: bytes
+    packed_geometry: bytes
+
+    @cached_property
+    def chain(self) -> Chain:
+        """The chain; that of the geometry is equal."""
+        chain: Chain = pickle.loads(self.packed_chain)
+        return chain
+
+    @cached_property
+    def geometry(self) -> RobotGeometry:
+        """The chain with its solids."""
+        geometry: RobotGeometry = pickle.loads(self.packed_geometry)
+        return geometry
+
+    @classmethod
+    def of(cls, geometry: RobotGeometry, answer: bytes) -> "PreparedRobot":
+        """A robot that has just been built."""
+        return cls(
+            answer,
+            pickle.dumps(geometry.chain, pickle.HIGHEST_PROTOCOL),
+            pickle.dumps(geometry, pickle.HIGHEST_PROTOCOL),
+        )
+
+
+class Recent:
+    """The values that were asked for last, by key; any thread may ask.
+
+    Args:
+        size: How many are kept.
+    """
+
+    def __init__(self, size: int) -> None:
+        self._size = size
+        self._lock = threading.Lock()
+        self._values: OrderedDict[Any, Any] = OrderedDict()
+
+    def get(self, key: object, make: Callable[[], _T]) -> _T:
+        """The value of a key, made if it is not among those kept."""
+        with self._lock:
+            if key in self._values:
+                self._values.move_to_end(key)
+                kept: _T = self._values[key]
+                return kept
+        value = make()
+        with self._lock:
+            self._values[key] = value
+            while len(self._values) > self._size:
+                self._values.popitem(last=False)
+        return value
+
+    def __contains__(self, key: object) -> bool:
+        return key in self._values
+
+
+def document_hash(document: bytes) -> str:
+    """What a document is known by, here as in the storage."""
+    return hashlib.sha256(document).hexdigest()
+
+
+def decompositions(folder: str) -> Path:
+    """Where the convex parts of meshes are kept."""
+    return Path(folder) / _DECOMPOSITIONS
+
+
+def write(reference: Reference, value: PreparedRobot | Scene) -> None:
+    """Keep what was built; another process sees all of the file or nothing.
+
+    Raises:
+        OSError: The folder can't be written to.
+    """
+    file = _file(reference)
+    file.parent.mkdir(parents=True, exist_ok=True)
+    if isinstance(value, PreparedRobot):
+        parts: tuple[bytes, ...] = (value.answer, value.packed_chain, value.packed_geometry)
+    else:
+        parts = (pickle.dumps(value, pickle.HIGHEST_PROTOCOL),)
+    with tempfile.NamedTemporaryFile(dir=file.parent, suffix=".part", delete=False) as stream:
+        pickle.dump((_format(), parts), stream, pickle.HIGHEST_PROTOCOL)
+    Path(stream.name).replace(file)
+
+
+def read_robot(reference: Reference) -> PreparedRobot:
+    """The robot of a reference.
+
+    Raises:
+        NotPrepared: There is no usable file.
+    """
+    return PreparedRobot(*_read(reference))
+
+
+def read_scene(reference: Reference) -> Scene:
+    """The scene of a reference.
+
+    Raises:
+        NotPrepared: There is no usable file.
+    """
+    (packed,) = _read(reference)
+    try:
+        scene: Scene = pickle.loads(packed)
+    except Exception:  # noqa: BLE001  written by this version and yet unreadable: built anew
+        raise NotPrepared(reference) from None
+    return scene
+
+
+def forget(reference: Reference) -> None:
+    """Remove the file of a reference, if there is one."""
+    with contextlib.suppress(OSError):
+        _file(reference).unlink(missing_ok=True)
+
+
+def _file(reference: Reference) -> Path:
+    return Path(reference.folder) / f"{reference.hash}.{reference.kind}"
+
+
+def _read(reference: Reference) -> tuple[bytes, ...]:
+    parts: tuple[bytes, ...]
+    try:
+        with _file(reference).open("rb") as stream:
+            written, parts = pickle.load(stream)
+    except Exception:  # noqa: BLE001  a damaged pickle raises anything, and is built anew
+        raise NotPrepared(reference) from None
+    if written != _format():
+        raise NotPrepared(reference)
+    return parts

@@ -1,0 +1,66 @@
+"""What a process has loaded of robots and scenes, so that a request does not build them again."""
+
+from kinematics.chain import Chain
+from obstacles.decomposition import keep_decompositions
+from obstacles.scene import Scene
+from service.schemas import scene as scene_schema
+from service.storage import disk_cache
+from service.storage.cache_key import Reference
+from service.storage.disk_cache import PreparedRobot, Recent
+from service.translate import poses, robots
+
+#: A robot is a few hundred kilobytes; a scene may be megabytes.
+_ROBOTS = Recent(64)
+_SCENES = Recent(16)
+
+
+def robot(reference: Reference) -> PreparedRobot:
+    """The robot of a reference, with its solids.
+
+    Raises:
+        NotPrepared: Its document has to be prepared first.
+    """
+    _keep_decompositions(reference)
+    if reference.built_in:
+        return _ROBOTS.get(("built-in", reference.name), lambda: _built_in(reference.name))
+    return _ROBOTS.get(reference.hash, lambda: disk_cache.read_robot(reference))
+
+
+def chain(reference: Reference) -> Chain:
+    """The chain of a reference alone.
+
+    Raises:
+        NotPrepared: Its document has to be prepared first.
+    """
+    return robot(reference).chain
+
+
+def scene(source: Reference | scene_schema.Scene | None) -> Scene:
+    """A stored scene, an inline one, or none: an empty one.
+
+    Raises:
+        NotPrepared: The document of a stored scene has to be prepared first.
+        InvalidScene: An inline scene is not valid.
+    """
+    if source is None:
+        return Scene()
+    if isinstance(source, Reference):
+        _keep_decompositions(source)
+        return _SCENES.get(source.hash, lambda: disk_cache.read_scene(source))
+    return poses.scene(source)
+
+
+def loaded(reference: Reference) -> bool:
+    """Whether a robot needs no loading."""
+    return (("built-in", reference.name) if reference.built_in else reference.hash) in _ROBOTS
+
+
+def _keep_decompositions(reference: Reference) -> None:
+    if reference.folder:
+        keep_decompositions(disk_cache.decompositions(reference.folder))
+
+
+def _built_in(name: str) -> PreparedRobot:
+    geometry, lint = robots.built_in(name)
+    answer = robots.robot_answer(geometry, lint, name, is_built_in=True)
+    return PreparedRobot.of(geometry, answer.model_dump_json().encode())

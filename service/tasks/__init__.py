@@ -1,0 +1,1 @@
+"""The functions that workers run, one module an endpoint."""

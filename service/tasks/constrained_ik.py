@@ -1,0 +1,136 @@
+"""Inverse kinematics under constraints as requests ask for it, in workers."""
+
+from typing import Any
+
+import numpy as np
+from pydantic_core import to_json
+
+from kinematics.arrays import Array
+from kinematics.chain import Chain
+from kinematics.forward import forward
+from kinematics.ik.numeric import AXES
+from kinematics.pose import rotation_error
+from obstacles.robot_geometry import RobotGeometry
+from planning.constrained.ik import ConstrainedIk, ConstrainedSolution, IkOptions, constrained_ik
+from planning.constraints.conflict import conflict
+from planning.constraints.constraint_set import ConstraintSet
+from planning.constraints.relative_pose import RelativePoseConstraint
+from planning.deadline import Deadline
+from service.schemas.kinematics import IkRequest
+from service.schemas.pose import Pose
+from service.storage.cache_key import TaskProblem
+from service.tasks.attached_objects import Held
+from service.translate import constraints, poses
+
+#: Solutions where all are wanted but no number is given.
+_ALL = 16
+#: Time where the request names none [s].
+_TIMEOUT = 5.0
+#: Share of it for the search; the rest is kept for saying why nothing was found.
+_SHARE = 0.5
+
+
+def answer(
+    geometry: RobotGeometry, held: Held | None, body: IkRequest, pose: Pose | None
+) -> bytes | TaskProblem:
+    """Answer a request for one pose, or for none where the constraints say it all.
+
+    Raises:
+        InvalidGoal: A constraint is malformed, or bounds a motion.
+        InvalidRobotState: Seed or posture have the wrong length.
+        InvalidLinkName: No such link.
+    """
+    robot = geometry if held is None else held.robot
+    chain = robot.chain
+    T = None if pose is None else poses.transform(pose)
+    aims = () if T is None else (_aim(T, body),)
+    wanted = constraints.constraint_set(body.constraints, chain, *aims)
+    assert wanted is not None
+    many = _ALL if body.all_solutions else 1
+    options = IkOptions(
+        objective=body.choice,
+        posture=None if body.posture is None else np.array(body.posture),
+        seed_joints=None if body.seed_joints is None else np.array(body.seed_joints),
+        most=body.max_solutions or many,
+        seed=body.seed,
+        deadline=Deadline.after(_SHARE * (body.timeout or _TIMEOUT)),
+    )
+    found = constrained_ik(robot, wanted, None if held is None else held.scene, options)
+    if not found.solutions:
+        return _refused(wanted, found, body)
+    told: dict[str, Any] = {
+        "solutions": [_solution(chain, body.link, T, wanted, s) for s in found.solutions]
+    }
+    if held is not None and held.allowed:
+        told["allowed_collisions"] = held.allowed
+    return to_json(told)
+
+
+def _aim(T: Array, body: IkRequest) -> RelativePoseConstraint:
+    """The pose as a constraint, free where its axes do not count."""
+    axes = AXES if body.axes is None else body.axes
+    return RelativePoseConstraint(
+        T,
+        body.link,
+        position_tolerances=[0.0 if axis in axes else np.inf for axis in ("x", "y", "z")],
+        orientation_tolerances=[0.0 if axis in axes else np.pi for axis in ("rx", "ry", "rz")],
+    )
+
+
+def _solution(
+    chain: Chain,
+    link: str | None,
+    T: Array | None,
+    wanted: ConstraintSet,
+    solution: ConstrainedSolution,
+) -> dict[str, Any]:
+    position = orientation = None
+    if T is not None:
+        reached = forward(chain, solution.joints, link)
+        position = float(np.linalg.norm(reached[:3, 3] - T[:3, 3]))
+        orientation = float(np.linalg.norm(rotation_error(reached[:3, :3], T[:3, :3])))
+    return {
+        "joints": solution.joints.tolist(),
+        "position_error": position,
+        "orientation_error": orientation,
+        "within_limits": True,
+        "collision_free": None if solution.pair is None else solution.clearance > 0.0,
+        "clearance": None if solution.pair is None else solution.clearance,
+        "constraints": constraints.uses(wanted, solution.residuals),
+    }
+
+
+def _refused(wanted: ConstraintSet, found: ConstrainedIk, body: IkRequest) -> TaskProblem:
+    """Say what is in conflict, or what the nearest attempt violates."""
+    details: dict[str, Any] = {
+        "stage": "ik",
+        "nearest_joints": found.nearest.joints.tolist(),
+        "constraints": constraints.uses(wanted, found.nearest.residuals),
+        "starts": found.starts,
+    }
+    told = conflict(wanted, None, body.seed)
+    if told is not None:
+        details |= {
+            "conflict": list(told.constraints),
+            "relaxations": [r if np.isfinite(r) else None for r in told.relaxations],
+        }
+        return TaskProblem("INVALID_GOAL_CONSTRAINTS", told.message, told.hint, details)
+    worst = max(details["constraints"], key=lambda use: use["residual"], default=None)
+    if worst is not None and worst["residual"] > 0.0:
+        what = f"violates constraint {worst['constraint']} ({worst['name']}) by "
+        what += f"{worst['residual']:.4g} {worst['unit']}"
+        hint = "Widen it by that much, allow more time, or try another seed."
+    elif found.nearest.pair is not None:
+        a, b = found.nearest.pair
+        short = -found.nearest.clearance
+        what = f"has {a!r} and {b!r} closer than they may be by {short:.4g} m"
+        details |= {"pair": [a, b], "clearance": found.nearest.clearance}
+        hint = f"Lower the margin by {short:.4g} m, widen the constraints, or move the obstacle."
+    else:
+        what, hint = "is in collision", "Lower the margin, or widen the constraints."
+    return TaskProblem(
+        "NO_IK_SOLUTION",
+        f"no configuration was found that holds all constraints: the nearest attempt {what}",
+        hint,
+        details,
+    )

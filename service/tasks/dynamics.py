@@ -1,0 +1,166 @@
+"""Equations of motion, regressors and statics as requests ask for them.
+
+One state is computed by the server itself; many go to a worker.
+"""
+
+from typing import Any
+
+import numpy as np
+from pydantic_core import to_json
+
+from dynamics.base_parameters import base_parameters
+from dynamics.coriolis import coriolis_matrix
+from dynamics.energy import kinetic_energy
+from dynamics.gravity import gravity_vector, potential_energy
+from dynamics.inverse import inverse_dynamics
+from dynamics.mass_matrix import mass_matrix
+from dynamics.payload import with_gravity, with_motors, with_payload
+from dynamics.regressor import parameter_names, reference_regressor, standard_parameters
+from kinematics.chain import Chain
+from kinematics.errors import InvalidRobotState
+from kinematics.statics import holding_torques
+from service.schemas.dynamics import (
+    DynamicsRequest,
+    Model,
+    Payload,
+    RegressorRequest,
+    WrenchRequest,
+)
+from service.storage import worker_cache
+from service.storage.cache_key import Reference, builtin_reference
+from service.tasks.answer import answering
+
+
+def model(chain: Chain, body: Model) -> Chain:
+    """The robot as a request wants it.
+
+    Raises:
+        InvalidOption: A value is out of its range.
+        InvalidLinkName: What should carry the payload does not exist.
+    """
+    if body.gravity is not None:
+        chain = with_gravity(chain, body.gravity)
+    if body.motor_inertia is not None or body.viscous_friction is not None:
+        chain = with_motors(chain, body.motor_inertia, body.viscous_friction)
+    return chain if body.payload is None else loaded(chain, body.payload)
+
+
+def loaded(chain: Chain, payload: Payload) -> Chain:
+    """The robot with a payload.
+
+    Raises:
+        InvalidOption: It is no body.
+        InvalidLinkName: What should carry it does not exist.
+    """
+    tensor = None if payload.inertia is None else np.array(payload.inertia)
+    return with_payload(chain, payload.mass, payload.center_of_mass, tensor, link=payload.link)
+
+
+def wrench(chain: Chain, body: WrenchRequest) -> bytes:
+    """Answer a request for torques that hold a wrench.
+
+    Raises:
+        InvalidRobotState: Wrong length.
+        InvalidLinkName: No such link.
+    """
+    q, F = chain.configuration(body.joints), np.array(body.wrench)
+    _check_rows(q, F)
+    torques = holding_torques(chain, q, F, body.link, body.point)
+    return to_json({"torques": torques.tolist()})
+
+
+def dynamics(chain: Chain, body: DynamicsRequest) -> bytes:
+    """Answer a request for the equations of motion.
+
+    Raises:
+        InvalidRobotState: Wrong length, or numbers of states that differ.
+        MissingInertia: The robot lacks an inertia.
+    """
+    robot = model(chain, body)
+    q = robot.configuration(body.joints)
+    zero = np.zeros(robot.n)
+    qd = zero if body.velocities is None else body.velocities
+    qdd = zero if body.accelerations is None else body.accelerations
+    F = None if body.wrench is None else np.array(body.wrench)
+    if F is not None:
+        _check_rows(q, F)
+    torques = inverse_dynamics(robot, q, qd, qdd, F)
+    return to_json(
+        {
+            "mass_matrix": mass_matrix(robot, q).tolist(),
+            "coriolis_matrix": coriolis_matrix(robot, q, qd).tolist(),
+            "gravity": gravity_vector(robot, q).tolist(),
+            "torques": torques.tolist(),
+            "motor_inertia": robot.motor_inertia.tolist(),
+            "viscous_friction": robot.viscous_friction.tolist(),
+            "kinetic_energy": kinetic_energy(robot, q, qd).tolist(),
+            "potential_energy": potential_energy(robot, q).tolist(),
+        }
+    )
+
+
+def regressor(chain: Chain, body: RegressorRequest) -> bytes:
+    """Answer a request for the linear parametrisation.
+
+    Raises:
+        InvalidRobotState: Wrong length, or numbers of states that differ.
+        MissingInertia: The robot lacks an inertia.
+    """
+    robot = model(chain, body)
+    motors = body.motors
+    if motors is None:
+        motors = bool((robot.motor_inertia != 0.0).any() or (robot.viscous_friction != 0.0).any())
+    v = body.velocities if body.reference_velocities is None else body.reference_velocities
+    state = (body.joints, body.velocities, v, body.accelerations)
+    Y = reference_regressor(robot, *state, motors=motors)
+    Theta = standard_parameters(robot, motors=motors)
+    base = base_parameters(robot, motors=motors, known_zeros=body.known_zeros)
+    named = zip(base.names, base.values.tolist(), base.columns.tolist(), strict=True)
+    return to_json(
+        {
+            "regressor": Y.tolist(),
+            "parameters": Theta.tolist(),
+            "parameter_names": list(parameter_names(robot, motors=motors)),
+            "base_parameters": [
+                {"name": name, "value": value, "column": column} for name, value, column in named
+            ],
+            "base_regressor": base.regressor(Y).tolist(),
+            "torques": (Y @ Theta).tolist(),
+        }
+    )
+
+
+@answering
+def dynamics_batch(reference: Reference, content: bytes) -> bytes:
+    """`dynamics` in a worker."""
+    return dynamics(worker_cache.chain(reference), DynamicsRequest.model_validate_json(content))
+
+
+@answering
+def regressor_batch(reference: Reference, content: bytes) -> bytes:
+    """`regressor` in a worker."""
+    return regressor(worker_cache.chain(reference), RegressorRequest.model_validate_json(content))
+
+
+@answering
+def wrench_batch(reference: Reference, content: bytes) -> bytes:
+    """`wrench` in a worker."""
+    return wrench(worker_cache.chain(reference), WrenchRequest.model_validate_json(content))
+
+
+def _check_rows(q: Any, F: Any) -> None:
+    if F.ndim == 2 and (q.ndim != 2 or len(q) != len(F)):
+        count = len(q) if q.ndim == 2 else 1
+        raise InvalidRobotState(
+            f"{len(F)} wrenches do not fit {count} configuration(s)",
+            hint="Give one wrench for all, or one for each configuration.",
+        )
+
+
+def warm() -> None:
+    """Make the kernels ready that one state needs."""
+    chain = worker_cache.chain(builtin_reference("planar_rr"))
+    state = {name: [0.1, 0.2] for name in ("joints", "velocities", "accelerations")}
+    dynamics(chain, DynamicsRequest.model_validate({**state, "wrench": [0.0] * 6}))
+    regressor(chain, RegressorRequest.model_validate(state))
+    wrench(chain, WrenchRequest.model_validate({"joints": [0.1, 0.2], "wrench": [0.0] * 6}))

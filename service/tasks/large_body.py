@@ -1,0 +1,57 @@
+"""Large bodies, validated in workers: the server sees what it needs of them and nothing more."""
+
+import importlib
+from typing import Any
+
+from pydantic import BaseModel, TypeAdapter, ValidationError
+
+from service.http.body import parse_json
+from service.http.errors import ProblemError
+from service.http.validation import validation_problem
+from service.storage.cache_key import TaskProblem
+
+#: Lists of models that the server looks into.
+_LOOKED_INTO = ("problems",)
+#: Longer texts and tables are left out; names and the like are far shorter.
+_LONG = 4096
+
+
+def outline(model: str, content: bytes) -> BaseModel | TaskProblem:
+    """What the server needs of a body that follows a model, or why it does not follow it.
+
+    Args:
+        model: Where the model is, as ``"service.schemas.plan:PlanRequest"``.
+        content: JSON.
+
+    Returns:
+        An instance whose parts are empty shells; lists of numbers stay, since they are counted.
+    """
+    module, _, name = model.partition(":")
+    expected: type[BaseModel] = getattr(importlib.import_module(module), name)
+    try:
+        value = parse_json(content)
+        try:
+            # As the framework does it, down to the messages.
+            body = TypeAdapter(expected).validate_python(value, from_attributes=True)
+        except ValidationError as error:
+            found = [{**item, "loc": ("body", *item["loc"])} for item in error.errors()]
+            raise validation_problem(found, value) from None
+    except ProblemError as problem:
+        details: dict[str, Any] = {**problem.details, "stage": problem.stage}
+        return TaskProblem(problem.code, problem.detail, problem.hint, details)
+    return _outlined(body)
+
+
+def _outlined(body: BaseModel) -> BaseModel:
+    parts = {name: getattr(body, name) for name in type(body).model_fields}
+    return body.model_copy(update={name: _part(name, value) for name, value in parts.items()})
+
+
+def _part(name: str, value: Any) -> Any:
+    if isinstance(value, BaseModel):
+        return type(value).model_construct()
+    if isinstance(value, list) and value and isinstance(value[0], BaseModel):
+        return [_outlined(item) for item in value] if name in _LOOKED_INTO else []
+    if isinstance(value, dict) or (isinstance(value, str) and len(value) > _LONG):
+        return None
+    return value

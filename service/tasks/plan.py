@@ -1,0 +1,181 @@
+"""Planning and validation as requests ask for them, in workers."""
+
+import dataclasses
+import hashlib
+import platform
+import time
+from dataclasses import asdict
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+from pydantic_core import to_json
+
+from planning import pipeline
+from planning.constrained.path_constraints import limit_loads
+from planning.deadline import Deadline
+from planning.proof.certificate import certify
+from planning.result import Failure, Plan
+from service.http.compute import GRACE
+from service.schemas.plan import PlanRequest, ValidateRequest
+from service.storage import worker_cache
+from service.storage.cache_key import CacheMiss, PlanOutcome, Reference, TaskProblem
+from service.tasks.answer import answering
+from service.tasks.attached_objects import Held, holding
+from service.translate import motions, timings
+from service.translate.constraints import constraint_set
+from service.version import VERSION
+from service.workers import main
+
+#: What a plan depends on beside the request.
+_PACKAGES = ("numpy", "scipy", "numba", "ompl", "python-fcl")
+#: How far a plan is when a stage begins, by how long the stages before it usually take.
+_PROGRESS = {
+    "preflight": 0.0,
+    "straight_line": 0.1,
+    "potential_field": 0.15,
+    "shortcut": 0.6,
+    "timing": 0.7,
+    "certificate": 0.85,
+}
+#: The same for every planner that searches.
+_SEARCHING = 0.25
+
+
+@answering
+def plan(
+    robot: Reference, scene: Reference | None, content: bytes, timeout: float
+) -> PlanOutcome | TaskProblem | CacheMiss:
+    """Answer a request for a plan.
+
+    Args:
+        robot: The robot.
+        scene: The scene, where the request names a stored one.
+        content: The request.
+        timeout: What it allows [s], where it names nothing.
+
+    Raises:
+        ArmwrightError: The request is at fault.
+    """
+    body = PlanRequest.model_validate_json(content)
+    place = worker_cache.scene(scene or (None if isinstance(body.scene, str) else body.scene))
+    geometry = worker_cache.robot(robot).geometry
+    held = holding(geometry, place, body.attached, body.allowed_collisions)
+    arm = held.robot
+    problem = motions.problem(body, arm, held.scene)
+    left = _left(body.timeout or timeout)
+    if left <= 0.0:
+        return _late()
+    options = motions.options(body, arm.chain, left)
+    found = pipeline.plan(problem, dataclasses.replace(options, observer=_tell))
+    if isinstance(found, Failure):
+        return _refusal(found)
+    content = to_json(_answer(found, body, held), inf_nan_mode="null")
+    stages = tuple((stage.name, 1e-3 * stage.milliseconds) for stage in found.stages)
+    return PlanOutcome(content, found.planner, stages)
+
+
+def _tell(stage: str) -> None:
+    main.report(_PROGRESS.get(stage, _SEARCHING), stage)
+
+
+@answering
+def validate(
+    robot: Reference, scene: Reference | None, content: bytes, timeout: float
+) -> bytes | TaskProblem | CacheMiss:
+    """Answer a request for the proof of a motion, with the certificate or the first violation.
+
+    Raises:
+        ArmwrightError: The request is at fault.
+    """
+    body = ValidateRequest.model_validate_json(content)
+    place = worker_cache.scene(scene or (None if isinstance(body.scene, str) else body.scene))
+    geometry = worker_cache.robot(robot).geometry
+    held = holding(geometry, place, body.attached, body.allowed_collisions)
+    arm = held.robot
+    motion, begins = motions.trajectory(body.trajectory, arm.chain)
+    limits = motions.limits(body.limits, arm.chain)
+    deadline = Deadline.after(max(_left(body.timeout or timeout), 0.0))
+    wanted = constraint_set(body.constraints, arm.chain)
+    loads = limit_loads(timings.effort_loads(body.limits, arm.chain), wanted, arm.chain)
+    margin = body.margin if wanted is None else max(body.margin, wanted.margin)
+    certificate = certify(
+        motion, arm, held.scene, margin=margin, limits=limits, loads=loads, constraints=wanted,
+        deadline=deadline,
+    )  # fmt: skip
+    violation = certificate.violation
+    if violation is not None and violation.kind == "time":
+        return _late()
+    answer = motions.certificate_answer(certificate, begins)
+    answer["allowed_collisions"] = held.allowed
+    return to_json(answer, inf_nan_mode="null")
+
+
+def _left(timeout: float) -> float:
+    """What is left of the time a request allows [s]: the wait for this worker is taken off."""
+    return min(timeout, main.deadline() - GRACE - time.monotonic())
+
+
+def _late() -> TaskProblem:
+    return TaskProblem(
+        "TIMED_OUT",
+        "the deadline passed before the work was done",
+        "Allow more time with the field timeout.",
+        {"stage": "certificate"},
+    )
+
+
+def _refusal(failure: Failure) -> TaskProblem:
+    details: dict[str, Any] = motions.plain(failure.details)
+    details["stages"] = motions.stages_answer(failure.stages)
+    return TaskProblem(
+        failure.code, failure.message, failure.hint, details | {"stage": failure.stage}
+    )
+
+
+def _answer(found: Plan, body: PlanRequest, held: Held) -> dict[str, Any]:
+    certificate = motions.certificate_answer(found.certificate)
+    certificate["allowed_collisions"] = held.allowed
+    cartesian = found.fraction is not None
+    return {
+        "status": "success",
+        "planner": found.planner,
+        "stages": motions.stages_answer(found.stages),
+        "path": {"joints": found.path.waypoints.tolist(), "length": found.path.length},
+        "trajectory": motions.trajectory_answer(found.trajectory, body.timing.sample_period),
+        "certificate": certificate,
+        "reproducibility": {
+            "seed": body.seed,
+            "robot_hash": held.robot.content_hash,
+            "scene_hash": held.scene.content_hash,
+            "request_hash": hashlib.sha256(body.model_dump_json().encode()).hexdigest(),
+            "versions": _versions(),
+        },
+        "fraction": found.fraction,
+        "tool_motions": (motions.tool_motions_answer(found.tool_motions) if cartesian else None),
+        "stopped": None if found.stopped is None else motions.plain(found.stopped),
+        "notes": list(found.notes),
+        "potential_field": _descent(found),
+        "progress": [asdict(step) for step in found.progress],
+    }
+
+
+def _descent(found: Plan) -> dict[str, Any] | None:
+    if found.descent is None:
+        return None
+    return {
+        "joints": found.descent.waypoints.tolist(),
+        "potentials": found.descent.potentials.tolist(),
+        "iterations": found.descent.iterations,
+    }
+
+
+@cache
+def _versions() -> dict[str, str]:
+    found = {"armwright": VERSION, "python": platform.python_version()}
+    for package in _PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "unknown"
+    return found

@@ -1,0 +1,66 @@
+"""The artificial potential as requests ask for it, in workers."""
+
+from typing import Any
+
+import numpy as np
+from pydantic_core import to_json
+
+from kinematics.arrays import Array
+from kinematics.chain import Chain
+from obstacles.projection import Projector
+from planning.field.control_points import ControlPoints, frame_origins
+from planning.field.potential import Field
+from planning.field.weights import FieldWeights
+from service.schemas.potential import PotentialRequest
+from service.storage import worker_cache
+from service.storage.cache_key import CacheMiss, Reference
+from service.tasks.answer import answering
+
+
+@answering
+def potential(robot: Reference, scene: Reference | None, content: bytes) -> bytes | CacheMiss:
+    """Answer a request for the potential, its slope and the forces that make it.
+
+    Raises:
+        InvalidRobotState: Wrong length.
+        InvalidScene: The inline scene is not valid.
+        InvalidOption: Weights are given for another number of control points.
+    """
+    body = PotentialRequest.model_validate_json(content)
+    chain = worker_cache.robot(robot).chain
+    joints = chain.configuration(body.joints)
+    goal = chain.configuration(body.goal_joints, "goal_joints")
+    place = worker_cache.scene(scene or (None if isinstance(body.scene, str) else body.scene))
+    where, obstacles = frame_origins(chain), Projector(place)
+    given = {} if body.options is None else body.options.model_dump(exclude_none=True)
+    field = Field(chain, where, obstacles, goal, FieldWeights(**given))
+    answers = [_value(chain, field, where, obstacles.ids, q) for q in joints.reshape(-1, chain.n)]
+    if joints.ndim == 1:
+        return to_json(answers[0])
+    return to_json({name: [answer[name] for answer in answers] for name in answers[0]})
+
+
+def _value(
+    chain: Chain, field: Field, where: ControlPoints, ids: tuple[str, ...], q: Array
+) -> dict[str, Any]:
+    value = field.at(q)
+    points = [
+        {
+            "joint": chain.joint_names[where.joints[i]],
+            "origin": value.points[i].tolist(),
+            "goal": field.goals[i].tolist(),
+            "attractive_force": value.attractive_forces[i].tolist(),
+            "repulsive_force": value.repulsive_forces[i].tolist(),
+            "projection": value.projections[i].tolist() if obstacle >= 0 else None,
+            "distance": float(value.distances[i]) if obstacle >= 0 else None,
+            "obstacle": ids[obstacle] if obstacle >= 0 else None,
+        }
+        for i, obstacle in enumerate(value.nearest)
+    ]
+    return {
+        "potential": value.potential,
+        # Minus nothing is nothing, not -0.
+        "gradient": np.subtract(0.0, value.joint_force).tolist(),
+        "joint_force": value.joint_force.tolist(),
+        "control_points": points,
+    }

@@ -1,0 +1,58 @@
+"""Timing of given paths, and motions in other shapes, as requests ask for them, in workers."""
+
+from pydantic_core import to_json
+
+from kinematics.errors import InvalidOption
+from kinematics.trajectory_export import csv_text, joint_trajectory
+from planning.retime import retime as time_again
+from service.schemas.retime import ConvertRequest, RetimeRequest
+from service.storage import worker_cache
+from service.storage.cache_key import CacheMiss, Reference
+from service.tasks.answer import answering
+from service.translate import motions, timings
+
+#: Rows of one answer: at half a kilobyte each, fifty megabytes.
+_MAX_ROWS = 100_000
+
+
+@answering
+def retime(robot: Reference | None, content: bytes) -> bytes | CacheMiss:
+    """Answer a request to time a path.
+
+    Args:
+        robot: The robot, if one is named.
+        content: The request.
+
+    Raises:
+        ArmwrightError: The request is at fault, or the path can't be timed within its limits.
+    """
+    body = RetimeRequest.model_validate_json(content)
+    chain = None if robot is None else worker_cache.robot(robot).chain
+    path = timings.path_to_time(body.path, chain)
+    limits = timings.given_limits(body.limits, path.joint_names)
+    found = time_again(path, timings.timing_options(body.timing), limits, chain)
+    answer = timings.retimed_answer(
+        found,
+        motions.trajectory_answer(found.trajectory, body.timing.sample_period),
+        motions.certificate_answer(found.certificate),
+    )
+    return to_json(answer, inf_nan_mode="null")
+
+
+def convert(content: bytes) -> bytes:
+    """Answer a request to tell a motion in another shape.
+
+    Raises:
+        ArmwrightError: The request is at fault.
+    """
+    body = ConvertRequest.model_validate_json(content)
+    motion = motions.named_trajectory(body.trajectory)
+    if motion.duration / body.sample_period > _MAX_ROWS:
+        raise InvalidOption(
+            f"sample_period: {body.sample_period:g} s over {motion.duration:g} s gives more than "
+            f"{_MAX_ROWS} rows",
+            hint=f"Give at least {motion.duration / _MAX_ROWS:.3g} s.",
+        )
+    if body.format == "csv":
+        return csv_text(motion, body.sample_period).encode()
+    return to_json(joint_trajectory(motion, body.sample_period, body.frame_id))

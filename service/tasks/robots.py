@@ -1,0 +1,139 @@
+"""The functions that workers run for robots and scenes: values in, values out, nothing of HTTP."""
+
+import base64
+
+from pydantic import ValidationError
+
+from kinematics.description import MeshGeometry
+from kinematics.errors import InvalidRobotDescription
+from kinematics.urdf import parse_urdf
+from obstacles.decomposition import keep_decompositions
+from obstacles.scene import Scene
+from service.http.validation import validation_problem
+from service.schemas.robot import RobotBody
+from service.schemas.scene import NamedScene
+from service.schemas.scene import Scene as SceneBody
+from service.storage import disk_cache
+from service.storage.cache_key import Reference
+from service.storage.disk_cache import PreparedRobot
+from service.translate import poses, robots
+from service.translate.archive import read_archive
+
+
+def check_scene(document: bytes) -> str:
+    """Build a scene from its JSON document to see that it can be built.
+
+    Returns:
+        The content hash of the scene.
+
+    Raises:
+        InvalidScene: It can't be built; the message names the obstacle.
+    """
+    return poses.scene(SceneBody.model_validate_json(document)).content_hash
+
+
+def make_scene(content: bytes, folder: str, name: str) -> bytes:
+    """Build a scene from a request that stores it, and keep it for all workers.
+
+    Returns:
+        The JSON document to be stored.
+
+    Raises:
+        InvalidScene: It can't be built; the message names the obstacle.
+    """
+    body = NamedScene.model_validate(
+        SceneBody.model_validate_json(content).__dict__ | {"name": name}
+    )
+    document = body.model_dump_json(exclude_none=True).encode()
+    prepare_scene(document, folder, name)
+    return document
+
+
+def prepare_scene(document: bytes, folder: str, name: str) -> str:
+    """Build a scene from its JSON document, cut its meshes and keep it for all workers.
+
+    Returns:
+        The content hash of the scene.
+
+    Raises:
+        InvalidScene: It can't be built; the message names the obstacle.
+    """
+    keep_decompositions(disk_cache.decompositions(folder))
+    scene: Scene = poses.scene(SceneBody.model_validate_json(document))
+    scene.pieces()
+    reference = Reference("scene", name, disk_cache.document_hash(document), folder)
+    disk_cache.write(reference, scene)
+    return scene.content_hash
+
+
+def make_robot(content: bytes, folder: str) -> tuple[bytes, bytes]:
+    """Build a robot from a request that stores it, and keep it for all workers.
+
+    Returns:
+        The JSON document to be stored, and the robot's model as it is answered.
+
+    Raises:
+        InvalidRobotDescription: It can't be built.
+    """
+    body = RobotBody.model_validate_json(content)
+    document = body.model_dump_json(exclude_none=True).encode()
+    return document, prepare_robot(document, folder)
+
+
+def prepare_robot(document: bytes, folder: str) -> bytes:
+    """Build a robot from its JSON document and keep it for all workers.
+
+    Returns:
+        The model as it is answered, JSON.
+
+    Raises:
+        InvalidRobotDescription: It can't be built.
+    """
+    keep_decompositions(disk_cache.decompositions(folder))
+    body = RobotBody.model_validate_json(document)
+    geometry, lint = robots.robot(body)
+    answer = robots.robot_answer(
+        geometry, lint, body.name, is_built_in=False, table=robots.dh_table(body)
+    )
+    made = PreparedRobot.of(geometry, answer.model_dump_json().encode())
+    reference = Reference("robot", body.name, disk_cache.document_hash(document), folder)
+    disk_cache.write(reference, made)
+    return made.answer
+
+
+def unpack_robot(content: bytes, fields: dict[str, object], folder: str) -> tuple[bytes, bytes]:
+    """Build a robot from a .zip and keep it for all workers.
+
+    Args:
+        content: The archive.
+        fields: Other fields of the robot's document.
+        folder: Where to keep it.
+
+    Returns:
+        The robot's JSON document and its model as it is answered.
+
+    Raises:
+        InvalidRobotDescription: The archive or what is in it is not valid.
+    """
+    archive = read_archive(content)
+    named = _collision_files(archive.urdf)
+    # What is only looked at can be many times larger than what collides.
+    meshes = {
+        name: base64.b64encode(data).decode()
+        for name, data in archive.meshes.items()
+        if name.rpartition("/")[2] in named
+    }
+    given = {"srdf": archive.srdf} | {k: v for k, v in fields.items() if v is not None}
+    try:
+        body = RobotBody.model_validate({**given, "urdf": archive.urdf, "meshes": meshes or None})
+    except ValidationError as error:
+        problem = validation_problem(error.errors(), {})
+        raise InvalidRobotDescription(f"the robot archive: {problem.detail}") from None
+    document = body.model_dump_json(exclude_none=True).encode()
+    return document, prepare_robot(document, folder)
+
+
+def _collision_files(urdf: str) -> set[str]:
+    """Names, without folders, of the mesh files that links collide with."""
+    solids = (part.geometry for link in parse_urdf(urdf).links.values() for part in link.collisions)
+    return {part.uri.rpartition("/")[2] for part in solids if isinstance(part, MeshGeometry)}

@@ -1,0 +1,1 @@
+"""Wire documents to domain values and back."""

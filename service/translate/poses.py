@@ -1,0 +1,104 @@
+"""Wire to domain and back: the only place that knows both."""
+
+import base64
+
+import numpy as np
+
+from kinematics import pose as rotation
+from kinematics.arrays import Array
+from kinematics.errors import InvalidScene
+from obstacles import mesh, shapes
+from obstacles.moveit import scene_from_moveit
+from obstacles.scene import Obstacle, Scene
+from service.schemas import pose as pose_schema
+from service.schemas import scene as scene_schema
+from service.schemas import shape as shape_schema
+
+
+def transform(pose: pose_schema.Pose) -> Array:
+    """The 4x4 transform of a pose.
+
+    Raises:
+        InvalidPose: The orientation is no rotation.
+    """
+    matrix = np.eye(3)
+    if pose.quaternion_xyzw is not None:
+        matrix = rotation.from_quaternion(pose.quaternion_xyzw)
+    elif pose.rotation_matrix is not None:
+        matrix = rotation.from_matrix(pose.rotation_matrix)
+    elif pose.euler_zyz is not None:
+        matrix = rotation.from_zyz(pose.euler_zyz)
+    elif pose.rpy is not None:
+        matrix = rotation.from_rpy(pose.rpy)
+    elif pose.axis_angle is not None:
+        matrix = rotation.from_axis_angle(pose.axis_angle[:3], pose.axis_angle[3])
+    return rotation.transform(matrix, pose.position)
+
+
+def pose_answer(T_base_link: Array) -> pose_schema.PoseAnswer:
+    """A 4x4 transform as answers give it."""
+    return pose_schema.PoseAnswer(
+        position=T_base_link[:3, 3].tolist(),
+        quaternion_xyzw=rotation.to_quaternion(T_base_link[:3, :3]).tolist(),
+    )
+
+
+def shape(body: shape_schema.Shape) -> shapes.Shape:
+    """The domain's shape. Reads mesh files, so it belongs in a worker.
+
+    Raises:
+        InvalidScene: The shape is degenerate, or the mesh file can't be read.
+    """
+    made: shapes.Shape
+    match body:
+        case shape_schema.Box():
+            made = shapes.Box(np.array(body.size))
+        case shape_schema.Sphere():
+            made = shapes.Sphere(body.radius)
+        case shape_schema.Cylinder():
+            made = shapes.Cylinder(body.radius, body.height)
+        case shape_schema.Capsule():
+            made = shapes.Capsule(body.radius, body.height)
+        case shape_schema.Cone():
+            made = shapes.Cone(body.radius, body.height)
+        case shape_schema.Halfspace():
+            made = shapes.HalfSpace(np.array(body.normal), body.offset)
+        case shape_schema.Convex():
+            made = shapes.Convex(np.array(body.vertices))
+        case shape_schema.PointCloud():
+            made = shapes.PointCloud(np.array(body.points), body.radius)
+        case shape_schema.Mesh():
+            made = _mesh(body)
+    return made
+
+
+def _mesh(body: shape_schema.Mesh) -> shapes.Mesh:
+    if body.stl_base64 is not None:
+        return shapes.Mesh(*mesh.load_mesh(base64.b64decode(body.stl_base64), "stl"))
+    return shapes.Mesh(np.array(body.vertices), np.array(body.faces))
+
+
+def scene(body: scene_schema.Scene) -> Scene:
+    """The domain's scene. Reads mesh files, so it belongs in a worker.
+
+    Raises:
+        InvalidScene: A shape or an obstacle is not valid.
+        InvalidPose: The pose of an obstacle is not valid.
+    """
+    allowed = frozenset((first, second) for first, second in body.allowed_collisions or ())
+    if body.moveit is not None:
+        read = scene_from_moveit(body.moveit)
+        return Scene(read.obstacles, read.allowed_collisions | allowed)
+    obstacles = tuple(_obstacle(item) for item in body.obstacles or ())
+    return Scene(obstacles, allowed)
+
+
+def _obstacle(item: scene_schema.Obstacle) -> Obstacle:
+    try:
+        return Obstacle(item.id, shape(item.shape), transform(item.pose), item.margin or 0.0)
+    except InvalidScene as error:
+        if repr(item.id) in error.message:
+            raise
+        raise InvalidScene(
+            f"obstacle {item.id!r}: {error.message}", hint=error.hint, **error.details
+        ) from None

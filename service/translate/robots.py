@@ -1,0 +1,193 @@
+"""Robots from wire to domain and back."""
+
+import base64
+import dataclasses
+import math
+from functools import partial
+from typing import Literal
+
+import numpy as np
+
+from kinematics.arrays import Array
+from kinematics.chain import Chain, JointType
+from kinematics.dh import chain_from_dh, dh_from_chain
+from kinematics.dh_table import DhRow, DhTable
+from kinematics.errors import InvalidRobotDescription
+from kinematics.mesh_uri import resolve_mesh
+from kinematics.robots import builtin_srdf, builtin_urdf
+from kinematics.serial_chain import GRAVITY, select, serial_chain
+from kinematics.srdf import check_semantics, parse_srdf
+from kinematics.urdf import parse_urdf
+from kinematics.wrist import classify_wrist
+from obstacles.robot_geometry import RobotGeometry, robot_geometry
+from service.schemas import robot as schema
+from service.translate import poses
+
+_NEEDED_TO_TIME = ("velocity", "acceleration")
+
+
+def robot(body: schema.RobotBody) -> tuple[RobotGeometry, list[str]]:
+    """The domain's robot and what is odd about it. Cuts meshes, so it belongs in a worker.
+
+    Raises:
+        InvalidRobotDescription: The description is not valid.
+        InvalidPose: A base or tool pose is not valid.
+    """
+    table = dh_table(body)
+    geometry, lint = _from_urdf(body) if table is None else _from_dh(body, table)
+    return geometry, [*lint, *_limit_lint(geometry.chain), *geometry.lint]
+
+
+def built_in(name: str) -> tuple[RobotGeometry, list[str]]:
+    """A robot that comes with the app.
+
+    Raises:
+        InvalidOption: There is no such robot.
+    """
+    return robot(schema.RobotBody(name=name, urdf=builtin_urdf(name), srdf=builtin_srdf(name)))
+
+
+def _from_urdf(body: schema.RobotBody) -> tuple[RobotGeometry, list[str]]:
+    description = parse_urdf(body.urdf or "")
+    semantics = None if body.srdf is None else parse_srdf(body.srdf)
+    lint = list(description.lint)
+    if semantics is not None:
+        lint += check_semantics(semantics, description)
+    ends = (body.base_link, body.tip_link)
+    chosen = select(description, *ends, semantics=semantics)
+    chain = serial_chain(description, *ends, joint_limits=_joint_limits(body), semantics=semantics)
+    files = {uri: base64.b64decode(text) for uri, text in (body.meshes or {}).items()}
+    geometry = robot_geometry(
+        dataclasses.replace(chain, name=body.name),
+        description,
+        partial(resolve_mesh, uploaded=files),
+        semantics,
+    )
+    return geometry, [*lint, *chosen.lint]
+
+
+def _joint_limits(body: schema.RobotBody) -> dict[str, dict[str, float]]:
+    return {
+        joint: limits.model_dump(exclude_none=True)
+        for joint, limits in (body.joint_limits or {}).items()
+    }
+
+
+def dh_table(body: schema.RobotBody) -> DhTable | None:
+    """The table a robot was given as; None for one that came as URDF.
+
+    Raises:
+        InvalidRobotDescription: The table is not valid, or joint_limits names an unknown joint.
+    """
+    dh = body.dh
+    if dh is None:
+        return None
+    limits = _joint_limits(body)
+    names = [f"joint_{i}" for i in range(1, len(dh.rows) + 1)]
+    for name in limits:
+        if name not in names:
+            raise InvalidRobotDescription(
+                f"joint_limits names the joint {name!r}, which the table does not have",
+                hint=f"Its joints are: {', '.join(names)}.",
+                joint=name,
+            )
+    rows = (
+        DhRow(**(row.model_dump() | limits.get(name, {})))
+        for name, row in zip(names, dh.rows, strict=True)
+    )
+    return DhTable(
+        dh.convention,
+        tuple(rows),
+        np.eye(4) if dh.base is None else poses.transform(dh.base),
+        np.eye(4) if dh.tool is None else poses.transform(dh.tool),
+        np.array(dh.gravity if dh.gravity is not None else GRAVITY),
+    )
+
+
+def _from_dh(body: schema.RobotBody, table: DhTable) -> tuple[RobotGeometry, list[str]]:
+    chain = chain_from_dh(body.name, table)
+    if body.base_link not in (None, chain.base_link):
+        raise InvalidRobotDescription(
+            f"base_link {body.base_link!r}: the base of a DH table is {chain.base_link!r}",
+            hint="Leave base_link out.",
+        )
+    if body.tip_link is not None:
+        chain = dataclasses.replace(chain, tip_link=chain.link(body.tip_link).name)
+    return robot_geometry(chain), []
+
+
+def _limit_lint(chain: Chain) -> list[str]:
+    lint = []
+    for quantity in _NEEDED_TO_TIME:
+        values: Array = getattr(chain.limits, quantity)
+        missing = [chain.joint_names[int(i)] for i in np.flatnonzero(np.isnan(values))]
+        if missing:
+            lint.append(
+                f"no {quantity} limit is known for {', '.join(missing)}: plans need it, give it "
+                "in joint_limits"
+            )
+    return lint
+
+
+# ------------------------------------------------------------------------------------ back
+
+
+def robot_answer(
+    geometry: RobotGeometry,
+    lint: list[str],
+    name: str,
+    *,
+    is_built_in: bool,
+    table: DhTable | None = None,
+) -> schema.RobotAnswer:
+    """A robot as answers give it, with the DH table it was given as or one that fits its axes."""
+    chain = geometry.chain
+    dh, more = _dh_answer(chain, table)
+    limits = {
+        item.name: [_known(value) for value in getattr(chain.limits, item.name)]
+        for item in dataclasses.fields(chain.limits)
+    }
+    return schema.RobotAnswer(
+        name=name,
+        built_in=is_built_in,
+        hash=geometry.content_hash,
+        joint_names=list(chain.joint_names),
+        joint_types=[_type(kind) for kind in chain.joint_types],
+        limits=schema.Limits(**limits),
+        links=[link.name for link in chain.links],
+        base_link=chain.base_link,
+        tip_link=chain.tip_link,
+        dh=dh,
+        wrist=classify_wrist(chain),
+        allowed_collisions=[list(pair) for pair in geometry.allowed],
+        allowed_collision_reasons=list(geometry.allowed.values()),
+        lint=[*lint, *more],
+    )
+
+
+def _dh_answer(chain: Chain, table: DhTable | None) -> tuple[schema.DhAnswer | None, list[str]]:
+    try:
+        table = table or dh_from_chain(chain)
+    except InvalidRobotDescription as error:
+        return None, [f"no DH table: {error.message}"]
+    rows = [
+        schema.DhRowAnswer(
+            type=row.type, a=row.a, alpha=row.alpha, d=row.d, theta=row.theta, beta=row.beta
+        )
+        for row in table.rows
+    ]
+    answer = schema.DhAnswer(
+        convention=table.convention,
+        rows=rows,
+        base=poses.pose_answer(table.base),
+        tool=poses.pose_answer(table.tool),
+    )
+    return answer, []
+
+
+def _type(kind: int) -> Literal["revolute", "prismatic"]:
+    return "prismatic" if kind == JointType.PRISMATIC else "revolute"
+
+
+def _known(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None

@@ -1,0 +1,127 @@
+"""Timing options, limits and paths from wire to domain, and timed paths back."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from kinematics.arrays import Array
+from kinematics.chain import Chain
+from kinematics.errors import InvalidOption, InvalidTrajectory
+from planning.options import Payload, TimingOptions
+from planning.retime import PathToTime, Retimed
+from planning.timing.effort_limits import EffortLimits
+from service.schemas import plan as schema
+from service.schemas import retime as retime_schema
+
+_QUANTITIES = ("velocity", "acceleration", "jerk", "effort")
+
+
+def timing_options(timing: schema.Timing) -> TimingOptions:
+    """How to time.
+
+    Raises:
+        InvalidOption: Values that do not go together.
+    """
+    scalings = {
+        name: 1.0 if getattr(timing, name) is None else getattr(timing, name)
+        for name in ("velocity_scaling", "acceleration_scaling", "jerk_scaling")
+    }
+    load = timing.payload
+    ends = timing if isinstance(timing, retime_schema.RetimeTiming) else None
+    return TimingOptions(
+        timing.method,
+        **scalings,
+        times=timing.times,
+        scale_times=bool(timing.scale_times),
+        interpolation=timing.interpolation,
+        blend_tolerance=timing.blend_tolerance,
+        torque_limits=bool(timing.torque_limits),
+        payload=None
+        if load is None
+        else Payload(load.mass, load.center_of_mass, load.inertia, load.link),
+        tool_speed=timing.tool_speed,
+        start_velocity=ends.start_velocity if ends else None,
+        end_velocity=ends.end_velocity if ends else None,
+    )
+
+
+def given_limits(body: schema.LimitsBody | None, joint_names: Sequence[str]) -> dict[str, Array]:
+    """The limits that a request gives, by quantity.
+
+    Raises:
+        InvalidOption: A limit is not positive, or their number is wrong.
+    """
+    rows = {name: None if body is None else getattr(body, name) for name in _QUANTITIES}
+    return {
+        name: given_limit(row, name, joint_names) for name, row in rows.items() if row is not None
+    }
+
+
+def given_limit(given: Sequence[float], quantity: str, joint_names: Sequence[str]) -> Array:
+    """The limits of one quantity.
+
+    Raises:
+        InvalidOption: One is not positive, or their number is wrong.
+    """
+    if len(given) != len(joint_names) or not all(value > 0.0 for value in given):
+        raise InvalidOption(
+            f"limits.{quantity} must be {len(joint_names)} positive numbers, one for each joint",
+            hint=f"The order is: {', '.join(joint_names)}.",
+        )
+    return np.array(given, dtype=np.float64)
+
+
+def effort_loads(body: schema.LimitsBody | None, chain: Chain) -> EffortLimits | None:
+    """Torque limits that a motion is to be held to, where a request gives some.
+
+    Raises:
+        InvalidOption: A limit is not positive, or their number is wrong.
+    """
+    if body is None or body.effort is None:
+        return None
+    return EffortLimits(chain, given_limit(body.effort, "effort", chain.joint_names))
+
+
+def path_to_time(body: retime_schema.RetimePath, chain: Chain | None) -> PathToTime:
+    """The path of a request.
+
+    Raises:
+        InvalidTrajectory: Waypoints of different lengths, or names that do not fit.
+    """
+    rows = body.joints
+    n = len(rows[0]) if chain is None else chain.n
+    wrong = next((i for i, row in enumerate(rows) if len(row) != n), None)
+    if wrong is not None:
+        raise InvalidTrajectory(
+            f"path.joints[{wrong}] has {len(rows[wrong])} value(s) in place of {n}",
+            hint="Give one value for each joint in every row.",
+        )
+    names = body.joint_names
+    if chain is not None:
+        if names is not None and tuple(names) != chain.joint_names:
+            raise InvalidTrajectory(
+                "path.joint_names are not those of the robot in its order",
+                hint=f"They are: {', '.join(chain.joint_names)}.",
+            )
+        names = list(chain.joint_names)
+    if names is None:
+        names = [f"joint{i + 1}" for i in range(n)]
+    if len(names) != n or len(set(names)) != n:
+        raise InvalidTrajectory(f"path.joint_names must be {n} different names")
+    knots = None if body.knots is None else np.array(body.knots, dtype=np.float64)
+    return PathToTime(tuple(names), np.array(rows, dtype=np.float64), knots)
+
+
+def retimed_answer(
+    found: Retimed, trajectory: dict[str, Any], certificate: dict[str, Any]
+) -> dict[str, Any]:
+    """A timed path as answers give it."""
+    return {
+        "status": "success",
+        "trajectory": trajectory,
+        "certificate": certificate,
+        "factor": found.factor,
+        "needed_factor": found.needed_factor,
+        "notes": list(found.notes),
+    }

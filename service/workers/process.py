@@ -1,0 +1,157 @@
+"""The server's side of one worker process."""
+
+import asyncio
+import contextlib
+import logging
+import os
+import pickle
+import signal
+import socket
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from multiprocessing.process import BaseProcess
+from typing import Any
+
+from service.workers import framing
+from service.workers.main import HEADER, Job
+
+_log = logging.getLogger(__name__)
+
+Progress = Callable[[float, str], None]
+
+_EXIT_PATIENCE = 1.0  # for the exit code of a process that is dying [s]
+
+
+@dataclass(frozen=True, slots=True)
+class Background:
+    """How a job runs for which nobody waits.
+
+    Args:
+        allowance: Time it may take once a worker has begun with it [s].
+        on_start: Called on the event loop when that happens.
+    """
+
+    allowance: float
+    on_start: Callable[[], None]
+
+
+@dataclass(slots=True, eq=False)
+class Ticket:
+    """A job that was accepted: its place in the queue, then in a worker, until it is settled."""
+
+    job: Job
+    deadline: float
+    payload: bytes
+    result: asyncio.Future[Any]
+    on_progress: Progress | None
+    background: "Background | None" = None
+    yields: int = 0
+    timer: asyncio.TimerHandle | None = None
+    worker: "Worker | None" = None
+    attempts: int = 0
+    arrived: bool = False
+    begun: float = field(default_factory=time.monotonic)
+
+    def settle(self, outcome: Any) -> None:
+        """Give the caller a result, or an exception, unless there was one already."""
+        if self.result.done():
+            return
+        if isinstance(outcome, BaseException):
+            self.result.set_exception(outcome)
+        else:
+            self.result.set_result(outcome)
+
+
+class Worker(asyncio.Protocol):
+    """The server's side of one worker process."""
+
+    def __init__(
+        self, process: BaseProcess, on_message: Callable[["Worker", tuple[Any, ...]], None]
+    ) -> None:
+        self.process = process
+        self.ticket: Ticket | None = None
+        self.warm = False
+        self.doomed = False
+        self.gone = asyncio.Event()
+        self._on_message = on_message
+        self._decoder = framing.FrameDecoder()
+        self._transport: asyncio.WriteTransport | None = None
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Keep the stream, to send on."""
+        assert isinstance(transport, asyncio.WriteTransport)
+        self._transport = transport
+
+    def data_received(self, data: bytes) -> None:
+        """Pass on the messages that are complete."""
+        try:
+            for payload in self._decoder.feed(data):
+                self._on_message(self, pickle.loads(payload))
+        except Exception:  # noqa: BLE001  (whatever it is, only this worker pays for it)
+            _log.exception("worker %s sent what can't be read", self.process.pid)
+            self.kill()
+
+    def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002
+        """Tell that the process is dead, or as good as dead."""
+        self.doomed = True
+        self.gone.set()
+
+    def send(self, ticket: Ticket) -> None:
+        """Send a job."""
+        assert self._transport is not None
+        header = HEADER.pack(ticket.deadline, ticket.on_progress is not None)
+        # The payload may be tens of megabytes: it is not copied behind its header.
+        self._transport.write(framing.prefix(header, ticket.payload) + header)
+        self._transport.write(ticket.payload)
+
+    def kill(self) -> None:
+        """End the process, whatever it is doing."""
+        self.doomed = True
+        if self.process.pid is not None:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(self.process.pid, signal.SIGKILL)
+        if self._transport is not None:
+            self._transport.abort()
+
+
+def reap(process: BaseProcess) -> int | None:
+    """Wait for a process that is dying, and give its exit code if it is known."""
+    process.join(_EXIT_PATIENCE)
+    return process.exitcode
+
+
+def start(process: BaseProcess, channel: socket.socket) -> None:
+    """Start a worker, which takes over this end of its channel."""
+    with channel:
+        process.start()
+
+
+async def in_thread(function: Callable[..., Any], *args: Any) -> Any:
+    """Call what blocks in a thread that, unlike a pool's, is not waited for at the end.
+
+    Starting the first worker lasts as long as the fork server takes to load and warm everything.
+    """
+    loop = asyncio.get_running_loop()
+    done: asyncio.Future[Any] = loop.create_future()
+
+    def settle(value: Any, error: BaseException | None) -> None:
+        if done.done():
+            return
+        if error is None:
+            done.set_result(value)
+        else:
+            done.set_exception(error)
+
+    def run() -> None:
+        value, problem = None, None
+        try:
+            value = function(*args)
+        except Exception as error:  # noqa: BLE001  (passed on to the caller)
+            problem = error
+        with contextlib.suppress(RuntimeError):  # the loop has ended meanwhile
+            loop.call_soon_threadsafe(settle, value, problem)
+
+    threading.Thread(target=run, daemon=True).start()
+    return await done

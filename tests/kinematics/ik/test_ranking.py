@@ -1,0 +1,157 @@
+"""The choice among solutions, whole turns, and the method that is taken."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from kinematics.errors import InvalidOption, InvalidRobotState, NotAvailable
+from kinematics.forward import forward
+from kinematics.ik.analytic import branches
+from kinematics.ik.inverse import inverse_kinematics
+from kinematics.ik.ranking import margin, order, outside, whole_turns
+from kinematics.jacobian import geometric
+from kinematics.pose import transform
+from kinematics.robots import builtin_chain, builtin_names
+from tests.kinematics.ik.arms import apart, edge_configuration
+
+
+def test_whole_turns_are_all_there_are() -> None:
+    rng = np.random.default_rng(0)
+    for name in ("ur5e", "kr6_sixx", "puma560", "scara", "stanford"):
+        chain = builtin_chain(name)
+        lower, upper = chain.limits.lower, chain.limits.upper
+        for _ in range(20):
+            q = rng.uniform(lower, upper)
+            turning = chain.joint_types == 0
+            expected = {
+                tuple(np.round(q + 2 * np.pi * np.array(k) * turning, 9))
+                for k in itertools.product((-2, -1, 0, 1, 2), repeat=chain.n)
+                if (q + 2 * np.pi * np.array(k) * turning >= lower).all()
+                and (q + 2 * np.pi * np.array(k) * turning <= upper).all()
+            }
+            found = whole_turns(chain, q, 10_000)
+            assert {tuple(np.round(row, 9)) for row in found} == expected
+            assert len(found) == len(expected)
+            distances = np.linalg.norm(found - q, axis=1)
+            assert (np.diff(distances) >= -1e-12).all()
+            np.testing.assert_array_equal(found[0], q)
+            few = whole_turns(chain, q, 3)
+            np.testing.assert_allclose(
+                np.linalg.norm(few - q, axis=1), distances[: len(few)], atol=1e-12
+            )
+
+
+def test_whole_turns_outside_and_without_limits() -> None:
+    chain = builtin_chain("planar_rr")
+    assert len(whole_turns(chain, np.array([0.0, 3.0]), 10)) == 0
+    pendulum = builtin_chain("cart_pendulum")
+    assert len(whole_turns(pendulum, np.array([0.0, 1.0]), 10)) == 3
+    assert len(whole_turns(pendulum, np.array([2.0, 1.0]), 10)) == 0
+
+
+def test_orders_by_their_definitions() -> None:
+    chain = builtin_chain("ur5e")
+    seed = np.array([0.3, -1.0, 1.4, -0.7, -1.3, 0.2])
+    joints = branches(chain, forward(chain, seed)).joints
+    ranked = joints[order(chain, joints, "nearest", seed)]
+    assert (np.diff(np.linalg.norm(ranked - seed, axis=1)) >= -1e-9).all()
+    ranked = joints[order(chain, joints, "limits", seed)]
+    assert (np.diff(margin(chain, ranked)) >= -1e-9).all()
+    ranked = joints[order(chain, joints, "manipulability", seed)]
+    volumes = np.sqrt([np.linalg.det(J @ J.T) for J in geometric(chain, ranked)])
+    assert (np.diff(volumes) <= 1e-9).all()
+    with pytest.raises(InvalidOption, match="best"):
+        order(chain, joints, "best", seed)  # type: ignore[arg-type]
+    assert "elbow" in str(outside(chain, np.array([0.0, 0.0, 4.0, 0.0, 0.0, 0.0])))
+    assert outside(chain, np.zeros(6)) is None
+    assert margin(builtin_chain("cart_pendulum"), np.array([[1.5, 9.0]])) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("name", builtin_names())
+def test_every_robot_is_solved_at_edge_poses(name: str) -> None:
+    chain = builtin_chain(name)
+    rng = np.random.default_rng(1)
+    for k in range(40):
+        q = edge_configuration(chain, rng, k)
+        T = forward(chain, q)
+        result = inverse_kinematics(chain, T, seed=k)
+        assert result.solutions, (name, q)
+        best = result.solutions[0]
+        assert best.within_limits
+        assert (best.joints >= chain.limits.lower).all()
+        assert (best.joints <= chain.limits.upper).all()
+        assert np.abs(forward(chain, best.joints) - T).max() < 3e-6
+
+
+def test_all_solutions_with_whole_turns() -> None:
+    chain = builtin_chain("ur5e")
+    q = np.array([0.3, -1.0, 1.4, -0.7, -1.3, 0.2])
+    T = forward(chain, q)
+    eight = inverse_kinematics(chain, T, most=100).solutions
+    assert len(eight) == 8
+    many = inverse_kinematics(chain, T, most=1000, all_turns=True, seed_joints=q).solutions
+    # Two whole turns of each joint but the elbow, which turns once.
+    assert len(many) == 8 * 2**5
+    assert len({tuple(np.round(s.joints, 6)) for s in many}) == len(many)
+    assert np.abs(forward(chain, np.array([s.joints for s in many])) - T).max() < 1e-9
+    distances = [np.linalg.norm(s.joints - q) for s in many]
+    assert distances == sorted(distances)
+    np.testing.assert_allclose(many[0].joints, q, atol=1e-9)
+
+
+def test_solutions_outside_limits_come_last_and_say_so() -> None:
+    chain = builtin_chain("puma560")
+    q = np.array([2.7, -3.8, 3.8, 2.9, 1.7, -4.6])
+    T = forward(chain, q)
+    inside = inverse_kinematics(chain, T, most=100).solutions
+    every = inverse_kinematics(chain, T, most=100, outside_limits=True).solutions
+    assert len(every) == 8
+    flags = [s.within_limits for s in every]
+    assert flags == sorted(flags, reverse=True)
+    assert sum(flags) == len(inside) < 8
+    assert all(outside(chain, s.joints) is not None for s in every if not s.within_limits)
+    assert len({s.branch for s in every}) == 8
+
+
+@pytest.mark.parametrize("name", ["panda", "iiwa14"])
+def test_redundant_arms_by_parameter_by_seed_and_all_around(name: str) -> None:
+    chain = builtin_chain(name)
+    rng = np.random.default_rng(2)
+    lower, upper = chain.sampling_bounds()
+    for _ in range(30):
+        q = rng.uniform(lower, upper)
+        T = forward(chain, q)
+        near = inverse_kinematics(chain, T, seed_joints=q).solutions[0]
+        np.testing.assert_allclose(near.joints, q, atol=1e-6)
+        assert near.branch is not None
+        analytic = inverse_kinematics(chain, T, method="analytic").solutions
+        assert analytic
+        assert analytic[0].within_limits
+        assert np.abs(forward(chain, analytic[0].joints) - T).max() < 2e-9
+    many = inverse_kinematics(chain, T, most=500).solutions
+    assert len(many) > 8
+    assert len({s.branch for s in many}) == len(many)
+    for solution in many:
+        assert apart(forward(chain, solution.joints).ravel(), T.ravel()) < 2e-9
+
+
+def test_methods_and_their_refusals() -> None:
+    chain = builtin_chain("scara")
+    T = forward(chain, np.array([0.3, 0.5, 0.1, 0.2]))
+    with pytest.raises(NotAvailable):
+        inverse_kinematics(chain, T, method="analytic")
+    with pytest.raises(InvalidOption, match="magic"):
+        inverse_kinematics(chain, T, method="magic")  # type: ignore[arg-type]
+    with pytest.raises(InvalidOption, match="axes"):
+        inverse_kinematics(builtin_chain("ur5e"), np.eye(4), method="analytic", axes=["x"])
+    with pytest.raises(InvalidOption, match="most"):
+        inverse_kinematics(chain, T, most=0)
+    with pytest.raises(InvalidRobotState):
+        inverse_kinematics(chain, T, seed_joints=[0.0])
+    far = inverse_kinematics(builtin_chain("ur5e"), transform(None, [3.0, 0.0, 0.0]))
+    assert not far.solutions
+    assert "reach" in far.advice
+    numeric = inverse_kinematics(builtin_chain("ur5e"), forward(builtin_chain("ur5e"), [
+        0.3, -1.0, 1.4, -0.7, -1.3, 0.2]), method="numeric")  # fmt: skip
+    assert numeric.solutions[0].branch is None

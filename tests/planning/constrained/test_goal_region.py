@@ -1,0 +1,95 @@
+"""Goals found while a tree grows: of the pose, held, free, and near where they came from."""
+
+import numpy as np
+import pinocchio as pin
+
+from kinematics.forward import forward
+from kinematics.robots import builtin_urdf
+from obstacles.checker import Checker
+from obstacles.scene import Scene
+from planning.constrained.checker import ConstrainedChecker
+from planning.constrained.goal_region import GoalRegion
+from planning.constrained.pose_goals import goal_configurations
+from planning.constraints.constraint_set import ConstraintSet
+from planning.constraints.orientation import OrientationConstraint
+from planning.options import Options
+from planning.pipeline import plan
+from planning.problem import PoseGoal, Problem
+from planning.result import Plan
+from tests.planning.scenes import HOME, box, builtin, pillar
+
+ROBOT = builtin("panda")
+MODEL = pin.buildModelFromXML(builtin_urdf("panda"))
+TURN = 0.05
+
+
+def test_goals_near_what_was_reached() -> None:
+    T = forward(ROBOT.chain, HOME)
+    held = ConstraintSet(ROBOT.chain, (OrientationConstraint(T[:3, :3], TURN),))
+    scene = pillar(0.1, 0.5)
+    model = Checker.of(ROBOT, scene, 0.0)
+    checker = ConstrainedChecker(model.model, model.slack, constraints=held, spare=np.zeros(3))
+    first, second = T.copy(), T.copy()
+    first[:3, 3] += [0.05, 0.2, 0.0]
+    second[:3, 3] += [0.1, -0.2, 0.1]
+    poses = PoseGoal(first), PoseGoal(second)
+    region = GoalRegion(checker, poses)
+    rng, data, found = np.random.default_rng(0), MODEL.createData(), 0
+    frame = MODEL.getFrameId(ROBOT.chain.tip_link)
+    for k in range(60):
+        near = HOME + rng.normal(scale=0.15, size=7)
+        q = region.near(near, k)
+        if q is None:
+            continue
+        found += 1
+        pose = poses[k % 2]
+        pin.framesForwardKinematics(MODEL, data, np.concatenate([q, np.zeros(MODEL.nq - 7)]))
+        M = data.oMf[frame]
+        off = np.linalg.norm(M.translation - pose.T_base_tip[:3, 3])
+        assert off <= pose.position_tolerance
+        turned = np.linalg.norm(pin.log3(pose.T_base_tip[:3, :3].T @ M.rotation))
+        assert turned <= pose.orientation_tolerance
+        assert checker.valid(q)
+        # Newton's method goes to a configuration nearby, not to another branch.
+        assert np.abs(q - near).max() < 1.5
+    assert found >= 30
+
+
+def test_a_branch_that_the_start_is_not_in_keeps_no_pose_from_being_reached() -> None:
+    # The elbow and wrist are such that most configurations of the goal lie in other branches.
+    start = np.array([-0.27, -0.97, 0.31, -2.62, 2.11, 2.84, 2.01])
+    T = forward(ROBOT.chain, start)
+    goal = T.copy()
+    goal[:3, 3] += [0.25, -0.2, 0.1]
+    held = ConstraintSet(ROBOT.chain, (OrientationConstraint(T[:3, :3], TURN),))
+    for seed in range(3):
+        problem = Problem(ROBOT, Scene(()), start, (PoseGoal(goal),), constraints=held)
+        answer = plan(problem, Options(timeout=30.0, seed=seed))
+        assert isinstance(answer, Plan), answer
+        reached = forward(ROBOT.chain, answer.trajectory.end)
+        np.testing.assert_allclose(reached, goal, atol=1e-3)
+        assert answer.certificate.path_constraint_residual == 0.0
+
+
+def test_a_pose_that_most_configurations_collide_in_has_others() -> None:
+    # Posts to both sides of the elbow leave few of the arm's configurations of this pose.
+    T = forward(ROBOT.chain, HOME)
+    goal = T.copy()
+    goal[:3, 3] += [0.1, 0.0, -0.2]
+    rng = np.random.default_rng(3)
+    found = 0
+    for _ in range(6):
+        turns, away = rng.uniform(0.0, 2.0 * np.pi, 4), rng.uniform(0.2, 0.4, 4)
+        posts = [
+            box(f"post{i}", (0.04, 0.04, 1.6), (r * np.cos(t), r * np.sin(t), 0.8))
+            for i, (t, r) in enumerate(zip(turns, away, strict=True))
+        ]
+        scene = Scene(tuple(posts))
+        pose = PoseGoal(goal)
+        problem = Problem(ROBOT, scene, HOME, (pose,))
+        for solution in goal_configurations(problem, pose, HOME, 0):
+            found += 1
+            q = np.array(solution.joints)
+            assert Checker.of(ROBOT, scene, 0.0).valid(q)
+            np.testing.assert_allclose(forward(ROBOT.chain, q), goal, atol=1e-3)
+    assert found >= 1

@@ -1,0 +1,243 @@
+"""Motions that hold constraints for every instant, judged by pinocchio's frames."""
+
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from kinematics.arrays import Array
+from kinematics.errors import InvalidGoal
+from kinematics.forward import forward
+from kinematics.pose import transform
+from kinematics.robots import builtin_urdf
+from kinematics.trajectory import Trajectory
+from obstacles.checker import Checker
+from obstacles.scene import Scene
+from planning.constrained.ik import IkOptions, constrained_ik
+from planning.constrained.path_constraints import constrained
+from planning.constraints.constraint import Constraint, Geometric
+from planning.constraints.constraint_set import ConstraintSet
+from planning.constraints.joint import JointConstraint
+from planning.constraints.limit import ClearanceConstraint, ToolSpeedConstraint, TorqueConstraint
+from planning.constraints.orientation import ConeConstraint, OrientationConstraint
+from planning.constraints.position import PositionConstraint
+from planning.constraints.region import LineRegion, PlaneRegion, SphereRegion
+from planning.deadline import Deadline
+from planning.field.planner import FieldOptions, potential_field
+from planning.options import Options
+from planning.pipeline import plan
+from planning.preflight import Ready, preflight
+from planning.problem import JointGoal, PoseGoal, Problem
+from planning.proof.certificate import certify
+from planning.result import Failure, Plan
+from tests.planning.dense import least_clearance, worst_ratio
+from tests.planning.scenes import HOME, box, builtin, pillar
+
+ROBOT = builtin("panda")
+CHAIN = ROBOT.chain
+MODEL = pin.buildModelFromXML(builtin_urdf("panda"))
+UP, DOWN = np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, -1.0])
+UPRIGHT = ConeConstraint(UP, DOWN, np.radians(10.0))
+
+
+def worst(trajectory: Trajectory, residual: Callable[[Array], float]) -> float:
+    data, frame = MODEL.createData(), MODEL.getFrameId(CHAIN.tip_link)
+    found = -np.inf
+    for q in trajectory.sample(np.linspace(0.0, trajectory.duration, 3000)):
+        pin.framesForwardKinematics(MODEL, data, np.concatenate([q, np.zeros(MODEL.nq - 7)]))
+        found = max(found, residual(data.oMf[frame].homogeneous))
+    return found
+
+
+def at(place: list[float], *more: Geometric) -> Array:
+    """A configuration with the tip at a place that holds more."""
+    near = PositionConstraint(SphereRegion(place, 1e-3))
+    options = IkOptions(seed_joints=HOME)
+    found = constrained_ik(ROBOT, ConstraintSet(CHAIN, (near, *more)), None, options)
+    return np.array(found.solutions[0].joints)
+
+
+def planned(start: Array, goal: Array, scene: Scene, *constraints: Constraint) -> Plan:
+    problem = Problem(
+        ROBOT, scene, start, (JointGoal(goal),), constraints=ConstraintSet(CHAIN, constraints)
+    )
+    answer = plan(problem, Options(timeout=60.0))
+    assert isinstance(answer, Plan), answer
+    assert answer.certificate.verified
+    assert answer.certificate.path_constraint_residual is not None
+    assert answer.certificate.path_constraint_residual <= 1e-6
+    assert worst_ratio(answer.trajectory, ROBOT) <= 1.0 + 1e-9
+    assert least_clearance(answer.trajectory, ROBOT, scene, problem.margin, 500) > 0.0
+    np.testing.assert_allclose(answer.trajectory.end, goal, atol=1e-9)
+    return answer
+
+
+def tilt(T: Array) -> float:
+    return float(np.arccos(np.clip(-T[2, 2], -1.0, 1.0)))
+
+
+NARROW = ConeConstraint(UP, DOWN, np.radians(8.0))
+
+
+def test_upright_around_a_post() -> None:
+    start, goal = at([0.35, -0.35, 0.4], NARROW), at([0.35, 0.4, 0.35], NARROW)
+    answer = planned(start, goal, pillar(0.1, 0.5), UPRIGHT)
+    assert answer.planner == "rrt_connect"
+    found = worst(answer.trajectory, tilt)
+    assert found <= np.radians(10.0) + 1e-6
+    (report,) = answer.certificate.path_constraints
+    assert found - np.radians(10.0) <= report.residual <= 1e-6
+    assert (report.constraint, report.unit, report.hard) == (0, "rad", True)
+
+
+def test_in_a_thin_plane_around_a_post() -> None:
+    start, goal = at([0.35, -0.35, 0.4]), at([0.35, 0.4, 0.4])
+    plane = PositionConstraint(PlaneRegion([0.0, 0.0, 0.4], UP, 2e-3))
+    answer = planned(start, goal, pillar(0.1, 0.5), plane)
+    assert worst(answer.trajectory, lambda T: abs(T[2, 3] - 0.4)) <= 2e-3 + 1e-6
+
+
+def test_along_a_line_with_a_fixed_orientation() -> None:
+    R = forward(CHAIN, HOME)[:3, :3]
+    fixed = OrientationConstraint(R, 0.02)
+    start, goal = at([0.45, -0.2, 0.45], fixed), at([0.45, 0.25, 0.45], fixed)
+    line = PositionConstraint(LineRegion([0.45, 0.0, 0.45], [0.0, 1.0, 0.0], 2e-3))
+    wide = OrientationConstraint(R, 0.03)
+    answer = planned(start, goal, Scene(), line, wide)
+    assert worst(answer.trajectory, lambda T: float(np.hypot(T[0, 3] - 0.45, T[2, 3] - 0.45))) <= (
+        2e-3 + 1e-6
+    )
+    assert worst(answer.trajectory, lambda T: float(np.abs(pin.log3(R.T @ T[:3, :3])).max())) <= (
+        0.03 + 1e-6
+    )
+
+
+def test_pose_goals_and_a_soft_wish() -> None:
+    start = at([0.4, -0.3, 0.4], NARROW)
+    goal = PoseGoal(transform(np.diag([1.0, -1.0, -1.0]), [0.4, 0.3, 0.4]))
+    wish = JointConstraint(CHAIN.joint_names[6], 0.0, 0.01, 0.01, weight=1.0)
+    wanted = ConstraintSet(CHAIN, (UPRIGHT, wish))
+    answer = plan(Problem(ROBOT, Scene(), start, (goal,), constraints=wanted), Options(timeout=60))
+    assert isinstance(answer, Plan), answer
+    hard, soft = answer.certificate.path_constraints
+    assert (hard.hard, soft.hard) == (True, False)
+    assert soft.residual > 0.0
+    assert answer.certificate.path_constraint_residual == 0.0
+
+
+def test_limits_of_the_motion_come_with_constraints() -> None:
+    wanted = (ToolSpeedConstraint(0.2), TorqueConstraint(), ClearanceConstraint(0.03))
+    problem = Problem(
+        ROBOT, pillar(-1.5, 0.6), HOME, (JointGoal(HOME + 0.2),),
+        constraints=ConstraintSet(CHAIN, wanted),
+    )  # fmt: skip
+    assert problem.margin == 0.03
+    answer = plan(problem, Options(timeout=60.0))
+    assert isinstance(answer, Plan), answer
+    assert answer.certificate.limits["tool_speed"].worst_ratio <= 1.0 + 1e-9
+    assert answer.certificate.limits["torque"].worst_ratio <= 1.0 + 1e-9
+    assert answer.certificate.path_constraint_residual is None
+
+
+def failed(start: Array, goal: Array, *constraints: Constraint) -> Failure:
+    wanted = ConstraintSet(CHAIN, constraints)
+    answer = plan(
+        Problem(ROBOT, Scene(), start, (JointGoal(goal),), constraints=wanted), Options(timeout=30)
+    )
+    assert isinstance(answer, Failure)
+    return answer
+
+
+def test_start_and_goal_that_violate_say_by_how_much() -> None:
+    upright = at([0.4, 0.3, 0.4], NARROW)
+    tilted = upright.copy()
+    tilted[5] += 0.5
+    too_far = tilt(forward(CHAIN, tilted)) - np.radians(10.0)
+    for answer, code in (
+        (failed(tilted, upright, UPRIGHT), "START_STATE_VIOLATES_PATH_CONSTRAINTS"),
+        (failed(upright, tilted, UPRIGHT), "GOAL_VIOLATES_PATH_CONSTRAINTS"),
+    ):
+        assert answer.code == code
+        assert answer.details["residual"] == pytest.approx(too_far, abs=1e-6)
+        assert "widen" in answer.hint
+        assert "constraint 0" in answer.message
+
+
+def test_an_impossible_set_is_refused_with_its_conflict() -> None:
+    low = PositionConstraint(PlaneRegion([0, 0, 0.2], UP, 0.01))
+    high = PositionConstraint(PlaneRegion([0, 0, 0.6], UP, 0.01))
+    answer = failed(HOME, HOME + 0.1, UPRIGHT, low, high)
+    assert answer.code == "INVALID_GOAL_CONSTRAINTS"
+    assert answer.details["constraints"] == [1, 2]
+    assert "0.38 m" in answer.hint
+
+
+def test_a_constraint_that_bars_the_way_is_named() -> None:
+    start, goal = at([0.35, -0.35, 0.4]), at([0.35, 0.4, 0.4])
+    line = PositionConstraint(LineRegion([0.35, 0.0, 0.4], [0.0, 1.0, 0.0], 5e-3))
+    wall = Scene((box("wall", (0.2, 0.05, 0.3), (0.4, 0.0, 0.45)),))
+    wanted = ConstraintSet(CHAIN, (line,))
+    problem = Problem(ROBOT, wall, start, (JointGoal(goal),), constraints=wanted)
+    answer = plan(problem, Options(timeout=6.0))
+    assert isinstance(answer, Failure)
+    assert answer.details["constraints_that_unblock"] == [0]
+    (wider,) = answer.details["relaxations"]
+    assert 5e-3 < wider < 1.5
+    # As much wider as is said is wide enough.
+    line = PositionConstraint(LineRegion([0.35, 0.0, 0.4], [0.0, 1.0, 0.0], 5e-3 + wider))
+    wanted = ConstraintSet(CHAIN, (line,))
+    problem = Problem(ROBOT, wall, start, (JointGoal(goal),), constraints=wanted)
+    assert isinstance(plan(problem, Options(timeout=60.0)), Plan)
+
+
+def test_sets_without_thickness_are_refused() -> None:
+    flat = PositionConstraint(PlaneRegion(forward(CHAIN, HOME)[:3, 3], UP, 0.0))
+    with pytest.raises(InvalidGoal, match="tolerance of 0 m") as caught:
+        failed(HOME, HOME, flat)
+    assert "Widen" in str(caught.value.hint)
+
+
+def test_a_foreign_motion_that_violates_is_told_when_and_which() -> None:
+    start, goal = at([0.35, -0.35, 0.4], NARROW), at([0.35, 0.4, 0.35], NARROW)
+    middle = 0.5 * (start + goal)
+    middle[5] += 0.6
+    rows = np.array([start, middle, goal])
+    coefficients = np.stack([rows[:-1], np.diff(rows, axis=0)], axis=2)
+    motion = Trajectory(CHAIN.joint_names, np.array([0.0, 1.0, 2.0]), coefficients)
+    wanted = ConstraintSet(CHAIN, (UPRIGHT,))
+    certificate = certify(motion, ROBOT, Scene(), constraints=wanted, limits={})
+    (report,) = certificate.path_constraints
+    assert not certificate.verified
+    assert certificate.path_constraint_residual is not None
+    assert certificate.path_constraint_residual > 0.05
+    assert report.residual == certificate.path_constraint_residual
+
+
+def test_same_seed_same_motion() -> None:
+    start, goal = at([0.35, -0.35, 0.4], NARROW), at([0.35, 0.4, 0.35], NARROW)
+    first, again = (planned(start, goal, pillar(0.1, 0.5), UPRIGHT) for _ in range(2))
+    assert first.trajectory == again.trajectory
+
+
+def test_a_potential_field_by_name_takes_no_step_that_leaves_a_constraint() -> None:
+    start, goal = at([0.35, -0.35, 0.4], NARROW), at([0.35, 0.4, 0.35], NARROW)
+    constraints = ConstraintSet(CHAIN, (UPRIGHT,))
+    problem = Problem(ROBOT, Scene(), start, (JointGoal(goal),), constraints=constraints)
+    ready = constrained(problem, preflight(problem, 0), 0)
+    assert isinstance(ready, Ready)
+    checker = ready.checkers[-1]
+    options = FieldOptions.of({"preset": "quick", "connect": False})
+    deadline = Deadline.after(20.0)
+    found = potential_field(ROBOT, checker, Scene(), start, [goal], options, 0, deadline)
+    free = Checker(checker.model, checker.slack)
+    wild = potential_field(ROBOT, free, Scene(), start, [goal], options, 0, deadline)
+    assert len(found.visited) > 1
+    legs = [(a, b) for a, b in pairwise(found.visited)]
+    assert all(checker.free(a, b) for a, b in legs)
+    shares = np.linspace(0.0, 1.0, 50)[:, None]
+    for a, b in legs:
+        for q in (1.0 - shares) * a + shares * b:
+            assert tilt(forward(CHAIN, q)) <= np.radians(10.0) + 1e-6
+    assert not all(checker.free(a, b) for a, b in pairwise(wild.visited))

@@ -1,0 +1,135 @@
+"""Plans timed by every method: certified, within limits, at rest at both ends."""
+
+import itertools
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks.ratios import worst_ratio
+from kinematics.errors import InvalidOption, MissingLimit
+from obstacles.checker import Checker
+from obstacles.scene import Scene
+from planning.deadline import Deadline
+from planning.options import Options, Payload, TimingOptions
+from planning.pipeline import plan
+from planning.problem import JointGoal, Problem
+from planning.result import Failure, Plan
+from planning.timing.blend import largest_reaches, reach_for_deviation
+from planning.timing.corner_blending import certified_reaches
+from tests.planning.scenes import HOME, builtin, pillar, shelf
+
+#: In the straight line's way.
+POST = pillar(0.6, 0.505)
+ASIDE = np.array([1.2, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785])
+
+
+def planned(scene: Scene, limits: dict[str, Any] | None = None, **timing: Any) -> Plan | Failure:
+    problem = Problem(builtin("panda"), scene, HOME, (JointGoal(ASIDE),))
+    options = Options(timing=TimingOptions(**timing), limits=limits or {}, timeout=30.0)
+    return plan(problem, options)
+
+
+@pytest.mark.parametrize("method", ["toppra", "spline", "jerk_limited"])
+def test_every_method_gives_certified_motions(method: str) -> None:
+    limits = builtin("panda").chain.limits
+    answer = planned(POST, method=method, torque_limits=True, payload=Payload(1.0))
+    assert isinstance(answer, Plan), answer
+    assert len(answer.path.waypoints) > 2
+    certificate, motion = answer.certificate, answer.trajectory
+    assert certificate.verified
+    assert certificate.limits["torque"].worst_ratio <= 1.0 + 1e-9
+    bounds = [limits.velocity, limits.acceleration, limits.jerk]
+    for order, bound in enumerate(bounds[: 2 if method == "toppra" else 3], 1):
+        assert worst_ratio(motion, bound, order) <= 1.0 + 1e-9
+    np.testing.assert_allclose(motion.sample([0.0, motion.duration], 1), 0.0, atol=1e-9)
+    if method != "toppra":
+        assert motion.continuity().acceleration < 1e-6
+        assert certificate.limits["jerk"].worst_ratio > 0.0
+    else:
+        assert "jerk" not in certificate.limits
+
+
+def test_splines_take_the_times_given_or_say_how_much_more_they_need() -> None:
+    slow = planned(Scene(), method="spline", times=[0.0, 4.0])
+    assert isinstance(slow, Plan)
+    assert slow.trajectory.duration == 4.0
+    short = planned(Scene(), method="spline", times=[0.0, 0.2])
+    assert isinstance(short, Failure)
+    assert (short.code, short.stage) == ("INVALID_MOTION_PLAN", "timing")
+    assert "times as long" in short.message
+    scaled = planned(Scene(), method="spline", times=[0.0, 0.2], scale_times=True)
+    assert isinstance(scaled, Plan)
+    assert scaled.trajectory.duration > 0.2
+    with pytest.raises(InvalidOption, match="waypoints"):
+        planned(Scene(), method="spline", times=[0.0, 1.0, 2.0])
+
+
+def test_corners_are_cut_within_the_tolerance() -> None:
+    wide = planned(POST)
+    narrow = planned(POST, blend_tolerance=0.01)
+    sharp = planned(POST, blend_tolerance=0.0)
+    assert isinstance(wide, Plan)
+    assert isinstance(narrow, Plan)
+    assert isinstance(sharp, Plan)
+    durations = [answer.trajectory.duration for answer in (wide, narrow, sharp)]
+    assert durations == sorted(durations)
+    samples = narrow.trajectory.sample(np.linspace(0.0, narrow.trajectory.duration, 5000))
+    for corner in narrow.path.waypoints[1:-1]:
+        assert np.linalg.norm(samples - corner, axis=1).min() <= 0.0101
+
+
+def test_limits_of_the_request_replace_those_of_the_robot() -> None:
+    slow = planned(Scene(), limits={"velocity": np.full(7, 0.2)})
+    assert isinstance(slow, Plan)
+    assert worst_ratio(slow.trajectory, np.full(7, 0.2), 1) == pytest.approx(1.0, abs=1e-9)
+    without = builtin("scara")
+    problem = Problem(without, Scene(), np.zeros(4), (JointGoal(np.full(4, 0.1)),))
+    if np.isnan(without.chain.limits.jerk).any():
+        with pytest.raises(MissingLimit, match="jerk"):
+            plan(problem, Options(timing=TimingOptions("jerk_limited")))
+
+
+def test_cubic_corners_are_proved_before_they_are_used() -> None:
+    robot = builtin("panda")
+    checker = Checker.of(robot, shelf(), 0.0)
+    rng = np.random.default_rng(0)
+    deadline = Deadline.after(60.0)
+    tried = 0
+    while tried < 10:
+        points = HOME + rng.uniform(-0.5, 0.5, (3, 7))
+        if not all(checker.free(a, b) for a, b in itertools.pairwise(points)):
+            continue
+        tried += 1
+        (reach,) = certified_reaches(checker, points, deadline, smooth=True)
+        assert 0.0 <= reach <= largest_reaches(points)[0]
+        most = reach_for_deviation(points, 0.02, smooth=True)
+        (less,) = certified_reaches(checker, points, deadline, smooth=True, most=most)
+        assert less <= most[0]
+        if reach > 0.0:
+            legs = np.diff(points, axis=0)
+            u = legs / np.linalg.norm(legs, axis=1, keepdims=True)
+            for w in np.linspace(0.0, 1.0, 30):
+                for away in (u[0], -u[1]):
+                    bend = reach * (u[1] - u[0]) / 6.0
+                    assert checker.valid(points[1] - reach * away * (1.0 - w) + bend * w**3)
+
+
+def test_cubic_motions_are_proved_or_not_like_their_samples() -> None:
+    robot = builtin("panda")
+    checker = Checker.of(robot, POST, 0.0)
+    rng = np.random.default_rng(1)
+    verdicts = []
+    for _ in range(60):
+        b = rng.uniform(-0.4, 0.4, (4, 7))
+        b[0] = 0.5 * (HOME + ASIDE) + 0.5 * b[0]
+        proved = checker.curve(*b).free
+        s = np.linspace(0.0, 1.0, 200)[:, None]
+        samples = b[0] + b[1] * s + b[2] * s**2 + b[3] * s**3
+        sampled = all(checker.valid(q) for q in samples)
+        lower, upper = robot.chain.limits.lower, robot.chain.limits.upper
+        inside = ((samples >= lower) & (samples <= upper)).all()
+        if proved and inside:
+            assert sampled
+        verdicts.append(proved)
+    assert 5 < sum(verdicts) < 55

@@ -1,0 +1,88 @@
+"""Large bodies go through a worker, and are refused and taken as small ones are."""
+
+import json
+from typing import Any
+
+import httpx
+import pytest
+
+from service.http.large_body import INLINE_BYTES
+from service.schemas.plan import PlanRequest
+from service.storage.cache_key import TaskProblem
+from service.tasks.large_body import outline
+from tests.service.robots import ASIDE, FLOOR, HOME, POST, answer, bench, problem, scene
+
+#: Blanks are JSON, too: they make a small body large.
+BLANK = b" " * (INLINE_BYTES + 1)
+PLAN: dict[str, Any] = {
+    "robot": "panda",
+    "scene": scene(FLOOR),
+    "start": {"joints": HOME},
+    "goal": {"joints": ASIDE},
+    "timeout": 20.0,
+}
+
+
+def large(client: httpx.Client, path: str, body: Any, method: str = "POST") -> httpx.Response:
+    content = BLANK + (body if isinstance(body, bytes) else json.dumps(body).encode())
+    headers = {"Content-Type": "application/json"}
+    return client.request(method, path, content=content, headers=headers)
+
+
+def test_a_large_body_is_answered_as_a_small_one(client: httpx.Client) -> None:
+    small = answer(client.post("/v1/plan", json=PLAN))
+    assert answer(large(client, "/v1/plan", PLAN))["trajectory"] == small["trajectory"]
+    path = "/v1/robots/panda/fk"
+    for joints in (HOME, [HOME] * 3):
+        body = {"joints": joints}
+        assert answer(large(client, path, body)) == answer(client.post(path, json=body))
+    name = {"name": "large", **scene(POST)}
+    assert answer(large(client, "/v1/scenes", name), 201)["version"] == 1
+    assert answer(client.get("/v1/scenes/large")) == name
+    again = large(client, "/v1/scenes/large", scene(FLOOR), "PUT")
+    assert answer(again)["version"] == 2
+    robot = answer(large(client, "/v1/robots", bench("large")), 201)
+    assert robot == answer(client.get("/v1/robots/large"))
+    stored = client.post("/v1/plan/batch", json={"problems": [PLAN, PLAN | {"seed": 2}]})
+    assert stored.status_code == 202
+    batch = large(client, "/v1/plan/batch", {"problems": [PLAN]})
+    assert batch.status_code == 202
+    with client.stream("GET", f"{batch.headers['location']}/events") as response:
+        list(response.iter_text())
+    result = answer(client.get(batch.headers["location"]))["result"]
+    assert result["results"][0]["trajectory"] == small["trajectory"]
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        b"{",
+        b"",
+        b"[]",
+        json.dumps(PLAN | {"extra": 1}).encode(),
+        json.dumps(PLAN | {"scene": "nowhere"}).encode(),
+        json.dumps(PLAN).replace("-0.785", "NaN", 1).encode(),
+        json.dumps(PLAN | {"scene": scene(FLOOR, FLOOR)}).encode(),
+        json.dumps(PLAN).replace("0.785", '"0.785"', 1).encode(),
+    ],
+)
+def test_a_large_body_is_refused_as_a_small_one(client: httpx.Client, body: bytes) -> None:
+    refused = large(client, "/v1/plan", body)
+    headers = {"Content-Type": "application/json"}
+    small = client.post("/v1/plan", content=b" " + body, headers=headers)
+    document = problem(refused, small.status_code, small.json()["code"])
+    if document["detail"].startswith("the body is not valid JSON"):
+        document["detail"] = small.json()["detail"]  # which tells another column
+        document["details"] = small.json()["details"]
+    assert document == small.json()
+
+
+def test_an_outline_has_what_the_server_looks_at() -> None:
+    body = json.dumps(PLAN | {"planner_options": {"range": 0.5}}).encode()
+    found = outline("service.schemas.plan:PlanRequest", body)
+    assert isinstance(found, PlanRequest)
+    assert (found.robot, found.timeout, found.planner_options) == ("panda", 20.0, None)
+    assert not isinstance(found.scene, str | None)
+    refused = outline("service.schemas.plan:PlanRequest", b"{}")
+    assert isinstance(refused, TaskProblem)
+    assert refused.code == "VALIDATION_ERROR"
