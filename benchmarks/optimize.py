@@ -25,9 +25,10 @@ from kinematics.trajectory import Trajectory
 from obstacles.robot_geometry import RobotGeometry
 from planning.optimize.objective import value
 from planning.optimize.options import OBJECTIVES, SOLVERS, Objective
-from planning.options import Options, Payload, TimingOptions
+from planning.options import Options
 from planning.pipeline import plan
 from planning.result import Failure, Plan
+from planning.timing.options import Payload, TimingOptions
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from benchmarks.ratios import worst_ratio
 from kinematics.trajectory import Trajectory
 from planning.timing.blend import merge, reach_for_deviation
-from planning.timing.parametrization import Method, TimeParametrization
+from planning.timing.options import Method
+from planning.timing.parametrization import TimeParametrization
 from planning.timing.spline import Ends, chord_knots, spline_path
 
 Array = NDArray[np.float64]

@@ -15,10 +15,10 @@ import numpy as np
 
 from benchmarks.mbm_problems import ACCELERATION, cases, panda
 from benchmarks.ratios import worst_ratio
-from planning.options import Options, TimingOptions
+from planning.options import Options
 from planning.pipeline import plan
 from planning.result import Failure
-from planning.timing.parametrization import METHODS
+from planning.timing.options import METHODS, TimingOptions
 
 #: Of the data sheet [rad/s^3].
 JERK = (7500.0, 3750.0, 5000.0, 6250.0, 7500.0, 10000.0, 10000.0)

@@ -9,10 +9,10 @@ from kinematics.arrays import Array
 from kinematics.chain import Chain, Limits
 from kinematics.errors import InvalidOption, InvalidTrajectory
 from kinematics.trajectory import REST, Trajectory, stay
-from planning.options import Interpolation, TimingOptions
 from planning.proof.certificate import Certificate, certify_limits
 from planning.timing.blend import largest_reaches, merge, reach_for_deviation
 from planning.timing.choice import chosen_parametrization, require_limits
+from planning.timing.options import Interpolation, TimingOptions
 from planning.timing.parametrization import TimeParametrization
 from planning.timing.path import JointPath
 from planning.timing.spline import Ends, chord_knots, spline_path

@@ -16,10 +16,11 @@ from planning.optimize.linearization import Obstruction
 from planning.optimize.options import OPTIMIZE, RefineOptions
 from planning.optimize.refinement import Offer, Refinement
 from planning.optimize.task import End, Task
-from planning.options import Options, TimingOptions
+from planning.options import Options
 from planning.problem import JointGoal, Problem
 from planning.proof.certificate import Certificate
 from planning.result import Failure
+from planning.timing.options import TimingOptions
 from planning.timing.parametrization import TimeParametrization
 
 #: Violations that are kept away from once it is known where they are.

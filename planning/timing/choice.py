@@ -8,8 +8,8 @@ from dynamics.payload import with_payload
 from kinematics.arrays import Array
 from kinematics.chain import Chain, Limits
 from kinematics.errors import InvalidOption, MissingLimit
-from planning.options import TimingOptions
 from planning.timing.effort_limits import EffortLimits
+from planning.timing.options import TimingOptions
 from planning.timing.parametrization import TimeParametrization
 
 # Which limits each method must know.

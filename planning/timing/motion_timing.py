@@ -15,11 +15,11 @@ from kinematics.errors import InvalidOption
 from kinematics.trajectory import Trajectory, stay
 from obstacles.checker import Checker
 from planning.deadline import Deadline
-from planning.options import TimingOptions
 from planning.proof.limits import RATIO_TOLERANCE
 from planning.timing.blend import merge, reach_for_deviation
 from planning.timing.corner_blending import certified_reaches
 from planning.timing.failure import TimingFailed
+from planning.timing.options import TimingOptions
 from planning.timing.parametrization import TimeParametrization, merge_repeated
 from planning.timing.spline import Ends
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,12 +14,10 @@ from planning.timing.effort_limits import EffortLimits
 from planning.timing.failure import TimingFailed
 from planning.timing.jerk_limited import time_path_with_jerk
 from planning.timing.minimum_time import time_path
+from planning.timing.options import Method
 from planning.timing.path import JointPath
 from planning.timing.spline import Ends, chord_knots, spline_trajectory
 from planning.timing.time_scaling import ScaledTime, dilate, fit, fitting_factor
-
-Method = Literal["toppra", "spline", "jerk_limited"]
-METHODS: tuple[Method, ...] = ("toppra", "spline", "jerk_limited")
 
 # Boundary velocities may miss the path's direction by this part.
 _ALONG = 1e-6

@@ -14,10 +14,11 @@ from kinematics.urdf import parse_urdf
 from obstacles.checker import Checker
 from obstacles.robot_geometry import robot_geometry
 from obstacles.scene import Scene
-from planning.options import Options, TimingOptions
+from planning.options import Options
 from planning.pipeline import plan
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.result import Failure, Plan
+from planning.timing.options import TimingOptions
 from tests.planning.dense import least_clearance, worst_ratio
 from tests.planning.scenes import HOME, box, builtin, pillar, shelf
 

@@ -13,8 +13,8 @@ from kinematics.robots import builtin_urdf
 from kinematics.serial_chain import serial_chain
 from kinematics.trajectory_export import csv_text, joint_trajectory
 from kinematics.urdf import parse_urdf
-from planning.options import Payload, TimingOptions
 from planning.retime import PathToTime, Retimed, retime
+from planning.timing.options import Payload, TimingOptions
 
 Array = NDArray[np.float64]
 NAMES = ("a", "b", "c")

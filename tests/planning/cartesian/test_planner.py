@@ -19,11 +19,12 @@ from obstacles.scene import Scene
 from planning.cartesian.planner import path_deviation
 from planning.cartesian.tool_following import Tolerances, follow
 from planning.deadline import Deadline
-from planning.options import CartesianOptions, Options, TimingOptions, ToolMotionOptions
+from planning.options import CartesianOptions, Options, ToolMotionOptions
 from planning.pipeline import plan
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.proof.tool_deviation import piece_deviations
 from planning.result import Failure, Plan
+from planning.timing.options import TimingOptions
 from planning.tool_motion import ToolMotion, arc_about, line
 from tests.planning.scenes import HOME, box, builtin
 

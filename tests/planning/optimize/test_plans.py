@@ -21,10 +21,11 @@ from planning.optimize.options import RefineOptions
 from planning.optimize.scp import Descent
 from planning.optimize.spline import SplineSpace
 from planning.optimize.task import End, Task
-from planning.options import Options, Payload, TimingOptions
+from planning.options import Options
 from planning.pipeline import plan
 from planning.problem import JointGoal, Problem
 from planning.result import Failure, Plan
+from planning.timing.options import Payload, TimingOptions
 from tests.planning.dense import least_clearance, worst_ratio
 from tests.planning.scenes import HOME, box, builtin
 

@@ -20,7 +20,8 @@ from planning.timing.blend import blend, largest_reaches
 from planning.timing.effort_limits import EffortLimits
 from planning.timing.failure import TimingFailed
 from planning.timing.minimum_time import time_path
-from planning.timing.parametrization import Method, TimeParametrization
+from planning.timing.options import Method
+from planning.timing.parametrization import TimeParametrization
 
 Array = NDArray[np.float64]
 

@@ -11,12 +11,13 @@ from kinematics.errors import InvalidOption, MissingLimit
 from obstacles.checker import Checker
 from obstacles.scene import Scene
 from planning.deadline import Deadline
-from planning.options import Options, Payload, TimingOptions
+from planning.options import Options
 from planning.pipeline import plan
 from planning.problem import JointGoal, Problem
 from planning.result import Failure, Plan
 from planning.timing.blend import largest_reaches, reach_for_deviation
 from planning.timing.corner_blending import certified_reaches
+from planning.timing.options import Payload, TimingOptions
 from tests.planning.scenes import HOME, builtin, pillar, shelf
 
 #: In the straight line's way.

@@ -1,0 +1,95 @@
+"""Options of timing: the method, shares of the limits, what is carried."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from kinematics.errors import InvalidOption
+
+Method = Literal["toppra", "spline", "jerk_limited"]
+METHODS: tuple[Method, ...] = ("toppra", "spline", "jerk_limited")
+
+Interpolation = Literal["linear", "natural_spline", "clamped_spline"]
+INTERPOLATIONS: tuple[Interpolation, ...] = ("linear", "natural_spline", "clamped_spline")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Payload:
+    """A rigid load.
+
+    Args:
+        mass: [kg].
+        center_of_mass: In the link's frame, shape (3,) [m].
+        inertia: About the centre of mass, shape (3, 3) [kg m^2]; None for a point.
+        link: What carries it; the tip where none is named.
+    """
+
+    mass: float
+    center_of_mass: Sequence[float] = (0.0, 0.0, 0.0)
+    inertia: Sequence[Sequence[float]] | None = None
+    link: str | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TimingOptions:
+    """How the path is timed.
+
+    Args:
+        method: "toppra", "spline" or "jerk_limited".
+        velocity_scaling: Share of the velocity limits to use, in (0, 1].
+        acceleration_scaling: Share of the acceleration limits to use, in (0, 1].
+        jerk_scaling: Share of the jerk limits to use, in (0, 1].
+        times: At the waypoints, for "spline" [s].
+        scale_times: Whether they are stretched by the least factor that keeps all limits.
+        interpolation: Between waypoints, "linear", "natural_spline" or "clamped_spline"; None
+            leaves it to the method.
+        blend_tolerance: How far corners may be cut, Euclidean in joint space; None for as far as
+            can be proved, or not at all where nothing is proved.
+        torque_limits: Whether torques are limited too.
+        payload: What is carried, for torques.
+        tool_speed: Largest speed of the tip [m/s].
+        start_velocity: At the start, along the path, shape (n,).
+        end_velocity: At the end, along the path, shape (n,).
+
+    Raises:
+        InvalidOption: An unknown method or interpolation, a share outside (0, 1], or an option
+            that does not go with the method.
+    """
+
+    method: Method = "toppra"
+    velocity_scaling: float = 1.0
+    acceleration_scaling: float = 1.0
+    jerk_scaling: float = 1.0
+    times: Sequence[float] | None = None
+    scale_times: bool = False
+    interpolation: Interpolation | None = None
+    blend_tolerance: float | None = None
+    torque_limits: bool = False
+    payload: Payload | None = None
+    tool_speed: float | None = None
+    start_velocity: Sequence[float] | None = None
+    end_velocity: Sequence[float] | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("velocity_scaling", "acceleration_scaling", "jerk_scaling"):
+            if not 0.0 < getattr(self, name) <= 1.0:
+                raise InvalidOption(f"timing.{name} must be in (0, 1]")
+        for name, choices in (("method", METHODS), ("interpolation", (None, *INTERPOLATIONS))):
+            if getattr(self, name) not in choices:
+                known = [choice for choice in choices if choice is not None]
+                raise InvalidOption(
+                    f"there is no timing.{name} {getattr(self, name)!r}",
+                    hint=f"Choose one of: {', '.join(known)}.",
+                )
+        spline = self.method == "spline"
+        if spline and self.interpolation == "linear":
+            raise InvalidOption(
+                "the timing method spline does not go with linear interpolation",
+                hint="Choose natural_spline or clamped_spline, or another method.",
+            )
+        for name, given in (("times", self.times is not None), ("scale_times", self.scale_times)):
+            if given and not spline:
+                raise InvalidOption(
+                    f"timing.{name} belongs to the method spline, not {self.method}",
+                    hint="Ask for the method spline, or leave it out.",
+                )
