@@ -9,17 +9,19 @@ from kinematics.trajectory import Trajectory
 from obstacles.checker import Checker
 from planning.cartesian.planner import cartesian_plan
 from planning.constrained.checker import ConstrainedChecker
-from planning.constrained.path_constraints import constrained, with_limits
+from planning.constrained.path_constraints import constrained
 from planning.constrained.projected_rrt import Manifold, shorten
 from planning.constrained.relaxation import Relaxation, relaxed
 from planning.deadline import Deadline
 from planning.diagnosis import Diagnosis, diagnose
+from planning.motion_limits import with_limits
 from planning.optimize.options import OPTIMIZE
-from planning.optimize.stage import MOST_OFFERS, OptimizeStage, check_ends, refining
+from planning.optimize_stage import MOST_OFFERS, OptimizeStage, check_ends, refining
 from planning.options import Options
-from planning.preflight import Ready, preflight
+from planning.preflight import preflight
 from planning.problem import Problem
 from planning.proof.certificate import Certificate, certify
+from planning.ready import Ready
 from planning.result import Attempt, Failure, Path, Plan
 from planning.search.planner import Rung, check_options
 from planning.search.shortcut import shortcut

@@ -12,13 +12,14 @@ from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.ik import numeric
 from obstacles.checker import Checker, collision_model
-from obstacles.fcl_distance import ACCURACY, FclWorld
+from obstacles.fcl_distance import FclWorld
 from obstacles.robot_geometry import hulled
 from planning.constrained.pose_goals import goal_configurations
 from planning.deadline import Deadline
-from planning.diagnosis import nearest_free
+from planning.nearest_free import nearest_free
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.proof.limits import beyond
+from planning.ready import TOUCHING, Ready, ValidStart
 from planning.result import Failure
 
 #: Configurations looked for when a goal is a pose, and starts spent on them.
@@ -27,31 +28,9 @@ _POSE_STARTS = 120
 #: Of several poses whose configurations all collide, others are sought for so many: each search
 #: takes a tenth of a second.
 _SOUGHT_GOALS = 8
-#: A start or goal this near to its margin [m] counts as touching, and is told with pair and depth:
-#: the proof knows distances to a tenth of a micrometre, below twice that nothing can be proved.
-TOUCHING = 2.0 * ACCURACY
 #: Planning keeps this much more than the margin, where start and goal have it to spare: it spares
 #: the certificate halving its cells down to nothing where a path would graze [m].
 _SLACK = 1e-3
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Ready:
-    """A problem with a valid start and at least one valid goal.
-
-    Args:
-        start: Inside the limits, shape (n,).
-        goals: Valid goal configurations (n,), nearest to the start first.
-        checkers: Of the scene with its margins, and the slack kept beyond them. The last is of the
-            exact robot; one before it, if any, of the robot in its solids' hulls, which is quicker
-            to plan with and keeps obstacles out of the robot's pockets.
-        notes: What was done to the request.
-    """
-
-    start: Array
-    goals: list[Array]
-    checkers: tuple[Checker, ...]
-    notes: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,24 +41,7 @@ class _Refusal:
     failure: Callable[[], Failure]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Begun:
-    """A valid start.
-
-    Args:
-        joints: Inside the limits, shape (n,).
-        checker: Of the exact robot in the scene with its margins.
-        clearance: Of the start, margins taken off [m].
-        notes: What was done to the request.
-    """
-
-    joints: Array
-    checker: Checker
-    clearance: float
-    notes: tuple[str, ...]
-
-
-def ready_start(problem: Problem) -> Begun | Failure:
+def ready_start(problem: Problem) -> ValidStart | Failure:
     """Check the start alone: inside its limits, or moved onto them, and free."""
     checker = Checker.of(problem.robot, problem.scene, problem.margin)
     start, outside = _snapped(problem.robot.chain, problem.start, problem.start_state_tolerance)
@@ -88,7 +50,7 @@ def ready_start(problem: Problem) -> Begun | Failure:
     clearance, pair = checker.clearance(start)
     if clearance <= TOUCHING:
         return _collision_failure(problem, "start", start, pair, clearance)
-    return Begun(start, checker, clearance, _moved(problem.start, start))
+    return ValidStart(start, checker, clearance, _moved(problem.start, start))
 
 
 def _moved(given: Array, start: Array) -> tuple[str, ...]:

@@ -23,10 +23,11 @@ from planning.cartesian.tool_following import Followed, Stop, Tolerances, follow
 from planning.constrained.path_constraints import end_violation
 from planning.deadline import Deadline
 from planning.options import CartesianOptions, Options
-from planning.preflight import Begun, ready_start
+from planning.preflight import ready_start
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.proof.certificate import Certificate, Violation, certify
 from planning.proof.tool_deviation import PathDeviation, piece_deviations
+from planning.ready import ValidStart
 from planning.result import Failure, Path, Plan, ToolMotionReport
 from planning.stages import Stages
 from planning.timing.failure import TimingFailed
@@ -280,7 +281,7 @@ def tool_motions(
     return tuple(made)
 
 
-def _tell_start(answer: Begun | Failure) -> tuple[bool, str]:
+def _tell_start(answer: ValidStart | Failure) -> tuple[bool, str]:
     if isinstance(answer, Failure):
         return False, answer.message
     return True, "The start is valid."

@@ -15,8 +15,8 @@ from planning.constrained.pose_goals import aim
 from planning.constrained.projected_rrt import project_kernel
 from planning.constraints.active_set import HELD, Goal, make_goal
 from planning.constraints.constraint_set import ConstraintSet
-from planning.preflight import TOUCHING
 from planning.problem import PoseGoal
+from planning.ready import TOUCHING
 
 _PROJECTIONS = 40
 

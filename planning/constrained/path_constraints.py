@@ -5,18 +5,15 @@ from dataclasses import replace
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain
 from kinematics.errors import InvalidGoal
 from planning.constrained.checker import ConstrainedChecker
 from planning.constrained.pose_goals import goal_configurations
 from planning.constraints.conflict import conflict
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.edge_bounds import TOLERANCE
-from planning.options import Options
-from planning.preflight import TOUCHING, Ready
 from planning.problem import PoseGoal, Problem
+from planning.ready import TOUCHING, Ready
 from planning.result import Failure
-from planning.timing.effort_limits import EffortLimits
 
 #: Half a row's width along a path is at least this [m or rad]: the motion of a tool along a line
 #: is made of joint motions that leave it, and a set without thickness can be left at no instant.
@@ -41,43 +38,6 @@ def check_widths(constraints: ConstraintSet) -> None:
                 constraint=int(constraints.owners[i]), tolerance=half,
                 relaxation=LEAST_TOLERANCE - half, unit=row.unit,
             )  # fmt: skip
-
-
-def with_limits(options: Options, constraints: ConstraintSet | None) -> Options:
-    """Options whose timing keeps the constraints on tool speed and torque."""
-    if constraints is None:
-        return options
-    timing, limits = options.timing, dict(options.limits)
-    if constraints.tool_speed is not None:
-        speed = min(constraints.tool_speed, timing.tool_speed or np.inf)
-        timing = replace(timing, tool_speed=speed)
-    if constraints.torque is not None:
-        timing = replace(timing, torque_limits=True)
-        if constraints.torque.limits is not None:
-            given = np.array(constraints.torque.limits)
-            limits["effort"] = np.minimum(given, limits.get("effort", np.inf))
-    return replace(options, timing=timing, limits=limits)
-
-
-def limit_loads(
-    loads: EffortLimits | None, constraints: ConstraintSet | None, chain: Chain
-) -> EffortLimits | None:
-    """Loads that a foreign motion is held to, those of its constraints included.
-
-    Raises:
-        MissingLimit: Torques are constrained, and a joint's effort limit is not known.
-    """
-    if constraints is None or (constraints.tool_speed is None and constraints.torque is None):
-        return loads
-    effort = None if loads is None else loads.effort
-    if constraints.torque is not None:
-        own = constraints.torque.limits
-        limits = chain.limits
-        given = limits.require("effort", chain.joint_names) if own is None else np.array(own)
-        effort = given if effort is None else np.minimum(effort, given)
-    speed = None if loads is None else loads.tool_speed
-    speeds = [value for value in (speed, constraints.tool_speed) if value is not None]
-    return EffortLimits(chain if loads is None else loads.chain, effort, min(speeds, default=None))
 
 
 def constrained(problem: Problem, ready: Ready | Failure, seed: int) -> Ready | Failure:

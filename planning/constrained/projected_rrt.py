@@ -21,7 +21,7 @@ from planning.constrained.checker import ConstrainedChecker, narrowed
 from planning.constraints.active_set import HELD, Goal, make_feasible, make_goal, make_work
 from planning.constraints.edge_bounds import EDGE_CELLS, HOLDS, TOLERANCE, hold_kernel
 from planning.deadline import Deadline
-from planning.search.rrt_connect import search_box
+from planning.search_box import search_box
 
 #: Longest and shortest step of a tree, Euclidean in joint space.
 _LONGEST, _SHORTEST = 0.5, 0.01

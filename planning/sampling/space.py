@@ -9,7 +9,7 @@ from kinematics.arrays import Array
 from kinematics.chain import Chain
 from obstacles.checker import Checker
 from planning.deadline import Deadline
-from planning.search.rrt_connect import search_box
+from planning.search_box import search_box
 
 util.setLogLevel(util.LogLevel.LOG_NONE)
 

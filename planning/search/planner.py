@@ -13,8 +13,8 @@ from planning.deadline import Deadline
 from planning.field.planner import QUICK, FieldOptions, potential_field
 from planning.optimize.options import OPTIMIZE
 from planning.options import Options
-from planning.preflight import Ready
 from planning.problem import PoseGoal, Problem
+from planning.ready import Ready
 from planning.result import Attempt, Descent
 from planning.sampling.planners import PLANNERS as SAMPLING_PLANNERS
 from planning.sampling.planners import checked

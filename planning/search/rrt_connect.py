@@ -17,13 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.arrays import Array, Indices
-from kinematics.chain import Chain
 from kinematics.compiled.kernel import kernel
 from obstacles.checker import Checker
 from obstacles.edge_check import FREE, certify_in
 from obstacles.kernel_work import Workspace, workspace
 from obstacles.model_arrays import ModelArrays
 from planning.deadline import Deadline
+from planning.search_box import search_box
 
 #: Longest step of one pair of trees after another, Euclidean in joint space. In clutter short ones
 #: come through several times sooner; a few places let pass nothing but very short ones.
@@ -81,13 +81,6 @@ class Grown(NamedTuple):
     waypoints: Array | None
     edges: int
     runs: int
-
-
-def search_box(chain: Chain, known: list[Array]) -> tuple[Array, Array]:
-    """Bounds (n,) to draw from: the limits, or a turn beyond what is known where there are none."""
-    lower, upper = chain.limits.lower, chain.limits.upper
-    low, high = np.min(known, axis=0) - 2.0 * np.pi, np.max(known, axis=0) + 2.0 * np.pi
-    return np.where(np.isfinite(lower), lower, low), np.where(np.isfinite(upper), upper, high)
 
 
 def grow(

@@ -12,7 +12,7 @@ from obstacles.fcl_distance import FclWorld
 from obstacles.projection import project as project_points
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
-from planning.preflight import TOUCHING
+from planning.ready import TOUCHING
 from service.schemas.check import CheckRequest
 from service.schemas.scene import ProjectRequest
 from service.storage import worker_cache

@@ -12,8 +12,8 @@ from typing import Any
 from pydantic_core import to_json
 
 from planning import pipeline
-from planning.constrained.path_constraints import limit_loads
 from planning.deadline import Deadline
+from planning.motion_limits import limit_loads
 from planning.proof.certificate import certify
 from planning.result import Failure, Plan
 from service.http.compute import GRACE

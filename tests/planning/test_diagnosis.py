@@ -10,7 +10,8 @@ from obstacles.fcl_distance import FclWorld
 from obstacles.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.scene import Scene
 from planning.deadline import Deadline
-from planning.diagnosis import diagnose, nearest_free
+from planning.diagnosis import diagnose
+from planning.nearest_free import nearest_free
 from planning.options import Options
 from planning.pipeline import plan
 from planning.problem import JointGoal, Problem

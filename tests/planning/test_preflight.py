@@ -15,8 +15,8 @@ from obstacles.shapes import Box, Sphere
 from planning import preflight
 from planning.options import Options
 from planning.pipeline import plan
-from planning.preflight import TOUCHING
 from planning.problem import JointGoal, PoseGoal, Problem
+from planning.ready import TOUCHING
 from planning.result import Failure, Plan
 from tests.planning.scenes import HOME, builtin
 

@@ -28,9 +28,10 @@ from planning.deadline import Deadline
 from planning.field.planner import FieldOptions, potential_field
 from planning.options import Options
 from planning.pipeline import plan
-from planning.preflight import Ready, preflight
+from planning.preflight import preflight
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.proof.certificate import certify
+from planning.ready import Ready
 from planning.result import Failure, Plan
 from tests.planning.dense import least_clearance, worst_ratio
 from tests.planning.scenes import HOME, box, builtin, pillar

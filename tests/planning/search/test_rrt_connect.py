@@ -13,11 +13,13 @@ from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from planning.deadline import Deadline
 from planning.options import Options
-from planning.preflight import Ready, preflight
+from planning.preflight import preflight
 from planning.problem import JointGoal, Problem
+from planning.ready import Ready
 from planning.search import planner
 from planning.search.planner import Rung
-from planning.search.rrt_connect import Grown, grow, search_box, uniform_kernel
+from planning.search.rrt_connect import Grown, grow, uniform_kernel
+from planning.search_box import search_box
 from tests.planning.scenes import HOME, box, builtin, pillar, shelf
 
 START, GOAL = HOME.copy(), HOME.copy()

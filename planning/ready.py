@@ -1,0 +1,47 @@
+"""Values that planning begins with: a valid start, goal configurations, checkers."""
+
+from dataclasses import dataclass
+
+from kinematics.arrays import Array
+from obstacles.checker import Checker
+from obstacles.fcl_distance import ACCURACY
+
+#: A start or goal this near to its margin [m] counts as touching, and is told with pair and depth:
+#: the proof knows distances to a tenth of a micrometre, below twice that nothing can be proved.
+TOUCHING = 2.0 * ACCURACY
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ValidStart:
+    """A valid start.
+
+    Args:
+        joints: Inside the limits, shape (n,).
+        checker: Of the exact robot in the scene with its margins.
+        clearance: Of the start, margins taken off [m].
+        notes: What was done to the request.
+    """
+
+    joints: Array
+    checker: Checker
+    clearance: float
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ready:
+    """A problem with a valid start and at least one valid goal.
+
+    Args:
+        start: Inside the limits, shape (n,).
+        goals: Valid goal configurations (n,), nearest to the start first.
+        checkers: Of the scene with its margins, and the slack kept beyond them. The last is of the
+            exact robot; one before it, if any, of the robot in its solids' hulls, which is quicker
+            to plan with and keeps obstacles out of the robot's pockets.
+        notes: What was done to the request.
+    """
+
+    start: Array
+    goals: list[Array]
+    checkers: tuple[Checker, ...]
+    notes: tuple[str, ...]
