@@ -13,6 +13,7 @@ RUN python -c "import tomllib; print(*tomllib.load(open('pyproject.toml', 'rb'))
 RUN rm -rf /opt/venv/lib/python*/site-packages/casadi/{include,*.a,liblacemodelica*,libcasadi_graphmodel_onnx*} \
     && /opt/venv/bin/python -c "import casadi; x = casadi.SX.sym('x'); casadi.nlpsol('s', 'ipopt', {'x': x, 'f': x**2}, {'ipopt.print_level': 0, 'print_time': False})(x0=1)"
 COPY README.md LICENSE ./
+COPY armwright ./armwright
 COPY kinematics ./kinematics
 COPY dynamics ./dynamics
 COPY obstacles ./obstacles

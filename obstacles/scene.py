@@ -5,10 +5,10 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field, fields
 from itertools import groupby
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidObjectName, InvalidPose, InvalidScene
@@ -42,6 +42,16 @@ class Obstacle:
     T_world_obstacle: Array = field(default_factory=lambda: np.eye(4))
     margin: float = 0.0
     _pieces: tuple[Piece, ...] | None = field(default=None, init=False, repr=False)
+
+    if TYPE_CHECKING:  # the constructor takes whatever makes an array
+
+        def __init__(
+            self,
+            id: str,  # noqa: A002
+            shape: Shape,
+            T_world_obstacle: ArrayLike = ...,
+            margin: float = 0.0,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         checked_name(self.id, "obstacle id")
@@ -113,6 +123,14 @@ class Scene:
     #: Names of the obstacles, in their order.
     ids: tuple[str, ...] = field(init=False, repr=False)
     _packed: Packed | None = field(default=None, init=False, repr=False)
+
+    if TYPE_CHECKING:  # the constructor takes any iterables
+
+        def __init__(
+            self,
+            obstacles: Iterable[Obstacle] = (),
+            allowed_collisions: Iterable[Iterable[str]] = frozenset(),
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         obstacles = tuple(self.obstacles)

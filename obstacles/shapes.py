@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -56,6 +56,10 @@ class Box(Shape):
     """
 
     size: Array
+
+    if TYPE_CHECKING:  # the constructor takes whatever makes an array
+
+        def __init__(self, size: ArrayLike) -> None: ...
 
     def __post_init__(self) -> None:
         size = _finite(self.size, (3,), "box size")
@@ -177,6 +181,10 @@ class HalfSpace(Shape):
     normal: Array
     offset: float
 
+    if TYPE_CHECKING:  # the constructor takes whatever makes an array
+
+        def __init__(self, normal: ArrayLike, offset: float = 0.0) -> None: ...
+
     def __post_init__(self) -> None:
         normal = _finite(self.normal, (3,), "halfspace normal")
         offset = _finite(self.offset, (), "halfspace offset")
@@ -211,6 +219,10 @@ class Convex(Shape):
 
     vertices: Array
 
+    if TYPE_CHECKING:  # the constructor takes whatever makes an array
+
+        def __init__(self, vertices: ArrayLike) -> None: ...
+
     def __post_init__(self) -> None:
         vertices = _points(self.vertices, "convex vertices", MAX_VERTICES)
         object.__setattr__(self, "vertices", vertices)
@@ -234,6 +246,10 @@ class Mesh(Shape):
 
     vertices: Array
     faces: NDArray[np.int64]
+
+    if TYPE_CHECKING:  # the constructor takes whatever makes an array
+
+        def __init__(self, vertices: ArrayLike, faces: ArrayLike) -> None: ...
 
     def __post_init__(self) -> None:
         vertices, faces = checked_mesh(self.vertices, self.faces)
@@ -262,6 +278,10 @@ class PointCloud(Shape):
 
     points: Array
     radius: float
+
+    if TYPE_CHECKING:  # the constructor takes whatever makes an array
+
+        def __init__(self, points: ArrayLike, radius: float) -> None: ...
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "points", _points(self.points, "point cloud", MAX_POINTS))

@@ -2,8 +2,10 @@
 
 import hashlib
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidGoal, InvalidRobotState
@@ -26,6 +28,15 @@ class JointGoal:
     velocity: Array | None = None
     acceleration: Array | None = None
 
+    if TYPE_CHECKING:  # the constructor takes whatever makes an array
+
+        def __init__(
+            self,
+            joints: ArrayLike,
+            velocity: ArrayLike | None = None,
+            acceleration: ArrayLike | None = None,
+        ) -> None: ...
+
     def __post_init__(self) -> None:
         object.__setattr__(self, "joints", frozen(self.joints))
         for name in ("velocity", "acceleration"):
@@ -46,6 +57,15 @@ class PoseGoal:
     T_base_tip: Array
     position_tolerance: float = 1e-4
     orientation_tolerance: float = 1e-3
+
+    if TYPE_CHECKING:  # the constructor takes whatever makes an array
+
+        def __init__(
+            self,
+            T_base_tip: ArrayLike,
+            position_tolerance: float = 1e-4,
+            orientation_tolerance: float = 1e-3,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "T_base_tip", frozen(self.T_base_tip))

@@ -17,7 +17,7 @@ from packaging.utils import canonicalize_name
 from packaging.version import Version
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = ("kinematics", "dynamics", "obstacles", "planning", "tracking", "service")
+PACKAGES = ("armwright", "kinematics", "dynamics", "obstacles", "planning", "tracking", "service")
 CONFIGURATION = (
     "pyproject.toml",
     "client/pyproject.toml",
@@ -107,7 +107,7 @@ def test_configuration_has_no_addresses_and_no_paths_of_one_machine(path: str) -
 def test_layers_stand_in_order() -> None:
     contracts = {contract["id"]: contract for contract in APP["tool"]["importlinter"]["contracts"]}
     assert contracts["layers"]["layers"] == [
-        "service",
+        "service | armwright",
         "planning | tracking",
         "dynamics | obstacles",
         "kinematics",
@@ -120,7 +120,7 @@ def test_layers_stand_in_order() -> None:
 @pytest.mark.parametrize("name", PACKAGES)
 def test_packages_are_typed_described_and_shipped(name: str) -> None:
     assert (ROOT / name / "py.typed").is_file()
-    assert (importlib.import_module(name).__doc__ or "").endswith(".")
+    assert (importlib.import_module(name).__doc__ or "").rstrip().endswith(".")
     assert f"{name}*" in APP["tool"]["setuptools"]["packages"]["find"]["include"]
 
 

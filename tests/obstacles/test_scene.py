@@ -74,7 +74,7 @@ def test_allowed_pairs_have_no_order() -> None:
     assert not scene.allows("a", "c")
     assert scene == Scene((), frozenset({("a", "b")}))
     with pytest.raises(InvalidScene):
-        Scene((), frozenset({("a",)}))  # type: ignore[arg-type]
+        Scene((), frozenset({("a",)}))
 
 
 def test_the_hash_follows_the_content() -> None:

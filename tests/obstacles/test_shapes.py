@@ -59,7 +59,7 @@ def test_survives_pickling_with_arrays_read_only(shape: Shape) -> None:
 @pytest.mark.parametrize(
     "build",
     [
-        lambda x: Box([1.0, x, 1.0]),  # type: ignore[arg-type]
+        lambda x: Box([1.0, x, 1.0]),
         Sphere,
         lambda x: Cylinder(x, 1.0),
         lambda x: Cylinder(1.0, x),

@@ -1,0 +1,217 @@
+"""Armwright as a library: robots, scenes, plans and proofs from Python, without the server.
+
+>>> import armwright as aw
+>>> robot = aw.load_robot("panda")
+>>> scene = aw.Scene([aw.Obstacle("post", aw.Box((0.1, 0.1, 1.0)), aw.pose([0.5, 0.0, 0.5]))])
+>>> result = aw.plan(robot, scene, start, goal)
+
+Names are imported when they are first used, so that importing this package costs nothing.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+from armwright.shadowing import check_packages
+
+if TYPE_CHECKING:
+    from armwright.configuration import check, ik
+    from armwright.model import (
+        Dynamics,
+        dynamics,
+        fk,
+        inverse_dynamics,
+        jacobian,
+        pose,
+    )
+    from armwright.motion import certify, plan, retime, simulate
+    from armwright.robot import load_robot
+    from kinematics.chain import Chain
+    from kinematics.dh_table import DhRow, DhTable
+    from kinematics.errors import ArmwrightError
+    from kinematics.ik.solution import IkResult, IkSolution
+    from kinematics.robots import builtin_names
+    from kinematics.trajectory import Trajectory
+    from obstacles.checker import Checker
+    from obstacles.moveit import scene_from_moveit
+    from obstacles.robot_geometry import RobotGeometry
+    from obstacles.scene import Obstacle, Scene
+    from obstacles.shapes import (
+        Box,
+        Capsule,
+        Cone,
+        Convex,
+        Cylinder,
+        HalfSpace,
+        Mesh,
+        PointCloud,
+        Sphere,
+    )
+    from planning.configuration_check import ConfigurationReport
+    from planning.constraints.joint import JointConstraint
+    from planning.constraints.limit import (
+        ClearanceConstraint,
+        ToolSpeedConstraint,
+        TorqueConstraint,
+    )
+    from planning.constraints.look_at import LookAtConstraint
+    from planning.constraints.orientation import ConeConstraint, OrientationConstraint
+    from planning.constraints.position import PositionConstraint
+    from planning.constraints.region import BoxRegion, LineRegion, PlaneRegion, SphereRegion
+    from planning.constraints.relative_pose import RelativePoseConstraint
+    from planning.options import Options
+    from planning.problem import JointGoal, PoseGoal, Problem
+    from planning.proof.certificate import Certificate
+    from planning.result import Failure, Plan
+    from planning.retime import Retimed
+    from planning.timing.options import TimingOptions
+    from tracking.adaptive import Adaptive
+    from tracking.computed_torque import ComputedTorque
+    from tracking.independent_joint import IndependentJoint
+    from tracking.passivity import Passivity
+    from tracking.pd_gravity import PdGravity
+
+#: Module that each public name is imported from.
+_MODULES = {
+    "Adaptive": "tracking.adaptive",
+    "ArmwrightError": "kinematics.errors",
+    "Box": "obstacles.shapes",
+    "BoxRegion": "planning.constraints.region",
+    "Capsule": "obstacles.shapes",
+    "Certificate": "planning.proof.certificate",
+    "Chain": "kinematics.chain",
+    "Checker": "obstacles.checker",
+    "ClearanceConstraint": "planning.constraints.limit",
+    "ComputedTorque": "tracking.computed_torque",
+    "Cone": "obstacles.shapes",
+    "ConeConstraint": "planning.constraints.orientation",
+    "ConfigurationReport": "planning.configuration_check",
+    "Convex": "obstacles.shapes",
+    "Cylinder": "obstacles.shapes",
+    "DhRow": "kinematics.dh_table",
+    "DhTable": "kinematics.dh_table",
+    "Dynamics": "armwright.model",
+    "Failure": "planning.result",
+    "HalfSpace": "obstacles.shapes",
+    "IkResult": "kinematics.ik.solution",
+    "IkSolution": "kinematics.ik.solution",
+    "IndependentJoint": "tracking.independent_joint",
+    "JointConstraint": "planning.constraints.joint",
+    "JointGoal": "planning.problem",
+    "LineRegion": "planning.constraints.region",
+    "LookAtConstraint": "planning.constraints.look_at",
+    "Mesh": "obstacles.shapes",
+    "Obstacle": "obstacles.scene",
+    "Options": "planning.options",
+    "OrientationConstraint": "planning.constraints.orientation",
+    "Passivity": "tracking.passivity",
+    "PdGravity": "tracking.pd_gravity",
+    "Plan": "planning.result",
+    "PlaneRegion": "planning.constraints.region",
+    "PointCloud": "obstacles.shapes",
+    "PoseGoal": "planning.problem",
+    "PositionConstraint": "planning.constraints.position",
+    "Problem": "planning.problem",
+    "RelativePoseConstraint": "planning.constraints.relative_pose",
+    "Retimed": "planning.retime",
+    "RobotGeometry": "obstacles.robot_geometry",
+    "Scene": "obstacles.scene",
+    "Sphere": "obstacles.shapes",
+    "SphereRegion": "planning.constraints.region",
+    "TimingOptions": "planning.timing.options",
+    "ToolSpeedConstraint": "planning.constraints.limit",
+    "TorqueConstraint": "planning.constraints.limit",
+    "Trajectory": "kinematics.trajectory",
+    "builtin_names": "kinematics.robots",
+    "certify": "armwright.motion",
+    "check": "armwright.configuration",
+    "dynamics": "armwright.model",
+    "fk": "armwright.model",
+    "ik": "armwright.configuration",
+    "inverse_dynamics": "armwright.model",
+    "jacobian": "armwright.model",
+    "load_robot": "armwright.robot",
+    "plan": "armwright.motion",
+    "pose": "armwright.model",
+    "retime": "armwright.motion",
+    "scene_from_moveit": "obstacles.moveit",
+    "simulate": "armwright.motion",
+}
+
+__all__ = [
+    "Adaptive",
+    "ArmwrightError",
+    "Box",
+    "BoxRegion",
+    "Capsule",
+    "Certificate",
+    "Chain",
+    "Checker",
+    "ClearanceConstraint",
+    "ComputedTorque",
+    "Cone",
+    "ConeConstraint",
+    "ConfigurationReport",
+    "Convex",
+    "Cylinder",
+    "DhRow",
+    "DhTable",
+    "Dynamics",
+    "Failure",
+    "HalfSpace",
+    "IkResult",
+    "IkSolution",
+    "IndependentJoint",
+    "JointConstraint",
+    "JointGoal",
+    "LineRegion",
+    "LookAtConstraint",
+    "Mesh",
+    "Obstacle",
+    "Options",
+    "OrientationConstraint",
+    "Passivity",
+    "PdGravity",
+    "Plan",
+    "PlaneRegion",
+    "PointCloud",
+    "PoseGoal",
+    "PositionConstraint",
+    "Problem",
+    "RelativePoseConstraint",
+    "Retimed",
+    "RobotGeometry",
+    "Scene",
+    "Sphere",
+    "SphereRegion",
+    "TimingOptions",
+    "ToolSpeedConstraint",
+    "TorqueConstraint",
+    "Trajectory",
+    "builtin_names",
+    "certify",
+    "check",
+    "dynamics",
+    "fk",
+    "ik",
+    "inverse_dynamics",
+    "jacobian",
+    "load_robot",
+    "plan",
+    "pose",
+    "retime",
+    "scene_from_moveit",
+    "simulate",
+]
+
+
+def __getattr__(name: str) -> object:
+    if name not in _MODULES:
+        raise AttributeError(f"module 'armwright' has no attribute {name!r}")
+    check_packages()
+    value = getattr(import_module(_MODULES[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

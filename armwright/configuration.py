@@ -1,0 +1,46 @@
+"""Configurations: checked against a scene, and found for a pose by inverse kinematics."""
+
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from armwright.model import Robot, chain_of
+from kinematics.ik.inverse import inverse_kinematics
+from kinematics.ik.solution import IkResult
+from obstacles.robot_geometry import RobotGeometry
+from obstacles.scene import Scene
+from planning.configuration_check import ConfigurationReport, configuration_checker
+
+
+def check(
+    robot: RobotGeometry, scene: Scene, joints: ArrayLike, *, margin: float = 0.0
+) -> ConfigurationReport:
+    """Check one configuration for collisions and position limits.
+
+    Args:
+        robot: The robot with its geometry.
+        scene: The obstacles.
+        joints: Shape (n,) [rad or m].
+        margin: Distance to keep from obstacles beyond their own margins [m].
+
+    Raises:
+        InvalidRobotState: ``joints`` has the wrong length or is not finite.
+    """
+    q = robot.chain.configuration(joints).reshape(robot.chain.n)
+    return configuration_checker(robot, scene, margin).check(q)
+
+
+def ik(robot: Robot, T_base_link: ArrayLike, **options: Any) -> IkResult:
+    """Configurations that bring a link to a pose, best first.
+
+    Args:
+        robot: The robot or its chain.
+        T_base_link: Pose of the link, shape (4, 4).
+        options: Those of ``kinematics.ik.inverse.inverse_kinematics``: ``link``, ``method``,
+            ``seed_joints``, ``most``, ...
+
+    Raises:
+        InvalidPose: The pose is not a finite rigid transform.
+        InvalidOption: An option has an invalid value.
+    """
+    return inverse_kinematics(chain_of(robot), T_base_link, **options)

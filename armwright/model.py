@@ -1,0 +1,122 @@
+"""Kinematics and dynamics of a robot: frames, Jacobians, equations of motion."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dynamics import inverse
+from dynamics.coriolis import coriolis_matrix
+from dynamics.gravity import gravity_vector
+from dynamics.mass_matrix import mass_matrix
+from kinematics.arrays import Array
+from kinematics.chain import Chain
+from kinematics.forward import forward
+from kinematics.jacobian import geometric
+from kinematics.pose import from_quaternion, transform
+from obstacles.robot_geometry import RobotGeometry
+
+Robot = RobotGeometry | Chain
+
+
+class Dynamics(NamedTuple):
+    """The terms of D(q) q_ddot + C(q, q_dot) q_dot + G(q) = tau at one state.
+
+    Args:
+        mass_matrix: D(q), shape (n, n) [kg m^2].
+        coriolis_matrix: C(q, q_dot) of the Christoffel symbols, shape (n, n).
+        gravity: G(q), shape (n,) [N m].
+    """
+
+    mass_matrix: Array
+    coriolis_matrix: Array
+    gravity: Array
+
+
+def chain_of(robot: Robot) -> Chain:
+    """The kinematic chain of a robot."""
+    return robot if isinstance(robot, Chain) else robot.chain
+
+
+def pose(position: ArrayLike, quaternion_xyzw: ArrayLike | None = None) -> Array:
+    """The transform T_a_b of a position and an orientation, shape (4, 4).
+
+    Args:
+        position: Shape (3,) [m].
+        quaternion_xyzw: Shape (4,), x, y, z, w; not turned where none is given.
+
+    Raises:
+        InvalidPose: The quaternion is not of unit length within 1e-3.
+    """
+    rotation = None if quaternion_xyzw is None else from_quaternion(quaternion_xyzw)
+    return transform(rotation, position)
+
+
+def fk(robot: Robot, joints: ArrayLike, link: str | None = None) -> Array:
+    """Forward kinematics: T_base_link, shape (..., 4, 4).
+
+    Args:
+        robot: The robot or its chain.
+        joints: Shape (..., n) [rad or m].
+        link: The link; the tip where none is named.
+
+    Raises:
+        InvalidRobotState: ``joints`` has the wrong length or is not finite.
+        InvalidLinkName: There is no such link.
+    """
+    return forward(chain_of(robot), joints, link)
+
+
+def jacobian(robot: Robot, joints: ArrayLike, link: str | None = None) -> Array:
+    """The geometric Jacobian J(q) of a link's origin, linear rows first, shape (..., 6, n).
+
+    Args:
+        robot: The robot or its chain.
+        joints: Shape (..., n) [rad or m].
+        link: The link; the tip where none is named.
+
+    Raises:
+        InvalidRobotState: ``joints`` has the wrong length or is not finite.
+        InvalidLinkName: There is no such link.
+    """
+    return geometric(chain_of(robot), joints, link)
+
+
+def dynamics(robot: Robot, joints: ArrayLike, velocities: ArrayLike | None = None) -> Dynamics:
+    """Mass matrix, Coriolis matrix and gravity torques at a state.
+
+    Args:
+        robot: The robot or its chain.
+        joints: q, shape (..., n) [rad or m].
+        velocities: q_dot, shape (..., n) [rad/s or m/s]; at rest where none are given.
+
+    Raises:
+        MissingInertia: The robot has no inertias.
+        InvalidRobotState: A vector has the wrong length or is not finite.
+    """
+    chain = chain_of(robot)
+    q = np.asarray(joints, dtype=np.float64)
+    rates = np.zeros_like(q) if velocities is None else velocities
+    return Dynamics(
+        mass_matrix(chain, q),
+        coriolis_matrix(chain, q, rates),
+        gravity_vector(chain, q),
+    )
+
+
+def inverse_dynamics(
+    robot: Robot, joints: ArrayLike, velocities: ArrayLike, accelerations: ArrayLike
+) -> Array:
+    """Joint torques tau of a motion, shape (..., n) [N m or N].
+
+    Args:
+        robot: The robot or its chain.
+        joints: q, shape (..., n) [rad or m].
+        velocities: q_dot, shape (..., n) [rad/s or m/s].
+        accelerations: q_ddot, shape (..., n) [rad/s^2 or m/s^2].
+
+    Raises:
+        MissingInertia: The robot has no inertias.
+        InvalidRobotState: A vector has the wrong length or is not finite.
+    """
+    return inverse.inverse_dynamics(chain_of(robot), joints, velocities, accelerations)

@@ -1,0 +1,115 @@
+"""Motions: planned, proved, timed and tracked."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinematics.arrays import Array
+from kinematics.chain import Chain
+from kinematics.errors import InvalidGoal, InvalidOption
+from obstacles.robot_geometry import RobotGeometry
+from obstacles.scene import Scene
+from planning import pipeline
+from planning import retime as timing
+from planning.constraints.constraint import Constraint
+from planning.constraints.constraint_set import ConstraintSet
+from planning.options import Options
+from planning.problem import Goal, JointGoal, PoseGoal, Problem
+from planning.proof.certificate import certify
+from planning.result import Failure, Plan
+from planning.retime import PathToTime, Retimed
+from planning.timing.options import TimingOptions
+from tracking.simulation import simulate
+
+__all__ = ["certify", "plan", "retime", "simulate"]
+
+
+def plan(
+    robot: RobotGeometry,
+    scene: Scene,
+    start: ArrayLike,
+    goal: ArrayLike | Goal | Sequence[Goal],
+    options: Options | None = None,
+    *,
+    margin: float = 0.0,
+    constraints: Sequence[Constraint] = (),
+) -> Plan | Failure:
+    """Plan a motion and prove it: a plan whose certificate holds, or a failure that says why.
+
+    Args:
+        robot: The robot with its geometry.
+        scene: The obstacles.
+        start: Configuration to begin at, shape (n,) [rad or m].
+        goal: Configuration to end at, shape (n,); pose of the tip, shape (4, 4); a ``JointGoal``
+            or ``PoseGoal``; or several of these, any one of which is to be reached.
+        options: Planner, timing, timeout and seed.
+        margin: Distance to keep from obstacles beyond their own margins [m].
+        constraints: To be held at every instant.
+
+    Raises:
+        InvalidGoal: The goal is neither a configuration nor a pose.
+        InvalidRobotState: A joint vector has the wrong length or is not finite.
+        InvalidOption: There is no such planner or option.
+        MissingLimit: A velocity or acceleration limit is not known.
+    """
+    problem = Problem(
+        robot,
+        scene,
+        np.asarray(start, dtype=np.float64),
+        _goals(goal),
+        margin,
+        constraints=ConstraintSet(robot.chain, tuple(constraints)) if constraints else None,
+    )
+    return pipeline.plan(problem, Options() if options is None else options)
+
+
+def _goals(goal: ArrayLike | Goal | Sequence[Goal]) -> tuple[Goal, ...]:
+    if isinstance(goal, JointGoal | PoseGoal):
+        return (goal,)
+    if isinstance(goal, Sequence) and any(isinstance(one, JointGoal | PoseGoal) for one in goal):
+        return tuple(found for one in goal for found in _goals(one))
+    values: Array = np.asarray(goal, dtype=np.float64)
+    if values.shape == (4, 4):
+        return (PoseGoal(values),)
+    if values.ndim == 1:
+        return (JointGoal(values),)
+    raise InvalidGoal(
+        f"a goal of shape {values.shape} is neither a configuration (n,) nor a pose (4, 4)",
+        hint="Several goals are given as a list of JointGoal and PoseGoal.",
+    )
+
+
+def retime(
+    waypoints: ArrayLike,
+    robot: RobotGeometry | Chain | None = None,
+    *,
+    timing_options: TimingOptions | None = None,
+    limits: Mapping[str, ArrayLike] | None = None,
+) -> Retimed:
+    """Time a path of joint waypoints within limits; nothing is proved of collisions.
+
+    Args:
+        waypoints: Shape (k, n) [rad or m].
+        robot: The robot, whose limits hold; without one ``limits`` are needed.
+        timing_options: Method and scaling.
+        limits: By quantity ("velocity", "acceleration", "jerk"), each shape (n,), in place of the
+            robot's.
+
+    Raises:
+        MissingLimit: A limit that is needed is not known.
+        InvalidTrajectory: The waypoints are malformed.
+        TimingFailed: No motion along the path was found.
+    """
+    points = np.asarray(waypoints, dtype=np.float64)
+    if points.ndim != 2:
+        raise InvalidOption(f"waypoints have the shape {points.shape}, not (k, n)")
+    chain = robot.chain if isinstance(robot, RobotGeometry) else robot
+    names = (
+        tuple(f"joint_{i + 1}" for i in range(points.shape[1]))
+        if chain is None
+        else chain.joint_names
+    )
+    given = {name: np.asarray(value, dtype=np.float64) for name, value in (limits or {}).items()}
+    path = PathToTime(names, points)
+    return timing.retime(path, timing_options or TimingOptions(), given, chain)

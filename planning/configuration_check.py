@@ -1,0 +1,129 @@
+"""Collision and limit check of configurations, with depths and the pairs that collide."""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from kinematics.arrays import Array
+from obstacles.checker import Checker
+from obstacles.fcl_distance import FclWorld
+from obstacles.robot_geometry import RobotGeometry
+from obstacles.scene import Scene
+from planning.ready import TOUCHING
+
+#: Distances above this are exact as the kernel finds them; below it FCL measures the depth [m].
+_DEPTH_BELOW = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Collision:
+    """Two solids that overlap.
+
+    Args:
+        pair: Links or obstacles.
+        depth: How far they must be moved to be apart [m].
+    """
+
+    pair: tuple[str, str]
+    depth: float
+
+
+@dataclass(frozen=True, slots=True)
+class LimitViolation:
+    """A joint outside its position limits.
+
+    Args:
+        joint: Its name.
+        value: Its position [rad or m].
+        limit: The limit it violates [rad or m].
+    """
+
+    joint: str
+    value: float
+    limit: float
+
+
+@dataclass(frozen=True, slots=True)
+class ConfigurationReport:
+    """Verdict on one configuration.
+
+    Args:
+        valid: Free of collision, margins kept, inside the position limits.
+        clearance: Distance of the closest pair, negative by the depth of the deepest collision,
+            margins not taken off [m]; infinite where nothing can collide.
+        clearance_pair: That pair; None where nothing can collide.
+        collisions: All pairs that collide, the deepest first.
+        limit_violations: Joints outside their limits.
+    """
+
+    valid: bool
+    clearance: float
+    clearance_pair: tuple[str, str] | None
+    collisions: tuple[Collision, ...]
+    limit_violations: tuple[LimitViolation, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ConfigurationChecker:
+    """Checks configurations of one robot in one scene.
+
+    Args:
+        robot: The robot with what it holds.
+        bare: Checker that ignores margins.
+        strict: Checker that keeps the obstacles' margins and that of the request.
+        world: FCL's depths, without margins.
+    """
+
+    robot: RobotGeometry
+    bare: Checker
+    strict: Checker
+    world: FclWorld
+
+    @classmethod
+    def of(cls, robot: RobotGeometry, scene: Scene, margin: float = 0.0) -> "ConfigurationChecker":
+        """Checker of a robot that keeps ``margin`` [m] more than theirs from obstacles."""
+        plain = replace(
+            scene, obstacles=tuple(replace(obstacle, margin=0.0) for obstacle in scene.obstacles)
+        )
+        bare = Checker.of(robot, plain)
+        margins = margin > 0.0 or any(obstacle.margin > 0.0 for obstacle in scene.obstacles)
+        strict = Checker.of(robot, scene, margin) if margins else bare
+        return cls(robot, bare, strict, FclWorld(robot, plain))
+
+    def check(self, q: Array) -> ConfigurationReport:
+        """Check a configuration (n,) [rad or m]."""
+        clearance, pair = self.bare.clearance(q)
+        collisions: tuple[Collision, ...] = ()
+        if clearance <= _DEPTH_BELOW:
+            contacts = self.world.collisions(q)
+            collisions = tuple(Collision(contact.pair, contact.depth) for contact in contacts)
+            if collisions:
+                clearance, pair = -collisions[0].depth, collisions[0].pair
+            else:
+                nearest = self.world.clearance(q)
+                clearance, pair = nearest.distance, nearest.pair
+        strict = clearance if self.strict is self.bare else self.strict.clearance(q)[0]
+        violations = self._limit_violations(q)
+        valid = not collisions and not violations and strict > TOUCHING
+        return ConfigurationReport(valid, clearance, pair, collisions, violations)
+
+    def _limit_violations(self, q: Array) -> tuple[LimitViolation, ...]:
+        chain, limits = self.robot.chain, self.robot.chain.limits
+        outside = np.flatnonzero((q < limits.lower) | (q > limits.upper))
+        return tuple(
+            LimitViolation(
+                chain.joint_names[j],
+                float(q[j]),
+                float(limits.lower[j] if q[j] < limits.lower[j] else limits.upper[j]),
+            )
+            for j in map(int, outside)
+        )
+
+
+@lru_cache(maxsize=8)
+def configuration_checker(
+    robot: RobotGeometry, scene: Scene, margin: float = 0.0
+) -> ConfigurationChecker:
+    """Checker of a robot in a scene; the last few are kept."""
+    return ConfigurationChecker.of(robot, scene, margin)
