@@ -1,12 +1,12 @@
 """The proof that a timed trajectory is free for every instant and inside every limit.
 
-It knows nothing of how the trajectory came about and shares no verdict with the planners. It walks
-the polynomials themselves, cell of time by cell of time: where some direction parts a pair in the
-middle of a cell by more than its margin and more than it can move in the cell, it is free all over
-the cell, with at least the difference to spare; others are looked at again on the halves. Whoever
-proposed the direction, it is checked here, on the exact geometry (``sweep``,
-``separating_direction``, ``motion_bounds``). What no direction settles, since it touches or nearly
-so, FCL decides. What the limits ask is decided by the exact extrema of the polynomials.
+It knows nothing of how the trajectory came about and shares no verdict with the planners. It
+sweeps the polynomials themselves, interval of time by interval of time: where some direction parts
+a pair in the middle of an interval by more than its margin and more than it can move in the
+interval, it is free all over the interval, with at least the difference to spare; others are looked
+at again on the halves. Whoever proposed the direction, it is checked here, on the exact geometry
+(``sweep``, ``separating_direction``, ``motion_bounds``). What no direction settles, since it
+touches or nearly so, FCL decides.
 """
 
 from collections.abc import Mapping
@@ -24,6 +24,7 @@ from obstacles.scene import Scene
 from planning.constraints.constraint_set import ConstraintSet
 from planning.deadline import Deadline
 from planning.proof.constraints import ConstraintReport, check_motion
+from planning.proof.interval_check import RESOLUTION, sharp_enough
 from planning.proof.limits import (
     RATIO_TOLERANCE,
     LimitReport,
@@ -33,27 +34,23 @@ from planning.proof.limits import (
 )
 from planning.proof.motion_bounds import VALUE
 from planning.proof.pair_table import PairTable
-from planning.proof.sweep import (
-    ASKED,
-    ASKING,
+from planning.proof.sweep import ASKING, DONE, FULL, run
+from planning.proof.sweep_state import (
+    CENTER,
     DEPTH,
-    DONE,
     FIRST,
-    FULL,
-    KEPT,
     LAST,
     MAX_DEPTH,
     OBSTACLE,
+    OPEN,
     OWN,
-    RESOLUTION,
+    REFERRED,
     TOP,
     VISITS,
-    go_on,
-    halve,
-    roomier,
-    settle,
-    sharp_enough,
-    walk_along,
+    grown,
+    note_clearance,
+    push_halves,
+    start_sweep,
 )
 from planning.proof.tool_deviation import PathDeviation
 from planning.timing.effort_limits import EffortLimits
@@ -69,10 +66,15 @@ __all__ = [
 
 #: A violation this near to the start or the goal, in every joint, is told as theirs [rad or m].
 _AT_AN_END = 1e-6
-#: What the referee says of a pair.
-_FREE, _OPEN, _HIT = 0, 1, 2
-#: Cells between two looks at the clock: a few milliseconds.
-_CELLS_A_CALL = 1000
+# The referee's decision on a pair.
+#: It is free all over the interval.
+_FREE = 0
+#: It may be free on the halves.
+_OPEN = 1
+#: It violates its margin.
+_HIT = 2
+#: Intervals between two looks at the clock: a few milliseconds.
+_INTERVALS_A_CALL = 1000
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,7 +214,7 @@ def certify_limits(
 
 
 class _Proof:
-    """A walk of witnesses along a trajectory, with FCL as the referee of what they leave."""
+    """A sweep of separating directions along a trajectory, FCL the referee of what they leave."""
 
     def __init__(
         self,
@@ -225,27 +227,27 @@ class _Proof:
         self._robot, self._scene = robot, scene
         self._trajectory, self._deadline = trajectory, deadline
         self._table = PairTable.of(robot, scene, margin)
-        self._walk = walk_along(trajectory, self._table.arrays)
+        self._sweep = start_sweep(trajectory, self._table.arrays)
         self.violation: Violation | None = None
 
     @property
     def visited(self) -> int:
-        """Cells that were looked at."""
-        return int(self._walk.counters[VISITS])
+        """Intervals that were looked at."""
+        return int(self._sweep.counters[VISITS])
 
     @property
     def clearances(self) -> tuple[float, float]:
-        """Proved from obstacles and among the robot's own [m]."""
-        return float(self._walk.clearance[OBSTACLE]), float(self._walk.clearance[OWN])
+        """Proved from obstacles and among the robot's own links [m]."""
+        return float(self._sweep.clearance[OBSTACLE]), float(self._sweep.clearance[OWN])
 
     @property
     def closest(self) -> tuple[str, str] | None:
         """The pair that the smaller of them belongs to."""
-        i, j = (int(k) for k in self._walk.closest[np.argmin(self._walk.clearance)])
+        i, j = (int(k) for k in self._sweep.closest[np.argmin(self._sweep.clearance)])
         return self._table.names(i, j) if i >= 0 else None
 
     def run(self) -> None:
-        """Settle every pair on every cell, or find the first violation."""
+        """Settle every pair on every interval, or find the first violation."""
         if not len(self._table.arrays.roots):
             return
         inside = first_inside(self._robot, self._scene, self._trajectory.start)
@@ -259,89 +261,92 @@ class _Proof:
                 message = "time was up before the proof was complete"
                 self.violation = self.violation or Violation("time", 0.0, message, {})
                 return
-            state = go_on(
+            state = run(
                 self._table.arrays, self._trajectory.breaks, self._trajectory.coefficients,
-                self._walk, self.violation is None, _CELLS_A_CALL,
+                self._sweep, self.violation is None, _INTERVALS_A_CALL,
             )  # fmt: skip
             if state == DONE:
                 return
             if state == ASKING:
-                self._referee()
+                self._decide_referred()
             if state == FULL:
-                self._walk = roomier(self._walk)
+                self._sweep = grown(self._sweep)
 
-    def _referee(self) -> None:
-        """Let FCL decide about the pairs asked about, so that the walk can go on."""
-        walk, counters = self._walk, self._walk.counters
-        asked = [(int(i), int(j)) for i, j in walk.asked[: counters[ASKED]]]
+    def _decide_referred(self) -> None:
+        """Let FCL decide about the pairs referred to it, so that the sweep can go on."""
+        sweep, counters = self._sweep, self._sweep.counters
+        referred = [(int(i), int(j)) for i, j in sweep.referred[: counters[REFERRED]]]
         left: list[tuple[int, int]] = []
         hit = -1
-        for at, (i, j) in enumerate(asked):
-            verdict = self._judged(at, i, j)
+        for at, (i, j) in enumerate(referred):
+            verdict = self._decide(at, i, j)
             if verdict == _HIT:
-                left, hit = left + asked[at:], at
+                left, hit = left + referred[at:], at
                 break
             if verdict == _OPEN:
                 left.append((i, j))
         if hit >= 0:
-            # Nothing later than the middle of this cell is the first violation any more.
+            # Nothing later than the middle of this interval is the first violation any more.
             counters[TOP] = 0
-            if self._last_word(hit):
+            if self._is_final(hit):
                 return
-        kept = int(counters[KEPT])
-        if not (left or kept):
+        still_open = int(counters[OPEN])
+        if not (left or still_open):
             return
-        end = int(walk.starts[counters[DEPTH] + 1]) + kept
-        walk.entries[end : end + len(left)] = np.array(left, dtype=np.int64).reshape(-1, 2)
-        walk.axes[end : end + len(left)] = 0.0
-        counters[KEPT] = kept + len(left)
-        halve(walk, self._trajectory.breaks, hit < 0)
+        end = int(sweep.starts[counters[DEPTH] + 1]) + still_open
+        sweep.pairs[end : end + len(left)] = np.array(left, dtype=np.int64).reshape(-1, 2)
+        sweep.directions[end : end + len(left)] = 0.0
+        counters[OPEN] = still_open + len(left)
+        push_halves(sweep, self._trajectory.breaks, hit < 0)
 
-    def _judged(self, at: int, i: int, j: int) -> int:
-        """What FCL says of a pair asked about: free all over the cell, open, or a violation."""
-        walk, arrays = self._walk, self._table.arrays
-        own = OWN if i < arrays.moving else OBSTACLE
-        apart = 0.0 if own == OWN else float(arrays.margins[i]) + arrays.margin
+    def _decide(self, at: int, i: int, j: int) -> int:
+        """FCL's decision on a referred pair: free all over the interval, open, or a violation."""
+        sweep, arrays = self._sweep, self._table.arrays
+        against = OWN if i < arrays.moving else OBSTACLE
+        apart = 0.0 if against == OWN else float(arrays.margins[i]) + arrays.margin
         distance = convex_distance(
             self._table.solid(i), self._pose(i), self._table.solid(j), self._pose(j)
         )
-        lower = distance - float(walk.bounds[at]) - ACCURACY
-        last_word = self._last_word(at)
-        if lower > apart and (last_word or lower >= sharp_enough(walk.nearest[own], True)):
-            settle(walk, own, i, j, lower)
+        lower = distance - float(sweep.referred_moves[at]) - ACCURACY
+        final = self._is_final(at)
+        if lower > apart and (final or lower >= sharp_enough(sweep.nearest[against], True)):
+            note_clearance(sweep, against, i, j, lower)
             return _FREE
-        if distance > apart and not last_word:
+        if distance > apart and not final:
             return _OPEN
-        self._violate(at, (i, j), distance, apart)
+        self._note_violation(at, (i, j), distance, apart)
         return _HIT
 
     def _pose(self, k: int) -> Array:
-        """Where element k is in the middle of the cell, by the frames of the joints alone."""
+        """Pose of element k in the middle of the interval, by the joints' frames alone."""
         joint, T = int(self._table.arrays.joints[k]), self._table.arrays.poses[k]
-        return np.asarray(self._walk.frames[joint] @ T) if joint >= 0 else T
+        return np.asarray(self._sweep.frames[joint] @ T) if joint >= 0 else T
 
-    def _last_word(self, at: int) -> bool:
-        """Whether the cell can't be halved any more to the good of a pair asked about."""
-        walk = self._walk
-        return bool(walk.bounds[at] < RESOLUTION or walk.counters[DEPTH] == MAX_DEPTH)
+    def _is_final(self, at: int) -> bool:
+        """Whether halving the interval any further is of no use to a referred pair."""
+        sweep = self._sweep
+        return bool(sweep.referred_moves[at] < RESOLUTION or sweep.counters[DEPTH] == MAX_DEPTH)
 
-    def _violate(self, at: int, pair: tuple[int, int], distance: float, apart: float) -> None:
-        """Note a violation in the middle of the cell; the walk goes from late to early ones."""
-        walk, trajectory = self._walk, self._trajectory
+    def _note_violation(
+        self, at: int, pair: tuple[int, int], distance: float, apart: float
+    ) -> None:
+        """Note a violation in the middle of the interval; the sweep goes on with earlier ones."""
+        sweep, trajectory = self._sweep, self._trajectory
         i, j = pair
-        whole = walk.counters[FIRST] < walk.counters[LAST]
-        begins = 0.0 if whole else float(trajectory.breaks[walk.counters[FIRST]])
-        time = min(begins + float(walk.cell[1]), trajectory.duration)
-        settle(walk, OWN if i < self._table.arrays.moving else OBSTACLE, i, j, distance)
+        whole = sweep.counters[FIRST] < sweep.counters[LAST]
+        begins = 0.0 if whole else float(trajectory.breaks[sweep.counters[FIRST]])
+        time = min(begins + float(sweep.interval[CENTER]), trajectory.duration)
+        against = OWN if i < self._table.arrays.moving else OBSTACLE
+        note_clearance(sweep, against, i, j, distance)
         names = self._table.names(i, j)
         asked = f", {apart:.6g} m are asked for" if apart > 0.0 else ""
         message = f"{names[0]!r} and {names[1]!r} are {distance:.6g} m apart{asked}"
         details = {"pair": list(names), "distance": distance, "margin": apart}
-        q = walk.joints[:, VALUE]
+        q = sweep.joints[:, VALUE]
         for where, end in (("start", trajectory.start), ("goal", trajectory.end)):
             if np.abs(q - end).max() <= _AT_AN_END:
                 message, details["at"] = f"{message} at the {where}", where
                 break
-        decided = distance <= apart or walk.bounds[at] < RESOLUTION
+        decided = distance <= apart or sweep.referred_moves[at] < RESOLUTION
         kind = "collision" if decided else "undecided"
         self.violation = Violation(kind, time, message, details)

@@ -1,4 +1,4 @@
-"""What must stay apart, packed for the certificate's own kernels: solids, and what holds them.
+"""Pairs that must stay apart, packed for the proof's own kernels: solids, and what holds them.
 
 Everything is an element: a convex solid, or something that holds those below it. A tree of boxes
 holds the obstacles; the cover of a part of a mesh holds its triangles, by way of a tree of boxes. A
@@ -14,21 +14,25 @@ from numpy.typing import NDArray
 
 from kinematics.arrays import Array, Indices
 from obstacles.bvh import BOX, FIRST, LAST, SKIP, tree
-from obstacles.collision_model import skipped_pairs, together
 from obstacles.piece import Piece, PieceArrays, PieceKind
-from obstacles.piece_set import NODE, NODE_STOP, PieceSet
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
-from obstacles.support_table import Lists
+from planning.proof.proposals import (
+    FIRST_NODE,
+    STOP_NODE,
+    PackedPieces,
+    ProposalRows,
+    packed_pieces,
+)
 
 #: The kind of an element that only holds others; the rest are of ``PieceKind``.
 HOLDER = -1
 #: What rounding may have taken off a box [relative].
-_HAIR = 1e-15
+_BOX_ROUNDING = 1e-15
 
 
 class PairArrays(NamedTuple):
-    """What the certificate's kernels read (n joints, e elements, v vertices).
+    """Arrays that the proof's kernels read (n joints, e elements, v vertices).
 
     Elements of the robot come first: its pieces, then what is below them; then those of the scene
     alike, and at last the tree over the scene's pieces.
@@ -56,11 +60,7 @@ class PairArrays(NamedTuple):
         kids: Elements.
         parts: The robot's piece or the obstacle that an element belongs to, -1 for several, (e,).
         skipped: Whether a piece of the robot may touch an obstacle, shape (p, obstacles).
-        rows: Rows for the planner's distance iteration, as in ``PieceSet``.
-        row: The row of each element, shape (e,).
-        first: Where the corners of a triangle are in ``corners``, -1 for other elements, (e,).
-        corners: For the planner's distance iteration.
-        tables: The same.
+        proposals: The elements as GJK reads them.
     """
 
     joint_types: Indices
@@ -83,11 +83,7 @@ class PairArrays(NamedTuple):
     kids: Indices
     parts: Indices
     skipped: NDArray[np.bool_]
-    rows: Array
-    row: Indices
-    first: Indices
-    corners: Array
-    tables: Lists
+    proposals: ProposalRows
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -124,9 +120,9 @@ class PairTable:
     def solid(self, k: int) -> Piece:
         """Element ``k``, which holds nothing, as a piece in the frame of its joint."""
         arrays = self.arrays
-        row, robots = int(arrays.row[k]), len(self.robot.pieces)
+        row, robots = int(arrays.proposals.row[k]), len(self.robot.pieces)
         piece = self.robot.pieces[row] if row < robots else self.scene.piece(row - robots)
-        if arrays.first[k] < 0:
+        if arrays.proposals.first[k] < 0:
             return piece
         corners = arrays.columns[:, arrays.starts[k] : arrays.starts[k + 1]].T
         return replace(piece, vertices=corners, rounding=0.0, surface=None)
@@ -158,9 +154,9 @@ class _Elements(NamedTuple):
 
 @lru_cache(maxsize=8)
 def _arrays(robot: RobotGeometry, scene: Scene) -> PairArrays:
-    packed, p = together(robot, scene), len(robot.pieces)
+    packed, p = packed_pieces(robot, scene), len(robot.pieces)
     still, owners, margins = scene.pieces()
-    nodes = int(packed.rows[p:, NODE_STOP].max(initial=0.0))
+    nodes = int(packed.rows[p:, STOP_NODE].max(initial=0.0))
     own, own_extents, corners = _own(robot)
     # The scene's corners come first in what is packed.
     ahead = len(packed.corners) - corners
@@ -173,7 +169,7 @@ def _arrays(robot: RobotGeometry, scene: Scene) -> PairArrays:
     everything = _Elements.joined(own, around, boxed)
     joints = np.full(len(everything.kinds), -1, dtype=np.int64)
     joints[:moving] = robot.joints[own.parts]
-    skipped = skipped_pairs(robot, scene)
+    skipped = _skipped(robot, scene)
     walls = moving + np.flatnonzero(still.kinds == PieceKind.HALFSPACE)
     tops = [len(joints) - len(boxed.kinds)] if len(boxed.kinds) else []
     return PairArrays(
@@ -197,18 +193,33 @@ def _arrays(robot: RobotGeometry, scene: Scene) -> PairArrays:
         kids=everything.kids,
         parts=everything.parts,
         skipped=skipped,
-        rows=packed.rows,
-        row=everything.row,
-        first=everything.first,
-        corners=packed.corners,
-        tables=packed.tables,
+        proposals=ProposalRows(
+            packed.rows, everything.row, everything.first, packed.corners, packed.tables
+        ),
     )
+
+
+def _skipped(robot: RobotGeometry, scene: Scene) -> NDArray[np.bool_]:
+    """Which pieces of a robot may touch which obstacles, shape (p, obstacles).
+
+    Those that stand still with the base may, and those whose link the scene allows to. The planner
+    chooses its own pairs elsewhere: written twice on purpose, a pair dropped there is found here.
+    """
+    skipped = np.zeros((len(robot.pieces), len(scene.ids)), dtype=np.bool_)
+    skipped[robot.joints < 0] = True
+    if not scene.allowed_collisions:
+        return skipped
+    columns = {name: k for k, name in enumerate(scene.ids)}
+    for i, link in enumerate(robot.links):
+        partners = [b if a == link else a for a, b in scene.allowed_collisions if link in {a, b}]
+        skipped[i, [columns[name] for name in partners if name in columns]] = True
+    return skipped
 
 
 @lru_cache(maxsize=8)
 def _own(robot: RobotGeometry) -> tuple[_Elements, Array, int]:
     """The robot's elements alone, their extents, and how many corners are packed with them."""
-    packed = together(robot, Scene(()))
+    packed = packed_pieces(robot, Scene(()))
     own = _solids(robot.arrays, packed, slice(None), slice(None), 0)
     own = own._replace(parts=own.row, margins=np.zeros(len(own.kinds)))
     return own, _extents(own), len(packed.corners)
@@ -219,13 +230,13 @@ def _starts(counts: Indices) -> Indices:
 
 
 def _solids(
-    arrays: PieceArrays, packed: PieceSet, rows: slice, nodes: slice, base: int
+    arrays: PieceArrays, packed: PackedPieces, rows: slice, nodes: slice, base: int
 ) -> _Elements:
     """Pieces, and behind them what covers among them cover; the first is element ``base``."""
     p, own = len(arrays), packed.rows[rows]
-    covers = own[:, NODE_STOP] > 0.0
+    covers = own[:, STOP_NODE] > 0.0
     first_node = nodes.start or 0
-    kids = (own[covers, NODE].astype(np.int64) - first_node) + base + p
+    kids = (own[covers, FIRST_NODE].astype(np.int64) - first_node) + base + p
     none = np.zeros(p, dtype=np.int64)
     numbers = np.arange(len(packed.rows), dtype=np.int64)[rows]
     pieces = _Elements(
@@ -236,7 +247,7 @@ def _solids(
     tree_nodes = packed.surfaces[nodes]
     if not len(tree_nodes):
         return pieces
-    spans = (own[covers, NODE_STOP] - own[covers, NODE]).astype(np.int64)
+    spans = (own[covers, STOP_NODE] - own[covers, FIRST_NODE]).astype(np.int64)
     owner = np.repeat(np.flatnonzero(covers), spans)
     leaf = tree_nodes[:, FIRST] >= 0.0
     first = np.where(leaf, tree_nodes[:, FIRST], -1.0).astype(np.int64)
@@ -280,7 +291,7 @@ def _tree(still: PieceArrays, margins: Array, moving: int, base: int) -> _Elemen
 def _boxes(nodes: Array) -> Array:
     """Middles and half sizes of nodes' boxes, (t, 6), a hair larger than rounding made them."""
     low, high = nodes[:, BOX : BOX + 3], nodes[:, BOX + 3 : BOX + 6]
-    half = 0.5 * (high - low) + _HAIR * (np.abs(low) + np.abs(high))
+    half = 0.5 * (high - low) + _BOX_ROUNDING * (np.abs(low) + np.abs(high))
     return np.hstack([0.5 * (low + high), half])
 
 

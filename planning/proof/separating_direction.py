@@ -1,4 +1,4 @@
-"""Witnesses: directions that prove two convex pieces apart, checked whoever found them.
+"""Separating directions: proofs that two convex pieces are apart, checked whoever found them.
 
 For any unit direction u, and h the support function of a piece,
 
@@ -23,17 +23,19 @@ _POLYTOPE = int(PieceKind.POLYTOPE)
 _CYLINDER = int(PieceKind.CYLINDER)
 _HALFSPACE = int(PieceKind.HALFSPACE)
 
-#: Rounding that one joint's frame and one piece's place and support can add [units of rounding],
-#: for numbers of the size of all lengths they are summed from: two rotations are multiplied and a
-#: translation is added, each a sum of three products of entries of at most 1.
+# For numbers of the size of all lengths that they are summed from: two rotations are multiplied and
+# a translation is added, each a sum of three products of entries of at most 1.
+#: Rounding that one joint's frame can add [units of rounding].
 _UNITS_A_JOINT = 32.0
+#: Rounding that one piece's place and support can add [units of rounding].
 _UNITS_A_PIECE = 64.0
+#: Unit of rounding [relative].
 _UNIT = 2.0**-53
 
 
 # Reordering changes a sum of three products by what is allowed for rounding, and lets the maximum
 # compile to vectors; nothing here can be NaN: vertices are finite and so is the direction.
-@kernel(fastmath=True)
+@kernel(fastmath=True, allocates=False)
 def highest(columns: Array, start: int, stop: int, x: float, y: float, z: float) -> float:
     """Largest of x v_0 + y v_1 + z v_2 over the columns v from start to stop of (3, v)."""
     best = -np.inf
@@ -42,7 +44,7 @@ def highest(columns: Array, start: int, stop: int, x: float, y: float, z: float)
     return best
 
 
-@kernel
+@kernel(allocates=False)
 def height(
     kind: int, size: Vector, columns: Array, start: int, stop: int, poses: Array, i: int, u: Vector
 ) -> float:
@@ -61,7 +63,7 @@ def height(
     return float(base + max(half * c, rim - half * c))
 
 
-@kernel
+@kernel(allocates=False)
 def direction(kinds: Indices, poses: Array, i: int, j: int, u: Vector) -> tuple[bool, Vector]:
     """The unit direction to look along from piece i to piece j, and whether there is one.
 
@@ -77,22 +79,22 @@ def direction(kinds: Indices, poses: Array, i: int, j: int, u: Vector) -> tuple[
     return True, (u[0] / length, u[1] / length, u[2] / length)
 
 
-@kernel
+@kernel(allocates=False)
 def gap(
     kinds: Indices, sizes: Array, columns: Array, starts: Indices, poses: Array,
     i: int, j: int, u: Vector,
 ) -> float:  # fmt: skip
-    """What a unit direction from piece i to piece j proves of their distance, but for rounding [m].
+    """Lower bound of the distance of pieces i and j along a unit direction, but for rounding [m].
 
     Args:
-        kinds: Of ``PairArrays``, as are the next three.
-        sizes: The same.
-        columns: The same.
-        starts: The same.
+        kinds: Of the pieces' cores, as ``PieceKind``, shape (p,).
+        sizes: Radius, half height and rounding of each piece, shape (p, 3) [m].
+        columns: The pieces' vertices in their own frames, shape (3, v) [m].
+        starts: Vertices of piece i are ``columns[:, starts[i]:starts[i + 1]]``, shape (p + 1,).
         poses: Of all pieces in one frame, shape (p, 4, 4).
         i: One piece.
-        j: The other.
-        u: From ``direction``.
+        j: The other piece.
+        u: From piece i towards piece j, as ``direction`` answers it.
     """
     size = (sizes[i, 0], sizes[i, 1], sizes[i, 2])
     if kinds[i] == _HALFSPACE:
@@ -104,7 +106,7 @@ def gap(
     return float(-height(kinds[j], size, columns, starts[j], starts[j + 1], poses, j, back) - top)
 
 
-@kernel
+@kernel(allocates=False)
 def rounding(joints: int, lengths: float) -> float:
     """What rounding can have done to a gap, the frames included [m].
 

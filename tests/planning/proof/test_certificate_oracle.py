@@ -14,7 +14,8 @@ from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Box, Capsule, Cone, Convex, Cylinder, HalfSpace, Shape, Sphere
 from planning.proof.certificate import Certificate, certify
 from planning.proof.pair_table import PairTable
-from planning.proof.sweep import go_on, roomier, walk_along
+from planning.proof.sweep import DONE, FULL, PAUSED, run
+from planning.proof.sweep_state import grown, start_sweep
 from tests.planning.fcl_sweep import sweep
 from tests.planning.scenes import builtin
 
@@ -109,28 +110,28 @@ def test_same_verdict_as_fcl_alone(name: str) -> None:
 
 
 def test_directions_from_a_liar_prove_nothing_that_is_false() -> None:
-    """The walk is given random, opposite and broken directions after every few cells."""
+    """The sweep is given random, opposite and broken directions after every few cells."""
     robot = unlimited(builtin("ur5e"))
     random = np.random.default_rng(13)
     for _ in range(6):
         motion = random_motion(random, robot)
         scene = random_scene(random, robot, motion.start)
         table = PairTable.of(robot, scene, 0.0)
-        walk, state = walk_along(motion, table.arrays), 2
-        while state in (2, 3):
-            walk = roomier(walk) if state == 3 else walk
-            walk.axes[:] = random.normal(size=walk.axes.shape)
-            walk.axes[random.random(len(walk.axes)) < 0.2] = np.nan
-            walk.nearest[:] = random.normal(size=2)
-            state = go_on(
+        sweeping, state = start_sweep(motion, table.arrays), PAUSED
+        while state in (PAUSED, FULL):
+            sweeping = grown(sweeping) if state == FULL else sweeping
+            sweeping.directions[:] = random.normal(size=sweeping.directions.shape)
+            sweeping.directions[random.random(len(sweeping.directions)) < 0.2] = np.nan
+            sweeping.nearest[:] = random.normal(size=2)
+            state = run(
                 table.arrays,
                 motion.breaks,
                 motion.coefficients,
-                walk,
+                sweeping,
                 bool(random.random() < 0.5),
                 3,
             )
-        if state == 0:
+        if state == DONE:
             assert sweep(motion, robot, scene).contact is None
 
 

@@ -10,14 +10,14 @@ from kinematics.forward import joint_frames
 from kinematics.trajectory import Trajectory
 from planning.proof.motion_bounds import (
     ACCELERATION,
-    BLUR,
-    COLUMNS,
+    JOINT_COLUMNS,
+    MOVE_COLUMNS,
     MOVED,
+    PIECE_COLUMNS,
+    RADIUS,
     RATE,
+    ROUNDING,
     SPEED,
-    STRAY,
-    SURVEY_COLUMNS,
-    SWAY_COLUMNS,
     VALUE,
     displacement_bounds,
     enclose,
@@ -51,7 +51,7 @@ def test_enclosure_holds_exactly_also_where_powers_cancel() -> None:
             coefficients[j] = np.polynomial.polynomial.polyfromroots(roots)[:size]
         at, half = around + float(random.uniform(0.0, 2.0)), float(random.uniform(0.0, 0.5))
         half = min(half, at)
-        joints = np.empty((n, COLUMNS))
+        joints = np.empty((n, JOINT_COLUMNS))
         enclose(coefficients, at, half, np.empty((2, size)), joints)
         for time in np.linspace(at - half, at + half, 9):
             found = exact(coefficients, float(time))
@@ -61,20 +61,20 @@ def test_enclosure_holds_exactly_also_where_powers_cancel() -> None:
             for j in range(n):
                 value, rate = found[2 * j : 2 * j + 2]
                 row = [Fraction(float(x)) for x in joints[j]]
-                assert abs(value - row[VALUE]) <= row[STRAY] * allowed
+                assert abs(value - row[VALUE]) <= row[RADIUS] * allowed
                 first = row[VALUE] + s * row[RATE]
-                bend = row[ACCELERATION] * s * s / 2 + row[BLUR]
+                bend = row[ACCELERATION] * s * s / 2 + row[ROUNDING]
                 assert abs(value - first) <= bend * allowed
                 assert abs(rate) <= row[SPEED] * allowed
 
 
 def test_a_cell_without_length_strays_by_rounding_alone() -> None:
-    joints = np.empty((1, COLUMNS))
+    joints = np.empty((1, JOINT_COLUMNS))
     enclose(np.array([[1.0, 2.0, 3.0, 4.0]]), 0.5, 0.0, np.empty((2, 4)), joints)
     assert joints[0, VALUE] == pytest.approx(1.0 + 1.0 + 0.75 + 0.5)
     assert joints[0, RATE] == pytest.approx(2.0 + 3.0 + 3.0)
-    assert 0.0 < joints[0, STRAY] < 1e-13
-    assert 0.0 < joints[0, BLUR] < 1e-13
+    assert 0.0 < joints[0, RADIUS] < 1e-13
+    assert 0.0 < joints[0, ROUNDING] < 1e-13
 
 
 def random_motion(random: np.random.Generator, n: int, pieces: int, jump: float) -> Trajectory:
@@ -102,7 +102,7 @@ def test_span_encloses_several_pieces_with_their_jumps(jump: float) -> None:
         motion = random_motion(random, 2, pieces, jump)
         first, last = sorted(random.choice(pieces, 2, replace=False))
         middle = int(random.integers(first + 1, last + 1))
-        table, joints = np.empty((pieces, 2, SURVEY_COLUMNS)), np.empty((2, COLUMNS))
+        table, joints = np.empty((pieces, 2, PIECE_COLUMNS)), np.empty((2, JOINT_COLUMNS))
         piece_bounds(motion.breaks, motion.coefficients, table)
         at, ends = motion.breaks[middle], motion.breaks[[first, last + 1]]
         half = float(np.abs(ends - at).max())
@@ -110,9 +110,9 @@ def test_span_encloses_several_pieces_with_their_jumps(jump: float) -> None:
         times = np.linspace(ends[0], ends[1], 200)[:-1]
         values, rates = motion.sample(times), motion.sample(times, 1)
         s = (times - at)[:, None]
-        assert (np.abs(values - joints[:, VALUE]) <= joints[:, STRAY] + 1e-12).all()
+        assert (np.abs(values - joints[:, VALUE]) <= joints[:, RADIUS] + 1e-12).all()
         assert (np.abs(rates) <= joints[:, SPEED] + 1e-12).all()
-        bend = 0.5 * joints[:, ACCELERATION] * s**2 + joints[:, BLUR]
+        bend = 0.5 * joints[:, ACCELERATION] * s**2 + joints[:, ROUNDING]
         assert (np.abs(values - joints[:, VALUE] - s * joints[:, RATE]) <= bend + 1e-12).all()
 
 
@@ -127,7 +127,7 @@ def test_no_point_of_a_ball_moves_farther_than_its_bounds(name: str) -> None:
         length = motion.duration
         half = float(length / 2.0 * 10.0 ** -random.uniform(0.0, 3.0))
         at = float(random.uniform(half, length - half))
-        joints = np.empty((chain.n, COLUMNS))
+        joints = np.empty((chain.n, JOINT_COLUMNS))
         size = motion.coefficients.shape[2]
         enclose(motion.coefficients[0], at, half, np.empty((2, size)), joints)
         frames = joint_frames(chain, joints[:, VALUE])
@@ -136,10 +136,11 @@ def test_no_point_of_a_ball_moves_farther_than_its_bounds(name: str) -> None:
         radius = float(random.uniform(0.0, 0.2))
         local = np.append(random.normal(size=3) * 0.3, 1.0)
         center = (frames[carrier] @ local)[:3]
-        moves = np.zeros((1, chain.n, SWAY_COLUMNS))
+        moves = np.zeros((chain.n, MOVE_COLUMNS))
         types = chain.joint_types
-        displacement_bounds(types, frames, center[None], 0, radius, carrier, joints, half, moves)
-        bound = moves[0, still + 1, MOVED]
+        middle = (float(center[0]), float(center[1]), float(center[2]))
+        displacement_bounds(types, frames, middle, radius, carrier, joints, half, moves)
+        bound = moves[still + 1, MOVED]
         offsets = random.normal(size=(12, 3))
         offsets *= radius / np.linalg.norm(offsets, axis=1, keepdims=True)
         inside = np.concatenate([offsets, np.zeros((12, 1))], axis=1)
@@ -156,7 +157,7 @@ def test_no_point_of_a_ball_moves_farther_than_its_bounds(name: str) -> None:
                 tightest = min(tightest, bound / farthest)
             for towards in random.normal(size=(6, 3)):
                 u = towards / np.linalg.norm(towards)
-                along = moved_along(moves, 0, still + 1, radius, half, (u[0], u[1], u[2]))
+                along = moved_along(moves, still + 1, radius, half, (u[0], u[1], u[2]))
                 assert float(np.abs(u @ moved).max()) <= along + 1e-12
                 assert along <= bound
     assert tightest < 2.0
@@ -165,12 +166,11 @@ def test_no_point_of_a_ball_moves_farther_than_its_bounds(name: str) -> None:
 def test_bound_of_a_turning_arm_is_the_arc() -> None:
     frames = np.eye(4)[None].copy()
     types = np.zeros(1, dtype=np.int64)
-    centers = np.array([[1.0, 0.0, 5.0]])
     for angle in (0.0, 1e-3, 0.5, 10.0):
-        joints, moves = np.zeros((1, COLUMNS)), np.zeros((1, 1, SWAY_COLUMNS))
-        joints[0, STRAY] = joints[0, SPEED] = joints[0, RATE] = angle
-        displacement_bounds(types, frames, centers, 0, 0.1, 0, joints, 1.0, moves)
-        # A point never strays farther than its circle's diameter.
-        assert moves[0, 0, MOVED] == pytest.approx(min(1.1 * angle, 2.2))
-        across = moved_along(moves, 0, 0, 0.1, 1e-3, (0.0, 0.0, 1.0))
+        joints, moves = np.zeros((1, JOINT_COLUMNS)), np.zeros((1, MOVE_COLUMNS))
+        joints[0, RADIUS] = joints[0, SPEED] = joints[0, RATE] = angle
+        displacement_bounds(types, frames, (1.0, 0.0, 5.0), 0.1, 0, joints, 1.0, moves)
+        # A point never moves farther than its circle's diameter.
+        assert moves[0, MOVED] == pytest.approx(min(1.1 * angle, 2.2))
+        across = moved_along(moves, 0, 0.1, 1e-3, (0.0, 0.0, 1.0))
         assert across == pytest.approx(min(0.5 * 1.1 * angle**2, 1.1 * angle, 2.2))

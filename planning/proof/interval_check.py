@@ -1,0 +1,270 @@
+"""Check of one interval of time: which open pairs stay apart all over it.
+
+A pair is settled when a direction is found along which the two elements are apart in the middle of
+the interval by more than they can move along it in the interval (``separating_direction``). The
+direction comes from the interval before or from GJK (``proposals``); a wrong one proves nothing and
+does no harm. What nothing settles stays open for the halves, or is left to a referee where halving
+can't help any more.
+"""
+
+import math
+
+import numpy as np
+
+from kinematics.arrays import Array
+from kinematics.compiled.kernel import kernel
+from kinematics.forward import forward_kernel
+from planning.proof.motion_bounds import (
+    MOVED,
+    VALUE,
+    displacement_bounds,
+    moved_along,
+    outside_box,
+    place,
+    reach,
+)
+from planning.proof.pair_table import PairArrays
+from planning.proof.proposals import propose
+from planning.proof.separating_direction import Vector, direction, gap, rounding
+from planning.proof.sweep_state import (
+    DEPTH,
+    HALF,
+    MAX_DEPTH,
+    OBSTACLE,
+    OPEN,
+    OWN,
+    REACH,
+    REFERRED,
+    SHARP,
+    VISITS,
+    Sweep,
+    note_clearance,
+)
+
+#: A pair that moves less than this in an interval [m] is decided by its distance alone.
+RESOLUTION = 1e-7
+#: The clearance told is at least this share of the true one, where that is less than _ENOUGH.
+_SHARP_SHARE = 0.8
+#: Clearance beyond which a sharper bound is of no interest [m].
+_ENOUGH = 0.05
+#: Where the covers of parts of meshes are this far apart [m], that is told for the parts' distance.
+_COVERED = 0.001
+#: Covers are opened only when they move less than this [m]: before, halving time parts them sooner
+#: than a look at all that they cover.
+_OPENED = 0.01
+#: And only when they are not parted by this share of what they move.
+_PARTED = 0.02
+# A better direction costs as much as some thirty looks at the one there is.
+#: It is not asked for where elements move farther than this [m]: hardly any direction would do.
+_HOPELESS = 0.05
+#: Nor where the direction there is parts them by this share of the motion: some halvings will do.
+_HALVES = 0.25
+#: Below so small a motion it is always worth it [m].
+_WORTH = 1e-4
+
+#: Bounds of a pair on an interval: lower bound of its distance [m]; what GJK says it is at most
+#: [m]; how far the two move [m]; clearance that needs no sharper bound [m]; whether halving parts
+#: them; the direction.
+PairBounds = tuple[float, float, float, float, bool, Vector]
+
+
+@kernel(allocates=False)
+def check_interval(model: PairArrays, w: Sweep) -> bool:
+    """Settle what directions settle of the last interval; note what stays open or is referred.
+
+    Returns:
+        False where there is no room for what stays open.
+    """
+    counters = w.counters
+    depth = counters[DEPTH]
+    first, last = w.starts[depth], w.starts[depth] + w.counts[depth]
+    w.starts[depth + 1] = last
+    counters[OPEN], counters[REFERRED] = 0, 0
+    forward_kernel(model.joint_types, model.offsets, w.joints[:, VALUE], w.frames)
+    w.interval[REACH] = reach(model.joint_types, model.offsets, w.joints)
+    for entry in range(first, last):  # noqa: SIM110  numba compiles no generator here
+        if not _check_pair(model, w, entry, last):
+            return False
+    return True
+
+
+@kernel(allocates=False)
+def sharp_enough(nearest: float, sharp: bool) -> float:
+    """Clearance beyond which a sharper bound would tell nothing [m]."""
+    if not sharp:
+        return -np.inf
+    return float(min(_ENOUGH, _SHARP_SHARE * nearest))
+
+
+@kernel(allocates=False)
+def _check_pair(model: PairArrays, w: Sweep, entry: int, last: int) -> bool:
+    """Settle an open pair and all below it; False where there is no room for what stays open.
+
+    Args:
+        model: The pairs.
+        w: The sweep.
+        entry: Number of the pair among ``w.pairs``.
+        last: Where pairs that stay open are put.
+    """
+    stack = w.waiting
+    stack[0, 0], stack[0, 1], top = w.pairs[entry, 0], w.pairs[entry, 1], 1
+    while top > 0:
+        top -= 1
+        i, j = stack[top, 0], stack[top, 1]
+        against = OWN if i < model.moving else OBSTACLE
+        if against == OBSTACLE and _may_touch(model, i, j):
+            continue
+        _place_element(model, w, i)
+        _place_element(model, w, j)
+        apart = model.margins[i] + model.margin if against == OBSTACLE else 0.0
+        known = i == w.pairs[entry, 0] and j == w.pairs[entry, 1]
+        u = (0.0, 0.0, 0.0)
+        if known:
+            u = (w.directions[entry, 0], w.directions[entry, 1], w.directions[entry, 2])
+        lower, upper, moved, enough, parted, u = _bound_pair(model, w, i, j, apart, u)
+        holds = _holds_others(model, i) or _holds_others(model, j)
+        if lower > apart and (lower >= enough or (moved < RESOLUTION and not holds)):
+            note_clearance(w, against, i, j, lower)
+            continue
+        finest = moved < RESOLUTION or w.counters[DEPTH] == MAX_DEPTH
+        if holds:
+            side = 0
+            # The larger one of two that hold others is opened.
+            if not _holds_others(model, i) or (
+                _holds_others(model, j) and model.radii[j] > model.radii[i]
+            ):
+                side = 1
+            opened = j if side == 1 else i
+            still = _OPENED if model.kinds[opened] >= 0 else model.radii[opened]
+            if finest or (moved <= still and not parted):
+                for kid in range(model.below[opened], model.below[opened + 1]):
+                    stack[top, 0], stack[top, 1] = i, j
+                    stack[top, side] = model.kids[kid]
+                    top += 1
+                continue
+        if last + w.counters[OPEN] + w.counters[REFERRED] >= w.pairs.shape[0]:
+            return False
+        if not holds and (finest or upper <= apart):
+            _refer(w, i, j, moved)
+        else:
+            _keep_open(w, last, i, j, u)
+    return True
+
+
+@kernel(allocates=False)
+def _may_touch(model: PairArrays, i: int, j: int) -> bool:
+    """Whether the robot's element j may touch the scene's element i."""
+    return bool(model.parts[i] >= 0 and model.skipped[model.parts[j], model.parts[i]])
+
+
+@kernel(allocates=False)
+def _holds_others(model: PairArrays, i: int) -> bool:
+    return bool(model.below[i + 1] > model.below[i])
+
+
+@kernel(allocates=False)
+def _refer(w: Sweep, i: int, j: int, moved: float) -> None:
+    """Leave a pair that moves by ``moved`` [m] in the interval to the referee."""
+    k = w.counters[REFERRED]
+    w.referred[k, 0], w.referred[k, 1], w.referred_moves[k] = i, j, moved
+    w.counters[REFERRED] = k + 1
+
+
+@kernel(allocates=False)
+def _keep_open(w: Sweep, last: int, i: int, j: int, u: Vector) -> None:
+    """Keep a pair open for the halves of the interval, with the direction to try first."""
+    k = last + w.counters[OPEN]
+    w.pairs[k, 0], w.pairs[k, 1] = i, j
+    w.directions[k, 0], w.directions[k, 1], w.directions[k, 2] = u
+    w.counters[OPEN] += 1
+
+
+@kernel(allocates=False)
+def _place_element(model: PairArrays, w: Sweep, k: int) -> None:
+    """Place an element in the middle of the interval, and bound its motion, once an interval."""
+    joint, visit = model.joints[k], w.counters[VISITS]
+    if w.stamps[k] == visit or (joint < 0 and w.stamps[k] >= 0):
+        return
+    w.stamps[k] = visit
+    place(joint, k, w.frames, model.poses, model.centers, w.poses, w.centers)
+    if k < model.moving:
+        center = (w.centers[k, 0], w.centers[k, 1], w.centers[k, 2])
+        displacement_bounds(
+            model.joint_types, w.frames, center, model.radii[k], joint, w.joints,
+            w.interval[HALF], w.moves[k],
+        )  # fmt: skip
+
+
+@kernel(allocates=False)
+def _bound_pair(model: PairArrays, w: Sweep, i: int, j: int, apart: float, u: Vector) -> PairBounds:
+    """Bound the distance of two elements over the interval, from below.
+
+    Args:
+        model: The pairs.
+        w: The sweep, both elements placed.
+        i: One element.
+        j: The other, which moves against the first.
+        apart: What they have to keep apart [m].
+        u: The direction to try first, 0 for none.
+    """
+    against = OWN if i < model.moving else OBSTACLE
+    after, sharp = model.joints[i] + 1, w.counters[SHARP] == 1
+    lengths = w.interval[REACH] + model.extents[i] + model.extents[j]
+    lost = rounding(model.joint_types.shape[0], lengths)
+    moved = w.moves[j, after, MOVED] + lost
+    enough = sharp_enough(w.nearest[against], sharp)
+    need = max(apart, enough)
+    lower = _bounding_distance(model, w, i, j, need + moved) - moved
+    if model.kinds[i] < 0 or model.kinds[j] < 0 or (lower > apart and lower >= enough):
+        return lower, np.inf, moved, enough, False, (0.0, 0.0, 0.0)
+    if u[0] == 0.0 and u[1] == 0.0 and u[2] == 0.0:
+        u = (
+            w.centers[j, 0] - w.centers[i, 0],
+            w.centers[j, 1] - w.centers[i, 1],
+            w.centers[j, 2] - w.centers[i, 2],
+        )
+    parts, u = direction(model.kinds, w.poses, i, j, u)
+    separation, along, upper = -np.inf, moved, np.inf
+    if parts:
+        separation, along = _along(model, w, i, j, u)
+        along = min(moved, along + lost)
+    lower = separation - along
+    settled = lower > apart and lower >= enough
+    by_halving = moved > _HOPELESS or separation - need > _HALVES * along
+    if not settled and (moved <= _WORTH or not by_halving):
+        axis = w.proposal.axis
+        axis[0], axis[1], axis[2] = -u[0], -u[1], -u[2]
+        upper = propose(model.proposals, i, j, w.poses, w.centers, need + moved, w.proposal)
+        parts, u = direction(model.kinds, w.poses, i, j, (-axis[0], -axis[1], -axis[2]))
+        if parts:
+            separation, along = _along(model, w, i, j, u)
+            along = min(moved, along + lost)
+            lower = separation - along
+        moved = along
+        if upper > _COVERED or not (_holds_others(model, i) or _holds_others(model, j)):
+            w.nearest[against] = min(w.nearest[against], upper)
+            enough = sharp_enough(w.nearest[against], sharp)
+    parted = separation - max(apart, enough) > _PARTED * moved
+    return lower, upper, moved, enough, parted, u
+
+
+@kernel(allocates=False)
+def _along(model: PairArrays, w: Sweep, i: int, j: int, u: Vector) -> tuple[float, float]:
+    """How far apart two elements are along a unit direction, and how far they move along it [m]."""
+    separation = gap(model.kinds, model.sizes, model.columns, model.starts, w.poses, i, j, u)
+    moves, after = w.moves[j], model.joints[i] + 1
+    return separation, moved_along(moves, after, model.radii[j], w.interval[HALF], u)
+
+
+@kernel(allocates=False)
+def _bounding_distance(model: PairArrays, w: Sweep, i: int, j: int, most: float) -> float:
+    """What balls and boxes prove of the distance of two elements; ``most`` [m] is enough."""
+    centers: Array = w.centers
+    x, y = centers[i, 0] - centers[j, 0], centers[i, 1] - centers[j, 1]
+    z = centers[i, 2] - centers[j, 2]
+    lower = math.sqrt(x * x + y * y + z * z) - model.radii[i] - model.radii[j]
+    if lower <= most:
+        lower = max(lower, outside_box(centers, j, model.boxes, w.poses, i) - model.radii[j])
+    if lower <= most:
+        lower = max(lower, outside_box(centers, i, model.boxes, w.poses, j) - model.radii[i])
+    return float(lower)

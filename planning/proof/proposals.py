@@ -1,0 +1,168 @@
+"""Proposed separating directions: the one seam between the proof and GJK.
+
+GJK's kernel reads wide packed rows (``obstacles.piece_set``). They are packed here, and the kernel
+is called here, for the direction between the nearest points of two elements. Nothing that comes
+back is believed: a direction is checked by ``separating_direction``, and the distance only decides
+which pairs are worth a closer look. A wrong row or a wrong direction costs time, never truth. No
+other module of the proof imports the distance iteration or its rows.
+"""
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from kinematics.arrays import Array, Indices
+from kinematics.compiled.kernel import kernel
+from obstacles.gjk import STILL, separation
+from obstacles.piece_set import (
+    CENTER,
+    GROUP,
+    GROUP_STOP,
+    KIND,
+    NODE,
+    NODE_STOP,
+    POSE,
+    ROUNDING,
+    START,
+    STOP,
+    WIDTH,
+    CoreKind,
+    PieceSet,
+    ball_rows,
+)
+from obstacles.robot_geometry import RobotGeometry
+from obstacles.scene import Scene
+from obstacles.support_table import Lists
+
+#: The pieces of a robot or a scene, packed.
+PackedPieces = PieceSet
+#: Columns of the first node of a cover's tree, and of the one after its last.
+FIRST_NODE = NODE
+STOP_NODE = NODE_STOP
+
+_POLYTOPE = int(CoreKind.POLYTOPE)
+_BALL = int(CoreKind.POINT)
+
+
+class ProposalRows(NamedTuple):
+    """Elements as GJK reads them (r rows, e elements, v corners).
+
+    Args:
+        rows: Packed pieces of the robot, then of the scene, columns as in ``PieceSet``, (r, WIDTH).
+        row: The row of each element, shape (e,).
+        first: First of an element's three corners where it is a triangle, else -1, shape (e,).
+        corners: Of all polytopes and triangles, each in its piece's frame, shape (v, 3) [m].
+        tables: Support tables of polytopes with many corners.
+    """
+
+    rows: Array
+    row: Indices
+    first: Indices
+    corners: Array
+    tables: Lists
+
+
+class Proposal(NamedTuple):
+    """A direction, and what it is found in.
+
+    Args:
+        axis: From one element towards another, shape (3,).
+        rows: Their rows, shape (2, WIDTH).
+        simplex: GJK's own, shape (8, 3).
+    """
+
+    axis: Array
+    rows: Array
+    simplex: Array
+
+    @classmethod
+    def empty(cls) -> "Proposal":
+        """Arrays to be filled."""
+        return cls(np.empty(3), np.empty((2, WIDTH)), np.empty((8, 3)))
+
+
+def packed_pieces(robot: RobotGeometry, scene: Scene) -> PieceSet:
+    """Pack the pieces of a robot, each in the frame of its joint, and behind them a scene's."""
+    around = _scene_rows(scene)
+    own = _robot_rows(robot).behind(around)
+    p = len(robot.pieces)
+    rows = np.vstack([own.rows, around.rows])
+    grouped = rows[p:, GROUP_STOP] > 0.0
+    rows[p:, GROUP : GROUP_STOP + 1][grouped] += p
+    return own._replace(rows=rows)
+
+
+@lru_cache(maxsize=64)
+def _robot_rows(robot: RobotGeometry) -> PieceSet:
+    return PieceSet.of(robot.pieces)
+
+
+@lru_cache(maxsize=16)
+def _scene_rows(scene: Scene) -> PieceSet:
+    """A scene's pieces in the order of its obstacles, clouds as balls."""
+    shaped = [() if obstacle.is_cloud else obstacle.pieces() for obstacle in scene.obstacles]
+    packed = PieceSet.of([piece for pieces in shaped for piece in pieces])
+    if not any(obstacle.is_cloud for obstacle in scene.obstacles):
+        return packed
+    blocks, first = [np.zeros((0, WIDTH))], 0
+    for obstacle, pieces in zip(scene.obstacles, shaped, strict=True):
+        rows = packed.rows[first : first + len(pieces)]
+        if obstacle.is_cloud:
+            balls = obstacle.balls()
+            rows = ball_rows(balls.centers, balls.radii[0])
+        else:
+            grouped = rows[:, GROUP_STOP] > 0.0
+            rows[grouped, GROUP : GROUP_STOP + 1] += sum(map(len, blocks)) - first
+        first += len(pieces)
+        blocks.append(rows)
+    return packed._replace(rows=np.vstack(blocks))
+
+
+@kernel(allocates=False)
+def propose(
+    model: ProposalRows, i: int, j: int, poses: Array, centers: Array, most: float,
+    proposal: Proposal,
+) -> float:  # fmt: skip
+    """Overwrite ``proposal.axis`` with a direction from element j to element i that may part them.
+
+    Args:
+        model: The elements.
+        i: One element.
+        j: The other.
+        poses: Of all elements in the base frame, shape (e, 4, 4).
+        centers: Of their balls, shape (e, 3) [m].
+        most: Distances beyond this need not be told exactly [m].
+        proposal: Its axis is the direction to begin with.
+
+    Returns:
+        About how far they are apart at most [m].
+    """
+    rows = proposal.rows
+    _place_row(model, rows, 0, i, poses, centers)
+    _place_row(model, rows, 1, j, poses, centers)
+    _, _, upper = separation(
+        rows, 0, rows, 1, model.corners, model.tables, -np.inf, most, STILL, proposal.axis,
+        proposal.simplex,
+    )  # fmt: skip
+    return float(upper)
+
+
+@kernel(allocates=False)
+def _place_row(
+    model: ProposalRows, rows: Array, k: int, i: int, poses: Array, centers: Array
+) -> None:
+    """Write element i, placed, as row k."""
+    packed = model.row[i]
+    for column in range(WIDTH):
+        rows[k, column] = model.rows[packed, column]
+    if model.first[i] >= 0:
+        rows[k, KIND], rows[k, ROUNDING] = _POLYTOPE, 0.0
+        rows[k, START], rows[k, STOP] = model.first[i], model.first[i] + 3
+    for row in range(3):
+        rows[k, CENTER + row] = centers[i, row]
+        for column in range(4):
+            rows[k, POSE + 4 * row + column] = poses[i, row, column]
+        if rows[k, KIND] == _BALL:
+            # Where its centre is: a point of a cloud lies off the cloud's frame.
+            rows[k, POSE + 4 * row + 3] = centers[i, row]
