@@ -35,6 +35,7 @@ from service.tasks import (  # noqa: E402
     batch,  # noqa: F401
     check,  # noqa: F401
     dynamics,  # noqa: F401
+    inverse_kinematics,  # noqa: F401
     kinematics,  # noqa: F401
     large_body,  # noqa: F401
     plan,  # noqa: F401

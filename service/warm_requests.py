@@ -15,14 +15,14 @@ from obstacles.scene import Scene
 from planning.deadline import Deadline
 from planning.search.rrt_connect import grow
 from service.storage import disk_cache, worker_cache
-from service.storage.cache_key import PlanOutcome, Reference, builtin_reference
+from service.storage.cache_key import Reference, builtin_reference
 from service.tasks import check as check_tasks
-from service.tasks import kinematics as kinematics_tasks
+from service.tasks import inverse_kinematics, robots
 from service.tasks import plan as plan_tasks
 from service.tasks import potential as potential_tasks
 from service.tasks import retime as retime_tasks
-from service.tasks import robots
 from service.tasks import simulate as simulate_tasks
+from service.tasks.result import PlanOutcome
 
 _START = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
 _GOAL = [1.2, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]
@@ -55,11 +55,13 @@ def requests() -> None:
         panda = builtin_reference("panda")
         for scene in (None, _scene()):
             pose = {"position": [0.4, -0.2, 0.4], "rpy": [3.1, 0.0, 0.0]}
-            _ask(kinematics_tasks.ik, panda, {"pose": pose, "scene": scene})
-        _ask(kinematics_tasks.ik, panda, {"pose": {"position": [3.0, 0.0, 0.0]}})
+            _ask(inverse_kinematics.ik, panda, {"pose": pose, "scene": scene})
+        _ask(inverse_kinematics.ik, panda, {"pose": {"position": [3.0, 0.0, 0.0]}})
         down = {"position": [0.4, -0.2, 0.4], "rpy": [3.1, 0.0, 0.0]}
         for method in ("numeric", "gradient"):
-            _ask(kinematics_tasks.ik, panda, {"pose": down, "method": method})
+            _ask(inverse_kinematics.ik, panda, {"pose": down, "method": method})
+        for method in ("auto", "numeric"):
+            _ask(inverse_kinematics.ik, panda, {"poses": [down, down], "method": method})
         touching = [[0.53, 0.0, 0.0, -2.2, 0.0, 2.2, 0.8], [0.53, 0.6, 0.0, -1.6, 0.0, 2.2, 0.8]]
         check = {"robot": "panda", "scene": _scene(0.001), "joints": [_START, *touching]}
         _ask(check_tasks.check, panda, check)
@@ -102,7 +104,7 @@ def _hold(panda: Reference) -> None:
          "position_tolerance": 0.05, "orientation_tolerance": [0.3, 0.3, 3.2], "weight": 1.0},
     ]  # fmt: skip
     for scene in (None, _scene()):
-        _ask(kinematics_tasks.ik, panda, {"constraints": wanted, "scene": scene})
+        _ask(inverse_kinematics.ik, panda, {"constraints": wanted, "scene": scene})
     for angle, planner in ((0.3, "auto"), (0.3, "rrt_connect"), (1e-3, "auto")):
         body = _problem(planner) | {"constraints": [upright | {"cone_angle": angle}]}
         body["goal"] = {"joints": [-0.6, *_START[1:]]}

@@ -22,7 +22,7 @@ METHODS: tuple[Method, ...] = get_args(Method)
 #: Values of a redundant arm's parameter that are tried.
 _GRID = 48
 #: A closed form's branches fit their pose better than this, poses of six digits fit worse.
-_CLOSE = 1e-9
+CLOSE = 1e-9
 #: Starts of the numeric method for each solution that is looked for.
 _STARTS_EACH = 60
 
@@ -113,11 +113,11 @@ def _closed(
 ) -> list[IkSolution]:
     values = parameters
     if parameters is None and form.redundant:
-        values = _around(chain, form, parameter(chain, near, link))
+        values = parameter_grid(chain, form, parameter(chain, near, link))
     enough = 1 if most == 1 and not outside_limits else None
     table = branches(
         chain, target, link=link, seed_joints=near, parameters=values, enough=enough,
-        tolerance=_CLOSE,
+        tolerance=CLOSE,
     )  # fmt: skip
     return _solutions(table, outside_limits)
 
@@ -134,7 +134,7 @@ def _solutions(table: Branches, outside_limits: bool) -> list[IkSolution]:
     ]
 
 
-def _around(chain: Chain, form: Structure, value: float) -> Array:
+def parameter_grid(chain: Chain, form: Structure, value: float) -> Array:
     """Values of the parameter, nearest to ``value`` first."""
     if form.locked is None:
         steps = np.arange(_GRID) * 2.0 * np.pi / _GRID

@@ -11,7 +11,7 @@ from pydantic import BaseModel
 
 from service.http.errors import from_fields
 from service.settings import Settings
-from service.storage.cache_key import TaskProblem
+from service.tasks.result import TaskProblem
 from service.workers.main import Job
 from service.workers.supervisor import WorkerSupervisor
 

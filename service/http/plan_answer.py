@@ -10,7 +10,8 @@ from service.metrics import Metrics
 from service.schemas.scene import Scene
 from service.settings import Settings
 from service.storage import robot_repository
-from service.storage.cache_key import PlanOutcome, Reference
+from service.storage.cache_key import Reference
+from service.tasks.result import PlanOutcome
 from service.workers.main import Job
 from service.workers.process import Progress
 

@@ -69,7 +69,7 @@ async def ik(name: str, body: IkRequest, request: Request) -> Response:
     content = await request.body()
     result = await robot_repository.answer(
         request,
-        lambda robot, scene: Job("service.tasks.kinematics:ik", (robot, scene, content)),
+        lambda robot, scene: Job("service.tasks.inverse_kinematics:ik", (robot, scene, content)),
         name,
         body.scene,
         timeout=body.timeout,

@@ -13,15 +13,10 @@ from service.http.errors import ProblemError, from_fields
 from service.schemas.scene import Scene
 from service.settings import Settings
 from service.storage import worker_cache
-from service.storage.cache_key import (
-    CacheMiss,
-    NotPrepared,
-    Reference,
-    TaskProblem,
-    builtin_reference,
-)
+from service.storage.cache_key import NotPrepared, Reference, builtin_reference
 from service.storage.disk_cache import PreparedRobot
 from service.storage.document_store import Store
+from service.tasks.result import CacheMiss, TaskProblem
 from service.workers.main import Job
 from service.workers.process import Progress
 

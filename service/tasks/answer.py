@@ -4,7 +4,8 @@ from collections.abc import Callable
 from functools import wraps
 from typing import ParamSpec, TypeVar
 
-from service.storage.cache_key import CacheMiss, NotPrepared
+from service.storage.cache_key import NotPrepared
+from service.tasks.result import CacheMiss
 
 _P = ParamSpec("_P")
 _T = TypeVar("_T")

@@ -1,7 +1,8 @@
-"""Robots with what requests say they hold, in the scenes that are left."""
+"""Robots with attached objects in the scenes of requests."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -13,17 +14,20 @@ from kinematics.forward import link_number
 from obstacles.attachment import Attachment, grasp, hold
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Obstacle, Scene
+from service.schemas import scene as schema
 from service.schemas.attached import Attached
+from service.storage import worker_cache
+from service.storage.cache_key import Reference
 from service.translate import poses
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Held:
-    """What a request is about.
+class RobotInScene:
+    """The robot with what it holds, and its surroundings.
 
     Args:
         robot: The robot with the objects that it holds, their masses included.
-        scene: What is left of the scene, with all pairs that may touch.
+        scene: The scene without attached objects, with all pairs that may touch.
         allowed: The pairs that the request allows to touch, as answers echo them.
     """
 
@@ -32,13 +36,72 @@ class Held:
     allowed: list[list[str]]
 
 
-def holding(
+class CollisionRequest(Protocol):
+    """The fields of a request that say which scene is meant and what is attached."""
+
+    @property
+    def scene(self) -> str | schema.Scene | None:
+        """The name of a stored scene, an inline scene, or none."""
+
+    @property
+    def attached(self) -> Sequence[Attached] | None:
+        """Objects that the robot holds."""
+
+    @property
+    def allowed_collisions(self) -> Sequence[Sequence[str]] | None:
+        """Pairs that may touch."""
+
+
+def requested_scene(reference: Reference | None, source: str | schema.Scene | None) -> Scene:
+    """The scene of a request, an empty one where it names none.
+
+    Args:
+        reference: Of the stored scene, where the request names one.
+        source: The field ``scene`` of the request.
+
+    Raises:
+        NotPrepared: The document of a stored scene has to be prepared first.
+        InvalidScene: An inline scene is not valid.
+    """
+    return worker_cache.scene(reference or (None if isinstance(source, str) else source))
+
+
+def robot_in_scene(
+    robot: Reference, scene: Reference | None, body: CollisionRequest
+) -> RobotInScene:
+    """The robot of a request with the objects it holds, in the scene of the request.
+
+    Args:
+        robot: The robot.
+        scene: The stored scene, where the request names one.
+        body: The request.
+
+    Raises:
+        NotPrepared: A robot or a stored scene has to be prepared first.
+        InvalidScene: The scene or an object is not valid, has no shape, or its name is taken.
+        InvalidLinkName: A link is unknown.
+        InvalidObjectName: A name that may touch is unknown, or nothing is there to be grasped.
+        InvalidOption: A mass or an inertia is none of a body.
+    """
+    surroundings = requested_scene(scene, body.scene)
+    return attach(
+        worker_cache.robot(robot).geometry, surroundings, body.attached, body.allowed_collisions
+    )
+
+
+def attach(
     robot: RobotGeometry,
     scene: Scene,
     attached: Sequence[Attached] | None,
     allowed: Sequence[Sequence[str]] | None,
-) -> Held:
-    """The robot holding objects.
+) -> RobotInScene:
+    """The robot with objects attached to its links, and the scene without them.
+
+    Args:
+        robot: The robot alone.
+        scene: The scene with the objects still in it.
+        attached: The objects.
+        allowed: Pairs of names that may touch.
 
     Raises:
         InvalidScene: An object is not valid, has no shape, or its name is taken.
@@ -47,23 +110,23 @@ def holding(
         InvalidOption: A mass or an inertia is none of a body.
     """
     pairs = [(pair[0], pair[1]) for pair in allowed or ()]
-    told = [sorted(pair) for pair in pairs]
+    echoed = [sorted(pair) for pair in pairs]
     if not attached and not pairs:
-        return Held(robot, scene, told)
-    held = [(item, _attachment(robot, scene, item)) for item in attached or ()]
-    found = hold(robot, scene, [attachment for _, attachment in held], pairs)
+        return RobotInScene(robot, scene, echoed)
+    objects = [(item, _attachment(robot, scene, item)) for item in attached or ()]
+    grasped = hold(robot, scene, [attachment for _, attachment in objects], pairs)
     chain = robot.chain
-    for item, attachment in held:
+    for item, attachment in objects:
         if item.mass is not None:
-            chain = _loaded(chain, item, attachment.held.T_world_obstacle)
-    arm = found.robot if chain is robot.chain else replace(found.robot, chain=chain)
-    return Held(arm, found.scene, told)
+            chain = _with_mass(chain, item, attachment.held.T_world_obstacle)
+    loaded = grasped.robot if chain is robot.chain else replace(grasped.robot, chain=chain)
+    return RobotInScene(loaded, grasped.scene, echoed)
 
 
 def _attachment(robot: RobotGeometry, scene: Scene, item: Attached) -> Attachment:
     link_number(robot.chain, item.link)
-    stands = item.id in scene.ids
-    if item.shape is None and not stands:
+    in_scene = item.id in scene.ids
+    if item.shape is None and not in_scene:
         raise InvalidScene(
             f"attached object {item.id!r} has no shape, and the scene has no obstacle of that id",
             hint="Give its shape, or the id of an obstacle that is to be taken.",
@@ -78,7 +141,7 @@ def _attachment(robot: RobotGeometry, scene: Scene, item: Attached) -> Attachmen
     return Attachment(Obstacle(item.id, shape, T), item.link, tuple(item.touch_links))
 
 
-def _loaded(chain: Chain, item: Attached, T_link_object: Array) -> Chain:
+def _with_mass(chain: Chain, item: Attached, T_link_object: Array) -> Chain:
     """The chain with an object's mass at the link that holds it."""
     assert item.mass is not None
     R, p = T_link_object[:3, :3], T_link_object[:3, 3]

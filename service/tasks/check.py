@@ -11,9 +11,10 @@ from planning.configuration_check import ConfigurationReport, configuration_chec
 from service.schemas.check import CheckRequest
 from service.schemas.scene import ProjectRequest
 from service.storage import worker_cache
-from service.storage.cache_key import CacheMiss, Reference, TaskProblem
+from service.storage.cache_key import Reference
 from service.tasks.answer import answering
-from service.tasks.attached_objects import holding
+from service.tasks.attached_objects import robot_in_scene
+from service.tasks.result import CacheMiss, TaskProblem
 
 #: Projections of one answer: at 100 bytes each, a hundred megabytes.
 _MAX_PROJECTIONS = 1_000_000
@@ -28,16 +29,14 @@ def check(robot: Reference, scene: Reference | None, content: bytes) -> bytes | 
         InvalidScene: The inline scene or an attached object is not valid.
     """
     body = CheckRequest.model_validate_json(content)
-    geometry = worker_cache.robot(robot).geometry
-    joints = geometry.chain.configuration(body.joints)
-    place = worker_cache.scene(scene or (None if isinstance(body.scene, str) else body.scene))
-    held = holding(geometry, place, body.attached, body.allowed_collisions)
-    checker = configuration_checker(held.robot, held.scene, body.margin)
-    verdicts = [_verdict(checker.check(q)) for q in joints.reshape(-1, geometry.chain.n)]
+    joints = worker_cache.chain(robot).configuration(body.joints)
+    cell = robot_in_scene(robot, scene, body)
+    checker = configuration_checker(cell.robot, cell.scene, body.margin)
+    verdicts = [_verdict(checker.check(q)) for q in joints.reshape(-1, cell.robot.chain.n)]
     if joints.ndim == 1:
-        return to_json(verdicts[0] | {"allowed_collisions": held.allowed})
+        return to_json(verdicts[0] | {"allowed_collisions": cell.allowed})
     answer = {name: [verdict[name] for verdict in verdicts] for name in verdicts[0]}
-    return to_json(answer | {"allowed_collisions": held.allowed})
+    return to_json(answer | {"allowed_collisions": cell.allowed})
 
 
 def _verdict(report: ConfigurationReport) -> dict[str, Any]:

@@ -3,7 +3,6 @@
 from typing import Any
 
 import numpy as np
-from pydantic_core import to_json
 
 from kinematics.arrays import Array
 from kinematics.chain import Chain
@@ -18,8 +17,8 @@ from planning.constraints.relative_pose import RelativePoseConstraint
 from planning.deadline import Deadline
 from service.schemas.kinematics import IkRequest
 from service.schemas.pose import Pose
-from service.storage.cache_key import TaskProblem
-from service.tasks.attached_objects import Held
+from service.tasks.attached_objects import RobotInScene
+from service.tasks.result import TaskProblem
 from service.translate import constraints, poses
 
 #: Solutions where all are wanted but no number is given.
@@ -31,16 +30,22 @@ _SHARE = 0.5
 
 
 def answer(
-    geometry: RobotGeometry, held: Held | None, body: IkRequest, pose: Pose | None
-) -> bytes | TaskProblem:
-    """Answer a request for one pose, or for none where the constraints say it all.
+    geometry: RobotGeometry, cell: RobotInScene | None, body: IkRequest, pose: Pose | None
+) -> dict[str, Any] | TaskProblem:
+    """The answer for one pose, or for none where the constraints define the goal alone.
+
+    Args:
+        geometry: The robot alone.
+        cell: The robot in its surroundings, where solutions must be free of collisions.
+        body: The request.
+        pose: The pose, if there is one.
 
     Raises:
         InvalidGoal: A constraint is malformed, or bounds a motion.
         InvalidRobotState: Seed or posture have the wrong length.
         InvalidLinkName: No such link.
     """
-    robot = geometry if held is None else held.robot
+    robot = geometry if cell is None else cell.robot
     chain = robot.chain
     T = None if pose is None else poses.transform(pose)
     aims = () if T is None else (_aim(T, body),)
@@ -55,15 +60,15 @@ def answer(
         seed=body.seed,
         deadline=Deadline.after(_SHARE * (body.timeout or _TIMEOUT)),
     )
-    found = constrained_ik(robot, wanted, None if held is None else held.scene, options)
+    found = constrained_ik(robot, wanted, None if cell is None else cell.scene, options)
     if not found.solutions:
         return _refused(wanted, found, body)
     told: dict[str, Any] = {
         "solutions": [_solution(chain, body.link, T, wanted, s) for s in found.solutions]
     }
-    if held is not None and held.allowed:
-        told["allowed_collisions"] = held.allowed
-    return to_json(told)
+    if cell is not None and cell.allowed:
+        told["allowed_collisions"] = cell.allowed
+    return told
 
 
 def _aim(T: Array, body: IkRequest) -> RelativePoseConstraint:

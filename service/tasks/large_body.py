@@ -8,7 +8,7 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 from service.http.body import parse_json
 from service.http.errors import ProblemError
 from service.http.validation import validation_problem
-from service.storage.cache_key import TaskProblem
+from service.tasks.result import TaskProblem
 
 #: Lists of models that the server looks into.
 _LOOKED_INTO = ("problems",)

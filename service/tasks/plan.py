@@ -18,11 +18,11 @@ from planning.proof.certificate import certify
 from planning.result import Failure, Plan
 from service.http.compute import GRACE
 from service.schemas.plan import PlanRequest, ValidateRequest
-from service.storage import worker_cache
-from service.storage.cache_key import CacheMiss, PlanOutcome, Reference, TaskProblem
+from service.storage.cache_key import Reference
 from service.tasks.answer import answering
-from service.tasks.attached_objects import Held, holding
-from service.translate import motions, timings
+from service.tasks.attached_objects import RobotInScene, robot_in_scene
+from service.tasks.result import CacheMiss, PlanOutcome, TaskProblem
+from service.translate import certificates, problems, timings, trajectories
 from service.translate.constraints import constraint_set
 from service.version import VERSION
 from service.workers import main
@@ -58,19 +58,17 @@ def plan(
         ArmwrightError: The request is at fault.
     """
     body = PlanRequest.model_validate_json(content)
-    place = worker_cache.scene(scene or (None if isinstance(body.scene, str) else body.scene))
-    geometry = worker_cache.robot(robot).geometry
-    held = holding(geometry, place, body.attached, body.allowed_collisions)
-    arm = held.robot
-    problem = motions.problem(body, arm, held.scene)
+    cell = robot_in_scene(robot, scene, body)
+    arm = cell.robot
+    problem = problems.problem(body, arm, cell.scene)
     left = _left(body.timeout or timeout)
     if left <= 0.0:
         return _late()
-    options = motions.options(body, arm.chain, left)
+    options = problems.options(body, arm.chain, left)
     found = pipeline.plan(problem, dataclasses.replace(options, observer=_tell))
     if isinstance(found, Failure):
         return _refusal(found)
-    content = to_json(_answer(found, body, held), inf_nan_mode="null")
+    content = to_json(_answer(found, body, cell), inf_nan_mode="null")
     stages = tuple((stage.name, 1e-3 * stage.milliseconds) for stage in found.stages)
     return PlanOutcome(content, found.planner, stages)
 
@@ -89,25 +87,23 @@ def validate(
         ArmwrightError: The request is at fault.
     """
     body = ValidateRequest.model_validate_json(content)
-    place = worker_cache.scene(scene or (None if isinstance(body.scene, str) else body.scene))
-    geometry = worker_cache.robot(robot).geometry
-    held = holding(geometry, place, body.attached, body.allowed_collisions)
-    arm = held.robot
-    motion, begins = motions.trajectory(body.trajectory, arm.chain)
-    limits = motions.limits(body.limits, arm.chain)
+    cell = robot_in_scene(robot, scene, body)
+    arm = cell.robot
+    motion, begins = trajectories.trajectory(body.trajectory, arm.chain)
+    limits = timings.limits(body.limits, arm.chain)
     deadline = Deadline.after(max(_left(body.timeout or timeout), 0.0))
     wanted = constraint_set(body.constraints, arm.chain)
     loads = limit_loads(timings.effort_loads(body.limits, arm.chain), wanted, arm.chain)
     margin = body.margin if wanted is None else max(body.margin, wanted.margin)
     certificate = certify(
-        motion, arm, held.scene, margin=margin, limits=limits, loads=loads, constraints=wanted,
+        motion, arm, cell.scene, margin=margin, limits=limits, loads=loads, constraints=wanted,
         deadline=deadline,
     )  # fmt: skip
     violation = certificate.violation
     if violation is not None and violation.kind == "time":
         return _late()
-    answer = motions.certificate_answer(certificate, begins)
-    answer["allowed_collisions"] = held.allowed
+    answer = certificates.certificate_answer(certificate, begins)
+    answer["allowed_collisions"] = cell.allowed
     return to_json(answer, inf_nan_mode="null")
 
 
@@ -126,34 +122,34 @@ def _late() -> TaskProblem:
 
 
 def _refusal(failure: Failure) -> TaskProblem:
-    details: dict[str, Any] = motions.plain(failure.details)
-    details["stages"] = motions.stages_answer(failure.stages)
+    details: dict[str, Any] = problems.plain(failure.details)
+    details["stages"] = problems.stages_answer(failure.stages)
     return TaskProblem(
         failure.code, failure.message, failure.hint, details | {"stage": failure.stage}
     )
 
 
-def _answer(found: Plan, body: PlanRequest, held: Held) -> dict[str, Any]:
-    certificate = motions.certificate_answer(found.certificate)
-    certificate["allowed_collisions"] = held.allowed
+def _answer(found: Plan, body: PlanRequest, cell: RobotInScene) -> dict[str, Any]:
+    certificate = certificates.certificate_answer(found.certificate)
+    certificate["allowed_collisions"] = cell.allowed
     cartesian = found.fraction is not None
     return {
         "status": "success",
         "planner": found.planner,
-        "stages": motions.stages_answer(found.stages),
+        "stages": problems.stages_answer(found.stages),
         "path": {"joints": found.path.waypoints.tolist(), "length": found.path.length},
-        "trajectory": motions.trajectory_answer(found.trajectory, body.timing.sample_period),
+        "trajectory": trajectories.trajectory_answer(found.trajectory, body.timing.sample_period),
         "certificate": certificate,
         "reproducibility": {
             "seed": body.seed,
-            "robot_hash": held.robot.content_hash,
-            "scene_hash": held.scene.content_hash,
+            "robot_hash": cell.robot.content_hash,
+            "scene_hash": cell.scene.content_hash,
             "request_hash": hashlib.sha256(body.model_dump_json().encode()).hexdigest(),
             "versions": _versions(),
         },
         "fraction": found.fraction,
-        "tool_motions": (motions.tool_motions_answer(found.tool_motions) if cartesian else None),
-        "stopped": None if found.stopped is None else motions.plain(found.stopped),
+        "tool_motions": (problems.tool_motions_answer(found.tool_motions) if cartesian else None),
+        "stopped": None if found.stopped is None else problems.plain(found.stopped),
         "notes": list(found.notes),
         "potential_field": _descent(found),
         "progress": [asdict(step) for step in found.progress],

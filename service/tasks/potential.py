@@ -13,8 +13,10 @@ from planning.field.potential import Field
 from planning.field.weights import FieldWeights
 from service.schemas.potential import PotentialRequest
 from service.storage import worker_cache
-from service.storage.cache_key import CacheMiss, Reference
+from service.storage.cache_key import Reference
 from service.tasks.answer import answering
+from service.tasks.attached_objects import requested_scene
+from service.tasks.result import CacheMiss
 
 
 @answering
@@ -30,8 +32,7 @@ def potential(robot: Reference, scene: Reference | None, content: bytes) -> byte
     chain = worker_cache.robot(robot).chain
     joints = chain.configuration(body.joints)
     goal = chain.configuration(body.goal_joints, "goal_joints")
-    place = worker_cache.scene(scene or (None if isinstance(body.scene, str) else body.scene))
-    where, obstacles = frame_origins(chain), Projector(place)
+    where, obstacles = frame_origins(chain), Projector(requested_scene(scene, body.scene))
     given = {} if body.options is None else body.options.model_dump(exclude_none=True)
     field = Field(chain, where, obstacles, goal, FieldWeights(**given))
     answers = [_value(chain, field, where, obstacles.ids, q) for q in joints.reshape(-1, chain.n)]

@@ -7,9 +7,10 @@ from kinematics.trajectory_export import csv_text, joint_trajectory
 from planning.retime import retime as time_again
 from service.schemas.retime import ConvertRequest, RetimeRequest
 from service.storage import worker_cache
-from service.storage.cache_key import CacheMiss, Reference
+from service.storage.cache_key import Reference
 from service.tasks.answer import answering
-from service.translate import motions, timings
+from service.tasks.result import CacheMiss
+from service.translate import certificates, timings, trajectories
 
 #: Rows of one answer: at half a kilobyte each, fifty megabytes.
 _MAX_ROWS = 100_000
@@ -33,8 +34,8 @@ def retime(robot: Reference | None, content: bytes) -> bytes | CacheMiss:
     found = time_again(path, timings.timing_options(body.timing), limits, chain)
     answer = timings.retimed_answer(
         found,
-        motions.trajectory_answer(found.trajectory, body.timing.sample_period),
-        motions.certificate_answer(found.certificate),
+        trajectories.trajectory_answer(found.trajectory, body.timing.sample_period),
+        certificates.certificate_answer(found.certificate),
     )
     return to_json(answer, inf_nan_mode="null")
 
@@ -46,7 +47,7 @@ def convert(content: bytes) -> bytes:
         ArmwrightError: The request is at fault.
     """
     body = ConvertRequest.model_validate_json(content)
-    motion = motions.named_trajectory(body.trajectory)
+    motion = trajectories.named_trajectory(body.trajectory)
     if motion.duration / body.sample_period > _MAX_ROWS:
         raise InvalidOption(
             f"sample_period: {body.sample_period:g} s over {motion.duration:g} s gives more than "

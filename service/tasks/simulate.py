@@ -17,11 +17,11 @@ from planning.deadline import Deadline
 from planning.proof.certificate import certify
 from service.http.compute import GRACE
 from service.schemas.simulation import SimulateRequest
-from service.storage import worker_cache
-from service.storage.cache_key import CacheMiss, Reference, TaskProblem
+from service.storage.cache_key import Reference
 from service.tasks.answer import answering
-from service.tasks.attached_objects import holding
-from service.translate import motions, simulations
+from service.tasks.attached_objects import robot_in_scene
+from service.tasks.result import CacheMiss, TaskProblem
+from service.translate import simulations, trajectories
 from service.workers import main
 from tracking.result import SimulationOutcome, SimulationResult
 from tracking.simulation import simulate as close_loop
@@ -49,12 +49,9 @@ def simulate(
         ArmwrightError: The request is at fault.
     """
     body = SimulateRequest.model_validate_json(content)
-    place = worker_cache.scene(scene or (None if isinstance(body.scene, str) else body.scene))
-    held = holding(
-        worker_cache.robot(robot).geometry, place, body.attached, body.allowed_collisions
-    )
-    geometry = held.robot
-    motion, begins = motions.trajectory(body.trajectory, geometry.chain)
+    cell = robot_in_scene(robot, scene, body)
+    geometry = cell.robot
+    motion, begins = trajectories.trajectory(body.trajectory, geometry.chain)
     true, model = simulations.robot_and_model(geometry.chain, body)
     used = simulations.controller(body.controller, model, motion)
     q, qd = simulations.initial_state(body.initial_state, true, motion)
@@ -72,7 +69,7 @@ def simulate(
     if body.scene is not None:
         left = min(body.timeout or timeout, main.deadline() - GRACE - time.monotonic())
         deadline = Deadline.after(max(left, 0.0))
-        answer["tube"] = _tube(geometry, held.scene, motion, result, deadline)
+        answer["tube"] = _tube(geometry, cell.scene, motion, result, deadline)
     return to_json(answer, inf_nan_mode="null")
 
 

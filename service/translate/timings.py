@@ -72,6 +72,25 @@ def given_limit(given: Sequence[float], quantity: str, joint_names: Sequence[str
     return np.array(given, dtype=np.float64)
 
 
+def limits(body: schema.LimitsBody | None, chain: Chain) -> dict[str, Array]:
+    """Limits to hold a trajectory to: those of the request, else those of the robot.
+
+    The robot's jerk limits bind where the acceleration does not jump; those of a request always do.
+
+    Raises:
+        MissingLimit: A velocity or acceleration limit is known from neither.
+        InvalidOption: A limit is not positive, or their number is wrong.
+    """
+    bounds: dict[str, Array] = {}
+    for quantity in ("velocity", "acceleration", "jerk"):
+        given = None if body is None else getattr(body, quantity)
+        if given is not None:
+            bounds[quantity] = given_limit(given, quantity, chain.joint_names)
+        elif quantity != "jerk":
+            bounds[quantity] = chain.limits.require(quantity, chain.joint_names)
+    return bounds
+
+
 def effort_loads(body: schema.LimitsBody | None, chain: Chain) -> EffortLimits | None:
     """Torque limits that a motion is to be held to, where a request gives some.
 

@@ -35,6 +35,7 @@ TASK_MODULES = (
     "service.tasks.large_body",
     "service.tasks.batch",
     "service.tasks.kinematics",
+    "service.tasks.inverse_kinematics",
     "service.tasks.check",
     "service.tasks.plan",
     "service.tasks.potential",

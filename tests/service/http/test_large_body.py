@@ -8,8 +8,8 @@ import pytest
 
 from service.http.large_body import INLINE_BYTES
 from service.schemas.plan import PlanRequest
-from service.storage.cache_key import TaskProblem
 from service.tasks.large_body import outline
+from service.tasks.result import TaskProblem
 from tests.service.robots import ASIDE, FLOOR, HOME, POST, answer, bench, problem, scene
 
 #: Blanks are JSON, too: they make a small body large.

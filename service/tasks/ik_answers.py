@@ -1,0 +1,108 @@
+"""Solutions and refusals of inverse kinematics as answers give them."""
+
+from typing import Any
+
+import numpy as np
+
+from kinematics.chain import Chain
+from kinematics.ik.gradient import Trace
+from kinematics.ik.ranking import outside
+from kinematics.ik.solution import IkResult, IkSolution
+from service.tasks.result import TaskProblem
+
+#: Rejected configurations that a refusal carries.
+_MAX_REJECTED = 32
+#: Points of a trace.
+_MAX_POINTS = 500
+
+
+def solution_answer(chain: Chain, solution: IkSolution) -> dict[str, Any]:
+    """A solution that was not compared with a scene."""
+    why = outside(chain, solution.joints)
+    return {
+        "joints": solution.joints.tolist(),
+        "branch": solution.branch,
+        "position_error": solution.position_error,
+        "orientation_error": solution.orientation_error,
+        "within_limits": why is None,
+        "collision_free": None,
+        "rejected_because": why,
+    }
+
+
+def trace_answer(trace: Trace) -> dict[str, Any]:
+    """The way of a gradient, thinned out to at most 500 points."""
+    count = len(trace.times)
+    # The first and the last point stay.
+    kept = np.unique(np.linspace(0, count - 1, min(count, _MAX_POINTS)).astype(np.int64))
+    return {
+        "time": trace.times[kept].tolist(),
+        "joints": trace.joints[kept].tolist(),
+        "position_error": trace.position_error[kept].tolist(),
+        "orientation_error": trace.orientation_error[kept].tolist(),
+    }
+
+
+def not_converged(link: str, trace: Trace) -> TaskProblem:
+    """The refusal of a gradient that ended away from the pose."""
+    last = trace.solution
+    return TaskProblem(
+        "NO_IK_SOLUTION",
+        f"after {last.iterations} steps the gradient has brought {link!r} to "
+        f"{last.position_error:.4g} m and {last.orientation_error:.4g} rad from the pose",
+        "Start elsewhere (seed_joints), allow more steps, or take the method auto.",
+        {
+            "stage": "ik",
+            "position_error": last.position_error,
+            "orientation_error": last.orientation_error,
+            "nearest_joints": last.joints.tolist(),
+            "trace": trace_answer(trace),
+        },
+    )
+
+
+def unreachable(chain: Chain, link: str, found: IkResult) -> TaskProblem:
+    """The refusal of a pose that no configuration reaches."""
+    nearest = found.nearest
+    return TaskProblem(
+        "NO_IK_SOLUTION",
+        f"no configuration brings {link!r} to the pose: the nearest attempt stays "
+        f"{nearest.position_error:.4g} m and {nearest.orientation_error:.4g} rad away",
+        found.advice,
+        {
+            "stage": "ik",
+            "position_error": nearest.position_error,
+            "orientation_error": nearest.orientation_error,
+            "nearest_joints": nearest.joints.tolist(),
+            "joint_names": list(chain.joint_names),
+            "starts": found.starts,
+        },
+    )
+
+
+def all_in_collision(link: str, answers: list[dict[str, Any]]) -> TaskProblem:
+    """The refusal of a pose that is reached in collision only."""
+    return TaskProblem(
+        "NO_IK_SOLUTION",
+        f"each of the {len(answers)} configurations found that bring {link!r} to the pose is in "
+        f"collision; of the nearest one {answers[0]['rejected_because']}",
+        "Move the pose or the obstacle; with all_solutions the colliding ones are answered too.",
+        {"stage": "collision", "rejected": answers[:_MAX_REJECTED]},
+    )
+
+
+def combined_answer(answers: list[dict[str, Any] | TaskProblem]) -> dict[str, Any]:
+    """The answers to many poses as one, with the reason for each pose that has no solution."""
+    combined: dict[str, Any] = {
+        "solutions": [[] if isinstance(a, TaskProblem) else a["solutions"] for a in answers],
+        "unsolved": [
+            {"index": i, "code": answer.code, "detail": answer.message, "hint": answer.hint}
+            for i, answer in enumerate(answers)
+            if isinstance(answer, TaskProblem)
+        ],
+    }
+    for answer in answers:
+        if isinstance(answer, dict) and "allowed_collisions" in answer:
+            combined["allowed_collisions"] = answer["allowed_collisions"]
+            break
+    return combined

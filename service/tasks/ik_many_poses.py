@@ -1,0 +1,59 @@
+"""Inverse kinematics of many poses in one call of the batch kernels."""
+
+from typing import Any, cast
+
+import numpy as np
+
+from kinematics.chain import Chain
+from kinematics.ik.inverse import Method
+from kinematics.ik.inverse_batch import BatchOptions, inverse_kinematics_batch
+from kinematics.ik.numeric import AXES
+from kinematics.ik.structure import structure
+from service.schemas.kinematics import IkRequest
+from service.schemas.pose import Pose
+from service.tasks.ik_answers import solution_answer
+from service.translate import poses
+
+#: Methods that have batch kernels.
+_METHODS = {"auto", "analytic", "numeric"}
+
+
+def fits_batch(body: IkRequest) -> bool:
+    """Whether one solution a pose is wanted that the batch kernels can find.
+
+    They know nothing of constraints, of copies by whole turns and of solutions outside the limits.
+    """
+    one_each = not body.all_solutions and not body.all_turns and (body.max_solutions or 1) == 1
+    return body.method in _METHODS and not body.constraints and one_each
+
+
+def solve_batch(chain: Chain, body: IkRequest, targets: list[Pose]) -> list[dict[str, Any] | None]:
+    """The answer to each pose, None for those that the single search must look at.
+
+    Args:
+        chain: The robot.
+        body: The request.
+        targets: Its poses.
+
+    Raises:
+        InvalidPose: An orientation is no rotation.
+        InvalidRobotState: The seed has the wrong length.
+    """
+    if body.method == "analytic" and structure(chain, body.link) is None:
+        return [None] * len(targets)
+    options = BatchOptions(
+        link=body.link,
+        method=cast(Method, body.method),
+        seed_joints=body.seed_joints,
+        seed=body.seed,
+        choice=body.choice,
+        parameters=body.parameters,
+        axes=AXES if body.axes is None else body.axes,
+        threads=1,  # a worker is one of as many as there are processors
+    )
+    T = np.array([poses.transform(target) for target in targets])
+    solutions = inverse_kinematics_batch(chain, T, options)
+    return [
+        None if solution is None else {"solutions": [solution_answer(chain, solution)]}
+        for solution in solutions
+    ]

@@ -1,0 +1,215 @@
+"""Inverse kinematics as requests ask for it, in workers."""
+
+from dataclasses import dataclass
+from typing import Any, cast
+
+from pydantic_core import to_json
+
+from kinematics.chain import Chain
+from kinematics.errors import InvalidOption
+from kinematics.ik.gradient import GradientOptions, Trace, follow
+from kinematics.ik.inverse import Method, inverse_kinematics
+from kinematics.ik.numeric import AXES
+from kinematics.ik.solution import IkResult
+from kinematics.ik.structure import structure
+from service.schemas.kinematics import MAX_SOLUTIONS, IkRequest
+from service.schemas.pose import Pose
+from service.storage import worker_cache
+from service.storage.cache_key import Reference
+from service.tasks import constrained_ik
+from service.tasks.answer import answering
+from service.tasks.attached_objects import robot_in_scene
+from service.tasks.ik_answers import (
+    all_in_collision,
+    combined_answer,
+    not_converged,
+    solution_answer,
+    trace_answer,
+    unreachable,
+)
+from service.tasks.ik_collisions import CollisionCheck
+from service.tasks.ik_many_poses import fits_batch, solve_batch
+from service.tasks.result import CacheMiss, TaskProblem
+from service.translate import poses
+
+#: Solutions of a closed form where all are wanted but no number is given.
+_ALL_CLOSED = MAX_SOLUTIONS
+#: Solutions looked for by search where all are wanted but no number is given.
+_ALL_SEARCHED = 16
+#: Branches of a closed form among which one is looked for that collides with nothing.
+_CANDIDATES_CLOSED = 200
+#: Solutions by search among which one is looked for that collides with nothing.
+_CANDIDATES_SEARCHED = 12
+
+
+@dataclass(frozen=True, slots=True)
+class _Query:
+    """A request without its pose.
+
+    Args:
+        body: The request.
+        reference: The robot.
+        chain: The robot's chain.
+        link: The link to bring to the pose.
+        check: Present where solutions must be compared with a scene or with attached objects.
+    """
+
+    body: IkRequest
+    reference: Reference
+    chain: Chain
+    link: str
+    check: CollisionCheck | None
+
+
+@answering
+def ik(
+    robot: Reference, scene: Reference | None, content: bytes
+) -> bytes | TaskProblem | CacheMiss:
+    """Answer a request for inverse kinematics.
+
+    Args:
+        robot: The robot.
+        scene: The scene, where the request names a stored one.
+        content: The request.
+
+    Raises:
+        InvalidRobotState: The seed has the wrong length.
+        InvalidLinkName: No such link.
+        InvalidScene: The inline scene is not valid.
+        InvalidOption: Options that the method does not have.
+        NotAvailable: The arm has no closed form.
+    """
+    body = IkRequest.model_validate_json(content)
+    _check_options(body)
+    chain = worker_cache.chain(robot)
+    check = None
+    if body.scene is not None or body.attached:
+        check = CollisionCheck(robot_in_scene(robot, scene, body))
+    query = _Query(body, robot, chain, chain.link(body.link or chain.tip_link).name, check)
+    if body.poses is not None:
+        return to_json(combined_answer(_many(query, body.poses)))
+    answer = _one(query, body.pose)
+    return answer if isinstance(answer, TaskProblem) else to_json(answer)
+
+
+def _many(query: _Query, targets: list[Pose]) -> list[dict[str, Any] | TaskProblem]:
+    """The answer to each of many poses: by the batch kernels where these do, else one by one."""
+    solved: list[dict[str, Any] | None] = [None] * len(targets)
+    if query.check is None and fits_batch(query.body):
+        _check_parameters(query.chain, query.body)
+        solved = solve_batch(query.chain, query.body, targets)
+    return [
+        _one(query, target) if answer is None else answer
+        for answer, target in zip(solved, targets, strict=True)
+    ]
+
+
+def _one(query: _Query, pose: Pose | None) -> dict[str, Any] | TaskProblem:
+    """The answer for one pose, or for none where constraints define the goal alone."""
+    body, chain, check = query.body, query.chain, query.check
+    if _is_constrained(body):
+        geometry = worker_cache.robot(query.reference).geometry
+        return constrained_ik.answer(geometry, check.cell if check else None, body, pose)
+    assert pose is not None
+    trace = None
+    if body.method == "gradient":
+        trace = _follow_gradient(chain, body, pose)
+        if not trace.converged:
+            return not_converged(query.link, trace)
+        result = IkResult((trace.solution,), trace.solution, 1)
+    else:
+        result = _solve(query, pose)
+    if not result.solutions:
+        return unreachable(chain, query.link, result)
+    answers = [solution_answer(chain, solution) for solution in result.solutions]
+    if check is not None:
+        answers = check.applied(answers, everything=body.all_solutions)
+        if not body.all_solutions and not answers[0]["collision_free"]:
+            return all_in_collision(query.link, answers)
+    count = body.max_solutions or (len(answers) if body.all_solutions or body.all_turns else 1)
+    if not body.all_solutions:
+        answers = [item for item in answers if item["rejected_because"] is None] or answers[:1]
+    answer: dict[str, Any] = {"solutions": answers[:count]}
+    if check is not None and check.cell.allowed:
+        answer["allowed_collisions"] = check.cell.allowed
+    if body.gradient is not None and body.gradient.trace and trace is not None:
+        answer["trace"] = trace_answer(trace)
+    return answer
+
+
+def _is_constrained(body: IkRequest) -> bool:
+    """Whether constraints decide: they are given, or the method is named."""
+    return body.method == "constrained" or bool(body.constraints)
+
+
+def _check_options(body: IkRequest) -> None:
+    """Refuse options that the method does not have."""
+    if body.constraints and body.method not in {"auto", "constrained"}:
+        raise InvalidOption(
+            f"constraints do not go with the method {body.method!r}",
+            hint='Ask for the method "constrained", or leave constraints out.',
+        )
+    if body.posture is not None and not _is_constrained(body):
+        raise InvalidOption("posture goes with the method 'constrained'")
+    if _is_constrained(body) and (body.parameters or body.all_turns):
+        raise InvalidOption("parameters and all_turns do not go with the method 'constrained'")
+    if body.poses is not None and body.gradient is not None and body.gradient.trace:
+        raise InvalidOption("a trace goes with one pose, not with many")
+    if body.gradient is not None and body.method != "gradient":
+        raise InvalidOption("gradient goes with method 'gradient'")
+    if body.method == "gradient" and (body.axes or body.parameters or body.all_turns):
+        raise InvalidOption("axes, parameters and all_turns do not go with method 'gradient'")
+
+
+def _check_parameters(chain: Chain, body: IkRequest) -> None:
+    """Refuse parameters of a closed form where none is used or it has none."""
+    if body.parameters is None:
+        return
+    if body.method == "numeric" or body.axes is not None:
+        raise InvalidOption("parameters go with a closed form, not with the numeric method or axes")
+    form = structure(chain, body.link)
+    if form is None or not form.redundant:
+        raise InvalidOption(
+            f"robot {chain.name!r} has no closed form with a parameter",
+            hint="Arms of seven joints have one; leave parameters out.",
+        )
+
+
+def _solve(query: _Query, pose: Pose) -> IkResult:
+    """The solutions of the closed form or of the search."""
+    body, chain = query.body, query.chain
+    _check_parameters(chain, body)
+    closed = (
+        body.method != "numeric" and body.axes is None and structure(chain, body.link) is not None
+    )
+    count = body.max_solutions or 1
+    if body.max_solutions is None and (body.all_solutions or body.all_turns):
+        count = _ALL_CLOSED if closed else _ALL_SEARCHED
+    if query.check is not None:
+        count = max(count, _CANDIDATES_CLOSED if closed else _CANDIDATES_SEARCHED)
+    return inverse_kinematics(
+        chain,
+        poses.transform(pose),
+        link=body.link,
+        method=cast(Method, body.method),
+        seed_joints=body.seed_joints,
+        seed=body.seed,
+        most=count,
+        choice=body.choice,
+        outside_limits=body.all_solutions,
+        all_turns=body.all_turns,
+        parameters=body.parameters,
+        axes=AXES if body.axes is None else body.axes,
+    )
+
+
+def _follow_gradient(chain: Chain, body: IkRequest, pose: Pose) -> Trace:
+    """The way of the gradient method from the seed towards the pose."""
+    given = body.gradient
+    options = GradientOptions()
+    if given is not None:
+        options = GradientOptions(given.rule, given.coordinates, given.gain, given.steps)
+    return follow(
+        chain, poses.transform(pose), link=body.link, seed_joints=body.seed_joints,
+        options=options,
+    )  # fmt: skip

@@ -1,0 +1,64 @@
+"""Certificates as answers give them."""
+
+import math
+from typing import Any
+
+from planning.proof.certificate import Certificate
+from service.translate.problems import plain
+
+
+def certificate_answer(certificate: Certificate, begins: float = 0.0) -> dict[str, Any]:
+    """A certificate as answers give it, of a trajectory that begins at a time [s]."""
+    answer: dict[str, Any] = {
+        "verified": certificate.verified,
+        "min_clearance": _finite(certificate.min_clearance),
+        "clearance_pair": certificate.clearance_pair,
+        "min_obstacle_clearance": _finite(certificate.min_obstacle_clearance),
+        "min_self_clearance": _finite(certificate.min_self_clearance),
+        "method": certificate.method,
+        "limits": {
+            name: {
+                "worst_ratio": _finite(report.worst_ratio),
+                "joint": report.joint,
+                "time": report.time + begins,
+            }
+            for name, report in certificate.limits.items()
+        },
+        "continuity": dict(certificate.continuity),
+        "cells": certificate.cells,
+        "violation": None,
+    }
+    answer["path_constraint_residual"] = certificate.path_constraint_residual
+    answer["path_constraints"] = [
+        {
+            "constraint": report.constraint,
+            "name": report.name,
+            "residual": report.residual,
+            "unit": report.unit,
+            "hard": report.hard,
+            "time": report.time + begins,
+        }
+        for report in certificate.path_constraints
+    ]
+    deviation = certificate.path_deviation
+    if deviation is not None:
+        answer["path_deviation"] = {
+            "position": deviation.position,
+            "orientation": deviation.orientation,
+            "time": deviation.time + begins,
+            "max_position": deviation.max_position,
+            "max_orientation": deviation.max_orientation,
+        }
+    violation = certificate.violation
+    if violation is not None:
+        answer["violation"] = {
+            "kind": violation.kind,
+            "time": violation.time + begins,
+            "message": violation.message,
+            **plain(violation.details),
+        }
+    return answer
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

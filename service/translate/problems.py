@@ -1,0 +1,153 @@
+"""Planning problems and planner options from wire to domain; reports of stages back."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from kinematics.arrays import Array
+from kinematics.chain import Chain
+from obstacles.robot_geometry import RobotGeometry
+from obstacles.scene import Scene
+from planning.optimize.options import RefineOptions
+from planning.options import CartesianOptions, Options, ToolMotionOptions
+from planning.problem import Goal, JointGoal, PoseGoal, Problem
+from planning.result import StageReport, ToolMotionReport
+from planning.search.planner import PLANNERS
+from service.schemas import plan as schema
+from service.schemas.cartesian import cartesian_options
+from service.translate import poses, timings
+from service.translate.constraints import constraint_set
+
+
+def planner_name(name: str) -> str:
+    """The name of a planner as the pipeline has it; an unknown one as it is.
+
+    OMPL's may be written in any case, with or without underscores.
+    """
+    return next((known for known in PLANNERS if _bare(known) == _bare(name)), name)
+
+
+def _bare(name: str) -> str:
+    return name.lower().replace("_", "")
+
+
+def problem(body: schema.PlanRequest, robot: RobotGeometry, scene: Scene) -> Problem:
+    """The domain's problem, for a robot with what it holds.
+
+    Raises:
+        InvalidRobotState: A joint vector has the wrong length.
+        InvalidGoal: A goal is malformed.
+    """
+    goal = body.goal
+    goals = (
+        (_goal(goal, robot.chain, "goal.joints"),)
+        if goal.any_of is None
+        else tuple(
+            _goal(item, robot.chain, f"goal.any_of[{i}].joints")
+            for i, item in enumerate(goal.any_of)
+        )
+    )
+    start = np.array(body.start.joints)
+    return Problem(
+        robot, scene, start, goals, body.margin, body.start_state_tolerance,
+        constraints=constraint_set(body.constraints, robot.chain),
+        start_velocity=_rates(body.start.velocities),
+        start_acceleration=_rates(body.start.accelerations),
+    )  # fmt: skip
+
+
+def _rates(given: Sequence[float] | None) -> Array | None:
+    return None if given is None else np.array(given, dtype=np.float64)
+
+
+def _goal(body: schema.SingleGoal, chain: Chain, where: str) -> Goal:
+    if body.joints is not None:
+        q = chain.configuration(body.joints, where)
+        return JointGoal(q, _rates(body.velocities), _rates(body.accelerations))
+    assert body.pose is not None
+    given = {
+        name: getattr(body, name)
+        for name in ("position_tolerance", "orientation_tolerance")
+        if getattr(body, name) is not None
+    }
+    return PoseGoal(poses.transform(body.pose), **given)
+
+
+def options(body: schema.PlanRequest, chain: Chain, timeout: float) -> Options:
+    """How to plan, within so many seconds.
+
+    Raises:
+        InvalidOption: A value is out of its range.
+    """
+    name = planner_name(body.planner)
+    cartesian = name == "cartesian"
+    return Options(
+        planner=name,
+        planner_options={} if cartesian else dict(body.planner_options or {}),
+        cartesian=_cartesian(body) if cartesian else CartesianOptions(),
+        timing=timings.timing_options(body.timing),
+        limits=timings.given_limits(body.limits, chain.joint_names),
+        timeout=timeout,
+        seed=body.seed,
+        refine=_refine(body.refine),
+    )
+
+
+def _cartesian(body: schema.PlanRequest) -> CartesianOptions:
+    given = cartesian_options(body.planner_options)
+    motions = tuple(
+        ToolMotionOptions(item.type, poses.transform(item.pose), item.via, item.center, item.normal)
+        for item in given.motions or ()
+    )
+    return CartesianOptions(
+        motions,
+        given.max_deviation,
+        given.max_orientation_deviation,
+        given.orientation,
+        given.allow_partial,
+    )
+
+
+def _refine(body: schema.Refine | bool | None) -> RefineOptions | None:
+    if body is None or body is False:
+        return None
+    if body is True:
+        return RefineOptions()
+    return RefineOptions.of(body.model_dump(exclude_none=True))
+
+
+def tool_motions_answer(reports: Sequence[ToolMotionReport]) -> list[dict[str, Any]]:
+    """What became of the tool's motions, as answers give it."""
+    return [
+        {
+            "type": report.kind,
+            "length": report.length,
+            "angle": report.angle,
+            "fraction": report.fraction,
+            "begins": report.begins,
+            "ends": report.ends,
+        }
+        for report in reports
+    ]
+
+
+def stages_answer(stages: Sequence[StageReport]) -> list[dict[str, Any]]:
+    """What the stages of a plan did, as answers give it."""
+    return [
+        {
+            "name": stage.name,
+            "outcome": stage.outcome,
+            "milliseconds": stage.milliseconds,
+            "detail": stage.detail or None,
+        }
+        for stage in stages
+    ]
+
+
+def plain(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Details as JSON can carry them: numpy's numbers as Python's."""
+    return {
+        name: value.item() if isinstance(value, np.generic) else value
+        for name, value in values.items()
+    }
