@@ -122,16 +122,17 @@ def _best(
 ) -> IkSolution | None:
     """The best branch of one pose inside the limits."""
     assert table.counts is not None
-    inside = np.flatnonzero(table.within_limits[pose, : table.counts[pose]])
+    own = table._replace(table=table.table[pose, : table.counts[pose]], counts=None)
+    inside = np.flatnonzero(own.within_limits)
     if not inside.size:
         return None
     row = int(inside[0])
     if len(inside) > 1:
-        row = int(inside[order(chain, table.joints[pose, inside], how.choice, start, how.link)[0]])
+        row = int(inside[order(chain, own.joints[inside], how.choice, start, how.link)[0]])
     return IkSolution(
-        frozen(table.joints[pose, row].copy()),
-        float(table.position_error[pose, row]),
-        float(table.orientation_error[pose, row]),
+        frozen(own.joints[row].copy()),
+        float(own.position_error[row]),
+        float(own.orientation_error[row]),
         0,
-        table.label(pose, row),
+        own.label(row),
     )

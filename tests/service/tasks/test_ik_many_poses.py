@@ -8,6 +8,7 @@ import pinocchio as pin
 import pytest
 
 from kinematics.forward import forward
+from kinematics.ik import inverse
 from kinematics.robots import builtin_chain, builtin_urdf
 from service.storage.cache_key import builtin_reference
 from service.tasks import inverse_kinematics
@@ -32,13 +33,12 @@ def test_many_poses_are_solved_in_one_call_of_the_batch_kernels(
     unreachable = {"position": [9.0, 0.0, 0.0]}
     body = {"poses": [*map(as_pose, targets), unreachable], **more}
     calls = []
-    single = inverse_kinematics.inverse_kinematics
 
     def counted(*args: Any, **kwargs: Any) -> Any:
         calls.append(args)
-        return single(*args, **kwargs)
+        return inverse.inverse_kinematics(*args, **kwargs)
 
-    monkeypatch.setattr(inverse_kinematics, "inverse_kinematics", counted)
+    monkeypatch.setattr("service.tasks.inverse_kinematics.inverse_kinematics", counted)
     answer = inverse_kinematics.ik(builtin_reference(robot), None, json.dumps(body).encode())
     assert isinstance(answer, bytes)
     assert len(calls) == 1, "the pose out of reach alone is looked at by itself"
