@@ -1,46 +1,50 @@
-"""The whole way from a problem to a certified trajectory: the one file that sees every stage."""
+"""The whole way from a problem to a certified trajectory: the one file that sees every stage.
 
-from dataclasses import replace
+Planners give attempts: waypoints, or joint paths that lead the tool. Whatever they give is
+shortened, timed and proved here, and here alone the answer is put together.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
 
 from kinematics.arrays import Array
 from kinematics.trajectory import Trajectory
 from obstacles.checker import Checker
-from planning.cartesian.planner import cartesian_plan
 from planning.constrained.checker import ConstrainedChecker
-from planning.constrained.path_constraints import constrained
-from planning.constrained.projected_rrt import Manifold, shorten
-from planning.constrained.relaxation import Relaxation, relaxed
+from planning.constrained.path_constraints import apply_path_constraints
+from planning.constrained.projected_rrt import Manifold, shortcut_along
+from planning.constrained.relaxation import Relaxation, find_relaxation
 from planning.deadline import Deadline
 from planning.diagnosis import Diagnosis, diagnose
 from planning.motion_limits import with_limits
 from planning.optimize.options import OPTIMIZE
 from planning.optimize_stage import MOST_OFFERS, OptimizeStage, check_ends, refining
 from planning.options import Options
-from planning.preflight import preflight
+from planning.planner import Planner, Query
+from planning.planners import choose_planners
+from planning.preflight import preflight, start_only
 from planning.problem import Problem
-from planning.proof.certificate import Certificate, certify
+from planning.proof.certificate import Certificate, Violation, certify
 from planning.ready import Ready
 from planning.result import Attempt, Failure, Path, Plan
-from planning.search.planner import Rung, check_options
 from planning.search.shortcut import shortcut
 from planning.stages import Stages
 from planning.timing.choice import chosen_parametrization
 from planning.timing.failure import TimingFailed
 from planning.timing.motion_timing import motions
 from planning.timing.parametrization import TimeParametrization
+from planning.tool_timing import TimedToolPath, time_tool_path, with_path_deviation
 
-CASCADE = ("straight_line", "potential_field", "rrt_connect")
-
-#: Share of the time, and at most so many seconds, kept back for shortening, timing and the proof.
+#: Share of the time that is kept back for shortening, timing and the proof.
 _RESERVED_SHARE = 0.2
-_RESERVED_MOST = 1.0
-#: Seconds at most that are spent on finding out why there is no path.
-_DIAGNOSIS_MOST = 1.0
+#: Time that is kept back for them at most [s].
+_MAX_RESERVED = 1.0
+#: Time that is spent on finding out why there is no path, at most [s].
+_MAX_DIAGNOSIS = 1.0
 #: Share of the time for a path of the robot in its solids' hulls, before the exact one is tried.
 _HULLS_SHARE = 0.4
-
 #: Share of the time that is left which optimising may take; the rest is for the proof of its offer.
 _REFINING_SHARE = 0.8
 
@@ -57,237 +61,307 @@ def plan(problem: Problem, options: Options) -> Plan | Failure:
 
     Raises:
         InvalidOption: An unknown planner or option.
+        InvalidGoal: Goals that do not go with the planner or the constraints.
         MissingLimit: A velocity or acceleration limit is not known.
     """
     deadline = Deadline.after(options.timeout)
     options = refining(options, problem)
-    check_options(options)
+    planners = choose_planners(problem, options)
     options = with_limits(options, problem.constraints)
-    law = _law(problem, options)
-    stages = Stages(options.observer)
+    law = _time_parametrization(problem, options)
     wrong = check_ends(problem, law)
     if wrong is not None:
         return wrong
-    if options.planner == "cartesian":
-        return cartesian_plan(problem, options, law, stages, deadline)
-    ready = stages.run(
-        "preflight",
-        lambda: constrained(problem, preflight(problem, options.seed, deadline), options.seed),
-        _tell_preflight,
-    )
-    if isinstance(ready, Failure):
-        return replace(ready, stages=tuple(stages.reports))
-    reserved = min(_RESERVED_SHARE * options.timeout, _RESERVED_MOST)
-    found = _find_path(problem, ready, options, stages, Deadline(deadline.at - reserved))
-    if isinstance(found, Failure):
-        told = stages.run(
-            "diagnosis",
-            lambda: _diagnosis(problem, ready, options, deadline),
-            lambda told: (True, told.sentence),
-        )
-        details = {**found.details, **told.details}
-        return replace(found, stages=tuple(stages.reports), details=details)
-    planner, attempt, checker = found
-    waypoints = attempt.waypoints
-    assert waypoints is not None
-    if len(waypoints) > 2:
-        waypoints = stages.run(
-            "shortcut",
-            lambda: _shorter(checker, waypoints, options.seed, deadline),
-            lambda short: (True, f"{len(waypoints)} waypoints became {len(short)}."),
-        )
-    try:
-        timed = _time_and_prove(problem, checker, waypoints, law, options, stages, deadline)
-    except TimingFailed as error:
-        hint = error.hint or "Look at the velocity and acceleration limits."
-        timed = Failure("INVALID_MOTION_PLAN", error.message, hint, "timing")
-    if isinstance(timed, Failure):
-        return replace(timed, stages=tuple(stages.reports))
-    trajectory, certificate = timed.trajectory, timed.certificate
-    optimised = timed.waypoints is not None
-    notes = ready.notes + attempt.notes
-    if not problem.robot.pieces:
-        notes += ("The robot has no collision geometry: nothing is known of collisions.",)
-    return Plan(
-        planner=OPTIMIZE if optimised else planner,
-        stages=tuple(stages.reports),
-        path=Path(waypoints if timed.waypoints is None else timed.waypoints),
-        trajectory=trajectory,
-        certificate=certificate,
-        notes=notes,
-        descent=attempt.descent,
-        progress=attempt.progress,
-    )
+    stages = Stages(options.observer)
+    answer = _Pipeline(problem, options, planners, law, stages, deadline).run()
+    return replace(answer, stages=tuple(stages.reports))
 
 
-def _shorter(checker: Checker, waypoints: Array, seed: int, deadline: Deadline) -> Array:
-    if isinstance(checker, ConstrainedChecker):
-        return shorten(Manifold(checker), waypoints, seed, deadline)
-    return shortcut(checker, waypoints, deadline)
-
-
-def _law(problem: Problem, options: Options) -> TimeParametrization:
+def _time_parametrization(problem: Problem, options: Options) -> TimeParametrization:
     chain = problem.robot.chain
     return chosen_parametrization(
         options.timing, chain.joint_names, chain.limits, options.limits, chain
     )
 
 
-def _tell_preflight(answer: Ready | Failure) -> tuple[bool, str]:
-    if isinstance(answer, Failure):
-        return False, answer.message
-    return True, f"{len(answer.goals)} goal configuration(s)."
+class _FoundPath(NamedTuple):
+    """A path: the planner that found it, its attempt, and the checker that proved it free."""
+
+    planner: str
+    attempt: Attempt
+    checker: Checker
+    waypoints: Array
 
 
-def _find_path(
-    problem: Problem, ready: Ready, options: Options, stages: Stages, deadline: Deadline
-) -> tuple[str, Attempt, Checker] | Failure:
-    """Climb the ladder, or the one rung that was asked for; in hulls first where that can be."""
-    for checker in ready.checkers:
-        exact = checker is ready.checkers[-1]
-        share = 1.0 if exact else _HULLS_SHARE
-        own = Deadline.after(share * deadline.remaining)
-        for planner in CASCADE if options.planner == "auto" else (options.planner,):
-            rung = Rung(planner, problem, ready, checker, options, own)
-            attempt = stages.run(planner, rung.run_planner, _tell_attempt)
-            if attempt.waypoints is not None:
-                return planner, attempt, checker
-    last = stages.reports[-1]
-    if deadline.passed:
-        return Failure(
-            code="TIMED_OUT",
-            message=f"no path was found within the timeout of {options.timeout:g} s",
-            hint="Allow more time, another seed, or a smaller margin.",
-            stage=last.name,
-            details=attempt.details,
-        )
-    return Failure(
-        code="PLANNING_FAILED",
-        message=f"{last.name} found no path: {last.detail}",
-        hint='Ask for planner "auto", or move the start, the goal or the obstacles.',
-        stage=last.name,
-        details=attempt.details,
-    )
+class _Timed(NamedTuple):
+    """A motion in time; of a tool path also its parts."""
 
-
-def _diagnosis(
-    problem: Problem, ready: Ready, options: Options, deadline: Deadline
-) -> Diagnosis | Relaxation:
-    """What is in the way, in the time that was kept back for a path that was not found."""
-    own = Deadline.after(min(_DIAGNOSIS_MOST, deadline.remaining))
-    exact = ready.checkers[-1]
-    if isinstance(exact, ConstrainedChecker):
-        return relaxed(exact, ready.start, ready.goals, options.seed, own)
-    return diagnose(
-        problem.robot, problem.scene, ready.checkers[-1], ready.start, ready.goals, own,
-        margin=problem.margin, seed=options.seed,
-    )  # fmt: skip
-
-
-def _tell_attempt(attempt: Attempt) -> tuple[bool, str]:
-    return attempt.waypoints is not None, attempt.detail
+    trajectory: Trajectory
+    tool_path: TimedToolPath | None = None
 
 
 class _Proved(NamedTuple):
     """A motion with its proof; the waypoints of its own path, where it left the one given."""
 
-    trajectory: Trajectory
+    timed: _Timed
     certificate: Certificate
     waypoints: Array | None = None
 
 
-def _time_and_prove(
-    problem: Problem,
-    checker: Checker,
-    waypoints: Array,
-    law: TimeParametrization,
-    options: Options,
-    stages: Stages,
-    deadline: Deadline,
-) -> _Proved | Failure:
-    """Time the path and prove it, with ever safer motions until one can be proved."""
-    refine = options.refine
-    for motion in motions(checker, waypoints, law, options.timing, deadline):
-        timed = stages.run(
-            "timing",
-            motion,
-            lambda timed: (True, f"{timed.duration:.3f} s, {timed.pieces} pieces."),
+@dataclass(frozen=True, slots=True, eq=False)
+class _Pipeline:
+    """One problem on its way through the stages.
+
+    Args:
+        problem: What is to be planned.
+        options: How; constraints on the motion's limits are among them already.
+        planners: Tried in turn.
+        law: The limits and the method of timing.
+        stages: Reports of the stages.
+        deadline: The end of all of them.
+    """
+
+    problem: Problem
+    options: Options
+    planners: tuple[Planner, ...]
+    law: TimeParametrization
+    stages: Stages
+    deadline: Deadline
+
+    def run(self) -> Plan | Failure:
+        """Run the stages in order, to the first failure."""
+        ready = self.stages.run("preflight", self._prepare, _describe_ready)
+        if isinstance(ready, Failure):
+            return ready
+        found = self._find_path(ready)
+        if isinstance(found, Failure):
+            return found
+        found = self._shorten(found)
+        try:
+            proved = self._time_and_prove(found)
+        except TimingFailed as error:
+            hint = error.hint or "Look at the velocity and acceleration limits."
+            return Failure("INVALID_MOTION_PLAN", error.message, hint, "timing")
+        if isinstance(proved, Failure):
+            return proved
+        return self._assemble(ready, found, proved)
+
+    def _prepare(self) -> Ready | Failure:
+        problem, seed = self.problem, self.options.seed
+        if not any(planner.needs_goals for planner in self.planners):
+            return start_only(problem)
+        return apply_path_constraints(problem, preflight(problem, seed, self.deadline), seed)
+
+    # ------------------------------------------------------------------------------- the path
+
+    def _find_path(self, ready: Ready) -> _FoundPath | Failure:
+        """Let the planners try in turn; with the robot in its solids' hulls first, if it can be."""
+        reserved = min(_RESERVED_SHARE * self.options.timeout, _MAX_RESERVED)
+        deadline = Deadline(self.deadline.at - reserved)
+        for checker in ready.checkers:
+            share = 1.0 if checker is ready.checkers[-1] else _HULLS_SHARE
+            until = Deadline.after(share * deadline.remaining)
+            query = Query(self.problem, ready, checker, self.options.seed, until)
+            for planner in self.planners:
+                attempt = self.stages.run(
+                    planner.name, partial(planner.plan, query), _describe_attempt
+                )
+                if attempt.waypoints is not None:
+                    return _FoundPath(planner.name, attempt, checker, attempt.waypoints)
+        if attempt.failure is not None:
+            return attempt.failure
+        failure = self._no_path(attempt, deadline)
+        diagnosis = self.stages.run(
+            "diagnosis", partial(self._diagnose, ready), lambda answer: (True, answer.sentence)
         )
-        # Proved before anything is made of it: whatever refinement takes, this can be answered.
-        certificate = _prove(problem, timed, law, stages, deadline)
-        if refine is not None:
-            better = _refine(problem, checker, timed, law, options, stages, deadline)
-            if better is not None:
-                return better
-            refine = None
-        if certificate.verified:
-            return _Proved(timed, certificate)
+        return replace(failure, details={**failure.details, **diagnosis.details})
+
+    def _no_path(self, attempt: Attempt, deadline: Deadline) -> Failure:
+        last = self.stages.reports[-1]
         if deadline.passed:
-            break
-    return _refused(certificate, deadline)
+            return Failure(
+                code="TIMED_OUT",
+                message=f"no path was found within the timeout of {self.options.timeout:g} s",
+                hint="Allow more time, another seed, or a smaller margin.",
+                stage=last.name,
+                details=attempt.details,
+            )
+        return Failure(
+            code="PLANNING_FAILED",
+            message=f"{last.name} found no path: {last.detail}",
+            hint='Ask for planner "auto", or move the start, the goal or the obstacles.',
+            stage=last.name,
+            details=attempt.details,
+        )
+
+    def _diagnose(self, ready: Ready) -> Diagnosis | Relaxation:
+        """What is in the way, in the time that was kept back for a path that was not found."""
+        problem, seed = self.problem, self.options.seed
+        until = Deadline.after(min(_MAX_DIAGNOSIS, self.deadline.remaining))
+        exact = ready.checkers[-1]
+        if isinstance(exact, ConstrainedChecker):
+            return find_relaxation(exact, ready.start, ready.goals, seed, until)
+        return diagnose(
+            problem.robot, problem.scene, exact, ready.start, ready.goals, until,
+            margin=problem.margin, seed=seed,
+        )  # fmt: skip
+
+    def _shorten(self, found: _FoundPath) -> _FoundPath:
+        """The path with its waypoints made fewer; a tool path stays as it is."""
+        waypoints = found.waypoints
+        if found.attempt.tool_path is not None or len(waypoints) < 3:
+            return found
+        shorter = self.stages.run(
+            "shortcut",
+            lambda: _shortcut(found.checker, waypoints, self.options.seed, self.deadline),
+            lambda short: (True, f"{len(waypoints)} waypoints became {len(short)}."),
+        )
+        return found._replace(waypoints=shorter)
+
+    # ------------------------------------------------------------------------------- the motion
+
+    def _time_and_prove(self, found: _FoundPath) -> _Proved | Failure:
+        """Time the path and prove it, with ever safer motions until one can be proved."""
+        refine = self.options.refine is not None
+        for time_motion in self._candidates(found):
+            timed = self.stages.run("timing", time_motion, _describe_timed)
+            # Proved before anything is made of it: whatever refinement takes, this can be answered.
+            certificate = self._prove(timed)
+            if refine:
+                refine = False
+                better = self._refine(found.checker, timed.trajectory)
+                if better is not None:
+                    return better
+            if certificate.verified:
+                return _Proved(timed, certificate)
+            if self.deadline.passed:
+                break
+        assert certificate.violation is not None
+        tool = found.attempt.tool_path is not None
+        return _not_proved(certificate.violation, self.deadline, tool=tool)
+
+    def _candidates(self, found: _FoundPath) -> Iterator[Callable[[], _Timed]]:
+        """Ways to time the path, the fastest motion first."""
+        tool_path = found.attempt.tool_path
+        if tool_path is not None:
+            chain = self.problem.robot.chain
+
+            def time_tool() -> _Timed:
+                timed = time_tool_path(chain, tool_path, self.law)
+                return _Timed(timed.trajectory(chain), timed)
+
+            yield time_tool
+            return
+        timing = self.options.timing
+        for motion in motions(found.checker, found.waypoints, self.law, timing, self.deadline):
+            yield partial(_time_polyline, motion)
+
+    def _prove(self, timed: _Timed) -> Certificate:
+        return self.stages.run("certificate", partial(self._certify, timed), _describe_certificate)
+
+    def _certify(self, timed: _Timed) -> Certificate:
+        problem, law, tool_path = self.problem, self.law, timed.tool_path
+        certificate = certify(
+            timed.trajectory,
+            problem.robot,
+            problem.scene,
+            margin=problem.margin,
+            constraints=problem.constraints,
+            limits=law.bounds if tool_path is None else tool_path.bounds(law),
+            loads=law.loads,
+            deadline=self.deadline,
+        )
+        if tool_path is None:
+            return certificate
+        return with_path_deviation(certificate, problem.robot.chain, tool_path)
+
+    def _refine(self, checker: Checker, known: Trajectory) -> _Proved | Failure | None:
+        """Optimise a motion and prove the result; None where the motion itself is to be taken."""
+        work = OptimizeStage(self.problem, checker, self.options, self.law, known)
+        for _ in range(MOST_OFFERS):
+            until = Deadline.after(_REFINING_SHARE * self.deadline.remaining)
+            offer = self.stages.run(OPTIMIZE, partial(work.offer, until), work.tell)
+            if offer is None:
+                break
+            timed = _Timed(offer.trajectory)
+            certificate = self._prove(timed)
+            if certificate.verified:
+                return _Proved(timed, certificate, offer.waypoints)
+            if not work.refuse(offer, certificate):
+                break
+        return work.failure(self.deadline)
+
+    # ------------------------------------------------------------------------------- the answer
+
+    def _assemble(self, ready: Ready, found: _FoundPath, proved: _Proved) -> Plan:
+        attempt, timed = found.attempt, proved.timed
+        notes = ready.notes + attempt.notes
+        if not self.problem.robot.pieces:
+            notes += ("The robot has no collision geometry: nothing is known of collisions.",)
+        optimised = proved.waypoints is not None
+        return Plan(
+            planner=OPTIMIZE if optimised else found.planner,
+            stages=(),
+            path=Path(found.waypoints if proved.waypoints is None else proved.waypoints),
+            trajectory=timed.trajectory,
+            certificate=proved.certificate,
+            notes=notes,
+            descent=attempt.descent,
+            progress=attempt.progress,
+            fraction=None if attempt.tool_path is None else attempt.tool_path.fraction,
+            tool_motions=() if timed.tool_path is None else timed.tool_path.reports,
+            stopped=attempt.stopped,
+        )
 
 
-def _prove(
-    problem: Problem,
-    timed: Trajectory,
-    law: TimeParametrization,
-    stages: Stages,
-    deadline: Deadline,
-) -> Certificate:
-    prove = partial(
-        certify, timed, problem.robot, problem.scene, margin=problem.margin,
-        constraints=problem.constraints,
-    )  # fmt: skip
-    return stages.run(
-        "certificate",
-        partial(prove, limits=law.bounds, loads=law.loads, deadline=deadline),
-        _tell_certificate,
-    )
+def _shortcut(checker: Checker, waypoints: Array, seed: int, deadline: Deadline) -> Array:
+    if isinstance(checker, ConstrainedChecker):
+        return shortcut_along(Manifold(checker), waypoints, seed, deadline)
+    return shortcut(checker, waypoints, deadline)
 
 
-def _refine(
-    problem: Problem,
-    checker: Checker,
-    timed: Trajectory,
-    law: TimeParametrization,
-    options: Options,
-    stages: Stages,
-    deadline: Deadline,
-) -> _Proved | Failure | None:
-    """Optimise a motion and prove what comes of it; None where the motion itself is to be taken."""
-    work = OptimizeStage(problem, checker, options, law, timed)
-    for _ in range(MOST_OFFERS):
-        offer = stages.run(OPTIMIZE, partial(work.offer, _share(deadline)), work.tell)
-        if offer is None:
-            break
-        certificate = _prove(problem, offer.trajectory, law, stages, deadline)
-        if certificate.verified:
-            return _Proved(offer.trajectory, certificate, offer.waypoints)
-        if not work.refuse(offer, certificate):
-            break
-    return work.failure(deadline)
+def _time_polyline(motion: Callable[[], Trajectory]) -> _Timed:
+    return _Timed(motion())
 
 
-def _share(deadline: Deadline) -> Deadline:
-    return Deadline.after(_REFINING_SHARE * deadline.remaining)
-
-
-def _tell_certificate(certificate: Certificate) -> tuple[bool, str]:
-    if certificate.violation is not None:
-        return False, certificate.violation.message
-    if certificate.clearance_pair is None:
-        return True, "Nothing can collide."
-    return True, f"At least {certificate.min_clearance:.4g} m clear, {certificate.cells} cells."
-
-
-def _refused(certificate: Certificate, deadline: Deadline) -> Failure:
-    violation = certificate.violation
-    assert violation is not None
-    code = "TIMED_OUT" if deadline.passed else "INVALID_MOTION_PLAN"
+def _not_proved(violation: Violation, deadline: Deadline, *, tool: bool) -> Failure:
+    """Why the motion is no answer; ``tool`` says whether it leads the tool along motions."""
+    hint = "Allow more time, another seed, or a smaller margin."
+    if tool:
+        hint = "Allow more time, a larger max_deviation, or a smaller margin."
+        if violation.kind == "path_constraint":
+            hint = "Lead the tool elsewhere, or widen the constraint."
     return Failure(
-        code=code,
+        code="TIMED_OUT" if deadline.passed else "INVALID_MOTION_PLAN",
         message=f"the motion that was found could not be proved: {violation.message}",
-        hint="Allow more time, another seed, or a smaller margin.",
+        hint=hint,
         stage="certificate",
         details={"kind": violation.kind, "time": violation.time, **violation.details},
     )
+
+
+def _describe_ready(answer: Ready | Failure) -> tuple[bool, str]:
+    if isinstance(answer, Failure):
+        return False, answer.message
+    if not answer.goals:
+        return True, "The start is valid."
+    return True, f"{len(answer.goals)} goal configuration(s)."
+
+
+def _describe_attempt(attempt: Attempt) -> tuple[bool, str]:
+    return attempt.waypoints is not None and attempt.stopped is None, attempt.detail
+
+
+def _describe_timed(timed: _Timed) -> tuple[bool, str]:
+    return True, f"{timed.trajectory.duration:.3f} s, {timed.trajectory.pieces} pieces."
+
+
+def _describe_certificate(certificate: Certificate) -> tuple[bool, str]:
+    if certificate.violation is not None:
+        return False, certificate.violation.message
+    deviation = certificate.path_deviation
+    if deviation is not None:
+        return True, f"The tool is within {deviation.position:.3g} m of its motion."
+    if certificate.clearance_pair is None:
+        return True, "Nothing can collide."
+    return True, f"At least {certificate.min_clearance:.4g} m clear, {certificate.cells} cells."

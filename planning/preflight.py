@@ -31,6 +31,8 @@ _SOUGHT_GOALS = 8
 #: Planning keeps this much more than the margin, where start and goal have it to spare: it spares
 #: the certificate halving its cells down to nothing where a path would graze [m].
 _SLACK = 1e-3
+#: What is kept more than the margin where the tool is led, and the path can't be chosen [m].
+_SLACK_ALONG_MOTIONS = 1e-4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,6 +53,15 @@ def ready_start(problem: Problem) -> ValidStart | Failure:
     if clearance <= TOUCHING:
         return _collision_failure(problem, "start", start, pair, clearance)
     return ValidStart(start, checker, clearance, _moved(problem.start, start))
+
+
+def start_only(problem: Problem) -> Ready | Failure:
+    """Check the start, for planners that need no goal configurations."""
+    valid = ready_start(problem)
+    if isinstance(valid, Failure):
+        return valid
+    slack = min(_SLACK_ALONG_MOTIONS, 0.5 * valid.clearance)
+    return Ready(valid.joints, [], (Checker(valid.checker.model, slack),), valid.notes)
 
 
 def _moved(given: Array, start: Array) -> tuple[str, ...]:

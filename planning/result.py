@@ -10,11 +10,12 @@ import numpy as np
 from kinematics.arrays import Array, frozen
 from kinematics.trajectory import Trajectory
 from planning.proof.certificate import Certificate
+from planning.tool_path import ToolPath
 
 
 @dataclass(frozen=True, slots=True)
 class StageReport:
-    """What one stage of the ladder did.
+    """Report of one stage of planning.
 
     Args:
         name: The stage.
@@ -106,8 +107,29 @@ class Progress:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Failure:
+    """No certified motion, and why.
+
+    Args:
+        code: MoveIt's name of the error where one exists.
+        message: What went wrong.
+        hint: What to try.
+        stage: Where it went wrong.
+        stages: What each stage did, in order.
+        details: Values a program can use.
+    """
+
+    code: str
+    message: str
+    hint: str
+    stage: str
+    stages: tuple[StageReport, ...] = ()
+    details: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Attempt:
-    """What one planner came to.
+    """Outcome of one planner: a path, or why there is none.
 
     Args:
         waypoints: Shape (k, n), every leg proved free; None where it found none.
@@ -116,6 +138,10 @@ class Attempt:
         descent: Where it went, of a potential field.
         progress: The shortest paths over time, of a planner that goes on after the first.
         details: Values a program can use, where it found none.
+        tool_path: Joint paths through the waypoints that lead the tool; None where the path is the
+            polyline.
+        stopped: Why the tool path ends early, where it does.
+        failure: Why there is no path, where the planner knows itself and no diagnosis is needed.
     """
 
     waypoints: Array | None
@@ -124,6 +150,9 @@ class Attempt:
     descent: Descent | None = None
     progress: tuple[Progress, ...] = ()
     details: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+    tool_path: ToolPath | None = None
+    stopped: Mapping[str, Any] | None = None
+    failure: Failure | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -155,24 +184,3 @@ class Plan:
     fraction: float | None = None
     tool_motions: tuple[ToolMotionReport, ...] = ()
     stopped: Mapping[str, Any] | None = None
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Failure:
-    """No certified motion, and why.
-
-    Args:
-        code: MoveIt's name of the error where one exists.
-        message: What went wrong.
-        hint: What to try.
-        stage: Where it went wrong.
-        stages: What each stage did, in order.
-        details: Values a program can use.
-    """
-
-    code: str
-    message: str
-    hint: str
-    stage: str
-    stages: tuple[StageReport, ...] = ()
-    details: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))

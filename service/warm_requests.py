@@ -13,7 +13,7 @@ from kinematics.robots import builtin_names
 from obstacles.checker import Checker
 from obstacles.scene import Scene
 from planning.deadline import Deadline
-from planning.search.rrt_connect import grow
+from planning.search.rrt_connect import rrt_connect
 from service.storage import disk_cache, worker_cache
 from service.storage.cache_key import Reference, builtin_reference
 from service.tasks import check as check_tasks
@@ -155,7 +155,7 @@ def _plan(panda: Reference, planner: str) -> None:
 def _grow(panda: Reference) -> None:
     """Trees, which the ladder has no need of where a rung before them finds a way."""
     checker = Checker.of(worker_cache.robot(panda).geometry, Scene())
-    grow(checker, np.array(_START), [np.array(_GOAL)], 0, Deadline.after(_TIMEOUT), 1000)
+    rrt_connect(checker, np.array(_START), [np.array(_GOAL)], 0, Deadline.after(_TIMEOUT), 1000)
 
 
 def _collide(panda: Reference) -> None:

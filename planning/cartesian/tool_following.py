@@ -7,8 +7,8 @@ method can time it; where the spline takes the tool too far off, more configurat
 between. What limits the joints is told where no step is small enough.
 """
 
-from dataclasses import dataclass, replace
-from typing import Any, Literal
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -24,8 +24,7 @@ from planning.deadline import Deadline
 from planning.proof.tool_deviation import piece_deviations
 from planning.timing.path import JointPath
 from planning.tool_motion import ToolMotion
-
-Reason = Literal["limit", "singularity", "unreachable", "branch", "collision", "deviation", "time"]
+from planning.tool_path import Stop, Tolerances, ToolSegment
 
 #: First steps along a motion [m], [rad]; at least so many of them.
 _STEP_LENGTH, _STEP_ANGLE, _LEAST_STEPS = 0.04, 0.15, 6
@@ -48,86 +47,9 @@ _SINGULAR = 1e-2
 _NOTHING = 1e-9
 
 
-@dataclass(frozen=True, slots=True)
-class Stop:
-    """Where a motion could be followed no further, and why.
-
-    Args:
-        at: Place on the motion, from 0 to 1.
-        reason: What stood in the way.
-        message: One sentence.
-        details: Values a program can use.
-    """
-
-    at: float
-    reason: Reason
-    message: str
-    details: dict[str, Any]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Followed:
-    """A joint path that keeps the tool on its motion.
-
-    Args:
-        path: With s for its parameter; None where the joints do not move at all.
-        start: Configuration it begins with, shape (n,).
-        end: Configuration it ends with, shape (n,).
-        reached: Place on the motion where it ends.
-        stop: Why it ends before 1; None where it does not.
-    """
-
-    path: JointPath | None
-    start: Array
-    end: Array
-    reached: float
-    stop: Stop | None
-
-    def cut(self, at: float, stop: Stop) -> "Followed":
-        """The same up to a place on the motion."""
-        if self.path is None or at >= self.reached:
-            return replace(self, stop=stop)
-        breaks = self.path.breaks
-        last = int(np.searchsorted(breaks, at, side="left")) - 1
-        if last < 0:
-            return Followed(None, self.start, self.start, 0.0, stop)
-        lengths = np.append(self.path.lengths[:last], at - breaks[last])
-        path = JointPath(self.path.coefficients[: last + 1], lengths)
-        return Followed(path, self.start, path.sample([path.length])[0], at, stop)
-
-
-@dataclass(frozen=True, slots=True)
-class Tolerances:
-    """How far the tool may be off its motion.
-
-    Args:
-        position: Of its origin [m].
-        orientation: Of its orientation [rad]; None where that is free.
-    """
-
-    position: float
-    orientation: float | None
-
-    @property
-    def pair(self) -> tuple[float, float]:
-        """Both, infinite where it is free."""
-        return self.position, np.inf if self.orientation is None else self.orientation
-
-    @property
-    def axes(self) -> tuple[Axis, ...]:
-        """What inverse kinematics has to look at."""
-        return POSITION if self.orientation is None else AXES
-
-    @property
-    def solver(self) -> tuple[float, float]:
-        """What inverse kinematics may be off [m], [rad]."""
-        fine = np.clip([_FINER * value for value in self.pair], _FINEST, _COARSEST)
-        return float(fine[0]), float(fine[1])
-
-
 def follow(
     chain: Chain, motion: ToolMotion, start: Array, tolerances: Tolerances, deadline: Deadline
-) -> Followed:
+) -> ToolSegment:
     """Follow a motion of the tool from a configuration whose tool is where it begins.
 
     Args:
@@ -142,11 +64,11 @@ def follow(
     while True:
         if len(way.places) < 2 or not np.ptp(way.joints, axis=0).any():
             reached = way.places[-1] if stop is not None else 1.0
-            return Followed(None, start, start, reached, stop)
+            return ToolSegment(None, start, start, reached, stop)
         path = _spline(np.array(way.places), np.array(way.joints))
         wide = way.too_far(path)
         if not wide:
-            return Followed(path, start, way.joints[-1], way.places[-1], stop)
+            return ToolSegment(path, start, way.joints[-1], way.places[-1], stop)
         stop = way.insert(path, wide) or stop
 
 
@@ -212,11 +134,11 @@ class _Way:
         return found if found is not None else self._solve(self._chain, at, seed)
 
     def _solve(self, chain: Chain, at: float, seed: Array) -> Array | None:
-        position, orientation = self._tolerances.solver
+        position, orientation = _solver_tolerances(self._tolerances)
         result = numeric.solve(
             chain, self._motion.pose(at), seed_joints=seed, starts=1,
             position_tolerance=position, orientation_tolerance=orientation,
-            axes=self._tolerances.axes,
+            axes=_axes(self._tolerances),
         )  # fmt: skip
         return result.solutions[0].joints if result.solutions else None
 
@@ -263,7 +185,7 @@ class _Way:
         told: dict[str, Any] = {"smallest_singular_value": float(values[-1])}
         other = numeric.solve(
             self._chain, self._motion.pose(at), seed_joints=q, starts=_SEARCH,
-            axes=self._tolerances.axes,
+            axes=_axes(self._tolerances),
         )  # fmt: skip
         if not other.solutions:
             nearest = other.nearest
@@ -304,6 +226,17 @@ class _Way:
         rows = J[:3] if self._tolerances.orientation is None else J
         some = rows[np.linalg.norm(rows, axis=1) > _NOTHING]
         return np.asarray(np.linalg.svd(some if len(some) else rows, compute_uv=False))
+
+
+def _axes(tolerances: Tolerances) -> tuple[Axis, ...]:
+    """The axes of a pose that inverse kinematics has to reach."""
+    return POSITION if tolerances.orientation is None else AXES
+
+
+def _solver_tolerances(tolerances: Tolerances) -> tuple[float, float]:
+    """Errors that inverse kinematics may leave [m], [rad]."""
+    fine = np.clip([_FINER * value for value in tolerances.pair], _FINEST, _COARSEST)
+    return float(fine[0]), float(fine[1])
 
 
 def _narrowed(limits: Limits, start: Array) -> Limits:

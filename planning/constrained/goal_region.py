@@ -11,7 +11,7 @@ import numpy as np
 
 from kinematics.arrays import Array
 from planning.constrained.checker import ConstrainedChecker
-from planning.constrained.pose_goals import aim
+from planning.constrained.pose_goals import pose_constraint
 from planning.constrained.projected_rrt import project_kernel
 from planning.constraints.active_set import HELD, Goal, make_goal
 from planning.constraints.constraint_set import ConstraintSet
@@ -35,16 +35,14 @@ class GoalRegion:
     goals: tuple[Goal, ...] = field(init=False)
 
     def __post_init__(self) -> None:
-        chain = self.checker.model.chain
-        path, zero = self.checker.constraints, np.zeros(chain.n)
-        goals = [
-            make_goal(
-                path, zero, zero,
-                rows=np.vstack([self.checker.rows, ConstraintSet(chain, (aim(pose),)).packed]),
-            )
-            for pose in self.poses
-        ]  # fmt: skip
-        object.__setattr__(self, "goals", tuple(goals))
+        object.__setattr__(self, "goals", tuple(self._goal(pose) for pose in self.poses))
+
+    def _goal(self, pose: PoseGoal) -> Goal:
+        """The pose beside the constraints of the path, as a target of Newton's method."""
+        chain, path = self.checker.model.chain, self.checker.constraints
+        zero = np.zeros(chain.n)
+        of_pose = ConstraintSet(chain, (pose_constraint(pose),)).packed
+        return make_goal(path, zero, zero, rows=np.vstack([self.checker.rows, of_pose]))
 
     def near(self, q: Array, number: int) -> Array | None:
         """A configuration of a pose that Newton's method finds from q, if it finds a free one.

@@ -40,7 +40,7 @@ def check_widths(constraints: ConstraintSet) -> None:
             )  # fmt: skip
 
 
-def constrained(problem: Problem, ready: Ready | Failure, seed: int) -> Ready | Failure:
+def apply_path_constraints(problem: Problem, ready: Ready | Failure, seed: int) -> Ready | Failure:
     """What is ready, with goals and checkers that hold the path's constraints, or why none does.
 
     Raises:
@@ -51,8 +51,8 @@ def constrained(problem: Problem, ready: Ready | Failure, seed: int) -> Ready | 
         return ready
     hard = whole.hard
     check_widths(hard)
-    wrong = _violated(whole, ready.start)
-    if wrong is not None or not any(_violated(whole, q) is None for q in ready.goals):
+    wrong = _violated_row(whole, ready.start)
+    if wrong is not None or not any(_violated_row(whole, q) is None for q in ready.goals):
         found = conflict(whole, ready.start, seed)
         if found is not None:
             details = {
@@ -62,11 +62,11 @@ def constrained(problem: Problem, ready: Ready | Failure, seed: int) -> Ready | 
             return Failure(code, found.message, found.hint, "constraints", details=details)
     if wrong is not None:
         return _violation_failure(whole, "start", ready.start, wrong)
-    goals = [q for q in ready.goals if _violated(whole, q) is None]
-    goals = goals or _sought(problem, ready, seed)
+    goals = [q for q in ready.goals if _violated_row(whole, q) is None]
+    goals = goals or _constrained_goals(problem, ready, seed)
     if not goals:
         nearest = min(ready.goals, key=lambda q: float(hard.residuals(q).max()))
-        row = _violated(whole, nearest)
+        row = _violated_row(whole, nearest)
         assert row is not None
         return _violation_failure(whole, "goal", nearest, row)
     spare = -np.max([hard.residuals(q) for q in (ready.start, *goals)], axis=0)
@@ -80,13 +80,13 @@ def constrained(problem: Problem, ready: Ready | Failure, seed: int) -> Ready | 
 
 def end_violation(constraints: ConstraintSet | None, which: str, q: Array) -> Failure | None:
     """Say what the "start" or "goal" at q (n,) violates most, if it violates anything."""
-    row = None if constraints is None else _violated(constraints, q)
+    row = None if constraints is None else _violated_row(constraints, q)
     if constraints is None or row is None:
         return None
     return _violation_failure(constraints, which, q, row)
 
 
-def _violated(constraints: ConstraintSet, q: Array) -> int | None:
+def _violated_row(constraints: ConstraintSet, q: Array) -> int | None:
     """The hard row that is violated most, if one is."""
     residuals = np.where(np.isinf(constraints.weights), constraints.residuals(q), -np.inf)
     row = int(np.argmax(residuals))
@@ -109,7 +109,7 @@ def _violation_failure(constraints: ConstraintSet, which: str, q: Array, row: in
     )  # fmt: skip
 
 
-def _sought(problem: Problem, ready: Ready, seed: int) -> list[Array]:
+def _constrained_goals(problem: Problem, ready: Ready, seed: int) -> list[Array]:
     """Goals by constrained inverse kinematics: poses inside their tolerances that hold all."""
     assert problem.constraints is not None
     goals: list[Array] = []

@@ -15,7 +15,7 @@ _SHARE = 0.999 / np.sqrt(3.0)
 _GOALS, _STARTS = 8, 60
 
 
-def aim(goal: PoseGoal) -> RelativePoseConstraint:
+def pose_constraint(goal: PoseGoal) -> RelativePoseConstraint:
     """The constraint that a configuration of a pose holds, inside the goal's tolerances."""
     return RelativePoseConstraint(
         goal.T_base_tip,
@@ -37,6 +37,6 @@ def goal_configurations(
         held: On the path.
     """
     clear = ClearanceConstraint(problem.margin)
-    wanted = ConstraintSet(problem.robot.chain, (*held, aim(goal), clear))
+    wanted = ConstraintSet(problem.robot.chain, (*held, pose_constraint(goal), clear))
     options = IkOptions(seed_joints=start, most=_GOALS, seed=seed, starts=_STARTS, solver="descent")
     return constrained_ik(problem.robot, wanted, problem.scene, options).solutions

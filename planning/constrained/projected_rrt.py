@@ -25,8 +25,8 @@ from planning.search_box import search_box
 
 #: Longest and shortest step of a tree, Euclidean in joint space.
 _LONGEST, _SHORTEST = 0.5, 0.01
-#: Steps of one walk at most.
-_WALK = 400
+#: Steps of one extension at most.
+_MAX_STEPS = 400
 #: Of half a row's width, what projected configurations keep back: edges between them bulge.
 _KEPT_BACK = 0.25
 _PROJECTIONS = 12
@@ -36,7 +36,7 @@ _FIRST_BUDGET, _BUDGET_GROWTH = 400, 1.6
 _SEED_STRIDE = 7_919
 #: Attempts at a shorter way, and in a row without any gain.
 _CUTS, _PATIENCE, _LEAST_GAIN = 160, 50, 1e-3
-#: A goal more is sought after so many walks, and there are so many at most.
+#: A goal more is sought after so many extensions, and there are so many at most.
 _GOAL_STRIDE, _MOST_GOALS = 8, 400
 _UNIT = np.array([0.0, 1.0])
 
@@ -46,7 +46,7 @@ MoreGoals = Callable[[Array, int], Array | None]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Manifold:
-    """The set that a checker's constraints allow, and how to walk along it.
+    """The set that a checker's constraints allow, and how to extend a tree along it.
 
     Args:
         checker: The robot in its scene with its constraints.
@@ -70,13 +70,13 @@ class Manifold:
             return None
         return made
 
-    def walk(self, start: Array, end: Array) -> tuple[Array, bool]:
+    def extend(self, start: Array, end: Array) -> tuple[Array, bool]:
         """From ``start`` towards ``end`` along the set; the steps taken (k, n), and if it arrived.
 
         The start is left out; every step is proved to hold the constraints and to be free.
         """
-        steps = np.empty((_WALK, len(start)))
-        count, arrived = walk_kernel(
+        steps = np.empty((_MAX_STEPS, len(start)))
+        count, arrived = extend_kernel(
             self.checker.model.arrays, self.checker.slack, self.goal, self.rows,
             np.array(start), np.array(end), steps,
         )  # fmt: skip
@@ -132,7 +132,7 @@ class _Tree:
         return way
 
 
-def connect(
+def projected_rrt(
     manifold: Manifold,
     start: Array,
     goals: list[Array],
@@ -152,14 +152,14 @@ def connect(
 
     Returns:
         Waypoints (k, n) whose legs hold and are free, None where it found none in time; and how
-        many walks were tried.
+        many extensions were tried.
     """
     spent, budget, attempt = 0, _FIRST_BUDGET, 0
     goals = list(goals)
     while not deadline.passed:
         random = np.random.default_rng((seed, attempt * _SEED_STRIDE))
-        path, walks = _attempt(manifold, start, goals, random, budget, deadline, more)
-        spent += walks
+        path, extensions = _attempt(manifold, start, goals, random, budget, deadline, more)
+        spent += extensions
         if path is not None:
             return path, spent
         attempt, budget = attempt + 1, int(_BUDGET_GROWTH * budget)
@@ -177,30 +177,30 @@ def _attempt(
 ) -> tuple[Array | None, int]:
     low, high = search_box(manifold.checker.model.chain, [start, *goals])
     here, there = _Tree([start]), _Tree(list(goals))
-    forwards, walks = True, 0
+    forwards, extensions = True, 0
     target: Array | None = goals[0]
-    while walks < budget and not deadline.passed:
+    while extensions < budget and not deadline.passed:
         if target is None:
             drawn = random.uniform(low, high)
             target = manifold.projected(drawn)
             target = drawn if target is None else target
         near = here.nearest(target)
-        steps, _ = manifold.walk(here.node(near), target)
-        walks += 1
+        steps, _ = manifold.extend(here.node(near), target)
+        extensions += 1
         target = None
-        if more is not None and forwards and walks // 2 % _GOAL_STRIDE == 1:
+        if more is not None and forwards and extensions // 2 % _GOAL_STRIDE == 1:
             target = _new_goal(here, there, goals, more, random)
         if len(steps):
             reached = here.add(near, steps)
             close = there.nearest(here.node(reached))
-            steps, met = manifold.walk(there.node(close), here.node(reached))
-            walks += 1
+            steps, met = manifold.extend(there.node(close), here.node(reached))
+            extensions += 1
             last = there.add(close, steps) if len(steps) else close
             if met:
                 way = here.branch(reached)[::-1] + there.branch(last)[1:]
-                return np.array(way if forwards else way[::-1]), walks
+                return np.array(way if forwards else way[::-1]), extensions
         here, there, forwards = there, here, not forwards
-    return None, walks
+    return None, extensions
 
 
 def _new_goal(
@@ -220,8 +220,11 @@ def _new_goal(
     return found
 
 
-def shorten(manifold: Manifold, waypoints: Array, seed: int, deadline: Deadline) -> Array:
-    """Shorten a path (k, n) of proved legs by cuts and by walks; what comes back is too."""
+def shortcut_along(manifold: Manifold, waypoints: Array, seed: int, deadline: Deadline) -> Array:
+    """Shorten a path (k, n) of proved legs by straight cuts and by extensions.
+
+    The legs of what comes back are proved too.
+    """
     points = list(waypoints)
     random = np.random.default_rng(seed)
     idle = 0
@@ -252,7 +255,7 @@ def _cut(
         return None
     between: list[Array] = []
     if not manifold.checker.free(a, b):
-        steps, arrived = manifold.walk(a, b)
+        steps, arrived = manifold.extend(a, b)
         way = np.vstack([a, steps])
         if not arrived or np.linalg.norm(np.diff(way, axis=0), axis=1).sum() > most:
             return None
@@ -268,11 +271,11 @@ def project_kernel(goal: Goal, q: Array, steps: int) -> float:
 
 
 @kernel
-def walk_kernel(
+def extend_kernel(
     model: ModelArrays, slack: float, goal: Goal, rows: Array, start: Array,
     end: Array, steps: Array,
 ) -> tuple[int, bool]:  # fmt: skip
-    """Kernel of ``Manifold.walk``: how many rows of ``steps`` were written, and if it arrived."""
+    """Kernel of ``Manifold.extend``: how many rows of ``steps`` were written, and if it arrived."""
     n = start.shape[0]
     work = make_work(None, goal)
     trial, dq, scratch = np.empty(n), np.empty(n), np.empty(n)

@@ -8,7 +8,7 @@ import numpy as np
 from kinematics.arrays import Array
 from obstacles.checker import Checker
 from planning.constrained.checker import ConstrainedChecker
-from planning.constrained.projected_rrt import Manifold, connect, shorten
+from planning.constrained.projected_rrt import Manifold, projected_rrt, shortcut_along
 from planning.constraints.constraint_set import ConstraintSet
 from planning.deadline import Deadline
 
@@ -53,7 +53,7 @@ class Relaxation:
         return f"There is a way if {', or '.join(texts)}; less may do."
 
 
-def relaxed(
+def find_relaxation(
     checker: ConstrainedChecker, start: Array, goals: list[Array], seed: int, deadline: Deadline
 ) -> Relaxation:
     """Leave out each constraint in turn and look for a way.
@@ -105,6 +105,6 @@ def _way(
     for goal in goals:
         if freer.free(start, goal):
             return np.array([start, goal])
-    way, _ = connect(Manifold(freer), start, goals, seed, deadline)
+    way, _ = projected_rrt(Manifold(freer), start, goals, seed, deadline)
     # What is asked for in vain is to be widened by little: the way found is made shorter first.
-    return None if way is None else shorten(Manifold(freer), way, seed, deadline)
+    return None if way is None else shortcut_along(Manifold(freer), way, seed, deadline)

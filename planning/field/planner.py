@@ -12,15 +12,14 @@ of minima: "Robot motion planning: a distributed representation approach", Inter
 Robotics Research, 1991.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import ClassVar
 
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.errors import InvalidOption
 from obstacles.checker import Checker
 from obstacles.projection import Projector
 from obstacles.robot_geometry import RobotGeometry
@@ -37,171 +36,20 @@ from planning.field.gradient_descent import (
     STALE,
     VISITED,
     Proof,
-    Rules,
     Track,
     descend_kernel,
     keep_kernel,
 )
-from planning.field.number import positive, whole
+from planning.field.options import FieldOptions
 from planning.field.potential import Field, value_kernel
-from planning.field.weights import FieldWeights
+from planning.planner import Query
+from planning.result import Attempt, Descent
 
-CONTROL_POINTS = ("origins", "links")
-MOST_ITERATIONS = 100_000
-_MOST_STEP_SIZES = 10_000
 #: Steps between two looks at the clock, and configurations there is room for at first.
 _STEPS_A_LOOK = 8
 _ROOM = 64
 #: What is left across the force counts as no direction below this.
 _NO_FORCE = 1e-9
-#: So large an alpha_k makes every step the longest: cheaper than looking for a lower potential, and
-#: strides over small ridges of it.
-_ALWAYS_LONGEST = 1e6
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class FieldOptions:
-    """Parameters of the field and of the descent.
-
-    Args:
-        attractive_weights: c_i [N/m]: one each, or one number for each of the origins, which the
-            links' points share among them.
-        attractive_cap: d, distance beyond which the pull no longer grows [m].
-        repulsive_weights: eta_i [N m^3], likewise.
-        influence_distance: rho_0, distance within which an obstacle is felt [m].
-        least_distance: rho_m, nearer than this an obstacle pushes as it does here [m].
-        control_points: "origins" of the joints' frames, or points along the "links".
-        joint_weight: Pull in joint space beside that on the control points [N m].
-        step_sizes: alpha_k: one for all steps, or a sequence whose last one is kept; None for the
-            longest steps that are proved and lower the potential.
-        longest_step: alpha_k is cut so that no joint moves farther in a step [rad or m].
-        halvings: How often a step that can't be taken is halved before the descent counts as
-            blocked.
-        tolerance: epsilon, it has arrived this near to the goal in joint space [rad or m].
-        connect: It has also arrived where the straight motion to the goal is proved.
-        max_iterations: Steps before it gives up.
-        patience: Steps without a lower potential that make a local minimum.
-        escapes: Random walks out of local minima before it gives up.
-        escape_steps: Steps of each.
-
-    Raises:
-        InvalidOption: A value is out of its range.
-    """
-
-    attractive_weights: float | Sequence[float] = 1.0
-    attractive_cap: float = 0.2
-    repulsive_weights: float | Sequence[float] = 2e-4
-    influence_distance: float = 0.1
-    least_distance: float = 1e-3
-    control_points: str = "origins"
-    joint_weight: float = 0.0
-    step_sizes: float | Sequence[float] | None = None
-    longest_step: float = 0.05
-    halvings: int = 6
-    tolerance: float = 1e-2
-    connect: bool = True
-    max_iterations: int = 1000
-    patience: int = 50
-    escapes: int = 0
-    escape_steps: int = 6
-    weights: FieldWeights = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        names = [item.name for item in fields(FieldWeights)]
-        weights = FieldWeights(**{name: getattr(self, name) for name in names})
-        object.__setattr__(self, "weights", weights)
-        for name in ("longest_step", "tolerance"):
-            positive(name, getattr(self, name))
-        for name, least, most in (
-            ("halvings", 0, 30),
-            ("max_iterations", 1, MOST_ITERATIONS),
-            ("patience", 1, MOST_ITERATIONS),
-            ("escapes", 0, 1000),
-            ("escape_steps", 1, 1000),
-        ):
-            whole(name, getattr(self, name), least, most)
-        if self.control_points not in CONTROL_POINTS:
-            raise InvalidOption(
-                f"control_points can't be {self.control_points!r}",
-                hint=f"Choose one of: {', '.join(CONTROL_POINTS)}.",
-            )
-        if not isinstance(self.connect, bool):
-            raise InvalidOption(f"connect must be true or false, not {self.connect!r}")
-        if self.joint_weight != 0.0:
-            positive("joint_weight", self.joint_weight)
-        self._check_step_sizes()
-
-    def _check_step_sizes(self) -> None:
-        sizes = self.step_sizes
-        if sizes is None:
-            return
-        several = isinstance(sizes, Sequence) and not isinstance(sizes, str)
-        for size in sizes if several else [sizes]:  # type: ignore[union-attr]
-            positive("step_sizes", size)
-        if several and not 0 < len(sizes) <= _MOST_STEP_SIZES:  # type: ignore[arg-type]
-            raise InvalidOption(f"step_sizes must be 1 to {_MOST_STEP_SIZES} numbers")
-
-    @classmethod
-    def of(cls, options: Mapping[str, Any]) -> "FieldOptions":
-        """The parameters named in ``options``, the others as the ``preset`` among them has them.
-
-        Raises:
-            InvalidOption: A name is unknown, or a value out of its range.
-        """
-        given = dict(options)
-        preset = given.pop("preset", "notes")
-        base = PRESETS.get(preset) if isinstance(preset, str) else None
-        if base is None:
-            raise InvalidOption(
-                f"planner_options.preset: there is no {preset!r}",
-                hint=f"Choose one of: {', '.join(PRESETS)}.",
-            )
-        known = {item.name: getattr(base, item.name) for item in fields(cls) if item.init}
-        listed = ", ".join(f"{name} ({default!r})" for name, default in known.items())
-        hint = f"Its options, with their defaults: preset ('notes'), {listed}."
-        unknown = sorted(set(given) - set(known))
-        if unknown:
-            message = f"planner 'potential_field' has no option {unknown[0]!r}"
-            raise InvalidOption(message, hint=hint, options=["preset", *known])
-        try:
-            return replace(base, **given)
-        except InvalidOption as error:
-            raise InvalidOption(
-                f"planner_options.{error.message}", hint=error.hint or hint, **error.details
-            ) from None
-
-    def rules(self, lower: Array, upper: Array) -> Rules:
-        """What of them is for the kernel, with the joint limits, both (n,)."""
-        return Rules(
-            lower=lower,
-            upper=upper,
-            sizes=np.array([] if self.step_sizes is None else self.step_sizes, float).reshape(-1),
-            longest=float(self.longest_step),
-            halvings=self.halvings,
-            tolerance=float(self.tolerance),
-            connect=self.connect,
-            patience=self.patience,
-        )
-
-
-#: What the ladder tries before it samples: the bodies of the links, pulled in joint space too, with
-#: long steps and soon given up. It finds every other way among MotionBenchMaker's that are not
-#: straight, and the ways that it finds are shorter than those of random trees.
-QUICK = FieldOptions(
-    attractive_weights=2.75,
-    repulsive_weights=2.2e-4,
-    control_points="links",
-    joint_weight=0.1,
-    step_sizes=_ALWAYS_LONGEST,
-    longest_step=0.25,
-    max_iterations=16,
-    patience=5,
-)
-PRESETS: Mapping[str, FieldOptions] = {
-    "notes": FieldOptions(),
-    "quick": QUICK,
-    "thorough": replace(QUICK, max_iterations=1000, patience=10, escapes=20),
-}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -253,6 +101,41 @@ def potential_field(
         iterations=descent.iterations,
         detail=detail,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class PotentialField:
+    """The planner "potential_field".
+
+    Args:
+        options: Parameters of the field and of the descent.
+        share: Share of the time that is left for it.
+        max_goals: Goals tried, the nearest first; None for all.
+    """
+
+    options: FieldOptions
+    share: float = 1.0
+    max_goals: int | None = None
+    name: ClassVar[str] = "potential_field"
+    needs_goals: ClassVar[bool] = True
+
+    def plan(self, query: Query) -> Attempt:
+        """Descend to the first goal that can be reached so."""
+        problem, ready = query.problem, query.ready
+        deadline = Deadline.after(self.share * query.deadline.remaining)
+        result = potential_field(
+            problem.robot, query.checker, problem.scene, ready.start,
+            ready.goals[: self.max_goals], self.options, query.seed, deadline,
+        )  # fmt: skip
+        descent = Descent(result.visited, result.potentials, result.iterations)
+        if result.waypoints is not None:
+            return Attempt(result.waypoints, result.detail, descent=descent)
+        details = {
+            "joints": result.visited[-1].tolist(),
+            "potential": float(result.potentials[-1]),
+            "iterations": result.iterations,
+        }
+        return Attempt(None, result.detail, details=details)
 
 
 def _field(robot: RobotGeometry, scene: Scene, goal: Array, options: FieldOptions) -> Field:

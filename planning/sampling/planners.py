@@ -19,7 +19,7 @@ _MOST = 100_000_000
 
 @dataclass(frozen=True, slots=True)
 class Planner:
-    """One of OMPL's planners.
+    """Description of one of OMPL's planners.
 
     Args:
         ompl: Its name in OMPL.

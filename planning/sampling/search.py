@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from ompl import base, geometric, util
@@ -12,6 +12,7 @@ from kinematics.arrays import Array
 from kinematics.chain import Chain
 from obstacles.checker import Checker
 from planning.deadline import Deadline
+from planning.planner import Query
 from planning.result import Attempt
 from planning.sampling.parameter import Value
 from planning.sampling.planners import Planner, checked, named
@@ -47,7 +48,7 @@ _STOPPED = {
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Query:
+class _Search:
     """A request as every run of its planner sees it."""
 
     planner: Planner
@@ -97,78 +98,111 @@ def sample(
     for goal in goals:
         if np.array_equal(start, goal):
             return Attempt(np.array([start, goal]), "The start is a goal.")
-    query = _Query(named(planner), chain, checker, start, goals, values, deadline)
+    search = _Search(named(planner), chain, checker, start, goals, values, deadline)
     spent = _Account()
     while True:
         # OMPL's generator is one for the process: what is drawn from here on depends on this alone.
         util.RNG.setSeed((seed + spent.runs * _SEED_STRIDE) % _SEEDS + 1)
-        waypoints, watch = _run(query, spent)
+        waypoints, watch = _run(search, spent)
         if waypoints is not None or watch.reason not in (None, "share") or deadline.passed:
-            return _attempt(query, waypoints, watch, spent)
+            return _attempt(search, waypoints, watch, spent)
 
 
-def _run(query: _Query, spent: _Account) -> tuple[Array | None, Watch]:
+@dataclass(frozen=True, slots=True, eq=False)
+class OmplPlanner:
+    """One of OMPL's planners.
+
+    Args:
+        name: One of ``PLANNERS``.
+        options: By name; ``planners`` lists them.
+    """
+
+    name: str
+    options: Mapping[str, Any]
+    needs_goals: ClassVar[bool] = True
+
+    @classmethod
+    def of(cls, name: str, options: Mapping[str, Any]) -> "OmplPlanner":
+        """Return the planner with these options, checked.
+
+        Raises:
+            InvalidOption: An unknown planner or option, or a value out of its range.
+        """
+        checked(name, options)
+        return cls(name, options)
+
+    def plan(self, query: Query) -> Attempt:
+        """Plan from the start to any of the goals."""
+        return sample(
+            self.name, query.problem.robot.chain, query.checker, query.ready.start,
+            query.ready.goals, self.options, query.seed, query.deadline,
+        )  # fmt: skip
+
+
+def _run(search: _Search, spent: _Account) -> tuple[Array | None, Watch]:
     """One run of the planner: the path it found, and when and why it stopped."""
-    planner, goals = query.planner, query.goals
+    planner, goals = search.planner, search.goals
     if planner.one_goal:
         goals = [goals[spent.runs % len(goals)]]
-        if planner.improves and query.checker.free(query.start, goals[0]):
+        if planner.improves and search.checker.free(search.start, goals[0]):
             # AORRTC 2.0 answers the goal alone where nothing stands between it and the start
             # (OMPL's issue 1420). Nothing is shorter than the straight way.
             spent.edges += 1
             spent.runs += 1
-            return np.array([query.start, goals[0]]), Watch(query.deadline, edges=lambda: 1)
+            return np.array([search.start, goals[0]]), Watch(search.deadline, edges=lambda: 1)
     information, definition, edges = problem(
-        query.chain, query.checker, query.start, goals, query.deadline
+        search.chain, search.checker, search.start, goals, search.deadline
     )
-    watch = _watch(query, spent, edges)
+    watch = _watch(search, spent, edges)
     solver = getattr(geometric, planner.ompl)(information)
     # Before anything else: some of OMPL's planners can't even be thrown away without a problem.
     solver.setProblemDefinition(definition)
-    for name, value in _settings(query, spent.runs):
+    for name, value in _settings(search, spent.runs):
         planner.options[name].setter(solver)(value)
     solver.setup()
     if planner.roadmap:
-        found = grow(solver, edges, query.start, goals, watch, on=planner.improves)
+        found = grow(solver, edges, search.start, goals, watch, on=planner.improves)
     else:
         if planner.improves:
             watch.best = lambda: float(solver.bestCost().value())
         solver.solve(base.PlannerTerminationCondition(watch))
         watch.best = None
-        found = solution(definition, query.chain.n)
+        found = solution(definition, search.chain.n)
     spent.edges += edges.count
     spent.iterations += watch.iterations
     spent.runs += 1
     return found, watch
 
 
-def _settings(query: _Query, runs: int) -> list[tuple[str, Value]]:
+def _settings(search: _Search, runs: int) -> list[tuple[str, Value]]:
     """The planner's own options that are to be set."""
-    own = {parameter.name: query.options[parameter.name] for parameter in query.planner.parameters}
-    batch = query.planner.batch
+    own = {
+        parameter.name: search.options[parameter.name] for parameter in search.planner.parameters
+    }
+    batch = search.planner.batch
     if batch is not None:
         first = own[batch]
         assert isinstance(first, int)
-        rounds = runs // len(query.goals) if query.planner.one_goal else runs
+        rounds = runs // len(search.goals) if search.planner.one_goal else runs
         own[batch] = min(first * _BATCH_GROWTH**rounds, max(_MOST_BATCH, first))
     return [(name, value) for name, value in own.items() if value is not None]
 
 
-def _watch(query: _Query, spent: _Account, edges: CertifiedEdges) -> Watch:
+def _watch(search: _Search, spent: _Account, edges: CertifiedEdges) -> Watch:
     """Stops a run at what is left of the request's budgets, or at the run's own share."""
-    options, planner = query.options, query.planner
+    options, planner = search.options, search.planner
     threshold = options.get("cost_threshold")
     watch = Watch(
-        query.deadline,
+        search.deadline,
         edges=lambda: edges.count,
         threshold=None if threshold is None else float(threshold),
         max_iterations=_left(options["max_iterations"], spent.iterations),
         max_edges=_left(options["max_edges"], spent.edges),
     )
     share = _FIRST_BUDGET * _BUDGET_GROWTH**spent.runs
-    if planner.one_goal and len(query.goals) > 1:
+    if planner.one_goal and len(search.goals) > 1:
         # Every goal has its turn before the budgets are spent.
-        turns = 2 * len(query.goals)
+        turns = 2 * len(search.goals)
         watch.share = min(share, _budget(options["max_edges"]) / turns)
         watch.turn = min(_IDLE * share, _budget(options["max_iterations"]) / turns)
     elif not (planner.improves or planner.roadmap or planner.batch):
@@ -184,13 +218,13 @@ def _left(budget: Value, spent: int) -> int | None:
     return None if budget is None else max(int(budget) - spent, 1)
 
 
-def _attempt(query: _Query, waypoints: Array | None, watch: Watch, spent: _Account) -> Attempt:
+def _attempt(search: _Search, waypoints: Array | None, watch: Watch, spent: _Account) -> Attempt:
     """What the runs came to; a path is proved once more, whatever the planner made of its edges."""
     runs = "" if spent.runs == 1 else f" in {spent.runs} runs"
     detail = f"{spent.edges} edges checked{runs}"
-    if waypoints is not None and not _joins(waypoints, query):
+    if waypoints is not None and not _joins(waypoints, search):
         return Attempt(None, f"{detail}; the planner's path does not lead from start to goal.")
-    if waypoints is not None and not query.checker.polyline(waypoints)[0].free:
+    if waypoints is not None and not search.checker.polyline(waypoints)[0].free:
         return Attempt(None, f"{detail}; the planner joined states that no proved edge joins.")
     if watch.progress:
         first, last = watch.progress[0], watch.progress[-1]
@@ -206,8 +240,8 @@ def _attempt(query: _Query, waypoints: Array | None, watch: Watch, spent: _Accou
     return Attempt(waypoints, f"{detail}.", notes, progress=tuple(watch.progress))
 
 
-def _joins(waypoints: Array, query: _Query) -> bool:
+def _joins(waypoints: Array, search: _Search) -> bool:
     last = waypoints[-1]
-    return np.array_equal(waypoints[0], query.start) and any(
-        np.array_equal(last, goal) for goal in query.goals
+    return np.array_equal(waypoints[0], search.start) and any(
+        np.array_equal(last, goal) for goal in search.goals
     )

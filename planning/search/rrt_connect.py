@@ -1,4 +1,4 @@
-"""Two trees that grow towards each other until they meet, in one kernel.
+"""RRT-Connect: two trees that grow towards each other until they meet, in one kernel.
 
 One tree takes a step towards a random configuration; the other one then goes step by step towards
 where that ended. A step is taken where it is proved free. The smaller tree is the one to grow: the
@@ -11,7 +11,8 @@ conference, 2005.
 """
 
 import math
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,8 @@ from obstacles.edge_check import FREE, certify_in
 from obstacles.kernel_work import Workspace, workspace
 from obstacles.model_arrays import ModelArrays
 from planning.deadline import Deadline
+from planning.planner import Planner, Query
+from planning.result import Attempt
 from planning.search_box import search_box
 
 #: Longest step of one pair of trees after another, Euclidean in joint space. In clutter short ones
@@ -42,6 +45,10 @@ _MOST_DRAWS = 100
 #: answer depends on the seed alone.
 _FIRST_BUDGET = 2000
 _BUDGET_GROWTH = 1.2
+#: Edges after which the cascade's own trees give way to OMPL's, and those grown in the hulls of the
+#: robot's solids to such as are grown with its exact pieces.
+_MAX_EDGES = 200_000
+_MAX_EDGES_IN_HULLS = 20_000
 #: Edges looked at between two looks at the clock.
 _EDGES_A_LOOK = 250
 
@@ -69,8 +76,8 @@ class Trees(NamedTuple):
     tally: Indices
 
 
-class Grown(NamedTuple):
-    """What came of growing trees.
+class RrtResult(NamedTuple):
+    """The path that trees found, and what it cost.
 
     Args:
         waypoints: Shape (k, n), every leg proved free; None where they did not meet.
@@ -83,14 +90,14 @@ class Grown(NamedTuple):
     runs: int
 
 
-def grow(
+def rrt_connect(
     checker: Checker,
     start: Array,
     goals: list[Array],
     seed: int,
     deadline: Deadline,
-    most_edges: int,
-) -> Grown:
+    max_edges: int,
+) -> RrtResult:
     """Grow trees from a configuration and from the goals until they meet, and once more.
 
     The second pair of trees has as many edges as the first way took; the shorter way is the answer.
@@ -101,23 +108,55 @@ def grow(
         goals: Valid configurations (n,).
         seed: The same seed gives the same path.
         deadline: When to stop.
-        most_edges: Edges after which to stop; a second way may take as many again.
+        max_edges: Edges after which to stop; a second way may take as many again.
     """
     box = search_box(checker.model.chain, [start, *goals])
     edges, runs, budget = 0, 0, float(_FIRST_BUDGET)
-    while edges < most_edges and not deadline.passed:
-        own = min(int(budget), most_edges - edges)
-        trees = _planted(start, goals, (seed, runs), own)
+    while edges < max_edges and not deadline.passed:
+        own = min(int(budget), max_edges - edges)
+        trees = _new_trees(start, goals, (seed, runs), own)
         step = _STEPS[runs % len(_STEPS)]
         found = _run(checker, trees, box, step, deadline, own)
         edges, runs = edges + int(trees.tally[_EDGES]), runs + 1
         budget *= _BUDGET_GROWTH
         if found is not None:
-            trees = _planted(start, goals, (seed, runs), edges)
+            trees = _new_trees(start, goals, (seed, runs), edges)
             other = _run(checker, trees, box, step, deadline, edges)
             edges, runs = edges + int(trees.tally[_EDGES]), runs + 1
-            return Grown(_shorter(found, other), edges, runs)
-    return Grown(None, edges, runs)
+            return RrtResult(_shorter(found, other), edges, runs)
+    return RrtResult(None, edges, runs)
+
+
+@dataclass(frozen=True, slots=True)
+class RrtConnect:
+    """The planner "rrt_connect" of the cascade.
+
+    Args:
+        fallback: Planner that goes on with the exact robot where the trees do not meet.
+        max_edges: Edges after which the fallback has its turn.
+        max_edges_in_hulls: Edges after which to stop where the robot is in its solids' hulls.
+    """
+
+    fallback: Planner
+    max_edges: int = _MAX_EDGES
+    max_edges_in_hulls: int = _MAX_EDGES_IN_HULLS
+    name: ClassVar[str] = "rrt_connect"
+    needs_goals: ClassVar[bool] = True
+
+    def plan(self, query: Query) -> Attempt:
+        """Grow the trees, and let the fallback go on where they do not meet."""
+        ready, max_edges = query.ready, self.max_edges
+        if not query.exact:
+            max_edges = self.max_edges_in_hulls
+        result = rrt_connect(
+            query.checker, ready.start, ready.goals, query.seed, query.deadline, max_edges
+        )
+        detail = f"{result.edges} edges checked"
+        detail += "." if result.runs == 1 else f" in {result.runs} runs."
+        if result.waypoints is not None or query.deadline.passed or not query.exact:
+            return Attempt(result.waypoints, detail)
+        other = self.fallback.plan(query)
+        return replace(other, detail=f"{detail} OMPL: {other.detail}")
 
 
 def _shorter(way: Array, other: Array | None) -> Array:
@@ -145,7 +184,7 @@ def _run(
     return np.array(_branch(trees, 0, _HERE)[::-1] + _branch(trees, 1, _THERE)[1:])
 
 
-def _planted(start: Array, goals: list[Array], seed: tuple[int, int], budget: int) -> Trees:
+def _new_trees(start: Array, goals: list[Array], seed: tuple[int, int], budget: int) -> Trees:
     room, n = budget + len(goals) + 1, len(start)
     points = np.empty((2, room, n))
     points[0, 0], points[1, : len(goals)] = start, goals
@@ -178,7 +217,7 @@ def grow_kernel(
     Args:
         model: The packed robot and scene.
         slack: Distance to keep beyond the margins [m].
-        trees: Grown in place.
+        trees: RrtResult in place.
         low: Bounds to draw from, shape (n,).
         high: Likewise.
         domain: Farther than this a node that has met something is not grown.

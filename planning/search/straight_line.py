@@ -1,9 +1,14 @@
-"""The first rung of the ladder: go straight in joint space."""
+"""The first planner: a straight motion in joint space, proved free or given up at once."""
+
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from kinematics.arrays import Array
 from obstacles.checker import Checker, Motion
+from planning.planner import Query
+from planning.result import Attempt
 
 
 def straight_line(
@@ -13,7 +18,7 @@ def straight_line(
 
     Args:
         checker: The robot in its scene.
-        start: Shape (n,).
+        start: Configuration, shape (n,) [rad or m].
         goals: Configurations (n,), the most wanted first.
 
     Returns:
@@ -27,3 +32,18 @@ def straight_line(
         if motion.free:
             return np.array([start, goal]), motions
     return None, motions
+
+
+@dataclass(frozen=True, slots=True)
+class StraightLine:
+    """The planner "straight_line"."""
+
+    name: ClassVar[str] = "straight_line"
+    needs_goals: ClassVar[bool] = True
+
+    def plan(self, query: Query) -> Attempt:
+        """Try the straight joint motion to each goal in turn."""
+        waypoints, motions = straight_line(query.checker, query.ready.start, query.ready.goals)
+        if waypoints is not None or motions[0].pair is None:
+            return Attempt(waypoints, "Proved free.")
+        return Attempt(None, f"Blocked: {motions[0].pair[0]} and {motions[0].pair[1]}.")

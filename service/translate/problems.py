@@ -11,9 +11,9 @@ from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from planning.optimize.options import RefineOptions
 from planning.options import CartesianOptions, Options, ToolMotionOptions
+from planning.planners import PLANNERS
 from planning.problem import Goal, JointGoal, PoseGoal, Problem
 from planning.result import StageReport, ToolMotionReport
-from planning.search.planner import PLANNERS
 from service.schemas import plan as schema
 from service.schemas.cartesian import cartesian_options
 from service.translate import poses, timings

@@ -9,9 +9,9 @@ import pytest
 
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain
+from planning.planners import PLANNERS
 from planning.sampling.planners import PLANNERS as SAMPLING
 from planning.sampling.planners import named
-from planning.search.planner import PLANNERS
 from service.schemas.plan import PlanAnswer
 from tests.service.robots import ASIDE, FLOOR, HOME, POST, answer, problem, scene
 

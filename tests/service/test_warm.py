@@ -25,7 +25,7 @@ import numpy as np
 from obstacles.checker import Checker
 from obstacles.scene import Scene
 from planning.deadline import Deadline
-from planning.search.rrt_connect import grow
+from planning.search.rrt_connect import rrt_connect
 from service import (
     check_tasks, dynamics_tasks, kinematics_tasks, plan_tasks, potential_tasks, simulate_tasks, tasks
 )
@@ -64,7 +64,7 @@ for name, n in ROBOTS.items():
     for planner in ("auto", "rrt_connect", "potential_field"):
         ask(plan_tasks.plan, name, problem | {"planner": planner}, 5.0)
     checker = Checker.of(kinematics_tasks.library.robot(builtin_reference(name)).geometry, Scene(), 0.001)
-    grow(checker, np.array(home), [np.array(near)], 0, Deadline.after(5.0), 100)
+    rrt_connect(checker, np.array(home), [np.array(near)], 0, Deadline.after(5.0), 100)
     ask(potential_tasks.potential, name, {"joints": [home, near], "goal_joints": near, "scene": SCENE,
                                           "options": {"attractive_weights": [1.0] * n}})
     motion = {"samples": {"time": [0, 1, 3], "position": [home, near, home]}, "interpolation": "natural_spline"}

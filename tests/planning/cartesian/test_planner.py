@@ -16,8 +16,7 @@ from kinematics.robots import builtin_chain, builtin_urdf
 from kinematics.trajectory import Trajectory
 from obstacles.robot_geometry import robot_geometry
 from obstacles.scene import Scene
-from planning.cartesian.planner import path_deviation
-from planning.cartesian.tool_following import Tolerances, follow
+from planning.cartesian.tool_following import follow
 from planning.deadline import Deadline
 from planning.options import CartesianOptions, Options, ToolMotionOptions
 from planning.pipeline import plan
@@ -26,6 +25,8 @@ from planning.proof.tool_deviation import piece_deviations
 from planning.result import Failure, Plan
 from planning.timing.options import TimingOptions
 from planning.tool_motion import ToolMotion, arc_about, line
+from planning.tool_path import Tolerances
+from planning.tool_timing import path_deviation
 from tests.planning.scenes import HOME, box, builtin
 
 SPATIAL = ["panda", "ur5e", "iiwa14", "kr6_sixx", "puma560", "stanford", "elbow_wrist"]

@@ -16,7 +16,7 @@ from kinematics.trajectory import Trajectory
 from obstacles.checker import Checker
 from obstacles.scene import Scene
 from planning.constrained.ik import IkOptions, constrained_ik
-from planning.constrained.path_constraints import constrained
+from planning.constrained.path_constraints import apply_path_constraints
 from planning.constraints.constraint import Constraint, Geometric
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.joint import JointConstraint
@@ -25,7 +25,8 @@ from planning.constraints.orientation import ConeConstraint, OrientationConstrai
 from planning.constraints.position import PositionConstraint
 from planning.constraints.region import LineRegion, PlaneRegion, SphereRegion
 from planning.deadline import Deadline
-from planning.field.planner import FieldOptions, potential_field
+from planning.field.options import FieldOptions
+from planning.field.planner import potential_field
 from planning.options import Options
 from planning.pipeline import plan
 from planning.preflight import preflight
@@ -226,7 +227,7 @@ def test_a_potential_field_by_name_takes_no_step_that_leaves_a_constraint() -> N
     start, goal = at([0.35, -0.35, 0.4], NARROW), at([0.35, 0.4, 0.35], NARROW)
     constraints = ConstraintSet(CHAIN, (UPRIGHT,))
     problem = Problem(ROBOT, Scene(), start, (JointGoal(goal),), constraints=constraints)
-    ready = constrained(problem, preflight(problem, 0), 0)
+    ready = apply_path_constraints(problem, preflight(problem, 0), 0)
     assert isinstance(ready, Ready)
     checker = ready.checkers[-1]
     options = FieldOptions.of({"preset": "quick", "connect": False})

@@ -11,7 +11,8 @@ from obstacles.projection import Projector
 from obstacles.scene import Scene
 from planning.deadline import Deadline
 from planning.field.control_points import frame_origins
-from planning.field.planner import PRESETS, QUICK, FieldOptions, FieldResult, potential_field
+from planning.field.options import PRESETS, QUICK, FieldOptions
+from planning.field.planner import FieldResult, potential_field
 from planning.field.potential import Field
 from planning.field.weights import FieldWeights
 from tests.planning.scenes import HOME, box, builtin, shelf

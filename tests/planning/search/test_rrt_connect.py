@@ -12,13 +12,12 @@ from obstacles.fcl_distance import FclWorld
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from planning.deadline import Deadline
-from planning.options import Options
+from planning.planner import Query
 from planning.preflight import preflight
 from planning.problem import JointGoal, Problem
 from planning.ready import Ready
-from planning.search import planner
-from planning.search.planner import Rung
-from planning.search.rrt_connect import Grown, grow, uniform_kernel
+from planning.sampling.search import OmplPlanner
+from planning.search.rrt_connect import RrtConnect, RrtResult, rrt_connect, uniform_kernel
 from planning.search_box import search_box
 from tests.planning.scenes import HOME, box, builtin, pillar, shelf
 
@@ -29,9 +28,9 @@ MOST = 200_000
 BEFORE, BEHIND, ENCLOSED = np.array([-2.0, 0.3]), np.array([1.0, 0.3]), np.array([2.5, 0.0])
 
 
-def grown(scene: Scene, seed: int, robot: str = "panda", margin: float = 0.0) -> Grown:
+def grown(scene: Scene, seed: int, robot: str = "panda", margin: float = 0.0) -> RrtResult:
     checker = Checker.of(builtin(robot), scene, margin)
-    return grow(checker, START, [GOAL], seed, Deadline.after(30.0), MOST)
+    return rrt_connect(checker, START, [GOAL], seed, Deadline.after(30.0), MOST)
 
 
 def gate() -> Checker:
@@ -78,7 +77,7 @@ def test_seeds_differ_and_so_do_neighbours_runs() -> None:
 
 def test_a_goal_that_cannot_be_reached_does_not_stand_in_the_way() -> None:
     for goals in ([ENCLOSED, BEHIND], [BEHIND, ENCLOSED]):
-        found = grow(gate(), BEFORE, goals, 1, Deadline.after(30.0), MOST)
+        found = rrt_connect(gate(), BEFORE, goals, 1, Deadline.after(30.0), MOST)
         assert found.waypoints is not None
         assert np.array_equal(found.waypoints[-1], BEHIND)
 
@@ -87,15 +86,16 @@ def test_it_stops_at_its_edges_and_at_its_deadline() -> None:
     checker = gate()
     assert not checker.free(BEFORE, BEHIND)
     for most in (1, 250, 777, 5000):
-        found = grow(checker, BEFORE, [ENCLOSED], 0, Deadline.after(30.0), most)
+        found = rrt_connect(checker, BEFORE, [ENCLOSED], 0, Deadline.after(30.0), most)
         assert found.waypoints is None
         assert found.edges == most
     began = time.process_time()
-    found = grow(checker, BEFORE, [ENCLOSED], 0, Deadline.after(0.1), 100_000_000)
+    found = rrt_connect(checker, BEFORE, [ENCLOSED], 0, Deadline.after(0.1), 100_000_000)
     assert found.waypoints is None
     assert found.runs > 1
     assert time.process_time() - began < 0.5
-    assert grow(checker, BEFORE, [BEHIND], 0, Deadline.after(-1.0), MOST) == Grown(None, 0, 0)
+    late = rrt_connect(checker, BEFORE, [BEHIND], 0, Deadline.after(-1.0), MOST)
+    assert late == RrtResult(None, 0, 0)
 
 
 def test_it_draws_from_the_limits_or_a_turn_beyond_what_is_known() -> None:
@@ -132,14 +132,14 @@ def _ready(robot: RobotGeometry) -> tuple[Problem, Ready]:
     return problem, ready
 
 
-def test_ompl_goes_on_where_they_do_not_meet(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ompl_goes_on_where_they_do_not_meet() -> None:
     problem, ready = _ready(builtin("panda"))
-    step = Rung("rrt_connect", problem, ready, ready.checkers[-1], Options(), Deadline.after(30.0))
-    own = step.run_planner()
+    query = Query(problem, ready, ready.checkers[-1], 0, Deadline.after(30.0))
+    ompl = OmplPlanner.of("rrt_connect", {})
+    own = RrtConnect(ompl).plan(query)
     assert own.waypoints is not None
     assert "OMPL" not in own.detail
-    monkeypatch.setattr(planner, "_MOST_EDGES", 2)
-    other = step.run_planner()
+    other = RrtConnect(ompl, max_edges=2).plan(query)
     assert other.waypoints is not None
     assert other.detail.startswith("2 edges checked. OMPL: ")
     assert not np.array_equal(own.waypoints, other.waypoints)

@@ -1,0 +1,46 @@
+"""The lines and arcs that a request asks for."""
+
+import numpy as np
+
+from kinematics.arrays import Array
+from kinematics.errors import InvalidGoal, InvalidOption
+from planning.options import CartesianOptions
+from planning.tool_motion import ToolMotion, arc_about, arc_via, line
+
+
+def tool_motions(
+    T_start: Array, asked: CartesianOptions, target: Array | None = None
+) -> tuple[ToolMotion, ...]:
+    """The motions that options ask for, each from where the one before ends.
+
+    Args:
+        T_start: Pose of the tool at the start, shape (4, 4).
+        asked: The options.
+        target: The goal's pose, shape (4, 4): what one line leads to if no motions are asked for.
+
+    Raises:
+        InvalidGoal: An arc that is none; the message says which motion.
+        InvalidOption: There are neither motions nor a goal.
+    """
+    if not asked.motions:
+        if target is None:
+            raise InvalidOption("there is no motion to be carried out")
+        return (line(T_start, target),)
+    made: list[ToolMotion] = []
+    T = T_start
+    for i, item in enumerate(asked.motions):
+        end = np.array(item.T_base_tip)
+        try:
+            if item.kind == "lin":
+                made.append(line(T, end))
+            elif item.via is not None:
+                made.append(arc_via(T, end, item.via))
+            else:
+                assert item.center is not None
+                made.append(arc_about(T, end, item.center, item.normal))
+        except InvalidGoal as error:
+            raise InvalidGoal(
+                f"motions[{i}]: {error.message}", hint=error.hint, motion=i, **error.details
+            ) from None
+        T = end
+    return tuple(made)

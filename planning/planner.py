@@ -1,0 +1,52 @@
+"""The interface of planners: one question in, one attempt out."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from obstacles.checker import Checker
+from planning.deadline import Deadline
+from planning.problem import Problem
+from planning.ready import Ready
+from planning.result import Attempt
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Query:
+    """A question to a planner.
+
+    Args:
+        problem: The robot, the scene, start and goals.
+        ready: The valid start and goal configurations.
+        checker: One of the checkers in ``ready``; it proves motions free.
+        seed: Seed of everything random.
+        deadline: When to stop.
+    """
+
+    problem: Problem
+    ready: Ready
+    checker: Checker
+    seed: int
+    deadline: Deadline
+
+    @property
+    def exact(self) -> bool:
+        """Whether the checker has the robot's exact solids, not their hulls."""
+        return self.checker is self.ready.checkers[-1]
+
+
+class Planner(Protocol):
+    """Finds a path; its options are checked where it is made."""
+
+    @property
+    def name(self) -> str:
+        """Name of the planner on the wire and of its stage."""
+        ...
+
+    @property
+    def needs_goals(self) -> bool:
+        """Whether it needs goal configurations before it begins."""
+        ...
+
+    def plan(self, query: Query) -> Attempt:
+        """Look for a path."""
+        ...

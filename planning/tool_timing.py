@@ -1,0 +1,155 @@
+"""Timing of joint paths that lead the tool, from rest to rest along every motion."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from kinematics.arrays import Array
+from kinematics.chain import Chain
+from kinematics.trajectory import Trajectory, concatenate, stay
+from planning.proof.certificate import Certificate, Violation
+from planning.proof.tool_deviation import PathDeviation, piece_deviations
+from planning.result import ToolMotionReport
+from planning.timing.parametrization import TimeParametrization
+from planning.timing.path import JointPath
+from planning.tool_motion import ToolMotion
+from planning.tool_path import Tolerances, ToolPath
+
+#: How often a spline of time is given twice as many waypoints to keep nearer to its motion.
+_MAX_DOUBLINGS = 6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TimedToolPath:
+    """A tool path in time.
+
+    Args:
+        path: The joint paths with the motions of the tool.
+        parts: One trajectory for each motion in which the joints move.
+    """
+
+    path: ToolPath
+    parts: tuple[Trajectory, ...]
+
+    @property
+    def motions(self) -> tuple[ToolMotion, ...]:
+        """Motions in which the joints move, one for each part."""
+        return tuple(motion for motion, _ in self.path.moving)
+
+    @property
+    def reports(self) -> tuple[ToolMotionReport, ...]:
+        """When each motion begins and ends, and how much of it is carried out."""
+        parts = iter(self.parts)
+        reports, now = [], 0.0
+        for motion, segment in zip(self.path.motions, self.path.segments, strict=True):
+            then = now + (0.0 if segment.path is None else next(parts).duration)
+            fraction = 1.0 if segment.stop is None else segment.reached
+            reports.append(
+                ToolMotionReport(motion.kind, motion.length, motion.angle, fraction, now, then)
+            )
+            now = then
+        return tuple(reports)
+
+    def trajectory(self, chain: Chain) -> Trajectory:
+        """The parts one after the other; a short stay where there are none."""
+        if self.parts:
+            return concatenate(self.parts)
+        return stay(chain.joint_names, self.path.segments[0].start)
+
+    def bounds(self, law: TimeParametrization) -> dict[str, Array]:
+        """Limits that the trajectory keeps; splines one after the other can't keep a jerk limit."""
+        bounds = law.bounds
+        if law.method == "spline" and len(self.parts) > 1:
+            bounds.pop("jerk", None)
+        return bounds
+
+
+def time_tool_path(chain: Chain, path: ToolPath, law: TimeParametrization) -> TimedToolPath:
+    """Time every motion of a tool path, from rest to rest.
+
+    Args:
+        chain: The robot; its tip is the tool.
+        path: The joint paths.
+        law: The limits and the method.
+
+    Raises:
+        TimingFailed: No motion within the limits was found.
+    """
+    parts = [_time_motion(chain, *pair, path.tolerances, law) for pair in path.moving]
+    return TimedToolPath(path, tuple(parts))
+
+
+def _time_motion(
+    chain: Chain,
+    motion: ToolMotion,
+    path: JointPath,
+    tolerances: Tolerances,
+    law: TimeParametrization,
+) -> Trajectory:
+    if law.method != "spline":
+        return law.time(path, chain.joint_names).trajectory
+    knots = path.breaks
+    for _ in range(_MAX_DOUBLINGS):
+        timed = law.time_spline(path.sample(knots), None, "clamped", chain.joint_names).trajectory
+        _, fine, _ = piece_deviations(
+            chain, timed.breaks, timed.coefficients, motion, tolerances.pair
+        )
+        if fine.all():
+            break
+        knots = np.sort(np.concatenate([knots, 0.5 * (knots[1:] + knots[:-1])]))
+    return timed
+
+
+def with_path_deviation(
+    certificate: Certificate, chain: Chain, timed: TimedToolPath
+) -> Certificate:
+    """The certificate with the deviation of the tool from its motions, and what follows of it."""
+    deviation = path_deviation(chain, timed.motions, timed.parts, timed.path.tolerances)
+    certificate = replace(certificate, path_deviation=deviation)
+    if deviation.verified or certificate.violation is not None:
+        return certificate
+    message = f"the tool is {deviation.position:.6g} m off its motion"
+    if deviation.orientation is not None:
+        message += f", or turned off it by {deviation.orientation:.6g} rad"
+    details = {"position": deviation.position, "orientation": deviation.orientation}
+    violation = Violation("path_deviation", deviation.time, message, details)
+    return replace(certificate, verified=False, violation=violation)
+
+
+def path_deviation(
+    chain: Chain,
+    motions: Sequence[ToolMotion],
+    parts: Sequence[Trajectory],
+    tolerances: Tolerances,
+) -> PathDeviation:
+    """How far a robot's tool is off lines and arcs, bounded for every instant.
+
+    Args:
+        chain: The robot; its tip is the tool.
+        motions: What the tool is to do, in turn.
+        parts: What the joints do meanwhile, one trajectory each.
+        tolerances: What is allowed.
+    """
+    begins, worst, when, verified = 0.0, np.zeros(2), 0.0, True
+    highest = -1.0
+    for motion, part in zip(motions, parts, strict=True):
+        bounds, fine, where = piece_deviations(
+            chain, part.breaks, part.coefficients, motion, tolerances.pair
+        )
+        shares = (bounds / np.array(tolerances.pair)).max(axis=1)
+        k = int(np.argmax(shares))
+        if shares[k] > highest:
+            highest, when = float(shares[k]), begins + float(where[k])
+        worst = np.maximum(worst, bounds.max(axis=0))
+        verified = verified and bool(fine.all())
+        begins += part.duration
+    free = tolerances.orientation is None
+    return PathDeviation(
+        position=float(worst[0]),
+        orientation=None if free else float(worst[1]),
+        verified=verified,
+        time=when,
+        max_position=tolerances.position,
+        max_orientation=tolerances.orientation,
+    )
