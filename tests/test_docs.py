@@ -1,0 +1,65 @@
+"""The documents: code that runs, links that lead somewhere, an index that is complete."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
+STATUS = re.compile(
+    r"^Status: (accepted|superseded|proposed)[^.]*(\(.*\)[^.]*)*\. Date: \d{4}-\d\d-\d\d\.$"
+)
+
+
+def blocks() -> list[Any]:
+    """Python code blocks of the pages below ``docs``, in their order."""
+    found = []
+    for page in PAGES:
+        if page.parent == ROOT:
+            continue
+        codes = re.findall(r"```python\n(.*?)```", page.read_text("utf-8"), re.DOTALL)
+        found += [pytest.param(code, id=f"{page.stem}-{i}") for i, code in enumerate(codes)]
+    return found
+
+
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("code", blocks())
+def test_code_runs_as_it_stands(code: str, capsys: pytest.CaptureFixture[str]) -> None:
+    exec(compile(code, "docs", "exec"), {"__name__": "docs"})
+    assert "Failure" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_links_lead_to_files_and_headings(page: Path) -> None:
+    text = re.sub(r"```.*?```", "", page.read_text("utf-8"), flags=re.DOTALL)
+    for target in re.findall(r"\]\(([^)#\s]*(?:#[^)\s]*)?)\)", text):
+        if "://" in target:
+            continue
+        path, _, heading = target.partition("#")
+        file = page if not path else (page.parent / path).resolve()
+        assert file.exists(), f"{page.name}: {target}"
+        if heading and file.suffix == ".md":
+            assert heading in headings(file), f"{page.name}: {target}"
+
+
+def headings(page: Path) -> set[str]:
+    """Anchors of a page's headings, as they are made for Markdown on the web."""
+    lines = re.findall(r"^#+ (.*)$", page.read_text("utf-8"), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", line.lower()).replace(" ", "-") for line in lines}
+
+
+def test_every_page_is_in_the_index() -> None:
+    index = (ROOT / "docs/README.md").read_text("utf-8")
+    for page in (ROOT / "docs").glob("*.md"):
+        assert page.name == "README.md" or f"({page.name})" in index, page.name
+
+
+def test_every_decision_is_listed_with_status_and_date() -> None:
+    index = (ROOT / "docs/decisions/README.md").read_text("utf-8")
+    for page in (ROOT / "docs/decisions").glob("0*.md"):
+        lines = page.read_text("utf-8").splitlines()
+        title = lines[0].removeprefix("# ").partition(". ")[2]
+        assert f"[{title}]({page.name})" in index, page.name
+        assert STATUS.match(lines[2]), f"{page.name}: {lines[2]}"
