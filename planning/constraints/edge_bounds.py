@@ -1,4 +1,4 @@
-"""Constraints held along a motion for every instant, not at samples.
+"""Constraints along the edges of planners, bounded for every instant, not at samples.
 
 On a cell of time [t - h, t + h] joint j is q_j(t) + a_j u + e_j with |u| <= 1, a_j = q_j'(t) h and
 |e_j| <= s_j, the sum of the higher powers; it strays by delta_j = |a_j| + s_j at most. A point that
@@ -9,10 +9,10 @@ joints j carry then stays within
 of the segment x(t) + u V, V its velocity times h and l_j the most it is from axis j; a direction
 within sum s_j + (sum delta_j)^2 / 2 of A(t) + u W x A(t); an angle changes by sum delta_j at most.
 What these bounds leave open is looked at again on the halves, so the residual is bounded for all t.
+The proof bounds residuals by code of its own, ``planning.proof.residual_bounds``.
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -20,8 +20,6 @@ from kinematics.arrays import Array, Indices
 from kinematics.chain import Chain
 from kinematics.compiled.kernel import kernel
 from kinematics.forward import forward_kernel
-from kinematics.trajectory import Trajectory
-from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.row import (
     UPPER,
     RowKind,
@@ -40,56 +38,10 @@ from planning.constraints.row import (
 HOLDS, VIOLATED, UNDECIDED = 0, 1, 2
 #: Residuals that count as none along a motion: what rounding leaves of a bound that is met exactly.
 TOLERANCE = 1e-6
-#: The residual told is at most this share of a row's width above the true one.
-_SHARP = 0.02
 _JOINT, _COORDINATE, _DISTANCE, _ANGLE, _LOOK = (int(kind) for kind in list(RowKind)[:5])
 _DEPTH = 60
-_MOST_CELLS = 2_000_000
 #: Cells spent on an edge of a planner.
 EDGE_CELLS = 4_000
-
-
-class Held(NamedTuple):
-    """What was found out about the rows along a motion (m rows).
-
-    Args:
-        verdict: HOLDS, VIOLATED or UNDECIDED.
-        worst: Upper bounds of the residuals for all t, shape (m,); of what was looked at where a
-            row is violated.
-        times: When the largest residuals were found [s], shape (m,).
-        time: The earliest violation that was found [s].
-        row: The row it is of, -1 for none.
-        residual: Its residual.
-        cells: Cells that were looked at.
-    """
-
-    verdict: int
-    worst: Array
-    times: Array
-    time: float
-    row: int
-    residual: float
-    cells: int
-
-
-def held(constraints: ConstraintSet, trajectory: Trajectory) -> Held:
-    """Bound the residuals of all rows along a trajectory, for every t.
-
-    Args:
-        constraints: On the trajectory's robot.
-        trajectory: Of all its joints, in its order.
-    """
-    m = len(constraints.rows)
-    worst, times, found = np.full(m, -np.inf), np.zeros(m), np.zeros(4)
-    gaps = np.array([max(_SHARP * row.width, TOLERANCE) for row in constraints.rows])
-    verdict = hold_kernel(
-        constraints.chain.joint_types, constraints.chain.offsets, np.array(constraints.packed),
-        np.array(trajectory.breaks), np.array(trajectory.coefficients), gaps, TOLERANCE,
-        _MOST_CELLS, worst, times, found,
-    )  # fmt: skip
-    return Held(
-        int(verdict), worst, times, float(found[0]), int(found[1]), float(found[2]), int(found[3])
-    )
 
 
 def holds(chain: Chain, packed: Array, curve: Array) -> bool:
@@ -110,7 +62,7 @@ def hold_kernel(
     types: Indices, offsets: Array, packed: Array, breaks: Array, coefficients: Array,
     gaps: Array, tolerance: float, most: int, worst: Array, times: Array, found: Array,
 ) -> int:  # fmt: skip
-    """Kernel of ``held``; ``worst`` and ``times`` (m,), ``found`` (time, row, residual, cells)."""
+    """Write bounds ``worst`` and ``times`` (m,), and ``found`` (time, row, residual, cells)."""
     n, m = offsets.shape[0], packed.shape[0]
     q, linear, curved = np.empty(n), np.empty(n), np.empty(n)
     frames, E = np.empty((n, 4, 4)), np.empty((3, 3))

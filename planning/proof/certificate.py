@@ -25,13 +25,7 @@ from planning.constraints.constraint_set import ConstraintSet
 from planning.deadline import Deadline
 from planning.proof.constraints import ConstraintReport, check_motion
 from planning.proof.interval_check import RESOLUTION, sharp_enough
-from planning.proof.limits import (
-    RATIO_TOLERANCE,
-    LimitReport,
-    Violation,
-    check_continuity,
-    check_limits,
-)
+from planning.proof.limits import LimitReport, check_continuity, check_limits
 from planning.proof.motion_bounds import VALUE
 from planning.proof.pair_table import PairTable
 from planning.proof.sweep import ASKING, DONE, FULL, run
@@ -53,16 +47,8 @@ from planning.proof.sweep_state import (
     start_sweep,
 )
 from planning.proof.tool_deviation import PathDeviation
+from planning.proof.violation import Violation
 from planning.timing.effort_limits import EffortLimits
-
-__all__ = [
-    "RATIO_TOLERANCE",
-    "Certificate",
-    "LimitReport",
-    "Violation",
-    "certify",
-    "certify_limits",
-]
 
 #: A violation this near to the start or the goal, in every joint, is told as theirs [rad or m].
 _AT_AN_END = 1e-6

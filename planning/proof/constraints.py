@@ -1,15 +1,19 @@
 """How well a timed motion holds its constraints, bounded for every instant."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from kinematics.trajectory import Trajectory
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.edge_bounds import HOLDS, VIOLATED, held
-from planning.proof.limits import Violation
+from planning.constraints.row import Row
+from planning.proof.residual_bounds import (
+    ResidualBounds,
+    Verdict,
+    bound_residuals,
+    sample_residuals,
+)
+from planning.proof.violation import Violation
 
 #: Samples that tell how bad a violation gets.
 _SAMPLES = 1_000
@@ -49,35 +53,33 @@ def check_motion(
     reports: list[ConstraintReport] = []
     first: Violation | None = None
     for i, constraint in enumerate(constraints.constraints):
-        own = ConstraintSet(constraints.chain, (constraint,))
-        if not own.rows:
+        rows = [constraints.rows[k] for k in np.flatnonzero(constraints.owners == i)]
+        if not rows:
             continue
-        found = held(own, trajectory)
-        row = int(np.argmax(found.worst))
-        hard = constraint.weight is None
-        unit = own.rows[row].unit
-        worst, time = float(found.worst[row]), float(found.times[row])
-        if found.verdict == VIOLATED:
+        bounds = bound_residuals(constraints.chain, rows, trajectory)
+        k = int(np.argmax(bounds.worst))
+        worst, time = float(bounds.worst[k]), float(bounds.times[k])
+        if bounds.verdict == Verdict.VIOLATED:
             # The proof stopped at the first violation: how bad it gets is told by samples.
             times = np.linspace(0.0, trajectory.duration, _SAMPLES)
-            sampled = own.residuals(trajectory.sample(times))
-            place, row = divmod(int(np.argmax(sampled)), sampled.shape[1])
-            if sampled[place, row] > worst:
-                worst, time, unit = (
-                    float(sampled[place, row]),
-                    float(times[place]),
-                    own.rows[row].unit,
-                )
-        reports.append(ConstraintReport(i, constraint.name, worst, unit, time, hard))
-        if not hard or found.verdict == HOLDS or (first is not None and first.time <= found.time):
+            samples = sample_residuals(constraints.chain, rows, trajectory, times)
+            at, column = divmod(int(np.argmax(samples)), len(rows))
+            if samples[at, column] > worst:
+                worst, time, k = float(samples[at, column]), float(times[at]), column
+        hard = constraint.weight is None
+        reports.append(ConstraintReport(i, constraint.name, worst, rows[k].unit, time, hard))
+        if not hard or bounds.verdict == Verdict.HOLDS:
             continue
-        wrong = own.rows[found.row]
-        said = f"exceeds its bounds by {found.residual:.4g} {wrong.unit}"
-        if found.verdict != VIOLATED:
-            said = "comes too close to its bounds to be decided"
-        details: Mapping[str, Any] = {
-            "constraint": i, "residual": found.residual, "unit": wrong.unit
-        }  # fmt: skip
-        message = f"constraint {i} ({constraint.name}, {wrong.label}) {said}"
-        first = Violation("path_constraint", found.time, message, details)
+        if first is None or bounds.time < first.time:
+            first = _violation(i, constraint.name, rows[bounds.row], bounds)
     return tuple(reports), first
+
+
+def _violation(i: int, name: str, row: Row, bounds: ResidualBounds) -> Violation:
+    """The violation of constraint i by one of its rows."""
+    problem = f"exceeds its bounds by {bounds.residual:.4g} {row.unit}"
+    if bounds.verdict == Verdict.UNDECIDED:
+        problem = "comes too close to its bounds to be decided"
+    message = f"constraint {i} ({name}, {row.label}) {problem}"
+    details = {"constraint": i, "residual": bounds.residual, "unit": row.unit}
+    return Violation("path_constraint", bounds.time, message, details)

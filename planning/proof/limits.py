@@ -8,17 +8,15 @@ over cells of time that are halved until the bound is a thousandth above what is
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.chain import Limits
 from kinematics.trajectory import Trajectory
+from planning.proof.violation import RATIO_TOLERANCE, Violation
 from planning.timing.effort_limits import EffortLimits
 
-#: Ratios may exceed 1 by what the last digits of an extremum are worth.
-RATIO_TOLERANCE = 1e-9
 #: Largest jump of position and velocity between pieces [rad or m, rad/s or m/s].
 JUMP_TOLERANCE = 1e-9
 #: Jump of acceleration beyond which jerk is not bounded [rad/s^2].
@@ -42,24 +40,6 @@ class LimitReport:
     worst_ratio: float
     joint: str
     time: float
-
-
-@dataclass(frozen=True, slots=True)
-class Violation:
-    """The first thing that is wrong with a trajectory.
-
-    Args:
-        kind: "collision", "undecided", "position", "velocity", "acceleration", "jerk", "torque",
-            "tool_speed", "continuity", "start", "goal" or "time".
-        time: When it begins [s]; of "torque" and "tool_speed", when it is worst.
-        message: One sentence.
-        details: Values a program can use.
-    """
-
-    kind: str
-    time: float
-    message: str
-    details: Mapping[str, Any]
 
 
 def beyond(joint: str, value: float, limit: float) -> str:

@@ -15,7 +15,6 @@ from planning.constraints.edge_bounds import (
     TOLERANCE,
     UNDECIDED,
     VIOLATED,
-    held,
     hold_kernel,
     holds,
 )
@@ -99,9 +98,9 @@ def test_a_violation_between_samples_is_found() -> None:
     q[2, 0] = high[np.argmax(outside)] + 0.01
     rates = np.diff(q, axis=0) / np.diff(times)[:, None]
     spike = Trajectory(chain.joint_names, times, np.stack([q[:-1], rates], axis=2))
-    found = held(constraints, spike)
-    assert found.verdict == VIOLATED
-    assert 1.0 < found.time < 1.001
+    verdict, _, _, found = looked_at(chain, np.array(constraints.packed), spike)
+    assert verdict == VIOLATED
+    assert 1.0 < found[0] < 1.001
 
 
 def test_a_bound_that_is_met_exactly_holds() -> None:

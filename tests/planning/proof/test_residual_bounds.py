@@ -1,8 +1,8 @@
-"""Proofs about constraints judged by pinocchio alone: sound on both sides of the bound, and sharp.
+"""Bounds of residuals judged by pinocchio alone: sound on both sides of the bound, and sharp.
 
-The planner and the certificate share the kernel that bounds constraints, so what it says is held
-here to frames that it had no part in: along random motions each kind is measured at dense samples,
-then asked for with a tolerance just above and just below the worst that was measured.
+Along random motions each kind of constraint is measured at dense samples of pinocchio's poses, then
+asked for with a tolerance just above and just below the worst that was measured. The verdict that
+planners use for edges is held to the same frames.
 """
 
 from collections.abc import Callable
@@ -17,13 +17,21 @@ from kinematics.robots import builtin_chain, builtin_urdf
 from kinematics.trajectory import Trajectory
 from planning.constraints.constraint import Geometric
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.edge_bounds import HOLDS, TOLERANCE, VIOLATED, held, holds
+from planning.constraints.edge_bounds import holds
 from planning.constraints.joint import JointConstraint
 from planning.constraints.look_at import LookAtConstraint
 from planning.constraints.orientation import ConeConstraint, OrientationConstraint
 from planning.constraints.position import PositionConstraint
 from planning.constraints.region import LineRegion, PlaneRegion, SphereRegion
 from planning.constraints.relative_pose import RelativePoseConstraint
+from planning.proof.residual_bounds import (
+    TOLERANCE,
+    ResidualBounds,
+    Verdict,
+    bound_residuals,
+    sample_residuals,
+)
+from tests.planning.constraints.samples import some_of_each
 
 #: The bound told is at most this share of a constraint's width above the truth, as documented.
 SHARP = 0.02
@@ -62,6 +70,10 @@ class Case:
     def angular(self) -> bool:
         """Whether half a turn is all that it can be."""
         return any(word in self.name for word in ("cone", "look", "orientation"))
+
+
+def bounds_of(constraints: ConstraintSet, motion: Trajectory) -> ResidualBounds:
+    return bound_residuals(constraints.chain, constraints.rows, motion)
 
 
 def angle(a: Array, b: Array) -> Array:
@@ -139,7 +151,7 @@ def drawn(rng: np.random.Generator, reference: str) -> list[Case]:
 def test_every_kind_is_bounded_soundly_and_sharply(name: str, reference: str) -> None:
     chain, frames, rng = builtin_chain(name), Frames(name), np.random.default_rng(11)
     low, high = chain.sampling_bounds()
-    checked = dict.fromkeys((HOLDS, VIOLATED), 0)
+    checked = dict.fromkeys((Verdict.HOLDS, Verdict.VIOLATED), 0)
     for _ in range(12):
         start = rng.uniform(low, high)
         scale = 0.4 ** np.arange(6) * rng.choice([0.2, 1.0])
@@ -158,17 +170,17 @@ def test_every_kind_is_bounded_soundly_and_sharply(name: str, reference: str) ->
                 width = most + spare
                 if case.angular and width >= np.pi:
                     continue
-                found = held(ConstraintSet(chain, (case.bounded(width),)), given)
+                found = bounds_of(ConstraintSet(chain, (case.bounded(width),)), given)
                 worst = float(found.worst.max())
-                assert found.verdict == HOLDS, (case.name, spare)
+                assert found.verdict == Verdict.HOLDS, (case.name, spare)
                 assert worst >= -spare - MISSED, case.name
                 assert worst <= -spare + SHARP * 2.0 * width + MISSED, case.name
-                checked[HOLDS] += 1
+                checked[Verdict.HOLDS] += 1
             if most < 1e-3:
                 continue
             tight = ConstraintSet(chain, (case.bounded(most - 1e-5),))
-            found = held(tight, given)
-            assert found.verdict == VIOLATED, case.name
+            found = bounds_of(tight, given)
+            assert found.verdict == Verdict.VIOLATED, case.name
             at = given.sample([found.time])
             here = case.measured(*(frames.poses(at, link) for link in (chain.tip_link, reference)))
             assert here[0] > most - 1e-5 + 0.99 * TOLERANCE, case.name
@@ -181,9 +193,9 @@ def test_every_kind_is_bounded_soundly_and_sharply(name: str, reference: str) ->
                 )
                 if values[own].max() > most - 1e-5 + TOLERANCE
             )  # fmt: skip
-            checked[VIOLATED] += 1
-    assert checked[HOLDS] > 150
-    assert checked[VIOLATED] > 80
+            checked[Verdict.VIOLATED] += 1
+    assert checked[Verdict.HOLDS] > 150
+    assert checked[Verdict.VIOLATED] > 80
 
 
 def test_joints_are_bounded_by_their_extrema() -> None:
@@ -195,5 +207,47 @@ def test_joints_are_bounded_by_their_extrema() -> None:
         q = given.sample(times)[:, 3]
         for spare in (1e-4, -1e-4):
             asked = JointConstraint("panda_joint4", -50.0, float(q.max()) + 50.0 + spare, 100.0)
-            found = held(ConstraintSet(chain, (asked,)), given)
-            assert found.verdict == (HOLDS if spare > 0.0 else VIOLATED)
+            found = bounds_of(ConstraintSet(chain, (asked,)), given)
+            assert found.verdict == (Verdict.HOLDS if spare > 0.0 else Verdict.VIOLATED)
+
+
+def test_values_are_those_of_the_planner_at_every_sample() -> None:
+    """Two evaluations written apart, on every kind of row, seen from the base and from links."""
+    for name in ("panda", "stanford", "scara"):
+        chain, rng = builtin_chain(name), np.random.default_rng(5)
+        constraints = ConstraintSet(chain, tuple(some_of_each(chain, 1)))
+        coefficients = rng.normal(size=(1, chain.n, 5))
+        motion = Trajectory(chain.joint_names, np.array([0.0, 1.0]), coefficients)
+        times = np.linspace(0.0, 1.0, 60)
+        residuals = sample_residuals(chain, constraints.rows, motion, times)
+        expected = constraints.residuals(motion.sample(times))
+        np.testing.assert_allclose(residuals, expected, atol=1e-9)
+
+
+def test_a_violation_between_samples_is_found() -> None:
+    chain = builtin_chain("planar_rr")
+    asked = JointConstraint(chain.joint_names[0], 0.0, 0.5, 0.5)
+    # Out and back within a thousandth of the motion's time.
+    times = np.array([0.0, 1.0, 1.0005, 1.001, 2.0])
+    q = np.zeros((5, 2))
+    q[2, 0] = 0.51
+    rates = np.diff(q, axis=0) / np.diff(times)[:, None]
+    spike = Trajectory(chain.joint_names, times, np.stack([q[:-1], rates], axis=2))
+    bounds = bounds_of(ConstraintSet(chain, (asked,)), spike)
+    assert bounds.verdict == Verdict.VIOLATED
+    assert bounds.time == pytest.approx(1.0005 * 0.5 / 0.51 + 1.0 * (1.0 - 0.5 / 0.51), abs=1e-4)
+    assert bounds.worst[0] > 0.0
+
+
+def test_a_bound_that_is_met_exactly_holds_and_one_beyond_does_not() -> None:
+    chain = builtin_chain("panda")
+    q = np.array([0.3, -0.5, 0.1, -2.0, 0.2, 1.6, 0.4])
+    free = ConstraintSet(chain, (ConeConstraint([0, 0, 1], [0, 0, 1], 1.0),))
+    exact = float(free.values(q)[0])
+    # Only the last joint turns: the axis stays where it is, on the cone.
+    coefficients = np.zeros((1, 7, 2))
+    coefficients[0, :, 0], coefficients[0, 6, 1] = q, 1.0
+    turn = Trajectory(chain.joint_names, np.array([0.0, 1.0]), coefficients)
+    for bound, verdict in ((exact, Verdict.HOLDS), (exact - 1e-4, Verdict.VIOLATED)):
+        tight = ConstraintSet(chain, (ConeConstraint([0, 0, 1], [0, 0, 1], bound),))
+        assert bounds_of(tight, turn).verdict == verdict
