@@ -26,7 +26,8 @@ from planning.planner import Planner, Query
 from planning.planners import choose_planners
 from planning.preflight import preflight, start_only
 from planning.problem import Problem
-from planning.proof.certificate import Certificate, Violation, certify
+from planning.proof.certificate import Certificate, certify
+from planning.proof.violation import Violation
 from planning.ready import Ready
 from planning.result import Attempt, Failure, Path, Plan
 from planning.search.shortcut import shortcut

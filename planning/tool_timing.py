@@ -8,8 +8,9 @@ import numpy as np
 from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.trajectory import Trajectory, concatenate, stay
-from planning.proof.certificate import Certificate, Violation
+from planning.proof.certificate import Certificate
 from planning.proof.tool_deviation import PathDeviation, piece_deviations
+from planning.proof.violation import Violation
 from planning.result import ToolMotionReport
 from planning.timing.parametrization import TimeParametrization
 from planning.timing.path import JointPath
