@@ -5,7 +5,7 @@ from ompl import base, geometric, util
 
 from obstacles.checker import Checker
 from planning.deadline import Deadline
-from planning.preflight import preflight
+from planning.preflight.preflight import preflight
 from planning.problem import Problem
 from planning.result import Failure
 from planning.sampling.space import CertifiedEdges, joint_space, state_of

@@ -1,7 +1,8 @@
 """Diagnosis of a search that found no path: what is in the way.
 
-Which pairs stopped motions most often, near the start, near the goals and on the way; how
-free start and goals are; and which obstacles, each taken away, leave a way.
+It counts which pairs stop short motions most often, near the start, near the goals and on the way
+between them; how many of those motions are free; and which obstacles, each taken away, leave a
+path.
 """
 
 from collections import Counter
@@ -21,28 +22,37 @@ from planning.deadline import Deadline
 from planning.sampling.search import sample
 from planning.search.straight_line import straight_line
 
-#: Motions looked at of each kind, and how long those about start and goals are [rad or m].
-_MOTIONS, _SHORT = 60, 0.35
-#: Spread of motions along the straight way, as part of its length.
+#: Motions that are checked of each kind.
+_MOTIONS = 60
+#: Length of the motions about start and goals, Euclidean in joint space [rad or m].
+_SHORT = 0.35
+#: Standard deviation of motions beside the straight line, as part of its length.
 _SPREAD = 0.15
-#: Pairs told, and obstacles that are tried to be taken away.
-_TOLD, _TRIED = 8, 3
-#: Shares of the time left for looking, and of what is then left for each obstacle.
-_LOOKING, _TRYING = 0.4, 0.5
-_RANGE = {"range": 0.5}
+#: Length of the motions along the straight line, as part of it.
+_STRETCH = 0.2
+#: Pairs that are reported, the most frequent first.
+_MAX_PAIRS = 8
+#: Obstacles that are taken away in turn.
+_MAX_OBSTACLES = 3
+#: Share of the time for checking motions.
+_CHECKING_SHARE = 0.4
+#: Share of the time that is then left for the search without each obstacle.
+_SEARCH_SHARE = 0.5
+#: Options of that search: edges as long as those of a plan [rad].
+_SEARCH_OPTIONS = {"range": 0.5}
 
 
 @dataclass(slots=True)
-class _Looks:
-    """Motions that were looked at, and what stopped those that are not free."""
+class _Tally:
+    """Motions that were checked, and the pairs that stopped those that are not free."""
 
-    seen: int = 0
+    checked: int = 0
     free: int = 0
     stopped: Counter[tuple[str, str]] = field(default_factory=Counter)
 
-    def look(self, checker: Checker, a: Array, b: Array) -> None:
+    def check(self, checker: Checker, a: Array, b: Array) -> None:
         motion = checker.segment(a, b)
-        self.seen += 1
+        self.checked += 1
         self.free += motion.free
         if motion.pair is not None:
             first, second = motion.pair
@@ -50,8 +60,8 @@ class _Looks:
 
     @property
     def share(self) -> float:
-        """Of the motions that are free."""
-        return self.free / self.seen if self.seen else 0.0
+        """Share of the motions that are free."""
+        return self.free / self.checked if self.checked else 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,10 +72,10 @@ class Diagnosis:
         blocked_by: Pairs that stopped motions, with their share of those that were stopped, the
             most frequent first.
         start_freedom: Share of short random motions from the start that are free.
-        goal_freedom: The same of the goals.
-        would_unblock: Obstacles of which each, taken away alone, leaves a way that was found.
-        tried: Obstacles that were taken away.
-        motions: How many were looked at.
+        goal_freedom: Share of short random motions from the goals that are free.
+        would_unblock: Obstacles of which each, taken away alone, leaves a path that was found.
+        tried: Obstacles that were taken away in turn.
+        motions: Number of motions that were checked.
     """
 
     blocked_by: tuple[tuple[tuple[str, str], float], ...]
@@ -77,7 +87,7 @@ class Diagnosis:
 
     @property
     def details(self) -> dict[str, Any]:
-        """As values a program can use."""
+        """The diagnosis as values a program can use."""
         return {
             "blocked_by": [{"pair": list(pair), "share": share} for pair, share in self.blocked_by],
             "start_freedom": self.start_freedom,
@@ -89,7 +99,7 @@ class Diagnosis:
 
     @property
     def sentence(self) -> str:
-        """What it comes to, for a person."""
+        """The diagnosis in one sentence."""
         if not self.blocked_by:
             return "Nothing was found to be in the way of short motions."
         (a, b), share = self.blocked_by[0]
@@ -110,12 +120,12 @@ def diagnose(
     margin: float = 0.0,
     seed: int = 0,
 ) -> Diagnosis:
-    """Look for what is in the way of a motion that was not found.
+    """Find out what is in the way of a path that was not found.
 
     Args:
         robot: The arm with its geometry.
         scene: The obstacles.
-        checker: Of the two.
+        checker: The robot in that scene.
         start: Free, shape (n,).
         goals: Free, each (n,), the most wanted first.
         deadline: When to stop looking.
@@ -123,54 +133,53 @@ def diagnose(
         seed: Of the motions that are drawn; the same seed gives the same answer, time permitting.
     """
     random = np.random.default_rng(seed)
-    looking = Deadline.after(_LOOKING * deadline.remaining)
-    kinds = [_Looks(), _Looks(), _Looks()]
+    checking = Deadline.after(_CHECKING_SHARE * deadline.remaining)
+    at_start, at_goals, between = _Tally(), _Tally(), _Tally()
+    chain = checker.model.chain
     for k in range(_MOTIONS):
-        if looking.passed:
+        if checking.passed:
             break
         goal = goals[k % len(goals)]
-        kinds[0].look(checker, start, _beside(checker, start, _SHORT, random))
-        kinds[1].look(checker, goal, _beside(checker, goal, _SHORT, random))
-        kinds[2].look(checker, *_on_the_way(checker.model.chain, start, goal, random))
-    stopped: Counter[tuple[str, str]] = Counter()
-    for looks in kinds:
-        stopped.update(looks.stopped)
+        at_start.check(checker, start, _short_motion(chain, start, random))
+        at_goals.check(checker, goal, _short_motion(chain, goal, random))
+        between.check(checker, *_motion_between(chain, start, goal, random))
+    stopped = at_start.stopped + at_goals.stopped + between.stopped
     total = sum(stopped.values())
-    most = sorted(stopped.items(), key=lambda item: (-item[1], item[0]))
-    suspects = list(dict.fromkeys(name for pair, _ in most for name in pair if name in scene.ids))
-    tried, found = _without(
-        robot, scene, start, goals, suspects[:_TRIED], deadline, margin=margin, seed=seed
+    pairs = sorted(stopped.items(), key=lambda item: (-item[1], item[0]))
+    suspects = list(dict.fromkeys(name for pair, _ in pairs for name in pair if name in scene.ids))
+    tried, helping = _try_without(
+        robot, scene, start, goals, suspects[:_MAX_OBSTACLES], deadline, margin=margin, seed=seed
     )
     return Diagnosis(
-        blocked_by=tuple((pair, count / total) for pair, count in most[:_TOLD]),
-        start_freedom=kinds[0].share,
-        goal_freedom=kinds[1].share,
-        would_unblock=found,
+        blocked_by=tuple((pair, count / total) for pair, count in pairs[:_MAX_PAIRS]),
+        start_freedom=at_start.share,
+        goal_freedom=at_goals.share,
+        would_unblock=helping,
         tried=tried,
-        motions=sum(looks.seen for looks in kinds),
+        motions=at_start.checked + at_goals.checked + between.checked,
     )
 
 
-def _beside(checker: Checker, q: Array, length: float, random: np.random.Generator) -> Array:
-    limits = checker.model.chain.limits
+def _short_motion(chain: Chain, q: Array, random: np.random.Generator) -> Array:
+    """The end of a short motion from q (n,) in a random direction, inside the limits."""
     direction = random.normal(size=len(q))
-    direction *= length / float(np.linalg.norm(direction))
-    return np.asarray(np.clip(q + direction, limits.lower, limits.upper))
+    direction *= _SHORT / float(np.linalg.norm(direction))
+    return np.asarray(np.clip(q + direction, chain.limits.lower, chain.limits.upper))
 
 
-def _on_the_way(
+def _motion_between(
     chain: Chain, start: Array, goal: Array, random: np.random.Generator
 ) -> tuple[Array, Array]:
-    """A motion of a fifth of the straight way, somewhere along it and a little beside."""
-    way = goal - start
-    aside = _SPREAD * float(np.linalg.norm(way)) * random.normal(size=len(way)) / len(way) ** 0.5
-    at = random.uniform(0.0, 0.8)
-    ends = np.array([start + at * way + aside, start + (at + 0.2) * way + aside])
+    """A fifth of the straight line from start to goal, somewhere along it and a little beside."""
+    line = goal - start
+    aside = _SPREAD * float(np.linalg.norm(line)) * random.normal(size=len(line)) / len(line) ** 0.5
+    at = random.uniform(0.0, 1.0 - _STRETCH)
+    ends = np.array([start + at * line + aside, start + (at + _STRETCH) * line + aside])
     a, b = np.clip(ends, chain.limits.lower, chain.limits.upper)
     return a, b
 
 
-def _without(
+def _try_without(
     robot: RobotGeometry,
     scene: Scene,
     start: Array,
@@ -181,30 +190,32 @@ def _without(
     margin: float,
     seed: int,
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Obstacles that were taken away in turn, and those without which there is a way."""
+    """Obstacles that were taken away in turn, and those without which a path was found."""
     tried: list[str] = []
-    found: list[str] = []
+    helping: list[str] = []
     for name in suspects:
         if deadline.passed:
             break
-        own = Deadline.after(_TRYING * deadline.remaining)
-        left = tuple(obstacle for obstacle in scene.obstacles if obstacle.id != name)
-        checker = Checker.of(robot, replace(scene, obstacles=left), margin)
-        if _connected(robot.chain, checker, start, list(goals), own, seed):
-            found.append(name)
+        until = Deadline.after(_SEARCH_SHARE * deadline.remaining)
+        others = tuple(obstacle for obstacle in scene.obstacles if obstacle.id != name)
+        checker = Checker.of(robot, replace(scene, obstacles=others), margin)
+        if _has_path(robot.chain, checker, start, list(goals), until, seed):
+            helping.append(name)
         tried.append(name)
-    return tuple(tried), tuple(found)
+    return tuple(tried), tuple(helping)
 
 
-def _connected(
+def _has_path(
     chain: Chain, checker: Checker, start: Array, goals: list[Array], deadline: Deadline, seed: int
 ) -> bool:
     waypoints, _ = straight_line(checker, start, goals)
     if waypoints is not None:
         return True
     try:
-        found = sample("rrt_connect", chain, checker, start, goals, _RANGE, seed, deadline)
+        attempt = sample(
+            "rrt_connect", chain, checker, start, goals, _SEARCH_OPTIONS, seed, deadline
+        )
     except ArmwrightError:
         # A diagnosis never adds a failure of its own to the one it explains.
         return False
-    return found.waypoints is not None
+    return attempt.waypoints is not None

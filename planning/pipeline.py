@@ -24,7 +24,7 @@ from planning.optimize_stage import MOST_OFFERS, OptimizeStage, check_ends, refi
 from planning.options import Options
 from planning.planner import Planner, Query
 from planning.planners import choose_planners
-from planning.preflight import preflight, start_only
+from planning.preflight.preflight import preflight, start_only
 from planning.problem import Problem
 from planning.proof.certificate import Certificate, certify
 from planning.proof.violation import Violation

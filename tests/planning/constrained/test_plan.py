@@ -29,7 +29,7 @@ from planning.field.options import FieldOptions
 from planning.field.planner import potential_field
 from planning.options import Options
 from planning.pipeline import plan
-from planning.preflight import preflight
+from planning.preflight.preflight import preflight
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.proof.certificate import certify
 from planning.ready import Ready

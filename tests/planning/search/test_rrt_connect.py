@@ -13,7 +13,7 @@ from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from planning.deadline import Deadline
 from planning.planner import Query
-from planning.preflight import preflight
+from planning.preflight.preflight import preflight
 from planning.problem import JointGoal, Problem
 from planning.ready import Ready
 from planning.sampling.search import OmplPlanner

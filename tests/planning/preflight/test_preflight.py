@@ -12,9 +12,9 @@ from obstacles.checker import Checker
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Box, Sphere
-from planning import preflight
 from planning.options import Options
 from planning.pipeline import plan
+from planning.preflight import failures
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.ready import TOUCHING
 from planning.result import Failure, Plan
@@ -85,7 +85,7 @@ def test_many_goals_that_collide_cost_little_and_are_counted() -> None:
         searches.append(q)
 
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(preflight, "nearest_free", nearby)
+        patched.setattr(failures, "nearest_free", nearby)
         refused = plan(Problem(robot, scene, AWAY, tuple(goals)), Options(timeout=10.0))
         assert len(searches) == 1
         found = plan(Problem(robot, scene, AWAY, (*goals, JointGoal(AWAY + 0.1))), Options())

@@ -1,0 +1,140 @@
+"""Failures of starts and goals that are not valid: what is wrong, by how much, what would do."""
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+from kinematics.arrays import Array
+from kinematics.chain import Chain
+from kinematics.ik.solution import IkResult
+from obstacles.checker import Checker
+from obstacles.fcl_distance import FclWorld
+from planning.preflight.limits import LimitViolation
+from planning.preflight.nearest_free import nearest_free
+from planning.problem import Problem
+from planning.proof.limits import beyond
+from planning.ready import TOUCHING
+from planning.result import Failure
+
+End = Literal["start", "goal"]
+
+_COLLISION_CODES: dict[End, str] = {
+    "start": "START_STATE_IN_COLLISION",
+    "goal": "GOAL_IN_COLLISION",
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Refusal:
+    """A goal that is not valid.
+
+    Args:
+        code: MoveIt's name of the error.
+        failure: Says why; that takes time, and is done of one goal alone.
+    """
+
+    code: str
+    failure: Callable[[], Failure]
+
+
+def limit_failure(end: End, violation: LimitViolation) -> Failure:
+    """The failure of a start or goal outside the joint limits."""
+    where = beyond(violation.joint, violation.value, violation.limit)
+    return Failure(
+        code=f"{end.upper()}_STATE_INVALID",
+        message=f"at the {end}, {where}",
+        hint="Bring the joint inside its limits.",
+        stage=end,
+        details=violation.details,
+    )
+
+
+def collision_failure(
+    problem: Problem, end: End, q: Array, pair: tuple[str, str] | None, clearance: float
+) -> Failure:
+    """The failure of a start or goal in which something touches, or is nearer than its margin.
+
+    The depth is that of the solids themselves; a margin has none.
+
+    Args:
+        problem: What is to be planned.
+        end: Which end it is.
+        q: Its configuration, shape (n,).
+        pair: The nearest pair, where the checker knows one.
+        clearance: Clearance of that pair, margins taken off [m].
+    """
+    solids = tuple(replace(obstacle, margin=0.0) for obstacle in problem.scene.obstacles)
+    world = FclWorld(problem.robot, replace(problem.scene, obstacles=solids))
+    contacts = world.collisions(q)
+    details: dict[str, Any] = {}
+    if contacts:
+        pair, depth = contacts[0].pair, contacts[0].depth
+        message = f"{pair[0]!r} and {pair[1]!r} overlap by {depth:.4g} m"
+    else:
+        assert pair is not None
+        depth, distance = 0.0, world.apart(q, pair)
+        margin = max(distance - clearance, 0.0)
+        details = {"clearance": distance, "margin": margin}
+        message = _apart_message(pair, distance, margin)
+    nearest = nearest_free(Checker.of(problem.robot, problem.scene, problem.margin), q)
+    return Failure(
+        code=_COLLISION_CODES[end],
+        message=f"at the {end}, {message}",
+        hint=f"Move the {end} away, lower the margin, or allow the pair if contact is meant "
+        "(allowed_collisions, or touch_links of what is held).",
+        stage=end,
+        details={
+            "pair": list(pair),
+            "depth": depth,
+            "collisions": [{"pair": list(item.pair), "depth": item.depth} for item in contacts],
+            "nearest_valid": None if nearest is None else nearest.details,
+            **details,
+        },
+    )
+
+
+def _apart_message(pair: tuple[str, str], distance: float, margin: float) -> str:
+    message = f"{pair[0]!r} and {pair[1]!r} are {distance:.4g} m apart"
+    if margin > TOUCHING:
+        message += f", nearer than their margin of {margin:.4g} m"
+    return message + (": they touch" if distance <= TOUCHING else "")
+
+
+def unreachable_failure(chain: Chain, result: IkResult) -> Failure:
+    """The failure of a pose that inverse kinematics finds no configuration for."""
+    nearest = result.nearest
+    return Failure(
+        code="NO_IK_SOLUTION",
+        message=(
+            f"no configuration brings {chain.tip_link!r} to the goal's pose: the nearest is "
+            f"{nearest.position_error:.4g} m and {nearest.orientation_error:.4g} rad away"
+        ),
+        hint=result.advice,
+        stage="goal",
+        details={
+            "position_error": nearest.position_error,
+            "orientation_error": nearest.orientation_error,
+            "nearest_joints": nearest.joints.tolist(),
+        },
+    )
+
+
+def time_up_failure(checked: int, count: int) -> Failure:
+    """The failure of a search that had time for some of its goals only."""
+    return Failure(
+        code="TIMED_OUT",
+        message=f"time was up when {checked} of {count} goals had been looked at",
+        hint="Allow more time, or give fewer goals.",
+        stage="goal",
+    )
+
+
+def no_goal_failure(refusals: Sequence[Refusal]) -> Failure:
+    """The failure of the first goal; of several, how many are not valid for which reason."""
+    first = refusals[0].failure()
+    if len(refusals) == 1:
+        return first
+    counts = dict(Counter(refusal.code for refusal in refusals))
+    message = f"none of {len(refusals)} goals is valid; the first: {first.message}"
+    return replace(first, message=message, details={**first.details, "goals": counts})

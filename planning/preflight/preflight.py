@@ -1,0 +1,110 @@
+"""Checks before planning: is the start valid, is a goal, which checkers are there to plan with."""
+
+import numpy as np
+
+from kinematics.arrays import Array
+from obstacles.checker import Checker, collision_model
+from obstacles.robot_geometry import hulled
+from planning.deadline import Deadline
+from planning.preflight.failures import collision_failure, limit_failure
+from planning.preflight.goals import find_goals
+from planning.preflight.limits import snap_to_limits
+from planning.problem import JointGoal, Problem
+from planning.ready import TOUCHING, Ready, ValidStart
+from planning.result import Failure
+
+#: Planning keeps this much more than the margin, where start and goal have it to spare: it spares
+#: the certificate halving its cells down to nothing where a path would graze [m].
+_SLACK = 1e-3
+#: What is kept more than the margin where the tool is led, and the path can't be chosen [m].
+_SLACK_ALONG_MOTIONS = 1e-4
+
+
+def check_start(problem: Problem) -> ValidStart | Failure:
+    """Check the start alone: inside its limits, or moved onto them, and free."""
+    checker = Checker.of(problem.robot, problem.scene, problem.margin)
+    tolerance = problem.start_state_tolerance
+    start, violation = snap_to_limits(problem.robot.chain, problem.start, tolerance)
+    if violation is not None:
+        return limit_failure("start", violation)
+    clearance, pair = checker.clearance(start)
+    if clearance <= TOUCHING:
+        return collision_failure(problem, "start", start, pair, clearance)
+    return ValidStart(start, checker, clearance, _notes(problem.start, start))
+
+
+def start_only(problem: Problem) -> Ready | Failure:
+    """Check the start, for planners that need no goal configurations."""
+    valid = check_start(problem)
+    if isinstance(valid, Failure):
+        return valid
+    slack = min(_SLACK_ALONG_MOTIONS, 0.5 * valid.clearance)
+    return Ready(valid.joints, [], (Checker(valid.checker.model, slack),), valid.notes)
+
+
+def preflight(problem: Problem, seed: int, deadline: Deadline | None = None) -> Ready | Failure:
+    """Check the start and find configurations of the goals, or say why planning has no point.
+
+    Args:
+        problem: The robot, the scene, start and goals.
+        seed: Of inverse kinematics.
+        deadline: When to look at no more goals.
+    """
+    hulls = _hulls_checker(problem)
+    ready = None if hulls is None else _ready_in_hulls(problem, hulls)
+    if ready is not None:
+        return ready
+    valid = check_start(problem)
+    if isinstance(valid, Failure):
+        return valid
+    start = valid.joints
+    goals = find_goals(problem, valid.checker, start, seed, deadline)
+    if isinstance(goals, Failure):
+        return goals
+    slack = min(_SLACK, 0.5 * valid.clearance, 0.5 * max(goal.clearance for goal in goals))
+    clear = _nearest_first([goal.joints for goal in goals if goal.clearance > slack], start)
+    checkers = [Checker(valid.checker.model, slack)]
+    if hulls is not None:
+        quick = Checker(hulls.model, slack)
+        if all(quick.valid(q) for q in (start, *clear)):
+            checkers.insert(0, quick)
+    return Ready(start, clear, tuple(checkers), valid.notes)
+
+
+def _hulls_checker(problem: Problem) -> Checker | None:
+    """The checker of the robot in its solids' hulls; None where these are the solids."""
+    robot = hulled(problem.robot)
+    if robot is problem.robot:
+        return None
+    return Checker.of(robot, problem.scene, problem.margin)
+
+
+def _ready_in_hulls(problem: Problem, hulls: Checker) -> Ready | None:
+    """The problem made ready where even the hulls of the robot's solids are free at all ends.
+
+    Then the solids are free too: they are only packed if planning in hulls leads nowhere.
+    """
+    goals = [goal.joints for goal in problem.goals if isinstance(goal, JointGoal)]
+    if len(goals) < len(problem.goals):
+        return None
+    chain, tolerance = problem.robot.chain, problem.start_state_tolerance
+    ends = [snap_to_limits(chain, q, tolerance) for q in (problem.start, *goals)]
+    spacious = Checker(hulls.model, 2.0 * _SLACK)
+    if not all(violation is None and spacious.valid(q) for q, violation in ends):
+        return None
+    start, *goals = (q for q, _ in ends)
+    exact = collision_model(problem.robot, problem.scene, problem.margin)
+    checkers = Checker(hulls.model, _SLACK), Checker(exact, _SLACK)
+    return Ready(start, _nearest_first(goals, start), checkers, _notes(problem.start, start))
+
+
+def _nearest_first(goals: list[Array], start: Array) -> list[Array]:
+    return sorted(goals, key=lambda q: float(np.linalg.norm(q - start)))
+
+
+def _notes(asked: Array, start: Array) -> tuple[str, ...]:
+    """A note where the start was moved."""
+    if np.array_equal(start, asked):
+        return ()
+    moved = float(np.abs(start - asked).max())
+    return (f"The start was outside a limit by {moved:.3g} and was moved onto it.",)
