@@ -1,4 +1,4 @@
-"""What every model is built from: strict requests, tolerant answers, vectors."""
+"""Base models: strict requests, tolerant answers, vectors."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, Protocol, Self, TypeAlias
@@ -8,7 +8,7 @@ from pydantic_core import core_schema
 
 
 class ArrayLike(Protocol):
-    """What NumPy's arrays can do that is needed here."""
+    """An array of NumPy, by the methods used here."""
 
     def tolist(self) -> Any:
         """The values as lists."""

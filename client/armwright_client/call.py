@@ -67,7 +67,7 @@ class EventCall(Call[None]):
 
 
 class Sender(Protocol):
-    """What sends calls and waits for their answers."""
+    """Sends calls and waits for their answers."""
 
     def send(self, call: Call[A]) -> A:
         """The answer."""
@@ -80,7 +80,7 @@ class Sender(Protocol):
 
 
 class AsyncSender(Protocol):
-    """What sends calls and lets others run until their answers come."""
+    """Sends calls and awaits their answers."""
 
     async def send(self, call: Call[A]) -> A:
         """The answer."""

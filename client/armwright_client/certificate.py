@@ -107,7 +107,7 @@ class LimitValues(Request):
 
 
 class ValidateOptions(TypedDict, total=False):
-    """What a motion is to be proved against beyond the robot's own limits.
+    """Options of `validate`: margins, limits and constraints beyond the robot's own limits.
 
     Args:
         scene: What it must not hit.

@@ -65,7 +65,7 @@ else:
 
 
 class CheckOptions(TypedDict, total=False):
-    """What a configuration is to be checked against beyond the robot itself.
+    """Options of `check`: scene, margin and attached objects.
 
     Args:
         scene: What it must not hit.

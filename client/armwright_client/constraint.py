@@ -1,4 +1,4 @@
-"""What a configuration or a motion has to hold."""
+"""Constraints on configurations and motions."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias

@@ -19,7 +19,7 @@ from armwright_client.base import (
 
 
 class VelocityOptions(TypedDict, total=False):
-    """What can be asked of velocity kinematics.
+    """Options of velocity kinematics.
 
     Args:
         joint_velocities: Whose twist is asked for [rad/s or m/s].
@@ -109,7 +109,7 @@ class Payload(Request):
 
 
 class ModelOptions(TypedDict, total=False):
-    """What may be computed otherwise than the robot's description says.
+    """Changes of the robot's model: payload, motors, gravity.
 
     Args:
         gravity: In the base frame [m/s²].

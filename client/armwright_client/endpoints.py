@@ -1,9 +1,10 @@
 """The interface of the service: each request is made here and nowhere else."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Unpack
 
 from armwright_client.base import Options, RowsLike, VectorLike
+from armwright_client.batch import BatchAnswer, BatchProblem, BatchRequest
 from armwright_client.call import (
     Call,
     Endpoint,
@@ -20,303 +21,24 @@ from armwright_client.certificate import (
     ValidateRequest,
 )
 from armwright_client.check import CheckAnswer, CheckBatch, CheckOptions, CheckRequest
-from armwright_client.dynamics import (
-    DynamicsAnswer,
-    DynamicsBatch,
-    DynamicsRequest,
-    ModelOptions,
-    RegressorAnswer,
-    RegressorOptions,
-    RegressorRequest,
-    VelocityAnswer,
-    VelocityOptions,
-    VelocityRequest,
-    WrenchAnswer,
-    WrenchBatch,
-    WrenchOptions,
-    WrenchRequest,
-)
+from armwright_client.goal import GoalLike, Start, as_goal
 from armwright_client.health import Health, Readiness
 from armwright_client.job import Job, JobList
-from armwright_client.kinematics import (
-    FkAnswer,
-    FkBatch,
-    FkRequest,
-    IkAnswer,
-    IkBatch,
-    IkOptions,
-    IkRequest,
-    JacobianAnswer,
-    JacobianBatch,
-    JacobianOptions,
-    JacobianRequest,
-    Orientation,
-)
 from armwright_client.pending import cancel_call, events_call, job_call
-from armwright_client.plan import (
-    BatchAnswer,
-    BatchProblem,
-    BatchRequest,
-    GoalLike,
-    Plan,
-    PlanOptions,
-    PlanRequest,
-    Retimed,
-    RetimePath,
-    RetimeRequest,
-    RetimeTiming,
-    Start,
-    as_goal,
-)
-from armwright_client.pose import Pose
-from armwright_client.potential import (
-    PotentialAnswer,
-    PotentialBatch,
-    PotentialOptions,
-    PotentialRequest,
-)
-from armwright_client.robot import Robot, RobotArchive, RobotList, RobotUpload
+from armwright_client.plan import Plan, PlanOptions, PlanRequest
+from armwright_client.retime import Retimed, RetimePath, RetimeRequest, RetimeTiming
+from armwright_client.robot_endpoints import RobotEndpoints, page
 from armwright_client.scene import (
     ProjectAnswer,
     ProjectRequest,
     Scene,
     SceneList,
-    SceneReference,
     SceneSummary,
 )
 from armwright_client.simulation import SimulateOptions, SimulateRequest, Simulation
 from armwright_client.trajectory import Trajectory
 
-#: Meshes of a robot are taken apart into convex pieces when it is stored, which takes its time [s].
-_BUILDING = 300.0
-
-
-def _page(after: str | None, limit: int | None) -> Mapping[str, str | int]:
-    query = {"after": after, "limit": limit}
-    return {name: value for name, value in query.items() if value is not None}
-
-
-class RobotEndpoints:
-    """Robots: stored models, and what is computed of one of them."""
-
-    @Endpoint
-    def create(
-        self, robot: RobotUpload | RobotArchive, *, idempotency_key: str | None = None
-    ) -> Call[Robot]:
-        """Store a robot under a name that is free, and give the model made of it."""
-        return Call(
-            "POST",
-            path("robots"),
-            Robot.read,
-            robot,
-            key=idempotency_key,
-            deadline=_BUILDING,
-            repeatable=False,
-        )
-
-    @Endpoint
-    def get(self, name: str) -> Call[Robot]:
-        """The model of a robot."""
-        return Call("GET", path("robots", name), Robot.read)
-
-    @Endpoint
-    def delete(self, name: str) -> Call[None]:
-        """Forget a robot; built-in ones stay."""
-        return Call("DELETE", path("robots", name), nothing)
-
-    @Endpoint
-    def fk(
-        self,
-        robot: str,
-        joints: VectorLike,
-        *,
-        link: str | None = None,
-        orientation: Orientation | None = None,
-    ) -> Call[FkAnswer]:
-        """Poses of the links at a configuration [rad or m]."""
-        body = FkRequest.of(joints=joints, link=link, orientation=orientation)
-        return Call("POST", path("robots", robot, "fk"), FkAnswer.read, body)
-
-    @Endpoint
-    def fk_batch(
-        self,
-        robot: str,
-        joints: RowsLike,
-        *,
-        link: str | None = None,
-        orientation: Orientation | None = None,
-    ) -> Call[FkBatch]:
-        """Poses of the links at many configurations."""
-        body = FkRequest.of(joints=joints, link=link, orientation=orientation)
-        return Call("POST", path("robots", robot, "fk"), FkBatch.read, body)
-
-    @Endpoint
-    def jacobian(
-        self, robot: str, joints: VectorLike, **options: Unpack[JacobianOptions]
-    ) -> Call[JacobianAnswer]:
-        """The Jacobian at a configuration; see `JacobianOptions`."""
-        body = JacobianRequest.of(joints=joints, **options)
-        return Call("POST", path("robots", robot, "jacobian"), JacobianAnswer.read, body)
-
-    @Endpoint
-    def jacobian_batch(
-        self, robot: str, joints: RowsLike, **options: Unpack[JacobianOptions]
-    ) -> Call[JacobianBatch]:
-        """Jacobians at many configurations; see `JacobianOptions`."""
-        body = JacobianRequest.of(joints=joints, **options)
-        return Call("POST", path("robots", robot, "jacobian"), JacobianBatch.read, body)
-
-    @Endpoint
-    def ik(
-        self, robot: str, pose: Pose | None = None, **options: Unpack[IkOptions]
-    ) -> Call[IkAnswer]:
-        """Configurations that reach a pose or hold constraints, best first; see `IkOptions`."""
-        body = IkRequest.of(pose=pose, **options)
-        return Call("POST", path("robots", robot, "ik"), IkAnswer.read, body, deadline=body.timeout)
-
-    @Endpoint
-    def ik_batch(
-        self, robot: str, poses: Sequence[Pose], **options: Unpack[IkOptions]
-    ) -> Call[IkBatch]:
-        """Configurations that reach each of many poses; see `IkOptions`."""
-        body = IkRequest.of(poses=list(poses), **options)
-        return Call("POST", path("robots", robot, "ik"), IkBatch.read, body, deadline=body.timeout)
-
-    @Endpoint
-    def velocity(
-        self, robot: str, joints: VectorLike, **options: Unpack[VelocityOptions]
-    ) -> Call[VelocityAnswer]:
-        """The twist of joint velocities, or the least joint velocities for a twist.
-
-        See `VelocityOptions`.
-        """
-        body = VelocityRequest.of(joints=joints, **options)
-        return Call("POST", path("robots", robot, "velocity"), VelocityAnswer.read, body)
-
-    @Endpoint
-    def wrench(
-        self,
-        robot: str,
-        joints: VectorLike,
-        wrench: VectorLike,
-        **options: Unpack[WrenchOptions],
-    ) -> Call[WrenchAnswer]:
-        """Joint torques that balance a wrench [f; n] at the tip: τ = Jᵀ F; see `WrenchOptions`."""
-        body = WrenchRequest.of(joints=joints, wrench=wrench, **options)
-        return Call("POST", path("robots", robot, "wrench"), WrenchAnswer.read, body)
-
-    @Endpoint
-    def wrench_batch(
-        self,
-        robot: str,
-        joints: RowsLike,
-        wrench: VectorLike,
-        **options: Unpack[WrenchOptions],
-    ) -> Call[WrenchBatch]:
-        """Joint torques that balance a wrench at many configurations; see `WrenchOptions`."""
-        body = WrenchRequest.of(joints=joints, wrench=wrench, **options)
-        return Call("POST", path("robots", robot, "wrench"), WrenchBatch.read, body)
-
-    @Endpoint
-    def dynamics(
-        self,
-        robot: str,
-        joints: VectorLike,
-        *,
-        velocities: VectorLike | None = None,
-        accelerations: VectorLike | None = None,
-        wrench: VectorLike | None = None,
-        **options: Unpack[ModelOptions],
-    ) -> Call[DynamicsAnswer]:
-        """The equations of motion at a configuration; see `ModelOptions`."""
-        body = DynamicsRequest.of(
-            joints=joints,
-            velocities=velocities,
-            accelerations=accelerations,
-            wrench=wrench,
-            **options,
-        )
-        return Call("POST", path("robots", robot, "dynamics"), DynamicsAnswer.read, body)
-
-    @Endpoint
-    def dynamics_batch(
-        self,
-        robot: str,
-        joints: RowsLike,
-        *,
-        velocities: RowsLike | None = None,
-        accelerations: RowsLike | None = None,
-        wrench: VectorLike | None = None,
-        **options: Unpack[ModelOptions],
-    ) -> Call[DynamicsBatch]:
-        """The equations of motion at many configurations; see `ModelOptions`."""
-        body = DynamicsRequest.of(
-            joints=joints,
-            velocities=velocities,
-            accelerations=accelerations,
-            wrench=wrench,
-            **options,
-        )
-        return Call("POST", path("robots", robot, "dynamics"), DynamicsBatch.read, body)
-
-    @Endpoint
-    def potential(
-        self,
-        robot: str,
-        joints: VectorLike,
-        goal_joints: VectorLike,
-        scene: SceneReference | None = None,
-        *,
-        options: PotentialOptions | None = None,
-        timeout: float | None = None,
-    ) -> Call[PotentialAnswer]:
-        """The potential field at a configuration on the way to a goal."""
-        body = PotentialRequest.of(
-            joints=joints, goal_joints=goal_joints, scene=scene, options=options, timeout=timeout
-        )
-        return Call(
-            "POST", path("robots", robot, "potential"), PotentialAnswer.read, body, deadline=timeout
-        )
-
-    @Endpoint
-    def potential_batch(
-        self,
-        robot: str,
-        joints: RowsLike,
-        goal_joints: VectorLike,
-        scene: SceneReference | None = None,
-        *,
-        options: PotentialOptions | None = None,
-        timeout: float | None = None,
-    ) -> Call[PotentialBatch]:
-        """The potential field at many configurations."""
-        body = PotentialRequest.of(
-            joints=joints, goal_joints=goal_joints, scene=scene, options=options, timeout=timeout
-        )
-        return Call(
-            "POST", path("robots", robot, "potential"), PotentialBatch.read, body, deadline=timeout
-        )
-
-    @Endpoint
-    def regressor(
-        self,
-        robot: str,
-        joints: VectorLike,
-        velocities: VectorLike,
-        accelerations: VectorLike,
-        **options: Unpack[RegressorOptions],
-    ) -> Call[RegressorAnswer]:
-        """The equations of motion as linear in the links' parameters; see `RegressorOptions`."""
-        body = RegressorRequest.of(
-            joints=joints, velocities=velocities, accelerations=accelerations, **options
-        )
-        return Call("POST", path("robots", robot, "regressor"), RegressorAnswer.read, body)
-
-    # Last, since it hides the built-in type from what follows.
-    @Endpoint
-    def list(self, *, after: str | None = None, limit: int | None = None) -> Call[RobotList]:
-        """A page of the robots, built-in ones among them, by name."""
-        return Call("GET", path("robots"), RobotList.read, query=_page(after, limit))
+__all__ = ["JobEndpoints", "RobotEndpoints", "SceneEndpoints", "ServiceEndpoints"]
 
 
 class SceneEndpoints:
@@ -360,7 +82,7 @@ class SceneEndpoints:
     @Endpoint
     def list(self, *, after: str | None = None, limit: int | None = None) -> Call[SceneList]:
         """A page of the stored scenes, by name."""
-        return Call("GET", path("scenes"), SceneList.read, query=_page(after, limit))
+        return Call("GET", path("scenes"), SceneList.read, query=page(after, limit))
 
 
 class JobEndpoints:
@@ -387,12 +109,12 @@ class JobEndpoints:
         self, *, status: str | None = None, after: str | None = None, limit: int | None = None
     ) -> Call[JobList]:
         """A page of the jobs, newest first, perhaps only those of a status."""
-        query = dict(_page(after, limit)) | ({} if status is None else {"status": status})
+        query = dict(page(after, limit)) | ({} if status is None else {"status": status})
         return Call("GET", path("jobs"), JobList.read, query=query)
 
 
 class ServiceEndpoints:
-    """What is asked of the service as a whole."""
+    """Requests to the service as a whole."""
 
     @Endpoint
     def healthz(self) -> Call[Health]:

@@ -21,13 +21,13 @@
         ├── Unavailable                 asking again later makes sense
         │   ├── Overloaded              OVERLOADED
         │   └── NotReady                NOT_READY
-        └── one class for every other code, see `BY_CODE`
+        └── one class for every other code, see `error_codes.BY_CODE`
 """
 
-from collections.abc import Iterator, Mapping
-from types import MappingProxyType
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
+from armwright_client import details
 from armwright_client.problem import Problem
 
 
@@ -119,12 +119,12 @@ class InCollision(ApiError):
     @property
     def depth(self) -> float | None:
         """How deep [m]."""
-        return _number(self.details.get("depth"))
+        return details.number(self.details.get("depth"))
 
     @property
     def nearest_valid(self) -> list[float] | None:
         """Joints nearby that are free, where some were found; `details` say how far off."""
-        return _joints(self.details.get("nearest_valid"))
+        return details.joints_of(self.details.get("nearest_valid"))
 
 
 class StartStateInCollision(InCollision):
@@ -151,12 +151,12 @@ class OutsideLimits(ApiError):
     @property
     def value(self) -> float | None:
         """Its value [rad or m]."""
-        return _number(self.details.get("value"))
+        return details.number(self.details.get("value"))
 
     @property
     def limit(self) -> float | None:
         """The limit it violates [rad or m]."""
-        return _number(self.details.get("limit"))
+        return details.number(self.details.get("limit"))
 
 
 class StartStateInvalid(OutsideLimits):
@@ -202,7 +202,7 @@ class NoWay(ApiError):
     def blocked_by(self) -> list[tuple[tuple[str, str], float]]:
         """Pairs that stopped motions, with their share of those that were stopped."""
         found = []
-        for item in _items(self.details.get("blocked_by")):
+        for item in details.items(self.details.get("blocked_by")):
             match item:
                 case {"pair": [str(first), str(second)], "share": int() | float() as share}:
                     found.append(((first, second), float(share)))
@@ -210,8 +210,12 @@ class NoWay(ApiError):
 
     @property
     def would_unblock(self) -> list[str]:
-        """Obstacles of which each, taken away alone, leaves a way that was found."""
-        return [name for name in _items(self.details.get("would_unblock")) if isinstance(name, str)]
+        """Obstacles of which each, removed alone, opens a path that was found."""
+        return [
+            name
+            for name in details.items(self.details.get("would_unblock"))
+            if isinstance(name, str)
+        ]
 
     @property
     def reason(self) -> str | None:
@@ -222,12 +226,12 @@ class NoWay(ApiError):
     @property
     def fraction(self) -> float | None:
         """How much of the tool's motions can be carried out."""
-        return _number(self.details.get("fraction"))
+        return details.number(self.details.get("fraction"))
 
     @property
     def nearest(self) -> list[float] | None:
         """Joints where the tool's motion ends."""
-        return _joints(self.details.get("nearest"))
+        return details.joints_of(self.details.get("nearest"))
 
 
 class PlanningFailed(NoWay):
@@ -388,35 +392,3 @@ class NotReady(Unavailable):
     """The service is still starting."""
 
     code = "NOT_READY"
-
-
-def _items(value: object) -> list[object]:
-    return list(value) if isinstance(value, list) else []
-
-
-def _joints(value: object) -> list[float] | None:
-    match value:
-        case {"joints": [*joints]} if all(isinstance(q, int | float) for q in joints):
-            return [float(q) for q in joints]
-    return None
-
-
-def _number(value: object) -> float | None:
-    return float(value) if isinstance(value, int | float) else None
-
-
-def _kinds(base: type[ApiError]) -> Iterator[type[ApiError]]:
-    for kind in base.__subclasses__():
-        yield kind
-        yield from _kinds(kind)
-
-
-#: The class of every code that the service may answer.
-BY_CODE: Mapping[str, type[ApiError]] = MappingProxyType(
-    {kind.code: kind for kind in _kinds(ApiError) if kind.code}
-)
-
-
-def from_problem(problem: Problem, status: int, retry_after: float | None = None) -> ApiError:
-    """The error of a problem document; `ApiError` itself for a code that is not known here."""
-    return BY_CODE.get(problem.code, ApiError)(problem, status, retry_after)

@@ -121,7 +121,7 @@ class Gradient(Request):
 
 
 class IkOptions(TypedDict, total=False):
-    """What can be asked of inverse kinematics beyond the pose.
+    """Options of inverse kinematics.
 
     Args:
         link: The tip if left out.

@@ -8,7 +8,8 @@ from typing import Any, Generic, Protocol, TypeVar
 from pydantic_core import to_json
 
 from armwright_client.call import Call, EventCall, nothing, path
-from armwright_client.errors import ArmwrightError, TransportTimeout, from_problem
+from armwright_client.error_codes import from_problem
+from armwright_client.errors import ArmwrightError, TransportTimeout
 from armwright_client.job import Job, JobEvent
 from armwright_client.problem import Problem
 
@@ -118,7 +119,7 @@ def ended(sender: _Sender, job: str, timeout: float | None) -> Job:
     """
     pause, end = _SHORTEST, _end(timeout)
     while not (found := sender.send(job_call(job))).done:
-        time.sleep(_left(job, pause, end))
+        time.sleep(_next_pause(job, pause, end))
         pause = min(pause * _GROWTH, _LONGEST)
     return found
 
@@ -127,7 +128,7 @@ async def ended_async(sender: _AsyncSender, job: str, timeout: float | None) -> 
     """`ended` to be awaited."""
     pause, end = _SHORTEST, _end(timeout)
     while not (found := await sender.send(job_call(job))).done:
-        await asyncio.sleep(_left(job, pause, end))
+        await asyncio.sleep(_next_pause(job, pause, end))
         pause = min(pause * _GROWTH, _LONGEST)
     return found
 
@@ -136,7 +137,7 @@ def _end(timeout: float | None) -> float | None:
     return None if timeout is None else time.monotonic() + timeout
 
 
-def _left(job: str, pause: float, end: float | None) -> float:
+def _next_pause(job: str, pause: float, end: float | None) -> float:
     if end is None:
         return pause
     left = end - time.monotonic()

@@ -1,9 +1,8 @@
 """Planning problems and their answers."""
 
-from collections.abc import Sequence
-from typing import Annotated, Any, Literal, Self, TypeAlias, TypedDict
+from typing import Any, Literal, Self, TypedDict
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from armwright_client.base import (
     Answer,
@@ -12,7 +11,6 @@ from armwright_client.base import (
     Pairs,
     Positive,
     Request,
-    Rows,
     Vector,
     Vector3,
     VectorLike,
@@ -21,108 +19,12 @@ from armwright_client.certificate import Certificate, LimitValues
 from armwright_client.check import AttachedObjects
 from armwright_client.constraint import Constraints
 from armwright_client.dynamics import Payload
+from armwright_client.goal import Goal, Start
 from armwright_client.pose import Pose
-from armwright_client.problem import Problem
 from armwright_client.scene import SceneReference
 from armwright_client.trajectory import TimedTrajectory
 
 TimingMethod = Literal["toppra", "spline", "jerk_limited"]
-
-
-class Start(Request):
-    """Where a motion begins.
-
-    Args:
-        joints: The configuration [rad or m].
-        velocities: There, for a motion that is optimised; at rest if left out.
-        accelerations: There, likewise; any that keep the limits if left out.
-    """
-
-    joints: Vector
-    velocities: Vector | None = None
-    accelerations: Vector | None = None
-
-
-class SingleGoal(Request):
-    """A configuration, or a pose of the tip within tolerances [m, rad]."""
-
-    joints: Vector | None = None
-    velocities: Vector | None = None
-    accelerations: Vector | None = None
-    pose: Pose | None = None
-    position_tolerance: Positive | None = None
-    orientation_tolerance: Positive | None = None
-
-    @model_validator(mode="after")
-    def _check_form(self) -> Self:
-        given = [name for name in self._forms() if getattr(self, name) is not None]
-        if len(given) != 1:
-            raise ValueError(f"give exactly one of {', '.join(self._forms())}")
-        return self
-
-    @classmethod
-    def _forms(cls) -> tuple[str, ...]:
-        return ("joints", "pose")
-
-
-class Goal(SingleGoal):
-    """Where a motion ends: one goal, or any of several."""
-
-    any_of: list[SingleGoal] | None = None
-
-    @classmethod
-    def _forms(cls) -> tuple[str, ...]:
-        return ("joints", "pose", "any_of")
-
-    @classmethod
-    def at_joints(
-        cls,
-        joints: VectorLike,
-        *,
-        velocities: VectorLike | None = None,
-        accelerations: VectorLike | None = None,
-    ) -> Self:
-        """A configuration as the goal [rad or m], for an optimised motion passed at a velocity."""
-        return cls.of(joints=joints, velocities=velocities, accelerations=accelerations)
-
-    @classmethod
-    def at_pose(
-        cls,
-        pose: Pose,
-        *,
-        position_tolerance: float | None = None,
-        orientation_tolerance: float | None = None,
-    ) -> Self:
-        """A pose of the tip as the goal, within tolerances [m, rad]."""
-        return cls(
-            pose=pose,
-            position_tolerance=position_tolerance,
-            orientation_tolerance=orientation_tolerance,
-        )
-
-    @classmethod
-    def among(cls, goals: Sequence["GoalLike"]) -> Self:
-        """Whichever of several goals is reached best."""
-        return cls(any_of=[SingleGoal(**_given(as_goal(goal))) for goal in goals])
-
-
-#: A goal, or a pose or configuration that is one.
-GoalLike: TypeAlias = SingleGoal | Pose | VectorLike
-
-
-def as_goal(goal: GoalLike) -> Goal:
-    """The goal that is meant by a pose or a configuration."""
-    if isinstance(goal, Goal):
-        return goal
-    if isinstance(goal, SingleGoal):
-        return Goal(**_given(goal))
-    if isinstance(goal, Pose):
-        return Goal.at_pose(goal)
-    return Goal.at_joints(goal)
-
-
-def _given(goal: SingleGoal) -> dict[str, Any]:
-    return {name: value for name, value in goal if value is not None}
 
 
 class Timing(Request):
@@ -194,7 +96,7 @@ class ToolMotion(Request):
 
 
 class CartesianOptions(Request):
-    """What `planner_options` are for the planner "cartesian".
+    """`planner_options` of the planner "cartesian".
 
     Args:
         motions: In order; one line to the goal if left out.
@@ -216,7 +118,7 @@ class CartesianOptions(Request):
 
 
 class ToolMotionReport(Answer):
-    """What became of one motion of the tool.
+    """Result of one tool motion.
 
     Args:
         type: "lin" or "circ".
@@ -259,7 +161,7 @@ class Refine(Request):
 
 
 class PlanOptions(TypedDict, total=False):
-    """What can be asked of a plan beyond robot, start and goal.
+    """Options of a plan beyond robot, start and goal.
 
     Args:
         scene: What is in the way: a stored scene's name, or a scene.
@@ -314,7 +216,7 @@ class PlanRequest(Request):
 
 
 class Stage(Answer):
-    """What one stage of planning did, and how long it took [ms]."""
+    """One stage of planning: its outcome and time [ms]."""
 
     name: str
     outcome: str
@@ -330,7 +232,7 @@ class Path(Answer):
 
 
 class Reproducibility(Answer):
-    """What the same answer can be had again with."""
+    """Seed, hashes and versions that reproduce the answer."""
 
     seed: int
     robot_hash: str
@@ -377,7 +279,7 @@ class Plan(Answer):
         path: Its corners.
         trajectory: The timed motion.
         certificate: The proof that it is valid at every instant.
-        reproducibility: What the same answer can be had again with.
+        reproducibility: Seed, hashes and versions that reproduce the answer.
         fraction: How much of the motions of the planner "cartesian" was carried out.
         tool_motions: What became of each.
         stopped: Why they end early, where they do.
@@ -399,98 +301,3 @@ class Plan(Answer):
     notes: list[str] = Field(default_factory=list)
     potential_field: Descent | None = None
     progress: list[Progress] = Field(default_factory=list)
-
-
-class RetimePath(Request):
-    """Points in joint space, with the times of a spline if there are any [s]."""
-
-    joints: Rows
-    knots: Vector | None = None
-    joint_names: list[str] | None = None
-
-
-class RetimeTiming(Timing):
-    """How given points become a motion in time.
-
-    Args:
-        start_velocity: At the start, along the path; at rest if left out.
-        end_velocity: At the end, likewise.
-    """
-
-    start_velocity: Vector | None = None
-    end_velocity: Vector | None = None
-
-
-class RetimeRequest(Request):
-    """A path to be timed, within a robot's limits or those given."""
-
-    path: RetimePath
-    robot: str | None = None
-    limits: LimitValues | None = None
-    timing: RetimeTiming | None = None
-    timeout: Positive | None = None
-
-
-class Retimed(Answer):
-    """A timed motion, and what was proved of its limits.
-
-    Args:
-        status: "success".
-        trajectory: The motion.
-        certificate: Of its limits alone; not verified where times that were given break them.
-        factor: Times that were given were stretched by this.
-        needed_factor: Times have to be stretched by this for all limits to hold; 1 if they do.
-        notes: What is special about the path.
-    """
-
-    status: str
-    trajectory: TimedTrajectory
-    certificate: Certificate
-    factor: float
-    needed_factor: float
-    notes: list[str] = Field(default_factory=list)
-
-
-class BatchProblem(Request):
-    """One of many problems; what is left out is taken from the batch, see `PlanOptions`."""
-
-    robot: str | None = None
-    start: Start | None = None
-    goal: Goal | None = None
-    scene: SceneReference | None = None
-    planner: str | None = None
-    planner_options: Options | None = None
-    constraints: Constraints | None = None
-    attached: AttachedObjects | None = None
-    allowed_collisions: Pairs | None = None
-    margin: NonNegative | None = None
-    start_state_tolerance: NonNegative | None = None
-    timing: Timing | None = None
-    limits: LimitValues | None = None
-    timeout: Positive | None = None
-    seed: int | None = None
-
-    @classmethod
-    def towards(cls, goal: "GoalLike", **given: Any) -> Self:
-        """The way to a goal; `given` are other fields."""
-        return cls.of(goal=as_goal(goal), **given)
-
-
-class BatchRequest(BatchProblem):
-    """Many problems, to be answered in order."""
-
-    problems: list[PlanRequest | BatchProblem]
-
-
-class BatchAnswer(Answer):
-    """What became of each problem, in order.
-
-    Args:
-        results: A plan, or the problem document that says why there is none.
-        succeeded: How many plans there are.
-        failed: How many there are not.
-    """
-
-    results: list[Annotated[Plan | Problem, Field(union_mode="left_to_right")]]
-    succeeded: int
-    failed: int

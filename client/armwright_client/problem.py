@@ -8,7 +8,7 @@ from armwright_client.base import Answer
 
 
 class Problem(Answer):
-    """What went wrong, for a program (`code`, `details`) and for a person (`detail`, `hint`).
+    """A problem document: `code` and `details` for programs, `detail` and `hint` for people.
 
     Args:
         type: Where the kind of problem is explained.

@@ -35,7 +35,7 @@ class Retry:
 
 
 def retry_after(response: httpx.Response) -> float | None:
-    """What the header Retry-After asks for [s], None where there is none that can be read."""
+    """Seconds of the header Retry-After; None where it is missing or unreadable."""
     value = response.headers.get("retry-after", "").strip()
     if value.isascii() and value.isdigit():
         return float(value)

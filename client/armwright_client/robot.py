@@ -61,7 +61,7 @@ class JointLimits(Request):
 
 
 class RobotOptions(TypedDict, total=False):
-    """What can be said of any upload.
+    """Options of any upload.
 
     Args:
         base_link: First link of the chain, where the description leaves it open.
@@ -75,7 +75,7 @@ class RobotOptions(TypedDict, total=False):
 
 
 class RobotFields(Request):
-    """What is said of a robot beside its description; see `RobotOptions`."""
+    """Fields of an upload beside the description; see `RobotOptions`."""
 
     name: str
     base_link: str | None = None
@@ -175,7 +175,7 @@ class RobotArchive:
         return cls(name or Path(path).stem, Path(path).read_bytes(), options)
 
     def fields(self) -> dict[str, str]:
-        """What goes with the file in a form."""
+        """Form fields beside the file."""
         given = RobotFields.of(name=self.name, **self.options)
         values = given.model_dump(exclude_none=True)
         if "joint_limits" in values:

@@ -55,7 +55,7 @@ SceneReference: TypeAlias = str | Scene
 
 
 class SceneSummary(Answer):
-    """What is known of a stored scene without its obstacles.
+    """Summary of a stored scene, without its obstacles.
 
     Args:
         name: Of the scene.

@@ -13,13 +13,13 @@ from pydantic import ValidationError
 
 from armwright_client.base import Request
 from armwright_client.call import Call, EventCall
+from armwright_client.error_codes import from_problem
 from armwright_client.errors import (
     ArmwrightError,
     InvalidArgument,
     TransportError,
     TransportTimeout,
     UnexpectedAnswer,
-    from_problem,
 )
 from armwright_client.job import EventReader, Job, JobEvent
 from armwright_client.pending import AsyncPending, Pending
@@ -42,7 +42,7 @@ _EXCERPT = 200
 
 
 class ClientOptions(TypedDict, total=False):
-    """What can be chosen of a client beyond the URL.
+    """Options of a client beyond the URL.
 
     Args:
         token: Sent as ``Authorization: Bearer``.
@@ -57,7 +57,7 @@ class ClientOptions(TypedDict, total=False):
 
 
 class Wire:
-    """What sending takes, whether it is waited for or not.
+    """State shared by synchronous and asynchronous sending.
 
     Args:
         base_url: Of the service.
@@ -212,7 +212,7 @@ def as_job(call: Call[Any]) -> Call[Job]:
 
 
 def answer(call: Call[A], response: httpx.Response) -> A:
-    """What a response says.
+    """The answer in a response.
 
     Raises:
         ApiError: The service reports a problem.

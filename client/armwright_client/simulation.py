@@ -8,7 +8,7 @@ from armwright_client.trajectory import Trajectory
 
 
 class SimulateOptions(TypedDict, total=False):
-    """What may differ between the model and the robot that is simulated, and how it is run.
+    """Options of a simulation: model errors, disturbances, integration.
 
     Args:
         model_error: Errors of the controller's model: mass_scale, inertias, payload, ...
@@ -96,7 +96,7 @@ class Tube(Answer):
 
 
 class SimulationReference(Answer):
-    """What was to be followed."""
+    """The reference that the controller follows."""
 
     position: Matrix
     velocity: Matrix
@@ -125,7 +125,7 @@ class Simulation(Answer):
         time: [s].
         position: q at each time.
         velocity: q̇ at each time.
-        reference: What was to be followed.
+        reference: The reference that the controller follows.
         torque: At each time, after saturation [N m or N].
         saturated: Whether any joint wanted more than its limit.
         tracking_error: At each time.

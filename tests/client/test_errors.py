@@ -10,7 +10,8 @@ import pytest
 
 import armwright_client
 from armwright_client import errors
-from armwright_client.errors import BY_CODE, ApiError, ArmwrightError, from_problem
+from armwright_client.error_codes import BY_CODE, from_problem
+from armwright_client.errors import ApiError, ArmwrightError
 from armwright_client.problem import Problem
 from service.http.errors import KINDS
 

@@ -355,7 +355,7 @@ def test_a_matrix_that_is_no_transform_is_refused(rows: Any) -> None:
 
 
 def test_goals_are_told_apart() -> None:
-    from armwright_client.plan import as_goal
+    from armwright_client.goal import as_goal
 
     pose = ours.Pose.at(1, 2, 3)
     goal = ours.Goal.at_pose(pose, position_tolerance=0.01)

@@ -1,0 +1,64 @@
+"""Timing of paths: requests and answers."""
+
+from pydantic import Field
+
+from armwright_client.base import (
+    Answer,
+    Positive,
+    Request,
+    Rows,
+    Vector,
+)
+from armwright_client.certificate import Certificate, LimitValues
+from armwright_client.plan import Timing
+from armwright_client.trajectory import TimedTrajectory
+
+
+class RetimePath(Request):
+    """Points in joint space, with the times of a spline if there are any [s]."""
+
+    joints: Rows
+    knots: Vector | None = None
+    joint_names: list[str] | None = None
+
+
+class RetimeTiming(Timing):
+    """How given points become a motion in time.
+
+    Args:
+        start_velocity: At the start, along the path; at rest if left out.
+        end_velocity: At the end, likewise.
+    """
+
+    start_velocity: Vector | None = None
+    end_velocity: Vector | None = None
+
+
+class RetimeRequest(Request):
+    """A path to be timed, within a robot's limits or those given."""
+
+    path: RetimePath
+    robot: str | None = None
+    limits: LimitValues | None = None
+    timing: RetimeTiming | None = None
+    timeout: Positive | None = None
+
+
+class Retimed(Answer):
+    """A timed motion, and what was proved of its limits.
+
+    Args:
+        status: "success".
+        trajectory: The motion.
+        certificate: Of its limits alone; not verified where times that were given break them.
+        factor: Times that were given were stretched by this.
+        needed_factor: Times have to be stretched by this for all limits to hold; 1 if they do.
+        notes: What is special about the path.
+    """
+
+    status: str
+    trajectory: TimedTrajectory
+    certificate: Certificate
+    factor: float
+    needed_factor: float
+    notes: list[str] = Field(default_factory=list)
