@@ -1,35 +1,38 @@
-"""Three-vectors as tuples of floats, which stay in registers inside the kernels."""
+"""Vectors of three components as tuples of floats, which stay in registers inside kernels.
+
+The arithmetic is that of IEEE 754 in the order written, so that verdicts can hang on it.
+"""
 
 from kinematics.compiled.kernel import kernel
 
 Vector = tuple[float, float, float]
 
 
-@kernel(fastmath=True)
+@kernel(allocates=False)
 def add(a: Vector, b: Vector) -> Vector:
     """The sum a + b."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
-@kernel(fastmath=True)
+@kernel(allocates=False)
 def subtract(a: Vector, b: Vector) -> Vector:
     """The difference a - b."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-@kernel(fastmath=True)
+@kernel(allocates=False)
 def scale(s: float, a: Vector) -> Vector:
     """The multiple s a."""
     return s * a[0], s * a[1], s * a[2]
 
 
-@kernel(fastmath=True)
+@kernel(allocates=False)
 def dot(a: Vector, b: Vector) -> float:
     """The scalar product a . b."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@kernel(fastmath=True)
+@kernel(allocates=False)
 def cross(a: Vector, b: Vector) -> Vector:
     """The vector product a x b."""
     return (

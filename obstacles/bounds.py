@@ -4,7 +4,7 @@ import math
 
 from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
-from obstacles.gjk import Vector
+from kinematics.vec3 import Vector
 from obstacles.piece_set import CENTER, HALF, KIND, MIDDLE, POSE, RADIUS, CoreKind
 
 _HALFSPACE = int(CoreKind.HALFSPACE)

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
+from kinematics.vec3 import Vector, cross, dot, subtract
 
 Indices = NDArray[np.int64]
-Vector = tuple[float, float, float]
 #: Nearest point of the boundary, and the signed distance.
 Nearest = tuple[float, float, float, float]
 
@@ -22,30 +22,15 @@ _NO_AREA = 1e-24
 
 
 @kernel
-def _minus(a: Vector, b: Vector) -> Vector:
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
-
-
-@kernel
-def _dot(a: Vector, b: Vector) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@kernel
-def _cross(a: Vector, b: Vector) -> Vector:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-@kernel
 def _row(points: Array, i: int) -> Vector:
     return points[i, 0], points[i, 1], points[i, 2]
 
 
 @kernel
 def _on_segment(p: Vector, a: Vector, b: Vector) -> Vector:
-    ab = _minus(b, a)
-    length = _dot(ab, ab)
-    t = _dot(_minus(p, a), ab)
+    ab = subtract(b, a)
+    length = dot(ab, ab)
+    t = dot(subtract(p, a), ab)
     if t <= 0.0 or length == 0.0:
         return a
     if t >= length:
@@ -61,13 +46,13 @@ def nearest_on_triangle(p: Vector, a: Vector, b: Vector, c: Vector) -> Vector:
     The barycentric coordinates come from n = ab x ac, which keeps the digits that products of
     lengths would lose where p is far away. Source: "Real-time collision detection", 5.1.5.
     """
-    ab, ac, ap = _minus(b, a), _minus(c, a), _minus(p, a)
-    n = _cross(ab, ac)
-    square = _dot(n, n)
-    sides = _dot(ab, ab) * _dot(ac, ac)
+    ab, ac, ap = subtract(b, a), subtract(c, a), subtract(p, a)
+    n = cross(ab, ac)
+    square = dot(n, n)
+    sides = dot(ab, ab) * dot(ac, ac)
     best, nearest = np.inf, a
     if square > _NO_AREA * sides:
-        v, w = _dot(n, _cross(ap, ac)) / square, _dot(n, _cross(ab, ap)) / square
+        v, w = dot(n, cross(ap, ac)) / square, dot(n, cross(ab, ap)) / square
         if v >= 0.0 and w >= 0.0 and v + w <= 1.0:
             nearest = (
                 a[0] + ab[0] * v + ac[0] * w,
@@ -76,8 +61,8 @@ def nearest_on_triangle(p: Vector, a: Vector, b: Vector, c: Vector) -> Vector:
             )
             if square > _SLIVER * sides:
                 return nearest
-            gap = _minus(p, nearest)
-            best = _dot(gap, gap)
+            gap = subtract(p, nearest)
+            best = dot(gap, gap)
     for edge in range(3):
         if edge == 0:
             q = _on_segment(p, a, b)
@@ -85,9 +70,9 @@ def nearest_on_triangle(p: Vector, a: Vector, b: Vector, c: Vector) -> Vector:
             q = _on_segment(p, b, c)
         else:
             q = _on_segment(p, c, a)
-        gap = _minus(p, q)
-        if _dot(gap, gap) < best:
-            best, nearest = _dot(gap, gap), q
+        gap = subtract(p, q)
+        if dot(gap, gap) < best:
+            best, nearest = dot(gap, gap), q
     return nearest
 
 
@@ -105,7 +90,7 @@ def nearest_on_hull(
     for f in range(triangles.shape[0]):
         if solid:
             n = (planes[f, 0], planes[f, 1], planes[f, 2])
-            above = _dot(n, p) - planes[f, 3]
+            above = dot(n, p) - planes[f, 3]
             if above > height:
                 height, face = above, f
             if above <= 0.0 or above * above >= best:
@@ -116,8 +101,8 @@ def nearest_on_hull(
             _row(vertices, triangles[f, 1]),
             _row(vertices, triangles[f, 2]),
         )
-        gap = _minus(p, q)
-        square = _dot(gap, gap)
+        gap = subtract(p, q)
+        square = dot(gap, gap)
         if square < best:
             best, nearest = square, q
     if solid and height <= 0.0:
@@ -142,15 +127,15 @@ def mesh_distances(points: Array, vertices: Array, triangles: Indices, distances
         for k in range(3):
             balls[i, k] = (a[k] + b[k] + c[k]) / 3.0
         center = _row(balls, i)
-        da, db, dc = _minus(a, center), _minus(b, center), _minus(c, center)
-        balls[i, 3] = np.sqrt(max(_dot(da, da), _dot(db, db), _dot(dc, dc)))
+        da, db, dc = subtract(a, center), subtract(b, center), subtract(c, center)
+        balls[i, 3] = np.sqrt(max(dot(da, da), dot(db, db), dot(dc, dc)))
     for m in range(points.shape[0]):
         p = _row(points, m)
         best = np.inf
         for i in range(f):
-            gap = _minus(p, _row(balls, i))
+            gap = subtract(p, _row(balls, i))
             reach = best + balls[i, 3]
-            if _dot(gap, gap) >= reach * reach:
+            if dot(gap, gap) >= reach * reach:
                 continue
             q = nearest_on_triangle(
                 p,
@@ -158,8 +143,8 @@ def mesh_distances(points: Array, vertices: Array, triangles: Indices, distances
                 _row(vertices, triangles[i, 1]),
                 _row(vertices, triangles[i, 2]),
             )
-            gap = _minus(p, q)
-            best = min(best, np.sqrt(_dot(gap, gap)))
+            gap = subtract(p, q)
+            best = min(best, np.sqrt(dot(gap, gap)))
         distances[m] = best
 
 
@@ -192,7 +177,7 @@ def nearest_on_box(p: Vector, half: Vector) -> Nearest:
     y = min(max(p[1], -half[1]), half[1])
     z = min(max(p[2], -half[2]), half[2])
     gap = (p[0] - x, p[1] - y, p[2] - z)
-    return x, y, z, np.sqrt(_dot(gap, gap))
+    return x, y, z, np.sqrt(dot(gap, gap))
 
 
 @kernel
@@ -222,8 +207,8 @@ def nearest_on_cone(p: Vector, radius: float, half: float) -> Nearest:
     flat = (r, 0.0, p[2])
     rim, apex, center = (radius, 0.0, -half), (0.0, 0.0, half), (0.0, 0.0, -half)
     on_slope, on_base = _on_segment(flat, apex, rim), _on_segment(flat, center, rim)
-    to_slope, to_base = _minus(flat, on_slope), _minus(flat, on_base)
-    slope, base = _dot(to_slope, to_slope), _dot(to_base, to_base)
+    to_slope, to_base = subtract(flat, on_slope), subtract(flat, on_base)
+    slope, base = dot(to_slope, to_slope), dot(to_base, to_base)
     nearest = on_slope if slope <= base else on_base
     distance = np.sqrt(min(slope, base))
     inside = p[2] >= -half and 2.0 * half * r + radius * (p[2] - half) <= 0.0

@@ -14,15 +14,8 @@ import numpy as np
 
 from kinematics.arrays import Array, Indices
 from kinematics.compiled.kernel import kernel
-from obstacles.gjk import (
-    Vector,
-    cross,
-    dot,
-    minus,
-    nearest_on_simplex,
-    support,
-    wall_distance,
-)
+from kinematics.vec3 import Vector, cross, dot, subtract
+from obstacles.gjk import nearest_on_simplex, support, wall_distance
 from obstacles.piece_set import KIND, ROUNDING, CoreKind
 from obstacles.support_table import Lists
 
@@ -81,7 +74,7 @@ def contact(
     square = np.inf
     for iteration in range(_MAX_ITERATIONS):
         p, r = _supports(a, i, b, j, corners, tables, (-v[0], -v[1], -v[2]))
-        w = minus(p, r)
+        w = subtract(p, r)
         length = math.sqrt(dot(v, v))
         plane = dot(v, w) / length
         if plane > lower:
@@ -130,13 +123,13 @@ def _weights(S: Array, count: int, v: Vector) -> Vector:
     if count == 1:
         return 1.0, 0.0, 0.0
     a = (S[0, 0], S[0, 1], S[0, 2])
-    ab = minus((S[1, 0], S[1, 1], S[1, 2]), a)
-    av = minus(v, a)
+    ab = subtract((S[1, 0], S[1, 1], S[1, 2]), a)
+    av = subtract(v, a)
     if count == 2:
         square = dot(ab, ab)
         t = dot(av, ab) / square if square > 0.0 else 0.0
         return 1.0 - t, t, 0.0
-    ac = minus((S[2, 0], S[2, 1], S[2, 2]), a)
+    ac = subtract((S[2, 0], S[2, 1], S[2, 2]), a)
     bb, bc, cc = dot(ab, ab), dot(ab, ac), dot(ac, ac)
     vb, vc = dot(av, ab), dot(av, ac)
     area = bb * cc - bc * bc
@@ -180,7 +173,7 @@ def _overlap(
         out = _next_direction(grown, used - 1) if used > 1 else axis
         back = (-out[0], -out[1], -out[2])
         p, r = _supports(a, i, b, j, corners, tables, back)
-        return dot(out, minus(p, r)) - rounding, out, _rounded(r, out, b[j, ROUNDING])
+        return dot(out, subtract(p, r)) - rounding, out, _rounded(r, out, b[j, ROUNDING])
     faces, planes = np.empty((_FACES, 3), dtype=np.int64), np.empty((_FACES, 4))
     made = 0
     for skipped in range(4):
@@ -192,7 +185,7 @@ def _overlap(
         best = int(np.argmin(planes[:made, 3]))
         n = (planes[best, 0], planes[best, 1], planes[best, 2])
         p, r = _supports(a, i, b, j, corners, tables, n)
-        w = minus(p, r)
+        w = subtract(p, r)
         reach = dot(n, w)
         if reach < depth:
             depth, normal = reach, n
@@ -224,7 +217,7 @@ def _first_corners(
             turn = 1.0 - 2.0 * sign
             n = (turn * d[0], turn * d[1], turn * d[2])
             p, r = _supports(a, i, b, j, corners, tables, n)
-            w = minus(p, r)
+            w = subtract(p, r)
             along = 1.0
             if found:
                 along = dot(n, (w[0] - grown[0, 0], w[1] - grown[0, 1], w[2] - grown[0, 2]))
@@ -246,7 +239,7 @@ def _next_direction(corners: Array, found: int) -> Vector:
         if length == 0.0:
             return 0.0, 1.0, 0.0
         return -a[0] / length, -a[1] / length, -a[2] / length
-    ab = minus((corners[1, 0], corners[1, 1], corners[1, 2]), a)
+    ab = subtract((corners[1, 0], corners[1, 1], corners[1, 2]), a)
     if found == 1:
         x, y, z = abs(ab[0]), abs(ab[1]), abs(ab[2])
         least = (0.0, 1.0, 0.0) if y <= z else (0.0, 0.0, 1.0)
@@ -254,7 +247,7 @@ def _next_direction(corners: Array, found: int) -> Vector:
             least = (1.0, 0.0, 0.0)
         n = cross(ab, least)
     else:
-        n = cross(ab, minus((corners[2, 0], corners[2, 1], corners[2, 2]), a))
+        n = cross(ab, subtract((corners[2, 0], corners[2, 1], corners[2, 2]), a))
     length = math.sqrt(dot(n, n))
     return (n[0] / length, n[1] / length, n[2] / length) if length > 0.0 else (1.0, 0.0, 0.0)
 
@@ -265,7 +258,7 @@ def _plane(corners: Array, p: int, q: int, r: int) -> tuple[float, float, float,
     a = (corners[p, 0], corners[p, 1], corners[p, 2])
     b = (corners[q, 0], corners[q, 1], corners[q, 2])
     c = (corners[r, 0], corners[r, 1], corners[r, 2])
-    n = cross(minus(b, a), minus(c, a))
+    n = cross(subtract(b, a), subtract(c, a))
     length = math.sqrt(dot(n, n))
     if not length > 1e-18:
         return 0.0, 0.0, 0.0, np.inf

@@ -17,6 +17,7 @@ import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
+from kinematics.vec3 import Vector, cross, dot, subtract
 from obstacles.piece_set import KIND, POSE, ROUNDING, SIZE, START, STOP, TABLE, CoreKind
 from obstacles.support_table import Lists, cell_of
 
@@ -38,7 +39,6 @@ _KNOWN = 0.8
 #: A core distance below this [m] is contact: what is left of the digits can't tell more.
 _CONTACT = 1e-12
 
-Vector = tuple[float, float, float]
 #: The motion of one body seen from another around a configuration: by how much its ball's centre is
 #: displaced (3) and how far it turns (3), both to first order, the ball's radius, what the first
 #: order leaves out at most, and the most that any point moves [m, rad].
@@ -108,24 +108,6 @@ def support(rows: Array, i: int, corners: Array, tables: Lists, d: Vector) -> Ve
 
 
 @kernel(allocates=False)
-def dot(a: Vector, b: Vector) -> float:
-    """Scalar product."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@kernel(allocates=False)
-def minus(a: Vector, b: Vector) -> Vector:
-    """Difference."""
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
-
-
-@kernel(allocates=False)
-def cross(a: Vector, b: Vector) -> Vector:
-    """Vector product."""
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-@kernel(allocates=False)
 def row(S: Array, i: int) -> Vector:
     """Row i of S (k, 3)."""
     return S[i, 0], S[i, 1], S[i, 2]
@@ -140,7 +122,7 @@ def put(S: Array, i: int, p: Vector) -> None:
 @kernel(allocates=False)
 def nearest_on_segment(a: Vector, b: Vector, S: Array) -> tuple[Vector, int]:
     """Point of segment ab nearest to the origin; the corners it needs are left in S."""
-    ab = minus(b, a)
+    ab = subtract(b, a)
     length = dot(ab, ab)
     t = -dot(a, ab)
     if t <= 0.0 or length == 0.0:
@@ -161,7 +143,7 @@ def nearest_on_triangle(a: Vector, b: Vector, c: Vector, S: Array) -> tuple[Vect
 
     By the regions of the corners, edges and face ("Real-time collision detection", 5.1.5).
     """
-    ab, ac = minus(b, a), minus(c, a)
+    ab, ac = subtract(b, a), subtract(c, a)
     d1, d2 = -dot(ab, a), -dot(ac, a)
     if d1 <= 0.0 and d2 <= 0.0:
         put(S, 0, a)
@@ -201,9 +183,9 @@ def nearest_on_triangle(a: Vector, b: Vector, c: Vector, S: Array) -> tuple[Vect
 @kernel(allocates=False)
 def _outside(a: Vector, b: Vector, c: Vector, opposite: Vector) -> bool:
     """Whether the origin is not strictly on the side of face abc where ``opposite`` is."""
-    normal = cross(minus(b, a), minus(c, a))
+    normal = cross(subtract(b, a), subtract(c, a))
     origin = -dot(a, normal)
-    inside = dot(minus(opposite, a), normal)
+    inside = dot(subtract(opposite, a), normal)
     return origin * inside <= 0.0
 
 
@@ -262,7 +244,7 @@ def wall_distance(
     r = a[i, ROUNDING]
     p = (p[0] - r * n[0], p[1] - r * n[1], p[2] - r * n[2])
     origin = (b[wall, POSE + 3], b[wall, POSE + 7], b[wall, POSE + 11])
-    return dot(n, minus(p, origin)), n, p
+    return dot(n, subtract(p, origin)), n, p
 
 
 @kernel(allocates=False)
@@ -332,7 +314,7 @@ def separation(
     for iteration in range(_MAX_ITERATIONS):
         p = support(a, i, corners, tables, (-v[0], -v[1], -v[2]))
         q = support(b, j, corners, tables, v)
-        w = minus(p, q)
+        w = subtract(p, q)
         length = math.sqrt(square)
         plane = dot(v, w) / length
         if plane - rounding > lower:

@@ -12,10 +12,11 @@ import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
+from kinematics.vec3 import Vector
 from obstacles.bounds import quick_bound
 from obstacles.bvh import FIRST
 from obstacles.epa import contact
-from obstacles.gjk import FARTHER, STILL, Vector, separation, support
+from obstacles.gjk import FARTHER, STILL, separation, support
 from obstacles.mesh_distance import DESK, STACK, surface_distance
 from obstacles.piece_set import (
     CENTER,

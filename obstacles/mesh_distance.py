@@ -11,9 +11,10 @@ import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
+from kinematics.vec3 import Vector
 from obstacles.bounds import quick_bound
 from obstacles.bvh import FIRST, SKIP
-from obstacles.gjk import BETWEEN, CLOSER, FARTHER, STILL, Vector, separation, support
+from obstacles.gjk import BETWEEN, CLOSER, FARTHER, STILL, separation, support
 from obstacles.piece_set import (
     ANCHOR,
     ANCHOR_STOP,

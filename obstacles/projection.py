@@ -19,10 +19,10 @@ from numpy.typing import ArrayLike, NDArray
 from kinematics.arrays import Array, frozen
 from kinematics.compiled.kernel import kernel
 from kinematics.errors import InvalidScene
+from kinematics.vec3 import Vector
 from obstacles.closest_point import (
     Indices,
     Nearest,
-    Vector,
     nearest_on_box,
     nearest_on_cone,
     nearest_on_cylinder,

@@ -12,10 +12,11 @@ import numpy as np
 
 from kinematics.arrays import Array, Indices
 from kinematics.compiled.kernel import kernel
+from kinematics.vec3 import Vector
 from obstacles.bounds import balls_apart, quick_bound
 from obstacles.bvh import FIRST, LAST, SKIP, gap
 from obstacles.epa import contact
-from obstacles.gjk import BETWEEN, CLOSER, FARTHER, STILL, Vector, separation
+from obstacles.gjk import BETWEEN, CLOSER, FARTHER, STILL, separation
 from obstacles.kernel_work import Workspace, place, visit, workspace
 from obstacles.mesh_distance import DESK, surface_distance
 from obstacles.model_arrays import ModelArrays

@@ -19,7 +19,7 @@ import numpy as np
 
 from kinematics.arrays import Array, Indices
 from kinematics.compiled.kernel import kernel
-from obstacles.gjk import cross, dot
+from kinematics.vec3 import cross, dot
 
 #: Times that cells and balls are fitted to each other, each time there are twice as many, and last.
 _BETWEEN, _ROUNDS = 3, 8

@@ -14,12 +14,13 @@ import numpy as np
 from kinematics.arrays import Array, Indices
 from kinematics.compiled.kernel import kernel
 from kinematics.forward import forward_kernel
+from kinematics.vec3 import Vector, dot, subtract
 from obstacles.ball_distance import bound_from, closed_form
 from obstacles.bounds import balls_apart, quick_bound
 from obstacles.brackets import AFTER, INNER, OUTER
 from obstacles.bvh import FIRST, LAST, SKIP, gap
 from obstacles.edge_check import COLLIDING, FREE, UNDECIDED
-from obstacles.gjk import CLOSER, FARTHER, STILL, Vector, dot, minus, separation
+from obstacles.gjk import CLOSER, FARTHER, STILL, separation
 from obstacles.kernel_work import Workspace, place_row, workspace
 from obstacles.mesh_distance import surface_distance
 from obstacles.model_arrays import ModelArrays
@@ -217,7 +218,7 @@ def _bracket_pair(
     middle, far = _moved(spheres, b, frames, b_joint), spheres[b, OUTER] + apart + _ROUNDING_ERROR
     while a < a_end:
         center = _moved(spheres, a, frames, a_joint)
-        away = minus(center, middle)
+        away = subtract(center, middle)
         if dot(away, away) > (spheres[a, OUTER] + far) ** 2:
             a = int(spheres[a, AFTER])
             continue
@@ -228,7 +229,7 @@ def _bracket_pair(
             continue
         other, reach = b, spheres[a - 1, OUTER] + apart + _ROUNDING_ERROR
         while other < b_end:
-            away = minus(center, _moved(spheres, other, frames, b_joint))
+            away = subtract(center, _moved(spheres, other, frames, b_joint))
             distance = math.sqrt(dot(away, away))
             if distance > spheres[other, OUTER] + reach:
                 other = int(spheres[other, AFTER])

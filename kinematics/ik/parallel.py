@@ -27,12 +27,12 @@ from kinematics.ik.spherical import (
 from kinematics.ik.subproblem import (
     EXACT,
     TINY,
-    Vector,
     cosine_kernel,
     elbow_kernel,
     orient_kernel,
     pair_kernel,
 )
+from kinematics.vec3 import Vector
 
 __all__ = ["TIP", "parallel_kernel"]
 

@@ -20,27 +20,22 @@ from kinematics.ik.spherical import (
     back_kernel,
     flange_kernel,
 )
-from kinematics.ik.subproblem import TINY, Vector, cosine_kernel, orient_kernel
+from kinematics.ik.subproblem import TINY, cosine_kernel, orient_kernel
+from kinematics.vec3 import Vector, cross, dot
 
 Turns = tuple[float, float, float, float, float, float]
 
 
 @kernel(allocates=False)
-def cross_kernel(a: Vector, b: Vector) -> Vector:
-    """The cross product."""
-    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
-
-
-@kernel(allocates=False)
 def _unit(a: Vector) -> Vector:
-    r = math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
+    r = math.sqrt(dot(a, a))
     return (a[0] / r, a[1] / r, a[2] / r)
 
 
 @kernel(allocates=False)
 def _across(a: Vector, unit: Vector) -> Vector:
     """The direction of ``a`` across ``unit``."""
-    d = a[0] * unit[0] + a[1] * unit[1] + a[2] * unit[2]
+    d = dot(a, unit)
     return _unit((a[0] - d * unit[0], a[1] - d * unit[1], a[2] - d * unit[2]))
 
 
@@ -94,10 +89,8 @@ def arm_angle_kernel(plan: Array, angles: Array) -> float:
         g2 = _turn(plan, j, c, d, g2)
     s = _unit(s)
     r = _reference(s)
-    t = cross_kernel(s, r)
-    return math.atan2(
-        g2[0] * t[0] + g2[1] * t[1] + g2[2] * t[2], g2[0] * r[0] + g2[1] * r[1] + g2[2] * r[2]
-    )
+    t = cross(s, r)
+    return math.atan2(dot(g2, t), dot(g2, r))
 
 
 @kernel(allocates=False)
@@ -121,13 +114,13 @@ def redundant_kernel(
     """Add the candidates for one pose and arm angle; arguments as ``spherical_kernel`` has them."""
     x, z, o = flange_kernel(plan, t)
     r0, a, b = _reach(plan)
-    square = o[0] * o[0] + o[1] * o[1] + o[2] * o[2]
+    square = dot(o, o)
     status, cp, sp, cd, sd = cosine_kernel(a, b, square - r0, slack)
     if status != 1 or square < TINY:
         return count
     s = _unit(o)
     r = _reference(s)
-    t2 = cross_kernel(s, r)
+    t2 = cross(s, r)
     ca, sa = math.cos(angle), math.sin(angle)
     for j in range(2):
         side = 1.0 - 2.0 * j
@@ -137,13 +130,13 @@ def redundant_kernel(
         f, normal = _elbow(plan, c4, s4)
         e1 = _unit(f)
         e2 = _across(normal, e1)
-        e3 = cross_kernel(e1, e2)
+        e3 = cross(e1, e2)
         g2 = (
             side * (ca * r[0] + sa * t2[0]),
             side * (ca * r[1] + sa * t2[1]),
             side * (ca * r[2] + sa * t2[2]),
         )
-        g3 = cross_kernel(s, g2)
+        g3 = cross(s, g2)
         # R = [s g2 g3] [e1 e2 e3]^T by columns.
         m0 = _mix(s, g2, g3, e1[0], e2[0], e3[0])
         m1 = _mix(s, g2, g3, e1[1], e2[1], e3[1])
@@ -168,9 +161,7 @@ def _behind(
     plan: Array, c4: float, s4: float, m0: Vector, m1: Vector, m2: Vector, v: Vector
 ) -> Vector:
     """A direction as the frame before joint 5's turn sees it."""
-    x = m0[0] * v[0] + m0[1] * v[1] + m0[2] * v[2]
-    y = m1[0] * v[0] + m1[1] * v[1] + m1[2] * v[2]
-    z = m2[0] * v[0] + m2[1] * v[1] + m2[2] * v[2]
+    x, y, z = dot(m0, v), dot(m1, v), dot(m2, v)
     x, y, z = back_kernel(1.0, 0.0, plan[4], x, y, z)
     return back_kernel(c4, s4, plan[5], x, y, z)
 

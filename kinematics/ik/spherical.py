@@ -16,14 +16,8 @@ import math
 from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
 from kinematics.compiled.simd import on_stack
-from kinematics.ik.subproblem import (
-    TINY,
-    Vector,
-    cosine_kernel,
-    elbow_kernel,
-    orient_kernel,
-    pair_kernel,
-)
+from kinematics.ik.subproblem import TINY, cosine_kernel, elbow_kernel, orient_kernel, pair_kernel
+from kinematics.vec3 import Vector
 
 #: Rows of a plan: what ``structure`` packs and the kernels read.
 TIP, WRIST, SHOULDER, LOCKED, LOCKED_TIP, ROWS = 8, 9, 10, 11, 12, 13

@@ -14,8 +14,8 @@ from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
 from kinematics.compiled.simd import on_stack
 from kinematics.polynomial import horner_kernel, unit_roots_kernel
+from kinematics.vec3 import Vector
 
-Vector = tuple[float, float, float]
 Angles = tuple[int, float, float, float, float, float, float]
 
 #: Lengths [m] and sines below this are rounding: the angle about such a lever is free.

@@ -20,12 +20,11 @@ from kinematics.arrays import Array, Indices
 from kinematics.chain import Chain
 from kinematics.compiled.kernel import kernel
 from kinematics.forward import forward_kernel
+from kinematics.vec3 import cross, dot
 from planning.constraints.row import (
     UPPER,
     RowKind,
     axis_kernel,
-    cross,
-    dot,
     log_kernel,
     point_kernel,
     residual_kernel,

@@ -25,6 +25,7 @@ import numpy as np
 
 from kinematics.arrays import Array, Indices, frozen
 from kinematics.compiled.kernel import kernel
+from kinematics.vec3 import cross, dot
 
 Unit = Literal["rad", "m"]
 
@@ -119,20 +120,6 @@ def turned_back(R: Array, x: float, y: float, z: float) -> tuple[float, float, f
         R[0, 1] * x + R[1, 1] * y + R[2, 1] * z,
         R[0, 2] * x + R[1, 2] * y + R[2, 2] * z,
     )
-
-
-@kernel
-def cross(
-    a: tuple[float, float, float], b: tuple[float, float, float]
-) -> tuple[float, float, float]:
-    """The vector product of a and b."""
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-@kernel
-def dot(a: tuple[float, float, float], b: tuple[float, float, float]) -> float:
-    """The scalar product of a and b."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @kernel
