@@ -12,40 +12,7 @@ from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.compiled.kernel import kernel
 from kinematics.errors import MissingInertia
-
-#: A pivot this much smaller than its diagonal entry is rounding error, not inertia.
-_PIVOT_RATIO = 1e-14
-
-
-@kernel
-def cholesky_solve_kernel(M: Array, x: Array) -> int:
-    """Solve M x = b in place for positive definite M (n, n), which is overwritten; x (n,) is b.
-
-    Returns:
-        -1, or the first row whose pivot is not positive (x is then meaningless).
-    """
-    n = x.shape[0]
-    for i in range(n):
-        diagonal = M[i, i]
-        for j in range(i + 1):
-            s = M[i, j]
-            for k in range(j):
-                s -= M[i, k] * M[j, k]
-            if i > j:
-                M[i, j] = s / M[j, j]
-            elif s > _PIVOT_RATIO * diagonal:
-                M[i, i] = np.sqrt(s)
-            else:
-                return i
-    for i in range(n):
-        for k in range(i):
-            x[i] -= M[i, k] * x[k]
-        x[i] /= M[i, i]
-    for i in range(n - 1, -1, -1):
-        for k in range(i + 1, n):
-            x[i] -= M[k, i] * x[k]
-        x[i] /= M[i, i]
-    return -1
+from kinematics.linear_solve import cholesky_solve_kernel
 
 
 @kernel
@@ -68,7 +35,7 @@ def acceleration_kernel(
     mass_matrix_kernel(rows, work, M)
     for i in range(n):
         M[i, i] += rows[i, MOTOR]
-    return cholesky_solve_kernel(M, qdd)
+    return cholesky_solve_kernel(M, qdd, n)
 
 
 @kernel

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
+from kinematics.linear_solve import Complex, lu_factor_kernel, lu_solve_kernel
 from tracking.loop import Loop, rate_kernel
-
-Complex = NDArray[np.complex128]
 
 _ROOT6 = np.sqrt(6.0)
 #: Where the stages lie: the zeros of the right Radau polynomial.
@@ -86,45 +85,6 @@ def stages(N: int) -> Stages:
     )
 
 
-@kernel
-def factor(A: Array | Complex, pivots: NDArray[np.int64]) -> bool:
-    """Replace A by its LU factors with row exchanges; False where it is singular."""
-    N = A.shape[0]
-    for k in range(N):
-        best = k
-        for i in range(k + 1, N):
-            if abs(A[i, k]) > abs(A[best, k]):
-                best = i
-        pivots[k] = best
-        if not abs(A[best, k]) > 0.0:
-            return False
-        if best != k:
-            for j in range(N):
-                A[k, j], A[best, j] = A[best, j], A[k, j]
-        for i in range(k + 1, N):
-            if A[i, k] != 0.0:
-                A[i, k] /= A[k, k]
-                for j in range(k + 1, N):
-                    A[i, j] -= A[i, k] * A[k, j]
-    return True
-
-
-@kernel
-def solve(LU: Array | Complex, pivots: NDArray[np.int64], b: Array | Complex) -> None:
-    """Solve for b in place with the factors of ``factor``."""
-    N = b.shape[0]
-    for k in range(N):
-        if pivots[k] != k:
-            b[k], b[pivots[k]] = b[pivots[k]], b[k]
-    for i in range(N):
-        for k in range(i):
-            b[i] -= LU[i, k] * b[k]
-    for i in range(N - 1, -1, -1):
-        for k in range(i + 1, N):
-            b[i] -= LU[i, k] * b[k]
-        b[i] /= LU[i, i]
-
-
 @kernel(inline="always")
 def jacobian(loop: Loop, stages: Stages, t: float, x: Array, f: Array) -> None:
     """Write the Jacobian of the derivative f (N,) at x into ``stages.J`` by differences."""
@@ -153,9 +113,9 @@ def factor_all(stages: Stages, h: float) -> bool:
             stages.complex[i, j] = -stages.J[i, j]
         stages.real[i, i] += _REAL / h
         stages.complex[i, i] += _COMPLEX / h
-    if not factor(stages.real, stages.pivots[0]):
+    if not lu_factor_kernel(stages.real, stages.pivots[0], 0.0):
         return False
-    return factor(stages.complex, stages.pivots[1])
+    return lu_factor_kernel(stages.complex, stages.pivots[1], 0.0)
 
 
 @kernel
@@ -189,8 +149,8 @@ def newton(loop: Loop, stages: Stages, t: float, h: float, x: Array, tolerances:
             f0, f1, f2 = split(F[0, i], F[1, i], F[2, i])
             right[i] = f0 - _REAL / h * W[0, i]
             stages.right[i] = complex(f1, f2) - _COMPLEX / h * complex(W[1, i], W[2, i])
-        solve(stages.real, stages.pivots[0], right)
-        solve(stages.complex, stages.pivots[1], stages.right)
+        lu_solve_kernel(stages.real, stages.pivots[0], right)
+        lu_solve_kernel(stages.complex, stages.pivots[1], stages.right)
         size = 0.0
         for i in range(N):
             scale = tolerances[1] + tolerances[0] * abs(x[i])
@@ -239,7 +199,7 @@ def implicit_step(  # noqa: PLR0913  where from, how far, how exact, where to
             _ERROR[0] * stages.Z[0, i] + _ERROR[1] * stages.Z[1, i] + _ERROR[2] * stages.Z[2, i]
         ) / h
         error[i] = f[i] + weighted[i]
-    solve(stages.real, stages.pivots[0], error)
+    lu_solve_kernel(stages.real, stages.pivots[0], error)
     size = scaled(error, x, end, tolerances)
     if size > 1.0 and is_retry:
         # Of a stiff part the estimate is far too large once: smoothed, it is right.
@@ -249,7 +209,7 @@ def implicit_step(  # noqa: PLR0913  where from, how far, how exact, where to
         rate_kernel(loop, t, trial, error)
         for i in range(N):
             error[i] += weighted[i]
-        solve(stages.real, stages.pivots[0], error)
+        lu_solve_kernel(stages.real, stages.pivots[0], error)
         size = scaled(error, x, end, tolerances)
     return size
 

@@ -21,7 +21,7 @@ from kinematics.ik.continuation import (
     sharpen_kernel,
     weakest_kernel,
 )
-from kinematics.ik.dls_step import State, cholesky_solve_kernel, error_kernel, uniform_kernel
+from kinematics.ik.dls_step import error_kernel
 from kinematics.ik.refine import (
     CODE,
     GROUP,
@@ -36,6 +36,8 @@ from kinematics.ik.refine import (
 )
 from kinematics.ik.spherical import BRANCH, FAMILY, PARAMETER
 from kinematics.jacobian import frame_and_jacobian_kernel
+from kinematics.linear_solve import cholesky_solve_kernel
+from kinematics.random import State, uniform_kernel
 
 #: Starts around a candidate: so far around [rad] but for every fourth, and so many candidates at
 #: most.

@@ -24,6 +24,7 @@ from kinematics.compiled.kernel import kernel
 from kinematics.frame import Frame
 from kinematics.ik.dls_step import error_kernel
 from kinematics.jacobian import frame_and_jacobian_kernel
+from kinematics.linear_solve import solve_kernel
 
 #: Joints that a curve runs through: as many as a pose has directions.
 JOINTS = 6
@@ -35,36 +36,10 @@ _CORRECTIONS, _CONVERGED, _TURN = 6, 1e-11, 0.95
 _HALVINGS, _TOUCHES = 24, 40
 #: Points of a curve are remembered so far [rad] apart.
 _TOLD = 0.03
+#: A pivot no larger than this makes a matrix of metres and radians singular.
+_SINGULAR = 1e-14
 #: Where a curve is left: beyond this there are no twins of a solution [m] or [rad].
 _BEYOND = 0.3
-
-
-@kernel
-def solve_kernel(M: Array, b: Array) -> bool:
-    """Solve M x = b in place by elimination with pivots in columns; whether M is regular."""
-    n = b.shape[0]
-    for i in range(n):
-        pivot = i
-        for k in range(i + 1, n):
-            if abs(M[k, i]) > abs(M[pivot, i]):
-                pivot = k
-        if not abs(M[pivot, i]) > 1e-14:
-            return False
-        if pivot != i:
-            b[i], b[pivot] = b[pivot], b[i]
-            for k in range(i, n):
-                M[i, k], M[pivot, k] = M[pivot, k], M[i, k]
-        for k in range(i + 1, n):
-            factor = M[k, i] / M[i, i]
-            if factor != 0.0:
-                b[k] -= factor * b[i]
-                for c in range(i + 1, n):
-                    M[k, c] -= factor * M[i, c]
-    for i in range(n - 1, -1, -1):
-        for k in range(i + 1, n):
-            b[i] -= M[i, k] * b[k]
-        b[i] /= M[i, i]
-    return True
 
 
 @kernel
@@ -85,7 +60,7 @@ def weakest_kernel(J: Array, joints: Indices, u: Array, v: Array, across: Array)
                 for a in range(JOINTS):
                     M[i, k] += J[i, joints[a]] * J[k, joints[a]]
             M[i, i] += 1e-15
-        solve_kernel(M, b)
+        solve_kernel(M, b, _SINGULAR)
         b -= np.dot(across, b) * across
         u[:] = b / math.sqrt(np.sum(b * b))
     for a in range(JOINTS):
@@ -102,7 +77,7 @@ def weakest_kernel(J: Array, joints: Indices, u: Array, v: Array, across: Array)
                 M[a, c] = 1e-15 if a == c else 0.0
                 for i in range(JOINTS):
                     M[a, c] += J[i, joints[a]] * J[i, joints[c]]
-        solve_kernel(M, b)
+        solve_kernel(M, b, _SINGULAR)
         b /= math.sqrt(np.sum(b * b))
     v[:] = b
     return value
@@ -125,7 +100,7 @@ def sharpen_kernel(
             b[i] = error[i]
             for a in range(JOINTS):
                 M[i, a] = J[i, joints[a]]
-        if not solve_kernel(M, b):
+        if not solve_kernel(M, b, _SINGULAR):
             break
         trial[:] = q
         for a in range(JOINTS):
@@ -174,7 +149,7 @@ def correct_kernel(
         _border(J, joints, u, t, M)
         b[0], b[1], b[2], b[3], b[4], b[5] = error
         b[6] = 0.0
-        if not solve_kernel(M, b):
+        if not solve_kernel(M, b, _SINGULAR):
             return False, 0.0
         size = 0.0
         for a in range(JOINTS):
@@ -206,7 +181,7 @@ def tangent_kernel(
     for _ in range(2 if moving else 1):
         _border(J, joints, u, t, M)
         b[:6], b[6] = 0.0, 1.0
-        if not solve_kernel(M, b):
+        if not solve_kernel(M, b, _SINGULAR):
             return False, 0.0
         size = math.sqrt(np.sum(b[:6] * b[:6]))
         for a in range(JOINTS):
@@ -214,7 +189,7 @@ def tangent_kernel(
         if moving:
             _border(J, joints, u, t, M.T)
             b[:6], b[6] = 0.0, 1.0
-            if not solve_kernel(M, b):
+            if not solve_kernel(M, b, _SINGULAR):
                 return False, 0.0
             size = math.sqrt(np.sum(b[:6] * b[:6]))
             for i in range(6):
@@ -397,7 +372,7 @@ def mapped_kernel(J: Array, joints: Indices, w: Array) -> Array:
             for a in range(JOINTS):
                 M[i, k] += J[i, joints[a]] * J[k, joints[a]]
     b = w.copy()
-    solve_kernel(M, b)
+    solve_kernel(M, b, _SINGULAR)
     for a in range(JOINTS):
         for i in range(JOINTS):
             v[a] += J[i, joints[a]] * b[i]

@@ -5,15 +5,12 @@ Chains are read from ``Chain.model``, poses as frames of twelve numbers.
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from kinematics.arrays import Array, Indices
 from kinematics.compiled.kernel import kernel
 from kinematics.compiled.simd import Conditions, Lanes, anywhere, choose
 from kinematics.frame import Frame
+from kinematics.linear_solve import cholesky_solve_kernel
 
-State = NDArray[np.uint64]
 Error = tuple[Lanes, Lanes, Lanes, Lanes, Lanes, Lanes]
 #: The lower half of a symmetric matrix of six rows, by rows.
 Square = tuple[Lanes, ...]
@@ -102,32 +99,6 @@ def half_turn_kernel(B: Frame, T: Frame) -> tuple[Lanes, Lanes, Lanes]:
     z = choose(first, m20, choose(second, m21, m22 + 1.0))
     scale = math.pi / max(math.sqrt(x * x + y * y + z * z), 1e-300)
     return scale * x, scale * y, scale * z
-
-
-@kernel(allocates=False)
-def cholesky_solve_kernel(H: Array, g: Array, n: int) -> None:
-    """Solve H x = g in place for the leading n rows of a positive definite H."""
-    for i in range(n):
-        for j in range(i):
-            total = H[i, j]
-            for k in range(j):
-                total -= H[i, k] * H[j, k]
-            # The diagonal holds reciprocals: a division costs as much as ten multiplications.
-            H[i, j] = total * H[j, j]
-        total = H[i, i]
-        for k in range(i):
-            total -= H[i, k] * H[i, k]
-        H[i, i] = 1.0 / math.sqrt(max(total, 1e-300))
-    for i in range(n):
-        total = g[i]
-        for k in range(i):
-            total -= H[i, k] * g[k]
-        g[i] = total * H[i, i]
-    for i in range(n - 1, -1, -1):
-        total = g[i]
-        for k in range(i + 1, n):
-            total -= H[k, i] * g[k]
-        g[i] = total * H[i, i]
 
 
 @kernel(inline="code")
@@ -265,14 +236,3 @@ def step_within_kernel(
     for a in range(count):
         j = free[a]
         out[j] = min(max(q[j] + g[a], lower[j]), upper[j])
-
-
-@kernel(allocates=False)
-def uniform_kernel(state: State) -> float:
-    """Next number in [0, 1) of a splitmix64 sequence, whose state is one uint64."""
-    state[0] += np.uint64(0x9E3779B97F4A7C15)
-    x = state[0]
-    x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    x = x ^ (x >> np.uint64(31))
-    return float(x >> np.uint64(11)) * 2.0**-53

@@ -11,15 +11,9 @@ from kinematics.compiled.simd import Lanes, choose, fill, load, on_stack, store
 from kinematics.compiled.simd_frames import load_frame_kernel
 from kinematics.forward import finite_kernel
 from kinematics.frame import IDENTITY, Frame, compose_kernel, move_kernel
-from kinematics.ik.dls_step import (
-    Error,
-    State,
-    error_kernel,
-    frame_kernel,
-    step_within_kernel,
-    uniform_kernel,
-)
+from kinematics.ik.dls_step import Error, error_kernel, frame_kernel, step_within_kernel
 from kinematics.jacobian import frame_and_jacobian_kernel
+from kinematics.random import State, uniform_kernel
 from kinematics.sincos import few_turns_kernel, turn_at_kernel
 
 #: Steps from one start; most that converge at all do so in a quarter of it.

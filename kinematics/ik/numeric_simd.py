@@ -32,7 +32,6 @@ from kinematics.compiled.simd_frames import (
 from kinematics.frame import Frame
 from kinematics.ik.dls_step import (
     Error,
-    State,
     add_outer_kernel,
     along_kernel,
     diagonal_kernel,
@@ -58,6 +57,7 @@ from kinematics.ik.levenberg_marquardt import (
     weigh_column_kernel,
     weigh_kernel,
 )
+from kinematics.random import State
 from kinematics.sincos import turns_kernel
 
 #: Rows of vectors that the search keeps of its lanes: squared error, errors [m], [rad], the least

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from kinematics.arrays import Array, Indices
 from kinematics.compiled.kernel import kernel
+from kinematics.random import State, uniform_kernel
 from obstacles.checker import Checker
 from obstacles.edge_check import FREE, certify_in
 from obstacles.kernel_work import Workspace, workspace
@@ -72,7 +73,7 @@ class Trees(NamedTuple):
     parents: Indices
     met: NDArray[np.bool_]
     sizes: Indices
-    random: NDArray[np.uint64]
+    random: State
     tally: Indices
 
 
@@ -193,7 +194,7 @@ def _new_trees(start: Array, goals: list[Array], seed: tuple[int, int], budget: 
         parents=np.full((2, room), -1),
         met=np.zeros((2, room), dtype=np.bool_),
         sizes=np.array([1, len(goals)]),
-        random=np.random.SeedSequence(seed).generate_state(1, np.uint64) | np.uint64(1),
+        random=np.random.SeedSequence(seed).generate_state(1, np.uint64).astype(np.uint64),
         tally=np.zeros(3, dtype=np.int64),
     )
 
@@ -259,21 +260,6 @@ def _draw(trees: Trees, side: int, low: Array, high: Array, domain: float, targe
         if away <= domain or not trees.met[side, near]:
             break
     return near
-
-
-@kernel(allocates=False)
-def uniform_kernel(random: NDArray[np.uint64]) -> float:
-    """A number from 0 to 1, by xorshift64*.
-
-    Source: "An experimental exploration of Marsaglia's xorshift generators, scrambled", ACM
-    Transactions on Mathematical Software, 2016.
-    """
-    x = random[0]
-    x ^= x >> np.uint64(12)
-    x ^= x << np.uint64(25)
-    x ^= x >> np.uint64(27)
-    random[0] = x
-    return float((x * np.uint64(2685821657736338717)) >> np.uint64(11)) * 2.0**-53
 
 
 @kernel(allocates=False)

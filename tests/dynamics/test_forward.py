@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from dynamics.forward import cholesky_solve_kernel, forward_dynamics
+from dynamics.forward import forward_dynamics
 from dynamics.inverse import inverse_dynamics
 from kinematics.chain import Inertia
 from kinematics.errors import InvalidRobotState, MissingInertia
@@ -33,16 +33,6 @@ def test_undoes_inverse_dynamics(seed: int) -> None:
     F, g = np.random.default_rng(seed).normal(size=(len(q), 6)), [1.0, 2.0, -3.0]
     torque = inverse_dynamics(chain, q, qd, qdd, F, g)
     assert relative_error(forward_dynamics(chain, q, qd, torque, F, g), qdd) < 1e-10
-
-
-def test_cholesky_equals_numpy() -> None:
-    rng = np.random.default_rng(0)
-    for n in range(1, 12):
-        A = rng.normal(size=(n, n))
-        M, b = A @ A.T + 0.1 * np.eye(n), rng.normal(size=n)
-        x = b.copy()
-        assert cholesky_solve_kernel(M.copy(), x) == -1
-        np.testing.assert_allclose(x, np.linalg.solve(M, b), rtol=1e-9, atol=1e-12)
 
 
 def test_a_body_without_inertia_about_its_axis_is_named() -> None:

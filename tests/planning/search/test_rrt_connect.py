@@ -17,7 +17,7 @@ from planning.preflight.preflight import preflight
 from planning.problem import JointGoal, Problem
 from planning.ready import Ready
 from planning.sampling.search import OmplPlanner
-from planning.search.rrt_connect import RrtConnect, RrtResult, rrt_connect, uniform_kernel
+from planning.search.rrt_connect import RrtConnect, RrtResult, rrt_connect
 from planning.search_box import search_box
 from tests.planning.scenes import HOME, box, builtin, pillar, shelf
 
@@ -109,20 +109,6 @@ def test_it_draws_from_the_limits_or_a_turn_beyond_what_is_known() -> None:
     kept = np.arange(chain.n) != 2
     assert np.array_equal(low[kept], lower[kept])
     assert np.array_equal(high[kept], upper[kept])
-
-
-def test_random_numbers_are_those_of_the_published_generator() -> None:
-    state = np.array([88172645463325252], dtype=np.uint64)
-    x, mask = int(state[0]), 2**64 - 1
-    drawn = []
-    for _ in range(5000):
-        x ^= x >> 12
-        x ^= (x << 25) & mask
-        x ^= x >> 27
-        drawn.append(uniform_kernel(state))
-        assert drawn[-1] == ((x * 2685821657736338717) & mask) // 2**11 / 2**53
-    assert int(state[0]) == x
-    assert abs(np.mean(drawn) - 0.5) < 0.02
 
 
 def _ready(robot: RobotGeometry) -> tuple[Problem, Ready]:
