@@ -5,7 +5,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from armwright.model import Robot, chain_of
-from kinematics.ik.inverse import inverse_kinematics
+from kinematics.ik.inverse import IkOptions, inverse_kinematics
 from kinematics.ik.solution import IkResult
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
@@ -30,17 +30,29 @@ def check(
     return configuration_checker(robot, scene, margin).check(q)
 
 
-def ik(robot: Robot, T_base_link: ArrayLike, **options: Any) -> IkResult:
+def ik(
+    robot: Robot,
+    T_base_link: ArrayLike,
+    *,
+    link: str | None = None,
+    seed_joints: ArrayLike | None = None,
+    **options: Any,
+) -> IkResult:
     """Configurations that bring a link to a pose, best first.
 
     Args:
         robot: The robot or its chain.
         T_base_link: Pose of the link, shape (4, 4).
-        options: Those of ``kinematics.ik.inverse.inverse_kinematics``: ``link``, ``method``,
-            ``seed_joints``, ``most``, ...
+        link: The link to bring there; the tip where none is named.
+        seed_joints: Where to look first and what "nearest" is counted from, shape (n,) [rad or m];
+            the middle of the limits where not given.
+        options: Those of ``kinematics.ik.inverse.IkOptions``: ``method``, ``most``, ``ranking``,
+            ...
 
     Raises:
         InvalidPose: The pose is not a finite rigid transform.
         InvalidOption: An option has an invalid value.
     """
-    return inverse_kinematics(chain_of(robot), T_base_link, **options)
+    return inverse_kinematics(
+        chain_of(robot), T_base_link, IkOptions(**options), link=link, seed_joints=seed_joints
+    )

@@ -23,7 +23,7 @@ from benchmarks.poses import edge_configurations, random_configurations
 from kinematics.chain import Chain
 from kinematics.forward import forward
 from kinematics.ik.analytic import Branches, branches
-from kinematics.ik.numeric import AXES, Axis, solve, solve_many
+from kinematics.ik.numeric import AXES, Axis, SearchOptions, solve, solve_many
 from kinematics.ik.ranking import whole_turns
 from kinematics.ik.solution import IkResult
 from kinematics.ik.structure import structure
@@ -69,9 +69,9 @@ class Judge:
 
 
 def _solved(
-    chain: Chain, poses: list[Array], starts: list[Array], axes: tuple[Axis, ...], k: int
+    chain: Chain, poses: list[Array], starts: list[Array], options: SearchOptions, k: int
 ) -> IkResult:
-    return solve(chain, poses[k], seed_joints=starts[k], axes=axes)
+    return solve(chain, poses[k], options, seed_joints=starts[k])
 
 
 def _branched(chain: Chain, poses: list[Array], seeds: list[Array] | None, k: int) -> Branches:
@@ -109,7 +109,7 @@ def numeric(name: str, options: argparse.Namespace) -> None:
     """The numeric method on one robot: all poses, then beside the peers."""
     chain = builtin_chain(name)
     judge = Judge(chain, name)
-    axes = AXES if chain.n >= 6 else POSITION_AND_YAW
+    search = SearchOptions(axes=AXES if chain.n >= 6 else POSITION_AND_YAW)
     sets = {
         "random": random_configurations(chain, options.poses, 1),
         "edges": edge_configurations(chain, options.edges, 2),
@@ -117,7 +117,7 @@ def numeric(name: str, options: argparse.Namespace) -> None:
     for kind, q in sets.items():
         poses = forward(chain, q)
         starts = random_configurations(chain, len(q), 3)
-        found, spent = timed(partial(_solved, chain, list(poses), list(starts), axes), len(q))
+        found, spent = timed(partial(_solved, chain, list(poses), list(starts), search), len(q))
         failures = [
             k
             for k, result in enumerate(found)
@@ -137,23 +137,23 @@ def numeric(name: str, options: argparse.Namespace) -> None:
         report_peers(told, NUMERIC_PEERS, judge, poses[:m], ours)
     poses, starts = forward(chain, sets["random"][:1000]), starts[:1000]
     starts = random_configurations(chain, len(poses), 3)
-    report_batch(chain, poses, starts, axes)
+    report_batch(chain, poses, starts, search)
 
 
-def report_batch(chain: Chain, poses: Array, starts: Array, axes: tuple[Axis, ...]) -> None:
+def report_batch(chain: Chain, poses: Array, starts: Array, options: SearchOptions) -> None:
     """Print what a pose of a batch costs beside single calls from the same seeds."""
     rows, seeds = list(poses), list(starts)
     batch, alone, single, median = [], [], [], []
     for _ in range(_ROUNDS):
         # In turn, so that what else the machine does disturbs all of them alike.
         start = time.perf_counter()
-        solve_many(chain, poses, seed_joints=starts, axes=axes)
+        solve_many(chain, poses, options, seed_joints=starts)
         batch.append(1e6 * (time.perf_counter() - start) / len(poses))
         begun = time.process_time()
-        solve_many(chain, poses, seed_joints=starts, axes=axes, threads=1)
+        solve_many(chain, poses, options, seed_joints=starts, threads=1)
         alone.append(1e6 * (time.process_time() - begun) / len(poses))
         begun = time.process_time()
-        _, spent = timed(partial(_solved, chain, rows, seeds, axes), len(poses))
+        _, spent = timed(partial(_solved, chain, rows, seeds, options), len(poses))
         single.append(1e6 * (time.process_time() - begun) / len(poses))
         median.append(np.median(spent))
     one = np.median(alone)

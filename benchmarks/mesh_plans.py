@@ -65,7 +65,7 @@ def _at(pose: Array, robot: RobotGeometry, truth: Triangles, bodies: list[Body])
     """Free configurations with the tool about where a pose is, the deepest that there are."""
     for beyond, roll in itertools.product(BEYOND, ROLLS):
         wanted = pose @ transform(from_rpy([0.0, 0.0, roll]), [0.0, 0.0, beyond])
-        result = numeric.solve(robot.chain, wanted, seed=0, solutions=16, starts=64)
+        result = numeric.solve(robot.chain, wanted, numeric.SearchOptions(starts=64), solutions=16)
         states = [solution.joints for solution in result.solutions]
         free = [q for q in states if truth.collision(q, bodies) is None]
         if free:

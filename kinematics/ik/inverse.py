@@ -1,6 +1,7 @@
 """Inverse kinematics by the best method a chain has, with the best solution first."""
 
 from collections.abc import Collection
+from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
@@ -12,7 +13,7 @@ from kinematics.errors import InvalidOption
 from kinematics.ik import numeric
 from kinematics.ik.analytic import Branches, branches, closed_form, middle, parameter
 from kinematics.ik.numeric import AXES, Axis
-from kinematics.ik.ranking import Choice, order, whole_turns
+from kinematics.ik.ranking import Ranking, check_ranking, order, whole_turns
 from kinematics.ik.solution import IkResult, IkSolution
 from kinematics.ik.structure import Structure, structure
 
@@ -25,101 +26,143 @@ _GRID = 48
 CLOSE = 1e-9
 #: Starts of the numeric method for each solution that is looked for.
 _STARTS_EACH = 60
+#: Starts at least where several solutions are looked for.
+_STARTS_FOR_SEVERAL = 500
 
 
-def inverse_kinematics(
-    chain: Chain,
-    target: ArrayLike,
-    *,
-    link: str | None = None,
-    method: Method = "auto",
-    seed_joints: ArrayLike | None = None,
-    seed: int = 0,
-    most: int = 1,
-    choice: Choice = "nearest",
-    outside_limits: bool = False,
-    all_turns: bool = False,
-    parameters: ArrayLike | None = None,
-    axes: Collection[Axis] = AXES,
-) -> IkResult:
-    """Configurations that bring a link to a pose, best first.
-
-    "auto" takes the closed form where the arm has one and all axes count, and the numeric method
-    where it has none or nothing of it is inside the limits.
+@dataclass(frozen=True, slots=True, eq=False)
+class IkOptions:
+    """Options of inverse kinematics.
 
     Args:
-        chain: The robot.
-        target: T_base_link, shape (4, 4).
-        link: The link to bring there; the tip where none is named.
-        method: "auto", "analytic" or "numeric".
-        seed_joints: Where to look first and what "nearest" is counted from, shape (n,); the middle
-            of the limits where not given.
+        method: "auto", "analytic" or "numeric". "auto" takes the closed form where the arm has one
+            and all axes count, and the numeric method where it has none or nothing of it is inside
+            the limits.
         seed: Of the numeric method's restarts.
         most: How many solutions to answer at most.
-        choice: What makes one better than another, see ``choice.order``.
+        ranking: What makes one solution better than another, see ``ranking.order``.
         outside_limits: Also answer branches with no copy inside the limits, after the others.
         all_turns: Also answer each solution's copies by whole turns inside the limits.
         parameters: Of a redundant arm's closed form, see ``analytic.branches``; where not given,
             that of the seed is taken, then values all around it until one has a solution. Where
             several solutions are wanted, all those values.
-        axes: The axes of the target's frame that count; see ``numeric.solve``.
+        axes: The axes of the target's frame that count; see ``numeric.SearchOptions``.
+
+    Raises:
+        InvalidOption: No such method or ranking, ``most`` below 1, or a closed form is asked for
+            although only some axes count.
+    """
+
+    method: Method = "auto"
+    seed: int = 0
+    most: int = 1
+    ranking: Ranking = "nearest"
+    outside_limits: bool = False
+    all_turns: bool = False
+    parameters: ArrayLike | None = None
+    axes: Collection[Axis] = AXES
+
+    def __post_init__(self) -> None:
+        if self.method not in METHODS:
+            raise InvalidOption(
+                f"there is no method {self.method!r}", hint=f"One of: {', '.join(METHODS)}."
+            )
+        check_ranking(self.ranking)
+        if self.most < 1:
+            raise InvalidOption("most must be 1 at least")
+        if self.method == "analytic" and not self.all_axes:
+            raise InvalidOption(
+                "a closed form needs all axes of the target", hint='Take "numeric".'
+            )
+
+    @property
+    def all_axes(self) -> bool:
+        """Whether all axes of the target's frame count."""
+        return set(self.axes) == set(AXES)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Query:
+    """One pose, where it is looked for first, and how."""
+
+    chain: Chain
+    target: ArrayLike
+    link: str | None
+    near: Array
+    options: IkOptions
+
+
+def inverse_kinematics(
+    chain: Chain,
+    target: ArrayLike,
+    options: IkOptions | None = None,
+    *,
+    link: str | None = None,
+    seed_joints: ArrayLike | None = None,
+) -> IkResult:
+    """Configurations that bring a link to a pose, best first.
+
+    Args:
+        chain: The robot.
+        target: T_base_link, shape (4, 4).
+        options: How to solve, and how many solutions to answer.
+        link: The link to bring there; the tip where none is named.
+        seed_joints: Where to look first and what "nearest" is counted from, shape (n,); the middle
+            of the limits where not given.
 
     Raises:
         NotAvailable: "analytic" is asked for, but the arm has no closed form.
-        InvalidOption: No such method or choice, or an option the method does not have.
-        InvalidPose: The target is no finite 4x4 matrix.
+        InvalidOption: Parameters that the closed form does not have.
+        InvalidPose: The target is not a finite 4x4 matrix.
         InvalidRobotState: ``seed_joints`` has the wrong length or is not finite.
         InvalidLinkName: No such link.
     """
-    if method not in METHODS:
-        raise InvalidOption(f"there is no method {method!r}", hint=f"One of: {', '.join(METHODS)}.")
-    if most < 1:
-        raise InvalidOption("most must be 1 at least")
+    how = options or IkOptions()
     near = middle(chain) if seed_joints is None else chain.configuration(seed_joints, "seed_joints")
-    whole = set(axes) == set(AXES)
-    if method == "analytic" and not whole:
-        raise InvalidOption("a closed form needs all axes of the target", hint='Take "numeric".')
-    form = closed_form(chain, link) if method == "analytic" else structure(chain, link)
-    found: list[IkSolution] = []
-    if form is not None and whole and method != "numeric":
-        found = _closed(chain, form, target, link, near, most, outside_limits, parameters)
-    if any(solution.within_limits for solution in found):
-        return _sorted(chain, found, choice, near, link, most, all_turns)
+    query = _Query(chain, target, link, near, how)
+    form = closed_form(chain, link) if how.method == "analytic" else structure(chain, link)
+    if not how.all_axes:
+        form = None
+    solutions: list[IkSolution] = []
+    if form is not None and how.method != "numeric":
+        solutions = _closed_form_solutions(query, form, how.parameters)
+    if any(solution.within_limits for solution in solutions):
+        return _best_first(query, solutions)
+    return _search(query, form, solutions)
+
+
+def _search(query: _Query, form: Structure | None, outside: list[IkSolution]) -> IkResult:
+    """Solutions of the numeric method, before those of the closed form outside the limits."""
+    chain, how = query.chain, query.options
+    starts = max(numeric.STARTS if how.most == 1 else _STARTS_FOR_SEVERAL, _STARTS_EACH * how.most)
     result = numeric.solve(
-        chain, target, link=link, seed_joints=near, seed=seed, solutions=most, axes=axes,
-        starts=max(numeric.STARTS if most == 1 else 500, _STARTS_EACH * most),
+        chain, query.target, numeric.SearchOptions(how.seed, starts, axes=how.axes),
+        link=query.link, seed_joints=query.near, solutions=how.most,
     )  # fmt: skip
-    if result.solutions and form is not None and form.redundant and parameters is None and whole:
-        # The parameter's window was narrower than the grid: the numeric method fell into it.
-        value = parameter(chain, result.solutions[0].joints, link)
-        more = _closed(chain, form, target, link, near, most, outside_limits, [value])
-        found = [*more, *found] if method != "numeric" else found
-    if not any(solution.within_limits for solution in found) and method != "analytic":
-        found = [*result.solutions, *found]
-    if not found:
-        return result
-    return _sorted(chain, found, choice, near, link, most, all_turns, result.starts)
+    solutions = outside
+    if result.solutions and form is not None and form.redundant and how.parameters is None:
+        # The parameter's window was narrower than the grid: the numeric method hit it.
+        value = parameter(chain, result.solutions[0].joints, query.link)
+        more = _closed_form_solutions(query, form, [value])
+        solutions = [*more, *outside] if how.method != "numeric" else outside
+    if not any(solution.within_limits for solution in solutions) and how.method != "analytic":
+        solutions = [*result.solutions, *solutions]
+    return _best_first(query, solutions, result.starts) if solutions else result
 
 
-def _closed(
-    chain: Chain,
-    form: Structure,
-    target: ArrayLike,
-    link: str | None,
-    near: Array,
-    most: int,
-    outside_limits: bool,
-    parameters: ArrayLike | None,
+def _closed_form_solutions(
+    query: _Query, form: Structure, parameters: ArrayLike | None
 ) -> list[IkSolution]:
+    chain, link, how = query.chain, query.link, query.options
     values = parameters
     if parameters is None and form.redundant:
-        values = parameter_grid(chain, form, parameter(chain, near, link))
-    enough = 1 if most == 1 and not outside_limits else None
+        values = parameter_grid(chain, form, parameter(chain, query.near, link))
+    enough = 1 if how.most == 1 and not how.outside_limits else None
     table = branches(
-        chain, target, link=link, seed_joints=near, parameters=values, enough=enough,
+        chain, query.target, link=link, seed_joints=query.near, parameters=values, enough=enough,
         tolerance=CLOSE,
     )  # fmt: skip
-    return _solutions(table, outside_limits)
+    return _solutions(table, how.outside_limits)
 
 
 def _solutions(table: Branches, outside_limits: bool) -> list[IkSolution]:
@@ -148,25 +191,18 @@ def parameter_grid(chain: Chain, form: Structure, value: float) -> Array:
     return np.asarray(values[np.argsort(away, kind="stable")])
 
 
-def _sorted(
-    chain: Chain,
-    found: list[IkSolution],
-    choice: Choice,
-    near: Array,
-    link: str | None,
-    most: int,
-    all_turns: bool,
-    starts: int = 0,
-) -> IkResult:
-    inside = [solution for solution in found if solution.within_limits]
-    if all_turns:
+def _best_first(query: _Query, solutions: list[IkSolution], starts: int = 0) -> IkResult:
+    """The best of the solutions inside the limits, then those outside."""
+    chain, how = query.chain, query.options
+    inside = [solution for solution in solutions if solution.within_limits]
+    if how.all_turns:
         inside = [
             IkSolution(frozen(q), s.position_error, s.orientation_error, s.iterations, s.branch)
             for s in inside
-            for q in whole_turns(chain, s.joints, most, near)
+            for q in whole_turns(chain, s.joints, how.most, query.near)
         ]
     joints = np.array([solution.joints for solution in inside]).reshape(-1, chain.n)
-    ranked = [inside[i] for i in order(chain, joints, choice, near, link)]
-    rest = [solution for solution in found if not solution.within_limits]
-    best = (*ranked, *rest)[:most]
+    ranked = [inside[i] for i in order(chain, joints, how.ranking, query.near, query.link)]
+    rest = [solution for solution in solutions if not solution.within_limits]
+    best = (*ranked, *rest)[: how.most]
     return IkResult(best, best[0], starts)

@@ -1,18 +1,17 @@
 """Inverse kinematics of many poses by the batch kernels, one verified solution for each."""
 
-from collections.abc import Collection
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.arrays import Array, frozen
 from kinematics.chain import Chain
+from kinematics.errors import InvalidOption
 from kinematics.ik import numeric
 from kinematics.ik.analytic import Branches, branches, middle, parameter
-from kinematics.ik.inverse import CLOSE, Method, parameter_grid
-from kinematics.ik.numeric import AXES, Axis
-from kinematics.ik.ranking import Choice, order
+from kinematics.ik.inverse import CLOSE, IkOptions, parameter_grid
+from kinematics.ik.ranking import order
 from kinematics.ik.solution import IkSolution
 from kinematics.ik.structure import Structure, structure
 
@@ -22,35 +21,14 @@ _STARTS = 100
 _CHUNK = 128
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class BatchOptions:
-    """Options of the inverse kinematics of many poses.
-
-    Args:
-        link: The link to bring to the poses; the tip where none is named.
-        method: "auto", "analytic" or "numeric".
-        seed_joints: Where the search begins and what "nearest" is counted from, shape (n,); the
-            middle of the limits where not given.
-        seed: Of the random restarts.
-        choice: What makes one branch better than another, see ``ranking.order``.
-        parameters: Of a redundant arm's closed form, see ``analytic.branches``.
-        axes: The axes of the target's frame that count; see ``numeric.solve``.
-        threads: How many to share the poses among; all the processors that this process may use
-            where not given.
-    """
-
-    link: str | None = None
-    method: Method = "auto"
-    seed_joints: ArrayLike | None = None
-    seed: int = 0
-    choice: Choice = "nearest"
-    parameters: ArrayLike | None = None
-    axes: Collection[Axis] = AXES
-    threads: int | None = None
-
-
 def inverse_kinematics_batch(
-    chain: Chain, targets: ArrayLike, options: BatchOptions | None = None
+    chain: Chain,
+    targets: ArrayLike,
+    options: IkOptions | None = None,
+    *,
+    link: str | None = None,
+    seed_joints: ArrayLike | None = None,
+    threads: int | None = None,
 ) -> list[IkSolution | None]:
     """One configuration inside the limits for each of many poses.
 
@@ -61,65 +39,88 @@ def inverse_kinematics_batch(
     Args:
         chain: The robot.
         targets: T_base_link, shape (m, 4, 4).
-        options: How to solve.
+        options: How to solve; one solution a pose, inside the limits.
+        link: The link to bring there; the tip where none is named.
+        seed_joints: Where the search begins and what "nearest" is counted from, shape (n,); the
+            middle of the limits where not given.
+        threads: How many to share the poses among; all the processors that this process may use
+            where not given.
 
     Returns:
         A solution for each pose, None where the batch kernels found none: `inverse_kinematics` of
         that pose alone tries more and says how near it came.
 
     Raises:
-        InvalidOption: An axis or a choice is unknown.
-        InvalidPose: A target is no finite 4x4 matrix.
+        InvalidOption: Several solutions, whole turns or solutions outside the limits are asked for.
+        InvalidPose: A target is not a finite 4x4 matrix.
         InvalidRobotState: ``seed_joints`` has the wrong length or is not finite.
         InvalidLinkName: No such link.
     """
-    how = options or BatchOptions()
+    how = options or IkOptions()
+    if how.most > 1 or how.all_turns or how.outside_limits:
+        raise InvalidOption(
+            "a batch has one solution inside the limits for each pose",
+            hint="Call `inverse_kinematics` pose by pose for more.",
+        )
     T = np.asarray(targets, dtype=np.float64)
-    start = (
-        middle(chain)
-        if how.seed_joints is None
-        else chain.configuration(how.seed_joints, "seed_joints")
-    )
+    near = middle(chain) if seed_joints is None else chain.configuration(seed_joints, "seed_joints")
+    query = _Query(chain, link, near, how, threads)
     solutions: list[IkSolution | None] = [None] * len(T)
-    form = structure(chain, how.link)
-    if form is not None and how.method != "numeric" and set(how.axes) == set(AXES):
+    form = structure(chain, link)
+    if form is not None and how.method != "numeric" and how.all_axes:
         for first in range(0, len(T), _CHUNK):
             part = T[first : first + _CHUNK]
-            solutions[first : first + len(part)] = _closed(chain, form, part, start, how)
+            solutions[first : first + len(part)] = _closed_form_solutions(query, form, part)
     left = [i for i, solution in enumerate(solutions) if solution is None]
     if left and how.method != "analytic":
-        searched = numeric.solve_many(
-            chain, T[left], link=how.link, seed_joints=start, seed=how.seed, starts=_STARTS,
-            axes=how.axes, threads=how.threads,
-        )  # fmt: skip
-        for row, i in enumerate(left):
-            if searched.solved[row]:
-                solutions[i] = IkSolution(
-                    frozen(searched.joints[row].copy()),
-                    float(searched.position_error[row]),
-                    float(searched.orientation_error[row]),
-                    int(searched.steps[row]),
-                )
+        for i, solution in zip(left, _search(query, T[left]), strict=True):
+            solutions[i] = solution
     return solutions
 
 
-def _closed(
-    chain: Chain, form: Structure, targets: Array, start: Array, how: BatchOptions
+class _Query(NamedTuple):
+    """What the poses of a batch have in common."""
+
+    chain: Chain
+    link: str | None
+    near: Array
+    options: IkOptions
+    threads: int | None
+
+
+def _search(query: _Query, targets: Array) -> list[IkSolution | None]:
+    """The numeric method's solution for each pose."""
+    how = query.options
+    result = numeric.solve_many(
+        query.chain, targets, numeric.SearchOptions(how.seed, _STARTS, axes=how.axes),
+        link=query.link, seed_joints=query.near, threads=query.threads,
+    )  # fmt: skip
+    return [
+        IkSolution(frozen(q.copy()), float(position), float(orientation), int(steps))
+        if solved
+        else None
+        for q, position, orientation, steps, solved in zip(
+            result.joints, result.position_error, result.orientation_error, result.steps,
+            result.solved, strict=True,
+        )
+    ]  # fmt: skip
+
+
+def _closed_form_solutions(
+    query: _Query, form: Structure, targets: Array
 ) -> list[IkSolution | None]:
     """The best branch inside the limits for each of some poses."""
-    values = how.parameters
+    chain, link, values = query.chain, query.link, query.options.parameters
     if values is None and form.redundant:
-        values = parameter_grid(chain, form, parameter(chain, start, how.link))
+        values = parameter_grid(chain, form, parameter(chain, query.near, link))
     table = branches(
-        chain, targets, link=how.link, seed_joints=start, parameters=values, enough=1,
-        tolerance=CLOSE, threads=how.threads,
+        chain, targets, link=link, seed_joints=query.near, parameters=values, enough=1,
+        tolerance=CLOSE, threads=query.threads,
     )  # fmt: skip
-    return [_best(chain, table, i, start, how) for i in range(len(targets))]
+    return [_best(query, table, i) for i in range(len(targets))]
 
 
-def _best(
-    chain: Chain, table: Branches, pose: int, start: Array, how: BatchOptions
-) -> IkSolution | None:
+def _best(query: _Query, table: Branches, pose: int) -> IkSolution | None:
     """The best branch of one pose inside the limits."""
     assert table.counts is not None
     own = table._replace(table=table.table[pose, : table.counts[pose]], counts=None)
@@ -128,7 +129,10 @@ def _best(
         return None
     row = int(inside[0])
     if len(inside) > 1:
-        row = int(inside[order(chain, own.joints[inside], how.choice, start, how.link)[0]])
+        ranking = query.options.ranking
+        row = int(
+            inside[order(query.chain, own.joints[inside], ranking, query.near, query.link)[0]]
+        )
     return IkSolution(
         frozen(own.joints[row].copy()),
         float(own.position_error[row]),

@@ -14,9 +14,9 @@ random poses of the built-in arms.
 
 import math
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache, lru_cache
-from typing import Any, Literal, NoReturn, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -45,6 +45,8 @@ POSITION_TOLERANCE = 1e-6
 ORIENTATION_TOLERANCE = 1e-6
 #: Starts to spend before a pose is called out of reach: about 12 ms of them.
 STARTS = 2000
+#: Starts that are spent to find out whether at least the position can be reached.
+_ADVICE_STARTS = 100
 #: Solutions nearer than this in every joint [rad or m] are one.
 _SAME = 1e-3
 _FLOAT = np.dtype(np.float64)
@@ -52,10 +54,10 @@ _empty, _contiguous = np.empty, np.ascontiguousarray
 #: A named tuple from all its values, in half the time of its constructor.
 _new: Any = tuple.__new__
 _POSE = (4, 4)
-#: No link is called so.
-_NONE = object()
-#: Seeds are taken as 63 bits.
-_SEEDS = 2**63 - 1
+#: Stands for the name of a link where none is prepared yet.
+_NO_LINK = object()
+#: Seeds are cut to 63 bits.
+_MAX_SEED = 2**63 - 1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,60 +79,83 @@ class IkBatch:
     solved: NDArray[np.bool_]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class SearchOptions:
+    """Options of the numeric method.
+
+    Args:
+        seed: Of the random restarts; the same seed gives the same answer.
+        starts: Start configurations to spend in all, on each pose.
+        position_tolerance: Largest distance of a solution from its target [m].
+        orientation_tolerance: Largest angle of a solution from its target [rad].
+        axes: The axes of the target's frame that count: positions along x, y, z, turns about them
+            rx, ry, rz. Without rz, say, the tool may turn about its own z.
+
+    Also known: ``mask``, 1 for each row of the error that counts, and whether some do not, (7,).
+
+    Raises:
+        InvalidOption: A tolerance or the number of starts is not positive, or an axis unknown.
+    """
+
+    seed: int = 0
+    starts: int = STARTS
+    position_tolerance: float = POSITION_TOLERANCE
+    orientation_tolerance: float = ORIENTATION_TOLERANCE
+    axes: Collection[Axis] = AXES
+    mask: Array = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if self.starts < 1:
+            raise InvalidOption("starts must be 1 at least")
+        if not (self.position_tolerance > 0.0 and self.orientation_tolerance > 0.0):
+            raise InvalidOption("tolerances must be positive")
+        object.__setattr__(self, "seed", self.seed & _MAX_SEED)
+        object.__setattr__(self, "mask", _mask(tuple(self.axes)))
+
+
 def solve_many(
     chain: Chain,
     targets: ArrayLike,
+    options: SearchOptions | None = None,
     *,
     link: str | None = None,
     seed_joints: ArrayLike | None = None,
-    seed: int = 0,
-    starts: int = STARTS,
-    position_tolerance: float = POSITION_TOLERANCE,
-    orientation_tolerance: float = ORIENTATION_TOLERANCE,
-    axes: Collection[Axis] = AXES,
     threads: int | None = None,
 ) -> IkBatch:
-    """One configuration for each of many poses; arguments as ``solve`` has them.
+    """One configuration for each of many poses.
 
     Args:
         chain: The robot.
         targets: T_base_link, shape (m, 4, 4).
+        options: How to search; the same for each pose.
         link: The link to bring there; the tip where none is named.
-        seed_joints: Where to start from, shape (n,) or (m, n).
-        seed: Of the restarts.
-        starts: Start configurations to spend on each pose.
-        position_tolerance: [m].
-        orientation_tolerance: [rad].
-        axes: The axes of the target's frame that count.
+        seed_joints: Where to start from, shape (n,) or (m, n); the middle of the limits where not
+            given.
         threads: How many to share the poses among, which changes nothing but the time; all the
             processors that this process may use where not given.
 
     Raises:
         InvalidRobotState: ``seed_joints`` has the wrong length or is not finite.
         InvalidLinkName: No such link.
-        InvalidPose: A target is no finite 4x4 matrix.
-        InvalidOption: A tolerance or the number of starts is not positive, or an axis unknown.
+        InvalidPose: A target is not a finite 4x4 matrix.
+        InvalidOption: ``seed_joints`` has neither one row nor as many as there are poses.
     """
     T = _numbers(targets)
     if T.ndim != 3 or T.shape[1:] != _POSE or not np.isfinite(T).all():
         raise InvalidPose("the targets must be finite 4x4 transforms, shape (m, 4, 4)")
-    _, _, number, model, bounds, table, home, weight = _prepared(chain, link)
-    seeds = home if seed_joints is None else chain.configuration(seed_joints, "seed_joints")
-    m = T.shape[0]
+    how = options or _default()
+    _, _, number, model, bounds, table, middle, weight = _prepared(chain, link)
+    seeds = middle if seed_joints is None else chain.configuration(seed_joints, "seed_joints")
+    m, n = T.shape[0], chain.n
     if seeds.ndim > 1 and seeds.shape[0] != m:
         raise InvalidOption(f"seed_joints must be one or {m}, as the poses are")
-    begin = np.ascontiguousarray(np.broadcast_to(seeds, (m, chain.n)))
-    n = chain.n
+    begin = np.ascontiguousarray(np.broadcast_to(seeds, (m, n)))
     best, solved = np.empty((m, n + 4)), np.empty(m, dtype=np.int64)
-    scales = (float(position_tolerance), float(orientation_tolerance), weight)
-    if not (position_tolerance > 0.0 and orientation_tolerance > 0.0 and starts >= 1):
-        _refuse(starts)
-
-    mask = _mask(axes)
+    scales = (float(how.position_tolerance), float(how.orientation_tolerance), weight)
 
     def part(k: slice) -> None:
         solve_batch_kernel(
-            model, number, T[k], mask, bounds, table, scales, starts, seed & _SEEDS, begin[k],
+            model, number, T[k], how.mask, bounds, table, scales, how.starts, how.seed, begin[k],
             best[k], solved[k],
         )  # fmt: skip
 
@@ -141,32 +166,21 @@ def solve_many(
 def solve(
     chain: Chain,
     target: ArrayLike,
+    options: SearchOptions | None = None,
     *,
     link: str | None = None,
     seed_joints: ArrayLike | None = None,
-    seed: int = 0,
     solutions: int = 1,
-    starts: int = STARTS,
-    position_tolerance: float = POSITION_TOLERANCE,
-    orientation_tolerance: float = ORIENTATION_TOLERANCE,
-    axes: Collection[Axis] = AXES,
-    position_only: bool = False,
 ) -> IkResult:
     """Find up to ``solutions`` distinct configurations that bring a link to a pose.
 
     Args:
         chain: The robot.
         target: T_base_link, shape (4, 4).
+        options: How to search.
         link: The link to bring there; the tip where none is named.
         seed_joints: Where to start from, shape (n,); the middle of the limits where not given.
-        seed: Of the restarts; the same seed gives the same answer.
         solutions: How many distinct ones to look for.
-        starts: Start configurations to spend in all.
-        position_tolerance: [m].
-        orientation_tolerance: [rad].
-        axes: The axes of the target's frame that count: positions along x, y, z, turns about them
-            rx, ry, rz. Without rz, say, the tool may turn about its own z.
-        position_only: The same as only x, y and z.
 
     Returns:
         The solutions, nearest to ``seed_joints`` first, or the nearest attempt and advice.
@@ -174,35 +188,31 @@ def solve(
     Raises:
         InvalidRobotState: ``seed_joints`` has the wrong length or is not finite.
         InvalidLinkName: No such link.
-        InvalidPose: ``target`` is no finite 4x4 matrix.
-        InvalidOption: A tolerance or the number of starts is not positive, or an axis unknown.
+        InvalidPose: ``target`` is not a finite 4x4 matrix.
     """
     try:
-        own, search, number, model, bounds, table, home, weight = chain.memo["numeric"]
+        setup = chain.memo["numeric"]
     except KeyError:
-        own = _NONE
-    if own != link:
-        setup = own, search, number, model, bounds, table, home, weight = _prepared(chain, link)
-        chain.memo["numeric"] = setup
+        setup = (_NO_LINK,)
+    if setup[0] != link:
+        setup = chain.memo["numeric"] = _prepared(chain, link)
+    _, search, number, model, bounds, table, middle, weight = setup
     T = _numbers(target)
     if T.shape != _POSE:
         raise InvalidPose("the target must be a finite 4x4 transform")
-    begin = home if seed_joints is None else _numbers(seed_joints)
+    begin = middle if seed_joints is None else _numbers(seed_joints)
     if begin.ndim != 1:
         raise_start(chain, begin)
-    mask = (
-        _ALL if axes is AXES and not position_only else _mask(POSITION if position_only else axes)
-    )
-    if not (position_tolerance > 0.0 and orientation_tolerance > 0.0 and starts >= 1):
-        _refuse(starts)
-    found: list[IkSolution] = []
+    how = options or _default()
+    starts = how.starts
+    distinct: list[IkSolution] = []
     nearest: IkSolution | None = None
     spent = 0
-    while spent < starts and len(found) < solutions:
-        best = _empty(home.shape)
+    while spent < starts and len(distinct) < solutions:
+        best = _empty(middle.shape)
         done, position, orientation, steps, spent = search(
-            model, number, T, mask, bounds, table, position_tolerance, orientation_tolerance,
-            weight, starts, spent, seed & _SEEDS, begin, best,
+            model, number, T, how.mask, bounds, table, how.position_tolerance,
+            how.orientation_tolerance, weight, starts, spent, how.seed, begin, best,
         )  # fmt: skip
         if done < 0:
             raise_start(chain, begin)
@@ -214,13 +224,12 @@ def solve(
             return answer
         if nearest is None or _error(solution) < _error(nearest):
             nearest = solution
-        if done and all(np.abs(best - other.joints).max() > _SAME for other in found):
-            found.append(solution)
+        if done and all(np.abs(best - other.joints).max() > _SAME for other in distinct):
+            distinct.append(solution)
     assert nearest is not None
-    if len(found) > 1:
-        found.sort(key=lambda solution: float(np.linalg.norm(solution.joints - begin)))
-    advice = "" if found else _advice(chain, link, T, nearest, position_only)
-    return IkResult(tuple(found), nearest, spent, advice)
+    distinct.sort(key=lambda solution: float(np.linalg.norm(solution.joints - begin)))
+    advice = "" if distinct else _advice(chain, link, T, nearest, how.axes)
+    return IkResult(tuple(distinct), nearest, spent, advice)
 
 
 def raise_start(chain: Chain, begin: Array) -> None:
@@ -262,31 +271,22 @@ def _numbers(values: ArrayLike) -> Array:
         raise InvalidOption(f"an array of numbers was expected: {error}") from None
 
 
-def _refuse(starts: int) -> NoReturn:
-    if starts < 1:
-        raise InvalidOption("starts must be 1 at least")
-    raise InvalidOption("tolerances must be positive")
-
-
-def _mask(axes: Collection[Axis]) -> Array:
-    if axes is AXES:
-        return _ALL
-    return _some(axes if axes.__class__ is tuple else tuple(axes))
-
-
 @lru_cache(maxsize=64)
-def _some(axes: tuple[Axis, ...]) -> Array:
+def _mask(axes: tuple[Axis, ...]) -> Array:
+    """1 for each row of the error that counts, else 0, and whether some do not, shape (7,)."""
     unknown = [axis for axis in axes if axis not in AXES]
     if unknown or not axes:
         raise InvalidOption(
             f"axes must be some of {', '.join(AXES)}, got {list(axes)}",
             hint="They are those of the target's frame; leave out what may be free.",
         )
-    mask = [float(axis in axes) for axis in AXES]
-    return np.array([*mask, float(min(mask) == 0.0)])
+    rows = [float(axis in axes) for axis in AXES]
+    return frozen([*rows, float(min(rows) == 0.0)])
 
 
-_ALL = np.array([1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0])
+@cache
+def _default() -> SearchOptions:
+    return SearchOptions()
 
 
 @cache
@@ -298,7 +298,7 @@ def _alone() -> Any:
 
     row = np.zeros(1)
     return direct(
-        solve_alone_kernel, fixed(1, 14), 0, np.zeros((4, 4)), row, fixed(4, 1), fixed(1),
+        solve_alone_kernel, fixed(1, 14), 0, np.zeros((4, 4)), fixed(1), fixed(4, 1), fixed(1),
         0.0, 0.0, 0.0, 0, 0, 0, row, row,
     )  # fmt: skip
 
@@ -325,8 +325,9 @@ def _error(solution: IkSolution) -> float:
 
 
 def _advice(
-    chain: Chain, link: str | None, T: Array, nearest: IkSolution, position_only: bool
+    chain: Chain, link: str | None, T: Array, nearest: IkSolution, axes: Collection[Axis]
 ) -> str:
+    """What a failed search means, and what to do about it."""
     center, radius = reach(chain, link)
     away = float(np.linalg.norm(T[:3, 3] - center))
     if away > radius:
@@ -334,8 +335,8 @@ def _advice(
             f"The target is {away:.3f} m from the first joint, {away - radius:.3f} m beyond the "
             f"longest the arm can reach ({radius:.3f} m). Bring it nearer."
         )
-    if not position_only:
-        alone = solve(chain, T, link=link, starts=100, position_only=True)
+    if not set(axes) <= set(POSITION):
+        alone = solve(chain, T, SearchOptions(starts=_ADVICE_STARTS, axes=POSITION), link=link)
         if alone.solutions:
             return (
                 "The position can be reached, but not in this orientation: the nearest attempt "

@@ -9,22 +9,22 @@ from kinematics.chain import Chain, JointType
 from kinematics.errors import InvalidOption
 from kinematics.jacobian import geometric, manipulability
 
-Choice = Literal["nearest", "limits", "manipulability"]
-CHOICES: tuple[Choice, ...] = get_args(Choice)
+Ranking = Literal["nearest", "limits", "manipulability"]
+RANKINGS: tuple[Ranking, ...] = get_args(Ranking)
 
 #: A joint this far out is rounding of the conversion to and from degrees [rad or m].
 _ROUNDING = 1e-9
 
 
 def order(
-    chain: Chain, joints: Array, choice: Choice, seed: Array, link: str | None = None
+    chain: Chain, joints: Array, ranking: Ranking, seed: Array, link: str | None = None
 ) -> Indices:
     """Indices that sort configurations (k, n), best first; equals stay in their order.
 
     Args:
         chain: The robot.
         joints: The configurations.
-        choice: "nearest": least |q - seed|. "limits": least of the largest
+        ranking: "nearest": least |q - seed|. "limits": least of the largest
             |q - middle| / half range over the joints that have limits, so that the best stays
             farthest from all of them. "manipulability": largest product of the singular values of
             the Jacobian.
@@ -32,19 +32,30 @@ def order(
         link: The link whose Jacobian counts; the tip where none is named.
 
     Raises:
-        InvalidOption: No such choice.
+        InvalidOption: No such ranking.
     """
-    if choice == "nearest":
+    check_ranking(ranking)
+    if ranking == "nearest":
         cost = np.linalg.norm(joints - seed, axis=1)
-    elif choice == "limits":
+    elif ranking == "limits":
         cost = margin(chain, joints)
-    elif choice == "manipulability":
+    else:
         values = np.linalg.svd(geometric(chain, joints, link), compute_uv=False)
         cost = np.array([-manipulability(row) for row in values])
-    else:
-        raise InvalidOption(f"there is no choice {choice!r}", hint=f"One of: {', '.join(CHOICES)}.")
     # Costs that differ by rounding alone keep the order of the branches.
     return np.argsort(np.round(cost, 12), kind="stable").astype(np.int64)
+
+
+def check_ranking(ranking: Ranking) -> None:
+    """Refuse what is not the name of a ranking.
+
+    Raises:
+        InvalidOption: There is no such ranking.
+    """
+    if ranking not in RANKINGS:
+        raise InvalidOption(
+            f"there is no ranking {ranking!r}", hint=f"One of: {', '.join(RANKINGS)}."
+        )
 
 
 def margin(chain: Chain, joints: Array) -> Array:

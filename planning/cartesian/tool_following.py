@@ -136,9 +136,9 @@ class _Way:
     def _solve(self, chain: Chain, at: float, seed: Array) -> Array | None:
         position, orientation = _solver_tolerances(self._tolerances)
         result = numeric.solve(
-            chain, self._motion.pose(at), seed_joints=seed, starts=1,
-            position_tolerance=position, orientation_tolerance=orientation,
-            axes=_axes(self._tolerances),
+            chain, self._motion.pose(at),
+            numeric.SearchOptions(0, 1, position, orientation, _axes(self._tolerances)),
+            seed_joints=seed,
         )  # fmt: skip
         return result.solutions[0].joints if result.solutions else None
 
@@ -184,8 +184,8 @@ class _Way:
         values = self._singular_values(q)
         told: dict[str, Any] = {"smallest_singular_value": float(values[-1])}
         other = numeric.solve(
-            self._chain, self._motion.pose(at), seed_joints=q, starts=_SEARCH,
-            axes=_axes(self._tolerances),
+            self._chain, self._motion.pose(at),
+            numeric.SearchOptions(starts=_SEARCH, axes=_axes(self._tolerances)), seed_joints=q,
         )  # fmt: skip
         if not other.solutions:
             nearest = other.nearest

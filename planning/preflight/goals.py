@@ -94,12 +94,14 @@ def _pose_goal(
     result = numeric.solve(
         chain,
         goal.T_base_tip,
+        numeric.SearchOptions(
+            seed=seed,
+            starts=_POSE_STARTS,
+            position_tolerance=min(goal.position_tolerance, numeric.POSITION_TOLERANCE),
+            orientation_tolerance=min(goal.orientation_tolerance, numeric.ORIENTATION_TOLERANCE),
+        ),
         seed_joints=start,
-        seed=seed,
         solutions=_POSE_CANDIDATES,
-        starts=_POSE_STARTS,
-        position_tolerance=min(goal.position_tolerance, numeric.POSITION_TOLERANCE),
-        orientation_tolerance=min(goal.orientation_tolerance, numeric.ORIENTATION_TOLERANCE),
     )
     if not result.solutions:
         return Refusal("NO_IK_SOLUTION", partial(unreachable_failure, chain, result))

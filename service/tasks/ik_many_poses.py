@@ -5,8 +5,8 @@ from typing import Any, cast
 import numpy as np
 
 from kinematics.chain import Chain
-from kinematics.ik.inverse import Method
-from kinematics.ik.inverse_batch import BatchOptions, inverse_kinematics_batch
+from kinematics.ik.inverse import IkOptions, Method
+from kinematics.ik.inverse_batch import inverse_kinematics_batch
 from kinematics.ik.numeric import AXES
 from kinematics.ik.structure import structure
 from service.schemas.kinematics import IkRequest
@@ -41,18 +41,18 @@ def solve_batch(chain: Chain, body: IkRequest, targets: list[Pose]) -> list[dict
     """
     if body.method == "analytic" and structure(chain, body.link) is None:
         return [None] * len(targets)
-    options = BatchOptions(
-        link=body.link,
+    options = IkOptions(
         method=cast(Method, body.method),
-        seed_joints=body.seed_joints,
         seed=body.seed,
-        choice=body.choice,
+        ranking=body.choice,
         parameters=body.parameters,
         axes=AXES if body.axes is None else body.axes,
-        threads=1,  # a worker is one of as many as there are processors
     )
     T = np.array([poses.transform(target) for target in targets])
-    solutions = inverse_kinematics_batch(chain, T, options)
+    solutions = inverse_kinematics_batch(
+        chain, T, options, link=body.link, seed_joints=body.seed_joints,
+        threads=1,  # a worker is one of as many as there are processors
+    )  # fmt: skip
     return [
         None if solution is None else {"solutions": [solution_answer(chain, solution)]}
         for solution in solutions

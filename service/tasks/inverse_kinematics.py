@@ -8,7 +8,7 @@ from pydantic_core import to_json
 from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
 from kinematics.ik.gradient import GradientOptions, Trace, follow
-from kinematics.ik.inverse import Method, inverse_kinematics
+from kinematics.ik.inverse import IkOptions, Method, inverse_kinematics
 from kinematics.ik.numeric import AXES
 from kinematics.ik.solution import IkResult
 from kinematics.ik.structure import structure
@@ -187,20 +187,18 @@ def _solve(query: _Query, pose: Pose) -> IkResult:
         count = _ALL_CLOSED if closed else _ALL_SEARCHED
     if query.check is not None:
         count = max(count, _CANDIDATES_CLOSED if closed else _CANDIDATES_SEARCHED)
-    return inverse_kinematics(
-        chain,
-        poses.transform(pose),
-        link=body.link,
+    options = IkOptions(
         method=cast(Method, body.method),
-        seed_joints=body.seed_joints,
         seed=body.seed,
         most=count,
-        choice=body.choice,
+        ranking=body.choice,
         outside_limits=body.all_solutions,
         all_turns=body.all_turns,
         parameters=body.parameters,
         axes=AXES if body.axes is None else body.axes,
     )
+    target = poses.transform(pose)
+    return inverse_kinematics(chain, target, options, link=body.link, seed_joints=body.seed_joints)
 
 
 def _follow_gradient(chain: Chain, body: IkRequest, pose: Pose) -> Trace:

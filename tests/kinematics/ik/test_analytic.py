@@ -13,7 +13,7 @@ from kinematics.forward import forward
 from kinematics.ik import analytic
 from kinematics.ik.analytic import branches, closed_form, parameter
 from kinematics.ik.inverse import inverse_kinematics
-from kinematics.ik.numeric import solve, solve_many
+from kinematics.ik.numeric import SearchOptions, solve, solve_many
 from kinematics.ik.structure import structure
 from kinematics.jacobian import geometric
 from kinematics.pose import (
@@ -117,7 +117,7 @@ def test_general_arms_lose_nothing_that_search_finds(kind: str) -> None:
             found = branches(chain, T)
             assert apart(found.joints, q).min() < 1e-6
             assert found.within_limits.all()
-            for other in solve(chain, T, seed=k, solutions=16, starts=60).solutions:
+            for other in solve(chain, T, SearchOptions(seed=k, starts=60), solutions=16).solutions:
                 if np.linalg.svd(geometric(chain, other.joints), compute_uv=False)[-1] < 1e-2:
                     continue
                 compared += 1
@@ -189,7 +189,7 @@ def test_families_of_one_name_are_all_answered() -> None:
     for q in both:
         T = forward(chain, q)
         found = branches(chain, T, seed_joints=q)
-        for other in solve(chain, T, solutions=12, starts=60).solutions:
+        for other in solve(chain, T, SearchOptions(starts=60), solutions=12).solutions:
             assert apart(found.joints[:, :3], other.joints[:3]).min() < 0.02
 
 
@@ -235,7 +235,7 @@ def test_calibrated_arms_keep_their_branches(name: str, size: float) -> None:
             assert apart(found.joints, q).min() < 1e-6
             if k > 1:
                 continue
-            for other in solve(chain, T, seed=k, solutions=16, starts=60).solutions:
+            for other in solve(chain, T, SearchOptions(seed=k, starts=60), solutions=16).solutions:
                 if np.linalg.svd(geometric(chain, other.joints), compute_uv=False)[-1] < 1e-2:
                     continue
                 compared += 1
@@ -260,8 +260,8 @@ def test_calibrated_arms_keep_both_sides_of_a_fold(name: str, size: float) -> No
             found = branches(chain, T).joints
             seeds = np.clip(q + rng.normal(size=(60, 6)) * 0.3, -np.pi, np.pi)
             search = solve_many(
-                chain, np.tile(T, (60, 1, 1)), seed_joints=seeds, starts=1, threads=1,
-                position_tolerance=1e-10, orientation_tolerance=1e-10,
+                chain, np.tile(T, (60, 1, 1)), SearchOptions(0, 1, 1e-10, 1e-10),
+                seed_joints=seeds, threads=1,
             )  # fmt: skip
             for other in search.joints[search.solved]:
                 if np.linalg.svd(geometric(chain, other), compute_uv=False)[-1] > 1e-5:

@@ -9,7 +9,15 @@ from kinematics.chain import Chain, Limits
 from kinematics.errors import InvalidLinkName, InvalidOption, InvalidPose, InvalidRobotState
 from kinematics.forward import forward
 from kinematics.ik.dls_step import dual_kernel, error_kernel, frame_kernel, step_within_kernel
-from kinematics.ik.numeric import AXES, Axis, reach, solve, solve_many
+from kinematics.ik.numeric import (
+    AXES,
+    POSITION,
+    Axis,
+    SearchOptions,
+    reach,
+    solve,
+    solve_many,
+)
 from kinematics.pose import from_axis_angle, inverse, rotation_error, transform
 from kinematics.robots import builtin_chain, builtin_names, builtin_urdf
 from tests.kinematics.samples import random_chain
@@ -42,7 +50,7 @@ def test_every_reachable_pose_is_reached_inside_the_limits(name: str) -> None:
             )
             q = np.clip(edges[random.integers(0, 4, chain.n), np.arange(chain.n)], lower, upper)
         target = forward(chain, q)
-        result = solve(chain, target, seed=k)
+        result = solve(chain, target, SearchOptions(seed=k))
         assert result.solutions, (name, k, result.nearest, result.advice)
         solution = result.solutions[0]
         assert inside(chain, solution.joints)
@@ -55,7 +63,7 @@ def test_several_solutions_are_distinct_and_nearest_first() -> None:
     chain = builtin_chain("ur5e")
     start = np.array([0.1, -1.2, 1.5, -1.0, -1.4, 0.3])
     target = forward(chain, start + 0.3)
-    result = solve(chain, target, seed_joints=start, solutions=8, starts=300)
+    result = solve(chain, target, SearchOptions(starts=300), seed_joints=start, solutions=8)
     assert len(result.solutions) >= 4
     distances = [np.linalg.norm(s.joints - start) for s in result.solutions]
     assert distances == sorted(distances)
@@ -68,7 +76,7 @@ def test_several_solutions_are_distinct_and_nearest_first() -> None:
 def test_same_seed_same_answer() -> None:
     chain = builtin_chain("panda")
     target = forward(chain, 0.3 * np.ones(7) * np.array([1, 1, 1, -4, 1, 4, 1]))
-    answers = [solve(chain, target, seed=5, solutions=4).solutions for _ in range(2)]
+    answers = [solve(chain, target, SearchOptions(seed=5), solutions=4).solutions for _ in range(2)]
     for a, b in zip(*answers, strict=True):
         assert np.array_equal(a.joints, b.joints)
 
@@ -76,7 +84,7 @@ def test_same_seed_same_answer() -> None:
 def test_out_of_reach_says_how_far() -> None:
     chain = builtin_chain("panda")
     target = transform(None, [3.0, 0.0, 0.3])
-    result = solve(chain, target, starts=20)
+    result = solve(chain, target, SearchOptions(starts=20))
     assert not result.solutions
     _, radius = reach(chain)
     assert result.nearest.position_error >= 3.0 - radius - 0.1
@@ -88,10 +96,10 @@ def test_position_can_be_reached_but_not_the_orientation() -> None:
     q = np.clip(np.array([0.3, 0.5, 0.0, 0.2]), chain.limits.lower, chain.limits.upper)
     target = forward(chain, q)
     target[:3, :3] = target[:3, :3] @ from_axis_angle([1.0, 0.0, 0.0], 0.5)
-    result = solve(chain, target, starts=20)
+    result = solve(chain, target, SearchOptions(starts=20))
     assert not result.solutions
     assert "not in this orientation" in result.advice
-    assert solve(chain, target, position_only=True).solutions
+    assert solve(chain, target, SearchOptions(axes=POSITION)).solutions
 
 
 @pytest.mark.parametrize("name", builtin_names())
@@ -112,7 +120,7 @@ def test_random_chains_with_slides_of_many_lengths() -> None:
         lower, upper = chain.sampling_bounds()
         for _ in range(5):
             target = forward(chain, random.uniform(lower, upper))
-            result = solve(chain, target, seed=n)
+            result = solve(chain, target, SearchOptions(seed=n))
             solved += bool(result.solutions)
             if result.solutions:
                 assert np.abs(forward(chain, result.solutions[0].joints) - target).max() < 5e-6
@@ -189,10 +197,10 @@ def test_poses_of_a_batch_are_answered_as_alone(name: str) -> None:
     q[::3] = np.where(random.random(q[::3].shape) < 0.5, lower, q[::3])
     targets = forward(chain, q)
     targets[[5, 39], :3, 3] = 9.0
-    batch = solve_many(chain, targets, starts=40, seed=3)
+    batch = solve_many(chain, targets, SearchOptions(seed=3, starts=40))
     assert not batch.solved[[5, 39]].any()
     for k, target in enumerate(targets):
-        one = solve(chain, target, starts=40, seed=3)
+        one = solve(chain, target, SearchOptions(seed=3, starts=40))
         assert bool(one.solutions) == batch.solved[k]
         np.testing.assert_array_equal(batch.joints[k], one.nearest.joints)
         assert (batch.steps[k], batch.position_error[k]) == one.nearest[3:0:-2]
@@ -231,11 +239,11 @@ def test_position_and_yaw_of_four_axes() -> None:
         target = forward(chain, random.uniform(lower, upper))
         # A tilt that the arm can't make, and need not.
         tilt = transform(from_axis_angle([1.0, 0.5, 0.0], random.uniform(0.0, 0.5)))
-        result = solve(chain, target @ tilt, axes=("x", "y", "z"), seed=k)
+        result = solve(chain, target @ tilt, SearchOptions(seed=k, axes=("x", "y", "z")))
         assert result.solutions
         reached = forward(chain, result.solutions[0].joints)
         assert np.linalg.norm(reached[:3, 3] - target[:3, 3]) < 1.01e-6
-        result = solve(chain, target, axes=("x", "y", "z", "rz"), seed=k)
+        result = solve(chain, target, SearchOptions(seed=k, axes=("x", "y", "z", "rz")))
         assert np.abs(forward(chain, result.solutions[0].joints) - target).max() < 3e-6
 
 
@@ -248,7 +256,7 @@ def test_one_free_axis_of_the_tool_is_left_free(free: str) -> None:
     moved = 0
     for k in range(40):
         target = forward(chain, random.uniform(lower, upper))
-        result = solve(chain, target, axes=axes, seed=k)
+        result = solve(chain, target, SearchOptions(seed=k, axes=axes))
         assert result.solutions
         rest = inverse(target) @ forward(chain, result.solutions[0].joints)
         error = np.array([*rest[:3, 3], *rotation_error(np.eye(3), rest[:3, :3])])
@@ -260,9 +268,9 @@ def test_one_free_axis_of_the_tool_is_left_free(free: str) -> None:
 
 def test_axes_that_do_not_exist_are_named() -> None:
     with pytest.raises(InvalidOption, match="roll"):
-        solve(builtin_chain("panda"), np.eye(4), axes=["roll"])  # type: ignore[list-item]
+        SearchOptions(axes=["roll"])  # type: ignore[list-item]
     with pytest.raises(InvalidOption, match="positive"):
-        solve(builtin_chain("panda"), np.eye(4), position_tolerance=0.0)
+        SearchOptions(position_tolerance=0.0)
     with pytest.raises(InvalidOption, match="seed_joints"):
         solve_many(builtin_chain("panda"), np.eye(4)[None], seed_joints=np.zeros((2, 7)))
     with pytest.raises(InvalidPose):

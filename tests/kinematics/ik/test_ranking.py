@@ -8,7 +8,7 @@ import pytest
 from kinematics.errors import InvalidOption, InvalidRobotState, NotAvailable
 from kinematics.forward import forward
 from kinematics.ik.analytic import branches
-from kinematics.ik.inverse import inverse_kinematics
+from kinematics.ik.inverse import IkOptions, inverse_kinematics
 from kinematics.ik.ranking import margin, order, outside, whole_turns
 from kinematics.jacobian import geometric
 from kinematics.pose import transform
@@ -75,7 +75,7 @@ def test_every_robot_is_solved_at_edge_poses(name: str) -> None:
     for k in range(40):
         q = edge_configuration(chain, rng, k)
         T = forward(chain, q)
-        result = inverse_kinematics(chain, T, seed=k)
+        result = inverse_kinematics(chain, T, IkOptions(seed=k))
         assert result.solutions, (name, q)
         best = result.solutions[0]
         assert best.within_limits
@@ -88,9 +88,11 @@ def test_all_solutions_with_whole_turns() -> None:
     chain = builtin_chain("ur5e")
     q = np.array([0.3, -1.0, 1.4, -0.7, -1.3, 0.2])
     T = forward(chain, q)
-    eight = inverse_kinematics(chain, T, most=100).solutions
+    eight = inverse_kinematics(chain, T, IkOptions(most=100)).solutions
     assert len(eight) == 8
-    many = inverse_kinematics(chain, T, most=1000, all_turns=True, seed_joints=q).solutions
+    many = inverse_kinematics(
+        chain, T, IkOptions(most=1000, all_turns=True), seed_joints=q
+    ).solutions
     # Two whole turns of each joint but the elbow, which turns once.
     assert len(many) == 8 * 2**5
     assert len({tuple(np.round(s.joints, 6)) for s in many}) == len(many)
@@ -104,8 +106,8 @@ def test_solutions_outside_limits_come_last_and_say_so() -> None:
     chain = builtin_chain("puma560")
     q = np.array([2.7, -3.8, 3.8, 2.9, 1.7, -4.6])
     T = forward(chain, q)
-    inside = inverse_kinematics(chain, T, most=100).solutions
-    every = inverse_kinematics(chain, T, most=100, outside_limits=True).solutions
+    inside = inverse_kinematics(chain, T, IkOptions(most=100)).solutions
+    every = inverse_kinematics(chain, T, IkOptions(most=100, outside_limits=True)).solutions
     assert len(every) == 8
     flags = [s.within_limits for s in every]
     assert flags == sorted(flags, reverse=True)
@@ -125,11 +127,11 @@ def test_redundant_arms_by_parameter_by_seed_and_all_around(name: str) -> None:
         near = inverse_kinematics(chain, T, seed_joints=q).solutions[0]
         np.testing.assert_allclose(near.joints, q, atol=1e-6)
         assert near.branch is not None
-        analytic = inverse_kinematics(chain, T, method="analytic").solutions
+        analytic = inverse_kinematics(chain, T, IkOptions(method="analytic")).solutions
         assert analytic
         assert analytic[0].within_limits
         assert np.abs(forward(chain, analytic[0].joints) - T).max() < 2e-9
-    many = inverse_kinematics(chain, T, most=500).solutions
+    many = inverse_kinematics(chain, T, IkOptions(most=500)).solutions
     assert len(many) > 8
     assert len({s.branch for s in many}) == len(many)
     for solution in many:
@@ -140,18 +142,21 @@ def test_methods_and_their_refusals() -> None:
     chain = builtin_chain("scara")
     T = forward(chain, np.array([0.3, 0.5, 0.1, 0.2]))
     with pytest.raises(NotAvailable):
-        inverse_kinematics(chain, T, method="analytic")
+        inverse_kinematics(chain, T, IkOptions(method="analytic"))
     with pytest.raises(InvalidOption, match="magic"):
-        inverse_kinematics(chain, T, method="magic")  # type: ignore[arg-type]
+        IkOptions(method="magic")  # type: ignore[arg-type]
+    with pytest.raises(InvalidOption, match="ranking 'best'"):
+        IkOptions(ranking="best")  # type: ignore[arg-type]
     with pytest.raises(InvalidOption, match="axes"):
-        inverse_kinematics(builtin_chain("ur5e"), np.eye(4), method="analytic", axes=["x"])
+        IkOptions(method="analytic", axes=["x"])
     with pytest.raises(InvalidOption, match="most"):
-        inverse_kinematics(chain, T, most=0)
+        IkOptions(most=0)
     with pytest.raises(InvalidRobotState):
         inverse_kinematics(chain, T, seed_joints=[0.0])
     far = inverse_kinematics(builtin_chain("ur5e"), transform(None, [3.0, 0.0, 0.0]))
     assert not far.solutions
     assert "reach" in far.advice
-    numeric = inverse_kinematics(builtin_chain("ur5e"), forward(builtin_chain("ur5e"), [
-        0.3, -1.0, 1.4, -0.7, -1.3, 0.2]), method="numeric")  # fmt: skip
+    ur5e = builtin_chain("ur5e")
+    T = forward(ur5e, [0.3, -1.0, 1.4, -0.7, -1.3, 0.2])
+    numeric = inverse_kinematics(ur5e, T, IkOptions(method="numeric"))
     assert numeric.solutions[0].branch is None

@@ -10,7 +10,7 @@ from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
 from kinematics.forward import forward
 from kinematics.ik.analytic import branches, parameter
-from kinematics.ik.inverse import inverse_kinematics
+from kinematics.ik.inverse import IkOptions, inverse_kinematics
 from kinematics.ik.numeric import solve
 from kinematics.jacobian import analytic_zyz, geometric
 from kinematics.pose import from_zyz, to_zyz, transform
@@ -117,7 +117,9 @@ def test_continuous_joints_turn_nearest_to_the_seed() -> None:
     seed = q + 4.0 * np.pi
     best = inverse_kinematics(chain, T, seed_joints=seed).solutions[0]
     np.testing.assert_allclose(best.joints, seed, atol=1e-6)
-    turned = inverse_kinematics(chain, T, seed_joints=q, most=1000, all_turns=True).solutions
+    turned = inverse_kinematics(
+        chain, T, IkOptions(most=1000, all_turns=True), seed_joints=q
+    ).solutions
     own = [s.joints for s in turned if apart(s.joints, q) < 1e-6]
     assert {float(round((j[0] - q[0]) / (2.0 * np.pi))) for j in own} == {-1.0, 0.0, 1.0}
 
@@ -126,10 +128,12 @@ def test_branch_without_a_turn_inside_limits_comes_last() -> None:
     chain = builtin_chain("puma560")
     q = np.array([2.7, -3.8, 3.8, 2.9, 1.7, -4.6])
     T = forward(chain, q)
-    found = inverse_kinematics(chain, T, most=8, outside_limits=True).solutions
+    found = inverse_kinematics(chain, T, IkOptions(most=8, outside_limits=True)).solutions
     flags = [item.within_limits for item in found]
     assert flags == sorted(flags, reverse=True)
-    assert all(item.within_limits for item in inverse_kinematics(chain, T, most=8).solutions)
+    assert all(
+        item.within_limits for item in inverse_kinematics(chain, T, IkOptions(most=8)).solutions
+    )
 
 
 def test_zyz_angles_at_sin_theta_0() -> None:
