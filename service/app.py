@@ -7,10 +7,13 @@ from contextlib import asynccontextmanager
 from fastapi import FastAPI
 from starlette.concurrency import run_in_threadpool
 
+from service import tasks
 from service.http import handlers, openapi
-from service.http.body import BodyLimit, JsonRoute
+from service.http.body_limit import BodyLimit
+from service.http.json_route import JsonRoute
+from service.http.metrics import Measured, Metrics
+from service.jobs.deferral import defer
 from service.jobs.runner import Jobs
-from service.metrics import Measured, Metrics
 from service.routes import (
     batch,
     check,
@@ -28,11 +31,15 @@ from service.routes import (
 )
 from service.settings import Settings
 from service.storage.document_store import open_store
+from service.storage.robot_repository import RobotRepository
 from service.tasks import dynamics as dynamics_tasks
 from service.tasks import kinematics as kinematics_tasks
 from service.version import VERSION
-from service.workers.supervisor import TASK_MODULES, WorkerSupervisor
+from service.warm import warm_kernels
+from service.workers.supervisor import WorkerSupervisor
 
+#: Packages whose tasks workers may be asked to call.
+TASK_MODULES: tuple[str, ...] = (tasks.__name__,)
 _ROUTERS = (
     health.router,
     problems.router,
@@ -65,8 +72,14 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         app.state.store = await run_in_threadpool(open_store, chosen.storage_url)
+        app.state.robots = RobotRepository(app.state.store, str(chosen.prepared_dir))
         supervisor = WorkerSupervisor(
-            chosen.workers, chosen.queue_limit, grace=chosen.kill_grace, modules=TASK_MODULES
+            chosen.workers,
+            chosen.queue_limit,
+            kill_grace=chosen.kill_grace,
+            modules=TASK_MODULES,
+            warm=warm_kernels,
+            preload=("__main__", "service.preload"),
         )
         app.state.supervisor = supervisor
         app.state.jobs = Jobs(app, app.state.store.jobs, chosen)
@@ -90,6 +103,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         redirect_slashes=False,
     )
     app.state.settings = chosen
+    app.state.defer = defer
     app.state.metrics = Metrics(app)
     app.router.route_class = JsonRoute
     # The last one added is the outermost.

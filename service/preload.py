@@ -30,21 +30,10 @@ for _variable in ("OMP", "OPENBLAS", "MKL", "NUMBA", "VECLIB_MAXIMUM"):
 # Taking compiled kernels apart one by one takes seconds, and nothing here needs to be put away.
 atexit.register(os._exit, 0)
 
-from service import warm  # noqa: E402
-from service.tasks import (  # noqa: E402
-    batch,  # noqa: F401
-    check,  # noqa: F401
-    dynamics,  # noqa: F401
-    inverse_kinematics,  # noqa: F401
-    kinematics,  # noqa: F401
-    large_body,  # noqa: F401
-    plan,  # noqa: F401
-    potential,  # noqa: F401
-    retime,  # noqa: F401
-    robots,  # noqa: F401
-    simulate,  # noqa: F401
-)
+from service import tasks, warm  # noqa: E402
+from service.workers.task import load_tasks  # noqa: E402
 
+load_tasks(tasks.__name__)
 try:
     warm.warm_kernels()
 except Exception:

@@ -23,6 +23,7 @@ from service.tasks import potential as potential_tasks
 from service.tasks import retime as retime_tasks
 from service.tasks import simulate as simulate_tasks
 from service.tasks.result import PlanOutcome
+from service.workers import current
 
 _START = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
 _GOAL = [1.2, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]
@@ -73,7 +74,7 @@ def requests() -> None:
         _collide(panda)
         # A start in collision: the nearest free one is looked for.
         stuck = _problem("auto") | {"start": {"joints": touching[0]}}
-        _ask(plan_tasks.plan, panda, stuck, _TIMEOUT)
+        _ask(plan_tasks.plan, panda, stuck)
         _lead(panda)
         _hold(panda)
         _retime(panda)
@@ -108,7 +109,7 @@ def _hold(panda: Reference) -> None:
     for angle, planner in ((0.3, "auto"), (0.3, "rrt_connect"), (1e-3, "auto")):
         body = _problem(planner) | {"constraints": [upright | {"cone_angle": angle}]}
         body["goal"] = {"joints": [-0.6, *_START[1:]]}
-        _ask(plan_tasks.plan, panda, body, _TIMEOUT)
+        _ask(plan_tasks.plan, panda, body)
 
 
 def _lead(panda: Reference) -> None:
@@ -128,7 +129,7 @@ def _lead(panda: Reference) -> None:
         "planner": "cartesian",
         "planner_options": {"motions": motions},
     }
-    _ask(plan_tasks.plan, panda, body, _TIMEOUT)
+    _ask(plan_tasks.plan, panda, body)
 
 
 def _problem(planner: str) -> dict[str, Any]:
@@ -143,13 +144,13 @@ def _problem(planner: str) -> dict[str, Any]:
 
 
 def _plan(panda: Reference, planner: str) -> None:
-    answer = _ask(plan_tasks.plan, panda, _problem(planner), _TIMEOUT)
+    answer = _ask(plan_tasks.plan, panda, _problem(planner))
     if isinstance(answer, PlanOutcome):
         trajectory = json.loads(answer.content)["trajectory"]
         if planner == "auto":
             _track(panda, trajectory)
         motion = {"robot": "panda", "scene": _scene(), "trajectory": trajectory}
-        _ask(plan_tasks.validate, panda, motion, _TIMEOUT)
+        _ask(plan_tasks.validate, panda, motion)
 
 
 def _grow(panda: Reference) -> None:
@@ -163,7 +164,7 @@ def _collide(panda: Reference) -> None:
     rows = [[a, b - a] for a, b in zip(_START, _GOAL, strict=True)]
     segment = {"t0": 0.0, "t1": 1.0, "coefficients": rows}
     body = {"robot": "panda", "scene": _scene(), "trajectory": {"segments": [segment]}}
-    _ask(plan_tasks.validate, panda, body, _TIMEOUT)
+    _ask(plan_tasks.validate, panda, body)
 
 
 #: Without an SRDF, so that the links that always touch are looked for; with no two that do.
@@ -182,7 +183,7 @@ def _track(panda: Reference, motion: dict[str, Any]) -> None:
     """One closed loop: the kernels are the same for all controllers."""
     controller = {"type": "adaptive", "natural_frequency": 5.0}
     body = {"robot": "panda", "trajectory": motion, "controller": controller, "scene": _scene()}
-    _ask(simulate_tasks.simulate, panda, body, _TIMEOUT)
+    _ask(simulate_tasks.simulate, panda, body)
 
 
 def _uploads(folder: str) -> None:
@@ -215,5 +216,9 @@ def _scene(margin: float = 0.0) -> dict[str, Any]:
     return {"obstacles": obstacles}
 
 
-def _ask(task: Any, robot: Reference, body: dict[str, Any], *more: float) -> Any:
-    return task(robot, None, json.dumps(body).encode(), *more)
+def _ask(task: Any, robot: Reference, body: dict[str, Any]) -> Any:
+    current.begin(Deadline.after(_TIMEOUT), None)
+    try:
+        return task(robot, None, json.dumps(body).encode())
+    finally:
+        current.end()

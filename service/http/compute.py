@@ -1,50 +1,21 @@
 """Runs the work of a request in a worker: for somebody who waits, or as part of a job."""
 
 import asyncio
-import math
-import time
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from typing import TypeVar
 
 from fastapi import Request
 
-from service.http.errors import ProblemError
+from service.http.job_context import end_dry_run, job_context
+from service.http.state import settings_of, supervisor_of
+from service.problem import ProblemError
 from service.settings import Settings
-from service.workers.main import Job
 from service.workers.process import Background, Progress
-from service.workers.supervisor import WorkerSupervisor
+from service.workers.task import Job
 
-#: How much longer than the request allows a worker lives that plans, so that the pipeline itself
-#: says that the time was up, and what was tried [s].
-GRACE = 0.5
+_R = TypeVar("_R")
+
 #: What proxies log for a client that left; nobody sees it.
 _CLIENT_LEFT = 499
-#: Where in the scope of a request it stands that it is only looked at: would it be accepted?
-DRY_RUN = "armwright.rehearsal"
-#: Where in the scope of a request its `Errand` stands, if it is a job's.
-ERRAND = "armwright.errand"
-
-
-class DeferToJob(Exception):
-    """A request that is only looked at came as far as its work, so it may become a job."""
-
-
-@dataclass(frozen=True, slots=True)
-class JobContext:
-    """What the request of a job has in place of somebody who waits.
-
-    Args:
-        id: The job.
-        deadline: When it must be done, on the clock of `time.monotonic` [s].
-        on_start: Called when a worker begins with it.
-        on_progress: Called with what the worker reports.
-    """
-
-    id: str
-    deadline: float
-    on_start: Callable[[], None]
-    on_progress: Progress
 
 
 def allowed(settings: Settings, timeout: float | None) -> float:
@@ -65,52 +36,34 @@ def allowed(settings: Settings, timeout: float | None) -> float:
     return seconds
 
 
-def postpone(request: Request) -> None:
-    """End here if the request is only looked at.
-
-    Raises:
-        Postponed: It is.
-    """
-    if request.scope.get(DRY_RUN):
-        raise DeferToJob
-
-
-def errand(request: Request) -> JobContext | None:
-    """What the request of a job is told by; None where somebody waits."""
-    found: JobContext | None = request.scope.get(ERRAND)
-    return found
-
-
 async def compute(
     request: Request,
-    job: Job,
+    job: Job[_R],
     timeout: float | None = None,
-    patience: float = 0.0,
     on_progress: Progress | None = None,
-) -> Any:
+) -> _R:
     """The result of a job, computed in a worker within `timeout` [s].
 
     Args:
         request: On whose behalf; when its client leaves, the work is ended.
-        job: What to call.
+        job: The call.
         timeout: As the request names it; the default of the service if left out. It begins when
             the request came, or for a job when a worker takes it up.
-        patience: How much later the worker is ended, for work that minds the time itself [s].
-        on_progress: Told of progress in place of the job that the request belongs to.
+        on_progress: Called with progress, in place of the job that the request belongs to.
 
     Raises:
         ProblemError: As `WorkerSupervisor.submit`; PREEMPTED when the client left, in which case
             the worker was stopped.
-        Postponed: The request is only looked at.
+        DeferToJob: The request is only checked.
     """
-    seconds = allowed(request.app.state.settings, timeout) + patience
-    postpone(request)
-    supervisor: WorkerSupervisor = request.app.state.supervisor
-    away = errand(request)
-    if away is not None:
-        background = Background(seconds, away.on_start)
-        return await supervisor.submit(job, math.inf, on_progress or away.on_progress, background)
-    working = asyncio.ensure_future(supervisor.submit(job, time.monotonic() + seconds))
+    seconds = allowed(settings_of(request), timeout)
+    end_dry_run(request)
+    supervisor = supervisor_of(request)
+    context = job_context(request)
+    if context is not None:
+        background = Background(seconds, context.on_start)
+        return await supervisor.submit(job, on_progress or context.on_progress, background)
+    working = asyncio.ensure_future(supervisor.submit(job.within(seconds)))
     leaving = asyncio.ensure_future(_disconnection(request))
     try:
         await asyncio.wait({working, leaving}, return_when=asyncio.FIRST_COMPLETED)

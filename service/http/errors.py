@@ -5,9 +5,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from fastapi import HTTPException
-
 from kinematics.errors import ArmwrightError
+from service.problem import ProblemError, from_fields
 
 PROBLEM_MEDIA_TYPE = "application/problem+json"
 #: Names of fields and the like in a problem are cut here, so that an answer stays readable.
@@ -54,89 +53,63 @@ KINDS: Mapping[str, Kind] = {
     "IDEMPOTENCY_KEY_REUSED": Kind(422, "The idempotency key belongs to another request"),
     "UNAUTHENTICATED": Kind(401, "Credentials are missing or wrong"),
     "NOT_FOUND": Kind(404, "There is no such thing"),
-    "METHOD_NOT_ALLOWED": Kind(405, "The method is not possible here"),
+    "METHOD_NOT_ALLOWED": Kind(405, "The endpoint does not have this method"),
     "REQUEST_TIMEOUT": Kind(408, "The request body did not arrive in time"),
     "CONFLICT": Kind(409, "The request conflicts with what exists"),
     "PAYLOAD_TOO_LARGE": Kind(413, "The request body is too large"),
     "UNSUPPORTED_MEDIA_TYPE": Kind(415, "The request body has the wrong content type"),
-    "OVERLOADED": Kind(429, "There is too much to do at the moment"),
+    "OVERLOADED": Kind(429, "The service has too many requests"),
     "NOT_READY": Kind(503, "The service is not ready"),
 }
 _UNLISTED = Kind(422, "The request can't be answered")
 
 
-class ProblemError(HTTPException):
-    """A problem of the service's own, to be raised anywhere in a request.
+class HttpProblemError(ProblemError):
+    """A problem whose answer carries more headers than the usual ones.
 
     Args:
-        code: One of `KINDS`.
+        code: The kind of problem.
         detail: What is wrong this time, and where.
-        hint: What to do about it.
-        stage: The step that failed.
-        status: Another status than that of the kind.
-        retry_after: Seconds after which asking again makes sense.
-        details: Values a program can use.
+        headers: By name.
+        more: As `ProblemError` has it.
     """
 
-    def __init__(
-        self,
-        code: str,
-        detail: str,
-        *,
-        hint: str | None = None,
-        stage: str | None = None,
-        status: int | None = None,
-        retry_after: int | None = None,
-        headers: Mapping[str, str] | None = None,
-        **details: Any,
-    ) -> None:
-        headers = dict(headers or {})
-        if retry_after is not None:
-            headers["Retry-After"] = str(retry_after)
-        super().__init__(status or KINDS[code].status, detail, headers)
-        self.code = code
-        self.hint = hint
-        self.stage = stage
-        self.details = details
+    def __init__(self, code: str, detail: str, headers: Mapping[str, str], **more: Any) -> None:
+        super().__init__(code, detail, **more)
+        self.headers = dict(headers)
 
-    def document(self, instance: str) -> dict[str, Any]:
-        """The problem document of this error for a request to the path `instance`."""
-        return {
-            "type": f"/v1/problems/{self.code}",
-            "title": KINDS.get(self.code, _UNLISTED).title,
-            "status": self.status_code,
-            "detail": plain(self.detail),
-            "instance": plain(instance),
-            "code": self.code,
-            "stage": self.stage,
-            "hint": plain(self.hint),
-            "details": plain(self.details),
-        }
+
+def status_of(problem: ProblemError) -> int:
+    """The HTTP status of a problem."""
+    return problem.status or KINDS.get(problem.code, _UNLISTED).status
+
+
+def headers_of(problem: ProblemError) -> dict[str, str]:
+    """The headers of the answer that tells a problem."""
+    headers = problem.headers if isinstance(problem, HttpProblemError) else {}
+    if problem.retry_after is not None:
+        headers = headers | {"Retry-After": str(problem.retry_after)}
+    return headers
+
+
+def document(problem: ProblemError, instance: str) -> dict[str, Any]:
+    """The problem document (RFC 9457) of a request to the path `instance`."""
+    return {
+        "type": f"/v1/problems/{problem.code}",
+        "title": KINDS.get(problem.code, _UNLISTED).title,
+        "status": status_of(problem),
+        "detail": plain(problem.detail),
+        "instance": plain(instance),
+        "code": problem.code,
+        "stage": problem.stage,
+        "hint": plain(problem.hint),
+        "details": plain(problem.details),
+    }
 
 
 def from_domain(error: ArmwrightError) -> ProblemError:
     """The problem of a caller's fault that the domain found."""
     return from_fields(error.code, error.message, error.hint, error.details)
-
-
-def from_fields(
-    code: str, message: str, hint: str | None, details: Mapping[str, Any]
-) -> ProblemError:
-    """The problem of an error that came as values, say from a worker.
-
-    A detail named `stage` becomes the stage of the problem.
-    """
-    rest = {str(name): value for name, value in details.items()}
-    stage = rest.pop("stage", None)
-    problem = ProblemError(
-        code,
-        message,
-        hint=hint,
-        stage=None if stage is None else str(stage),
-        status=KINDS.get(code, _UNLISTED).status,
-    )
-    problem.details = rest
-    return problem
 
 
 def plain(value: Any, depth: int = 0) -> Any:

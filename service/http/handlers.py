@@ -2,8 +2,6 @@
 
 import json
 import logging
-import secrets
-from typing import Any
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
@@ -14,8 +12,16 @@ from starlette.routing import Match
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from kinematics.errors import ArmwrightError
-from service.http.errors import PROBLEM_MEDIA_TYPE, ProblemError, from_domain
-from service.http.validation import validation_problem
+from service.http.errors import (
+    PROBLEM_MEDIA_TYPE,
+    HttpProblemError,
+    document,
+    from_domain,
+    headers_of,
+    status_of,
+)
+from service.problem import ProblemError, unexpected
+from service.schemas.validation import validation_problem
 
 _log = logging.getLogger(__name__)
 
@@ -31,19 +37,22 @@ _FRAMEWORK = {
 
 def problem_response(problem: ProblemError, instance: str) -> Response:
     """The HTTP response of a problem for a request to the path `instance`."""
-    content = json.dumps(problem.document(instance), ensure_ascii=False, allow_nan=False)
+    content = json.dumps(document(problem, instance), ensure_ascii=False, allow_nan=False)
     return Response(
-        content.encode("utf-8"), problem.status_code, problem.headers, PROBLEM_MEDIA_TYPE
+        content.encode("utf-8"), status_of(problem), headers_of(problem), PROBLEM_MEDIA_TYPE
     )
 
 
 def install(app: FastAPI) -> None:
     """Answer every error that reaches the framework with a problem document."""
 
+    async def on_problem(request: Request, error: Exception) -> Response:
+        assert isinstance(error, ProblemError)
+        return problem_response(error, request.url.path)
+
     async def on_http(request: Request, error: Exception) -> Response:
         assert isinstance(error, HTTPException)
-        problem = error if isinstance(error, ProblemError) else _from_framework(request, error)
-        return problem_response(problem, request.url.path)
+        return problem_response(_from_framework(request, error), request.url.path)
 
     async def on_domain(request: Request, error: Exception) -> Response:
         assert isinstance(error, ArmwrightError)
@@ -53,6 +62,7 @@ def install(app: FastAPI) -> None:
         assert isinstance(error, RequestValidationError)
         return problem_response(validation_problem(error.errors(), error.body), request.url.path)
 
+    app.add_exception_handler(ProblemError, on_problem)
     app.add_exception_handler(HTTPException, on_http)
     app.add_exception_handler(ArmwrightError, on_domain)
     app.add_exception_handler(RequestValidationError, on_validation)
@@ -65,7 +75,7 @@ def _from_framework(request: Request, error: HTTPException) -> ProblemError:
     headers = dict(error.headers or {})
     if status == 405:
         headers["Allow"] = ", ".join(_possible_methods(request))
-    return ProblemError(code, detail, hint=hint, status=status, headers=headers)
+    return HttpProblemError(code, detail, headers, hint=hint, status=status)
 
 
 def _possible_methods(request: Request) -> list[str]:
@@ -105,25 +115,3 @@ class UnexpectedErrors:
             if started:  # all that is left is to break the connection off
                 raise
             await problem_response(problem, scope["path"])(scope, receive, send)
-
-
-def unexpected(what: str, trace: str | None = None, **details: Any) -> ProblemError:
-    """Log a mistake of ours under a new reference and give the problem that names only that.
-
-    Args:
-        what: The request or task in which it happened.
-        trace: The traceback, where it is not that of the exception being handled.
-        details: More values for the problem.
-    """
-    reference = secrets.token_hex(8)
-    if trace is None:
-        _log.exception("unexpected error %s in %r", reference, what)
-    else:
-        _log.error("unexpected error %s in %r\n%s", reference, what, trace)
-    return ProblemError(
-        "CRASH",
-        f"an unexpected error happened; it was logged as {reference}",
-        hint="This is a fault of the service. Report the reference to whoever runs it.",
-        reference=reference,
-        **details,
-    )

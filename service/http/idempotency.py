@@ -6,8 +6,9 @@ from collections.abc import Awaitable, Callable
 from fastapi import Request, Response
 from starlette.concurrency import run_in_threadpool
 
-from service.http.errors import ProblemError
-from service.storage.document_store import Recorded, Store
+from service.http.state import store_of
+from service.problem import ProblemError
+from service.storage.document_store import Recorded
 
 _MAX_KEY = 255
 #: What is kept: that something was created, or accepted as a job. All else is computed anew.
@@ -32,7 +33,7 @@ async def answer_once(
             f"the header Idempotency-Key must be 1 to {_MAX_KEY} printable ASCII characters",
             stage="request",
         )
-    store: Store = request.app.state.store
+    store = store_of(request)
     endpoint = f"{request.method} {request.url.path}"
     body = await request.body()
     digest = (await run_in_threadpool(hashlib.sha256, body)).hexdigest()

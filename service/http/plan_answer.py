@@ -1,40 +1,37 @@
-"""Has a worker plan, and counts what came of it."""
+"""Plans computed in workers, and counted."""
 
 from typing import Protocol
 
 from fastapi import Request
 
-from service.http.compute import GRACE
-from service.http.errors import ProblemError
-from service.metrics import Metrics
+from service.http import answers
+from service.http.metrics import Metrics
+from service.problem import ProblemError
 from service.schemas.scene import Scene
-from service.settings import Settings
-from service.storage import robot_repository
 from service.storage.cache_key import Reference
-from service.tasks.result import PlanOutcome
-from service.workers.main import Job
+from service.tasks.plan import plan
 from service.workers.process import Progress
 
 
-class Asked(Protocol):
-    """What has to be known of a request for a plan."""
+class PlanProblem(Protocol):
+    """The fields of a request for a plan that the server itself reads."""
 
     @property
     def robot(self) -> str:
-        """Its name."""
+        """The name of the robot."""
 
     @property
     def scene(self) -> str | Scene | None:
-        """As it is given."""
+        """The name of a stored scene, an inline scene, or none."""
 
     @property
     def timeout(self) -> float | None:
-        """As it is given [s]."""
+        """For all stages together, if one is named [s]."""
 
 
-async def planned(
+async def plan_answer(
     request: Request,
-    body: Asked,
+    body: PlanProblem,
     content: bytes,
     scene: Reference | None = None,
     on_progress: Progress | None = None,
@@ -43,33 +40,26 @@ async def planned(
 
     Args:
         request: On whose behalf.
-        body: What is asked.
-        content: The same as JSON, for the worker.
-        scene: In place of the one of the body.
-        on_progress: Told of progress in place of the job that the request belongs to.
+        body: The problem.
+        content: The problem as JSON, for the worker.
+        scene: The scene, in place of the one of the body.
+        on_progress: Called with progress, in place of the job that the request belongs to.
 
     Raises:
-        ProblemError: There is no plan; as `catalog.answer`.
+        ProblemError: There is no plan; as `answers.answer`.
     """
-    settings: Settings = request.app.state.settings
     metrics: Metrics = request.app.state.metrics
-    timeout = settings.default_timeout if body.timeout is None else body.timeout
-
-    def job(robot: Reference, stored: Reference | None) -> Job:
-        return Job("service.tasks.plan:plan", (robot, scene or stored, content, timeout))
-
     try:
-        found: PlanOutcome = await robot_repository.answer(
+        outcome = await answers.answer(
             request,
-            job,
+            lambda robot, stored: plan.job(robot, scene or stored, content),
             body.robot,
             body.scene,
-            timeout=timeout,
-            patience=GRACE,
+            timeout=body.timeout,
             on_progress=on_progress,
         )
     except ProblemError as problem:
         metrics.plan_failed(problem.code, problem.details.get("stages"))
         raise
-    metrics.plan_succeeded(found.planner, found.stages)
-    return found.content
+    metrics.plan_succeeded(outcome.planner, outcome.stages)
+    return outcome.content

@@ -4,8 +4,8 @@ from datetime import UTC, datetime
 
 from pydantic_core import to_json
 
-from service.jobs.store import JobAnswer, JobRecord
 from service.schemas.job import JobSummary
+from service.storage.job_store import JobAnswer, JobRecord
 
 
 def job_summary(record: JobRecord, lifetime: float | None = None) -> JobSummary:

@@ -9,17 +9,16 @@ from pydantic_core import to_json
 from starlette.concurrency import run_in_threadpool
 
 from kinematics.errors import ArmwrightError
-from service.http.compute import JobContext
-from service.http.errors import ProblemError, from_domain
-from service.http.handlers import unexpected
-from service.http.plan_answer import planned
-from service.settings import Settings
-from service.storage import disk_cache, robot_repository
+from service.http import answers
+from service.http.errors import document, from_domain
+from service.http.job_context import JobContext
+from service.http.plan_answer import plan_answer
+from service.http.state import settings_of, supervisor_of
+from service.problem import ProblemError, unexpected
+from service.storage import disk_cache
 from service.storage.cache_key import Reference
-from service.tasks.batch import Item
+from service.tasks.batch import Item, split
 from service.workers.faults import ShuttingDown
-from service.workers.main import Job
-from service.workers.supervisor import WorkerSupervisor
 
 
 class Batch:
@@ -28,13 +27,13 @@ class Batch:
     Args:
         count: Its problems.
         request: Their request.
-        errand: Of the job that it has become.
+        context: Of the job that it has become.
     """
 
-    def __init__(self, count: int, request: Request, errand: JobContext) -> None:
+    def __init__(self, count: int, request: Request, context: JobContext) -> None:
         self._request = request
-        self._errand = errand
-        self._settings: Settings = request.app.state.settings
+        self._context = context
+        self._settings = settings_of(request)
         self._scene: Reference | None = None
         self._items: tuple[Item, ...] = ()
         self._results: list[bytes] = [b""] * count
@@ -48,14 +47,13 @@ class Batch:
         Raises:
             ProblemError: The scene of all problems is not valid; the service ends.
         """
-        supervisor: WorkerSupervisor = self._request.app.state.supervisor
         self._tell()
         await self._split()
         waiting = iter(range(len(self._items)))
         try:
             # Each worker has one of them at most, so that other jobs get their turns.
             async with asyncio.TaskGroup() as group:
-                for _ in range(min(supervisor.count, len(self._items))):
+                for _ in range(min(supervisor_of(self._request).count, len(self._items))):
                     group.create_task(self._work_off(waiting))
         except* ProblemError as errors:
             raise errors.exceptions[0] from None
@@ -66,18 +64,16 @@ class Batch:
 
     async def _split(self) -> None:
         """Have a worker take the request apart, and build a scene that all problems share."""
-        folder, name = str(self._settings.prepared_dir), f"batch-{self._errand.id}"
-        arguments = (await self._request.body(), folder, name)
-        self._items, shared = await robot_repository.build(
-            self._request, Job("service.tasks.batch:split", arguments)
-        )
+        folder, name = str(self._settings.prepared_dir), f"batch-{self._context.id}"
+        content = await self._request.body()
+        self._items, shared = await answers.build(self._request, split.job(content, folder, name))
         if shared is not None:
             self._scene = Reference("scene", name, shared, folder)
 
     async def _work_off(self, waiting: Iterator[int]) -> None:
         for index in waiting:
             try:
-                left = self._errand.deadline - time.monotonic()
+                left = self._context.deadline - time.monotonic()
                 async with asyncio.timeout(max(left, 0.0)):
                     self._results[index] = await self._plan(index)
             except ShuttingDown:  # the whole batch is done again when the service is back
@@ -89,7 +85,7 @@ class Batch:
             except TimeoutError:
                 self._note(index, _late(self._settings.job_deadline))
             except Exception:  # noqa: BLE001  (a mistake of ours costs this problem alone)
-                self._note(index, unexpected(f"problem {index} of job {self._errand.id}"))
+                self._note(index, unexpected(f"problem {index} of job {self._context.id}"))
             self._done += 1
             self._shares[index] = 1.0
             self._tell()
@@ -102,17 +98,17 @@ class Batch:
             self._tell()
 
         scene = self._scene if item.shared else None
-        return await planned(self._request, item, item.content, scene, on_progress)
+        return await plan_answer(self._request, item, item.content, scene, on_progress)
 
     def _note(self, index: int, problem: ProblemError) -> None:
         self._failed += 1
         instance = f"{self._request.url.path}#/problems/{index}"
-        self._results[index] = to_json(problem.document(instance))
+        self._results[index] = to_json(document(problem, instance))
 
     def _tell(self) -> None:
         count = len(self._results)
         share = sum(self._shares) / count
-        self._errand.on_progress(share, f"{self._done} of {count} problems")
+        self._context.on_progress(share, f"{self._done} of {count} problems")
 
     def _answer(self) -> bytes:
         succeeded = len(self._results) - self._failed

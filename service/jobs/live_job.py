@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic_core import to_json
 
-from service.jobs.store import ENDED, JobAnswer, JobRecord, Status
+from service.storage.job_store import ENDED, JobAnswer, JobRecord, Status
 
 #: Events that are kept for those who come late or come back; older ones are told by the next.
 _KEPT_EVENTS = 256

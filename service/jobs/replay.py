@@ -8,8 +8,8 @@ from typing import Any
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message
 
-from service.http.compute import ERRAND, JobContext
-from service.jobs.store import JobAnswer, StoredRequest
+from service.http.job_context import JOB_CONTEXT, JobContext
+from service.storage.job_store import JobAnswer, StoredRequest
 
 
 @dataclass(slots=True)
@@ -27,13 +27,13 @@ class Replayed:
         return JobAnswer(content_type, bytes(self.body))
 
 
-async def replay(app: ASGIApp, request: StoredRequest, errand: JobContext) -> Replayed:
+async def replay(app: ASGIApp, request: StoredRequest, context: JobContext) -> Replayed:
     """The answer to a stored request.
 
     Args:
         app: The whole application, so that errors become problem documents here too.
         request: As it came.
-        errand: Of the job that it belongs to.
+        context: Of the job that it belongs to.
     """
     answered = Replayed()
     unread = [request.body]
@@ -52,11 +52,11 @@ async def replay(app: ASGIApp, request: StoredRequest, errand: JobContext) -> Re
         elif message["type"] == "http.response.body":
             answered.body += message.get("body", b"")
 
-    await app(_scope(request, errand), receive, send)
+    await app(_scope(request, context), receive, send)
     return answered
 
 
-def _scope(request: StoredRequest, errand: JobContext) -> MutableMapping[str, Any]:
+def _scope(request: StoredRequest, context: JobContext) -> MutableMapping[str, Any]:
     return {
         "type": "http",
         "asgi": {"version": "3.0"},
@@ -73,5 +73,5 @@ def _scope(request: StoredRequest, errand: JobContext) -> MutableMapping[str, An
         ],
         "client": None,
         "server": None,
-        ERRAND: errand,
+        JOB_CONTEXT: context,
     }

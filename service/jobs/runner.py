@@ -16,13 +16,21 @@ from typing import Any
 from starlette.concurrency import run_in_threadpool
 from starlette.types import ASGIApp
 
-from service.http.compute import JobContext
-from service.http.errors import PROBLEM_MEDIA_TYPE, ProblemError
-from service.http.handlers import unexpected
+from service.http.errors import PROBLEM_MEDIA_TYPE, document, status_of
+from service.http.job_context import JobContext
 from service.jobs.live_job import Event, LiveJob, describe
 from service.jobs.replay import Replayed, replay
-from service.jobs.store import ENDED, JobAnswer, JobRecord, JobStore, Status, StoredRequest, no_job
+from service.problem import ProblemError, unexpected
 from service.settings import Settings
+from service.storage.job_store import (
+    ENDED,
+    JobAnswer,
+    JobRecord,
+    JobStore,
+    Status,
+    StoredRequest,
+    no_job,
+)
 from service.workers.faults import JobsFull, ShuttingDown
 
 _ID = re.compile(r"[0-9a-f]{32}")
@@ -209,7 +217,7 @@ class Jobs:
     async def _run(self, live: LiveJob, batch: bool) -> None:
         try:
             replayed = await self._answer(live)
-            if self._stopping and replayed.status == ShuttingDown().status_code:
+            if self._stopping and replayed.status == status_of(ShuttingDown()):
                 return
             status: Status = "succeeded" if replayed.status < 400 else "failed"
             await self._finish(live, status, replayed.answer, replayed.headers.get("location"))
@@ -224,13 +232,13 @@ class Jobs:
 
     async def _answer(self, live: LiveJob) -> Replayed:
         request = await run_in_threadpool(self._store.request, live.record.id)
-        errand = JobContext(
+        context = JobContext(
             live.record.id, live.deadline, lambda: self._started(live), live.advance
         )
         left = live.deadline + _OVERRUN - time.monotonic()
         try:
             async with asyncio.timeout(max(left, 0.0)):
-                return await replay(self._app, request, errand)
+                return await replay(self._app, request, context)
         except TimeoutError:
             raise ProblemError(
                 "TIMED_OUT",
@@ -321,7 +329,7 @@ def _new(request: StoredRequest) -> JobRecord:
 
 
 def _told(problem: ProblemError, instance: str) -> JobAnswer:
-    content = json.dumps(problem.document(instance), ensure_ascii=False, allow_nan=False)
+    content = json.dumps(document(problem, instance), ensure_ascii=False, allow_nan=False)
     return JobAnswer(PROBLEM_MEDIA_TYPE, content.encode())
 
 

@@ -2,15 +2,16 @@
 
 from fastapi import APIRouter, Request, Response
 
-from service.http.body import JobRoute
-from service.http.compute import allowed, errand, postpone
-from service.http.errors import ProblemError
+from service.http import answers
+from service.http.compute import allowed
+from service.http.job_context import end_dry_run, job_context
+from service.http.json_route import JobRoute
 from service.http.openapi import RESPONSES
+from service.http.state import settings_of
 from service.jobs.batch import Batch
+from service.problem import ProblemError
 from service.schemas.batch import BatchAnswer, BatchRequest
 from service.schemas.job import JobSummary
-from service.settings import Settings
-from service.storage import robot_repository
 
 _RESULT = {200: {"description": "The result of the job", "model": BatchAnswer}}
 router = APIRouter(prefix="/v1", tags=["planning"], route_class=JobRoute, responses=RESPONSES)
@@ -29,17 +30,17 @@ async def plan_batch(body: BatchRequest, request: Request) -> Response:
     One that fails, or that brings a worker down, costs the others nothing.
     """
     await _check(body, request)
-    postpone(request)
-    away = errand(request)
-    assert away is not None
+    end_dry_run(request)
+    context = job_context(request)
+    assert context is not None
     return Response(
-        await Batch(len(body.problems), request, away).run(), media_type="application/json"
+        await Batch(len(body.problems), request, context).run(), media_type="application/json"
     )
 
 
 async def _check(body: BatchRequest, request: Request) -> None:
     """Refuse what is wrong with the whole; what is wrong with one problem is told in its place."""
-    settings: Settings = request.app.state.settings
+    settings = settings_of(request)
     if len(body.problems) > settings.batch_limit:
         raise ProblemError(
             "PAYLOAD_TOO_LARGE",
@@ -48,12 +49,12 @@ async def _check(body: BatchRequest, request: Request) -> None:
             hint="Send them in several batches.",
             batch_limit=settings.batch_limit,
         )
-    if errand(request) is not None:
+    if job_context(request) is not None:
         return
     parts = (body, *body.problems)
     for seconds in {part.timeout for part in parts}:
         allowed(settings, seconds)
     for robot in {part.robot for part in parts if part.robot is not None}:
-        await robot_repository.robot(request, robot)
+        await answers.robot(request, robot)
     for scene in {part.scene for part in parts if isinstance(part.scene, str)}:
-        await robot_repository.scene(request, scene)
+        await answers.scene(request, scene)

@@ -2,11 +2,11 @@
 
 from fastapi import APIRouter, Request, Response
 
-from service.http.body import JsonRoute
+from service.http import answers
+from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES
 from service.schemas.check import CheckAnswer, CheckRequest
-from service.storage import robot_repository
-from service.workers.main import Job
+from service.tasks import check as tasks
 
 router = APIRouter(prefix="/v1", tags=["checking"], route_class=JsonRoute, responses=RESPONSES)
 
@@ -15,9 +15,9 @@ router = APIRouter(prefix="/v1", tags=["checking"], route_class=JsonRoute, respo
 async def check(body: CheckRequest, request: Request) -> Response:
     """Whether configurations are within limits and free, and how far from anything they are."""
     content = await request.body()
-    result = await robot_repository.answer(
+    result = await answers.answer(
         request,
-        lambda robot, scene: Job("service.tasks.check:check", (robot, scene, content)),
+        lambda robot, scene: tasks.check.job(robot, scene, content),
         body.robot,
         body.scene,
         timeout=body.timeout,

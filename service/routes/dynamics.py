@@ -2,8 +2,10 @@
 
 from fastapi import APIRouter, Request, Response
 
-from service.http.body import JsonRoute
+from service.http import answers
+from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES
+from service.routes.configurations import count, in_worker, json_answer
 from service.schemas.dynamics import (
     DynamicsAnswer,
     DynamicsRequest,
@@ -12,9 +14,7 @@ from service.schemas.dynamics import (
     WrenchAnswer,
     WrenchRequest,
 )
-from service.storage import robot_repository
-from service.tasks import dynamics as dynamics_tasks
-from service.workers.main import Job
+from service.tasks import dynamics as tasks
 
 router = APIRouter(
     prefix="/v1/robots/{name}", tags=["dynamics"], route_class=JsonRoute, responses=RESPONSES
@@ -27,10 +27,10 @@ _INLINE_STATES = 10
 @router.post("/wrench", summary="Torques that hold a wrench", response_model=WrenchAnswer)
 async def wrench(name: str, body: WrenchRequest, request: Request) -> Response:
     """τ = Jᵀ F for a wrench F = [f; n] that a link exerts, in the base frame."""
-    chain = await robot_repository.chain(request, name)
-    if _count(body.joints) <= _INLINE_STATES:
-        return _json(dynamics_tasks.wrench(chain, body))
-    return _json(await _in_worker(request, name, "wrench_batch"))
+    chain = await answers.chain(request, name)
+    if count(body.joints) <= _INLINE_STATES:
+        return json_answer(tasks.wrench(chain, body))
+    return await in_worker(request, name, tasks.wrench_task)
 
 
 @router.post("/dynamics", summary="Equations of motion", response_model=DynamicsAnswer)
@@ -39,10 +39,10 @@ async def dynamics(name: str, body: DynamicsRequest, request: Request) -> Respon
 
     A robot without inertias is refused with MISSING_INERTIA, which names the links.
     """
-    chain = await robot_repository.chain(request, name)
-    if _count(body.joints) <= _INLINE_STATES:
-        return _json(dynamics_tasks.dynamics(chain, body))
-    return _json(await _in_worker(request, name, "dynamics_batch"))
+    chain = await answers.chain(request, name)
+    if count(body.joints) <= _INLINE_STATES:
+        return json_answer(tasks.dynamics(chain, body))
+    return await in_worker(request, name, tasks.dynamics_task)
 
 
 @router.post("/regressor", summary="Linear parametrisation", response_model=RegressorAnswer)
@@ -51,21 +51,5 @@ async def regressor(name: str, _body: RegressorRequest, request: Request) -> Res
 
     Finding the base parameters takes longer than a request should hold up others: a worker does.
     """
-    await robot_repository.chain(request, name)
-    return _json(await _in_worker(request, name, "regressor_batch"))
-
-
-async def _in_worker(request: Request, name: str, task: str) -> bytes:
-    content = await request.body()
-    result: bytes = await robot_repository.answer(
-        request, lambda robot, _: Job(f"service.tasks.dynamics:{task}", (robot, content)), name
-    )
-    return result
-
-
-def _count(joints: list[float] | list[list[float]]) -> int:
-    return len(joints) if isinstance(joints[0], list) else 1
-
-
-def _json(content: bytes) -> Response:
-    return Response(content, media_type="application/json")
+    await answers.chain(request, name)
+    return await in_worker(request, name, tasks.regressor_task)

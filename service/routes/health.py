@@ -5,13 +5,13 @@ from prometheus_client import CONTENT_TYPE_PLAIN_0_0_4
 from pydantic import Field
 from starlette.concurrency import run_in_threadpool
 
-from service.http.body import JsonRoute
-from service.http.errors import ProblemError
+from service.http.json_route import JsonRoute
+from service.http.metrics import Metrics
 from service.http.openapi import RESPONSES
-from service.metrics import Metrics
+from service.http.state import supervisor_of
+from service.problem import ProblemError
 from service.schemas.base import Answer
 from service.version import VERSION
-from service.workers.supervisor import WorkerSupervisor
 
 router = APIRouter(tags=["health"], route_class=JsonRoute, responses=RESPONSES)
 
@@ -40,7 +40,7 @@ async def healthz() -> Health:
 @router.get("/readyz", summary="Whether work can be sent")
 async def readyz(request: Request) -> Readiness:
     """Answers 200 once kernels are warm and workers are up, 503 before."""
-    supervisor: WorkerSupervisor = request.app.state.supervisor
+    supervisor = supervisor_of(request)
     if not supervisor.ready:
         raise ProblemError(
             "NOT_READY",

@@ -5,13 +5,14 @@ from typing import Annotated
 from fastapi import APIRouter, Header, Query, Request, Response
 from starlette.responses import StreamingResponse
 
-from service.http.body import JsonRoute
+from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES
+from service.http.state import settings_of
 from service.jobs.answer import job_document, job_summary
 from service.jobs.runner import Jobs
-from service.jobs.store import Status
+from service.routes.paging import page
 from service.schemas.job import JobAnswer, JobList, JobSummary
-from service.settings import Settings
+from service.storage.job_store import Status
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"], route_class=JsonRoute, responses=RESPONSES)
 
@@ -38,19 +39,17 @@ async def list_jobs(
     limit: Annotated[int, Query(ge=1, le=1000)] = 100,
 ) -> JobList:
     """Jobs without their answers, newest first, page by page."""
-    found = await _jobs(request).list(status, after, limit + 1)
-    lifetime = _settings(request).job_lifetime
-    return JobList(
-        jobs=[job_summary(record, lifetime) for record in found[:limit]],
-        next=found[limit - 1].id if len(found) > limit else None,
-    )
+    stored = await _jobs(request).list(status, after, limit + 1)
+    records, following = page(stored, limit, lambda record: record.id)
+    lifetime = settings_of(request).job_lifetime
+    return JobList(jobs=[job_summary(record, lifetime) for record in records], next=following)
 
 
 @router.get("/{id}", summary="Where a job stands", response_model=JobAnswer)
 async def get_job(id: str, request: Request) -> Response:  # noqa: A002  (its name in the path)
     """Its status and progress, and once it has ended the result or the error."""
     record, answer = await _jobs(request).get(id)
-    content = job_document(record, answer, _settings(request).job_lifetime)
+    content = job_document(record, answer, settings_of(request).job_lifetime)
     return Response(content, media_type="application/json")
 
 
@@ -60,7 +59,7 @@ async def cancel_job(id: str, request: Request) -> JobSummary:  # noqa: A002
 
     Cancelling a cancelled job changes nothing.
     """
-    return job_summary(await _jobs(request).cancel(id), _settings(request).job_lifetime)
+    return job_summary(await _jobs(request).cancel(id), settings_of(request).job_lifetime)
 
 
 @router.get(
@@ -92,8 +91,3 @@ async def job_events(
 def _jobs(request: Request) -> Jobs:
     jobs: Jobs = request.app.state.jobs
     return jobs
-
-
-def _settings(request: Request) -> Settings:
-    settings: Settings = request.app.state.settings
-    return settings

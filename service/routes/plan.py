@@ -2,14 +2,12 @@
 
 from fastapi import APIRouter, Request, Response
 
-from service.http.body import JsonRoute
-from service.http.compute import GRACE
+from service.http import answers
+from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES
-from service.http.plan_answer import planned
+from service.http.plan_answer import plan_answer
 from service.schemas.plan import CertificateAnswer, PlanAnswer, PlanRequest, ValidateRequest
-from service.settings import Settings
-from service.storage import robot_repository
-from service.workers.main import Job
+from service.tasks import plan as tasks
 
 router = APIRouter(prefix="/v1", tags=["planning"], route_class=JsonRoute, responses=RESPONSES)
 
@@ -20,7 +18,7 @@ async def plan(body: PlanRequest, request: Request) -> Response:
 
     Where none is found in time, or none can be proved, the answer is a problem that says why.
     """
-    content = await planned(request, body, await request.body())
+    content = await plan_answer(request, body, await request.body())
     return Response(content, media_type="application/json")
 
 
@@ -28,14 +26,11 @@ async def plan(body: PlanRequest, request: Request) -> Response:
 async def validate(body: ValidateRequest, request: Request) -> Response:
     """The certificate of anybody's motion, or its first violation with the time."""
     content = await request.body()
-    settings: Settings = request.app.state.settings
-    timeout = settings.default_timeout if body.timeout is None else body.timeout
-    result = await robot_repository.answer(
+    result = await answers.answer(
         request,
-        lambda robot, scene: Job("service.tasks.plan:validate", (robot, scene, content, timeout)),
+        lambda robot, scene: tasks.validate.job(robot, scene, content),
         body.robot,
         body.scene,
-        timeout=timeout,
-        patience=GRACE,
+        timeout=body.timeout,
     )
     return Response(result, media_type="application/json")

@@ -2,11 +2,11 @@
 
 from fastapi import APIRouter, Request, Response
 
-from service.http.body import JsonRoute
+from service.http import answers
+from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES
 from service.schemas.potential import PotentialAnswer, PotentialRequest
-from service.storage import robot_repository
-from service.workers.main import Job
+from service.tasks import potential as tasks
 
 router = APIRouter(
     prefix="/v1/robots/{name}", tags=["planning"], route_class=JsonRoute, responses=RESPONSES
@@ -24,9 +24,9 @@ async def potential(name: str, body: PotentialRequest, request: Request) -> Resp
     an obstacle of several pieces (a mesh, a cloud) pushes once, from the nearest of them.
     """
     content = await request.body()
-    result = await robot_repository.answer(
+    result = await answers.answer(
         request,
-        lambda robot, scene: Job("service.tasks.potential:potential", (robot, scene, content)),
+        lambda robot, scene: tasks.potential.job(robot, scene, content),
         name,
         body.scene,
         timeout=body.timeout,

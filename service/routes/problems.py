@@ -3,9 +3,10 @@
 from fastapi import APIRouter
 from pydantic import Field
 
-from service.http.body import JsonRoute
-from service.http.errors import KINDS, ProblemError
+from service.http.errors import KINDS
+from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES
+from service.problem import ProblemError
 from service.schemas.base import Answer
 
 router = APIRouter(

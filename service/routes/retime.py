@@ -2,8 +2,9 @@
 
 from fastapi import APIRouter, Request, Response
 
-from service.http.body import JsonRoute
+from service.http import answers
 from service.http.compute import compute
+from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES
 from service.schemas.retime import (
     ConvertRequest,
@@ -11,8 +12,7 @@ from service.schemas.retime import (
     RetimeAnswer,
     RetimeRequest,
 )
-from service.storage import robot_repository
-from service.workers.main import Job
+from service.tasks import retime as tasks
 
 router = APIRouter(prefix="/v1", tags=["timing"], route_class=JsonRoute, responses=RESPONSES)
 
@@ -24,9 +24,9 @@ async def retime(body: RetimeRequest, request: Request) -> Response:
     The limits are certified. Of collisions nothing is known, which the certificate says.
     """
     content = await request.body()
-    result = await robot_repository.answer_with(
+    result = await answers.answer_with(
         request,
-        lambda robot: Job("service.tasks.retime:retime", (robot, content)),
+        lambda robot: tasks.retime.job(robot, content),
         body.robot,
         timeout=body.timeout,
     )
@@ -41,6 +41,6 @@ async def retime(body: RetimeRequest, request: Request) -> Response:
 async def convert(body: ConvertRequest, request: Request) -> Response:
     """A motion as trajectory_msgs/JointTrajectory of ROS in JSON, or as a table in CSV."""
     content = await request.body()
-    result = await compute(request, Job("service.tasks.retime:convert", (content,)))
+    result = await compute(request, tasks.convert.job(content))
     media_type = "text/csv" if body.format == "csv" else "application/json"
     return Response(result, media_type=media_type)

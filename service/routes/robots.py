@@ -9,14 +9,17 @@ from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import FormData, UploadFile
 
 from kinematics.robots import builtin_names
-from service.http.body import JsonRequest, JsonRoute, require_json
-from service.http.errors import ProblemError
+from service.http import answers
+from service.http.json_route import JsonRequest, JsonRoute, require_json
 from service.http.openapi import RESPONSES
-from service.http.validation import validation_problem
+from service.http.state import prepared_folder, store_of
+from service.problem import ProblemError
+from service.routes.paging import page
 from service.schemas.robot import RobotAnswer, RobotBody, RobotFields, RobotList, RobotSummary
-from service.storage import disk_cache, robot_repository
-from service.storage.document_store import Store
-from service.workers.main import Job
+from service.schemas.validation import validation_problem
+from service.storage import disk_cache
+from service.storage.robot_repository import is_built_in
+from service.tasks import robots as tasks
 
 router = APIRouter(prefix="/v1/robots", tags=["robots"], route_class=JsonRoute, responses=RESPONSES)
 
@@ -69,7 +72,7 @@ async def create_robot(request: Request) -> Response:
         document, answer, name = await _from_form(request)
     else:
         document, answer, name = await _from_json(request, content_type)
-    await run_in_threadpool(_store(request).create, _KIND, name, document)
+    await run_in_threadpool(store_of(request).create, _KIND, name, document)
     return Response(answer, 201, {"Location": f"/v1/robots/{name}"}, "application/json")
 
 
@@ -80,20 +83,18 @@ async def list_robots(
     limit: Annotated[int, Query(ge=1, le=1000)] = 100,
 ) -> RobotList:
     """Built-in and stored robots by name, page by page."""
-    records = await run_in_threadpool(_store(request).list, _KIND, after, limit + 1)
+    records = await run_in_threadpool(store_of(request).list, _KIND, after, limit + 1)
     stored = [record.name for record in records]
-    names = sorted([*stored, *(name for name in builtin_names() if name > after)])
-    robots = [await _summary(request, name) for name in names[:limit]]
-    return RobotList(
-        robots=[robot for robot in robots if robot is not None],
-        next=names[limit - 1] if len(names) > limit else None,
-    )
+    every = sorted([*stored, *(name for name in builtin_names() if name > after)])
+    names, following = page(every, limit, str)
+    robots = [await _summary(request, name) for name in names]
+    return RobotList(robots=[robot for robot in robots if robot is not None], next=following)
 
 
 @router.get("/{name}", summary="Get the model of a robot", response_model=RobotAnswer)
 async def get_robot(name: str, request: Request) -> Response:
     """Joints, limits, links and axes; null where a limit is not known or there is none."""
-    robot = await robot_repository.model(request, await robot_repository.robot(request, name))
+    robot = await answers.model(request, await answers.robot(request, name))
     return Response(robot.answer, media_type="application/json")
 
 
@@ -101,8 +102,8 @@ async def get_robot(name: str, request: Request) -> Response:
 async def delete_robot(name: str, request: Request) -> None:
     """Forgets a stored robot."""
     _refuse_built_in(name)
-    reference = await robot_repository.robot(request, name)
-    await run_in_threadpool(_store(request).delete, _KIND, name)
+    reference = await answers.robot(request, name)
+    await run_in_threadpool(store_of(request).delete, _KIND, name)
     await run_in_threadpool(disk_cache.forget, reference)
 
 
@@ -115,8 +116,8 @@ async def _from_json(request: Request, content_type: str) -> tuple[bytes, bytes,
     assert isinstance(request, JsonRequest)
     body = await request.read(RobotBody)
     await _check_name(request, body.name)
-    job = Job("service.tasks.robots:make_robot", (await request.body(), _folder(request)))
-    document, answer = await robot_repository.build(request, job)
+    job = tasks.make_robot.job(await request.body(), prepared_folder(request))
+    document, answer = await answers.build(request, job)
     return document, answer, body.name
 
 
@@ -138,8 +139,8 @@ async def _from_form(request: Request) -> tuple[bytes, bytes, str]:
         await _check_name(request, fields.name)
         content = await archive.read()
     given = fields.model_dump(exclude_none=True)
-    job = Job("service.tasks.robots:unpack_robot", (content, given, _folder(request)))
-    document, answer = await robot_repository.build(request, job)
+    job = tasks.unpack_robot.job(content, given, prepared_folder(request))
+    document, answer = await answers.build(request, job)
     return document, answer, fields.name
 
 
@@ -183,7 +184,7 @@ async def _check_name(request: Request, name: str) -> None:
     """Refuse a name that is taken before seconds are spent on building."""
     _refuse_built_in(name)
     try:
-        await run_in_threadpool(_store(request).record, _KIND, name)
+        await run_in_threadpool(store_of(request).record, _KIND, name)
     except ProblemError:
         return
     raise ProblemError(
@@ -196,7 +197,7 @@ async def _check_name(request: Request, name: str) -> None:
 
 
 def _refuse_built_in(name: str) -> None:
-    if robot_repository.is_built_in(name):
+    if is_built_in(name):
         raise ProblemError(
             "CONFLICT",
             f"{name!r} is a built-in robot, which can't be replaced or deleted",
@@ -208,18 +209,9 @@ def _refuse_built_in(name: str) -> None:
 
 async def _summary(request: Request, name: str) -> RobotSummary | None:
     try:
-        chain = await robot_repository.chain(request, name)
+        chain = await answers.chain(request, name)
     except ProblemError as error:
         if error.code != "NOT_FOUND":  # it was deleted a moment ago
             raise
         return None
-    return RobotSummary(name=name, built_in=robot_repository.is_built_in(name), joints=chain.n)
-
-
-def _folder(request: Request) -> str:
-    return str(request.app.state.settings.prepared_dir)
-
-
-def _store(request: Request) -> Store:
-    store: Store = request.app.state.store
-    return store
+    return RobotSummary(name=name, built_in=is_built_in(name), joints=chain.n)

@@ -6,10 +6,12 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request, Response
 from starlette.concurrency import run_in_threadpool
 
-from service.http.body import JsonRoute
-from service.http.errors import ProblemError
+from service.http import answers
+from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES
-from service.http.validation import validated
+from service.http.state import prepared_folder, store_of
+from service.problem import ProblemError
+from service.routes.paging import page
 from service.schemas.scene import (
     NamedScene,
     ProjectAnswer,
@@ -18,10 +20,12 @@ from service.schemas.scene import (
     SceneList,
     SceneSummary,
 )
-from service.storage import disk_cache, robot_repository
+from service.schemas.validation import validated
+from service.storage import disk_cache
 from service.storage.cache_key import Reference
-from service.storage.document_store import Record, Store
-from service.workers.main import Job
+from service.storage.document_store import Record
+from service.tasks.check import project as project_task
+from service.tasks.robots import make_scene
 
 router = APIRouter(prefix="/v1/scenes", tags=["scenes"], route_class=JsonRoute, responses=RESPONSES)
 
@@ -37,8 +41,8 @@ async def project(name: str, _body: ProjectRequest, request: Request) -> Respons
     The distance is negative inside; margins are no part of an obstacle here.
     """
     content = await request.body()
-    result = await robot_repository.answer_scene(
-        request, lambda scene: Job("service.tasks.check:project", (scene, content)), name
+    result = await answers.answer_scene(
+        request, lambda scene: project_task.job(scene, content), name
     )
     return Response(result, media_type="application/json")
 
@@ -46,8 +50,8 @@ async def project(name: str, _body: ProjectRequest, request: Request) -> Respons
 @router.post("", status_code=201, summary="Store a new scene")
 async def create_scene(body: NamedScene, request: Request, response: Response) -> SceneSummary:
     """Checks the scene and stores it under its name, which must be free."""
-    content = await _made(request, body.name)
-    record = await run_in_threadpool(_store(request).create, _KIND, body.name, content)
+    content = await _built(request, body.name)
+    record = await run_in_threadpool(store_of(request).create, _KIND, body.name, content)
     response.headers["Location"] = f"/v1/scenes/{record.name}"
     return _summary(record)
 
@@ -59,15 +63,15 @@ async def list_scenes(
     limit: Annotated[int, Query(ge=1, le=1000)] = 100,
 ) -> SceneList:
     """The stored scenes by name, page by page."""
-    records = await run_in_threadpool(_store(request).list, _KIND, after, limit + 1)
-    following = records[limit - 1].name if len(records) > limit else None
-    return SceneList(scenes=[_summary(record) for record in records[:limit]], next=following)
+    stored = await run_in_threadpool(store_of(request).list, _KIND, after, limit + 1)
+    records, following = page(stored, limit, lambda record: record.name)
+    return SceneList(scenes=[_summary(record) for record in records], next=following)
 
 
 @router.get("/{name}", summary="Get a scene", response_model=NamedScene)
 async def get_scene(name: str, request: Request) -> Response:
     """The scene as it was stored; the header ETag changes whenever it is replaced."""
-    document = await run_in_threadpool(_store(request).get, _KIND, name)
+    document = await run_in_threadpool(store_of(request).get, _KIND, name)
     headers = {"ETag": f'"{document.record.hash}"'}
     return Response(document.content, headers=headers, media_type="application/json")
 
@@ -83,9 +87,9 @@ async def put_scene(name: str, body: Scene, request: Request, response: Response
             hint="Leave the name out of the body.",
         )
     validated(NamedScene, {"obstacles": [], "name": name})
-    content = await _made(request, name)
-    before = await _prepared_as(request, name)
-    record = await run_in_threadpool(_store(request).replace, _KIND, name, content)
+    content = await _built(request, name)
+    before = await _prepared_reference(request, name)
+    record = await run_in_threadpool(store_of(request).replace, _KIND, name, content)
     if before is not None and before.hash != record.hash:
         await run_in_threadpool(disk_cache.forget, before)
     if record.version == 1:
@@ -97,31 +101,25 @@ async def put_scene(name: str, body: Scene, request: Request, response: Response
 @router.delete("/{name}", status_code=204, summary="Delete a scene")
 async def delete_scene(name: str, request: Request) -> None:
     """Forgets the scene."""
-    before = await _prepared_as(request, name)
-    await run_in_threadpool(_store(request).delete, _KIND, name)
+    before = await _prepared_reference(request, name)
+    await run_in_threadpool(store_of(request).delete, _KIND, name)
     if before is not None:
         await run_in_threadpool(disk_cache.forget, before)
 
 
-async def _made(request: Request, name: str) -> bytes:
-    """The document of a scene that a worker has built of the request."""
-    folder = str(request.app.state.settings.prepared_dir)
-    job = Job("service.tasks.robots:make_scene", (await request.body(), folder, name))
-    content: bytes = await robot_repository.build(request, job)
-    return content
+async def _built(request: Request, name: str) -> bytes:
+    """The document of a scene that a worker has built from the request."""
+    content = await request.body()
+    job = make_scene.job(content, prepared_folder(request), name)
+    return await answers.build(request, job)
 
 
-async def _prepared_as(request: Request, name: str) -> Reference | None:
+async def _prepared_reference(request: Request, name: str) -> Reference | None:
     """Where workers keep what is stored under a name, if there is something."""
     try:
-        return await robot_repository.scene(request, name)
+        return await answers.scene(request, name)
     except ProblemError:
         return None
-
-
-def _store(request: Request) -> Store:
-    store: Store = request.app.state.store
-    return store
 
 
 def _summary(record: Record) -> SceneSummary:

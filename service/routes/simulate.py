@@ -2,13 +2,11 @@
 
 from fastapi import APIRouter, Request, Response
 
-from service.http.body import JsonRoute
-from service.http.compute import GRACE
+from service.http import answers
+from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES
 from service.schemas.simulation import SimulateAnswer, SimulateRequest
-from service.settings import Settings
-from service.storage import robot_repository
-from service.workers.main import Job
+from service.tasks import simulate as tasks
 
 router = APIRouter(prefix="/v1", tags=["tracking"], route_class=JsonRoute, responses=RESPONSES)
 
@@ -20,16 +18,11 @@ async def simulate(body: SimulateRequest, request: Request) -> Response:
     With a scene the answer says what the tracking error leaves of the clearance.
     """
     content = await request.body()
-    settings: Settings = request.app.state.settings
-    timeout = settings.default_timeout if body.timeout is None else body.timeout
-    result = await robot_repository.answer(
+    result = await answers.answer(
         request,
-        lambda robot, scene: Job(
-            "service.tasks.simulate:simulate", (robot, scene, content, timeout)
-        ),
+        lambda robot, scene: tasks.simulate.job(robot, scene, content),
         body.robot,
         body.scene,
-        timeout=timeout,
-        patience=GRACE,
+        timeout=body.timeout,
     )
     return Response(result, media_type="application/json")

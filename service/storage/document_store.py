@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from service.http.errors import ProblemError
-from service.jobs.store import JobStore, SqliteJobs
+from service.problem import ProblemError
 from service.storage.database import Database, StoreError
+from service.storage.job_store import JobStore, SqliteJobs
 
 #: How long an idempotency key is remembered [s].
 _KEY_LIFETIME = 24 * 3600.0

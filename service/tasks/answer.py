@@ -1,24 +1,48 @@
-"""What tasks that answer requests have in common."""
+"""Wrappers of task functions: missing robots and scenes, and functions of a chain alone."""
 
 from collections.abc import Callable
 from functools import wraps
 from typing import ParamSpec, TypeVar
 
-from service.storage.cache_key import NotPrepared
+from pydantic import BaseModel
+
+from kinematics.chain import Chain
+from service.storage import worker_cache
+from service.storage.cache_key import NotPrepared, Reference
 from service.tasks.result import CacheMiss
+from service.workers.task import Task, register
 
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
+_Body = TypeVar("_Body", bound=BaseModel)
+
+#: A task that answers the content of a request about a robot's chain.
+ChainTask = Task[[Reference, bytes], bytes | CacheMiss]
 
 
-def answering(task: Callable[_P, _T]) -> Callable[_P, _T | CacheMiss]:
-    """A task that answers `Absent` where a robot or scene it was to load is not prepared."""
+def answering(function: Callable[_P, _T]) -> Callable[_P, _T | CacheMiss]:
+    """A function that returns `CacheMiss` where a robot or scene it loads is not prepared."""
 
-    @wraps(task)
-    def attempted(*args: _P.args, **kwargs: _P.kwargs) -> _T | CacheMiss:
+    @wraps(function)
+    def attempt(*args: _P.args, **kwargs: _P.kwargs) -> _T | CacheMiss:
         try:
-            return task(*args, **kwargs)
+            return function(*args, **kwargs)
         except NotPrepared as error:
             return CacheMiss(error.reference)
 
-    return attempted
+    return attempt
+
+
+def chain_task(function: Callable[[Chain, _Body], bytes], model: type[_Body]) -> ChainTask:
+    """The task of a function that the server calls itself where there is little to compute.
+
+    Args:
+        function: Answers a request about a chain.
+        model: Of the request.
+    """
+
+    @answering
+    def run(robot: Reference, content: bytes) -> bytes:
+        return function(worker_cache.chain(robot), model.model_validate_json(content))
+
+    return register(Task(f"{function.__module__}:{function.__qualname__}", run))

@@ -6,6 +6,7 @@ from service.schemas.batch import BatchRequest
 from service.schemas.scene import NamedScene, Scene
 from service.storage import disk_cache
 from service.tasks import robots
+from service.workers.task import task
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +28,7 @@ class Item:
     content: bytes
 
 
+@task
 def split(content: bytes, folder: str, name: str) -> tuple[tuple[Item, ...], str | None]:
     """The problems of a batch; a scene that it gives inline is built and kept for all workers.
 

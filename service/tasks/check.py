@@ -15,11 +15,13 @@ from service.storage.cache_key import Reference
 from service.tasks.answer import answering
 from service.tasks.attached_objects import robot_in_scene
 from service.tasks.result import CacheMiss, TaskProblem
+from service.workers.task import task
 
 #: Projections of one answer: at 100 bytes each, a hundred megabytes.
 _MAX_PROJECTIONS = 1_000_000
 
 
+@task
 @answering
 def check(robot: Reference, scene: Reference | None, content: bytes) -> bytes | CacheMiss:
     """Answer a request for collision checks.
@@ -50,6 +52,7 @@ def _verdict(report: ConfigurationReport) -> dict[str, Any]:
     }
 
 
+@task
 @answering
 def project(scene: Reference, content: bytes) -> bytes | TaskProblem | CacheMiss:
     """Answer a request for the orthogonal projections of points onto every obstacle."""

@@ -14,7 +14,7 @@ from dynamics.energy import kinetic_energy
 from dynamics.gravity import gravity_vector, potential_energy
 from dynamics.inverse import inverse_dynamics
 from dynamics.mass_matrix import mass_matrix
-from dynamics.payload import with_gravity, with_motors, with_payload
+from dynamics.payload import with_gravity, with_motors
 from dynamics.regressor import parameter_names, reference_regressor, standard_parameters
 from kinematics.chain import Chain
 from kinematics.errors import InvalidRobotState
@@ -22,13 +22,13 @@ from kinematics.statics import holding_torques
 from service.schemas.dynamics import (
     DynamicsRequest,
     Model,
-    Payload,
     RegressorRequest,
     WrenchRequest,
 )
 from service.storage import worker_cache
-from service.storage.cache_key import Reference, builtin_reference
-from service.tasks.answer import answering
+from service.storage.cache_key import builtin_reference
+from service.tasks.answer import chain_task
+from service.translate.payload import loaded_chain
 
 
 def model(chain: Chain, body: Model) -> Chain:
@@ -42,18 +42,7 @@ def model(chain: Chain, body: Model) -> Chain:
         chain = with_gravity(chain, body.gravity)
     if body.motor_inertia is not None or body.viscous_friction is not None:
         chain = with_motors(chain, body.motor_inertia, body.viscous_friction)
-    return chain if body.payload is None else loaded(chain, body.payload)
-
-
-def loaded(chain: Chain, payload: Payload) -> Chain:
-    """The robot with a payload.
-
-    Raises:
-        InvalidOption: It is no body.
-        InvalidLinkName: What should carry it does not exist.
-    """
-    tensor = None if payload.inertia is None else np.array(payload.inertia)
-    return with_payload(chain, payload.mass, payload.center_of_mass, tensor, link=payload.link)
+    return chain if body.payload is None else loaded_chain(chain, body.payload)
 
 
 def wrench(chain: Chain, body: WrenchRequest) -> bytes:
@@ -130,22 +119,9 @@ def regressor(chain: Chain, body: RegressorRequest) -> bytes:
     )
 
 
-@answering
-def dynamics_batch(reference: Reference, content: bytes) -> bytes:
-    """`dynamics` in a worker."""
-    return dynamics(worker_cache.chain(reference), DynamicsRequest.model_validate_json(content))
-
-
-@answering
-def regressor_batch(reference: Reference, content: bytes) -> bytes:
-    """`regressor` in a worker."""
-    return regressor(worker_cache.chain(reference), RegressorRequest.model_validate_json(content))
-
-
-@answering
-def wrench_batch(reference: Reference, content: bytes) -> bytes:
-    """`wrench` in a worker."""
-    return wrench(worker_cache.chain(reference), WrenchRequest.model_validate_json(content))
+dynamics_task = chain_task(dynamics, DynamicsRequest)
+regressor_task = chain_task(regressor, RegressorRequest)
+wrench_task = chain_task(wrench, WrenchRequest)
 
 
 def _check_rows(q: Any, F: Any) -> None:

@@ -31,6 +31,7 @@ from service.tasks.ik_collisions import CollisionCheck
 from service.tasks.ik_many_poses import fits_batch, solve_batch
 from service.tasks.result import CacheMiss, TaskProblem
 from service.translate import poses
+from service.workers.task import task
 
 #: Solutions of a closed form where all are wanted but no number is given.
 _ALL_CLOSED = MAX_SOLUTIONS
@@ -61,6 +62,7 @@ class _Query:
     check: CollisionCheck | None
 
 
+@task
 @answering
 def ik(
     robot: Reference, scene: Reference | None, content: bytes

@@ -30,8 +30,8 @@ from service.schemas.kinematics import (
 )
 from service.schemas.pose import Orientation
 from service.storage import worker_cache
-from service.storage.cache_key import Reference, builtin_reference
-from service.tasks.answer import answering
+from service.storage.cache_key import builtin_reference
+from service.tasks.answer import chain_task
 
 
 def fk(chain: Chain, body: FkRequest) -> bytes:
@@ -192,22 +192,9 @@ def _damped(solved: JointVelocities) -> Any:
     ]
 
 
-@answering
-def fk_batch(reference: Reference, body: bytes) -> bytes:
-    """`fk` in a worker."""
-    return fk(worker_cache.chain(reference), FkRequest.model_validate_json(body))
-
-
-@answering
-def jacobian_batch(reference: Reference, body: bytes) -> bytes:
-    """`jacobian` in a worker."""
-    return jacobian(worker_cache.chain(reference), JacobianRequest.model_validate_json(body))
-
-
-@answering
-def velocity_batch(reference: Reference, body: bytes) -> bytes:
-    """`velocity` in a worker."""
-    return velocity(worker_cache.chain(reference), VelocityRequest.model_validate_json(body))
+fk_task = chain_task(fk, FkRequest)
+jacobian_task = chain_task(jacobian, JacobianRequest)
+velocity_task = chain_task(velocity, VelocityRequest)
 
 
 def warm() -> None:

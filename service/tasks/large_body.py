@@ -5,17 +5,19 @@ from typing import Any
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
-from service.http.body import parse_json
-from service.http.errors import ProblemError
-from service.http.validation import validation_problem
+from service.problem import ProblemError
+from service.schemas.strict_json import parse_json
+from service.schemas.validation import validation_problem
 from service.tasks.result import TaskProblem
+from service.workers.task import task
 
-#: Lists of models that the server looks into.
-_LOOKED_INTO = ("problems",)
+#: Lists of models whose items the server inspects.
+_INSPECTED = ("problems",)
 #: Longer texts and tables are left out; names and the like are far shorter.
 _LONG = 4096
 
 
+@task
 def outline(model: str, content: bytes) -> BaseModel | TaskProblem:
     """What the server needs of a body that follows a model, or why it does not follow it.
 
@@ -39,10 +41,10 @@ def outline(model: str, content: bytes) -> BaseModel | TaskProblem:
     except ProblemError as problem:
         details: dict[str, Any] = {**problem.details, "stage": problem.stage}
         return TaskProblem(problem.code, problem.detail, problem.hint, details)
-    return _outlined(body)
+    return _outline(body)
 
 
-def _outlined(body: BaseModel) -> BaseModel:
+def _outline(body: BaseModel) -> BaseModel:
     parts = {name: getattr(body, name) for name in type(body).model_fields}
     return body.model_copy(update={name: _part(name, value) for name, value in parts.items()})
 
@@ -51,7 +53,7 @@ def _part(name: str, value: Any) -> Any:
     if isinstance(value, BaseModel):
         return type(value).model_construct()
     if isinstance(value, list) and value and isinstance(value[0], BaseModel):
-        return [_outlined(item) for item in value] if name in _LOOKED_INTO else []
+        return [_outline(item) for item in value] if name in _INSPECTED else []
     if isinstance(value, dict) or (isinstance(value, str) and len(value) > _LONG):
         return None
     return value

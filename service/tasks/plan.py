@@ -3,7 +3,6 @@
 import dataclasses
 import hashlib
 import platform
-import time
 from dataclasses import asdict
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -12,11 +11,9 @@ from typing import Any
 from pydantic_core import to_json
 
 from planning import pipeline
-from planning.deadline import Deadline
 from planning.motion_limits import limit_loads
 from planning.proof.certificate import certify
 from planning.result import Failure, Plan
-from service.http.compute import GRACE
 from service.schemas.plan import PlanRequest, ValidateRequest
 from service.storage.cache_key import Reference
 from service.tasks.answer import answering
@@ -25,7 +22,8 @@ from service.tasks.result import CacheMiss, PlanOutcome, TaskProblem
 from service.translate import certificates, problems, timings, trajectories
 from service.translate.constraints import constraint_set
 from service.version import VERSION
-from service.workers import main
+from service.workers import current
+from service.workers.task import GRACE, task
 
 #: What a plan depends on beside the request.
 _PACKAGES = ("numpy", "scipy", "numba", "ompl", "python-fcl")
@@ -42,9 +40,10 @@ _PROGRESS = {
 _SEARCHING = 0.25
 
 
+@task(grace=GRACE)
 @answering
 def plan(
-    robot: Reference, scene: Reference | None, content: bytes, timeout: float
+    robot: Reference, scene: Reference | None, content: bytes
 ) -> PlanOutcome | TaskProblem | CacheMiss:
     """Answer a request for a plan.
 
@@ -52,7 +51,6 @@ def plan(
         robot: The robot.
         scene: The scene, where the request names a stored one.
         content: The request.
-        timeout: What it allows [s], where it names nothing.
 
     Raises:
         ArmwrightError: The request is at fault.
@@ -61,10 +59,10 @@ def plan(
     cell = robot_in_scene(robot, scene, body)
     arm = cell.robot
     problem = problems.problem(body, arm, cell.scene)
-    left = _left(body.timeout or timeout)
-    if left <= 0.0:
+    deadline = current.deadline()
+    if deadline.passed:
         return _late()
-    options = problems.options(body, arm.chain, left)
+    options = problems.options(body, arm.chain, deadline.remaining)
     found = pipeline.plan(problem, dataclasses.replace(options, observer=_tell))
     if isinstance(found, Failure):
         return _refusal(found)
@@ -74,12 +72,13 @@ def plan(
 
 
 def _tell(stage: str) -> None:
-    main.report(_PROGRESS.get(stage, _SEARCHING), stage)
+    current.report(_PROGRESS.get(stage, _SEARCHING), stage)
 
 
+@task(grace=GRACE)
 @answering
 def validate(
-    robot: Reference, scene: Reference | None, content: bytes, timeout: float
+    robot: Reference, scene: Reference | None, content: bytes
 ) -> bytes | TaskProblem | CacheMiss:
     """Answer a request for the proof of a motion, with the certificate or the first violation.
 
@@ -91,13 +90,12 @@ def validate(
     arm = cell.robot
     motion, begins = trajectories.trajectory(body.trajectory, arm.chain)
     limits = timings.limits(body.limits, arm.chain)
-    deadline = Deadline.after(max(_left(body.timeout or timeout), 0.0))
     wanted = constraint_set(body.constraints, arm.chain)
     loads = limit_loads(timings.effort_loads(body.limits, arm.chain), wanted, arm.chain)
     margin = body.margin if wanted is None else max(body.margin, wanted.margin)
     certificate = certify(
         motion, arm, cell.scene, margin=margin, limits=limits, loads=loads, constraints=wanted,
-        deadline=deadline,
+        deadline=current.deadline(),
     )  # fmt: skip
     violation = certificate.violation
     if violation is not None and violation.kind == "time":
@@ -105,11 +103,6 @@ def validate(
     answer = certificates.certificate_answer(certificate, begins)
     answer["allowed_collisions"] = cell.allowed
     return to_json(answer, inf_nan_mode="null")
-
-
-def _left(timeout: float) -> float:
-    """What is left of the time a request allows [s]: the wait for this worker is taken off."""
-    return min(timeout, main.deadline() - GRACE - time.monotonic())
 
 
 def _late() -> TaskProblem:

@@ -17,8 +17,10 @@ from service.storage.cache_key import Reference
 from service.tasks.answer import answering
 from service.tasks.attached_objects import requested_scene
 from service.tasks.result import CacheMiss
+from service.workers.task import task
 
 
+@task
 @answering
 def potential(robot: Reference, scene: Reference | None, content: bytes) -> bytes | CacheMiss:
     """Answer a request for the potential, its slope and the forces that make it.

@@ -11,11 +11,13 @@ from service.storage.cache_key import Reference
 from service.tasks.answer import answering
 from service.tasks.result import CacheMiss
 from service.translate import certificates, timings, trajectories
+from service.workers.task import task
 
 #: Rows of one answer: at half a kilobyte each, fifty megabytes.
 _MAX_ROWS = 100_000
 
 
+@task
 @answering
 def retime(robot: Reference | None, content: bytes) -> bytes | CacheMiss:
     """Answer a request to time a path.
@@ -40,6 +42,7 @@ def retime(robot: Reference | None, content: bytes) -> bytes | CacheMiss:
     return to_json(answer, inf_nan_mode="null")
 
 
+@task
 def convert(content: bytes) -> bytes:
     """Answer a request to tell a motion in another shape.
 

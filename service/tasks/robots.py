@@ -9,29 +9,19 @@ from kinematics.errors import InvalidRobotDescription
 from kinematics.urdf import parse_urdf
 from obstacles.decomposition import keep_decompositions
 from obstacles.scene import Scene
-from service.http.validation import validation_problem
 from service.schemas.robot import RobotBody
 from service.schemas.scene import NamedScene
 from service.schemas.scene import Scene as SceneBody
+from service.schemas.validation import validation_problem
 from service.storage import disk_cache
 from service.storage.cache_key import Reference
 from service.storage.disk_cache import PreparedRobot
 from service.translate import poses, robots
 from service.translate.archive import read_archive
+from service.workers.task import task
 
 
-def check_scene(document: bytes) -> str:
-    """Build a scene from its JSON document to see that it can be built.
-
-    Returns:
-        The content hash of the scene.
-
-    Raises:
-        InvalidScene: It can't be built; the message names the obstacle.
-    """
-    return poses.scene(SceneBody.model_validate_json(document)).content_hash
-
-
+@task
 def make_scene(content: bytes, folder: str, name: str) -> bytes:
     """Build a scene from a request that stores it, and keep it for all workers.
 
@@ -49,6 +39,7 @@ def make_scene(content: bytes, folder: str, name: str) -> bytes:
     return document
 
 
+@task
 def prepare_scene(document: bytes, folder: str, name: str) -> str:
     """Build a scene from its JSON document, cut its meshes and keep it for all workers.
 
@@ -66,6 +57,7 @@ def prepare_scene(document: bytes, folder: str, name: str) -> str:
     return scene.content_hash
 
 
+@task
 def make_robot(content: bytes, folder: str) -> tuple[bytes, bytes]:
     """Build a robot from a request that stores it, and keep it for all workers.
 
@@ -80,6 +72,7 @@ def make_robot(content: bytes, folder: str) -> tuple[bytes, bytes]:
     return document, prepare_robot(document, folder)
 
 
+@task
 def prepare_robot(document: bytes, folder: str) -> bytes:
     """Build a robot from its JSON document and keep it for all workers.
 
@@ -101,6 +94,7 @@ def prepare_robot(document: bytes, folder: str) -> bytes:
     return made.answer
 
 
+@task
 def unpack_robot(content: bytes, fields: dict[str, object], folder: str) -> tuple[bytes, bytes]:
     """Build a robot from a .zip and keep it for all workers.
 

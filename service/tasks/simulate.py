@@ -2,7 +2,6 @@
 
 import dataclasses
 import math
-import time
 from typing import Any
 
 import numpy as np
@@ -15,14 +14,14 @@ from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from planning.deadline import Deadline
 from planning.proof.certificate import certify
-from service.http.compute import GRACE
 from service.schemas.simulation import SimulateRequest
 from service.storage.cache_key import Reference
 from service.tasks.answer import answering
 from service.tasks.attached_objects import robot_in_scene
 from service.tasks.result import CacheMiss, TaskProblem
 from service.translate import simulations, trajectories
-from service.workers import main
+from service.workers import current
+from service.workers.task import GRACE, task
 from tracking.result import SimulationOutcome, SimulationResult
 from tracking.simulation import simulate as close_loop
 from tracking.tube import tube
@@ -33,9 +32,10 @@ _DENSE = 0.0101
 _NO_TIME = 1e-9
 
 
+@task(grace=GRACE)
 @answering
 def simulate(
-    robot: Reference, scene: Reference | None, content: bytes, timeout: float
+    robot: Reference, scene: Reference | None, content: bytes
 ) -> bytes | TaskProblem | CacheMiss:
     """Answer a request for a closed loop, and with a scene for its tracking tube.
 
@@ -43,7 +43,6 @@ def simulate(
         robot: The robot.
         scene: The scene, where the request names a stored one.
         content: The request.
-        timeout: What it allows [s], where it names nothing.
 
     Raises:
         ArmwrightError: The request is at fault.
@@ -67,9 +66,7 @@ def simulate(
     )
     answer = simulations.simulation_answer(result, used, true, begins)
     if body.scene is not None:
-        left = min(body.timeout or timeout, main.deadline() - GRACE - time.monotonic())
-        deadline = Deadline.after(max(left, 0.0))
-        answer["tube"] = _tube(geometry, cell.scene, motion, result, deadline)
+        answer["tube"] = _tube(geometry, cell.scene, motion, result, current.deadline())
     return to_json(answer, inf_nan_mode="null")
 
 

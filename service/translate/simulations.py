@@ -15,7 +15,7 @@ from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
 from kinematics.trajectory import Trajectory
 from service.schemas import simulation as schema
-from service.tasks.dynamics import loaded
+from service.translate.payload import loaded_chain
 from tracking.adaptive import Adaptive
 from tracking.computed_torque import ComputedTorque
 from tracking.controller import Controller
@@ -56,7 +56,7 @@ def robot_and_model(chain: Chain, body: schema.SimulateRequest) -> tuple[Chain, 
         model = with_motors(model, error.motor_inertia, error.viscous_friction)
     if error.gravity is not None:
         model = with_gravity(model, error.gravity)
-    return (chain if error.payload is None else loaded(chain, error.payload)), model
+    return (chain if error.payload is None else loaded_chain(chain, error.payload)), model
 
 
 def controller(body: schema.Controller, model: Chain, trajectory: Trajectory) -> Controller:

@@ -3,7 +3,7 @@
 import contextlib
 import signal
 
-from service.http.errors import ProblemError
+from service.problem import ProblemError
 
 
 class WorkerCrashed(ProblemError):

@@ -5,7 +5,6 @@ Messages from the server are jobs; messages to the server are tuples ``(kind, ..
 
 import contextlib
 import fcntl
-import importlib
 import math
 import multiprocessing
 import os
@@ -14,37 +13,22 @@ import select
 import signal
 import socket
 import struct
-import time
 import traceback
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
 from enum import StrEnum
+from functools import partial
 from typing import Any
 
 from kinematics.errors import ArmwrightError
-from service.workers import framing
+from planning.deadline import Deadline
+from service.workers import current, framing
+from service.workers.task import Job, load_tasks, registered_task
 
-#: How long after its deadline a worker ends itself, should the server have failed to do it [s].
+#: How long after its deadline a worker ends itself, should the server have failed to do it [s];
+#: longer than the grace of any task.
 _SELF_KILL = 5.0
-#: Progress within a stage is told at most this often [s].
-_REPORT_PERIOD = 0.05
-#: In front of each job: its deadline, and whether somebody wants to know how far it is.
+#: In front of each job: its deadline [s], and whether progress is to be reported.
 HEADER = struct.Struct("!d?")
-
-
-@dataclass(frozen=True, slots=True)
-class Job:
-    """One call of a task function in a worker.
-
-    Args:
-        task: Where the function is, as ``"service.tasks.robots:plan"``.
-        args: Positional arguments, picklable.
-        kwargs: Named arguments, picklable.
-    """
-
-    task: str
-    args: tuple[Any, ...] = ()
-    kwargs: Mapping[str, Any] = field(default_factory=dict)
 
 
 class Reply(StrEnum):
@@ -59,59 +43,12 @@ class Reply(StrEnum):
     BUG = "bug"  # (trace) ours
 
 
-class _Current:
-    """The job that this process is working on; a worker has one at a time."""
-
-    channel: socket.socket | None = None
-    deadline: float = math.inf
-    heard: bool = False
-    stage: str | None = None
-    last_report: float = 0.0
-
-
-def deadline() -> float:
-    """When the current job must be done, on the clock of `time.monotonic` [s]; inf if never."""
-    return _Current.deadline
-
-
-def report(progress: float, stage: str) -> None:
-    """Tell the server how far the current job is.
-
-    Args:
-        progress: From 0 to 1.
-        stage: What is being done, in a word.
-    """
-    if _Current.channel is None or not _Current.heard:
-        return
-    now = time.monotonic()
-    if stage != _Current.stage or now - _Current.last_report >= _REPORT_PERIOD:
-        _Current.stage, _Current.last_report = stage, now
-        _send(_Current.channel, Reply.PROGRESS, float(progress), stage)
-
-
-def resolve(task: str, modules: Sequence[str]) -> Callable[..., Any]:
-    """The public function that a path such as ``"service.tasks.robots:plan"`` names.
-
-    Raises:
-        LookupError: The module is not one of `modules`, or has no such function of its own.
-    """
-    module_name, _, name = task.partition(":")
-    if module_name not in modules:
-        raise LookupError(f"{task!r}: tasks come from {', '.join(modules)}")
-    function = getattr(importlib.import_module(module_name), name, None)
-    if name.startswith("_") or getattr(function, "__module__", None) != module_name:
-        raise LookupError(f"{task!r}: {module_name} defines no such public function")
-    if not callable(function):
-        raise LookupError(f"{task!r} is not a function")
-    return function  # type: ignore[no-any-return]
-
-
 def main(channel: socket.socket, modules: Sequence[str], warm: Callable[[], object]) -> None:
     """Be a worker: the target of each worker process.
 
     Args:
         channel: The stream to the server; when it closes, the worker ends.
-        modules: The modules whose functions may be called.
+        modules: Packages and modules whose tasks may be called.
         warm: Called once before the worker counts as ready.
     """
     # The server decides when its workers end, also when a signal goes to the whole process group.
@@ -120,6 +57,8 @@ def main(channel: socket.socket, modules: Sequence[str], warm: Callable[[], obje
     _end_with_server()
     with channel, contextlib.suppress(EOFError, OSError):
         try:
+            for module in modules:
+                load_tasks(module)
             warm()
         except Exception:  # noqa: BLE001  (whatever it is, the server logs it)
             _send(channel, Reply.UNFIT, traceback.format_exc())
@@ -128,7 +67,7 @@ def main(channel: socket.socket, modules: Sequence[str], warm: Callable[[], obje
         while True:
             payload = framing.receive(channel)
             _send(channel, Reply.STARTED)
-            _send(channel, *_attended(channel, payload, modules))
+            _send(channel, *_run(channel, payload))
 
 
 def _end_with_server() -> None:
@@ -149,26 +88,26 @@ def _end_with_server() -> None:
         raise SystemExit
 
 
-def _attended(channel: socket.socket, payload: bytes, modules: Sequence[str]) -> tuple[Any, ...]:
-    _Current.deadline, _Current.heard = HEADER.unpack_from(payload)
-    content = memoryview(payload)[HEADER.size :]
-    _Current.channel, _Current.stage = channel, None
-    if math.isfinite(_Current.deadline):
+def _run(channel: socket.socket, payload: bytes) -> tuple[Any, ...]:
+    """Run the job of a message and give the reply."""
+    at, wants_progress = HEADER.unpack_from(payload)
+    deadline = Deadline(at)
+    if math.isfinite(at):
         # The server ends what overruns; this is for a server that no longer gets to it.
-        remaining = max(_Current.deadline - time.monotonic(), 0.0)
-        signal.setitimer(signal.ITIMER_REAL, remaining + _SELF_KILL)
+        signal.setitimer(signal.ITIMER_REAL, deadline.remaining + _SELF_KILL)
+    report = partial(_send, channel, Reply.PROGRESS) if wants_progress else None
+    current.begin(deadline, report)
     try:
-        return _outcome(content, modules)
+        return _reply(memoryview(payload)[HEADER.size :])
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
-        _Current.channel, _Current.deadline = None, math.inf
+        current.end()
 
 
-def _outcome(content: memoryview, modules: Sequence[str]) -> tuple[Any, ...]:
+def _reply(content: memoryview) -> tuple[Any, ...]:
     try:
-        job: Job = pickle.loads(content)
-        value = resolve(job.task, modules)(*job.args, **job.kwargs)
-        return Reply.RESULT, value
+        job: Job[Any] = pickle.loads(content)
+        return Reply.RESULT, registered_task(job.task)(*job.args, **job.kwargs)
     except ArmwrightError as error:
         return Reply.FAULT, error.code, error.message, error.hint, dict(error.details)
     except Exception:  # noqa: BLE001  (whatever it is, it must not take the worker along)

@@ -14,14 +14,17 @@ from dataclasses import dataclass, field
 from multiprocessing.process import BaseProcess
 from typing import Any
 
+from planning.deadline import Deadline
 from service.workers import framing
-from service.workers.main import HEADER, Job
+from service.workers.main import HEADER
+from service.workers.task import Job
 
 _log = logging.getLogger(__name__)
 
 Progress = Callable[[float, str], None]
 
-_EXIT_PATIENCE = 1.0  # for the exit code of a process that is dying [s]
+#: Longest wait for the exit code of a process that is dying [s].
+_EXIT_TIMEOUT = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,10 +42,25 @@ class Background:
 
 @dataclass(slots=True, eq=False)
 class Ticket:
-    """A job that was accepted: its place in the queue, then in a worker, until it is settled."""
+    """An accepted job: its place in the queue, then in a worker, until it is settled.
 
-    job: Job
-    deadline: float
+    Args:
+        job: The call.
+        deadline: When the result must be there; of a background job set when a worker begins.
+        payload: The job, pickled.
+        result: Of the caller.
+        on_progress: Called with the progress that the task reports.
+        background: Given where nobody waits.
+        yields: How often it gave its worker away.
+        timer: Fires when the ticket has overrun.
+        worker: Where it runs.
+        attempts: How often it was sent to a worker.
+        arrived: Whether the worker has received it.
+        begun: When it was accepted or a worker received it, on the clock of `time.monotonic` [s].
+    """
+
+    job: Job[Any]
+    deadline: Deadline
     payload: bytes
     result: asyncio.Future[Any]
     on_progress: Progress | None
@@ -53,6 +71,11 @@ class Ticket:
     attempts: int = 0
     arrived: bool = False
     begun: float = field(default_factory=time.monotonic)
+
+    @property
+    def ends_at(self) -> float:
+        """When the ticket has overrun, on the clock of `time.monotonic` [s]."""
+        return self.deadline.at + self.job.grace
 
     def settle(self, outcome: Any) -> None:
         """Give the caller a result, or an exception, unless there was one already."""
@@ -73,7 +96,7 @@ class Worker(asyncio.Protocol):
         self.process = process
         self.ticket: Ticket | None = None
         self.warm = False
-        self.doomed = False
+        self.ending = False
         self.gone = asyncio.Event()
         self._on_message = on_message
         self._decoder = framing.FrameDecoder()
@@ -94,21 +117,21 @@ class Worker(asyncio.Protocol):
             self.kill()
 
     def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002
-        """Tell that the process is dead, or as good as dead."""
-        self.doomed = True
+        """Note that the process is dead or about to be."""
+        self.ending = True
         self.gone.set()
 
     def send(self, ticket: Ticket) -> None:
         """Send a job."""
         assert self._transport is not None
-        header = HEADER.pack(ticket.deadline, ticket.on_progress is not None)
+        header = HEADER.pack(ticket.deadline.at, ticket.on_progress is not None)
         # The payload may be tens of megabytes: it is not copied behind its header.
         self._transport.write(framing.prefix(header, ticket.payload) + header)
         self._transport.write(ticket.payload)
 
     def kill(self) -> None:
         """End the process, whatever it is doing."""
-        self.doomed = True
+        self.ending = True
         if self.process.pid is not None:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(self.process.pid, signal.SIGKILL)
@@ -118,7 +141,7 @@ class Worker(asyncio.Protocol):
 
 def reap(process: BaseProcess) -> int | None:
     """Wait for a process that is dying, and give its exit code if it is known."""
-    process.join(_EXIT_PATIENCE)
+    process.join(_EXIT_TIMEOUT)
     return process.exitcode
 
 

@@ -7,7 +7,8 @@ import time
 from typing import Any
 
 from kinematics.errors import InvalidLinkName
-from service.workers import main
+from service.workers import current
+from service.workers.task import task
 
 
 def no_warming() -> None:
@@ -18,52 +19,63 @@ def failing_warming() -> None:
     raise RuntimeError("no compiler")
 
 
+@task
 def add(a: int, b: int) -> int:
     return a + b
 
 
+@task
 def echo(value: Any) -> Any:
     return value
 
 
+@task
 def nap(seconds: float) -> float:
     time.sleep(seconds)
     return seconds
 
 
+@task
 def burn() -> None:
     """Hold the interpreter in native code, so that no exception and no thread gets a turn."""
     sum(itertools.repeat(1, 10**13))
 
 
+@task
 def die(number: int = signal.SIGSEGV) -> None:
     os.kill(os.getpid(), number)
     time.sleep(5.0)
 
 
+@task
 def blame_caller() -> None:
     raise InvalidLinkName("no link 'x'", hint="Choose 'a' or 'b'.", link="x", choices=["a", "b"])
 
 
+@task
 def stumble() -> None:
     raise ZeroDivisionError("a secret")
 
 
+@task
 def unpicklable() -> Any:
     return lambda: None
 
 
+@task
 def advance() -> str:
     for step in range(4):
-        main.report(step / 4, f"step_{step}")
+        current.report(step / 4, f"step_{step}")
         time.sleep(0.06)
     return "done"
 
 
+@task
 def remaining() -> float:
-    return main.deadline() - time.monotonic()
+    return current.deadline().remaining
 
 
+@task
 def surroundings() -> dict[str, Any]:
     import numba
 

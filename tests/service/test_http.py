@@ -15,13 +15,13 @@ import pytest
 from fastapi import FastAPI, Request
 
 from kinematics.errors import ArmwrightError, InvalidScene, MissingLimit
-from service.app import create_app
+from service.app import TASK_MODULES, create_app
 from service.http.compute import compute
 from service.http.errors import KINDS
 from service.settings import Settings
 from service.version import VERSION
-from service.workers.main import Job
-from service.workers.supervisor import TASK_MODULES, WorkerSupervisor
+from service.workers.supervisor import WorkerSupervisor
+from tests.service import chores
 from tests.service.processes import alive, wait_until
 from tests.service.server import serving
 
@@ -44,16 +44,16 @@ def add_mishaps(app: FastAPI) -> None:
         )
 
     async def nap(request: Request) -> Any:
-        return await compute(request, Job("tests.service.chores:nap", (30.0,)), timeout=20.0)
+        return await compute(request, chores.nap.job(30.0), timeout=20.0)
 
     async def overrun(request: Request) -> Any:
-        return await compute(request, Job("tests.service.chores:burn"), timeout=0.1)
+        return await compute(request, chores.burn.job(), timeout=0.1)
 
     async def die(request: Request) -> Any:
-        return await compute(request, Job("tests.service.chores:die"))
+        return await compute(request, chores.die.job())
 
     async def too_long(request: Request) -> Any:
-        return await compute(request, Job("tests.service.chores:burn"), timeout=1e6)
+        return await compute(request, chores.burn.job(), timeout=1e6)
 
     for mishap in (stumble, blame, not_finite, nap, overrun, die, too_long):
         app.router.add_api_route(f"/mishaps/{mishap.__name__}", mishap)

@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
-from service.http.errors import ProblemError
-from service.http.validation import field_path, validated
+from service.problem import ProblemError
 from service.schemas.base import Joints
 from service.schemas.check import CheckRequest
 from service.schemas.kinematics import FkRequest, IkRequest
@@ -15,6 +14,7 @@ from service.schemas.pose import Pose
 from service.schemas.robot import RobotBody
 from service.schemas.scene import NamedScene, Scene
 from service.schemas.shape import Shape
+from service.schemas.validation import field_path, validated
 from service.translate import poses
 
 _HALF = math.sqrt(0.5)

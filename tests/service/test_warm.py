@@ -26,9 +26,9 @@ from obstacles.checker import Checker
 from obstacles.scene import Scene
 from planning.deadline import Deadline
 from planning.search.rrt_connect import rrt_connect
-from service import (
-    check_tasks, dynamics_tasks, kinematics_tasks, plan_tasks, potential_tasks, simulate_tasks, tasks
-)
+from service.storage import worker_cache
+from service.tasks import check, dynamics, inverse_kinematics, kinematics, plan, potential, robots, simulate
+from service.workers import current
 from service.storage.cache_key import builtin_reference
 from service.schemas.kinematics import FkRequest, JacobianRequest
 
@@ -42,45 +42,48 @@ OBSTACLES = [
 SCENE = {"obstacles": [o | {"pose": {"position": [2.0, 0, i]}} for i, o in enumerate(OBSTACLES)]}
 
 
-def ask(task, name, body, *more):
-    return task(builtin_reference(name), None, json.dumps(body).encode(), *more)
+def ask(task, name, body, seconds=20.0):
+    current.begin(Deadline.after(seconds), None)
+    return task(builtin_reference(name), None, json.dumps(body).encode())
 
 
 for name, n in ROBOTS.items():
-    lower = json.loads(kinematics_tasks.library.robot(builtin_reference(name)).answer)["limits"]["lower"]
+    lower = json.loads(worker_cache.robot(builtin_reference(name)).answer)["limits"]["lower"]
     home = [0.2 + 0.9 * (value or 0.0) * 0.1 for value in lower]
     near = [value + 0.1 for value in home]
-    chain = kinematics_tasks.library.chain(builtin_reference(name))
+    chain = worker_cache.chain(builtin_reference(name))
     body = {"joints": home, "link": chain.links[2].name}
-    kinematics_tasks.fk(chain, FkRequest.model_validate(body))
-    kinematics_tasks.jacobian(chain, JacobianRequest.model_validate(body | {"point": [0.1, 0, 0]}))
+    kinematics.fk(chain, FkRequest.model_validate(body))
+    kinematics.jacobian(chain, JacobianRequest.model_validate(body | {"point": [0.1, 0, 0]}))
     pose = {"position": [0.3, 0.1, 0.3]}
-    ask(kinematics_tasks.ik, name, {"pose": pose, "scene": SCENE, "all_solutions": True})
-    ask(check_tasks.check, name, {"robot": name, "scene": SCENE, "joints": [home, near]})
+    ask(inverse_kinematics.ik, name, {"pose": pose, "scene": SCENE, "all_solutions": True})
+    ask(inverse_kinematics.ik, name, {"poses": [pose, pose]})
+    ask(inverse_kinematics.ik, name, {"poses": [pose, pose], "method": "numeric"})
+    ask(check.check, name, {"robot": name, "scene": SCENE, "joints": [home, near]})
     rod = {"id": "rod", "shape": {"type": "capsule", "radius": 0.01, "height": 0.02},
            "pose": {"position": [0, 0, 0]}, "link": chain.tip_link, "touch_links": []}
     problem = {"robot": name, "scene": SCENE, "start": {"joints": home}, "goal": {"joints": near},
                "attached": [rod], "margin": 0.001}
     for planner in ("auto", "rrt_connect", "potential_field"):
-        ask(plan_tasks.plan, name, problem | {"planner": planner}, 5.0)
-    checker = Checker.of(kinematics_tasks.library.robot(builtin_reference(name)).geometry, Scene(), 0.001)
+        ask(plan.plan, name, problem | {"planner": planner}, 5.0)
+    checker = Checker.of(worker_cache.robot(builtin_reference(name)).geometry, Scene(), 0.001)
     rrt_connect(checker, np.array(home), [np.array(near)], 0, Deadline.after(5.0), 100)
-    ask(potential_tasks.potential, name, {"joints": [home, near], "goal_joints": near, "scene": SCENE,
+    ask(potential.potential, name, {"joints": [home, near], "goal_joints": near, "scene": SCENE,
                                           "options": {"attractive_weights": [1.0] * n}})
     motion = {"samples": {"time": [0, 1, 3], "position": [home, near, home]}, "interpolation": "natural_spline"}
-    ask(plan_tasks.validate, name, {"robot": name, "scene": SCENE, "trajectory": motion}, 5.0)
+    ask(plan.validate, name, {"robot": name, "scene": SCENE, "trajectory": motion}, 5.0)
     state = {key: [home, near] for key in ("joints", "velocities", "accelerations")}
     state["payload"] = {"mass": 1.0}
-    for task in (dynamics_tasks.dynamics_batch, dynamics_tasks.regressor_batch):
+    for task in (dynamics.dynamics_task, dynamics.regressor_task):
         task(builtin_reference(name), json.dumps(state).encode())
     for kind in ("independent_joint", "computed_torque", "pd_gravity", "passivity", "adaptive"):
         loop = {"robot": name, "trajectory": motion, "scene": SCENE, "control_period": 0.01,
                 "controller": {"type": kind, "natural_frequency": 5.0}, "noise": {"position": 1e-5},
                 "model_error": {"mass_scale": 1.1}, "disturbance": {"wrench": [1, 0, 0, 0, 0, 0]}}
-        ask(simulate_tasks.simulate, name, loop, 20.0)
+        ask(simulate.simulate, name, loop, 20.0)
 from tests.service.robots import bench
 with tempfile.TemporaryDirectory() as folder:
-    tasks.prepare_robot(json.dumps(bench("warm")).encode(), folder)
+    robots.prepare_robot(json.dumps(bench("warm")).encode(), folder)
 assert len(before) > 20
 print(sorted(name for module, name, _ in signatures() - before))
 """  # noqa: E501

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from service.http.errors import ProblemError
+from service.http.errors import status_of
+from service.problem import ProblemError
 from service.storage.database import StoreError
 from service.storage.document_store import Recorded, SqliteStore, Store, open_store
 
@@ -23,7 +24,7 @@ def store(path: Path) -> Iterator[Store]:
 
 
 def code_of(error: pytest.ExceptionInfo[ProblemError]) -> tuple[str, int]:
-    return error.value.code, error.value.status_code
+    return error.value.code, status_of(error.value)
 
 
 def test_documents_are_created_replaced_and_deleted(store: Store) -> None:

@@ -14,29 +14,30 @@ from typing import Any
 
 import pytest
 
-from service.http.errors import ProblemError
+from service.http.errors import document, headers_of, status_of
+from service.problem import ProblemError
 from service.workers.faults import DeadlineExceeded, QueueFull, ShuttingDown, WorkerCrashed
-from service.workers.main import Job, resolve
 from service.workers.supervisor import WorkerSupervisor
+from service.workers.task import Job, load_tasks, registered_task
 from tests.service import chores
 from tests.service.processes import alive, wait_until
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
+PRELOAD = ("__main__", "service.preload")
 
 
-def chore(name: str, *args: Any, **kwargs: Any) -> Job:
-    return Job(f"tests.service.chores:{name}", args, kwargs)
-
-
-def soon(seconds: float = 20.0) -> float:
-    return time.monotonic() + seconds
+def chore(name: str, *args: Any, seconds: float = 20.0, **kwargs: Any) -> Job[Any]:
+    job: Job[Any] = Job(f"tests.service.chores:{name}", args, kwargs)
+    return job.within(seconds)
 
 
 @asynccontextmanager
 async def supervisor(
     count: int = 2, queue_limit: int = 1000, warm: Callable[[], object] = chores.no_warming
 ) -> AsyncIterator[WorkerSupervisor]:
-    workers = WorkerSupervisor(count, queue_limit, modules=("tests.service.chores",), warm=warm)
+    workers = WorkerSupervisor(
+        count, queue_limit, modules=("tests.service.chores",), warm=warm, preload=PRELOAD
+    )
     await workers.start()
     try:
         yield workers
@@ -60,12 +61,12 @@ def test_results_and_large_payloads() -> None:
     async def run() -> None:
         async with supervisor() as workers:
             assert not workers.ready
-            assert await workers.submit(chore("add", 2, b=3), soon(60.0)) == 5
+            assert await workers.submit(chore("add", 2, b=3, seconds=60.0)) == 5
             await ready(workers)
             large = random.Random(0).randbytes(10_000_000)
-            assert await workers.submit(chore("echo", large), soon()) == large
+            assert await workers.submit(chore("echo", large)) == large
             answers = await asyncio.gather(
-                *(workers.submit(chore("add", i, i), soon()) for i in range(200))
+                *(workers.submit(chore("add", i, i)) for i in range(200))
             )
             assert answers == [2 * i for i in range(200)]
 
@@ -76,13 +77,13 @@ def test_workers_are_single_threaded_and_know_their_deadline() -> None:
     async def run() -> None:
         async with supervisor(1) as workers:
             await ready(workers)
-            facts = await workers.submit(chore("surroundings"), soon())
+            facts = await workers.submit(chore("surroundings"))
             assert set(facts["threads"].values()) == {"1"}
             assert {"OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"} <= set(facts["threads"])
             assert facts["numba"] == 1
             assert facts["pid"] in workers.pids
-            assert 4.5 < await workers.submit(chore("remaining"), soon(5.0)) <= 5.0
-            assert await workers.submit(chore("remaining"), math.inf) == math.inf
+            assert 4.5 < await workers.submit(chore("remaining", seconds=5.0)) <= 5.0
+            assert await workers.submit(chore("remaining", seconds=math.inf)) == math.inf
 
     asyncio.run(run())
 
@@ -91,21 +92,21 @@ def test_faults_cross_as_values_and_bugs_leak_nothing(caplog: pytest.LogCaptureF
     async def run() -> None:
         async with supervisor(1) as workers:
             with pytest.raises(ProblemError) as fault:
-                await workers.submit(chore("blame_caller"), soon(60.0))
-            document = fault.value.document("/x")
-            assert document["code"] == "INVALID_LINK_NAME"
-            assert document["status"] == 422
-            assert document["detail"] == "no link 'x'"
-            assert document["hint"] == "Choose 'a' or 'b'."
-            assert document["details"] == {"link": "x", "choices": ["a", "b"]}
+                await workers.submit(chore("blame_caller", seconds=60.0))
+            told = document(fault.value, "/x")
+            assert told["code"] == "INVALID_LINK_NAME"
+            assert told["status"] == 422
+            assert told["detail"] == "no link 'x'"
+            assert told["hint"] == "Choose 'a' or 'b'."
+            assert told["details"] == {"link": "x", "choices": ["a", "b"]}
             first = workers.pids
             for name in ("stumble", "unpicklable", "no_such_chore"):
                 with pytest.raises(ProblemError) as bug:
-                    await workers.submit(chore(name), soon())
-                document = bug.value.document("/x")
-                assert (document["code"], document["status"]) == ("CRASH", 500)
-                assert "secret" not in str(document)
-                assert document["details"]["reference"] in caplog.text
+                    await workers.submit(chore(name))
+                told = document(bug.value, "/x")
+                assert (told["code"], told["status"]) == ("CRASH", 500)
+                assert "secret" not in str(told)
+                assert told["details"]["reference"] in caplog.text
             assert "a secret" in caplog.text
             assert workers.pids == first, "an exception must not cost a worker"
 
@@ -113,12 +114,22 @@ def test_faults_cross_as_values_and_bugs_leak_nothing(caplog: pytest.LogCaptureF
 
 
 @pytest.mark.parametrize(
-    "task", ["os:system", "tests.service.chores:os", "service.tasks.robots:_x"]
+    "name", ["os:system", "tests.service.chores:os", "tests.service.chores:no_warming"]
 )
-def test_only_public_functions_of_the_allowed_modules_are_tasks(task: str) -> None:
-    with pytest.raises(LookupError):
-        resolve(task, ("tests.service.chores", "service.tasks.robots"))
-    assert resolve("tests.service.chores:add", ("tests.service.chores",)) is chores.add
+def test_only_registered_functions_are_tasks(name: str) -> None:
+    load_tasks("tests.service.chores")
+    with pytest.raises(LookupError, match="no registered task"):
+        registered_task(name)
+    assert registered_task("tests.service.chores:add") is chores.add
+
+    async def run() -> None:
+        async with supervisor(1) as workers:
+            job: Job[Any] = Job(name)
+            with pytest.raises(ProblemError) as fault:
+                await workers.submit(job.within(60.0))
+            assert fault.value.code == "CRASH"
+
+    asyncio.run(run())
 
 
 def test_progress_is_passed_on() -> None:
@@ -126,7 +137,7 @@ def test_progress_is_passed_on() -> None:
         seen: list[tuple[float, str]] = []
         async with supervisor(1) as workers:
             result = await workers.submit(
-                chore("advance"), soon(60.0), lambda share, stage: seen.append((share, stage))
+                chore("advance", seconds=60.0), lambda share, stage: seen.append((share, stage))
             )
         assert result == "done"
         assert seen == [(0.0, "step_0"), (0.25, "step_1"), (0.5, "step_2"), (0.75, "step_3")]
@@ -139,11 +150,11 @@ def test_a_crash_is_told_and_noticed_by_nobody_else(number: signal.Signals) -> N
     async def run() -> None:
         async with supervisor(2) as workers:
             await ready(workers)
-            neighbour = asyncio.ensure_future(workers.submit(chore("nap", 0.3), soon()))
+            neighbour = asyncio.ensure_future(workers.submit(chore("nap", 0.3)))
             with pytest.raises(WorkerCrashed, match=number.name):
-                await workers.submit(chore("die", int(number)), soon())
+                await workers.submit(chore("die", int(number)))
             assert await neighbour == 0.3
-            assert await workers.submit(chore("add", 1, 1), soon()) == 2
+            assert await workers.submit(chore("add", 1, 1)) == 2
             assert workers.counters.crashed == 1
 
     asyncio.run(run())
@@ -156,7 +167,7 @@ def test_an_idle_worker_that_dies_is_replaced_and_costs_no_request() -> None:
             before = set(workers.pids)
             for pid in before:
                 os.kill(pid, signal.SIGKILL)
-            answers = [workers.submit(chore("add", i, 0), soon()) for i in range(10)]
+            answers = [workers.submit(chore("add", i, 0)) for i in range(10)]
             assert await asyncio.gather(*answers) == list(range(10))
             assert not before & set(workers.pids)
 
@@ -169,7 +180,7 @@ def test_no_job_is_lost_under_a_storm_of_kills() -> None:
         async with supervisor(2) as workers:
             await ready(workers)
             jobs = [
-                asyncio.ensure_future(workers.submit(chore("nap", 0.01), soon(60.0)))
+                asyncio.ensure_future(workers.submit(chore("nap", 0.01, seconds=60.0)))
                 for _ in range(400)
             ]
             kills = 0
@@ -183,7 +194,7 @@ def test_no_job_is_lost_under_a_storm_of_kills() -> None:
             assert crashed + results.count(0.01) == 400
             assert 1 <= crashed <= kills
             assert kills > 50
-            assert await workers.submit(chore("add", 1, 1), soon()) == 2
+            assert await workers.submit(chore("add", 1, 1)) == 2
             async with asyncio.timeout(10.0):
                 while len(workers.pids) != 2:
                     await asyncio.sleep(0.01)
@@ -199,12 +210,12 @@ def test_an_overrun_is_ended_within_three_tenths_of_a_second(name: str) -> None:
             victim = workers.pids[0]
             start = time.monotonic()
             with pytest.raises(DeadlineExceeded) as error:
-                await workers.submit(chore(name, *([30.0] if name == "nap" else [])), start + 0.2)
+                await workers.submit(chore(name, *([30.0] if name == "nap" else []), seconds=0.2))
             assert 0.2 <= time.monotonic() - start < 0.5
-            assert error.value.status_code == 504
+            assert status_of(error.value) == 504
             assert error.value.code == "TIMED_OUT"
             assert wait_until(lambda: not alive(victim), 0.3)
-            assert await workers.submit(chore("add", 1, 2), soon()) == 3
+            assert await workers.submit(chore("add", 1, 2)) == 3
 
     asyncio.run(run())
 
@@ -213,11 +224,11 @@ def test_a_job_whose_deadline_passes_in_the_queue_never_runs() -> None:
     async def run() -> None:
         async with supervisor(1) as workers:
             await ready(workers)
-            busy = asyncio.ensure_future(workers.submit(chore("nap", 0.5), soon()))
+            busy = asyncio.ensure_future(workers.submit(chore("nap", 0.5)))
             await working(workers, 1)
             start = time.monotonic()
             with pytest.raises(DeadlineExceeded, match="waiting for a worker"):
-                await workers.submit(chore("nap", 0.0), start + 0.1)
+                await workers.submit(chore("nap", 0.0, seconds=0.1))
             assert time.monotonic() - start < 0.3
             assert await busy == 0.5, "the job that ran is not touched"
 
@@ -228,19 +239,16 @@ def test_the_queue_is_bounded() -> None:
     async def run() -> None:
         async with supervisor(2, queue_limit=3) as workers:
             await ready(workers)
-            accepted = [
-                asyncio.ensure_future(workers.submit(chore("nap", 0.2), soon())) for _ in range(5)
-            ]
+            accepted = [asyncio.ensure_future(workers.submit(chore("nap", 0.2))) for _ in range(5)]
             await asyncio.sleep(0.05)
             assert (workers.busy, workers.waiting) == (2, 3)
             with pytest.raises(QueueFull) as error:
-                await workers.submit(chore("add", 1, 1), soon())
-            assert error.value.status_code == 429
+                await workers.submit(chore("add", 1, 1))
+            assert status_of(error.value) == 429
             assert error.value.code == "OVERLOADED"
-            assert error.value.headers is not None
-            assert int(error.value.headers["Retry-After"]) >= 1
+            assert int(headers_of(error.value)["Retry-After"]) >= 1
             assert await asyncio.gather(*accepted) == [0.2] * 5
-            assert await workers.submit(chore("add", 1, 1), soon()) == 2
+            assert await workers.submit(chore("add", 1, 1)) == 2
 
     asyncio.run(run())
 
@@ -250,9 +258,9 @@ def test_cancelling_takes_a_job_from_the_queue_or_ends_its_worker() -> None:
         async with supervisor(1) as workers:
             await ready(workers)
             victim = workers.pids[0]
-            running = asyncio.ensure_future(workers.submit(chore("burn"), soon()))
+            running = asyncio.ensure_future(workers.submit(chore("burn")))
             await working(workers, 1)
-            queued = asyncio.ensure_future(workers.submit(chore("burn"), soon()))
+            queued = asyncio.ensure_future(workers.submit(chore("burn")))
             await asyncio.sleep(0.02)
             assert workers.waiting == 1
             queued.cancel()
@@ -261,7 +269,7 @@ def test_cancelling_takes_a_job_from_the_queue_or_ends_its_worker() -> None:
             assert alive(victim)
             running.cancel()
             assert await asyncio.to_thread(wait_until, lambda: not alive(victim), 1.0)
-            assert await workers.submit(chore("add", 1, 1), soon()) == 2
+            assert await workers.submit(chore("add", 1, 1)) == 2
             assert workers.counters.cancelled == 2
 
     asyncio.run(run())
@@ -275,7 +283,7 @@ def test_workers_that_cannot_warm_up_are_never_ready(caplog: pytest.LogCaptureFi
                     await asyncio.sleep(0.01)
             assert not workers.ready
             with pytest.raises(DeadlineExceeded):
-                await workers.submit(chore("add", 1, 1), soon(0.1))
+                await workers.submit(chore("add", 1, 1, seconds=0.1))
 
     asyncio.run(run())
 
@@ -285,7 +293,7 @@ def test_stopping_tells_everybody_and_leaves_nothing_behind() -> None:
         async with supervisor(2) as workers:
             await ready(workers)
             pids = workers.pids
-            jobs = [asyncio.ensure_future(workers.submit(chore("burn"), soon())) for _ in range(5)]
+            jobs = [asyncio.ensure_future(workers.submit(chore("burn"))) for _ in range(5)]
             await working(workers, 2)
             start = time.monotonic()
             await workers.stop()
@@ -294,25 +302,26 @@ def test_stopping_tells_everybody_and_leaves_nothing_behind() -> None:
             assert all(isinstance(result, ShuttingDown) for result in results)
             assert not any(alive(pid) for pid in pids)
             with pytest.raises(ShuttingDown):
-                await workers.submit(chore("add", 1, 1), soon())
+                await workers.submit(chore("add", 1, 1))
 
     asyncio.run(run())
 
 
 _DOOMED_SERVER = """
 import asyncio, time
-from service.workers.main import Job
+from service.workers.task import Job
 from service.workers.supervisor import WorkerSupervisor
 from tests.service import chores
 
 async def main():
     workers = WorkerSupervisor(
-        2, 10, modules=("tests.service.chores",), warm=chores.no_warming
+        2, 10, modules=["tests.service.chores"], warm=chores.no_warming,
+        preload=["service.preload"],
     )
     await workers.start()
     while not workers.ready:
         await asyncio.sleep(0.01)
-    job = workers.submit(Job("tests.service.chores:burn"), time.monotonic() + 600.0)
+    job = workers.submit(chores.burn.job().within(600.0))
     task = asyncio.ensure_future(job)
     while not workers.busy:
         await asyncio.sleep(0.01)

@@ -5,7 +5,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from service.http.errors import ProblemError
+from service.problem import ProblemError
 
 #: More would not be read.
 _MAX_ERRORS = 50

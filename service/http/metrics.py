@@ -14,9 +14,9 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metri
 from prometheus_client.registry import Collector
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from service.http.compute import ERRAND
 from service.http.errors import KINDS
-from service.jobs.store import STATUSES, Status
+from service.http.job_context import JOB_CONTEXT
+from service.storage.job_store import STATUSES, Status
 from service.workers.supervisor import WorkerSupervisor
 
 #: Inline kinematics take a millisecond, the longest plans minutes [s].
@@ -119,7 +119,7 @@ class _State(Collector):
         yield CounterMetricFamily(
             "armwright_worker_starts",
             "Worker processes that were started; beyond the first ones, replacements",
-            counters.started_workers,
+            supervisor.started_workers,
         )
         outcomes = CounterMetricFamily(
             "armwright_work", "Work given to workers, by what became of it", labels=("outcome",)
@@ -156,7 +156,7 @@ class Measured:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass a request on."""
-        if scope["type"] != "http" or ERRAND in scope:
+        if scope["type"] != "http" or JOB_CONTEXT in scope:
             await self._app(scope, receive, send)
             return
         status = 500

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
-from service.http.errors import ProblemError
+from service.problem import ProblemError
 from service.storage.database import Database
 
 Status = Literal["queued", "running", "succeeded", "failed", "cancelled"]

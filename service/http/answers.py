@@ -1,0 +1,187 @@
+"""Answers that workers compute for robots and scenes, which are prepared first where needed."""
+
+from collections.abc import Awaitable, Callable
+from typing import TypeVar
+
+from fastapi import Request
+from starlette.concurrency import run_in_threadpool
+
+from kinematics.chain import Chain
+from service.http.compute import compute
+from service.http.state import repository_of, settings_of
+from service.problem import ProblemError, from_fields
+from service.schemas.scene import Scene
+from service.storage import worker_cache
+from service.storage.cache_key import NotPrepared, Reference
+from service.storage.disk_cache import PreparedRobot
+from service.tasks import robots
+from service.tasks.result import CacheMiss, TaskProblem
+from service.workers.process import Progress
+from service.workers.task import Job
+
+_R = TypeVar("_R")
+
+#: Cutting the meshes of a whole robot takes some seconds, of a bad one a minute [s].
+BUILD_TIMEOUT = 120.0
+#: Preparing what a task found missing, and once more if it was replaced meanwhile.
+_ATTEMPTS = 3
+
+
+async def robot(request: Request, name: str) -> Reference:
+    """The robot of a name.
+
+    Raises:
+        ProblemError: NOT_FOUND.
+    """
+    return await run_in_threadpool(repository_of(request).robot, name)
+
+
+async def scene(request: Request, source: str | Scene | None) -> Reference | None:
+    """The stored scene that a request names, or None where it names none.
+
+    Raises:
+        ProblemError: NOT_FOUND.
+    """
+    if not isinstance(source, str):
+        return None
+    return await run_in_threadpool(repository_of(request).scene, source)
+
+
+async def chain(request: Request, name: str) -> Chain:
+    """The chain of a robot, kept in this process.
+
+    Raises:
+        ProblemError: NOT_FOUND.
+    """
+    return (await model(request, await robot(request, name))).chain
+
+
+async def model(request: Request, reference: Reference) -> PreparedRobot:
+    """A robot as it was prepared, kept in this process.
+
+    Raises:
+        ProblemError: NOT_FOUND, it was deleted meanwhile.
+    """
+    if worker_cache.loaded(reference):
+        return worker_cache.robot(reference)
+    for _ in range(_ATTEMPTS):
+        try:
+            return await run_in_threadpool(_with_chain, reference)
+        except NotPrepared:
+            reference = await _prepare(request, reference)
+    raise _unprepared()
+
+
+async def answer(
+    request: Request,
+    make_job: Callable[[Reference, Reference | None], Job[_R | TaskProblem | CacheMiss]],
+    robot_name: str,
+    scene_source: str | Scene | None = None,
+    *,
+    timeout: float | None = None,
+    on_progress: Progress | None = None,
+) -> _R:
+    """The result of a job about a robot and perhaps a scene, computed in a worker.
+
+    Args:
+        request: On whose behalf.
+        make_job: Makes the job from the references of the robot and of a stored scene.
+        robot_name: The robot.
+        scene_source: The scene as the request gives it.
+        timeout: As the request names it [s].
+        on_progress: Told of progress in place of the job that the request belongs to.
+
+    Raises:
+        ProblemError: NOT_FOUND; what the task refused; all of `compute`.
+    """
+
+    async def job() -> Job[_R | TaskProblem | CacheMiss]:
+        return make_job(await robot(request, robot_name), await scene(request, scene_source))
+
+    return await _answer(request, job, timeout, on_progress)
+
+
+async def answer_with(
+    request: Request,
+    make_job: Callable[[Reference | None], Job[_R | TaskProblem | CacheMiss]],
+    robot_name: str | None,
+    *,
+    timeout: float | None = None,
+) -> _R:
+    """The result of a job that may be about a robot, computed in a worker.
+
+    Raises:
+        ProblemError: As `answer`.
+    """
+
+    async def job() -> Job[_R | TaskProblem | CacheMiss]:
+        return make_job(None if robot_name is None else await robot(request, robot_name))
+
+    return await _answer(request, job, timeout)
+
+
+async def answer_scene(
+    request: Request,
+    make_job: Callable[[Reference], Job[_R | TaskProblem | CacheMiss]],
+    scene_name: str,
+) -> _R:
+    """The result of a job about a stored scene, computed in a worker.
+
+    Raises:
+        ProblemError: As `answer`.
+    """
+
+    async def job() -> Job[_R | TaskProblem | CacheMiss]:
+        reference = await scene(request, scene_name)
+        assert reference is not None
+        return make_job(reference)
+
+    return await _answer(request, job, None)
+
+
+async def _answer(
+    request: Request,
+    make_job: Callable[[], Awaitable[Job[_R | TaskProblem | CacheMiss]]],
+    timeout: float | None,
+    on_progress: Progress | None = None,
+) -> _R:
+    for _ in range(_ATTEMPTS):
+        job = await make_job()
+        result = await compute(request, job, timeout, on_progress)
+        if isinstance(result, CacheMiss):
+            await _prepare(request, result.reference)
+            continue
+        if isinstance(result, TaskProblem):
+            raise from_fields(result.code, result.message, result.hint, result.details)
+        return result
+    raise _unprepared()
+
+
+def _with_chain(reference: Reference) -> PreparedRobot:
+    prepared = worker_cache.robot(reference)
+    _ = prepared.chain  # loaded here, in a thread, and kept
+    return prepared
+
+
+async def build(request: Request, job: Job[_R]) -> _R:
+    """The result of a job that builds something, which may take longer than others."""
+    return await compute(request, job, min(BUILD_TIMEOUT, settings_of(request).max_timeout))
+
+
+async def _prepare(request: Request, reference: Reference) -> Reference:
+    """Have a worker build what is stored once more: the data folder lost it, or is newer."""
+    current, document = await run_in_threadpool(repository_of(request).document, reference)
+    if reference.kind == "robot":
+        await build(request, robots.prepare_robot.job(document, current.folder))
+    else:
+        await build(request, robots.prepare_scene.job(document, current.folder, current.name))
+    return current
+
+
+def _unprepared() -> ProblemError:
+    return ProblemError(
+        "CONFLICT",
+        "the robot or the scene keeps being replaced",
+        stage="storage",
+        hint="Ask again when nobody changes it.",
+    )

@@ -1,0 +1,136 @@
+"""Routes that take strict JSON, perhaps to be answered later as a job."""
+
+import re
+from collections.abc import Awaitable, Callable, Coroutine
+from typing import Any, TypeGuard, TypeVar
+
+from fastapi import Request, Response
+from fastapi.params import Form
+from fastapi.routing import APIRoute
+from pydantic import BaseModel
+
+from service.http.idempotency import answer_once
+from service.http.job_context import job_context
+from service.http.large_body import INLINE_BYTES, validated_by_worker
+from service.problem import ProblemError
+from service.schemas.strict_json import parse_json
+from service.schemas.validation import validated
+
+_JSON_TYPE = re.compile(r"application/([\w.+-]+\+)?json")
+#: Methods of requests that may become jobs: GET and DELETE compute nothing.
+_DEFERRABLE = ("POST", "PUT")
+
+_Model = TypeVar("_Model", bound=BaseModel)
+Handler = Callable[[Request], Coroutine[Any, Any, Response]]
+#: Stores a request as a job and answers 202; the application has one as ``app.state.defer``.
+Deferral = Callable[[Request, Handler], Awaitable[Response]]
+
+
+class JsonRequest(Request):
+    """A request whose body is parsed strictly.
+
+    Args:
+        request: As the framework has it.
+        model: What the body must follow; a large one is answered as an instance of it.
+    """
+
+    def __init__(self, request: Request, model: type[BaseModel] | None = None) -> None:
+        super().__init__(request.scope, request.receive)
+        self._model = model
+
+    async def json(self) -> Any:
+        """The parsed body; of a large one an outline, which is valid already.
+
+        Raises:
+            ProblemError: The body is not valid JSON, or a large one does not follow its model.
+        """
+        if not hasattr(self, "_json"):
+            content = await self.body()
+            if self._model is not None and len(content) > INLINE_BYTES:
+                self._json = await validated_by_worker(self, self._model, content)
+            else:
+                self._json = parse_json(content)
+        return self._json
+
+    async def read(self, model: type[_Model]) -> _Model:
+        """The body as a model, of a large one an outline.
+
+        Raises:
+            ProblemError: It does not follow the model.
+        """
+        self._model = model
+        value = await self.json()
+        return value if isinstance(value, model) else validated(model, value)
+
+
+class JsonRoute(APIRoute):
+    """A route that takes strict JSON and nothing else where it takes a body."""
+
+    #: Whether requests become jobs without asking for that.
+    always_deferred = False
+
+    def get_route_handler(self) -> Handler:
+        """The handler of the framework behind the checks of the body."""
+        handle = super().get_route_handler()
+        annotation = None if self.body_field is None else self.body_field.field_info.annotation
+        model = annotation if _is_model(annotation) else None
+        takes_json = self.body_field is not None and not isinstance(
+            self.body_field.field_info, Form
+        )
+
+        async def handled(request: Request) -> Response:
+            # The framework would hide what is wrong with the JSON behind a message of its own.
+            if takes_json and await request.body():
+                await request.json()
+            return await handle(request)
+
+        async def checked(request: Request) -> Response:
+            strict = JsonRequest(request, model)
+            if takes_json and await strict.body():
+                require_json(strict.headers.get("content-type"))
+            if not _is_deferred(strict, self.always_deferred):
+                return await answer_once(strict, handled)
+            defer: Deferral = request.app.state.defer
+            return await answer_once(strict, lambda request: defer(request, handled))
+
+        return checked
+
+
+class JobRoute(JsonRoute):
+    """A route whose requests always become jobs."""
+
+    always_deferred = True
+
+
+def require_json(content_type: str | None) -> None:
+    """Check a Content-Type header.
+
+    Raises:
+        ProblemError: UNSUPPORTED_MEDIA_TYPE, it is not JSON.
+    """
+    media_type = (content_type or "").split(";")[0].strip().lower()
+    if not _JSON_TYPE.fullmatch(media_type):
+        raise ProblemError(
+            "UNSUPPORTED_MEDIA_TYPE",
+            f"this endpoint takes JSON, not {media_type or 'a body without a content type'}",
+            stage="request",
+            hint="Send the header Content-Type: application/json.",
+        )
+
+
+def _is_model(annotation: Any) -> TypeGuard[type[BaseModel]]:
+    return isinstance(annotation, type) and issubclass(annotation, BaseModel)
+
+
+def prefers_async(values: list[str]) -> bool:
+    """Whether headers Prefer (RFC 7240) name the preference respond-async."""
+    preferences = ",".join(values).split(",")
+    names = (preference.split(";")[0].split("=")[0] for preference in preferences)
+    return any(name.strip().lower() == "respond-async" for name in names)
+
+
+def _is_deferred(request: Request, always: bool) -> bool:
+    """Whether a request becomes a job: it prefers that, or its route always makes one."""
+    if request.method not in _DEFERRABLE or job_context(request) is not None:
+        return False
+    return always or prefers_async(request.headers.getlist("prefer"))

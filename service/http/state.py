@@ -1,0 +1,37 @@
+"""The parts of the running application that requests use, typed."""
+
+from fastapi import Request
+
+from service.settings import Settings
+from service.storage.document_store import Store
+from service.storage.robot_repository import RobotRepository
+from service.workers.supervisor import WorkerSupervisor
+
+
+def settings_of(request: Request) -> Settings:
+    """The settings of the service."""
+    settings: Settings = request.app.state.settings
+    return settings
+
+
+def store_of(request: Request) -> Store:
+    """The storage of documents and answers."""
+    store: Store = request.app.state.store
+    return store
+
+
+def repository_of(request: Request) -> RobotRepository:
+    """Robots and scenes by name."""
+    repository: RobotRepository = request.app.state.robots
+    return repository
+
+
+def supervisor_of(request: Request) -> WorkerSupervisor:
+    """The supervisor of the workers."""
+    supervisor: WorkerSupervisor = request.app.state.supervisor
+    return supervisor
+
+
+def prepared_folder(request: Request) -> str:
+    """Where prepared robots and scenes are kept."""
+    return str(settings_of(request).prepared_dir)

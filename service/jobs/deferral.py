@@ -1,0 +1,41 @@
+"""``Prefer: respond-async``: a request is checked, stored as a job, and answered with 202."""
+
+from fastapi import Request, Response
+
+from service.http.job_context import DRY_RUN, DeferToJob
+from service.http.json_route import Handler, prefers_async
+from service.jobs.answer import job_summary
+from service.jobs.runner import Jobs
+from service.storage.job_store import JobAnswer, StoredRequest
+
+
+async def defer(request: Request, handle: Handler) -> Response:
+    """Check a request as far as that goes without work, and make a job of it.
+
+    A request at fault is refused at once. One that needs no work is answered, and the job has
+    succeeded.
+
+    Raises:
+        ProblemError: The request can't be answered, or no more jobs are accepted.
+    """
+    jobs: Jobs = request.app.state.jobs
+    stored = StoredRequest(
+        request.method,
+        request.scope["path"],
+        request.headers.get("content-type", ""),
+        await request.body(),
+    )
+    jobs.check_room(len(stored.body))
+    request.scope[DRY_RUN] = True
+    try:
+        response = await handle(request)
+    except DeferToJob:
+        record = await jobs.accept(stored)
+    else:
+        answer = JobAnswer(response.headers.get("content-type", ""), bytes(response.body))
+        record = await jobs.keep(stored, answer, response.headers.get("location"))
+    headers = {"Location": f"/v1/jobs/{record.id}"}
+    if prefers_async(request.headers.getlist("prefer")):
+        headers["Preference-Applied"] = "respond-async"
+    content = job_summary(record).model_dump_json().encode()
+    return Response(content, 202, headers, "application/json")

@@ -1,0 +1,85 @@
+"""Problems: what is wrong with a request or with the service, as values that any layer can raise.
+
+`service.http.errors` turns them into problem documents (RFC 9457).
+"""
+
+import logging
+import secrets
+from collections.abc import Mapping
+from typing import Any
+
+_log = logging.getLogger(__name__)
+
+
+class ProblemError(Exception):
+    """A problem that ends a request.
+
+    Args:
+        code: The kind of problem, one of those that ``GET /v1/problems`` lists.
+        detail: What is wrong this time, and where.
+        hint: What to do about it.
+        stage: The step that failed.
+        status: Another HTTP status than that of the kind.
+        retry_after: Seconds after which a new attempt makes sense.
+        details: Values a program can use.
+    """
+
+    def __init__(
+        self,
+        code: str,
+        detail: str,
+        *,
+        hint: str | None = None,
+        stage: str | None = None,
+        status: int | None = None,
+        retry_after: int | None = None,
+        **details: Any,
+    ) -> None:
+        super().__init__(detail)
+        self.code = code
+        self.detail = detail
+        self.hint = hint
+        self.stage = stage
+        self.status = status
+        self.retry_after = retry_after
+        self.details = details
+
+
+def from_fields(
+    code: str, message: str, hint: str | None, details: Mapping[str, Any]
+) -> ProblemError:
+    """The problem of an error that came as values, for example from a worker.
+
+    Args:
+        code: The kind of problem.
+        message: What is wrong and where.
+        hint: What to do about it.
+        details: Values a program can use; one named ``stage`` becomes the stage of the problem.
+    """
+    rest = {str(name): value for name, value in details.items()}
+    stage = rest.pop("stage", None)
+    problem = ProblemError(code, message, hint=hint, stage=None if stage is None else str(stage))
+    problem.details = rest
+    return problem
+
+
+def unexpected(what: str, trace: str | None = None, **details: Any) -> ProblemError:
+    """Log a fault of the service under a new reference, and give the problem that names only that.
+
+    Args:
+        what: The request or task in which it happened.
+        trace: The traceback, where it is not that of the exception being handled.
+        details: More values for the problem.
+    """
+    reference = secrets.token_hex(8)
+    if trace is None:
+        _log.exception("unexpected error %s in %r", reference, what)
+    else:
+        _log.error("unexpected error %s in %r\n%s", reference, what, trace)
+    return ProblemError(
+        "CRASH",
+        f"an unexpected error happened; it was logged as {reference}",
+        hint="This is a fault of the service. Report the reference to whoever runs it.",
+        reference=reference,
+        **details,
+    )

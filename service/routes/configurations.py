@@ -1,0 +1,27 @@
+"""Requests about configurations of a robot: a few are answered here, many in a worker."""
+
+from fastapi import Request, Response
+
+from service.http import answers
+from service.tasks.answer import ChainTask
+
+
+def count(joints: list[float] | list[list[float]]) -> int:
+    """The number of configurations in a field ``joints``."""
+    return len(joints) if isinstance(joints[0], list) else 1
+
+
+async def in_worker(request: Request, robot: str, task: ChainTask) -> Response:
+    """The answer of a task to the body of a request about a robot.
+
+    Raises:
+        ProblemError: As `answers.answer`.
+    """
+    content = await request.body()
+    result = await answers.answer(request, lambda reference, _: task.job(reference, content), robot)
+    return json_answer(result)
+
+
+def json_answer(content: bytes) -> Response:
+    """An answer that is JSON already."""
+    return Response(content, media_type="application/json")

@@ -1,0 +1,18 @@
+"""Payloads from wire to domain."""
+
+import numpy as np
+
+from dynamics.payload import with_payload
+from kinematics.chain import Chain
+from service.schemas.dynamics import Payload
+
+
+def loaded_chain(chain: Chain, payload: Payload) -> Chain:
+    """The chain of a robot with a payload.
+
+    Raises:
+        InvalidOption: It is no body.
+        InvalidLinkName: What should carry it does not exist.
+    """
+    tensor = None if payload.inertia is None else np.array(payload.inertia)
+    return with_payload(chain, payload.mass, payload.center_of_mass, tensor, link=payload.link)

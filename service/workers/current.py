@@ -1,0 +1,54 @@
+"""The job that this process is working on, as its task sees it; a worker has one at a time."""
+
+import time
+from collections.abc import Callable
+
+from planning.deadline import Deadline
+from service.workers.task import NEVER
+
+#: Progress within a stage is reported at most this often [s].
+_REPORT_PERIOD = 0.05
+#: Receives progress, from 0 to 1, and the stage.
+Report = Callable[[float, str], None]
+
+
+class _Current:
+    deadline: Deadline = NEVER
+    report: Report | None = None
+    stage: str | None = None
+    last_report: float = 0.0
+
+
+def deadline() -> Deadline:
+    """When the current job must be done; never outside a job."""
+    return _Current.deadline
+
+
+def report(progress: float, stage: str) -> None:
+    """Tell the server how far the current job is.
+
+    Args:
+        progress: From 0 to 1.
+        stage: What is being done, in a word.
+    """
+    if _Current.report is None:
+        return
+    now = time.monotonic()
+    if stage != _Current.stage or now - _Current.last_report >= _REPORT_PERIOD:
+        _Current.stage, _Current.last_report = stage, now
+        _Current.report(float(progress), stage)
+
+
+def begin(deadline: Deadline, report: Report | None) -> None:
+    """Make a job the current one.
+
+    Args:
+        deadline: When it must be done.
+        report: Receives its progress; None where nobody listens.
+    """
+    _Current.deadline, _Current.report, _Current.stage = deadline, report, None
+
+
+def end() -> None:
+    """Note that the current job is done."""
+    begin(NEVER, None)
