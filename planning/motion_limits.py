@@ -6,8 +6,8 @@ import numpy as np
 
 from kinematics.chain import Chain
 from planning.constraints.constraint_set import ConstraintSet
+from planning.effort_limits import EffortLimits
 from planning.options import Options
-from planning.timing.effort_limits import EffortLimits
 
 
 def with_limits(options: Options, constraints: ConstraintSet | None) -> Options:

@@ -37,6 +37,7 @@ from planning.optimize.options import RefineOptions
 from planning.optimize.quadratic import Quadratic
 from planning.optimize.rows import Rows, end_rows, limit_rows, stacked
 from planning.optimize.task import Task
+from planning.timing.effort_limits import estimate_uses, slow_down
 from planning.timing.failure import TimingFailed
 from planning.timing.time_scaling import ScaledTime, fitting_factor, peak_ratios
 
@@ -249,7 +250,9 @@ class Descent:
             motion = motion.dilate(max(factor, 1.0) * (1.0 + 1e-12))
             try:
                 motion = (
-                    motion if loads is None else loads.slow_down(ScaledTime(motion, 1.0)).trajectory
+                    motion
+                    if loads is None
+                    else slow_down(loads, ScaledTime(motion, 1.0)).trajectory
                 )
             except TimingFailed as failure:
                 self.hindrance = Obstruction(failure.message, failure.hint or _LIMITS)
@@ -278,7 +281,7 @@ class Descent:
 
     def _overloaded(self, motion: Trajectory) -> bool:
         loads = self.task.loads
-        uses = {} if loads is None else loads.uses(motion)
+        uses = {} if loads is None else estimate_uses(loads, motion)
         return any(use.ratio > 1.0 + _ROUNDING for use in uses.values())
 
     def _add(self, places: list[float]) -> None:

@@ -9,7 +9,7 @@ from kinematics.arrays import Array, frozen
 from kinematics.chain import Chain
 from obstacles.checker import Checker
 from planning.constraints.constraint_set import ConstraintSet
-from planning.timing.effort_limits import EffortLimits
+from planning.effort_limits import EffortLimits
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -23,6 +23,7 @@ from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from planning.constraints.constraint_set import ConstraintSet
 from planning.deadline import Deadline
+from planning.effort_limits import EffortLimits
 from planning.proof.constraints import ConstraintReport, check_motion
 from planning.proof.interval_check import RESOLUTION, sharp_enough
 from planning.proof.limits import LimitReport, check_continuity, check_limits
@@ -48,7 +49,6 @@ from planning.proof.sweep_state import (
 )
 from planning.proof.tool_deviation import PathDeviation
 from planning.proof.violation import Violation
-from planning.timing.effort_limits import EffortLimits
 
 #: A violation this near to the start or the goal, in every joint, is told as theirs [rad or m].
 _AT_AN_END = 1e-6

@@ -96,7 +96,7 @@ def sharp_enough(nearest: float, sharp: bool) -> float:
     return float(min(_ENOUGH, _SHARP_SHARE * nearest))
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="code")
 def _check_pair(model: PairArrays, w: Sweep, entry: int, last: int) -> bool:
     """Settle an open pair and all below it; False where there is no room for what stays open.
 
@@ -151,18 +151,18 @@ def _check_pair(model: PairArrays, w: Sweep, entry: int, last: int) -> bool:
     return True
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="code")
 def _may_touch(model: PairArrays, i: int, j: int) -> bool:
     """Whether the robot's element j may touch the scene's element i."""
     return bool(model.parts[i] >= 0 and model.skipped[model.parts[j], model.parts[i]])
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="code")
 def _holds_others(model: PairArrays, i: int) -> bool:
     return bool(model.below[i + 1] > model.below[i])
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="code")
 def _refer(w: Sweep, i: int, j: int, moved: float) -> None:
     """Leave a pair that moves by ``moved`` [m] in the interval to the referee."""
     k = w.counters[REFERRED]
@@ -170,7 +170,7 @@ def _refer(w: Sweep, i: int, j: int, moved: float) -> None:
     w.counters[REFERRED] = k + 1
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="code")
 def _keep_open(w: Sweep, last: int, i: int, j: int, u: Vector) -> None:
     """Keep a pair open for the halves of the interval, with the direction to try first."""
     k = last + w.counters[OPEN]
@@ -179,7 +179,7 @@ def _keep_open(w: Sweep, last: int, i: int, j: int, u: Vector) -> None:
     w.counters[OPEN] += 1
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="code")
 def _place_element(model: PairArrays, w: Sweep, k: int) -> None:
     """Place an element in the middle of the interval, and bound its motion, once an interval."""
     joint, visit = model.joints[k], w.counters[VISITS]
@@ -195,7 +195,7 @@ def _place_element(model: PairArrays, w: Sweep, k: int) -> None:
         )  # fmt: skip
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="code")
 def _bound_pair(model: PairArrays, w: Sweep, i: int, j: int, apart: float, u: Vector) -> PairBounds:
     """Bound the distance of two elements over the interval, from below.
 
@@ -248,7 +248,7 @@ def _bound_pair(model: PairArrays, w: Sweep, i: int, j: int, apart: float, u: Ve
     return lower, upper, moved, enough, parted, u
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="code")
 def _along(model: PairArrays, w: Sweep, i: int, j: int, u: Vector) -> tuple[float, float]:
     """How far apart two elements are along a unit direction, and how far they move along it [m]."""
     separation = gap(model.kinds, model.sizes, model.columns, model.starts, w.poses, i, j, u)
@@ -256,7 +256,7 @@ def _along(model: PairArrays, w: Sweep, i: int, j: int, u: Vector) -> tuple[floa
     return separation, moved_along(moves, after, model.radii[j], w.interval[HALF], u)
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="code")
 def _bounding_distance(model: PairArrays, w: Sweep, i: int, j: int, most: float) -> float:
     """What balls and boxes prove of the distance of two elements; ``most`` [m] is enough."""
     centers: Array = w.centers

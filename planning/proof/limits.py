@@ -1,8 +1,8 @@
-"""The limits that a timed motion keeps, from the exact extrema of its polynomials.
+"""Limits that a timed motion keeps: positions, rates, torques and tool speed at every instant.
 
-Positions, velocities, accelerations and jerks are polynomials of time, so their extrema are exact.
-Torques and the tool's speed are not: these are bounded for every instant, from above, by enclosures
-over cells of time that are halved until the bound is a thousandth above what is reached.
+Positions, velocities, accelerations and jerks are polynomials of time: their extrema are reached
+from inside and bounded from outside (``extrema``). Torques and the tool's speed are bounded over
+intervals of time (``effort``).
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,8 +14,10 @@ import numpy as np
 from kinematics.arrays import Array
 from kinematics.chain import Limits
 from kinematics.trajectory import Trajectory
+from planning.effort_limits import EffortLimits
+from planning.proof.effort import effort_uses
+from planning.proof.extrema import extrema, jumps
 from planning.proof.violation import RATIO_TOLERANCE, Violation
-from planning.timing.effort_limits import EffortLimits
 
 #: Largest jump of position and velocity between pieces [rad or m, rad/s or m/s].
 JUMP_TOLERANCE = 1e-9
@@ -69,12 +71,12 @@ def check_limits(
         limit = bounds.get(name, getattr(limits, name))
         if not np.isfinite(limit).any():
             continue
-        if order == 3 and trajectory.continuity().acceleration > JERK_JUMP:
+        if order == 3 and np.abs(jumps(trajectory, 2)).max(initial=0.0) > JERK_JUMP:
             wrong += [_unbounded(trajectory)] if name in bounds else []
             continue
         reports[name], violation = _check_peaks(trajectory, limit, order, name)
         wrong += [violation] if violation else []
-    for name, use in (loads.uses(trajectory) if loads else {}).items():
+    for name, use in (effort_uses(loads, trajectory) if loads else {}).items():
         joint = trajectory.joint_names[use.joint]
         reports[name] = LimitReport(use.ratio, joint, use.time)
         if use.ratio > 1.0 + RATIO_TOLERANCE:
@@ -87,13 +89,13 @@ def check_limits(
 
 def check_continuity(trajectory: Trajectory) -> tuple[dict[str, float], list[Violation]]:
     """The largest jumps of position and velocity between pieces, and the first that is one."""
-    jumps, wrong = trajectory.continuity(), []
-    continuity = {"position": jumps.position, "velocity": jumps.velocity}
-    for order, (name, jump) in enumerate(continuity.items()):
-        if jump > JUMP_TOLERANCE:
-            jumps_at = np.abs(trajectory.jumps(order)).max(axis=1)
-            at = int(np.argmax(jumps_at > JUMP_TOLERANCE))
-            first = float(jumps_at[at])
+    continuity, wrong = {}, []
+    for order, name in enumerate(("position", "velocity")):
+        largest = np.abs(jumps(trajectory, order)).max(axis=1, initial=0.0)
+        continuity[name] = float(largest.max(initial=0.0))
+        if continuity[name] > JUMP_TOLERANCE:
+            at = int(np.argmax(largest > JUMP_TOLERANCE))
+            first = float(largest[at])
             message = f"the {name} jumps by {first:.3g} between two pieces"
             time = float(trajectory.breaks[at + 1])
             wrong.append(Violation("continuity", time, message, {"quantity": name, "jump": first}))
@@ -101,28 +103,33 @@ def check_continuity(trajectory: Trajectory) -> tuple[dict[str, float], list[Vio
 
 
 def _unbounded(trajectory: Trajectory) -> Violation:
-    jumps = np.abs(trajectory.jumps(2))
-    at = int(np.argmax(jumps.max(axis=1) > JERK_JUMP))
-    joint = trajectory.joint_names[int(np.argmax(jumps[at]))]
+    sizes = np.abs(jumps(trajectory, 2))
+    at = int(np.argmax(sizes.max(axis=1) > JERK_JUMP))
+    joint = trajectory.joint_names[int(np.argmax(sizes[at]))]
     message = f"the acceleration of joint {joint!r} jumps, so that its jerk has no bound"
-    details = {"joint": joint, "jump": float(jumps[at].max())}
+    details = {"joint": joint, "jump": float(sizes[at].max())}
     return Violation("jerk", float(trajectory.breaks[at + 1]), message, details)
 
 
 def _check_peaks(
     trajectory: Trajectory, limit: Array, order: int, name: str
 ) -> tuple[LimitReport, Violation | None]:
-    bound = np.isfinite(limit)
-    peaks = trajectory.peaks(order)
-    ratios = np.where(bound, peaks.value / np.where(bound, limit, 1.0), 0.0)
+    is_limited = np.isfinite(limit)
+    ends = extrema(trajectory.breaks, trajectory.coefficients, order)
+    is_high = ends.maximum >= -ends.minimum
+    peaks = np.where(is_high, ends.maximum, -ends.minimum)
+    times = np.where(is_high, ends.time_of_maximum, ends.time_of_minimum)
+    over = np.where(is_limited, limit, 1.0)
+    ratios = np.where(is_limited, peaks / over, 0.0)
+    bounds = np.where(is_limited, np.maximum(ends.upper, -ends.lower) / over, 0.0)
     j = int(np.argmax(ratios))
-    joint = trajectory.joint_names[j]
-    report = LimitReport(float(ratios[j]), joint, float(peaks.time[j]))
-    if report.worst_ratio <= 1.0 + RATIO_TOLERANCE:
+    report = LimitReport(float(ratios[j]), trajectory.joint_names[j], float(times[j]))
+    if bounds.max() <= 1.0 + RATIO_TOLERANCE:
         return report, None
-    most = np.where(bound, limit, np.inf) * (1.0 + RATIO_TOLERANCE)
-    time, k = _first_beyond(trajectory, order, -most, most) or (report.time, j)
-    joint, value = trajectory.joint_names[k], float(peaks.value[k])
+    k = int(np.argmax(bounds))
+    most = np.where(is_limited, limit, np.inf) * (1.0 + RATIO_TOLERANCE)
+    time, k = _first_beyond(trajectory, order, -most, most) or (float(times[k]), k)
+    joint, value = trajectory.joint_names[k], float(peaks[k])
     message = f"joint {joint!r} has {name} {value:.6g}, its limit is {limit[k]:.6g}"
     return report, Violation(
         name, time, message, {"joint": joint, "value": value, "limit": float(limit[k])}
@@ -133,33 +140,32 @@ def _first_beyond(
     trajectory: Trajectory, order: int, lower: Array, upper: Array
 ) -> tuple[float, int] | None:
     """When a derivative first leaves its bounds (n,), and of which joint; None if it does not."""
-    low, high = trajectory.piece_extrema(order)
-    out = (low < lower) | (high > upper)
-    if not out.any():
-        return None
-    piece = int(np.argmax(out.any(axis=1)))
-    rates = trajectory.derivative(order) if order else trajectory
-    begins, ends = (float(t) for t in trajectory.breaks[piece : piece + 2])
-    times = [
-        (_leaves(rates.coefficients[piece, j], ends - begins, lower[j], upper[j]), int(j))
-        for j in np.flatnonzero(out[piece])
-    ]
-    time, joint = min(times)
-    return begins + time, joint
+    breaks, coefficients = trajectory.breaks, trajectory.coefficients
+    for i in range(trajectory.pieces):
+        ends = extrema(breaks[i : i + 2], coefficients[i : i + 1], order)
+        outside = np.flatnonzero((ends.minimum < lower) | (ends.maximum > upper))
+        if len(outside):
+            length = float(breaks[i + 1] - breaks[i])
+            time, joint = min(
+                (_leaves(coefficients[i, j], order, length, (lower[j], upper[j])), int(j))
+                for j in outside
+            )
+            return float(breaks[i]) + time, joint
+    return None
 
 
-def _leaves(coefficients: Array, length: float, lower: float, upper: float) -> float:
-    """When a polynomial of [0, length] first leaves its bounds."""
-    value = np.polynomial.Polynomial(coefficients)
+def _leaves(coefficients: Array, order: int, length: float, bounds: tuple[float, float]) -> float:
+    """When a polynomial's derivative on [0, length] first leaves its bounds."""
+    value = np.polynomial.Polynomial(coefficients).deriv(order)
     crossings = [0.0, length]
-    for bound in (lower, upper):
+    for bound in bounds:
         if np.isfinite(bound):
             roots = (value - bound).trim().roots()
             real = roots.real[np.abs(roots.imag) <= _REAL * (1.0 + np.abs(roots))]
             crossings += [float(t) for t in real if 0.0 < t < length]
     crossings.sort()
     for a, b in pairwise(crossings):
-        if not lower <= value(0.5 * (a + b)) <= upper:
+        if not bounds[0] <= value(0.5 * (a + b)) <= bounds[1]:
             return a
     return crossings[-1]
 
@@ -167,24 +173,24 @@ def _leaves(coefficients: Array, length: float, lower: float, upper: float) -> f
 def _check_position(trajectory: Trajectory, limits: Limits) -> tuple[LimitReport, Violation | None]:
     names: Sequence[str] = trajectory.joint_names
     lower, upper = limits.lower, limits.upper
-    low, low_time, high, high_time = trajectory.extrema(0)
+    ends = extrema(trajectory.breaks, trajectory.coefficients, 0)
     half = 0.5 * (upper - lower)
-    bound = np.isfinite(half) & (half > 0.0)
-    middle = 0.5 * (np.where(bound, upper, 0.0) + np.where(bound, lower, 0.0))
-    half = np.where(bound, half, np.inf)
-    ratios = np.maximum(high - middle, middle - low) / half
+    is_limited = np.isfinite(half) & (half > 0.0)
+    middle = 0.5 * (np.where(is_limited, upper, 0.0) + np.where(is_limited, lower, 0.0))
+    half = np.where(is_limited, half, np.inf)
+    above, below = ends.maximum - middle, middle - ends.minimum
+    ratios = np.maximum(above, below) / half
     j = int(np.argmax(ratios))
-    is_high = high[j] - middle[j] >= middle[j] - low[j]
-    time = float(high_time[j] if is_high else low_time[j])
+    time = float((ends.time_of_maximum if above[j] >= below[j] else ends.time_of_minimum)[j])
     report = LimitReport(float(ratios[j]), names[j], time)
-    outside = np.maximum(lower - low, high - upper)
+    outside = np.maximum(lower - ends.lower, ends.upper - upper)
     k = int(np.argmax(outside))
     if outside[k] <= RATIO_TOLERANCE:
         return report, None
     edges = lower - RATIO_TOLERANCE, upper + RATIO_TOLERANCE
     time, k = _first_beyond(trajectory, 0, *edges) or (0.0, k)
-    over = high[k] - upper[k] >= lower[k] - low[k]
-    value, limit = (high[k], upper[k]) if over else (low[k], lower[k])
+    is_above = ends.maximum[k] - upper[k] >= lower[k] - ends.minimum[k]
+    value, limit = (ends.maximum[k], upper[k]) if is_above else (ends.minimum[k], lower[k])
     message = beyond(names[k], float(value), float(limit))
     details = {"joint": names[k], "value": float(value), "limit": float(limit)}
     return report, Violation("position", time, message, details)

@@ -119,7 +119,7 @@ def _scene_rows(scene: Scene) -> PieceSet:
     return packed._replace(rows=np.vstack(blocks))
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="code")
 def propose(
     model: ProposalRows, i: int, j: int, poses: Array, centers: Array, most: float,
     proposal: Proposal,
@@ -148,7 +148,7 @@ def propose(
     return float(upper)
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="code")
 def _place_row(
     model: ProposalRows, rows: Array, k: int, i: int, poses: Array, centers: Array
 ) -> None:

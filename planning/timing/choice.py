@@ -8,7 +8,7 @@ from dynamics.payload import with_payload
 from kinematics.arrays import Array
 from kinematics.chain import Chain, Limits
 from kinematics.errors import InvalidOption, MissingLimit
-from planning.timing.effort_limits import EffortLimits
+from planning.effort_limits import EffortLimits
 from planning.timing.options import TimingOptions
 from planning.timing.parametrization import TimeParametrization
 

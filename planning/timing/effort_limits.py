@@ -11,7 +11,7 @@ tangent at a guess of x. Between the places looked at nothing is promised; what 
 at most is then bounded for every instant, and the motion slowed down by what it lacks.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
 
 import numpy as np
 
@@ -19,9 +19,9 @@ from dynamics.enclosure import Use, tool_speed_use, torque_use
 from dynamics.inverse import inverse_dynamics
 from kinematics.arrays import Array
 from kinematics.chain import Chain
-from kinematics.errors import InvalidOption
 from kinematics.jacobian import geometric
 from kinematics.trajectory import Trajectory
+from planning.effort_limits import EffortLimits
 from planning.timing.constraints import Cells
 from planning.timing.failure import TimingFailed
 from planning.timing.jerk_grid import KnotLimits
@@ -41,143 +41,132 @@ _MAX_DILATIONS = 40
 _HAIR = 1e-6
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class EffortLimits:
-    """What torques and tool speed are allowed.
+def effort_rows(loads: EffortLimits) -> Callable[[JointPath, Array], KnotLimits]:
+    """Limits at places on a path, as ``planning.timing.jerk_grid`` asks for them."""
+    return lambda path, places: knot_limits(
+        loads, *(path.sample(places, order) for order in range(3))
+    )
+
+
+def knot_limits(
+    loads: EffortLimits, q: Array, q1: Array, q2: Array, guess: Array | None = None
+) -> KnotLimits:
+    """The limits of (u, x) where the path is at q with the derivatives q' and q'', all (k, n).
 
     Args:
-        chain: The robot with all that it carries.
-        effort: Torque limits, shape (n,), inf where there is none [N m or N]; None for none.
-        tool_speed: Largest speed of the tip's origin [m/s]; None for none.
+        loads: The limits of torque and tool speed.
+        q: Positions.
+        q1: First derivatives with respect to s.
+        q2: Second derivatives.
+        guess: About what x will be, shape (k,).
 
     Raises:
-        InvalidOption: A limit is not positive.
+        TimingFailed: At some place a joint can't even hold the robot.
     """
+    caps = np.full(len(q), np.inf)
+    if loads.tool_speed is not None:
+        J = geometric(loads.chain, q)[:, :3]
+        with np.errstate(divide="ignore"):
+            speeds = np.linalg.norm(np.einsum("kij,kj->ki", J, q1), axis=1)
+            caps = (loads.tool_speed / speeds) ** 2
+    if loads.effort is None:
+        return KnotLimits(caps, np.zeros((len(q), 0, 4)))
+    return KnotLimits(caps, _torque_rows(loads, q, q1, q2, guess))
 
-    chain: Chain
-    effort: Array | None = None
-    tool_speed: float | None = None
 
-    def __post_init__(self) -> None:
-        if self.tool_speed is not None and not 0.0 < self.tool_speed < np.inf:
-            raise InvalidOption(
-                f"the tool speed limit is {self.tool_speed}", hint="Give a positive number in m/s."
+def _torque_rows(loads: EffortLimits, q: Array, q1: Array, q2: Array, guess: Array | None) -> Array:
+    assert loads.effort is not None
+    none = np.zeros_like(q)
+    phi = loads.chain.viscous_friction * q1
+    gravity = inverse_dynamics(loads.chain, q, none, none)
+    alpha = inverse_dynamics(loads.chain, q, none, q1) - gravity
+    beta = inverse_dynamics(loads.chain, q, q1, q2) - gravity - phi
+    limit = loads.effort * (1.0 - _HEADROOM)
+    _check_rest(loads.chain, gravity, limit)
+    rows = []
+    for sign in (1.0, -1.0):
+        room = limit - sign * gravity
+        a, b = sign * alpha / room, sign * beta / room
+        drag = sign * phi / room
+        x = np.full(len(q), np.inf) if guess is None else guess
+        with np.errstate(divide="ignore", invalid="ignore"):
+            most = 2.0 * _FRICTION_SHARE / np.maximum(drag, 0.0)
+            root = np.clip(np.sqrt(x)[:, None], _SLOWEST * most, most)
+            tangent = np.where(drag > 0.0, 0.5 * drag / root, 0.0)
+        shift = np.where(drag > 0.0, 0.5 * np.maximum(drag, 0.0) * np.nan_to_num(root), 0.0)
+        ones = 1.0 - shift
+        bounded = np.isfinite(room)
+        rows.append(
+            np.stack(
+                [
+                    np.where(bounded, a / ones, 0.0),
+                    np.where(bounded, (b + tangent) / ones, 0.0),
+                    np.full_like(a, -_NONE),
+                    np.ones_like(a),
+                ],
+                axis=-1,
             )
-        if self.effort is not None and not (self.effort > 0.0).all():
-            raise InvalidOption("the torque limits must be positive")
+        )
+    return np.concatenate(rows, axis=1)
 
-    def __call__(self, path: JointPath, places: Array) -> KnotLimits:
-        """The limits at places on a path, as ``planning.timing.jerk_grid`` asks for them."""
-        return self.limits(*(path.sample(places, order) for order in range(3)))
 
-    def limits(self, q: Array, q1: Array, q2: Array, guess: Array | None = None) -> KnotLimits:
-        """The limits of (u, x) where the path is at q with the derivatives q' and q'', all (k, n).
-
-        Args:
-            q: Positions.
-            q1: First derivatives with respect to s.
-            q2: Second derivatives.
-            guess: About what x will be, shape (k,).
-
-        Raises:
-            TimingFailed: At some place a joint can't even hold the robot.
-        """
-        caps = np.full(len(q), np.inf)
-        if self.tool_speed is not None:
-            J = geometric(self.chain, q)[:, :3]
-            with np.errstate(divide="ignore"):
-                speeds = np.linalg.norm(np.einsum("kij,kj->ki", J, q1), axis=1)
-                caps = (self.tool_speed / speeds) ** 2
-        if self.effort is None:
-            return KnotLimits(caps, np.zeros((len(q), 0, 4)))
-        return KnotLimits(caps, self._torque_rows(q, q1, q2, guess))
-
-    def _torque_rows(self, q: Array, q1: Array, q2: Array, guess: Array | None) -> Array:
-        assert self.effort is not None
-        none = np.zeros_like(q)
-        phi = self.chain.viscous_friction * q1
-        gravity = inverse_dynamics(self.chain, q, none, none)
-        alpha = inverse_dynamics(self.chain, q, none, q1) - gravity
-        beta = inverse_dynamics(self.chain, q, q1, q2) - gravity - phi
-        limit = self.effort * (1.0 - _HEADROOM)
-        self._check_rest(gravity, limit)
-        rows = []
-        for sign in (1.0, -1.0):
-            room = limit - sign * gravity
-            a, b = sign * alpha / room, sign * beta / room
-            drag = sign * phi / room
-            x = np.full(len(q), np.inf) if guess is None else guess
-            with np.errstate(divide="ignore", invalid="ignore"):
-                most = 2.0 * _FRICTION_SHARE / np.maximum(drag, 0.0)
-                root = np.clip(np.sqrt(x)[:, None], _SLOWEST * most, most)
-                tangent = np.where(drag > 0.0, 0.5 * drag / root, 0.0)
-            shift = np.where(drag > 0.0, 0.5 * np.maximum(drag, 0.0) * np.nan_to_num(root), 0.0)
-            ones = 1.0 - shift
-            bounded = np.isfinite(room)
-            rows.append(
-                np.stack(
-                    [
-                        np.where(bounded, a / ones, 0.0),
-                        np.where(bounded, (b + tangent) / ones, 0.0),
-                        np.full_like(a, -_NONE),
-                        np.ones_like(a),
-                    ],
-                    axis=-1,
-                )
-            )
-        return np.concatenate(rows, axis=1)
-
-    def _check_rest(self, gravity: Array, limit: Array) -> None:
-        over = np.abs(gravity) - limit
-        if (over >= 0.0).any():
-            k, j = np.unravel_index(int(np.argmax(over)), over.shape)
-            name = self.chain.joint_names[j]
-            raise TimingFailed(
-                f"joint {name!r} needs {abs(gravity[k, j]):.6g} to hold the robot still at a place "
-                f"on the path, its torque limit is {limit[j] / (1.0 - _HEADROOM):.6g}",
-                hint="Carry less, raise the limit, or choose another path.",
-            )
-
-    def uses(self, trajectory: Trajectory) -> dict[str, Use]:
-        """How much of each limit a motion uses at most, "torque" and "tool_speed"."""
-        found = {}
-        if self.effort is not None:
-            found["torque"] = torque_use(self.chain, trajectory, self.effort)
-        if self.tool_speed is not None:
-            found["tool_speed"] = tool_speed_use(self.chain, trajectory, self.tool_speed)
-        return found
-
-    def slow_down(self, dilated: ScaledTime) -> ScaledTime:
-        """The motion slowed down until it is proved to keep these limits at every instant.
-
-        Raises:
-            TimingFailed: No slowing down does.
-        """
-        trajectory, factor = dilated
-        for _ in range(_MAX_DILATIONS):
-            needed = self._needed(trajectory)
-            if needed <= 1.0:
-                return ScaledTime(trajectory, factor)
-            factor *= needed * (1.0 + _HAIR)
-            trajectory = trajectory.dilate(needed * (1.0 + _HAIR))
+def _check_rest(chain: Chain, gravity: Array, limit: Array) -> None:
+    over = np.abs(gravity) - limit
+    if (over >= 0.0).any():
+        k, j = np.unravel_index(int(np.argmax(over)), over.shape)
+        name = chain.joint_names[j]
         raise TimingFailed(
-            "no slowing down of this motion was found that keeps the torque limits",
-            hint="Carry less, raise the limits, or choose another path.",
+            f"joint {name!r} needs {abs(gravity[k, j]):.6g} to hold the robot still at a place "
+            f"on the path, its torque limit is {limit[j] / (1.0 - _HEADROOM):.6g}",
+            hint="Carry less, raise the limit, or choose another path.",
         )
 
-    def _needed(self, trajectory: Trajectory) -> float:
-        """By how much a motion has to be slowed down, about; at most 1 where it need not be."""
-        uses, needed = self.uses(trajectory), 0.0
-        if "tool_speed" in uses:
-            needed = uses["tool_speed"].ratio
-        if "torque" in uses and uses["torque"].ratio > 1.0:
-            use = uses["torque"]
-            q = trajectory.sample([use.time])
-            assert self.effort is not None
-            gravity = inverse_dynamics(self.chain, q, np.zeros_like(q), np.zeros_like(q))[0]
-            still = min(abs(gravity[use.joint]) / self.effort[use.joint], 1.0 - _HEADROOM)
-            needed = max(needed, np.sqrt((use.ratio - still) / (1.0 - still)), 1.0 + _HAIR)
-        return float(needed)
+
+def estimate_uses(loads: EffortLimits, trajectory: Trajectory) -> dict[str, Use]:
+    """How much of each limit a motion uses at most, by "torque" and "tool_speed".
+
+    Slows motions down only: the proof bounds the use by ``planning.proof.effort``.
+    """
+    found = {}
+    if loads.effort is not None:
+        found["torque"] = torque_use(loads.chain, trajectory, loads.effort)
+    if loads.tool_speed is not None:
+        found["tool_speed"] = tool_speed_use(loads.chain, trajectory, loads.tool_speed)
+    return found
+
+
+def slow_down(loads: EffortLimits, dilated: ScaledTime) -> ScaledTime:
+    """The motion slowed down until it keeps the limits at every instant.
+
+    Raises:
+        TimingFailed: No slowing down does.
+    """
+    trajectory, factor = dilated
+    for _ in range(_MAX_DILATIONS):
+        needed = _needed(loads, trajectory)
+        if needed <= 1.0:
+            return ScaledTime(trajectory, factor)
+        factor *= needed * (1.0 + _HAIR)
+        trajectory = trajectory.dilate(needed * (1.0 + _HAIR))
+    raise TimingFailed(
+        "no slowing down of this motion was found that keeps the torque limits",
+        hint="Carry less, raise the limits, or choose another path.",
+    )
+
+
+def _needed(loads: EffortLimits, trajectory: Trajectory) -> float:
+    """By how much a motion has to be slowed down, about; at most 1 where it need not be."""
+    uses, needed = estimate_uses(loads, trajectory), 0.0
+    if "tool_speed" in uses:
+        needed = uses["tool_speed"].ratio
+    if "torque" in uses and uses["torque"].ratio > 1.0:
+        use = uses["torque"]
+        q = trajectory.sample([use.time])
+        assert loads.effort is not None
+        gravity = inverse_dynamics(loads.chain, q, np.zeros_like(q), np.zeros_like(q))[0]
+        still = min(abs(gravity[use.joint]) / loads.effort[use.joint], 1.0 - _HEADROOM)
+        needed = max(needed, np.sqrt((use.ratio - still) / (1.0 - still)), 1.0 + _HAIR)
+    return float(needed)
 
 
 def loaded(
@@ -197,7 +186,7 @@ def loaded(
         q, q1, q2 = (_values(path.coefficients[cells.pieces], places, order) for order in range(3))
         index = slice(end, len(caps) - 1 + end)
         guess = None if squares is None else squares[index]
-        found = loads.limits(q, q1, q2, guess)
+        found = knot_limits(loads, q, q1, q2, guess)
         caps[index] = np.minimum(caps[index], found.caps)
         a, b = found.rows[..., 0], found.rows[..., 1]
         # u = (x_1 - x_0) / (2 l), and x is that of this end.

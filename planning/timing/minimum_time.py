@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike
 from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidOption
 from kinematics.trajectory import Trajectory
+from planning.effort_limits import EffortLimits
 from planning.timing.constraints import Cells, cells
-from planning.timing.effort_limits import EffortLimits, loaded
+from planning.timing.effort_limits import loaded, slow_down
 from planning.timing.failure import TimingFailed
 from planning.timing.path import JointPath
 from planning.timing.profile import timed_pieces
@@ -97,7 +98,7 @@ def time_path(
     dilated = dilate(Trajectory(tuple(joint_names), breaks, coefficients), limits[0], limits[1])
     if loads is None:
         return dilated
-    obeying = loads.slow_down(dilated)
+    obeying = slow_down(loads, dilated)
     if obeying.factor > (1.0 + _SAME_SPEED) * dilated.factor and sum(end_speeds) > 0.0:
         raise _unkept()
     return obeying

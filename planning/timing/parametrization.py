@@ -9,8 +9,9 @@ from numpy.typing import ArrayLike
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.trajectory import Trajectory
+from planning.effort_limits import EffortLimits
 from planning.timing.blend import blend, merge
-from planning.timing.effort_limits import EffortLimits
+from planning.timing.effort_limits import effort_rows, slow_down
 from planning.timing.failure import TimingFailed
 from planning.timing.jerk_limited import time_path_with_jerk
 from planning.timing.minimum_time import time_path
@@ -74,7 +75,7 @@ class TimeParametrization:
         assert self.jerk is not None
         dilated = time_path_with_jerk(
             path, joint_names, self.velocity, self.acceleration, self.jerk,
-            end_speeds=speeds, extra=self.loads,
+            end_speeds=speeds, extra=None if self.loads is None else effort_rows(self.loads),
         )  # fmt: skip
         return self._obeying(dilated, speeds)
 
@@ -147,12 +148,12 @@ class TimeParametrization:
         if self.loads is None:
             return factor
         slower = motion.dilate(factor) if factor > 1.0 else motion
-        return self.loads.slow_down(ScaledTime(slower, factor)).factor
+        return slow_down(self.loads, ScaledTime(slower, factor)).factor
 
     def _obeying(self, dilated: ScaledTime, speeds: tuple[float, float]) -> ScaledTime:
         if self.loads is None:
             return dilated
-        obeying = self.loads.slow_down(dilated)
+        obeying = slow_down(self.loads, dilated)
         if any(speeds) and obeying.factor > dilated.factor * (1.0 + _SAME_SPEED):
             raise TimingFailed(
                 "the boundary velocities can't be kept within the torque and tool speed limits",

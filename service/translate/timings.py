@@ -9,7 +9,7 @@ from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.errors import InvalidOption, InvalidTrajectory
 from planning.retime import PathToTime, Retimed
-from planning.timing.effort_limits import EffortLimits
+from planning.effort_limits import EffortLimits
 from planning.timing.options import Payload, TimingOptions
 from service.schemas import plan as schema
 from service.schemas import retime as retime_schema

@@ -10,6 +10,7 @@ from kinematics.arrays import Array
 from obstacles.checker import Checker
 from obstacles.scene import Scene
 from planning.deadline import Deadline
+from planning.effort_limits import EffortLimits
 from planning.optimize import objective
 from planning.optimize.iterate import Iterate
 from planning.optimize.linearization import Checkpoints, least_factor, look
@@ -19,7 +20,6 @@ from planning.optimize.response import tool_speed, torques
 from planning.optimize.rows import end_rows, limit_rows, local_matrix, stacked
 from planning.optimize.spline import SplineSpace
 from planning.optimize.task import End, Task
-from planning.timing.effort_limits import EffortLimits
 from tests.planning.scenes import HOME, builtin, pillar
 
 SPACE = SplineSpace.uniform(4, 11)

@@ -16,8 +16,9 @@ from kinematics.robots import builtin_urdf
 from kinematics.serial_chain import serial_chain
 from kinematics.trajectory import Trajectory
 from kinematics.urdf import parse_urdf
+from planning.effort_limits import EffortLimits
+from planning.proof.effort import effort_uses
 from planning.timing.blend import blend, largest_reaches
-from planning.timing.effort_limits import EffortLimits
 from planning.timing.failure import TimingFailed
 from planning.timing.minimum_time import time_path
 from planning.timing.options import Method
@@ -86,7 +87,7 @@ def test_torques_and_tool_speed_are_kept_and_used(name: str, method: Method) -> 
             TimeParametrization(method, v, a, j, loads).time(path, chain.joint_names).trajectory
         )
         torque, speed = sampled_uses(chain, motion, effort, 0.6)
-        uses = loads.uses(motion)
+        uses = effort_uses(loads, motion)
         used = [use.ratio for use in uses.values()]
         assert max(used) <= 1.0 + 1e-9
         # Something is used almost wholly, and what the samples say is below what is told.

@@ -1,0 +1,35 @@
+"""Limits of joint torques and of the tool's speed, as a value."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinematics.arrays import Array
+from kinematics.chain import Chain
+from kinematics.errors import InvalidOption
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EffortLimits:
+    """Limits of joint torques and of the tool's speed.
+
+    Args:
+        chain: The robot with all that it carries.
+        effort: Torque limits, shape (n,), inf where there is none [N m or N]; None for none.
+        tool_speed: Largest speed of the tip's origin [m/s]; None for none.
+
+    Raises:
+        InvalidOption: A limit is not positive.
+    """
+
+    chain: Chain
+    effort: Array | None = None
+    tool_speed: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.tool_speed is not None and not 0.0 < self.tool_speed < np.inf:
+            raise InvalidOption(
+                f"the tool speed limit is {self.tool_speed}", hint="Give a positive number in m/s."
+            )
+        if self.effort is not None and not (self.effort > 0.0).all():
+            raise InvalidOption("the torque limits must be positive")

@@ -1,0 +1,246 @@
+"""Extrema and jumps of piecewise polynomials, by the proof's own code.
+
+On a piece p(u), 0 <= u <= 1, is written in Bernstein's basis: it lies between its least and largest
+coefficient and takes the first and the last as its values at the ends. Parts whose hull exceeds the
+largest value found are split (de Casteljau), at the root of the derivative where its coefficients
+change their sign once, else in the middle. So every extremum is bounded from outside and reached
+from inside. Planners scale time by ``Trajectory.peaks``, from the roots of the derivative.
+Source: "Numerical solution of algebraic equations by Bernstein polynomials", Computing, 1994.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from kinematics.arrays import Array
+from kinematics.compiled.kernel import kernel
+from kinematics.trajectory import Trajectory
+
+#: A bound may be this much beyond what is reached [relative].
+_SHARP = 1e-11
+#: The least of that, as part of the largest coefficient: values that cancel have no more digits.
+_SHARP_OF_SIZE = 1e-15
+#: Rounding of a coefficient in Bernstein's basis, as part of the largest one.
+_ROUNDING = 64.0 * 2.0**-53
+#: Splits of a piece, one within the other.
+_MAX_DEPTH = 60
+#: Parts are never split nearer than this to an end, as a share of them.
+_NEAREST = 1e-12
+#: Steps towards the root of a derivative.
+_ROOT_STEPS = 8
+
+# Columns of what the kernel writes of each joint.
+VALUE = 0
+TIME = 1
+BOUND = 2
+
+
+class Extrema(NamedTuple):
+    """Least and largest value of each joint's position or derivative, each of shape (n,).
+
+    Args:
+        minimum: Reached.
+        time_of_minimum: [s].
+        lower: Never fallen below, hardly any less than the minimum.
+        maximum: Reached.
+        time_of_maximum: [s].
+        upper: Never exceeded, hardly any more than the maximum.
+    """
+
+    minimum: Array
+    time_of_minimum: Array
+    lower: Array
+    maximum: Array
+    time_of_maximum: Array
+    upper: Array
+
+
+def extrema(breaks: Array, coefficients: Array, order: int) -> Extrema:
+    """Extrema of a derivative of piecewise polynomials over all of their time.
+
+    Args:
+        breaks: Shape (m + 1,) [s].
+        coefficients: Ascending, shape (m, n, k).
+        order: 0 for the position itself, 1 for velocity, ...
+    """
+    n, k = coefficients.shape[1:]
+    highest, lowest = np.empty((n, 3)), np.empty((n, 3))
+    stack = np.empty((_MAX_DEPTH + 2, k + 3))
+    largest_kernel(breaks, coefficients, order, 1.0, stack, highest)
+    largest_kernel(breaks, coefficients, order, -1.0, stack, lowest)
+    return Extrema(
+        -lowest[:, VALUE], lowest[:, TIME], -lowest[:, BOUND],
+        highest[:, VALUE], highest[:, TIME], highest[:, BOUND],
+    )  # fmt: skip
+
+
+def jumps(trajectory: Trajectory, order: int) -> Array:
+    """What a derivative jumps by at each inner break, shape (m - 1, n).
+
+    Args:
+        trajectory: The motion.
+        order: 0 for the position itself, 1 for velocity, ...
+    """
+    found = np.empty((trajectory.pieces - 1, trajectory.n))
+    jumps_kernel(trajectory.breaks, trajectory.coefficients, order, found)
+    return found
+
+
+@kernel
+def jumps_kernel(breaks: Array, coefficients: Array, order: int, found: Array) -> None:
+    """Kernel of ``jumps``."""
+    m, n, size = coefficients.shape
+    for i in range(m - 1):
+        length = breaks[i + 1] - breaks[i]
+        for j in range(n):
+            before, after = 0.0, 0.0
+            for k in range(size - 1, order - 1, -1):
+                factor = 1.0
+                for step in range(order):
+                    factor *= k - step
+                before = before * length + factor * coefficients[i, j, k]
+                after = factor * coefficients[i + 1, j, k]
+            found[i, j] = after - before
+
+
+@kernel(allocates=False)
+def largest_kernel(
+    breaks: Array, coefficients: Array, order: int, sign: float, stack: Array, largest: Array
+) -> None:
+    """Write the largest value of ``sign`` times a derivative, its time, and a bound, (n, 3).
+
+    ``stack`` (_MAX_DEPTH + 2, k + 3) is scratch: Bernstein coefficients, and where a part begins
+    and ends in its piece.
+    """
+    m, n, size = coefficients.shape
+    for j in range(n):
+        largest[j, VALUE], largest[j, TIME], largest[j, BOUND] = -np.inf, 0.0, -np.inf
+        for i in range(m):
+            length = breaks[i + 1] - breaks[i]
+            count = to_bernstein(coefficients[i, j], length, order, sign, stack[0])
+            _search(stack, count, size, breaks[i], length, largest[j])
+
+
+@kernel(allocates=False)
+def to_bernstein(c: Array, length: float, order: int, sign: float, b: Array) -> int:
+    """Write the Bernstein coefficients of ``sign`` times a derivative on [0, length]; their count.
+
+    b_i = sum_k C(i, k) / C(d, k) a_k for sum_k a_k u^k, d the degree.
+    """
+    count: int = c.shape[0] - order
+    while count > 1 and c[count - 1 + order] == 0.0:
+        count -= 1
+    if count < 1:
+        b[0] = 0.0
+        return 1
+    power = sign
+    for k in range(count):
+        factor = power
+        for step in range(order):
+            factor *= k + order - step
+        b[k] = factor * c[k + order]
+        power *= length
+    d = count - 1
+    choose = 1.0
+    for k in range(1, count):
+        choose *= (d - k + 1.0) / k
+        b[k] /= choose
+    # C(i, k) by repeated sums, as in Pascal's triangle.
+    for level in range(1, count):
+        for k in range(d, level - 1, -1):
+            b[k] += b[k - 1]
+    return count
+
+
+@kernel(allocates=False)
+def _search(
+    stack: Array, count: int, size: int, begin: float, length: float, largest: Array
+) -> None:
+    """Raise the largest value, its time and its bound (3,) to those of a polynomial's parts.
+
+    Row 0 of the stack holds the whole one.
+    """
+    low, high = size + 1, size + 2
+    whole = 0.0
+    for k in range(count):
+        whole = max(whole, abs(stack[0, k]))
+    stack[0, low], stack[0, high] = 0.0, 1.0
+    top = 1
+    while top > 0:
+        top -= 1
+        part = stack[top]
+        hull = part[0]
+        for k in range(1, count):
+            hull = max(hull, part[k])
+        for k, end in ((0, low), (count - 1, high)):
+            if part[k] > largest[VALUE]:
+                largest[VALUE], largest[TIME] = part[k], begin + part[end] * length
+        spare = _SHARP * abs(largest[VALUE]) + _SHARP_OF_SIZE * whole
+        if hull <= largest[VALUE] + spare or top >= _MAX_DEPTH:
+            largest[BOUND] = max(largest[BOUND], hull + _ROUNDING * whole)
+            continue
+        _split(stack, top, count, low, high)
+        top += 2
+
+
+@kernel(allocates=False)
+def _split(stack: Array, top: int, count: int, low: int, high: int) -> None:
+    """Put the two parts of row ``top`` into it and the row after, the first of them last."""
+    part, first = stack[top], stack[top + 1]
+    t = _where_to_split(part, count)
+    # De Casteljau: the first part's coefficients are the left edge of the triangle.
+    for k in range(count):
+        first[k] = part[0]
+        for i in range(count - 1 - k):
+            part[i] += t * (part[i + 1] - part[i])
+    at = part[low] + t * (part[high] - part[low])
+    first[low], first[high] = part[low], at
+    # What is left in ``part`` is the right edge, the coefficients of the second part.
+    part[low] = at
+
+
+@kernel(allocates=False)
+def _where_to_split(b: Array, count: int) -> float:
+    """The root of the derivative where it falls once from above to below 0, else the middle."""
+    falls, rises = 0, 0
+    for k in range(count - 2):
+        before, after = b[k + 1] - b[k], b[k + 2] - b[k + 1]
+        falls += before > 0.0 >= after
+        rises += before <= 0.0 < after
+    if falls != 1 or rises != 0:
+        return 0.5
+    low, high, t = 0.0, 1.0, 0.5
+    for _ in range(_ROOT_STEPS):
+        slope, curvature = _slope(b, count, t)
+        if slope > 0.0:
+            low = t
+        else:
+            high = t
+        step = t - slope / curvature if curvature < 0.0 else low
+        t = step if low < step < high else 0.5 * (low + high)
+    return min(max(t, _NEAREST), 1.0 - _NEAREST)
+
+
+@kernel(allocates=False)
+def _slope(b: Array, count: int, t: float) -> tuple[float, float]:
+    """First and second derivative of a polynomial in Bernstein's basis at t."""
+    d, s = count - 1, 1.0 - t
+    slope, curvature, choose, power = 0.0, 0.0, 1.0, 1.0
+    # Sums over k of C(d - 1, k) s^(d - 1 - k) t^k (b_(k + 1) - b_k), by Horner in t / s or s / t.
+    ratio = t / s if s >= t else s / t
+    for index in range(d):
+        k = index if s >= t else d - 1 - index
+        weight = choose * power
+        slope += weight * (b[k + 1] - b[k])
+        choose *= (d - 1.0 - index) / (index + 1.0)
+        power *= ratio
+    slope *= d * max(s, t) ** (d - 1)
+    choose, power = 1.0, 1.0
+    for index in range(d - 1):
+        k = index if s >= t else d - 2 - index
+        weight = choose * power
+        curvature += weight * (b[k + 2] - 2.0 * b[k + 1] + b[k])
+        choose *= (d - 2.0 - index) / (index + 1.0)
+        power *= ratio
+    curvature *= d * (d - 1.0) * max(s, t) ** max(d - 2, 0)
+    return slope, curvature
