@@ -63,3 +63,13 @@ def test_every_decision_is_listed_with_status_and_date() -> None:
         title = lines[0].removeprefix("# ").partition(". ")[2]
         assert f"[{title}]({page.name})" in index, page.name
         assert STATUS.match(lines[2]), f"{page.name}: {lines[2]}"
+
+
+def test_the_walk_of_a_request_names_each_file_once() -> None:
+    page = (ROOT / "docs/architecture.md").read_text("utf-8")
+    steps = re.findall(r"^\| (\d+) \| `([^`]+)` \|", page, re.MULTILINE)
+    files = [file for _, file in steps]
+    assert [int(number) for number, _ in steps] == list(range(1, len(steps) + 1))
+    assert len(set(files)) == len(files)
+    for file in files:
+        assert (ROOT / file).is_file(), file
