@@ -8,8 +8,8 @@ import numpy as np
 from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.errors import InvalidOption, InvalidTrajectory
-from planning.retime import PathToTime, Retimed
 from planning.effort_limits import EffortLimits
+from planning.retime import PathToTime, Retimed
 from planning.timing.options import Payload, TimingOptions
 from service.schemas import plan as schema
 from service.schemas import retime as retime_schema
