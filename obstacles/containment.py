@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from kinematics.arrays import Array
 from kinematics.forward import joint_frames
-from obstacles.fcl_distance import points_of
 from obstacles.mesh_containment import encloses, inside_box
 from obstacles.piece import Piece, PieceKind
 from obstacles.robot_geometry import RobotGeometry
@@ -45,7 +44,7 @@ def _own(robot: RobotGeometry, scene: Scene, carried: Array) -> tuple[str, str] 
         for i, j in ((int(a), int(b)), (int(b), int(a))):
             if i not in solids or scene.allows(links[i], links[j]):
                 continue
-            points = points_of(pieces[j], carried[j] @ pieces[j].T_owner_piece)
+            points = _points_of(pieces[j], carried[j] @ pieces[j].T_owner_piece)
             if _holds(pieces, i, carried[i], points).any():
                 return links[j], links[i]
     return None
@@ -72,7 +71,7 @@ def _around(robot: RobotGeometry, scene: Scene, carried: Array) -> tuple[str, st
             for i in moving:
                 if scene.allows(links[i], obstacle.id):
                     continue
-                points = points_of(pieces[i], carried[i] @ pieces[i].T_owner_piece)
+                points = _points_of(pieces[i], carried[i] @ pieces[i].T_owner_piece)
                 if _holds(own, k, np.eye(4), points).any():
                     return links[i], obstacle.id
     return None
@@ -105,3 +104,16 @@ def _places(scene: Scene) -> Array:
     places = (still.poses[:, :3, :3] @ local[..., None])[..., 0] + still.poses[:, :3, 3]
     places[still.kinds == PieceKind.HALFSPACE] = np.inf
     return np.ascontiguousarray(places.T)
+
+
+def _points_of(piece: Piece, T: Array) -> Array:
+    """A point of each body that a piece is made of, placed, shape (m, 3); none of a half-space."""
+    if piece.kind == PieceKind.HALFSPACE:
+        return np.zeros((0, 3))
+    if piece.surface is not None:
+        points = piece.surface.anchors
+    elif piece.kind == PieceKind.POLYTOPE:
+        points = piece.vertices[:1]
+    else:
+        points = np.zeros((1, 3))
+    return np.asarray(points @ T[:3, :3].T + T[:3, 3])

@@ -1,47 +1,37 @@
 """Exact distances and collisions of a robot in a scene, by FCL, each proved.
 
-The only place that knows fcl. What was measured of it, on random pairs of every two kinds against
-two other implementations: distances between round solids come out up to 0.4 mm too large and
-between solids of a centimetre up to 0.8 mm, with penetrations missed, because its iterations stop
-at steps of a fixed 1e-6 units; given the same solids in units of ten micrometres it is right to
-4e-9 m. Boxes that nearly touch face to face can still come out centimetres apart.
+What was measured of FCL, on random pairs of every two kinds against two other implementations:
+distances between round solids come out up to 0.4 mm too large and between solids of a centimetre up
+to 0.8 mm, with penetrations missed, because its iterations stop at steps of a fixed 1e-6 units;
+given the same solids in units of ten micrometres (``fcl_solid``) it is right to 4e-9 m. Boxes that
+nearly touch face to face can still come out centimetres apart.
 So FCL only proposes: the direction between its nearest points is tried as a separating plane,
 which proves a distance without FCL. Where that falls short of what FCL claims, and where solids
 overlap, the distance is found anew.
 """
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Literal
 
-import fcl
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinematics.arrays import Array, Indices
 from kinematics.compiled.kernel import kernel
 from kinematics.forward import joint_frames
-from kinematics.pose import align_z
 from obstacles.ball_distance import bound_from, closed_form
 from obstacles.collision_model import together
-from obstacles.hull import convex_hull
+from obstacles.convex_distance import proved_distance
+from obstacles.fcl_solid import FclSolid, fcl_solid, separation
 from obstacles.mesh_depth import mesh_depth
 from obstacles.mesh_distance import mesh_distance
 from obstacles.piece import Piece, PieceArrays, PieceKind
 from obstacles.piece_set import CENTER, GROUP, GROUP_STOP, KIND, POSE, CoreKind, PieceSet
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
-from obstacles.signed_distance import halfspace_distance, plane_bound, signed_distance
+from obstacles.signed_distance import halfspace_distance
 
-#: FCL's units a metre.
-_UNITS = 1e5
-#: What is answered is a lower bound of the distance and at most this far below it [m]; for
-#: overlapping round solids that are coaxial, 1e-3 of their size.
-ACCURACY = 1e-7
-#: FCL knows no points and segments: they are balls and capsules this thin [m], taken off again.
-_THIN = 1e-9
-#: One triangle seen from both sides.
-_TWO_SIDES = np.array([3, 0, 1, 2, 3, 2, 1, 0])
 #: Pairs are sorted that may be nearer than a tenth of a metre, then a metre and so on up to this,
 #: and at last all [m].
 _NEAR, _FAR = 0.01, 100.0
@@ -85,10 +75,8 @@ class FclWorld:
         self._every_margin = np.append(np.zeros(len(robot.pieces)), self._own_margins)
         self._ids = scene.ids
         self._pieces: dict[int, Piece] = dict(enumerate(robot.pieces))
-        self._solids: dict[int, _Solid] = {}
+        self._solids: dict[int, FclSolid] = {}
         self._stale = np.ones(len(self._arrays), dtype=np.bool_)
-        self._request = fcl.DistanceRequest(enable_nearest_points=True)
-        self._result = fcl.DistanceResult()
 
     @cached_property
     def pairs(self) -> NDArray[np.int64]:
@@ -98,24 +86,24 @@ class FclWorld:
 
     @cached_property
     def margins(self) -> Array:
-        """What each pair keeps beyond nothing, shape (k,) [m]."""
+        """The margin of each pair's obstacle, 0 within the robot, shape (k,) [m]."""
         k = self.pairs[:, 1] - len(self.robot.pieces)
         margins = np.zeros(len(k))
         margins[k >= 0] = self._own_margins[k[k >= 0]]
         return margins
 
     def _partners(self) -> list[tuple[int, NDArray[np.int64]]]:
-        """What each piece of the robot must stay apart from, obstacles before its own links."""
+        """The pieces that each piece of the robot must avoid, obstacles before its own links."""
         robot, scene, p = self.robot, self.scene, len(self.robot.pieces)
-        found = []
+        obstacles = []
         for i in np.flatnonzero(robot.joints >= 0):
             forbidden = [not scene.allows(robot.links[i], name) for name in self._ids]
-            found.append((int(i), p + np.flatnonzero(np.array(forbidden)[self._owners])))
-        own: dict[int, list[int]] = {}
+            obstacles.append((int(i), p + np.flatnonzero(np.array(forbidden)[self._owners])))
+        links: dict[int, list[int]] = {}
         for i, j in robot.self_pairs:
             if not scene.allows(robot.links[i], robot.links[j]):
-                own.setdefault(int(i), []).append(int(j))
-        return found + [(i, np.array(others)) for i, others in own.items()]
+                links.setdefault(int(i), []).append(int(j))
+        return obstacles + [(i, np.array(others)) for i, others in links.items()]
 
     @cached_property
     def _known_partners(self) -> list[tuple[int, NDArray[np.int64]]]:
@@ -136,32 +124,35 @@ class FclWorld:
         i, j = self.pairs[pair]
         return self._name(int(i)), self._name(int(j))
 
-    def place(self, q: ArrayLike) -> None:
-        """Put the robot into a configuration (n,).
+    def set_configuration(self, q: ArrayLike) -> None:
+        """Move the robot to a configuration q, shape (n,).
 
         Raises:
             InvalidRobotState: Wrong length or not finite.
         """
-        self.place_frames(joint_frames(self.robot.chain, q))
+        self.set_joint_frames(joint_frames(self.robot.chain, q))
 
-    def place_frames(self, joint_frames_now: Array) -> None:
-        """Put the robot where its joint frames are known already, shape (n, 4, 4)."""
+    def set_joint_frames(self, frames: Array) -> None:
+        """Move the robot to where its joint frames are, shape (n, 4, 4)."""
         robot, p = self.robot, len(self.robot.pieces)
         if not p:
             return
-        frames = np.concatenate([np.eye(4)[None], joint_frames_now])[robot.joints + 1]
-        self._poses[:p] = frames @ self._arrays.poses[:p]
+        carriers = np.concatenate([np.eye(4)[None], frames])[robot.joints + 1]
+        self._poses[:p] = carriers @ self._arrays.poses[:p]
         centers = self._arrays.centers[:p, :, None]
-        self._centers[:p] = (frames[:, :3, :3] @ centers)[..., 0] + frames[:, :3, 3]
+        self._centers[:p] = (carriers[:, :3, :3] @ centers)[..., 0] + carriers[:, :3, 3]
         self._stale[:p] = True
 
-    def lower_bounds(self) -> Array:
-        """A bound below the distance of every pair, by bounding balls, margins off, (k,) [m]."""
-        i, j = self.pairs.T
-        return self._bounds(i, j) - self.margins
+    def ball_bounds(self, i: int | NDArray[np.int64], j: NDArray[np.int64]) -> Array:
+        """Lower bounds of the distances of pieces i from pieces j, by bounding balls.
 
-    def _bounds(self, i: int | NDArray[np.int64], j: NDArray[np.int64]) -> Array:
-        """What bounding balls prove of distances, no margin taken off, (k,) [m]."""
+        Args:
+            i: One piece, or as many as ``j``, shape (k,).
+            j: Shape (k,).
+
+        Returns:
+            Shape (k,) [m], no margin taken off.
+        """
         i = np.broadcast_to(i, j.shape)
         radii = self._arrays.radii
         bounds = np.linalg.norm(self._centers[i] - self._centers[j], axis=1) - radii[i] - radii[j]
@@ -170,22 +161,22 @@ class FclWorld:
             bounds[row] = float(T[:3, 2] @ (self._centers[i[row]] - T[:3, 3])) - radii[i[row]]
         return np.asarray(bounds)
 
-    def _near(self, most: float) -> list[tuple[float, int, int, float]]:
-        """Pairs that may be nearer than ``most``: bound, both, margin; the nearest first."""
-        found = []
+    def _near(self, reach: float) -> list[tuple[float, int, int, float]]:
+        """Pairs that may be nearer than ``reach``: bound, both, margin; the nearest first."""
+        near = []
         for i, partners in self._known_partners:
             others = np.empty_like(partners)
             count = _reachable(
-                self._centers, self._arrays.radii, self._every_margin, i, partners, most, others
+                self._centers, self._arrays.radii, self._every_margin, i, partners, reach, others
             )
             others = others[:count]
             margins = self._every_margin[others]
-            bounds = self._bounds(i, others) - margins
-            found += [
+            bounds = self.ball_bounds(i, others) - margins
+            near += [
                 (float(bounds[k]), i, int(others[k]), float(margins[k]))
-                for k in np.flatnonzero(bounds <= most)
+                for k in np.flatnonzero(bounds <= reach)
             ]
-        return sorted(found)
+        return sorted(near)
 
     def distance(self, pair: int) -> float:
         """Distance of a pair of pieces where they are now, its margin taken off [m].
@@ -201,7 +192,7 @@ class FclWorld:
         Raises:
             InvalidRobotState: Wrong length or not finite.
         """
-        self.place(q)
+        self.set_configuration(q)
         best, closest, reach = np.inf, (-1, -1), _NEAR
         while closest[0] < 0 and reach < np.inf:
             reach = reach * 10.0 if reach < _FAR else np.inf
@@ -219,20 +210,20 @@ class FclWorld:
         names = (self._name(closest[0]), self._name(closest[1])) if closest[0] >= 0 else None
         return Clearance(best, names)
 
-    def apart(self, q: ArrayLike, names: tuple[str, str]) -> float:
+    def distance_between(self, q: ArrayLike, names: tuple[str, str]) -> float:
         """Distance of two named bodies in a configuration (n,), margins taken off [m].
 
-        Infinite where they are not looked at.
+        Infinite where no piece of one is compared with a piece of the other.
 
         Raises:
             InvalidRobotState: Wrong length or not finite.
         """
-        self.place(q)
-        wanted, best = set(names), np.inf
+        self.set_configuration(q)
+        pair, best = set(names), np.inf
         for bound, i, j, margin in self._near(np.inf):
             if bound >= best:
                 break
-            if {self._name(i), self._name(j)} == wanted:
+            if {self._name(i), self._name(j)} == pair:
                 best = min(best, self.between(i, j) - margin)
         return best
 
@@ -242,7 +233,7 @@ class FclWorld:
         Raises:
             InvalidRobotState: Wrong length or not finite.
         """
-        self.place(q)
+        self.set_configuration(q)
         return self._touching()
 
     def _touching(self) -> list[Collision]:
@@ -259,8 +250,8 @@ class FclWorld:
             if distance <= margin:
                 names = self._name(i), self._name(j)
                 depths[names] = max(depths.get(names, 0.0), margin - distance)
-        found = [Collision(pair, depth) for pair, depth in depths.items()]
-        return sorted(found, key=lambda collision: -collision.depth)
+        collisions = [Collision(pair, depth) for pair, depth in depths.items()]
+        return sorted(collisions, key=lambda collision: -collision.depth)
 
     def between(self, i: int, j: int) -> float:
         """Distance of two pieces where they are now, as ``distance``, no margin taken off [m].
@@ -275,11 +266,11 @@ class FclWorld:
         first, second = (j, i) if self._piece(j).kind == PieceKind.HALFSPACE else (i, j)
         (a, m), (b, n) = self._group(first), self._group(second)
         packed = self._packed
-        found = mesh_distance(
+        distance_of_meshes = mesh_distance(
             a, m, b, n, packed.corners, packed.tables, packed.surfaces,
             self._centers[first] - self._centers[second],
         )  # fmt: skip
-        return min(distance, 0.0) if found <= 0.0 else found
+        return min(distance, 0.0) if distance_of_meshes <= 0.0 else distance_of_meshes
 
     @cached_property
     def _packed(self) -> PieceSet:
@@ -329,17 +320,8 @@ class FclWorld:
         ball = self._from_ball(i, j)
         if ball is not None:
             return ball
-        # A result that is used again keeps the nearest points of the smallest distance so far.
-        self._result = fcl.DistanceResult()
-        one, other = self._current(i), self._current(j)
-        proposed = fcl.distance(one.object, other.object, self._request, self._result)
-        if proposed > 0.0:
-            distance = proposed / _UNITS + one.excess + other.excess
-            p, q = self._result.nearest_points
-            proved = _proved(a, self._poses[i], b, self._poses[j], q - p)
-            if distance - proved <= ACCURACY:
-                return proved
-        return signed_distance(a, self._poses[i], b, self._poses[j])[0]
+        proposed = separation(self._current(i), self._current(j))
+        return proved_distance(proposed, a, self._poses[i], b, self._poses[j])
 
     def _from_ball(self, i: int, j: int) -> float | None:
         """The distance of two pieces where one is a ball and there is a closed form [m]."""
@@ -353,135 +335,34 @@ class FclWorld:
         x, y, z = self._centers[ball]
         return bound_from(row, 0, self._packed.corners, x, y, z) - self._piece(ball).rounding
 
-    def _current(self, k: int) -> "_Solid":
+    def _current(self, k: int) -> FclSolid:
         if k not in self._solids:
-            self._solids[k] = _solid(self._piece(k))
+            self._solids[k] = fcl_solid(self._piece(k))
         solid = self._solids[k]
         if self._stale[k]:
-            _move(solid, self._poses[k])
+            solid.move(self._poses[k])
             self._stale[k] = False
         return solid
 
 
 @kernel
 def _reachable(
-    centers: Array, radii: Array, margins: Array, i: int, partners: Indices, most: float,
-    found: Indices,
+    centers: Array, radii: Array, margins: Array, i: int, partners: Indices, reach: float,
+    others: Indices,
 ) -> int:  # fmt: skip
-    """Partners whose ball may be nearer than ``most`` and their margin to that of i; how many."""
+    """Write the partners whose ball may be nearer to that of i than ``reach`` and their margin.
+
+    Returns:
+        How many were written to ``others``.
+    """
     count = 0
     for j in partners:
         x, y = centers[i, 0] - centers[j, 0], centers[i, 1] - centers[j, 1]
         z = centers[i, 2] - centers[j, 2]
-        # A hair more: the bound itself decides. Half-spaces have no ball and are all taken.
-        reach = (radii[i] + radii[j] + margins[j] + most) * (1.0 + 1e-9) + 1e-12
-        if not x * x + y * y + z * z > reach * reach:
-            found[count] = j
+        # Enlarged by its rounding errors: the bound itself decides. Half-spaces have no ball and
+        # are all taken.
+        limit = (radii[i] + radii[j] + margins[j] + reach) * (1.0 + 1e-9) + 1e-12
+        if not x * x + y * y + z * z > limit * limit:
+            others[count] = j
             count += 1
     return count
-
-
-def convex_distance(a: Piece, T_a: Array, b: Piece, T_b: Array) -> float:
-    """Distance of two convex pieces at T_a and T_b (4, 4) each, proved, by FCL [m]."""
-    if b.kind == PieceKind.HALFSPACE:
-        return halfspace_distance(a, T_a, T_b)
-    if a.kind == PieceKind.HALFSPACE:
-        return halfspace_distance(b, T_b, T_a)
-    one, other, result = _solid(a), _solid(b), fcl.DistanceResult()
-    _move(one, T_a)
-    _move(other, T_b)
-    request = fcl.DistanceRequest(enable_nearest_points=True)
-    proposed = fcl.distance(one.object, other.object, request, result)
-    if proposed > 0.0:
-        distance = proposed / _UNITS + one.excess + other.excess
-        p, q = result.nearest_points
-        proved = _proved(a, T_a, b, T_b, q - p)
-        if distance - proved <= ACCURACY:
-            return proved
-    return signed_distance(a, T_a, b, T_b)[0]
-
-
-def points_of(piece: Piece, T: Array) -> Array:
-    """A point of each body that a piece is made of, placed, shape (m, 3); none of a half-space."""
-    if piece.kind == PieceKind.HALFSPACE:
-        return np.zeros((0, 3))
-    if piece.surface is not None:
-        points = piece.surface.anchors
-    elif piece.kind == PieceKind.POLYTOPE:
-        points = piece.vertices[:1]
-    else:
-        points = np.zeros((1, 3))
-    return np.asarray(points @ T[:3, :3].T + T[:3, 3])
-
-
-def _proved(a: Piece, T_a: Array, b: Piece, T_b: Array, towards: Array) -> float:
-    """What a plane across a direction from a to b proves of their distance [m]."""
-    proved = plane_bound(
-        int(a.kind), a.vertices, np.array([a.radius, a.half_height, a.rounding]), T_a,
-        int(b.kind), b.vertices, np.array([b.radius, b.half_height, b.rounding]), T_b,
-        np.asarray(towards),
-    )  # fmt: skip
-    return proved - a.rounding - b.rounding
-
-
-def _move(solid: "_Solid", pose: Array) -> None:
-    T = pose @ solid.T_piece_fcl
-    solid.object.setTransform(fcl.Transform(T[:3, :3], _UNITS * T[:3, 3]))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Solid:
-    """A piece for FCL.
-
-    Args:
-        object: In FCL's units.
-        T_piece_fcl: FCL's frame of it in the piece's frame, shape (4, 4).
-        excess: What is to be added to FCL's distances: what FCL's solid has too much [m].
-    """
-
-    object: "fcl.CollisionObject"
-    T_piece_fcl: Array
-    excess: float
-
-
-def _solid(piece: Piece) -> _Solid:
-    if piece.kind == PieceKind.HALFSPACE:
-        return _Solid(None, np.eye(4), 0.0)
-    # A triangle is asked about once, the others again and again.
-    shape, T, excess = _made(piece) if len(piece.vertices) == 3 else _shape(piece)
-    # The shape may be shared, the object that is moved about may not.
-    return _Solid(fcl.CollisionObject(shape), T, excess)
-
-
-@lru_cache(maxsize=4096)
-def _shape(piece: Piece) -> tuple["fcl.CollisionGeometry", Array, float]:
-    """FCL's shape of a piece with its frame and excess; a robot's are asked for in every plan."""
-    return _made(piece)
-
-
-def _made(piece: Piece) -> tuple["fcl.CollisionGeometry", Array, float]:
-    T = np.eye(4)
-    rounding = piece.rounding
-    if piece.kind != PieceKind.POLYTOPE:
-        kind = fcl.Cylinder if piece.kind == PieceKind.CYLINDER else fcl.Cone
-        return kind(_UNITS * piece.radius, 2.0 * _UNITS * piece.half_height), T, -rounding
-    half = piece.box_half_sizes()
-    if half is not None:
-        return fcl.Box(*(2.0 * _UNITS * half)), T, -rounding
-    points = piece.vertices
-    if len(points) <= 2:
-        middle, along = points.mean(axis=0), points[-1] - points[0]
-        T[:3, 3] = middle
-        length = float(np.linalg.norm(along))
-        if length == 0.0:
-            return fcl.Sphere(_UNITS * _THIN), T, _THIN - rounding
-        T[:3, :3] = align_z(along)
-        return fcl.Capsule(_UNITS * _THIN, _UNITS * length), T, _THIN - rounding
-    if len(points) == 3 and np.linalg.norm(np.cross(*(points[1:] - points[0]))) > 0.0:
-        return fcl.Convex(_UNITS * points, 2, _TWO_SIDES), T, -rounding
-    hull = convex_hull(points)
-    faces = hull.triangles
-    if not hull.solid:
-        faces = np.vstack([faces, faces[:, ::-1]])
-    counted = np.hstack([np.full((len(faces), 1), 3), faces]).ravel()
-    return fcl.Convex(_UNITS * hull.vertices, len(faces), counted), T, -rounding

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from kinematics.arrays import Array
 from obstacles.checker import Checker
-from obstacles.fcl_distance import ACCURACY
+from obstacles.convex_distance import ACCURACY
 
 #: A start or goal this near to its margin [m] counts as touching, and is told with pair and depth:
 #: the proof knows distances to a tenth of a micrometre, below twice that nothing can be proved.

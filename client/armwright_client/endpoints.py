@@ -29,6 +29,7 @@ from armwright_client.plan import Plan, PlanOptions, PlanRequest
 from armwright_client.retime import Retimed, RetimePath, RetimeRequest, RetimeTiming
 from armwright_client.robot_endpoints import RobotEndpoints, page
 from armwright_client.scene import (
+    Engine,
     ProjectAnswer,
     ProjectRequest,
     Scene,
@@ -73,9 +74,11 @@ class SceneEndpoints:
         return Call("DELETE", path("scenes", name), nothing)
 
     @Endpoint
-    def project(self, name: str, points: RowsLike) -> Call[ProjectAnswer]:
-        """The nearest point of every obstacle to each of the points [m]."""
-        body = ProjectRequest.of(points=points)
+    def project(
+        self, name: str, points: RowsLike, *, engine: Engine = "exact"
+    ) -> Call[ProjectAnswer]:
+        """The nearest point of every obstacle to each of the points [m], exact or by FCL."""
+        body = ProjectRequest.of(points=points, engine=engine)
         return Call("POST", path("scenes", name, "project"), ProjectAnswer.read, body)
 
     # Last, since it hides the built-in type from what follows.

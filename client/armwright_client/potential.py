@@ -9,7 +9,7 @@ from armwright_client.base import (
     Rows,
     Vector,
 )
-from armwright_client.scene import SceneReference
+from armwright_client.scene import Engine, SceneReference
 
 
 class PotentialOptions(Request):
@@ -31,12 +31,22 @@ class PotentialOptions(Request):
 
 
 class PotentialRequest(Request):
-    """Configurations, a goal and what is in the way."""
+    """Configurations, a goal and what is in the way.
+
+    Args:
+        joints: One configuration, or a list of them [rad or m].
+        goal_joints: The goal [rad or m].
+        scene: A stored scene's name, or a scene.
+        options: Weights of the field and how far it reaches.
+        engine: What projects onto obstacles: closed forms ("exact") or FCL's distance query.
+        timeout: [s].
+    """
 
     joints: Vector | Rows
     goal_joints: Vector
     scene: SceneReference | None = None
     options: PotentialOptions | None = None
+    engine: Engine = "exact"
     timeout: Positive | None = None
 
 

@@ -49,6 +49,7 @@ from armwright_client.potential import (
 )
 from armwright_client.robot import Robot, RobotArchive, RobotList, RobotUpload
 from armwright_client.scene import (
+    Engine,
     SceneReference,
 )
 
@@ -234,11 +235,17 @@ class RobotEndpoints:
         scene: SceneReference | None = None,
         *,
         options: PotentialOptions | None = None,
+        engine: Engine = "exact",
         timeout: float | None = None,
     ) -> Call[PotentialAnswer]:
         """The potential field at a configuration on the way to a goal."""
         body = PotentialRequest.of(
-            joints=joints, goal_joints=goal_joints, scene=scene, options=options, timeout=timeout
+            joints=joints,
+            goal_joints=goal_joints,
+            scene=scene,
+            options=options,
+            engine=engine,
+            timeout=timeout,
         )
         return Call(
             "POST", path("robots", robot, "potential"), PotentialAnswer.read, body, deadline=timeout
@@ -253,11 +260,17 @@ class RobotEndpoints:
         scene: SceneReference | None = None,
         *,
         options: PotentialOptions | None = None,
+        engine: Engine = "exact",
         timeout: float | None = None,
     ) -> Call[PotentialBatch]:
         """The potential field at many configurations."""
         body = PotentialRequest.of(
-            joints=joints, goal_joints=goal_joints, scene=scene, options=options, timeout=timeout
+            joints=joints,
+            goal_joints=goal_joints,
+            scene=scene,
+            options=options,
+            engine=engine,
+            timeout=timeout,
         )
         return Call(
             "POST", path("robots", robot, "potential"), PotentialBatch.read, body, deadline=timeout

@@ -1,7 +1,7 @@
 """Scenes: obstacles by name, and projections of points onto them."""
 
 from pathlib import Path
-from typing import Self, TypeAlias
+from typing import Literal, Self, TypeAlias
 
 from pydantic import model_validator
 
@@ -79,10 +79,20 @@ class SceneList(Answer):
     next: str | None = None
 
 
+#: What projects points onto obstacles.
+Engine = Literal["exact", "fcl"]
+
+
 class ProjectRequest(Request):
-    """Points to be projected onto every obstacle of a scene."""
+    """Points to be projected onto every obstacle of a scene.
+
+    Args:
+        points: [m].
+        engine: What finds the nearest points: closed forms ("exact") or FCL's distance query.
+    """
 
     points: Points
+    engine: Engine = "exact"
 
 
 class Projection(Answer):

@@ -17,11 +17,11 @@ ARRIVED, STUCK, GOING = 0, 1, 2
 #: A step that needs more intervals for its proof grazes something all along: it is not taken.
 _MOST_INTERVALS = 800
 #: Share of the potential that has to be gained to count as progress.
-_PROGRESS = 0.01
+PROGRESS = 0.01
 #: A joint force below this part of the strongest so far is none.
-_NO_FORCE = 1e-9
+NO_FORCE = 1e-9
 #: An adaptive step that was taken whole may be longer next time by this factor.
-_GROWTH = 1.5
+GROWTH = 1.5
 
 # Places in Track.gauges, and in Track.counts.
 STEP, STRONGEST, LOWEST, BLOCKED = 0, 1, 2, 3
@@ -114,7 +114,7 @@ def descend_kernel(
         if counts[ITERATIONS] >= until:
             return GOING
         potential = track.potentials[counts[VISITED] - 1]
-        counts[STALE] = 0 if potential < (1.0 - _PROGRESS) * gauges[LOWEST] else counts[STALE] + 1
+        counts[STALE] = 0 if potential < (1.0 - PROGRESS) * gauges[LOWEST] else counts[STALE] + 1
         gauges[LOWEST] = min(gauges[LOWEST], potential)
         if counts[STALE] >= rules.patience or not _descend(proof, work, rules, field, track):
             return STUCK
@@ -131,7 +131,7 @@ def keep_kernel(track: Track, q: Array, potential: float, force: Array) -> None:
 
 
 @kernel
-def _free(proof: Proof, work: Workspace, a: Array, b: Array, found: Array) -> bool:
+def is_free_kernel(proof: Proof, work: Workspace, a: Array, b: Array, found: Array) -> bool:
     """Whether the straight motion from a to b, both (n,), is proved; where not, in ``found[0]``."""
     n, r = a.shape[0], proof.rows.shape[0]
     zero = np.zeros(n)
@@ -163,10 +163,10 @@ def _arrived(proof: Proof, work: Workspace, rules: Rules, field: FieldModel, tra
     if share >= 0.0:
         # Where it was blocked from the step before it mostly still is: one state instead of a way.
         there, found = goal + share * (q - goal), np.empty(4)
-        if not _free(proof, work, there, there, found):
+        if not is_free_kernel(proof, work, there, there, found):
             return False
     found = np.array([1.0, 0.0, 0.0, 0.0])
-    if not _free(proof, work, q, goal, found):
+    if not is_free_kernel(proof, work, q, goal, found):
         track.gauges[BLOCKED] = 1.0 - found[0]
         return False
     if track.counts[VISITED] == 1 or away > 0.0:
@@ -183,7 +183,7 @@ def _descend(proof: Proof, work: Workspace, rules: Rules, field: FieldModel, tra
     for j in range(force.shape[0]):
         strength = max(strength, abs(force[j]))
     gauges[STRONGEST] = max(gauges[STRONGEST], strength)
-    if strength <= _NO_FORCE * gauges[STRONGEST]:
+    if strength <= NO_FORCE * gauges[STRONGEST]:
         counts[FLAT] = 1
         return False
     direction, adaptive = force / strength, rules.sizes.shape[0] == 0
@@ -193,7 +193,7 @@ def _descend(proof: Proof, work: Workspace, rules: Rules, field: FieldModel, tra
         return _move(proof, work, rules, field, track, direction, reach, np.inf) > 0.0
     reach, highest = gauges[STEP], track.potentials[counts[VISITED] - 1]
     taken = _move(proof, work, rules, field, track, direction, reach, highest)
-    gauges[STEP] = min(_GROWTH * (taken if taken > 0.0 else reach), rules.longest)
+    gauges[STEP] = min(GROWTH * (taken if taken > 0.0 else reach), rules.longest)
     return taken > 0.0
 
 
@@ -214,7 +214,7 @@ def _move(
         for j in range(q.shape[0]):
             moved[j] = min(max(q[j] + reach * direction[j], rules.lower[j]), rules.upper[j])
             away = max(away, abs(moved[j] - q[j]))
-        if away > 0.0 and _free(proof, work, q, moved, found):
+        if away > 0.0 and is_free_kernel(proof, work, q, moved, found):
             potential = value_kernel(field, moved, force)
             if potential < highest:
                 keep_kernel(track, moved, potential, force)

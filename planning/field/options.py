@@ -13,6 +13,8 @@ from planning.field.number import positive, whole
 from planning.field.weights import FieldWeights
 
 CONTROL_POINTS = ("origins", "links")
+#: What projects onto obstacles: closed forms in kernels, or FCL from Python.
+ENGINES = ("exact", "fcl")
 MOST_ITERATIONS = 100_000
 _MOST_STEP_SIZES = 10_000
 #: So large an alpha_k makes every step the longest: cheaper than looking for a lower potential, and
@@ -44,6 +46,7 @@ class FieldOptions:
         patience: Steps without a lower potential that make a local minimum.
         escapes: Random walks out of local minima before it gives up.
         escape_steps: Steps of each.
+        engine: "exact" projects onto obstacles in closed form, "fcl" by FCL's distance query.
 
     Raises:
         InvalidOption: A value is out of its range.
@@ -65,6 +68,7 @@ class FieldOptions:
     patience: int = 50
     escapes: int = 0
     escape_steps: int = 6
+    engine: str = "exact"
     weights: FieldWeights = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -81,11 +85,12 @@ class FieldOptions:
             ("escape_steps", 1, 1000),
         ):
             whole(name, getattr(self, name), least, most)
-        if self.control_points not in CONTROL_POINTS:
-            raise InvalidOption(
-                f"control_points can't be {self.control_points!r}",
-                hint=f"Choose one of: {', '.join(CONTROL_POINTS)}.",
-            )
+        for name, choices in (("control_points", CONTROL_POINTS), ("engine", ENGINES)):
+            if getattr(self, name) not in choices:
+                raise InvalidOption(
+                    f"{name} can't be {getattr(self, name)!r}",
+                    hint=f"Choose one of: {', '.join(choices)}.",
+                )
         if not isinstance(self.connect, bool):
             raise InvalidOption(f"connect must be true or false, not {self.connect!r}")
         if self.joint_weight != 0.0:

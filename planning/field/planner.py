@@ -21,6 +21,7 @@ import numpy as np
 
 from kinematics.arrays import Array
 from obstacles.checker import Checker
+from obstacles.fcl_projection import FclProjector
 from obstacles.projection import Projector
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
@@ -42,6 +43,7 @@ from planning.field.gradient_descent import (
 )
 from planning.field.options import FieldOptions
 from planning.field.potential import Field, value_kernel
+from planning.field.python_descent import PythonDescent
 from planning.planner import Query
 from planning.result import Attempt, Descent
 
@@ -145,7 +147,8 @@ def _field(robot: RobotGeometry, scene: Scene, goal: Array, options: FieldOption
         weights = options.weights.shared(1.0 / len(where))
     else:
         where, weights = frame_origins(robot.chain), options.weights
-    return Field(robot.chain, where, _projector(scene), goal, weights, options.joint_weight)
+    obstacles = FclProjector(scene) if options.engine == "fcl" else _projector(scene)
+    return Field(robot.chain, where, obstacles, goal, weights, options.joint_weight)
 
 
 @lru_cache(maxsize=16)
@@ -169,7 +172,7 @@ class _Descent:
         limits, n = robot.chain.limits, len(start)
         held = checker.rows if isinstance(checker, ConstrainedChecker) else np.zeros((0, WIDTH))
         self._proof = Proof(checker.model.arrays, float(checker.slack), np.array(held))
-        self._field = field.model
+        self._field = field
         self._goal = goal
         self._options = options
         self._rules = options.rules(limits.lower, limits.upper)
@@ -181,8 +184,27 @@ class _Descent:
             gauges=np.array([options.longest_step, 0.0, np.inf, -1.0]),
             counts=np.zeros(4, dtype=np.int64),
         )
-        q, force = np.array(start, dtype=np.float64), np.empty(n)
-        keep_kernel(self._track, q, value_kernel(self._field, q, force), force)
+        self._python = PythonDescent(field.value, np.array(goal, float), self._proof, self._rules)
+        self._engine = options.engine
+        potential, force = self._value(np.array(start, dtype=np.float64))
+        keep_kernel(self._track, np.array(start, dtype=np.float64), potential, force)
+
+    def _value(self, q: Array) -> tuple[float, Array]:
+        """U at q, shape (n,), and -grad U, shape (n,)."""
+        if self._engine == "fcl":
+            return self._field.value(q)
+        force = np.empty(len(q))
+        return value_kernel(self._field.model, q, force), force
+
+    def _descend(self, until: int, across: Array, walk: int) -> int:
+        """Descend until ``until`` steps were taken, after ``walk`` steps across the force."""
+        if self._engine == "fcl":
+            return self._python.run(self._track, until, across, walk)
+        return int(
+            descend_kernel(
+                self._proof, self._rules, self._field.model, self._track, until, across, walk
+            )
+        )
 
     @property
     def visited(self) -> Array:
@@ -226,11 +248,7 @@ class _Descent:
         while not deadline.passed:
             self._make_room(_STEPS_A_LOOK + walk)
             until = min(self.iterations + _STEPS_A_LOOK, most)
-            outcome = int(
-                descend_kernel(
-                    self._proof, self._rules, self._field, self._track, until, across, walk
-                )
-            )
+            outcome = self._descend(until, across, walk)
             if outcome != GOING or self.iterations >= most:
                 return outcome
             walk = 0

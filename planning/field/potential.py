@@ -23,7 +23,9 @@ import numpy as np
 from kinematics.arrays import Array, Indices
 from kinematics.chain import Chain
 from kinematics.compiled.kernel import kernel
-from obstacles.projection import ProjectionArrays, Projector, project_kernel
+from obstacles.fcl_projection import FclProjector
+from obstacles.projection import Projector, project_kernel
+from obstacles.projection_arrays import ProjectionArrays
 from planning.field.control_points import ControlPoints, control_points, control_points_kernel
 from planning.field.weights import FieldWeights
 
@@ -224,7 +226,7 @@ class Field:
     Args:
         chain: The arm.
         where: Its control points.
-        obstacles: What pushes them.
+        obstacles: What pushes them, projected onto in closed form or by FCL.
         goal: Where they are pulled to, shape (n,).
         weights: How strongly.
         joint_weight: k of a pull in joint space too, U = k |q - q_goal|^2 / 2 [N m].
@@ -237,7 +239,7 @@ class Field:
         self,
         chain: Chain,
         where: ControlPoints,
-        obstacles: Projector,
+        obstacles: Projector | FclProjector,
         goal: Array,
         weights: FieldWeights,
         joint_weight: float = 0.0,
@@ -262,7 +264,13 @@ class Field:
 
     @property
     def model(self) -> FieldModel:
-        """The same for kernels."""
+        """The field for the kernels, whose projections are closed forms.
+
+        Raises:
+            TypeError: The projections are FCL's.
+        """
+        if isinstance(self._obstacles, FclProjector):
+            raise TypeError("kernels do not call FCL")
         return FieldModel(
             types=self._chain.joint_types,
             offsets=self._chain.offsets,
@@ -280,21 +288,95 @@ class Field:
     def at(self, q: Array) -> FieldValue:
         """The field at q, shape (n,)."""
         m, o = len(self._where), len(self._obstacles.ids)
-        points, jacobians = control_points(self._chain, self._where, q)
-        pulls, pushes, force = np.empty((m, 3)), np.empty((m, 3)), np.empty(self._chain.n)
-        projections, distances = np.empty((m, o, 3)), np.empty((m, o))
-        potential = attraction_kernel(self._arrays, points, pulls) + repulsion_kernel(
-            self._arrays, self._obstacles.arrays, points, np.full(m, np.inf), projections,
-            distances, pushes,
-        )  # fmt: skip
-        force_kernel(jacobians, pulls, pushes, force)
-        if self._joint_weight > 0.0:
-            e = self._goal - q
-            potential += 0.5 * self._joint_weight * float(e @ e)
-            force += self._joint_weight * e
+        terms = self._terms(q, np.full(m, np.inf))
+        projections, distances = terms.projections, terms.distances
         nearest, rows = np.full(m, -1), np.arange(m)
         shown, far = np.full((m, 3), np.nan), np.full(m, np.inf)
         if o > 0:
             nearest = distances.argmin(axis=1)
             shown, far = projections[rows, nearest], distances[rows, nearest]
-        return FieldValue(float(potential), force, points, pulls, pushes, shown, far, nearest)
+        return FieldValue(
+            terms.potential,
+            terms.force,
+            terms.points,
+            terms.pulls,
+            terms.pushes,
+            shown,
+            far,
+            nearest,
+        )
+
+    def value(self, q: Array) -> tuple[float, Array]:
+        """U at q, shape (n,), and -grad U, shape (n,); obstacles that are not felt are left out."""
+        terms = self._terms(q, self._arrays.radii + self._arrays.reach)
+        return terms.potential, terms.force
+
+    def _terms(self, q: Array, within: Array) -> "_Terms":
+        """The terms of the field, of obstacles no farther from the points than ``within``, (m,)."""
+        m, o = len(self._where), len(self._obstacles.ids)
+        points, jacobians = control_points(self._chain, self._where, q)
+        pulls, pushes, force = np.empty((m, 3)), np.empty((m, 3)), np.empty(self._chain.n)
+        projections, distances = np.empty((m, o, 3)), np.empty((m, o))
+        potential = attraction_kernel(self._arrays, points, pulls)
+        if isinstance(self._obstacles, FclProjector):
+            projections, distances = self._obstacles(points, within)
+            outward = _outward(self._obstacles, points, projections, distances)
+            potential += repulsion(self._arrays, distances, outward, pushes)
+        else:
+            potential += repulsion_kernel(
+                self._arrays, self._obstacles.arrays, points, within, projections, distances,
+                pushes,
+            )  # fmt: skip
+        force_kernel(jacobians, pulls, pushes, force)
+        if self._joint_weight > 0.0:
+            e = self._goal - q
+            potential += 0.5 * self._joint_weight * float(e @ e)
+            force += self._joint_weight * e
+        return _Terms(float(potential), force, points, pulls, pushes, projections, distances)
+
+
+class _Terms(NamedTuple):
+    """The terms of a field at a configuration, as ``FieldValue`` has them, for every obstacle."""
+
+    potential: float
+    force: Array
+    points: Array
+    pulls: Array
+    pushes: Array
+    projections: Array
+    distances: Array
+
+
+def repulsion(field: FieldArrays, distances: Array, outward: Array, forces: Array) -> float:
+    """Write F_rep of m points into ``forces`` (m, 3), from distances that are known.
+
+    Args:
+        field: The weights.
+        distances: Signed, of the points from o obstacles, shape (m, o) [m].
+        outward: Directions in which these grow, shape (m, o, 3).
+        forces: Shape (m, 3) [N].
+
+    Returns:
+        The sum of U_rep [J].
+    """
+    rho = distances - field.radii[:, None]
+    felt = rho <= field.reach
+    near = np.where(felt, np.maximum(rho, field.least), field.reach)
+    rise = 1.0 / near - 1.0 / field.reach
+    push = field.repulsive[:, None] * rise / (near * near)
+    forces[:] = np.einsum("mo,moi->mi", push, np.where(felt[..., None], outward, 0.0))
+    tangent = np.where(felt, push * (near - np.where(felt, rho, near)), 0.0)
+    return float((0.5 * field.repulsive[:, None] * rise * rise + tangent).sum())
+
+
+def _outward(obstacles: FclProjector, points: Array, projections: Array, distances: Array) -> Array:
+    """The directions in which distances (m, o) of points (m, 3) grow, shape (m, o, 3)."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        outward = np.asarray((points[:, None] - projections) / distances[..., None])
+    for i, k in np.argwhere(np.abs(distances) <= _ON_SURFACE):
+        steps = _NUDGE * np.vstack([np.eye(3), -np.eye(3)])
+        beside = obstacles(points[i] + steps)[1][:, k]
+        slope = beside[:3] - beside[3:]
+        length = float(np.linalg.norm(slope))
+        outward[i, k] = slope / length if length > 0.0 else 0.0
+    return outward

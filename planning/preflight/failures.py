@@ -73,7 +73,7 @@ def collision_failure(
         message = f"{pair[0]!r} and {pair[1]!r} overlap by {depth:.4g} m"
     else:
         assert pair is not None
-        depth, distance = 0.0, world.apart(q, pair)
+        depth, distance = 0.0, world.distance_between(q, pair)
         margin = max(distance - clearance, 0.0)
         details = {"clearance": distance, "margin": margin}
         message = _apart_message(pair, distance, margin)

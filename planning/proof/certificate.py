@@ -18,7 +18,7 @@ from kinematics.arrays import Array
 from kinematics.chain import Limits
 from kinematics.trajectory import Trajectory
 from obstacles.containment import first_inside
-from obstacles.fcl_distance import ACCURACY, convex_distance
+from obstacles.convex_distance import ACCURACY, convex_distance
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from planning.constraints.constraint_set import ConstraintSet

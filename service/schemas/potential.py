@@ -16,7 +16,7 @@ from service.schemas.base import (
     Timeout,
 )
 from service.schemas.kinematics import JOINTS_EXAMPLE
-from service.schemas.scene import SceneReference
+from service.schemas.scene import Engine, SceneReference
 
 Weight = Annotated[float, Field(ge=0.0, le=1e9)]
 Weights = Weight | Annotated[list[Weight], Field(min_length=1, max_length=MAX_JOINTS)]
@@ -56,6 +56,12 @@ class PotentialRequest(Body):
     goal_joints: JointVector = Field(examples=[[0.6, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]])
     scene: SceneReference | None = Field(None, examples=["table"])
     options: PotentialOptions | None = None
+    engine: Engine = Field(
+        "exact",
+        description="what projects the control points onto obstacles: closed forms, or FCL's "
+        "distance query",
+        examples=["fcl"],
+    )
     timeout: Timeout | None = None
 
 

@@ -1,6 +1,6 @@
 """Scenes on the wire."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Discriminator, Field, Tag, field_validator, model_validator
 from pydantic.config import JsonDict
@@ -111,11 +111,21 @@ class SceneList(Answer):
     next: str | None = Field(None, description="value of `after` for the next page")
 
 
+#: What projects points onto obstacles.
+Engine = Literal["exact", "fcl"]
+
+
 class ProjectRequest(Body):
     """Points to be projected onto every obstacle of a scene."""
 
     points: Annotated[list[Point], Field(min_length=1, max_length=MAX_POINTS)] = Field(
         examples=[[[0.5, 0.0, 0.4]]]
+    )
+    engine: Engine = Field(
+        "exact",
+        description="what finds the nearest points: closed forms, or FCL's distance query (inside "
+        "of obstacles the closed forms answer for both)",
+        examples=["fcl"],
     )
 
 

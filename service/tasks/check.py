@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 from pydantic_core import to_json
 
-from obstacles.projection import project as project_points
+from obstacles.fcl_projection import FclProjector
+from obstacles.projection import Projector
 from planning.configuration_check import ConfigurationReport, configuration_checker
 from service.schemas.check import CheckRequest
 from service.schemas.scene import ProjectRequest
@@ -19,6 +20,8 @@ from service.workers.task import task
 
 #: Projections of one answer: at 100 bytes each, a hundred megabytes.
 _MAX_PROJECTIONS = 1_000_000
+#: Of one answer by FCL: at 30 microseconds each, some seconds.
+_MAX_FCL_PROJECTIONS = 100_000
 
 
 @task
@@ -59,17 +62,19 @@ def project(scene: Reference, content: bytes) -> bytes | TaskProblem | CacheMiss
     body = ProjectRequest.model_validate_json(content)
     obstacles = worker_cache.scene(scene).obstacles
     count = len(body.points) * len(obstacles)
-    if count > _MAX_PROJECTIONS:
+    most = _MAX_FCL_PROJECTIONS if body.engine == "fcl" else _MAX_PROJECTIONS
+    if count > most:
         return TaskProblem(
             "PAYLOAD_TOO_LARGE",
             f"{len(body.points)} points and {len(obstacles)} obstacles make {count} projections, "
-            f"at most {_MAX_PROJECTIONS} are answered at once",
+            f"at most {most} are answered at once",
             "Send the points in several requests.",
             {"stage": "request"},
         )
     if not obstacles:
         return to_json({"projections": [[] for _ in body.points]})
-    projections, distances = project_points(np.array(body.points), obstacles)
+    projector = FclProjector(obstacles) if body.engine == "fcl" else Projector(obstacles)
+    projections, distances = projector(np.array(body.points))
     rows = zip(projections.tolist(), distances.tolist(), strict=True)
     answers = [
         [

@@ -7,6 +7,7 @@ from pydantic_core import to_json
 
 from kinematics.arrays import Array
 from kinematics.chain import Chain
+from obstacles.fcl_projection import FclProjector
 from obstacles.projection import Projector
 from planning.field.control_points import ControlPoints, frame_origins
 from planning.field.potential import Field
@@ -34,9 +35,10 @@ def potential(robot: Reference, scene: Reference | None, content: bytes) -> byte
     chain = worker_cache.robot(robot).chain
     joints = chain.configuration(body.joints)
     goal = chain.configuration(body.goal_joints, "goal_joints")
-    where, obstacles = frame_origins(chain), Projector(requested_scene(scene, body.scene))
+    where, obstacles = frame_origins(chain), requested_scene(scene, body.scene)
+    project = FclProjector(obstacles) if body.engine == "fcl" else Projector(obstacles)
     given = {} if body.options is None else body.options.model_dump(exclude_none=True)
-    field = Field(chain, where, obstacles, goal, FieldWeights(**given))
+    field = Field(chain, where, project, goal, FieldWeights(**given))
     answers = [_value(chain, field, where, obstacles.ids, q) for q in joints.reshape(-1, chain.n)]
     if joints.ndim == 1:
         return to_json(answers[0])

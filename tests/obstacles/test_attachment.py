@@ -143,10 +143,10 @@ def test_from_grasp_to_release_it_is_one_object() -> None:
     # What was grasped stands in the same place for the checks, held or not.
     before, after = FclWorld(robot, scene), FclWorld(held.robot, held.scene)
     for name in ("upper", "lower"):
-        expected = before.apart(q, (name, "rod"))
+        expected = before.distance_between(q, (name, "rod"))
         if name != "lower":
-            assert after.apart(q, (name, "rod")) == pytest.approx(expected, abs=1e-7)
-    assert after.apart(q, ("rod", "table")) == pytest.approx(
+            assert after.distance_between(q, (name, "rod")) == pytest.approx(expected, abs=1e-7)
+    assert after.distance_between(q, ("rod", "table")) == pytest.approx(
         fcl_distance(("rod", stands.T_world_obstacle), ("table", T_TABLE)), abs=1e-6
     )
 

@@ -13,7 +13,8 @@ from kinematics.robots import builtin_srdf, builtin_urdf
 from kinematics.serial_chain import serial_chain
 from kinematics.srdf import parse_srdf
 from kinematics.urdf import parse_urdf
-from obstacles.fcl_distance import ACCURACY, FclWorld
+from obstacles.convex_distance import ACCURACY
+from obstacles.fcl_distance import FclWorld
 from obstacles.piece import Piece
 from obstacles.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.scene import Obstacle, Scene
@@ -73,7 +74,7 @@ def test_distances_agree_with_coal(a: str, b: str) -> None:
         world = FclWorld(slide(one, other), Scene())
         world.pairs = np.array([[0, 1]])
         world.margins = np.zeros(1)
-        world.place(np.zeros(1))
+        world.set_configuration(np.zeros(1))
         assert world.distance(0) == pytest.approx(expected, abs=2e-7)
     assert apart
 
@@ -133,7 +134,7 @@ def test_balls_and_points_of_clouds_are_as_deep_as_by_the_growing_polytope(kind:
         offset, T = random.normal(size=3) * 0.1, random_transform(random, 0.1)
         shape = PointCloud(offset[None], 0.05) if k % 2 else Sphere(0.05)
         world = FclWorld(slide(piece), Scene((Obstacle("ball", shape, T),)))
-        world.place(np.zeros(1))
+        world.set_configuration(np.zeros(1))
         ball = world.scene.piece(0)
         exact = signed_distance(piece, world._poses[0], ball, world._poses[1])[0]
         # Round solids are found to 1e-4 of their size by the polytope, too shallow by that.
@@ -199,7 +200,7 @@ def test_clearance_is_the_least_over_all_pairs() -> None:
     lower, upper = robot.chain.sampling_bounds()
     for q in random.uniform(lower, upper, (20, robot.chain.n)):
         found = world.clearance(q)
-        bounds = world.lower_bounds()
+        bounds = world.ball_bounds(*world.pairs.T) - world.margins
         every = np.array([world.distance(k) for k in range(len(world.pairs))])
         assert (bounds <= every + 1e-12).all()
         assert found.distance == pytest.approx(every.min(), abs=1e-12)

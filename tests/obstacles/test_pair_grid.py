@@ -22,7 +22,7 @@ def test_what_the_grid_proves_is_true(name: str) -> None:
     useful = compared = 0
     for _ in range(60):
         q = random.uniform(lower, upper)
-        world.place(q)
+        world.set_configuration(q)
         for s, (i, j) in enumerate(arrays.self_pairs):
             if arrays.grid_axes[s, 0, 2] == 0.0:
                 continue

@@ -79,7 +79,7 @@ def test_pieces_follow_their_links() -> None:
     random = np.random.default_rng(0)
     world = FclWorld(geometry, Scene())
     for q in random.uniform(-3.0, 3.0, (10, 3)):
-        world.place(q)
+        world.set_configuration(q)
         poses = dict(zip((k.name for k in chain.links), link_poses(chain, q), strict=True))
         for i, name in enumerate(geometry.links):
             expected = poses[name] @ transform(None, [0.2, 0.0, 0.0])
@@ -159,7 +159,7 @@ def test_an_attached_object_is_one_more_piece_of_its_link() -> None:
     q = np.array([0.3, -0.7, 1.1])
 
     world = FclWorld(holding, Scene())
-    world.place(q)
+    world.set_configuration(q)
     tool = link_poses(chain, q, ["tool"])[0]
     np.testing.assert_allclose(world._poses[-1], tool @ held.T_world_obstacle, atol=1e-12)
     assert holding != geometry
@@ -234,7 +234,7 @@ def test_builtin_robots_are_free_somewhere_without_their_srdf_too(name: str) -> 
 
     world = FclWorld(geometry, Scene())
     for q in random.uniform(lower, upper, (20, chain.n)):
-        world.place(q)
+        world.set_configuration(q)
         touching = set()
         for i, j in blocked:
             balls = np.linalg.norm(world._centers[i] - world._centers[j])

@@ -42,10 +42,10 @@ def sweep(trajectory: Trajectory, robot: RobotGeometry, scene: Scene, margin: fl
             low, high, pairs = waiting.pop()
             half = 0.5 * (high - low)
             q, delta = _stray(trajectory.coefficients[piece], low + half, half)
-            world.place(q)
+            world.set_configuration(q)
             left = []
             moved = _Moved(world, q, delta)
-            balls = world.lower_bounds() + world.margins
+            balls = world.ball_bounds(*world.pairs.T)
             bounds = {}
             for pair in pairs:
                 bounds[pair] = moved(int(pair))

@@ -111,7 +111,7 @@ def test_margins(client: httpx.Client) -> None:
     own = world(scene()).clearance(HOME).distance
     assert clearance == pytest.approx(own), "the robot itself is nearest at home"
     near = world(scene(POST, allowed_collisions=[]))
-    near.place(HOME)
+    near.set_configuration(HOME)
     post = min(near.distance(k) for k in range(len(near.pairs)) if "post" in near.pair_names(k))
     for margin, valid in ((0.9 * post, True), (1.1 * post, False)):
         ways = {"scene": scene(POST | {"margin": margin})}, {"margin": margin}
@@ -210,6 +210,24 @@ def test_projections(client: httpx.Client) -> None:
         assert row[2]["distance"] == pytest.approx(away - 0.2)
         nearest = center + 0.2 * (p - center) / away
         np.testing.assert_allclose(row[2]["projection"], nearest, atol=1e-9)
+
+
+def test_projections_by_fcl(client: httpx.Client) -> None:
+    answer(client.put("/v1/scenes/by_fcl", json=CLUTTER), 201)
+    points = np.random.default_rng(5).uniform(-1.0, 1.0, (50, 3)).tolist()
+    path = "/v1/scenes/by_fcl/project"
+    exact = answer(client.post(path, json={"points": points, "engine": "exact"}))
+    assert exact == answer(client.post(path, json={"points": points}))
+    fcl = answer(client.post(path, json={"points": points, "engine": "fcl"}))
+    ProjectAnswer.model_validate(fcl)
+    assert fcl != exact
+    for row, expected in zip(fcl["projections"], exact["projections"], strict=True):
+        for item, other in zip(row, expected, strict=True):
+            assert item["obstacle"] == other["obstacle"]
+            assert item["distance"] == pytest.approx(other["distance"], abs=1e-8)
+            assert item["projection"] == pytest.approx(other["projection"], abs=1e-5)
+    refused = client.post(path, json={"points": points, "engine": "bullet"})
+    problem(refused, 422, "VALIDATION_ERROR")
 
 
 def test_projections_that_are_refused(client: httpx.Client) -> None:

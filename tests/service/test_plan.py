@@ -174,7 +174,7 @@ def test_margins_are_kept(client: httpx.Client) -> None:
     found = plan(client, margin=0.01, scene=scene(POST | {"margin": 0.02}, FLOOR))
     exact = world(scene(POST))
     for row in positions(found["trajectory"], 100):
-        exact.place(row)
+        exact.set_configuration(row)
         for k in range(len(exact.pairs)):
             if "post" in exact.pair_names(k):
                 assert exact.distance(k) >= 0.03 - 1e-6

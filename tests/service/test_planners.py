@@ -86,6 +86,15 @@ def test_planners_that_improve_tell_their_progress(client: httpx.Client) -> None
     assert any("looked for shorter" in note for note in late["notes"])
 
 
+def test_the_field_projects_by_fcl_where_it_is_asked_to(client: httpx.Client) -> None:
+    goal = {"joints": [0.4, *HOME[1:]]}
+    found = plan(
+        client, "potential_field", goal=goal, planner_options={"engine": "fcl"}, scene=scene(FLOOR)
+    )
+    assert found["certificate"]["verified"]
+    assert found["trajectory"]["samples"]["position"][-1] == pytest.approx(goal["joints"])
+
+
 def test_the_field_tells_where_it_went(client: httpx.Client) -> None:
     goal = {"joints": [0.4, *HOME[1:]]}
     found = plan(client, "potential_field", goal=goal, planner_options={}, scene=scene(FLOOR))

@@ -53,6 +53,21 @@ def test_the_gradient_is_the_slope_of_the_potential(client: httpx.Client) -> Non
     assert felt >= 6
 
 
+def test_with_projections_by_fcl_it_is_the_same_field(client: httpx.Client) -> None:
+    exact = potential(client, [HOME, GOAL], options=OPTIONS)
+    fcl = potential(client, [HOME, GOAL], options=OPTIONS, engine="fcl")
+    assert fcl["potential"] == pytest.approx(exact["potential"], rel=1e-6)
+    for row, expected in zip(fcl["joint_force"], exact["joint_force"], strict=True):
+        assert row == pytest.approx(expected, rel=1e-5, abs=1e-6)
+    ball = scene({"id": "ball", "shape": BALL, "pose": {"position": [0.4, 0.1, 0.6]}})
+    near = potential(client, HOME, scene=ball, options=OPTIONS, engine="fcl")
+    for point in near["control_points"]:
+        away = np.linalg.norm(np.array(point["origin"]) - [0.4, 0.1, 0.6])
+        assert point["distance"] == pytest.approx(away - 0.06, abs=1e-9)
+    body = {"joints": HOME, "goal_joints": GOAL, "engine": "bullet"}
+    problem(client.post("/v1/robots/panda/potential", json=body), 422, "VALIDATION_ERROR")
+
+
 def test_forces_add_up_through_the_jacobians(client: httpx.Client) -> None:
     found = potential(client, HOME, options=OPTIONS)
     chain = answer(client.get("/v1/robots/panda"))["joint_names"]

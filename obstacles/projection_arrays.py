@@ -1,0 +1,252 @@
+"""Obstacles packed for projections: their convex cores, and the triangles of meshes."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
+from itertools import groupby
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kinematics.arrays import Array, Indices, frozen
+from obstacles.hull import Hull, convex_hull
+from obstacles.piece import Piece, PieceArrays, PieceKind
+from obstacles.scene import Obstacle
+from obstacles.winding import winding_numbers
+
+HULL = int(PieceKind.POLYTOPE)
+CYLINDER = int(PieceKind.CYLINDER)
+CONE = int(PieceKind.CONE)
+HALFSPACE = int(PieceKind.HALFSPACE)
+#: Boxes about their frame have a shorter way than other hulls.
+BOX = 4
+#: Winding number beyond which a point is inside.
+INSIDE = 0.5
+
+
+class ProjectionArrays(NamedTuple):
+    """Pieces packed for ``project_kernel``: p of them, of o obstacles.
+
+    Args:
+        kinds: Of each piece, shape (p,).
+        poses: T_world_piece, shape (p, 4, 4).
+        sizes: Radius, half height, rounding (of a box: half sizes, 0); shape (p, 4).
+        balls: Centre and radius of a ball about the piece in the world, shape (p, 4).
+        across: A direction across a core without inside, in the piece's frame, shape (p, 3).
+        solid: Whether a hull has an inside, shape (p,).
+        corners: Of all hulls, shape (c, 3).
+        corner_starts: Shape (p + 1,).
+        triangles: Of all hulls, shape (f, 3).
+        planes: Of all hulls, shape (f, 4).
+        triangle_starts: Shape (p + 1,).
+        owners: Index of the obstacle of each piece, in ascending order, shape (p,).
+        enclosing: First of the pieces whose triangles together enclose an obstacle's inside, and
+            one behind the last; equal where there are none; shape (o, 2).
+        around: Centre and radius of a ball about these in the world, shape (o, 4).
+    """
+
+    kinds: NDArray[np.int64]
+    poses: Array
+    sizes: Array
+    balls: Array
+    across: Array
+    solid: NDArray[np.bool_]
+    corners: Array
+    corner_starts: NDArray[np.int64]
+    triangles: NDArray[np.int64]
+    planes: Array
+    triangle_starts: NDArray[np.int64]
+    owners: NDArray[np.int64]
+    enclosing: NDArray[np.int64]
+    around: Array
+
+
+class _Block(NamedTuple):
+    """Pieces of one obstacle: columns as in ``ProjectionArrays``, and how many of them each has."""
+
+    kinds: Indices
+    poses: Array
+    sizes: Array
+    balls: Array
+    across: Array
+    solid: NDArray[np.bool_]
+    corners: Array
+    corner_counts: Indices
+    triangles: Indices
+    planes: Array
+    triangle_counts: Indices
+
+
+def pack_obstacles(obstacles: Sequence[Obstacle]) -> ProjectionArrays:
+    """Pack obstacles, in their order, for ``projection.project_kernel``."""
+    blocks, counts, filled = [_EMPTY], list[int](), list[int]()
+    for cloud, run in groupby(obstacles, lambda o: o.is_cloud):
+        if cloud:
+            own = [_cloud(obstacle.balls()) for obstacle in run]
+            counts += [len(block.kinds) for block in own]
+            filled += [0] * len(own)
+            blocks += own
+        else:
+            # Together: a call for each of many small ones costs the most.
+            parts, enclosing = zip(*map(convex_parts, run), strict=True)
+            counts += [len(pieces) for pieces in parts]
+            filled += enclosing
+            blocks.append(_solids([piece for pieces in parts for piece in pieces]))
+    joined = _Block(*map(np.concatenate, zip(*blocks, strict=True)))
+    first = _indices(np.cumsum([0, *counts]))[:-1]
+    ends = np.column_stack([first, first + _indices(filled)])
+    return ProjectionArrays(
+        kinds=joined.kinds,
+        poses=joined.poses,
+        sizes=joined.sizes,
+        balls=joined.balls,
+        across=joined.across,
+        solid=joined.solid,
+        corners=joined.corners,
+        corner_starts=_indices(np.cumsum([0, *joined.corner_counts])),
+        triangles=joined.triangles,
+        planes=joined.planes,
+        triangle_starts=_indices(np.cumsum([0, *joined.triangle_counts])),
+        owners=np.repeat(np.arange(len(counts)), counts),
+        enclosing=_indices(ends),
+        around=frozen([_around(joined.balls[i:j]) for i, j in ends]).reshape(-1, 4),
+    )
+
+
+def _around(balls: Array) -> Array:
+    """A ball about others (k, 4), a point where there are none; shape (4,)."""
+    if not len(balls):
+        return np.zeros(4)
+    center = balls[:, :3].mean(axis=0)
+    reach = np.linalg.norm(balls[:, :3] - center, axis=1) + balls[:, 3]
+    return np.array([*center, reach.max()])
+
+
+def convex_parts(obstacle: Obstacle) -> tuple[tuple[Piece, ...], int]:
+    """An obstacle's pieces, and how many of them, the first ones, have its enclosing triangles."""
+    pieces = obstacle.pieces()
+    filled = tuple(piece for piece in pieces if piece.surface and piece.surface.count)
+    if filled:
+        rest = (piece for piece in pieces if piece not in filled)
+        pieces = (*filled, *(piece for piece in rest if not _within(piece, filled)))
+    return pieces, len(filled)
+
+
+def _within(piece: Piece, filled: Sequence[Piece]) -> bool:
+    """Whether a solid is what the triangles of others of the same mesh enclose."""
+    if piece.surface is not None:
+        return False
+    corners = np.vstack([p.surface.triangles.reshape(-1, 3) for p in filled if p.surface])
+    number, faces = np.empty(1), np.arange(len(corners)).reshape(-1, 3)
+    winding_numbers(piece.vertices.mean(axis=0)[None], corners, faces, number)
+    return bool(number[0] > INSIDE)
+
+
+def _cloud(cloud: PieceArrays) -> _Block:
+    p = len(cloud)
+    one = np.ones(p, dtype=np.int64)
+    return _Block(
+        kinds=cloud.kinds,
+        poses=cloud.poses,
+        sizes=np.hstack([cloud.sizes, np.zeros((p, 1))]),
+        balls=np.column_stack([cloud.centers, cloud.radii]),
+        across=np.tile([1.0, 0.0, 0.0], (p, 1)),
+        solid=np.zeros(p, dtype=np.bool_),
+        corners=cloud.vertices,
+        corner_counts=one,
+        triangles=np.zeros((p, 3), dtype=np.int64),
+        planes=np.zeros((p, 4)),
+        triangle_counts=one,
+    )
+
+
+def _solids(pieces: Sequence[Piece]) -> _Block:
+    p, cores = len(pieces), [_core(piece) for piece in pieces]
+    hulls = [core.hull for core in cores]
+    poses = np.array([piece.T_owner_piece for piece in pieces]).reshape(p, 4, 4)
+    balls = np.array([core.ball for core in cores]).reshape(p, 4)
+    middles = balls[:, :3, None]
+    middles[:] = poses[:, :3, :3] @ middles + poses[:, :3, 3:]
+    return _Block(
+        kinds=_indices([core.kind for core in cores]),
+        poses=poses,
+        sizes=np.array([core.size for core in cores]).reshape(p, 4),
+        balls=balls,
+        across=np.array([core.across for core in cores]).reshape(p, 3),
+        solid=np.array([hull.solid for hull in hulls], dtype=np.bool_),
+        corners=np.vstack([_NO_HULL.vertices, *(hull.vertices for hull in hulls)]),
+        corner_counts=_indices([len(hull.vertices) for hull in hulls]),
+        triangles=np.vstack([_NO_HULL.triangles, *(hull.triangles for hull in hulls)]),
+        planes=np.vstack([_NO_HULL.planes, *(hull.planes for hull in hulls)]),
+        triangle_counts=_indices([len(hull.triangles) for hull in hulls]),
+    )
+
+
+def _indices(values: ArrayLike) -> Indices:
+    return np.array(values, dtype=np.int64)
+
+
+_NO_HULL = Hull(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64), np.zeros((0, 4)), solid=False)
+
+
+class _Core(NamedTuple):
+    """A piece in its own frame: what its columns of ``ProjectionArrays`` are made of."""
+
+    kind: int
+    size: Array
+    ball: Array
+    across: Array
+    hull: Hull
+
+
+def _core(piece: Piece) -> _Core:
+    if piece.surface is None:
+        return _plain(
+            piece.kind, piece.vertices.tobytes(), piece.radius, piece.half_height, piece.rounding
+        )
+    # Its own triangles, and the ball that holds its cover.
+    corners = piece.surface.triangles.reshape(-1, 3)
+    faces = np.arange(len(corners)).reshape(-1, 3)
+    hull = Hull(corners, faces, np.zeros((len(faces), 4)), solid=False)
+    return _cornered(replace(piece, T_owner_piece=np.eye(4)), hull, 0.0)
+
+
+#: Obstacles that only move from request to request keep their cores.
+@lru_cache(maxsize=4096)
+def _plain(
+    kind: PieceKind, corners: bytes, radius: float, half_height: float, rounding: float
+) -> _Core:
+    vertices = np.frombuffer(corners).reshape(-1, 3)
+    piece = Piece(kind, np.eye(4), vertices, radius, half_height, rounding)
+    half = piece.box_half_sizes()
+    if kind == PieceKind.POLYTOPE and half is None:
+        return _cornered(piece, convex_hull(vertices), rounding)
+    size = (
+        (radius, half_height, rounding, 0.0) if half is None else (half[0], half[1], 0.0, half[2])
+    )
+    number = int(kind) if half is None else BOX
+    return _Core(number, np.array(size), _ball(piece), _ALONG_X, _NO_HULL)
+
+
+def _cornered(piece: Piece, hull: Hull, rounding: float) -> _Core:
+    size = np.array([piece.radius, piece.half_height, rounding, 0.0])
+    return _Core(HULL, size, _ball(piece), _across(hull), hull)
+
+
+def _ball(piece: Piece) -> Array:
+    center, radius = piece.bounding_sphere()
+    return np.array([*center, radius])
+
+
+_ALONG_X = np.array([1.0, 0.0, 0.0])
+
+
+def _across(hull: Hull) -> Array:
+    if len(hull.vertices) < 2 or hull.solid:
+        return _ALONG_X
+    _, _, axes = np.linalg.svd(hull.vertices - hull.vertices.mean(axis=0))
+    return np.asarray(axes[2])
+
+
+_EMPTY = _solids(())
