@@ -1,7 +1,7 @@
 """A robot's solid: convex pieces on its joints, and the pairs of them that must not touch."""
 
 import hashlib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from types import MappingProxyType
@@ -153,24 +153,48 @@ def robot_geometry(
     Raises:
         InvalidRobotDescription: A mesh is missing or can't be read, or a solid is malformed.
     """
-    pieces: list[Piece] = []
-    links: list[str] = []
-    joints: list[int] = []
-    solids: list[int] = []
+    if description is None:
+        return geometry_of_solids(chain, (), {})
+    solids: list[tuple[Link, list[Piece]]] = []
     lint: list[str] = []
-    for link in chain.links if description is not None else ():
-        for element in description.links[link.name].collisions if description else ():
-            own = _element_pieces(link, element, meshes)
-            lint += _cut_lint(link.name, element, own)
-            pieces += own
-            links += [link.name] * len(own)
-            joints += [link.joint] * len(own)
-            solids += [solids[-1] + 1 if solids else 0] * len(own)
-    parts = (np.array(joints), np.array(solids))
-    bare = RobotGeometry(chain, tuple(pieces), tuple(links), *parts, {}, tuple(lint))
-    if description is None or not pieces:
+    for link in chain.links:
+        for element in description.links[link.name].collisions:
+            pieces = _element_pieces(link, element, meshes)
+            lint += _cut_lint(link.name, element, pieces)
+            solids.append((link, pieces))
+    parents = {joint.child: joint.parent for joint in description.joints.values()}
+    return geometry_of_solids(chain, solids, parents, semantics, lint)
+
+
+def geometry_of_solids(
+    chain: Chain,
+    solids: Sequence[tuple[Link, Sequence[Piece]]],
+    parents: Mapping[str, str],
+    semantics: Semantics | None = None,
+    lint: Sequence[str] = (),
+) -> RobotGeometry:
+    """The geometry of a robot whose solids are made already.
+
+    Args:
+        chain: The robot.
+        solids: Each with the link that carries it, as pieces in the frame of the link's joint.
+        parents: The link that each link hangs on.
+        semantics: Its SRDF.
+        lint: What is odd so far.
+    """
+    counts = [len(pieces) for _, pieces in solids]
+    bare = RobotGeometry(
+        chain,
+        tuple(piece for _, pieces in solids for piece in pieces),
+        tuple(link.name for link, pieces in solids for _ in pieces),
+        np.repeat([link.joint for link, _ in solids], counts),
+        np.repeat(np.arange(len(solids)), counts),
+        {},
+        tuple(lint),
+    )
+    if not bare.pieces:
         return replace(bare, lint=(_NO_SOLIDS,))
-    return replace(bare, allowed=_allowed(bare, description, semantics))
+    return replace(bare, allowed=_allowed(bare, parents, semantics))
 
 
 # A few, for requests that hold one thing or another: they are keyed by identity.
@@ -248,14 +272,14 @@ def _sorted(a: str, b: str) -> Pair:
 
 
 def _allowed(
-    bare: RobotGeometry, description: RobotDescription, semantics: Semantics | None
+    bare: RobotGeometry, parents: Mapping[str, str], semantics: Semantics | None
 ) -> dict[Pair, str]:
     allowed: dict[Pair, str] = {}
     if semantics is not None and semantics.disabled_collisions:
         # Names that the robot has no solids for are no fault: one SRDF serves several variants.
         allowed |= dict.fromkeys(semantics.disabled_collisions, "srdf")
     else:
-        allowed |= dict.fromkeys(_adjacent(bare, description), "adjacent")
+        allowed |= dict.fromkeys(_adjacent(bare, parents), "adjacent")
         allowed |= dict.fromkeys(_always(bare, allowed), "always")
     return allowed | dict.fromkeys(_same_body(bare), "same body")
 
@@ -266,14 +290,13 @@ def _same_body(bare: RobotGeometry) -> set[Pair]:
     return {_sorted(a, b) for i, a in enumerate(names) for b in names[:i] if joint[a] == joint[b]}
 
 
-def _adjacent(bare: RobotGeometry, description: RobotDescription) -> set[Pair]:
+def _adjacent(bare: RobotGeometry, parents: Mapping[str, str]) -> set[Pair]:
     names = set(bare.names)
-    carried_by = {joint.child: joint.parent for joint in description.joints.values()}
     pairs = set()
     for name in names:
-        parent = carried_by.get(name)
+        parent = parents.get(name)
         while parent is not None and parent not in names:
-            parent = carried_by.get(parent)
+            parent = parents.get(parent)
         if parent is not None:
             pairs.add(_sorted(name, parent))
     return pairs

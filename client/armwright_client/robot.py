@@ -10,10 +10,33 @@ from pydantic import model_validator
 
 from armwright_client.base import Answer, Matrix3, NonNegative, Positive, Request, Vector3
 from armwright_client.pose import Pose
+from armwright_client.shape import Shape
 from armwright_client.urdf import read_urdf
 
 JointType = Literal["revolute", "prismatic"]
 Convention = Literal["standard", "modified"]
+
+
+class LinkSolid(Request):
+    """A shape that a link carries.
+
+    Args:
+        shape: The shape.
+        pose: In the link's frame, which is frame i of row i; the frame itself if left out.
+    """
+
+    shape: Shape
+    pose: Pose | None = None
+
+
+class LinkCapsules(Request):
+    """Capsules about the segments a and d of every row.
+
+    Args:
+        capsules: Their radius [m].
+    """
+
+    capsules: Positive
 
 
 class DhRow(Request):
@@ -21,7 +44,8 @@ class DhRow(Request):
 
     For a revolute joint `theta` is the offset of the joint variable, for a prismatic one `d` is.
     Lengths and angles are in [m] and [rad], `inertia` is about the centre of mass in the link
-    frame [kg m²].
+    frame [kg m²]. `beta` turns about y, behind `alpha`; it is 0 but for nearly parallel axes.
+    `geometry` are the solids of the link behind the joint.
     """
 
     type: JointType
@@ -40,16 +64,28 @@ class DhRow(Request):
     inertia: Matrix3 | None = None
     motor_inertia: NonNegative | None = None
     viscous_friction: NonNegative | None = None
+    beta: float = 0.0
+    geometry: list[LinkSolid] | None = None
 
 
 class DhTable(Request):
-    """A robot by its Denavit-Hartenberg parameters; `gravity` is in the base frame [m/s²]."""
+    """A robot by its Denavit-Hartenberg parameters.
+
+    Args:
+        convention: How the rows are read.
+        rows: One a joint, base to tip.
+        base: Frame 0 in the base frame.
+        tool: The tool in the last frame.
+        gravity: In the base frame [m/s²].
+        geometry: Capsules along all links, beside the solids of the rows.
+    """
 
     convention: Convention
     rows: list[DhRow]
     base: Pose | None = None
     tool: Pose | None = None
     gravity: Vector3 | None = None
+    geometry: LinkCapsules | None = None
 
 
 class JointLimits(Request):
@@ -206,6 +242,7 @@ class DhParameters(Answer):
     d: float
     theta: float
     beta: float = 0.0
+    geometry: list[LinkSolid] | None = None
 
 
 class DerivedDh(Answer):
@@ -215,6 +252,7 @@ class DerivedDh(Answer):
     rows: list[DhParameters]
     base: Pose | None = None
     tool: Pose | None = None
+    geometry: LinkCapsules | None = None
 
 
 class RobotSummary(Answer):

@@ -11,6 +11,7 @@ from service.schemas.base import (
     Body,
     Coordinate,
     Label,
+    Length,
     Matrix3,
     Name,
     NonNegative,
@@ -21,14 +22,31 @@ from service.schemas.base import (
     exactly_one,
 )
 from service.schemas.pose import Pose, PoseAnswer
-from service.schemas.shape import check_base64
+from service.schemas.shape import Shape, check_base64
 
 _MAX_XML = 16 * 1024 * 1024
 _MAX_MESHES = 1_000
 _MAX_URI = 1_024
+#: Solids of one link.
+_MAX_SOLIDS = 100
 
 Xml = Annotated[str, Field(min_length=1, max_length=_MAX_XML)]
 Uri = Annotated[str, Field(min_length=1, max_length=_MAX_URI)]
+
+
+class LinkSolid(Body):
+    """A shape that a link carries."""
+
+    shape: Shape
+    pose: Pose | None = Field(
+        None, description="in the link's frame, which is frame i of row i; the frame itself if null"
+    )
+
+
+class LinkCapsules(Body):
+    """Capsules about the segments a and d of every row."""
+
+    capsules: Length = Field(description="their radius [m]", examples=[0.06])
 
 
 class DhRow(Body):
@@ -55,6 +73,12 @@ class DhRow(Body):
     )
     motor_inertia: NonNegative | None = None
     viscous_friction: NonNegative | None = None
+    beta: Number = Field(
+        0.0, description="about y, behind alpha [rad]; 0 but for nearly parallel axes"
+    )
+    geometry: Annotated[list[LinkSolid], Field(max_length=_MAX_SOLIDS)] | None = Field(
+        None, description="solids of the link behind the joint"
+    )
 
     @model_validator(mode="after")
     def _check_limits(self) -> "DhRow":
@@ -71,6 +95,9 @@ class DhTable(Body):
     base: Pose | None = None
     tool: Pose | None = None
     gravity: Vector3 | None = Field(None, description="in the base frame [m/s²]")
+    geometry: LinkCapsules | None = Field(
+        None, description="solids of all links, beside those of the rows"
+    )
 
 
 class JointLimits(Body):
@@ -97,6 +124,7 @@ _EXAMPLE: JsonDict = {
                 "velocity": 2.0,
             }
         ],
+        "geometry": {"capsules": 0.05},
     },
     "joint_limits": {"joint_1": {"acceleration": 10.0}},
 }
@@ -163,6 +191,7 @@ class DhRowAnswer(Answer):
     d: float
     theta: float
     beta: float = Field(0.0, description="about y, behind alpha; 0 but for nearly parallel axes")
+    geometry: list[LinkSolid] | None = Field(None, description="as it was given")
 
 
 class DhAnswer(Answer):
@@ -172,6 +201,7 @@ class DhAnswer(Answer):
     rows: list[DhRowAnswer]
     base: PoseAnswer = Field(description="frame 0 in the base frame")
     tool: PoseAnswer = Field(description="the tip in frame n")
+    geometry: LinkCapsules | None = Field(None, description="as it was given")
 
 
 class RobotSummary(Answer):

@@ -85,9 +85,7 @@ def prepare_robot(document: bytes, folder: str) -> bytes:
     keep_decompositions(disk_cache.decompositions(folder))
     body = RobotBody.model_validate_json(document)
     geometry, lint = robots.robot(body)
-    answer = robots.robot_answer(
-        geometry, lint, body.name, is_built_in=False, table=robots.dh_table(body)
-    )
+    answer = robots.robot_answer(geometry, lint, body.name, is_built_in=False, body=body)
     made = PreparedRobot.of(geometry, answer.model_dump_json().encode())
     reference = Reference("robot", body.name, disk_cache.document_hash(document), folder)
     disk_cache.write(reference, made)

@@ -10,15 +10,16 @@ import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.chain import Chain, JointType
-from kinematics.dh import chain_from_dh, dh_from_chain
+from kinematics.dh import dh_from_chain
 from kinematics.dh_table import DhRow, DhTable
-from kinematics.errors import InvalidRobotDescription
+from kinematics.errors import InvalidRobotDescription, InvalidScene
 from kinematics.mesh_uri import resolve_mesh
 from kinematics.robots import builtin_srdf, builtin_urdf
 from kinematics.serial_chain import GRAVITY, select, serial_chain
 from kinematics.srdf import check_semantics, parse_srdf
 from kinematics.urdf import parse_urdf
 from kinematics.wrist import classify_wrist
+from obstacles.dh_geometry import LinkSolid, dh_robot_geometry
 from obstacles.robot_geometry import RobotGeometry, robot_geometry
 from service.schemas import robot as schema
 from service.translate import poses
@@ -92,7 +93,7 @@ def dh_table(body: schema.RobotBody) -> DhTable | None:
                 joint=name,
             )
     rows = (
-        DhRow(**(row.model_dump() | limits.get(name, {})))
+        DhRow(**(row.model_dump(exclude={"geometry"}) | limits.get(name, {})))
         for name, row in zip(names, dh.rows, strict=True)
     )
     return DhTable(
@@ -105,7 +106,11 @@ def dh_table(body: schema.RobotBody) -> DhTable | None:
 
 
 def _from_dh(body: schema.RobotBody, table: DhTable) -> tuple[RobotGeometry, list[str]]:
-    chain = chain_from_dh(body.name, table)
+    dh = body.dh
+    assert dh is not None
+    capsules = None if dh.geometry is None else dh.geometry.capsules
+    geometry = dh_robot_geometry(body.name, table, _solids(dh), capsules)
+    chain = geometry.chain
     if body.base_link not in (None, chain.base_link):
         raise InvalidRobotDescription(
             f"base_link {body.base_link!r}: the base of a DH table is {chain.base_link!r}",
@@ -113,7 +118,24 @@ def _from_dh(body: schema.RobotBody, table: DhTable) -> tuple[RobotGeometry, lis
         )
     if body.tip_link is not None:
         chain = dataclasses.replace(chain, tip_link=chain.link(body.tip_link).name)
-    return robot_geometry(chain), []
+        geometry = dataclasses.replace(geometry, chain=chain)
+    return geometry, []
+
+
+def _solids(dh: schema.DhTable) -> list[list[LinkSolid]]:
+    """The solids that each row of a table names."""
+    return [
+        [_solid(solid, f"dh.rows[{i}].geometry[{k}]") for k, solid in enumerate(row.geometry or ())]
+        for i, row in enumerate(dh.rows)
+    ]
+
+
+def _solid(body: schema.LinkSolid, where: str) -> LinkSolid:
+    try:
+        shape = poses.shape(body.shape)
+    except InvalidScene as error:
+        raise InvalidRobotDescription(f"{where}: {error.message}", hint=error.hint) from None
+    return LinkSolid(shape, np.eye(4) if body.pose is None else poses.transform(body.pose))
 
 
 def _limit_lint(chain: Chain) -> list[str]:
@@ -138,11 +160,19 @@ def robot_answer(
     name: str,
     *,
     is_built_in: bool,
-    table: DhTable | None = None,
+    body: schema.RobotBody | None = None,
 ) -> schema.RobotAnswer:
-    """A robot as answers give it, with the DH table it was given as or one that fits its axes."""
+    """A robot as answers give it, with the DH table it was given as or one that fits its axes.
+
+    Args:
+        geometry: The robot.
+        lint: What is odd about it.
+        name: Its name.
+        is_built_in: Whether it comes with the app.
+        body: The request that stored it.
+    """
     chain = geometry.chain
-    dh, more = _dh_answer(chain, table)
+    dh, more = _dh_answer(chain, body)
     limits = {
         item.name: [_known(value) for value in getattr(chain.limits, item.name)]
         for item in dataclasses.fields(chain.limits)
@@ -165,22 +195,33 @@ def robot_answer(
     )
 
 
-def _dh_answer(chain: Chain, table: DhTable | None) -> tuple[schema.DhAnswer | None, list[str]]:
+def _dh_answer(
+    chain: Chain, body: schema.RobotBody | None
+) -> tuple[schema.DhAnswer | None, list[str]]:
+    given = None if body is None else body.dh
     try:
-        table = table or dh_from_chain(chain)
+        table = (None if body is None else dh_table(body)) or dh_from_chain(chain)
     except InvalidRobotDescription as error:
         return None, [f"no DH table: {error.message}"]
+    solids = [None] * len(table.rows) if given is None else [row.geometry for row in given.rows]
     rows = [
         schema.DhRowAnswer(
-            type=row.type, a=row.a, alpha=row.alpha, d=row.d, theta=row.theta, beta=row.beta
+            type=row.type,
+            a=row.a,
+            alpha=row.alpha,
+            d=row.d,
+            theta=row.theta,
+            beta=row.beta,
+            geometry=geometry,
         )
-        for row in table.rows
+        for row, geometry in zip(table.rows, solids, strict=True)
     ]
     answer = schema.DhAnswer(
         convention=table.convention,
         rows=rows,
         base=poses.pose_answer(table.base),
         tool=poses.pose_answer(table.tool),
+        geometry=None if given is None else given.geometry,
     )
     return answer, []
 

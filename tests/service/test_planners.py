@@ -92,7 +92,7 @@ def test_the_field_projects_by_fcl_where_it_is_asked_to(client: httpx.Client) ->
         client, "potential_field", goal=goal, planner_options={"engine": "fcl"}, scene=scene(FLOOR)
     )
     assert found["certificate"]["verified"]
-    assert found["trajectory"]["samples"]["position"][-1] == pytest.approx(goal["joints"])
+    assert found["path"]["joints"][-1] == pytest.approx(goal["joints"])
 
 
 def test_the_field_tells_where_it_went(client: httpx.Client) -> None:
