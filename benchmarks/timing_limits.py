@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from benchmarks.ratios import worst_ratio
 from kinematics.trajectory import Trajectory
 from planning.timing.blend import merge, reach_for_deviation
+from planning.timing.method import timing_method
 from planning.timing.options import Method
 from planning.timing.parametrization import TimeParametrization
 from planning.timing.spline import Ends, chord_knots, spline_path
@@ -77,7 +78,7 @@ def random_case(rng: np.random.Generator) -> Case:
 
 def timed(case: Case, method: Method) -> Trajectory:
     """The motion of a case by a method."""
-    law = TimeParametrization(method, case.velocity, case.acceleration, case.jerk)
+    law = TimeParametrization(timing_method(method), case.velocity, case.acceleration, case.jerk)
     if case.kind.endswith("spline"):
         ends: Ends = "natural" if case.kind.startswith("natural") else "clamped"
         if method == "spline":

@@ -64,6 +64,11 @@ def refining(options: Options, problem: Problem) -> Options:
             "a motion whose times are given can't be optimised",
             hint="Leave timing.times out, or do not ask for refine.",
         )
+    if options.refine is not None and options.timing.solver is not None:
+        raise InvalidOption(
+            "the optimiser times its motions itself: it does not go with timing.solver",
+            hint="Leave timing.solver out, or do not ask for refine.",
+        )
     return options
 
 
@@ -75,14 +80,14 @@ class OptimizeStage:
         problem: What is to be solved.
         checker: The robot in its scene, as the planner saw it.
         options: With ``refine``.
-        law: The limits.
+        parametrization: The limits.
         known: The motion, at rest at its ends.
     """
 
     problem: Problem
     checker: Checker
     options: Options
-    law: TimeParametrization
+    parametrization: TimeParametrization
     known: Trajectory
     _work: Refinement | None = field(default=None, init=False)
     _told: str = field(default="", init=False)
@@ -155,21 +160,23 @@ class OptimizeStage:
 
     def _begin(self, deadline: Deadline) -> Refinement:
         problem, known = self.problem, self.known
-        smooth = self.law.jerk is not None or "jerk" in self._refine.weights
+        smooth = self.parametrization.jerk is not None or "jerk" in self._refine.weights
         start = _end(known.start, problem.start_velocity, problem.start_acceleration, smooth=smooth)
         goal = _reached(problem, known.end)
         rates = (None, None) if goal is None else (goal.velocity, goal.acceleration)
         end = _end(known.end, *rates, smooth=smooth)
-        carrier = _carrier(problem.robot.chain, self.options.timing, self.law)
-        bounds, loads = self.law.bounds, self.law.loads
+        carrier = _carrier(problem.robot.chain, self.options.timing, self.parametrization)
+        bounds, loads = self.parametrization.bounds, self.parametrization.loads
         given = problem.constraints
         held = None if given is None else given.hard
         wishes = given.soft if given is not None and self._wished else None
         task = Task(self.checker, start, end, bounds, loads, held, carrier, wishes)
-        return Refinement(task, self._refine, self.law, known, deadline, binding=not problem.moving)
+        return Refinement(
+            task, self._refine, self.parametrization, known, deadline, binding=not problem.moving
+        )
 
 
-def check_ends(problem: Problem, law: TimeParametrization) -> Failure | None:
+def check_ends(problem: Problem, parametrization: TimeParametrization) -> Failure | None:
     """Whether velocities and accelerations at the ends are within their limits, or which is not."""
     given = [("start", problem.start_velocity, problem.start_acceleration)]
     goals = [goal for goal in problem.goals if isinstance(goal, JointGoal)]
@@ -178,7 +185,7 @@ def check_ends(problem: Problem, law: TimeParametrization) -> Failure | None:
         for quantity, values in zip(("velocity", "acceleration"), rates, strict=True):
             if values is None:
                 continue
-            limits = law.bounds[quantity]
+            limits = parametrization.bounds[quantity]
             j = int(np.argmax(np.abs(values) / limits))
             if abs(values[j]) > limits[j]:
                 return _too_fast(problem, which, quantity, j, float(values[j]), float(limits[j]))
@@ -212,10 +219,10 @@ def _reached(problem: Problem, q: Array) -> JointGoal | None:
     return min(goals, key=lambda goal: float(np.abs(goal.joints - q).max()), default=None)
 
 
-def _carrier(chain: Chain, timing: TimingOptions, law: TimeParametrization) -> Chain:
+def _carrier(chain: Chain, timing: TimingOptions, parametrization: TimeParametrization) -> Chain:
     """The robot with its payload."""
-    if law.loads is not None:
-        return law.loads.chain
+    if parametrization.loads is not None:
+        return parametrization.loads.chain
     load = timing.payload
     if load is None:
         return chain

@@ -34,8 +34,10 @@ from planning.search.shortcut import shortcut
 from planning.stages import Stages
 from planning.timing.choice import chosen_parametrization
 from planning.timing.failure import TimingFailed
+from planning.timing.method import TimingMethod
 from planning.timing.motion_timing import motions
 from planning.timing.parametrization import TimeParametrization
+from planning.timing.time_scaling import ScaledTime
 from planning.tool_timing import TimedToolPath, time_tool_path, with_path_deviation
 
 #: Share of the time that is kept back for shortening, timing and the proof.
@@ -69,12 +71,12 @@ def plan(problem: Problem, options: Options) -> Plan | Failure:
     options = refining(options, problem)
     planners = choose_planners(problem, options)
     options = with_limits(options, problem.constraints)
-    law = _time_parametrization(problem, options)
-    wrong = check_ends(problem, law)
+    parametrization = _time_parametrization(problem, options)
+    wrong = check_ends(problem, parametrization)
     if wrong is not None:
         return wrong
     stages = Stages(options.observer)
-    answer = _Pipeline(problem, options, planners, law, stages, deadline).run()
+    answer = _Pipeline(problem, options, planners, parametrization, stages, deadline).run()
     return replace(answer, stages=tuple(stages.reports))
 
 
@@ -95,10 +97,11 @@ class _FoundPath(NamedTuple):
 
 
 class _Timed(NamedTuple):
-    """A motion in time; of a tool path also its parts."""
+    """A motion in time, with notes about the timing; of a tool path also its parts."""
 
     trajectory: Trajectory
     tool_path: TimedToolPath | None = None
+    notes: tuple[str, ...] = ()
 
 
 class _Proved(NamedTuple):
@@ -117,7 +120,7 @@ class _Pipeline:
         problem: What is to be planned.
         options: How; constraints on the motion's limits are among them already.
         planners: Tried in turn.
-        law: The limits and the method of timing.
+        parametrization: The limits and the method of timing.
         stages: Reports of the stages.
         deadline: The end of all of them.
     """
@@ -125,7 +128,7 @@ class _Pipeline:
     problem: Problem
     options: Options
     planners: tuple[Planner, ...]
-    law: TimeParametrization
+    parametrization: TimeParametrization
     stages: Stages
     deadline: Deadline
 
@@ -248,28 +251,31 @@ class _Pipeline:
             chain = self.problem.robot.chain
 
             def time_tool() -> _Timed:
-                timed = time_tool_path(chain, tool_path, self.law)
-                return _Timed(timed.trajectory(chain), timed)
+                timed = time_tool_path(chain, tool_path, self.parametrization)
+                return _Timed(timed.trajectory(chain), timed, timed.notes)
 
             yield time_tool
             return
         timing = self.options.timing
-        for motion in motions(found.checker, found.waypoints, self.law, timing, self.deadline):
-            yield partial(_time_polyline, motion)
+        for motion in motions(
+            found.checker, found.waypoints, self.parametrization, timing, self.deadline
+        ):
+            yield partial(_time_polyline, motion, self.parametrization.method)
 
     def _prove(self, timed: _Timed) -> Certificate:
         return self.stages.run("certificate", partial(self._certify, timed), _describe_certificate)
 
     def _certify(self, timed: _Timed) -> Certificate:
-        problem, law, tool_path = self.problem, self.law, timed.tool_path
+        problem, parametrization, tool_path = self.problem, self.parametrization, timed.tool_path
+        bounds = parametrization.bounds if tool_path is None else tool_path.bounds(parametrization)
         certificate = certify(
             timed.trajectory,
             problem.robot,
             problem.scene,
             margin=problem.margin,
             constraints=problem.constraints,
-            limits=law.bounds if tool_path is None else tool_path.bounds(law),
-            loads=law.loads,
+            limits=bounds,
+            loads=parametrization.loads,
             deadline=self.deadline,
         )
         if tool_path is None:
@@ -278,7 +284,7 @@ class _Pipeline:
 
     def _refine(self, checker: Checker, known: Trajectory) -> _Proved | Failure | None:
         """Optimise a motion and prove the result; None where the motion itself is to be taken."""
-        work = OptimizeStage(self.problem, checker, self.options, self.law, known)
+        work = OptimizeStage(self.problem, checker, self.options, self.parametrization, known)
         for _ in range(MOST_OFFERS):
             until = Deadline.after(_REFINING_SHARE * self.deadline.remaining)
             offer = self.stages.run(OPTIMIZE, partial(work.offer, until), work.tell)
@@ -296,7 +302,7 @@ class _Pipeline:
 
     def _assemble(self, ready: Ready, found: _FoundPath, proved: _Proved) -> Plan:
         attempt, timed = found.attempt, proved.timed
-        notes = ready.notes + attempt.notes
+        notes = ready.notes + attempt.notes + timed.notes
         if not self.problem.robot.pieces:
             notes += ("The robot has no collision geometry: nothing is known of collisions.",)
         optimised = proved.waypoints is not None
@@ -321,8 +327,9 @@ def _shortcut(checker: Checker, waypoints: Array, seed: int, deadline: Deadline)
     return shortcut(checker, waypoints, deadline)
 
 
-def _time_polyline(motion: Callable[[], Trajectory]) -> _Timed:
-    return _Timed(motion())
+def _time_polyline(motion: Callable[[], ScaledTime], method: TimingMethod) -> _Timed:
+    scaled = motion()
+    return _Timed(scaled.trajectory, notes=method.notes((scaled,)))
 
 
 def _not_proved(violation: Violation, deadline: Deadline, *, tool: bool) -> Failure:

@@ -11,7 +11,8 @@ from kinematics.errors import InvalidOption, InvalidTrajectory
 from kinematics.trajectory import REST, Trajectory, stay
 from planning.proof.certificate import Certificate, certify_limits
 from planning.timing.blend import largest_reaches, merge, reach_for_deviation
-from planning.timing.choice import chosen_parametrization, require_limits
+from planning.timing.choice import chosen_parametrization, require_limits, required_limits
+from planning.timing.method import JerkUse, timing_method
 from planning.timing.options import Interpolation, TimingOptions
 from planning.timing.parametrization import TimeParametrization
 from planning.timing.path import JointPath
@@ -80,28 +81,32 @@ def retime(
     """
     names, n = path.joint_names, len(path.joint_names)
     points = _points(path)
+    method = timing_method(timing.method, timing.solver)
     if chain is None:
-        needed = ("velocity", "acceleration", *(["jerk"] * (timing.method == "jerk_limited")))
-        require_limits(needed, names, overrides)
+        require_limits(required_limits(method), names, overrides)
     limits = Limits.unlimited(n) if chain is None else chain.limits
-    law = chosen_parametrization(timing, names, limits, overrides, chain)
+    parametrization = chosen_parametrization(timing, names, limits, overrides, chain)
     merged = merge(points)
     if len(merged) < 2:
         rest = ScaledTime(stay(names, points[0]), 1.0)
         note = f"The path has no length: the robot stays where it is for {REST:g} s."
-        return _answered(rest, law, limits, (note,))
+        return _answered(rest, parametrization, limits, (note,))
     interpolation = timing.interpolation or _usual(timing)
-    if timing.method == "spline":
-        timed = _spline(path, points, law, timing, interpolation)
-    elif interpolation == "linear":
-        timed = _linear(merged, path, law, timing)._replace(factor=1.0)
-    else:
-        curve = _curve(points, path.knots, interpolation)
-        timed = law.time(curve, names)._replace(factor=1.0)
     notes = _notes(points, interpolation, timing)
-    if timing.method == "toppra" and "jerk" in overrides:
+    if not method.follows_path:
+        timed = _spline(path, points, parametrization, timing, interpolation)
+    else:
+        if interpolation == "linear":
+            timed = _linear(merged, path, parametrization, timing)
+        else:
+            curve = _curve(points, path.knots, interpolation)
+            timed = parametrization.time(curve, names)
+        notes += method.notes((timed,))
+        # No times were asked for, so there is nothing to be longer than.
+        timed = timed._replace(factor=1.0)
+    if method.jerk is JerkUse.UNUSED and "jerk" in overrides:
         notes += ("The method toppra does not limit jerk: jerk_limited does.",)
-    return _answered(timed, law, limits, notes)
+    return _answered(timed, parametrization, limits, notes)
 
 
 def _usual(timing: TimingOptions) -> Interpolation:
@@ -119,15 +124,15 @@ def _points(path: PathToTime) -> Array:
 
 
 def _linear(
-    merged: Array, path: PathToTime, law: TimeParametrization, timing: TimingOptions
+    merged: Array, path: PathToTime, parametrization: TimeParametrization, timing: TimingOptions
 ) -> ScaledTime:
     if path.knots is not None:
         raise InvalidOption(
             "knots belong to splines; straight lines have none",
             hint="Ask for interpolation natural_spline or clamped_spline, or leave knots out.",
         )
-    reaches = reach_for_deviation(merged, timing.blend_tolerance or 0.0, law.smooth)
-    return law.time_polyline(merged, reaches, path.joint_names)
+    reaches = reach_for_deviation(merged, timing.blend_tolerance or 0.0, parametrization.smooth)
+    return parametrization.time_polyline(merged, reaches, path.joint_names)
 
 
 def _curve(points: Array, knots: Array | None, interpolation: Interpolation) -> JointPath:
@@ -142,7 +147,7 @@ def _ends(interpolation: Interpolation) -> Ends:
 def _spline(
     path: PathToTime,
     points: Array,
-    law: TimeParametrization,
+    parametrization: TimeParametrization,
     timing: TimingOptions,
     interpolation: Interpolation,
 ) -> ScaledTime:
@@ -150,16 +155,18 @@ def _spline(
         raise InvalidOption("both path.knots and timing.times are given", hint="Give one.")
     times = path.knots if timing.times is None else np.array(timing.times, dtype=np.float64)
     ends = _ends(interpolation)
-    timed = law.time_spline(points, times, ends, path.joint_names, timing.scale_times)
+    timed = parametrization.time_spline(points, times, ends, path.joint_names, timing.scale_times)
     # Without times there is nothing to be longer than.
     return timed if times is not None else timed._replace(factor=1.0)
 
 
 def _answered(
-    timed: ScaledTime, law: TimeParametrization, limits: Limits, notes: tuple[str, ...]
+    timed: ScaledTime, parametrization: TimeParametrization, limits: Limits, notes: tuple[str, ...]
 ) -> Retimed:
-    certificate = certify_limits(timed.trajectory, limits, law.bounds, law.loads)
-    needed = 1.0 if certificate.verified else law.needed_factor(timed.trajectory)
+    certificate = certify_limits(
+        timed.trajectory, limits, parametrization.bounds, parametrization.loads
+    )
+    needed = 1.0 if certificate.verified else parametrization.needed_factor(timed.trajectory)
     return Retimed(timed.trajectory, certificate, timed.factor, needed, notes)
 
 

@@ -14,6 +14,7 @@ from planning.proof.violation import Violation
 from planning.result import ToolMotionReport
 from planning.timing.parametrization import TimeParametrization
 from planning.timing.path import JointPath
+from planning.timing.time_scaling import ScaledTime
 from planning.tool_motion import ToolMotion
 from planning.tool_path import Tolerances, ToolPath
 
@@ -28,10 +29,12 @@ class TimedToolPath:
     Args:
         path: The joint paths with the motions of the tool.
         parts: One trajectory for each motion in which the joints move.
+        notes: About the timing.
     """
 
     path: ToolPath
     parts: tuple[Trajectory, ...]
+    notes: tuple[str, ...] = ()
 
     @property
     def motions(self) -> tuple[ToolMotion, ...]:
@@ -58,27 +61,30 @@ class TimedToolPath:
             return concatenate(self.parts)
         return stay(chain.joint_names, self.path.segments[0].start)
 
-    def bounds(self, law: TimeParametrization) -> dict[str, Array]:
+    def bounds(self, parametrization: TimeParametrization) -> dict[str, Array]:
         """Limits that the trajectory keeps; splines one after the other can't keep a jerk limit."""
-        bounds = law.bounds
-        if law.method == "spline" and len(self.parts) > 1:
+        bounds = parametrization.bounds
+        if not parametrization.method.follows_path and len(self.parts) > 1:
             bounds.pop("jerk", None)
         return bounds
 
 
-def time_tool_path(chain: Chain, path: ToolPath, law: TimeParametrization) -> TimedToolPath:
+def time_tool_path(
+    chain: Chain, path: ToolPath, parametrization: TimeParametrization
+) -> TimedToolPath:
     """Time every motion of a tool path, from rest to rest.
 
     Args:
         chain: The robot; its tip is the tool.
         path: The joint paths.
-        law: The limits and the method.
+        parametrization: The method and the limits.
 
     Raises:
         TimingFailed: No motion within the limits was found.
     """
-    parts = [_time_motion(chain, *pair, path.tolerances, law) for pair in path.moving]
-    return TimedToolPath(path, tuple(parts))
+    scaled = [_time_motion(chain, *pair, path.tolerances, parametrization) for pair in path.moving]
+    parts = tuple(part.trajectory for part in scaled)
+    return TimedToolPath(path, parts, parametrization.method.notes(scaled))
 
 
 def _time_motion(
@@ -86,15 +92,16 @@ def _time_motion(
     motion: ToolMotion,
     path: JointPath,
     tolerances: Tolerances,
-    law: TimeParametrization,
-) -> Trajectory:
-    if law.method != "spline":
-        return law.time(path, chain.joint_names).trajectory
+    parametrization: TimeParametrization,
+) -> ScaledTime:
+    if parametrization.method.follows_path:
+        return parametrization.time(path, chain.joint_names)
     knots = path.breaks
     for _ in range(_MAX_DOUBLINGS):
-        timed = law.time_spline(path.sample(knots), None, "clamped", chain.joint_names).trajectory
+        timed = parametrization.time_spline(path.sample(knots), None, "clamped", chain.joint_names)
+        spline = timed.trajectory
         _, fine, _ = piece_deviations(
-            chain, timed.breaks, timed.coefficients, motion, tolerances.pair
+            chain, spline.breaks, spline.coefficients, motion, tolerances.pair
         )
         if fine.all():
             break

@@ -25,6 +25,7 @@ from armwright_client.scene import SceneReference
 from armwright_client.trajectory import TimedTrajectory
 
 TimingMethod = Literal["toppra", "spline", "jerk_limited"]
+TimingSolver = Literal["reachability", "toppra"]
 
 
 class Timing(Request):
@@ -32,6 +33,7 @@ class Timing(Request):
 
     Args:
         method: Of timing.
+        solver: Of the method "toppra": "reachability" if left out, or "toppra", the package.
         velocity_scaling: Share of the velocity limits to use, up to 1.
         acceleration_scaling: Share of the acceleration limits to use, up to 1.
         jerk_scaling: Share of the jerk limits to use, up to 1.
@@ -46,6 +48,7 @@ class Timing(Request):
     """
 
     method: TimingMethod = "toppra"
+    solver: TimingSolver | None = None
     velocity_scaling: Positive | None = None
     acceleration_scaling: Positive | None = None
     jerk_scaling: Positive | None = None

@@ -55,7 +55,7 @@ class Refinement:
     Args:
         task: What is to be kept.
         options: What is to become small.
-        law: How paths are timed.
+        parametrization: How paths are timed.
         known: The motion to start from.
         deadline: When to stop looking at it.
         binding: Whether it may be kept; else anything within the limits is better.
@@ -63,7 +63,7 @@ class Refinement:
 
     task: Task
     options: RefineOptions
-    law: TimeParametrization
+    parametrization: TimeParametrization
     known: Trajectory
     deadline: Deadline
     binding: bool = True
@@ -98,11 +98,11 @@ class Refinement:
 
     @property
     def retimed(self) -> bool:
-        """Whether the path of a spline is timed by the law in the end."""
+        """Whether the path of a spline is timed anew in the end."""
         return (
             self.options.fastest
             and self.task.still
-            and self.law.method != "spline"
+            and self.parametrization.method.follows_path
             and self.options.least_degree <= 3
         )
 
@@ -141,13 +141,15 @@ class Refinement:
         self._descent.allow(_MORE_ROUNDS)
 
     def _faster(self, best: Candidate) -> tuple[Trajectory, float]:
-        """The spline as it is, or its path timed by the law where that is faster."""
+        """The spline as it is, or its path timed by the parametrization where that is faster."""
         if not self.retimed:
             return best.trajectory, best.value
         lengths = np.diff(best.iterate.space.breaks) * best.iterate.duration
         motion = best.iterate.trajectory(self.task.chain.joint_names)
         try:
-            timed = self.law.time(JointPath(motion.coefficients, lengths), motion.joint_names)
+            timed = self.parametrization.time(
+                JointPath(motion.coefficients, lengths), motion.joint_names
+            )
         except TimingFailed:
             motion = self._within_jerk(best.trajectory)
             return motion, self._worth(motion)

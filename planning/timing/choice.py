@@ -1,4 +1,4 @@
-"""The law of time that options ask for, with the limits of a robot or those given."""
+"""The time parametrization that options ask for, within the limits of a robot or those given."""
 
 from collections.abc import Mapping, Sequence
 
@@ -9,11 +9,12 @@ from kinematics.arrays import Array
 from kinematics.chain import Chain, Limits
 from kinematics.errors import InvalidOption, MissingLimit
 from planning.effort_limits import EffortLimits
+from planning.timing.method import JerkUse, TimingMethod, timing_method
 from planning.timing.options import TimingOptions
 from planning.timing.parametrization import TimeParametrization
 
-# Which limits each method must know.
-_NEEDED = ("velocity", "acceleration")
+# Limits that every method must know.
+_REQUIRED = ("velocity", "acceleration")
 
 
 def chosen_parametrization(
@@ -23,7 +24,7 @@ def chosen_parametrization(
     overrides: Mapping[str, Array] | None = None,
     chain: Chain | None = None,
 ) -> TimeParametrization:
-    """The law that options ask for.
+    """The time parametrization that options ask for.
 
     Args:
         timing: The options.
@@ -37,26 +38,31 @@ def chosen_parametrization(
         MissingInertia: Torques are limited and some link's inertia is not known.
         InvalidOption: A boundary velocity has the wrong length, or the robot is missing.
     """
-    given = dict(overrides or {})
-    needed = (*_NEEDED, "jerk") if timing.method == "jerk_limited" else _NEEDED
-    found = {
-        name: given[name] if name in given else limits.require(name, joint_names) for name in needed
+    overrides = dict(overrides or {})
+    method = timing_method(timing.method, timing.solver)
+    chosen = {
+        name: overrides[name] if name in overrides else limits.require(name, joint_names)
+        for name in required_limits(method)
     }
-    if timing.method == "spline" and not np.isnan(limits.jerk).all():
-        # Its jerk is bounded, so that what is known of the limits can be kept.
-        found["jerk"] = np.where(np.isnan(limits.jerk), np.inf, limits.jerk)
-    if "jerk" in given and timing.method != "toppra":
-        found["jerk"] = given["jerk"]
-    scaled = {name: values * getattr(timing, f"{name}_scaling") for name, values in found.items()}
+    if method.jerk is JerkUse.WHERE_KNOWN and not np.isnan(limits.jerk).all():
+        chosen["jerk"] = np.where(np.isnan(limits.jerk), np.inf, limits.jerk)
+    if method.jerk is not JerkUse.UNUSED and "jerk" in overrides:
+        chosen["jerk"] = overrides["jerk"]
+    scaled = {name: values * getattr(timing, f"{name}_scaling") for name, values in chosen.items()}
     return TimeParametrization(
-        timing.method,
+        method,
         scaled["velocity"],
         scaled["acceleration"],
         scaled.get("jerk"),
-        _loads(timing, joint_names, given, chain),
+        _loads(timing, joint_names, overrides, chain),
         _velocity(timing.start_velocity, "start_velocity", joint_names),
         _velocity(timing.end_velocity, "end_velocity", joint_names),
     )
+
+
+def required_limits(method: TimingMethod) -> tuple[str, ...]:
+    """The quantities whose limits a method must know."""
+    return (*_REQUIRED, "jerk") if method.jerk is JerkUse.REQUIRED else _REQUIRED
 
 
 def _loads(

@@ -128,7 +128,7 @@ def _curved_counts(path: JointPath, resolution: int, limits: Array) -> NDArray[n
     change = (np.abs(turns.sum(axis=2)) / limits[0]).max(axis=1)
     slowness = np.maximum((np.abs(entering) / limits[0]).max(axis=1), change)
     reluctance = (np.abs(entering) / limits[1]).max(axis=1)
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         turn = np.nan_to_num(change / slowness)
         room = np.nan_to_num(path.lengths * slowness**2 / reluctance, nan=1.0)
     per_turn = _CELLS_PER_TURN * len(powers) * turn * np.minimum(1.0, room / _ROOM)

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from importlib import import_module
 from types import MappingProxyType
-from typing import Literal
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,11 +15,11 @@ from planning.effort_limits import EffortLimits
 from planning.timing.constraints import Cells, cells
 from planning.timing.effort_limits import loaded, slow_down
 from planning.timing.failure import TimingFailed
+from planning.timing.options import Solver
 from planning.timing.path import JointPath
 from planning.timing.profile import timed_pieces
+from planning.timing.reachability import squared_speeds
 from planning.timing.time_scaling import ScaledTime, checked_limits, dilate
-
-Solver = Literal["reachability", "toppra"]
 
 #: Cells of a path that has no straight pieces. Against 8,000 cells, 256 cost 0.09 % of the duration
 #: on paths of parabolas only, 0.05 % with half as long parabolas, 0.17 % on cubic splines.
@@ -33,13 +33,34 @@ _HAIR = 1e-12
 
 # A speed asked for at an end is kept to so many digits.
 _SAME_SPEED = 1e-9
+# How often an answer that has to be slowed down is asked for with higher speeds at its ends.
+_MAX_TRIALS = 8
+# Slowed down by this part more than was needed, so that the next trial needs no more.
+_SPARE = 1e-6
 # How often the speeds are found under friction: their changes shrink tenfold each time.
 _FRICTION_ROUNDS = 3
 
-# Imported when used: the toppra package takes a second to load, plotting library included.
-_SOLVERS = MappingProxyType(
-    {"reachability": "planning.timing.reachability", "toppra": "planning.timing.toppra"}
-)
+
+class SpeedProblem(NamedTuple):
+    """What a solver finds the speeds for.
+
+    Args:
+        path: What to follow.
+        limits: Of velocity and acceleration, shape (2, n).
+        resolution: Grid cells that a path without straight pieces has.
+        end_speeds: ds/dt at the start and at the end.
+        effort: Limits of torque and tool speed.
+    """
+
+    path: JointPath
+    limits: Array
+    resolution: int
+    end_speeds: tuple[float, float]
+    effort: EffortLimits | None
+
+
+#: A grid on the path and the squared speeds at its points.
+SpeedSolver = Callable[[SpeedProblem], tuple[Cells, Array]]
 
 
 def time_path(
@@ -84,34 +105,89 @@ def time_path(
             f"a timing resolution of {resolution} cells",
             hint=f"Give a number from 1 to {MAX_RESOLUTION}.",
         )
-    grid = _ended(cells(path, resolution, aims, everywhere=loads is not None), end_speeds)
-    solve = _squared_speeds(solver)
-    squares = solve(grid) if loads is None else _loaded_speeds(grid, path, loads, solve)
-    _check_ends(squares, end_speeds)
-    durations, coefficients = timed_pieces(path, grid, squares, aims)
+    problem = SpeedProblem(path, aims, resolution, end_speeds, loads)
+    solve = _speed_solver(solver)
+    if solver == "toppra" and any(end_speeds):
+        return _slowed_at_given_ends(problem, solve, joint_names, limits)
+    scaled = dilate(_motion(problem, solve, joint_names), *limits)
+    if loads is None:
+        return scaled
+    slowed = slow_down(loads, scaled)
+    if slowed.factor > (1.0 + _SAME_SPEED) * scaled.factor and sum(end_speeds) > 0.0:
+        raise _end_speeds_not_kept()
+    return slowed
+
+
+def _motion(problem: SpeedProblem, solve: SpeedSolver, joint_names: Sequence[str]) -> Trajectory:
+    """The motion with the speeds that a solver finds."""
+    grid, squares = solve(problem)
+    _check_ends(squares, problem.end_speeds)
+    durations, coefficients = timed_pieces(problem.path, grid, squares, problem.limits)
     breaks = np.concatenate([[0.0], np.cumsum(durations)])
     if not ((np.diff(breaks) > 0.0).all() and np.isfinite(coefficients).all()):
         raise TimingFailed(
             "the path can't be timed: some piece takes no time, or no finite one",
             hint="Look for limits or lengths of very different sizes.",
         )
-    dilated = dilate(Trajectory(tuple(joint_names), breaks, coefficients), limits[0], limits[1])
-    if loads is None:
-        return dilated
-    obeying = slow_down(loads, dilated)
-    if obeying.factor > (1.0 + _SAME_SPEED) * dilated.factor and sum(end_speeds) > 0.0:
-        raise _unkept()
-    return obeying
+    return Trajectory(tuple(joint_names), breaks, coefficients)
 
 
-def _loaded_speeds(
-    grid: Cells, path: JointPath, loads: EffortLimits, solve: Callable[[Cells], Array]
-) -> Array:
+def _slowed_at_given_ends(
+    problem: SpeedProblem, solve: SpeedSolver, joint_names: Sequence[str], limits: Array
+) -> ScaledTime:
+    """A motion that meets the speeds at its ends after it was slowed down.
+
+    Slowing down changes the speeds at the ends: they are asked for that much higher.
+    """
+    start, end = problem.end_speeds
+    factor = 1.0
+    for _ in range(_MAX_TRIALS):
+        asked = problem._replace(end_speeds=(start * factor, end * factor))
+        motion = _motion(asked, solve, joint_names)
+        scaled = dilate(motion, *limits)
+        slowed = scaled if problem.effort is None else slow_down(problem.effort, scaled)
+        if slowed.factor <= factor:
+            return ScaledTime(motion.dilate(factor), factor) if factor > 1.0 else slowed
+        factor = slowed.factor * (1.0 + _SPARE)
+    raise _end_speeds_not_kept()
+
+
+def _by_reachability(problem: SpeedProblem) -> tuple[Cells, Array]:
+    """The largest speeds for which limits hold in whole cells."""
+    path, effort = problem.path, problem.effort
+    grid = cells(path, problem.resolution, problem.limits, everywhere=effort is not None)
+    grid = _ended(grid, problem.end_speeds)
+    if effort is None:
+        return grid, squared_speeds(grid)
+    return grid, _with_friction(
+        effort, lambda guess: squared_speeds(loaded(grid, path, effort, guess))
+    )
+
+
+def _by_toppra(problem: SpeedProblem) -> tuple[Cells, Array]:
+    """The speeds that the toppra package finds, which keep the limits at grid points only."""
+    # Imported when used: the package takes a second to load, plotting library included.
+    solve = import_module("planning.timing.toppra").squared_speeds
+    path, limits, effort = problem.path, problem.limits, problem.effort
+    grid = cells(path, problem.resolution, limits, everywhere=True)
+    if effort is None:
+        return grid, solve(path, grid, limits, problem.end_speeds)
+    return grid, _with_friction(
+        effort, lambda guess: solve(path, grid, limits, problem.end_speeds, effort, guess)
+    )
+
+
+_SOLVERS: MappingProxyType[Solver, SpeedSolver] = MappingProxyType(
+    {"reachability": _by_reachability, "toppra": _by_toppra}
+)
+
+
+def _with_friction(effort: EffortLimits, solve: Callable[[Array | None], Array]) -> Array:
     """Speeds under loads; with friction the guess of the speeds that it needs is improved."""
     squares = None
-    rounds = _FRICTION_ROUNDS if loads.chain.viscous_friction.any() else 1
+    rounds = _FRICTION_ROUNDS if effort.chain.viscous_friction.any() else 1
     for _ in range(rounds):
-        squares = solve(loaded(grid, path, loads, squares))
+        squares = solve(squares)
     assert squares is not None
     return squares
 
@@ -129,23 +205,22 @@ def _ended(grid: Cells, end_speeds: tuple[float, float]) -> Cells:
 def _check_ends(squares: Array, end_speeds: tuple[float, float]) -> None:
     for square, speed in zip(squares[[0, -1]], end_speeds, strict=True):
         if speed > 0.0 and square < speed**2 * (1.0 - _SAME_SPEED):
-            raise _unkept()
+            raise _end_speeds_not_kept()
 
 
-def _unkept() -> TimingFailed:
+def _end_speeds_not_kept() -> TimingFailed:
     return TimingFailed(
         "the boundary velocities can't be kept within all limits",
         hint="Give lower boundary velocities, or higher limits.",
     )
 
 
-def _squared_speeds(solver: Solver) -> Callable[[Cells], Array]:
-    if solver not in _SOLVERS:
+def _speed_solver(name: Solver) -> SpeedSolver:
+    if name not in _SOLVERS:
         raise InvalidOption(
-            f"there is no timing solver {solver!r}", hint=f"Choose from {', '.join(_SOLVERS)}."
+            f"there is no timing solver {name!r}", hint=f"Choose from {', '.join(_SOLVERS)}."
         )
-    found: Callable[[Cells], Array] = import_module(_SOLVERS[solver]).squared_speeds
-    return found
+    return _SOLVERS[name]
 
 
 def _limits(path: JointPath, velocity: ArrayLike, acceleration: ArrayLike) -> Array:

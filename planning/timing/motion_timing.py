@@ -12,7 +12,7 @@ import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
-from kinematics.trajectory import Trajectory, stay
+from kinematics.trajectory import stay
 from obstacles.checker import Checker
 from planning.deadline import Deadline
 from planning.proof.violation import RATIO_TOLERANCE
@@ -22,6 +22,7 @@ from planning.timing.failure import TimingFailed
 from planning.timing.options import TimingOptions
 from planning.timing.parametrization import TimeParametrization, merge_repeated
 from planning.timing.spline import Ends
+from planning.timing.time_scaling import ScaledTime
 
 #: How often the legs of a path are halved to bring a spline nearer to them.
 _HALVINGS = 5
@@ -30,16 +31,16 @@ _HALVINGS = 5
 def motions(
     checker: Checker,
     waypoints: Array,
-    law: TimeParametrization,
+    parametrization: TimeParametrization,
     timing: TimingOptions,
     deadline: Deadline,
-) -> Iterator[Callable[[], Trajectory]]:
+) -> Iterator[Callable[[], ScaledTime]]:
     """Motions to be tried in turn, until one is proved.
 
     Args:
         checker: The robot in its scene.
         waypoints: A polyline proved free, shape (k, n).
-        law: The limits and the method.
+        parametrization: The method and the limits.
         timing: What else was asked of the timing.
         deadline: When corners are not looked at any more.
 
@@ -50,40 +51,44 @@ def motions(
     names = checker.model.chain.joint_names
     points = merge(waypoints)
     if len(points) < 2:
-        yield lambda: stay(names, points[0])
+        yield lambda: ScaledTime(stay(names, points[0]), 1.0)
         return
-    if law.method == "spline":
-        yield from _splines(merge_repeated(waypoints), law, timing, names)
+    if not parametrization.method.follows_path:
+        yield from _splines(merge_repeated(waypoints), parametrization, timing, names)
         return
     if timing.interpolation not in {None, "linear"}:
         raise InvalidOption(
-            f"a plan timed by {law.method} follows straight lines with rounded corners",
+            f"a plan timed by {parametrization.method.name} follows straight lines with rounded "
+            "corners",
             hint="Ask for the method spline, or leave interpolation out.",
         )
     if len(points) > 2:
-        yield partial(_rounded, checker, points, law, timing, deadline)
+        yield partial(_rounded, checker, points, parametrization, timing, deadline)
     none = np.zeros(max(len(points) - 2, 0))
-    yield lambda: law.time_polyline(points, none, names).trajectory
+    yield lambda: parametrization.time_polyline(points, none, names)
 
 
 def _rounded(
     checker: Checker,
     points: Array,
-    law: TimeParametrization,
+    parametrization: TimeParametrization,
     timing: TimingOptions,
     deadline: Deadline,
-) -> Trajectory:
+) -> ScaledTime:
     """The motion with corners rounded as far as is free and asked for."""
     most = None
     if timing.blend_tolerance is not None:
-        most = reach_for_deviation(points, timing.blend_tolerance, law.smooth)
-    reaches = certified_reaches(checker, points, deadline, smooth=law.smooth, most=most)
-    return law.time_polyline(points, reaches, checker.model.chain.joint_names).trajectory
+        most = reach_for_deviation(points, timing.blend_tolerance, parametrization.smooth)
+    reaches = certified_reaches(checker, points, deadline, smooth=parametrization.smooth, most=most)
+    return parametrization.time_polyline(points, reaches, checker.model.chain.joint_names)
 
 
 def _splines(
-    points: Array, law: TimeParametrization, timing: TimingOptions, names: tuple[str, ...]
-) -> Iterator[Callable[[], Trajectory]]:
+    points: Array,
+    parametrization: TimeParametrization,
+    timing: TimingOptions,
+    names: tuple[str, ...],
+) -> Iterator[Callable[[], ScaledTime]]:
     ends: Ends = "natural" if timing.interpolation == "natural_spline" else "clamped"
     times = None if timing.times is None else np.array(timing.times, dtype=np.float64)
     if times is not None and len(times) != len(points):
@@ -94,32 +99,33 @@ def _splines(
             waypoints=points.tolist(),
         )
     for _ in range(_HALVINGS + 1):
-        yield partial(_spline, points, times, ends, law, timing, names)
-        points = _halved(points)
-        times = None if times is None else _halved(times[:, None])[:, 0]
+        yield partial(_spline, points, times, ends, parametrization, timing, names)
+        points = _halve(points)
+        times = None if times is None else _halve(times[:, None])[:, 0]
 
 
 def _spline(
     points: Array,
     times: Array | None,
     ends: Ends,
-    law: TimeParametrization,
+    parametrization: TimeParametrization,
     timing: TimingOptions,
     names: tuple[str, ...],
-) -> Trajectory:
-    motion = law.time_spline(points, times, ends, names, timing.scale_times).trajectory
-    factor = 1.0 if times is None or timing.scale_times else law.needed_factor(motion)
+) -> ScaledTime:
+    timed = parametrization.time_spline(points, times, ends, names, timing.scale_times)
+    checked = times is not None and not timing.scale_times
+    factor = parametrization.needed_factor(timed.trajectory) if checked else 1.0
     if factor > 1.0 + RATIO_TOLERANCE:
         raise TimingFailed(
             f"the times given are too short: limits are kept by times {factor:.9g} times as long",
             hint="Give longer times, or ask for scale_times.",
             factor=factor,
         )
-    return motion
+    return timed
 
 
-def _halved(rows: Array) -> Array:
-    """The rows with the middle of each two neighbours between them."""
+def _halve(rows: Array) -> Array:
+    """Insert the middle of each two neighbours between them."""
     answer = np.empty((2 * len(rows) - 1, rows.shape[1]))
     answer[::2], answer[1::2] = rows, 0.5 * (rows[1:] + rows[:-1])
     return answer

@@ -1,13 +1,17 @@
 """Options of timing: the method, shares of the limits, what is carried."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from kinematics.errors import InvalidOption
 
 Method = Literal["toppra", "spline", "jerk_limited"]
 METHODS: tuple[Method, ...] = ("toppra", "spline", "jerk_limited")
+
+#: Who finds the speeds of the method "toppra": our compiled kernels, or the toppra package.
+Solver = Literal["reachability", "toppra"]
+SOLVERS: tuple[Solver, ...] = ("reachability", "toppra")
 
 Interpolation = Literal["linear", "natural_spline", "clamped_spline"]
 INTERPOLATIONS: tuple[Interpolation, ...] = ("linear", "natural_spline", "clamped_spline")
@@ -36,6 +40,7 @@ class TimingOptions:
 
     Args:
         method: "toppra", "spline" or "jerk_limited".
+        solver: For "toppra": "reachability" (ours) or "toppra" (the package); ours where None.
         velocity_scaling: Share of the velocity limits to use, in (0, 1].
         acceleration_scaling: Share of the acceleration limits to use, in (0, 1].
         jerk_scaling: Share of the jerk limits to use, in (0, 1].
@@ -57,6 +62,7 @@ class TimingOptions:
     """
 
     method: Method = "toppra"
+    solver: Solver | None = field(default=None, kw_only=True)
     velocity_scaling: float = 1.0
     acceleration_scaling: float = 1.0
     jerk_scaling: float = 1.0
@@ -74,13 +80,22 @@ class TimingOptions:
         for name in ("velocity_scaling", "acceleration_scaling", "jerk_scaling"):
             if not 0.0 < getattr(self, name) <= 1.0:
                 raise InvalidOption(f"timing.{name} must be in (0, 1]")
-        for name, choices in (("method", METHODS), ("interpolation", (None, *INTERPOLATIONS))):
+        for name, choices in (
+            ("method", METHODS),
+            ("solver", (None, *SOLVERS)),
+            ("interpolation", (None, *INTERPOLATIONS)),
+        ):
             if getattr(self, name) not in choices:
                 known = [choice for choice in choices if choice is not None]
                 raise InvalidOption(
                     f"there is no timing.{name} {getattr(self, name)!r}",
                     hint=f"Choose one of: {', '.join(known)}.",
                 )
+        if self.solver is not None and self.method != "toppra":
+            raise InvalidOption(
+                f"timing.solver belongs to the method toppra, not {self.method}",
+                hint="Ask for the method toppra, or leave solver out.",
+            )
         spline = self.method == "spline"
         if spline and self.interpolation == "linear":
             raise InvalidOption(

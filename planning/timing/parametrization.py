@@ -1,4 +1,4 @@
-"""A law of time: the method and all the limits that a path is timed by."""
+"""Time parametrization: the method and all the limits that a path is timed by."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,19 +11,14 @@ from kinematics.errors import InvalidOption
 from kinematics.trajectory import Trajectory
 from planning.effort_limits import EffortLimits
 from planning.timing.blend import blend, merge
-from planning.timing.effort_limits import effort_rows, slow_down
-from planning.timing.failure import TimingFailed
-from planning.timing.jerk_limited import time_path_with_jerk
-from planning.timing.minimum_time import time_path
-from planning.timing.options import Method
+from planning.timing.effort_limits import slow_down
+from planning.timing.method import PathLimits, TimingMethod
 from planning.timing.path import JointPath
 from planning.timing.spline import Ends, chord_knots, spline_trajectory
 from planning.timing.time_scaling import ScaledTime, dilate, fit, fitting_factor
 
 # Boundary velocities may miss the path's direction by this part.
 _ALONG = 1e-6
-# A boundary velocity is kept to so many digits by what slows a motion down in the end.
-_SAME_SPEED = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,7 +26,7 @@ class TimeParametrization:
     """How paths are timed.
 
     Args:
-        method: "toppra", "jerk_limited", or "spline" (a cubic spline of time).
+        method: The method.
         velocity: Limits, shape (n,), inf where there is none [rad/s or m/s].
         acceleration: Limits, shape (n,) [rad/s^2 or m/s^2].
         jerk: Limits, shape (n,); None where jerk is not limited [rad/s^3 or m/s^3].
@@ -40,7 +35,7 @@ class TimeParametrization:
         end_velocity: At the end, likewise.
     """
 
-    method: Method
+    method: TimingMethod
     velocity: Array
     acceleration: Array
     jerk: Array | None = None
@@ -51,11 +46,11 @@ class TimeParametrization:
     @property
     def smooth(self) -> bool:
         """Whether corners have to be rounded by curves of continuous curvature."""
-        return self.method == "jerk_limited"
+        return self.method.smooth
 
     @property
     def bounds(self) -> dict[str, Array]:
-        """The limits that a motion timed by this law is held to, by quantity."""
+        """The limits that a motion with this timing is held to, by quantity."""
         bounds = {"velocity": self.velocity, "acceleration": self.acceleration}
         return bounds if self.jerk is None else bounds | {"jerk": self.jerk}
 
@@ -66,18 +61,8 @@ class TimeParametrization:
             InvalidOption: A limit is malformed, or a boundary velocity points off the path.
             TimingFailed: There is no such motion, or none was found.
         """
-        speeds = self._end_speeds(path)
-        if self.method != "jerk_limited":
-            return time_path(
-                path, joint_names, self.velocity, self.acceleration,
-                end_speeds=speeds, loads=self.loads,
-            )  # fmt: skip
-        assert self.jerk is not None
-        dilated = time_path_with_jerk(
-            path, joint_names, self.velocity, self.acceleration, self.jerk,
-            end_speeds=speeds, extra=None if self.loads is None else effort_rows(self.loads),
-        )  # fmt: skip
-        return self._obeying(dilated, speeds)
+        limits = PathLimits(self.velocity, self.acceleration, self.jerk, self.loads)
+        return self.method.time(path, joint_names, limits, self._end_speeds(path))
 
     def time_polyline(
         self, waypoints: Array, reaches: Array, joint_names: Sequence[str]
@@ -132,11 +117,11 @@ class TimeParametrization:
             knots = chord_knots(points)
             motion = spline_trajectory(joint_names, points, knots, ends, velocities)
             fitted = fit(motion, **self.bounds)
-            return self._obeying(ScaledTime(fitted.trajectory, fitted.factor), (0.0, 0.0))
+            return self._slowed(fitted)
         motion = spline_trajectory(joint_names, waypoints, times, ends, velocities)
         if not scale:
             return ScaledTime(motion, 1.0)
-        return self._obeying(dilate(motion, **self.bounds), (0.0, 0.0))
+        return self._slowed(dilate(motion, **self.bounds))
 
     def needed_factor(self, motion: Trajectory) -> float:
         """How many times as long a motion must be made for all limits to hold; 1 is enough.
@@ -150,16 +135,8 @@ class TimeParametrization:
         slower = motion.dilate(factor) if factor > 1.0 else motion
         return slow_down(self.loads, ScaledTime(slower, factor)).factor
 
-    def _obeying(self, dilated: ScaledTime, speeds: tuple[float, float]) -> ScaledTime:
-        if self.loads is None:
-            return dilated
-        obeying = slow_down(self.loads, dilated)
-        if any(speeds) and obeying.factor > dilated.factor * (1.0 + _SAME_SPEED):
-            raise TimingFailed(
-                "the boundary velocities can't be kept within the torque and tool speed limits",
-                hint="Give lower boundary velocities, or higher limits.",
-            )
-        return obeying
+    def _slowed(self, scaled: ScaledTime) -> ScaledTime:
+        return scaled if self.loads is None else slow_down(self.loads, scaled)
 
     def _spline_velocities(self, ends: Ends, timed: bool) -> tuple[Array, Array] | None:
         given = (self.start_velocity, self.end_velocity)

@@ -94,3 +94,23 @@ class JointPath:
         values = np.empty((len(s), self.n))
         sample_kernel(frozen(breaks), self.coefficients, s, derivative, values)
         return values
+
+
+def piece_values(coefficients: Array, places: Array, derivative: int) -> Array:
+    """A derivative of polynomial pieces, each at one place.
+
+    Args:
+        coefficients: Ascending powers of the piece's own parameter, shape (N, n, k).
+        places: In the pieces' own parameters, shape (N,).
+        derivative: 0 for the value itself, 1, 2, ...
+
+    Returns:
+        Shape (N, n).
+    """
+    c = coefficients
+    for _ in range(derivative):
+        c = c[:, :, 1:] * np.arange(1.0, c.shape[2])
+    value = np.zeros(c.shape[:2])
+    for k in range(c.shape[2] - 1, -1, -1):
+        value = value * places[:, None] + c[:, :, k]
+    return value

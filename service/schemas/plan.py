@@ -103,6 +103,12 @@ class Timing(Body):
     """How a path becomes a motion in time."""
 
     method: Literal["toppra", "spline", "jerk_limited"] = "toppra"
+    solver: Literal["reachability", "toppra"] | None = Field(
+        None,
+        description="of the method toppra: reachability (ours) if left out; toppra runs the "
+        "package of that name, slows its answer down until all limits hold between its grid "
+        "points too, and tells in the notes what that costs",
+    )
     velocity_scaling: Ratio | None = None
     acceleration_scaling: Ratio | None = None
     jerk_scaling: Ratio | None = None

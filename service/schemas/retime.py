@@ -36,6 +36,12 @@ _EXAMPLE: JsonDict = {
     "timing": {"method": "jerk_limited", "blend_tolerance": 0.05, "sample_period": 0.01},
 }
 
+_TOPPRA: JsonDict = {
+    "path": {"joints": [[0.0, 0.0], [1.0, 0.2], [1.2, 1.0]]},
+    "limits": {"velocity": [1.0, 1.0], "acceleration": [4.0, 4.0]},
+    "timing": {"method": "toppra", "solver": "toppra", "interpolation": "natural_spline"},
+}
+
 
 class RetimePath(Body):
     """Waypoints in joint space, and what a spline through them is to have for knots."""
@@ -61,7 +67,7 @@ class RetimeTiming(Timing):
 class RetimeRequest(Body):
     """A path to be timed within a robot's limits, or those given."""
 
-    model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
+    model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE, _TOPPRA]})
 
     path: RetimePath
     robot: Name | None = Field(None, examples=["panda"])

@@ -31,6 +31,7 @@ def timing_options(timing: schema.Timing) -> TimingOptions:
     ends = timing if isinstance(timing, retime_schema.RetimeTiming) else None
     return TimingOptions(
         timing.method,
+        solver=timing.solver,
         **scalings,
         times=timing.times,
         scale_times=bool(timing.scale_times),

@@ -129,6 +129,9 @@ def test_paths_are_timed_and_told_in_other_shapes(client: Client, url: str) -> N
         assert use is not None
         assert use.worst_ratio is not None
         assert use.worst_ratio <= 1.0 + 1e-9
+    package = client.retime([READY, AWAY], robot="panda", timing=ours.RetimeTiming(solver="toppra"))
+    assert package.certificate.verified
+    assert any("toppra's answer" in note for note in package.notes)
     body = {"trajectory": json.loads(found.trajectory.model_dump_json()), "sample_period": 0.05}
     body["trajectory"].pop("interpolation", None)
     with httpx.Client(base_url=url) as plain:

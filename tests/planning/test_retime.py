@@ -1,9 +1,11 @@
 """Timing of given paths: what comes out, what is told, what is refused."""
 
+import re
 from typing import Any
 
 import numpy as np
 import pytest
+import toppra
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
@@ -14,11 +16,13 @@ from kinematics.serial_chain import serial_chain
 from kinematics.trajectory_export import csv_text, joint_trajectory
 from kinematics.urdf import parse_urdf
 from planning.retime import PathToTime, Retimed, retime
+from planning.timing.failure import TimingFailed
 from planning.timing.options import Payload, TimingOptions
 
 Array = NDArray[np.float64]
 NAMES = ("a", "b", "c")
 POINTS = np.random.default_rng(0).uniform(-1.0, 1.0, (6, 3))
+ORDERS = ((1, "velocity"), (2, "acceleration"))
 LIMITS = {"velocity": np.ones(3), "acceleration": np.full(3, 4.0), "jerk": np.full(3, 30.0)}
 
 
@@ -75,6 +79,73 @@ def test_clamped_splines_take_boundary_velocities() -> None:
     np.testing.assert_array_equal(found.trajectory.sample([0.0], 1)[0], start)
 
 
+@pytest.mark.parametrize("interpolation", ["linear", "natural_spline", "clamped_spline"])
+def test_the_toppra_package_is_run_and_its_slowing_down_told(
+    monkeypatch: pytest.MonkeyPatch, interpolation: str
+) -> None:
+    calls = []
+    solve = toppra.algorithm.TOPPRA.compute_parameterization
+
+    def counted(self: Any, *args: Any, **more: Any) -> Any:
+        calls.append(args)
+        return solve(self, *args, **more)
+
+    monkeypatch.setattr(toppra.algorithm.TOPPRA, "compute_parameterization", counted)
+    options: dict[str, Any] = {"method": "toppra", "interpolation": interpolation}
+    if interpolation == "linear":
+        options["blend_tolerance"] = 0.05
+    ours = timed(**options)
+    assert not calls
+    package = timed(**options, solver="toppra")
+    assert calls
+    assert package.certificate.verified
+    for order, name in enumerate(("velocity", "acceleration"), 1):
+        assert worst_ratio(package.trajectory, LIMITS[name], order) <= 1.0 + 1e-9
+    assert package.trajectory != ours.trajectory
+    assert package.trajectory.duration == pytest.approx(ours.trajectory.duration, rel=0.05)
+    (note,) = [note for note in package.notes if "toppra's answer" in note]
+    assert not any("toppra's answer" in note for note in ours.notes)
+    told = re.search(r"slowed down by (\S+) % \((\S+) s\)", note)
+    assert told is not None
+    seconds = float(told.group(2))
+    answered = package.trajectory.dilate(1.0 - seconds / package.trajectory.duration)
+    broken = max(worst_ratio(answered, LIMITS[name], k) ** (1 / k) for k, name in ORDERS)
+    assert broken > 1.0
+    # Both are told with three digits.
+    assert broken - 1.0 == pytest.approx(float(told.group(1)) / 100.0, rel=1e-2)
+
+
+def test_the_toppra_package_keeps_boundary_velocities_torques_and_tool_speed() -> None:
+    rise = CubicSpline(np.arange(6.0), POINTS, bc_type="natural")(0.0, 1) * 0.1
+    knots = np.arange(6.0)
+    found = timed(knots=knots, interpolation="natural_spline", solver="toppra", start_velocity=rise)
+    assert found.certificate.verified
+    np.testing.assert_allclose(found.trajectory.sample([0.0], 1)[0], rise, rtol=1e-8)
+    chain = serial_chain(parse_urdf(builtin_urdf("panda")))
+    points = np.array([0.0, 0.0, 0.0, -1.5, 0.0, 1.5, 0.0]) + 0.3 * POINTS.repeat(3, axis=1)[:4, :7]
+    options = TimingOptions(
+        blend_tolerance=0.1, torque_limits=True, payload=Payload(3.0), tool_speed=0.5,
+        solver="toppra",
+    )  # fmt: skip
+    loaded = retime(PathToTime(chain.joint_names, points), options, {}, chain)
+    assert loaded.certificate.verified
+    assert loaded.certificate.limits["torque"].worst_ratio <= 1.0 + 1e-9
+    assert 0.9 < loaded.certificate.limits["tool_speed"].worst_ratio <= 1.0 + 1e-9
+
+
+def test_what_the_toppra_package_cannot_time_is_a_failure_with_a_hint() -> None:
+    points = np.random.default_rng(0).uniform(-1.0, 1.0, (6, 3))
+    points[3] = points[2] + 1e-10
+    assert timed(points, blend_tolerance=0.1).certificate.verified
+    with pytest.raises(TimingFailed, match="toppra") as failure:
+        timed(points, blend_tolerance=0.1, solver="toppra")
+    assert failure.value.hint is not None
+    assert "timing.solver" in failure.value.hint
+    far = {"velocity": np.full(3, 1e-300), "acceleration": np.full(3, 1e300)}
+    with pytest.raises(TimingFailed, match="out of range"):
+        retime(PathToTime(NAMES, POINTS), TimingOptions(solver="toppra"), far)
+
+
 def test_odd_paths() -> None:
     for points in (POINTS[:1], np.repeat(POINTS[:1], 4, axis=0)):
         still = timed(points)
@@ -122,6 +193,9 @@ def test_torques_payload_and_tool_speed_of_a_robot() -> None:
         ({"method": "guess"}, InvalidOption, "guess"),
         ({"method": "spline", "interpolation": "linear"}, InvalidOption, "linear"),
         ({"times": [0.0, 1.0]}, InvalidOption, "spline"),
+        ({"solver": "guess"}, InvalidOption, "guess"),
+        ({"solver": "toppra", "method": "jerk_limited"}, InvalidOption, "belongs to"),
+        ({"solver": "reachability", "method": "spline"}, InvalidOption, "belongs to"),
         ({"method": "spline", "times": [0.0, 1.0]}, InvalidTrajectory, "times"),
         ({"jerk_scaling": 0.0}, InvalidOption, "jerk_scaling"),
         ({"blend_tolerance": -1.0}, InvalidOption, "tolerance"),

@@ -170,6 +170,15 @@ def test_scaling_slows_down(client: httpx.Client) -> None:
     assert proved["limits"]["acceleration"]["worst_ratio"] <= 0.1 + 1e-9
 
 
+def test_the_toppra_package_times_plans_and_its_cost_is_told(client: httpx.Client) -> None:
+    found = plan(client, timing={"method": "toppra", "solver": "toppra"})
+    assert found["certificate"]["verified"] is True
+    for quantity in ("velocity", "acceleration"):
+        assert found["certificate"]["limits"][quantity]["worst_ratio"] <= 1.0 + 1e-9
+    assert any("toppra's answer" in note for note in found["notes"])
+    assert not any("toppra's answer" in note for note in plan(client)["notes"])
+
+
 def test_margins_are_kept(client: httpx.Client) -> None:
     found = plan(client, margin=0.01, scene=scene(POST | {"margin": 0.02}, FLOOR))
     exact = world(scene(POST))
@@ -335,6 +344,8 @@ def test_no_way_at_all_is_told_in_time_with_what_was_tried(client: httpx.Client)
         ({"planner": "rrt_connect", "planner_options": {"range": -1}}, 422, "VALIDATION_ERROR"),
         ({"timing": {"times": [0.0, 1.0]}}, 422, "VALIDATION_ERROR"),
         ({"timing": {"method": "guess"}}, 422, "VALIDATION_ERROR"),
+        ({"timing": {"method": "spline", "solver": "toppra"}}, 422, "VALIDATION_ERROR"),
+        ({"timing": {"solver": "toppra"}, "refine": True}, 422, "VALIDATION_ERROR"),
         ({"timing": {"velocity_scaling": 0.0}}, 422, "VALIDATION_ERROR"),
         ({"timing": {"sample_period": 1e-4, "velocity_scaling": 1e-4}}, 422, "VALIDATION_ERROR"),
         ({"constraints": [{"type": "upright"}]}, 422, "VALIDATION_ERROR"),

@@ -76,6 +76,47 @@ def test_a_path_is_timed_within_the_limits_given(
     assert (np.diff(starts) > 0.0).all()
 
 
+def test_the_toppra_package_answers_within_the_limits_and_tells_its_cost(
+    client: httpx.Client,
+) -> None:
+    timing = {"method": "toppra", "interpolation": "natural_spline"}
+    ours = retimed(client, timing=timing)
+    package = retimed(client, timing=timing | {"solver": "toppra"})
+    assert package["certificate"]["verified"] is True
+    for quantity, order in (("velocity", 1), ("acceleration", 2)):
+        ratio = float((peaks(package["trajectory"], order) / LIMITS[quantity]).max())
+        assert ratio <= 1.0 + 1e-9
+    assert any("toppra's answer was slowed down by" in note for note in package["notes"])
+    assert not any("toppra's answer" in note for note in ours["notes"])
+    duration = package["trajectory"]["duration"]
+    assert duration != ours["trajectory"]["duration"]
+    assert duration == pytest.approx(ours["trajectory"]["duration"], rel=0.02)
+
+
+def test_the_solver_belongs_to_the_method_toppra(client: httpx.Client) -> None:
+    for timing in ({"method": "jerk_limited"}, {"method": "spline"}):
+        body = {"path": {"joints": JOINTS}, "limits": LIMITS}
+        response = client.post("/v1/retime", json=body | {"timing": timing | {"solver": "toppra"}})
+        document = problem(response, 422, "VALIDATION_ERROR")
+        assert "belongs to the method toppra" in document["detail"]
+    timing = {"method": "toppra", "solver": "guess"}
+    response = client.post("/v1/retime", json=body | {"timing": timing})
+    problem(response, 422, "VALIDATION_ERROR")
+
+
+def test_a_path_that_the_toppra_package_fails_on_is_a_problem(client: httpx.Client) -> None:
+    rows = np.random.default_rng(0).uniform(-1.0, 1.0, (6, 3))
+    rows[3] = rows[2] + 1e-10
+    body = {
+        "path": {"joints": rows.tolist()},
+        "limits": {"velocity": [1.0] * 3, "acceleration": [4.0] * 3},
+        "timing": {"solver": "toppra", "blend_tolerance": 0.1},
+    }
+    document = problem(client.post("/v1/retime", json=body), 422, "INVALID_MOTION_PLAN")
+    assert "toppra" in document["detail"]
+    assert "timing.solver" in document["hint"]
+
+
 def test_a_spline_at_given_times_is_that_of_scipy(client: httpx.Client) -> None:
     times = [0.0, 2.0, 3.0, 5.0]
     kinds: tuple[tuple[str, Literal["natural", "clamped"]], ...] = (

@@ -11,6 +11,7 @@ from service.schemas.check import CheckRequest
 from service.schemas.kinematics import FkRequest, IkRequest
 from service.schemas.plan import Goal, PlanRequest, TrajectoryBody
 from service.schemas.pose import Pose
+from service.schemas.retime import RetimeRequest
 from service.schemas.robot import RobotBody
 from service.schemas.scene import NamedScene, Scene
 from service.schemas.shape import Shape
@@ -27,7 +28,7 @@ def refused(model: type[BaseModel] | TypeAdapter[Any], value: Any, words: str) -
         check(value)
 
 
-@pytest.mark.parametrize("model", [NamedScene, RobotBody, PlanRequest])
+@pytest.mark.parametrize("model", [NamedScene, RobotBody, PlanRequest, RetimeRequest])
 def test_published_examples_are_valid(model: type[BaseModel]) -> None:
     examples = model.model_json_schema()["examples"]
     assert examples

@@ -225,6 +225,17 @@ def off_circle(pose: np.ndarray, motion: ToolMotion) -> float:
     return float(np.hypot(across - motion.radius, height))
 
 
+def test_the_toppra_package_times_tool_motions_and_tells_what_that_cost() -> None:
+    chain = builtin("panda").chain
+    T = forward(chain, HOME)
+    problem = Problem(builtin("panda"), Scene(), HOME, (PoseGoal(moved(T, [0.0, 0.2, -0.1])),))
+    answer = led(problem, options("toppra", {"solver": "toppra"}))
+    assert [note for note in answer.notes if "toppra's answer" in note]
+    ours = led(problem, options())
+    assert not [note for note in ours.notes if "toppra's answer" in note]
+    assert answer.trajectory.duration == pytest.approx(ours.trajectory.duration, rel=0.1)
+
+
 def test_an_arm_stops_where_it_can_reach_no_farther() -> None:
     """Closed form: two links of known length reach their sum, and no farther."""
     robot = robot_geometry(builtin_chain("planar_rr"))

@@ -20,8 +20,8 @@ from planning.effort_limits import EffortLimits
 from planning.proof.effort import effort_uses
 from planning.timing.blend import blend, largest_reaches
 from planning.timing.failure import TimingFailed
+from planning.timing.method import JerkLimited, TimeOptimal, TimingMethod
 from planning.timing.minimum_time import time_path
-from planning.timing.options import Method
 from planning.timing.parametrization import TimeParametrization
 
 Array = NDArray[np.float64]
@@ -66,14 +66,13 @@ def sampled_uses(
     return float(torque), float(np.linalg.norm(velocity, axis=1).max() / tool_speed)
 
 
-@pytest.mark.parametrize("method", ["toppra", "jerk_limited"])
+@pytest.mark.parametrize("timing", [TimeOptimal(), TimeOptimal("toppra"), JerkLimited()])
 @pytest.mark.parametrize("name", ["panda", "kr6_sixx", "stanford", "scara"])
-def test_torques_and_tool_speed_are_kept_and_used(name: str, method: Method) -> None:
+def test_torques_and_tool_speed_are_kept_and_used(name: str, timing: TimingMethod) -> None:
     chain = with_payload(chain_of(name), 1.5, (0.0, 0.0, 0.05))
     rng = np.random.default_rng(1)
     waypoints = rng.uniform(-1.0, 1.0, (5, chain.n))
-    smooth = method == "jerk_limited"
-    path = blend(waypoints, largest_reaches(waypoints), smooth=smooth)
+    path = blend(waypoints, largest_reaches(waypoints), smooth=timing.smooth)
     q = path.sample(np.linspace(0.0, path.breaks[-1], 400))
     still = np.abs(inverse_dynamics(chain, q, 0.0 * q, 0.0 * q)).max(axis=0)
     v, a, j = (np.full(chain.n, value) for value in (3.0, 15.0, 300.0))
@@ -83,9 +82,8 @@ def test_torques_and_tool_speed_are_kept_and_used(name: str, method: Method) -> 
         EffortLimits(chain, None, 0.6),
         EffortLimits(chain, effort, 0.6),
     ):
-        motion = (
-            TimeParametrization(method, v, a, j, loads).time(path, chain.joint_names).trajectory
-        )
+        parametrization = TimeParametrization(timing, v, a, j, loads)
+        motion = parametrization.time(path, chain.joint_names).trajectory
         torque, speed = sampled_uses(chain, motion, effort, 0.6)
         uses = effort_uses(loads, motion)
         used = [use.ratio for use in uses.values()]

@@ -1,0 +1,217 @@
+"""Timing methods: each finds a motion in time along a given path."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import NamedTuple, Protocol
+
+from kinematics.arrays import Array
+from kinematics.errors import InvalidOption
+from planning.effort_limits import EffortLimits
+from planning.timing.effort_limits import effort_rows, slow_down
+from planning.timing.failure import TimingFailed
+from planning.timing.jerk_limited import time_path_with_jerk
+from planning.timing.minimum_time import time_path
+from planning.timing.options import Method, Solver
+from planning.timing.path import JointPath
+from planning.timing.time_scaling import ScaledTime
+
+# A boundary velocity counts as kept where slowing down changes it by less than this part [-].
+_SAME_SPEED = 1e-9
+_SLOWED = "toppra's answer was slowed down"
+_REASON = "to bring it inside the limits between its grid points."
+# A motion slowed down by less than this part was not slowed down but for rounding [-].
+_ROUNDING = 1e-9
+
+
+class JerkUse(Enum):
+    """Use that a method makes of jerk limits."""
+
+    REQUIRED = "required"
+    WHERE_KNOWN = "where known"
+    UNUSED = "unused"
+
+
+class PathLimits(NamedTuple):
+    """Limits that a path is timed within.
+
+    Args:
+        velocity: Shape (n,), inf where there is none [rad/s or m/s].
+        acceleration: Shape (n,) [rad/s^2 or m/s^2].
+        jerk: Shape (n,); None where jerk is not limited [rad/s^3 or m/s^3].
+        effort: Limits of torque and tool speed.
+    """
+
+    velocity: Array
+    acceleration: Array
+    jerk: Array | None = None
+    effort: EffortLimits | None = None
+
+
+class TimingMethod(Protocol):
+    """A method by which paths become motions.
+
+    ``smooth`` says whether corners have to be rounded by curves of continuous curvature,
+    ``follows_path`` whether the motion keeps exactly to the path that it is given.
+    """
+
+    @property
+    def name(self) -> Method:
+        """The method's name in options."""
+
+    @property
+    def jerk(self) -> JerkUse:
+        """The use that it makes of jerk limits."""
+
+    @property
+    def smooth(self) -> bool:
+        """Whether corners need curves of continuous curvature."""
+
+    @property
+    def follows_path(self) -> bool:
+        """Whether the motion keeps exactly to the path."""
+
+    def time(
+        self,
+        path: JointPath,
+        joint_names: Sequence[str],
+        limits: PathLimits,
+        end_speeds: tuple[float, float],
+    ) -> ScaledTime:
+        """The path run through as fast as the limits allow.
+
+        Args:
+            path: What to follow.
+            joint_names: n names.
+            limits: Of the motion.
+            end_speeds: ds/dt at the start and at the end.
+
+        Raises:
+            InvalidOption: A limit is malformed, or the method does not follow paths.
+            TimingFailed: There is no such motion, or none was found.
+        """
+
+    def notes(self, parts: Sequence[ScaledTime]) -> tuple[str, ...]:
+        """Notes for whoever asked, about the motions that this method made."""
+
+
+@dataclass(frozen=True, slots=True)
+class TimeOptimal:
+    """The least time within limits of velocity and acceleration (TOPP-RA).
+
+    Args:
+        solver: Who finds the speeds along the path.
+    """
+
+    solver: Solver = "reachability"
+
+    name: Method = "toppra"
+    jerk: JerkUse = JerkUse.UNUSED
+    smooth: bool = False
+    follows_path: bool = True
+
+    def time(
+        self,
+        path: JointPath,
+        joint_names: Sequence[str],
+        limits: PathLimits,
+        end_speeds: tuple[float, float],
+    ) -> ScaledTime:
+        """See ``TimingMethod.time``."""
+        return time_path(
+            path, joint_names, limits.velocity, limits.acceleration,
+            solver=self.solver, end_speeds=end_speeds, loads=limits.effort,
+        )  # fmt: skip
+
+    def notes(self, parts: Sequence[ScaledTime]) -> tuple[str, ...]:
+        """What the toppra package's answers cost: they keep limits at grid points only."""
+        if self.solver != "toppra" or not parts:
+            return ()
+        duration = sum(part.trajectory.duration for part in parts)
+        answered = sum(part.trajectory.duration / part.factor for part in parts)
+        if duration <= answered * (1.0 + _ROUNDING):
+            return ("toppra's answer keeps all limits between its grid points too.",)
+        percent = 100.0 * (duration / answered - 1.0)
+        seconds = duration - answered
+        return (f"{_SLOWED} by {percent:.3g} % ({seconds:.3g} s) {_REASON}",)
+
+
+@dataclass(frozen=True, slots=True)
+class JerkLimited:
+    """Little more than the least time within limits of velocity, acceleration and jerk."""
+
+    name: Method = "jerk_limited"
+    jerk: JerkUse = JerkUse.REQUIRED
+    smooth: bool = True
+    follows_path: bool = True
+
+    def time(
+        self,
+        path: JointPath,
+        joint_names: Sequence[str],
+        limits: PathLimits,
+        end_speeds: tuple[float, float],
+    ) -> ScaledTime:
+        """See ``TimingMethod.time``."""
+        assert limits.jerk is not None
+        dilated = time_path_with_jerk(
+            path, joint_names, limits.velocity, limits.acceleration, limits.jerk,
+            end_speeds=end_speeds,
+            extra=None if limits.effort is None else effort_rows(limits.effort),
+        )  # fmt: skip
+        if limits.effort is None:
+            return dilated
+        slowed = slow_down(limits.effort, dilated)
+        if any(end_speeds) and slowed.factor > dilated.factor * (1.0 + _SAME_SPEED):
+            raise TimingFailed(
+                "the boundary velocities can't be kept within the torque and tool speed limits",
+                hint="Give lower boundary velocities, or higher limits.",
+            )
+        return slowed
+
+    def notes(self, parts: Sequence[ScaledTime]) -> tuple[str, ...]:  # noqa: ARG002  one protocol
+        """None."""
+        return ()
+
+
+@dataclass(frozen=True, slots=True)
+class SplineInTime:
+    """A cubic spline of time through waypoints; between them it leaves the path."""
+
+    name: Method = "spline"
+    jerk: JerkUse = JerkUse.WHERE_KNOWN
+    smooth: bool = False
+    follows_path: bool = False
+
+    def time(
+        self,
+        path: JointPath,  # noqa: ARG002  one protocol
+        joint_names: Sequence[str],  # noqa: ARG002
+        limits: PathLimits,  # noqa: ARG002
+        end_speeds: tuple[float, float],  # noqa: ARG002
+    ) -> ScaledTime:
+        """Refuse: a spline of time keeps to waypoints only.
+
+        Raises:
+            InvalidOption: Always.
+        """
+        raise InvalidOption(
+            "the timing method spline does not follow paths",
+            hint="Choose toppra or jerk_limited.",
+        )
+
+    def notes(self, parts: Sequence[ScaledTime]) -> tuple[str, ...]:  # noqa: ARG002  one protocol
+        """None."""
+        return ()
+
+
+def timing_method(name: Method, solver: Solver | None = None) -> TimingMethod:
+    """The method of a name.
+
+    Args:
+        name: As in ``TimingOptions.method``.
+        solver: For "toppra": who finds the speeds; ours where None.
+    """
+    if name == "toppra":
+        return TimeOptimal(solver or "reachability")
+    return JerkLimited() if name == "jerk_limited" else SplineInTime()
