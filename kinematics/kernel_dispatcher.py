@@ -1,0 +1,126 @@
+"""A compiled function as Python and other kernels see it."""
+
+import hashlib
+import pickle
+import sys
+from functools import cache
+from typing import Any
+
+import llvmlite
+import numba
+from numba.core import compiler, config, sigutils, types, typing
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.registry import CPUDispatcher
+from numba.core.targetconfig import ConfigStack
+
+from kinematics import kernel_code
+from kinematics.kernel_code import Code
+from kinematics.kernel_fingerprint import describe, settled_fingerprint
+from kinematics.kernel_library import Copied
+from kinematics.kernel_symbol import name_by_content
+from kinematics.kernel_target import target
+
+#: Count up with every change of how kernels are compiled that does not show in their functions.
+_REVISION = 1
+
+
+class Kernel(CPUDispatcher):  # type: ignore[misc]
+    """Numba's dispatcher; what it compiles is made from content-named parts.
+
+    Kernels that call it get its code, and only Python's own call gets a door: a second function,
+    compiled and kept by itself, that takes Python's objects apart.
+    """
+
+    def __init__(self, function: Any, options: dict[str, Any], *more: Any) -> None:
+        target()
+        name_by_content()
+        super().__init__(function, *more, targetoptions=options)
+        self._doors: dict[Any, Any] = {}
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """The signature by which another kernel calls this one; literals are plain numbers."""
+        pysig, folded = self._compiler.fold_argument_types(args, kws)
+        plain = tuple(map(types.unliteral, folded))
+        self._overload(plain)
+        template = typing.make_concrete_template(
+            f"CallTemplate({self.py_func.__name__})", self.py_func.__name__, self.nopython_signatures
+        )
+        return template, pysig, plain, {}
+
+    def compile(self, sig: Any) -> Any:
+        """The function that Python calls for types of arguments."""
+        kinds, _ = sigutils.normalize_signature(sig)
+        with global_compiler_lock:
+            if kinds not in self._doors:
+                result = self._overload(kinds)
+                self._doors[kinds] = kernel_code.entry(self._door(result))
+                self._insert([kind._code for kind in kinds], self._doors[kinds], False)
+        return self._doors[kinds]
+
+    def _door(self, result: Any) -> Code:
+        name = f"{result.entry_point.name}.door{'' if self.targetoptions['nogil'] else '-locked'}"
+        found = kernel_code.find(name)
+        return found or kernel_code.keep(kernel_code.door(name, result.fndesc, self._flags()))
+
+    @global_compiler_lock  # type: ignore[untyped-decorator]
+    def _overload(self, kinds: Any) -> Any:
+        if kinds not in self.overloads:
+            with self._compiling_counter:
+                self._add(kinds, self._code(kinds))
+        return self.overloads[kinds]
+
+    def _code(self, kinds: Any) -> Code:
+        name = self._name(kinds)
+        self.targetctx.refresh()
+        found = kernel_code.find(name)
+        (self._cache_misses if found is None else self._cache_hits)[kinds] += 1
+        small = self.targetoptions["forceinline"]
+        return found or kernel_code.keep(
+            kernel_code.compiled(name, self.py_func, kinds, self._flags(), small)
+        )
+
+    def _add(self, kinds: Any, code: Code) -> None:
+        fndesc, signature = pickle.loads(code.facts)
+        definition = Definition(code.name)
+        libraries = [] if code.bitcode is None else [_copied(code.name, code.bitcode)]
+        self.targetctx.insert_user_function(definition, fndesc, libraries)
+        self.overloads[kinds] = compiler.compile_result(
+            typing_context=self.typingctx, target_context=self.targetctx, signature=signature,
+            fndesc=fndesc, entry_point=definition, objectmode=False, lifted=(), metadata=None,
+        )  # fmt: skip
+
+    def _flags(self) -> Any:
+        flags = compiler.Flags()
+        with ConfigStack().enter(compiler.Flags()):  # of the caller's, nothing is inherited
+            self.targetdescr.options.parse_as_flags(flags, self.targetoptions)
+        flags.no_compile = flags.no_cpython_wrapper = flags.no_cfunc_wrapper = True
+        return flags
+
+    def _name(self, kinds: Any) -> str:
+        options = {name: value for name, value in self.targetoptions.items() if name != "nogil"}
+        made_from = (
+            settled_fingerprint(self.py_func), ",".join(map(describe, kinds)), sorted(options.items()),
+            *_machinery(),
+        )  # fmt: skip
+        digest = hashlib.sha256(repr(made_from).encode()).hexdigest()[:32]
+        name = f"{self.py_func.__module__}.{self.py_func.__qualname__}".replace("<", "").replace(">", "")
+        return f"{name[-100:]}-{digest}"
+
+
+class Definition:
+    """What numba knows one compiled signature of a kernel by; it is never called."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+
+@cache
+def _machinery() -> tuple[Any, ...]:
+    switches = (str(config.OPT), config.LOOP_VECTORIZE, config.SLP_VECTORIZE, config.BOUNDSCHECK)
+    versions = (numba.__version__, llvmlite.__version__, sys.implementation.cache_tag)
+    return (_REVISION, kernel_code.LARGE, tuple(target()), versions, switches)
+
+
+@cache
+def _copied(name: str, bitcode: bytes) -> Copied:
+    return Copied(bitcode)
