@@ -1,8 +1,11 @@
 """A compiled function as Python and other kernels see it."""
 
+import contextlib
+import gc
 import hashlib
 import pickle
 import sys
+from collections.abc import Iterator
 from functools import cache
 from typing import Any
 
@@ -74,10 +77,12 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]
         self.targetctx.refresh()
         found = kernel_code.find(name)
         (self._cache_misses if found is None else self._cache_hits)[kinds] += 1
+        return found or kernel_code.keep(self._compiled(name, kinds))
+
+    def _compiled(self, name: str, kinds: Any) -> Code:
         small = self.targetoptions["forceinline"]
-        return found or kernel_code.keep(
-            kernel_code.compiled(name, self.py_func, kinds, self._flags(), small)
-        )
+        with _uncollected():
+            return kernel_code.compiled(name, self.py_func, kinds, self._flags(), small)
 
     def _add(self, kinds: Any, code: Code) -> None:
         fndesc, signature = pickle.loads(code.facts)
@@ -90,7 +95,7 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]
         )  # fmt: skip
 
     def _flags(self) -> Any:
-        flags = compiler.Flags()
+        flags = _Flags()
         with ConfigStack().enter(compiler.Flags()):  # of the caller's, nothing is inherited
             self.targetdescr.options.parse_as_flags(flags, self.targetoptions)
         flags.no_compile = flags.no_cpython_wrapper = flags.no_cfunc_wrapper = True
@@ -107,11 +112,40 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]
         return f"{name[-100:]}-{digest}"
 
 
+class _Flags(compiler.Flags):  # type: ignore[misc]
+    """Numba's settings of a compilation, compared in a tenth of the time.
+
+    They are part of a key that is looked up for every call of a library function.
+    """
+
+    _hash = hash(compiler.Flags())
+
+    def __hash__(self) -> int:
+        return self._hash
+
+    def __eq__(self, other: object) -> bool:
+        if isinstance(other, compiler.Flags) and self._values == other._values:
+            return True
+        return bool(super().__eq__(other))
+
+
 class Definition:
     """What numba knows one compiled signature of a kernel by; it is never called."""
 
     def __init__(self, name: str) -> None:
         self.name = name
+
+
+@contextlib.contextmanager
+def _uncollected() -> Iterator[None]:
+    """Look for no garbage meanwhile, which costs a compiler that makes many objects a fifth."""
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collects:
+            gc.enable()
 
 
 @cache

@@ -24,6 +24,10 @@ class Part(JITCodeLibrary):  # type: ignore[misc]
         self._finalize_dynamic_globals()
         self._finalized = True
 
+    def _optimize_functions(self, ll_module: Any) -> None:
+        # Whole modules are optimised, when all is linked.
+        ll_module.data_layout = self._codegen._data_layout
+
     def get_pointer_to_function(self, name: str) -> int:
         """No address: nothing calls a part from outside."""
         self._ensure_finalized()
