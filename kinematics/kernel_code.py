@@ -16,7 +16,7 @@ from numba.core.serialize import dumps
 from numba.core.targetconfig import ConfigStack
 from numba.core.untyped_passes import ExtractByteCode
 
-from kinematics import kernel_library, kernel_store, kernel_symbol
+from kinematics import kernel_library, kernel_store, kernel_symbol, kernel_writes
 from kinematics.kernel_library import Whole
 
 #: Instructions of machine code beyond which a kernel is called and not copied into its callers.
@@ -30,6 +30,7 @@ class Code:
     Attributes:
         name: what it is kept under; a digest of all that it is made from is part of it.
         symbol: of its function.
+        writes: numbers of the arguments that it may write to.
         needs: names of the kernels that it calls, which must be loaded before it is.
         machine_code: an object file.
         bitcode: the same in a form that can be copied into callers; None for a large kernel.
@@ -39,6 +40,7 @@ class Code:
 
     name: str
     symbol: str
+    writes: frozenset[int]
     needs: tuple[str, ...]
     machine_code: bytes
     bitcode: bytes | None
@@ -87,20 +89,22 @@ def _note(code: Code) -> None:
 def compiled(name: str, function: Any, kinds: Any, flags: Any, small: bool) -> Code:
     """Compile a kernel for types of arguments."""
     library = Whole(_codegen(), name)
+    context = cpu_target.target_context
+    pipeline = _Kernel(cpu_target.typing_context, context, library, kinds, None, flags, {})
+    pipeline.name = name
     with kernel_library.parts_only(_codegen()):
-        result = compiler.compile_extra(
-            cpu_target.typing_context, cpu_target.target_context, function, kinds, None, flags, {},
-            library, _compiler(name),
-        )  # fmt: skip
+        result = pipeline.compile_extra(function)
     library._ensure_finalized()
     if library.recurses():
-        raise NotImplementedError(f"{function.__qualname__} calls itself; a kernel can't")
+        raise NotImplementedError(f"{function.__qualname__} calls itself by way of another kernel")
     fndesc = result.fndesc
+    writes = kernel_writes.written(pipeline.state.func_ir, fndesc.typemap, fndesc.calltypes)
     fndesc.typemap = fndesc.calltypes = None
     fndesc.doc = ""
     copied = small or library.size() <= LARGE
     bitcode = library.bitcode() if copied else None
-    return _code(name, fndesc.llvm_func_name, library, bitcode, (fndesc, result.signature))
+    symbol, facts = fndesc.llvm_func_name, (fndesc, result.signature)
+    return _code(name, symbol, writes, library, bitcode, facts)
 
 
 def door(name: str, fndesc: Any, flags: Any) -> Code:
@@ -117,7 +121,7 @@ def door(name: str, fndesc: Any, flags: Any) -> Code:
         context.push_code_library(library),
     ):
         context.create_cpython_wrapper(library, fndesc, environment, None, flags.release_gil)
-    return _code(name, fndesc.llvm_cpython_wrapper_name, library, None, fndesc)
+    return _code(name, fndesc.llvm_cpython_wrapper_name, frozenset(), library, None, fndesc)
 
 
 def entry(code: Code) -> Any:
@@ -147,12 +151,19 @@ def load(name: str) -> None:
     _loaded[name] = library, environments
 
 
-def _code(name: str, symbol: str, library: Whole, bitcode: bytes | None, facts: Any) -> Code:
+def _code(  # noqa: PLR0913  all that tells one code from another
+    name: str,
+    symbol: str,
+    writes: frozenset[int],
+    library: Whole,
+    bitcode: bytes | None,
+    facts: Any,
+) -> Code:
     needs = dict.fromkeys(_owners[one] for one in library.called() if one in _owners)
     environments = [lookup_environment(one) for one in library.environments()]
+    used = dumps([one for one in environments if one is not None])
     return Code(
-        name, symbol, tuple(needs), library.machine_code(), bitcode,
-        dumps([one for one in environments if one is not None]), dumps(facts),
+        name, symbol, writes, tuple(needs), library.machine_code(), bitcode, used, dumps(facts),
         not library.has_dynamic_globals,
     )  # fmt: skip
 
@@ -169,15 +180,6 @@ class _Kernel(compiler.Compiler):  # type: ignore[misc]
         ExtractByteCode().run_pass(self.state)
         self.state.lifted, self.state.lifted_from = (), None
         return self._compile_bytecode()
-
-
-def _compiler(name: str) -> Any:
-    def made(*arguments: Any) -> _Kernel:
-        answer = _Kernel(*arguments)
-        answer.name = name
-        return answer
-
-    return made
 
 
 @cache

@@ -11,7 +11,7 @@ from typing import Any
 
 import llvmlite
 import numba
-from numba.core import compiler, config, sigutils, types, typing
+from numba.core import compiler, config, errors, sigutils, types, typing
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher
 from numba.core.targetconfig import ConfigStack
@@ -22,9 +22,10 @@ from kinematics.kernel_fingerprint import describe, settled_fingerprint
 from kinematics.kernel_library import Copied
 from kinematics.kernel_symbol import name_by_content
 from kinematics.kernel_target import target
+from kinematics.kernel_writes import holds_arrays, writable
 
 #: Count up with every change of how kernels are compiled that does not show in their functions.
-_REVISION = 1
+_REVISION = 2
 
 
 class Kernel(CPUDispatcher):  # type: ignore[misc]
@@ -39,33 +40,63 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]
         name_by_content()
         super().__init__(function, *more, targetoptions=options)
         self._doors: dict[Any, Any] = {}
+        self._choices: dict[Any, Any] = {}
+        self._writes: dict[Any, frozenset[int]] = {}
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """The signature by which another kernel calls this one; literals are plain numbers."""
         pysig, folded = self._compiler.fold_argument_types(args, kws)
-        plain = tuple(map(types.unliteral, folded))
-        self._overload(plain)
+        kinds = self._settled(tuple(map(types.unliteral, folded)))
         template = typing.make_concrete_template(
-            f"CallTemplate({self.py_func.__name__})", self.py_func.__name__, self.nopython_signatures
+            f"CallTemplate({self.py_func.__name__})",
+            self.py_func.__name__,
+            [self.overloads[kinds].signature],
         )
-        return template, pysig, plain, {}
+        return template, pysig, kinds, {}
 
     def compile(self, sig: Any) -> Any:
         """The function that Python calls for types of arguments."""
-        kinds, _ = sigutils.normalize_signature(sig)
+        given, _ = sigutils.normalize_signature(sig)
         with global_compiler_lock:
-            if kinds not in self._doors:
-                result = self._overload(kinds)
-                self._doors[kinds] = kernel_code.entry(self._door(result))
-                self._insert([kind._code for kind in kinds], self._doors[kinds], False)
-        return self._doors[kinds]
+            if given not in self._doors:
+                kinds = self._settled(given)
+                if kinds not in self._doors:
+                    self._doors[kinds] = kernel_code.entry(self._door(self.overloads[kinds]))
+                self._doors[given] = self._doors[kinds]
+                self._insert([kind._code for kind in given], self._doors[given], False)
+        return self._doors[given]
+
+    def written_arguments(self, kinds: Any) -> frozenset[int]:
+        """Numbers of the arguments that this kernel may write to, for types it is compiled for."""
+        return self._writes[kinds]
+
+    @global_compiler_lock  # type: ignore[untyped-decorator]
+    def _settled(self, given: Any) -> Any:
+        """The types that the kernel is compiled for, instead of some that differ in constness only.
+
+        Arrays that it never writes to and does not give back need not be known to be read-only.
+        """
+        if given not in self._choices:
+            kinds = tuple(map(writable, given))
+            if kinds == given or not self._leaves_alone(given, kinds):
+                kinds = given
+                self._overload(kinds)
+            self._choices[given] = kinds
+        return self._choices[given]
+
+    def _leaves_alone(self, given: Any, kinds: Any) -> bool:
+        try:
+            answer = self._overload(kinds).signature.return_type
+        except errors.NumbaError:
+            return False
+        constant = {i for i, pair in enumerate(zip(given, kinds, strict=True)) if pair[0] != pair[1]}
+        return not holds_arrays(answer) and not constant & self._writes[kinds]
 
     def _door(self, result: Any) -> Code:
         name = f"{result.entry_point.name}.door{'' if self.targetoptions['nogil'] else '-locked'}"
         found = kernel_code.find(name)
         return found or kernel_code.keep(kernel_code.door(name, result.fndesc, self._flags()))
 
-    @global_compiler_lock  # type: ignore[untyped-decorator]
     def _overload(self, kinds: Any) -> Any:
         if kinds not in self.overloads:
             with self._compiling_counter:
@@ -87,6 +118,7 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]
     def _add(self, kinds: Any, code: Code) -> None:
         fndesc, signature = pickle.loads(code.facts)
         definition = Definition(code.name)
+        self._writes[kinds] = code.writes
         libraries = [] if code.bitcode is None else [_copied(code.name, code.bitcode)]
         self.targetctx.insert_user_function(definition, fndesc, libraries)
         self.overloads[kinds] = compiler.compile_result(

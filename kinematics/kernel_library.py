@@ -95,7 +95,7 @@ class Whole(Part):
         return [name for name in names if name.startswith(_ENVIRONMENT)]
 
     def recurses(self) -> bool:
-        """Whether a kernel calls itself, in which case numba left its address open."""
+        """Whether two kernels call each other, in which case numba leaves an address open."""
         names = (one.name for one in self._final_module.global_variables)
         return any(name.startswith(_UNRESOLVED) for name in names)
 

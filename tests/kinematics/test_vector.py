@@ -8,7 +8,8 @@ import pytest
 from numpy.typing import NDArray
 
 from kinematics import vector
-from kinematics.kernel import fingerprint, kernel
+from kinematics.kernel import kernel
+from kinematics.kernel_fingerprint import fingerprint
 from kinematics.turns import turn_of_kernel, turns_kernel
 from kinematics.vector import (
     LANES,
