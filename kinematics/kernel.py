@@ -35,8 +35,8 @@ def kernel(
     Division follows IEEE 754 (x / 0 is inf or nan, never an exception) and the interpreter lock is
     released inside, unless asked otherwise. A type checker sees the signature of the function
     itself. The machine code is looked for in ARMWRIGHT_KERNELS and kept in NUMBA_CACHE_DIR if set,
-    else in the user's cache folder; where that can't be written it is compiled anew in each process.
-    A large kernel is compiled once and called; a small one is copied into the kernels that call it.
+    else in the user's cache folder; where that can't be written, each process compiles it anew. A
+    large kernel is compiled once and called, a small one copied into the kernels that call it.
 
     Args:
         function: the function to compile, when used without parentheses.

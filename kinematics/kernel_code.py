@@ -17,7 +17,7 @@ from numba.core.targetconfig import ConfigStack
 from numba.core.untyped_passes import ExtractByteCode
 
 from kinematics import kernel_library, kernel_store, kernel_symbol, kernel_writes
-from kinematics.kernel_library import Whole
+from kinematics.kernel_library import Copied, Whole
 
 #: Instructions of machine code beyond which a kernel is called and not copied into its callers.
 LARGE = 150
@@ -56,7 +56,7 @@ class Code:
 #: Every kernel that was compiled or read in this process, and the kernels' symbols.
 _codes: dict[str, Code] = {}
 _owners: dict[str, str] = {}
-#: What is loaded, kept alive with the environments that it uses.
+#: What is loaded, kept alive.
 _loaded: dict[str, Any] = {}
 
 
@@ -84,6 +84,13 @@ def keep(code: Code) -> Code:
 def _note(code: Code) -> None:
     _codes[code.name] = code
     _owners[code.symbol] = code.name
+
+
+@cache
+def copied(name: str) -> Copied:
+    """A small kernel, for linking into its callers."""
+    _environments(name)  # which callers find by their names
+    return Copied(_codes[name].bitcode or b"")
 
 
 def compiled(name: str, function: Any, kinds: Any, flags: Any, small: bool) -> Code:
@@ -145,13 +152,18 @@ def load(name: str) -> None:
         load(need)
     rtsys.initialize(cpu_target.target_context)
     library = kernel_library.load(_codegen(), name, code.machine_code)
-    environments = pickle.loads(code.environments)
-    for environment in environments:
+    for environment in _environments(name):
         library.codegen.set_env(environment.env_name, environment)
-    _loaded[name] = library, environments
+    _loaded[name] = library
 
 
-def _code(  # noqa: PLR0913  all that tells one code from another
+@cache
+def _environments(name: str) -> Any:
+    """The environments that code reads, kept alive."""
+    return pickle.loads(_codes[name].environments)
+
+
+def _code(
     name: str,
     symbol: str,
     writes: frozenset[int],
@@ -168,7 +180,7 @@ def _code(  # noqa: PLR0913  all that tells one code from another
     )  # fmt: skip
 
 
-class _Kernel(compiler.Compiler):  # type: ignore[misc]
+class _Kernel(compiler.Compiler):
     """Numba's compiler, for one kernel whose symbol says what it is made from."""
 
     name = ""

@@ -11,7 +11,8 @@ from typing import Any
 
 import llvmlite
 import numba
-from numba.core import compiler, config, errors, sigutils, types, typing
+from numba import types
+from numba.core import compiler, config, errors, sigutils, typing
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher
 from numba.core.targetconfig import ConfigStack
@@ -19,7 +20,6 @@ from numba.core.targetconfig import ConfigStack
 from kinematics import kernel_code
 from kinematics.kernel_code import Code
 from kinematics.kernel_fingerprint import describe, settled_fingerprint
-from kinematics.kernel_library import Copied
 from kinematics.kernel_symbol import name_by_content
 from kinematics.kernel_target import target
 from kinematics.kernel_writes import holds_arrays, writable
@@ -28,7 +28,11 @@ from kinematics.kernel_writes import holds_arrays, writable
 _REVISION = 2
 
 
-class Kernel(CPUDispatcher):  # type: ignore[misc]
+#: Characters of names that are no good in names of files.
+_IN_NO_FILE = str.maketrans("", "", "<>/")
+
+
+class Kernel(CPUDispatcher):
     """Numba's dispatcher; what it compiles is made from content-named parts.
 
     Kernels that call it get its code, and only Python's own call gets a door: a second function,
@@ -89,7 +93,7 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]
             answer = self._overload(kinds).signature.return_type
         except errors.NumbaError:
             return False
-        constant = {i for i, pair in enumerate(zip(given, kinds, strict=True)) if pair[0] != pair[1]}
+        constant = {i for i, kind in enumerate(kinds) if kind != given[i]}
         return not holds_arrays(answer) and not constant & self._writes[kinds]
 
     def _door(self, result: Any) -> Code:
@@ -119,7 +123,7 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]
         fndesc, signature = pickle.loads(code.facts)
         definition = Definition(code.name)
         self._writes[kinds] = code.writes
-        libraries = [] if code.bitcode is None else [_copied(code.name, code.bitcode)]
+        libraries = [] if code.bitcode is None else [kernel_code.copied(code.name)]
         self.targetctx.insert_user_function(definition, fndesc, libraries)
         self.overloads[kinds] = compiler.compile_result(
             typing_context=self.typingctx, target_context=self.targetctx, signature=signature,
@@ -136,15 +140,17 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]
     def _name(self, kinds: Any) -> str:
         options = {name: value for name, value in self.targetoptions.items() if name != "nogil"}
         made_from = (
-            settled_fingerprint(self.py_func), ",".join(map(describe, kinds)), sorted(options.items()),
+            settled_fingerprint(self.py_func),
+            [describe(kind) for kind in kinds],
+            sorted(options.items()),
             *_machinery(),
-        )  # fmt: skip
+        )
         digest = hashlib.sha256(repr(made_from).encode()).hexdigest()[:32]
-        name = f"{self.py_func.__module__}.{self.py_func.__qualname__}".replace("<", "").replace(">", "")
-        return f"{name[-100:]}-{digest}"
+        name = f"{self.py_func.__module__}.{self.py_func.__qualname__}"
+        return f"{name.translate(_IN_NO_FILE)[-100:]}-{digest}"
 
 
-class _Flags(compiler.Flags):  # type: ignore[misc]
+class _Flags(compiler.Flags):
     """Numba's settings of a compilation, compared in a tenth of the time.
 
     They are part of a key that is looked up for every call of a library function.
@@ -185,8 +191,3 @@ def _machinery() -> tuple[Any, ...]:
     switches = (str(config.OPT), config.LOOP_VECTORIZE, config.SLP_VECTORIZE, config.BOUNDSCHECK)
     versions = (numba.__version__, llvmlite.__version__, sys.implementation.cache_tag)
     return (_REVISION, kernel_code.LARGE, tuple(target()), versions, switches)
-
-
-@cache
-def _copied(name: str, bitcode: bytes) -> Copied:
-    return Copied(bitcode)

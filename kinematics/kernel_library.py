@@ -14,7 +14,7 @@ _RUNTIME = "NRT_"
 _UNRESOLVED = ".numba.unresolved$"
 
 
-class Part(JITCodeLibrary):  # type: ignore[misc]
+class Part(JITCodeLibrary):
     """Code that is linked into kernels and never runs by itself, so that none is emitted for it."""
 
     def finalize(self) -> None:
@@ -28,7 +28,7 @@ class Part(JITCodeLibrary):  # type: ignore[misc]
         # Whole modules are optimised, when all is linked.
         ll_module.data_layout = self._codegen._data_layout
 
-    def get_pointer_to_function(self, name: str) -> int:
+    def get_pointer_to_function(self, name: str) -> int:  # noqa: ARG002  numba's signature
         """No address: nothing calls a part from outside."""
         self._ensure_finalized()
         return 0
@@ -138,7 +138,7 @@ def parts_only(codegen: Any) -> Iterator[None]:
         codegen._library_class = before
 
 
-class _Loaded(JITCodeLibrary):  # type: ignore[misc]
+class _Loaded(JITCodeLibrary):
     """Machine code in this process; its module is empty."""
 
 

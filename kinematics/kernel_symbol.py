@@ -41,4 +41,4 @@ def mangled(name: str, kinds: Any, *, abi_tags: Any = (), uid: str | None = None
     """
     whole = funcdesc.default_mangler(name, kinds, abi_tags=abi_tags, uid=uid)
     short = hashlib.sha256(whole.encode()).hexdigest()[:24]
-    return itanium_mangler.PREFIX + itanium_mangler.mangle_identifier(name, uid=short)
+    return f"{itanium_mangler.PREFIX}{itanium_mangler.mangle_identifier(name, uid=short)}"

@@ -9,24 +9,38 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from numba.core import ir, types
+from numba import types
+from numba.core import ir
 
 #: Functions that leave arrays alone, by the first part of their module's name.
 _READING_MODULES = frozenset({"math", "builtins", "cmath", "operator"})
 _READING_NUMPY = frozenset(
-    "abs all any append arange argmax argmin argsort array arctan2 asarray ascontiguousarray "
-    "concatenate cos cross cumsum diag dot empty empty_like exp eye floor full full_like isfinite "
-    "isnan linspace max maximum mean min minimum nonzero norm ones ones_like outer prod searchsorted "
-    "sin sort sqrt stack sum tan trace transpose where zeros zeros_like".split()
-)
+    {
+        "abs", "all", "any", "append", "arange", "arctan2", "argmax", "argmin", "argsort",
+        "array", "asarray", "ascontiguousarray", "concatenate", "cos", "cross", "cumsum",
+        "diag", "dot", "empty", "empty_like", "exp", "eye", "floor", "full", "full_like",
+        "isfinite", "isnan", "linspace", "max", "maximum", "mean", "min", "minimum", "nonzero",
+        "norm", "ones", "ones_like", "outer", "prod", "searchsorted", "sin", "sort", "sqrt",
+        "stack", "sum", "tan", "trace", "transpose", "where", "zeros", "zeros_like",
+    }
+)  # fmt: skip
 _READING_METHODS = frozenset(
-    "all any argmax argmin astype copy dot flatten max mean min nonzero ravel reshape sum transpose".split()
-)
+    {
+        "all", "any", "argmax", "argmin", "astype", "copy", "dot", "flatten", "max", "mean",
+        "min", "nonzero", "ravel", "reshape", "sum", "transpose",
+    }
+)  # fmt: skip
 _VIEWING = frozenset(
-    "getattr static_getitem getitem typed_getitem exhaust_iter getiter iternext pair_first "
-    "pair_second cast".split()
-)
-_MAKING = frozenset("binop unary arrayexpr null undef".split())
+    {
+        "cast", "exhaust_iter", "getattr", "getitem", "getiter", "iternext", "pair_first",
+        "pair_second", "static_getitem", "typed_getitem",
+    }
+)  # fmt: skip
+_MAKING = frozenset(
+    {
+        "arrayexpr", "binop", "null", "unary", "undef",
+    }
+)  # fmt: skip
 
 
 def writable(kind: Any) -> Any:
@@ -54,7 +68,7 @@ def holds_arrays(kind: Any) -> bool:
 
 
 def written(func_ir: Any, typemap: Any, calltypes: Any) -> frozenset[int]:
-    """Numbers of the arguments that a compiled function may write to; some others may be among them."""
+    """Numbers of the arguments that a compiled function may write to, and perhaps some others."""
     return _Aliases(func_ir, typemap, calltypes).written()
 
 
