@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 from numba import types
-from numba.core import ir
+from numba.core import cgutils, ir
+from numba.extending import lower_cast
 
 #: Functions that leave arrays alone, by the first part of their module's name.
 _READING_MODULES = frozenset({"math", "builtins", "cmath", "operator"})
@@ -54,6 +55,14 @@ def writable(kind: Any) -> Any:
     if isinstance(kind, types.Optional):
         return types.Optional(writable(kind.type))
     return kind
+
+
+@lower_cast(types.BaseNamedTuple, types.BaseNamedTuple)  # type: ignore[untyped-decorator]
+def _recast(context: Any, builder: Any, given: Any, wanted: Any, value: Any) -> Any:
+    """A tuple with read-only arrays as one with others, which numba has for nameless tuples only."""
+    items = cgutils.unpack_tuple(builder, value, len(given))
+    cast = [context.cast(builder, *one) for one in zip(items, given, wanted, strict=True)]
+    return context.make_tuple(builder, wanted, cast)
 
 
 def holds_arrays(kind: Any) -> bool:

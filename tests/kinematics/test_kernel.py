@@ -405,6 +405,12 @@ def clear_somewhere(pair: Pair, right: bool) -> float:
     return 0.0
 
 
+@kernel
+def clear_and_measure(pair: Pair, out: Pair) -> float:
+    out.left[0] = 1.0
+    return measure(pair, 0) + measure(out, 1)
+
+
 def constant(values: Array) -> Array:
     values.flags.writeable = False
     return values
@@ -415,6 +421,12 @@ def test_a_kernel_that_only_reads_is_compiled_once_for_constant_arrays() -> None
         for right in (np.ones(2), constant(np.ones(2))):
             assert both(Pair(left, right)) == 2.0
     assert len(both.overloads) == len(measure.overloads) == 1  # type: ignore[attr-defined]
+
+
+def test_a_kernel_that_writes_calls_one_that_reads_with_all_kinds_of_tuples() -> None:
+    for left in (np.ones(2), constant(np.ones(2))):
+        for pair in (Pair(left, np.ones(2)), Pair(left, constant(np.ones(2)))):
+            assert clear_and_measure(pair, Pair(np.ones(2), constant(np.ones(2)))) == 2.0
 
 
 @pytest.mark.parametrize("right", [False, True])
