@@ -59,7 +59,7 @@ def writable(kind: Any) -> Any:
 
 @lower_cast(types.BaseNamedTuple, types.BaseNamedTuple)  # type: ignore[untyped-decorator]
 def _recast(context: Any, builder: Any, given: Any, wanted: Any, value: Any) -> Any:
-    """A tuple with read-only arrays as one with others, which numba has for nameless tuples only."""
+    """A tuple with read-only arrays as one with others; numba casts nameless tuples only."""
     items = cgutils.unpack_tuple(builder, value, len(given))
     cast = [context.cast(builder, *one) for one in zip(items, given, wanted, strict=True)]
     return context.make_tuple(builder, wanted, cast)
