@@ -198,6 +198,9 @@ def store(array: Array, at: int, value: Lanes) -> None:
     array[at : at + LANES] = value
 
 
+store.writes = True  # type: ignore[attr-defined]
+
+
 @_revised
 def fill(value: float) -> Lanes:
     """A number in all lanes."""

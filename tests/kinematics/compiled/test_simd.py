@@ -8,7 +8,8 @@ import pytest
 from numpy.typing import NDArray
 
 from kinematics.compiled import simd
-from kinematics.compiled.kernel import fingerprint, kernel
+from kinematics.compiled.kernel import kernel
+from kinematics.compiled.kernel_fingerprint import fingerprint
 from kinematics.compiled.simd import (
     LANES,
     anywhere,

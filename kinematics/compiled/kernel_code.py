@@ -1,0 +1,199 @@
+"""Machine code of kernels: compiled or read from disk, and loaded with all that it calls."""
+
+import copy
+import pickle
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+from numba import _dynfunc
+from numba.core import compiler
+from numba.core.bytecode import FunctionIdentity
+from numba.core.environment import Environment, lookup_environment
+from numba.core.registry import cpu_target
+from numba.core.runtime import rtsys
+from numba.core.serialize import dumps
+from numba.core.targetconfig import ConfigStack
+from numba.core.untyped_passes import ExtractByteCode
+
+from kinematics.compiled import kernel_library, kernel_store, kernel_symbol, kernel_writes
+from kinematics.compiled.kernel_library import Copied, Whole
+
+#: Instructions of machine code beyond which a kernel is called and not copied into its callers.
+LARGE = 150
+
+
+@dataclass(frozen=True)
+class Code:
+    """One kernel for one signature, or the door by which Python calls one.
+
+    Attributes:
+        name: what it is kept under; a digest of all that it is made from is part of it.
+        symbol: of its function.
+        writes: numbers of the arguments that it may write to.
+        needs: names of the kernels that it calls, which must be loaded before it is.
+        machine_code: an object file.
+        bitcode: the same in a form that can be copied into callers; None for a large kernel.
+        facts: pickled numba descriptions: of the function, its signature and its environments.
+        lasting: whether it may be kept on disk; not if it holds addresses of this process.
+    """
+
+    name: str
+    symbol: str
+    writes: frozenset[int]
+    needs: tuple[str, ...]
+    machine_code: bytes
+    bitcode: bytes | None
+    environments: bytes
+    facts: bytes
+    lasting: bool = True
+
+    def pickled(self) -> bytes:
+        """The code as bytes for a file."""
+        return pickle.dumps(tuple(vars(self).values())[1:-1], protocol=5)
+
+
+#: Every kernel that was compiled or read in this process, and the kernels' symbols.
+_codes: dict[str, Code] = {}
+_owners: dict[str, str] = {}
+#: What is loaded, kept alive.
+_loaded: dict[str, Any] = {}
+
+
+def find(name: str) -> Code | None:
+    """The code of a name from this process or from disk, if all that it calls is there as well."""
+    if name not in _codes:
+        content = kernel_store.read(name)
+        if content is None:
+            return None
+        code = Code(name, *pickle.loads(content))
+        if any(find(need) is None for need in code.needs):
+            return None
+        _note(code)
+    return _codes[name]
+
+
+def keep(code: Code) -> Code:
+    """Remember code that was just compiled, here and on disk."""
+    _note(code)
+    if code.lasting and all(_codes[need].lasting for need in code.needs):
+        kernel_store.write(code.name, code.pickled())
+    return code
+
+
+def _note(code: Code) -> None:
+    _codes[code.name] = code
+    _owners[code.symbol] = code.name
+
+
+@cache
+def copied(name: str) -> Copied:
+    """A small kernel, for linking into its callers."""
+    _environments(name)  # which callers find by their names
+    return Copied(_codes[name].bitcode or b"")
+
+
+def compiled(name: str, function: Any, kinds: Any, flags: Any, small: bool) -> Code:
+    """Compile a kernel for types of arguments."""
+    library = Whole(_codegen(), name)
+    context = cpu_target.target_context
+    pipeline = _Kernel(cpu_target.typing_context, context, library, kinds, None, flags, {})
+    pipeline.name = name
+    with kernel_library.parts_only(_codegen()):
+        result = pipeline.compile_extra(function)
+    library._ensure_finalized()
+    if library.recurses():
+        raise NotImplementedError(f"{function.__qualname__} calls itself by way of another kernel")
+    fndesc = result.fndesc
+    writes = kernel_writes.written(pipeline.state.func_ir, fndesc.typemap, fndesc.calltypes)
+    fndesc.typemap = fndesc.calltypes = None
+    fndesc.doc = ""
+    copied = small or library.size() <= LARGE
+    bitcode = library.bitcode() if copied else None
+    symbol, facts = fndesc.llvm_func_name, (fndesc, result.signature)
+    return _code(name, symbol, writes, library, bitcode, facts)
+
+
+def door(name: str, fndesc: Any, flags: Any) -> Code:
+    """Compile what takes Python's objects apart, calls a kernel and puts its answer together."""
+    fndesc = copy.copy(fndesc)
+    fndesc.env_name += "_door"
+    environment = Environment.from_fndesc(fndesc)
+    context = compiler._make_subtarget(cpu_target.target_context, flags)
+    context = context.subtarget(environment=environment, fndesc=fndesc)
+    library = Whole(_codegen(), name)
+    with (
+        ConfigStack().enter(flags),
+        kernel_library.parts_only(_codegen()),
+        context.push_code_library(library),
+    ):
+        context.create_cpython_wrapper(library, fndesc, environment, None, flags.release_gil)
+    return _code(name, fndesc.llvm_cpython_wrapper_name, frozenset(), library, None, fndesc)
+
+
+def entry(code: Code) -> Any:
+    """The function that Python calls, of a door."""
+    load(code.name)
+    fndesc = pickle.loads(code.facts)
+    address = _codegen()._engine.get_function_address(code.symbol)
+    environment = lookup_environment(fndesc.env_name) or Environment.from_fndesc(fndesc)
+    return _dynfunc.make_function(
+        fndesc.lookup_module(), fndesc.qualname.split(".")[-1], f"kernel {fndesc.qualname}",
+        address, environment, (environment,),
+    )  # fmt: skip
+
+
+def load(name: str) -> None:
+    """Load code and, before it, all that it calls."""
+    if name in _loaded:
+        return
+    code = _codes[name]
+    for need in code.needs:
+        load(need)
+    rtsys.initialize(cpu_target.target_context)
+    library = kernel_library.load(_codegen(), name, code.machine_code)
+    for environment in _environments(name):
+        library.codegen.set_env(environment.env_name, environment)
+    _loaded[name] = library
+
+
+@cache
+def _environments(name: str) -> Any:
+    """The environments that code reads, kept alive."""
+    return pickle.loads(_codes[name].environments)
+
+
+def _code(
+    name: str,
+    symbol: str,
+    writes: frozenset[int],
+    library: Whole,
+    bitcode: bytes | None,
+    facts: Any,
+) -> Code:
+    needs = dict.fromkeys(_owners[one] for one in library.called() if one in _owners)
+    environments = [lookup_environment(one) for one in library.environments()]
+    used = dumps([one for one in environments if one is not None])
+    return Code(
+        name, symbol, writes, tuple(needs), library.machine_code(), bitcode, used, dumps(facts),
+        not library.has_dynamic_globals,
+    )  # fmt: skip
+
+
+class _Kernel(compiler.Compiler):
+    """Numba's compiler, for one kernel whose symbol says what it is made from."""
+
+    name = ""
+
+    def compile_extra(self, function: Any) -> Any:
+        self.state.targetctx = self.state.targetctx.subtarget(mangler=kernel_symbol.mangled)
+        self.state.func_id = FunctionIdentity.from_function(function)
+        kernel_symbol.rename(self.state.func_id, self.name)
+        ExtractByteCode().run_pass(self.state)
+        self.state.lifted, self.state.lifted_from = (), None
+        return self._compile_bytecode()
+
+
+@cache
+def _codegen() -> Any:
+    return cpu_target.target_context.codegen()

@@ -1,0 +1,193 @@
+"""A compiled function as Python and other kernels see it."""
+
+import contextlib
+import gc
+import hashlib
+import pickle
+import sys
+from collections.abc import Iterator
+from functools import cache
+from typing import Any
+
+import llvmlite
+import numba
+from numba import types
+from numba.core import compiler, config, errors, sigutils, typing
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.registry import CPUDispatcher
+from numba.core.targetconfig import ConfigStack
+
+from kinematics.compiled import kernel_code
+from kinematics.compiled.kernel_code import Code
+from kinematics.compiled.kernel_fingerprint import describe, settled_fingerprint
+from kinematics.compiled.kernel_symbol import name_by_content
+from kinematics.compiled.kernel_target import target
+from kinematics.compiled.kernel_writes import holds_arrays, writable
+
+#: Count up with every change of how kernels are compiled that does not show in their functions.
+_REVISION = 2
+
+
+#: Characters of names that are no good in names of files.
+_IN_NO_FILE = str.maketrans("", "", "<>/")
+
+
+class Kernel(CPUDispatcher):
+    """Numba's dispatcher; what it compiles is made from content-named parts.
+
+    Kernels that call it get its code, and only Python's own call gets a door: a second function,
+    compiled and kept by itself, that takes Python's objects apart.
+    """
+
+    def __init__(self, function: Any, options: dict[str, Any], *more: Any) -> None:
+        target()
+        name_by_content()
+        super().__init__(function, *more, targetoptions=options)
+        self._doors: dict[Any, Any] = {}
+        self._choices: dict[Any, Any] = {}
+        self._writes: dict[Any, frozenset[int]] = {}
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """The signature by which another kernel calls this one; literals are plain numbers."""
+        pysig, folded = self._compiler.fold_argument_types(args, kws)
+        kinds = self._settled(tuple(map(types.unliteral, folded)))
+        template = typing.make_concrete_template(
+            f"CallTemplate({self.py_func.__name__})",
+            self.py_func.__name__,
+            [self.overloads[kinds].signature],
+        )
+        return template, pysig, kinds, {}
+
+    def compile(self, sig: Any) -> Any:
+        """The function that Python calls for types of arguments."""
+        given, _ = sigutils.normalize_signature(sig)
+        with global_compiler_lock:
+            if given not in self._doors:
+                kinds = self._settled(given)
+                if kinds not in self._doors:
+                    self._doors[kinds] = kernel_code.entry(self._door(self.overloads[kinds]))
+                self._doors[given] = self._doors[kinds]
+                self._insert([kind._code for kind in given], self._doors[given], False)
+        return self._doors[given]
+
+    def written_arguments(self, kinds: Any) -> frozenset[int]:
+        """Numbers of the arguments that this kernel may write to, for types it is compiled for."""
+        return self._writes[kinds]
+
+    @global_compiler_lock  # type: ignore[untyped-decorator]
+    def _settled(self, given: Any) -> Any:
+        """The types that the kernel is compiled for, instead of some that differ in constness only.
+
+        Arrays that it never writes to and does not give back need not be known to be read-only.
+        """
+        if given not in self._choices:
+            kinds = tuple(map(writable, given))
+            if kinds == given or not self._leaves_alone(given, kinds):
+                kinds = given
+                self._overload(kinds)
+            self._choices[given] = kinds
+        return self._choices[given]
+
+    def _leaves_alone(self, given: Any, kinds: Any) -> bool:
+        try:
+            answer = self._overload(kinds).signature.return_type
+        except errors.NumbaError:
+            return False
+        constant = {i for i, kind in enumerate(kinds) if kind != given[i]}
+        return not holds_arrays(answer) and not constant & self._writes[kinds]
+
+    def _door(self, result: Any) -> Code:
+        name = f"{result.entry_point.name}.door{'' if self.targetoptions['nogil'] else '-locked'}"
+        found = kernel_code.find(name)
+        return found or kernel_code.keep(kernel_code.door(name, result.fndesc, self._flags()))
+
+    def _overload(self, kinds: Any) -> Any:
+        if kinds not in self.overloads:
+            with self._compiling_counter:
+                self._add(kinds, self._code(kinds))
+        return self.overloads[kinds]
+
+    def _code(self, kinds: Any) -> Code:
+        name = self._name(kinds)
+        self.targetctx.refresh()
+        found = kernel_code.find(name)
+        (self._cache_misses if found is None else self._cache_hits)[kinds] += 1
+        return found or kernel_code.keep(self._compiled(name, kinds))
+
+    def _compiled(self, name: str, kinds: Any) -> Code:
+        small = self.targetoptions["forceinline"]
+        with _uncollected():
+            return kernel_code.compiled(name, self.py_func, kinds, self._flags(), small)
+
+    def _add(self, kinds: Any, code: Code) -> None:
+        fndesc, signature = pickle.loads(code.facts)
+        definition = Definition(code.name)
+        self._writes[kinds] = code.writes
+        libraries = [] if code.bitcode is None else [kernel_code.copied(code.name)]
+        self.targetctx.insert_user_function(definition, fndesc, libraries)
+        self.overloads[kinds] = compiler.compile_result(
+            typing_context=self.typingctx, target_context=self.targetctx, signature=signature,
+            fndesc=fndesc, entry_point=definition, objectmode=False, lifted=(), metadata=None,
+        )  # fmt: skip
+
+    def _flags(self) -> Any:
+        flags = _Flags()
+        with ConfigStack().enter(compiler.Flags()):  # of the caller's, nothing is inherited
+            self.targetdescr.options.parse_as_flags(flags, self.targetoptions)
+        flags.no_compile = flags.no_cpython_wrapper = flags.no_cfunc_wrapper = True
+        return flags
+
+    def _name(self, kinds: Any) -> str:
+        options = {name: value for name, value in self.targetoptions.items() if name != "nogil"}
+        made_from = (
+            settled_fingerprint(self.py_func),
+            [describe(kind) for kind in kinds],
+            sorted(options.items()),
+            *_machinery(),
+        )
+        digest = hashlib.sha256(repr(made_from).encode()).hexdigest()[:32]
+        name = f"{self.py_func.__module__}.{self.py_func.__qualname__}"
+        return f"{name.translate(_IN_NO_FILE)[-100:]}-{digest}"
+
+
+class _Flags(compiler.Flags):
+    """Numba's settings of a compilation, compared in a tenth of the time.
+
+    They are part of a key that is looked up for every call of a library function.
+    """
+
+    _hash = hash(compiler.Flags())
+
+    def __hash__(self) -> int:
+        return self._hash
+
+    def __eq__(self, other: object) -> bool:
+        if isinstance(other, compiler.Flags) and self._values == other._values:
+            return True
+        return bool(super().__eq__(other))
+
+
+class Definition:
+    """What numba knows one compiled signature of a kernel by; it is never called."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+
+@contextlib.contextmanager
+def _uncollected() -> Iterator[None]:
+    """Look for no garbage meanwhile, which costs a compiler that makes many objects a fifth."""
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collects:
+            gc.enable()
+
+
+@cache
+def _machinery() -> tuple[Any, ...]:
+    switches = (str(config.OPT), config.LOOP_VECTORIZE, config.SLP_VECTORIZE, config.BOUNDSCHECK)
+    versions = (numba.__version__, llvmlite.__version__, sys.implementation.cache_tag)
+    return (_REVISION, kernel_code.LARGE, tuple(target()), versions, switches)

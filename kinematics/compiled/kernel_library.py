@@ -1,0 +1,151 @@
+"""Machine code as numba's compiler hands it on: made in parts, linked, and called or copied."""
+
+import contextlib
+from collections.abc import Iterator
+from typing import Any
+
+import llvmlite.binding as llvm
+from numba.core.codegen import JITCodeLibrary
+from numba.core.runtime import rtsys
+
+#: Globals through which compiled functions reach Python objects.
+_ENVIRONMENT = "_ZN08NumbaEnv"
+_RUNTIME = "NRT_"
+_UNRESOLVED = ".numba.unresolved$"
+
+
+class Part(JITCodeLibrary):
+    """Code that is linked into kernels and never runs by itself, so that none is emitted for it."""
+
+    def finalize(self) -> None:
+        """Link and tidy what this part is made of; optimising is for the kernel it goes into."""
+        self._raise_if_finalized()
+        _link(self)
+        self._finalize_dynamic_globals()
+        self._finalized = True
+
+    def _optimize_functions(self, ll_module: Any) -> None:
+        # Whole modules are optimised, when all is linked.
+        ll_module.data_layout = self._codegen._data_layout
+
+    def get_pointer_to_function(self, name: str) -> int:  # noqa: ARG002  numba's signature
+        """No address: nothing calls a part from outside."""
+        self._ensure_finalized()
+        return 0
+
+    @property
+    def codegen(self) -> Any:
+        """Numba's generator, which can't be asked to set globals that are not loaded."""
+        return _Unloaded(self._codegen)
+
+
+class _Unloaded:
+    """A code generator that knows of no loaded environments."""
+
+    def __init__(self, codegen: Any) -> None:
+        self._codegen = codegen
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._codegen, name)
+
+    def set_env(self, name: str, environment: Any) -> None:
+        """Nothing to set yet: kernels set the environments of what they contain."""
+
+
+class Whole(Part):
+    """The code of one kernel with all that is copied into it."""
+
+    def finalize(self) -> None:
+        """Link, optimise and check; the code is not loaded by this."""
+        self._raise_if_finalized()
+        _link(self)
+        for one in self._final_module.global_variables:
+            # Numba's "common" ones stay even if nothing refers to them.
+            if one.name.startswith(_ENVIRONMENT):
+                one.linkage = "linkonce_odr"
+        self._optimize_final_module()
+        self._final_module.verify()
+        self._finalize_dynamic_globals()
+        self._finalized = True
+
+    def machine_code(self) -> bytes:
+        """The code as an object file."""
+        self._ensure_finalized()
+        return bytes(self._codegen._tm.emit_object(self._final_module))
+
+    def bitcode(self) -> bytes:
+        """The code in a form that can be copied into other kernels."""
+        return bytes(self._get_module_for_linking().as_bitcode())
+
+    def size(self) -> int:
+        """How many instructions all functions have together."""
+        return sum(
+            sum(1 for _ in block.instructions)
+            for function in self._final_module.functions
+            for block in function.blocks
+        )
+
+    def called(self) -> list[str]:
+        """Names of functions that it calls and does not contain."""
+        return [one.name for one in self._final_module.functions if one.is_declaration]
+
+    def environments(self) -> list[str]:
+        """Names of the environments that it reads."""
+        names = [one.name for one in self._final_module.global_variables]
+        return [name for name in names if name.startswith(_ENVIRONMENT)]
+
+    def recurses(self) -> bool:
+        """Whether two kernels call each other, in which case numba leaves an address open."""
+        names = (one.name for one in self._final_module.global_variables)
+        return any(name.startswith(_UNRESOLVED) for name in names)
+
+
+class Copied:
+    """A small kernel as its callers link it."""
+
+    def __init__(self, bitcode: bytes) -> None:
+        self._bitcode = bitcode
+        self._module: Any = None
+        self._reload_init: set[Any] = set()
+
+    def _ensure_finalized(self) -> None:
+        """It always is."""
+
+    def _get_module_for_linking(self) -> Any:
+        if self._module is None:
+            self._module = llvm.parse_bitcode(self._bitcode)
+        return self._module
+
+
+def _link(library: Any) -> None:
+    """Link what a library depends on; numba's runtime only where it is called."""
+    module = library._final_module
+    for other in dict.fromkeys(library._linking_libraries):
+        if other is not rtsys.library:
+            module.link_in(other._get_module_for_linking(), preserve=True)
+    if any(one.name.startswith(_RUNTIME) and one.is_declaration for one in module.functions):
+        module.link_in(rtsys.library._get_module_for_linking(), preserve=True)
+
+
+@contextlib.contextmanager
+def parts_only(codegen: Any) -> Iterator[None]:
+    """Have numba make parts of all that it compiles on the way."""
+    before = codegen._library_class
+    codegen._library_class = Part
+    try:
+        yield
+    finally:
+        codegen._library_class = before
+
+
+class _Loaded(JITCodeLibrary):
+    """Machine code in this process; its module is empty."""
+
+
+def load(codegen: Any, name: str, machine_code: bytes) -> Any:
+    """Load an object file; all that it calls must have been loaded before."""
+    library = _Loaded(codegen, name)
+    library.enable_object_caching()
+    library._set_compiled_object(machine_code)
+    library._finalize_final_module()
+    return library
