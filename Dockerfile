@@ -28,6 +28,7 @@ FROM python:${PYTHON_VERSION}-slim
 ENV PATH=/opt/venv/bin:$PATH \
     PYTHONUNBUFFERED=1 \
     PYTHONDONTWRITEBYTECODE=1 \
+    PYTHONSAFEPATH=1 \
     NUMBA_CACHE_DIR=/var/cache/armwright \
     MPLCONFIGDIR=/var/cache/armwright/matplotlib \
     ARMWRIGHT_HOST=0.0.0.0 \

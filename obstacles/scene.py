@@ -67,7 +67,8 @@ class Obstacle:
         object.__setattr__(self, "margin", margin)
 
     def __reduce__(self) -> tuple[object, ...]:
-        return Obstacle, (self.id, self.shape, self.T_world_obstacle, self.margin)
+        # Not by the constructor: orthonormalising a rotation once more changes its last bits.
+        return _restored, (self.id, self.shape, self.T_world_obstacle, self.margin)
 
     def pieces(self) -> tuple[Piece, ...]:
         """Its convex pieces in the robot's base frame, without the margin."""
@@ -236,6 +237,15 @@ def _pairs(pairs: Iterable[Iterable[str]]) -> frozenset[tuple[str, str]]:
         a, b = sorted(checked_name(name, "allowed_collisions") for name in names)
         sorted_pairs.add((a, b))
     return frozenset(sorted_pairs)
+
+
+def _restored(name: str, shape: Shape, T_world_obstacle: Array, margin: float) -> Obstacle:
+    """An obstacle from its pickled values, equal to the pickled one in every bit."""
+    obstacle = object.__new__(Obstacle)
+    values = {"id": name, "shape": shape, "T_world_obstacle": frozen(T_world_obstacle)}
+    for field_name, value in {**values, "margin": margin, "_pieces": None}.items():
+        object.__setattr__(obstacle, field_name, value)
+    return obstacle
 
 
 def _rigid(T: Array, name: str) -> Array:

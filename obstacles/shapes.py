@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidScene
 from kinematics.pose import align_z, transform
-from obstacles.decomposition import ConvexPart, convex_pieces
+from obstacles.convex_cover import ConvexPart
+from obstacles.decomposition import convex_pieces
 from obstacles.hull import convex_hull
 from obstacles.mesh import checked_mesh
 from obstacles.piece import Piece, PieceKind, Surface

@@ -206,9 +206,15 @@ class _Pipeline:
         if isinstance(exact, ConstrainedChecker):
             return find_relaxation(exact, ready.start, ready.goals, seed, until)
         return diagnose(
-            problem.robot, problem.scene, exact, ready.start, ready.goals, until,
-            margin=problem.margin, seed=seed,
-        )  # fmt: skip
+            problem.robot,
+            problem.scene,
+            exact,
+            ready.start,
+            ready.goals,
+            until,
+            margin=problem.margin,
+            seed=seed,
+        )
 
     def _shorten(self, found: _FoundPath) -> _FoundPath:
         """The path with its waypoints made fewer; a tool path stays as it is."""

@@ -123,15 +123,17 @@ def _rrt_connect(problem: Problem, options: Options) -> tuple[Planner, ...]:
 
 Factory = Callable[[Problem, Options], tuple[Planner, ...]]
 
-_FACTORIES: Mapping[str, Factory] = MappingProxyType({
-    "auto": _cascade,
-    "straight_line": _straight_line,
-    "potential_field": _potential_field,
-    "cartesian": _cartesian,
-    OPTIMIZE: _cascade,
-    **{name: partial(_ompl, name) for name in OMPL_PLANNERS},
-    "rrt_connect": _rrt_connect,
-})  # fmt: skip
+_FACTORIES: Mapping[str, Factory] = MappingProxyType(
+    {
+        "auto": _cascade,
+        "straight_line": _straight_line,
+        "potential_field": _potential_field,
+        "cartesian": _cartesian,
+        OPTIMIZE: _cascade,
+        **{name: partial(_ompl, name) for name in OMPL_PLANNERS},
+        "rrt_connect": _rrt_connect,
+    }
+)
 
 #: Names of all planners.
 PLANNERS = tuple(_FACTORIES)

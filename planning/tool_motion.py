@@ -139,10 +139,13 @@ def arc_via(T_start: Array, T_end: Array, via: ArrayLike) -> ToolMotion:
         raise InvalidGoal(
             "the start, via and end of a circular motion "
             + ("name no circle: start and end are the same" if whole else "lie on one line"),
-            hint="Give center and normal for a full circle." if whole else
-            "Move via off the line, or ask for a motion of type lin.",
-            start=p.tolist(), via=q.tolist(), end=r.tolist(),
-        )  # fmt: skip
+            hint="Give center and normal for a full circle."
+            if whole
+            else "Move via off the line, or ask for a motion of type lin.",
+            start=p.tolist(),
+            via=q.tolist(),
+            end=r.tolist(),
+        )
     center = q + np.cross((a @ a) * b - (b @ b) * a, across) / (2.0 * square)
     # Turning about this normal, the three points follow each other in this order.
     normal = np.cross(q - p, r - q)

@@ -14,7 +14,7 @@ Reason = Literal["limit", "singularity", "unreachable", "branch", "collision", "
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """Where a motion could be followed no further, and why.
+    """The place where a motion can be followed no further, and the reason.
 
     Args:
         at: Place on the motion, from 0 to 1.
@@ -48,7 +48,7 @@ class ToolSegment:
     stop: Stop | None
 
     def cut(self, at: float, stop: Stop) -> "ToolSegment":
-        """The same up to a place on the motion."""
+        """Return the part up to a place on the motion, with the stop there."""
         if self.path is None or at >= self.reached:
             return replace(self, stop=stop)
         breaks = self.path.breaks
@@ -62,7 +62,7 @@ class ToolSegment:
 
 @dataclass(frozen=True, slots=True)
 class Tolerances:
-    """How far the tool may be off its motion.
+    """Largest deviations of the tool from its motion.
 
     Args:
         position: Of its origin [m].
@@ -74,7 +74,7 @@ class Tolerances:
 
     @property
     def pair(self) -> tuple[float, float]:
-        """Both, infinite where it is free."""
+        """Both tolerances, infinite where the orientation is free [m], [rad]."""
         return self.position, np.inf if self.orientation is None else self.orientation
 
 
@@ -83,7 +83,7 @@ class ToolPath:
     """Joint paths that lead the tool along its motions.
 
     Args:
-        motions: Those that were begun.
+        motions: Motions that were begun.
         segments: The joint path of each.
         fraction: How much of all motions asked for was carried out: those that were completed,
             and the share of the one that was not, over their number.

@@ -2,16 +2,20 @@
 
 import asyncio
 import logging
+import os
 import signal
 import socket
 import sys
+import sysconfig
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import uvicorn
 from fastapi import FastAPI
 from pydantic import ValidationError
 
+import service
 from service.app import create_app
 from service.settings import Settings
 from service.storage.database import StoreError
@@ -44,15 +48,15 @@ class _Server(uvicorn.Server):
         await super().shutdown(sockets)
 
 
-def serve(given: Mapping[str, Any]) -> int:
+def serve(options: Mapping[str, Any]) -> int:
     """Serve until SIGTERM or SIGINT and give the exit code.
 
     Args:
-        given: Settings that win over those of the environment.
+        options: Settings that win over those of the environment.
     """
     try:
-        settings = Settings(**given)
-        # Storage that can't be used is told here, in a sentence, rather than by the framework.
+        settings = Settings(**options)
+        # Storage that can't be used is reported here in a sentence, not by the framework.
         open_store(settings.storage_url).close()
         listener = _listen(settings.host, settings.port)
     except ValidationError as error:
@@ -62,6 +66,7 @@ def serve(given: Mapping[str, Any]) -> int:
     except OSError as error:
         return _refuse(f"can't listen on {settings.host} port {settings.port}: {error}")
     logging.basicConfig(format="%(asctime)s %(levelname)s %(name)s: %(message)s")
+    keep_current_folder_off_the_path()
     app = create_app(settings)
     config = uvicorn.Config(
         app,
@@ -76,6 +81,20 @@ def serve(given: Mapping[str, Any]) -> int:
         signal.signal(number, lambda *_: sys.exit(0))
     _Server(config, app, _address(listener)).run([listener])
     return 0
+
+
+def keep_current_folder_off_the_path() -> None:
+    """Have the processes that this one starts import nothing from the current folder.
+
+    The fork server of multiprocessing runs ``python -c``, which looks for modules in the current
+    folder first: a folder ``service`` or ``planning`` there would be imported in place of ours.
+    """
+    os.environ["PYTHONSAFEPATH"] = "1"
+    root = str(Path(service.__file__).parents[1])
+    known = os.environ.get("PYTHONPATH", "").split(os.pathsep)
+    if root not in known and root not in {*sysconfig.get_paths().values()}:
+        # Started in a checkout that is not installed: it was found by the current folder alone.
+        os.environ["PYTHONPATH"] = os.pathsep.join([root, *filter(None, known)])
 
 
 def _listen(host: str, port: int) -> socket.socket:

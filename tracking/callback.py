@@ -67,12 +67,12 @@ class _Loop:
 
     def run(self) -> SimulationResult:
         """Integrate segment by segment: each is smooth, or holds one torque."""
-        outcome, x, cuts = SimulationOutcome.COMPLETED, self.setup.start, self.setup.cuts
+        outcome, x, events = SimulationOutcome.COMPLETED, self.setup.start, self.setup.events
         law: _Law = self.command
-        for self.segment in range(len(cuts.pieces)):
-            start, end = cuts.times[self.segment : self.segment + 2]
+        for self.segment in range(len(events.pieces)):
+            start, end = events.times[self.segment : self.segment + 2]
             if self.setup.held:
-                if cuts.called[self.segment]:
+                if events.called[self.segment]:
                     self.held = self.command(start, x)
                 law = self.keep
             if not self.samples:
@@ -81,7 +81,7 @@ class _Loop:
             if outcome is not SimulationOutcome.COMPLETED:
                 break
         else:
-            self.sample(float(cuts.times[-1]), x, law)
+            self.sample(float(events.times[-1]), x, law)
         return self.result(outcome)
 
     def keep(self, _t: float, _x: Array) -> _Command:
@@ -91,10 +91,10 @@ class _Loop:
 
     def command(self, t: float, x: Array) -> _Command:
         """The controller's torque cut off at the limits, and the change of its estimate."""
-        n, cuts = self.n, self.setup.cuts
-        noise = cuts.noise[cuts.noises[self.segment]]
+        n, events = self.n, self.setup.events
+        noise = events.noise[events.noises[self.segment]]
         q, qd = x[:n] + noise[0], x[n : 2 * n] + noise[1]
-        reference = self.setup.signal.at(t, int(cuts.pieces[self.segment]))
+        reference = self.setup.signal.at(t, int(events.pieces[self.segment]))
         controller, adaptation = self.with_estimate(x), np.zeros(0)
         asked = controller.torque(t, q, qd, reference)
         if isinstance(controller, AdaptiveController):
@@ -112,7 +112,7 @@ class _Loop:
     def disturbance(self, t: float, q: Array) -> Array:
         """What acts on the joints beside the motors, shape (n,)."""
         acting = self.setup.disturbance
-        if acting is None or not self.setup.cuts.disturbed[self.segment]:
+        if acting is None or not self.setup.events.disturbed[self.segment]:
             return np.zeros(self.n)
         constant, amplitude = acting.parts(self.setup.robot)
         wave = np.sin(2.0 * np.pi * acting.frequency * t)
@@ -171,21 +171,21 @@ class _Loop:
             if t > t_old and interpolate is None:
                 interpolate = solver.dense_output()
             self.sample(t, x_old if interpolate is None else interpolate(t), law)
-        piece = int(self.setup.cuts.pieces[self.segment])
-        self.weigh(self.setup.signal.at(solver.t, piece).position - solver.y[: self.n])
+        piece = int(self.setup.events.pieces[self.segment])
+        self.update_max_error(self.setup.signal.at(solver.t, piece).position - solver.y[: self.n])
 
     def sample(self, t: float, x: Array, law: _Law) -> None:
         """Record one sample."""
         n = self.n
         q, qd, estimate = x[:n], x[n : 2 * n], x[2 * n :]
-        reference = self.setup.signal.at(t, int(self.setup.cuts.pieces[self.segment]))
+        reference = self.setup.signal.at(t, int(self.setup.events.pieces[self.segment]))
         command = law(t, x)
-        self.weigh(reference.position - q)
+        self.update_max_error(reference.position - q)
         V = self.with_estimate(x).lyapunov(q, qd, reference, self.setup.robot)
         at = reference.position, reference.velocity, command.torque, command.saturated
         self.samples.append(_Sample(t, q, qd, *at, V, estimate))
 
-    def weigh(self, error: Array) -> None:
+    def update_max_error(self, error: Array) -> None:
         """Keep the largest error of each joint."""
         self.worst = np.maximum(self.worst, np.abs(error))
 

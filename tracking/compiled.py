@@ -9,8 +9,18 @@ from tracking.control_law import Law, space
 from tracking.disturbance import Disturbance
 from tracking.explicit import ALL_STAGES, POWERS, Steps
 from tracking.implicit import stages
-from tracking.integrate import DIVERGED, EXHAUSTED, SINGULAR_MASS_MATRIX, Record, run_kernel
-from tracking.loop import HELD, Loop
+from tracking.integrate import (
+    COUNTER_COUNT,
+    DIVERGED,
+    EXHAUSTED,
+    EXPLICIT_STEPS,
+    IMPLICIT_STEPS,
+    SAMPLES,
+    SINGULAR_MASS_MATRIX,
+    Record,
+    run_kernel,
+)
+from tracking.loop import EVALUATIONS, FAILED, FLAG_COUNT, HELD, Loop
 from tracking.reference import ReferenceSignal
 from tracking.result import SimulationOutcome, SimulationResult, settling_time
 from tracking.setup import Setup
@@ -38,12 +48,12 @@ def run(setup: Setup, law: Law) -> SimulationResult:
     x = setup.start.copy()
     steps = Steps(np.zeros((ALL_STAGES, N)), np.zeros((POWERS, N)), np.zeros(N))
     tolerances = np.array([options.relative_tolerance, options.absolute_tolerance])
-    ended = run_kernel(
-        loop, setup.cuts, steps, stages(N), record, tolerances, options.max_evaluations, x
+    outcome = run_kernel(
+        loop, setup.events, steps, stages(N), record, tolerances, options.max_evaluations, x
     )
-    if ended == SINGULAR_MASS_MATRIX:
-        raise massless(setup.robot, int(loop.flags[4]) - 1)
-    return _result(setup, record, loop, _OUTCOMES.get(ended, SimulationOutcome.COMPLETED))
+    if outcome == SINGULAR_MASS_MATRIX:
+        raise massless(setup.robot, int(loop.flags[FAILED]) - 1)
+    return _result(setup, record, loop, _OUTCOMES.get(outcome, SimulationOutcome.COMPLETED))
 
 
 def _loop(setup: Setup, law: Law) -> Loop:
@@ -52,7 +62,7 @@ def _loop(setup: Setup, law: Law) -> Loop:
     constant, amplitude = acting.parts(setup.robot)
     tip = setup.robot.tip
     breaks, coefficients = _reference(setup.signal)
-    flags = np.zeros(5, dtype=np.int64)
+    flags = np.zeros(FLAG_COUNT, dtype=np.int64)
     flags[HELD] = int(setup.held)
     return Loop(
         law,
@@ -94,14 +104,14 @@ def _record(times: Array, n: int, N: int) -> Record:
         np.zeros(m),
         np.zeros((m, 2, n)),
         np.zeros(n),
-        np.zeros(3, dtype=np.int64),
+        np.zeros(COUNTER_COUNT, dtype=np.int64),
     )
 
 
 def _result(
     setup: Setup, record: Record, loop: Loop, outcome: SimulationOutcome
 ) -> SimulationResult:
-    n, m = setup.robot.n, int(record.counters[0])
+    n, m = setup.robot.n, int(record.counters[SAMPLES])
     x, references = record.states[:m], record.references[:m]
     error = references[:, 0] - x[:, :n]
     times = record.times[:m]
@@ -118,7 +128,7 @@ def _result(
         estimate=x[:, 2 * n :],
         max_tracking_error=record.worst,
         settling_time=settling_time(times, error, setup.options.settling_tolerance),
-        evaluations=int(loop.flags[0]),
-        steps=int(record.counters[1]),
-        implicit_steps=int(record.counters[2]),
+        evaluations=int(loop.flags[EVALUATIONS]),
+        steps=int(record.counters[EXPLICIT_STEPS]),
+        implicit_steps=int(record.counters[IMPLICIT_STEPS]),
     )

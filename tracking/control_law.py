@@ -189,23 +189,23 @@ def control_kernel(
     q, qd = state[0], state[1]
     set_errors(law, space, q, qd, reference)
     e, e_rate, r = space.vectors[0], space.vectors[1], space.vectors[2]
-    if law.kind == 0:
+    if law.kind == Kind.INDEPENDENT_JOINT:
         for i in range(n):
             u[i] = law.inertia[i] * reference[2, i] + law.friction[i] * reference[1, i]
         add_product(law.Kp, e, u)
         add_product(law.Kd, e_rate, u)
-    elif law.kind == 1:
+    elif law.kind == Kind.COMPUTED_TORQUE:
         v = space.vectors[3]
         for i in range(n):
             v[i] = reference[2, i]
         add_product(law.Kp, e, v)
         add_product(law.Kd, e_rate, v)
         inverse_kernel(law.rows, q, qd, v, space.work, u)
-    elif law.kind == 2:
+    elif law.kind == Kind.PD_GRAVITY:
         gravity_kernel(law.rows, q, space.work, u)
         add_product(law.Kp, e, u)
         add_product(law.Kd, e_rate, u)
-    elif law.kind == 3:
+    elif law.kind == Kind.PASSIVITY:
         reference_inverse_kernel(law.rows, space.motion, space.work, u)
         add_product(law.Kd, r, u)
     else:
@@ -247,11 +247,11 @@ def lyapunov_kernel(
     set_errors(law, space, state[0], state[1], reference)
     e, e_rate, r = space.vectors[0], space.vectors[1], space.vectors[2]
     V = 0.0
-    if law.kind == 0:
+    if law.kind == Kind.INDEPENDENT_JOINT:
         for i in range(n):
             V += 0.5 * law.inertia[i] * e_rate[i] ** 2
         return V + 0.5 * quadratic(law.Kp, e, e)
-    if law.kind == 1:
+    if law.kind == Kind.COMPUTED_TORQUE:
         for i in range(n):
             kp, kd = law.Kp[i, i], law.Kd[i, i]
             V += 0.5 * (e_rate[i] ** 2 + (kp + 0.5 * kd**2) * e[i] ** 2 + kd * e[i] * e_rate[i])
@@ -261,13 +261,13 @@ def lyapunov_kernel(
     mass_matrix_kernel(law.robot, space.work, M)
     for i in range(n):
         M[i, i] += law.robot[i, 23]
-    if law.kind == 2:
+    if law.kind == Kind.PD_GRAVITY:
         return 0.5 * (quadratic(M, state[1], state[1]) + quadratic(law.Kp, e, e))
     V = 0.5 * quadratic(M, r, r)
     for i in range(n):
         space.vectors[3, i] = law.Lambda[i] * e[i]
     V += quadratic(law.Kd, space.vectors[3], e)
-    if law.kind == 4:
+    if law.kind == Kind.ADAPTIVE:
         for j in range(estimate.shape[0]):
             for k in range(estimate.shape[0]):
                 off = (estimate[j] - law.truth[j]) * (estimate[k] - law.truth[k])

@@ -1,4 +1,4 @@
-"""A closed loop integrated from cut to cut, with its samples, in one compiled run."""
+"""Integration of a closed loop from event to event, with its samples, in one compiled run."""
 
 from typing import NamedTuple
 
@@ -35,20 +35,38 @@ from tracking.loop import (
     rate_kernel,
     reference_kernel,
 )
-from tracking.schedule import Cuts
+from tracking.schedule import Events
 
-#: How a course ends.
-COMPLETED, DIVERGED, EXHAUSTED, SINGULAR_MASS_MATRIX = 0, 1, 2, 3
+# How a run ends.
+COMPLETED = 0
+DIVERGED = 1
+#: The evaluations were used up.
+EXHAUSTED = 2
+SINGULAR_MASS_MATRIX = 3
+# Places in ``Record.counters``.
+SAMPLES = 0
+EXPLICIT_STEPS = 1
+IMPLICIT_STEPS = 2
+COUNTER_COUNT = 3
 #: Steps at the border of stability, in a row as good as, after which a loop counts as stiff.
 _STIFF_STEPS = 15
 #: Calm steps after which the count begins anew.
 _CALM_STEPS = 6
-#: So many steps shorter than this on average [s] are no arm's motion either, though the method is
-#: stable: it is the accuracy of its inner stages that a stiff loop spoils.
-_MANY_STEPS, _SHORT = 5000, 5e-5
-#: A step this part of the time since the cut is nothing but rounding error.
-_SMALLEST = 1e-14
+#: After so many steps a loop may count as stiff for their length alone.
+_MANY_STEPS = 5000
+#: Steps shorter than this on average [s] are no arm's motion, though the method is stable: it is
+#: the accuracy of its inner stages that a stiff loop spoils.
+_SHORT_STEP = 5e-5
+#: A step this part of the time since the event is nothing but rounding error.
+_SMALLEST_STEP = 1e-14
+#: Part of the step that the estimated error would allow that is tried next.
 _SAFETY = 0.9
+#: Longest factor by which a step shrinks, and grows.
+_MAX_SHRINK = 0.2
+_MAX_GROWTH = 10.0
+#: Error orders of both methods: a step goes with the error to minus this power.
+_EXPLICIT_POWER = 0.125
+_IMPLICIT_POWER = 0.25
 
 
 class Record(NamedTuple):
@@ -62,7 +80,7 @@ class Record(NamedTuple):
         lyapunov: Shape (m,).
         references: Position and velocity, shape (m, 2, n).
         worst: Largest tracking error so far, shape (n,).
-        counters: Samples so far; steps of the explicit and of the implicit method, shape (3,).
+        counters: See ``SAMPLES`` and the following, shape (COUNTER_COUNT,).
     """
 
     times: Array
@@ -76,8 +94,8 @@ class Record(NamedTuple):
 
 
 @kernel
-def weigh(loop: Loop, record: Record, t: float, x: Array) -> None:
-    """Keep the largest tracking error of each joint."""
+def update_max_error(loop: Loop, record: Record, t: float, x: Array) -> None:
+    """Raise the largest tracking error of each joint to that at time t and state x (N,)."""
     reference_kernel(loop.breaks, loop.coefficients, loop.flags[PIECE], t, loop.reference)
     for i in range(record.worst.shape[0]):
         record.worst[i] = max(record.worst[i], abs(loop.reference[0, i] - x[i]))
@@ -85,8 +103,8 @@ def weigh(loop: Loop, record: Record, t: float, x: Array) -> None:
 
 @kernel
 def sample(loop: Loop, record: Record, t: float, x: Array, command: Array) -> None:
-    """Record one sample; ``command`` (n + b,) is scratch."""
-    k, n = record.counters[0], record.worst.shape[0]
+    """Record a sample at time t and state x (N,); ``command`` (n + b,) is a work array."""
+    k, n = record.counters[SAMPLES], record.worst.shape[0]
     if loop.flags[HELD] == 0:
         command_kernel(loop, t, x, command)
     else:
@@ -98,16 +116,19 @@ def sample(loop: Loop, record: Record, t: float, x: Array, command: Array) -> No
     for i in range(x.shape[0]):
         record.states[k, i] = x[i]
     record.lyapunov[k] = lyapunov_at(loop, t, x)
-    weigh(loop, record, t, x)
+    update_max_error(loop, record, t, x)
     for i in range(n):
         record.references[k, 0, i] = loop.reference[0, i]
         record.references[k, 1, i] = loop.reference[1, i]
-    record.counters[0] = k + 1
+    record.counters[SAMPLES] = k + 1
 
 
 @kernel(inline="always")
 def first_step(loop: Loop, steps: Steps, t: float, x: Array, tolerances: Array) -> float:
-    """A step to begin with, from the size of the derivatives ("... Equations I", section II.4)."""
+    """The first step [s], from the size of the derivatives.
+
+    Source: "Solving Ordinary Differential Equations I", section II.4.
+    """
     N, K = x.shape[0], steps.K
     d0, d1, d2 = 0.0, 0.0, 0.0
     for i in range(N):
@@ -127,10 +148,105 @@ def first_step(loop: Loop, steps: Steps, t: float, x: Array, tolerances: Array) 
     return min(100.0 * h, (0.01 / most) ** 0.125 if most > 1e-15 else max(1e-6, 1e-3 * h))
 
 
+class Scratch(NamedTuple):
+    """Work arrays of a run.
+
+    Args:
+        end: State at the end of a step, shape (N,).
+        between: State within it, shape (N,).
+        command: Torque and rate of the estimate, shape (n + b,).
+    """
+
+    end: Array
+    between: Array
+    command: Array
+
+
+@kernel
+def _begin_segment(loop: Loop, events: Events, s: int, x: Array) -> None:
+    """Set what acts in segment s of the events, which begins at state x (N,)."""
+    loop.flags[PIECE] = events.pieces[s]
+    loop.flags[DISTURBED] = 1 if events.disturbed[s] else 0
+    for k in range(loop.noise.shape[1]):
+        loop.noise[0, k] = events.noise[events.noises[s], 0, k]
+        loop.noise[1, k] = events.noise[events.noises[s], 1, k]
+    if events.called[s]:
+        command_kernel(loop, events.times[s], x, loop.command)
+
+
+@kernel
+def _sample_explicit(
+    loop: Loop, steps: Steps, record: Record, scratch: Scratch, x: Array, t: float, h: float,
+    after: float,
+) -> None:  # fmt: skip
+    """Record the samples due before ``after`` in an explicit step h from time t and state x."""
+    is_dense = False
+    while (
+        record.counters[SAMPLES] < record.times.shape[0] - 1
+        and record.times[record.counters[SAMPLES]] < after
+    ):
+        at = record.times[record.counters[SAMPLES]]
+        share = (at - t) / h
+        if share <= 0.0:
+            sample(loop, record, at, x, scratch.command)
+            continue
+        if not is_dense:
+            explicit_dense(loop, steps, t, h, x, scratch.end)
+            is_dense = True
+        explicit_interpolate(steps, x, share, scratch.between)
+        sample(loop, record, at, scratch.between, scratch.command)
+
+
+@kernel
+def _sample_implicit(
+    loop: Loop, stages: Stages, record: Record, scratch: Scratch, x: Array, t: float, h: float,
+    after: float,
+) -> None:  # fmt: skip
+    """Record the samples due before ``after`` in an implicit step h from time t and state x."""
+    while (
+        record.counters[SAMPLES] < record.times.shape[0] - 1
+        and record.times[record.counters[SAMPLES]] < after
+    ):
+        at = record.times[record.counters[SAMPLES]]
+        share = (at - t) / h
+        if share <= 0.0:
+            sample(loop, record, at, x, scratch.command)
+            continue
+        implicit_interpolate(stages, x, share, scratch.between)
+        sample(loop, record, at, scratch.between, scratch.command)
+
+
+@kernel
+def _shrunk_step(h: float, error: float, power: float) -> float:
+    """The step to try after one of length h with an error too large."""
+    if not np.isfinite(error):
+        return 0.25 * h
+    return float(h * max(_MAX_SHRINK, _SAFETY * error**-power))
+
+
+@kernel
+def _has_run_away(x: Array) -> bool:
+    """Whether a state (N,) is beyond every robot's, or not a number."""
+    for i in range(x.shape[0]):  # noqa: SIM110  compiled, without a generator
+        if not abs(x[i]) <= RUNAWAY:
+            return True
+    return False
+
+
+@kernel
+def _is_stiff(loop: Loop, record: Record, t: float, stiff_steps: int) -> bool:
+    """Whether the explicit method has been at its border, or its steps have been tiny, too long."""
+    count = record.counters[EXPLICIT_STEPS]
+    return bool(
+        stiff_steps >= _STIFF_STEPS
+        or (loop.flags[HELD] == 0 and count >= _MANY_STEPS and t < _SHORT_STEP * count)
+    )
+
+
 @kernel
 def run_kernel(  # noqa: C901, PLR0912, PLR0915  one loop over segments and steps
     loop: Loop,
-    cuts: Cuts,
+    events: Events,
     steps: Steps,
     stages: Stages,
     record: Record,
@@ -138,7 +254,7 @@ def run_kernel(  # noqa: C901, PLR0912, PLR0915  one loop over segments and step
     most: int,
     x: Array,
 ) -> int:
-    """Integrate x (N,) from the first cut to the last, in at most ``most`` evaluations.
+    """Integrate x (N,) from the first event to the last, in at most ``most`` evaluations.
 
     Begins with the explicit method and goes over to the implicit one for good where the loop
     turns out to be stiff.
@@ -146,25 +262,18 @@ def run_kernel(  # noqa: C901, PLR0912, PLR0915  one loop over segments and step
     Returns:
         How it ended.
     """
-    N, segments = x.shape[0], cuts.times.shape[0] - 1
-    end, between, command = np.empty(N), np.empty(N), np.empty(loop.command.shape[0])
-    stiff_steps, calm_steps, is_stiff = 0, 0, False
-    h, tried = 0.0, 0.0
+    N, segments = x.shape[0], events.times.shape[0] - 1
+    scratch = Scratch(np.empty(N), np.empty(N), np.empty(loop.command.shape[0]))
+    end, stiff_steps, calm_steps, is_stiff, h = scratch.end, 0, 0, False, 0.0
     for s in range(segments):
-        t, stop = cuts.times[s], cuts.times[s + 1]
-        loop.flags[PIECE] = cuts.pieces[s]
-        loop.flags[DISTURBED] = 1 if cuts.disturbed[s] else 0
-        for k in range(loop.noise.shape[1]):
-            loop.noise[0, k] = cuts.noise[cuts.noises[s], 0, k]
-            loop.noise[1, k] = cuts.noise[cuts.noises[s], 1, k]
-        if cuts.called[s]:
-            command_kernel(loop, t, x, loop.command)
-        if record.counters[0] == 0:
-            sample(loop, record, t, x, command)
+        t, stop = events.times[s], events.times[s + 1]
+        _begin_segment(loop, events, s, x)
+        if record.counters[SAMPLES] == 0:
+            sample(loop, record, t, x, scratch.command)
         rate_kernel(loop, t, x, steps.K[0])
         if loop.flags[FAILED] > 0:
             return SINGULAR_MASS_MATRIX
-        if h == 0.0 or (s == 0):
+        if h == 0.0 or s == 0:
             h = first_step(loop, steps, t, x, tolerances)
         if loop.flags[HELD] != 0:
             # A held torque makes a smooth motion over a short time: try it in one step.
@@ -174,7 +283,7 @@ def run_kernel(  # noqa: C901, PLR0912, PLR0915  one loop over segments and step
             if loop.flags[EVALUATIONS] >= most:
                 return EXHAUSTED
             left = stop - t
-            if not h > _SMALLEST * max(abs(t), stop - cuts.times[s]):
+            if not h > _SMALLEST_STEP * max(abs(t), stop - events.times[s]):
                 return DIVERGED
             # Two steps of half the rest instead of a whole one and a tiny one.
             tried = left if h >= left else (min(h, 0.5 * left))
@@ -190,78 +299,47 @@ def run_kernel(  # noqa: C901, PLR0912, PLR0915  one loop over segments and step
                 error = implicit_step(
                     loop, stages, t, tried, x, steps.K[0], tolerances, end, rejected or s == 0
                 )
-                growth = 0.25
+                power = _IMPLICIT_POWER
             else:
                 error, touch = explicit_step(loop, steps, t, tried, x, tolerances, end)
-                growth = 0.125
+                power = _EXPLICIT_POWER
+                calm_steps = 0 if touch > STABILITY else calm_steps + 1
                 if touch > STABILITY:
-                    stiff_steps, calm_steps = stiff_steps + 1, 0
-                else:
-                    calm_steps += 1
-                    if calm_steps >= _CALM_STEPS:
-                        stiff_steps = 0
+                    stiff_steps += 1
+                elif calm_steps >= _CALM_STEPS:
+                    stiff_steps = 0
             if loop.flags[FAILED] > 0:
                 return SINGULAR_MASS_MATRIX
             if not error <= 1.0:
-                rejected = True
-                if not np.isfinite(error):
-                    h = 0.25 * tried
-                else:
-                    h = tried * max(0.2, _SAFETY * error**-growth)
+                rejected, h = True, _shrunk_step(tried, error, power)
                 continue
-            record.counters[2 if is_stiff else 1] += 1
-            last = tried >= left
-            after = stop if last else t + tried
-            for i in range(N):
-                if not abs(end[i]) <= RUNAWAY:
-                    return DIVERGED
-            dense = False
-            while (
-                record.counters[0] < record.times.shape[0] - 1
-                and record.times[record.counters[0]] < after
-            ):
-                at = record.times[record.counters[0]]
-                place = (at - t) / tried
-                if place <= 0.0:
-                    sample(loop, record, at, x, command)
-                    continue
-                if is_stiff:
-                    implicit_interpolate(stages, x, place, between)
-                else:
-                    if not dense:
-                        explicit_dense(loop, steps, t, tried, x, end)
-                        dense = True
-                    explicit_interpolate(steps, x, place, between)
-                sample(loop, record, at, between, command)
-            factor_up = 10.0 if error == 0.0 else min(10.0, _SAFETY * error**-growth)
-            h = tried * max(0.2, min(factor_up, 1.0) if rejected else factor_up)
-            rejected = False
+            is_last = tried >= left
+            after = stop if is_last else t + tried
+            record.counters[IMPLICIT_STEPS if is_stiff else EXPLICIT_STEPS] += 1
+            if _has_run_away(end):
+                return DIVERGED
             if is_stiff:
+                _sample_implicit(loop, stages, record, scratch, x, t, tried, after)
+            else:
+                _sample_explicit(loop, steps, record, scratch, x, t, tried, after)
+            growth = _MAX_GROWTH if error == 0.0 else min(_MAX_GROWTH, _SAFETY * error**-power)
+            h = tried * max(_MAX_SHRINK, min(growth, 1.0) if rejected else growth)
+            if is_stiff and tried <= h <= 1.2 * tried:
                 # Close to the same step the factors are worth keeping.
-                if tried <= h <= 1.2 * tried:
-                    h = tried
-                has_jacobian = False
+                h = tried
+            rejected, has_jacobian = False, False
             for i in range(N):
                 x[i] = end[i]
             t = after
-            weigh(loop, record, t, x)
-            if last:
+            update_max_error(loop, record, t, x)
+            if is_last:
                 break
             if is_stiff:
                 rate_kernel(loop, t, x, steps.K[0])
-            else:
-                for i in range(N):
-                    steps.K[0, i] = steps.K[STAGES, i]
-            if not is_stiff and (
-                stiff_steps >= _STIFF_STEPS
-                or (
-                    loop.flags[HELD] == 0
-                    and record.counters[1] >= _MANY_STEPS
-                    and t < _SHORT * record.counters[1]
-                )
-            ):
-                is_stiff = True
-        if not is_stiff and stiff_steps >= _STIFF_STEPS:
-            is_stiff = True
-    sample(loop, record, cuts.times[segments], x, command)
+                continue
+            for i in range(N):
+                steps.K[0, i] = steps.K[STAGES, i]
+            is_stiff = _is_stiff(loop, record, t, stiff_steps)
+        is_stiff = is_stiff or stiff_steps >= _STIFF_STEPS
+    sample(loop, record, events.times[segments], x, scratch.command)
     return COMPLETED

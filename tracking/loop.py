@@ -22,9 +22,18 @@ RUNAWAY = 1e6
 #: Trial steps this far out are refused unseen, so that nothing overflows; accepted ones end it.
 HOPELESS = 1e3 * RUNAWAY
 
-#: What ``Loop.flags`` holds: evaluations so far, the reference's piece, whether torque is held,
-#: whether the disturbance acts, and 1 + the joint at which the mass matrix failed.
-EVALUATIONS, PIECE, HELD, DISTURBED, FAILED = 0, 1, 2, 3, 4
+# Places in ``Loop.flags``.
+#: Evaluations of the rate so far.
+EVALUATIONS = 0
+#: Piece of the reference.
+PIECE = 1
+#: 1 where the torque is held from one call of the controller to the next.
+HELD = 2
+#: 1 where the disturbance acts.
+DISTURBED = 3
+#: 1 + the joint at which the mass matrix was not positive definite, 0 for none.
+FAILED = 4
+FLAG_COUNT = 5
 
 
 class Loop(NamedTuple):
@@ -47,7 +56,7 @@ class Loop(NamedTuple):
         asked: Torque before saturation, shape (n,).
         state: What the controller sees of q and q_dot, shape (2, n).
         reference: The reference and its two derivatives, shape (3, n).
-        flags: See ``EVALUATIONS`` and the following, shape (5,).
+        flags: See ``EVALUATIONS`` and the following, shape (FLAG_COUNT,).
     """
 
     law: Law

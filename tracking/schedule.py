@@ -1,4 +1,4 @@
-"""When a closed loop is not smooth: breaks of the reference, control periods, disturbances."""
+"""Events of a closed loop: breaks of the reference, control periods, disturbances."""
 
 import math
 from collections.abc import Iterator
@@ -16,12 +16,12 @@ from tracking.reference import ReferenceSignal
 
 # A period that would begin this part of one before the end is the end itself, to rounding.
 _SAME_PERIOD = 1e-6
-# Cuts closer than this part of the duration are one.
-_SAME_CUT = 1e-12
+# Events closer than this part of the duration are one.
+_SAME_EVENT = 1e-12
 
 
-class Cuts(NamedTuple):
-    """Where the right-hand side is not smooth, or the controller is called anew (s segments).
+class Events(NamedTuple):
+    """Instants at which the loop is not smooth or the controller is called (s segments between).
 
     Args:
         times: Shape (s + 1,) [s].
@@ -46,8 +46,8 @@ def schedule(
     options: SimulationOptions,
     disturbance: Disturbance | None,
     noise: EncoderNoise | None,
-) -> Cuts:
-    """All cuts of a run of so many seconds.
+) -> Events:
+    """All events of a run of ``duration`` seconds.
 
     Raises:
         InvalidOption: A period is too short for the duration.
@@ -64,7 +64,7 @@ def schedule(
     marks.sort(key=lambda mark: (mark[0], not mark[1]))
     starts, flags = [marks[0][0]], [marks[0][1]]
     for t, is_call in marks[1:]:
-        if t - starts[-1] > _SAME_CUT * duration:
+        if t - starts[-1] > _SAME_EVENT * duration:
             starts.append(t)
             flags.append(is_call)
         else:
@@ -72,9 +72,9 @@ def schedule(
     rows = np.cumsum(flags) - 1 if called else np.zeros(len(starts), dtype=np.int64)
     acts = [disturbance is not None and disturbance.start <= t < disturbance.end for t in starts]
     n = signal.trajectory.n
-    return Cuts(
+    return Events(
         np.array([*starts, duration]),
-        np.array([signal.piece(t + _SAME_CUT * duration) for t in starts], dtype=np.int64),
+        np.array([signal.piece(t + _SAME_EVENT * duration) for t in starts], dtype=np.int64),
         np.array(flags) & (options.control_period is not None),
         np.asarray(rows, dtype=np.int64),
         np.array(acts),

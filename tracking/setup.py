@@ -13,7 +13,7 @@ from tracking.controller import AdaptiveController, Controller
 from tracking.disturbance import Disturbance, EncoderNoise
 from tracking.options import SimulationOptions
 from tracking.reference import ReferenceSignal
-from tracking.schedule import Cuts, periods, schedule
+from tracking.schedule import Events, periods, schedule
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -26,7 +26,7 @@ class Setup:
         options: How to integrate.
         signal: The reference.
         times: Of the samples, shape (m,) [s]; the last is the duration.
-        cuts: Where the loop is not smooth.
+        events: Where the loop is not smooth.
         limit: Effort limits, shape (n,), inf where there is none.
         disturbance: What the controller does not know of.
         start: The state x = [q; q_dot; estimate], shape (N,).
@@ -37,7 +37,7 @@ class Setup:
     options: SimulationOptions
     signal: ReferenceSignal
     times: Array
-    cuts: Cuts
+    events: Events
     limit: Array
     disturbance: Disturbance | None
     start: Array

@@ -12,8 +12,8 @@ from planning.deadline import Deadline
 from planning.tool_motion import ToolMotion
 from planning.tool_path import Stop, Tolerances, ToolPath, ToolSegment
 
-#: Halvings of the stretch on which a motion meets something, to come near to it.
-_NEARING = 12
+#: Bisections of the stretch on which a motion meets something, to come near to it.
+_BISECTIONS = 12
 
 
 def lead_tool(
@@ -59,7 +59,7 @@ def _free_part(checker: Checker, segment: ToolSegment) -> ToolSegment:
         return segment
     at = 0.0
     for piece, length in zip(path.coefficients, path.lengths, strict=True):
-        motion = checker.curve(*_stretch(piece, float(length)))
+        motion = checker.curve(*_beginning(piece, float(length)))
         if not motion.free:
             clear = _clear_until(checker, piece, float(length), motion.at)
             assert motion.pair is not None
@@ -71,7 +71,7 @@ def _free_part(checker: Checker, segment: ToolSegment) -> ToolSegment:
     return segment
 
 
-def _stretch(piece: Array, length: float) -> tuple[Array, Array, Array, Array]:
+def _beginning(piece: Array, length: float) -> tuple[Array, Array, Array, Array]:
     """The beginning of a cubic piece (n, 4) as coefficients on [0, 1]."""
     b0, b1, b2, b3 = (piece * length ** np.arange(4)).T
     return b0, b1, b2, b3
@@ -80,8 +80,8 @@ def _stretch(piece: Array, length: float) -> tuple[Array, Array, Array, Array]:
 def _clear_until(checker: Checker, piece: Array, length: float, met: float) -> float:
     """How far along a piece all is proved free, at most to where something was met."""
     low, high = 0.0, met * length
-    for _ in range(_NEARING):
+    for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
-        free = middle > 0.0 and checker.curve(*_stretch(piece, middle)).free
+        free = middle > 0.0 and checker.curve(*_beginning(piece, middle)).free
         low, high = (middle, high) if free else (low, middle)
     return low

@@ -9,38 +9,38 @@ from planning.tool_motion import ToolMotion, arc_about, arc_via, line
 
 
 def tool_motions(
-    T_start: Array, asked: CartesianOptions, target: Array | None = None
+    T_start: Array, options: CartesianOptions, target: Array | None = None
 ) -> tuple[ToolMotion, ...]:
-    """The motions that options ask for, each from where the one before ends.
+    """Return the motions that options ask for, each from where the one before ends.
 
     Args:
         T_start: Pose of the tool at the start, shape (4, 4).
-        asked: The options.
+        options: The motions asked for.
         target: The goal's pose, shape (4, 4): what one line leads to if no motions are asked for.
 
     Raises:
-        InvalidGoal: An arc that is none; the message says which motion.
+        InvalidGoal: An arc whose points name no circle; the message says which motion.
         InvalidOption: There are neither motions nor a goal.
     """
-    if not asked.motions:
+    if not options.motions:
         if target is None:
             raise InvalidOption("there is no motion to be carried out")
         return (line(T_start, target),)
-    made: list[ToolMotion] = []
+    motions: list[ToolMotion] = []
     T = T_start
-    for i, item in enumerate(asked.motions):
+    for i, item in enumerate(options.motions):
         end = np.array(item.T_base_tip)
         try:
             if item.kind == "lin":
-                made.append(line(T, end))
+                motions.append(line(T, end))
             elif item.via is not None:
-                made.append(arc_via(T, end, item.via))
+                motions.append(arc_via(T, end, item.via))
             else:
                 assert item.center is not None
-                made.append(arc_about(T, end, item.center, item.normal))
+                motions.append(arc_about(T, end, item.center, item.normal))
         except InvalidGoal as error:
             raise InvalidGoal(
                 f"motions[{i}]: {error.message}", hint=error.hint, motion=i, **error.details
             ) from None
         T = end
-    return tuple(made)
+    return tuple(motions)

@@ -26,18 +26,27 @@ from planning.timing.path import JointPath
 from planning.tool_motion import ToolMotion
 from planning.tool_path import Stop, Tolerances, ToolSegment
 
-#: First steps along a motion [m], [rad]; at least so many of them.
-_STEP_LENGTH, _STEP_ANGLE, _LEAST_STEPS = 0.04, 0.15, 6
+#: Longest first step along a motion [m].
+_STEP_LENGTH = 0.04
+#: Largest turn of a first step [rad].
+_STEP_ANGLE = 0.15
+#: Least number of first steps.
+_LEAST_STEPS = 6
 #: A joint that moves more than this in one step [rad or m] may have changed its branch.
 _JUMP = 0.35
 #: Steps below this part of a motion tell that it can't be followed any further.
 _LEAST_STEP = 1e-5
-#: Inverse kinematics is this much finer than the deviation allowed, within these [m, rad].
-_FINER, _FINEST, _COARSEST = 1e-3, 1e-10, 1e-6
+#: Tolerance of inverse kinematics, as part of the deviation allowed.
+_IK_SHARE = 1e-3
+#: Smallest tolerance of inverse kinematics [m or rad].
+_FINEST = 1e-10
+#: Largest tolerance of inverse kinematics [m or rad].
+_COARSEST = 1e-6
 #: The solver keeps this far inside the joint limits [rad or m], for the spline between its answers.
 _INSET = 1e-4
 #: Share of the deviation allowed that the spline may use; timing adds rounding to it.
 _SHARE = 0.98
+#: Configurations on one motion at most.
 _MAX_KNOTS = 6000
 #: Starts spent on finding out whether a pose can be reached at all.
 _SEARCH = 150
@@ -59,21 +68,22 @@ def follow(
         tolerances: How far the tool may be off it, between the configurations too.
         deadline: When to give up.
     """
-    way = _Way(chain, motion, start, tolerances, deadline)
-    stop = way.march()
+    following = _Following(chain, motion, start, tolerances, deadline)
+    stop = following.march()
     while True:
-        if len(way.places) < 2 or not np.ptp(way.joints, axis=0).any():
-            reached = way.places[-1] if stop is not None else 1.0
+        places, joints = following.places, following.joints
+        if len(places) < 2 or not np.ptp(joints, axis=0).any():
+            reached = places[-1] if stop is not None else 1.0
             return ToolSegment(None, start, start, reached, stop)
-        path = _spline(np.array(way.places), np.array(way.joints))
-        wide = way.too_far(path)
+        path = _spline(np.array(places), np.array(joints))
+        wide = following.deviating_pieces(path)
         if not wide:
-            return ToolSegment(path, start, way.joints[-1], way.places[-1], stop)
-        stop = way.insert(path, wide) or stop
+            return ToolSegment(path, start, joints[-1], places[-1], stop)
+        stop = following.insert(path, wide) or stop
 
 
-class _Way:
-    """Places on a motion and the configurations there."""
+class _Following:
+    """Places s on a motion, from 0 on, and the configurations there."""
 
     def __init__(
         self,
@@ -89,20 +99,20 @@ class _Way:
         self._narrow = replace(chain, limits=_narrowed(chain.limits, start))
 
     def march(self) -> Stop | None:
-        """Go along the motion as far as can be; why no farther, if that is not its end."""
+        """Go along the motion as far as the arm can; the stop, where that is not the end."""
         usual = self._usual_step()
         step = usual
         while self.places[-1] < 1.0:
             at = self.places[-1] + step
             # A last step of rounding would be one too many.
             at = 1.0 if 1.0 - at < _LEAST_STEP else at
-            q = self._inside(at, self._predicted(at))
+            q = self._solve_inside(at, self._predict(at))
             if q is not None and np.abs(q - self.joints[-1]).max() <= _JUMP:
                 self.places.append(at)
                 self.joints.append(q)
                 step = min(2.0 * step, usual)
             elif step / 2.0 < _LEAST_STEP or self._deadline.passed:
-                return self._why(len(self.places) - 1, at)
+                return self._explain(len(self.places) - 1, at)
             else:
                 step /= 2.0
         return None
@@ -114,8 +124,8 @@ class _Way:
         steps = max(motion.length / _STEP_LENGTH, motion.angle / _STEP_ANGLE, _LEAST_STEPS)
         return 1.0 / float(np.ceil(steps))
 
-    def _predicted(self, at: float) -> Array:
-        """Where the joints come to by the least motion that moves the tool as it is to move."""
+    def _predict(self, at: float) -> Array:
+        """The joints after the least motion that moves the tool as asked, to first order."""
         q = self.joints[-1]
         T, J = pose_and_jacobian(self._chain, q)
         target = self._motion.pose(at)
@@ -128,21 +138,23 @@ class _Way:
         limits = self._narrow.limits
         return np.asarray(np.clip(q + step, limits.lower, limits.upper))
 
-    def _inside(self, at: float, seed: Array) -> Array | None:
+    def _solve_inside(self, at: float, seed: Array) -> Array | None:
         """The solution nearest to the seed, at a limit only if there is no other."""
-        found = self._solve(self._narrow, at, seed)
-        return found if found is not None else self._solve(self._chain, at, seed)
+        q = self._solve(self._narrow, at, seed)
+        return q if q is not None else self._solve(self._chain, at, seed)
 
     def _solve(self, chain: Chain, at: float, seed: Array) -> Array | None:
         position, orientation = _solver_tolerances(self._tolerances)
-        result = numeric.solve(
-            chain, self._motion.pose(at),
-            numeric.SearchOptions(0, 1, position, orientation, _axes(self._tolerances)),
-            seed_joints=seed,
-        )  # fmt: skip
+        options = numeric.SearchOptions(
+            starts=1,
+            position_tolerance=position,
+            orientation_tolerance=orientation,
+            axes=_axes(self._tolerances),
+        )
+        result = numeric.solve(chain, self._motion.pose(at), options, seed_joints=seed)
         return result.solutions[0].joints if result.solutions else None
 
-    def too_far(self, path: JointPath) -> list[int]:
+    def deviating_pieces(self, path: JointPath) -> list[int]:
         """Pieces on which the tool is off its motion, or a joint beyond its limit."""
         chain, breaks = self._chain, path.breaks
         position, orientation = self._tolerances.pair
@@ -153,9 +165,9 @@ class _Way:
         return [int(i) for i in np.flatnonzero(outside | ~fine)]
 
     def insert(self, path: JointPath, wide: list[int]) -> Stop | None:
-        """Put a configuration into the middle of these pieces; or why that is no use.
+        """Insert a configuration in the middle of these pieces; the stop, where that fails.
 
-        Where it is none, what comes after is forgotten.
+        Where it fails, the configurations after that place are dropped.
         """
         breaks = path.breaks
         for piece in wide:
@@ -165,45 +177,43 @@ class _Way:
             narrow = breaks[piece + 1] - breaks[piece] < 2.0 * _LEAST_STEP
             if not (narrow or self._deadline.passed or len(self.places) >= _MAX_KNOTS):
                 seed = path.sample([at])[0]
-                q = self._inside(at, seed)
+                q = self._solve_inside(at, seed)
             if q is None or np.abs(q - seed).max() > _JUMP:
                 del self.places[k:], self.joints[k:]
-                return self._why(k - 1, at, between=True)
+                return self._explain(k - 1, at, between=True)
             self.places.insert(k, at)
             self.joints.insert(k, q)
         return None
 
-    def _why(self, k: int, at: float, *, between: bool = False) -> Stop:
-        """What keeps the arm from going on from its k-th place."""
+    def _explain(self, k: int, at: float, *, between: bool = False) -> Stop:
+        """The reason why the arm can't go on from its k-th place."""
         reached, q = self.places[k], self.joints[k]
         if self._deadline.passed:
             return Stop(reached, "time", "time was up", {})
-        limited = self._limited(reached, q, at)
-        if limited is not None:
-            return limited
+        at_limit = self._limit_stop(reached, q, at)
+        if at_limit is not None:
+            return at_limit
         values = self._singular_values(q)
-        told: dict[str, Any] = {"smallest_singular_value": float(values[-1])}
-        other = numeric.solve(
-            self._chain, self._motion.pose(at),
-            numeric.SearchOptions(starts=_SEARCH, axes=_axes(self._tolerances)), seed_joints=q,
-        )  # fmt: skip
+        details: dict[str, Any] = {"smallest_singular_value": float(values[-1])}
+        options = numeric.SearchOptions(starts=_SEARCH, axes=_axes(self._tolerances))
+        other = numeric.solve(self._chain, self._motion.pose(at), options, seed_joints=q)
         if not other.solutions:
             nearest = other.nearest
-            told["position_error"] = nearest.position_error
-            told["orientation_error"] = nearest.orientation_error
-            return Stop(reached, "unreachable", "the arm does not reach any farther", told)
+            details["position_error"] = nearest.position_error
+            details["orientation_error"] = nearest.orientation_error
+            return Stop(reached, "unreachable", "the arm does not reach any farther", details)
         if values[-1] < _SINGULAR * values[0]:
             text = f"the arm is singular here (smallest singular value {values[-1]:.3g})"
-            return Stop(reached, "singularity", text, told)
+            return Stop(reached, "singularity", text, details)
         if between:
             text = "the joints would have to turn too sharply to keep the tool within max_deviation"
-            return Stop(reached, "deviation", text, told)
-        told["other_joints"] = other.solutions[0].joints.tolist()
+            return Stop(reached, "deviation", text, details)
+        details["other_joints"] = other.solutions[0].joints.tolist()
         text = "the arm could only go on in another branch of its inverse kinematics"
-        return Stop(reached, "branch", text, told)
+        return Stop(reached, "branch", text, details)
 
-    def _limited(self, reached: float, q: Array, at: float) -> Stop | None:
-        """The joint that would go on beyond its limit, if that is what is in the way."""
+    def _limit_stop(self, reached: float, q: Array, at: float) -> Stop | None:
+        """The stop at a joint limit, where the arm could go on without it."""
         chain = self._chain
         n, limits = chain.n, chain.limits
         endless = replace(limits, lower=np.full(n, -np.inf), upper=np.full(n, np.inf))
@@ -235,7 +245,7 @@ def _axes(tolerances: Tolerances) -> tuple[Axis, ...]:
 
 def _solver_tolerances(tolerances: Tolerances) -> tuple[float, float]:
     """Errors that inverse kinematics may leave [m], [rad]."""
-    fine = np.clip([_FINER * value for value in tolerances.pair], _FINEST, _COARSEST)
+    fine = np.clip([_IK_SHARE * value for value in tolerances.pair], _FINEST, _COARSEST)
     return float(fine[0]), float(fine[1])
 
 

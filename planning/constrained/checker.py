@@ -1,4 +1,4 @@
-"""Exact verdicts about joint motions that also have to hold constraints."""
+"""A checker of joint motions that also have to hold constraints."""
 
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -11,18 +11,20 @@ from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.edge_bounds import holds
 from planning.constraints.row import LOWER, UPPER
 
-#: Kept back of each row's width, so that corners can be rounded without leaving it.
-_KEPT_BACK = 0.05
+#: Share of half a row's width by which it is narrowed, so that corners can be rounded inside it.
+_NARROWING = 0.05
+#: Samples of a motion that violates a row, to find where it does most.
+_SAMPLES = 9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ConstrainedChecker(Checker):
-    """A checker to which a motion is free where it also holds all rows for every instant.
+    """A checker that calls a motion free where it also holds all rows for every instant.
 
     Args:
-        constraints: The hard ones, on the model's chain.
-        spare: What of its rows start and goal have to spare, shape (m,); half of it may be kept
-            back.
+        constraints: Hard constraints with m rows, on the model's chain.
+        spare: How far start and goal are inside each row, shape (m,) [m or rad]; rows are narrowed
+            by half of it at most.
     """
 
     constraints: ConstraintSet = field(kw_only=True)
@@ -31,19 +33,19 @@ class ConstrainedChecker(Checker):
     @property
     def rows(self) -> Array:
         """The packed rows, somewhat narrower than asked for, (m, WIDTH)."""
-        return narrowed(self.constraints, _KEPT_BACK, 0.5 * self.spare)
+        return narrowed(self.constraints, _NARROWING, 0.5 * self.spare)
 
     def curve(self, b0: Array, b1: Array, b2: Array, b3: Array | None = None) -> Motion:
         """Prove the joint motion b0 + b1 s + b2 s^2 + b3 s^3 over 0 <= s <= 1, each (n,)."""
         powers = [b0, b1, b2] if b3 is None else [b0, b1, b2, b3]
         coefficients = np.column_stack(powers)
         if not holds(self.model.chain, self.rows, coefficients):
-            places = coefficients @ np.linspace(0.0, 1.0, 9) ** np.arange(len(powers))[:, None]
-            residuals = self.constraints.residuals(places.T)
-            worst = np.unravel_index(int(np.argmax(residuals)), residuals.shape)
-            label = self.constraints.label(int(worst[1]))
-            pair = (self.model.chain.tip_link, label)
-            return Motion(False, False, float(worst[0]) / 8.0, pair, -np.inf, 1)
+            s = np.linspace(0.0, 1.0, _SAMPLES)
+            samples = coefficients @ s ** np.arange(len(powers))[:, None]
+            residuals = self.constraints.residuals(samples.T)
+            worst, row = np.unravel_index(int(np.argmax(residuals)), residuals.shape)
+            pair = (self.model.chain.tip_link, self.constraints.label(int(row)))
+            return Motion(False, False, float(s[worst]), pair, -np.inf, 1)
         return Checker.curve(self, b0, b1, b2, b3)
 
     def free(self, start: Array, end: Array) -> bool:
@@ -52,7 +54,11 @@ class ConstrainedChecker(Checker):
         return holds(self.model.chain, self.rows, line) and Checker.free(self, start, end)
 
     def polyline(self, waypoints: Array) -> tuple[Motion, int]:
-        """Prove every leg of a polyline (k, n); what was found and the leg it is about."""
+        """Prove every leg of a polyline (k, n).
+
+        Returns:
+            The first leg that is not free, or the last leg, and its number.
+        """
         for leg, (a, b) in enumerate(pairwise(waypoints)):
             motion = self.segment(a, b)
             if not motion.free:
@@ -60,20 +66,20 @@ class ConstrainedChecker(Checker):
         return motion, len(waypoints) - 1
 
 
-def narrowed(constraints: ConstraintSet, share: float, most: Array | float = np.inf) -> Array:
-    """The packed rows with their bounds moved inwards by a share of half their width, at ``most``.
+def narrowed(constraints: ConstraintSet, share: float, limit: Array | float = np.inf) -> Array:
+    """The packed rows with their bounds moved inwards by a share of half their width.
 
     Args:
-        constraints: m rows.
-        share: 0 leaves them, 1 leaves their middle.
-        most: In each row's unit, number or shape (m,).
+        constraints: Constraints with m rows.
+        share: 0 leaves them as they are, 1 leaves their middle.
+        limit: Largest move, a number or shape (m,) [m or rad].
     """
     rows = np.array(constraints.packed)
     two_sided = np.isfinite(rows[:, LOWER])
     half = np.where(
         two_sided, 0.5 * (rows[:, UPPER] - np.nan_to_num(rows[:, LOWER])), rows[:, UPPER]
     )
-    inwards = np.maximum(np.minimum(share * half, most), 0.0)
+    inwards = np.maximum(np.minimum(share * half, limit), 0.0)
     rows[:, UPPER] -= inwards
     rows[:, LOWER] += inwards
     return rows

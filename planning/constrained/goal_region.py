@@ -1,4 +1,4 @@
-"""More goals while a tree grows: configurations of a goal's pose in the branch the tree is in.
+"""Goal regions: configurations of a goal's pose, found while trees grow.
 
 A pose has endlessly many configurations on an arm with joints to spare, and several branches on any
 arm. Under constraints most of those drawn at random can't be reached from the start; the one that
@@ -18,16 +18,17 @@ from planning.constraints.constraint_set import ConstraintSet
 from planning.problem import PoseGoal
 from planning.ready import TOUCHING
 
+#: Iterations of Newton's method from a configuration to a pose.
 _PROJECTIONS = 40
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GoalRegion:
-    """Poses of which any configuration will do.
+    """Goal poses of which any configuration will do.
 
     Args:
         checker: The robot in its scene with its constraints.
-        poses: One at least.
+        poses: The poses, at least one.
     """
 
     checker: ConstrainedChecker
@@ -45,13 +46,14 @@ class GoalRegion:
         return make_goal(path, zero, zero, rows=np.vstack([self.checker.rows, of_pose]))
 
     def near(self, q: Array, number: int) -> Array | None:
-        """A configuration of a pose that Newton's method finds from q, if it finds a free one.
+        """Find a free configuration of a pose by Newton's method from q; None where it fails.
 
         Args:
-            q: Shape (n,).
-            number: Of the pose, counted round and round.
+            q: Where to begin, shape (n,) [rad or m].
+            number: Number of the pose, modulo how many there are.
         """
-        made = np.array(q)
-        if project_kernel(self.goals[number % len(self.goals)], made, _PROJECTIONS) > HELD:
+        projected = np.array(q)
+        goal = self.goals[number % len(self.goals)]
+        if project_kernel(goal, projected, _PROJECTIONS) > HELD:
             return None
-        return made if self.checker.clearance(made)[0] > TOUCHING else None
+        return projected if self.checker.clearance(projected)[0] > TOUCHING else None

@@ -1,9 +1,9 @@
 """Inverse kinematics under constraints: configurations that hold them all and collide with nothing.
 
-Starts are drawn at random; from each a compiled descent (``constraints.descent``) seeks the nearest
-configuration that holds everything and then the best one around. Where none of them arrives, IPOPT
-takes over from the most promising attempts (``constraints.program``). Whatever is answered has been
-judged by the kernels of the constraints and by the exact collision checker.
+Starts are drawn at random; from each an active-set method (``constraints.active_set``) goes to the
+nearest configuration that holds everything and then to the best one around. Where none of them
+arrives, IPOPT takes over from the most promising attempts (``constraints.program``). Every answer
+is checked by the kernels of the constraints and by the exact collision checker.
 """
 
 from collections.abc import Iterator
@@ -32,12 +32,14 @@ OBJECTIVES: tuple[Objective, ...] = get_args(Objective)
 
 #: A configuration holds its constraints where no residual exceeds this [m or rad].
 HELD = 1e-6
-#: Kept beyond the margins, so that what was made to hold them is not found to touch them [m].
+#: Kept beyond the margins, so that a configuration driven to them does not touch them [m].
 _HEADROOM = 1e-6
 #: Starts spent on a better configuration once as many as were asked for are found.
-_COMPARED = 2
-#: Attempts that IPOPT goes on from, and rounds of its distances.
-_TAKEN_OVER, _ROUNDS = 3, 6
+_EXTRA_STARTS = 2
+#: Attempts that IPOPT goes on from.
+_IPOPT_STARTS = 3
+#: Times that IPOPT linearises the distances.
+_IPOPT_ROUNDS = 6
 #: Pairs farther apart than this do not bind IPOPT's steps [m].
 _NEAR = 0.3
 #: Solutions nearer than this in every joint [rad or m] are one.
@@ -88,16 +90,16 @@ class IkOptions:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ConstrainedSolution:
-    """A configuration and what it holds.
+    """A configuration with its residuals and its clearance.
 
     Args:
         joints: Shape (n,) [rad or m].
-        residuals: Of the rows, positive where violated, shape (m,) [m or rad].
+        residuals: Residuals of the rows, positive where violated, shape (m,) [m or rad].
         clearance: Distance of the closest pair, margins taken off [m]; infinite where nothing can
             collide.
-        pair: The pair.
-        cost: The objective.
-        solver: What found it.
+        pair: The closest pair; None where nothing can collide.
+        cost: Value of the objective.
+        solver: "descent" or "ipopt", whichever found it.
     """
 
     joints: Array
@@ -114,7 +116,7 @@ class ConstrainedSolution:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ConstrainedIk:
-    """What was found.
+    """Result of constrained inverse kinematics.
 
     Args:
         solutions: Best first; empty where there is none.
@@ -133,7 +135,7 @@ def constrained_ik(
     scene: Scene | None = None,
     options: IkOptions | None = None,
 ) -> ConstrainedIk:
-    """Configurations that hold all hard constraints, best first.
+    """Find configurations that hold all hard constraints, best first.
 
     Args:
         robot: The arm with its geometry.
@@ -158,7 +160,7 @@ def constrained_ik(
 
 @dataclass(slots=True)
 class _Search:
-    """One search: its goal as the kernel reads it, and what was found so far."""
+    """One search: its target as the kernel reads it, and the configurations so far."""
 
     robot: RobotGeometry
     constraints: ConstraintSet
@@ -179,8 +181,8 @@ class _Search:
         low, high = self.chain.sampling_bounds()
         middle = 0.5 * (low + high)
         seed, posture = self.how.seed_joints, self.how.posture
-        given = posture if posture is not None else seed if seed is not None else middle
-        near = self.chain.configuration(given, "posture").reshape(n)
+        preferred = posture if posture is not None else seed if seed is not None else middle
+        near = self.chain.configuration(preferred, "posture").reshape(n)
         self.first = near
         if seed is not None:
             self.first = self.chain.configuration(seed, "seed_joints").reshape(n)
@@ -202,21 +204,21 @@ class _Search:
 
     def run(self) -> ConstrainedIk:
         """Search until enough is found, or starts or time are spent."""
-        starts, spare = 0, _COMPARED
+        starts, spare = 0, _EXTRA_STARTS
         if self.how.solver != "ipopt":
             for q in self._starts():
                 starts += 1
-                self._take(self._descended(q), "descent")
+                self._judge(self._descend(q), "descent")
                 spare -= len(self.found) >= self.how.most
-                if spare < 0 or self._late():
+                if spare < 0 or self._time_up():
                     break
         if not self.found and self.how.solver != "descent":
-            self._by_ipopt()
+            self._run_ipopt()
         self.found.sort(key=lambda solution: round(solution.cost, 9))
         nearest = min([*self.found, *self.attempts], key=self.violation)
         return ConstrainedIk(tuple(self.found[: self.how.most]), nearest, starts)
 
-    def _late(self) -> bool:
+    def _time_up(self) -> bool:
         return self.how.deadline is not None and self.how.deadline.passed
 
     def _starts(self) -> Iterator[Array]:
@@ -226,27 +228,27 @@ class _Search:
         for _ in range(self.how.starts - 1):
             yield random.uniform(low, high)
 
-    def _descended(self, start: Array) -> Array:
-        q, told = np.array(start), np.empty(2)
-        descend(self.wide, self.goal, q, told)
+    def _descend(self, start: Array) -> Array:
+        q, outcome = np.array(start), np.empty(2)
+        descend(self.wide, self.goal, q, outcome)
         return q
 
-    def _by_ipopt(self) -> None:
+    def _run_ipopt(self) -> None:
         """Go on from the best attempts, or from fresh starts where there are none."""
         self.attempts.sort(key=self.violation)
-        starts = [attempt.joints for attempt in self.attempts[:_TAKEN_OVER]]
+        starts = [attempt.joints for attempt in self.attempts[:_IPOPT_STARTS]]
         for q in starts or self._starts():
-            self._take(self._solved(np.array(q)), "ipopt")
-            if self.found or self._late():
+            self._judge(self._solve(np.array(q)), "ipopt")
+            if self.found or self._time_up():
                 return
 
-    def _solved(self, q: Array) -> Array:
+    def _solve(self, q: Array) -> Array:
         nlp = program(self.constraints, self.how.objective == "manipulability")
-        for _ in range(_ROUNDS if self.checker is not None else 1):
+        for _ in range(_IPOPT_ROUNDS if self.checker is not None else 1):
             planes = self._planes(q)
             before, posture = q, np.array(self.goal.posture)
             q = nlp.solve(self.constraints, q, posture, self.goal.metric, planes)
-            if self._late() or float(np.abs(q - before).max()) < HELD:
+            if self._time_up() or float(np.abs(q - before).max()) < HELD:
                 break
         return q
 
@@ -255,11 +257,11 @@ class _Search:
         if self.checker is None:
             return Planes(np.zeros((0, self.chain.n)), np.zeros(0))
         near = Checker(self.checker.model, _HEADROOM).gradient(q, _NEAR)
-        kept = np.argsort(near.distances, kind="stable")[:PLANES]
-        A = -near.gradients[kept]
-        return Planes(A, near.distances[kept] + A @ q)
+        nearest = np.argsort(near.distances, kind="stable")[:PLANES]
+        A = -near.gradients[nearest]
+        return Planes(A, near.distances[nearest] + A @ q)
 
-    def _take(self, q: Array, solver: str) -> None:
+    def _judge(self, q: Array, solver: str) -> None:
         """Judge a configuration and keep it among the solutions or the attempts."""
         clearance, pair = np.inf, None
         residuals = self.constraints.residuals(q)
@@ -277,7 +279,7 @@ class _Search:
         return float(residuals[self.hard].max(initial=-np.inf))
 
     def violation(self, solution: ConstrainedSolution) -> float:
-        """By how much the hard constraints fail, 0 where they hold within their tolerance."""
+        """How much the hard constraints are violated, 0 where they hold within their tolerance."""
         worst = self._worst(solution.residuals)
         depth = -solution.clearance if solution.clearance <= 0.0 else 0.0
         touching = 1e-9 if solution.clearance <= 0.0 else 0.0
@@ -286,10 +288,10 @@ class _Search:
     def _cost(self, q: Array) -> float:
         soft = self.constraints.weights[~self.hard]
         violated = np.maximum(self.constraints.residuals(q)[~self.hard], 0.0)
-        own = 0.5 * float(soft @ violated**2)
+        penalty = 0.5 * float(soft @ violated**2)
         if self.how.objective == "limits":
-            return own + float(limit_use(self.chain, q[None])[0])
+            return penalty + float(limit_use(self.chain, q[None])[0])
         if self.how.objective == "manipulability":
             values = np.asarray(np.linalg.svd(geometric(self.chain, q), compute_uv=False))
-            return own - float(np.log(max(manipulability(values), 1e-300)))
-        return own + 0.5 * float(np.sum((q - self.goal.posture) ** 2))
+            return penalty - float(np.log(max(manipulability(values), 1e-300)))
+        return penalty + 0.5 * float(np.sum((q - self.goal.posture) ** 2))

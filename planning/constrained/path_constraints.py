@@ -1,4 +1,4 @@
-"""Constraints of a whole path, before planning: do start and goal hold them, can anything?"""
+"""Constraints of a whole path, checked before planning at the start and at the goals."""
 
 from dataclasses import replace
 
@@ -35,40 +35,47 @@ def check_widths(constraints: ConstraintSet) -> None:
                 f"{constraints.label(i)} has a tolerance of {half:.3g} {row.unit}: along a path "
                 f"{LEAST_TOLERANCE:g} {row.unit} at least are needed",
                 hint="Widen its tolerance or region; a millimetre is easily held.",
-                constraint=int(constraints.owners[i]), tolerance=half,
-                relaxation=LEAST_TOLERANCE - half, unit=row.unit,
-            )  # fmt: skip
+                constraint=int(constraints.owners[i]),
+                tolerance=half,
+                relaxation=LEAST_TOLERANCE - half,
+                unit=row.unit,
+            )
 
 
 def apply_path_constraints(problem: Problem, ready: Ready | Failure, seed: int) -> Ready | Failure:
-    """What is ready, with goals and checkers that hold the path's constraints, or why none does.
+    """Bring the path's constraints into a problem that is ready: into its goals and checkers.
+
+    Args:
+        problem: What is to be planned, with its constraints.
+        ready: What preflight answered; a failure is handed on.
+        seed: Of inverse kinematics.
+
+    Returns:
+        The problem with the goals that hold the constraints and checkers that know them, or why
+        the start or every goal violates them.
 
     Raises:
         InvalidGoal: A constraint is too thin for a motion.
     """
-    whole = problem.constraints
-    if isinstance(ready, Failure) or whole is None or not whole.hard.rows:
+    constraints = problem.constraints
+    if isinstance(ready, Failure) or constraints is None or not constraints.hard.rows:
         return ready
-    hard = whole.hard
+    hard = constraints.hard
     check_widths(hard)
-    wrong = _violated_row(whole, ready.start)
-    if wrong is not None or not any(_violated_row(whole, q) is None for q in ready.goals):
-        found = conflict(whole, ready.start, seed)
-        if found is not None:
-            details = {
-                "constraints": list(found.constraints), "relaxations": list(found.relaxations)
-            }  # fmt: skip
-            code = "INVALID_GOAL_CONSTRAINTS"
-            return Failure(code, found.message, found.hint, "constraints", details=details)
-    if wrong is not None:
-        return _violation_failure(whole, "start", ready.start, wrong)
-    goals = [q for q in ready.goals if _violated_row(whole, q) is None]
+    row = _violated_row(constraints, ready.start)
+    goals = [q for q in ready.goals if _violated_row(constraints, q) is None]
+    if row is not None or not goals:
+        failure = _conflict_failure(constraints, ready.start, seed)
+        if failure is not None:
+            return failure
+    if row is not None:
+        return _violation_failure(constraints, "start", ready.start, row)
     goals = goals or _constrained_goals(problem, ready, seed)
     if not goals:
         nearest = min(ready.goals, key=lambda q: float(hard.residuals(q).max()))
-        row = _violated_row(whole, nearest)
+        row = _violated_row(constraints, nearest)
         assert row is not None
-        return _violation_failure(whole, "goal", nearest, row)
+        return _violation_failure(constraints, "goal", nearest, row)
     spare = -np.max([hard.residuals(q) for q in (ready.start, *goals)], axis=0)
     checkers = tuple(
         ConstrainedChecker(checker.model, checker.slack, constraints=hard, spare=spare)
@@ -78,8 +85,25 @@ def apply_path_constraints(problem: Problem, ready: Ready | Failure, seed: int) 
     return replace(ready, goals=goals, checkers=checkers or ready.checkers[-1:])
 
 
+def _conflict_failure(constraints: ConstraintSet, start: Array, seed: int) -> Failure | None:
+    """Why no configuration at all holds the constraints, where none does."""
+    contradiction = conflict(constraints, start, seed)
+    if contradiction is None:
+        return None
+    return Failure(
+        code="INVALID_GOAL_CONSTRAINTS",
+        message=contradiction.message,
+        hint=contradiction.hint,
+        stage="constraints",
+        details={
+            "constraints": list(contradiction.constraints),
+            "relaxations": list(contradiction.relaxations),
+        },
+    )
+
+
 def end_violation(constraints: ConstraintSet | None, which: str, q: Array) -> Failure | None:
-    """Say what the "start" or "goal" at q (n,) violates most, if it violates anything."""
+    """The failure of a "start" or "goal" at q (n,) that violates a constraint, if it does."""
     row = None if constraints is None else _violated_row(constraints, q)
     if constraints is None or row is None:
         return None
@@ -87,7 +111,7 @@ def end_violation(constraints: ConstraintSet | None, which: str, q: Array) -> Fa
 
 
 def _violated_row(constraints: ConstraintSet, q: Array) -> int | None:
-    """The hard row that is violated most, if one is."""
+    """Number of the hard row that q (n,) violates most, if it violates one."""
     residuals = np.where(np.isinf(constraints.weights), constraints.residuals(q), -np.inf)
     row = int(np.argmax(residuals))
     return row if residuals[row] > TOLERANCE else None
@@ -103,14 +127,16 @@ def _violation_failure(constraints: ConstraintSet, which: str, q: Array, row: in
         f"constraint by {residual:.4g} {unit}.",
         stage=which,
         details={
-            "constraint": int(constraints.owners[row]), "residual": residual, "unit": unit,
+            "constraint": int(constraints.owners[row]),
+            "residual": residual,
+            "unit": unit,
             "value": float(constraints.values(q)[row]),
         },
-    )  # fmt: skip
+    )
 
 
 def _constrained_goals(problem: Problem, ready: Ready, seed: int) -> list[Array]:
-    """Goals by constrained inverse kinematics: poses inside their tolerances that hold all."""
+    """Configurations of the goal poses, within their tolerances, that hold all constraints."""
     assert problem.constraints is not None
     goals: list[Array] = []
     checker = ready.checkers[-1]
@@ -119,6 +145,6 @@ def _constrained_goals(problem: Problem, ready: Ready, seed: int) -> list[Array]
     for goal in problem.goals:
         if not isinstance(goal, PoseGoal):
             continue
-        found = goal_configurations(problem, goal, ready.start, seed, geometric)
-        goals += [np.array(s.joints) for s in found if s.clearance > TOUCHING]
+        solutions = goal_configurations(problem, goal, ready.start, seed, geometric)
+        goals += [np.array(s.joints) for s in solutions if s.clearance > TOUCHING]
     return [q for q in goals if checker.valid(q)]

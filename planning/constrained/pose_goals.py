@@ -1,4 +1,4 @@
-"""Configurations for a goal that is a pose, where those of plain inverse kinematics won't do."""
+"""Configurations of goal poses under constraints, clear of obstacles."""
 
 import numpy as np
 
@@ -10,13 +10,16 @@ from planning.constraints.limit import ClearanceConstraint
 from planning.constraints.relative_pose import RelativePoseConstraint
 from planning.problem import PoseGoal, Problem
 
-#: Of a goal's tolerances, shared among three axes: what rounding needs is kept back.
+#: Share of a goal's tolerance for each of three axes; a thousandth is kept for rounding.
 _SHARE = 0.999 / np.sqrt(3.0)
-_GOALS, _STARTS = 8, 60
+#: Configurations at most.
+_MAX_GOALS = 8
+#: Starts of inverse kinematics.
+_STARTS = 60
 
 
 def pose_constraint(goal: PoseGoal) -> RelativePoseConstraint:
-    """The constraint that a configuration of a pose holds, inside the goal's tolerances."""
+    """A goal's pose as a constraint: the largest box inside the goal's tolerances."""
     return RelativePoseConstraint(
         goal.T_base_tip,
         position_tolerances=_SHARE * goal.position_tolerance,
@@ -25,18 +28,24 @@ def pose_constraint(goal: PoseGoal) -> RelativePoseConstraint:
 
 
 def goal_configurations(
-    problem: Problem, goal: PoseGoal, start: Array, seed: int, held: tuple[Constraint, ...] = ()
+    problem: Problem,
+    goal: PoseGoal,
+    start: Array,
+    seed: int,
+    constraints: tuple[Constraint, ...] = (),
 ) -> tuple[ConstrainedSolution, ...]:
-    """Configurations of a pose that hold constraints and keep clear, nearest to the start first.
+    """Find configurations of a pose that hold constraints and keep clear, nearest to start first.
 
     Args:
-        problem: Its robot, scene and margin count.
+        problem: The problem; its robot, scene and margin count.
         goal: The pose.
-        start: Where to look first, shape (n,).
+        start: Where the search begins, shape (n,) [rad or m].
         seed: Of the random starts.
-        held: On the path.
+        constraints: Constraints that hold along the path.
     """
     clear = ClearanceConstraint(problem.margin)
-    wanted = ConstraintSet(problem.robot.chain, (*held, pose_constraint(goal), clear))
-    options = IkOptions(seed_joints=start, most=_GOALS, seed=seed, starts=_STARTS, solver="descent")
+    wanted = ConstraintSet(problem.robot.chain, (*constraints, pose_constraint(goal), clear))
+    options = IkOptions(
+        seed_joints=start, most=_MAX_GOALS, seed=seed, starts=_STARTS, solver="descent"
+    )
     return constrained_ik(problem.robot, wanted, problem.scene, options).solutions

@@ -1,10 +1,15 @@
-"""Planning where constraints leave little room: a tree that grows along the set they allow.
+"""RRT-Connect under constraints: two trees along the set of configurations that they allow.
 
 A step towards a target is projected onto the allowed set (Newton's method on the residuals, inside
 the joint limits) and taken where the straight motion to it holds the constraints for every instant
 and is proved free; steps shrink where the set is curved. Two trees grow towards each other until
 they meet. Source: "Manipulation planning on constraint manifolds", IEEE International Conference on
 Robotics and Automation, 2009.
+
+Its trees are not those of ``search.rrt_connect``. Those count cheap edges by the thousand, live in
+one kernel with a fixed capacity, and leave nodes out that have met something. These take some
+hundred extensions of many steps each, gain new roots while they grow (``GoalRegion``, in Python),
+and spend their time in projections and proofs: a tree for both would be a third one.
 """
 
 from collections.abc import Callable
@@ -23,30 +28,48 @@ from planning.constraints.edge_bounds import EDGE_CELLS, HOLDS, TOLERANCE, hold_
 from planning.deadline import Deadline
 from planning.search_box import search_box
 
-#: Longest and shortest step of a tree, Euclidean in joint space.
-_LONGEST, _SHORTEST = 0.5, 0.01
+#: Longest step of a tree, Euclidean in joint space [rad or m].
+_LONGEST = 0.5
+#: Steps that would have to be shorter than this end an extension [rad or m].
+_SHORTEST = 0.01
+#: A step that was taken may be longer next time by this factor.
+_STEP_GROWTH = 1.6
+#: A step has to come nearer to the target by this share of its length.
+_LEAST_PROGRESS = 0.1
+#: A projected step may be longer than the step asked for by this factor.
+_MAX_STRETCH = 2.0
 #: Steps of one extension at most.
 _MAX_STEPS = 400
-#: Of half a row's width, what projected configurations keep back: edges between them bulge.
-_KEPT_BACK = 0.25
+#: Share of half a row's width that projected configurations keep: edges between them bulge.
+_NARROWING = 0.25
+#: Iterations of Newton's method on a step.
 _PROJECTIONS = 12
+#: Iterations of Newton's method on a random configuration, which may be far away.
 _SAMPLE_PROJECTIONS = 40
-#: Walks after which a pair of trees is given up for fresh ones; the next may take somewhat more.
-_FIRST_BUDGET, _BUDGET_GROWTH = 400, 1.6
+#: Extensions after which a pair of trees is given up for a fresh one.
+_FIRST_BUDGET = 400
+#: Factor by which the next pair may take more.
+_BUDGET_GROWTH = 1.6
+#: Between the seeds of one request's trees; neighbouring requests should not share them.
 _SEED_STRIDE = 7_919
-#: Attempts at a shorter way, and in a row without any gain.
-_CUTS, _PATIENCE, _LEAST_GAIN = 160, 50, 1e-3
-#: A goal more is sought after so many extensions, and there are so many at most.
-_GOAL_STRIDE, _MOST_GOALS = 8, 400
-_UNIT = np.array([0.0, 1.0])
+#: Cuts that are tried to shorten a path.
+_CUTS = 160
+#: Cuts in a row without any gain after which a path counts as short.
+_PATIENCE = 50
+#: A cut has to gain this share of the path's length.
+_LEAST_GAIN = 1e-3
+#: Extensions between two searches for another goal.
+_GOAL_STRIDE = 8
+#: Goals at most, those given among them.
+_MAX_GOALS = 400
 
-#: From a configuration to a goal near it, for the k-th time asked; None where none was found.
+#: Finds a goal near a configuration (n,), given how many goals there are; None where there is none.
 MoreGoals = Callable[[Array, int], Array | None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Manifold:
-    """The set that a checker's constraints allow, and how to extend a tree along it.
+    """The set of configurations that a checker's constraints allow.
 
     Args:
         checker: The robot in its scene with its constraints.
@@ -58,33 +81,40 @@ class Manifold:
 
     def __post_init__(self) -> None:
         chain, constraints = self.checker.model.chain, self.checker.constraints
-        zero, inner = np.zeros(chain.n), narrowed(constraints, _KEPT_BACK)
+        zero, inner = np.zeros(chain.n), narrowed(constraints, _NARROWING)
         goal = make_goal(constraints, zero, zero, rows=inner)
         object.__setattr__(self, "goal", goal)
         object.__setattr__(self, "rows", self.checker.rows)
 
-    def projected(self, q: Array) -> Array | None:
-        """The configuration of the set that Newton's method finds from q, if it finds one."""
-        made = np.array(q)
-        if project_kernel(self.goal, made, _SAMPLE_PROJECTIONS) > HELD:
+    def project(self, q: Array) -> Array | None:
+        """Project q (n,) onto the set by Newton's method; None where that fails."""
+        projected = np.array(q)
+        if project_kernel(self.goal, projected, _SAMPLE_PROJECTIONS) > HELD:
             return None
-        return made
+        return projected
 
     def extend(self, start: Array, end: Array) -> tuple[Array, bool]:
-        """From ``start`` towards ``end`` along the set; the steps taken (k, n), and if it arrived.
+        """Extend from ``start`` (n,) towards ``end`` (n,) along the set, as far as can be proved.
 
-        The start is left out; every step is proved to hold the constraints and to be free.
+        Returns:
+            The configurations after each step, without the start, shape (k, n), every step proved
+            to hold the constraints and to be free; and whether it arrived.
         """
         steps = np.empty((_MAX_STEPS, len(start)))
         count, arrived = extend_kernel(
-            self.checker.model.arrays, self.checker.slack, self.goal, self.rows,
-            np.array(start), np.array(end), steps,
-        )  # fmt: skip
+            self.checker.model.arrays,
+            self.checker.slack,
+            self.goal,
+            self.rows,
+            np.array(start),
+            np.array(end),
+            steps,
+        )
         return steps[:count], bool(arrived)
 
 
 class _Tree:
-    """Configurations and the ones they were reached from."""
+    """A tree of configurations, each with the one that it was reached from."""
 
     def __init__(self, roots: list[Array]) -> None:
         self._nodes = np.array(roots)
@@ -92,21 +122,21 @@ class _Tree:
         self._parents = [-1] * len(roots)
 
     def nearest(self, q: Array) -> int:
-        """Number of the nearest node."""
-        away = self._nodes[: self._size] - q
-        return int(np.argmin(np.einsum("ij,ij->i", away, away)))
+        """Number of the node that is nearest to q (n,)."""
+        difference = self._nodes[: self._size] - q
+        return int(np.argmin(np.einsum("ij,ij->i", difference, difference)))
 
     def node(self, number: int) -> Array:
-        """A configuration."""
+        """The configuration of a node."""
         return np.asarray(self._nodes[number])
 
     def add(self, parent: int, steps: Array) -> int:
-        """Append a chain of configurations; the number of the last one."""
+        """Append a chain of configurations (k, n) to a node; the number of the last one."""
         needed = self._size + len(steps)
         if needed > len(self._nodes):
-            more = np.empty((max(needed, 2 * len(self._nodes)), self._nodes.shape[1]))
-            more[: self._size] = self._nodes[: self._size]
-            self._nodes = more
+            grown = np.empty((max(needed, 2 * len(self._nodes)), self._nodes.shape[1]))
+            grown[: self._size] = self._nodes[: self._size]
+            self._nodes = grown
         for step in steps:
             self._nodes[self._size] = step
             self._parents.append(parent)
@@ -116,20 +146,20 @@ class _Tree:
 
     @property
     def size(self) -> int:
-        """How many nodes there are."""
+        """Number of nodes."""
         return self._size
 
     def add_root(self, q: Array) -> int:
-        """Append a configuration that was reached from none; its number."""
+        """Append a configuration (n,) as a root; its number."""
         return self.add(-1, q[None])
 
     def branch(self, number: int) -> list[Array]:
-        """The way from a node down to its root."""
-        way = []
+        """The configurations from a node down to its root."""
+        branch = []
         while number >= 0:
-            way.append(self.node(number))
+            branch.append(self.node(number))
             number = self._parents[number]
-        return way
+        return branch
 
 
 def projected_rrt(
@@ -138,42 +168,42 @@ def projected_rrt(
     goals: list[Array],
     seed: int,
     deadline: Deadline,
-    more: MoreGoals | None = None,
+    more_goals: MoreGoals | None = None,
 ) -> tuple[Array | None, int]:
     """Grow trees from start and goals until they meet.
 
     Args:
-        manifold: What is allowed.
-        start: Shape (n,), valid.
+        manifold: The set that the trees grow along.
+        start: Valid configuration, shape (n,) [rad or m].
         goals: Valid configurations (n,).
         seed: The same seed gives the same path.
         deadline: When to stop.
-        more: Where goals are regions: finds goals near configurations that were reached.
+        more_goals: Finds goals near configurations that were reached; None where goals are points.
 
     Returns:
         Waypoints (k, n) whose legs hold and are free, None where it found none in time; and how
         many extensions were tried.
     """
-    spent, budget, attempt = 0, _FIRST_BUDGET, 0
+    spent, budget, pair = 0, _FIRST_BUDGET, 0
     goals = list(goals)
     while not deadline.passed:
-        random = np.random.default_rng((seed, attempt * _SEED_STRIDE))
-        path, extensions = _attempt(manifold, start, goals, random, budget, deadline, more)
+        random = np.random.default_rng((seed, pair * _SEED_STRIDE))
+        path, extensions = _grow_pair(manifold, start, goals, random, budget, deadline, more_goals)
         spent += extensions
         if path is not None:
             return path, spent
-        attempt, budget = attempt + 1, int(_BUDGET_GROWTH * budget)
+        pair, budget = pair + 1, int(_BUDGET_GROWTH * budget)
     return None, spent
 
 
-def _attempt(
+def _grow_pair(
     manifold: Manifold,
     start: Array,
     goals: list[Array],
     random: np.random.Generator,
     budget: int,
     deadline: Deadline,
-    more: MoreGoals | None,
+    more_goals: MoreGoals | None,
 ) -> tuple[Array | None, int]:
     low, high = search_box(manifold.checker.model.chain, [start, *goals])
     here, there = _Tree([start]), _Tree(list(goals))
@@ -182,14 +212,14 @@ def _attempt(
     while extensions < budget and not deadline.passed:
         if target is None:
             drawn = random.uniform(low, high)
-            target = manifold.projected(drawn)
+            target = manifold.project(drawn)
             target = drawn if target is None else target
         near = here.nearest(target)
         steps, _ = manifold.extend(here.node(near), target)
         extensions += 1
         target = None
-        if more is not None and forwards and extensions // 2 % _GOAL_STRIDE == 1:
-            target = _new_goal(here, there, goals, more, random)
+        if more_goals is not None and forwards and extensions // 2 % _GOAL_STRIDE == 1:
+            target = _new_goal(here, there, goals, more_goals, random)
         if len(steps):
             reached = here.add(near, steps)
             close = there.nearest(here.node(reached))
@@ -197,8 +227,8 @@ def _attempt(
             extensions += 1
             last = there.add(close, steps) if len(steps) else close
             if met:
-                way = here.branch(reached)[::-1] + there.branch(last)[1:]
-                return np.array(way if forwards else way[::-1]), extensions
+                path = here.branch(reached)[::-1] + there.branch(last)[1:]
+                return np.array(path if forwards else path[::-1]), extensions
         here, there, forwards = there, here, not forwards
     return None, extensions
 
@@ -207,17 +237,17 @@ def _new_goal(
     reached: _Tree,
     there: _Tree,
     goals: list[Array],
-    more: MoreGoals,
+    more_goals: MoreGoals,
     random: np.random.Generator,
 ) -> Array | None:
-    """A goal near what the start's tree has reached, which the other tree grows from too."""
-    if len(goals) >= _MOST_GOALS:
+    """Add a goal near a node of the start's tree as a root of the goals' tree, if there is one."""
+    if len(goals) >= _MAX_GOALS:
         return None
-    found = more(reached.node(int(random.integers(reached.size))), len(goals))
-    if found is not None:
-        goals.append(found)
-        there.add_root(found)
-    return found
+    goal = more_goals(reached.node(int(random.integers(reached.size))), len(goals))
+    if goal is not None:
+        goals.append(goal)
+        there.add_root(goal)
+    return goal
 
 
 def shortcut_along(manifold: Manifold, waypoints: Array, seed: int, deadline: Deadline) -> Array:
@@ -240,6 +270,7 @@ def shortcut_along(manifold: Manifold, waypoints: Array, seed: int, deadline: De
 def _cut(
     manifold: Manifold, points: list[Array], random: np.random.Generator
 ) -> list[Array] | None:
+    """Join two random places of a path along the set; None where that is no shorter."""
     lengths = np.array([np.linalg.norm(b - a) for a, b in pairwise(points)])
     ends = np.cumsum(lengths)
     first, last = np.sort(random.uniform(0.0, ends[-1], 2))
@@ -250,14 +281,14 @@ def _cut(
         points[leg] + (1.0 - (ends[leg] - at) / lengths[leg]) * (points[leg + 1] - points[leg])
         for leg, at in ((i, first), (j, last))
     )
-    most = last - first - _LEAST_GAIN * ends[-1]
-    if np.linalg.norm(b - a) > most:
+    max_length = last - first - _LEAST_GAIN * ends[-1]
+    if np.linalg.norm(b - a) > max_length:
         return None
     between: list[Array] = []
     if not manifold.checker.free(a, b):
         steps, arrived = manifold.extend(a, b)
-        way = np.vstack([a, steps])
-        if not arrived or np.linalg.norm(np.diff(way, axis=0), axis=1).sum() > most:
+        legs = np.diff(np.vstack([a, steps]), axis=0)
+        if not arrived or np.linalg.norm(legs, axis=1).sum() > max_length:
             return None
         between = list(steps[:-1])
     return [*points[: i + 1], a, *between, b, *points[j + 1 :]]
@@ -265,17 +296,22 @@ def _cut(
 
 @kernel
 def project_kernel(goal: Goal, q: Array, steps: int) -> float:
-    """Bring q (n,) into the set in place; the worst residual that is left."""
+    """Project q (n,) onto the set in place; the worst residual that is left."""
     work = make_work(None, goal)
     return make_feasible(None, goal, q, steps, work, np.empty_like(q), np.empty_like(q))
 
 
 @kernel
 def extend_kernel(
-    model: ModelArrays, slack: float, goal: Goal, rows: Array, start: Array,
-    end: Array, steps: Array,
-) -> tuple[int, bool]:  # fmt: skip
-    """Kernel of ``Manifold.extend``: how many rows of ``steps`` were written, and if it arrived."""
+    model: ModelArrays,
+    slack: float,
+    goal: Goal,
+    rows: Array,
+    start: Array,
+    end: Array,
+    steps: Array,
+) -> tuple[int, bool]:
+    """Kernel of ``Manifold.extend``: how many rows of ``steps`` are steps, and if it arrived."""
     n = start.shape[0]
     work = make_work(None, goal)
     trial, dq, scratch = np.empty(n), np.empty(n), np.empty(n)
@@ -297,15 +333,25 @@ def extend_kernel(
         moved = np.sqrt(np.sum((trial - q) ** 2))
         # A projection that leads back or far aside is no step towards the end.
         if good and not arrives:
-            good = left < away - 0.1 * length and moved < 2.0 * length
+            progress = left < away - _LEAST_PROGRESS * length
+            good = progress and moved < _MAX_STRETCH * length
         if good:
             for j in range(n):
                 line[0, j, 0], line[0, j, 1] = q[j], trial[j] - q[j]
                 dq[j] = trial[j] - q[j]
             verdict = hold_kernel(
-                model.joint_types, model.offsets, rows, unit, line, gaps, TOLERANCE, EDGE_CELLS,
-                worst, times, found,
-            )  # fmt: skip
+                model.joint_types,
+                model.offsets,
+                rows,
+                unit,
+                line,
+                gaps,
+                TOLERANCE,
+                EDGE_CELLS,
+                worst,
+                times,
+                found,
+            )
             good = verdict == HOLDS
             if good and certify_curve(model, q, dq, zero, zero, slack, found) != FREE:
                 # A shorter step would end at the obstacle all the same.
@@ -321,5 +367,5 @@ def extend_kernel(
             return count, True
         q[:] = trial
         away = left
-        length = min(1.6 * length, _LONGEST)
+        length = min(_STEP_GROWTH * length, _LONGEST)
     return count, False

@@ -15,7 +15,9 @@ from obstacles.robot_geometry import RobotGeometry
 
 #: A piece longer than this many times its width gets several points, each for about as much.
 _SLENDER = 1.5
-_MOST_ALONG_A_PIECE = 4
+#: Points along one piece at most.
+#: Points along one piece at most.
+_MAX_ALONG_A_PIECE = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,8 +26,8 @@ class ControlPoints:
 
     Args:
         joints: Index of the joint that carries each, shape (m,).
-        places: Where they are in that joint's frame, shape (m, 3) [m].
-        radii: How far the arm reaches about them, shape (m,) [m]; 0 for bare points.
+        places: Positions in that joint's frame, shape (m, 3) [m].
+        radii: Radius of the arm about each, shape (m,) [m]; 0 for bare points.
     """
 
     joints: Indices
@@ -58,15 +60,15 @@ def along_links(robot: RobotGeometry) -> ControlPoints:
 
     A robot without solids has those of its frame origins.
     """
-    found = [
+    entries = [
         (joint, *point)
         for piece, joint in zip(robot.pieces, robot.joints, strict=True)
         if joint >= 0
         for point in _along(piece)
     ]
-    if not found:
+    if not entries:
         return frame_origins(robot.chain)
-    joints, places, radii = zip(*found, strict=True)
+    joints, places, radii = zip(*entries, strict=True)
     return ControlPoints(np.array(joints), np.array(places), np.array(radii))
 
 
@@ -80,7 +82,7 @@ def _along(piece: Piece) -> list[tuple[Array, float]]:
     width = float(np.delete(half, longest).max())
     count = 1
     if half[longest] > _SLENDER * width:
-        count = min(int(np.ceil(half[longest] / width)), _MOST_ALONG_A_PIECE)
+        count = min(int(np.ceil(half[longest] / width)), _MAX_ALONG_A_PIECE)
     reach = half[longest] - width if count > 1 else 0.0
     T = piece.T_owner_piece
     points = []
@@ -119,7 +121,7 @@ def control_points_kernel(
 
 
 def control_points(chain: Chain, where: ControlPoints, q: Array) -> tuple[Array, Array]:
-    """Where the control points are at q (n,), shape (m, 3) [m], and their Jacobians (m, 3, n)."""
+    """The control points at q (n,), shape (m, 3) [m], and their Jacobians (m, 3, n)."""
     m, n = len(where), chain.n
     points, jacobians = np.empty((m, 3)), np.empty((m, 3, n))
     at = np.array(q, dtype=np.float64)  # one that can be written to, as the kernel is compiled for

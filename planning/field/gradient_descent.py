@@ -13,28 +13,50 @@ from obstacles.model_arrays import ModelArrays
 from planning.constraints.edge_bounds import EDGE_CELLS, HOLDS, TOLERANCE, hold_kernel
 from planning.field.potential import FieldModel, value_kernel
 
-ARRIVED, STUCK, GOING = 0, 1, 2
-#: A step that needs more intervals for its proof grazes something all along: it is not taken.
-_MOST_INTERVALS = 800
-#: Share of the potential that has to be gained to count as progress.
+# Outcomes of a descent.
+#: It is at the goal.
+ARRIVED = 0
+#: No step is left that is proved, or none that leads lower.
+STUCK = 1
+#: Its steps were used up.
+GOING = 2
+#: A step whose proof needs more intervals grazes something all along: it is not taken.
+_MAX_INTERVALS = 800
+#: Share of the potential by which it has to fall to count as progress.
 PROGRESS = 0.01
 #: A joint force below this part of the strongest so far is none.
 NO_FORCE = 1e-9
 #: An adaptive step that was taken whole may be longer next time by this factor.
 GROWTH = 1.5
 
-# Places in Track.gauges, and in Track.counts.
-STEP, STRONGEST, LOWEST, BLOCKED = 0, 1, 2, 3
-VISITED, ITERATIONS, STALE, FLAT = 0, 1, 2, 3
+# Entries of Track.gauges.
+#: The next adaptive step [rad or m].
+STEP = 0
+#: The strongest joint force so far [N m or N].
+STRONGEST = 1
+#: The lowest potential so far [J].
+LOWEST = 2
+#: Share of the straight line to the goal that is left where it was last blocked, or -1.
+BLOCKED = 3
+
+# Entries of Track.counts.
+#: Configurations that were visited.
+VISITED = 0
+#: Steps that were taken.
+ITERATIONS = 1
+#: Steps without progress.
+STALE = 2
+#: 1 where there is no force.
+FLAT = 3
 
 
 class Proof(NamedTuple):
-    """What a step has to be proved against.
+    """The conditions that every step is proved to hold.
 
     Args:
         model: The packed robot and scene.
         slack: Distance to keep beyond the margins [m].
-        rows: Of constraints that are to be held, shape (r, WIDTH); none where r = 0.
+        rows: Rows of the constraints, shape (r, WIDTH); r = 0 where there are none.
     """
 
     model: ModelArrays
@@ -43,15 +65,15 @@ class Proof(NamedTuple):
 
 
 class Rules(NamedTuple):
-    """How steps are taken; ``FieldOptions`` says what each of these means.
+    """Parameters of the descent; ``FieldOptions`` says what each of these means.
 
     Args:
-        lower: Of the joints, shape (n,).
-        upper: Likewise.
-        sizes: alpha_k, the last one is kept; none where they are adaptive.
-        longest: Step of a joint [rad or m].
-        halvings: Of a step that can't be taken.
-        tolerance: Distance from the goal that counts as arrived.
+        lower: Lower joint limits, shape (n,) [rad or m].
+        upper: Upper joint limits, shape (n,) [rad or m].
+        sizes: alpha_k, shape (k,); the last one is kept; k = 0 where they are adaptive.
+        longest: Longest step of a joint [rad or m].
+        halvings: Halvings of a step that can't be taken.
+        tolerance: Distance from the goal that counts as arrived [rad or m].
         connect: Whether a proved straight motion to the goal counts too.
         patience: Steps without progress that make a local minimum.
     """
@@ -67,16 +89,14 @@ class Rules(NamedTuple):
 
 
 class Track(NamedTuple):
-    """Where a descent has been, with room for c configurations.
+    """The configurations of a descent, with a capacity of c.
 
     Args:
-        visited: Shape (c, n).
+        visited: Configurations, shape (c, n) [rad or m].
         potentials: U at each, shape (c,) [J].
-        force: -grad U at the last one, shape (n,).
-        gauges: The next adaptive step, the strongest force and the lowest potential so far, and
-            what share of the straight way to the goal is left where it was last blocked, or -1.
-        counts: Configurations visited, steps taken, steps without progress, and 1 where there is
-            no force.
+        force: -grad U at the last one, shape (n,) [N m or N].
+        gauges: STEP, STRONGEST, LOWEST and BLOCKED, shape (4,).
+        counts: VISITED, ITERATIONS, STALE and FLAT, shape (4,).
     """
 
     visited: Array
@@ -88,18 +108,23 @@ class Track(NamedTuple):
 
 @kernel
 def descend_kernel(
-    proof: Proof, rules: Rules, field: FieldModel, track: Track, until: int, across: Array,
+    proof: Proof,
+    rules: Rules,
+    field: FieldModel,
+    track: Track,
+    until: int,
+    across: Array,
     walk: int,
-) -> int:  # fmt: skip
-    """Go on until ``until`` steps were taken: ARRIVED, STUCK or GOING.
+) -> int:
+    """Descend until ``until`` steps were taken: ARRIVED, STUCK or GOING.
 
     Args:
-        proof: What every step is proved against.
-        rules: How they are taken.
-        field: What leads them.
-        track: Where it has been; written to.
+        proof: Conditions of every step.
+        rules: Parameters of the descent.
+        field: The potential.
+        track: The configurations so far; new ones are appended.
         until: Steps, those of earlier calls counted.
-        across: Direction of a walk to begin with, shape (n,), its largest entry 1.
+        across: Direction of a random walk to begin with, shape (n,), its largest entry 1.
         walk: Longest steps of that walk, which ends before one that is not proved.
     """
     work, counts, gauges = workspace(proof.model), track.counts, track.gauges
@@ -122,7 +147,7 @@ def descend_kernel(
 
 @kernel
 def keep_kernel(track: Track, q: Array, potential: float, force: Array) -> None:
-    """Note that it is now at q (n,)."""
+    """Append a configuration q (n,) with its potential and its force (n,)."""
     at = track.counts[VISITED]
     track.visited[at] = q
     track.potentials[at] = potential
@@ -131,22 +156,34 @@ def keep_kernel(track: Track, q: Array, potential: float, force: Array) -> None:
 
 
 @kernel
-def is_free_kernel(proof: Proof, work: Workspace, a: Array, b: Array, found: Array) -> bool:
-    """Whether the straight motion from a to b, both (n,), is proved; where not, in ``found[0]``."""
+def is_free_kernel(proof: Proof, work: Workspace, a: Array, b: Array, outcome: Array) -> bool:
+    """Whether the straight motion from a to b, both (n,), is proved.
+
+    Where it is not, ``outcome[0]`` is the place that could not be proved, from 0 to 1.
+    """
     n, r = a.shape[0], proof.rows.shape[0]
     zero = np.zeros(n)
     if r > 0:
         line, unit = np.empty((1, n, 2)), np.array([0.0, 1.0])
         for j in range(n):
             line[0, j, 0], line[0, j, 1] = a[j], b[j] - a[j]
-        held = hold_kernel(
-            proof.model.joint_types, proof.model.offsets, proof.rows, unit, line,
-            np.full(r, np.inf), TOLERANCE, EDGE_CELLS, np.empty(r), np.empty(r), found,
-        )  # fmt: skip
-        if held != HOLDS:
+        verdict = hold_kernel(
+            proof.model.joint_types,
+            proof.model.offsets,
+            proof.rows,
+            unit,
+            line,
+            np.full(r, np.inf),
+            TOLERANCE,
+            EDGE_CELLS,
+            np.empty(r),
+            np.empty(r),
+            outcome,
+        )
+        if verdict != HOLDS:
             return False
     verdict = certify_in(
-        proof.model, work, a, b - a, zero, zero, proof.slack, _MOST_INTERVALS, found
+        proof.model, work, a, b - a, zero, zero, proof.slack, _MAX_INTERVALS, outcome
     )
     return bool(verdict == FREE)
 
@@ -161,13 +198,13 @@ def _arrived(proof: Proof, work: Workspace, rules: Rules, field: FieldModel, tra
         return False
     share = track.gauges[BLOCKED]
     if share >= 0.0:
-        # Where it was blocked from the step before it mostly still is: one state instead of a way.
-        there, found = goal + share * (q - goal), np.empty(4)
-        if not is_free_kernel(proof, work, there, there, found):
+        # Where the line was blocked a step before, it mostly still is: one state tells it.
+        blocked, outcome = goal + share * (q - goal), np.empty(4)
+        if not is_free_kernel(proof, work, blocked, blocked, outcome):
             return False
-    found = np.array([1.0, 0.0, 0.0, 0.0])
-    if not is_free_kernel(proof, work, q, goal, found):
-        track.gauges[BLOCKED] = 1.0 - found[0]
+    outcome = np.array([1.0, 0.0, 0.0, 0.0])
+    if not is_free_kernel(proof, work, q, goal, outcome):
+        track.gauges[BLOCKED] = 1.0 - outcome[0]
         return False
     if track.counts[VISITED] == 1 or away > 0.0:
         force = np.empty(q.shape[0])
@@ -199,22 +236,28 @@ def _descend(proof: Proof, work: Workspace, rules: Rules, field: FieldModel, tra
 
 @kernel
 def _move(
-    proof: Proof, work: Workspace, rules: Rules, field: FieldModel, track: Track,
-    direction: Array, reach: float, highest: float,
-) -> float:  # fmt: skip
+    proof: Proof,
+    work: Workspace,
+    rules: Rules,
+    field: FieldModel,
+    track: Track,
+    direction: Array,
+    reach: float,
+    highest: float,
+) -> float:
     """Move by ``reach`` at most, halved until that is proved and lower than ``highest``.
 
     Returns:
-        How far it moved, 0 for not at all.
+        Length of the move of the joint that moves most, 0 where there was none [rad or m].
     """
     q = track.visited[track.counts[VISITED] - 1].copy()
-    moved, force, found = np.empty(q.shape[0]), np.empty(q.shape[0]), np.empty(4)
+    moved, force, outcome = np.empty(q.shape[0]), np.empty(q.shape[0]), np.empty(4)
     for _ in range(rules.halvings + 1):
         away = 0.0
         for j in range(q.shape[0]):
             moved[j] = min(max(q[j] + reach * direction[j], rules.lower[j]), rules.upper[j])
             away = max(away, abs(moved[j] - q[j]))
-        if away > 0.0 and is_free_kernel(proof, work, q, moved, found):
+        if away > 0.0 and is_free_kernel(proof, work, q, moved, outcome):
             potential = value_kernel(field, moved, force)
             if potential < highest:
                 keep_kernel(track, moved, potential, force)

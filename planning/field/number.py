@@ -1,4 +1,4 @@
-"""Numbers among options: what is checked of all of them alike."""
+"""Checks of numbers among options."""
 
 import math
 

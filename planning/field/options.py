@@ -12,11 +12,14 @@ from planning.field.gradient_descent import Rules
 from planning.field.number import positive, whole
 from planning.field.weights import FieldWeights
 
+#: Choices of control points.
 CONTROL_POINTS = ("origins", "links")
 #: What projects onto obstacles: closed forms in kernels, or FCL from Python.
 ENGINES = ("exact", "fcl")
-MOST_ITERATIONS = 100_000
-_MOST_STEP_SIZES = 10_000
+#: Largest number of steps, and of steps without progress.
+MAX_ITERATIONS = 100_000
+#: Longest sequence of step sizes.
+_MAX_STEP_SIZES = 10_000
 #: So large an alpha_k makes every step the longest: cheaper than looking for a lower potential, and
 #: strides over small ridges of it.
 _ALWAYS_LONGEST = 1e6
@@ -79,8 +82,8 @@ class FieldOptions:
             positive(name, getattr(self, name))
         for name, least, most in (
             ("halvings", 0, 30),
-            ("max_iterations", 1, MOST_ITERATIONS),
-            ("patience", 1, MOST_ITERATIONS),
+            ("max_iterations", 1, MAX_ITERATIONS),
+            ("patience", 1, MAX_ITERATIONS),
             ("escapes", 0, 1000),
             ("escape_steps", 1, 1000),
         ):
@@ -104,12 +107,12 @@ class FieldOptions:
         several = isinstance(sizes, Sequence) and not isinstance(sizes, str)
         for size in sizes if several else [sizes]:  # type: ignore[union-attr]
             positive("step_sizes", size)
-        if several and not 0 < len(sizes) <= _MOST_STEP_SIZES:  # type: ignore[arg-type]
-            raise InvalidOption(f"step_sizes must be 1 to {_MOST_STEP_SIZES} numbers")
+        if several and not 0 < len(sizes) <= _MAX_STEP_SIZES:  # type: ignore[arg-type]
+            raise InvalidOption(f"step_sizes must be 1 to {_MAX_STEP_SIZES} numbers")
 
     @classmethod
     def of(cls, options: Mapping[str, Any]) -> "FieldOptions":
-        """The parameters named in ``options``, the others as the ``preset`` among them has them.
+        """Return the parameters named in ``options``, the others as their ``preset`` has them.
 
         Raises:
             InvalidOption: A name is unknown, or a value out of its range.
@@ -137,7 +140,7 @@ class FieldOptions:
             ) from None
 
     def rules(self, lower: Array, upper: Array) -> Rules:
-        """What of them is for the kernel, with the joint limits, both (n,)."""
+        """The parameters of the descent for the kernel, with the joint limits, both (n,)."""
         return Rules(
             lower=lower,
             upper=upper,
@@ -150,9 +153,9 @@ class FieldOptions:
         )
 
 
-#: What the ladder tries before it samples: the bodies of the links, pulled in joint space too, with
-#: long steps and soon given up. It finds every other way among MotionBenchMaker's that are not
-#: straight, and the ways that it finds are shorter than those of random trees.
+#: Options in the cascade: control points along the links, a pull in joint space too, long steps,
+#: and soon given up. It finds every other path among MotionBenchMaker's that are not straight, and
+#: the paths that it finds are shorter than those of random trees.
 QUICK = FieldOptions(
     attractive_weights=2.75,
     repulsive_weights=2.2e-4,

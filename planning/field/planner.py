@@ -47,16 +47,17 @@ from planning.field.python_descent import PythonDescent
 from planning.planner import Query
 from planning.result import Attempt, Descent
 
-#: Steps between two looks at the clock, and configurations there is room for at first.
+#: Steps between two looks at the clock.
 _STEPS_A_LOOK = 8
-_ROOM = 64
-#: What is left across the force counts as no direction below this.
-_NO_FORCE = 1e-9
+#: Configurations that a track has room for at first.
+_CAPACITY = 64
+#: A direction across the force whose largest entry is below this is none.
+_NO_DIRECTION = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FieldResult:
-    """Where the descent went.
+    """Result of a descent.
 
     Args:
         waypoints: Shape (k, n), every leg proved free; None where it got stuck.
@@ -83,7 +84,7 @@ def potential_field(
     seed: int,
     deadline: Deadline,
 ) -> FieldResult:
-    """Descend from ``start`` (n,) to the first of ``goals``, each (n,), that can be reached so.
+    """Descend on the potential from ``start`` (n,) to the first goal (n,) that can be reached so.
 
     Raises:
         InvalidOption: Weights are given for another number of control points.
@@ -126,9 +127,15 @@ class PotentialField:
         problem, ready = query.problem, query.ready
         deadline = Deadline.after(self.share * query.deadline.remaining)
         result = potential_field(
-            problem.robot, query.checker, problem.scene, ready.start,
-            ready.goals[: self.max_goals], self.options, query.seed, deadline,
-        )  # fmt: skip
+            problem.robot,
+            query.checker,
+            problem.scene,
+            ready.start,
+            ready.goals[: self.max_goals],
+            self.options,
+            query.seed,
+            deadline,
+        )
         descent = Descent(result.visited, result.potentials, result.iterations)
         if result.waypoints is not None:
             return Attempt(result.waypoints, result.detail, descent=descent)
@@ -141,7 +148,7 @@ class PotentialField:
 
 
 def _field(robot: RobotGeometry, scene: Scene, goal: Array, options: FieldOptions) -> Field:
-    """The field that the options ask for."""
+    """The potential that the options ask for."""
     if options.control_points == "links":
         where = along_links(robot)
         weights = options.weights.shared(1.0 / len(where))
@@ -170,16 +177,16 @@ class _Descent:
         seed: int,
     ) -> None:
         limits, n = robot.chain.limits, len(start)
-        held = checker.rows if isinstance(checker, ConstrainedChecker) else np.zeros((0, WIDTH))
-        self._proof = Proof(checker.model.arrays, float(checker.slack), np.array(held))
+        rows = checker.rows if isinstance(checker, ConstrainedChecker) else np.zeros((0, WIDTH))
+        self._proof = Proof(checker.model.arrays, float(checker.slack), np.array(rows))
         self._field = field
         self._goal = goal
         self._options = options
         self._rules = options.rules(limits.lower, limits.upper)
         self._random = np.random.default_rng(seed)
         self._track = Track(
-            visited=np.empty((_ROOM, n)),
-            potentials=np.empty(_ROOM),
+            visited=np.empty((_CAPACITY, n)),
+            potentials=np.empty(_CAPACITY),
             force=np.empty(n),
             gauges=np.array([options.longest_step, 0.0, np.inf, -1.0]),
             counts=np.zeros(4, dtype=np.int64),
@@ -208,12 +215,12 @@ class _Descent:
 
     @property
     def visited(self) -> Array:
-        """Where it was, shape (k, n)."""
+        """Configurations that were visited, shape (k, n) [rad or m]."""
         return np.array(self._track.visited[: self._track.counts[VISITED]])
 
     @property
     def potentials(self) -> Array:
-        """U there, shape (k,) [J]."""
+        """U at each of them, shape (k,) [J]."""
         return np.array(self._track.potentials[: self._track.counts[VISITED]])
 
     @property
@@ -227,10 +234,10 @@ class _Descent:
         return np.array_equal(self.visited[-1], self._goal)
 
     def run(self, deadline: Deadline) -> str:
-        """Go on until it has arrived or has to give up; how it ended."""
+        """Descend until it arrives or has to give up; how it ended, one sentence."""
         escapes, across, walk = 0, np.zeros(len(self._goal)), 0
         while True:
-            outcome = self._go_on(deadline, across, walk)
+            outcome = self._descend_until(deadline, across, walk)
             if outcome is None:
                 return "The time was up."
             if outcome == ARRIVED:
@@ -238,33 +245,33 @@ class _Descent:
             if outcome == GOING:
                 return f"The {self._options.max_iterations} steps were used up."
             if escapes == self._options.escapes:
-                return self._stuck()
+                return self._describe_stuck()
             escapes += 1
-            across, walk = self._across()
+            across, walk = self._direction_across()
 
-    def _go_on(self, deadline: Deadline, across: Array, walk: int) -> int | None:
+    def _descend_until(self, deadline: Deadline, across: Array, walk: int) -> int | None:
         """Walk, then descend until that ends; None where the time does."""
-        most = self._options.max_iterations
+        max_iterations = self._options.max_iterations
         while not deadline.passed:
-            self._make_room(_STEPS_A_LOOK + walk)
-            until = min(self.iterations + _STEPS_A_LOOK, most)
+            self._reserve(_STEPS_A_LOOK + walk)
+            until = min(self.iterations + _STEPS_A_LOOK, max_iterations)
             outcome = self._descend(until, across, walk)
-            if outcome != GOING or self.iterations >= most:
+            if outcome != GOING or self.iterations >= max_iterations:
                 return outcome
             walk = 0
         return None
 
-    def _make_room(self, steps: int) -> None:
-        """Room for so many steps, and the goal."""
+    def _reserve(self, steps: int) -> None:
+        """Make room for so many steps, and the goal."""
         track = self._track
-        room, needed = len(track.potentials), int(track.counts[VISITED]) + steps + 1
-        if needed > room:
-            more = max(needed, 2 * room)
-            visited, potentials = np.empty((more, len(track.force))), np.empty(more)
-            visited[:room], potentials[:room] = track.visited, track.potentials
+        capacity, needed = len(track.potentials), int(track.counts[VISITED]) + steps + 1
+        if needed > capacity:
+            larger = max(needed, 2 * capacity)
+            visited, potentials = np.empty((larger, len(track.force))), np.empty(larger)
+            visited[:capacity], potentials[:capacity] = track.visited, track.potentials
             self._track = track._replace(visited=visited, potentials=potentials)
 
-    def _stuck(self) -> str:
+    def _describe_stuck(self) -> str:
         counts, visited = self._track.counts, self.visited
         left = float(np.linalg.norm(visited[-1] - self._goal))
         minimum = counts[FLAT] or counts[STALE] >= self._options.patience
@@ -274,13 +281,13 @@ class _Descent:
             f"{left:.3g} from the goal in joint space."
         )
 
-    def _across(self) -> tuple[Array, int]:
+    def _direction_across(self) -> tuple[Array, int]:
         """A random direction across the force, and how many steps to take in it."""
         force = self._track.force
         across = self._random.normal(size=len(force))
         along = force / max(float(np.linalg.norm(force)), 1e-300)
         across -= (across @ along) * along
         widest = float(np.abs(across).max())
-        if widest < _NO_FORCE:
+        if widest < _NO_DIRECTION:
             return across, 0  # a single joint has nowhere to step aside
         return across / widest, self._options.escape_steps

@@ -31,6 +31,7 @@ from planning.field.weights import FieldWeights
 
 #: On a surface nothing points out of it: there the distance itself is differentiated [m].
 _ON_SURFACE = 1e-9
+#: Step of that numerical derivative [m].
 _NUDGE = 1e-6
 
 
@@ -63,10 +64,10 @@ class FieldArrays(NamedTuple):
     """A field packed for the kernels, with m control points.
 
     Args:
-        joints: That carry the points, shape (m,).
-        places: Of the points in the joints' frames, shape (m, 3) [m].
-        radii: Of the arm about them, shape (m,) [m].
-        goals: Where they are at the goal, shape (m, 3) [m].
+        joints: Joint that carries each point, shape (m,).
+        places: Positions in the joints' frames, shape (m, 3) [m].
+        radii: Radius of the arm about each, shape (m,) [m].
+        goals: Positions at the goal, shape (m, 3) [m].
         attractive: c_i, shape (m,).
         repulsive: eta_i, shape (m,).
         cap: d [m].
@@ -176,14 +177,14 @@ def force_kernel(jacobians: Array, pulls: Array, pushes: Array, joint_force: Arr
 
 
 class FieldModel(NamedTuple):
-    """All that the value of a field depends on but the configuration.
+    """A field for the kernels: the arm, its control points, the obstacles and the goal.
 
     Args:
-        types: Of the chain's joints, shape (n,).
-        offsets: Of the chain, shape (n, 4, 4).
+        types: Types of the joints, shape (n,).
+        offsets: Fixed transforms before the joints, shape (n, 4, 4).
         points: The control points.
-        obstacles: What pushes them.
-        goal: Shape (n,).
+        obstacles: The obstacles, packed.
+        goal: Configuration of the goal, shape (n,) [rad or m].
         joint_weight: k of the pull in joint space [N m].
     """
 
@@ -209,9 +210,14 @@ def value_kernel(field: FieldModel, q: Array, joint_force: Array) -> float:
     )
     potential = attraction_kernel(field.points, points, pulls)
     potential += repulsion_kernel(
-        field.points, field.obstacles, points, field.points.radii + field.points.reach,
-        projections, distances, pushes,
-    )  # fmt: skip
+        field.points,
+        field.obstacles,
+        points,
+        field.points.radii + field.points.reach,
+        projections,
+        distances,
+        pushes,
+    )
     force_kernel(jacobians, pulls, pushes, joint_force)
     for j in range(n):
         e = field.goal[j] - q[j]
@@ -282,11 +288,11 @@ class Field:
 
     @property
     def goals(self) -> Array:
-        """Where the control points are at the goal, shape (m, 3) [m]."""
+        """Positions of the control points at the goal, shape (m, 3) [m]."""
         return self._arrays.goals
 
     def at(self, q: Array) -> FieldValue:
-        """The field at q, shape (n,)."""
+        """The value of the field at a configuration q (n,)."""
         m, o = len(self._where), len(self._obstacles.ids)
         terms = self._terms(q, np.full(m, np.inf))
         projections, distances = terms.projections, terms.distances
@@ -324,9 +330,14 @@ class Field:
             potential += repulsion(self._arrays, distances, outward, pushes)
         else:
             potential += repulsion_kernel(
-                self._arrays, self._obstacles.arrays, points, within, projections, distances,
+                self._arrays,
+                self._obstacles.arrays,
+                points,
+                within,
+                projections,
+                distances,
                 pushes,
-            )  # fmt: skip
+            )
         force_kernel(jacobians, pulls, pushes, force)
         if self._joint_weight > 0.0:
             e = self._goal - q

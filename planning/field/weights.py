@@ -1,4 +1,4 @@
-"""Weights of a potential and how far it reaches."""
+"""Weights and distances of a potential."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -10,12 +10,12 @@ from kinematics.errors import InvalidOption
 from planning.field.number import positive
 
 #: Beyond this a weight's force could leave what float64 holds to some digits.
-MOST_WEIGHT = 1e9
+MAX_WEIGHT = 1e9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FieldWeights:
-    """How strongly control points are pulled and pushed.
+    """Weights of the forces on control points, and the distances that they depend on.
 
     Args:
         attractive_weights: c_i, pull towards the goal [N/m]: one for all points, or one each.
@@ -48,11 +48,12 @@ class FieldWeights:
             )
 
     def shared(self, share: float) -> "FieldWeights":
-        """The same with this share of the weights that are one number."""
+        """Return these with a share of the weights that are one number for all points."""
         if share == 1.0:
             return self
-        given = {name: getattr(self, name) for name in ("attractive_weights", "repulsive_weights")}
-        numbers = {k: share * v for k, v in given.items() if not isinstance(v, Sequence)}
+        names = ("attractive_weights", "repulsive_weights")
+        weights = {name: getattr(self, name) for name in names}
+        numbers = {k: share * v for k, v in weights.items() if not isinstance(v, Sequence)}
         return replace(self, **numbers)
 
     def each(self, m: int) -> tuple[Array, Array]:
@@ -76,9 +77,9 @@ def _weights(name: str, value: object, m: int | None) -> Array:
     bare = [value] if not isinstance(value, Sequence) or isinstance(value, str) else list(value)
     fits = array.ndim <= 1 and array.size > 0
     numbers = not any(isinstance(item, bool | str) for item in bare)
-    if not (fits and numbers and (array >= 0.0).all() and (array <= MOST_WEIGHT).all()):
+    if not (fits and numbers and (array >= 0.0).all() and (array <= MAX_WEIGHT).all()):
         raise InvalidOption(
-            f"{name} must be a number from 0 to {MOST_WEIGHT:g}, or one for each control point"
+            f"{name} must be a number from 0 to {MAX_WEIGHT:g}, or one for each control point"
         )
     if m is None:
         return array

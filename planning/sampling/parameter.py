@@ -1,4 +1,4 @@
-"""Options of OMPL's planners: their names, values and what else is refused."""
+"""Options of OMPL's planners: names, values and ranges."""
 
 import math
 from collections.abc import Callable
@@ -16,9 +16,9 @@ class Parameter:
     """An option of a planner.
 
     Args:
-        name: On the wire.
-        kind: Of its values.
-        default: Where the request names none; None leaves it open.
+        name: Name on the wire.
+        kind: Kind of its values.
+        default: Value where the request names none; None leaves it to OMPL.
         least: Smallest value.
         most: Largest value.
         above: Whether ``least`` itself is too small.
@@ -43,7 +43,7 @@ class Parameter:
 
     @property
     def needed(self) -> str:
-        """What values it takes, for a person."""
+        """The values that it takes, for a person."""
         if self.kind == "switch":
             return "true or false"
         noun = "a number" if self.kind == "number" else "a whole number"
@@ -51,7 +51,7 @@ class Parameter:
         return f"{noun} {low} to {self.most:g}"
 
     def setter(self, solver: Any) -> Callable[[Value], None]:
-        """The method of an OMPL planner that sets it."""
+        """The method of an OMPL planner that sets this option."""
         words = (_SPELLINGS.get(word, word.capitalize()) for word in self.name.split("_"))
         method: Callable[[Value], None] = getattr(solver, f"set{''.join(words)}")
         return method

@@ -1,4 +1,4 @@
-"""OMPL's planners: what they are called here, and the options each of them has.
+"""OMPL's planners: their names here, and the options of each.
 
 Defaults and ranges are those that OMPL declares; where a range would let a request take all memory
 it is narrower, and ``range`` has a default that suits arms.
@@ -14,7 +14,7 @@ from planning.sampling.parameter import Parameter, Value
 #: Longest edge [rad]: arms in clutter are solved several times sooner with short ones.
 DEFAULT_RANGE = 0.5
 #: More edges than any planner proves in the longest time a request may take.
-_MOST = 100_000_000
+_MAX = 100_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +62,7 @@ def _off(name: str) -> Parameter:
     return Parameter(name, "switch", False)
 
 
-_BUDGETS = (_whole("max_iterations", None, 1, _MOST), _whole("max_edges", None, 1, _MOST))
+_BUDGETS = (_whole("max_iterations", None, 1, _MAX), _whole("max_edges", None, 1, _MAX))
 _THRESHOLD = _number("cost_threshold", None, 0.0, 1e6, above=True)
 _RANGE = _number("range", DEFAULT_RANGE, 0.0, 10_000.0, above=True)
 _BIAS = _number("goal_bias", 0.05)

@@ -1,4 +1,4 @@
-"""Probabilistic roadmaps: OMPL grows them, the shortest way through them is found here.
+"""Probabilistic roadmaps: OMPL grows them, the shortest path through them is found here.
 
 OMPL's own search runs in a second thread beside the growing, so its answer depends on how fast
 each of them is. Every edge of the roadmap was proved through ``CertifiedEdges``, which keeps them.
@@ -24,8 +24,8 @@ class Roadmap:
     """Proved edges as a graph.
 
     Args:
-        start: Shape (n,).
-        goals: Shape (n,) each.
+        start: Configuration, shape (n,) [rad or m].
+        goals: Configurations, shape (n,) each.
     """
 
     def __init__(self, start: Array, goals: list[Array]) -> None:
@@ -38,7 +38,7 @@ class Roadmap:
         self._goals = [self._vertex(goal) for goal in goals]
 
     def add(self, a: Array, b: Array) -> None:
-        """Keep an edge, once."""
+        """Keep an edge between configurations a and b, both (n,), once."""
         ends = (self._vertex(a), self._vertex(b))
         if ends[0] == ends[1] or ends in self._known:
             return
@@ -53,17 +53,17 @@ class Roadmap:
         rows, columns = np.array(self._ends).T
         size = len(self._states)
         graph: Any = coo_array((self._lengths, (rows, columns)), shape=(size, size)).tocsr()
-        ways = dijkstra(
+        tree = dijkstra(
             graph, directed=False, indices=np.array([self._start]), return_predecessors=True
         )
-        far, before = ways[0][0], ways[1][0]
+        far, before = tree[0][0], tree[1][0]
         goal = min(self._goals, key=lambda g: far[g])
         if not np.isfinite(far[goal]):
             return None
-        way = [goal]
-        while way[-1] != self._start:
-            way.append(int(before[way[-1]]))
-        return np.array([self._states[v] for v in reversed(way)])
+        path = [goal]
+        while path[-1] != self._start:
+            path.append(int(before[path[-1]]))
+        return np.array([self._states[v] for v in reversed(path)])
 
     def _vertex(self, q: Array) -> int:
         key = q.tobytes()
@@ -73,16 +73,16 @@ class Roadmap:
         return self._number[key]
 
 
-def grow(
+def grow_roadmap(
     solver: Any, edges: CertifiedEdges, start: Array, goals: list[Array], watch: Watch, *, on: bool
 ) -> Array | None:
     """Grow a roadmap until it connects start and goal, or go ``on`` as long as there is time.
 
     Returns:
-        The shortest path there was, shape (k, n), if there was any.
+        The shortest path, shape (k, n), if there is one.
     """
     edges.proved = []
-    found = Roadmap(start, goals)
+    roadmap = Roadmap(start, goals)
     # Told to stop at once, OMPL takes in the start and one more goal each time and does no more.
     for _ in goals:
         solver.solve(base.plannerAlwaysTerminatingCondition())
@@ -94,9 +94,9 @@ def grow(
 
     while True:
         for a, b in edges.proved:
-            found.add(a, b)
+            roadmap.add(a, b)
         edges.proved.clear()
-        path = found.shortest()
+        path = roadmap.shortest()
         if path is not None:
             best = path
             watch.note(float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()))

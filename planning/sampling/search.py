@@ -1,4 +1,4 @@
-"""One request to one of OMPL's planners: seeded, watched, and its answer looked at once more."""
+"""One request to one of OMPL's planners: seeded, watched, and its answer checked again."""
 
 import math
 from collections.abc import Mapping
@@ -16,7 +16,7 @@ from planning.planner import Query
 from planning.result import Attempt
 from planning.sampling.parameter import Value
 from planning.sampling.planners import Planner, checked, named
-from planning.sampling.roadmap import grow
+from planning.sampling.roadmap import grow_roadmap
 from planning.sampling.space import CertifiedEdges, problem, solution
 from planning.sampling.watch import Watch
 
@@ -24,14 +24,17 @@ from planning.sampling.watch import Watch
 #: arriving is given up for a fresh one, which may look at somewhat more. Counted in edges, not in
 #: time, the answer depends on the seed alone.
 _FIRST_BUDGET = 2000
+#: Factor by which the next tree may look at more.
 _BUDGET_GROWTH = 1.1
 #: Questions for each edge of its share after which a run that hardly looks at edges is ended too.
 _IDLE = 20
 #: A batch of states that left start and goal apart is followed by one so much larger.
 _BATCH_GROWTH = 2
-_MOST_BATCH = 20_000
+#: Largest batch that this leads to [states].
+_MAX_BATCH = 20_000
 #: Between the seeds of one request's trees; neighbouring requests should not share them.
 _SEED_STRIDE = 7_919
+#: Number of seeds that OMPL's generator takes.
 _SEEDS = 2**31 - 1
 
 _NOT_REPEATED = (
@@ -49,7 +52,7 @@ _STOPPED = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Search:
-    """A request as every run of its planner sees it."""
+    """A request, for every run of its planner."""
 
     planner: Planner
     chain: Chain
@@ -62,7 +65,7 @@ class _Search:
 
 @dataclass(slots=True)
 class _Account:
-    """What was spent on all runs of a request."""
+    """Edges, iterations and runs that a request has spent."""
 
     edges: int = 0
     iterations: int = 0
@@ -134,9 +137,15 @@ class OmplPlanner:
     def plan(self, query: Query) -> Attempt:
         """Plan from the start to any of the goals."""
         return sample(
-            self.name, query.problem.robot.chain, query.checker, query.ready.start,
-            query.ready.goals, self.options, query.seed, query.deadline,
-        )  # fmt: skip
+            self.name,
+            query.problem.robot.chain,
+            query.checker,
+            query.ready.start,
+            query.ready.goals,
+            self.options,
+            query.seed,
+            query.deadline,
+        )
 
 
 def _run(search: _Search, spent: _Account) -> tuple[Array | None, Watch]:
@@ -161,21 +170,21 @@ def _run(search: _Search, spent: _Account) -> tuple[Array | None, Watch]:
         planner.options[name].setter(solver)(value)
     solver.setup()
     if planner.roadmap:
-        found = grow(solver, edges, search.start, goals, watch, on=planner.improves)
+        path = grow_roadmap(solver, edges, search.start, goals, watch, on=planner.improves)
     else:
         if planner.improves:
             watch.best = lambda: float(solver.bestCost().value())
         solver.solve(base.PlannerTerminationCondition(watch))
         watch.best = None
-        found = solution(definition, search.chain.n)
+        path = solution(definition, search.chain.n)
     spent.edges += edges.count
     spent.iterations += watch.iterations
     spent.runs += 1
-    return found, watch
+    return path, watch
 
 
 def _settings(search: _Search, runs: int) -> list[tuple[str, Value]]:
-    """The planner's own options that are to be set."""
+    """The planner's own options that are set, with their values."""
     own = {
         parameter.name: search.options[parameter.name] for parameter in search.planner.parameters
     }
@@ -184,7 +193,7 @@ def _settings(search: _Search, runs: int) -> list[tuple[str, Value]]:
         first = own[batch]
         assert isinstance(first, int)
         rounds = runs // len(search.goals) if search.planner.one_goal else runs
-        own[batch] = min(first * _BATCH_GROWTH**rounds, max(_MOST_BATCH, first))
+        own[batch] = min(first * _BATCH_GROWTH**rounds, max(_MAX_BATCH, first))
     return [(name, value) for name, value in own.items() if value is not None]
 
 

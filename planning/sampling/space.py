@@ -1,4 +1,4 @@
-"""OMPL's view of an arm: its joints as a space, and a checker that proves whole edges."""
+"""OMPL's state space of an arm, and its motion validator that proves whole edges."""
 
 from typing import Any
 
@@ -15,7 +15,7 @@ util.setLogLevel(util.LogLevel.LOG_NONE)
 
 
 def joint_space(chain: Chain, known: list[Array]) -> Any:
-    """The box of the joint limits; where there are none, a turn beyond what is known."""
+    """The box of the joint limits; a turn beyond the known configurations where there are none."""
     lower, upper = search_box(chain, known)
     bounds = base.RealVectorBounds(chain.n)
     for j in range(chain.n):
@@ -27,19 +27,19 @@ def joint_space(chain: Chain, known: list[Array]) -> Any:
 
 
 def state_of(space: Any, q: Array) -> Any:
-    """A configuration as OMPL has it."""
+    """A configuration as a state of OMPL."""
     state = space.allocState()
     state[0 : len(q)] = [float(value) for value in q]
     return state
 
 
 class CertifiedEdges(base.MotionValidator):
-    """OMPL's door to the checker: a planner never holds an edge that is not proved.
+    """The motion validator: OMPL's planners only ever get edges that are proved.
 
     Args:
-        information: OMPL's.
+        information: OMPL's space information.
         checker: Proves edges.
-        n: Joints.
+        n: Number of joints.
         deadline: Afterwards nothing is proved any more, so that a planner in the midst of a long
             round comes to its end.
     """

@@ -1,4 +1,4 @@
-"""When a planner is to stop, and what it had come to until then."""
+"""Stopping rules of a planner, and its progress until then."""
 
 import math
 import time
@@ -9,13 +9,15 @@ from pathlib import Path
 from planning.deadline import Deadline
 from planning.result import Progress
 
-#: A planner may fill so much memory [bytes] before it is stopped.
-MOST_MEMORY = 1 << 30
+#: Memory that a planner may fill before it is stopped [bytes].
+MAX_MEMORY = 1 << 30
+#: Size of a page of memory [bytes].
 _PAGE = 4096
+#: Where Linux says how many pages a process has.
 _STATM = Path("/proc/self/statm")
-#: Looking at the memory costs as much as a few edges.
+#: Questions between two looks at the memory: one costs as much as a few edges.
 _LOOK_EVERY = 512
-#: A path has to be shorter by this share of its length to count as progress.
+#: Share of its length by which a path has to be shorter to count as progress.
 _GAIN = 1e-6
 
 
@@ -33,7 +35,7 @@ class Watch:
 
     Args:
         deadline: When time is up.
-        edges: How many edges were looked at so far.
+        edges: Number of edges that were checked so far.
         max_iterations: Questions after which to stop.
         max_edges: Edges after which to stop.
         share: Edges after which another run is to be begun, if there is no path yet.
@@ -87,5 +89,5 @@ class Watch:
             return "edges"
         if not self.progress and (self.edges() >= self.share or self.iterations >= self.turn):
             return "share"
-        full = self.iterations % _LOOK_EVERY == 0 and resident() - self.memory > MOST_MEMORY
+        full = self.iterations % _LOOK_EVERY == 0 and resident() - self.memory > MAX_MEMORY
         return "memory" if full else None

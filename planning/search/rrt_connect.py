@@ -3,8 +3,8 @@
 One tree takes a step towards a random configuration; the other one then goes step by step towards
 where that ended. A step is taken where it is proved free. The smaller tree is the one to grow: the
 end that stands in a narrow place gets the attempts that it needs. A node from which a step failed
-is only grown towards what is near it: far configurations keep choosing the same nodes at the border
-of what was reached, and walk into the same walls. Sources: "RRT-Connect: an efficient approach to
+is only grown towards configurations near it: far ones keep choosing the same nodes at the border of
+the tree, and meet the same obstacles. Sources: "RRT-Connect: an efficient approach to
 single-query path planning", IEEE International Conference on Robotics and Automation, 2000;
 "Dynamic-domain RRTs: efficient exploration by controlling the sampling domain", the same
 conference, 2005.
@@ -32,19 +32,21 @@ from planning.search_box import search_box
 #: Longest step of one pair of trees after another, Euclidean in joint space. In clutter short ones
 #: come through several times sooner; a few places let pass nothing but very short ones.
 _STEPS = (0.5, 0.25, 0.5, 0.1)
-#: A step that needs more intervals for its proof grazes something all along: it is not taken.
-_MOST_INTERVALS = 800
+#: A step whose proof needs more intervals grazes something all along: it is not taken.
+_MAX_INTERVALS = 800
 #: Failed steps in a row after which the larger tree has a turn: it may come by where the smaller
 #: one can't get out at random.
 _PATIENCE = 3
 #: Share of the mean distance of two random configurations beyond which a node that has met
-#: something is not grown any more, and draws in a row of which that may be said.
+#: something is not grown any more.
 _DOMAIN = 0.65
-_MOST_DRAWS = 100
+#: Draws in a row that may be rejected for that.
+_MAX_DRAWS = 100
 #: The edges that trees need are spread widely: a pair that has looked at so many without meeting is
 #: given up for a fresh one, which may look at somewhat more. Counted in edges, not in time, the
 #: answer depends on the seed alone.
 _FIRST_BUDGET = 2000
+#: Factor by which the next pair may look at more.
 _BUDGET_GROWTH = 1.2
 #: Edges after which the cascade's own trees give way to OMPL's, and those grown in the hulls of the
 #: robot's solids to such as are grown with its exact pieces.
@@ -53,8 +55,13 @@ _MAX_EDGES_IN_HULLS = 20_000
 #: Edges looked at between two looks at the clock.
 _EDGES_A_LOOK = 250
 
-# Places in Trees.tally.
-_EDGES, _HERE, _THERE = 0, 1, 2
+# Entries of Trees.tally.
+#: Edges that were checked.
+_EDGES = 0
+#: Node of the start's tree at which the trees meet.
+_HERE = 1
+#: Node of the goals' tree at which the trees meet.
+_THERE = 2
 
 
 class Trees(NamedTuple):
@@ -62,11 +69,11 @@ class Trees(NamedTuple):
 
     Args:
         points: Shape (2, c, n).
-        parents: Which node each was reached from, -1 for roots, shape (2, c).
-        met: Whether a step from it failed, shape (2, c).
-        sizes: How many nodes there are, shape (2,).
-        random: State of the generator, shape (1,).
-        tally: Edges looked at, and the nodes at which the trees meet, shape (3,).
+        parents: Node that each was reached from, -1 for roots, shape (2, c).
+        met: Whether a step from a node failed, shape (2, c).
+        sizes: Number of nodes, shape (2,).
+        random: State of the random generator, shape (1,).
+        tally: Edges that were checked, and the nodes at which the trees meet, shape (3,).
     """
 
     points: Array
@@ -82,7 +89,7 @@ class RrtResult(NamedTuple):
 
     Args:
         waypoints: Shape (k, n), every leg proved free; None where they did not meet.
-        edges: How many were looked at.
+        edges: Edges that were checked.
         runs: Pairs of trees that were grown.
     """
 
@@ -101,30 +108,31 @@ def rrt_connect(
 ) -> RrtResult:
     """Grow trees from a configuration and from the goals until they meet, and once more.
 
-    The second pair of trees has as many edges as the first way took; the shorter way is the answer.
+    The second pair of trees has as many edges as the first path took; the shorter path is the
+    answer.
 
     Args:
         checker: The robot in its scene.
-        start: Shape (n,), valid.
+        start: Valid configuration, shape (n,) [rad or m].
         goals: Valid configurations (n,).
         seed: The same seed gives the same path.
         deadline: When to stop.
-        max_edges: Edges after which to stop; a second way may take as many again.
+        max_edges: Edges after which to stop; the second pair may take as many again.
     """
     box = search_box(checker.model.chain, [start, *goals])
     edges, runs, budget = 0, 0, float(_FIRST_BUDGET)
     while edges < max_edges and not deadline.passed:
-        own = min(int(budget), max_edges - edges)
-        trees = _new_trees(start, goals, (seed, runs), own)
+        share = min(int(budget), max_edges - edges)
+        trees = _new_trees(start, goals, (seed, runs), share)
         step = _STEPS[runs % len(_STEPS)]
-        found = _run(checker, trees, box, step, deadline, own)
+        path = _run(checker, trees, box, step, deadline, share)
         edges, runs = edges + int(trees.tally[_EDGES]), runs + 1
         budget *= _BUDGET_GROWTH
-        if found is not None:
+        if path is not None:
             trees = _new_trees(start, goals, (seed, runs), edges)
             other = _run(checker, trees, box, step, deadline, edges)
             edges, runs = edges + int(trees.tally[_EDGES]), runs + 1
-            return RrtResult(_shorter(found, other), edges, runs)
+            return RrtResult(_shorter(path, other), edges, runs)
     return RrtResult(None, edges, runs)
 
 
@@ -160,9 +168,9 @@ class RrtConnect:
         return replace(other, detail=f"{detail} OMPL: {other.detail}")
 
 
-def _shorter(way: Array, other: Array | None) -> Array:
-    ways = [way] if other is None else [way, other]
-    return min(ways, key=lambda way: float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum()))
+def _shorter(path: Array, other: Array | None) -> Array:
+    paths = [path] if other is None else [path, other]
+    return min(paths, key=lambda path: float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()))
 
 
 def _run(
@@ -186,53 +194,59 @@ def _run(
 
 
 def _new_trees(start: Array, goals: list[Array], seed: tuple[int, int], budget: int) -> Trees:
-    room, n = budget + len(goals) + 1, len(start)
-    points = np.empty((2, room, n))
+    capacity, n = budget + len(goals) + 1, len(start)
+    points = np.empty((2, capacity, n))
     points[0, 0], points[1, : len(goals)] = start, goals
     return Trees(
         points=points,
-        parents=np.full((2, room), -1),
-        met=np.zeros((2, room), dtype=np.bool_),
+        parents=np.full((2, capacity), -1),
+        met=np.zeros((2, capacity), dtype=np.bool_),
         sizes=np.array([1, len(goals)]),
         random=np.random.SeedSequence(seed).generate_state(1, np.uint64).astype(np.uint64),
         tally=np.zeros(3, dtype=np.int64),
     )
 
 
-def _branch(trees: Trees, side: int, place: int) -> list[Array]:
-    """The way from where the trees meet down to a root."""
-    way, node = [], int(trees.tally[place])
+def _branch(trees: Trees, side: int, entry: int) -> list[Array]:
+    """The configurations from where the trees meet, an entry of the tally, down to a root."""
+    branch, node = [], int(trees.tally[entry])
     while node >= 0:
-        way.append(trees.points[side, node])
+        branch.append(trees.points[side, node])
         node = int(trees.parents[side, node])
-    return way
+    return branch
 
 
 @kernel
 def grow_kernel(
-    model: ModelArrays, slack: float, trees: Trees, low: Array, high: Array, domain: float,
-    step: float, until: int,
-) -> bool:  # fmt: skip
+    model: ModelArrays,
+    slack: float,
+    trees: Trees,
+    low: Array,
+    high: Array,
+    domain: float,
+    step: float,
+    until: int,
+) -> bool:
     """Grow both trees until they meet or ``until`` edges were looked at; whether they meet.
 
     Args:
         model: The packed robot and scene.
         slack: Distance to keep beyond the margins [m].
         trees: RrtResult in place.
-        low: Bounds to draw from, shape (n,).
-        high: Likewise.
-        domain: Farther than this a node that has met something is not grown.
-        step: The longest.
+        low: Lower bounds of the draws, shape (n,) [rad or m].
+        high: Upper bounds of the draws, shape (n,) [rad or m].
+        domain: Farther than this a node that has met something is not grown [rad or m].
+        step: Longest step [rad or m].
         until: Edges, those of earlier calls counted.
     """
-    work, room = workspace(model), np.zeros((3, low.shape[0]))
-    target, failed = room[0], 0
+    work, vectors = workspace(model), np.zeros((3, low.shape[0]))
+    target, failed = vectors[0], 0
     while trees.tally[_EDGES] < until:
         side = 0 if trees.sizes[0] <= trees.sizes[1] else 1
         if failed == _PATIENCE:
             side, failed = 1 - side, 0
         near = _draw(trees, side, low, high, domain, target)
-        reached = _step(model, work, slack, trees, side, near, step, room)
+        reached = _step(model, work, slack, trees, side, near, step, vectors)
         if reached < 0:
             failed += 1
             continue
@@ -240,7 +254,7 @@ def grow_kernel(
         target[:] = trees.points[side, reached]
         node, left = _nearest(trees, 1 - side, target)
         while node >= 0 and left > 0.0 and trees.tally[_EDGES] < until:
-            node = _step(model, work, slack, trees, 1 - side, node, step, room)
+            node = _step(model, work, slack, trees, 1 - side, node, step, vectors)
             left = _square(trees.points[1 - side], max(node, 0), target)
         if node >= 0 and left == 0.0:
             trees.tally[_HERE] = reached if side == 0 else node
@@ -253,7 +267,7 @@ def grow_kernel(
 def _draw(trees: Trees, side: int, low: Array, high: Array, domain: float, target: Array) -> int:
     """Draw a configuration (n,) to grow towards; the node that is nearest to it."""
     near = 0
-    for _ in range(_MOST_DRAWS):
+    for _ in range(_MAX_DRAWS):
         for j in range(target.shape[0]):
             target[j] = low[j] + (high[j] - low[j]) * uniform_kernel(trees.random)
         near, away = _nearest(trees, side, target)
@@ -283,24 +297,31 @@ def _square(points: Array, i: int, q: Array) -> float:
 
 @kernel
 def _step(
-    model: ModelArrays, work: Workspace, slack: float, trees: Trees, side: int, at: int,
-    step: float, room: Array,
-) -> int:  # fmt: skip
-    """Add a step from node ``at`` towards ``room[0]``; its number, -1 if it is not proved."""
-    origin, target, motion, zero = trees.points[side, at], room[0], room[1], room[2]
-    square, found = _square(trees.points[side], at, target), np.empty(4)
+    model: ModelArrays,
+    work: Workspace,
+    slack: float,
+    trees: Trees,
+    side: int,
+    at: int,
+    step: float,
+    vectors: Array,
+) -> int:
+    """Add a step from node ``at`` towards ``vectors[0]``; its number, -1 if it is not proved."""
+    origin, target = trees.points[side, at], vectors[0]
+    motion, zero = vectors[1], vectors[2]
+    square, outcome = _square(trees.points[side], at, target), np.empty(4)
     arrives = square <= step * step
     share = 1.0 if arrives else step / math.sqrt(square)
     for j in range(target.shape[0]):
         motion[j] = share * (target[j] - origin[j])
     trees.tally[_EDGES] += 1
-    verdict = certify_in(model, work, origin, motion, zero, zero, slack, _MOST_INTERVALS, found)
+    verdict = certify_in(model, work, origin, motion, zero, zero, slack, _MAX_INTERVALS, outcome)
     if verdict != FREE:
         trees.met[side, at] = True
         return -1
-    made = trees.sizes[side]
+    node = trees.sizes[side]
     for j in range(target.shape[0]):
-        trees.points[side, made, j] = target[j] if arrives else origin[j] + motion[j]
-    trees.parents[side, made] = at
-    trees.sizes[side] = made + 1
-    return int(made)
+        trees.points[side, node, j] = target[j] if arrives else origin[j] + motion[j]
+    trees.parents[side, node] = at
+    trees.sizes[side] = node + 1
+    return int(node)

@@ -21,13 +21,14 @@ from obstacles.edge_check import FREE, certify_in
 from obstacles.kernel_work import Workspace, workspace
 from planning.deadline import Deadline
 
-#: Rounds, and edge checks in all of them, after which a path counts as short.
+#: Rounds after which a path counts as short.
 _ROUNDS = 6
-_MOST_CHECKS = 250
-#: Intervals of a check beyond which it counts as another one; a cut that needs more than the most
-#: is not worth its proof.
+#: Edge checks, in all rounds together, after which it does.
+_MAX_CHECKS = 250
+#: Intervals of a check beyond which it counts as another one.
 _INTERVALS_A_CHECK = 40
-_MOST_INTERVALS = 800
+#: A cut that needs more intervals is not worth its proof.
+_MAX_INTERVALS = 800
 #: A round that gains less than this share of the length was the last.
 _LEAST_ROUND = 0.01
 #: Cuts tried at a corner: the whole of it, a half, a quarter, an eighth of its legs.
@@ -43,12 +44,12 @@ def shortcut(checker: Checker, waypoints: Array, deadline: Deadline) -> Array:
 
     Args:
         checker: Proves the cuts.
-        waypoints: Shape (k, n).
+        waypoints: The polyline, shape (k, n) [rad or m].
         deadline: When to stop trying.
     """
     # A check brings one corner more at most.
-    room = len(waypoints) + _MOST_CHECKS
-    points, tried = np.empty((room, waypoints.shape[1])), np.zeros(room, dtype=np.int64)
+    capacity = len(waypoints) + _MAX_CHECKS
+    points, tried = np.empty((capacity, waypoints.shape[1])), np.zeros(capacity, dtype=np.int64)
     points[: len(waypoints)] = waypoints
     model, slack, checks = checker.model.arrays, checker.slack, np.zeros(1, dtype=np.int64)
     count = skip_kernel(model, slack, points, len(waypoints), checks)
@@ -67,10 +68,10 @@ def _free(
     model: ModelArrays, work: Workspace, a: Array, b: Array, slack: float, checks: Indices
 ) -> bool:
     """Whether the straight motion from a to b, both (n,), is proved free."""
-    zero, found = np.zeros(a.shape[0]), np.empty(4)
-    verdict = certify_in(model, work, a, b - a, zero, zero, slack, _MOST_INTERVALS, found)
+    zero, outcome = np.zeros(a.shape[0]), np.empty(4)
+    verdict = certify_in(model, work, a, b - a, zero, zero, slack, _MAX_INTERVALS, outcome)
     # A motion that grazes takes thousands of intervals: it counts as many checks.
-    checks[0] += 1 + int(found[2]) // _INTERVALS_A_CHECK
+    checks[0] += 1 + int(outcome[2]) // _INTERVALS_A_CHECK
     return bool(verdict == FREE)
 
 
@@ -80,21 +81,21 @@ def skip_kernel(
 ) -> int:
     """From each of ``count`` waypoints go straight to the farthest that a bisection finds in sight.
 
-    What is kept is moved to the front of ``points``; answers how many that are.
+    The waypoints that stay are moved to the front of ``points``; returns their number.
     """
     work = workspace(model)
-    at, kept = 0, 1
+    at, size = 0, 1
     while at < count - 1:
-        sure, maybe = at + 1, count - 1
-        while sure < maybe and checks[0] < _MOST_CHECKS:
-            # Waypoints before ``kept`` are done with; ``at`` itself may have been overwritten.
-            if _free(model, work, points[kept - 1], points[maybe], slack, checks):
-                sure = maybe
+        low, high = at + 1, count - 1
+        while low < high and checks[0] < _MAX_CHECKS:
+            # Waypoints before ``size`` are final; ``at`` itself may have been overwritten.
+            if _free(model, work, points[size - 1], points[high], slack, checks):
+                low = high
             else:
-                maybe = (sure + maybe) // 2
-        points[kept] = points[sure]
-        at, kept = sure, kept + 1
-    return kept
+                high = (low + high) // 2
+        points[size] = points[low]
+        at, size = low, size + 1
+    return size
 
 
 @kernel
@@ -103,34 +104,39 @@ def thin_kernel(
 ) -> int:
     """From each of ``count`` waypoints go straight past as many others as can be left out.
 
-    What is kept is moved to the front of ``points``; answers how many that are.
+    The waypoints that stay are moved to the front of ``points``; returns their number.
     """
     work = workspace(model)
-    at, kept = 0, 1
+    at, size = 0, 1
     while at < count - 1:
         at += 1
-        while at < count - 1 and checks[0] < _MOST_CHECKS:
-            if not _free(model, work, points[kept - 1], points[at + 1], slack, checks):
+        while at < count - 1 and checks[0] < _MAX_CHECKS:
+            if not _free(model, work, points[size - 1], points[at + 1], slack, checks):
                 break
             at += 1
-        points[kept] = points[at]
-        kept += 1
-    return kept
+        points[size] = points[at]
+        size += 1
+    return size
 
 
 @kernel
 def round_kernel(
-    model: ModelArrays, slack: float, points: Array, tried: Indices, count: int, worth: float,
+    model: ModelArrays,
+    slack: float,
+    points: Array,
+    tried: Indices,
+    count: int,
+    worth: float,
     checks: Indices,
-) -> int:  # fmt: skip
-    """Cut off every corner of a path as far as is proved free; how many waypoints it then has.
+) -> int:
+    """Cut off every corner of a path as far as is proved free; the number of waypoints then.
 
     Args:
         model: The packed robot and scene.
         slack: Distance to keep beyond the margins [m].
-        points: Holds ``count`` waypoints and has room for one more a check.
-        tried: How many of the cuts at each waypoint are known to fail, from the widest on.
-        count: How many.
+        points: The waypoints, with capacity for one more a check, shape (c, n).
+        tried: Cuts at each waypoint that are known to fail, from the widest on, shape (c,).
+        count: Number of waypoints.
         worth: A corner that is worth less is left as it is, in the unit of the path's length.
         checks: Edge checks that were made, shape (1,).
     """
@@ -144,7 +150,7 @@ def round_kernel(
             k += 1
             continue
         while tried[k] < _CUTS:
-            if checks[0] >= _MOST_CHECKS:
+            if checks[0] >= _MAX_CHECKS:
                 return count
             share = 0.5 ** tried[k]
             for j in range(n):

@@ -24,7 +24,8 @@ from obstacles.scene import Obstacle, Scene
 from service.storage.cache_key import NotPrepared, Reference
 from service.version import VERSION
 
-_FORMAT = 1
+#: Raised when pickles of before must not be read any more.
+_FORMAT = 2
 _DECOMPOSITIONS = "decompositions"
 
 _T = TypeVar("_T")

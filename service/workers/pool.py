@@ -74,8 +74,12 @@ class WorkerPool:
 
     @property
     def pids(self) -> list[int]:
-        """The process numbers of the workers that live."""
-        return [worker.process.pid for worker in self.workers if worker.process.pid is not None]
+        """The process numbers of the workers that live; those being reaped are gone already."""
+        return [
+            worker.process.pid
+            for worker in self.workers
+            if worker.process.pid is not None and not worker.ending
+        ]
 
     def start(self) -> None:
         """Start the workers, without waiting until they are ready."""

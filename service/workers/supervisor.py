@@ -133,7 +133,7 @@ class WorkerSupervisor:
         return [
             worker.process.pid
             for worker in self._pool.workers
-            if worker.ticket is not None and worker.process.pid is not None
+            if worker.ticket is not None and not worker.ending and worker.process.pid is not None
         ]
 
     async def start(self) -> None:

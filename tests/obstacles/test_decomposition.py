@@ -9,7 +9,8 @@ from scipy.optimize import nnls
 
 from kinematics.arrays import Array
 from obstacles import decomposition
-from obstacles.decomposition import ConvexPart, convex_pieces, keep_decompositions, overhang
+from obstacles.convex_cover import ConvexPart
+from obstacles.decomposition import convex_pieces, keep_decompositions, overhang
 from obstacles.hull import convex_hull
 
 
@@ -222,24 +223,26 @@ def test_triangles_that_are_there_twice_or_are_none_do_not_open_a_body(part: int
 def test_the_same_mesh_gives_the_same_pieces() -> None:
     body = ell(0.9)
     first = pieces_of(body)
-    decomposition._kept.cache_clear()
+    decomposition._stored_pieces.cache_clear()
     for a, b in zip(first, pieces_of(body), strict=True):
         np.testing.assert_array_equal(a.vertices, b.vertices)
         assert a.rounding == b.rounding
 
 
-def test_kept_pieces_are_read_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pieces_that_were_kept_are_read_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     body = ell(0.8)
     keep_decompositions(tmp_path / "cache")
     try:
         first = pieces_of(body)
-        decomposition._kept.cache_clear()
+        decomposition._stored_pieces.cache_clear()
         monkeypatch.setattr(decomposition, "_decompose", None)
         for a, b in zip(first, pieces_of(body), strict=True):
             np.testing.assert_array_equal(a.vertices, b.vertices)
             assert a.rounding == b.rounding
         monkeypatch.undo()
-        decomposition._kept.cache_clear()
+        decomposition._stored_pieces.cache_clear()
         (file,) = (tmp_path / "cache").iterdir()
         file.write_bytes(b"cut short")
         assert len(pieces_of(body)) == len(first)

@@ -18,6 +18,7 @@ BALL = {
     "pose": {"position": [0.9, 0.0, 0.0]},
 }
 BOX = {"shape": {"type": "box", "size": [0.4, 0.1, 0.1]}, "pose": {"position": [-0.25, 0.0, 0.0]}}
+EGG = {"shape": {"type": "egg"}}
 START, GOAL = [-0.8, 0.0], [0.8, 0.0]
 
 

@@ -275,6 +275,23 @@ def test_cancelling_takes_a_job_from_the_queue_or_ends_its_worker() -> None:
     asyncio.run(run())
 
 
+def test_a_worker_that_was_ended_is_not_listed_while_it_is_reaped() -> None:
+    async def run() -> None:
+        async with supervisor(1) as workers:
+            await ready(workers)
+            (victim,) = workers.pids
+            running = asyncio.ensure_future(workers.submit(chore("burn")))
+            await working(workers, 1)
+            assert workers.busy_pids == [victim]
+            running.cancel()
+            await asyncio.gather(running, return_exceptions=True)
+            assert victim not in workers.pids
+            assert workers.busy_pids == []
+            assert await workers.submit(chore("add", 1, 1)) == 2
+
+    asyncio.run(run())
+
+
 def test_workers_that_cannot_warm_up_are_never_ready(caplog: pytest.LogCaptureFixture) -> None:
     async def run() -> None:
         async with supervisor(1, warm=chores.failing_warming) as workers:

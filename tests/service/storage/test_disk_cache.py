@@ -1,0 +1,93 @@
+"""Prepared robots and scenes on disk: every bit comes back, and nothing unusable is trusted."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from obstacles.scene import Obstacle, Scene
+from obstacles.shapes import Box
+from service.storage import disk_cache
+from service.storage.cache_key import NotPrepared, Reference
+from service.storage.disk_cache import PreparedRobot, Recent
+from tests.planning.scenes import builtin
+
+
+def random_scene(count: int = 100) -> Scene:
+    rng = np.random.default_rng(5)
+    obstacles = []
+    for i, R in enumerate(Rotation.random(count, rng).as_matrix()):
+        T = np.eye(4)
+        T[:3, :3], T[:3, 3] = R, rng.uniform(-2.0, 2.0, 3)
+        obstacles.append(Obstacle(f"box {i}", Box(rng.uniform(0.1, 1.0, 3)), T, 0.01))
+    return Scene(tuple(obstacles), frozenset({("box 0", "box 1")}))
+
+
+def stored(folder: Path, name: str = "random") -> Reference:
+    return Reference("scene", name, disk_cache.document_hash(name.encode()), str(folder))
+
+
+def test_a_scene_comes_back_equal_in_every_bit(tmp_path: Path) -> None:
+    scene = random_scene()
+    disk_cache.write(stored(tmp_path), scene)
+    back = disk_cache.read_scene(stored(tmp_path))
+    assert back.content_hash == scene.content_hash
+    assert back.allowed_collisions == scene.allowed_collisions
+    for before, after in zip(scene.obstacles, back.obstacles, strict=True):
+        assert after.id == before.id
+        assert after.margin == before.margin
+        assert after.T_world_obstacle.tobytes() == before.T_world_obstacle.tobytes()
+        assert not after.T_world_obstacle.flags.writeable
+
+
+def test_a_robot_comes_back_equal(tmp_path: Path) -> None:
+    geometry = builtin("planar_rr")
+    reference = Reference("robot", "arm", "0" * 64, str(tmp_path / "new" / "folder"))
+    disk_cache.write(reference, PreparedRobot.of(geometry, b'{"name": "arm"}'))
+    back = disk_cache.read_robot(reference)
+    assert back.answer == b'{"name": "arm"}'
+    assert back.geometry.content_hash == geometry.content_hash
+    assert back.chain.content_hash == geometry.chain.content_hash
+
+
+def test_nothing_unusable_is_trusted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    reference = stored(tmp_path)
+    with pytest.raises(NotPrepared) as missing:
+        disk_cache.read_scene(reference)
+    assert missing.value.reference == reference
+    disk_cache.write(reference, random_scene(2))
+    (file,) = tmp_path.iterdir()
+    content = file.read_bytes()
+    file.write_bytes(content[: len(content) // 2])
+    with pytest.raises(NotPrepared):
+        disk_cache.read_scene(reference)
+    file.write_bytes(content)
+    assert len(disk_cache.read_scene(reference).obstacles) == 2
+    monkeypatch.setattr(disk_cache, "_format", lambda: "of another version")
+    with pytest.raises(NotPrepared):
+        disk_cache.read_scene(reference)
+
+
+def test_forgetting_removes_the_file_and_may_be_repeated(tmp_path: Path) -> None:
+    disk_cache.write(stored(tmp_path), random_scene(1))
+    disk_cache.write(stored(tmp_path, "other"), random_scene(1))
+    for _ in range(2):
+        disk_cache.forget(stored(tmp_path))
+    assert len(list(tmp_path.iterdir())) == 1
+    assert disk_cache.read_scene(stored(tmp_path, "other")).ids
+
+
+def test_the_values_used_last_are_kept() -> None:
+    made: list[str] = []
+
+    def value(key: str) -> str:
+        made.append(key)
+        return key.upper()
+
+    recent = Recent(2)
+    for key in ("a", "b", "a", "c", "a", "b"):
+        assert recent.get(key, lambda key=key: value(key)) == key.upper()  # type: ignore[misc]
+    assert made == ["a", "b", "c", "b"]
+    assert "a" in recent
+    assert "c" not in recent
