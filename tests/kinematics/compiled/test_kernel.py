@@ -201,7 +201,7 @@ inner = made({factor})
 def outer(x):
     return inner(x) + inner(2.0 * x)
 """
-COUNTED = "from kinematics import kernel_symbol as s; s.rename = lambda *_: None\n"
+COUNTED = "from kinematics.compiled import kernel_symbol as s; s.rename = lambda *_: None\n"
 LOAD_BOTH = """
 import one, two
 print(one.outer(5.0), two.outer(5.0))
