@@ -1,5 +1,6 @@
 """Forward kinematics: joint values to frames."""
 
+import math
 from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any
@@ -18,7 +19,6 @@ from kinematics.frame import (
     at_joint_kernel,
     compose_kernel,
     move_kernel,
-    step_kernel,
     store_kernel,
 )
 from kinematics.sincos import few_turns_kernel, turn_at_kernel
@@ -113,7 +113,10 @@ def frames_kernel(model: Array, q: Array, frames: Array) -> None:
     """
     B = IDENTITY
     for i in range(q.shape[0]):
-        B = step_kernel(model, 1 + i, q[i], B)
+        c, s = 1.0, 0.0
+        if model[1 + i, 0] == 0.0:
+            c, s = math.cos(q[i]), math.sin(q[i])
+        B = move_kernel(model, 1 + i, q[i], c, s, B)
         frames[i, 0, 0], frames[i, 0, 1], frames[i, 0, 2], frames[i, 0, 3] = B[0], B[1], B[2], B[3]
         frames[i, 1, 0], frames[i, 1, 1], frames[i, 1, 2], frames[i, 1, 3] = B[4], B[5], B[6], B[7]
         frames[i, 2, 0], frames[i, 2, 1], frames[i, 2, 2], frames[i, 2, 3] = (
