@@ -7,12 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dynamics.body_row import FRAME, FRICTION, MASS, MOTOR, ROW, TYPE
 from kinematics.arrays import Array, frozen
 from kinematics.chain import Chain, Inertia, Link
 from kinematics.errors import InvalidOption, MissingInertia
-
-#: What row i of ``Bodies.rows`` holds, by its first column.
-TYPE, ROTATION, ORIGIN, STANDARD, MOTOR, FRICTION, ROW = 0, 1, 10, 13, 23, 24, 25
 
 
 class Bodies(NamedTuple):
@@ -29,11 +27,8 @@ class Bodies(NamedTuple):
         viscous_friction: At each joint, shape (n,) [N m s/rad or N s/m].
         gravity: In the base frame, shape (3,) [m/s^2].
         rows: All of that once more in one array, shape (n + 1, ``ROW``), as the kernels read it.
-            One array is cheaper to hand to compiled code than eight. Row i is joint i: its type,
-            the rotation (9) and the origin (3) of its frame at q_i = 0 in the frame of joint i-1,
-            the ten standard parameters of its body (mass m, first moment m c, inertia
-            xx, xy, yy, xz, yz, zz about the origin of the joint frame), motor inertia, viscous
-            friction. Row n begins with gravity.
+            One array is cheaper to hand to compiled code than eight. Row i is joint i, its columns
+            as in ``body_row``. Row n begins with gravity.
     """
 
     types: NDArray[np.int64]
@@ -94,9 +89,8 @@ def _packed(chain: Chain) -> Bodies:
     rows = np.zeros((chain.n + 1, ROW))
     for i, body in enumerate(merged):
         rows[i, TYPE] = chain.joint_types[i]
-        rows[i, ROTATION:ORIGIN] = chain.offsets[i, :3, :3].ravel()
-        rows[i, ORIGIN:STANDARD] = chain.offsets[i, :3, 3]
-        rows[i, STANDARD:MOTOR] = standard_parameters(body)
+        rows[i, FRAME:MASS] = chain.offsets[i, :3].ravel()
+        rows[i, MASS:MOTOR] = standard_parameters(body)
         rows[i, MOTOR] = chain.motor_inertia[i]
         rows[i, FRICTION] = chain.viscous_friction[i]
     rows[-1, :3] = chain.gravity

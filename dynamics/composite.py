@@ -17,59 +17,71 @@ C_kj = v_k . f_j + w_k . n_j for the moments of the farther one of the two joint
     f_j = m v_j' + w_j' x h + w_j x h',    n_j = h x v_j' + I w_j' + (tr W - W) w_j.
 """
 
-import numpy as np
-
+from dynamics.body_row import FIRST_MOMENT, INERTIA, MASS, REVOLUTE, TYPE
 from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
-from kinematics.vec3 import Vector, add, cross, dot, scale, subtract
+from kinematics.frame import IDENTITY, move_kernel
+from kinematics.sincos import few_turns_kernel, turn_at_kernel
+from kinematics.vec3 import Vector, add, cross, dot, load, scale, store, subtract
 
-#: Columns of scratch for each joint: rotation (9) and origin (3) of its frame, then what its column
-#: of D or C needs.
-FRAME, COMPOSITE_WORK = 12, 30
+# Columns of scratch for each joint.
+#: First of the twelve numbers of its frame: three rows, each of the rotation and the origin.
+FRAME = 12
+#: First of three, as are those below: spin w that the joint alone causes, per unit of its rate.
+SPIN_AXIS = 12
+#: Velocity v that the joint alone causes at the point measured from, per unit of its rate.
+LEVER = 15
+#: Rates of change of both.
+SPIN_AXIS_RATE = 18
+LEVER_RATE = 21
+#: Spin of the body, and velocity of its point at the origin measured from.
+SPIN = 24
+VELOCITY = 27
+#: How many.
+COMPOSITE_WORK = 30
 
 
-@kernel(fastmath=True)
+@kernel(allocates=False)
 def frames_kernel(rows: Array, q: Array, frames: Array) -> None:
-    """Write rotation (9) and origin (3) of every joint frame into the columns of ``frames`` (n, .).
+    """Write the frame of every joint into the first twelve columns of ``frames`` (n, .).
 
-    Origins are measured from that of the last joint.
+    As ``kinematics.forward.frames_kernel`` has them, in base axes, but with origins measured from
+    that of the last joint.
     """
     n = q.shape[0]
+    turns = few_turns_kernel(q)
+    B = IDENTITY
     for i in range(n):
-        row, F = rows[i], frames[i]
-        c, s, d = 1.0, 0.0, 0.0
-        if row[0] == 0.0:
-            c, s = np.cos(q[i]), np.sin(q[i])
-        else:
-            d = q[i]
-        for k in range(3):
-            if i == 0:
-                x, y, z, p = row[1 + 3 * k], row[2 + 3 * k], row[3 + 3 * k], 0.0
-            else:
-                B = frames[i - 1]
-                b0, b1, b2 = B[3 * k], B[3 * k + 1], B[3 * k + 2]
-                x = b0 * row[1] + b1 * row[4] + b2 * row[7]
-                y = b0 * row[2] + b1 * row[5] + b2 * row[8]
-                z = b0 * row[3] + b1 * row[6] + b2 * row[9]
-                p = b0 * row[10] + b1 * row[11] + b2 * row[12] + B[9 + k]
-            F[3 * k] = x * c + y * s
-            F[3 * k + 1] = y * c - x * s
-            F[3 * k + 2] = z
-            F[9 + k] = p + z * d
-    last = (frames[n - 1, 9], frames[n - 1, 10], frames[n - 1, 11])
+        c, s = turn_at_kernel(q, i, turns)
+        B = move_kernel(rows, i, q[i], c, s, B)
+        F = frames[i]
+        F[0], F[1], F[2], F[3], F[4], F[5], F[6], F[7], F[8], F[9], F[10], F[11] = B
+    last = (B[3], B[7], B[11])
     for i in range(n):
-        frames[i, 9] -= last[0]
-        frames[i, 10] -= last[1]
+        frames[i, 3] -= last[0]
+        frames[i, 7] -= last[1]
         frames[i, 11] -= last[2]
 
 
 @kernel(fastmath=True)
-def turn(F: Array, a: Vector) -> Vector:
+def axis_of(F: Array) -> Vector:
+    """The z axis of a frame."""
+    return F[2], F[6], F[10]
+
+
+@kernel(fastmath=True)
+def origin_of(F: Array) -> Vector:
+    """The origin of a frame."""
+    return F[3], F[7], F[11]
+
+
+@kernel(fastmath=True)
+def to_base(F: Array, a: Vector) -> Vector:
     """A vector of the frame ``F`` in base axes."""
     return (
         F[0] * a[0] + F[1] * a[1] + F[2] * a[2],
-        F[3] * a[0] + F[4] * a[1] + F[5] * a[2],
-        F[6] * a[0] + F[7] * a[1] + F[8] * a[2],
+        F[4] * a[0] + F[5] * a[1] + F[6] * a[2],
+        F[8] * a[0] + F[9] * a[1] + F[10] * a[2],
     )
 
 
@@ -86,10 +98,10 @@ def symmetric(U: Vector, T: Vector, a: Vector) -> Vector:
 @kernel(fastmath=True)
 def moments(row: Array, F: Array) -> tuple[Vector, Vector, Vector]:
     """First moment and inertia (xx, xy, yy), (xz, yz, zz) of one body, in base axes."""
-    m, o = row[13], (F[9], F[10], F[11])
-    own = turn(F, (row[14], row[15], row[16]))
-    U, T = (row[17], row[18], row[19]), (row[20], row[21], row[22])
-    x, y, z = (F[0], F[1], F[2]), (F[3], F[4], F[5]), (F[6], F[7], F[8])
+    m, o = row[MASS], origin_of(F)
+    own = to_base(F, load(row, FIRST_MOMENT))
+    U, T = load(row, INERTIA), load(row, INERTIA + 3)
+    x, y, z = load(F, 0), load(F, 4), load(F, 8)
     Ix, Iy, Iz = symmetric(U, T, x), symmetric(U, T, y), symmetric(U, T, z)
     # About another point: + m (|o|^2 E - o o^T) + 2 (o.h) E - o h^T - h o^T.
     d = m * dot(o, o) + 2.0 * dot(o, own)
@@ -106,9 +118,9 @@ def moments(row: Array, F: Array) -> tuple[Vector, Vector, Vector]:
 @kernel(fastmath=True)
 def screw(row: Array, F: Array) -> tuple[Vector, Vector]:
     """Spin and velocity that a joint alone causes at the point measured from."""
-    z = (F[2], F[5], F[8])
-    if row[0] == 0.0:
-        return z, cross((F[9], F[10], F[11]), z)
+    z = axis_of(F)
+    if row[TYPE] == REVOLUTE:
+        return z, cross(origin_of(F), z)
     return (0.0, 0.0, 0.0), z
 
 
@@ -119,37 +131,30 @@ def mass_matrix_kernel(rows: Array, work: Array, D: Array) -> None:
     m, h, U, T = 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for i in range(n):
         w, v = screw(rows[i], work[i])
-        work[i, 12], work[i, 13], work[i, 14] = w
-        work[i, 15], work[i, 16], work[i, 17] = v
+        store(work[i], SPIN_AXIS, w)
+        store(work[i], LEVER, v)
     for k in range(n - 1, -1, -1):
         own_h, own_U, own_T = moments(rows[k], work[k])
-        m, h, U, T = m + rows[k, 13], add(h, own_h), add(U, own_U), add(T, own_T)
-        F = work[k]
-        w, v = (F[12], F[13], F[14]), (F[15], F[16], F[17])
+        m, h, U, T = m + rows[k, MASS], add(h, own_h), add(U, own_U), add(T, own_T)
+        w, v = load(work[k], SPIN_AXIS), load(work[k], LEVER)
         p = add(scale(m, v), cross(w, h))
         L = add(cross(h, v), symmetric(U, T, w))
         for j in range(k + 1):
             E = work[j]
-            D[k, j] = (
-                E[15] * p[0] + E[16] * p[1] + E[17] * p[2]
-                + E[12] * L[0] + E[13] * L[1] + E[14] * L[2]
-            )  # fmt: skip
+            D[k, j] = dot(load(E, LEVER), p) + dot(load(E, SPIN_AXIS), L)
             D[j, k] = D[k, j]
 
 
 @kernel(fastmath=True)
 def rates(rows: Array, qd: Array, work: Array) -> None:
-    """Write w_i, w_i', v_i', the spin and velocity of body i, and v_i into columns 12 to 29.
-
-    The velocity is that of the body's point at the origin measured from.
-    """
+    """Write what joint i alone causes, its rates, and body i's spin and velocity into ``work``."""
     spin, velocity, last = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for i in range(qd.shape[0]):
         F = work[i]
-        z, o = (F[2], F[5], F[8]), (F[9], F[10], F[11])
+        z, o = axis_of(F), origin_of(F)
         velocity = add(velocity, cross(spin, subtract(o, last))) if i > 0 else velocity
         z_rate = cross(spin, z)
-        if rows[i, 0] == 0.0:
+        if rows[i, TYPE] == REVOLUTE:
             w, v, w_rate = z, cross(o, z), z_rate
             v_rate = add(cross(velocity, z), cross(o, z_rate))
             spin = add(spin, scale(qd[i], z))
@@ -157,9 +162,12 @@ def rates(rows: Array, qd: Array, work: Array) -> None:
             w, v, w_rate, v_rate = (0.0, 0.0, 0.0), z, (0.0, 0.0, 0.0), z_rate
             velocity = add(velocity, scale(qd[i], z))
         here = subtract(velocity, cross(spin, o))
-        for k in range(3):
-            F[12 + k], F[15 + k], F[18 + k] = w[k], w_rate[k], v_rate[k]
-            F[21 + k], F[24 + k], F[27 + k] = spin[k], here[k], v[k]
+        store(F, SPIN_AXIS, w)
+        store(F, LEVER, v)
+        store(F, SPIN_AXIS_RATE, w_rate)
+        store(F, LEVER_RATE, v_rate)
+        store(F, SPIN, spin)
+        store(F, VELOCITY, here)
         last = o
 
 
@@ -172,8 +180,8 @@ def coriolis_kernel(rows: Array, qd: Array, work: Array, C: Array) -> None:
     h_rate = (0.0, 0.0, 0.0)
     Wx, Wy, Wz = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for k in range(n - 1, -1, -1):
-        F, mass = work[k], rows[k, 13]
-        spin, here = (F[21], F[22], F[23]), (F[24], F[25], F[26])
+        F, mass = work[k], rows[k, MASS]
+        spin, here = load(F, SPIN), load(F, VELOCITY)
         own_h, own_U, own_T = moments(rows[k], F)
         m, h, U, T = m + mass, add(h, own_h), add(U, own_U), add(T, own_T)
         h_rate = add(h_rate, add(scale(mass, here), cross(spin, own_h)))
@@ -186,8 +194,8 @@ def coriolis_kernel(rows: Array, qd: Array, work: Array, C: Array) -> None:
         Wy = add(Wy, add(Y, scale(own_h[1], here)))
         Wz = add(Wz, add(Z, scale(own_h[2], here)))
         trace = Wx[0] + Wy[1] + Wz[2]
-        w, v = (F[12], F[13], F[14]), (F[27], F[28], F[29])
-        w_rate, v_rate = (F[15], F[16], F[17]), (F[18], F[19], F[20])
+        w, v = load(F, SPIN_AXIS), load(F, LEVER)
+        w_rate, v_rate = load(F, SPIN_AXIS_RATE), load(F, LEVER_RATE)
         # What column k asks of all joints before it ...
         Ww = add(scale(w[0], Wx), add(scale(w[1], Wy), scale(w[2], Wz)))
         f = add(scale(m, v_rate), add(cross(w_rate, h), cross(w, h_rate)))
@@ -200,11 +208,7 @@ def coriolis_kernel(rows: Array, qd: Array, work: Array, C: Array) -> None:
         c = add(cross(h_rate, v), subtract(scale(trace, w), WTw))
         for j in range(k + 1):
             E = work[j]
-            wj, vj = (E[12], E[13], E[14]), (E[27], E[28], E[29])
+            wj, vj = load(E, SPIN_AXIS), load(E, LEVER)
             C[j, k] = dot(vj, f) + dot(wj, t)
             if j < k:
-                C[k, j] = (
-                    a[0] * E[18] + a[1] * E[19] + a[2] * E[20]
-                    + b[0] * E[15] + b[1] * E[16] + b[2] * E[17]
-                    + dot(c, wj)
-                )  # fmt: skip
+                C[k, j] = dot(a, load(E, LEVER_RATE)) + dot(b, load(E, SPIN_AXIS_RATE)) + dot(c, wj)

@@ -148,4 +148,4 @@ class DynamicsEvaluator:
     def _wrong(self, *vectors: Array) -> Exception:
         for vector in vectors:
             self.chain.configuration(vector)
-        return ValueError("the vectors have the right length after all")
+        return AssertionError("the kernel refused vectors of the right length")

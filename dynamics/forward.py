@@ -4,7 +4,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynamics.batch import stacked
-from dynamics.body import MOTOR, bodies
+from dynamics.body import bodies
+from dynamics.body_row import MOTOR
 from dynamics.composite import COMPOSITE_WORK, frames_kernel, mass_matrix_kernel
 from dynamics.inverse import wrench_torque
 from dynamics.recursion import inverse_kernel

@@ -13,54 +13,48 @@ Christoffel symbols.
 
 import numpy as np
 
+from dynamics.body_row import (
+    FIRST_MOMENT,
+    FRICTION,
+    INERTIA,
+    MASS,
+    MOTOR,
+    REVOLUTE,
+    TYPE,
+    axis,
+    origin,
+    times_inertia,
+    to_child,
+    to_parent,
+)
 from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
 from kinematics.vec3 import Vector, add, cross, scale
 
-#: Columns of scratch for each joint: cosine, sine, its frame's origin (3), force, moment (3 each).
+# Columns of scratch for each joint.
+COSINE = 0
+SINE = 1
+#: First of three, as are those below: the joint's origin in the frame of its parent [m].
+ORIGIN = 2
+#: Force on the body, in the joint's frame [N]; gravity there [m/s^2] for ``gravity_kernel``.
+FORCE = 5
+#: Moment on the body about the joint's origin [N m].
+MOMENT = 8
+#: How many.
 WORK = 11
 
 
 @kernel(fastmath=True)
-def to_parent(row: Array, c: float, s: float, a: Vector) -> Vector:
-    """A vector from the frame of a joint, turned by the angle of cosine c, in its parent's."""
-    x, y, z = c * a[0] - s * a[1], s * a[0] + c * a[1], a[2]
-    return (
-        row[1] * x + row[2] * y + row[3] * z,
-        row[4] * x + row[5] * y + row[6] * z,
-        row[7] * x + row[8] * y + row[9] * z,
-    )
-
-
-@kernel(fastmath=True)
-def to_child(row: Array, c: float, s: float, a: Vector) -> Vector:
-    """A vector from the frame of the parent in that of a joint."""
-    x = row[1] * a[0] + row[4] * a[1] + row[7] * a[2]
-    y = row[2] * a[0] + row[5] * a[1] + row[8] * a[2]
-    z = row[3] * a[0] + row[6] * a[1] + row[9] * a[2]
-    return c * x + s * y, c * y - s * x, z
-
-
-@kernel(fastmath=True)
-def place(row: Array, q: float, work: Array) -> tuple[float, float, Vector]:
+def move_joint(row: Array, q: float, work: Array) -> tuple[float, float, Vector]:
     """Cosine, sine and origin in the parent's frame of a joint at q, kept in ``work`` (11,)."""
-    if row[0] == 0.0:
-        c, s, p = np.cos(q), np.sin(q), (row[10], row[11], row[12])
+    if row[TYPE] == REVOLUTE:
+        c, s, p = np.cos(q), np.sin(q), origin(row)
     else:
-        c, s = 1.0, 0.0
-        p = (row[10] + q * row[3], row[11] + q * row[6], row[12] + q * row[9])
-    work[0], work[1], work[2], work[3], work[4] = c, s, p[0], p[1], p[2]
+        z, o = axis(row), origin(row)
+        c, s, p = 1.0, 0.0, (o[0] + q * z[0], o[1] + q * z[1], o[2] + q * z[2])
+    work[COSINE], work[SINE] = c, s
+    work[ORIGIN], work[ORIGIN + 1], work[ORIGIN + 2] = p
     return c, s, p
-
-
-@kernel(fastmath=True)
-def times_inertia(row: Array, a: Vector) -> Vector:
-    """The product I a with the inertia of a body about its joint's origin."""
-    return (
-        row[17] * a[0] + row[18] * a[1] + row[20] * a[2],
-        row[18] * a[0] + row[19] * a[1] + row[21] * a[2],
-        row[20] * a[0] + row[21] * a[1] + row[22] * a[2],
-    )
 
 
 @kernel(fastmath=True)
@@ -70,13 +64,13 @@ def gather(rows: Array, work: Array, torque: Array) -> None:
     force, moment = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for i in range(n - 1, -1, -1):
         row, own = rows[i], work[i]
-        force = add(force, (own[5], own[6], own[7]))
-        moment = add(moment, (own[8], own[9], own[10]))
-        torque[i] = moment[2] if row[0] == 0.0 else force[2]
+        force = add(force, (own[FORCE], own[FORCE + 1], own[FORCE + 2]))
+        moment = add(moment, (own[MOMENT], own[MOMENT + 1], own[MOMENT + 2]))
+        torque[i] = moment[2] if row[TYPE] == REVOLUTE else force[2]
         if i > 0:
-            force = to_parent(row, own[0], own[1], force)
-            moment = to_parent(row, own[0], own[1], moment)
-            moment = add(moment, cross((own[2], own[3], own[4]), force))
+            force = to_parent(row, own[COSINE], own[SINE], force)
+            moment = to_parent(row, own[COSINE], own[SINE], moment)
+            moment = add(moment, cross((own[ORIGIN], own[ORIGIN + 1], own[ORIGIN + 2]), force))
 
 
 @kernel(fastmath=True)
@@ -90,24 +84,24 @@ def inverse_kernel(
     A = (-rows[n, 0], -rows[n, 1], -rows[n, 2])
     for i in range(n):
         row, own = rows[i], work[i]
-        c, s, p = place(row, q[i], own)
+        c, s, p = move_joint(row, q[i], own)
         if i > 0:
             A = add(A, add(cross(dw, p), cross(w, cross(w, p))))
             w, dw = to_child(row, c, s, w), to_child(row, c, s, dw)
         A = to_child(row, c, s, A)
-        if row[0] == 0.0:
+        if row[TYPE] == REVOLUTE:
             dw = (dw[0] + w[1] * qd[i], dw[1] - w[0] * qd[i], dw[2] + qdd[i])
             w = (w[0], w[1], w[2] + qd[i])
         else:
             A = (A[0] + 2.0 * w[1] * qd[i], A[1] - 2.0 * w[0] * qd[i], A[2] + qdd[i])
-        h = (row[14], row[15], row[16])
-        f = add(scale(row[13], A), add(cross(dw, h), cross(w, cross(w, h))))
+        h = (row[FIRST_MOMENT], row[FIRST_MOMENT + 1], row[FIRST_MOMENT + 2])
+        f = add(scale(row[MASS], A), add(cross(dw, h), cross(w, cross(w, h))))
         m = add(cross(h, A), add(times_inertia(row, dw), cross(w, times_inertia(row, w))))
-        own[5], own[6], own[7] = f[0], f[1], f[2]
-        own[8], own[9], own[10] = m[0], m[1], m[2]
+        own[FORCE], own[FORCE + 1], own[FORCE + 2] = f
+        own[MOMENT], own[MOMENT + 1], own[MOMENT + 2] = m
     gather(rows, work, torque)
     for i in range(n):
-        torque[i] += rows[i, 23] * qdd[i] + rows[i, 24] * qd[i]
+        torque[i] += rows[i, MOTOR] * qdd[i] + rows[i, FRICTION] * qd[i]
 
 
 @kernel(fastmath=True)
@@ -116,19 +110,20 @@ def gravity_kernel(rows: Array, q: Array, work: Array, G: Array) -> None:
     n = G.shape[0]
     g = (rows[n, 0], rows[n, 1], rows[n, 2])
     for i in range(n):
-        c, s, _ = place(rows[i], q[i], work[i])
+        c, s, _ = move_joint(rows[i], q[i], work[i])
         g = to_child(rows[i], c, s, g)
-        work[i, 5], work[i, 6], work[i, 7] = g
+        work[i][FORCE], work[i][FORCE + 1], work[i][FORCE + 2] = g
     # Mass and first moment about o_i of all that joint i carries.
     mass, h = 0.0, (0.0, 0.0, 0.0)
     for i in range(n - 1, -1, -1):
         row, own = rows[i], work[i]
-        h = (h[0] + row[14], h[1] + row[15], h[2] + row[16])
-        mass += row[13]
-        G[i] = own[5] * h[1] - own[6] * h[0] if row[0] == 0.0 else -mass * own[7]
+        h = add(h, (row[FIRST_MOMENT], row[FIRST_MOMENT + 1], row[FIRST_MOMENT + 2]))
+        mass += row[MASS]
+        g = (own[FORCE], own[FORCE + 1], own[FORCE + 2])
+        G[i] = g[0] * h[1] - g[1] * h[0] if row[TYPE] == REVOLUTE else -mass * g[2]
         if i > 0:
-            h = to_parent(row, own[0], own[1], h)
-            h = add(h, scale(mass, (own[2], own[3], own[4])))
+            h = to_parent(row, own[COSINE], own[SINE], h)
+            h = add(h, scale(mass, (own[ORIGIN], own[ORIGIN + 1], own[ORIGIN + 2])))
 
 
 @kernel(fastmath=True)
@@ -139,11 +134,11 @@ def advance(
 
     ``motion`` (4,) holds q, q_dot, v and a of the joint.
     """
-    c, s, p = place(row, motion[0], own)
+    c, s, p = move_joint(row, motion[0], own)
     qd, v, a = motion[1], motion[2], motion[3]
     A = to_child(row, c, s, add(A, add(cross(du, p), cross(u, cross(w, p)))))
     w, u, du = to_child(row, c, s, w), to_child(row, c, s, u), to_child(row, c, s, du)
-    if row[0] == 0.0:
+    if row[TYPE] == REVOLUTE:
         du = (du[0] + w[1] * v, du[1] - w[0] * v, du[2] + a)
         w, u = (w[0], w[1], w[2] + qd), (u[0], u[1], u[2] + v)
     else:
@@ -163,13 +158,13 @@ def reference_inverse_kernel(rows: Array, motion: Array, work: Array, torque: Ar
     for i in range(n):
         row, own = rows[i], work[i]
         w, u, du, A = advance(row, motion[i], w, u, du, A, own)
-        h = (row[14], row[15], row[16])
-        f = add(scale(row[13], A), add(cross(du, h), cross(u, cross(w, h))))
-        half = -0.5 * (row[17] + row[19] + row[22])
+        h = (row[FIRST_MOMENT], row[FIRST_MOMENT + 1], row[FIRST_MOMENT + 2])
+        f = add(scale(row[MASS], A), add(cross(du, h), cross(u, cross(w, h))))
+        half = -0.5 * (row[INERTIA] + row[INERTIA + 2] + row[INERTIA + 5])
         m = add(cross(h, A), add(times_inertia(row, du), cross(w, times_inertia(row, u))))
         m = add(m, scale(half, cross(w, u)))
-        own[5], own[6], own[7] = f[0], f[1], f[2]
-        own[8], own[9], own[10] = m[0], m[1], m[2]
+        own[FORCE], own[FORCE + 1], own[FORCE + 2] = f
+        own[MOMENT], own[MOMENT + 1], own[MOMENT + 2] = m
     gather(rows, work, torque)
     for i in range(n):
-        torque[i] += rows[i, 23] * motion[i, 3] + rows[i, 24] * motion[i, 1]
+        torque[i] += rows[i, MOTOR] * motion[i, 3] + rows[i, FRICTION] * motion[i, 1]

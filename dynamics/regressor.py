@@ -4,13 +4,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynamics.batch import stacked
-from dynamics.body import FRICTION, MOTOR, STANDARD, bodies
-from dynamics.composite import FRAME, frames_kernel
+from dynamics.body import bodies
+from dynamics.body_row import FRICTION, MASS, MOTOR, REVOLUTE, TYPE
+from dynamics.composite import FRAME, axis_of, frames_kernel, origin_of
 from dynamics.recursion import WORK, advance
 from kinematics.arrays import Array, frozen
 from kinematics.chain import Chain
 from kinematics.compiled.kernel import kernel
-from kinematics.vec3 import Vector, cross, dot, subtract
+from kinematics.vec3 import Vector, cross, dot, load, scale, subtract
 
 #: The standard parameters of one body, in their order; inertia about the joint frame's origin.
 BODY_PARAMETERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
@@ -48,7 +49,7 @@ def regressor_kernel(rows: Array, motion: Array, work: Array, frames: Array, Y: 
     """
     n = motion.shape[0]
     w, u, du = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    A = (-rows[n, 0], -rows[n, 1], -rows[n, 2])
+    A = scale(-1.0, load(rows[n], 0))
     for j in range(n):
         w, u, du, A = advance(rows[j], motion[j], w, u, du, A, work[j])
         # Columns of u' x + u x (w x .), what a first moment h is multiplied with.
@@ -59,9 +60,9 @@ def regressor_kernel(rows: Array, motion: Array, work: Array, frames: Array, Y: 
         F = frames[j]
         for i in range(j + 1):
             E, out = frames[i], Y[i, 10 * j : 10 * j + 10]
-            z = back(F, (E[2], E[5], E[8]))
-            if rows[i, 0] == 0.0:
-                arm = back(F, subtract((F[9], F[10], F[11]), (E[9], E[10], E[11])))
+            z = to_frame(F, axis_of(E))
+            if rows[i, TYPE] == REVOLUTE:
+                arm = to_frame(F, subtract(origin_of(F), origin_of(E)))
                 v = cross(z, arm)
                 out[0] = dot(v, A)
                 out[1] = dot(v, X) + z[2] * A[1] - z[1] * A[2]
@@ -78,12 +79,12 @@ def regressor_kernel(rows: Array, motion: Array, work: Array, frames: Array, Y: 
 
 
 @kernel(fastmath=True)
-def back(F: Array, a: Vector) -> Vector:
+def to_frame(F: Array, a: Vector) -> Vector:
     """A vector of the base in the axes of the frame ``F``."""
     return (
-        F[0] * a[0] + F[3] * a[1] + F[6] * a[2],
-        F[1] * a[0] + F[4] * a[1] + F[7] * a[2],
-        F[2] * a[0] + F[5] * a[1] + F[8] * a[2],
+        F[0] * a[0] + F[4] * a[1] + F[8] * a[2],
+        F[1] * a[0] + F[5] * a[1] + F[9] * a[2],
+        F[2] * a[0] + F[6] * a[1] + F[10] * a[2],
     )
 
 
@@ -189,7 +190,7 @@ def standard_parameters(chain: Chain, *, motors: bool = True) -> Array:
         MissingInertia: Some joint carries nothing that has an inertia.
     """
     rows = bodies(chain).rows[:-1]
-    parts = [rows[:, STANDARD:MOTOR].ravel()]
+    parts = [rows[:, MASS:MOTOR].ravel()]
     if motors:
         parts += [rows[:, MOTOR], rows[:, FRICTION]]
     return frozen(np.concatenate(parts))

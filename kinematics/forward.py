@@ -1,5 +1,6 @@
 """Forward kinematics: joint values to frames."""
 
+import math
 from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any
@@ -7,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.arrays import Array, Indices
+from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.compiled.kernel import direct, kernel
 from kinematics.compiled.simd import LANES
@@ -104,40 +105,30 @@ def poses_batch_kernel(model: Array, q: Array, poses: Array) -> None:
         poses_kernel(model, q[k], poses[k])
 
 
-@kernel
-def forward_kernel(types: Indices, offsets: Array, q: Array, frames: Array) -> None:
-    """Write T_base_i = T_base_(i-1) A_i M_i(q_i) of every joint into ``frames`` (n, 4, 4).
+@kernel(allocates=False)
+def frames_kernel(model: Array, q: Array, frames: Array) -> None:
+    """Write T_base_i of every joint into ``frames`` (n, 4, 4), of which the last rows stay.
 
-    Only the upper three rows are written.
+    ``model`` is ``Chain.model``. Cosines and sines are the library's, to the last bit.
     """
+    B = IDENTITY
     for i in range(q.shape[0]):
-        A = offsets[i]
-        c, s, d = 1.0, 0.0, 0.0
-        if types[i] == 0:
-            c, s = np.cos(q[i]), np.sin(q[i])
-        else:
-            d = q[i]
-        for row in range(3):
-            if i == 0:
-                x, y, z, p = A[row, 0], A[row, 1], A[row, 2], A[row, 3]
-            else:
-                B = frames[i - 1]
-                b0, b1, b2 = B[row, 0], B[row, 1], B[row, 2]
-                x = b0 * A[0, 0] + b1 * A[1, 0] + b2 * A[2, 0]
-                y = b0 * A[0, 1] + b1 * A[1, 1] + b2 * A[2, 1]
-                z = b0 * A[0, 2] + b1 * A[1, 2] + b2 * A[2, 2]
-                p = b0 * A[0, 3] + b1 * A[1, 3] + b2 * A[2, 3] + B[row, 3]
-            frames[i, row, 0] = x * c + y * s
-            frames[i, row, 1] = y * c - x * s
-            frames[i, row, 2] = z
-            frames[i, row, 3] = p + z * d
+        c, s = 1.0, 0.0
+        if model[1 + i, 0] == 0.0:
+            c, s = math.cos(q[i]), math.sin(q[i])
+        B = move_kernel(model, 1 + i, q[i], c, s, B)
+        frames[i, 0, 0], frames[i, 0, 1], frames[i, 0, 2], frames[i, 0, 3] = B[0], B[1], B[2], B[3]
+        frames[i, 1, 0], frames[i, 1, 1], frames[i, 1, 2], frames[i, 1, 3] = B[4], B[5], B[6], B[7]
+        frames[i, 2, 0], frames[i, 2, 1], frames[i, 2, 2], frames[i, 2, 3] = (
+            B[8], B[9], B[10], B[11],
+        )  # fmt: skip
 
 
 @kernel
-def forward_batch_kernel(types: Indices, offsets: Array, q: Array, frames: Array) -> None:
-    """``forward_kernel`` for a batch: q (m, n), frames (m, n, 4, 4), last rows too."""
+def frames_batch_kernel(model: Array, q: Array, frames: Array) -> None:
+    """``frames_kernel`` for a batch: q (m, n), frames (m, n, 4, 4), last rows too."""
     for k in range(q.shape[0]):
-        forward_kernel(types, offsets, q[k], frames[k])
+        frames_kernel(model, q[k], frames[k])
         for i in range(q.shape[1]):
             for column in range(3):
                 frames[k, i, 3, column] = 0.0
@@ -188,7 +179,7 @@ def joint_frames(chain: Chain, q: ArrayLike) -> Array:
     q = chain.configuration(q)
     flat = q.reshape(-1, chain.n)
     frames = np.empty((flat.shape[0], chain.n, 4, 4))
-    forward_batch_kernel(chain.joint_types, chain.offsets, flat, frames)
+    frames_batch_kernel(chain.model, flat, frames)
     return frames.reshape(*q.shape[:-1], chain.n, 4, 4)
 
 

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.arrays import Array, Indices
+from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.compiled.kernel import direct, kernel
 from kinematics.compiled.simd import LANES
 from kinematics.compiled.simd_frames import COLUMN, gather_kernel, jacobian_lanes_kernel
 from kinematics.errors import InvalidOption, InvalidRobotState
-from kinematics.forward import fits_kernel, forward_kernel, link_number
+from kinematics.forward import fits_kernel, frames_kernel, link_number
 from kinematics.frame import IDENTITY, Frame, compose_kernel, move_kernel, store_kernel
 from kinematics.pose import to_zyz
 from kinematics.sincos import few_turns_kernel, turn_at_kernel, turns_kernel
@@ -26,11 +26,11 @@ ZYZ_SINGULAR_SINE = 1e-8
 
 
 @kernel
-def jacobian_kernel(types: Indices, frames: Array, point: Array, last: int, J: Array) -> None:
+def jacobian_kernel(model: Array, frames: Array, point: Array, last: int, J: Array) -> None:
     """Write the geometric Jacobian of ``point`` (3,), which joint ``last`` carries, into J (6, n).
 
     Column j is [z_j x (p - o_j); z_j] for a revolute joint, [z_j; 0] for a prismatic one, and 0
-    beyond ``last``.
+    beyond ``last``. ``model`` is ``Chain.model``, ``frames`` (n, 4, 4) those of the joints.
     """
     for j in range(J.shape[1]):
         if j > last:
@@ -38,7 +38,7 @@ def jacobian_kernel(types: Indices, frames: Array, point: Array, last: int, J: A
                 J[row, j] = 0.0
             continue
         zx, zy, zz = frames[j, 0, 2], frames[j, 1, 2], frames[j, 2, 2]
-        if types[j] == 0:
+        if model[1 + j, 0] == 0.0:
             x = point[0] - frames[j, 0, 3]
             y = point[1] - frames[j, 1, 3]
             z = point[2] - frames[j, 2, 3]
@@ -143,7 +143,7 @@ def _one_jacobian_kernel(model: Array, q: Array, link: int, J: Array) -> bool:
 
 @kernel
 def rate_kernel(
-    types: Indices, frames: Array, point: Array, last: int, rates: Array, Jd: Array
+    model: Array, frames: Array, point: Array, last: int, rates: Array, Jd: Array
 ) -> None:
     """Write the time derivative (6, n) of the Jacobian at joint velocities ``rates`` (n,).
 
@@ -156,7 +156,7 @@ def rate_kernel(
         r = o - frames[j - 1, :3, 3] if j > 0 else np.zeros(3)
         w[j + 1] = w[j]
         v[j + 1] = v[j] + _cross(w[j], r)
-        if types[j] == 0:
+        if model[1 + j, 0] == 0.0:
             w[j + 1] += rates[j] * z
         else:
             v[j + 1] += rates[j] * z
@@ -167,7 +167,7 @@ def rate_kernel(
     for j in range(last + 1):
         z, o = frames[j, :3, 2], frames[j, :3, 3]
         turned = _cross(w[j + 1], z)
-        if types[j] == 0:
+        if model[1 + j, 0] == 0.0:
             Jd[:3, j] = _cross(turned, point - o) + _cross(z, moved - v[j + 1])
             Jd[3:, j] = turned
         else:
@@ -185,14 +185,13 @@ def _cross(a: Array, b: Array) -> Array:
 
 @kernel
 def _rate_batch_kernel(
-    types: Indices, offsets: Array, q: Array, rates: Array, T_joint_link: Array, point: Array,
-    last: int, Jd: Array,
+    model: Array, q: Array, rates: Array, T_joint_link: Array, point: Array, last: int, Jd: Array,
 ) -> None:  # fmt: skip
     n = q.shape[1]
     frames = np.empty((n, 4, 4))
     p = np.empty(3)
     for k in range(q.shape[0]):
-        forward_kernel(types, offsets, q[k], frames)
+        frames_kernel(model, q[k], frames)
         for row in range(3):
             p[row] = T_joint_link[row, 3]
             for i in range(3):
@@ -203,7 +202,7 @@ def _rate_batch_kernel(
                 p[row] = frames[last, row, 3]
                 for i in range(3):
                     p[row] += frames[last, row, i] * local[i]
-        rate_kernel(types, frames, p, last, rates[k], Jd[k])
+        rate_kernel(model, frames, p, last, rates[k], Jd[k])
 
 
 @cache
@@ -321,7 +320,7 @@ def geometric_rate(
     flat = np.ascontiguousarray(q.reshape(-1, chain.n))
     Jd = np.empty((flat.shape[0], 6, chain.n))
     _rate_batch_kernel(
-        chain.joint_types, chain.offsets, flat, np.ascontiguousarray(rates.reshape(-1, chain.n)),
+        chain.model, flat, np.ascontiguousarray(rates.reshape(-1, chain.n)),
         carrier.T_joint_link, _point(point), carrier.joint, Jd,
     )  # fmt: skip
     return Jd.reshape(*q.shape[:-1], 6, chain.n)

@@ -58,10 +58,11 @@ def turns_kernel(q: Array, cosines: Array, sines: Array) -> None:
 
 @kernel(inline="code")
 def few_turns_kernel(q: Array) -> tuple[bool, Lanes, Lanes]:
-    """Whether q (n,) holds 1 to 8 angles, none too large, and their cosines and sines then."""
+    """Whether q (n,) holds 1 to 8 angles side by side, none too large; their cosines and sines."""
     angles = first(q)
     c, s = turn_of_kernel(angles)
-    return q.shape[0] <= LANES and not anywhere(abs(angles) >= _LARGEST), c, s
+    few = q.shape[0] <= LANES and (q.shape[0] == 1 or q.strides[0] == 8)
+    return few and not anywhere(abs(angles) >= _LARGEST), c, s
 
 
 @kernel(inline="code")

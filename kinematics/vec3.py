@@ -3,6 +3,7 @@
 The arithmetic is that of IEEE 754 in the order written, so that verdicts can hang on it.
 """
 
+from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
 
 Vector = tuple[float, float, float]
@@ -40,3 +41,15 @@ def cross(a: Vector, b: Vector) -> Vector:
         a[2] * b[0] - a[0] * b[2],
         a[0] * b[1] - a[1] * b[0],
     )
+
+
+@kernel(allocates=False)
+def load(row: Array, at: int) -> Vector:
+    """The vector in three columns of a row, from column ``at`` on."""
+    return row[at], row[at + 1], row[at + 2]
+
+
+@kernel(allocates=False)
+def store(row: Array, at: int, a: Vector) -> None:
+    """Write a vector into three columns of a row, from column ``at`` on."""
+    row[at], row[at + 1], row[at + 2] = a

@@ -106,8 +106,7 @@ def _packed(robot: RobotGeometry, scene: Scene, margin: float) -> ModelArrays:
     bodies, carried = _bodies(robot, own.bodies, skipped)
     robot_set = own.pieces.behind(around.pieces)
     return ModelArrays(
-        joint_types=robot.chain.joint_types,
-        offsets=robot.chain.offsets,
+        chain=robot.chain.model,
         joints=own.carriers,
         robot=_readonly(robot_set.rows),
         scene=around.pieces.rows,

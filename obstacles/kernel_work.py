@@ -7,7 +7,7 @@ import numpy as np
 
 from kinematics.arrays import Array, Indices
 from kinematics.compiled.kernel import kernel
-from kinematics.forward import forward_kernel
+from kinematics.forward import frames_kernel
 from obstacles.gjk import Drift
 from obstacles.mesh_distance import STACK
 from obstacles.model_arrays import ModelArrays
@@ -57,7 +57,7 @@ class Workspace(NamedTuple):
 @kernel
 def workspace(model: ModelArrays) -> Workspace:
     """Room for the kernels that look at ``model``."""
-    n, p = model.joint_types.shape[0], model.joints.shape[0]
+    n, p = int(model.chain[0, 0]), model.joints.shape[0]
     stamps = np.full(p + 1, -1, dtype=np.int64)
     stamps[p] = 0
     hints = np.empty((3, max(_ENTRIES, model.roots.shape[0]), 3))
@@ -82,16 +82,16 @@ def workspace(model: ModelArrays) -> Workspace:
 @kernel(allocates=False)
 def visit(model: ModelArrays, work: Workspace) -> None:
     """Bring frames and twists to the configuration and motion in ``work.joints``."""
-    n = model.joint_types.shape[0]
+    n = int(model.chain[0, 0])
     frames, twists = work.frames, work.twists
-    forward_kernel(model.joint_types, model.offsets, work.joints[0], frames)
+    frames_kernel(model.chain, work.joints[0], frames)
     work.stamps[-1] += 1
     for column in range(7):
         twists[0, column] = 0.0
     for j in range(n):
         delta, u = work.joints[1, j], work.joints[2, j]
         zx, zy, zz = u * frames[j, 0, 2], u * frames[j, 1, 2], u * frames[j, 2, 2]
-        if model.joint_types[j] == 0:
+        if model.chain[1 + j, 0] == 0.0:
             x, y, z = frames[j, 0, 3], frames[j, 1, 3], frames[j, 2, 3]
             twists[j + 1, 0] = twists[j, 0] + zx
             twists[j + 1, 1] = twists[j, 1] + zy
@@ -118,7 +118,7 @@ def place(model: ModelArrays, work: Workspace, i: int) -> None:
     work.stamps[i] = now
     place_row(work.placed, i, model.robot, work.frames, joint)
     _write_strays(
-        model.joint_types, work.frames, work.twists, work.joints, work.placed, joint, work.strays, i
+        model.chain, work.frames, work.twists, work.joints, work.placed, joint, work.strays, i
     )
 
 
@@ -140,7 +140,7 @@ def place_row(placed: Array, i: int, rows: Array, frames: Array, joint: int) -> 
 
 @kernel(allocates=False)
 def _write_strays(
-    types: Indices, frames: Array, twists: Array, joints: Array, placed: Array, last: int,
+    chain: Array, frames: Array, twists: Array, joints: Array, placed: Array, last: int,
     strays: Array, i: int,
 ) -> None:  # fmt: skip
     """Write how far piece i gets while the joints from each one on move; see ``motion``."""
@@ -151,7 +151,7 @@ def _write_strays(
         delta = joints[1, j]
         if delta > 0.0:
             before = twists[j, 6]
-            if types[j] == 0:
+            if chain[1 + j, 0] == 0.0:
                 x, y, z = cx - frames[j, 0, 3], cy - frames[j, 1, 3], cz - frames[j, 2, 3]
                 along = x * frames[j, 0, 2] + y * frames[j, 1, 2] + z * frames[j, 2, 2]
                 square = x * x + y * y + z * z - along * along

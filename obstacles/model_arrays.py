@@ -13,8 +13,7 @@ class ModelArrays(NamedTuple):
     """What a kernel reads (n joints, p pieces of the robot, m of the scene, k pairs of the robot).
 
     Args:
-        joint_types: Of the chain, shape (n,).
-        offsets: Of the chain, shape (n, 4, 4).
+        chain: ``Chain.model`` of the robot.
         joints: The joint that carries each row of ``robot``, -1 for the base.
         robot: Rows of the robot's pieces, each in the frame of its joint, and behind them a ball
             for each body that holds all its pieces, shape (p + bodies, WIDTH).
@@ -45,8 +44,7 @@ class ModelArrays(NamedTuple):
         own_margin: To be kept between the robot's own pieces [m].
     """
 
-    joint_types: Indices
-    offsets: Array
+    chain: Array
     joints: Indices
     robot: Array
     scene: Array

@@ -204,8 +204,7 @@ def _values(chain: Chain, a: Piece, b: Piece, first: int, last: int) -> Array:
     pieces = PieceSet.of([replace(piece, surface=None) for piece in (a, b)])
     none, nothing = np.zeros((0, 2), dtype=np.int64), np.zeros((0, 0))
     model = ModelArrays(
-        joint_types=chain.joint_types,
-        offsets=chain.offsets,
+        chain=chain.model,
         joints=np.array([first - 1, last], dtype=np.int64),
         robot=pieces.rows,
         scene=nothing,

@@ -165,12 +165,12 @@ def _closest(model: ModelArrays, work: Workspace, best: float, exact: bool) -> t
 
 @kernel
 def distance_gradient(
-    types: Indices, frames: Array, still: int, joint: int, n: Vector, p: Vector, gradient: Array
+    chain: Array, frames: Array, still: int, joint: int, n: Vector, p: Vector, gradient: Array
 ) -> None:
     """Write dd/dq (n,) of a pair.
 
     Args:
-        types: Of the joints.
+        chain: ``Chain.model``.
         frames: Of the joints, shape (n, 4, 4).
         still: The joint that carries the first piece, -1 for the base.
         joint: The joint that carries the second piece, beyond ``still``.
@@ -181,7 +181,7 @@ def distance_gradient(
     gradient[:] = 0.0
     for k in range(still + 1, joint + 1):
         zx, zy, zz = frames[k, 0, 2], frames[k, 1, 2], frames[k, 2, 2]
-        if types[k] == 0:
+        if chain[1 + k, 0] == 0.0:
             x, y, z = p[0] - frames[k, 0, 3], p[1] - frames[k, 1, 3], p[2] - frames[k, 2, 3]
             zx, zy, zz = zy * z - zz * y, zz * x - zx * z, zx * y - zy * x
         gradient[k] = -(n[0] * zx + n[1] * zy + n[2] * zz)
@@ -217,7 +217,7 @@ def _note(
     if count < found.shape[0]:
         found[count], distances[count] = pair, distance - apart
         distance_gradient(
-            model.joint_types, work.frames, still, model.joints[j], normal, point,
+            model.chain, work.frames, still, model.joints[j], normal, point,
             gradients[count],
         )  # fmt: skip
     return count + 1

@@ -13,7 +13,7 @@ import numpy as np
 
 from kinematics.arrays import Array, Indices
 from kinematics.compiled.kernel import kernel
-from kinematics.forward import forward_kernel
+from kinematics.forward import frames_kernel
 from kinematics.vec3 import Vector, dot, subtract
 from obstacles.ball_distance import bound_from, closed_form
 from obstacles.bounds import balls_apart, quick_bound
@@ -53,7 +53,7 @@ def verdict_in(model: ModelArrays, work: Workspace, q: Array, margin: float, ask
     work.stamps[-1] += 1
     for joint in range(q.shape[0]):
         work.joints[0, joint] = q[joint]
-    forward_kernel(model.joint_types, model.offsets, q, work.frames)
+    frames_kernel(model.chain, q, work.frames)
     verdict = FREE
     for body in range(model.bodies.shape[0]):
         found = _around_body(model, work, body, model.margin + margin, asked)

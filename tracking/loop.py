@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dynamics.composite import frames_kernel
+from dynamics.body_row import REVOLUTE, TYPE
+from dynamics.composite import axis_of, frames_kernel, origin_of
 from dynamics.forward import acceleration_kernel
 from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
@@ -131,15 +132,15 @@ def add_disturbance(loop: Loop, t: float, q: Array, torque: Array) -> None:
     frames_kernel(rows, q, frames)
     E, p = frames[loop.carrier], loop.tip
     at = (
-        E[0] * p[0] + E[1] * p[1] + E[2] * p[2] + E[9],
-        E[3] * p[0] + E[4] * p[1] + E[5] * p[2] + E[10],
-        E[6] * p[0] + E[7] * p[1] + E[8] * p[2] + E[11],
+        E[0] * p[0] + E[1] * p[1] + E[2] * p[2] + E[3],
+        E[4] * p[0] + E[5] * p[1] + E[6] * p[2] + E[7],
+        E[8] * p[0] + E[9] * p[1] + E[10] * p[2] + E[11],
     )
     for i in range(loop.carrier + 1):
         E = frames[i]
-        z = (E[2], E[5], E[8])
-        if rows[i, 0] == 0.0:
-            arm = subtract(at, (E[9], E[10], E[11]))
+        z = axis_of(E)
+        if rows[i, TYPE] == REVOLUTE:
+            arm = subtract(at, origin_of(E))
             torque[i] += dot(z, m) + dot(z, cross(arm, f))
         else:
             torque[i] += dot(z, f)

@@ -340,8 +340,7 @@ def extend_kernel(
                 line[0, j, 0], line[0, j, 1] = q[j], trial[j] - q[j]
                 dq[j] = trial[j] - q[j]
             verdict = hold_kernel(
-                model.joint_types,
-                model.offsets,
+                model.chain,
                 rows,
                 unit,
                 line,

@@ -54,8 +54,6 @@ class Goal(NamedTuple):
         upper: Joint limits, shape (n,).
         posture: What q is kept near, shape (n,).
         metric: Weights of that, 0 where manipulability counts instead, shape (n,).
-        types: Of the joints, shape (n,).
-        offsets: Of the joints, shape (n, 4, 4).
         chain: ``Chain.model``.
         link: Whose manipulability, -1 for the tip's; -2 where it does not count.
     """
@@ -67,8 +65,6 @@ class Goal(NamedTuple):
     upper: Array
     posture: Array
     metric: Array
-    types: Indices
-    offsets: Array
     chain: Array
     link: int
 
@@ -104,8 +100,6 @@ def make_goal(
         upper=np.array(chain.limits.upper),
         posture=np.array(posture),
         metric=np.array(metric),
-        types=chain.joint_types,
-        offsets=chain.offsets,
         chain=chain.model,
         link=link,
     )
@@ -159,7 +153,7 @@ def linearise(
     """
     n = q.shape[0]
     evaluate_kernel(
-        goal.types, goal.offsets, goal.hard, q, work.frames, work.E, work.values,
+        goal.chain, goal.hard, q, work.frames, work.E, work.values,
         work.residuals, work.jacobian,
     )  # fmt: skip
     A, b = work.A, work.b
@@ -210,7 +204,7 @@ def _sideways(goal: Goal, i: int, work: Work, count: int) -> int:
         bound, linear, angular = sideways_kernel(work.frames, goal.hard[i], second)
         if bound == math.inf:
             continue
-        covector_kernel(goal.types, work.frames, goal.hard[i], linear, angular, work.A[count])
+        covector_kernel(goal.chain, work.frames, goal.hard[i], linear, angular, work.A[count])
         for j in range(work.A.shape[1]):
             work.A[count + 1, j] = -work.A[count, j]
         work.b[count], work.b[count + 1] = bound, bound
@@ -287,7 +281,7 @@ def objective_kernel(goal: Goal, q: Array, work: Work) -> float:
         value -= log_manipulability(goal, q, work.J)
     if goal.soft.shape[0] > 0:
         evaluate_kernel(
-            goal.types, goal.offsets, goal.soft, q, work.frames, work.E, work.values,
+            goal.chain, goal.soft, q, work.frames, work.E, work.values,
             work.residuals, work.jacobian,
         )  # fmt: skip
         for i in range(goal.soft.shape[0]):
@@ -332,7 +326,7 @@ def _downhill(goal: Goal, q: Array, work: Work, H: Array) -> None:
             q[j] = kept
     if goal.soft.shape[0] > 0:
         evaluate_kernel(
-            goal.types, goal.offsets, goal.soft, q, work.frames, work.E, work.values,
+            goal.chain, goal.soft, q, work.frames, work.E, work.values,
             work.residuals, work.jacobian,
         )  # fmt: skip
         for i in range(goal.soft.shape[0]):

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from kinematics.arrays import Array, Indices, frozen
 from kinematics.chain import Chain
 from kinematics.compiled.kernel import kernel
-from kinematics.forward import forward_kernel
+from kinematics.forward import frames_kernel
 from planning.constraints.constraint import Constraint
 from planning.constraints.limit import ClearanceConstraint, ToolSpeedConstraint, TorqueConstraint
 from planning.constraints.row import WIDTH, Row, gradient_kernel, residual_kernel
@@ -137,7 +137,7 @@ class ConstraintSet:
         values, residuals = np.empty((len(flat), m)), np.empty((len(flat), m))
         jacobian = np.empty((len(flat), m, n))
         evaluate_batch_kernel(
-            self.chain.joint_types, self.chain.offsets, self.packed, flat, values, residuals,
+            self.chain.model, self.packed, flat, values, residuals,
             jacobian,
         )  # fmt: skip
         shape = batch.shape[:-1]
@@ -149,17 +149,17 @@ class ConstraintSet:
 
 @kernel
 def evaluate_kernel(
-    types: Indices, offsets: Array, packed: Array, q: Array, frames: Array, E: Array,
+    chain: Array, packed: Array, q: Array, frames: Array, E: Array,
     values: Array, residuals: Array, jacobian: Array,
 ) -> float:  # fmt: skip
     """Write values and residuals (m,) and the residuals' Jacobian (m, n) at q (n,).
 
     Answers the largest residual; ``frames`` (n, 4, 4) and E (3, 3) are scratch.
     """
-    forward_kernel(types, offsets, q, frames)
+    frames_kernel(chain, q, frames)
     worst = -np.inf
     for i in range(packed.shape[0]):
-        values[i] = gradient_kernel(types, q, frames, packed[i], E, jacobian[i])
+        values[i] = gradient_kernel(chain, q, frames, packed[i], E, jacobian[i])
         residual, sign = residual_kernel(values[i], packed[i])
         residuals[i] = residual
         worst = max(worst, residual)
@@ -171,12 +171,10 @@ def evaluate_kernel(
 
 @kernel
 def evaluate_batch_kernel(
-    types: Indices, offsets: Array, packed: Array, q: Array, values: Array, residuals: Array,
+    chain: Array, packed: Array, q: Array, values: Array, residuals: Array,
     jacobian: Array,
 ) -> None:  # fmt: skip
     """Values, residuals (k, m) and Jacobians (k, m, n) of a batch q (k, n)."""
     frames, E = np.empty((q.shape[1], 4, 4)), np.empty((3, 3))
     for k in range(q.shape[0]):
-        evaluate_kernel(
-            types, offsets, packed, q[k], frames, E, values[k], residuals[k], jacobian[k]
-        )
+        evaluate_kernel(chain, packed, q[k], frames, E, values[k], residuals[k], jacobian[k])

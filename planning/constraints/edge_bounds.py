@@ -16,10 +16,10 @@ import math
 
 import numpy as np
 
-from kinematics.arrays import Array, Indices
+from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.compiled.kernel import kernel
-from kinematics.forward import forward_kernel
+from kinematics.forward import frames_kernel
 from kinematics.vec3 import cross, dot
 from planning.constraints.row import (
     UPPER,
@@ -47,7 +47,7 @@ def holds(chain: Chain, packed: Array, curve: Array) -> bool:
     """Whether q(s) = sum_k curve[:, k] s^k holds packed rows for 0 <= s <= 1, curve (n, k)."""
     m = len(packed)
     verdict = hold_kernel(
-        chain.joint_types, chain.offsets, np.array(packed), _UNIT, np.array(curve)[None],
+        chain.model, np.array(packed), _UNIT, np.array(curve)[None],
         np.full(m, np.inf), TOLERANCE, EDGE_CELLS, np.empty(m), np.empty(m), np.empty(4),
     )  # fmt: skip
     return bool(verdict == HOLDS)
@@ -58,11 +58,11 @@ _UNIT = np.array([0.0, 1.0])
 
 @kernel
 def hold_kernel(
-    types: Indices, offsets: Array, packed: Array, breaks: Array, coefficients: Array,
+    chain: Array, packed: Array, breaks: Array, coefficients: Array,
     gaps: Array, tolerance: float, most: int, worst: Array, times: Array, found: Array,
 ) -> int:  # fmt: skip
     """Write bounds ``worst`` and ``times`` (m,), and ``found`` (time, row, residual, cells)."""
-    n, m = offsets.shape[0], packed.shape[0]
+    n, m = coefficients.shape[1], packed.shape[0]
     q, linear, curved = np.empty(n), np.empty(n), np.empty(n)
     frames, E = np.empty((n, 4, 4)), np.empty((3, 3))
     open_rows = np.empty((_DEPTH + 2, m), dtype=np.bool_)
@@ -83,13 +83,13 @@ def hold_kernel(
             low, high, depth = lows[top], highs[top], depths[top]
             middle, half = 0.5 * (low + high), 0.5 * (high - low)
             _stray(coefficients[piece], middle, half, q, linear, curved)
-            forward_kernel(types, offsets, q, frames)
+            frames_kernel(chain, q, frames)
             found[3] += 1.0
             kept = False
             for i in range(m):
                 if not open_rows[depth, i]:
                     continue
-                residual, bound = bound_kernel(types, q, frames, packed[i], linear, curved, E)
+                residual, bound = bound_kernel(chain, q, frames, packed[i], linear, curved, E)
                 if residual > best[i]:
                     best[i], times[i] = residual, start + middle
                 if residual > tolerance and start + middle < found[0]:
@@ -151,7 +151,7 @@ def _stray(
 
 @kernel
 def bound_kernel(
-    types: Indices, q: Array, frames: Array, row: Array, linear: Array, curved: Array, E: Array
+    chain: Array, q: Array, frames: Array, row: Array, linear: Array, curved: Array, E: Array
 ) -> tuple[float, float]:
     """A row's residual in the middle of a cell, and an upper bound of it all over the cell."""
     value, _, covector = value_kernel(q, frames, row, E)
@@ -160,7 +160,7 @@ def bound_kernel(
     if kind == _JOINT:
         j = int(row[1])
         return residual, residual + abs(linear[j]) + curved[j]
-    stray = stray_kernel(types, frames, row, linear, curved)
+    stray = stray_kernel(chain, frames, row, linear, curved)
     V, W, turn, _, moved, error = stray
     if kind == _COORDINATE:
         d = (row[12], row[13], row[14])
@@ -171,7 +171,7 @@ def bound_kernel(
     if kind == _ANGLE:
         a = axis_kernel(frames, row)
         d = (row[12], row[13], row[14])
-        moved, error = _axis_stray(types, frames, row, linear, curved)
+        moved, error = _axis_stray(chain, frames, row, linear, curved)
         cosine = min(max(dot(a, d) - abs(dot(d, cross(W, a))) - error, -1.0), 1.0)
         # A chord of this length spans an angle that is somewhat larger.
         swept = min(turn, 2.0 * math.asin(min(0.5 * moved, 1.0)))
@@ -187,7 +187,7 @@ def bound_kernel(
 
 @kernel
 def _axis_stray(
-    types: Indices, frames: Array, row: Array, linear: Array, curved: Array
+    chain: Array, frames: Array, row: Array, linear: Array, curved: Array
 ) -> tuple[float, float]:
     """The most that the row's axis moves on the unit sphere, and that it leaves W x A, over a cell.
 
@@ -201,12 +201,12 @@ def _axis_stray(
         a = turned(frames[carrier], a[0], a[1], a[2])
     inside = 0.0
     for j in range(first, last + 1):
-        if types[j] == 0:
+        if chain[1 + j, 0] == 0.0:
             inside += abs(linear[j]) + curved[j]
     moved, error = 0.0, 0.0
     for step in range(last - first + 1):
         j = last - step if carrier > reference else first + step
-        if types[j] == 1:
+        if chain[1 + j, 0] == 1.0:
             continue
         delta = abs(linear[j]) + curved[j]
         inside -= delta
@@ -268,7 +268,7 @@ def _rotation_change(
 
 @kernel
 def stray_kernel(
-    types: Indices, frames: Array, row: Array, linear: Array, curved: Array
+    chain: Array, frames: Array, row: Array, linear: Array, curved: Array
 ) -> tuple[tuple[float, float, float], tuple[float, float, float], float, float, float, float]:
     """How a row's bodies move one against the other over a cell.
 
@@ -284,7 +284,7 @@ def stray_kernel(
     sign = 1.0 if outwards else -1.0
     turn = 0.0
     for j in range(first, last + 1):
-        if types[j] == 0:
+        if chain[1 + j, 0] == 0.0:
             turn += abs(linear[j]) + curved[j]
     inside = turn
     vx, vy, vz, wx, wy, wz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -296,7 +296,7 @@ def stray_kernel(
         z = (F[0, 2], F[1, 2], F[2, 2])
         delta = abs(linear[j]) + curved[j]
         a = sign * linear[j]
-        if types[j] == 1:
+        if chain[1 + j, 0] == 1.0:
             vx, vy, vz = vx + a * z[0], vy + a * z[1], vz + a * z[2]
             moved += delta
             error += curved[j]

@@ -23,7 +23,7 @@ from typing import Literal
 
 import numpy as np
 
-from kinematics.arrays import Array, Indices, frozen
+from kinematics.arrays import Array, frozen
 from kinematics.compiled.kernel import kernel
 from kinematics.vec3 import cross, dot
 
@@ -313,11 +313,11 @@ def log_slope_kernel(
 
 @kernel
 def gradient_kernel(
-    types: Indices, q: Array, frames: Array, row: Array, E: Array, gradient: Array
+    chain: Array, q: Array, frames: Array, row: Array, E: Array, gradient: Array
 ) -> float:
     """Write a row's gradient (n,) and answer its value."""
     value, linear, angular = value_kernel(q, frames, row, E)
-    covector_kernel(types, frames, row, linear, angular, gradient)
+    covector_kernel(chain, frames, row, linear, angular, gradient)
     if int(row[0]) == _JOINT:
         gradient[int(row[1])] = 1.0
     return value
@@ -325,7 +325,7 @@ def gradient_kernel(
 
 @kernel
 def covector_kernel(
-    types: Indices,
+    chain: Array,
     frames: Array,
     row: Array,
     linear: tuple[float, float, float],
@@ -344,7 +344,7 @@ def covector_kernel(
     for j in range(min(carrier, reference) + 1, max(carrier, reference) + 1):
         F = frames[j]
         z = (F[0, 2], F[1, 2], F[2, 2])
-        if types[j] == 1:
+        if chain[1 + j, 0] == 1.0:
             gradient[j] = sign * dot(linear, z)
         else:
             arm = cross(z, (P[0] - F[0, 3], P[1] - F[1, 3], P[2] - F[2, 3]))

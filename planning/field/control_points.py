@@ -8,7 +8,7 @@ import numpy as np
 from kinematics.arrays import Array, Indices, frozen
 from kinematics.chain import Chain
 from kinematics.compiled.kernel import kernel
-from kinematics.forward import forward_kernel
+from kinematics.forward import frames_kernel
 from kinematics.jacobian import jacobian_kernel
 from obstacles.piece import Piece, PieceKind
 from obstacles.robot_geometry import RobotGeometry
@@ -95,8 +95,7 @@ def _along(piece: Piece) -> list[tuple[Array, float]]:
 
 @kernel
 def control_points_kernel(
-    types: Indices,
-    offsets: Array,
+    chain: Array,
     joints: Indices,
     places: Array,
     q: Array,
@@ -106,7 +105,7 @@ def control_points_kernel(
     """Write the control points (m, 3) and their linear Jacobians (m, 3, n) at q (n,)."""
     n = q.shape[0]
     frames, J = np.empty((n, 4, 4)), np.empty((6, n))
-    forward_kernel(types, offsets, q, frames)
+    frames_kernel(chain, q, frames)
     for i in range(joints.shape[0]):
         F = frames[joints[i]]
         for row in range(3):
@@ -114,7 +113,7 @@ def control_points_kernel(
             for k in range(3):
                 points[i, row] += F[row, k] * places[i, k]
         # The Jacobian of the whole arm at this point, cut off after the joint that carries it.
-        jacobian_kernel(types, frames, points[i], joints[i], J)
+        jacobian_kernel(chain, frames, points[i], joints[i], J)
         for row in range(3):
             for j in range(n):
                 jacobians[i, row, j] = J[row, j]
@@ -125,7 +124,5 @@ def control_points(chain: Chain, where: ControlPoints, q: Array) -> tuple[Array,
     m, n = len(where), chain.n
     points, jacobians = np.empty((m, 3)), np.empty((m, 3, n))
     at = np.array(q, dtype=np.float64)  # one that can be written to, as the kernel is compiled for
-    control_points_kernel(
-        chain.joint_types, chain.offsets, where.joints, where.places, at, points, jacobians
-    )
+    control_points_kernel(chain.model, where.joints, where.places, at, points, jacobians)
     return points, jacobians

@@ -168,8 +168,7 @@ def is_free_kernel(proof: Proof, work: Workspace, a: Array, b: Array, outcome: A
         for j in range(n):
             line[0, j, 0], line[0, j, 1] = a[j], b[j] - a[j]
         verdict = hold_kernel(
-            proof.model.joint_types,
-            proof.model.offsets,
+            proof.model.chain,
             proof.rows,
             unit,
             line,

@@ -180,16 +180,14 @@ class FieldModel(NamedTuple):
     """A field for the kernels: the arm, its control points, the obstacles and the goal.
 
     Args:
-        types: Types of the joints, shape (n,).
-        offsets: Fixed transforms before the joints, shape (n, 4, 4).
+        chain: ``Chain.model`` of the arm.
         points: The control points.
         obstacles: The obstacles, packed.
         goal: Configuration of the goal, shape (n,) [rad or m].
         joint_weight: k of the pull in joint space [N m].
     """
 
-    types: Indices
-    offsets: Array
+    chain: Array
     points: FieldArrays
     obstacles: ProjectionArrays
     goal: Array
@@ -206,7 +204,7 @@ def value_kernel(field: FieldModel, q: Array, joint_force: Array) -> float:
     pulls, pushes = np.empty((m, 3)), np.empty((m, 3))
     projections, distances = np.empty((m, o, 3)), np.empty((m, o))
     control_points_kernel(
-        field.types, field.offsets, field.points.joints, field.points.places, q, points, jacobians
+        field.chain, field.points.joints, field.points.places, q, points, jacobians
     )
     potential = attraction_kernel(field.points, points, pulls)
     potential += repulsion_kernel(
@@ -278,8 +276,7 @@ class Field:
         if isinstance(self._obstacles, FclProjector):
             raise TypeError("kernels do not call FCL")
         return FieldModel(
-            types=self._chain.joint_types,
-            offsets=self._chain.offsets,
+            chain=self._chain.model,
             points=self._arrays,
             obstacles=self._obstacles.arrays,
             goal=np.array(self._goal, dtype=np.float64),

@@ -13,7 +13,7 @@ import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
-from kinematics.forward import forward_kernel
+from planning.proof.joint_frames import forward_kernel
 from planning.proof.motion_bounds import (
     MOVED,
     VALUE,

@@ -20,10 +20,10 @@ import numpy as np
 from kinematics.arrays import Array, Indices
 from kinematics.chain import Chain
 from kinematics.compiled.kernel import kernel
-from kinematics.forward import forward_kernel
 from kinematics.trajectory import Trajectory
 from kinematics.vec3 import Vector, cross, dot, scale, subtract
 from planning.constraints.row import Row, RowKind
+from planning.proof.joint_frames import forward_kernel
 from planning.proof.motion_bounds import JOINT_COLUMNS, RADIUS, VALUE, enclose, piece_length, reach
 from planning.proof.relative_motion import RelativeMotion, axis_motion, relative_motion
 from planning.proof.separating_direction import rounding

@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 from kinematics.arrays import Array, Indices
 from kinematics.chain import Chain
 from kinematics.compiled.kernel import kernel
-from kinematics.forward import forward_kernel
 from kinematics.polynomial import shift_kernel
+from planning.proof.joint_frames import forward_kernel
 from planning.tool_motion import ToolMotion
 
 #: A bound is sharp that is at most this much above what was found, or below this share of what is

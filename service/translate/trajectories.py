@@ -54,7 +54,9 @@ def named_trajectory(body: schema.TrajectoryBody) -> Trajectory:
     assert body.joint_names is not None
     names = tuple(body.joint_names)
     if len(set(names)) != len(names):
-        raise InvalidTrajectory("trajectory.joint_names stand twice", hint="Name each joint once.")
+        raise InvalidTrajectory(
+            "trajectory.joint_names: a joint is named twice", hint="Name each joint once."
+        )
     return trajectory(body, _nameless(names))[0]
 
 

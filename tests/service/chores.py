@@ -3,11 +3,12 @@
 import itertools
 import os
 import signal
+import socket
 import time
 from typing import Any
 
 from kinematics.errors import InvalidLinkName
-from service.workers import current
+from service.workers import current, main
 from service.workers.task import task
 
 
@@ -84,3 +85,9 @@ def surroundings() -> dict[str, Any]:
         "numba": numba.get_num_threads(),
         "pid": os.getpid(),
     }
+
+
+def impatient_worker(channel: socket.socket) -> None:
+    """A worker that ends itself soon after a deadline that the server does not enforce."""
+    main._SELF_KILL = 0.2
+    main.main(channel, ("tests.service.chores",), no_warming)

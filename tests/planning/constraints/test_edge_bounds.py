@@ -40,7 +40,7 @@ def looked_at(
     m = len(packed)
     worst, times, found = np.empty(m), np.empty(m), np.empty(4)
     verdict = hold_kernel(
-        chain.joint_types, chain.offsets, packed, np.array(given.breaks),
+        chain.model, packed, np.array(given.breaks),
         np.array(given.coefficients), np.full(m, gap), TOLERANCE, 2_000_000, worst, times, found,
     )  # fmt: skip
     return int(verdict), worst, times, found
@@ -129,7 +129,7 @@ def test_too_many_cells_are_told_as_undecided() -> None:
     packed[:, UPPER], packed[:, LOWER] = values.max() + 1e-2, values.min() - 1e-2
     m, worst, found = 1, np.empty(1), np.empty(4)
     verdict = hold_kernel(
-        chain.joint_types, chain.offsets, packed, np.array(given.breaks),
+        chain.model, packed, np.array(given.breaks),
         np.array(given.coefficients), np.full(m, 1e-9), TOLERANCE, 20, worst, np.empty(m), found,
     )  # fmt: skip
     assert verdict == UNDECIDED

@@ -1,0 +1,35 @@
+"""Frames of the joints for the proof, by code that planners do not use."""
+
+import numpy as np
+
+from kinematics.arrays import Array, Indices
+from kinematics.compiled.kernel import kernel
+
+
+@kernel
+def forward_kernel(types: Indices, offsets: Array, q: Array, frames: Array) -> None:
+    """Write T_base_i = T_base_(i-1) A_i M_i(q_i) of every joint into ``frames`` (n, 4, 4).
+
+    Only the upper three rows are written.
+    """
+    for i in range(q.shape[0]):
+        A = offsets[i]
+        c, s, d = 1.0, 0.0, 0.0
+        if types[i] == 0:
+            c, s = np.cos(q[i]), np.sin(q[i])
+        else:
+            d = q[i]
+        for row in range(3):
+            if i == 0:
+                x, y, z, p = A[row, 0], A[row, 1], A[row, 2], A[row, 3]
+            else:
+                B = frames[i - 1]
+                b0, b1, b2 = B[row, 0], B[row, 1], B[row, 2]
+                x = b0 * A[0, 0] + b1 * A[1, 0] + b2 * A[2, 0]
+                y = b0 * A[0, 1] + b1 * A[1, 1] + b2 * A[2, 1]
+                z = b0 * A[0, 2] + b1 * A[1, 2] + b2 * A[2, 2]
+                p = b0 * A[0, 3] + b1 * A[1, 3] + b2 * A[2, 3] + B[row, 3]
+            frames[i, row, 0] = x * c + y * s
+            frames[i, row, 1] = y * c - x * s
+            frames[i, row, 2] = z
+            frames[i, row, 3] = p + z * d

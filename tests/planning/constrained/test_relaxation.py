@@ -1,0 +1,51 @@
+"""Constraints that bar the way of a ball that slides, and by how much they have to give."""
+
+import numpy as np
+import pytest
+
+from obstacles.checker import Checker
+from obstacles.scene import Scene
+from planning.constrained.checker import ConstrainedChecker
+from planning.constrained.relaxation import Relaxation, find_relaxation
+from planning.constraints.constraint_set import ConstraintSet
+from planning.constraints.joint import JointConstraint
+from planning.deadline import Deadline
+from tests.planning.scenes import box
+from tests.planning.slider import slider
+
+CHAIN = slider().chain
+START, GOAL = np.array([-0.5, 0.0]), np.array([0.5, 0.0])
+#: A wall that ends at y = 0.2: the ball of 5 cm gets round it at y > 0.25.
+WALL = Scene((box("wall", (0.1, 0.8, 0.4), (0.0, -0.2, 0.0)),))
+BAND = JointConstraint("jy", 0.0, 0.1, 0.1)
+WIDE = JointConstraint("jx", 0.0, 0.8, 0.8)
+
+
+def relaxation(scene: Scene, *constraints: JointConstraint, seconds: float = 10.0) -> Relaxation:
+    hard = ConstraintSet(CHAIN, constraints)
+    model = Checker.of(slider(), scene).model
+    checker = ConstrainedChecker(model, 0.0, constraints=hard, spare=np.zeros(len(hard.rows)))
+    return find_relaxation(checker, START, [GOAL], 0, Deadline.after(seconds))
+
+
+def test_the_constraint_that_bars_the_way_is_named_with_what_it_lacks() -> None:
+    answer = relaxation(WALL, BAND, WIDE)
+    assert answer.constraints == (0,)
+    # Past the wall's end 25 cm up, of which the constraint allows 10.
+    assert 0.15 <= answer.wider[0] <= 0.95
+    assert answer.units == ("m",)
+    assert "widened" in answer.sentence
+    assert answer.details["constraints_that_unblock"] == [0]
+
+
+def test_a_constraint_that_the_start_violates_lacks_exactly_that() -> None:
+    answer = relaxation(Scene(), JointConstraint("jy", 0.3, 0.1, 0.1), WIDE)
+    assert answer.constraints == (0,)
+    assert answer.wider[0] == pytest.approx(0.2)
+
+
+def test_where_no_constraint_helps_it_says_so() -> None:
+    shut = Scene((box("wall", (0.1, 3.0, 0.4), (0.0, 0.0, 0.0)),))
+    answer = relaxation(shut, BAND, WIDE, seconds=0.4)
+    assert answer.constraints == ()
+    assert "did not help" in answer.sentence

@@ -1,0 +1,29 @@
+"""Straight motions of a ball that slides: which goal is taken, and what blocks the others."""
+
+import numpy as np
+
+from obstacles.checker import Checker
+from obstacles.scene import Scene
+from planning.search.straight_line import straight_line
+from tests.planning.scenes import box
+from tests.planning.slider import slider
+
+START = np.array([-0.6, 0.0])
+BEHIND, BESIDE, FARTHER = np.array([0.6, 0.0]), np.array([-0.6, 0.7]), np.array([-0.5, 0.8])
+CHECKER = Checker.of(slider(), Scene((box("wall", (0.1, 1.0, 0.4), (0.0, 0.0, 0.0)),)))
+
+
+def test_the_first_goal_that_can_be_reached_is_taken() -> None:
+    path, motions = straight_line(CHECKER, START, [BEHIND, BESIDE, FARTHER])
+    assert path is not None
+    np.testing.assert_array_equal(path, [START, BESIDE])
+    assert [motion.free for motion in motions] == [False, True]
+
+
+def test_blocked_motions_name_their_pair_and_place() -> None:
+    path, (motion,) = straight_line(CHECKER, START, [BEHIND])
+    assert path is None
+    assert motion.pair == ("ball", "wall")
+    # The ball of 5 cm meets the wall's face, 5 cm before the middle: 0.5 m of 1.2 m.
+    assert motion.colliding
+    assert 0.5 / 1.2 <= motion.at <= 0.7 / 1.2

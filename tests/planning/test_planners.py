@@ -1,0 +1,158 @@
+"""Planners by name, the cascade, and what each of them answers a query."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+
+from kinematics.errors import InvalidGoal, InvalidOption
+from kinematics.forward import forward
+from obstacles.checker import Checker
+from obstacles.scene import Scene
+from planning.cartesian.planner import Cartesian
+from planning.constrained.checker import ConstrainedChecker
+from planning.constraints.constraint_set import ConstraintSet
+from planning.constraints.joint import JointConstraint
+from planning.deadline import Deadline
+from planning.options import CartesianOptions, Options, ToolMotionOptions
+from planning.planner import Query
+from planning.planners import CASCADE, PLANNERS, ByConstraints, Skipped, choose_planners
+from planning.problem import JointGoal, PoseGoal, Problem
+from planning.ready import Ready
+from planning.result import Attempt
+from planning.sampling.planners import PLANNERS as OMPL_PLANNERS
+from planning.search.rrt_connect import RrtConnect
+from planning.timing.options import TimingOptions
+from tests.planning.scenes import HOME, box, builtin
+from tests.planning.slider import slider
+
+START, GOAL = np.array([-0.6, 0.0]), np.array([0.6, 0.1])
+WALL = Scene((box("wall", (0.1, 1.0, 0.4), (0.0, 0.0, 0.0)),))
+SHUT = Scene((box("wall", (0.1, 3.0, 0.4), (0.0, 0.0, 0.0)),))
+
+
+def problem(scene: Scene) -> Problem:
+    return Problem(slider(), scene, START, (JointGoal(GOAL),))
+
+
+def query(scene: Scene, *, constrained: bool = False, seconds: float = 20.0) -> Query:
+    checker = Checker.of(slider(), scene)
+    if constrained:
+        rows = ConstraintSet(slider().chain, (JointConstraint("jy", 0.0, 1.0, 1.0),))
+        spare = np.zeros(len(rows.rows))
+        checker = ConstrainedChecker(checker.model, 0.0, constraints=rows, spare=spare)
+    ready = Ready(START, [GOAL], (checker,), ())
+    return Query(problem(scene), ready, checker, 3, Deadline.after(seconds))
+
+
+def chosen(planner: str, options: Mapping[str, Any] | None = None) -> list[str]:
+    given = Options(planner=planner, planner_options=options or {})
+    return [planner.name for planner in choose_planners(problem(WALL), given)]
+
+
+def test_every_name_has_its_planner() -> None:
+    assert set(PLANNERS) == {
+        "auto", "straight_line", "potential_field", "cartesian", "optimize", *OMPL_PLANNERS,
+    }  # fmt: skip
+    for name in set(PLANNERS) - {"auto", "optimize"}:
+        assert chosen(name) == [name]
+    assert chosen("auto") == ["straight_line", "potential_field", "rrt_connect"]
+    assert chosen("optimize") == chosen("auto")
+
+
+def test_only_the_cartesian_planner_needs_no_goal_configurations() -> None:
+    for name in PLANNERS:
+        needs = {p.needs_goals for p in choose_planners(problem(WALL), Options(planner=name))}
+        assert needs == {name != "cartesian"}
+
+
+@pytest.mark.parametrize("name", ["auto", "straight_line", "cartesian"])
+def test_planners_without_options_take_none(name: str) -> None:
+    with pytest.raises(InvalidOption, match="has no options"):
+        chosen(name, {"range": 0.5})
+
+
+@pytest.mark.parametrize("name", ["potential_field", "rrt_connect", "prm"])
+def test_options_of_another_planner_are_refused(name: str) -> None:
+    with pytest.raises(InvalidOption, match="has no option 'speed'"):
+        chosen(name, {"speed": 1.0})
+
+
+def test_unknown_planners_are_refused_with_the_known_ones() -> None:
+    with pytest.raises(InvalidOption, match="there is no planner 'magic'") as caught:
+        chosen("magic")
+    assert caught.value.details["planners"] == list(PLANNERS)
+
+
+def test_the_cascade_finds_a_way_round_a_wall_with_its_trees_at_the_latest() -> None:
+    straight, field, trees = (planner.plan(query(WALL)) for planner in CASCADE)
+    assert straight.waypoints is None
+    assert straight.detail == "Blocked: ball and wall."
+    assert field.waypoints is None
+    assert field.details["iterations"] > 0
+    assert trees.waypoints is not None
+    assert np.array_equal(trees.waypoints[[0, -1]], [START, GOAL])
+    assert Checker.of(slider(), WALL).polyline(trees.waypoints)[0].free
+
+
+def test_a_path_under_constraints_is_not_left_to_forces_or_free_trees() -> None:
+    constrained = query(Scene(), constrained=True)
+    _, field, trees = (planner.plan(constrained) for planner in CASCADE)
+    assert field.waypoints is None
+    assert field.detail == "Left out: its forces know nothing of constraints."
+    assert trees.waypoints is not None
+    assert "along the constraints" in trees.detail
+    (named,) = choose_planners(constrained.problem, Options(planner="rrt_connect"))
+    assert "along the constraints" in named.plan(constrained).detail
+
+
+def test_two_planners_of_one_name_by_the_checker() -> None:
+    pair = ByConstraints(Skipped("a", "free."), Skipped("b", "constrained."))
+    assert pair.name == "a"
+    assert pair.plan(query(WALL)).detail == "Left out: free."
+    assert pair.plan(query(WALL, constrained=True)).detail == "Left out: constrained."
+
+
+def test_the_fallback_has_its_turn_with_the_exact_robot_only() -> None:
+    class Fallback:
+        name = "fallback"
+        needs_goals = True
+        queries = 0
+
+        def plan(self, query: Query) -> Attempt:
+            self.queries += 1
+            return Attempt(None, "Nothing.")
+
+    fallback = Fallback()
+    trees = RrtConnect(fallback, max_edges=300, max_edges_in_hulls=200)
+    exact = query(SHUT)
+    assert trees.plan(exact).detail == "300 edges checked. OMPL: Nothing."
+    ready = Ready(START, [GOAL], (exact.checker, Checker.of(slider(), SHUT)), ())
+    in_hulls = Query(exact.problem, ready, exact.checker, 3, Deadline.after(20.0))
+    assert trees.plan(in_hulls).detail == "200 edges checked."
+    assert fallback.queries == 1
+
+
+def cartesian(goals: tuple[PoseGoal, ...], **options: Any) -> Cartesian:
+    whole = Problem(builtin("panda"), Scene(), HOME, goals)
+    return Cartesian.of(whole, Options(planner="cartesian", **options))
+
+
+def test_requests_that_the_cartesian_planner_refuses() -> None:
+    T = forward(builtin("panda").chain, HOME)
+    assert cartesian((PoseGoal(T),)).name == "cartesian"
+    with pytest.raises(InvalidGoal, match="one goal"):
+        cartesian((PoseGoal(T), PoseGoal(T)))
+    with pytest.raises(InvalidOption, match=r"timing\.times"):
+        cartesian((PoseGoal(T),), timing=TimingOptions("spline", times=[0.0, 1.0]))
+    with pytest.raises(InvalidOption, match="blend_tolerance"):
+        cartesian((PoseGoal(T),), timing=TimingOptions(blend_tolerance=0.1))
+    away = T.copy()
+    away[2, 3] += 0.01
+    motions = CartesianOptions(motions=(ToolMotionOptions("lin", away),))
+    with pytest.raises(InvalidGoal, match=r"0\.01 m"):
+        cartesian((PoseGoal(T),), cartesian=motions)
+    assert cartesian((PoseGoal(away),), cartesian=motions).options is motions
+    free = cartesian((PoseGoal(T),), cartesian=CartesianOptions(orientation="free"))
+    assert free.tolerances.orientation is None

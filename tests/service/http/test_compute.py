@@ -1,0 +1,101 @@
+"""Time limits of requests, and clients that leave."""
+
+import asyncio
+import time
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from fastapi import Request
+
+from service.http.compute import allowed, compute
+from service.http.job_context import DRY_RUN, JOB_CONTEXT, DeferToJob, JobContext
+from service.problem import ProblemError
+from service.settings import Settings
+from service.workers.process import Background
+from service.workers.task import Job
+from tests.service import chores
+
+RESULT = 3
+SETTINGS = Settings(default_timeout=7.0, max_timeout=20.0)
+
+
+class Supervisor:
+    """Notes what is submitted, and answers after a while."""
+
+    def __init__(self, seconds: float = 0.0) -> None:
+        self.seconds = seconds
+        self.jobs: list[tuple[Job[Any], Any, Background | None]] = []
+        self.cancelled = False
+
+    async def submit(
+        self, job: Job[Any], on_progress: Any = None, background: Background | None = None
+    ) -> Any:
+        self.jobs.append((job, on_progress, background))
+        try:
+            await asyncio.sleep(self.seconds)
+        except asyncio.CancelledError:
+            self.cancelled = True
+            raise
+        return RESULT
+
+
+def request(
+    supervisor: Supervisor, scope: dict[str, Any] | None = None, leaves_after: float = 3600.0
+) -> Request:
+    async def receive() -> dict[str, Any]:
+        await asyncio.sleep(leaves_after)
+        return {"type": "http.disconnect"}
+
+    state = SimpleNamespace(settings=SETTINGS, supervisor=supervisor)
+    app = SimpleNamespace(state=state)
+    return Request({"type": "http", "headers": [], "app": app} | (scope or {}), receive)
+
+
+@pytest.mark.parametrize(("timeout", "seconds"), [(None, 7.0), (0.5, 0.5), (20.0, 20.0)])
+def test_the_default_is_resolved_once(timeout: float | None, seconds: float) -> None:
+    supervisor = Supervisor()
+    before = time.monotonic()
+    assert asyncio.run(compute(request(supervisor), chores.add.job(1, 2), timeout)) == RESULT
+    ((job, _, background),) = supervisor.jobs
+    assert before + seconds <= job.deadline.at <= time.monotonic() + seconds
+    assert background is None
+
+
+def test_a_longer_time_than_the_service_allows_is_refused() -> None:
+    supervisor = Supervisor()
+    with pytest.raises(ProblemError, match=r"21 s is longer than the 20 s") as refused:
+        asyncio.run(compute(request(supervisor), chores.add.job(1, 2), 21.0))
+    assert refused.value.details == {"max_timeout": 20.0}
+    assert supervisor.jobs == []
+    assert allowed(SETTINGS, None) == 7.0
+
+
+def test_a_dry_run_ends_before_the_work() -> None:
+    supervisor = Supervisor()
+    with pytest.raises(DeferToJob):
+        asyncio.run(compute(request(supervisor, {DRY_RUN: True}), chores.add.job(1, 2)))
+    assert supervisor.jobs == []
+
+
+def test_the_time_of_a_job_begins_with_its_worker() -> None:
+    supervisor = Supervisor()
+    seen: list[Any] = []
+    context = JobContext("id", 1.0, lambda: seen.append("start"), lambda *told: seen.append(told))
+    asked = request(supervisor, {JOB_CONTEXT: context})
+    assert asyncio.run(compute(asked, chores.add.job(1, 2), 3.0)) == RESULT
+    ((job, on_progress, background),) = supervisor.jobs
+    assert job.deadline.at == float("inf")
+    assert background == Background(3.0, context.on_start)
+    on_progress(0.5, "x")
+    assert seen == [(0.5, "x")]
+
+
+def test_a_client_that_leaves_ends_the_work() -> None:
+    supervisor = Supervisor(seconds=30.0)
+    begun = time.monotonic()
+    with pytest.raises(ProblemError) as left:
+        asyncio.run(compute(request(supervisor, leaves_after=0.05), chores.burn.job()))
+    assert (left.value.code, left.value.status) == ("PREEMPTED", 499)
+    assert supervisor.cancelled
+    assert time.monotonic() - begun < 5.0

@@ -1,0 +1,70 @@
+"""Refusals of bodies: the path of each fault, and never its value."""
+
+import pytest
+
+from service.problem import ProblemError
+from service.schemas.check import CheckRequest
+from service.schemas.strict_json import parse_json
+from service.schemas.validation import field_path, validated
+
+SPHERE = {"id": "a", "shape": {"type": "sphere", "radius": -1.0}, "pose": {"position": [0, 0, 0]}}
+
+
+def refused(body: object) -> ProblemError:
+    with pytest.raises(ProblemError) as error:
+        validated(CheckRequest, body)
+    return error.value
+
+
+def test_every_fault_is_listed_with_its_path() -> None:
+    body = {"joints": [0.0, "secret"], "scene": {"obstacles": [SPHERE]}, "extra": 1}
+    problem = refused(body)
+    assert problem.code == "VALIDATION_ERROR"
+    paths = {item["path"]: item["problem"] for item in problem.details["errors"]}
+    assert paths["robot"] == "this field is required"
+    assert paths["extra"] == "unknown field"
+    assert "scene.obstacles[0].shape.radius" in paths
+    assert any(path.startswith("joints[1]") for path in paths)
+    assert "secret" not in str(problem.details) + problem.detail
+    assert problem.details["count"] == len(paths)
+
+
+def test_a_long_list_is_cut_and_counted() -> None:
+    problem = refused({f"field_{i}": i for i in range(80)})
+    assert len(problem.details["errors"]) == 50
+    assert problem.details["count"] == 82
+    assert problem.detail.endswith("; and 79 more")
+
+
+def test_a_body_in_order_is_the_model() -> None:
+    body = validated(CheckRequest, {"robot": "panda", "joints": [0.0] * 7})
+    assert body.robot == "panda"
+
+
+@pytest.mark.parametrize(
+    ("location", "body", "path"),
+    [
+        (("body",), {}, "body"),
+        (("body", "a", 1, "b"), {"a": [{}, {}]}, "a[1].b"),
+        (("body", "scene", "inline", "name"), {"scene": {"name": 1}}, "scene.name"),
+        (("query", "limit"), None, "query.limit"),
+        ((), [], "body"),
+    ],
+)
+def test_paths_name_fields_of_the_body_alone(
+    location: tuple[str | int, ...], body: object, path: str
+) -> None:
+    assert field_path(location, body) == path
+
+
+def test_numbers_that_are_not_finite_are_named() -> None:
+    with pytest.raises(ProblemError) as error:
+        parse_json(b'{"a": [1, NaN], "b": {"c": -Infinity}}')
+    assert [item["path"] for item in error.value.details["errors"]] == ["a[1]", "b.c"]
+
+
+@pytest.mark.parametrize("content", [b"{", b'{"a": 1} x', b"\xff", b'"\\ud800"', b""])
+def test_what_is_no_json_is_refused(content: bytes) -> None:
+    with pytest.raises(ProblemError, match="not valid JSON"):
+        parse_json(content)
+    assert parse_json(b'{"a": [1.5, null]}') == {"a": [1.5, None]}

@@ -1,0 +1,57 @@
+"""Tasks are registered functions, and jobs are calls of them."""
+
+import pickle
+import time
+
+import pytest
+
+from service import tasks
+from service.tasks.plan import plan, validate
+from service.workers.task import GRACE, Job, load_tasks, registered_task, task, task_names
+from tests.service import chores
+
+
+def test_a_task_is_its_function_and_makes_jobs() -> None:
+    assert chores.add(1, b=2) == 3
+    job = chores.add.job(1, b=2)
+    assert (job.task, job.args, job.kwargs) == ("tests.service.chores:add", (1,), {"b": 2})
+    assert job.deadline.remaining == float("inf")
+    assert pickle.loads(pickle.dumps(job)) == job
+
+
+def test_a_deadline_is_a_field_of_the_job() -> None:
+    before = time.monotonic()
+    job = chores.add.job(1, 2).within(3.0)
+    assert before + 3.0 <= job.deadline.at <= time.monotonic() + 3.0
+    assert job.args == (1, 2)
+
+
+def test_tasks_that_mind_their_deadline_have_a_grace() -> None:
+    assert plan.grace == validate.grace == GRACE
+    assert plan.job(None, None, b"").grace == GRACE  # type: ignore[arg-type]
+    assert chores.add.grace == 0.0
+
+
+def test_two_tasks_of_one_name_are_refused() -> None:
+    with pytest.raises(ValueError, match="already is a task"):
+        task(chores.add.function)
+    assert registered_task("tests.service.chores:add") is chores.add
+
+
+def test_all_modules_of_a_package_are_loaded() -> None:
+    load_tasks(tasks.__name__)
+    names = task_names(tasks.__name__)
+    assert {name.partition(":")[2] for name in names} >= {
+        "check", "convert", "dynamics", "fk", "ik", "jacobian", "make_robot", "make_scene",
+        "outline", "plan", "potential", "prepare_robot", "prepare_scene", "project", "regressor",
+        "retime", "simulate", "split", "unpack_robot", "validate", "velocity", "wrench",
+    }  # fmt: skip
+    assert not any(name.startswith("tests.") for name in names)
+
+
+@pytest.mark.parametrize("name", ["os:system", "service.tasks.plan:_late", "", "plan"])
+def test_a_name_alone_runs_nothing(name: str) -> None:
+    with pytest.raises(LookupError, match="no registered task"):
+        registered_task(name)
+    unknown: Job[object] = Job(name)
+    assert unknown.task == name
