@@ -1,0 +1,102 @@
+"""Shortened paths: every leg free by FCL, ends kept, never longer, and worth the trouble."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from kinematics.arrays import Array
+from obstacles.checker import Checker
+from obstacles.fcl_distance import FclWorld
+from obstacles.scene import Scene
+from planning.deadline import Deadline
+from planning.search.shortcut import shortcut
+from tests.planning.scenes import HOME, box, builtin
+
+#: Of two links in the plane of x and z: a bar that the outer one meets on the straight way.
+START, GOAL = np.array([-1.2, 0.4]), np.array([1.2, -0.4])
+BAR = Scene((box("bar", (0.1, 1.0, 0.1), (1.3, 0.0, 0.0)),))
+
+
+def length(path: Array) -> float:
+    return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+
+
+def least_distance(path: Array, scene: Scene, name: str = "planar_rr") -> float:
+    """The least distance along a path, by FCL at steps of a hundredth of a radian."""
+    world, least = FclWorld(builtin(name), scene), np.inf
+    for a, b in pairwise(path):
+        steps = int(np.abs(b - a).max() / 0.01) + 2
+        for share in np.linspace(0.0, 1.0, steps):
+            least = min(least, world.clearance(a + share * (b - a)).distance)
+    return float(least)
+
+
+def detour(checker: Checker, random: np.random.Generator) -> Array:
+    """A path of many proved legs from START to GOAL that wanders about."""
+    low, high = np.array([-2.5, -2.4]), np.array([2.5, 2.4])
+    points = [START]
+    while not (len(points) > 8 and checker.free(points[-1], GOAL)):
+        q = random.uniform(low, high)
+        if checker.free(points[-1], q):
+            points.append(q)
+    return np.array([*points, GOAL])
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_what_comes_back_is_free_shorter_and_has_the_same_ends(seed: int) -> None:
+    checker = Checker.of(builtin("planar_rr"), BAR)
+    path = detour(checker, np.random.default_rng(seed))
+    short = shortcut(checker, path, Deadline.after(60.0))
+    assert np.array_equal(short[[0, -1]], path[[0, -1]])
+    assert least_distance(short, BAR) > 0.0
+    # The bar can't be gone through: no way round it is nearly as short as the straight one.
+    assert length(short) > 1.02 * length(path[[0, -1]])
+    assert length(short) < 0.5 * length(path)
+
+
+def test_without_obstacles_the_straight_way_is_left() -> None:
+    checker = Checker.of(builtin("planar_rr"), Scene())
+    path = detour(checker, np.random.default_rng(0))
+    np.testing.assert_array_equal(shortcut(checker, path, Deadline.after(60.0)), path[[0, -1]])
+
+
+@pytest.mark.parametrize("slack", [0.0, 0.02, 0.05])
+def test_slack_and_margin_are_kept(slack: float) -> None:
+    margin = 0.03
+    checker = Checker(Checker.of(builtin("planar_rr"), BAR, margin).model, slack)
+    path = detour(checker, np.random.default_rng(5))
+    short = shortcut(checker, path, Deadline.after(60.0))
+    assert least_distance(short, BAR) >= margin + slack
+    # Cut as near as is allowed: so the limit is what keeps it away.
+    assert least_distance(short, BAR) < margin + slack + 0.05
+
+
+def test_links_are_kept_off_each_other() -> None:
+    """Panda folds: its hand would meet its forearm on the straight way."""
+    checker = Checker.of(builtin("panda"), Scene())
+    start = np.array([2.8, 1.2, 0.8, -0.8, 0.7, 1.2, 0.5])
+    goal = np.array([2.4, -1.3, -0.7, -0.1, 2.8, 0.3, -2.2])
+    assert not checker.free(start, goal)
+    path, random = [start, HOME, goal], np.random.default_rng(1)
+    while not all(checker.free(a, b) for a, b in pairwise(path)):
+        path[1] = HOME + random.uniform(-1.0, 1.0, 7)
+    short = shortcut(checker, np.array(path), Deadline.after(60.0))
+    assert len(short) > 2
+    assert least_distance(short, Scene(), "panda") > 0.0
+
+
+def test_when_time_is_up_the_path_is_proved_all_the_same() -> None:
+    checker = Checker.of(builtin("planar_rr"), BAR)
+    path = detour(checker, np.random.default_rng(2))
+    short = shortcut(checker, path, Deadline.after(-1.0))
+    assert np.array_equal(short[[0, -1]], path[[0, -1]])
+    assert length(short) <= length(path)
+    assert least_distance(short, BAR) > 0.0
+
+
+def test_the_same_path_is_shortened_in_the_same_way() -> None:
+    checker = Checker.of(builtin("planar_rr"), BAR)
+    path = detour(checker, np.random.default_rng(3))
+    first, again = (shortcut(checker, path, Deadline.after(60.0)) for _ in range(2))
+    np.testing.assert_array_equal(first, again)

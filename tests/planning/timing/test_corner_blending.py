@@ -1,0 +1,95 @@
+"""Corners rounded as widely as FCL finds free, and not at all where nothing is."""
+
+import numpy as np
+import pytest
+
+from kinematics.arrays import Array
+from obstacles.checker import Checker
+from obstacles.fcl_distance import FclWorld
+from obstacles.scene import Scene
+from planning.deadline import Deadline
+from planning.timing.blend import blend, largest_reaches
+from planning.timing.corner_blending import certified_reaches
+from tests.planning.scenes import box, builtin
+
+#: Of two links in the plane of x and z: the way from BEFORE to BEHIND round the corner folds the
+#: outer link, so that its tip passes inside of a bar that the straight way would meet.
+BEFORE, CORNER, BEHIND = np.array([-0.9, 0.6]), np.array([0.0, 1.7]), np.array([0.9, 0.6])
+WAY = np.array([BEFORE, CORNER, BEHIND])
+ROBOT = builtin("planar_rr")
+
+
+def scene(at: tuple[float, float], size: float = 0.02) -> Scene:
+    """A bar across the plane, by where it is in x and z."""
+    return Scene((box("bar", (size, 1.0, size), (at[0], 0.0, at[1])),))
+
+
+def least_distance(
+    way: Array, reaches: Array, where: Scene, smooth: bool, count: int = 800
+) -> float:
+    """Along the rounded path, by FCL at many places."""
+    path, world = blend(way, reaches, smooth=smooth), FclWorld(ROBOT, where)
+    places = np.linspace(0.0, path.length, count)
+    return min(float(world.clearance(q).distance) for q in path.sample(places))
+
+
+def inside(
+    smooth: bool = False, size: float = 0.02, slack: float = 0.0
+) -> list[tuple[float, float]]:
+    """Places of a bar that the legs pass and the corner rounded fully does not."""
+    places = [
+        (float(x), float(z)) for x in np.linspace(0.8, 1.4, 13) for z in np.linspace(0.4, 1.1, 15)
+    ]
+    checkers = [(at, Checker(Checker.of(ROBOT, scene(at, size)).model, slack)) for at in places]
+    passed = [at for at, c in checkers if c.free(BEFORE, CORNER) and c.free(CORNER, BEHIND)]
+    reaches = largest_reaches(WAY)
+    return [at for at in passed if least_distance(WAY, reaches, scene(at, size), smooth, 60) <= 0.0]
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+def test_what_is_rounded_is_free_and_not_much_narrower_than_it_could_be(smooth: bool) -> None:
+    places, largest = inside(smooth), float(largest_reaches(WAY)[0])
+    assert len(places) >= 2
+    for at in places[:6]:
+        where = scene(at)
+        (reach,) = certified_reaches(
+            Checker.of(ROBOT, where), WAY, Deadline.after(60.0), smooth=smooth
+        )
+        assert 0.0 <= reach < largest
+        assert least_distance(WAY, np.array([reach]), where, smooth) > 0.0
+        # Halved no oftener than was needed: with twice the reach something is met, or nearly.
+        wide = np.array([2.0 * reach]) if reach > 0.0 else 0.05 * largest_reaches(WAY)
+        assert least_distance(WAY, wide, where, smooth) < 0.02
+
+
+def test_without_obstacles_corners_are_rounded_fully() -> None:
+    checker = Checker.of(ROBOT, Scene())
+    way = np.array([BEFORE, CORNER, BEHIND, [0.9, -0.3]])
+    for smooth in (False, True):
+        found = certified_reaches(checker, way, Deadline.after(60.0), smooth=smooth)
+        np.testing.assert_array_equal(found, largest_reaches(way))
+    most = np.array([0.1, 5.0])
+    found = certified_reaches(checker, way, Deadline.after(60.0), most=most)
+    np.testing.assert_array_equal(found, np.minimum(most, largest_reaches(way)))
+
+
+def test_slack_and_margin_are_kept_on_the_curve() -> None:
+    slack, margin = 0.01, 0.005
+    where = scene(inside(slack=slack + margin)[0])
+    checker = Checker(Checker.of(ROBOT, where, margin).model, slack)
+    (reach,) = certified_reaches(checker, WAY, Deadline.after(60.0))
+    assert reach > 0.0
+    assert least_distance(WAY, np.array([reach]), where, False) >= margin + slack
+
+
+def test_corners_not_looked_at_in_time_stay_sharp() -> None:
+    checker = Checker.of(ROBOT, Scene())
+    found = certified_reaches(checker, WAY, Deadline.after(-1.0))
+    np.testing.assert_array_equal(found, [0.0])
+
+
+def test_a_corner_whose_every_curve_is_barred_is_a_stop() -> None:
+    """No clearance is so large that any rounding keeps it, the corner itself included."""
+    checker = Checker.of(ROBOT, scene((0.0, -3.0)))
+    barred = Checker(checker.model, 10.0)
+    np.testing.assert_array_equal(certified_reaches(barred, WAY, Deadline.after(60.0)), [0.0])
