@@ -383,7 +383,7 @@ class Unavailable(ApiError):
 
 
 class Overloaded(Unavailable):
-    """There is too much to do at the moment."""
+    """The service has too many requests."""
 
     code = "OVERLOADED"
 

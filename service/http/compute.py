@@ -1,4 +1,4 @@
-"""Runs the work of a request in a worker: for somebody who waits, or as part of a job."""
+"""The work of a request, done in a worker: for a client that waits, or as part of a job."""
 
 import asyncio
 from typing import TypeVar

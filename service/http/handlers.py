@@ -1,4 +1,4 @@
-"""Turns whatever was raised during a request into its problem document."""
+"""Exception handlers: every error of a request becomes a problem document."""
 
 import json
 import logging

@@ -1,4 +1,4 @@
-"""What is counted, and told at ``/metrics`` in Prometheus's text format.
+"""Counters of the service, answered at ``/metrics`` in Prometheus's text format.
 
 Labels take few values: paths are templates of routes, and methods, statuses, codes of problems and
 names of stages are ours. Nothing that a caller chooses becomes a label.
@@ -74,7 +74,7 @@ class Metrics:
         self._observe(stages)
 
     def plan_failed(self, code: str, stages: Any) -> None:
-        """Count a problem that there was instead of a plan, and its stages where they are told."""
+        """Count a problem in place of a plan, and its stages where they are known."""
         self._plans.labels(code if code in KINDS else _OTHER, "").inc()
         if isinstance(stages, Sequence):
             self._observe((stage["name"], 1e-3 * stage["milliseconds"]) for stage in stages)
@@ -95,7 +95,7 @@ class Metrics:
 
 
 class _State(Collector):
-    """What the supervisor knows, looked up when somebody asks."""
+    """The state of the workers, read when metrics are asked for."""
 
     def __init__(self, app: FastAPI) -> None:
         self._app = app

@@ -1,4 +1,4 @@
-"""What the service publishes about itself beyond what the framework derives from the routes."""
+"""The OpenAPI document, beyond what the framework derives from the routes."""
 
 from typing import Any
 

@@ -47,14 +47,14 @@ class Batch:
         Raises:
             ProblemError: The scene of all problems is not valid; the service ends.
         """
-        self._tell()
+        self._report()
         await self._split()
         waiting = iter(range(len(self._items)))
         try:
             # Each worker has one of them at most, so that other jobs get their turns.
             async with asyncio.TaskGroup() as group:
                 for _ in range(min(supervisor_of(self._request).count, len(self._items))):
-                    group.create_task(self._work_off(waiting))
+                    group.create_task(self._plan_items(waiting))
         except* ProblemError as errors:
             raise errors.exceptions[0] from None
         finally:
@@ -70,7 +70,7 @@ class Batch:
         if shared is not None:
             self._scene = Reference("scene", name, shared, folder)
 
-    async def _work_off(self, waiting: Iterator[int]) -> None:
+    async def _plan_items(self, waiting: Iterator[int]) -> None:
         for index in waiting:
             try:
                 left = self._context.deadline - time.monotonic()
@@ -83,19 +83,19 @@ class Batch:
             except ArmwrightError as error:
                 self._note(index, from_domain(error))
             except TimeoutError:
-                self._note(index, _late(self._settings.job_deadline))
+                self._note(index, _overdue(self._settings.job_deadline))
             except Exception:  # noqa: BLE001  (a mistake of ours costs this problem alone)
                 self._note(index, unexpected(f"problem {index} of job {self._context.id}"))
             self._done += 1
             self._shares[index] = 1.0
-            self._tell()
+            self._report()
 
     async def _plan(self, index: int) -> bytes:
         item = self._items[index]
 
         def on_progress(share: float, _stage: str) -> None:
             self._shares[index] = max(self._shares[index], min(share, 1.0))
-            self._tell()
+            self._report()
 
         scene = self._scene if item.shared else None
         return await plan_answer(self._request, item, item.content, scene, on_progress)
@@ -105,7 +105,7 @@ class Batch:
         instance = f"{self._request.url.path}#/problems/{index}"
         self._results[index] = to_json(document(problem, instance))
 
-    def _tell(self) -> None:
+    def _report(self) -> None:
         count = len(self._results)
         share = sum(self._shares) / count
         self._context.on_progress(share, f"{self._done} of {count} problems")
@@ -119,7 +119,7 @@ class Batch:
         )
 
 
-def _late(seconds: float) -> ProblemError:
+def _overdue(seconds: float) -> ProblemError:
     return ProblemError(
         "TIMED_OUT",
         f"the batch did not come so far within the {seconds:g} s that a job may take",

@@ -11,7 +11,7 @@ from pydantic_core import to_json
 
 from service.storage.job_store import ENDED, JobAnswer, JobRecord, Status
 
-#: Events that are kept for those who come late or come back; older ones are told by the next.
+#: Events kept for clients that come late or come back; each event holds the state as a whole.
 _KEPT_EVENTS = 256
 
 
@@ -70,7 +70,7 @@ class LiveJob:
 
     @property
     def ended(self) -> bool:
-        """Whether nothing comes any more."""
+        """Whether it has succeeded, failed or was cancelled."""
         return self.record.status in ENDED
 
     def start(self) -> bool:
@@ -82,7 +82,7 @@ class LiveJob:
         return True
 
     def advance(self, progress: float, stage: str) -> None:
-        """Note how far it is; what had to begin anew does not take anything back."""
+        """Note the progress, which never goes back, also where the work began anew."""
         if self.ended:
             return
         further = min(max(self.record.progress, progress), 1.0)
@@ -102,7 +102,7 @@ class LiveJob:
         self._publish("end", answer.content if status == "failed" and answer else None)
 
     def wait_again(self) -> JobRecord:
-        """The record of this job as it is to be found when the service starts again."""
+        """The record of this job for the next start of the service: it waits again."""
         return replace(self.record, status="queued", progress=0.0, stage=None, started=None)
 
     def since(self, number: int) -> Iterator[Event]:

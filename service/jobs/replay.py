@@ -1,4 +1,4 @@
-"""Has the application answer a stored request, the same way as one that just came."""
+"""Replay of stored requests through the application, which answers them like new ones."""
 
 import asyncio
 from collections.abc import MutableMapping

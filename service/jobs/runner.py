@@ -67,16 +67,16 @@ class Jobs:
     # ------------------------------------------------------------------------- life of all
 
     async def start(self) -> None:
-        """Take up what waited when the service ended, and tell what was lost."""
+        """Queue the jobs that waited when the service ended; those that ran have failed."""
         for record in await run_in_threadpool(self._store.with_status, "running"):
             lost = LiveJob(record, 0.0, 0)
-            lost.end("failed", _told(_lost(), record.path))
+            lost.end("failed", _problem_answer(_lost_job(), record.path))
             await run_in_threadpool(self._store.update, lost.record, lost.answer)
         for record in await run_in_threadpool(self._store.with_status, "queued"):
             live = LiveJob(record, self._deadline(), 0)
             self._live[live.record.id] = live
             self._enqueue(live)
-        self._chore(self._purge_for_ever())
+        self._chore(self._purge_periodically())
 
     async def stop(self) -> None:
         """Accept no more jobs; those that run will be queued when the service starts again."""
@@ -114,7 +114,7 @@ class Jobs:
             raise JobsFull(len(self._live), self._settings.workers)
 
     async def accept(self, request: StoredRequest) -> JobRecord:
-        """Make a job of a request that was found to be in order.
+        """Make a job of a request that was checked.
 
         Raises:
             ProblemError: As `check_room`.
@@ -175,7 +175,7 @@ class Jobs:
                 return record
             raise ProblemError(
                 "CONFLICT",
-                f"job {job_id} has ended already: it {_past(record.status)}",
+                f"job {job_id} has ended already: it {_ending(record.status)}",
                 stage="job",
                 hint="There is nothing to cancel; GET it for its answer.",
                 status_of_job=record.status,
@@ -222,10 +222,10 @@ class Jobs:
             status: Status = "succeeded" if replayed.status < 400 else "failed"
             await self._finish(live, status, replayed.answer, replayed.headers.get("location"))
         except ProblemError as problem:
-            await self._finish(live, "failed", _told(problem, live.record.path))
+            await self._finish(live, "failed", _problem_answer(problem, live.record.path))
         except Exception:  # noqa: BLE001  (whatever it is, the job must end)
             mishap = unexpected(f"job {live.record.id}")
-            await self._finish(live, "failed", _told(mishap, live.record.path))
+            await self._finish(live, "failed", _problem_answer(mishap, live.record.path))
         finally:
             self._running[batch] -= 1
             self._start_next(batch)
@@ -286,7 +286,7 @@ class Jobs:
             self._store.purge, oldest, self._settings.job_count, self._settings.job_storage
         )
 
-    async def _purge_for_ever(self) -> None:
+    async def _purge_periodically(self) -> None:
         while True:
             await self._purge()
             await asyncio.sleep(_PURGE_PERIOD)
@@ -328,12 +328,12 @@ def _new(request: StoredRequest) -> JobRecord:
     return JobRecord(job_id, request.method, request.path, "queued", created=now)
 
 
-def _told(problem: ProblemError, instance: str) -> JobAnswer:
+def _problem_answer(problem: ProblemError, instance: str) -> JobAnswer:
     content = json.dumps(document(problem, instance), ensure_ascii=False, allow_nan=False)
     return JobAnswer(PROBLEM_MEDIA_TYPE, content.encode())
 
 
-def _lost() -> ProblemError:
+def _lost_job() -> ProblemError:
     return ProblemError(
         "CRASH",
         "the service ended while it was working on this job",
@@ -342,5 +342,5 @@ def _lost() -> ProblemError:
     )
 
 
-def _past(status: Status) -> str:
+def _ending(status: Status) -> str:
     return status if status in ("succeeded", "failed") else "is being ended"

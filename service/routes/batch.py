@@ -39,7 +39,7 @@ async def plan_batch(body: BatchRequest, request: Request) -> Response:
 
 
 async def _check(body: BatchRequest, request: Request) -> None:
-    """Refuse what is wrong with the whole; what is wrong with one problem is told in its place."""
+    """Refuse a batch at fault as a whole; the fault of one problem is answered in its place."""
     settings = settings_of(request)
     if len(body.problems) > settings.batch_limit:
         raise ProblemError(

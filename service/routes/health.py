@@ -1,4 +1,4 @@
-"""Whether the process lives, whether it can be given work, and what it has counted."""
+"""Health, readiness and metrics."""
 
 from fastapi import APIRouter, Request, Response
 from prometheus_client import CONTENT_TYPE_PLAIN_0_0_4

@@ -53,7 +53,7 @@ async def velocity(name: str, body: VelocityRequest, request: Request) -> Respon
     """The twist that joint velocities cause, or the joint velocities that cause a twist.
 
     The least-norm solution, or that of least residual, plus the null-space term; damped near
-    singularities, and what was damped is told.
+    singularities; the answer lists what was damped.
     """
     chain = await answers.chain(request, name)
     if count(body.joints) <= _INLINE_TWISTS:

@@ -1,1 +1,1 @@
-"""What the wire may say: strict models, one noun a file."""
+"""Strict models of requests and answers, one noun a file."""

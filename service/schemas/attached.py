@@ -1,4 +1,4 @@
-"""What a robot holds, and what may touch, on the wire."""
+"""Attached objects and allowed collisions on the wire."""
 
 from typing import Annotated
 

@@ -1,4 +1,4 @@
-"""What every model of the wire is built from: strictness, numbers, vectors and names."""
+"""Parts of every model on the wire: strictness, numbers, vectors and names."""
 
 import math
 from collections.abc import Sequence

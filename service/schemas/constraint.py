@@ -1,4 +1,4 @@
-"""What a configuration or a motion has to hold, on the wire."""
+"""Constraints of configurations and motions on the wire."""
 
 from typing import Annotated, Literal
 

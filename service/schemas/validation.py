@@ -1,4 +1,4 @@
-"""What a refused body is told: each field's path and what is wrong with it, never its value."""
+"""Refusals of bodies: each field's path and what is wrong with it, never its value."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, TypeVar

@@ -1,4 +1,4 @@
-"""How a request names a stored robot or scene to a worker: where it is, not what it is."""
+"""Keys of prepared robots and scenes, by which requests name them to workers."""
 
 from dataclasses import dataclass
 from typing import Literal

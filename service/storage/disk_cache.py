@@ -1,4 +1,4 @@
-"""Robots and scenes as workers keep them on disk: built once, loaded by the hash of their document.
+"""Cache of prepared robots and scenes on disk: built once, loaded by the hash of their document.
 
 The files are pickles, so the folder must be writable by the service alone: it lies in its data
 folder, nothing that was uploaded is ever stored there as it came, and a file that this version did

@@ -159,11 +159,11 @@ class SqliteJobs:
         changes = ", ".join(f"{field.name} = ?" for field in dataclasses.fields(record))
         ended = record.status in ENDED
         forgotten = ", request = NULL" if ended else ""
-        told = (None, None) if answer is None else (answer.content_type, answer.content)
+        answered = (None, None) if answer is None else (answer.content_type, answer.content)
         with self._database.transaction() as database:
             database.execute(
                 f"UPDATE jobs SET {changes}, answer_type = ?, answer = ?{forgotten} WHERE id = ?",
-                (*values, *told, record.id),
+                (*values, *answered, record.id),
             )
 
     def list(self, status: Status | None, before: str, limit: int) -> list[JobRecord]:

@@ -1,4 +1,4 @@
-"""What a process has loaded of robots and scenes, so that a request does not build them again."""
+"""Robots and scenes loaded in this process, so that a request does not build them again."""
 
 from kinematics.chain import Chain
 from obstacles.decomposition import keep_decompositions

@@ -1,4 +1,4 @@
-"""Taking a batch apart in a worker, so that the server need not touch what may be megabytes."""
+"""The problems of a batch, separated in a worker: a batch may be megabytes."""
 
 from dataclasses import dataclass
 

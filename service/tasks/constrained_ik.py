@@ -48,8 +48,8 @@ def answer(
     robot = geometry if cell is None else cell.robot
     chain = robot.chain
     T = None if pose is None else poses.transform(pose)
-    aims = () if T is None else (_aim(T, body),)
-    wanted = constraints.constraint_set(body.constraints, chain, *aims)
+    pose_constraints = () if T is None else (_pose_constraint(T, body),)
+    wanted = constraints.constraint_set(body.constraints, chain, *pose_constraints)
     assert wanted is not None
     many = _ALL if body.all_solutions else 1
     options = IkOptions(
@@ -60,18 +60,18 @@ def answer(
         seed=body.seed,
         deadline=Deadline.after(_SHARE * (body.timeout or _TIMEOUT)),
     )
-    found = constrained_ik(robot, wanted, None if cell is None else cell.scene, options)
-    if not found.solutions:
-        return _refused(wanted, found, body)
-    told: dict[str, Any] = {
-        "solutions": [_solution(chain, body.link, T, wanted, s) for s in found.solutions]
+    solved = constrained_ik(robot, wanted, None if cell is None else cell.scene, options)
+    if not solved.solutions:
+        return _refusal(wanted, solved, body)
+    content: dict[str, Any] = {
+        "solutions": [_solution(chain, body.link, T, wanted, s) for s in solved.solutions]
     }
     if cell is not None and cell.allowed:
-        told["allowed_collisions"] = cell.allowed
-    return told
+        content["allowed_collisions"] = cell.allowed
+    return content
 
 
-def _aim(T: Array, body: IkRequest) -> RelativePoseConstraint:
+def _pose_constraint(T: Array, body: IkRequest) -> RelativePoseConstraint:
     """The pose as a constraint, free where its axes do not count."""
     axes = AXES if body.axes is None else body.axes
     return RelativePoseConstraint(
@@ -105,31 +105,31 @@ def _solution(
     }
 
 
-def _refused(wanted: ConstraintSet, found: ConstrainedIk, body: IkRequest) -> TaskProblem:
-    """Say what is in conflict, or what the nearest attempt violates."""
+def _refusal(wanted: ConstraintSet, solved: ConstrainedIk, body: IkRequest) -> TaskProblem:
+    """The refusal: constraints in conflict, or the one that the nearest attempt violates."""
     details: dict[str, Any] = {
         "stage": "ik",
-        "nearest_joints": found.nearest.joints.tolist(),
-        "constraints": constraints.uses(wanted, found.nearest.residuals),
-        "starts": found.starts,
+        "nearest_joints": solved.nearest.joints.tolist(),
+        "constraints": constraints.uses(wanted, solved.nearest.residuals),
+        "starts": solved.starts,
     }
-    told = conflict(wanted, None, body.seed)
-    if told is not None:
+    clash = conflict(wanted, None, body.seed)
+    if clash is not None:
         details |= {
-            "conflict": list(told.constraints),
-            "relaxations": [r if np.isfinite(r) else None for r in told.relaxations],
+            "conflict": list(clash.constraints),
+            "relaxations": [r if np.isfinite(r) else None for r in clash.relaxations],
         }
-        return TaskProblem("INVALID_GOAL_CONSTRAINTS", told.message, told.hint, details)
+        return TaskProblem("INVALID_GOAL_CONSTRAINTS", clash.message, clash.hint, details)
     worst = max(details["constraints"], key=lambda use: use["residual"], default=None)
     if worst is not None and worst["residual"] > 0.0:
         what = f"violates constraint {worst['constraint']} ({worst['name']}) by "
         what += f"{worst['residual']:.4g} {worst['unit']}"
         hint = "Widen it by that much, allow more time, or try another seed."
-    elif found.nearest.pair is not None:
-        a, b = found.nearest.pair
-        short = -found.nearest.clearance
+    elif solved.nearest.pair is not None:
+        a, b = solved.nearest.pair
+        short = -solved.nearest.clearance
         what = f"has {a!r} and {b!r} closer than they may be by {short:.4g} m"
-        details |= {"pair": [a, b], "clearance": found.nearest.clearance}
+        details |= {"pair": [a, b], "clearance": solved.nearest.clearance}
         hint = f"Lower the margin by {short:.4g} m, widen the constraints, or move the obstacle."
     else:
         what, hint = "is in collision", "Lower the margin, or widen the constraints."

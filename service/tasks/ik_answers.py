@@ -61,21 +61,21 @@ def not_converged(link: str, trace: Trace) -> TaskProblem:
     )
 
 
-def unreachable(chain: Chain, link: str, found: IkResult) -> TaskProblem:
+def unreachable(chain: Chain, link: str, result: IkResult) -> TaskProblem:
     """The refusal of a pose that no configuration reaches."""
-    nearest = found.nearest
+    nearest = result.nearest
     return TaskProblem(
         "NO_IK_SOLUTION",
         f"no configuration brings {link!r} to the pose: the nearest attempt stays "
         f"{nearest.position_error:.4g} m and {nearest.orientation_error:.4g} rad away",
-        found.advice,
+        result.advice,
         {
             "stage": "ik",
             "position_error": nearest.position_error,
             "orientation_error": nearest.orientation_error,
             "nearest_joints": nearest.joints.tolist(),
             "joint_names": list(chain.joint_names),
-            "starts": found.starts,
+            "starts": result.starts,
         },
     )
 

@@ -1,4 +1,4 @@
-"""Large bodies, validated in workers: the server sees what it needs of them and nothing more."""
+"""Validation of large bodies in workers; the server receives an outline of them."""
 
 import importlib
 from typing import Any

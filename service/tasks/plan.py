@@ -61,17 +61,17 @@ def plan(
     problem = problems.problem(body, arm, cell.scene)
     deadline = current.deadline()
     if deadline.passed:
-        return _late()
+        return _timed_out()
     options = problems.options(body, arm.chain, deadline.remaining)
-    found = pipeline.plan(problem, dataclasses.replace(options, observer=_tell))
-    if isinstance(found, Failure):
-        return _refusal(found)
-    content = to_json(_answer(found, body, cell), inf_nan_mode="null")
-    stages = tuple((stage.name, 1e-3 * stage.milliseconds) for stage in found.stages)
-    return PlanOutcome(content, found.planner, stages)
+    outcome = pipeline.plan(problem, dataclasses.replace(options, observer=_report_stage))
+    if isinstance(outcome, Failure):
+        return _refusal(outcome)
+    content = to_json(_answer(outcome, body, cell), inf_nan_mode="null")
+    stages = tuple((stage.name, 1e-3 * stage.milliseconds) for stage in outcome.stages)
+    return PlanOutcome(content, outcome.planner, stages)
 
 
-def _tell(stage: str) -> None:
+def _report_stage(stage: str) -> None:
     current.report(_PROGRESS.get(stage, _SEARCHING), stage)
 
 
@@ -99,13 +99,13 @@ def validate(
     )  # fmt: skip
     violation = certificate.violation
     if violation is not None and violation.kind == "time":
-        return _late()
+        return _timed_out()
     answer = certificates.certificate_answer(certificate, begins)
     answer["allowed_collisions"] = cell.allowed
     return to_json(answer, inf_nan_mode="null")
 
 
-def _late() -> TaskProblem:
+def _timed_out() -> TaskProblem:
     return TaskProblem(
         "TIMED_OUT",
         "the deadline passed before the work was done",
@@ -122,16 +122,16 @@ def _refusal(failure: Failure) -> TaskProblem:
     )
 
 
-def _answer(found: Plan, body: PlanRequest, cell: RobotInScene) -> dict[str, Any]:
-    certificate = certificates.certificate_answer(found.certificate)
+def _answer(planned: Plan, body: PlanRequest, cell: RobotInScene) -> dict[str, Any]:
+    certificate = certificates.certificate_answer(planned.certificate)
     certificate["allowed_collisions"] = cell.allowed
-    cartesian = found.fraction is not None
+    cartesian = planned.fraction is not None
     return {
         "status": "success",
-        "planner": found.planner,
-        "stages": problems.stages_answer(found.stages),
-        "path": {"joints": found.path.waypoints.tolist(), "length": found.path.length},
-        "trajectory": trajectories.trajectory_answer(found.trajectory, body.timing.sample_period),
+        "planner": planned.planner,
+        "stages": problems.stages_answer(planned.stages),
+        "path": {"joints": planned.path.waypoints.tolist(), "length": planned.path.length},
+        "trajectory": trajectories.trajectory_answer(planned.trajectory, body.timing.sample_period),
         "certificate": certificate,
         "reproducibility": {
             "seed": body.seed,
@@ -140,31 +140,31 @@ def _answer(found: Plan, body: PlanRequest, cell: RobotInScene) -> dict[str, Any
             "request_hash": hashlib.sha256(body.model_dump_json().encode()).hexdigest(),
             "versions": _versions(),
         },
-        "fraction": found.fraction,
-        "tool_motions": (problems.tool_motions_answer(found.tool_motions) if cartesian else None),
-        "stopped": None if found.stopped is None else problems.plain(found.stopped),
-        "notes": list(found.notes),
-        "potential_field": _descent(found),
-        "progress": [asdict(step) for step in found.progress],
+        "fraction": planned.fraction,
+        "tool_motions": (problems.tool_motions_answer(planned.tool_motions) if cartesian else None),
+        "stopped": None if planned.stopped is None else problems.plain(planned.stopped),
+        "notes": list(planned.notes),
+        "potential_field": _descent(planned),
+        "progress": [asdict(step) for step in planned.progress],
     }
 
 
-def _descent(found: Plan) -> dict[str, Any] | None:
-    if found.descent is None:
+def _descent(planned: Plan) -> dict[str, Any] | None:
+    if planned.descent is None:
         return None
     return {
-        "joints": found.descent.waypoints.tolist(),
-        "potentials": found.descent.potentials.tolist(),
-        "iterations": found.descent.iterations,
+        "joints": planned.descent.waypoints.tolist(),
+        "potentials": planned.descent.potentials.tolist(),
+        "iterations": planned.descent.iterations,
     }
 
 
 @cache
 def _versions() -> dict[str, str]:
-    found = {"armwright": VERSION, "python": platform.python_version()}
+    versions = {"armwright": VERSION, "python": platform.python_version()}
     for package in _PACKAGES:
         try:
-            found[package] = version(package)
+            versions[package] = version(package)
         except PackageNotFoundError:
-            found[package] = "unknown"
-    return found
+            versions[package] = "unknown"
+    return versions

@@ -109,7 +109,7 @@ def unpack_robot(content: bytes, fields: dict[str, object], folder: str) -> tupl
     """
     archive = read_archive(content)
     named = _collision_files(archive.urdf)
-    # What is only looked at can be many times larger than what collides.
+    # Meshes for display can be many times larger than those for collisions.
     meshes = {
         name: base64.b64encode(data).decode()
         for name, data in archive.meshes.items()

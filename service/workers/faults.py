@@ -1,4 +1,4 @@
-"""What can become of a job other than a result, each a problem of its own."""
+"""Problems of jobs that have no result."""
 
 import contextlib
 import signal
