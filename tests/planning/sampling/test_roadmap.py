@@ -52,7 +52,7 @@ def test_without_edges_there_is_no_path_and_repeated_edges_count_once() -> None:
     for _ in range(3):
         roadmap.add(a, b)
         roadmap.add(b, a)
-    detour = np.array([0.0, 3.0])
+    detour = np.array([0.0, 1.2])
     roadmap.add(a, detour)
     roadmap.add(detour, b)
     path = roadmap.shortest()

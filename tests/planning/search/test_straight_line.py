@@ -27,3 +27,11 @@ def test_blocked_motions_name_their_pair_and_place() -> None:
     # The ball of 5 cm meets the wall's face, 5 cm before the middle: 0.5 m of 1.2 m.
     assert motion.colliding
     assert 0.5 / 1.2 <= motion.at <= 0.7 / 1.2
+
+
+def test_a_motion_that_keeps_too_little_distance_is_not_free() -> None:
+    wary = Checker(CHECKER.model, 0.1)
+    past = np.array([-0.17, 0.5])
+    assert straight_line(CHECKER, START, [past])[0] is not None
+    path, _ = straight_line(wary, START, [past])
+    assert path is None
