@@ -22,10 +22,12 @@ def main() -> None:
     """Run the benchmark from the command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--links", action="store_true", help="a row for each link")
-    by_link = parser.parse_args().links
+    parser.add_argument("--robots", nargs="+", default=builtin_names())
+    options = parser.parse_args()
+    by_link = options.links
     head = f"{'':28} pieces spheres  excess mm: most median | volume outer inner"
     print(head if by_link else head + " | made in s")
-    for name in builtin_names():
+    for name in options.robots:
         robot = builtin(name)
         told = Brackets.of(robot).tightness()
         excesses = 1e3 * np.array([t.excess for t in told])

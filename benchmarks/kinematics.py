@@ -5,6 +5,7 @@ machine disturbs all of them alike; medians of the rounds are told. The referenc
 user of pinocchio calls: framesForwardKinematics and computeFrameJacobian of the tip.
 """
 
+import argparse
 import statistics
 import time
 from collections.abc import Callable
@@ -110,8 +111,10 @@ def batches(name: str, chain: Chain) -> None:
 
 
 def main() -> None:
-    """Measure all robots."""
-    for name in ROBOTS:
+    """Measure some robots."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
+    parser.add_argument("robots", nargs="*", default=ROBOTS)
+    for name in parser.parse_args().robots:
         chain = builtin_chain(name)
         singles(name, chain)
         batches(name, chain)

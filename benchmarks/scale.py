@@ -8,6 +8,7 @@ configuration and a motion of half a radian in a loop inside a kernel; the clear
 proved plans between random free configurations, for a scene not seen before and again.
 """
 
+import argparse
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -149,6 +150,12 @@ def _moved(scene: Scene, by: float) -> Scene:
 
 def main() -> None:
     """Print a row for each size."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
+    parser.add_argument("--obstacles", type=int, nargs="*", default=[10, 30, 100, 300, 1000])
+    parser.add_argument(
+        "--points", type=int, nargs="*", default=[1_000, 3_000, 10_000, 30_000, 100_000]
+    )
+    sizes = parser.parse_args()
     robot = panda()
     Checker.of(robot, Scene())
     measure(robot, clutter(np.random.default_rng(0), 3), np.random.default_rng(0))
@@ -156,11 +163,11 @@ def main() -> None:
         "model ms   again | state us  edge us clear. us | free st. edges | plan ms    again   of 8"
     )
     print(f"{'obstacles':>9} {head}")
-    for count in (10, 30, 100, 300, 1000):
+    for count in sizes.obstacles:
         scene = clutter(np.random.default_rng(1), count)
         print(f"{count:9d} {measure(robot, scene, np.random.default_rng(2))}", flush=True)
     print(f"{'points':>9} {head}")
-    for count in (1_000, 3_000, 10_000, 30_000, 100_000):
+    for count in sizes.points:
         scene = room(np.random.default_rng(1), count)
         print(f"{count:9d} {measure(robot, scene, np.random.default_rng(2))}", flush=True)
 

@@ -3,6 +3,7 @@
 Run it with `python -m benchmarks.timing_optimum`: some minutes for a table of small cases.
 """
 
+import argparse
 import itertools
 import time
 from typing import Any
@@ -87,9 +88,13 @@ def optimum(path: JointPath, limits: Array, cells_each: int) -> float:
 
 def main() -> None:
     """Print our duration beside the optimum on random corners."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
+    parser.add_argument("--cases", type=int, default=10)
+    parser.add_argument("--pieces", type=int, default=14, help="of the program, each way")
+    sizes = parser.parse_args()
     rng = np.random.default_rng(0)
     print("joints waypoints  blend   ours [s]  IPOPT [s]   ratio   ours [ms]  IPOPT [s]")
-    for case in range(10):
+    for case in range(sizes.cases):
         n, count, part = (2, 3, 4)[case % 3], (3, 4)[case % 2], (1.0, 0.4)[case % 2]
         waypoints = rng.uniform(-1.0, 1.0, (count, n))
         velocity = rng.uniform(0.5, 2.0, n)
@@ -101,7 +106,7 @@ def main() -> None:
         began = time.perf_counter()
         ours = time_path_with_jerk(path, names, *limits).trajectory.duration
         between = time.perf_counter()
-        least = optimum(path, limits, 14)
+        least = optimum(path, limits, sizes.pieces)
         ended = time.perf_counter()
         print(
             f"{n:6}{count:10}{part:7.1f}{ours:11.4f}{least:11.4f}{ours / least:8.4f}"

@@ -1,0 +1,151 @@
+"""Every script in benchmarks/ runs on tiny input; a peer that is not installed may be absent."""
+
+import importlib
+import importlib.util
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from kinematics.robots import builtin_srdf, builtin_urdf
+
+FOLDER = Path(__file__).parents[2] / "benchmarks"
+#: Scripts that only a peer's own interpreter can run, and what they import first: the peer, or a
+#: script beside them that needs it.
+OF_PEERS = {
+    "constrained_ik_drake": "pydrake",
+    "optimize_peers_drake": "constrained_ik_drake",
+    "peers_mplib": "mplib",
+}
+#: What other scripts import: nothing to run.
+WITHOUT_MAIN = {
+    "__init__", "example_arms", "fcl_judge", "mbm_ompl", "mbm_problems", "mesh_scenes", "poses",
+    "ratios", "recheck", "triangles",
+}  # fmt: skip
+#: Has tests of its own, with a service of its own.
+ELSEWHERE = {"http"}
+#: Runs all others.
+ALL = {"__main__"}
+
+#: Arguments of each script, "PROBLEMS" for a folder with one problem; and constants made small.
+SMALL: Mapping[str, tuple[list[str], Mapping[str, Any]]] = {
+    "brackets": (["--robots", "planar_rr", "scara"], {}),
+    "constrained_ik": (["PROBLEMS", "--count", "1"], {}),
+    "constrained_plan": (["PROBLEMS", "--timeout", "10"], {}),
+    "dynamics": (["planar_rr"], {"ROUNDS": 1, "CALLS": 100, "STATES": 4}),
+    "ik": (
+        ["--poses", "8", "--edges", "2", "--shared", "2", "--robots", "ur5e"],
+        {"_ROUNDS": 1, "_TURNS": 1},
+    ),
+    "ik_peers": (["CASE", "nobody"], {}),
+    "kinematics": (["scara"], {"ROUNDS": 1, "CALLS": 2, "BATCH": 4}),
+    "mbm": (["PROBLEMS"], {}),
+    "mbm_repeats": (["PROBLEMS", "shelf_panda/scene0001"], {}),
+    "mesh_plans": (["PROBLEMS", "--robots", "ur5", "--timeout", "10"], {}),
+    "meshes": (["--count", "1"], {}),
+    "optimize": (["PROBLEMS"], {}),
+    "optimize_peers": (["PROBLEMS", "--timeout", "5"], {"_LEAST": 0}),
+    "peers": (["PROBLEMS", "--timeout", "5"], {}),
+    "projection": (["--points", "3"], {"SOLIDS": 1}),
+    "scale": (["--obstacles", "5", "--points", "50"], {"_STATES": 8, "_REPEATS": 1, "_PLANS": 1}),
+    "timing": ([], {"PATHS": 1}),
+    "timing_limits": (["2"], {}),
+    "timing_optimum": (["--cases", "1", "--pieces", "4"], {}),
+    "timing_plans": (["PROBLEMS"], {}),
+    "tracking": ([], {"ROUNDS": 1, "SECONDS": 0.2}),
+    "verdict": (["--states", "40"], {"_BUDGET": 0.01, "_ALONG": 5, "_SCENES": 1}),
+}
+
+SCENE = """
+name: shelf
+robot_model_name: panda
+world:
+  collision_objects:
+    - id: shelf
+      header: {frame_id: panda_link0}
+      primitives: [{type: box, dimensions: [0.1, 0.1, 0.2]}]
+      primitive_poses: [{position: [0.5, 0.3, 0.4], orientation: [0, 0, 0, 1]}]
+"""
+JOINTS = [f"panda_joint{i}" for i in range(1, 8)]
+START = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
+GOAL = [-0.4, -0.6, 0.1, -2.2, 0.0, 1.6, 0.7]
+
+
+@pytest.fixture(scope="module")
+def problems(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder like MotionBenchMaker's with one problem, beside the folder of the robot."""
+    root = tmp_path_factory.mktemp("data")
+    robot, kind = root / "panda", root / "mbm" / "panda" / "shelf_panda"
+    (robot / "meshes").mkdir(parents=True)
+    (robot / "panda.urdf").write_text(builtin_urdf("panda"))
+    (robot / "panda.srdf").write_text(builtin_srdf("panda") or "")
+    kind.mkdir(parents=True)
+    (kind / "scene0001.yaml").write_text(SCENE)
+    constraints = [
+        {"joint_name": name, "position": value} for name, value in zip(JOINTS, GOAL, strict=True)
+    ]
+    request = {
+        "start_state": {"joint_state": {"name": JOINTS, "position": START}},
+        "goal_constraints": [{"joint_constraints": constraints}],
+    }
+    (kind / "request0001.yaml").write_text(yaml.safe_dump(request))
+    return kind.parent
+
+
+def test_every_script_is_here() -> None:
+    scripts = {path.stem for path in FOLDER.glob("*.py")}
+    assert scripts == set(SMALL) | set(OF_PEERS) | WITHOUT_MAIN | ELSEWHERE | ALL
+
+
+@pytest.mark.parametrize("name", sorted(WITHOUT_MAIN | ELSEWHERE))
+def test_modules_are_importable(name: str) -> None:
+    importlib.import_module(f"benchmarks.{name}")
+
+
+@pytest.mark.parametrize("name", sorted(OF_PEERS))
+def test_scripts_of_peers_miss_nothing_but_the_peer(name: str) -> None:
+    peer = OF_PEERS[name]
+    if importlib.util.find_spec(peer) is None:
+        with pytest.raises(ModuleNotFoundError) as missing:
+            importlib.import_module(f"benchmarks.{name}")
+        assert missing.value.name == peer
+    else:
+        importlib.import_module(f"benchmarks.{name}")
+
+
+@pytest.mark.parametrize("name", sorted(SMALL))
+def test_scripts_run_on_tiny_input(
+    name: str,
+    problems: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    module = importlib.import_module(f"benchmarks.{name}")
+    arguments, constants = SMALL[name]
+    for constant, value in constants.items():
+        assert hasattr(module, constant), constant
+        monkeypatch.setattr(module, constant, value)
+    paths = {"PROBLEMS": str(problems), "CASE": str(case_of_ik(tmp_path))}
+    monkeypatch.setattr(sys, "argv", [name, *(paths.get(item, item) for item in arguments)])
+    # Some tell faults by their exit status.
+    monkeypatch.setattr(sys, "exit", lambda code=0: exits.append(int(code)))
+    exits: list[int] = []
+    module.main()
+    assert not any(exits)
+    if name == "ik_peers":
+        answers = tmp_path / "case.answers.npz"
+        assert answers.exists()
+        return
+    assert capsys.readouterr().out.strip()
+
+
+def case_of_ik(folder: Path) -> Path:
+    """A file of poses as benchmarks.ik hands it to its peers."""
+    path = folder / "case.npz"
+    np.savez(path, poses=np.eye(4)[None], lower=np.zeros(6), upper=np.ones(6))
+    return path
