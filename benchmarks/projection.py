@@ -58,7 +58,9 @@ def row(shape: Callable[[np.random.Generator], Shape], count: int) -> str:
         obstacle = Obstacle("it", shape(random), T)
         points = random.uniform(-1.5, 1.5, (count, 3))
         answers = []
-        for engine, projector in enumerate((Projector([obstacle]), FclProjector([obstacle]))):
+        projectors: list[Projector | FclProjector]
+        projectors = [Projector([obstacle]), FclProjector([obstacle])]
+        for engine, projector in enumerate(projectors):
             projector(points[:1])
             began = time.perf_counter()
             answers.append(projector(points))

@@ -1,11 +1,16 @@
 """Closest points: against quadratic programs, and by what defines them."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from kinematics.arrays import Array
+from kinematics.vec3 import Vector
 from obstacles.closest_point import (
+    Nearest,
     hull_distances,
     mesh_distances,
     nearest_on_box,
@@ -67,8 +72,11 @@ def test_primitives_keep_what_defines_a_nearest_point() -> None:
     samples = random.uniform(-1.0, 1.0, (20_000, 3))
     r = np.hypot(samples[:, 0], samples[:, 1])
     z = samples[:, 2]
-    solids = [
-        (lambda p: nearest_on_box(p, half), (np.abs(samples) <= half).all(axis=1)),
+    solids: list[tuple[Callable[[Vector], Nearest], NDArray[np.bool_]]] = [
+        (
+            lambda p: nearest_on_box(p, half),
+            np.asarray((np.abs(samples) <= half).all(axis=1), dtype=np.bool_),
+        ),
         (lambda p: nearest_on_cylinder(p, radius, height), (r <= radius) & (np.abs(z) <= height)),
         (
             lambda p: nearest_on_cone(p, radius, height),
@@ -79,12 +87,12 @@ def test_primitives_keep_what_defines_a_nearest_point() -> None:
         inside, outside = samples[is_in], samples[~is_in]
         assert len(inside) > 300
         for p in random.permutation(outside)[:50]:
-            *q, distance = nearest(tuple(p))
+            *q, distance = nearest((p[0], p[1], p[2]))
             assert distance == pytest.approx(np.linalg.norm(p - q))
             assert np.linalg.norm(inside - p, axis=1).min() >= distance - 1e-9
             # All of the solid is behind the plane across the way to it.
             assert ((inside - q) @ (p - q) <= 1e-9).all()
         for p in inside[:50]:
-            *q, distance = nearest(tuple(p))
+            *q, distance = nearest((p[0], p[1], p[2]))
             assert distance == pytest.approx(-np.linalg.norm(p - q))
             assert np.linalg.norm(outside - p, axis=1).min() >= -distance - 1e-9

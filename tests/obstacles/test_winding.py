@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from kinematics.arrays import Array
+from kinematics.arrays import Array, Indices
 from obstacles.winding import is_solid, oriented, winding_numbers
 
 
-def hull(random: np.random.Generator) -> tuple[Array, Array, Array]:
+def hull(random: np.random.Generator) -> tuple[Array, Indices, Array]:
     """Corners, triangles turned outward and planes of a random hull."""
     points = random.normal(size=(30, 3))
     found = ConvexHull(points)
@@ -19,7 +19,7 @@ def hull(random: np.random.Generator) -> tuple[Array, Array, Array]:
     return points, faces.astype(np.int64), found.equations
 
 
-def numbers_of(points: Array, vertices: Array, faces: Array) -> Array:
+def numbers_of(points: Array, vertices: Array, faces: Indices) -> Array:
     numbers = np.empty(len(points))
     winding_numbers(points, vertices, faces, numbers)
     return numbers
