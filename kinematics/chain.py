@@ -221,7 +221,7 @@ class Chain:
             array = np.array(q, dtype=np.float64, order="C")
         except (TypeError, ValueError):
             raise InvalidRobotState(
-                f"{name} is no array of numbers with as many in each row",
+                f"{name} is not an array of numbers with rows of equal length",
                 hint=f"Give {self.n} numbers, one for each joint of {self.name!r}, or rows of "
                 "them.",
             ) from None

@@ -1,6 +1,6 @@
 """Frames as their upper three rows, twelve numbers that stay in registers, along a chain.
 
-All is arithmetic that serves one configuration and, with vectors for numbers, eight abreast.
+The same arithmetic serves one configuration and, with vectors for numbers, eight SIMD lanes.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Eight numbers as one value of compiled code: arithmetic of eight lanes abreast.
+"""Eight numbers as one value of compiled code: arithmetic of eight SIMD lanes.
 
 A kernel that is arithmetic alone serves numbers and vectors: numba compiles it once for each, and
 what it does to a lane of a vector is, bit by bit, what it does to a number. So nothing is written
@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 Lanes = float
 Conditions = bool
 
-#: Numbers abreast: two vectors of four, which hides the time that an operation takes.
+#: Lanes of a value: two vectors of four, which hides the time that an operation takes.
 LANES = 8
 #: Told apart from machine code of other revisions that may still lie on disk: count it up with
 #: every change of what the functions below compile to.

@@ -1,27 +1,33 @@
-"""Frames and Jacobians of eight configurations abreast, for batches.
+"""Frames and Jacobians of eight configurations at a time, one in each SIMD lane, for batches.
 
-What one configuration has as a number is here a vector of eight (see ``vector``), and the
+What one configuration has as a number is here a vector of eight (see ``simd``), and the
 arithmetic is that of ``frame`` itself. In memory a vector is a row of eight numbers: a frame has
 twelve rows, a Jacobian six for each joint, joint values one for each joint; all are flat arrays.
 """
 
 from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
-from kinematics.compiled.simd import Lanes, fill, load, store
+from kinematics.compiled.simd import LANES, Lanes, fill, load, store
 from kinematics.frame import Frame, at_joint_kernel, compose_kernel, move_kernel
 from kinematics.sincos import turns_kernel
 
-#: Rows of a frame and of a column of a Jacobian.
-FRAME, COLUMN = 12, 6
+#: Rows of a frame.
+FRAME = 12
+#: Rows of a column of a Jacobian.
+COLUMN = 6
+#: Numbers in eight frames.
+FRAME_SIZE = FRAME * LANES
+#: Numbers in eight columns.
+COLUMN_SIZE = COLUMN * LANES
 Column = tuple[Lanes, Lanes, Lanes, Lanes, Lanes, Lanes]
 
 
 @kernel(allocates=False)
 def gather_kernel(q: Array, lanes: Array) -> None:
     """Lay q (LANES, n) out by joints, into lanes (n * LANES,)."""
-    for lane in range(8):
+    for lane in range(LANES):
         for j in range(q.shape[1]):
-            lanes[j * 8 + lane] = q[lane, j]
+            lanes[j * LANES + lane] = q[lane, j]
 
 
 @kernel(inline="code")
@@ -34,12 +40,12 @@ def identity_lanes_kernel() -> Frame:
 @kernel(allocates=False)
 def store_lanes_kernel(frames: Array, poses: Array) -> None:
     """Write frames (links * FRAME * LANES,) into poses (LANES, links, 4, 4), flat."""
-    count = frames.shape[0] // 96
-    for lane in range(8):
+    count = frames.shape[0] // FRAME_SIZE
+    for lane in range(LANES):
         for link in range(count):
-            to, at = 16 * (lane * count + link), 96 * link + lane
+            to, at = 16 * (lane * count + link), FRAME_SIZE * link + lane
             for i in range(12):
-                poses[to + i] = frames[at + 8 * i]
+                poses[to + i] = frames[at + LANES * i]
             poses[to + 12], poses[to + 13], poses[to + 14], poses[to + 15] = 0.0, 0.0, 0.0, 1.0
 
 
@@ -51,12 +57,12 @@ def axes_lanes_kernel(
 
     The origins and z axes of the joints on the way are written into axes (n * COLUMN * LANES,).
     """
-    row = 1 + q.shape[0] // 8 + (link if link >= 0 else int(model[0, 1]))
+    row = 1 + q.shape[0] // LANES + (link if link >= 0 else int(model[0, 1]))
     B = identity_lanes_kernel()
     for j in range(int(model[row, 0]) + 1):
-        at = 8 * j
+        at = LANES * j
         B = move_kernel(model, 1 + j, load(q, at), load(cosines, at), load(sines, at), B)
-        store_column_kernel(axes, 48 * j, (B[3], B[7], B[11], B[2], B[6], B[10]))
+        store_column_kernel(axes, COLUMN_SIZE * j, (B[3], B[7], B[11], B[2], B[6], B[10]))
     return compose_kernel(B, model, row)
 
 
@@ -66,7 +72,7 @@ def column_lanes_kernel(model: Array, axes: Array, j: int, last: int, B: Frame) 
     zero = fill(0.0)
     if j > last:
         return zero, zero, zero, zero, zero, zero
-    px, py, pz, zx, zy, zz = load_column_kernel(axes, 48 * j)
+    px, py, pz, zx, zy, zz = load_column_kernel(axes, COLUMN_SIZE * j)
     if model[1 + j, 0] != 0.0:
         return zx, zy, zz, zero, zero, zero
     x, y, z = B[3] - px, B[7] - py, B[11] - pz
@@ -81,11 +87,11 @@ def jacobian_lanes_kernel(
 
     ``jacobian.frame_and_jacobian_kernel`` from joint values and their turns (n * LANES,).
     """
-    n = q.shape[0] // 8
+    n = q.shape[0] // LANES
     last = int(model[1 + n + (link if link >= 0 else int(model[0, 1])), 0])
     B = axes_lanes_kernel(model, q, cosines, sines, link, J)
     for j in range(n):
-        store_column_kernel(J, 48 * j, column_lanes_kernel(model, J, j, last, B))
+        store_column_kernel(J, COLUMN_SIZE * j, column_lanes_kernel(model, J, j, last, B))
     return B
 
 
@@ -93,47 +99,48 @@ def jacobian_lanes_kernel(
 def load_column_kernel(J: Array, at: int) -> Column:
     """The six vectors of a column that begins at an index."""
     return (
-        load(J, at), load(J, at + 8), load(J, at + 16),
-        load(J, at + 24), load(J, at + 32), load(J, at + 40),
+        load(J, at), load(J, at + LANES), load(J, at + 2 * LANES),
+        load(J, at + 3 * LANES), load(J, at + 4 * LANES), load(J, at + 5 * LANES),
     )  # fmt: skip
 
 
 @kernel(inline="code")
 def store_column_kernel(J: Array, at: int, column: Column) -> None:
-    """Write them."""
+    """Write the six vectors of a column from an index on."""
     store(J, at, column[0])
-    store(J, at + 8, column[1])
-    store(J, at + 16, column[2])
-    store(J, at + 24, column[3])
-    store(J, at + 32, column[4])
-    store(J, at + 40, column[5])
+    store(J, at + LANES, column[1])
+    store(J, at + 2 * LANES, column[2])
+    store(J, at + 3 * LANES, column[3])
+    store(J, at + 4 * LANES, column[4])
+    store(J, at + 5 * LANES, column[5])
 
 
 @kernel(inline="code")
 def load_frame_kernel(frames: Array, at: int) -> Frame:
     """The twelve vectors of eight frames that begin at an index."""
     return (
-        load(frames, at), load(frames, at + 8), load(frames, at + 16), load(frames, at + 24),
-        load(frames, at + 32), load(frames, at + 40), load(frames, at + 48), load(frames, at + 56),
-        load(frames, at + 64), load(frames, at + 72), load(frames, at + 80), load(frames, at + 88),
+        load(frames, at), load(frames, at + LANES), load(frames, at + 2 * LANES),
+        load(frames, at + 3 * LANES), load(frames, at + 4 * LANES), load(frames, at + 5 * LANES),
+        load(frames, at + 6 * LANES), load(frames, at + 7 * LANES), load(frames, at + 8 * LANES),
+        load(frames, at + 9 * LANES), load(frames, at + 10 * LANES), load(frames, at + 11 * LANES),
     )  # fmt: skip
 
 
 @kernel(inline="code")
 def store_frame_kernel(frames: Array, at: int, B: Frame) -> None:
-    """Write them."""
+    """Write the twelve vectors of eight frames from an index on."""
     store(frames, at, B[0])
-    store(frames, at + 8, B[1])
-    store(frames, at + 16, B[2])
-    store(frames, at + 24, B[3])
-    store(frames, at + 32, B[4])
-    store(frames, at + 40, B[5])
-    store(frames, at + 48, B[6])
-    store(frames, at + 56, B[7])
-    store(frames, at + 64, B[8])
-    store(frames, at + 72, B[9])
-    store(frames, at + 80, B[10])
-    store(frames, at + 88, B[11])
+    store(frames, at + LANES, B[1])
+    store(frames, at + 2 * LANES, B[2])
+    store(frames, at + 3 * LANES, B[3])
+    store(frames, at + 4 * LANES, B[4])
+    store(frames, at + 5 * LANES, B[5])
+    store(frames, at + 6 * LANES, B[6])
+    store(frames, at + 7 * LANES, B[7])
+    store(frames, at + 8 * LANES, B[8])
+    store(frames, at + 9 * LANES, B[9])
+    store(frames, at + 10 * LANES, B[10])
+    store(frames, at + 11 * LANES, B[11])
 
 
 @kernel(allocates=False)
@@ -144,7 +151,7 @@ def poses_lanes_kernel(model: Array, q: Array, poses: Array, room: Array) -> Non
     first to the last byte: memory likes that better than eight places in turn.
     """
     n, count = q.shape[1], poses.shape[1]
-    size = 8 * n
+    size = LANES * n
     values, cosines, sines = room[:size], room[size : 2 * size], room[2 * size : 3 * size]
     frames = room[3 * size :]
     gather_kernel(q, values)
@@ -156,30 +163,30 @@ def poses_lanes_kernel(model: Array, q: Array, poses: Array, room: Array) -> Non
         row = 1 + n + link
         while joint < int(model[row, 0]):
             joint += 1
-            at = 8 * joint
+            at = LANES * joint
             B = move_kernel(
                 model, 1 + joint, load(values, at), load(cosines, at), load(sines, at), B
             )
         if at_joint_kernel(model, row):
-            store_frame_kernel(frames, 96 * link, B)
+            store_frame_kernel(frames, FRAME_SIZE * link, B)
         else:
-            store_frame_kernel(frames, 96 * link, compose_kernel(B, model, row))
-    store_lanes_kernel(frames[: 96 * count], poses.reshape(poses.size))
+            store_frame_kernel(frames, FRAME_SIZE * link, compose_kernel(B, model, row))
+    store_lanes_kernel(frames[: FRAME_SIZE * count], poses.reshape(poses.size))
 
 
 @kernel(allocates=False)
 def pose_lanes_kernel(model: Array, q: Array, link: int, poses: Array, room: Array) -> None:
     """Poses (LANES, 4, 4) of a link, -1 for the tip; room (3 n + FRAME) * LANES."""
     n = q.shape[1]
-    size = 8 * n
+    size = LANES * n
     row = 1 + n + (link if link >= 0 else int(model[0, 1]))
     values, cosines, sines = room[:size], room[size : 2 * size], room[2 * size : 3 * size]
     gather_kernel(q, values)
     turns_kernel(values, cosines, sines)
     B = identity_lanes_kernel()
     for j in range(int(model[row, 0]) + 1):
-        at = 8 * j
+        at = LANES * j
         B = move_kernel(model, 1 + j, load(values, at), load(cosines, at), load(sines, at), B)
-    frames = room[3 * size : 3 * size + 96]
+    frames = room[3 * size : 3 * size + FRAME_SIZE]
     store_frame_kernel(frames, 0, compose_kernel(B, model, row))
     store_lanes_kernel(frames, poses.reshape(poses.size))

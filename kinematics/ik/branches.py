@@ -7,11 +7,12 @@ from kinematics.chain import MAX_JOINTS
 from kinematics.compiled.kernel import kernel
 from kinematics.compiled.simd import LANES, on_stack
 from kinematics.forward import finite_kernel
+from kinematics.frame import Frame
 from kinematics.ik.calibrated import (
-    along_kernel,
-    around_kernel,
-    balanced_kernel,
-    nudged_kernel,
+    add_curve_branches_kernel,
+    add_nearby_branches_kernel,
+    add_perturbed_branches_kernel,
+    is_balanced_kernel,
 )
 from kinematics.ik.dls_step import frame_kernel
 from kinematics.ik.refine import (
@@ -19,13 +20,13 @@ from kinematics.ik.refine import (
     CODE,
     GROUP,
     INSIDE,
+    add_refined_kernel,
     candidates_kernel,
     enter_kernel,
     free_kernel,
     parameter_kernel,
-    polished_kernel,
 )
-from kinematics.ik.spherical import BRANCH, FAMILY, WIDTH
+from kinematics.ik.spherical import BRANCH, FAMILY, PARAMETER, WIDTH
 from kinematics.ik.subproblem import EXACT
 from kinematics.ik.verification import VERIFIED, verify_kernel
 
@@ -53,8 +54,8 @@ def branches_kernel(
         model: ``Chain.model``.
         link: The number of the link to bring there, -1 for the tip.
         target: T_base_link, shape (4, 4).
-        lower: Limits, shape (n,).
-        upper: ...
+        lower: Lower limits, shape (n,) [rad or m].
+        upper: Upper limits, shape (n,) [rad or m].
         seed: Where to be near, shape (n,).
         values: Values of the parameter to try in this order, NaN for that of the seed; one where
             there is none.
@@ -91,29 +92,10 @@ def branches_kernel(
         before = count
         for trial in range(2):
             found = candidates_kernel(plan, T, value, free[:members], slack, t, raw, 0)
-            hard = False
-            for first in range(0, found, LANES):
-                some = min(found - first, LANES)
-                bounds = (lower, upper, seed)
-                snapped = verify_kernel(plan, model, link, T, raw, first, some, bounds, lanes)
-                for lane in range(some):
-                    row = first + lane
-                    position, orientation = lanes[16 * n + lane], lanes[16 * n + 8 + lane]
-                    hard = hard or raw[row, FAMILY] != 0.0
-                    if max(position, orientation) > CLOSE or (snapped >> lane) & 1 != 0:
-                        count, moved = polished_kernel(
-                            plan, model, link, T, lower, upper, seed, tolerance, raw[row], lane,
-                            lanes, q, out, count,
-                        )  # fmt: skip
-                        hard = hard or moved
-                    elif max(position, orientation) <= tolerance:
-                        for j in range(n):
-                            q[j] = lanes[8 * (n + j) + lane]
-                        about = (
-                            position, orientation, lanes[16 * n + 16 + lane], raw[row, BRANCH],
-                            raw[row, FAMILY], value,
-                        )  # fmt: skip
-                        count = enter_kernel(about, q, out, count)
+            count, hard = _add_verified(
+                plan, model, link, T, (lower, upper, seed), tolerance, raw, found, lanes, q, out,
+                count,
+            )  # fmt: skip
             if trial == 1 or members > 1 or _settled(raw, found, out, before, count, n):
                 break
             members, count = free.shape[0], before
@@ -122,29 +104,29 @@ def branches_kernel(
             members = 1
         if not exact:
             if hard and (kind == 2 or not alone):
-                count = around_kernel(
+                count = add_nearby_branches_kernel(
                     plan, model, link, T, lower, upper, seed, tolerance, raw, found,
                     _AROUND if alone else _AROUND // 4, 0, q, out, count,
                 )  # fmt: skip
             nudges = _NUDGES if count == before else (_NUDGES // 4 if alone and hard else 0)
-            found, count = nudged_kernel(
+            found, count = add_perturbed_branches_kernel(
                 plan, model, link, T, value, lower, upper, seed, tolerance, free, slack, t, raw,
                 found, nudges, q, out, count,
             )  # fmt: skip
             if alone:
-                count = along_kernel(
+                count = add_curve_branches_kernel(
                     plan, model, link, T, lower, upper, seed, tolerance, raw,
                     found if nudges > 0 else 0, before, 0.0, q, out, count,
                 )  # fmt: skip
                 for trial in range(1, _TRIALS):
                     full = count == out.shape[0]
-                    if full or balanced_kernel(plan, model, link, before, q, out, count):
+                    if full or is_balanced_kernel(plan, model, link, before, q, out, count):
                         break
-                    count = around_kernel(
+                    count = add_nearby_branches_kernel(
                         plan, model, link, T, lower, upper, seed, tolerance, raw, found, _AROUND,
                         trial, q, out, count,
                     )  # fmt: skip
-                    count = along_kernel(
+                    count = add_curve_branches_kernel(
                         plan, model, link, T, lower, upper, seed, tolerance, raw, 0, before,
                         trial / _TRIALS, q, out, count,
                     )  # fmt: skip
@@ -154,6 +136,43 @@ def branches_kernel(
         if inside >= enough:
             break
     return count
+
+
+@kernel(allocates=False)
+def _add_verified(
+    plan: Array, model: Array, link: int, T: Frame, bounds: tuple[Array, Array, Array],
+    tolerance: float, raw: Array, found: int, lanes: Array, q: Array, out: Array, count: int,
+) -> tuple[int, bool]:  # fmt: skip
+    """Add the ``found`` candidates that forward kinematics confirms, with damped steps if need be.
+
+    Returns:
+        The new count, and whether some candidate is of a family or far from its branch.
+    """
+    lower, upper, seed = bounds
+    n, hard = q.shape[0], False
+    errors = 2 * n * LANES
+    for first in range(0, found, LANES):
+        some = min(found - first, LANES)
+        snapped = verify_kernel(plan, model, link, T, raw, first, some, bounds, lanes)
+        for lane in range(some):
+            candidate = raw[first + lane]
+            position, orientation = lanes[errors + lane], lanes[errors + LANES + lane]
+            hard = hard or candidate[FAMILY] != 0.0
+            if max(position, orientation) > CLOSE or (snapped >> lane) & 1 != 0:
+                count, moved = add_refined_kernel(
+                    plan, model, link, T, lower, upper, seed, tolerance, candidate, lane, lanes, q,
+                    out, count,
+                )  # fmt: skip
+                hard = hard or moved
+            elif max(position, orientation) <= tolerance:
+                for j in range(n):
+                    q[j] = lanes[(n + j) * LANES + lane]
+                about = (
+                    position, orientation, lanes[errors + 2 * LANES + lane], candidate[BRANCH],
+                    candidate[FAMILY], candidate[PARAMETER],
+                )  # fmt: skip
+                count = enter_kernel(about, q, out, count)
+    return count, hard
 
 
 @kernel(allocates=False)

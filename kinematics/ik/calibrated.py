@@ -1,9 +1,9 @@
 """Branches of an arm that misses its closed form by little, as calibrated arms do.
 
-Far from singularities each branch of the form has one of the true arm nearby, which polishing
-finds. Near them branches part, meet or vanish elsewhere than the form's: a family of the form's
+Far from singularities each branch of the form has one of the true arm nearby, which damped steps
+find. Near them branches part, meet or vanish elsewhere than the form's: a family of the form's
 solutions leaves a few of the true arm's, a fold of one branch opens into two. Those lie along
-curves (``valley``) through what the form says, and through what it says for poses nearby.
+curves (``continuation``) through what the form says, and through what it says for poses nearby.
 """
 
 import math
@@ -15,9 +15,9 @@ from kinematics.compiled.kernel import kernel
 from kinematics.frame import Frame
 from kinematics.ik.continuation import (
     JOINTS,
-    been_kernel,
     follow_kernel,
-    mapped_kernel,
+    is_visited_kernel,
+    joint_direction_kernel,
     sharpen_kernel,
     weakest_kernel,
 )
@@ -30,8 +30,8 @@ from kinematics.ik.refine import (
     VALUE,
     admit_kernel,
     candidates_kernel,
-    polish_kernel,
     product_kernel,
+    refine_kernel,
     tip_kernel,
 )
 from kinematics.ik.spherical import BRANCH, FAMILY, PARAMETER
@@ -44,7 +44,7 @@ from kinematics.random import State, uniform_kernel
 _SPREAD, _CENTRES = 0.4, 16
 #: The sign of a determinant is not certain where the least singular value is below.
 _UNCERTAIN = 1e-8
-#: Starts that are polished so far [m], [rad] are polished twice.
+#: Starts that damped steps bring so near [m], [rad] get as many steps again.
 _SLOW = 1e-2
 #: Branches that some direction moves by less than this [m or rad a radian] may have others along
 #: it, which a redundant arm is searched for so far along it [rad].
@@ -61,7 +61,7 @@ _VISITED, _ROOTS = 4096, 16
 
 
 @kernel
-def along_kernel(
+def add_curve_branches_kernel(
     plan: Array, model: Array, link: int, T: Frame, lower: Array, upper: Array, seed: Array,
     tolerance: float, raw: Array, found: int, before: int, phase: float, q: Array, out: Array,
     count: int,
@@ -75,8 +75,10 @@ def along_kernel(
     n = q.shape[0]
     joints = np.empty(JOINTS, dtype=np.int64)
     if not _moving(plan, model, link, joints):
-        return _twins(plan, model, link, T, lower, upper, seed, tolerance, before, q, out, count)
-    count = _sharpened(
+        return _add_twins(
+            plan, model, link, T, lower, upper, seed, tolerance, before, q, out, count
+        )
+    count = _sharpen_branches(
         plan, model, link, T, lower, upper, seed, tolerance, joints, before, q, out, count
     )
     J, start, w = np.empty((6, n)), np.empty(n), np.empty(6)
@@ -93,7 +95,7 @@ def along_kernel(
             k += 1
         else:
             start[:] = seed
-            _place(plan, raw[tried], start)
+            _set_joints(plan, raw[tried], start)
             about = (raw[tried, BRANCH], 0.0, raw[tried, PARAMETER])
             tried += 1
         frame_and_jacobian_kernel(model, start, link, J)
@@ -106,7 +108,7 @@ def along_kernel(
             if turn == 0:
                 # Where two directions are lost, many curves run through the same places.
                 room = _BESIDE if solved or turns > 1 else _BESIDE + _ASIDE * plan[0, 5]
-                if been_kernel(visited, seen, joints, start, room):
+                if is_visited_kernel(visited, seen, joints, start, room):
                     continue
                 w[:] = u
             else:
@@ -121,7 +123,7 @@ def along_kernel(
                     if not size > tolerance:
                         continue
                     w /= size
-                v[:] = mapped_kernel(J, joints, w)
+                v[:] = joint_direction_kernel(J, joints, w)
             for side in range(2):
                 zeros, seen, closed = follow_kernel(
                     model, link, T, joints, turn == 0, 1.0 - 2.0 * side, start, w, v, tolerance,
@@ -152,10 +154,10 @@ def _moving(plan: Array, model: Array, link: int, joints: Indices) -> bool:
 
 
 @kernel
-def balanced_kernel(
+def is_balanced_kernel(
     plan: Array, model: Array, link: int, before: int, q: Array, out: Array, count: int
 ) -> bool:
-    """Whether as many branches have a positive Jacobian's determinant as have a negative one.
+    """Whether as many branches have a positive determinant of the Jacobian as a negative one.
 
     All branches of an arm do, since they come and go in pairs of opposite signs and far poses have
     none: what is out of balance lacks one. True where a sign is not certain.
@@ -178,7 +180,7 @@ def balanced_kernel(
 
 
 @kernel
-def _sharpened(
+def _sharpen_branches(
     plan: Array, model: Array, link: int, T: Frame, lower: Array, upper: Array, seed: Array,
     tolerance: float, joints: Indices, before: int, q: Array, out: Array, count: int,
 ) -> int:  # fmt: skip
@@ -202,7 +204,7 @@ def _sharpened(
 
 
 @kernel
-def _place(plan: Array, candidate: Array, q: Array) -> None:
+def _set_joints(plan: Array, candidate: Array, q: Array) -> None:
     """Put the angles and the parameter of a candidate into q (n,)."""
     for j in range(7 if plan[0, 0] == 2.0 else 6):
         q[int(plan[1 + j, 13])] = plan[1 + j, 0] * math.atan2(
@@ -213,7 +215,7 @@ def _place(plan: Array, candidate: Array, q: Array) -> None:
 
 
 @kernel
-def around_kernel(
+def add_nearby_branches_kernel(
     plan: Array, model: Array, link: int, T: Frame, lower: Array, upper: Array, seed: Array,
     tolerance: float, raw: Array, found: int, trials: int, draw: int, q: Array, out: Array,
     count: int,
@@ -234,7 +236,7 @@ def around_kernel(
         # Members of families fill many rows in turn.
         k = i * found // some
         for trial in range(trials):
-            _place(plan, raw[k], q)
+            _set_joints(plan, raw[k], q)
             spread = math.pi if trial % 4 == 3 else _SPREAD
             for j in range(last + 1):
                 if j != held:
@@ -245,10 +247,10 @@ def around_kernel(
             if uniform_kernel(state) < 0.5:
                 q[min(a, b)] += turn
                 q[max(a, b)] += turn if uniform_kernel(state) < 0.5 else -turn
-            error = polish_kernel(model, link, T, -unlimited, unlimited, held, q)
+            error = refine_kernel(model, link, T, -unlimited, unlimited, held, q)
             if tolerance < max(error[0], error[1]) < _SLOW:
                 # Singular values that are small make steps so.
-                error = polish_kernel(model, link, T, -unlimited, unlimited, held, q)
+                error = refine_kernel(model, link, T, -unlimited, unlimited, held, q)
             about = (raw[k, BRANCH], raw[k, FAMILY], raw[k, PARAMETER])
             count = admit_kernel(
                 plan, model, link, T, lower, upper, seed, tolerance, error, about, q, out, count
@@ -257,7 +259,7 @@ def around_kernel(
 
 
 @kernel
-def _twins(
+def _add_twins(
     plan: Array, model: Array, link: int, T: Frame, lower: Array, upper: Array, seed: Array,
     tolerance: float, before: int, q: Array, out: Array, count: int,
 ) -> int:  # fmt: skip
@@ -277,7 +279,7 @@ def _twins(
                 for side in (1.0, -1.0):
                     for j in range(n):
                         q[j] = out[k, j] + side * step * v[j]
-                    error = polish_kernel(model, link, T, -unlimited, unlimited, held, q)
+                    error = refine_kernel(model, link, T, -unlimited, unlimited, held, q)
                     about = (out[k, n + CODE], 0.0, out[k, n + VALUE])
                     count = admit_kernel(
                         plan, model, link, T, lower, upper, seed, tolerance, error, about, q, out,
@@ -315,14 +317,15 @@ def _least_moving(J: Array, held: int, last: int, v: Array) -> float:
 
 
 @kernel
-def nudged_kernel(
+def add_perturbed_branches_kernel(
     plan: Array, model: Array, link: int, T: Frame, value: float, lower: Array, upper: Array,
     seed: Array, tolerance: float, free: Array, slack: float, t: Array, raw: Array, found: int,
     trials: int, q: Array, out: Array, count: int,
 ) -> tuple[int, int]:  # fmt: skip
-    """Add what is polished from the candidates of poses near a target that has none itself.
+    """Add the branches that damped steps reach from the candidates of poses near the target.
 
-    That is where a singularity of the true arm is none of the form's, or beyond its reach.
+    For a target that has no candidate itself: the true arm has a singularity there that the form
+    does not have, or the target is beyond the form's reach.
     """
     n, held = q.shape[0], int(plan[0, 2])
     state = np.array([0xD1B54A32D192ED03], dtype=np.uint64)
@@ -351,8 +354,8 @@ def nudged_kernel(
         found = candidates_kernel(plan, near, value, free, slack, t, raw, found)
         for k in range(first, min(found, first + 16)):
             q[:] = seed
-            _place(plan, raw[k], q)
-            error = polish_kernel(model, link, T, -unlimited, unlimited, held, q)
+            _set_joints(plan, raw[k], q)
+            error = refine_kernel(model, link, T, -unlimited, unlimited, held, q)
             about = (raw[k, BRANCH], 0.0, raw[k, PARAMETER])
             count = admit_kernel(
                 plan, model, link, T, lower, upper, seed, tolerance, error, about, q, out, count

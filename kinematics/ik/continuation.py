@@ -275,9 +275,9 @@ def follow_kernel(
         if length > 0.2:
             away, past = 0.0, 0.0
             for k in range(n):
-                away = max(away, abs(turned_kernel(q[k] - origin[k])))
+                away = max(away, abs(wrap_kernel(q[k] - origin[k])))
             for k in range(JOINTS):
-                past += turned_kernel(q[joints[k]] - origin[joints[k]]) * toward[k]
+                past += wrap_kernel(q[joints[k]] - origin[joints[k]]) * toward[k]
             if away < h and past >= 0.0 and np.dot(t, toward) > 0.9:
                 return count, seen, True
         h = min(1.5 * h, _LONGEST)
@@ -357,13 +357,13 @@ def _zero(
 
 
 @kernel
-def turned_kernel(angle: float) -> float:
+def wrap_kernel(angle: float) -> float:
     """The angle without whole turns, in [-pi, pi)."""
     return angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi) + 0.5)
 
 
 @kernel
-def mapped_kernel(J: Array, joints: Indices, w: Array) -> Array:
+def joint_direction_kernel(J: Array, joints: Indices, w: Array) -> Array:
     """The unit direction of the joints (6,) that J takes to the direction w, or nearest to it."""
     M, v = np.empty((JOINTS, JOINTS)), np.zeros(JOINTS)
     for i in range(JOINTS):
@@ -380,13 +380,13 @@ def mapped_kernel(J: Array, joints: Indices, w: Array) -> Array:
 
 
 @kernel
-def been_kernel(visited: Array, seen: int, joints: Indices, q: Array, room: float) -> bool:
+def is_visited_kernel(visited: Array, seen: int, joints: Indices, q: Array, room: float) -> bool:
     """Whether a curve that was followed runs through q, or by it within ``room`` [rad]."""
     d = np.empty(JOINTS)
     for row in range(seen):
         square, along = 0.0, 0.0
         for k in range(JOINTS):
-            d[k] = turned_kernel(q[joints[k]] - visited[row, k])
+            d[k] = wrap_kernel(q[joints[k]] - visited[row, k])
             square += d[k] * d[k]
             along += d[k] * visited[row, JOINTS + k]
         if square < _LONGEST * _LONGEST:

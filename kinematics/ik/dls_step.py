@@ -27,7 +27,7 @@ def frame_kernel(T: Array) -> Frame:
 
 @kernel(inline="code")
 def error_kernel(B: Frame, T: Frame) -> Error:
-    """What takes frame B to T: [p_T - p_B; log(R_T R_B^T)], continuous to half a turn.
+    """The error [p_T - p_B; log(R_T R_B^T)] from frame B to T, continuous to half a turn.
 
     Of numbers or of vectors.
     """
@@ -177,7 +177,7 @@ def column_kernel(J: Array, j: int) -> Error:
 
 
 @kernel(inline="code")
-def along_kernel(column: Error, e: Error) -> Lanes:
+def project_kernel(column: Error, e: Error) -> Lanes:
     """The product of a column and an error, of numbers or of vectors."""
     j0, j1, j2, j3, j4, j5 = column
     return j0 * e[0] + j1 * e[1] + j2 * e[2] + j3 * e[3] + j4 * e[4] + j5 * e[5]
@@ -213,7 +213,7 @@ def step_within_kernel(
     for j in range(n):
         out[j] = q[j]
         if q[j] <= lower[j] or q[j] >= upper[j]:
-            pull = along_kernel(column_kernel(J, j), error)
+            pull = project_kernel(column_kernel(J, j), error)
             if (q[j] <= lower[j] and pull <= 0.0) or (q[j] >= upper[j] and pull >= 0.0):
                 continue
         free[count] = j
@@ -223,14 +223,14 @@ def step_within_kernel(
         x = (g[0], g[1], g[2], g[3], g[4], g[5])
         for a in range(count):
             j = free[a]
-            step = along_kernel(column_kernel(J, j), x)
+            step = project_kernel(column_kernel(J, j), x)
             out[j] = min(max(q[j] + step, lower[j]), upper[j])
         return
     for a in range(count):
         column = column_kernel(J, free[a])
-        g[a] = along_kernel(column, error)
+        g[a] = project_kernel(column, error)
         for b in range(a + 1):
-            H[a, b] = along_kernel(column, column_kernel(J, free[b]))
+            H[a, b] = project_kernel(column, column_kernel(J, free[b]))
         H[a, a] += damping
     cholesky_solve_kernel(H, g, count)
     for a in range(count):

@@ -7,8 +7,8 @@ import numpy as np
 from kinematics.arrays import Array
 from kinematics.chain import MAX_JOINTS
 from kinematics.compiled.kernel import kernel
-from kinematics.compiled.simd import Lanes, choose, fill, load, on_stack, store
-from kinematics.compiled.simd_frames import load_frame_kernel
+from kinematics.compiled.simd import LANES, Lanes, choose, fill, load, on_stack, store
+from kinematics.compiled.simd_frames import FRAME, FRAME_SIZE, load_frame_kernel
 from kinematics.forward import finite_kernel
 from kinematics.frame import IDENTITY, Frame, compose_kernel, move_kernel
 from kinematics.ik.dls_step import Error, error_kernel, frame_kernel, step_within_kernel
@@ -62,7 +62,7 @@ def seen_kernel(column: Error, T: Frame, axes: Array) -> Error:
 
 @kernel(inline="code")
 def weigh_column_kernel(column: Error, T: Frame, axes: Array, w: float) -> Error:
-    """The same for a column of the Jacobian; also of vectors."""
+    """The weighed column of a Jacobian, of numbers or of vectors."""
     if axes[6] != 0.0:
         x, y, z, a, b, c = seen_kernel(column, T, axes)
     else:
@@ -72,7 +72,7 @@ def weigh_column_kernel(column: Error, T: Frame, axes: Array, w: float) -> Error
 
 @kernel(allocates=False)
 def weigh_jacobian_kernel(T: Frame, axes: Array, w: float, J: Array) -> None:
-    """The same for all columns of J (6, n), in place."""
+    """Weigh all columns of J (6, n) in place."""
     for j in range(J.shape[1]):
         column = (J[0, j], J[1, j], J[2, j], J[3, j], J[4, j], J[5, j])
         J[0, j], J[1, j], J[2, j], J[3, j], J[4, j], J[5, j] = weigh_column_kernel(
@@ -117,16 +117,16 @@ def pick_kernel(
             after the other; the rotations times w / sqrt(2), so that squares add up as those of
             small errors do.
         T: The target.
-        axes: As ``solve_kernel`` has it.
+        axes: As ``search_kernel`` has it.
         w: Weight of a radian [m].
         state: Of the draws.
         last: The last joint that moves the link.
         near: Room (16,).
         q: The answer (n,); joints behind ``last`` stay as they are.
     """
-    wide = 8 * (q.shape[0] + 12)
-    begin = int(uniform_kernel(state) * (table.shape[0] // wide - LOOK // 8))
-    scale, look = w * math.sqrt(0.5), LOOK // 8
+    wide = LANES * (q.shape[0] + FRAME)
+    begin = int(uniform_kernel(state) * (table.shape[0] // wide - LOOK // LANES))
+    scale, look = w * math.sqrt(0.5), LOOK // LANES
     least, which = fill(np.inf), fill(0.0)
     if axes[6] == 0.0:
         wanted = (
@@ -138,11 +138,11 @@ def pick_kernel(
             for value in wanted:
                 away = load(table, at) - value
                 square = square + away * away
-                at += 8
+                at += LANES
             nearer = square < least
             least, which = choose(nearer, square, least), choose(nearer, 1.0 * i, which)
     else:
-        look, r = _MASKED // 8, math.sqrt(2.0) / w
+        look, r = _MASKED // LANES, math.sqrt(2.0) / w
         for i in range(look):
             f = load_frame_kernel(table, wide * (begin + i))
             B = (
@@ -153,14 +153,14 @@ def pick_kernel(
             nearer = square < least
             least, which = choose(nearer, square, least), choose(nearer, 1.0 * i, which)
     store(near, 0, least)
-    store(near, 8, which)
+    store(near, LANES, which)
     best = 0
-    for lane in range(1, 8):
+    for lane in range(1, LANES):
         if near[lane] < near[best]:
             best = lane
-    at = wide * (begin + int(near[8 + best])) + 96 + best
+    at = wide * (begin + int(near[LANES + best])) + FRAME_SIZE + best
     for j in range(last + 1):
-        q[j] = table[at + 8 * j]
+        q[j] = table[at + LANES * j]
 
 
 @kernel
@@ -172,19 +172,19 @@ def table_kernel(
     q, room = np.empty(n), np.empty((6, n))
     state = np.empty(1, dtype=np.uint64)
     state[0] = np.uint64(seed)
-    scale, wide = w * math.sqrt(0.5), 8 * (n + 12)
-    for i in range(table.shape[0] // (n + 12)):
-        at = wide * (i // 8) + i % 8
+    scale, wide = w * math.sqrt(0.5), LANES * (n + FRAME)
+    for i in range(table.shape[0] // (n + FRAME)):
+        at = wide * (i // LANES) + i % LANES
         for j in range(n):
             q[j] = lower[j] + uniform_kernel(state) * (upper[j] - lower[j])
-            table[at + 96 + 8 * j] = q[j]
+            table[at + FRAME_SIZE + LANES * j] = q[j]
         B = frame_and_jacobian_kernel(model, q, link, room)
-        for row in range(12):
-            table[at + 8 * row] = B[row] if row % 4 == 3 else scale * B[row]
+        for row in range(FRAME):
+            table[at + LANES * row] = B[row] if row % 4 == 3 else scale * B[row]
 
 
 @kernel(allocates=False)
-def solve_kernel(
+def search_kernel(
     model: Array, link: int, target: Array, axes: Array, bounds: Array, table: Array,
     scales: tuple[float, float, float], starts: int, spent: int, seed: int, start: Array,
     best: Array,
@@ -280,13 +280,13 @@ def solve_kernel(
 
 
 @kernel(allocates=False)
-def solve_alone_kernel(
+def search_alone_kernel(
     model: Array, link: int, target: Array, axes: Array, bounds: Array, table: Array,
     position: float, orientation: float, weight: float, starts: int, spent: int, seed: int,
     start: Array, best: Array,
 ) -> tuple[int, float, float, int, int]:  # fmt: skip
-    """``solve_kernel`` for calls from Python: arrays are taken over without counting references."""
-    return solve_kernel(
+    """``search_kernel`` for calls from Python, which counts no references of arrays."""
+    return search_kernel(
         model, link, target, axes, bounds, table, (position, orientation, weight), starts, spent,
         seed, start, best,
     )  # fmt: skip

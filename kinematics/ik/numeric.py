@@ -31,7 +31,7 @@ from kinematics.ik.levenberg_marquardt import (
     ROWS,
     TABLE_SEED,
     WEIGHT,
-    solve_alone_kernel,
+    search_alone_kernel,
     table_kernel,
 )
 from kinematics.ik.numeric_simd import solve_batch_kernel
@@ -298,7 +298,7 @@ def _alone() -> Any:
 
     row = np.zeros(1)
     return direct(
-        solve_alone_kernel, fixed(1, 14), 0, np.zeros((4, 4)), fixed(1), fixed(4, 1), fixed(1),
+        search_alone_kernel, fixed(1, 14), 0, np.zeros((4, 4)), fixed(1), fixed(4, 1), fixed(1),
         0.0, 0.0, 0.0, 0, 0, 0, row, row,
     )  # fmt: skip
 

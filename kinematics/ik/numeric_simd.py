@@ -1,6 +1,6 @@
-"""The numeric method for eight poses abreast, for batches.
+"""The numeric method for batches: eight poses at a time, one in each SIMD lane.
 
-Each lane (see ``vector``) searches for one pose as ``search.solve_kernel`` does, with the same
+Each lane searches for one pose as ``levenberg_marquardt.search_kernel`` does, with the same
 arithmetic, so that answers are the same to the last bit; a lane that is through takes the next pose
 of the batch. Only the beginnings of starts, once in many steps, are made for each lane alone.
 """
@@ -23,6 +23,9 @@ from kinematics.compiled.simd import (
     store,
 )
 from kinematics.compiled.simd_frames import (
+    COLUMN,
+    COLUMN_SIZE,
+    FRAME_SIZE,
     axes_lanes_kernel,
     column_lanes_kernel,
     load_column_kernel,
@@ -33,11 +36,11 @@ from kinematics.frame import Frame
 from kinematics.ik.dls_step import (
     Error,
     add_outer_kernel,
-    along_kernel,
     diagonal_kernel,
     error_kernel,
     factor_solve_kernel,
     frame_kernel,
+    project_kernel,
 )
 from kinematics.ik.levenberg_marquardt import (
     DAMPING,
@@ -53,19 +56,35 @@ from kinematics.ik.levenberg_marquardt import (
     STEPS,
     draw_kernel,
     pick_kernel,
-    solve_kernel,
+    search_kernel,
     weigh_column_kernel,
     weigh_kernel,
 )
 from kinematics.random import State
 from kinematics.sincos import turns_kernel
 
-#: Rows of vectors that the search keeps of its lanes: squared error, errors [m], [rad], the least
-#: square of all starts, the square that progress is counted from, mu, steps of all starts, of this
-#: one and without progress, whether a start begins, whether a lane has a pose, what ends a start.
-_SQUARE, _POSITION, _ROTATION, _LEAST, _MARK, _MU = 0, 8, 16, 24, 32, 40
-_ALL_STEPS, _START_STEPS, _STALE, _FRESH, _ACTIVE, _PATIENCE, _GAIN = 48, 56, 64, 72, 80, 88, 96
-_STATE = 104
+# Rows of vectors that the search keeps of its lanes, by the index of their first number.
+#: Squared error, and errors [m], [rad].
+_SQUARE = 0
+_POSITION = LANES
+_ROTATION = 2 * LANES
+#: The least square of all starts, and the square that progress is counted from.
+_LEAST = 3 * LANES
+_MARK = 4 * LANES
+#: The damping factor mu.
+_MU = 5 * LANES
+#: Steps of all starts, of this start, and without progress.
+_ALL_STEPS = 6 * LANES
+_START_STEPS = 7 * LANES
+_STALE = 8 * LANES
+#: 1 where a start begins, and where a lane has a pose.
+_FRESH = 9 * LANES
+_ACTIVE = 10 * LANES
+#: When a start is given up.
+_PATIENCE = 11 * LANES
+_GAIN = 12 * LANES
+#: Numbers in all.
+_STATE = 13 * LANES
 
 
 @kernel(allocates=False)
@@ -73,31 +92,31 @@ def propose_kernel(
     J: Array, e: Array, q: Array, lower: Array, upper: Array, state: Array, start: Array,
     mask: Array, H: Array, g: Array, trial: Array,
 ) -> None:  # fmt: skip
-    """Write the step of every lane, as ``step.step_within_kernel`` has it, or its start."""
+    """Write the step of every lane, as ``dls_step.step_within_kernel`` has it, or its start."""
     n = lower.shape[0]
     error = load_column_kernel(e, 0)
     fresh = load(state, _FRESH) > 0.0
     damping = load(state, _MU) * load(state, _SQUARE) + LEAST_DAMPING
     A = diagonal_kernel(damping, fill(0.0))
     for j in range(n):
-        column, value = load_column_kernel(J, 48 * j), load(q, 8 * j)
+        column, value = load_column_kernel(J, COLUMN_SIZE * j), load(q, LANES * j)
         low, high, moves = value <= lower[j], value >= upper[j], fill(1.0)
         if anywhere(low | high):
-            pull = along_kernel(column, error)
+            pull = project_kernel(column, error)
             moves = choose((low & (pull <= 0.0)) | (high & (pull >= 0.0)), 0.0, moves)
             c0, c1, c2, c3, c4, c5 = column
             column = moves * c0, moves * c1, moves * c2, moves * c3, moves * c4, moves * c5
-        store(mask, 8 * j, moves)
+        store(mask, LANES * j, moves)
         if n >= 6:
             A = add_outer_kernel(A, column)
     if n >= 6:
         x = factor_solve_kernel(A, error)
         for j in range(n):
-            store(g, 8 * j, along_kernel(load_column_kernel(J, 48 * j), x))
+            store(g, LANES * j, project_kernel(load_column_kernel(J, COLUMN_SIZE * j), x))
     else:
         primal_lanes_kernel(J, error, mask, damping, n, H, g)
     for j in range(n):
-        at = 8 * j
+        at = LANES * j
         step, value = load(g, at), load(q, at)
         moved = min(max(value + step, lower[j]), upper[j])
         moved = choose(load(mask, at) > 0.0, moved, value)
@@ -108,42 +127,42 @@ def propose_kernel(
 def primal_lanes_kernel(
     J: Array, e: Error, mask: Array, damping: float, n: int, H: Array, g: Array
 ) -> None:
-    """Solve (J^T J + damping I) g = J^T e of the free joints, as ``step.cholesky_solve_kernel``.
+    """Solve (J^T J + damping I) g = J^T e of the free joints, as ``cholesky_solve_kernel``.
 
     A joint that is not free has a row of the identity; what it adds to others is 0.
     """
     for a in range(n):
-        m = load(mask, 8 * a)
-        j0, j1, j2, j3, j4, j5 = load_column_kernel(J, 48 * a)
+        m = load(mask, LANES * a)
+        j0, j1, j2, j3, j4, j5 = load_column_kernel(J, COLUMN_SIZE * a)
         j0, j1, j2, j3, j4, j5 = m * j0, m * j1, m * j2, m * j3, m * j4, m * j5
-        store(g, 8 * a, j0 * e[0] + j1 * e[1] + j2 * e[2] + j3 * e[3] + j4 * e[4] + j5 * e[5])
+        store(g, LANES * a, j0 * e[0] + j1 * e[1] + j2 * e[2] + j3 * e[3] + j4 * e[4] + j5 * e[5])
         for b in range(a + 1):
-            k0, k1, k2, k3, k4, k5 = load_column_kernel(J, 48 * b)
+            k0, k1, k2, k3, k4, k5 = load_column_kernel(J, COLUMN_SIZE * b)
             entry = j0 * k0 + j1 * k1 + j2 * k2 + j3 * k3 + j4 * k4 + j5 * k5
             if a == b:
                 entry = choose(m > 0.0, entry + damping, 1.0)
-            store(H, 8 * (a * n + b), load(mask, 8 * b) * entry if a != b else entry)
+            store(H, LANES * (a * n + b), load(mask, LANES * b) * entry if a != b else entry)
     for i in range(n):
         for j in range(i):
-            total = load(H, 8 * (i * n + j))
+            total = load(H, LANES * (i * n + j))
             for k in range(j):
-                total = total - load(H, 8 * (i * n + k)) * load(H, 8 * (j * n + k))
-            store(H, 8 * (i * n + j), total * load(H, 8 * (j * n + j)))
-        total = load(H, 8 * (i * n + i))
+                total = total - load(H, LANES * (i * n + k)) * load(H, LANES * (j * n + k))
+            store(H, LANES * (i * n + j), total * load(H, LANES * (j * n + j)))
+        total = load(H, LANES * (i * n + i))
         for k in range(i):
-            entry = load(H, 8 * (i * n + k))
+            entry = load(H, LANES * (i * n + k))
             total = total - entry * entry
-        store(H, 8 * (i * n + i), 1.0 / math.sqrt(max(total, 1e-300)))
+        store(H, LANES * (i * n + i), 1.0 / math.sqrt(max(total, 1e-300)))
     for i in range(n):
-        total = load(g, 8 * i)
+        total = load(g, LANES * i)
         for k in range(i):
-            total = total - load(H, 8 * (i * n + k)) * load(g, 8 * k)
-        store(g, 8 * i, total * load(H, 8 * (i * n + i)))
+            total = total - load(H, LANES * (i * n + k)) * load(g, LANES * k)
+        store(g, LANES * i, total * load(H, LANES * (i * n + i)))
     for i in range(n - 1, -1, -1):
-        total = load(g, 8 * i)
+        total = load(g, LANES * i)
         for k in range(i + 1, n):
-            total = total - load(H, 8 * (k * n + i)) * load(g, 8 * k)
-        store(g, 8 * i, total * load(H, 8 * (i * n + i)))
+            total = total - load(H, LANES * (k * n + i)) * load(g, LANES * k)
+        store(g, LANES * i, total * load(H, LANES * (i * n + i)))
 
 
 @kernel(allocates=False)
@@ -153,7 +172,7 @@ def judge_kernel(
 ) -> int:  # fmt: skip
     """Keep what is better; the lanes whose start is over, as bits.
 
-    ``walked`` holds the joints' axes at ``trial``, see ``lanes.axes_lanes_kernel``.
+    ``walked`` holds the joints' axes at ``trial``, see ``simd_frames.axes_lanes_kernel``.
     """
     w = scales[2]
     weighed, after, position, rotation = weigh_kernel(error_kernel(B, T), T, axes, w)
@@ -164,11 +183,11 @@ def judge_kernel(
     position = choose(kept, position, load(state, _POSITION))
     rotation = choose(kept, rotation, load(state, _ROTATION))
     store_column_kernel(e, 0, _kept(kept, weighed, load_column_kernel(e, 0)))
-    for j in range(trial.shape[0] // 8):
-        at = 48 * j
+    for j in range(trial.shape[0] // LANES):
+        at = COLUMN_SIZE * j
         column = weigh_column_kernel(column_lanes_kernel(model, walked, j, last, B), T, axes, w)
         store_column_kernel(J, at, _kept(kept, column, load_column_kernel(J, at)))
-        store(q, 8 * j, choose(kept, load(trial, 8 * j), load(q, 8 * j)))
+        store(q, LANES * j, choose(kept, load(trial, LANES * j), load(q, LANES * j)))
     mu = load(state, _MU)
     mu = choose(fresh, DAMPING, choose(gains, max(LESS * mu, LEAST_MU), MORE * mu))
     one = choose(fresh, 0.0, 1.0)
@@ -204,18 +223,23 @@ def numeric_simd_kernel(
     scales: tuple[float, float, float], starts: int, seed: int, begin: Array, best: Array,
     solved: Indices,
 ) -> None:  # fmt: skip
-    """``search.solve_kernel`` for targets (m, 4, 4) from begin (m, n)."""
+    """``levenberg_marquardt.search_kernel`` for targets (m, 4, 4) from begin (m, n)."""
     m, n = begin.shape
     if link < 0:
         link = int(model[0, 1])
-    size, last, w = 8 * n, int(model[1 + n + link, 0]), scales[2]
+    size, last, w = LANES * n, int(model[1 + n + link, 0]), scales[2]
     lower, upper = bounds[0], bounds[1]
-    J, walked, e, T = np.zeros(6 * size), np.zeros(6 * size), np.zeros(48), np.zeros(96)
+    J, walked, e, T = (
+        np.zeros(COLUMN * size),
+        np.zeros(COLUMN * size),
+        np.zeros(COLUMN_SIZE),
+        np.zeros(FRAME_SIZE),
+    )
     q, trial, start, mask = np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(size)
     cosines, sines, H, g = np.zeros(size), np.zeros(size), np.zeros(n * size), np.zeros(size)
-    near, own, room = np.zeros(16), np.zeros(n), np.zeros(n)
-    state, draws = np.zeros(_STATE), np.zeros((8, 1), dtype=np.uint64)
-    poses, attempts = np.zeros(8, dtype=np.int64), np.zeros(8, dtype=np.int64)
+    near, own, room = np.zeros(2 * LANES), np.zeros(n), np.zeros(n)
+    state, draws = np.zeros(_STATE), np.zeros((LANES, 1), dtype=np.uint64)
+    poses, attempts = np.zeros(LANES, dtype=np.int64), np.zeros(LANES, dtype=np.int64)
     following, active = 0, 0
     for lane in range(min(m, LANES)):
         _take(lane, lane, targets, seed, begin, lower, upper, start, T, state, draws)
@@ -228,7 +252,7 @@ def numeric_simd_kernel(
         over = judge_kernel(
             model, last, B, load_frame_kernel(T, 0), axes, scales, walked, trial, J, e, q, state
         )
-        for lane in range(8 if over != 0 else 0):
+        for lane in range(LANES if over != 0 else 0):
             if (over >> lane) & 1 == 0:
                 continue
             k = poses[lane]
@@ -237,7 +261,7 @@ def numeric_simd_kernel(
             if state[_SQUARE + lane] < state[_LEAST + lane] or done:
                 state[_LEAST + lane] = state[_SQUARE + lane]
                 for j in range(n):
-                    best[k, j] = q[8 * j + lane]
+                    best[k, j] = q[LANES * j + lane]
                 best[k, n], best[k, n + 1] = position, rotation
             attempts[lane] += 1
             attempt = attempts[lane]
@@ -256,7 +280,7 @@ def numeric_simd_kernel(
                 continue
             target = frame_kernel(targets[k])
             for j in range(n):
-                own[j] = q[8 * j + lane]
+                own[j] = q[LANES * j + lane]
             if attempt % LONG != LONG - 1:
                 pick_kernel(table, target, axes, w, draws[lane], last, near, own)
             else:
@@ -274,7 +298,7 @@ def _take(
     """Give a lane a pose."""
     only = _only(lane)
     for i in range(12):
-        _put(T, 8 * i, only, targets[pose, i // 4, i % 4])
+        _put(T, LANES * i, only, targets[pose, i // 4, i % 4])
     draws[lane, 0] = np.uint64(seed)
     state[_LEAST + lane] = np.inf
     _put(state, _ALL_STEPS, only, 0.0)
@@ -292,14 +316,14 @@ def _begin(
     _put(state, _GAIN, only, LONG_GAIN if long else GAIN)
     _put(state, _FRESH, only, 1.0)
     for j in range(q.shape[0]):
-        _put(start, 8 * j, only, min(max(q[j], lower[j]), upper[j]))
+        _put(start, LANES * j, only, min(max(q[j], lower[j]), upper[j]))
 
 
 @kernel(inline="code")
 def _only(lane: int) -> Conditions:
     """Whether a lane is the one of that number."""
     numbers = on_stack(LANES)
-    for k in range(8):
+    for k in range(LANES):
         numbers[k] = k
     return (load(numbers, 0) >= lane) & (load(numbers, 0) <= lane)
 
@@ -316,7 +340,7 @@ def solve_batch_kernel(
     scales: tuple[float, float, float], starts: int, seed: int, begin: Array, best: Array,
     solved: Indices,
 ) -> None:  # fmt: skip
-    """``solve_kernel`` for targets (m, 4, 4) from begin (m, n), the draws the same for each."""
+    """``search_kernel`` for targets (m, 4, 4) from begin (m, n), the draws the same for each."""
     m, n = begin.shape
     if m >= LANES:
         numeric_simd_kernel(
@@ -324,7 +348,7 @@ def solve_batch_kernel(
         )
         return
     for k in range(m):
-        solved[k], position, rotation, steps, spent = solve_kernel(
+        solved[k], position, rotation, steps, spent = search_kernel(
             model, link, targets[k], axes, bounds, table, scales, starts, 0, seed, begin[k],
             best[k, :n],
         )  # fmt: skip

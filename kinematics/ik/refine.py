@@ -11,6 +11,7 @@ import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
+from kinematics.compiled.simd import LANES
 from kinematics.frame import IDENTITY, Frame, compose_kernel, step_kernel
 from kinematics.ik.dls_step import error_kernel, step_within_kernel
 from kinematics.ik.parallel import parallel_kernel
@@ -51,7 +52,7 @@ def size_kernel(e: tuple[float, float, float, float, float, float]) -> tuple[flo
 
 
 @kernel
-def polish_kernel(
+def refine_kernel(
     model: Array, link: int, T: Frame, lower: Array, upper: Array, held: int, q: Array
 ) -> tuple[float, float]:
     """Improve q (n,) in place by damped steps inside bounds; the errors [m], [rad] that are left.
@@ -202,7 +203,7 @@ def parameter_kernel(plan: Array, q: Array, angles: Array) -> float:
 
 
 @kernel
-def polished_kernel(
+def add_refined_kernel(
     plan: Array, model: Array, link: int, T: Frame, lower: Array, upper: Array, seed: Array,
     tolerance: float, row: Array, lane: int, lanes: Array, q: Array, out: Array, count: int,
 ) -> tuple[int, bool]:  # fmt: skip
@@ -212,18 +213,18 @@ def polished_kernel(
         The new count, and whether polishing took it far away.
     """
     n, held = q.shape[0], int(plan[0, 2])
-    position, orientation = lanes[16 * n + lane], lanes[16 * n + 8 + lane]
+    position, orientation = lanes[2 * n * LANES + lane], lanes[(2 * n + 1) * LANES + lane]
     for j in range(n):
-        q[j] = lanes[8 * j + lane]
+        q[j] = lanes[j * LANES + lane]
     far = False
     if max(position, orientation) > CLOSE:
         # Without limits first, so that a branch is found where it is, inside or not.
-        position, orientation = polish_kernel(
+        position, orientation = refine_kernel(
             model, link, T, np.full(n, -np.inf), np.full(n, np.inf), held, q
         )
         far = max(position, orientation) > CLOSE
         for j in range(int(model[1 + n + link, 0]) + 1):
-            far = far or abs(q[j] - lanes[8 * j + lane]) > _FAR
+            far = far or abs(q[j] - lanes[j * LANES + lane]) > _FAR
     count = admit_kernel(
         plan, model, link, T, lower, upper, seed, tolerance, (position, orientation),
         (row[BRANCH], row[FAMILY], row[PARAMETER]), q, out, count,
@@ -255,10 +256,10 @@ def admit_kernel(
         position, orientation = miss_kernel(tip_kernel(model, q, link), T)
         if max(position, orientation) > tolerance:
             if inside:
-                position, orientation = polish_kernel(model, link, T, lower, upper, held, q)
+                position, orientation = refine_kernel(model, link, T, lower, upper, held, q)
             else:
                 whole = np.full(n, np.inf)
-                position, orientation = polish_kernel(model, link, T, -whole, whole, held, q)
+                position, orientation = refine_kernel(model, link, T, -whole, whole, held, q)
             if not (position <= tolerance and orientation <= tolerance):
                 return count
     known = (position, orientation, 1.0 if inside else 0.0, code, family, value)

@@ -22,10 +22,15 @@ from kinematics.ik.subproblem import EXACT, wrist_constants
 from kinematics.pose import inverse, rotation_x, transform
 
 Kind = Literal["spherical", "three_parallel", "redundant"]
+Wrist = Literal["spherical", "three_parallel", "none"]
 KINDS: tuple[Kind, ...] = ("spherical", "three_parallel", "redundant")
 
 #: Axes may miss a form by this much; beyond, too many branches would come and go.
 NEAR_LENGTH, NEAR_ANGLE = 8e-3, 2e-2
+#: Axes are called parallel or meeting within this [rad], [m]: published tables round angles to a
+#: millionth of a radian and lengths to a hundredth of a millimetre.
+PARALLEL_TOLERANCE = 1e-6
+MEETING_TOLERANCE = 1e-5
 #: Axes that must not be parallel are at least so far from it [rad].
 _DISTINCT = 0.05
 _FLIP = transform(rotation_x(np.pi))
@@ -226,3 +231,48 @@ def _locked(form: Structure, chain: Chain, T_joint_link: Array) -> Structure:
     plan[LOCKED, 1:13] = inverse(chain.offsets[form.locked])[:3].flat
     plan[LOCKED_TIP, 1:13] = inverse(T_joint_link)[:3].flat
     return Structure(form.kind, form.reverse, form.locked, form.joints, form.miss, frozen(plan))
+
+
+def classify_wrist(chain: Chain) -> Wrist:
+    """Classify a chain by the axes that make its inverse kinematics solvable in closed form.
+
+    Returns:
+        "spherical" when the last three axes meet in one point; else "three_parallel" when any
+        three consecutive axes are parallel; else "none". Only revolute joints count. Source: the
+        sufficient conditions of "The kinematics of manipulators under computer control", 1968.
+    """
+    if chain.n >= 3 and _three_revolute(chain, chain.n - 3) and _has_spherical_wrist(chain):
+        return "spherical"
+    parallel = (
+        _three_revolute(chain, i)
+        and _parallel_axes(chain.offsets[i + 1])
+        and _parallel_axes(chain.offsets[i + 2])
+        for i in range(chain.n - 2)
+    )
+    return "three_parallel" if any(parallel) else "none"
+
+
+def _three_revolute(chain: Chain, first: int) -> bool:
+    """Whether three joints from ``first`` on are revolute."""
+    return bool((chain.joint_types[first : first + 3] == JointType.REVOLUTE).all())
+
+
+def _has_spherical_wrist(chain: Chain) -> bool:
+    before = _crossing(inverse(chain.offsets[-2]))
+    after = _crossing(chain.offsets[-1])
+    return before is not None and after is not None and abs(before - after) <= MEETING_TOLERANCE
+
+
+def _parallel_axes(A: Array) -> bool:
+    return float(np.hypot(A[0, 2], A[1, 2])) <= PARALLEL_TOLERANCE
+
+
+def _crossing(A: Array) -> float | None:
+    """Where on z the z axis of frame ``A`` (4, 4) meets it [m]; None where it doesn't."""
+    if _parallel_axes(A):
+        return None
+    direction, point = A[:3, 2], A[:3, 3]
+    across = direction[:2]
+    along = -float(point[:2] @ across) / float(across @ across)
+    nearest = point + along * direction
+    return float(nearest[2]) if float(np.hypot(*nearest[:2])) <= MEETING_TOLERANCE else None

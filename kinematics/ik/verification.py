@@ -1,7 +1,7 @@
-"""Candidates of a closed form, eight abreast: their angles, frames, errors and nearest turns.
+"""Candidates of a closed form, in eight SIMD lanes: their angles, frames, errors and nearest turns.
 
-A candidate is a row of cosines and sines, see ``spherical``. What holds for a lane (see ``vector``)
-holds for a number, to the last bit, so a branch does not hang on its neighbours.
+A candidate is a row of cosines and sines, see ``spherical``. A lane computes what a single
+number would, to the last bit, so a branch does not depend on its neighbours.
 """
 
 import math
@@ -31,7 +31,7 @@ _SNAP = 1e-6
 #: Rows of vectors behind four for each joint: errors [m], [rad], and whether inside the limits.
 _BEHIND = 3
 #: Room for what ``verify_kernel`` answers.
-VERIFIED = 8 * (4 * MAX_JOINTS + _BEHIND)
+VERIFIED = LANES * (4 * MAX_JOINTS + _BEHIND)
 
 
 @kernel(inline="code")
@@ -107,12 +107,12 @@ def verify_kernel(
     n, joints, held = seed.shape[0], 7 if plan[0, 0] == 2.0 else 6, int(plan[0, 2])
     row = 1 + n + link
     last = int(model[row, 0])
-    rest = 8 * (2 * n + _BEHIND)
+    rest = LANES * (2 * n + _BEHIND)
     for j in range(joints):
-        at, sign = rest + 16 * int(plan[1 + j, 13]), plan[1 + j, 0]
+        at, sign = rest + 2 * LANES * int(plan[1 + j, 13]), plan[1 + j, 0]
         for lane in range(LANES):
             k = first + min(lane, count - 1)
-            lanes[at + lane], lanes[at + 8 + lane] = raw[k, 2 * j], sign * raw[k, 2 * j + 1]
+            lanes[at + lane], lanes[at + LANES + lane] = raw[k, 2 * j], sign * raw[k, 2 * j + 1]
     B = identity_lanes_kernel()
     inside = fill(0.0) <= 0.0
     snapped = fill(0.0) < 0.0
@@ -124,18 +124,18 @@ def verify_kernel(
             cosine, sine = math.cos(raw[first, PARAMETER]), math.sin(raw[first, PARAMETER])
             B = move_kernel(model, 1 + j, value, fill(cosine), fill(sine), B)
         else:
-            c, s = load(lanes, rest + 16 * j), load(lanes, rest + 16 * j + 8)
+            c, s = load(lanes, rest + 2 * LANES * j), load(lanes, rest + 2 * LANES * j + 8)
             B = turn_kernel(model, 1 + j, c, s, B)
             value = angle_kernel(c, s)
-        store(lanes, 8 * j, value)
+        store(lanes, LANES * j, value)
         if j != held and j <= last:
             value, fits, put = near_kernel(value, lower[j], upper[j], seed[j])
             inside, snapped = inside & fits, snapped | put
         else:
             inside = inside & (value >= lower[j]) & (value <= upper[j])
-        store(lanes, 8 * (n + j), value)
+        store(lanes, LANES * (n + j), value)
     position, orientation = miss_kernel(compose_kernel(B, model, row), T)
-    store(lanes, 16 * n, position)
-    store(lanes, 16 * n + 8, orientation)
-    store(lanes, 16 * n + 16, choose(inside, 1.0, 0.0))
+    store(lanes, 2 * n * LANES, position)
+    store(lanes, (2 * n + 1) * LANES, orientation)
+    store(lanes, (2 * n + 2) * LANES, choose(inside, 1.0, 0.0))
     return bits(snapped)

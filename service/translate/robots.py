@@ -13,12 +13,12 @@ from kinematics.chain import Chain, JointType
 from kinematics.dh import dh_from_chain
 from kinematics.dh_table import DhRow, DhTable
 from kinematics.errors import InvalidRobotDescription, InvalidScene
+from kinematics.ik.structure import classify_wrist
 from kinematics.mesh_uri import resolve_mesh
 from kinematics.robots import builtin_srdf, builtin_urdf
 from kinematics.serial_chain import GRAVITY, select, serial_chain
 from kinematics.srdf import check_semantics, parse_srdf
 from kinematics.urdf import parse_urdf
-from kinematics.wrist import classify_wrist
 from obstacles.dh_geometry import LinkSolid, dh_robot_geometry
 from obstacles.robot_geometry import RobotGeometry, robot_geometry
 from service.schemas import robot as schema

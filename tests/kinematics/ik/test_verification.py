@@ -1,4 +1,4 @@
-"""What is verified of candidates eight abreast, beside numpy and one by one."""
+"""Verification of candidates in SIMD lanes, beside numpy and one by one."""
 
 import numpy as np
 import pytest

@@ -7,8 +7,8 @@ from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.dh import DhRow, DhTable, chain_from_dh
 from kinematics.forward import joint_frames
+from kinematics.ik.structure import classify_wrist
 from kinematics.robots import builtin_chain, builtin_names
-from kinematics.wrist import classify_wrist
 
 KNOWN = {
     "panda": "none",
