@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
-from planning.timing.jerk_interior_point import Rows
+from planning.timing.jerk_limits import JerkLimits
 from planning.timing.path import JointPath
 
 # phi(T) / T: the length of a ramp for each unit of tau.
@@ -66,7 +66,7 @@ class Grid(NamedTuple):
     places: Array
     speeds: Array
     pieces: NDArray[np.int64]
-    rows: Rows
+    rows: JerkLimits
 
 
 class _Pace(NamedTuple):
@@ -167,7 +167,7 @@ def grid(
     counts = np.where(both_flat, 1, path.n)
     if extra is not None:
         caps, knot_rows, counts = _with_extra(extra(path, places), phi, caps, knot_rows, counts)
-    rows = Rows(
+    rows = JerkLimits(
         np.concatenate([[0.0], np.diff(pace.tau(places)), [0.0]]),
         caps,
         np.ascontiguousarray(knot_rows),

@@ -1,19 +1,8 @@
 """An interior-point method for the least time along a path with bounded jerk, compiled.
 
-With x = c(tau) the square of dtau/dt on a path q(tau), the limits of velocity, acceleration and
-jerk on the path are
-
-    c <= x_max,    lo <= e c + f c' <= up,    |w c + r c' + p c''| <= c^(-1/2),
-
-and the time is the integral of c^(-1/2). Let c be a quadratic B-spline: with cell lengths h_k, the
-unknown z_k belonging to cell k, and knot i between the cells i and i + 1,
-
-    C_i = (h_(i+1) z_i + h_i z_(i+1)) / (h_i + h_(i+1)),
-    D_i = 2 (z_(i+1) - z_i) / (h_i + h_(i+1))
-
-are c and c' at the knot, and c'' = (D_k - D_(k-1)) / h_k all over cell k. Two cells of length 0 at
-the ends carry c at the ends. Each limit involves three neighbouring unknowns at most, so that a
-step of Newton's method is the solution of a system with two diagonals on either side.
+``jerk_limits`` states the problem: a quadratic B-spline c of the squared speed, its limits, and the
+time. Each limit involves three neighbouring unknowns at most, so that a step of Newton's method is
+the solution of a system with two diagonals on either side.
 
 All limits but that of the jerk are linear, and the time is convex. A primal-dual method that never
 leaves the inside ("Numerical Optimization", 2006, chapter 19) gets within a thousandth of the least
@@ -24,10 +13,19 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
+from planning.timing.banded_cholesky import solve_banded_kernel
+from planning.timing.jerk_limits import (
+    JerkLimits,
+    count_kernel,
+    inside_kernel,
+    jerk_at_kernel,
+    knot_kernel,
+    time_kernel,
+    weight_kernel,
+)
 
 # Part of the way to the nearest limit that a step may go.
 _TO_LIMIT = 0.95
@@ -38,35 +36,9 @@ _MAX_SHORTENINGS = 100
 _CENTERING = 0.15
 _MAX_STEPS = 60
 # Of c near 0 nothing is to be gained by going below this part of what it was in one step.
-_LEAST = 0.1
+_MIN_SHARE = 0.1
 # Weight that ties the ends to their neighbours, beside which all else is nothing.
 _STIFF = 1e6
-# How often the first guess is smoothed: without, its kinks would ask for jerk without end.
-_SMOOTHINGS = 3
-
-
-class Rows(NamedTuple):
-    """Limits on c over N cells.
-
-    Args:
-        lengths: Of the cells, 0 at both ends, shape (N + 2,).
-        caps: Largest c at the knots, inf where there is none, shape (N + 1,).
-        knot_rows: (e, f, lo, up) of lo <= e c + f c' <= up, shape (N + 1, R, 4).
-        knot_counts: How many rows of each knot count, shape (N + 1,).
-        jerk_rows: (w, r, p) of |w c + r c' + p c''| <= c^(-1/2) at the two ends of each cell,
-            shape (N, 2, S, 3).
-        jerk_counts: How many rows of each cell count, shape (N,).
-        pulls: Time that c at the two ends is made to stand for, so that it is as large as can be
-            although it hardly matters for the true time, shape (2,).
-    """
-
-    lengths: Array
-    caps: Array
-    knot_rows: Array
-    knot_counts: NDArray[np.int64]
-    jerk_rows: Array
-    jerk_counts: NDArray[np.int64]
-    pulls: Array
 
 
 class Duals(NamedTuple):
@@ -84,115 +56,7 @@ class Duals(NamedTuple):
 
 
 @kernel
-def knot_kernel(h: Array, z: Array, i: int) -> tuple[float, float]:
-    """C_i and D_i."""
-    total = h[i] + h[i + 1]
-    c = (h[i + 1] * z[i] + h[i] * z[i + 1]) / total
-    d = 2.0 * (z[i + 1] - z[i]) / total
-    return c, d
-
-
-@kernel
-def jerk_at_kernel(row: Array, c: float, d: float, e: float) -> float:
-    """The linear part w c + r c' + p c'' of a jerk row."""
-    value: float = row[0] * c + row[1] * d + row[2] * e
-    return value
-
-
-@kernel
-def inside_kernel(rows: Rows, z: Array) -> bool:
-    """Whether every limit is kept strictly."""
-    h, caps, knot_rows, knot_counts, jerk_rows, jerk_counts = rows[:6]
-    cells = h.shape[0] - 2
-    for k in range(cells + 2):
-        if not z[k] > 0.0:
-            return False
-    for i in range(cells + 1):
-        c, d = knot_kernel(h, z, i)
-        if not c < caps[i]:
-            return False
-        for k in range(knot_counts[i]):
-            value = knot_rows[i, k, 0] * c + knot_rows[i, k, 1] * d
-            if not knot_rows[i, k, 2] < value < knot_rows[i, k, 3]:
-                return False
-    for k in range(1, cells + 1):
-        c0, d0 = knot_kernel(h, z, k - 1)
-        c1, d1 = knot_kernel(h, z, k)
-        e = (d1 - d0) / h[k]
-        bound0, bound1 = 1.0 / math.sqrt(c0), 1.0 / math.sqrt(c1)
-        for j in range(jerk_counts[k - 1]):
-            if not abs(jerk_at_kernel(jerk_rows[k - 1, 0, j], c0, d0, e)) < bound0:
-                return False
-            if not abs(jerk_at_kernel(jerk_rows[k - 1, 1, j], c1, d1, e)) < bound1:
-                return False
-    return True
-
-
-@kernel
-def decisive_kernel(rows: Rows, z: Array, share: float) -> Rows:
-    """The limits of which more than a share is used at z, and all caps; the others don't count."""
-    h, caps, knot_rows, knot_counts, jerk_rows, jerk_counts, pulls = rows
-    cells = h.shape[0] - 2
-    knots, knots_left = knot_rows.copy(), np.zeros_like(knot_counts)
-    jerks, jerks_left = jerk_rows.copy(), np.zeros_like(jerk_counts)
-    for i in range(cells + 1):
-        c, d = knot_kernel(h, z, i)
-        for k in range(knot_counts[i]):
-            value = knot_rows[i, k, 0] * c + knot_rows[i, k, 1] * d
-            if value > share * knot_rows[i, k, 3] or value < share * knot_rows[i, k, 2]:
-                knots[i, knots_left[i]] = knot_rows[i, k]
-                knots_left[i] += 1
-    for k in range(1, cells + 1):
-        c0, d0 = knot_kernel(h, z, k - 1)
-        c1, d1 = knot_kernel(h, z, k)
-        e = (d1 - d0) / h[k]
-        steepest = 0.0
-        for j in range(jerk_counts[k - 1]):
-            steepest = max(steepest, abs(jerk_rows[k - 1, 0, j, 2]))
-        for j in range(jerk_counts[k - 1]):
-            # That of the joint that moves most always counts: nothing else keeps c from swinging.
-            leads = abs(jerk_rows[k - 1, 0, j, 2]) == steepest
-            used0 = abs(jerk_at_kernel(jerk_rows[k - 1, 0, j], c0, d0, e)) * math.sqrt(c0)
-            used1 = abs(jerk_at_kernel(jerk_rows[k - 1, 1, j], c1, d1, e)) * math.sqrt(c1)
-            if leads or max(used0, used1) > share:
-                jerks[k - 1, :, jerks_left[k - 1]] = jerk_rows[k - 1, :, j]
-                jerks_left[k - 1] += 1
-    return Rows(h, caps, knots, knots_left, jerks, jerks_left, pulls)
-
-
-@kernel
-def time_kernel(rows: Rows, z: Array) -> float:
-    """The time that is made the least: the integral of c^(-1/2), each cell at its own z."""
-    time = 0.0
-    for k in range(z.shape[0]):
-        time += weight_kernel(rows, k) / math.sqrt(z[k])
-    return time
-
-
-@kernel
-def weight_kernel(rows: Rows, k: int) -> float:
-    """How much of tau goes by at z_k."""
-    weight: float = rows.lengths[k]
-    if k == 0:
-        weight = rows.pulls[0]
-    elif k == rows.lengths.shape[0] - 1:
-        weight = rows.pulls[1]
-    return weight
-
-
-@kernel
-def count_kernel(rows: Rows) -> int:
-    """How many limits there are."""
-    count = 0
-    for i in range(rows.caps.shape[0]):
-        count += 2 * rows.knot_counts[i] + (1 if rows.caps[i] < np.inf else 0)
-    for k in range(rows.jerk_counts.shape[0]):
-        count += 4 * rows.jerk_counts[k]
-    return count
-
-
-@kernel
-def least_time_kernel(rows: Rows, z: Array, centrality: float, tolerance: float) -> int:
+def least_time_kernel(rows: JerkLimits, z: Array, centrality: float, tolerance: float) -> int:
     """Improve z until the time is within about ``tolerance`` (a part of it) of the least.
 
     Args:
@@ -237,25 +101,27 @@ def least_time_kernel(rows: Rows, z: Array, centrality: float, tolerance: float)
 
 
 @kernel
-def _step_kernel(rows: Rows, z: Array, mu: float, duals: Duals, step: Array, band: Array) -> bool:
+def _step_kernel(
+    rows: JerkLimits, z: Array, mu: float, duals: Duals, step: Array, band: Array
+) -> bool:
     """Write Newton's step, without the indefinite part of the Hessian if need be."""
     for convex in (False, True):
         _system_kernel(rows, z, mu, duals, convex, step, band)
         for k in range(step.shape[0]):
             step[k] = -step[k]
-        if solve_kernel(band, step):
+        if solve_banded_kernel(band, step):
             step[0], step[-1] = step[1], step[-2]
             return True
     return False
 
 
 @kernel
-def _length_kernel(rows: Rows, z: Array, step: Array, trial: Array) -> float:
+def _length_kernel(rows: JerkLimits, z: Array, step: Array, trial: Array) -> float:
     """Write z + length step, with a length of at most 1 that stays inside; 0 if there is none."""
     length = 1.0
     for k in range(z.shape[0]):
         if step[k] < 0.0:
-            length = min(length, (1.0 - _LEAST) * z[k] / -step[k])
+            length = min(length, (1.0 - _MIN_SHARE) * z[k] / -step[k])
     for _ in range(_MAX_SHORTENINGS):
         for k in range(z.shape[0]):
             trial[k] = z[k] + length / _TO_LIMIT * step[k]
@@ -268,26 +134,8 @@ def _length_kernel(rows: Rows, z: Array, step: Array, trial: Array) -> float:
 
 
 @kernel
-def envelope_kernel(h: Array, rises: Array, z: Array) -> None:
-    """Lower z until no step from cell to cell is above ``rises`` (N + 1,), and smooth it."""
-    cells = h.shape[0] - 2
-    for i in range(cells + 1):
-        z[i + 1] = min(z[i + 1], z[i] + rises[i])
-    for i in range(cells, -1, -1):
-        z[i] = min(z[i], z[i + 1] + rises[i])
-    for _ in range(_SMOOTHINGS):
-        z[0], z[cells + 1] = z[1], z[cells]
-        before = z[0]
-        for k in range(1, cells + 1):
-            here = z[k]
-            z[k] = math.sqrt(math.sqrt(before * z[k + 1]) * here)
-            before = here
-    z[0], z[cells + 1] = z[1], z[cells]
-
-
-@kernel
 def _start_kernel(
-    rows: Rows,
+    rows: JerkLimits,
     z: Array,
     mu: float,
     duals: Duals,
@@ -318,7 +166,7 @@ def _start_kernel(
 
 @kernel
 def _system_kernel(
-    rows: Rows,
+    rows: JerkLimits,
     z: Array,
     mu: float,
     duals: Duals,
@@ -380,7 +228,13 @@ def _system_kernel(
 
 @kernel
 def _jerk_system_kernel(
-    rows: Rows, z: Array, mu: float, jerk_duals: Array, convex: bool, gradient: Array, band: Array
+    rows: JerkLimits,
+    z: Array,
+    mu: float,
+    jerk_duals: Array,
+    convex: bool,
+    gradient: Array,
+    band: Array,
 ) -> None:
     """Add the jerk's part of the gradient and the Hessian."""
     h, jerk_rows, jerk_counts = rows.lengths, rows.jerk_rows, rows.jerk_counts
@@ -440,43 +294,7 @@ def _jerk_system_kernel(
 
 
 @kernel
-def solve_kernel(band: Array, right: Array) -> bool:
-    """Solve with the symmetric matrix of ``band`` in place; False where it is not positive.
-
-    ``band[i, k]`` is the entry in row i, column i - k; Cholesky's factors take its place.
-    """
-    size = band.shape[0]
-    for i in range(size):
-        if i >= 2:
-            band[i, 2] /= band[i - 2, 0]
-            band[i, 1] -= band[i, 2] * band[i - 1, 1]
-        if i >= 1:
-            band[i, 1] /= band[i - 1, 0]
-        pivot = band[i, 0] - band[i, 1] * band[i, 1] if i >= 1 else band[i, 0]
-        if i >= 2:
-            pivot -= band[i, 2] * band[i, 2]
-        if not pivot > 0.0:
-            return False
-        band[i, 0] = math.sqrt(pivot)
-    for i in range(size):
-        value = right[i]
-        if i >= 1:
-            value -= band[i, 1] * right[i - 1]
-        if i >= 2:
-            value -= band[i, 2] * right[i - 2]
-        right[i] = value / band[i, 0]
-    for i in range(size - 1, -1, -1):
-        value = right[i]
-        if i + 1 < size:
-            value -= band[i + 1, 1] * right[i + 1]
-        if i + 2 < size:
-            value -= band[i + 2, 2] * right[i + 2]
-        right[i] = value / band[i, 0]
-    return True
-
-
-@kernel
-def _advanced(
+def _step_dual(
     dual: float, slack: float, change: float, mu: float, after: float, length: float
 ) -> float:
     """A multiplier after its Newton step, kept near the central path."""
@@ -488,7 +306,7 @@ def _advanced(
 
 @kernel
 def _duals_kernel(
-    rows: Rows,
+    rows: JerkLimits,
     z: Array,
     after: Array,
     step: Array,
@@ -507,16 +325,16 @@ def _duals_kernel(
         nc, nd = knot_kernel(h, after, i)
         if caps[i] < np.inf:
             s, n = 1.0 - c / caps[i], 1.0 - nc / caps[i]
-            cap_duals[i] = _advanced(cap_duals[i], s, -dc / caps[i], mu, n, length)
+            cap_duals[i] = _step_dual(cap_duals[i], s, -dc / caps[i], mu, n, length)
             gap += cap_duals[i] * n
         for k in range(knot_counts[i]):
             e, f = knot_rows[i, k, 0], knot_rows[i, k, 1]
             low, high = knot_rows[i, k, 2], knot_rows[i, k, 3]
             value, change, now = e * c + f * d, e * dc + f * dd, e * nc + f * nd
-            dual = _advanced(knot_duals[i, k, 0], value - low, change, mu, now - low, length)
+            dual = _step_dual(knot_duals[i, k, 0], value - low, change, mu, now - low, length)
             knot_duals[i, k, 0] = dual
             gap += dual * (now - low)
-            dual = _advanced(knot_duals[i, k, 1], high - value, -change, mu, high - now, length)
+            dual = _step_dual(knot_duals[i, k, 1], high - value, -change, mu, high - now, length)
             knot_duals[i, k, 1] = dual
             gap += dual * (high - now)
     for k in range(1, cells + 1):
@@ -538,10 +356,10 @@ def _duals_kernel(
                 change = jerk_at_kernel(row, dc, dd, de)
                 now = jerk_at_kernel(row, nc, nd, ne)
                 pair = jerk_duals[k - 1, end, j]
-                pair[0] = _advanced(
+                pair[0] = _step_dual(
                     pair[0], bound + value, falls + change, mu, bound_after + now, length
                 )
-                pair[1] = _advanced(
+                pair[1] = _step_dual(
                     pair[1], bound - value, falls - change, mu, bound_after - now, length
                 )
                 gap += pair[0] * (bound_after + now) + pair[1] * (bound_after - now)

@@ -17,15 +17,15 @@ from kinematics.errors import InvalidOption
 from kinematics.trajectory import Trajectory
 from planning.timing.failure import TimingFailed
 from planning.timing.jerk_grid import Extra, Grid, KnotLimits, grid
-from planning.timing.jerk_interior_point import (
-    Rows,
+from planning.timing.jerk_interior_point import least_time_kernel
+from planning.timing.jerk_limits import (
+    JerkLimits,
     decisive_kernel,
     envelope_kernel,
     inside_kernel,
-    least_time_kernel,
     time_kernel,
 )
-from planning.timing.jerk_profile import compose_kernel, phases_kernel, ratios_kernel
+from planning.timing.jerk_profile import compose_pieces_kernel, phases_kernel, ratios_kernel
 from planning.timing.path import SAME_DIRECTION, JointPath
 from planning.timing.ruckig import line_phases
 from planning.timing.time_scaling import ScaledTime, checked_limits, dilate, fitting_factor
@@ -136,7 +136,7 @@ def _sections(
         degree = section.coefficients.shape[2] - 1
         pieces = np.zeros((len(phases), section.n, 3 * degree + 1))
         work = np.empty((2, 3 * degree + 1))
-        compose_kernel(section.coefficients, owners, phases, work, pieces)
+        compose_pieces_kernel(section.coefficients, owners, phases, work, pieces)
         durations.append(phases[:, 4])
         coefficients.append(pieces)
     return np.concatenate(durations), np.concatenate(coefficients)
@@ -173,7 +173,7 @@ def _curved_phases(
     return phases, owners
 
 
-def _faster(rows: Rows, z: Array, enough: float) -> Array:
+def _faster(rows: JerkLimits, z: Array, enough: float) -> Array:
     """The least time from a z that is nearly right, by the limits that matter.
 
     Where that is not inside all limits even when made smaller by ``enough``, by all of them.
@@ -188,7 +188,7 @@ def _faster(rows: Rows, z: Array, enough: float) -> Array:
     return z
 
 
-def _start(rows: Rows) -> Array:
+def _start(rows: JerkLimits) -> Array:
     """A shape between constant and as fast as the limits allow place by place, inside them all."""
     caps, rises = _static(rows)
     shape = np.empty(len(rows.lengths))
@@ -199,7 +199,7 @@ def _start(rows: Rows) -> Array:
     return min(candidates, key=lambda z: time_kernel(rows, z))
 
 
-def _static(rows: Rows) -> tuple[Array, Array]:
+def _static(rows: JerkLimits) -> tuple[Array, Array]:
     """Largest c at each knot where c stands still, and by how much it may change to the next."""
     e, f, low, high = np.moveaxis(rows.knot_rows, -1, 0)
     counted = np.arange(e.shape[1]) < rows.knot_counts[:, None]
@@ -215,7 +215,7 @@ def _static(rows: Rows) -> tuple[Array, Array]:
     return caps, 0.5 * slopes * (rows.lengths[:-1] + rows.lengths[1:])
 
 
-def _scaled(rows: Rows, z: Array, inside: float) -> Array:
+def _scaled(rows: JerkLimits, z: Array, inside: float) -> Array:
     """The largest multiple of z inside all limits, and a bit less.
 
     Raises:
@@ -232,7 +232,7 @@ def _scaled(rows: Rows, z: Array, inside: float) -> Array:
     return np.asarray(inside * np.exp(low) * z)
 
 
-def _tightened(rows: Rows, ratios: Array) -> Rows:
+def _tightened(rows: JerkLimits, ratios: Array) -> JerkLimits:
     """The limits, lower where the motion between its knots exceeds them by the ratios (3, N)."""
     velocity, acceleration, jerk = np.maximum(ratios, 1.0)
     caps, knot_rows = rows.caps.copy(), rows.knot_rows.copy()
@@ -243,7 +243,7 @@ def _tightened(rows: Rows, ratios: Array) -> Rows:
     return rows._replace(caps=caps, knot_rows=knot_rows, jerk_rows=jerk_rows)
 
 
-def _calmed(rows: Rows, z: Array) -> Rows:
+def _calmed(rows: JerkLimits, z: Array) -> JerkLimits:
     """The limits, with c kept from changing much faster than from knot to knot.
 
     Where the tangent of the path vanishes, as at the ends of a clamped spline, no speed along it is

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
 from kinematics.polynomial import shift_kernel
+from planning.timing.composition import compose_kernel
 
 
 @kernel
@@ -92,7 +93,7 @@ def ratios_kernel(
 
 
 @kernel
-def compose_kernel(
+def compose_pieces_kernel(
     coefficients: Array, owners: NDArray[np.int64], phases: Array, work: Array, out: Array
 ) -> None:
     """Write the coefficients of q(s(t)) for cubic s(t).
@@ -105,26 +106,13 @@ def compose_kernel(
         out: Comes as zeros, shape (m, n, 3 d + 1).
     """
     n, size = coefficients.shape[1:]
-    shifted, product = work[0, :size], work[1]
+    shifted, product, inner = work[0, :size], work[1], np.empty(3)
     for i in range(owners.shape[0]):
-        start, one, two, three = phases[i, 0], phases[i, 1], phases[i, 2], phases[i, 3]
+        start = phases[i, 0]
+        inner[0], inner[1], inner[2] = phases[i, 1], phases[i, 2], phases[i, 3]
         for j in range(n):
             shift_kernel(coefficients[owners[i], j], start, shifted)
             top = size - 1
             while top > 0 and shifted[top] == 0.0:
                 top -= 1
-            row = out[i, j]
-            row[0] = shifted[top]
-            used = 1
-            for k in range(top - 1, -1, -1):
-                # Horner's rule with (one t + two t^2 + three t^3) for the argument.
-                for m in range(used + 3):
-                    product[m] = 0.0
-                for m in range(used):
-                    product[m + 1] += row[m] * one
-                    product[m + 2] += row[m] * two
-                    product[m + 3] += row[m] * three
-                used += 3
-                for m in range(used):
-                    row[m] = product[m]
-                row[0] += shifted[k]
+            compose_kernel(shifted, top, inner, product, out[i, j])

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
 from kinematics.polynomial import shift_kernel
+from planning.timing.composition import compose_kernel
 from planning.timing.constraints import Cells
 from planning.timing.path import JointPath
 
@@ -44,7 +45,7 @@ def timed_pieces(
     coefficients = np.zeros((count, path.n, 2 * size - 1))
     work = np.empty((2, 2 * size - 1))
     c = path.coefficients
-    compose_kernel(c, owners[:count], phases[:count], work, durations, coefficients)
+    compose_pieces_kernel(c, owners[:count], phases[:count], work, durations, coefficients)
     return durations, coefficients
 
 
@@ -110,7 +111,7 @@ def _inner_kernel(
 
 
 @kernel
-def compose_kernel(
+def compose_pieces_kernel(
     coefficients: Array,
     owners: NDArray[np.int64],
     phases: Array,
@@ -120,25 +121,13 @@ def compose_kernel(
 ) -> None:
     """Write the duration of each phase and the coefficients of q(s(t)); ``out`` comes as zeros."""
     n, size = coefficients.shape[1:]
-    shifted, product = work[0, :size], work[1]
+    shifted, product, inner = work[0, :size], work[1], np.empty(2)
     for i in range(owners.shape[0]):
         start, length, v0, v1 = phases[i]
         duration = 2.0 * length / (v0 + v1)
         half = 0.5 * (v1 - v0) / duration
         durations[i] = duration
+        inner[0], inner[1] = v0, half
         for j in range(n):
             shift_kernel(coefficients[owners[i], j], start, shifted)
-            row = out[i, j]
-            row[0] = shifted[size - 1]
-            used = 1
-            for k in range(size - 2, -1, -1):
-                # Horner's rule with (v0 t + half t^2) for the argument.
-                for m in range(used + 2):
-                    product[m] = 0.0
-                for m in range(used):
-                    product[m + 1] += row[m] * v0
-                    product[m + 2] += row[m] * half
-                used += 2
-                for m in range(used):
-                    row[m] = product[m]
-                row[0] += shifted[k]
+            compose_kernel(shifted, size - 1, inner, product, out[i, j])

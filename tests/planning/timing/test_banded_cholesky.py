@@ -1,0 +1,31 @@
+"""Banded systems against scipy's solver."""
+
+import numpy as np
+from scipy.linalg import solveh_banded
+
+from planning.timing.banded_cholesky import solve_banded_kernel
+
+
+def test_solutions_are_those_of_scipy() -> None:
+    rng = np.random.default_rng(0)
+    for size in (1, 2, 3, 10, 200):
+        band = np.zeros((size, 3))
+        band[:, 0] = rng.uniform(3.0, 4.0, size)
+        band[1:, 1] = rng.uniform(-1.0, 1.0, max(size - 1, 0))
+        band[2:, 2] = rng.uniform(-0.5, 0.5, max(size - 2, 0))
+        right = rng.normal(size=size)
+        # scipy stores column by column: entry (i, i - k) stands at [k, i - k].
+        lower = np.zeros((3, size))
+        for k in range(min(3, size)):
+            lower[k, : size - k] = band[k:, k]
+        expected = solveh_banded(lower[: min(3, size)], right, lower=True)
+        answer = right.copy()
+        assert solve_banded_kernel(band.copy(), answer)
+        np.testing.assert_allclose(answer, expected, rtol=1e-12, atol=1e-13)
+
+
+def test_a_matrix_that_is_not_positive_definite_is_told() -> None:
+    # Eigenvalues -1 and 3.
+    band = np.array([[1.0, 0.0, 0.0], [1.0, 2.0, 0.0]])
+    assert not solve_banded_kernel(band, np.ones(2))
+    assert not solve_banded_kernel(np.array([[0.0, 0.0, 0.0]]), np.ones(1))

@@ -1,0 +1,91 @@
+"""The parametrization that options choose: which limits count, and which are missed."""
+
+import numpy as np
+import pytest
+
+from kinematics.chain import Limits
+from kinematics.errors import InvalidOption, MissingLimit
+from kinematics.robots import builtin_chain
+from planning.timing.choice import chosen_parametrization, require_limits, required_limits
+from planning.timing.method import timing_method
+from planning.timing.options import Method, Payload, TimingOptions
+
+NAMES = ("a", "b")
+CHAIN = builtin_chain("panda")
+GIVEN = {"velocity": np.array([1.0, 2.0]), "acceleration": np.array([3.0, 4.0])}
+JERK = {"jerk": np.array([5.0, 6.0])}
+
+
+def test_limits_given_come_before_the_robots_and_are_scaled() -> None:
+    timing = TimingOptions("jerk_limited", 0.5, 0.25, 0.1)
+    chosen = chosen_parametrization(timing, NAMES, Limits.unlimited(2), GIVEN | JERK)
+    np.testing.assert_array_equal(chosen.velocity, [0.5, 1.0])
+    np.testing.assert_array_equal(chosen.acceleration, [0.75, 1.0])
+    assert chosen.jerk is not None
+    np.testing.assert_allclose(chosen.jerk, [0.5, 0.6])
+    robot = chosen_parametrization(
+        TimingOptions(), CHAIN.joint_names, CHAIN.limits, {"velocity": np.full(7, 0.1)}
+    )
+    np.testing.assert_array_equal(robot.velocity, np.full(7, 0.1))
+    np.testing.assert_array_equal(robot.acceleration, CHAIN.limits.acceleration)
+
+
+@pytest.mark.parametrize(
+    ("method", "given", "robot"),
+    [("toppra", False, False), ("spline", True, True), ("jerk_limited", True, True)],
+)
+def test_jerk_counts_where_the_method_bounds_it(method: Method, given: bool, robot: bool) -> None:
+    timing = TimingOptions(method)
+    own = chosen_parametrization(timing, NAMES, Limits.unlimited(2), GIVEN | JERK)
+    assert (own.jerk is not None) == given
+    assert ("jerk" in own.bounds) == given
+    known = chosen_parametrization(timing, CHAIN.joint_names, CHAIN.limits)
+    assert (known.jerk is not None) == robot
+
+
+def test_missing_limits_are_named() -> None:
+    for method, names in (
+        ("toppra", ("velocity", "acceleration")),
+        ("spline", ("velocity", "acceleration")),
+        ("jerk_limited", ("velocity", "acceleration", "jerk")),
+    ):
+        chosen = timing_method(method)  # type: ignore[arg-type]
+        assert required_limits(chosen) == names
+        for name in names:
+            given = {key: value for key, value in (GIVEN | JERK).items() if key != name}
+            with pytest.raises(MissingLimit, match=name):
+                chosen_parametrization(
+                    TimingOptions(method),  # type: ignore[arg-type]
+                    NAMES, Limits.unlimited(2), given,
+                )  # fmt: skip
+            with pytest.raises(MissingLimit, match=rf"{name}.*a, b"):
+                require_limits(names, NAMES, given)
+    require_limits(("velocity",), NAMES, GIVEN)
+
+
+def test_torque_and_tool_speed_limits_need_a_robot_and_count_its_payload() -> None:
+    for timing in (TimingOptions(torque_limits=True), TimingOptions(tool_speed=0.5)):
+        with pytest.raises(InvalidOption, match="need a robot"):
+            chosen_parametrization(timing, NAMES, Limits.unlimited(2), GIVEN)
+    plain = chosen_parametrization(TimingOptions(), CHAIN.joint_names, CHAIN.limits, {}, CHAIN)
+    assert plain.loads is None
+    timing = TimingOptions(torque_limits=True, tool_speed=0.5, payload=Payload(2.0))
+    chosen = chosen_parametrization(timing, CHAIN.joint_names, CHAIN.limits, {}, CHAIN)
+    assert chosen.loads is not None
+    assert chosen.loads.tool_speed == 0.5
+    assert chosen.loads.effort is not None
+    np.testing.assert_array_equal(chosen.loads.effort, CHAIN.limits.effort)
+    assert chosen.loads.chain != CHAIN
+    lower = {"effort": np.full(7, 5.0)}
+    own = chosen_parametrization(timing, CHAIN.joint_names, CHAIN.limits, lower, CHAIN)
+    assert own.loads is not None
+    assert own.loads.effort is not None
+    np.testing.assert_array_equal(own.loads.effort, 5.0)
+
+
+def test_boundary_velocities_of_the_wrong_form_are_refused() -> None:
+    for values in ([1.0], [1.0, np.nan]):
+        with pytest.raises(InvalidOption, match=r"timing\.end_velocity must be 2"):
+            chosen_parametrization(
+                TimingOptions(end_velocity=values), NAMES, Limits.unlimited(2), GIVEN
+            )
