@@ -123,7 +123,7 @@ def _settle(
 
 
 @kernel(allocates=False)
-def _examine(
+def _examine(  # noqa: C901, PLR0912, PLR0915
     model: ModelArrays, work: Workspace, margin: float, given: Indices, hints: Array,
     first: int, count: int, entries: Indices, axes: Array, kept: int,
 ) -> tuple[int, int]:  # fmt: skip

@@ -124,7 +124,7 @@ def _bound(desk: Array, na: int, nb: int, n: _Plane, enough: float) -> float:
 
 
 @kernel(allocates=False)
-def surface_distance(
+def surface_distance(  # noqa: C901, PLR0912
     a: Array, i: int, b: Array, j: int, corners: Array, tables: Lists, nodes: Array,
     near: float, most: float, hint: Array, room: Array, stack: Array,
 ) -> tuple[int, float]:  # fmt: skip

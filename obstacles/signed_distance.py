@@ -75,7 +75,7 @@ def core_support(kind: int, vertices: Array, size: Array, T: Array, n: Array) ->
 
 
 @kernel
-def plane_bound(  # noqa: PLR0913  numba takes no dataclasses
+def plane_bound(
     kind_a: int,
     vertices_a: Array,
     size_a: Array,

@@ -57,7 +57,7 @@ class Law(NamedTuple):
     robot: Array
 
 
-def law(  # noqa: PLR0913  each controller names those gains that it has
+def law(
     kind: Kind,
     model: Chain,
     robot: Chain,

@@ -178,7 +178,7 @@ def newton(loop: Loop, stages: Stages, t: float, h: float, x: Array, tolerances:
 
 
 @kernel(inline="always")
-def implicit_step(  # noqa: PLR0913  where from, how far, how exact, where to
+def implicit_step(
     loop: Loop, stages: Stages, t: float, h: float, x: Array, f: Array, tolerances: Array,
     end: Array, is_retry: bool,
 ) -> float:  # fmt: skip

@@ -41,7 +41,7 @@ _TRIALS = 6
 
 
 @kernel(allocates=False)
-def branches_kernel(
+def branches_kernel(  # noqa: C901, PLR0912
     plan: Array, model: Array, link: int, target: Array, lower: Array, upper: Array, seed: Array,
     values: Array, tolerance: float, enough: int, out: Array,
 ) -> int:  # fmt: skip

@@ -61,7 +61,7 @@ _VISITED, _ROOTS = 4096, 16
 
 
 @kernel
-def add_curve_branches_kernel(
+def add_curve_branches_kernel(  # noqa: PLR0912
     plan: Array, model: Array, link: int, T: Frame, lower: Array, upper: Array, seed: Array,
     tolerance: float, raw: Array, found: int, before: int, phase: float, q: Array, out: Array,
     count: int,

@@ -202,7 +202,7 @@ def tangent_kernel(
 
 
 @kernel
-def follow_kernel(
+def follow_kernel(  # noqa: C901, PLR0912
     model: Array, link: int, T: Frame, joints: Indices, moving: bool, way: float, start: Array,
     u0: Array, t0: Array, tolerance: float, visited: Array, seen: int, roots: Array,
 ) -> tuple[int, int, bool]:  # fmt: skip

@@ -184,7 +184,7 @@ def table_kernel(
 
 
 @kernel(allocates=False)
-def search_kernel(
+def search_kernel(  # noqa: C901, PLR0912, PLR0915
     model: Array, link: int, target: Array, axes: Array, bounds: Array, table: Array,
     scales: tuple[float, float, float], starts: int, spent: int, seed: int, start: Array,
     best: Array,

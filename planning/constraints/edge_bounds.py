@@ -57,7 +57,7 @@ _UNIT = np.array([0.0, 1.0])
 
 
 @kernel
-def hold_kernel(
+def hold_kernel(  # noqa: C901, PLR0912, PLR0915
     chain: Array, packed: Array, breaks: Array, coefficients: Array,
     gaps: Array, tolerance: float, most: int, worst: Array, times: Array, found: Array,
 ) -> int:  # fmt: skip

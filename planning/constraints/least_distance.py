@@ -24,7 +24,7 @@ _ROUNDS = 20
 
 
 @kernel
-def least_distance(A: Array, b: Array, count: int, d: Array, x: Array) -> bool:
+def least_distance(A: Array, b: Array, count: int, d: Array, x: Array) -> bool:  # noqa: C901, PLR0912
     """Write the nearest x (n,) to d (n,) with A x <= b over the first ``count`` rows of A (k, n).
 
     Returns:
