@@ -18,9 +18,11 @@ from numba.core.untyped_passes import ExtractByteCode
 
 from kinematics.compiled import kernel_library, kernel_store, kernel_symbol, kernel_writes
 from kinematics.compiled.kernel_library import Copied, Whole
+from kinematics.compiled.kernel_writes import Use
 
 #: Instructions of machine code beyond which a kernel is called and not copied into its callers.
 LARGE = 150
+_NONE = Use(frozenset(), frozenset())
 
 
 @dataclass(frozen=True)
@@ -30,7 +32,7 @@ class Code:
     Attributes:
         name: what it is kept under; a digest of all that it is made from is part of it.
         symbol: of its function.
-        writes: numbers of the arguments that it may write to.
+        use: what it may do with its arguments.
         needs: names of the kernels that it calls, which must be loaded before it is.
         machine_code: an object file.
         bitcode: the same in a form that can be copied into callers; None for a large kernel.
@@ -40,7 +42,7 @@ class Code:
 
     name: str
     symbol: str
-    writes: frozenset[int]
+    use: Use
     needs: tuple[str, ...]
     machine_code: bytes
     bitcode: bytes | None
@@ -105,13 +107,13 @@ def compiled(name: str, function: Any, kinds: Any, flags: Any, small: bool) -> C
     if library.recurses():
         raise NotImplementedError(f"{function.__qualname__} calls itself by way of another kernel")
     fndesc = result.fndesc
-    writes = kernel_writes.written(pipeline.state.func_ir, fndesc.typemap, fndesc.calltypes)
+    use = kernel_writes.use(pipeline.state.func_ir, fndesc.typemap, fndesc.calltypes)
     fndesc.typemap = fndesc.calltypes = None
     fndesc.doc = ""
     copied = small or library.size() <= LARGE
     bitcode = library.bitcode() if copied else None
     symbol, facts = fndesc.llvm_func_name, (fndesc, result.signature)
-    return _code(name, symbol, writes, library, bitcode, facts)
+    return _code(name, symbol, use, library, bitcode, facts)
 
 
 def door(name: str, fndesc: Any, flags: Any) -> Code:
@@ -128,7 +130,7 @@ def door(name: str, fndesc: Any, flags: Any) -> Code:
         context.push_code_library(library),
     ):
         context.create_cpython_wrapper(library, fndesc, environment, None, flags.release_gil)
-    return _code(name, fndesc.llvm_cpython_wrapper_name, frozenset(), library, None, fndesc)
+    return _code(name, fndesc.llvm_cpython_wrapper_name, _NONE, library, None, fndesc)
 
 
 def entry(code: Code) -> Any:
@@ -166,7 +168,7 @@ def _environments(name: str) -> Any:
 def _code(
     name: str,
     symbol: str,
-    writes: frozenset[int],
+    use: Use,
     library: Whole,
     bitcode: bytes | None,
     facts: Any,
@@ -175,7 +177,7 @@ def _code(
     environments = [lookup_environment(one) for one in library.environments()]
     used = dumps([one for one in environments if one is not None])
     return Code(
-        name, symbol, writes, tuple(needs), library.machine_code(), bitcode, used, dumps(facts),
+        name, symbol, use, tuple(needs), library.machine_code(), bitcode, used, dumps(facts),
         not library.has_dynamic_globals,
     )  # fmt: skip
 

@@ -22,10 +22,10 @@ from kinematics.compiled.kernel_code import Code
 from kinematics.compiled.kernel_fingerprint import describe, settled_fingerprint
 from kinematics.compiled.kernel_symbol import name_by_content
 from kinematics.compiled.kernel_target import target
-from kinematics.compiled.kernel_writes import holds_arrays, writable
+from kinematics.compiled.kernel_writes import Use, writable
 
 #: Count up with every change of how kernels are compiled that does not show in their functions.
-_REVISION = 2
+_REVISION = 4
 
 
 #: Characters of names that are no good in names of files.
@@ -45,7 +45,7 @@ class Kernel(CPUDispatcher):
         super().__init__(function, *more, targetoptions=options)
         self._doors: dict[Any, Any] = {}
         self._choices: dict[Any, Any] = {}
-        self._writes: dict[Any, frozenset[int]] = {}
+        self._uses: dict[Any, Use] = {}
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """The signature by which another kernel calls this one; literals are plain numbers."""
@@ -70,9 +70,9 @@ class Kernel(CPUDispatcher):
                 self._insert([kind._code for kind in given], self._doors[given], False)
         return self._doors[given]
 
-    def written_arguments(self, kinds: Any) -> frozenset[int]:
-        """Numbers of the arguments that this kernel may write to, for types it is compiled for."""
-        return self._writes[kinds]
+    def use(self, kinds: Any) -> Use:
+        """What this kernel may do with its arguments, for types that it is compiled for."""
+        return self._uses[kinds]
 
     @global_compiler_lock  # type: ignore[untyped-decorator]
     def _settled(self, given: Any) -> Any:
@@ -90,11 +90,11 @@ class Kernel(CPUDispatcher):
 
     def _leaves_alone(self, given: Any, kinds: Any) -> bool:
         try:
-            answer = self._overload(kinds).signature.return_type
+            self._overload(kinds)
         except errors.NumbaError:
             return False
         constant = {i for i, kind in enumerate(kinds) if kind != given[i]}
-        return not holds_arrays(answer) and not constant & self._writes[kinds]
+        return not constant & (self._uses[kinds].written | self._uses[kinds].given)
 
     def _door(self, result: Any) -> Code:
         name = f"{result.entry_point.name}.door{'' if self.targetoptions['nogil'] else '-locked'}"
@@ -122,7 +122,7 @@ class Kernel(CPUDispatcher):
     def _add(self, kinds: Any, code: Code) -> None:
         fndesc, signature = pickle.loads(code.facts)
         definition = Definition(code.name)
-        self._writes[kinds] = code.writes
+        self._uses[kinds] = code.use
         libraries = [] if code.bitcode is None else [kernel_code.copied(code.name)]
         self.targetctx.insert_user_function(definition, fndesc, libraries)
         self.overloads[kinds] = compiler.compile_result(

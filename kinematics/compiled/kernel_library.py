@@ -18,15 +18,11 @@ class Part(JITCodeLibrary):
     """Code that is linked into kernels and never runs by itself, so that none is emitted for it."""
 
     def finalize(self) -> None:
-        """Link and tidy what this part is made of; optimising is for the kernel it goes into."""
+        """Link what this part is made of; optimising it as a whole is for the kernel it goes into."""
         self._raise_if_finalized()
         _link(self)
         self._finalize_dynamic_globals()
         self._finalized = True
-
-    def _optimize_functions(self, ll_module: Any) -> None:
-        # Whole modules are optimised, when all is linked.
-        ll_module.data_layout = self._codegen._data_layout
 
     def get_pointer_to_function(self, name: str) -> int:  # noqa: ARG002  numba's signature
         """No address: nothing calls a part from outside."""

@@ -6,11 +6,13 @@ compiled again for each mixture. One that provably leaves an argument alone need
 
 import inspect
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import types
 from numba.core import cgutils, ir
+from numba.core.datamodel import default_manager
+from numba.core.datamodel.models import PointerModel, PrimitiveModel
 from numba.extending import lower_cast
 
 #: Functions that leave arrays alone, by the first part of their module's name.
@@ -25,6 +27,11 @@ _READING_NUMPY = frozenset(
         "stack", "sum", "tan", "trace", "transpose", "where", "zeros", "zeros_like",
     }
 )  # fmt: skip
+#: Those whose arrays are always new ones.
+_FRESH = frozenset(
+    {"arange", "empty", "empty_like", "eye", "full", "full_like", "linspace", "ones"}
+)
+_FRESH |= {"ones_like", "zeros", "zeros_like"}
 _READING_METHODS = frozenset(
     {
         "all", "any", "argmax", "argmin", "astype", "copy", "dot", "flatten", "max", "mean",
@@ -73,12 +80,27 @@ def holds_arrays(kind: Any) -> bool:
         return holds_arrays(kind.type)
     plain = types.Number | types.Boolean | types.NoneType | types.UnicodeType | types.Literal
     nothing = types.Omitted | types.Function | types.Dispatcher | types.Module | types.SliceType
-    return not isinstance(kind, plain | nothing | types.RangeType | types.RangeIteratorType)
+    if isinstance(kind, plain | nothing | types.RangeType | types.RangeIteratorType):
+        return False
+    model = default_manager[kind]  # such as that of a vector: one value and no address
+    return not isinstance(model, PrimitiveModel) or isinstance(model, PointerModel)
 
 
-def written(func_ir: Any, typemap: Any, calltypes: Any) -> frozenset[int]:
-    """Numbers of the arguments that a compiled function may write to, and perhaps some others."""
-    return _Aliases(func_ir, typemap, calltypes).written()
+class Use(NamedTuple):
+    """What a kernel may do with its arguments, by their numbers; perhaps some too many.
+
+    Attributes:
+        written: arguments with arrays that it may write to.
+        given: arguments with arrays that may be in what it gives back.
+    """
+
+    written: frozenset[int]
+    given: frozenset[int]
+
+
+def use(func_ir: Any, typemap: Any, calltypes: Any) -> Use:
+    """What a function does with its arguments, by the typed code that numba made of it."""
+    return _Aliases(func_ir, typemap, calltypes).use()
 
 
 class _Aliases:
@@ -89,17 +111,18 @@ class _Aliases:
         self._typemap, self._calltypes = typemap, calltypes
         self._roots: dict[str, set[int]] = {}
         self._written: set[int] = set()
+        self._given: set[int] = set()
 
-    def written(self) -> frozenset[int]:
+    def use(self) -> Use:
         before = -1
         while before != self._size():
             before = self._size()
             for statement in self._statements:
                 self._follow(statement)
-        return frozenset(self._written)
+        return Use(frozenset(self._written), frozenset(self._given))
 
     def _size(self) -> int:
-        return len(self._written) + sum(map(len, self._roots.values()))
+        return len(self._written) + len(self._given) + sum(map(len, self._roots.values()))
 
     def _of(self, variables: Any) -> set[int]:
         names = (one.name for one in variables if isinstance(one, ir.Var))
@@ -113,14 +136,17 @@ class _Aliases:
                 )
             elif isinstance(statement.value, ir.Expr):
                 self._behind(statement.value)
+        elif isinstance(statement, ir.Return):
+            self._given |= self._of([statement.value])
         elif isinstance(statement, ir.SetItem | ir.StaticSetItem | ir.SetAttr | ir.DelItem):
             self._written |= self._of([statement.target])
-            if not isinstance(statement, ir.DelItem):
-                self._roots.setdefault(statement.target.name, set()).update(
-                    self._of([statement.value])
-                    if holds_arrays(self._typemap.get(getattr(statement.value, "name", "")))
-                    else ()
-                )
+            self._hold(statement)
+
+    def _hold(self, statement: Any) -> None:
+        # What is put into an array is copied; a list holds it.
+        target, value = statement.target.name, getattr(statement, "value", None)
+        if not isinstance(self._typemap[target], types.Array):
+            self._roots.setdefault(target, set()).update(self._of([value]))
 
     def _behind(self, value: Any) -> set[int]:
         """The arguments that a value may lead to; notes what computing it may write."""
@@ -148,19 +174,30 @@ class _Aliases:
         if isinstance(kind, types.BoundFunction):
             reached |= self._of([call.func])
         if not call.vararg and isinstance(kind, types.Dispatcher):
-            self._written |= self._of(_handed(kind.dispatcher, call, self._calltypes[call]))
-        elif not _only_reads(kind, len(given)):
+            known = _known(kind.dispatcher, self._calltypes[call].args)
+            self._written |= self._of(_handed(kind.dispatcher, call, known.written))
+            return self._of(_handed(kind.dispatcher, call, known.given))
+        if not _only_reads(kind, len(given)):
             self._written |= reached
-        return reached
+        return set() if _of_numpy(kind, _FRESH) else reached
 
 
-def _handed(kernel: Any, call: Any, signature: Any) -> Iterator[Any]:
-    """What is handed to a kernel where it may write."""
+def _known(kernel: Any, kinds: Any) -> Use:
+    every = frozenset(range(len(kinds)))
+    return kernel.use(kinds) if hasattr(kernel, "use") else Use(every, every)
+
+
+def _handed(kernel: Any, call: Any, numbers: frozenset[int]) -> Iterator[Any]:
+    """The arguments of a call that have these numbers."""
     names = list(inspect.signature(kernel.py_func).parameters)
-    known = getattr(kernel, "written_arguments", None)
-    numbers = range(len(names)) if known is None else known(signature.args)
     yield from (one for number, one in enumerate(call.args) if number in numbers)
     yield from (one for name, one in call.kws if names.index(name) in numbers)
+
+
+def _of_numpy(kind: Any, names: frozenset[str]) -> bool:
+    key = getattr(kind, "typing_key", None)
+    module, name = getattr(key, "__module__", None) or "", getattr(key, "__name__", "")
+    return module.split(".")[0] == "numpy" and name in names
 
 
 def _only_reads(kind: Any, given: int) -> bool:
@@ -171,9 +208,7 @@ def _only_reads(kind: Any, given: int) -> bool:
     key = getattr(kind, "typing_key", None)
     if isinstance(key, np.ufunc):
         return given <= key.nin
-    module, name = getattr(key, "__module__", "") or "", getattr(key, "__name__", "")
     if hasattr(key, "revision"):  # of kinematics.compiled.simd
         return not getattr(key, "writes", False)
-    if module.split(".")[0] in _READING_MODULES:
-        return True
-    return module.split(".")[0] == "numpy" and name in _READING_NUMPY
+    module = getattr(key, "__module__", None) or ""
+    return module.split(".")[0] in _READING_MODULES or _of_numpy(kind, _READING_NUMPY)
