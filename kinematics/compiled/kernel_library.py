@@ -18,7 +18,7 @@ class Part(JITCodeLibrary):
     """Code that is linked into kernels and never runs by itself, so that none is emitted for it."""
 
     def finalize(self) -> None:
-        """Link what this part is made of; optimising it as a whole is for the kernel it goes into."""
+        """Link the parts of this library; its caller optimises it as a whole."""
         self._raise_if_finalized()
         _link(self)
         self._finalize_dynamic_globals()
