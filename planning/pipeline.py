@@ -38,7 +38,7 @@ from planning.timing.method import TimingMethod
 from planning.timing.motion_timing import motions
 from planning.timing.parametrization import TimeParametrization
 from planning.timing.time_scaling import ScaledTime
-from planning.tool_timing import TimedToolPath, time_tool_path, with_path_deviation
+from planning.tool_timing import TimedToolPath, time_tool_path
 
 #: Share of the time that is kept back for shortening, timing and the proof.
 _RESERVED_SHARE = 0.2
@@ -274,7 +274,7 @@ class _Pipeline:
     def _certify(self, timed: _Timed) -> Certificate:
         problem, parametrization, tool_path = self.problem, self.parametrization, timed.tool_path
         bounds = parametrization.bounds if tool_path is None else tool_path.bounds(parametrization)
-        certificate = certify(
+        return certify(
             timed.trajectory,
             problem.robot,
             problem.scene,
@@ -282,11 +282,9 @@ class _Pipeline:
             constraints=problem.constraints,
             limits=bounds,
             loads=parametrization.loads,
+            tool_motions=None if tool_path is None else tool_path.tool_motions,
             deadline=self.deadline,
         )
-        if tool_path is None:
-            return certificate
-        return with_path_deviation(certificate, problem.robot.chain, tool_path)
 
     def _refine(self, checker: Checker, known: Trajectory) -> _Proved | Failure | None:
         """Optimise a motion and prove the result; None where the motion itself is to be taken."""

@@ -115,6 +115,35 @@ class ToolMotion:
         return m
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class TimedToolMotions:
+    """Motions of the tool in turn, when each is carried out, and how far the tool may be off.
+
+    Args:
+        motions: k motions.
+        times: When each begins, and the last one ends, shape (k + 1,) [s].
+        max_position: How far the tool's origin may be off [m].
+        max_orientation: How far its orientation may be off [rad]; None where it is free.
+
+    Raises:
+        InvalidGoal: The times are not as many as that, or they descend.
+    """
+
+    motions: tuple[ToolMotion, ...]
+    times: Array
+    max_position: float
+    max_orientation: float | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "times", frozen(self.times))
+        if self.times.shape != (len(self.motions) + 1,) or (np.diff(self.times) < 0.0).any():
+            raise InvalidGoal(
+                f"{len(self.motions)} motion(s) of the tool need {len(self.motions) + 1} times "
+                "that do not descend",
+                hint="Give when each motion begins, and when the last one ends.",
+            )
+
+
 def line(T_start: Array, T_end: Array) -> ToolMotion:
     """The straight motion between two poses (4, 4); a turn on the spot where they share a place."""
     return ToolMotion("lin", T_start, T_end, np.zeros(3), np.array([0.0, 0.0, 1.0]), 0.0)

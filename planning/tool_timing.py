@@ -1,21 +1,18 @@
 """Timing of joint paths that lead the tool, from rest to rest along every motion."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.trajectory import Trajectory, concatenate, stay
-from planning.proof.certificate import Certificate
-from planning.proof.tool_deviation import PathDeviation, piece_deviations
-from planning.proof.violation import Violation
 from planning.result import ToolMotionReport
 from planning.timing.parametrization import TimeParametrization
 from planning.timing.path import JointPath
 from planning.timing.time_scaling import ScaledTime
-from planning.tool_motion import ToolMotion
+from planning.tool_deviation import piece_deviations
+from planning.tool_motion import TimedToolMotions, ToolMotion
 from planning.tool_path import Tolerances, ToolPath
 
 #: How often a spline of time is given twice as many waypoints to keep nearer to its motion.
@@ -37,11 +34,6 @@ class TimedToolPath:
     notes: tuple[str, ...] = ()
 
     @property
-    def motions(self) -> tuple[ToolMotion, ...]:
-        """Motions in which the joints move, one for each part."""
-        return tuple(motion for motion, _ in self.path.moving)
-
-    @property
     def reports(self) -> tuple[ToolMotionReport, ...]:
         """When each motion begins and ends, and how much of it is carried out."""
         parts = iter(self.parts)
@@ -54,6 +46,15 @@ class TimedToolPath:
             )
             now = then
         return tuple(reports)
+
+    @property
+    def tool_motions(self) -> TimedToolMotions:
+        """The motions with their times, as the proof asks for them."""
+        times = [0.0, *(report.ends for report in self.reports)]
+        tolerances = self.path.tolerances
+        return TimedToolMotions(
+            self.path.motions, np.array(times), tolerances.position, tolerances.orientation
+        )
 
     def trajectory(self, chain: Chain) -> Trajectory:
         """The parts one after the other; a short stay where there are none."""
@@ -107,57 +108,3 @@ def _time_motion(
             break
         knots = np.sort(np.concatenate([knots, 0.5 * (knots[1:] + knots[:-1])]))
     return timed
-
-
-def with_path_deviation(
-    certificate: Certificate, chain: Chain, timed: TimedToolPath
-) -> Certificate:
-    """The certificate with the deviation of the tool from its motions, and what follows of it."""
-    deviation = path_deviation(chain, timed.motions, timed.parts, timed.path.tolerances)
-    certificate = replace(certificate, path_deviation=deviation)
-    if deviation.verified or certificate.violation is not None:
-        return certificate
-    message = f"the tool is {deviation.position:.6g} m off its motion"
-    if deviation.orientation is not None:
-        message += f", or turned off it by {deviation.orientation:.6g} rad"
-    details = {"position": deviation.position, "orientation": deviation.orientation}
-    violation = Violation("path_deviation", deviation.time, message, details)
-    return replace(certificate, verified=False, violation=violation)
-
-
-def path_deviation(
-    chain: Chain,
-    motions: Sequence[ToolMotion],
-    parts: Sequence[Trajectory],
-    tolerances: Tolerances,
-) -> PathDeviation:
-    """How far a robot's tool is off lines and arcs, bounded for every instant.
-
-    Args:
-        chain: The robot; its tip is the tool.
-        motions: What the tool is to do, in turn.
-        parts: What the joints do meanwhile, one trajectory each.
-        tolerances: What is allowed.
-    """
-    begins, worst, when, verified = 0.0, np.zeros(2), 0.0, True
-    highest = -1.0
-    for motion, part in zip(motions, parts, strict=True):
-        bounds, fine, where = piece_deviations(
-            chain, part.breaks, part.coefficients, motion, tolerances.pair
-        )
-        shares = (bounds / np.array(tolerances.pair)).max(axis=1)
-        k = int(np.argmax(shares))
-        if shares[k] > highest:
-            highest, when = float(shares[k]), begins + float(where[k])
-        worst = np.maximum(worst, bounds.max(axis=0))
-        verified = verified and bool(fine.all())
-        begins += part.duration
-    free = tolerances.orientation is None
-    return PathDeviation(
-        position=float(worst[0]),
-        orientation=None if free else float(worst[1]),
-        verified=verified,
-        time=when,
-        max_position=tolerances.position,
-        max_orientation=tolerances.orientation,
-    )

@@ -21,8 +21,8 @@ from kinematics.jacobian import pose_and_jacobian
 from kinematics.pose import rotation_error
 from kinematics.trajectory import Trajectory
 from planning.deadline import Deadline
-from planning.proof.tool_deviation import piece_deviations
 from planning.timing.path import JointPath
+from planning.tool_deviation import piece_deviations
 from planning.tool_motion import ToolMotion
 from planning.tool_path import Stop, Tolerances, ToolSegment
 

@@ -9,7 +9,7 @@ at again on the halves. Whoever proposed the direction, it is checked here, on t
 touches or nearly so, FCL decides.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,8 +47,9 @@ from planning.proof.sweep_state import (
     push_halves,
     start_sweep,
 )
-from planning.proof.tool_deviation import PathDeviation
+from planning.proof.tool_deviation import PathDeviation, check_tool_motions
 from planning.proof.violation import Violation
+from planning.tool_motion import TimedToolMotions
 
 #: A violation this near to the start or the goal, in every joint, is told as theirs [rad or m].
 _AT_AN_END = 1e-6
@@ -64,11 +65,27 @@ _INTERVALS_A_CALL = 1000
 
 
 @dataclass(frozen=True, slots=True)
-class Certificate:
-    """What was proved about a trajectory.
+class Proved:
+    """Which parts of a proof were carried out and hold.
 
     Args:
-        verified: Free for every instant and inside every limit.
+        limits: Limits, continuity, constraints and tool motions hold at every instant.
+        collisions: Nothing collides at any instant.
+        reasons: Why a part is not proved, a sentence each.
+    """
+
+    limits: bool
+    collisions: bool
+    reasons: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Certificate:
+    """Everything that was proved about a trajectory.
+
+    Args:
+        verified: All that was asked for is proved: limits always, collisions unless there is
+            nothing to collide with.
         min_clearance: Holds for every t, margins not taken off [m]; infinite where nothing can
             collide, the distance found where something does.
         clearance_pair: The pair with the least clearance.
@@ -83,6 +100,7 @@ class Certificate:
         violation: The first thing that is wrong; None where it is verified.
         path_deviation: How far the tool is off the motions asked for, where some were.
         path_constraints: How well each constraint of the path is held.
+        proved: Which parts were proved, and why others were not.
     """
 
     verified: bool
@@ -97,6 +115,7 @@ class Certificate:
     violation: Violation | None = None
     path_deviation: PathDeviation | None = None
     path_constraints: tuple[ConstraintReport, ...] = ()
+    proved: Proved = Proved(False, False)
 
     @property
     def path_constraint_residual(self) -> float | None:
@@ -112,10 +131,11 @@ METHOD = (
     "continuous: separating directions checked against motion bounds on cells of time, "
     "exact extrema of polynomials"
 )
-LIMITS_METHOD = "exact extrema of polynomials; nothing is known of collisions"
+NOTHING_KNOWN = "nothing is known of collisions"
+LIMITS_METHOD = f"exact extrema of polynomials; {NOTHING_KNOWN}"
 
 
-def certify(
+def certify(  # noqa: PLR0913  one name for each thing that is proved
     trajectory: Trajectory,
     robot: RobotGeometry,
     scene: Scene,
@@ -124,6 +144,7 @@ def certify(
     limits: Mapping[str, Array] | None = None,
     loads: EffortLimits | None = None,
     constraints: ConstraintSet | None = None,
+    tool_motions: TimedToolMotions | None = None,
     deadline: Deadline | None = None,
 ) -> Certificate:
     """Prove that a trajectory is free for every instant and inside every limit, or say why not.
@@ -137,6 +158,7 @@ def certify(
             taken from the robot, NaN and infinity bind nothing.
         loads: Limits of torque and tool speed.
         constraints: What the motion has to hold for every instant.
+        tool_motions: Lines and arcs that the tool has to keep to.
         deadline: When to give up (which proves nothing).
     """
     reports, wrong = check_limits(trajectory, robot.chain.limits, dict(limits or {}), loads)
@@ -146,9 +168,19 @@ def certify(
         check_motion(constraints, trajectory) if constraints is not None else ((), None)
     )
     wrong += [violated] if violated else []
+    deviation = None
+    if tool_motions is not None:
+        deviation, off = check_tool_motions(robot.chain, trajectory, tool_motions)
+        wrong += [off] if off else []
+    within = not wrong
     proof = _Proof(trajectory, robot, scene, margin, deadline)
     proof.run()
+    has_solids = _has_solids(robot)
+    if not has_solids and scene.obstacles:
+        message = f"{_no_solids(robot)} with {len(scene.obstacles)} obstacle(s)"
+        wrong.append(Violation("unproved", 0.0, message, {}))
     wrong += [proof.violation] if proof.violation else []
+    free = has_solids and proof.violation is None
     obstacle, own = proof.clearances
     first = min(wrong, key=lambda violation: violation.time) if wrong else None
     return Certificate(
@@ -162,7 +194,9 @@ def certify(
         continuity=continuity,
         cells=proof.visited,
         violation=first,
+        path_deviation=deviation,
         path_constraints=kept,
+        proved=Proved(within, free, _reasons(wrong, None if has_solids else _no_solids(robot))),
     )
 
 
@@ -184,7 +218,8 @@ def certify_limits(
     if not (np.isfinite(limits.lower) | np.isfinite(limits.upper)).any():
         del reports["position"]
     continuity, jumps = check_continuity(trajectory)
-    first = min(wrong + jumps, key=lambda violation: violation.time, default=None)
+    wrong += jumps
+    first = min(wrong, key=lambda violation: violation.time, default=None)
     return Certificate(
         verified=first is None,
         min_clearance=np.inf,
@@ -196,7 +231,24 @@ def certify_limits(
         continuity=continuity,
         cells=0,
         violation=first,
+        proved=Proved(first is None, False, _reasons(wrong, NOTHING_KNOWN)),
     )
+
+
+def _has_solids(robot: RobotGeometry) -> bool:
+    """Whether links of the robot itself have solids, not only what it holds."""
+    links = {link.name for link in robot.chain.links}
+    return any(name in links for name in robot.links)
+
+
+def _no_solids(robot: RobotGeometry) -> str:
+    return f"robot {robot.chain.name!r} has no collision geometry: nothing is known of collisions"
+
+
+def _reasons(wrong: Sequence[Violation], unknown: str | None) -> tuple[str, ...]:
+    """Why parts of a proof do not hold: violations, and what nothing is known of."""
+    reasons = [violation.message for violation in wrong if violation.kind != "unproved"]
+    return tuple([*reasons, unknown] if unknown else reasons)
 
 
 class _Proof:

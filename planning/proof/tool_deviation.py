@@ -1,40 +1,68 @@
-"""How far a motion of the joints takes the tool off a line or an arc, bounded for every instant.
+"""Deviation of the tool from lines and arcs, bounded for every instant of a motion.
 
-About the middle t of a cell of time, joint j has velocity v_j, over the cell at most V_j and at
-most the acceleration A_j, from the coefficients of its polynomial. With R_j a bound of the tool's
-distance from axis j (what it may move within the cell included), the tool's acceleration is at most
+On an interval of time of half length h the tool's place is p + s v + r with |r| <= a h^2 / 2, its
+orientation turns at w, both from ``relative_motion``. Of a line, the deviation e across it changes
+at e', the part of v across it, and stays below max |e +- h e'| + |r|. On an arc
+e = (distance from the axis - radius, height), whose second derivative adds |p'|^2 / distance. An
+angle between two orientations changes at most by their relative angular velocity. Intervals are
+halved until the bound is sharp or a deviation beyond what is allowed is found.
 
-    P = sum_j R_j A_j + sum_ij R_max(i,j) V_i V_j          (revolute; a slide has 1 for R_j, and
-                                                            turns before it only),
-
-since d2p / dq_i dq_j = z_i x (z_j x (p - o_j)) for i <= j; the tool's angular acceleration is at
-most W = sum_j A_j + sum_(i<j) V_i V_j. So the deviation e of the tool across a line, of which value
-and rate are known in the middle, stays below max |e +- h e'| + P h^2 / 2 all over the cell of half
-width h; on an arc e = (distance from the axis - radius, height), whose second derivative adds
-|p'|^2 / distance. An angle between two orientations changes at most by their relative angular
-velocity. Cells are halved until the bound is sharp or a deviation beyond what is allowed is found.
-It knows nothing of how the motion came about.
+The angle about an arc's axis is followed from interval to interval, so that whole turns count: only
+intervals are judged in which it changes by little. Planners measure deviations by
+``planning.tool_deviation``, and a fault there must not be believed here.
 """
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kinematics.arrays import Array, Indices
 from kinematics.chain import Chain
 from kinematics.compiled.kernel import kernel
-from kinematics.polynomial import shift_kernel
+from kinematics.trajectory import Trajectory
+from kinematics.vec3 import Vector, cross, dot, scale, subtract
 from planning.proof.joint_frames import forward_kernel
-from planning.tool_motion import ToolMotion
+from planning.proof.motion_bounds import JOINT_COLUMNS, OUTWARD, VALUE, enclose, reach
+from planning.proof.relative_motion import RelativeMotion, relative_motion
+from planning.proof.separating_direction import rounding
+from planning.proof.violation import Violation
+from planning.tool_motion import TimedToolMotions, ToolMotion
 
-#: A bound is sharp that is at most this much above what was found, or below this share of what is
-#: allowed.
+#: A bound is sharp that is at most so many times what was found.
 _SHARP = 1.25
+#: Or below this share of what is allowed.
 _SMALL = 0.1
-#: Halvings of a piece; a cell of a millionth of a second has told all there is.
+#: Angles that may change by more than this in an interval are not judged there [rad].
+_MAX_TURN = 0.5
+#: Halvings of a piece, after which its bound is what it is.
 _MAX_DEPTH = 40
+#: Ends of motions may miss the breaks of the trajectory by what sums of times round off [relative].
+_TIME_ROUNDING = 1e-12
+
+# Entries of a motion as the kernels here read it; vectors by the first of three.
+#: 0 for a line, 1 for an arc.
+_KIND = 0
+#: Place at its start [m].
+_START = 1
+#: Unit direction of a line, 0 where it has no length; of an arc towards its start.
+_ALONG = 4
+#: Unit normal of an arc.
+_NORMAL = 7
+#: Centre of an arc [m].
+_CENTER = 10
+#: Axis that the orientation turns about, in the base's axes.
+_AXIS = 13
+#: Length of a line or radius of an arc [m].
+_LENGTH = 16
+#: Angle that an arc sweeps [rad].
+_SWEEP = 17
+#: Angle that the orientation turns by [rad].
+_TURN = 18
+#: Orientation at its start, row by row.
+_ROTATION = 19
+_WIDTH = 28
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,301 +86,341 @@ class PathDeviation:
     max_orientation: float | None
 
 
-def piece_deviations(
-    chain: Chain,
-    breaks: Array,
-    coefficients: Array,
-    motion: ToolMotion,
-    tolerances: tuple[float, float],
-) -> tuple[Array, NDArray[np.bool_], Array]:
-    """Bounds of the deviation of every piece of a piecewise polynomial from a tool's motion.
+class Arm(NamedTuple):
+    """What the kernels read of a robot (n joints).
+
+    Args:
+        types: Of the joints, shape (n,).
+        offsets: T_(i-1)_i of every joint at 0, shape (n, 4, 4).
+        T_joint_tip: The tip in the frame of the joint that carries it, shape (4, 4).
+        joint: That joint, -1 for the base.
+    """
+
+    types: Indices
+    offsets: Array
+    T_joint_tip: Array
+    joint: int
+
+
+class Worst(NamedTuple):
+    """The largest deviations so far.
+
+    Args:
+        bounds: Position [m] and orientation [rad], shape (2,).
+        place: Share of what is allowed, the time in its piece [s], the angle followed [rad], (3,).
+    """
+
+    bounds: Array
+    place: Array
+
+
+class Deviations(NamedTuple):
+    """Deviations on one interval, position [m] and orientation [rad].
+
+    Args:
+        now: In its middle, shape (2,).
+        upper: Bounds all over it, shape (2,).
+        T: The tool's pose in its middle, shape (3, 4).
+    """
+
+    now: Array
+    upper: Array
+    T: Array
+
+
+def check_tool_motions(
+    chain: Chain, trajectory: Trajectory, asked: TimedToolMotions
+) -> tuple[PathDeviation, Violation | None]:
+    """Bound how far the tool is off its motions, and say what is wrong if that is too far.
 
     Args:
         chain: The robot; its tip is the tool.
-        breaks: Shape (m + 1,), of time or any other parameter.
-        coefficients: Shape (m, n, k), ascending.
-        motion: Where the tool is to be.
-        tolerances: What is allowed [m], [rad]; infinite where it is free.
-
-    Returns:
-        Bounds of position [m] and orientation [rad], shape (m, 2), of a piece that goes too far
-        what was found; whether each piece is proved, (m,); where each is farthest off, (m,).
+        trajectory: Of all its joints, in its order.
+        asked: The motions, in turn, with their times and what is allowed.
     """
-    tip, m = chain.tip, len(breaks) - 1
-    bounds, fine, where = np.zeros((m, 2)), np.zeros(m), np.zeros(m)
-    deviation_kernel(
-        chain.joint_types, chain.offsets, tip.T_joint_link, tip.joint,
-        np.ascontiguousarray(breaks), np.ascontiguousarray(coefficients), motion.numbers,
-        np.array(tolerances), bounds, fine, where,
-    )  # fmt: skip
-    return bounds, fine != 0.0, where
+    deviation = path_deviation(chain, trajectory, asked)
+    if deviation.verified:
+        return deviation, None
+    message = f"the tool is {deviation.position:.6g} m off its motion"
+    if deviation.orientation is not None:
+        message += f", or turned off it by {deviation.orientation:.6g} rad"
+    details = {"position": deviation.position, "orientation": deviation.orientation}
+    return deviation, Violation("path_deviation", deviation.time, message, details)
 
 
-@kernel
-def _norm3(a: float, b: float, c: float) -> float:
-    return math.sqrt(a * a + b * b + c * c)
+def path_deviation(chain: Chain, trajectory: Trajectory, asked: TimedToolMotions) -> PathDeviation:
+    """How far a robot's tool is off lines and arcs, bounded for every instant.
+
+    Args:
+        chain: The robot; its tip is the tool.
+        trajectory: Of all its joints, in its order.
+        asked: The motions, in turn, with their times and what is allowed.
+    """
+    is_free = asked.max_orientation is None
+    allowed = np.array([asked.max_position, np.inf if is_free else asked.max_orientation])
+    arm = Arm(chain.joint_types, chain.offsets, chain.tip.T_joint_link, chain.tip.joint)
+    worst, verified, time, highest = np.zeros(2), True, 0.0, -1.0
+    for motion, begin, end in zip(asked.motions, asked.times[:-1], asked.times[1:], strict=True):
+        numbers, angle = _packed(motion), 0.0
+        for piece, low, high in _parts(trajectory, float(begin), float(end)):
+            part = Worst(np.zeros(2), np.array([-1.0, 0.0, angle]))
+            fine = deviation_kernel(
+                arm, trajectory.coefficients[piece], np.array([low, high]), numbers, allowed, part
+            )
+            worst = np.maximum(worst, part.bounds)
+            angle = float(part.place[2])
+            # The first that is too far, else where the largest share of what is allowed is used.
+            if verified and (not fine or part.place[0] > highest):
+                highest = float(part.place[0])
+                time = float(trajectory.breaks[piece] + part.place[1])
+            verified = verified and bool(fine)
+    return PathDeviation(
+        position=float(worst[0]),
+        orientation=None if is_free else float(worst[1]),
+        verified=verified,
+        time=min(time, trajectory.duration),
+        max_position=asked.max_position,
+        max_orientation=asked.max_orientation,
+    )
 
 
-@kernel
-def _spread(e: Array, rate: Array, h: float) -> float:
-    """The larger of |e + h e'| and |e - h e'|."""
-    plus, minus = 0.0, 0.0
-    for k in range(3):
-        plus += (e[k] + h * rate[k]) ** 2
-        minus += (e[k] - h * rate[k]) ** 2
-    return math.sqrt(max(plus, minus))
+def _parts(trajectory: Trajectory, begin: float, end: float) -> list[tuple[int, float, float]]:
+    """The pieces between two times, and the part of each in its own time."""
+    breaks, slack = trajectory.breaks, _TIME_ROUNDING * trajectory.duration
+    first = int(np.searchsorted(breaks, begin + slack, side="right")) - 1
+    last = int(np.searchsorted(breaks, end - slack, side="left")) - 1
+    first = min(max(first, 0), trajectory.pieces - 1)
+    parts = []
+    for piece in range(first, max(last, first) + 1):
+        length = float(breaks[piece + 1] - breaks[piece]) * OUTWARD
+        low = max(begin - float(breaks[piece]), 0.0) if piece == first else 0.0
+        high = length if end >= breaks[piece + 1] - slack else end - float(breaks[piece])
+        low = 0.0 if low <= slack else low
+        parts.append((piece, low, max(low, high)))
+    return parts
 
 
-@kernel
-def _nominal(m: Array, s: float, R: Array) -> None:
-    """Write exp(s theta [a]) R_0 of a motion's numbers into R (3, 3)."""
-    angle = s * m[16]
-    c, v = math.cos(angle), math.sin(angle)
-    for column in range(3):
-        x, y, z = m[4 + column], m[7 + column], m[10 + column]
-        along = (m[13] * x + m[14] * y + m[15] * z) * (1.0 - c)
-        R[0, column] = c * x + v * (m[14] * z - m[15] * y) + along * m[13]
-        R[1, column] = c * y + v * (m[15] * x - m[13] * z) + along * m[14]
-        R[2, column] = c * z + v * (m[13] * y - m[14] * x) + along * m[15]
-
-
-@kernel
-def _angle_between(A: Array, B: Array) -> float:
-    """Angle of A^T B, (3, 3) each, from |A - B| = 2 sqrt(2) sin(angle / 2): exact where small."""
-    square = 0.0
-    for i in range(3):
-        for j in range(3):
-            square += (A[i, j] - B[i, j]) ** 2
-    return 2.0 * math.asin(min(1.0, math.sqrt(square / 8.0)))
-
-
-@kernel
-def _twist_angle(m: Array, R: Array) -> float:
-    """Angle about the axis a that R R_0^T contains, in (-pi, pi]."""
-    # Of D = R R_0^T: sine from its skew part along a, cosine from what it does across a.
-    trace, x, y, z = 0.0, 0.0, 0.0, 0.0
-    for k in range(3):
-        trace += R[0, k] * m[4 + k] + R[1, k] * m[7 + k] + R[2, k] * m[10 + k]
-        x += R[2, k] * m[7 + k] - R[1, k] * m[10 + k]
-        y += R[0, k] * m[10 + k] - R[2, k] * m[4 + k]
-        z += R[1, k] * m[4 + k] - R[0, k] * m[7 + k]
-    sine = 0.5 * (x * m[13] + y * m[14] + z * m[15])
-    return math.atan2(sine, 0.5 * (trace - 1.0))
+def _packed(motion: ToolMotion) -> Array:
+    """A motion as the kernels read it, shape (_WIDTH,)."""
+    m, start = np.zeros(_WIDTH), motion.T_start[:3, 3]
+    turn = motion.turn
+    angle = float(np.linalg.norm(turn))
+    m[_START : _START + 3], m[_ROTATION:] = start, motion.T_start[:3, :3].ravel()
+    if angle > 0.0:
+        m[_AXIS : _AXIS + 3], m[_TURN] = turn / angle, angle
+    if motion.kind == "lin":
+        way = motion.T_end[:3, 3] - start
+        length = float(np.linalg.norm(way))
+        if length > 0.0:
+            m[_ALONG : _ALONG + 3], m[_LENGTH] = way / length, length
+        return m
+    m[_KIND], m[_NORMAL : _NORMAL + 3], m[_CENTER : _CENTER + 3] = 1.0, motion.normal, motion.center
+    m[_ALONG : _ALONG + 3] = (start - motion.center) / motion.radius
+    m[_LENGTH], m[_SWEEP] = motion.radius, motion.sweep
+    return m
 
 
 @kernel
 def deviation_kernel(
-    types: Indices, offsets: Array, T_joint_tip: Array, last: int, breaks: Array,
-    coefficients: Array, m: Array, tolerances: Array, bounds: Array, fine: Array, where: Array,
-) -> None:  # fmt: skip
-    """Kernel of ``piece_deviations``; ``fine`` is 1 where a piece is proved."""
-    count, n, size = coefficients.shape
-    c = np.empty((n, size))
-    state = np.zeros(10)
-    work = np.empty((8, max(n, 4)))
+    arm: Arm, coefficients: Array, ends: Array, m: Array, allowed: Array, worst: Worst
+) -> bool:
+    """Bound the deviation on a part of one piece; whether it is proved to be allowed.
+
+    Args:
+        arm: The robot.
+        coefficients: Of the piece, shape (n, k).
+        ends: Of the part in the piece's own time, shape (2,) [s].
+        m: The motion, shape (_WIDTH,).
+        allowed: Deviations [m], [rad], infinite where it is free, shape (2,).
+        worst: Raised; its angle is where the part before has left it.
+    """
+    n, size = coefficients.shape
+    joints, shift = np.empty((n, JOINT_COLUMNS)), np.empty((2, size))
     frames = np.empty((n, 4, 4))
-    stack = np.empty((_MAX_DEPTH + 2, 3))
-    for piece in range(count):
-        length = breaks[piece + 1] - breaks[piece]
-        stack[0, 0], stack[0, 1], stack[0, 2] = 0.0, length, 0.0
-        top = 1
-        fine[piece] = 1.0
-        worst_p, worst_r, highest = 0.0, 0.0, -1.0
-        while top > 0:
-            top -= 1
-            low, high, depth = stack[top, 0], stack[top, 1], stack[top, 2]
-            at, h = 0.5 * (low + high), 0.5 * (high - low)
-            for j in range(n):
-                shift_kernel(coefficients[piece, j], at, c[j])
-            cell_kernel(types, offsets, T_joint_tip, last, c, h, m, frames, work, state)
-            now_p, now_r, upper_p, upper_r = state[0], state[1], state[2], state[3]
-            if now_p > tolerances[0] or now_r > tolerances[1]:
-                fine[piece] = 0.0
-                worst_p, worst_r = max(worst_p, now_p), max(worst_r, now_r)
-                where[piece] = breaks[piece] + at
-                break
-            enough_p = max(_SMALL * tolerances[0], _SHARP * max(now_p, worst_p))
-            enough_r = max(_SMALL * tolerances[1], _SHARP * max(now_r, worst_r))
-            sharp = upper_p <= enough_p and upper_r <= enough_r
-            allowed = upper_p <= tolerances[0] and upper_r <= tolerances[1]
-            if sharp and allowed:
-                worst_p, worst_r = max(worst_p, upper_p), max(worst_r, upper_r)
-                share = max(upper_p / tolerances[0], upper_r / tolerances[1])
-                if share > highest:
-                    highest, where[piece] = share, breaks[piece] + at
-                continue
-            if depth >= _MAX_DEPTH:
-                fine[piece] = 0.0
-                worst_p, worst_r = max(worst_p, upper_p), max(worst_r, upper_r)
-                where[piece] = breaks[piece] + at
-                break
-            stack[top, 0], stack[top, 1], stack[top, 2] = at, high, depth + 1.0
-            stack[top + 1, 0], stack[top + 1, 1], stack[top + 1, 2] = low, at, depth + 1.0
-            top += 2
-        bounds[piece, 0], bounds[piece, 1] = worst_p, worst_r
-
-
-@kernel
-def cell_kernel(
-    types: Indices, offsets: Array, T_joint_tip: Array, last: int, c: Array, h: float, m: Array,
-    frames: Array, work: Array, state: Array,
-) -> None:  # fmt: skip
-    """Deviations in the middle of a cell, ``state[:2]``, and bounds over it, ``state[2:4]``.
-
-    ``c`` (n, k) holds the coefficients about the middle. ``state[6]`` is the angle where the last
-    cell's middle was, which tells this one's whole turns. Further: bounds of the tool's
-    accelerations ``state[4:6]``, and place, pace and a bound of its change ``state[7:10]``.
-    """
-    R, N = np.empty((3, 3)), np.empty((3, 3))
-    tip_motion_kernel(types, offsets, T_joint_tip, last, c, h, frames, work, R, state)
-    w = work[5]
-    if m[0] == 0.0:
-        _line_kernel(m, h, work, R, state)
-    else:
-        _arc_kernel(m, h, work, state)
-    s, pace, bend = state[7], state[8], state[9]
-    _nominal(m, s, N)
-    state[1] = _angle_between(N, R)
-    state[3] = np.inf
-    if state[2] < np.inf:
-        relative = _norm3(
-            w[0] - m[16] * pace * m[13], w[1] - m[16] * pace * m[14], w[2] - m[16] * pace * m[15]
-        )
-        state[3] = state[1] + relative * h + 0.5 * (state[5] + m[16] * bend) * h * h
-        if m[0] == 0.0 and m[29] == 0.0:
-            reach = abs(pace) * h
-            state[3] += max(0.0, reach - s, s + reach - 1.0) * m[16]
-            state[1] += max(0.0, -s, s - 1.0) * m[16]
-
-
-@kernel
-def tip_motion_kernel(
-    types: Indices, offsets: Array, T_joint_tip: Array, last: int, c: Array, h: float,
-    frames: Array, work: Array, R: Array, state: Array,
-) -> None:  # fmt: skip
-    """Write the tip's place ``work[3]``, velocities ``work[4]``, ``work[5]`` and rotation R.
-
-    Bounds of its acceleration and angular acceleration over the cell go to ``state[4:6]``.
-    """
-    n, size = c.shape
-    q, V, A, p, v, w = work[0], work[1], work[2], work[3], work[4], work[5]
-    for j in range(n):
-        q[j] = c[j, 0]
-        total, power = 0.0, 1.0
-        for i in range(2, size):
-            total += i * (i - 1) * abs(c[j, i]) * power
-            power *= h
-        A[j] = total
-        V[j] = (abs(c[j, 1]) if size > 1 else 0.0) + total * h
-    forward_kernel(types, offsets, q[:n], frames)
-    for row in range(3):
-        p[row] = T_joint_tip[row, 3]
-        v[row], w[row] = 0.0, 0.0
-        for column in range(3):
-            R[row, column] = T_joint_tip[row, column]
-    if last >= 0:
-        F = frames[last]
-        for row in range(3):
-            p[row] = F[row, 3]
-            for k in range(3):
-                p[row] += F[row, k] * T_joint_tip[k, 3]
-            for column in range(3):
-                R[row, column] = 0.0
-                for k in range(3):
-                    R[row, column] += F[row, k] * T_joint_tip[k, column]
-    second, turning, moved = 0.0, 0.0, 0.0
-    for j in range(last, -1, -1):
-        F = frames[j]
-        zx, zy, zz = F[0, 2], F[1, 2], F[2, 2]
-        speed = c[j, 1] if size > 1 else 0.0
-        before = 0.0
-        for i in range(j):
-            if types[i] == 0:
-                before += V[i]
-        if types[j] == 1:
-            second += A[j] + 2.0 * V[j] * before
-            moved += V[j] * h
-            v[0] += speed * zx
-            v[1] += speed * zy
-            v[2] += speed * zz
+    stack, top = np.zeros((_MAX_DEPTH + 2, 3)), 1
+    stack[0, 0], stack[0, 1] = ends[0], ends[1]
+    now, upper, found = np.zeros(2), np.zeros(2), np.zeros(2)
+    deviations = Deviations(now, upper, np.empty((3, 4)))
+    while top > 0:
+        top -= 1
+        low, high, depth = stack[top, 0], stack[top, 1], stack[top, 2]
+        middle = 0.5 * (low + high)
+        half = max(high - middle, middle - low) * (1.0 + 4e-16)
+        enclose(coefficients, middle, half, shift, joints)
+        forward_kernel(arm.types, arm.offsets, joints[:, VALUE], frames)
+        judged = _bound(arm, frames, joints, half, m, worst.place, deviations)
+        beyond = judged and (now[0] > allowed[0] or now[1] > allowed[1])
+        within, sharp = judged, judged
+        for k in range(2):
+            found[k] = max(found[k], now[k]) if judged else found[k]
+            within = within and upper[k] <= allowed[k]
+            sharp = sharp and upper[k] <= max(_SMALL * allowed[k], _SHARP * found[k])
+        if beyond or depth >= _MAX_DEPTH:
+            value = now if beyond else upper
+            for k in range(2):
+                worst.bounds[k] = max(worst.bounds[k], value[k])
+            worst.place[0], worst.place[1] = np.inf, middle
+            return False
+        if within and sharp:
+            share = max(upper[0] / allowed[0], upper[1] / allowed[1])
+            if share > worst.place[0]:
+                worst.place[0], worst.place[1] = share, middle
+            for k in range(2):
+                worst.bounds[k] = max(worst.bounds[k], upper[k])
             continue
-        dx, dy, dz = p[0] - F[0, 3], p[1] - F[1, 3], p[2] - F[2, 3]
-        cx, cy, cz = zy * dz - zz * dy, zz * dx - zx * dz, zx * dy - zy * dx
-        lever = _norm3(cx, cy, cz) + moved
-        v[0] += speed * cx
-        v[1] += speed * cy
-        v[2] += speed * cz
-        w[0] += speed * zx
-        w[1] += speed * zy
-        w[2] += speed * zz
-        second += lever * (A[j] + V[j] * V[j] + 2.0 * V[j] * before)
-        turning += A[j] + V[j] * before
-        moved += lever * V[j] * h
-    state[4], state[5] = second, turning
+        stack[top, 0], stack[top, 1], stack[top, 2] = middle, high, depth + 1.0
+        stack[top + 1, 0], stack[top + 1, 1], stack[top + 1, 2] = low, middle, depth + 1.0
+        top += 2
+    return True
 
 
 @kernel
-def _line_kernel(m: Array, h: float, work: Array, R: Array, state: Array) -> None:
-    """What ``cell_kernel`` tells of a position, on a line."""
-    p, v, w, e, rate = work[3], work[4], work[5], work[6], work[7]
-    second, length = state[4], m[29]
-    x, along = 0.0, 0.0
-    for k in range(3):
-        x += m[17 + k] * (p[k] - m[1 + k])
-        along += m[17 + k] * v[k]
-    for k in range(3):
-        e[k] = p[k] - m[1 + k] - x * m[17 + k]
-        rate[k] = v[k] - along * m[17 + k]
-    state[0] = _norm3(e[0], e[1], e[2])
-    state[2] = _spread(e, rate, h) + 0.5 * second * h * h
+def _bound(
+    arm: Arm, frames: Array, joints: Array, half: float, m: Array, place: Array, found: Deviations
+) -> bool:
+    """Write deviations in the middle of an interval and bounds all over it; False if not judged."""
+    now, upper, T = found
+    _tip(arm, frames, T)
+    p = (T[0, 3], T[1, 3], T[2, 3])
+    spread = relative_motion(arm.types, frames, p, arm.joint, -1, joints, half)
+    lengths = reach(arm.types, arm.offsets, joints) + math.sqrt(dot(p, p))
+    lost, n = rounding(arm.types.shape[0], lengths), arm.types.shape[0]
+    if m[_KIND] == 0.0:
+        judged, s, pace, bend = _line(m, p, spread, half, place, found)
+    else:
+        judged, s, pace, bend = _arc(m, p, spread, half, place, found)
+    upper[0] += lost
+    if not judged:
+        return False
+    axis = _vector(m, _AXIS)
+    now[1] = _angle_to_nominal(m, s, T)
+    relative = subtract(spread.turn_rate, scale(m[_TURN] * pace, axis))
+    upper[1] = now[1] + math.sqrt(dot(relative, relative)) * half + spread.turn_bend
+    upper[1] += 0.5 * m[_TURN] * bend * half * half + rounding(n, 1.0)
+    if m[_KIND] == 0.0 and m[_LENGTH] == 0.0:
+        # A turn on the spot is not to go beyond its ends.
+        swept = abs(pace) * half
+        now[1] += max(0.0, -s, s - 1.0) * m[_TURN]
+        upper[1] += max(0.0, swept - s, s + swept - 1.0) * m[_TURN]
+    return True
+
+
+@kernel
+def _tip(arm: Arm, frames: Array, T: Array) -> None:
+    """Write the tip's pose into T (3, 4)."""
+    for row in range(3):
+        for column in range(4):
+            if arm.joint < 0:
+                T[row, column] = arm.T_joint_tip[row, column]
+                continue
+            T[row, column] = frames[arm.joint, row, 3] if column == 3 else 0.0
+            for k in range(3):
+                T[row, column] += frames[arm.joint, row, k] * arm.T_joint_tip[k, column]
+
+
+@kernel
+def _vector(m: Array, first: int) -> Vector:
+    return m[first], m[first + 1], m[first + 2]
+
+
+@kernel
+def _farthest(e: Vector, rate: Vector, half: float) -> float:
+    """The larger one of |e + half rate| and |e - half rate|."""
+    a, b = e, e
+    for sign in (half, -half):
+        b = (e[0] + sign * rate[0], e[1] + sign * rate[1], e[2] + sign * rate[2])
+        a = b if dot(b, b) > dot(a, a) else a
+    return math.sqrt(dot(a, a))
+
+
+@kernel
+def _line(
+    m: Array, p: Vector, spread: RelativeMotion, half: float, place: Array, found: Deviations
+) -> tuple[bool, float, float, float]:
+    """Position off a line; whether it is judged, and place, pace and change of pace along it."""
+    now, upper, T = found
+    u, length = _vector(m, _ALONG), m[_LENGTH]
+    y = subtract(p, _vector(m, _START))
+    x, speed = dot(u, y), dot(u, spread.velocity)
+    e, rate = subtract(y, scale(x, u)), subtract(spread.velocity, scale(speed, u))
+    now[0] = math.sqrt(dot(e, e))
+    upper[0] = _farthest(e, rate, half) + spread.bend
     if length > 0.0:
-        reach = abs(along) * h + 0.5 * second * h * h
-        state[0] = math.hypot(state[0], max(0.0, -x, x - length))
-        state[2] = math.hypot(state[2], max(0.0, reach - x, x + reach - length))
-        state[7], state[8], state[9] = x / length, along / length, second / length
-        return
+        travel = abs(speed) * half + spread.bend
+        now[0] = math.hypot(now[0], max(0.0, -x, x - length))
+        upper[0] = math.hypot(upper[0], max(0.0, travel - x, x + travel - length))
+        return True, x / length, speed / length, spread.acceleration / length
+    if m[_TURN] == 0.0:
+        return True, 0.0, 0.0, 0.0
     # A turn on the spot: the place that fits best, at the pace that does.
-    state[7], state[8], state[9] = 0.0, 0.0, 0.0
-    if m[16] > 0.0:
-        turned = _twist_angle(m, R)
-        turned += 2.0 * math.pi * math.floor((state[6] - turned) / (2.0 * math.pi) + 0.5)
-        state[6] = turned
-        state[7] = turned / m[16]
-        state[8] = (m[13] * w[0] + m[14] * w[1] + m[15] * w[2]) / m[16]
+    if spread.turned > _MAX_TURN:
+        return False, 0.0, 0.0, 0.0
+    angle = _follow(_turn_about(m, T), place)
+    return True, angle / m[_TURN], dot(_vector(m, _AXIS), spread.turn_rate) / m[_TURN], 0.0
 
 
 @kernel
-def _arc_kernel(m: Array, h: float, work: Array, state: Array) -> None:
-    """What ``cell_kernel`` tells of a position, on an arc."""
-    p, v, e, rate = work[3], work[4], work[6], work[7]
-    second, radius, sweep = state[4], m[29], m[30]
-    a, b, z, va, vb, vz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for k in range(3):
-        r = p[k] - m[26 + k]
-        a += m[17 + k] * r
-        b += m[20 + k] * r
-        z += m[23 + k] * r
-        va += m[17 + k] * v[k]
-        vb += m[20 + k] * v[k]
-        vz += m[23 + k] * v[k]
+def _arc(
+    m: Array, p: Vector, spread: RelativeMotion, half: float, place: Array, found: Deviations
+) -> tuple[bool, float, float, float]:
+    """Position off an arc; whether it is judged, and place, pace and change of pace along it."""
+    now, upper, _ = found
+    first, normal, radius, sweep = _vector(m, _ALONG), _vector(m, _NORMAL), m[_LENGTH], m[_SWEEP]
+    second, v = cross(normal, first), spread.velocity
+    y = subtract(p, _vector(m, _CENTER))
+    a, b, z = dot(first, y), dot(second, y), dot(normal, y)
+    va, vb, vz = dot(first, v), dot(second, v), dot(normal, v)
     distance = math.sqrt(a * a + b * b)
-    phi = math.atan2(b, a)
-    phi += 2.0 * math.pi * math.floor((state[6] - phi) / (2.0 * math.pi) + 0.5)
-    state[6] = phi
-    state[0] = math.hypot(distance - radius, z)
-    state[0] = math.hypot(state[0], radius * max(0.0, -phi, phi - sweep))
-    state[2], state[7], state[8], state[9] = np.inf, phi / sweep, 0.0, 0.0
-    fastest = _norm3(v[0], v[1], v[2]) + second * h
-    least = distance - fastest * h
-    if least <= 0.5 * distance:
-        # Too wide a cell to tell anything: it is halved.
-        return
-    e[0], e[1], e[2] = distance - radius, z, 0.0
-    rate[0], rate[1], rate[2] = (a * va + b * vb) / distance, vz, 0.0
-    curved = second + fastest * fastest / least
+    fastest = math.sqrt(dot(v, v)) + spread.acceleration * half
+    nearest = distance - min(fastest * half, spread.moved)
+    if nearest <= 0.5 * distance:
+        return False, 0.0, 0.0, 0.0
     across = (a * vb - b * va) / (distance * distance)
-    faster = (second + 2.0 * fastest * fastest / least) / least
-    reach = abs(across) * h + 0.5 * faster * h * h
-    over = radius * max(0.0, reach - phi, phi + reach - sweep)
-    state[2] = math.hypot(_spread(e, rate, h) + 0.5 * curved * h * h, over)
-    state[8], state[9] = across / sweep, faster / sweep
+    faster = (spread.acceleration + 2.0 * fastest * fastest / nearest) / nearest
+    travel = min(abs(across) * half + 0.5 * faster * half * half, spread.moved / nearest)
+    if travel > _MAX_TURN:
+        return False, 0.0, 0.0, 0.0
+    phi = _follow(math.atan2(b, a), place)
+    now[0] = math.hypot(math.hypot(distance - radius, z), radius * max(0.0, -phi, phi - sweep))
+    e, rate = (distance - radius, z, 0.0), ((a * va + b * vb) / distance, vz, 0.0)
+    curved = 0.5 * (fastest * fastest / nearest) * half * half + spread.bend
+    over = radius * max(0.0, travel - phi, phi + travel - sweep)
+    upper[0] = math.hypot(_farthest(e, rate, half) + curved, over)
+    return True, phi / sweep, across / sweep, faster / sweep
+
+
+@kernel
+def _follow(angle: float, place: Array) -> float:
+    """The angle with as many whole turns as bring it nearest to the one followed so far."""
+    turns = math.floor((place[2] - angle) / (2.0 * math.pi) + 0.5)
+    place[2] = angle + 2.0 * math.pi * turns
+    return float(place[2])
+
+
+@kernel
+def _turn_about(m: Array, T: Array) -> float:
+    """Angle about the motion's axis that T R_0^T contains, in (-pi, pi] [rad]."""
+    R, sine, trace = m[_ROTATION:].reshape(3, 3), 0.0, 0.0
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        for c in range(3):
+            trace += T[i, c] * R[i, c]
+            sine += 0.5 * m[_AXIS + i] * (T[k, c] * R[j, c] - T[j, c] * R[k, c])
+    return math.atan2(sine, 0.5 * (trace - 1.0))
+
+
+@kernel
+def _angle_to_nominal(m: Array, s: float, T: Array) -> float:
+    """Angle between the tool's orientation T and the motion's at place s [rad].
+
+    With N = exp(s theta [a]) R_0, |N - T| = 2 sqrt(2) sin(angle / 2): exact where it is small.
+    """
+    c, v, a = math.cos(s * m[_TURN]), math.sin(s * m[_TURN]), _vector(m, _AXIS)
+    square = 0.0
+    for column in range(3):
+        x = (m[_ROTATION + column], m[_ROTATION + 3 + column], m[_ROTATION + 6 + column])
+        turned, along = cross(a, x), dot(a, x) * (1.0 - c)
+        for i in range(3):
+            nominal = c * x[i] + v * turned[i] + along * a[i]
+            square += (nominal - T[i, column]) ** 2
+    return 2.0 * math.asin(min(1.0, math.sqrt(square / 8.0)))

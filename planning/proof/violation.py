@@ -15,8 +15,8 @@ class Violation:
 
     Args:
         kind: "collision", "undecided", "position", "velocity", "acceleration", "jerk", "torque",
-            "tool_speed", "path_constraint", "path_deviation", "continuity", "start", "goal" or
-            "time".
+            "tool_speed", "path_constraint", "path_deviation", "continuity", "start", "goal",
+            "unproved" or "time".
         time: When it begins [s]; of "torque", "tool_speed" and "path_deviation", when it is worst.
         message: One sentence.
         details: Values a program can use.

@@ -1,5 +1,6 @@
 """Tool motions of many arms against closed forms, dense samples and pinocchio's kinematics."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,12 +22,12 @@ from planning.deadline import Deadline
 from planning.options import CartesianOptions, Options, ToolMotionOptions
 from planning.pipeline import plan
 from planning.problem import JointGoal, PoseGoal, Problem
-from planning.proof.tool_deviation import piece_deviations
+from planning.proof.tool_deviation import path_deviation
 from planning.result import Failure, Plan
 from planning.timing.options import TimingOptions
-from planning.tool_motion import ToolMotion, arc_about, line
+from planning.tool_deviation import piece_deviations
+from planning.tool_motion import TimedToolMotions, ToolMotion, arc_about, line
 from planning.tool_path import Tolerances
-from planning.tool_timing import path_deviation
 from tests.planning.scenes import HOME, box, builtin
 
 SPATIAL = ["panda", "ur5e", "iiwa14", "kr6_sixx", "puma560", "stanford", "elbow_wrist"]
@@ -387,9 +388,10 @@ def test_the_proof_finds_what_is_off() -> None:
     c = np.stack([ends[0], ends[1] - ends[0]], axis=-1)[None]
     straight = Trajectory(chain.joint_names, np.array([0.0, 1.0]), c)
     T_end = forward(chain, found.end)
-    deviation = path_deviation(chain, [line(T, T_end)], [straight], Tolerances(1e-4, None))
+    tight = TimedToolMotions((line(T, T_end),), np.array([0.0, 1.0]), 1e-4)
+    deviation = path_deviation(chain, straight, tight)
     assert not deviation.verified
-    wide = path_deviation(chain, [line(T, T_end)], [straight], Tolerances(0.5, None))
+    wide = path_deviation(chain, straight, replace(tight, max_position=0.5))
     most = float(off_line(forward(chain, dense(straight, 4000)), T, T_end)[:, 0].max())
     assert wide.verified
     assert most <= wide.position <= max(1.26 * most, 0.051)
