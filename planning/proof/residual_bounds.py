@@ -217,7 +217,7 @@ def bound_residuals_kernel(
                     report.first[0], report.first[1] = time, np.argmax(is_open[depth + 1])
                     return 2
                 return 1
-            if not violated:
+            if report.first[0] != time:
                 spans[top, 0], spans[top, 1], depths[top] = middle, high, depth + 1
                 top += 1
             spans[top, 0], spans[top, 1], depths[top] = low, middle, depth + 1

@@ -1,0 +1,61 @@
+"""Constraints of whole motions: reports, the first violation, planners' verdicts not believed."""
+
+import numpy as np
+import pytest
+
+from kinematics.robots import builtin_chain
+from kinematics.trajectory import Trajectory
+from planning.constraints import edge_bounds
+from planning.constraints.constraint_set import ConstraintSet
+from planning.constraints.joint import JointConstraint
+from planning.constraints.limit import ClearanceConstraint
+from planning.proof.constraints import check_motion
+
+CHAIN = builtin_chain("planar_rr")
+FIRST, SECOND = CHAIN.joint_names
+
+
+def turn(rate: float = 1.0) -> Trajectory:
+    """Both joints turn from 0, at ``rate`` and half of it, for a second."""
+    c = np.zeros((1, 2, 2))
+    c[0, :, 1] = [rate, 0.5 * rate]
+    return Trajectory(CHAIN.joint_names, np.array([0.0, 1.0]), c)
+
+
+def test_what_is_kept_is_reported_with_what_is_to_spare() -> None:
+    asked = (JointConstraint(FIRST, 0.0, 1.1, 1.1), JointConstraint(SECOND, 0.0, 0.6, 0.6))
+    reports, violation = check_motion(ConstraintSet(CHAIN, asked), turn())
+    assert violation is None
+    assert [report.constraint for report in reports] == [0, 1]
+    for report, spare, width in zip(reports, (0.1, 0.1), (2.2, 1.2), strict=True):
+        assert report.hard
+        assert report.unit == "rad"
+        assert -spare - 1e-9 <= report.residual <= -spare + 0.02 * width
+    assert reports[0].time > 0.9
+
+
+def test_the_earliest_of_several_violations_is_the_one_told() -> None:
+    # The first joint leaves 0.8 at 0.8 s, the second one 0.3 at 0.6 s.
+    asked = (JointConstraint(FIRST, 0.0, 0.8, 0.8), JointConstraint(SECOND, 0.0, 0.3, 0.3))
+    reports, violation = check_motion(ConstraintSet(CHAIN, asked), turn())
+    assert violation is not None
+    assert violation.kind == "path_constraint"
+    assert violation.details["constraint"] == 1
+    assert violation.time == pytest.approx(0.6, abs=1e-4)
+    assert [report.residual for report in reports] == pytest.approx([0.2, 0.2], abs=1e-6)
+
+
+def test_soft_constraints_are_reported_and_refuse_nothing() -> None:
+    asked = (JointConstraint(FIRST, 0.0, 0.5, 0.5, weight=3.0), ClearanceConstraint(0.1))
+    reports, violation = check_motion(ConstraintSet(CHAIN, asked), turn())
+    assert violation is None
+    (report,) = reports
+    assert not report.hard
+    assert report.residual == pytest.approx(0.5, abs=1e-6)
+
+
+def test_what_planners_say_of_their_edges_is_not_believed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(edge_bounds, "holds", lambda *_: True)
+    monkeypatch.setattr(edge_bounds, "hold_kernel", lambda *_: edge_bounds.HOLDS)
+    asked = (JointConstraint(FIRST, 0.0, 0.9, 0.9),)
+    assert check_motion(ConstraintSet(CHAIN, asked), turn())[1] is not None
