@@ -11,6 +11,7 @@ from armwright_client.certificate import (
     LimitUses,
     LimitValues,
     PathDeviation,
+    Proved,
     ValidateOptions,
     ValidateRequest,
 )
@@ -150,7 +151,6 @@ from armwright_client.plan import (
     Reproducibility,
     Stage,
     Timing,
-    ToolMotion,
     ToolMotionReport,
 )
 from armwright_client.pose import Pose
@@ -211,6 +211,7 @@ from armwright_client.simulation import (
     SimulationReference,
     Tube,
 )
+from armwright_client.tool_motion import TimedToolMotions, ToolMotion
 from armwright_client.trajectory import Samples, Segment, TimedTrajectory, Trajectory
 from armwright_client.version import VERSION
 
@@ -347,6 +348,7 @@ __all__ = [
     "ProjectAnswer",
     "ProjectRequest",
     "Projection",
+    "Proved",
     "Readiness",
     "Refine",
     "RegressorAnswer",
@@ -390,6 +392,7 @@ __all__ = [
     "StartStateInvalid",
     "StartStateViolatesPathConstraints",
     "TimedOut",
+    "TimedToolMotions",
     "TimedTrajectory",
     "Timing",
     "ToolMotion",

@@ -12,7 +12,7 @@ from armwright_client.base import (
     Positive,
     Request,
 )
-from armwright_client.certificate import LimitValues
+from armwright_client.certificate import Collisions, LimitValues
 from armwright_client.check import AttachedObjects
 from armwright_client.constraint import Constraints
 from armwright_client.goal import Goal, GoalLike, Start, as_goal
@@ -34,6 +34,7 @@ class BatchProblem(Request):
     attached: AttachedObjects | None = None
     allowed_collisions: Pairs | None = None
     margin: NonNegative | None = None
+    collisions: Collisions | None = None
     start_state_tolerance: NonNegative | None = None
     timing: Timing | None = None
     limits: LimitValues | None = None

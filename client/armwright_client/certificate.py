@@ -1,6 +1,6 @@
 """The proof that comes with a motion, and how to ask for one."""
 
-from typing import Any, TypedDict
+from typing import Any, Literal, TypedDict
 
 from pydantic import Field
 
@@ -14,8 +14,12 @@ from armwright_client.base import (
 )
 from armwright_client.check import AttachedObjects
 from armwright_client.constraint import Constraints, ConstraintUse
+from armwright_client.dynamics import Payload
 from armwright_client.scene import SceneReference
+from armwright_client.tool_motion import TimedToolMotions
 from armwright_client.trajectory import Trajectory
+
+Collisions = Literal["check", "ignore"]
 
 
 class LimitUse(Answer):
@@ -61,11 +65,26 @@ class PathDeviation(Answer):
     max_orientation: float | None = None
 
 
+class Proved(Answer):
+    """Which parts of a proof were carried out and hold.
+
+    Args:
+        limits: Limits, continuity, constraints and tool motions.
+        collisions: Nothing collides.
+        reasons: Why a part is not proved.
+    """
+
+    limits: bool
+    collisions: bool
+    reasons: list[str] = Field(default_factory=list)
+
+
 class Certificate(Answer):
     """The proof that a motion is valid at every instant, or the first violation.
 
     Args:
-        verified: Whether it was proved.
+        verified: Whether all that the request names was proved.
+        proved: Which parts were, and why others were not.
         min_clearance: A lower bound of the distances for every t [m]; None with nothing to hit.
         clearance_pair: The two that come closest.
         min_obstacle_clearance: The bound from obstacles alone [m]; None without any.
@@ -82,6 +101,7 @@ class Certificate(Answer):
     """
 
     verified: bool
+    proved: Proved
     min_clearance: float | None = None
     clearance_pair: tuple[str, str] | None = None
     min_obstacle_clearance: float | None = None
@@ -116,6 +136,11 @@ class ValidateOptions(TypedDict, total=False):
         attached: Objects that move with a link.
         allowed_collisions: More pairs that may touch.
         margin: Distance to be kept [m].
+        collisions: "ignore" looks at no collisions at all, and the certificate says so.
+        tool_motions: Lines and arcs that the tool has to keep to.
+        torque_limits: Whether the robot's effort limits hold too.
+        payload: What the tip carries, for torques.
+        tool_speed: Largest speed of the tip [m/s].
         timeout: [s].
     """
 
@@ -125,6 +150,11 @@ class ValidateOptions(TypedDict, total=False):
     attached: AttachedObjects
     allowed_collisions: Pairs
     margin: float
+    collisions: Collisions
+    tool_motions: TimedToolMotions
+    torque_limits: bool
+    payload: Payload
+    tool_speed: float
     timeout: float
 
 
@@ -139,4 +169,9 @@ class ValidateRequest(Request):
     attached: AttachedObjects | None = None
     allowed_collisions: Pairs | None = None
     margin: NonNegative | None = None
+    collisions: Collisions | None = None
+    tool_motions: TimedToolMotions | None = None
+    torque_limits: bool | None = None
+    payload: Payload | None = None
+    tool_speed: Positive | None = None
     timeout: Positive | None = None

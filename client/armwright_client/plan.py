@@ -1,6 +1,6 @@
 """Planning problems and their answers."""
 
-from typing import Any, Literal, Self, TypedDict
+from typing import Any, Literal, TypedDict
 
 from pydantic import Field
 
@@ -12,16 +12,14 @@ from armwright_client.base import (
     Positive,
     Request,
     Vector,
-    Vector3,
-    VectorLike,
 )
-from armwright_client.certificate import Certificate, LimitValues
+from armwright_client.certificate import Certificate, Collisions, LimitValues
 from armwright_client.check import AttachedObjects
 from armwright_client.constraint import Constraints
 from armwright_client.dynamics import Payload
 from armwright_client.goal import Goal, Start
-from armwright_client.pose import Pose
 from armwright_client.scene import SceneReference
+from armwright_client.tool_motion import ToolMotion
 from armwright_client.trajectory import TimedTrajectory
 
 TimingMethod = Literal["toppra", "spline", "jerk_limited"]
@@ -60,42 +58,6 @@ class Timing(Request):
     payload: Payload | None = None
     tool_speed: Positive | None = None
     sample_period: Positive | None = None
-
-
-class ToolMotion(Request):
-    """A line, or an arc through a point or about a centre, from where the tool is.
-
-    Args:
-        type: "lin" or "circ".
-        pose: Of the tip where the motion ends.
-        via: Point on the arc.
-        center: Of the arc.
-        normal: With the centre: axis to turn about by the right hand, up to a whole turn; the
-            shorter arc if left out.
-    """
-
-    type: Literal["lin", "circ"]
-    pose: Pose
-    via: Vector3 | None = None
-    center: Vector3 | None = None
-    normal: Vector3 | None = None
-
-    @classmethod
-    def lin(cls, pose: Pose) -> Self:
-        """A line to a pose."""
-        return cls(type="lin", pose=pose)
-
-    @classmethod
-    def circ(
-        cls,
-        pose: Pose,
-        *,
-        via: VectorLike | None = None,
-        center: VectorLike | None = None,
-        normal: VectorLike | None = None,
-    ) -> Self:
-        """An arc to a pose, through a point or about a centre."""
-        return cls.of(type="circ", pose=pose, via=via, center=center, normal=normal)
 
 
 class CartesianOptions(Request):
@@ -175,6 +137,7 @@ class PlanOptions(TypedDict, total=False):
         attached: Objects that move with a link.
         allowed_collisions: More pairs that may touch.
         margin: Distance to be kept [m].
+        collisions: "ignore" looks at no collisions at all, and the certificate says so.
         start_state_tolerance: A start so little outside a limit is moved onto it [rad or m].
         timing: How the path becomes a motion.
         limits: Of the joints, in place of the robot's.
@@ -190,6 +153,7 @@ class PlanOptions(TypedDict, total=False):
     attached: AttachedObjects
     allowed_collisions: Pairs
     margin: float
+    collisions: Collisions
     start_state_tolerance: float
     timing: Timing
     limits: LimitValues
@@ -211,6 +175,7 @@ class PlanRequest(Request):
     attached: AttachedObjects | None = None
     allowed_collisions: Pairs | None = None
     margin: NonNegative | None = None
+    collisions: Collisions | None = None
     start_state_tolerance: NonNegative | None = None
     timing: Timing | None = None
     limits: LimitValues | None = None

@@ -135,7 +135,7 @@ NOTHING_KNOWN = "nothing is known of collisions"
 LIMITS_METHOD = f"exact extrema of polynomials; {NOTHING_KNOWN}"
 
 
-def certify(  # noqa: PLR0913  one name for each thing that is proved
+def certify(
     trajectory: Trajectory,
     robot: RobotGeometry,
     scene: Scene,
@@ -175,12 +175,12 @@ def certify(  # noqa: PLR0913  one name for each thing that is proved
     within = not wrong
     proof = _Proof(trajectory, robot, scene, margin, deadline)
     proof.run()
-    has_solids = _has_solids(robot)
-    if not has_solids and scene.obstacles:
+    solid = has_solids(robot)
+    if not solid and scene.obstacles:
         message = f"{_no_solids(robot)} with {len(scene.obstacles)} obstacle(s)"
         wrong.append(Violation("unproved", 0.0, message, {}))
     wrong += [proof.violation] if proof.violation else []
-    free = has_solids and proof.violation is None
+    free = solid and proof.violation is None
     obstacle, own = proof.clearances
     first = min(wrong, key=lambda violation: violation.time) if wrong else None
     return Certificate(
@@ -196,7 +196,7 @@ def certify(  # noqa: PLR0913  one name for each thing that is proved
         violation=first,
         path_deviation=deviation,
         path_constraints=kept,
-        proved=Proved(within, free, _reasons(wrong, None if has_solids else _no_solids(robot))),
+        proved=Proved(within, free, _reasons(wrong, None if solid else _no_solids(robot))),
     )
 
 
@@ -235,14 +235,14 @@ def certify_limits(
     )
 
 
-def _has_solids(robot: RobotGeometry) -> bool:
+def has_solids(robot: RobotGeometry) -> bool:
     """Whether links of the robot itself have solids, not only what it holds."""
     links = {link.name for link in robot.chain.links}
     return any(name in links for name in robot.links)
 
 
 def _no_solids(robot: RobotGeometry) -> str:
-    return f"robot {robot.chain.name!r} has no collision geometry: nothing is known of collisions"
+    return f"no solids of robot {robot.chain.name!r} are looked at: {NOTHING_KNOWN}"
 
 
 def _reasons(wrong: Sequence[Violation], unknown: str | None) -> tuple[str, ...]:

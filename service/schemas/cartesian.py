@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
-from service.schemas.base import Answer, Body, Point, Vector3
+from service.schemas.base import Answer, Body, NonNegative, Point, Vector3
 from service.schemas.pose import Pose
 
 MAX_MOTIONS = 200
@@ -53,6 +53,35 @@ class CartesianOptions(Body):
         "slerp", description="about an axis that keeps still, or only the origin is led"
     )
     allow_partial: bool = Field(False, description="a motion that ends early is an answer too")
+
+
+class TimedToolMotions(Body):
+    """Motions of the tool that a trajectory is held to, in turn."""
+
+    motions: Annotated[list[ToolMotion], Field(min_length=1, max_length=MAX_MOTIONS)]
+    ends: Annotated[list[NonNegative], Field(min_length=1, max_length=MAX_MOTIONS)] | None = Field(
+        None,
+        description="when each motion ends [s], as tool_motions of a plan tell it; the end of the "
+        "trajectory if left out, for one motion",
+    )
+    max_deviation: Deviation = Field(
+        1e-4, description="of the tool's origin from its motion, for every instant [m]"
+    )
+    max_orientation_deviation: Deviation = Field(
+        1e-3, description="of its orientation from that at the same place [rad]"
+    )
+    orientation: Literal["slerp", "free"] = Field(
+        "slerp", description="about an axis that keeps still, or only the origin is led"
+    )
+
+    @model_validator(mode="after")
+    def _check_ends(self) -> "TimedToolMotions":
+        count = 1 if self.ends is None else len(self.ends)
+        if count != len(self.motions):
+            raise ValueError("ends needs as many times as there are motions")
+        if self.ends is not None and sorted(self.ends) != self.ends:
+            raise ValueError("ends must not descend")
+        return self
 
 
 def cartesian_options(given: dict[str, Any] | None) -> CartesianOptions:

@@ -26,6 +26,7 @@ from service.schemas.base import (
 )
 from service.schemas.cartesian import (
     PathDeviationAnswer,
+    TimedToolMotions,
     ToolMotionAnswer,
     cartesian_options,
 )
@@ -43,6 +44,13 @@ MAX_COEFFICIENTS = 16
 
 Tolerance = Annotated[Positive, Field(le=10.0)]
 Rows = Annotated[list[JointVector], Field(min_length=1, max_length=MAX_SAMPLES)]
+Collisions = Annotated[
+    Literal["check", "ignore"],
+    Field(
+        description="ignore: neither obstacles nor the robot's own links are looked at, and the "
+        "certificate says so; needed for a robot without collision geometry among obstacles"
+    ),
+]
 JointRow = Annotated[list[Number], Field(max_length=MAX_JOINTS)]
 
 
@@ -216,6 +224,7 @@ class PlanRequest(Body):
     attached: AttachedObjects | None = None
     allowed_collisions: AllowedCollisions | None = None
     margin: Margin = 0.0
+    collisions: Collisions = "check"
     start_state_tolerance: Annotated[NonNegative, Field(le=0.1)] = 1e-6
     timing: Timing = Field(default_factory=Timing)
     limits: "LimitsBody | None" = None
@@ -306,6 +315,13 @@ class ValidateRequest(Body):
     attached: AttachedObjects | None = None
     allowed_collisions: AllowedCollisions | None = None
     margin: Margin = 0.0
+    collisions: Collisions = "check"
+    tool_motions: TimedToolMotions | None = Field(
+        None, description="lines and arcs that the tool has to keep to"
+    )
+    torque_limits: bool | None = Field(None, description="hold it to the robot's effort limits too")
+    payload: Payload | None = Field(None, description="what the tip carries, for torques")
+    tool_speed: Positive | None = Field(None, description="largest speed of the tip [m/s]")
     timeout: Timeout | None = None
 
 
@@ -370,10 +386,19 @@ class LimitUses(Answer):
     tool_speed: LimitUse | None = Field(None, description="bounded from above for every instant")
 
 
+class ProvedAnswer(Answer):
+    """Which parts of a proof were carried out and hold."""
+
+    limits: bool = Field(description="limits, continuity, constraints and tool motions")
+    collisions: bool
+    reasons: list[str] = Field(description="why a part is not proved")
+
+
 class CertificateAnswer(Answer):
     """The proof that a motion is valid at every instant, or the first violation."""
 
-    verified: bool
+    verified: bool = Field(description="all that the request names is proved")
+    proved: ProvedAnswer
     min_clearance: float | None = Field(
         description="a lower bound for every t [m]; null with nothing to hit"
     )

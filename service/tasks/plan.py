@@ -8,13 +8,17 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
+import numpy as np
 from pydantic_core import to_json
 
+from kinematics.errors import InvalidRobotDescription
+from obstacles.robot_geometry import RobotGeometry
+from obstacles.scene import Scene
 from planning import pipeline
 from planning.motion_limits import limit_loads
-from planning.proof.certificate import certify
+from planning.proof.certificate import certify, has_solids
 from planning.result import Failure, Plan
-from service.schemas.plan import PlanRequest, ValidateRequest
+from service.schemas.plan import Collisions, PlanRequest, ValidateRequest
 from service.storage.cache_key import Reference
 from service.tasks.answer import answering
 from service.tasks.attached_objects import RobotInScene, robot_in_scene
@@ -56,7 +60,7 @@ def plan(
         ArmwrightError: The request is at fault.
     """
     body = PlanRequest.model_validate_json(content)
-    cell = robot_in_scene(robot, scene, body)
+    cell = _collision_cell(robot_in_scene(robot, scene, body), body.collisions)
     arm = cell.robot
     problem = problems.problem(body, arm, cell.scene)
     deadline = current.deadline()
@@ -86,15 +90,16 @@ def validate(
         ArmwrightError: The request is at fault.
     """
     body = ValidateRequest.model_validate_json(content)
-    cell = robot_in_scene(robot, scene, body)
+    cell = _collision_cell(robot_in_scene(robot, scene, body), body.collisions)
     arm = cell.robot
     motion, begins = trajectories.trajectory(body.trajectory, arm.chain)
     limits = timings.limits(body.limits, arm.chain)
     wanted = constraint_set(body.constraints, arm.chain)
-    loads = limit_loads(timings.effort_loads(body.limits, arm.chain), wanted, arm.chain)
+    loads = limit_loads(timings.effort_loads(body, arm.chain), wanted, arm.chain)
     margin = body.margin if wanted is None else max(body.margin, wanted.margin)
     certificate = certify(
         motion, arm, cell.scene, margin=margin, limits=limits, loads=loads, constraints=wanted,
+        tool_motions=problems.timed_tool_motions(body.tool_motions, arm.chain, motion, begins),
         deadline=current.deadline(),
     )  # fmt: skip
     violation = certificate.violation
@@ -103,6 +108,28 @@ def validate(
     answer = certificates.certificate_answer(certificate, begins)
     answer["allowed_collisions"] = cell.allowed
     return to_json(answer, inf_nan_mode="null")
+
+
+def _collision_cell(cell: RobotInScene, collisions: Collisions) -> RobotInScene:
+    """The robot and the scene as far as collisions are looked at.
+
+    Raises:
+        InvalidRobotDescription: There are obstacles, and the robot has no collision geometry.
+    """
+    robot = cell.robot
+    if collisions == "ignore":
+        none = np.zeros(0, dtype=np.int64)
+        bare = RobotGeometry(robot.chain, (), (), none, none, {})
+        return dataclasses.replace(cell, robot=bare, scene=Scene())
+    if cell.scene.obstacles and not has_solids(robot):
+        raise InvalidRobotDescription(
+            f"robot {robot.chain.name!r} has no collision geometry, so nothing could be proved of "
+            f"the {len(cell.scene.obstacles)} obstacle(s)",
+            hint='Give the robot solids ("geometry": {"capsules": radius} of a DH table), leave '
+            'the obstacles out, or say "collisions": "ignore".',
+            reason="no_collision_geometry",
+        )
+    return cell
 
 
 def _timed_out() -> TaskProblem:

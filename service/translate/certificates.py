@@ -11,6 +11,11 @@ def certificate_answer(certificate: Certificate, begins: float = 0.0) -> dict[st
     """A certificate as answers give it, of a trajectory that begins at a time [s]."""
     answer: dict[str, Any] = {
         "verified": certificate.verified,
+        "proved": {
+            "limits": certificate.proved.limits,
+            "collisions": certificate.proved.collisions,
+            "reasons": list(certificate.proved.reasons),
+        },
         "min_clearance": _finite(certificate.min_clearance),
         "clearance_pair": certificate.clearance_pair,
         "min_obstacle_clearance": _finite(certificate.min_obstacle_clearance),

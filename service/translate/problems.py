@@ -7,13 +7,18 @@ import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.chain import Chain
+from kinematics.forward import forward
+from kinematics.trajectory import Trajectory
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
+from planning.cartesian.motions import tool_motions
 from planning.optimize.options import RefineOptions
 from planning.options import CartesianOptions, Options, ToolMotionOptions
 from planning.planners import PLANNERS
 from planning.problem import Goal, JointGoal, PoseGoal, Problem
 from planning.result import StageReport, ToolMotionReport
+from planning.tool_motion import TimedToolMotions
+from service.schemas import cartesian
 from service.schemas import plan as schema
 from service.schemas.cartesian import cartesian_options
 from service.translate import poses, timings
@@ -96,16 +101,47 @@ def options(body: schema.PlanRequest, chain: Chain, timeout: float) -> Options:
 
 def _cartesian(body: schema.PlanRequest) -> CartesianOptions:
     given = cartesian_options(body.planner_options)
-    motions = tuple(
-        ToolMotionOptions(item.type, poses.transform(item.pose), item.via, item.center, item.normal)
-        for item in given.motions or ()
-    )
     return CartesianOptions(
-        motions,
+        _motions(given.motions or ()),
         given.max_deviation,
         given.max_orientation_deviation,
         given.orientation,
         given.allow_partial,
+    )
+
+
+def _motions(items: Sequence[cartesian.ToolMotion]) -> tuple[ToolMotionOptions, ...]:
+    return tuple(
+        ToolMotionOptions(item.type, poses.transform(item.pose), item.via, item.center, item.normal)
+        for item in items
+    )
+
+
+def timed_tool_motions(
+    body: cartesian.TimedToolMotions | None, chain: Chain, motion: Trajectory, begins: float
+) -> TimedToolMotions | None:
+    """The tool motions that a trajectory is held to, each from where the one before ends.
+
+    Args:
+        body: As the request gives them.
+        chain: The robot; its tip is the tool.
+        motion: The trajectory; the first motion begins at its start.
+        begins: When it begins [s].
+
+    Raises:
+        InvalidGoal: A circular motion that names no circle.
+    """
+    if body is None:
+        return None
+    asked = CartesianOptions(
+        _motions(body.motions), body.max_deviation, body.max_orientation_deviation
+    )
+    ends = [motion.duration] if body.ends is None else [end - begins for end in body.ends]
+    return TimedToolMotions(
+        tool_motions(forward(chain, motion.start), asked),
+        np.array([0.0, *ends]),
+        body.max_deviation,
+        None if body.orientation == "free" else body.max_orientation_deviation,
     )
 
 

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from dynamics.payload import with_payload
 from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.errors import InvalidOption, InvalidTrajectory
@@ -92,15 +93,24 @@ def limits(body: schema.LimitsBody | None, chain: Chain) -> dict[str, Array]:
     return bounds
 
 
-def effort_loads(body: schema.LimitsBody | None, chain: Chain) -> EffortLimits | None:
-    """Torque limits that a motion is to be held to, where a request gives some.
+def effort_loads(body: schema.ValidateRequest, chain: Chain) -> EffortLimits | None:
+    """Limits of torque and tool speed that a motion is to be held to, where a request gives some.
 
     Raises:
-        InvalidOption: A limit is not positive, or their number is wrong.
+        InvalidOption: A limit is not positive, their number is wrong, or a load is none of a body.
+        MissingLimit: The robot's effort limits are asked for, and one is not known.
     """
-    if body is None or body.effort is None:
+    effort = None
+    if body.limits is not None and body.limits.effort is not None:
+        effort = given_limit(body.limits.effort, "effort", chain.joint_names)
+    elif body.torque_limits:
+        effort = chain.limits.require("effort", chain.joint_names)
+    load = body.payload
+    if load is not None:
+        chain = with_payload(chain, load.mass, load.center_of_mass, load.inertia, link=load.link)
+    if effort is None and body.tool_speed is None and load is None:
         return None
-    return EffortLimits(chain, given_limit(body.effort, "effort", chain.joint_names))
+    return EffortLimits(chain, effort, body.tool_speed)
 
 
 def path_to_time(body: retime_schema.RetimePath, chain: Chain | None) -> PathToTime:

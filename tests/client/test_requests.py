@@ -106,6 +106,8 @@ PAIRS: list[tuple[type[Readable], type[BaseModel]]] = [
     (ours.LimitUse, their_plan.LimitUse),
     (ours.LimitUses, their_plan.LimitUses),
     (ours.Certificate, their_plan.CertificateAnswer),
+    (ours.Proved, their_plan.ProvedAnswer),
+    (ours.TimedToolMotions, their_cartesian.TimedToolMotions),
     (ours.PathDeviation, their_cartesian.PathDeviationAnswer),
     (ours.ToolMotion, their_cartesian.ToolMotion),
     (ours.CartesianOptions, their_cartesian.CartesianOptions),
@@ -228,6 +230,12 @@ def test_fields_are_those_of_the_service(mine: type[Readable], theirs: type[Base
                     segments=[ours.Segment(t0=0, t1=1, coefficients=((0, 1),))]
                 ),
                 limits=ours.LimitValues(velocity=(1,)),
+                collisions="ignore",
+                tool_motions=ours.TimedToolMotions(
+                    motions=[ours.ToolMotion.lin(ours.Pose(position=(0, 0, 1)))], ends=(1,)
+                ),
+                payload=ours.Payload(mass=1),
+                tool_speed=0.5,
             ),
             their_plan.ValidateRequest,
         ),

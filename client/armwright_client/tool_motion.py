@@ -1,0 +1,60 @@
+"""Straight and circular motions of the tool."""
+
+from typing import Literal, Self
+
+from armwright_client.base import Positive, Request, Vector, Vector3, VectorLike
+from armwright_client.pose import Pose
+
+
+class ToolMotion(Request):
+    """A line, or an arc through a point or about a centre, from where the tool is.
+
+    Args:
+        type: "lin" or "circ".
+        pose: Of the tip where the motion ends.
+        via: Point on the arc.
+        center: Of the arc.
+        normal: With the centre: axis to turn about by the right hand, up to a whole turn; the
+            shorter arc if left out.
+    """
+
+    type: Literal["lin", "circ"]
+    pose: Pose
+    via: Vector3 | None = None
+    center: Vector3 | None = None
+    normal: Vector3 | None = None
+
+    @classmethod
+    def lin(cls, pose: Pose) -> Self:
+        """A line to a pose."""
+        return cls(type="lin", pose=pose)
+
+    @classmethod
+    def circ(
+        cls,
+        pose: Pose,
+        *,
+        via: VectorLike | None = None,
+        center: VectorLike | None = None,
+        normal: VectorLike | None = None,
+    ) -> Self:
+        """An arc to a pose, through a point or about a centre."""
+        return cls.of(type="circ", pose=pose, via=via, center=center, normal=normal)
+
+
+class TimedToolMotions(Request):
+    """Motions of the tool that a trajectory is held to, in turn.
+
+    Args:
+        motions: Each from where the one before ends.
+        ends: When each ends [s], as the tool motions of a plan tell it; may be left out for one.
+        max_deviation: Of the tool's origin from its motion [m].
+        max_orientation_deviation: Of its orientation from that at the same place [rad].
+        orientation: "free" leads the origin only.
+    """
+
+    motions: list[ToolMotion]
+    ends: Vector | None = None
+    max_deviation: Positive | None = None
+    max_orientation_deviation: Positive | None = None
+    orientation: Literal["slerp", "free"] | None = None
