@@ -8,7 +8,7 @@ import numpy as np
 from kinematics.arrays import Array
 from obstacles.checker import Checker, Motion
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.edge_bounds import holds
+from planning.constraints.edge_bounds import edge_holds
 from planning.constraints.row import LOWER, UPPER
 
 #: Share of half a row's width by which it is narrowed, so that corners can be rounded inside it.
@@ -39,7 +39,7 @@ class ConstrainedChecker(Checker):
         """Prove the joint motion b0 + b1 s + b2 s^2 + b3 s^3 over 0 <= s <= 1, each (n,)."""
         powers = [b0, b1, b2] if b3 is None else [b0, b1, b2, b3]
         coefficients = np.column_stack(powers)
-        if not holds(self.model.chain, self.rows, coefficients):
+        if not edge_holds(self.model.chain, self.rows, coefficients):
             s = np.linspace(0.0, 1.0, _SAMPLES)
             samples = coefficients @ s ** np.arange(len(powers))[:, None]
             residuals = self.constraints.residuals(samples.T)
@@ -51,7 +51,7 @@ class ConstrainedChecker(Checker):
     def free(self, start: Array, end: Array) -> bool:
         """Whether the straight joint motion is proved free and holds all rows."""
         line = np.column_stack([start, end - start])
-        return holds(self.model.chain, self.rows, line) and Checker.free(self, start, end)
+        return edge_holds(self.model.chain, self.rows, line) and Checker.free(self, start, end)
 
     def polyline(self, waypoints: Array) -> tuple[Motion, int]:
         """Prove every leg of a polyline (k, n).

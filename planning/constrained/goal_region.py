@@ -13,7 +13,8 @@ from kinematics.arrays import Array
 from planning.constrained.checker import ConstrainedChecker
 from planning.constrained.pose_goals import pose_constraint
 from planning.constrained.projected_rrt import project_kernel
-from planning.constraints.active_set import HELD, Goal, make_goal
+from planning.constraints.active_set import FEASIBLE
+from planning.constraints.active_set_program import Goal, make_goal
 from planning.constraints.constraint_set import ConstraintSet
 from planning.problem import PoseGoal
 from planning.ready import TOUCHING
@@ -54,6 +55,6 @@ class GoalRegion:
         """
         projected = np.array(q)
         goal = self.goals[number % len(self.goals)]
-        if project_kernel(goal, projected, _PROJECTIONS) > HELD:
+        if project_kernel(goal, projected, _PROJECTIONS) > FEASIBLE:
             return None
         return projected if self.checker.clearance(projected)[0] > TOUCHING else None

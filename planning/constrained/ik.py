@@ -22,7 +22,8 @@ from obstacles.checker import Checker
 from obstacles.collision_model import ModelArrays
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
-from planning.constraints.active_set import Goal, descend, make_goal, search_arrays
+from planning.constraints.active_set import descend
+from planning.constraints.active_set_program import Goal, make_goal, search_arrays
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.program import PLANES, Planes, program
 from planning.deadline import Deadline

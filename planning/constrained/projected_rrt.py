@@ -23,8 +23,9 @@ from kinematics.compiled.kernel import kernel
 from obstacles.collision_model import ModelArrays
 from obstacles.edge_check import FREE, certify_curve
 from planning.constrained.checker import ConstrainedChecker, narrowed
-from planning.constraints.active_set import HELD, Goal, make_feasible, make_goal, make_work
-from planning.constraints.edge_bounds import EDGE_CELLS, HOLDS, TOLERANCE, hold_kernel
+from planning.constraints.active_set import FEASIBLE, make_feasible
+from planning.constraints.active_set_program import Goal, make_goal, make_work
+from planning.constraints.edge_bounds import EDGE_CELLS, HOLDS, edge_kernel
 from planning.deadline import Deadline
 from planning.search_box import search_box
 
@@ -89,7 +90,7 @@ class Manifold:
     def project(self, q: Array) -> Array | None:
         """Project q (n,) onto the set by Newton's method; None where that fails."""
         projected = np.array(q)
-        if project_kernel(self.goal, projected, _SAMPLE_PROJECTIONS) > HELD:
+        if project_kernel(self.goal, projected, _SAMPLE_PROJECTIONS) > FEASIBLE:
             return None
         return projected
 
@@ -316,9 +317,7 @@ def extend_kernel(
     work = make_work(None, goal)
     trial, dq, scratch = np.empty(n), np.empty(n), np.empty(n)
     q, zero = start.copy(), np.zeros(n)
-    m = rows.shape[0]
-    gaps, worst, times, found = np.full(m, np.inf), np.empty(m), np.empty(m), np.empty(4)
-    line, unit = np.empty((1, n, 2)), np.array([0.0, 1.0])
+    line, found = np.empty((n, 2)), np.empty(4)
     away = np.sqrt(np.sum((end - q) ** 2))
     length, count = _LONGEST, 0
     while count < steps.shape[0]:
@@ -328,7 +327,7 @@ def extend_kernel(
             trial[j] = q[j] + share * (end[j] - q[j])
         good = True
         if not arrives:
-            good = make_feasible(None, goal, trial, _PROJECTIONS, work, scratch, dq) <= HELD
+            good = make_feasible(None, goal, trial, _PROJECTIONS, work, scratch, dq) <= FEASIBLE
         left = np.sqrt(np.sum((end - trial) ** 2))
         moved = np.sqrt(np.sum((trial - q) ** 2))
         # A projection that leads back or far aside is no step towards the end.
@@ -337,20 +336,9 @@ def extend_kernel(
             good = progress and moved < _MAX_STRETCH * length
         if good:
             for j in range(n):
-                line[0, j, 0], line[0, j, 1] = q[j], trial[j] - q[j]
+                line[j, 0], line[j, 1] = q[j], trial[j] - q[j]
                 dq[j] = trial[j] - q[j]
-            verdict = hold_kernel(
-                model.chain,
-                rows,
-                unit,
-                line,
-                gaps,
-                TOLERANCE,
-                EDGE_CELLS,
-                worst,
-                times,
-                found,
-            )
+            verdict, _ = edge_kernel(model.chain, rows, line, EDGE_CELLS)
             good = verdict == HOLDS
             if good and certify_curve(model, q, dq, zero, zero, slack, found) != FREE:
                 # A shorter step would end at the obstacle all the same.

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinematics.arrays import Array
-from planning.constraints.active_set import descend, make_goal
+from planning.constraints.active_set import descend
+from planning.constraints.active_set_program import make_goal
 from planning.constraints.constraint import Constraint
 from planning.constraints.constraint_set import ConstraintSet
 

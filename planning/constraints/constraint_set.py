@@ -2,6 +2,7 @@
 
 import hashlib
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,7 +13,8 @@ from kinematics.compiled.kernel import kernel
 from kinematics.forward import frames_kernel
 from planning.constraints.constraint import Constraint
 from planning.constraints.limit import ClearanceConstraint, ToolSpeedConstraint, TorqueConstraint
-from planning.constraints.row import WIDTH, Row, gradient_kernel, residual_kernel
+from planning.constraints.row import WIDTH, Row
+from planning.constraints.row_value import gradient_kernel, residual_kernel
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -137,8 +139,7 @@ class ConstraintSet:
         values, residuals = np.empty((len(flat), m)), np.empty((len(flat), m))
         jacobian = np.empty((len(flat), m, n))
         evaluate_batch_kernel(
-            self.chain.model, self.packed, flat, values, residuals,
-            jacobian,
+            self.chain.model, self.packed, flat, values, residuals, jacobian
         )  # fmt: skip
         shape = batch.shape[:-1]
         return (
@@ -147,25 +148,37 @@ class ConstraintSet:
         )  # fmt: skip
 
 
-@kernel
-def evaluate_kernel(
-    chain: Array, packed: Array, q: Array, frames: Array, E: Array,
-    values: Array, residuals: Array, jacobian: Array,
-) -> float:  # fmt: skip
-    """Write values and residuals (m,) and the residuals' Jacobian (m, n) at q (n,).
+class RowWork(NamedTuple):
+    """Values of m rows at a configuration, with scratch.
 
-    Answers the largest residual; ``frames`` (n, 4, 4) and E (3, 3) are scratch.
+    Args:
+        frames: Of the joints, shape (n, 4, 4).
+        E: Scratch, shape (3, 3).
+        values: Shape (m,).
+        residuals: Shape (m,).
+        jacobian: Of the residuals, shape (m, n).
     """
-    frames_kernel(chain, q, frames)
+
+    frames: Array
+    E: Array
+    values: Array
+    residuals: Array
+    jacobian: Array
+
+
+@kernel
+def evaluate_kernel(chain: Array, packed: Array, q: Array, work: RowWork) -> float:
+    """Write values, residuals and the residuals' Jacobian at q (n,); the largest residual."""
+    frames_kernel(chain, q, work.frames)
     worst = -np.inf
     for i in range(packed.shape[0]):
-        values[i] = gradient_kernel(chain, q, frames, packed[i], E, jacobian[i])
-        residual, sign = residual_kernel(values[i], packed[i])
-        residuals[i] = residual
+        value = gradient_kernel(chain, q, work.frames, packed[i], work.E, work.jacobian[i])
+        residual, sign = residual_kernel(value, packed[i])
+        work.values[i], work.residuals[i] = value, residual
         worst = max(worst, residual)
         if sign < 0.0:
             for j in range(q.shape[0]):
-                jacobian[i, j] = -jacobian[i, j]
+                work.jacobian[i, j] = -work.jacobian[i, j]
     return worst
 
 
@@ -177,4 +190,5 @@ def evaluate_batch_kernel(
     """Values, residuals (k, m) and Jacobians (k, m, n) of a batch q (k, n)."""
     frames, E = np.empty((q.shape[1], 4, 4)), np.empty((3, 3))
     for k in range(q.shape[0]):
-        evaluate_kernel(chain, packed, q[k], frames, E, values[k], residuals[k], jacobian[k])
+        work = RowWork(frames, E, values[k], residuals[k], jacobian[k])
+        evaluate_kernel(chain, packed, q[k], work)

@@ -1,7 +1,7 @@
 """Constraints along the edges of planners, bounded for every instant, not at samples.
 
 On a cell of time [t - h, t + h] joint j is q_j(t) + a_j u + e_j with |u| <= 1, a_j = q_j'(t) h and
-|e_j| <= s_j, the sum of the higher powers; it strays by delta_j = |a_j| + s_j at most. A point that
+|e_j| <= s_j, the sum of the higher powers; it moves by delta_j = |a_j| + s_j at most. A point that
 joints j carry then stays within
 
     E = sum_j l_j s_j + sum_j l_j delta_j (delta_j + 2 sum_(k inside j) delta_k) / 2
@@ -22,8 +22,16 @@ from kinematics.compiled.kernel import kernel
 from kinematics.forward import frames_kernel
 from kinematics.vec3 import cross, dot
 from planning.constraints.row import (
+    AXIS,
+    CARRIER,
+    CENTER,
+    DIRECTION,
+    KIND,
+    REFERENCE,
     UPPER,
     RowKind,
+)
+from planning.constraints.row_value import (
     axis_kernel,
     log_kernel,
     point_kernel,
@@ -32,102 +40,98 @@ from planning.constraints.row import (
     turned,
     turned_back,
     value_kernel,
+    vector_kernel,
 )
 
-HOLDS, VIOLATED, UNDECIDED = 0, 1, 2
-#: Residuals that count as none along a motion: what rounding leaves of a bound that is met exactly.
+#: Verdicts on an edge.
+HOLDS = 0
+VIOLATED = 1
+UNDECIDED = 2
+#: Residuals that count as none along a motion: what rounding leaves of a bound that is met exactly
+#: [m or rad].
 TOLERANCE = 1e-6
-_JOINT, _COORDINATE, _DISTANCE, _ANGLE, _LOOK = (int(kind) for kind in list(RowKind)[:5])
+# Numba reads module-level integers as constants, enums more slowly.
+_JOINT = int(RowKind.JOINT)
+_COORDINATE = int(RowKind.COORDINATE)
+_DISTANCE = int(RowKind.DISTANCE)
+_ANGLE = int(RowKind.ANGLE)
+_LOOK = int(RowKind.LOOK)
+#: Halvings of an edge at most.
 _DEPTH = 60
+#: Halvings in search of the first violation at most.
+_SEARCH_DEPTH = 40
+#: A cell with a smaller half is not halved again: rounding decides there.
+_SMALLEST_HALF = 1e-13
 #: Cells spent on an edge of a planner.
 EDGE_CELLS = 4_000
 
 
-def holds(chain: Chain, packed: Array, curve: Array) -> bool:
-    """Whether q(s) = sum_k curve[:, k] s^k holds packed rows for 0 <= s <= 1, curve (n, k)."""
-    m = len(packed)
-    verdict = hold_kernel(
-        chain.model, np.array(packed), _UNIT, np.array(curve)[None],
-        np.full(m, np.inf), TOLERANCE, EDGE_CELLS, np.empty(m), np.empty(m), np.empty(4),
-    )  # fmt: skip
+def edge_holds(chain: Chain, packed: Array, curve: Array) -> bool:
+    """Whether q(s) = sum_k curve[:, k] s^k keeps packed rows for all 0 <= s <= 1.
+
+    Args:
+        chain: The robot.
+        packed: Shape (m, WIDTH).
+        curve: Shape (n, k).
+    """
+    verdict, _ = edge_kernel(chain.model, np.array(packed), np.array(curve), EDGE_CELLS)
     return bool(verdict == HOLDS)
 
 
-_UNIT = np.array([0.0, 1.0])
-
-
 @kernel
-def hold_kernel(  # noqa: C901, PLR0912, PLR0915
-    chain: Array, packed: Array, breaks: Array, coefficients: Array,
-    gaps: Array, tolerance: float, most: int, worst: Array, times: Array, found: Array,
-) -> int:  # fmt: skip
-    """Write bounds ``worst`` and ``times`` (m,), and ``found`` (time, row, residual, cells)."""
-    n, m = coefficients.shape[1], packed.shape[0]
+def edge_kernel(chain: Array, packed: Array, curve: Array, max_cells: int) -> tuple[int, float]:
+    """Verdict on q(s) = sum_k curve[:, k] s^k (n, k) for 0 <= s <= 1 and packed rows (m, WIDTH).
+
+    Cells are halved depth first, the earlier half first; what a cell settles of the rows is not
+    looked at again on its halves. Once there is a violation only what comes before it is.
+
+    Returns:
+        The verdict, and where the first violation is, or the first cell that can't be decided.
+    """
+    n, m = curve.shape[0], packed.shape[0]
     q, linear, curved = np.empty(n), np.empty(n), np.empty(n)
     frames, E = np.empty((n, 4, 4)), np.empty((3, 3))
-    open_rows = np.empty((_DEPTH + 2, m), dtype=np.bool_)
+    unsettled = np.empty((_DEPTH + 2, m), dtype=np.bool_)
+    unsettled[0, :] = True
     lows, highs = np.empty(_DEPTH + 2), np.empty(_DEPTH + 2)
     depths = np.empty(_DEPTH + 2, dtype=np.int64)
-    best = np.full(m, -np.inf)
-    worst[:] = -np.inf
-    times[:] = 0.0
-    found[0], found[1], found[2], found[3] = math.inf, -1.0, 0.0, 0.0
-    verdict = HOLDS
-    for piece in range(coefficients.shape[0]):
-        start = breaks[piece]
-        lows[0], highs[0], depths[0] = 0.0, breaks[piece + 1] - start, 0
-        open_rows[0, :] = True
-        top = 1
-        while top > 0:
-            top -= 1
-            low, high, depth = lows[top], highs[top], depths[top]
-            middle, half = 0.5 * (low + high), 0.5 * (high - low)
-            _stray(coefficients[piece], middle, half, q, linear, curved)
-            frames_kernel(chain, q, frames)
-            found[3] += 1.0
-            kept = False
-            for i in range(m):
-                if not open_rows[depth, i]:
-                    continue
+    lows[0], highs[0], depths[0] = 0.0, 1.0, 0
+    top, cells, violated = 1, 0, math.inf
+    while top > 0:
+        top -= 1
+        low, high, depth = lows[top], highs[top], depths[top]
+        middle, half = 0.5 * (low + high), 0.5 * (high - low)
+        expand_kernel(curve, middle, half, q, linear, curved)
+        frames_kernel(chain, q, frames)
+        cells += 1
+        settled, worst = True, -math.inf
+        for i in range(m):
+            unsettled[depth + 1, i] = False
+            if unsettled[depth, i]:
                 residual, bound = bound_kernel(chain, q, frames, packed[i], linear, curved, E)
-                if residual > best[i]:
-                    best[i], times[i] = residual, start + middle
-                if residual > tolerance and start + middle < found[0]:
-                    found[0], found[1], found[2] = start + middle, i, residual
-                    verdict = VIOLATED
-                settled = bound <= tolerance and bound <= best[i] + gaps[i]
-                if settled or residual > tolerance:
-                    worst[i] = max(worst[i], bound if settled else residual)
-                open_rows[depth + 1, i] = not settled
-                kept = kept or not settled
-            if verdict == VIOLATED:
-                # Only what comes before it is of interest now, and the halves that do are few.
-                top = 0
-                high = min(high, found[0] - start)
-            if not kept:
-                continue
-            if depth + 2 > _DEPTH or found[3] >= most or half <= 1e-13 * (1.0 + abs(middle)):
-                for i in range(m):
-                    worst[i] = max(worst[i], best[i])
-                if verdict == VIOLATED:
-                    return verdict
-                found[0], found[1] = start + middle, np.argmax(open_rows[depth + 1])
-                return UNDECIDED
-            # The left half is taken first; both share what is open one level down.
-            if verdict != VIOLATED:
-                lows[top], highs[top], depths[top] = middle, high, depth + 1
-                top += 1
-            elif depth >= 40:
-                return verdict
-            lows[top], highs[top], depths[top] = low, middle, depth + 1
+                worst = max(worst, residual)
+                unsettled[depth + 1, i] = bound > TOLERANCE
+                settled = settled and bound <= TOLERANCE
+        if settled:
+            continue
+        if worst > TOLERANCE:
+            violated, top = middle, 0
+        smallest = half <= _SMALLEST_HALF * (1.0 + abs(middle))
+        if depth + 2 > _DEPTH or cells >= max_cells or smallest:
+            return (VIOLATED, violated) if violated < math.inf else (UNDECIDED, middle)
+        # The left half is taken first; both share what is open one level down.
+        if violated == math.inf:
+            lows[top], highs[top], depths[top] = middle, high, depth + 1
             top += 1
-        if verdict == VIOLATED:
-            return verdict
-    return verdict
+        elif depth >= _SEARCH_DEPTH:
+            break
+        lows[top], highs[top], depths[top] = low, middle, depth + 1
+        top += 1
+    return (VIOLATED, violated) if violated < math.inf else (HOLDS, 1.0)
 
 
 @kernel
-def _stray(
+def expand_kernel(
     coefficients: Array, at: float, half: float, q: Array, linear: Array, curved: Array
 ) -> None:
     """Write q(at), q'(at) half, and the sum of |c_k| half^k over the higher powers, each (n,)."""
@@ -156,47 +160,47 @@ def bound_kernel(
     """A row's residual in the middle of a cell, and an upper bound of it all over the cell."""
     value, _, covector = value_kernel(q, frames, row, E)
     residual, _ = residual_kernel(value, row)
-    kind = int(row[0])
+    kind = int(row[KIND])
     if kind == _JOINT:
-        j = int(row[1])
+        j = int(row[CARRIER])
         return residual, residual + abs(linear[j]) + curved[j]
-    stray = stray_kernel(chain, frames, row, linear, curved)
-    V, W, turn, _, moved, error = stray
+    movement = movement_kernel(chain, frames, row, linear, curved)
+    V, W, turn, _, moved, error = movement
     if kind == _COORDINATE:
-        d = (row[12], row[13], row[14])
+        d = vector_kernel(row, DIRECTION)
         change = min(abs(dot(d, V)) + error, moved)
         return residual, residual + change
     if kind == _DISTANCE:
         return residual, _distance_bound(frames, row, V, error, moved) - row[UPPER]
     if kind == _ANGLE:
         a = axis_kernel(frames, row)
-        d = (row[12], row[13], row[14])
-        moved, error = _axis_stray(chain, frames, row, linear, curved)
+        d = vector_kernel(row, DIRECTION)
+        moved, error = _axis_movement(chain, frames, row, linear, curved)
         cosine = min(max(dot(a, d) - abs(dot(d, cross(W, a))) - error, -1.0), 1.0)
         # A chord of this length spans an angle that is somewhat larger.
         swept = min(turn, 2.0 * math.asin(min(0.5 * moved, 1.0)))
         return residual, min(math.acos(cosine), value + swept) - row[UPPER]
     if kind == _LOOK:
         x = seen_kernel(frames, row, point_kernel(frames, row))
-        y = (x[0] - row[9], x[1] - row[10], x[2] - row[11])
+        y = (x[0] - row[CENTER], x[1] - row[CENTER + 1], x[2] - row[CENTER + 2])
         distance = math.sqrt(dot(y, y))
         sight = math.asin(moved / distance) if moved < distance else math.pi
         return residual, min(value + turn + sight, math.pi) - row[UPPER]
-    return residual, residual + _rotation_change(frames, row, covector, stray, E)
+    return residual, residual + _rotation_change(frames, row, covector, movement, E)
 
 
 @kernel
-def _axis_stray(
+def _axis_movement(
     chain: Array, frames: Array, row: Array, linear: Array, curved: Array
 ) -> tuple[float, float]:
     """The most that the row's axis moves on the unit sphere, and that it leaves W x A, over a cell.
 
-    As of a point in ``stray_kernel``, with |z x A| for the distance from a joint's axis: a joint
+    As of a point in ``movement_kernel``, with |z x A| for the distance from a joint's axis: a joint
     along which it points does not move it.
     """
-    carrier, reference = int(row[1]), int(row[2])
+    carrier, reference = int(row[CARRIER]), int(row[REFERENCE])
     first, last = min(carrier, reference) + 1, max(carrier, reference)
-    a = (row[6], row[7], row[8])
+    a = vector_kernel(row, AXIS)
     if carrier >= 0:
         a = turned(frames[carrier], a[0], a[1], a[2])
     inside = 0.0
@@ -222,9 +226,9 @@ def _distance_bound(
     frames: Array, row: Array, V: tuple[float, float, float], error: float, moved: float
 ) -> float:
     """The largest distance over a cell: a convex function, largest at an end of the segment."""
-    d = (row[12], row[13], row[14])
+    d = vector_kernel(row, DIRECTION)
     x = seen_kernel(frames, row, point_kernel(frames, row))
-    y = (x[0] - row[9], x[1] - row[10], x[2] - row[11])
+    y = (x[0] - row[CENTER], x[1] - row[CENTER + 1], x[2] - row[CENTER + 2])
     along, across = dot(d, y), dot(d, V)
     y = (y[0] - along * d[0], y[1] - along * d[1], y[2] - along * d[2])
     v = (V[0] - across * d[0], V[1] - across * d[1], V[2] - across * d[2])
@@ -240,7 +244,7 @@ def _rotation_change(
     frames: Array,
     row: Array,
     covector: tuple[float, float, float],
-    stray: tuple[
+    movement: tuple[
         tuple[float, float, float], tuple[float, float, float], float, float, float, float
     ],
     E: Array,
@@ -251,7 +255,7 @@ def _rotation_change(
     alone. For t <= 1 the second derivative is at most 1.75 times the square of the rate: |J^-1| is
     at most 1.05, its slope (1 / 2 + 0.175) times that, and the rate turns at most by its own.
     """
-    _, W, turn, turn_curved, _, _ = stray
+    _, W, turn, turn_curved, _, _ = movement
     e = log_kernel(E)
     largest = math.sqrt(dot(e, e)) + turn
     factor = 0.5 * math.pi
@@ -260,14 +264,14 @@ def _rotation_change(
     change = factor * turn
     if 1.05 * largest < 1.0:
         w = covector
-        if row[2] >= 0.0:
-            w = turned_back(frames[int(row[2])], w[0], w[1], w[2])
+        if row[REFERENCE] >= 0.0:
+            w = turned_back(frames[int(row[REFERENCE])], w[0], w[1], w[2])
         change = min(change, abs(dot(w, W)) + 1.05 * turn_curved + 0.875 * turn * turn)
     return change
 
 
 @kernel
-def stray_kernel(
+def movement_kernel(
     chain: Array, frames: Array, row: Array, linear: Array, curved: Array
 ) -> tuple[tuple[float, float, float], tuple[float, float, float], float, float, float, float]:
     """How a row's bodies move one against the other over a cell.
@@ -277,7 +281,7 @@ def stray_kernel(
         most that directions turn, and the part of it that is not linear; the most that the point
         moves, and the most that it leaves its straight line.
     """
-    carrier, reference = int(row[1]), int(row[2])
+    carrier, reference = int(row[CARRIER]), int(row[REFERENCE])
     P = point_kernel(frames, row)
     first, last = min(carrier, reference) + 1, max(carrier, reference)
     outwards = carrier > reference

@@ -24,7 +24,7 @@ _ROUNDS = 20
 
 
 @kernel
-def least_distance(A: Array, b: Array, count: int, d: Array, x: Array) -> bool:  # noqa: C901, PLR0912
+def least_distance(A: Array, b: Array, count: int, d: Array, x: Array) -> bool:
     """Write the nearest x (n,) to d (n,) with A x <= b over the first ``count`` rows of A (k, n).
 
     Returns:
@@ -38,34 +38,18 @@ def least_distance(A: Array, b: Array, count: int, d: Array, x: Array) -> bool: 
     gram = np.empty((n, n))
     size = 0
     for _ in range(_ROUNDS * (count + 1)):
-        p, worst = -1, _FEASIBLE
-        for i in range(count):
-            excess = -b[i]
-            for j in range(n):
-                excess += A[i, j] * x[j]
-            if excess > worst:
-                p, worst = i, excess
+        p, worst = _most_violated(A, b, count, x)
         if p < 0:
             return True
         dual = 0.0
         while True:
-            # What of row p the active ones do not explain: a_p - sum_i r_i a_i.
             _explain(A, active, size, p, gram, r)
-            left, square = 0.0, 0.0
-            for j in range(n):
-                z[j] = A[p, j]
-                square += A[p, j] * A[p, j]
-                for i in range(size):
-                    z[j] -= r[i] * A[active[i], j]
-                left += z[j] * z[j]
-            most, leaving = math.inf, -1
-            for i in range(size):
-                if r[i] > 0.0 and duals[i] < most * r[i]:
-                    most, leaving = duals[i] / r[i], i
+            left, square = _unexplained(A, active, size, p, r, z)
+            partial, leaving = _longest_dual_step(duals, r, size)
             whole = math.inf
             if left > _DEPENDENT * square and size < n:
                 whole = worst / left
-            step = min(most, whole)
+            step = min(partial, whole)
             if math.isinf(step):
                 return False
             dual += step
@@ -83,6 +67,44 @@ def least_distance(A: Array, b: Array, count: int, d: Array, x: Array) -> bool: 
             for i in range(leaving, size):
                 active[i], duals[i] = active[i + 1], duals[i + 1]
     return False
+
+
+@kernel
+def _most_violated(A: Array, b: Array, count: int, x: Array) -> tuple[int, float]:
+    """The row that x violates most and by how much; -1 where it violates none."""
+    p, worst = -1, _FEASIBLE
+    for i in range(count):
+        excess = -b[i]
+        for j in range(x.shape[0]):
+            excess += A[i, j] * x[j]
+        if excess > worst:
+            p, worst = i, excess
+    return p, worst
+
+
+@kernel
+def _unexplained(
+    A: Array, active: Indices, size: int, p: int, r: Array, z: Array
+) -> tuple[float, float]:
+    """Write a_p - sum_i r_i a_i over the active rows i; its square, and that of a_p."""
+    left, square = 0.0, 0.0
+    for j in range(A.shape[1]):
+        z[j] = A[p, j]
+        square += A[p, j] * A[p, j]
+        for i in range(size):
+            z[j] -= r[i] * A[active[i], j]
+        left += z[j] * z[j]
+    return left, square
+
+
+@kernel
+def _longest_dual_step(duals: Array, r: Array, size: int) -> tuple[float, int]:
+    """The step at which the first multiplier becomes 0, and which; inf and -1 where none does."""
+    step, leaving = math.inf, -1
+    for i in range(size):
+        if r[i] > 0.0 and duals[i] < step * r[i]:
+            step, leaving = duals[i] / r[i], i
+    return step, leaving
 
 
 @kernel

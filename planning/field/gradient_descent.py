@@ -10,7 +10,7 @@ from kinematics.compiled.kernel import kernel
 from obstacles.edge_check import FREE, certify_in
 from obstacles.kernel_work import Workspace, workspace
 from obstacles.model_arrays import ModelArrays
-from planning.constraints.edge_bounds import EDGE_CELLS, HOLDS, TOLERANCE, hold_kernel
+from planning.constraints.edge_bounds import EDGE_CELLS, HOLDS, edge_kernel
 from planning.field.potential import FieldModel, value_kernel
 
 # Outcomes of a descent.
@@ -164,22 +164,11 @@ def is_free_kernel(proof: Proof, work: Workspace, a: Array, b: Array, outcome: A
     n, r = a.shape[0], proof.rows.shape[0]
     zero = np.zeros(n)
     if r > 0:
-        line, unit = np.empty((1, n, 2)), np.array([0.0, 1.0])
+        line = np.empty((n, 2))
         for j in range(n):
-            line[0, j, 0], line[0, j, 1] = a[j], b[j] - a[j]
-        verdict = hold_kernel(
-            proof.model.chain,
-            proof.rows,
-            unit,
-            line,
-            np.full(r, np.inf),
-            TOLERANCE,
-            EDGE_CELLS,
-            np.empty(r),
-            np.empty(r),
-            outcome,
-        )
-        if verdict != HOLDS:
+            line[j, 0], line[j, 1] = a[j], b[j] - a[j]
+        holds, outcome[0] = edge_kernel(proof.model.chain, proof.rows, line, EDGE_CELLS)
+        if holds != HOLDS:
             return False
     verdict = certify_in(
         proof.model, work, a, b - a, zero, zero, proof.slack, _MAX_INTERVALS, outcome

@@ -17,7 +17,7 @@ from kinematics.robots import builtin_chain, builtin_urdf
 from kinematics.trajectory import Trajectory
 from planning.constraints.constraint import Geometric
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.edge_bounds import holds
+from planning.constraints.edge_bounds import edge_holds
 from planning.constraints.joint import JointConstraint
 from planning.constraints.look_at import LookAtConstraint
 from planning.constraints.orientation import ConeConstraint, OrientationConstraint
@@ -186,7 +186,7 @@ def test_every_kind_is_bounded_soundly_and_sharply(name: str, reference: str) ->
             assert here[0] > most - 1e-5 + 0.99 * TOLERANCE, case.name
             assert abs(here[0] - (most - 1e-5) - found.residual) < 1e-9, case.name
             assert not any(
-                holds(chain, tight.packed, piece * h ** np.arange(6))
+                edge_holds(chain, tight.packed, piece * h ** np.arange(6))
                 for piece, h, own in zip(
                     given.coefficients, np.diff(given.breaks), (times < 0.6, times >= 0.6),
                     strict=True,
