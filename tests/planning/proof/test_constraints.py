@@ -55,7 +55,7 @@ def test_soft_constraints_are_reported_and_refuse_nothing() -> None:
 
 
 def test_what_planners_say_of_their_edges_is_not_believed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(edge_bounds, "holds", lambda *_: True)
-    monkeypatch.setattr(edge_bounds, "hold_kernel", lambda *_: edge_bounds.HOLDS)
+    monkeypatch.setattr(edge_bounds, "edge_holds", lambda *_: True)
+    monkeypatch.setattr(edge_bounds, "edge_kernel", lambda *_: (edge_bounds.HOLDS, 1.0))
     asked = (JointConstraint(FIRST, 0.0, 0.9, 0.9),)
     assert check_motion(ConstraintSet(CHAIN, asked), turn())[1] is not None
