@@ -1,0 +1,163 @@
+"""Problems planned under a lie, and what the certificate made of each motion it was handed."""
+
+import functools
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any
+
+from kinematics.trajectory import Trajectory
+from planning.pipeline import plan
+from planning.proof.certificate import Certificate, certify
+from planning.result import Plan
+from tests.planning.proof.sabotage.cases import case
+from tests.planning.proof.sabotage.judge import faults
+
+#: Packages in which a lie is told to everyone who knows the verdict by its name.
+_PACKAGES = ("kinematics", "dynamics", "obstacles", "planning")
+
+#: Installs a lie; everything it changes is undone by the patch.
+Install = Callable[["Sabotage"], None]
+
+
+@dataclass(frozen=True)
+class Lie:
+    """A verdict that lies.
+
+    Args:
+        verdict: What decides.
+        name: How it lies.
+        install: Makes it.
+        cases: Names of the problems that are planned under it.
+        faults: Kinds of fault of which the judge has to find one at least.
+    """
+
+    verdict: str
+    name: str
+    install: Install
+    cases: tuple[str, ...]
+    faults: frozenset[str]
+
+    def __str__(self) -> str:
+        return f"{self.verdict}: {self.name}"
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A motion that was handed to the certificate.
+
+    Args:
+        case: Name of the problem.
+        faults: What the judge finds wrong with it, by kind.
+        believed: Whether the certificate says that it is verified.
+        violation: What the certificate objects to; empty where nothing.
+    """
+
+    case: str
+    faults: dict[str, str]
+    believed: bool
+    violation: str
+
+
+class Sabotage:
+    """Replaces verdicts wherever they are known by name, the proof's own modules included.
+
+    Args:
+        undo: Where what puts the truth back is left.
+    """
+
+    def __init__(self, undo: ExitStack) -> None:
+        self._undo = undo
+
+    def replace(self, original: Callable[..., Any], lie: Callable[..., Any]) -> None:
+        """Put a lie in place of a function in every module that has it."""
+        places = [
+            (module, name)
+            for module in _modules()
+            for name, value in list(vars(module).items())
+            if value is original
+        ]
+        assert places, original
+        for module, name in places:
+            setattr(module, name, lie)
+            self._undo.callback(setattr, module, name, original)
+        _forget()
+
+    def wrap(self, original: Callable[..., Any], lie: Callable[..., Any]) -> None:
+        """Put ``lie(original, ...)`` in place of a function in every module that has it."""
+        self.replace(original, functools.partial(lie, original))
+
+    def method(self, owner: type, name: str, lie: object) -> None:
+        """Put a lie in place of a method or property of a class."""
+        self._undo.callback(setattr, owner, name, vars(owner)[name])
+        setattr(owner, name, lie)
+        _forget()
+
+    def value(self, owner: object, name: str, lie: object) -> None:
+        """Put a lie in place of a value of a frozen object."""
+        self._undo.callback(object.__setattr__, owner, name, getattr(owner, name))
+        object.__setattr__(owner, name, lie)
+        _forget()
+
+
+def _modules() -> Iterator[ModuleType]:
+    for name, module in list(sys.modules.items()):
+        if name.partition(".")[0] in _PACKAGES and module is not None:
+            yield module
+
+
+def _forget() -> None:
+    """Empty the caches by content: what was packed before a lie must not be used after it."""
+    for module in _modules():
+        if module.__name__.startswith(("obstacles.", "planning.")):
+            for value in list(vars(module).values()):
+                clear = getattr(value, "cache_clear", None)
+                if clear is not None and not isinstance(value, type):
+                    clear()
+
+
+@contextmanager
+def installed(lie: Lie | None) -> Iterator[None]:
+    """Everything under a lie, or under none."""
+    try:
+        with ExitStack() as undo:
+            if lie is not None:
+                lie.install(Sabotage(undo))
+            yield
+    finally:
+        _forget()
+
+
+def tried(name: str, lie: Lie | None) -> tuple[Motion, ...]:
+    """Plan a problem, under a lie or under none, and judge what was handed to the certificate.
+
+    Args:
+        name: Of the problem.
+        lie: What lies; None for nothing.
+
+    Returns:
+        Every motion that was handed to the certificate, in turn, the answer last.
+    """
+    given = case(name)
+    handed: list[tuple[Trajectory, Certificate]] = []
+
+    def listening(trajectory: Trajectory, *values: Any, **more: Any) -> Certificate:
+        certificate = certify(trajectory, *values, **more)
+        handed.append((trajectory, certificate))
+        return certificate
+
+    with installed(lie), ExitStack() as undo:
+        Sabotage(undo).replace(certify, listening)
+        answer = plan(given.problem, given.options)
+    if isinstance(answer, Plan):
+        handed.append((answer.trajectory, answer.certificate))
+    motions: dict[str, Motion] = {}
+    for trajectory, certificate in handed:
+        known = motions.get(trajectory.content_hash)
+        wrong = faults(given.arm, trajectory, given.truth) if known is None else known.faults
+        believed = certificate.verified or (known is not None and known.believed)
+        violation = "" if certificate.violation is None else certificate.violation.message
+        motions[trajectory.content_hash] = Motion(name, wrong, believed, violation)
+    return tuple(motions.values())
