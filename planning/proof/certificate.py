@@ -24,6 +24,7 @@ from obstacles.scene import Scene
 from planning.constraints.constraint_set import ConstraintSet
 from planning.deadline import Deadline
 from planning.effort_limits import EffortLimits
+from planning.proof.constraint_limits import constrained_efforts, constrained_margin
 from planning.proof.constraints import ConstraintReport, check_motion
 from planning.proof.interval_check import RESOLUTION, sharp_enough
 from planning.proof.limits import LimitReport, check_continuity, check_limits
@@ -157,11 +158,13 @@ def certify(
         limits: Limits (n,) to hold it to, by quantity ("velocity", ...); what is not named is
             taken from the robot, NaN and infinity bind nothing.
         loads: Limits of torque and tool speed.
-        constraints: What the motion has to hold for every instant.
+        constraints: What the motion has to hold for every instant, limits of tool speed, torque
+            and clearance among them included.
         tool_motions: Lines and arcs that the tool has to keep to.
         deadline: When to give up (which proves nothing).
     """
-    reports, wrong = check_limits(trajectory, robot.chain.limits, dict(limits or {}), loads)
+    efforts = constrained_efforts(loads, constraints, robot.chain)
+    reports, wrong = check_limits(trajectory, robot.chain.limits, dict(limits or {}), efforts)
     continuity, jumps = check_continuity(trajectory)
     wrong += jumps
     kept, violated = (
@@ -173,6 +176,7 @@ def certify(
         deviation, off = check_tool_motions(robot.chain, trajectory, tool_motions)
         wrong += [off] if off else []
     within = not wrong
+    margin = constrained_margin(margin, constraints)
     proof = _Proof(trajectory, robot, scene, margin, deadline)
     proof.run()
     solid = has_solids(robot)

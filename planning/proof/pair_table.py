@@ -7,6 +7,7 @@ pair of elements that can be proved apart settles all pairs below it.
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ from obstacles.bvh import BOX, FIRST, LAST, SKIP, tree
 from obstacles.piece import Piece, PieceArrays, PieceKind
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
+from planning.proof.box_tree import checked_nodes, children, leaf_boxes
 from planning.proof.proposals import (
     FIRST_NODE,
     STOP_NODE,
@@ -252,6 +254,11 @@ def _solids(
     leaf = tree_nodes[:, FIRST] >= 0.0
     first = np.where(leaf, tree_nodes[:, FIRST], -1.0).astype(np.int64)
     corners = packed.corners[(first[leaf, None] + np.arange(3)).reshape(-1)]
+    of_leaves = corners.reshape(-1, 3, 3)
+    low, high = np.full((len(leaf), 3), np.inf), np.full((len(leaf), 3), -np.inf)
+    low[leaf], high[leaf] = of_leaves.min(axis=1), of_leaves.max(axis=1)
+    tops = own[covers, FIRST_NODE].astype(np.int64) - first_node
+    tree_nodes = checked_nodes(tree_nodes, first_node, tops, low, high)
     boxes, kids = _boxes(tree_nodes), _children(tree_nodes, first_node, base + p)
     poses = arrays.poses[owner]
     centers = (poses[:, :3, :3] @ boxes[:, :3, None])[..., 0] + poses[:, :3, 3]
@@ -269,8 +276,12 @@ def _tree(still: PieceArrays, margins: Array, moving: int, base: int) -> _Elemen
     T, box = still.poses[solid], still.boxes[solid]
     middle = (T[:, :3, :3] @ box[:, :3, None])[..., 0] + T[:, :3, 3]
     half = (np.abs(T[:, :3, :3]) @ box[:, 3:, None])[..., 0]
-    grown = tree(middle - half, middle + half)
+    low, high = middle - half, middle + half
+    grown = tree(low, high)
     nodes, count = grown.nodes, len(grown.nodes)
+    if count:
+        of_leaves = leaf_boxes(nodes, grown.items, low, high)
+        nodes = checked_nodes(nodes, 0, np.zeros(1, dtype=np.int64), *of_leaves)
     leaf = nodes[:, FIRST] >= 0.0
     spans = np.where(leaf, nodes[:, LAST] - nodes[:, FIRST], 2.0).astype(np.int64)
     kids = np.empty(int(spans.sum()), dtype=np.int64)
@@ -297,9 +308,7 @@ def _boxes(nodes: Array) -> Array:
 
 def _children(nodes: Array, first: int, base: int) -> Indices:
     """The two nodes below each that is no leaf, one behind the other; the first one is ``base``."""
-    inner = np.flatnonzero(nodes[:, FIRST] < 0.0)
-    other = nodes[np.minimum(inner + 1, len(nodes) - 1), SKIP].astype(np.int64) - first
-    return np.column_stack([inner + 1, other]).reshape(-1) + base
+    return np.column_stack(children(nodes, first)).reshape(-1) + base
 
 
 def _most(nodes: Array, margins: Array) -> Array:
@@ -317,13 +326,28 @@ def _most(nodes: Array, margins: Array) -> Array:
 def _roots(
     robot: RobotGeometry, scene: Scene, tops: list[int], skipped: NDArray[np.bool_]
 ) -> Indices:
+    """Pairs that everything hangs below: robot and scene, and the robot's own."""
     met = [int(j) for j in np.flatnonzero(~skipped.all(axis=1))] if skipped.size else []
     rows = [(top, j) for j in met for top in tops]
-    for a, b in robot.self_pairs:
-        i, j = (int(a), int(b)) if robot.joints[a] <= robot.joints[b] else (int(b), int(a))
-        if not scene.allows(robot.links[i], robot.links[j]):
-            rows.append((i, j))
+    own = [(i, j) if robot.joints[i] <= robot.joints[j] else (j, i) for i, j in _own_pairs(robot)]
+    rows += [(i, j) for i, j in own if not scene.allows(robot.links[i], robot.links[j])]
     return np.array(rows, dtype=np.int64).reshape(-1, 2)
+
+
+@lru_cache(maxsize=8)
+def _own_pairs(robot: RobotGeometry) -> tuple[tuple[int, int], ...]:
+    """Pairs of the robot's pieces that must not touch.
+
+    All that move against each other and that it does not allow to touch; written twice on purpose,
+    like ``_skipped``.
+    """
+    allowed = {frozenset(pair) for pair in robot.allowed}
+    joints, links = robot.joints.tolist(), robot.links
+    return tuple(
+        (i, j)
+        for i, j in combinations(range(len(links)), 2)
+        if joints[i] != joints[j] and frozenset((links[i], links[j])) not in allowed
+    )
 
 
 def _extents(elements: _Elements) -> Array:

@@ -22,11 +22,29 @@ from kinematics.arrays import Array, Indices
 from kinematics.chain import Chain
 from kinematics.compiled.kernel import kernel
 from kinematics.trajectory import Trajectory
-from kinematics.vec3 import Vector, cross, dot, scale, subtract
+from kinematics.vec3 import dot, scale, subtract
 from planning.proof.joint_frames import forward_kernel
 from planning.proof.motion_bounds import JOINT_COLUMNS, OUTWARD, VALUE, enclose, reach
-from planning.proof.relative_motion import RelativeMotion, relative_motion
+from planning.proof.relative_motion import relative_motion
 from planning.proof.separating_direction import rounding
+from planning.proof.tool_curve import (
+    ALONG,
+    AXIS,
+    CENTER,
+    KIND,
+    LENGTH,
+    NORMAL,
+    ROTATION,
+    START,
+    SWEEP,
+    TURN,
+    WIDTH,
+    Deviations,
+    angle_to_nominal,
+    arc_deviation,
+    line_deviation,
+    vector_at,
+)
 from planning.proof.violation import Violation
 from planning.tool_motion import TimedToolMotions, ToolMotion
 
@@ -34,35 +52,10 @@ from planning.tool_motion import TimedToolMotions, ToolMotion
 _SHARP = 1.25
 #: Or below this share of what is allowed.
 _SMALL = 0.1
-#: Angles that may change by more than this in an interval are not judged there [rad].
-_MAX_TURN = 0.5
 #: Halvings of a piece, after which its bound is what it is.
 _MAX_DEPTH = 40
 #: Ends of motions may miss the breaks of the trajectory by what sums of times round off [relative].
 _TIME_ROUNDING = 1e-12
-
-# Entries of a motion as the kernels here read it; vectors by the first of three.
-#: 0 for a line, 1 for an arc.
-_KIND = 0
-#: Place at its start [m].
-_START = 1
-#: Unit direction of a line, 0 where it has no length; of an arc towards its start.
-_ALONG = 4
-#: Unit normal of an arc.
-_NORMAL = 7
-#: Centre of an arc [m].
-_CENTER = 10
-#: Axis that the orientation turns about, in the base's axes.
-_AXIS = 13
-#: Length of a line or radius of an arc [m].
-_LENGTH = 16
-#: Angle that an arc sweeps [rad].
-_SWEEP = 17
-#: Angle that the orientation turns by [rad].
-_TURN = 18
-#: Orientation at its start, row by row.
-_ROTATION = 19
-_WIDTH = 28
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,20 +105,6 @@ class Worst(NamedTuple):
 
     bounds: Array
     place: Array
-
-
-class Deviations(NamedTuple):
-    """Deviations on one interval, position [m] and orientation [rad].
-
-    Args:
-        now: In its middle, shape (2,).
-        upper: Bounds all over it, shape (2,).
-        T: The tool's pose in its middle, shape (3, 4).
-    """
-
-    now: Array
-    upper: Array
-    T: Array
 
 
 def check_tool_motions(
@@ -201,22 +180,22 @@ def _parts(trajectory: Trajectory, begin: float, end: float) -> list[tuple[int, 
 
 
 def _packed(motion: ToolMotion) -> Array:
-    """A motion as the kernels read it, shape (_WIDTH,)."""
-    m, start = np.zeros(_WIDTH), motion.T_start[:3, 3]
+    """A motion as the kernels read it, shape (WIDTH,)."""
+    m, start = np.zeros(WIDTH), motion.T_start[:3, 3]
     turn = motion.turn
     angle = float(np.linalg.norm(turn))
-    m[_START : _START + 3], m[_ROTATION:] = start, motion.T_start[:3, :3].ravel()
+    m[START : START + 3], m[ROTATION:] = start, motion.T_start[:3, :3].ravel()
     if angle > 0.0:
-        m[_AXIS : _AXIS + 3], m[_TURN] = turn / angle, angle
+        m[AXIS : AXIS + 3], m[TURN] = turn / angle, angle
     if motion.kind == "lin":
         way = motion.T_end[:3, 3] - start
         length = float(np.linalg.norm(way))
         if length > 0.0:
-            m[_ALONG : _ALONG + 3], m[_LENGTH] = way / length, length
+            m[ALONG : ALONG + 3], m[LENGTH] = way / length, length
         return m
-    m[_KIND], m[_NORMAL : _NORMAL + 3], m[_CENTER : _CENTER + 3] = 1.0, motion.normal, motion.center
-    m[_ALONG : _ALONG + 3] = (start - motion.center) / motion.radius
-    m[_LENGTH], m[_SWEEP] = motion.radius, motion.sweep
+    m[KIND], m[NORMAL : NORMAL + 3], m[CENTER : CENTER + 3] = 1.0, motion.normal, motion.center
+    m[ALONG : ALONG + 3] = (start - motion.center) / motion.radius
+    m[LENGTH], m[SWEEP] = motion.radius, motion.sweep
     return m
 
 
@@ -230,7 +209,7 @@ def deviation_kernel(
         arm: The robot.
         coefficients: Of the piece, shape (n, k).
         ends: Of the part in the piece's own time, shape (2,) [s].
-        m: The motion, shape (_WIDTH,).
+        m: The motion, shape (WIDTH,).
         allowed: Deviations [m], [rad], infinite where it is free, shape (2,).
         worst: Raised; its angle is where the part before has left it.
     """
@@ -285,23 +264,23 @@ def _bound(
     spread = relative_motion(arm.types, frames, p, arm.joint, -1, joints, half)
     lengths = reach(arm.types, arm.offsets, joints) + math.sqrt(dot(p, p))
     lost, n = rounding(arm.types.shape[0], lengths), arm.types.shape[0]
-    if m[_KIND] == 0.0:
-        judged, s, pace, bend = _line(m, p, spread, half, place, found)
+    if m[KIND] == 0.0:
+        judged, s, pace, bend = line_deviation(m, p, spread, half, place, found)
     else:
-        judged, s, pace, bend = _arc(m, p, spread, half, place, found)
+        judged, s, pace, bend = arc_deviation(m, p, spread, half, place, found)
     upper[0] += lost
     if not judged:
         return False
-    axis = _vector(m, _AXIS)
-    now[1] = _angle_to_nominal(m, s, T)
-    relative = subtract(spread.turn_rate, scale(m[_TURN] * pace, axis))
+    axis = vector_at(m, AXIS)
+    now[1] = angle_to_nominal(m, s, T)
+    relative = subtract(spread.turn_rate, scale(m[TURN] * pace, axis))
     upper[1] = now[1] + math.sqrt(dot(relative, relative)) * half + spread.turn_bend
-    upper[1] += 0.5 * m[_TURN] * bend * half * half + rounding(n, 1.0)
-    if m[_KIND] == 0.0 and m[_LENGTH] == 0.0:
+    upper[1] += 0.5 * m[TURN] * bend * half * half + rounding(n, 1.0)
+    if m[KIND] == 0.0 and m[LENGTH] == 0.0:
         # A turn on the spot is not to go beyond its ends.
         swept = abs(pace) * half
-        now[1] += max(0.0, -s, s - 1.0) * m[_TURN]
-        upper[1] += max(0.0, swept - s, s + swept - 1.0) * m[_TURN]
+        now[1] += max(0.0, -s, s - 1.0) * m[TURN]
+        upper[1] += max(0.0, swept - s, s + swept - 1.0) * m[TURN]
     return True
 
 
@@ -316,111 +295,3 @@ def _tip(arm: Arm, frames: Array, T: Array) -> None:
             T[row, column] = frames[arm.joint, row, 3] if column == 3 else 0.0
             for k in range(3):
                 T[row, column] += frames[arm.joint, row, k] * arm.T_joint_tip[k, column]
-
-
-@kernel
-def _vector(m: Array, first: int) -> Vector:
-    return m[first], m[first + 1], m[first + 2]
-
-
-@kernel
-def _farthest(e: Vector, rate: Vector, half: float) -> float:
-    """The larger one of |e + half rate| and |e - half rate|."""
-    a, b = e, e
-    for sign in (half, -half):
-        b = (e[0] + sign * rate[0], e[1] + sign * rate[1], e[2] + sign * rate[2])
-        a = b if dot(b, b) > dot(a, a) else a
-    return math.sqrt(dot(a, a))
-
-
-@kernel
-def _line(
-    m: Array, p: Vector, spread: RelativeMotion, half: float, place: Array, found: Deviations
-) -> tuple[bool, float, float, float]:
-    """Position off a line; whether it is judged, and place, pace and change of pace along it."""
-    now, upper, T = found
-    u, length = _vector(m, _ALONG), m[_LENGTH]
-    y = subtract(p, _vector(m, _START))
-    x, speed = dot(u, y), dot(u, spread.velocity)
-    e, rate = subtract(y, scale(x, u)), subtract(spread.velocity, scale(speed, u))
-    now[0] = math.sqrt(dot(e, e))
-    upper[0] = _farthest(e, rate, half) + spread.bend
-    if length > 0.0:
-        travel = abs(speed) * half + spread.bend
-        now[0] = math.hypot(now[0], max(0.0, -x, x - length))
-        upper[0] = math.hypot(upper[0], max(0.0, travel - x, x + travel - length))
-        return True, x / length, speed / length, spread.acceleration / length
-    if m[_TURN] == 0.0:
-        return True, 0.0, 0.0, 0.0
-    # A turn on the spot: the place that fits best, at the pace that does.
-    if spread.turned > _MAX_TURN:
-        return False, 0.0, 0.0, 0.0
-    angle = _follow(_turn_about(m, T), place)
-    return True, angle / m[_TURN], dot(_vector(m, _AXIS), spread.turn_rate) / m[_TURN], 0.0
-
-
-@kernel
-def _arc(
-    m: Array, p: Vector, spread: RelativeMotion, half: float, place: Array, found: Deviations
-) -> tuple[bool, float, float, float]:
-    """Position off an arc; whether it is judged, and place, pace and change of pace along it."""
-    now, upper, _ = found
-    first, normal, radius, sweep = _vector(m, _ALONG), _vector(m, _NORMAL), m[_LENGTH], m[_SWEEP]
-    second, v = cross(normal, first), spread.velocity
-    y = subtract(p, _vector(m, _CENTER))
-    a, b, z = dot(first, y), dot(second, y), dot(normal, y)
-    va, vb, vz = dot(first, v), dot(second, v), dot(normal, v)
-    distance = math.sqrt(a * a + b * b)
-    fastest = math.sqrt(dot(v, v)) + spread.acceleration * half
-    nearest = distance - min(fastest * half, spread.moved)
-    if nearest <= 0.5 * distance:
-        return False, 0.0, 0.0, 0.0
-    across = (a * vb - b * va) / (distance * distance)
-    faster = (spread.acceleration + 2.0 * fastest * fastest / nearest) / nearest
-    travel = min(abs(across) * half + 0.5 * faster * half * half, spread.moved / nearest)
-    if travel > _MAX_TURN:
-        return False, 0.0, 0.0, 0.0
-    phi = _follow(math.atan2(b, a), place)
-    now[0] = math.hypot(math.hypot(distance - radius, z), radius * max(0.0, -phi, phi - sweep))
-    e, rate = (distance - radius, z, 0.0), ((a * va + b * vb) / distance, vz, 0.0)
-    curved = 0.5 * (fastest * fastest / nearest) * half * half + spread.bend
-    over = radius * max(0.0, travel - phi, phi + travel - sweep)
-    upper[0] = math.hypot(_farthest(e, rate, half) + curved, over)
-    return True, phi / sweep, across / sweep, faster / sweep
-
-
-@kernel
-def _follow(angle: float, place: Array) -> float:
-    """The angle with as many whole turns as bring it nearest to the one followed so far."""
-    turns = math.floor((place[2] - angle) / (2.0 * math.pi) + 0.5)
-    place[2] = angle + 2.0 * math.pi * turns
-    return float(place[2])
-
-
-@kernel
-def _turn_about(m: Array, T: Array) -> float:
-    """Angle about the motion's axis that T R_0^T contains, in (-pi, pi] [rad]."""
-    R, sine, trace = m[_ROTATION:].reshape(3, 3), 0.0, 0.0
-    for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        for c in range(3):
-            trace += T[i, c] * R[i, c]
-            sine += 0.5 * m[_AXIS + i] * (T[k, c] * R[j, c] - T[j, c] * R[k, c])
-    return math.atan2(sine, 0.5 * (trace - 1.0))
-
-
-@kernel
-def _angle_to_nominal(m: Array, s: float, T: Array) -> float:
-    """Angle between the tool's orientation T and the motion's at place s [rad].
-
-    With N = exp(s theta [a]) R_0, |N - T| = 2 sqrt(2) sin(angle / 2): exact where it is small.
-    """
-    c, v, a = math.cos(s * m[_TURN]), math.sin(s * m[_TURN]), _vector(m, _AXIS)
-    square = 0.0
-    for column in range(3):
-        x = (m[_ROTATION + column], m[_ROTATION + 3 + column], m[_ROTATION + 6 + column])
-        turned, along = cross(a, x), dot(a, x) * (1.0 - c)
-        for i in range(3):
-            nominal = c * x[i] + v * turned[i] + along * a[i]
-            square += (nominal - T[i, column]) ** 2
-    return 2.0 * math.asin(min(1.0, math.sqrt(square / 8.0)))

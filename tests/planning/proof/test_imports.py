@@ -11,6 +11,7 @@ import planning.proof
 
 ALLOWED = {
     "planning.constraints.constraint_set",
+    "planning.constraints.limit",
     "planning.constraints.row",
     "planning.deadline",
     "planning.effort_limits",

@@ -30,7 +30,6 @@ from planning.constraints.row import LOWER, UPPER
 from planning.effort_limits import EffortLimits
 from planning.motion_limits import with_limits
 from planning.options import Options
-from planning.proof.tool_deviation import piece_deviations
 from planning.search.shortcut import shortcut
 from planning.timing.blend import blend, largest_reaches
 from planning.timing.corner_blending import certified_reaches
@@ -38,6 +37,7 @@ from planning.timing.effort_limits import knot_limits, slow_down
 from planning.timing.jerk_limited import time_path_with_jerk
 from planning.timing.minimum_time import time_path
 from planning.timing.time_scaling import ScaledTime, dilate, fit, peak_ratios
+from planning.tool_deviation import piece_deviations
 from planning.tool_motion import ToolMotion
 from tests.planning.proof.sabotage.cases import case
 from tests.planning.proof.sabotage.trial import Lie, Sabotage
@@ -446,10 +446,6 @@ LIES = (
         ("panda around a post", "panda around a post, by splines"), _LIMITS),
     Lie("timing dilation", "ratios understated by 1.05", _ratios_understated,
         ("panda around a post", "panda around a post, by splines"), _LIMITS),
-)  # fmt: skip
-
-#: Lies about verdicts that the certificate still shares with the planners: it believes these.
-SHARED = (
     Lie("packed scene", "box tree elsewhere", _tree_elsewhere, _BLOCKED, _COLLISION),
     Lie("pair choice", "own pairs dropped", _own_pairs_dropped, ("panda unfolding",), _COLLISION),
     Lie("limit slow-down", "use understated by 1.05", _use_understated,
