@@ -198,19 +198,20 @@ def _small_hulls(sabotage: Sabotage) -> None:
 
 
 def _constraint_always_holds(sabotage: Sabotage) -> None:
-    sabotage.replace(edge_bounds.hold_kernel, lambda *_: edge_bounds.HOLDS)
+    sabotage.replace(edge_bounds.edge_kernel, lambda *_: (edge_bounds.HOLDS, 1.0))
+    sabotage.replace(edge_bounds.edge_holds, lambda *_: True)
 
 
 def _constraint_bound_dropped(sabotage: Sabotage) -> None:
     """A cell is as good as its middle: the kernel itself, interpreted, with a bound of nothing."""
-    slow = edge_bounds.hold_kernel.py_func  # type: ignore[attr-defined]
+    slow = edge_bounds.edge_kernel.py_func  # type: ignore[attr-defined]
     true = edge_bounds.bound_kernel
 
     def bound(*values: Any) -> tuple[float, float]:
         residual, _ = true(*values)
         return residual, residual
 
-    sabotage.replace(edge_bounds.hold_kernel, slow)
+    sabotage.replace(edge_bounds.edge_kernel, slow)
     sabotage.replace(edge_bounds.bound_kernel, bound)
 
 

@@ -46,7 +46,7 @@ def test_the_certificate_refuses_every_bad_motion(lie: Lie) -> None:
 
 @pytest.mark.parametrize("lie", LIES, ids=str)
 def test_a_lie_leaves_nothing_behind(lie: Lie) -> None:
-    before = Checker.segment, Checker.valid, edge_bounds.hold_kernel
+    before = Checker.segment, Checker.valid, edge_bounds.edge_kernel
     with installed(lie):
         pass
-    assert (Checker.segment, Checker.valid, edge_bounds.hold_kernel) == before
+    assert (Checker.segment, Checker.valid, edge_bounds.edge_kernel) == before
