@@ -7,6 +7,9 @@ PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
 VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
+TOOLS := $(VENV)/.tools
+APP := -e ".[demo]" -e ./client
+APP_AND_TOOLS := -e ".[dev,demo]" -e ./client
 HOST ?= 127.0.0.1
 PORT ?= 8000
 # MotionBenchMaker's problems, where they lie in a folder data/ here or beside.
@@ -17,53 +20,67 @@ MARGINS ?= 0
 .DEFAULT_GOAL := help
 .PHONY: install demo test check bench bench-timing bench-verdict bench-mbm bench-http serve docker-steps clean help
 
-install: $(INSTALLED)  ## Install the app, the client and the tools into .venv
+install: $(INSTALLED) $(TOOLS)  ## Install the app, the client and the developers' tools into .venv
+
+# With uv where it is there or can be had (seconds), else with pip (minutes).
+define packages
+	@$(BIN)/python -m pip --version > /dev/null 2>&1 || $(PYTHON) -m venv $(VENV)
+	@command -v uv > /dev/null || test -x $(BIN)/uv || $(BIN)/python -m pip install -qq \
+		--disable-pip-version-check -c constraints.txt uv || echo "uv can't be had; pip installs"
+	@UV=$$(command -v uv || echo $(BIN)/uv); \
+	"$$UV" pip install -q --python $(BIN)/python -c constraints.txt $(1) 2> /dev/null || \
+	$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt $(1)
+endef
 
 $(INSTALLED): pyproject.toml client/pyproject.toml constraints.txt
 	@test -n "$(PYTHON)" || { echo "Armwright needs Python 3.11, 3.12 or 3.13; none was found. \
 	Install one, or name it: make PYTHON=/path/to/python3.12 $(MAKECMDGOALS)" >&2; exit 1; }
-	@test -x $(BIN)/pip || $(PYTHON) -m venv $(VENV)
-	@echo "Installing into $(VENV) (a few minutes the first time) ..."
-	@$(BIN)/python -m pip install -qq --disable-pip-version-check \
-		-c constraints.txt -e ".[dev,demo]" -e ./client
-	@echo "Compiling the kernels (a minute or two, once) ..."
+	@echo "Installing into $(VENV) ..."
+	$(call packages,$(APP))
+	@echo "Compiling the kernels (once) ..."
 	@$(BIN)/armwright warm > /dev/null
+	@touch $@
+
+# The developers' tools: 1.1 GB that running the app does not need.
+$(TOOLS): $(INSTALLED)
+	@echo "Installing the developers' tools into $(VENV) ..."
+	$(call packages,$(APP_AND_TOOLS))
 	@touch $@
 
 demo: $(INSTALLED)  ## Plan, certify and draw a motion from start to end
 	$(BIN)/python examples/demo.py
 
-test: $(INSTALLED)  ## Run the tests
+test: $(TOOLS)  ## Run the tests
 	$(BIN)/python -m pytest
 
-check: $(INSTALLED)  ## Lint, format, types, layers, Dockerfile
+check: $(TOOLS)  ## Lint, format, types, layers, Dockerfile
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/hadolint Dockerfile
 
-bench: $(INSTALLED)  ## Measure kernels, planning and the service
+bench: $(TOOLS)  ## Measure kernels, planning and the service
 	$(BIN)/python -m benchmarks
 
-bench-timing: $(INSTALLED)  ## Judge the timing of a thousand random paths
+bench-timing: $(TOOLS)  ## Judge the timing of a thousand random paths
 	$(BIN)/python -m benchmarks.timing_limits 1000
 
-bench-verdict: $(INSTALLED)  ## Hold a hundred thousand collision verdicts against FCL
+bench-verdict: $(TOOLS)  ## Hold a hundred thousand collision verdicts against FCL
 	$(BIN)/python -m benchmarks.verdict
 
-bench-mbm: $(INSTALLED)  ## Measure on MotionBenchMaker's: make bench-mbm PROBLEMS=dir SEEDS="0 1 2"
+bench-mbm: $(TOOLS)  ## Measure on MotionBenchMaker's: make bench-mbm PROBLEMS=dir SEEDS="0 1 2"
 	@test -n "$(PROBLEMS)" || { echo "Say where the problems are: make $@ PROBLEMS=dir" >&2; exit 1; }
 	$(BIN)/python -m benchmarks.mbm $(PROBLEMS) --seeds $(SEEDS) --margins $(MARGINS)
 
-bench-http: $(INSTALLED)  ## Measure what HTTP costs on some of them: make bench-http PROBLEMS=dir
+bench-http: $(TOOLS)  ## Measure what HTTP costs on some of them: make bench-http PROBLEMS=dir
 	@test -n "$(PROBLEMS)" || { echo "Say where the problems are: make $@ PROBLEMS=dir" >&2; exit 1; }
 	$(BIN)/python -m benchmarks.http $(PROBLEMS)
 
 serve: $(INSTALLED)  ## Serve the API on HOST:PORT (127.0.0.1:8000)
 	$(BIN)/armwright serve --host $(HOST) --port $(PORT)
 
-docker-steps: $(INSTALLED)  ## Run the Dockerfile's steps without Docker, in a clean folder (minutes)
+docker-steps: $(TOOLS)  ## Run the Dockerfile's steps without Docker, in a clean folder (minutes)
 	$(BIN)/python scripts/docker_steps.py
 
 clean:  ## Remove what was built, compiled and cached; .venv stays
