@@ -63,7 +63,7 @@ def bodies(chain: Chain, gravity: ArrayLike | None = None) -> Bodies:
 
 
 def scale_masses(chain: Chain, factors: ArrayLike) -> Chain:
-    """The same robot with the mass and inertia tensor of each body times a factor.
+    """Robot with the mass and inertia tensor of each body times a factor.
 
     Args:
         chain: The robot.

@@ -7,8 +7,7 @@ Over a stretch of time t + h d, -1 <= d <= 1, each quantity is enclosed by a lin
 Sums, products and sines of such enclosures are enclosures again, with what is of second order in d
 gone into the radius, so that the radius shrinks with the square of h (first-order Taylor models,
 "Rigorous global search: continuous problems", 1996). The Newton-Euler recursion is run on them, in
-the joints' own frames. Rounding is not accounted for: it is 1e-12 of what is bounded, and so are
-the limits' last digits.
+the joints' own frames. Rounding, 1e-12 of the bounds, is not accounted for.
 """
 
 import math
@@ -27,8 +26,7 @@ from kinematics.trajectory import Trajectory
 
 #: Enclosures looked at for one answer, at most: a second of work.
 MAX_CELLS = 100_000
-
-# An enclosure this much above the largest value known is good enough, as a part of it.
+#: Share by which a bound may exceed the largest value found.
 _SHARP = 1e-3
 
 Enclosure = tuple[float, float, float]
@@ -339,10 +337,7 @@ def torque_use(chain: Chain, trajectory: Trajectory, effort: ArrayLike) -> Use:
 
 
 def tool_speed_use(chain: Chain, trajectory: Trajectory, speed: float) -> Use:
-    """The largest speed of the tip's origin over a limit [m/s], over all of a motion.
-
-    The ratio is that of the speeds; the joint means nothing.
-    """
+    """The largest speed of the tip's origin over a limit [m/s], over a motion; joint is unused."""
     tip = chain.tip
     n = tip.joint + 1
     if n == 0:

@@ -71,7 +71,7 @@ class Motor:
 
 
 def driven(chain: Chain, motors: Sequence[Motor]) -> Chain:
-    """The same robot with a motor at each joint.
+    """Robot with a motor at each joint.
 
     Raises:
         InvalidOption: There are not as many motors as joints.

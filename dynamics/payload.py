@@ -22,7 +22,7 @@ def with_payload(
     *,
     link: str | None = None,
 ) -> Chain:
-    """The same robot with a rigid load fixed to a link.
+    """Robot with a rigid load fixed to a link.
 
     Args:
         chain: The robot.
@@ -48,7 +48,7 @@ def with_payload(
 
 
 def with_inertias(chain: Chain, inertias: Mapping[str, Inertia]) -> Chain:
-    """The same robot with the mass properties of some links replaced, by the links' names.
+    """Robot with the mass properties of some links replaced, by the links' names.
 
     Raises:
         InvalidLinkName: A link is unknown.
@@ -62,7 +62,7 @@ def with_inertias(chain: Chain, inertias: Mapping[str, Inertia]) -> Chain:
 def with_motors(
     chain: Chain, inertia: ArrayLike | None = None, viscous_friction: ArrayLike | None = None
 ) -> Chain:
-    """The same robot with other motors: M = D + J and B q_dot.
+    """Robot with other motors: M = D + J and B q_dot.
 
     Args:
         chain: The robot.
@@ -81,7 +81,7 @@ def with_motors(
 
 
 def with_gravity(chain: Chain, gravity: ArrayLike) -> Chain:
-    """The same robot mounted otherwise: gravity (3,) [m/s^2] in its base frame.
+    """Robot mounted otherwise: gravity (3,) [m/s^2] in its base frame.
 
     Raises:
         InvalidOption: It is not three finite numbers.

@@ -136,7 +136,7 @@ def _row_inertia(row: DhRow) -> Inertia | None:
 
 @dataclass(frozen=True, slots=True)
 class _Between:
-    """What lies between two axes: A = Rz(theta) Tz(d) X Rz(theta_after) Tz(d_after)."""
+    """Transform between two axes: A = Rz(theta) Tz(d) X Rz(theta_after) Tz(d_after)."""
 
     theta: float = 0.0
     d: float = 0.0
@@ -295,10 +295,10 @@ def _carried(
         for link in chain.links
         if link.joint == i and link.inertia is not None
     ]
-    return _together(bodies) if bodies else (None, None, None)
+    return _merge(bodies) if bodies else (None, None, None)
 
 
-def _together(bodies: Sequence[tuple[Inertia, Array]]) -> tuple[float, Array, Array]:
+def _merge(bodies: Sequence[tuple[Inertia, Array]]) -> tuple[float, Array, Array]:
     """Mass, centre and tensor of several bodies as of one (parallel axis theorem)."""
     masses = np.array([body.mass for body, _ in bodies])
     centers = np.array([T[:3, :3] @ body.center_of_mass + T[:3, 3] for body, T in bodies])

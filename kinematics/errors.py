@@ -90,6 +90,6 @@ class InvalidOption(ArmwrightError):
 
 
 class NotAvailable(ArmwrightError):
-    """What was asked for does not exist for this robot, such as a closed form."""
+    """The robot does not have what was asked for, such as a closed form."""
 
     code = "VALIDATION_ERROR"

@@ -130,7 +130,7 @@ def select(
         raise InvalidRobotDescription(
             f"{len(names)} joints move between {base!r} and {tip!r}, at most {MAX_JOINTS} may"
         )
-    positions, lint = _held(description, names, held or {})
+    positions, lint = _fixed_position(description, names, held or {})
     return Selection(base, tip, names, MappingProxyType(positions), tuple(lint))
 
 
@@ -212,7 +212,7 @@ def _check_in_path(joint: JointDescription, base: str, tip: str) -> None:
 # ------------------------------------------------------------------------------- held joints
 
 
-def _held(
+def _fixed_position(
     description: RobotDescription, moving: Sequence[str], asked: Mapping[str, float]
 ) -> tuple[dict[str, float], list[str]]:
     joints = description.joints

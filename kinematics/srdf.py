@@ -16,7 +16,7 @@ State = Mapping[str, float]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Semantics:
-    """What an SRDF says.
+    """Content of an SRDF: groups, states, allowed pairs.
 
     Args:
         name: The robot's name.

@@ -184,7 +184,7 @@ class Trajectory:
         return Peaks(frozen(np.where(up, high, -low)), frozen(np.where(up, time_high, time_low)))
 
     def jumps(self, derivative: int = 0) -> Array:
-        """What a derivative jumps by at each inner break, shape (m - 1, n)."""
+        """Jumps of a derivative at each inner break, shape (m - 1, n)."""
         rates = self.derivative(derivative).coefficients
         lengths = np.diff(self.breaks)[:-1, None]
         before = np.zeros((self.pieces - 1, self.n))
@@ -198,7 +198,7 @@ class Trajectory:
         return Continuity(*(float(np.abs(jump).max(initial=0.0)) for jump in jumps))
 
     def dilate(self, factor: float) -> "Trajectory":
-        """The same path, ``factor`` times as long: velocity / factor, acceleration / factor^2.
+        """Trajectory stretched in time by ``factor``: velocity / factor, acceleration / factor^2.
 
         Raises:
             InvalidOption: The factor is not a positive finite number.
@@ -211,7 +211,7 @@ class Trajectory:
         return Trajectory(self.joint_names, self.breaks * factor, self.coefficients * powers)
 
     def split(self, time: float) -> tuple["Trajectory", "Trajectory"]:
-        """What comes before ``time`` and what comes after, each starting at its own time 0.
+        """Parts before and after ``time``, each starting at its own time 0.
 
         Raises:
             InvalidOption: The time is not strictly inside the trajectory.

@@ -30,7 +30,7 @@ _ROUNDING = 1e-12
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SingularDirections:
-    """What the Jacobian J = U diag(s) V^T says of a configuration; leading dimensions as asked.
+    """Singular value decomposition J = U diag(s) V^T at configurations of any leading dimensions.
 
     Args:
         values: s, largest first, shape (..., k) with k = min(6, n).

@@ -44,7 +44,7 @@ def _any_model() -> ModelArrays:
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """What was found out about a joint motion.
+    """Verdict on a joint motion.
 
     Args:
         free: Proved free for every instant.
@@ -79,7 +79,7 @@ class Proximity(NamedTuple):
 
 
 class Bracket(NamedTuple):
-    """What sphere brackets tell of a configuration.
+    """Verdict of bounding and inscribed spheres on a configuration.
 
     Args:
         free: All outer spheres are clear.
@@ -153,7 +153,7 @@ class Checker:
         return _state_verdict()(self.model.arrays, point, float(self.slack)) == FREE
 
     def bracket(self, q: Array) -> "Bracket":
-        """What the sphere brackets alone tell of a configuration, and whom they leave to ask."""
+        """Verdict of the spheres alone, with the pairs that they leave to the exact test."""
         point = np.ascontiguousarray(q, dtype=np.float64)
         asked = np.zeros(1 + _NEAR_PAIRS, dtype=np.int64)
         verdict = bracket_on(self.model.arrays, point, self.slack, asked)

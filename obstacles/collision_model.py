@@ -32,7 +32,7 @@ from obstacles.piece_set import (
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 
-__all__ = ["CollisionModel", "ModelArrays", "skipped_pairs", "together"]
+__all__ = ["CollisionModel", "ModelArrays", "all_pieces", "skipped_pairs"]
 
 _T = TypeVar("_T", bound=np.generic)
 
@@ -74,7 +74,7 @@ class CollisionModel:
 
     @property
     def arrays(self) -> ModelArrays:
-        """The same, packed."""
+        """Arrays of the model for kernels."""
         if self._arrays is None:
             object.__setattr__(self, "_arrays", _packed(self.robot, self.scene, self.margin))
         assert self._arrays is not None
@@ -132,7 +132,7 @@ def _packed(robot: RobotGeometry, scene: Scene, margin: float) -> ModelArrays:
     )
 
 
-def together(robot: RobotGeometry, scene: Scene) -> PieceSet:
+def all_pieces(robot: RobotGeometry, scene: Scene) -> PieceSet:
     """The pieces of a robot, each in the frame of its joint, and behind them those of a scene."""
     own, around = _robot_part(robot).pieces, _scene_part(scene).pieces
     behind = own._replace(rows=own.rows[: len(robot.pieces)]).behind(around)

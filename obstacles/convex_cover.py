@@ -81,7 +81,7 @@ class _Bodies(NamedTuple):
 
 
 class _Part(NamedTuple):
-    """What planes have cut out of bodies.
+    """Part that planes cut out of bodies.
 
     Args:
         triangles: What is there of the surface, shape (t, 3, 3).
@@ -143,7 +143,7 @@ def cut_bodies(
 
 
 def _halves(bodies: _Bodies, part: _Part) -> list[_Part]:
-    """What is below the plane chosen for a part, and what is above it."""
+    """Parts below and above the plane chosen for a part."""
     sides = cut_triangles(part.triangles, part.names, part.axis, part.at)
     halves = []
     for side, (triangles, names) in enumerate(sides):

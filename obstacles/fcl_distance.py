@@ -21,7 +21,7 @@ from kinematics.arrays import Array, Indices
 from kinematics.compiled.kernel import kernel
 from kinematics.forward import joint_frames
 from obstacles.ball_distance import bound_from, closed_form
-from obstacles.collision_model import together
+from obstacles.collision_model import all_pieces
 from obstacles.convex_distance import proved_distance
 from obstacles.fcl_solid import FclSolid, fcl_solid, separation
 from obstacles.mesh_depth import mesh_depth
@@ -274,7 +274,7 @@ class FclWorld:
 
     @cached_property
     def _packed(self) -> PieceSet:
-        return together(self.robot, self.scene)
+        return all_pieces(self.robot, self.scene)
 
     def _is_mesh(self, i: int, j: int) -> bool:
         """Whether one of two pieces covers triangles."""

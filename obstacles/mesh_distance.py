@@ -98,7 +98,7 @@ def _plane(
 
 @kernel(allocates=False)
 def _extent(desk: Array, k: int, n: _Plane) -> tuple[float, float]:
-    """What the box of row k reaches along a direction, least and most."""
+    """Lowest and highest value of a direction over the box of row k."""
     middle = desk[k, POSE + 3] * n[0] + desk[k, POSE + 7] * n[1] + desk[k, POSE + 11] * n[2]
     half = 0.0
     for axis in range(3):

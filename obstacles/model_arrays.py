@@ -1,4 +1,4 @@
-"""What the collision kernels read of a robot in a scene."""
+"""Arrays of a robot in a scene for the collision kernels."""
 
 from typing import NamedTuple
 
@@ -10,7 +10,7 @@ from obstacles.support_table import Lists
 
 
 class ModelArrays(NamedTuple):
-    """What a kernel reads (n joints, p pieces of the robot, m of the scene, k pairs of the robot).
+    """Arrays for kernels (n joints, p pieces of the robot, m of the scene, k pairs of the robot).
 
     Args:
         chain: ``Chain.model`` of the robot.

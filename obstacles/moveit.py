@@ -274,7 +274,7 @@ def _pose(
 
 @contextmanager
 def _at(where: str) -> Iterator[None]:
-    """What is refused inside is told with the place in the file."""
+    """Context in which errors are raised again with the place in the file."""
     try:
         yield
     except ArmwrightError as error:

@@ -51,8 +51,10 @@ class PairGrid(NamedTuple):
 
 
 @kernel(allocates=False)
-def known(axes: Array, starts: Indices, values: Array, s: int, still: int, joints: Array) -> float:
-    """What the grid proves of the distance of pair ``s`` [m].
+def grid_bound(
+    axes: Array, starts: Indices, values: Array, s: int, still: int, joints: Array
+) -> float:
+    """Lower bound of the distance of pair ``s``, from the grid [m].
 
     Args:
         axes: Of ``PairGrid``, as are the next two.
@@ -132,7 +134,7 @@ def pair_grid(chain: Chain, pieces: Sequence[Piece], joints: Indices, pairs: Ind
     """
     axes, starts = np.zeros((len(pairs), 2, 3)), np.zeros(len(pairs), dtype=np.int64)
     values, length = [np.zeros(0)], 0
-    for s in _chosen(chain, pieces, joints, pairs):
+    for s in _choose_pairs(chain, pieces, joints, pairs):
         i, j = pairs[s]
         first, last = int(joints[i]) + 1, int(joints[j])
         own = _axes(chain, first, last)
@@ -143,7 +145,9 @@ def pair_grid(chain: Chain, pieces: Sequence[Piece], joints: Indices, pairs: Ind
     return PairGrid(axes, starts, np.concatenate(values))
 
 
-def _chosen(chain: Chain, pieces: Sequence[Piece], joints: Indices, pairs: Indices) -> list[int]:
+def _choose_pairs(
+    chain: Chain, pieces: Sequence[Piece], joints: Indices, pairs: Indices
+) -> list[int]:
     """Pairs that get a grid: those whose balls part them least, none that they always part."""
     gaps: list[tuple[float, int]] = []
     balls = [piece.bounding_sphere() for piece in pieces]

@@ -105,7 +105,7 @@ _SAME_WHEREVER = tuple(f.name for f in fields(Piece) if f.name != "T_owner_piece
 
 
 class _Core(NamedTuple):
-    """What is known of a core in its frame: a ball and a box that hold it, half a box's size."""
+    """Bounding ball and box of a core in its frame, with half the box's size."""
 
     center: Array
     radius: float

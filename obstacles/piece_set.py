@@ -104,7 +104,7 @@ class PieceSet(NamedTuple):
         return cls(rows, packed, np.concatenate(tables), np.vstack(surfaces))
 
     def behind(self, other: "PieceSet") -> "PieceSet":
-        """The same pieces with the corners and tables of ``other`` before theirs."""
+        """Pieces with the corners and tables of ``other`` before theirs."""
         if not len(other.corners):
             return self
         rows = self.rows.copy()

@@ -97,7 +97,7 @@ class RobotGeometry:
     def attach(
         self, attached: Obstacle, link: str, touch_links: Iterable[str] = ()
     ) -> "RobotGeometry":
-        """The same robot holding an object.
+        """Robot holding an object.
 
         Args:
             attached: The object; its pose is in the frame of ``link``, its margin is not used.
@@ -200,7 +200,7 @@ def geometry_of_solids(
 # A few, for requests that hold one thing or another: they are keyed by identity.
 @lru_cache(maxsize=16)
 def hulled(robot: RobotGeometry) -> RobotGeometry:
-    """The same robot with the hull of every solid that was cut into pieces, in their place.
+    """Robot with the convex hull of every solid that was cut into pieces, in their place.
 
     It holds the robot: what is free of it is free. It has fewer pieces, and no pockets to get
     caught in. A robot all of whose solids are convex is answered as it is.

@@ -86,7 +86,7 @@ def plane_bound(
     T_b: Array,
     towards: Array,
 ) -> float:
-    """What a plane across ``towards`` (3,), from a to b, proves of the cores' distance [m]."""
+    """Lower bound of the cores' distance from a plane across ``towards`` (3,), from a to b [m]."""
     length = np.sqrt(towards[0] ** 2 + towards[1] ** 2 + towards[2] ** 2)
     if not 0.0 < length < np.inf:
         return -np.inf

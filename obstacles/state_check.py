@@ -24,7 +24,7 @@ from obstacles.gjk import CLOSER, FARTHER, STILL, separation
 from obstacles.kernel_work import Workspace, place_row, workspace
 from obstacles.mesh_distance import surface_distance
 from obstacles.model_arrays import ModelArrays
-from obstacles.pair_grid import known
+from obstacles.pair_grid import grid_bound
 from obstacles.piece_set import CENTER, MARGIN, NODE_STOP, OWNER, RADIUS
 
 #: What floating point may have cost a distance of a few metres [m], with room to spare.
@@ -151,7 +151,7 @@ def _own_pairs(model: ModelArrays, work: Workspace, apart: float, asked: Indices
             if ready and balls_apart(placed, i, j) > apart + _ROUNDING_ERROR:
                 continue
             if model.grid_axes[s, 0, 2] > 0.0:
-                proved = known(
+                proved = grid_bound(
                     model.grid_axes, model.grid_starts, model.grid_values, s, joints[i], work.joints
                 )
                 if proved > apart + _ROUNDING_ERROR:
@@ -175,7 +175,7 @@ def _bracket(
     spheres: Array, sphere: int, end: int, frames: Array, joint: int, rows: Array, k: int,
     corners: Array, apart: float,
 ) -> int:  # fmt: skip
-    """What the spheres of a piece, from one to before another, tell about piece k of ``rows``.
+    """Verdict of spheres first .. last - 1 of a piece on piece k of ``rows``.
 
     Returns:
         FREE, COLLIDING, or UNDECIDED: the exact test is to be asked.

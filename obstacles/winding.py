@@ -96,7 +96,7 @@ def _is_closed(faces: Faces) -> bool:
 
 
 def oriented(faces: Faces) -> Faces:
-    """The same triangles, neighbours turned the same way round, as most of them are.
+    """Triangles with neighbours oriented alike, as most of them are.
 
     Args:
         faces: Of one connected mesh, corners that lie in one place numbered alike, shape (f, 3).

@@ -21,7 +21,7 @@ class Deadline:
 
     @property
     def remaining(self) -> float:
-        """What is left [s], 0 when time is up."""
+        """Remaining time [s], 0 when time is up."""
         return max(self.at - time.monotonic(), 0.0)
 
     @property

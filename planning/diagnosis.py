@@ -66,7 +66,7 @@ class _Tally:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Diagnosis:
-    """What is in the way of a motion from a start to goals.
+    """Obstruction of motions from a start to goals.
 
     Args:
         blocked_by: Pairs that stopped motions, with their share of those that were stopped, the

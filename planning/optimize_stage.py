@@ -107,7 +107,7 @@ class OptimizeStage:
         return self._work.offer(deadline)
 
     def tell(self, offer: Offer | None) -> tuple[bool, str]:
-        """What a report of the stage says."""
+        """Sentence for the stage's report."""
         if self._told or self._work is None:
             return False, self._told
         rounds = f"{self._work.rounds} rounds"

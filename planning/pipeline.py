@@ -199,7 +199,7 @@ class _Pipeline:
         )
 
     def _diagnose(self, ready: Ready) -> Diagnosis | Relaxation:
-        """What is in the way, in the time that was kept back for a path that was not found."""
+        """Diagnosis of a failed search, within the time reserved for it."""
         problem, seed = self.problem, self.options.seed
         until = Deadline.after(min(_MAX_DIAGNOSIS, self.deadline.remaining))
         exact = ready.checkers[-1]

@@ -1,4 +1,4 @@
-"""What is to be planned: a robot in a scene, from a configuration to a goal."""
+"""Planning problems: a robot in a scene, from a configuration to a goal."""
 
 import hashlib
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""What planning answers: a certified plan, or a failure that says what to try."""
+"""Results of planning: a certified plan, or a failure that says what to try."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -53,7 +53,7 @@ class Path:
 
 @dataclass(frozen=True, slots=True)
 class ToolMotionReport:
-    """What became of one motion of the tool.
+    """Result of one tool motion.
 
     Args:
         kind: "lin" or "circ".

@@ -171,7 +171,7 @@ def _answered(
 
 
 def _notes(points: Array, interpolation: Interpolation, timing: TimingOptions) -> tuple[str, ...]:
-    """What is special about a path, by the numbers of its waypoints."""
+    """Notes on odd waypoints of a path, by their numbers."""
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     notes = [f"Waypoint {i + 1} repeats waypoint {i}." for i in np.flatnonzero(steps == 0.0)]
     notes += [

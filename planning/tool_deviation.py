@@ -271,7 +271,7 @@ def tip_motion_kernel(
 
 @kernel
 def _line_kernel(m: Array, h: float, work: Array, R: Array, state: Array) -> None:
-    """What ``cell_kernel`` tells of a position, on a line."""
+    """Position deviation from a line for ``cell_kernel``."""
     p, v, w, e, rate = work[3], work[4], work[5], work[6], work[7]
     second, length = state[4], m[29]
     x, along = 0.0, 0.0
@@ -301,7 +301,7 @@ def _line_kernel(m: Array, h: float, work: Array, R: Array, state: Array) -> Non
 
 @kernel
 def _arc_kernel(m: Array, h: float, work: Array, state: Array) -> None:
-    """What ``cell_kernel`` tells of a position, on an arc."""
+    """Position deviation from an arc for ``cell_kernel``."""
     p, v, e, rate = work[3], work[4], work[6], work[7]
     second, radius, sweep = state[4], m[29], m[30]
     a, b, z, va, vb, vz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0

@@ -93,7 +93,7 @@ class ToolMotion:
 
     @property
     def numbers(self) -> Array:
-        """What a kernel needs of it, shape (SIZE,).
+        """Motion packed for kernels, shape (SIZE,).
 
         0: 0 for a line, 1 for an arc; 1..3 start; 4..12 R_0, row by row; 13..15 axis a; 16 theta;
         17..19 direction of a line, or the first axis of an arc, towards its start; 20..22 the

@@ -14,7 +14,7 @@ Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 
 
 class Settings(BaseSettings):
-    """What can be chosen where the service is started.
+    """Settings of the service.
 
     Raises:
         pydantic.ValidationError: A value has the wrong type or lies outside its range.

@@ -79,7 +79,7 @@ class Adaptive(AdaptiveController):
         return self.base
 
     def with_estimate(self, estimate: Array) -> Self:
-        """The same controller with another estimate, shape (b,)."""
+        """Controller with another estimate, shape (b,)."""
         return replace(self, estimate=estimate)
 
     def filtered(self, q: Array, qd: Array, reference: Reference) -> Array:

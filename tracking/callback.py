@@ -19,7 +19,7 @@ from tracking.setup import Setup
 
 
 class _Command(NamedTuple):
-    """What the controller does at one instant."""
+    """Command of the controller at one instant."""
 
     torque: Array
     saturated: NDArray[np.bool_]
@@ -71,7 +71,7 @@ class _Loop:
         law: _Law = self.command
         for self.segment in range(len(events.pieces)):
             start, end = events.times[self.segment : self.segment + 2]
-            if self.setup.held:
+            if self.setup.zero_order_hold:
                 if events.called[self.segment]:
                     self.held = self.command(start, x)
                 law = self.keep
@@ -110,7 +110,7 @@ class _Loop:
         return controller
 
     def disturbance(self, t: float, q: Array) -> Array:
-        """What acts on the joints beside the motors, shape (n,)."""
+        """Disturbance torques on the joints, shape (n,)."""
         acting = self.setup.disturbance
         if acting is None or not self.setup.events.disturbed[self.segment]:
             return np.zeros(self.n)
@@ -148,7 +148,7 @@ class _Loop:
             rtol=options.relative_tolerance,
             atol=options.absolute_tolerance,
             # A held torque makes a smooth motion over a short time: try it in one step.
-            first_step=end - start if self.setup.held else None,
+            first_step=end - start if self.setup.zero_order_hold else None,
         )
         while solver.status == "running":
             if self.evaluations >= options.max_evaluations:

@@ -63,7 +63,7 @@ def _loop(setup: Setup, law: Law) -> Loop:
     tip = setup.robot.tip
     breaks, coefficients = _reference(setup.signal)
     flags = np.zeros(FLAG_COUNT, dtype=np.int64)
-    flags[HELD] = int(setup.held)
+    flags[HELD] = int(setup.zero_order_hold)
     return Loop(
         law,
         space(n, law),

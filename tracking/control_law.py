@@ -65,8 +65,7 @@ def law(
     Kp: Array | None = None,
     Kd: Array | None = None,
     Lambda: Array | None = None,
-    inertia: Array | None = None,
-    friction: Array | None = None,
+    motors: tuple[Array, Array] | None = None,
     estimated: tuple[NDArray[np.int64], Array, Array] | None = None,
 ) -> Law:
     """A law of a model, to drive a robot.
@@ -79,8 +78,7 @@ def law(
         Kp: Shape (n, n).
         Kd: Shape (n, n).
         Lambda: Shape (n,).
-        inertia: Shape (n,).
-        friction: Shape (n,).
+        motors: Inertia and viscous friction at the joints, shape (n,) each.
         estimated: Columns of the regressor, Gamma and the true parameters.
 
     Raises:
@@ -90,6 +88,7 @@ def law(
     rows = bodies(robot).rows
     believed = rows if kind is Kind.INDEPENDENT_JOINT else bodies(model).rows
     columns, Gamma, truth = estimated or (np.zeros(0, np.int64), np.zeros((0, 0)), np.zeros(0))
+    inertia, friction = motors or (None, None)
     inverse = np.linalg.inv(Gamma) if len(columns) else Gamma
     # Copies: the compiled loop is made for writable arrays, and read-only ones are another type.
     return Law(

@@ -1,4 +1,4 @@
-"""What a controller is: a torque for a state and a reference, and the function that proves it."""
+"""Controllers: a torque for a state and a reference, and a Lyapunov function."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -86,7 +86,7 @@ class AdaptiveController(Controller):
 
     @abstractmethod
     def with_estimate(self, estimate: Array) -> Self:
-        """The same controller with another estimate, shape (p,)."""
+        """Controller with another estimate, shape (p,)."""
 
     @abstractmethod
     def adaptation(self, t: float, q: Array, qd: Array, reference: Reference, /) -> Array:

@@ -1,4 +1,4 @@
-"""What acts on the robot that the controller does not know of, and what its encoders get wrong."""
+"""Disturbances that the controller does not know of, and encoder noise."""
 
 import math
 from dataclasses import dataclass

@@ -122,13 +122,12 @@ class IndependentJoint(Controller):
             robot,
             Kp=np.diag(self.Kp),
             Kd=np.diag(self.Kd),
-            inertia=self.J,
-            friction=self.chain.viscous_friction,
+            motors=(self.J, self.chain.viscous_friction),
         )
 
 
 def effective_inertia(chain: Chain, q: ArrayLike) -> Array:
-    """What each motor feels of itself and the arm, diag(D(q)) + J, the mean over a batch, (n,).
+    """Effective inertia at each motor, diag(D(q)) + J, the mean over a batch, (n,).
 
     Args:
         chain: The model.

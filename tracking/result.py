@@ -1,4 +1,4 @@
-"""What a closed-loop simulation answers."""
+"""Results of closed-loop simulations."""
 
 from dataclasses import dataclass, fields
 from enum import Enum

@@ -18,7 +18,7 @@ from tracking.schedule import Events, periods, schedule
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Setup:
-    """What a run is made of.
+    """Setup of one simulation run.
 
     Args:
         controller: With the model that it believes in.
@@ -43,7 +43,7 @@ class Setup:
     start: Array
 
     @property
-    def held(self) -> bool:
+    def zero_order_hold(self) -> bool:
         """Whether the torque is held from one call of the controller to the next."""
         return self.options.control_period is not None
 

@@ -27,7 +27,7 @@ class Tube:
     displacement: float
 
     def remaining(self, clearance: float) -> float:
-        """What of a clearance of the reference is left for the tracked motion, at least [m].
+        """Lower bound of the tracked motion's clearance, from that of the reference [m].
 
         To an obstacle a robot loses as much as a point of it is displaced. Two links of it lose no
         more: seen from the first, the second is displaced by the joints between them alone.

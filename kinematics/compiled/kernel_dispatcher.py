@@ -71,7 +71,7 @@ class Kernel(CPUDispatcher):
         return self._doors[given]
 
     def use(self, kinds: Any) -> Use:
-        """What this kernel may do with its arguments, for types that it is compiled for."""
+        """Use that this kernel makes of its arguments, for the types that it is compiled for."""
         return self._uses[kinds]
 
     @global_compiler_lock  # type: ignore[untyped-decorator]
@@ -168,7 +168,7 @@ class _Flags(compiler.Flags):
 
 
 class Definition:
-    """What numba knows one compiled signature of a kernel by; it is never called."""
+    """Stand-in by which numba knows one compiled signature of a kernel; it is never called."""
 
     def __init__(self, name: str) -> None:
         self.name = name

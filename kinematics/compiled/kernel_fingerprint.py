@@ -1,4 +1,4 @@
-"""What the machine code of a kernel is made from, as a digest."""
+"""Digest of everything that the machine code of a kernel is made from."""
 
 import hashlib
 import uuid
@@ -46,7 +46,7 @@ def identity(function: FunctionType) -> str:
         digest = hashlib.sha256(settled_fingerprint(function).encode())
         try:
             for value in _captured(function):
-                digest.update(_told(value).encode())
+                digest.update(_add_settled(value).encode())
             _identities[function] = digest.hexdigest()[:24]
         except _Untold:
             _identities[function] = uuid.uuid4().hex[:24]
@@ -71,13 +71,13 @@ def _captured(function: FunctionType) -> Iterator[object]:
                 yield function.__globals__.get(name)
 
 
-def _told(value: object) -> str:
+def _add_settled(value: object) -> str:
     if value is None or isinstance(value, bool | int | float | complex | str | bytes):
         return repr(value)
     if isinstance(value, tuple | list):
-        return f"{type(value).__name__}({','.join(map(_told, value))})"
+        return f"{type(value).__name__}({','.join(map(_add_settled, value))})"
     if isinstance(value, dict):
-        return f"dict({','.join(f'{_told(k)}:{_told(v)}' for k, v in value.items())})"
+        return f"dict({','.join(f'{_add_settled(k)}:{_add_settled(v)}' for k, v in value.items())})"
     if isinstance(value, np.ufunc | np.dtype):
         return f"{type(value).__name__} {value!s}"
     if isinstance(value, types.Type):

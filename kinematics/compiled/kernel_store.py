@@ -17,7 +17,7 @@ _DIGEST = 32
 
 
 def read(name: str) -> bytes | None:
-    """What is kept under a name, or None; what was cut off or damaged counts as not there."""
+    """The entry of a name; None where there is none, or a damaged one."""
     for folder in _layers():
         try:
             content = (folder / name).read_bytes()

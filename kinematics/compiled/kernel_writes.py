@@ -87,7 +87,7 @@ def holds_arrays(kind: Any) -> bool:
 
 
 class Use(NamedTuple):
-    """What a kernel may do with its arguments, by their numbers; perhaps some too many.
+    """Use of a kernel's arguments, by their numbers; a superset of the true one.
 
     Attributes:
         written: arguments with arrays that it may write to.
@@ -99,7 +99,7 @@ class Use(NamedTuple):
 
 
 def use(func_ir: Any, typemap: Any, calltypes: Any) -> Use:
-    """What a function does with its arguments, by the typed code that numba made of it."""
+    """Use that a function makes of its arguments, from numba's typed code."""
     return _Aliases(func_ir, typemap, calltypes).use()
 
 
@@ -174,7 +174,7 @@ class _Aliases:
         if isinstance(kind, types.BoundFunction):
             reached |= self._of([call.func])
         if not call.vararg and isinstance(kind, types.Dispatcher):
-            known = _known(kind.dispatcher, self._calltypes[call].args)
+            known = _reading_function(kind.dispatcher, self._calltypes[call].args)
             self._written |= self._of(_handed(kind.dispatcher, call, known.written))
             return self._of(_handed(kind.dispatcher, call, known.given))
         if not _only_reads(kind, len(given)):
@@ -182,7 +182,7 @@ class _Aliases:
         return set() if _of_numpy(kind, _FRESH) else reached
 
 
-def _known(kernel: Any, kinds: Any) -> Use:
+def _reading_function(kernel: Any, kinds: Any) -> Use:
     every = frozenset(range(len(kinds)))
     return kernel.use(kinds) if hasattr(kernel, "use") else Use(every, every)
 

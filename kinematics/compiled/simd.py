@@ -1,12 +1,7 @@
 """Eight numbers as one value of compiled code: arithmetic of eight SIMD lanes.
 
-A kernel that is arithmetic alone serves numbers and vectors: numba compiles it once for each, and
-what it does to a lane of a vector is, bit by bit, what it does to a number. So nothing is written
-twice for batches. Where numbers would branch, ``choose`` takes one of two values in each lane.
-
-LLVM is told of vectors of eight doubles and cuts them into what the processor has. Loops over lanes
-that it would have to recognise by itself are at the mercy of what it can prove of indices and of
-memory: those took five times as long.
+numba compiles an arithmetic kernel once for numbers and once for vectors, with equal bits in every
+lane. Where numbers would branch, ``choose`` takes one of two values in each lane.
 """
 
 import math
@@ -29,8 +24,7 @@ Conditions = bool
 
 #: Lanes of a value: two vectors of four, which hides the time that an operation takes.
 LANES = 8
-#: Told apart from machine code of other revisions that may still lie on disk: count it up with
-#: every change of what the functions below compile to.
+#: Revision of the machine code of the functions below: count it up with every change.
 _REVISION = 1
 
 _F = TypeVar("_F", bound=Callable[..., Any])
@@ -66,13 +60,9 @@ class _ConditionsModel(PrimitiveModel):
         super().__init__(manager, kind, _BITS)
 
 
-# ---------------------------------------------------------------------------------- operators
-
-
 def _mixed(kinds: tuple[Any, ...]) -> bool:
     """Whether some are vectors and the rest are numbers."""
-    numbers = all(kind == _vector or isinstance(kind, types.Number) for kind in kinds)
-    return _vector in kinds and numbers
+    return _vector in kinds and all(k == _vector or isinstance(k, types.Number) for k in kinds)
 
 
 def _widened(context: Any, builder: Any, kind: Any, value: Any) -> Any:
@@ -142,7 +132,7 @@ def _instruction(name: str) -> Callable[[Any, Any, Any], Any]:
 
 
 def _teach() -> None:
-    """What numba knows of numbers it then knows of vectors too."""
+    """Register for vectors the operations that numba has for numbers."""
     for function, name in (
         (operator.add, "fadd"), (operator.sub, "fsub"), (operator.mul, "fmul"),
         (operator.truediv, "fdiv"), (operator.iadd, "fadd"), (operator.isub, "fsub"),

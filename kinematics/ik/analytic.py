@@ -86,7 +86,7 @@ class Branches(NamedTuple):
         return self.table[..., self.n + VALUE]
 
     def label(self, *index: int) -> str:
-        """What the branch at an index is called, as "shoulder+ elbow- wrist+".
+        """Name of the branch at an index, such as "shoulder+ elbow- wrist+".
 
         A sign is that of the factor of the Jacobian's determinant which vanishes where this branch
         and its opposite meet.

@@ -79,7 +79,7 @@ def inverse_kinematics_batch(
 
 
 class _Query(NamedTuple):
-    """What the poses of a batch have in common."""
+    """Data that all poses of a batch share."""
 
     chain: Chain
     link: str | None

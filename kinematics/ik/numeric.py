@@ -62,7 +62,7 @@ _MAX_SEED = 2**63 - 1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class IkBatch:
-    """What the numeric method found for m poses.
+    """Result of the numeric method for m poses.
 
     Args:
         joints: The nearest configuration to each, shape (m, n) [rad or m].
@@ -327,7 +327,7 @@ def _error(solution: IkSolution) -> float:
 def _advice(
     chain: Chain, link: str | None, T: Array, nearest: IkSolution, axes: Collection[Axis]
 ) -> str:
-    """What a failed search means, and what to do about it."""
+    """Advice after a failed search."""
     center, radius = reach(chain, link)
     away = float(np.linalg.norm(T[:3, 3] - center))
     if away > radius:

@@ -182,11 +182,11 @@ def judge_kernel(
     square = choose(kept, after, square)
     position = choose(kept, position, load(state, _POSITION))
     rotation = choose(kept, rotation, load(state, _ROTATION))
-    store_column_kernel(e, 0, _kept(kept, weighed, load_column_kernel(e, 0)))
+    store_column_kernel(e, 0, _keep_lanes(kept, weighed, load_column_kernel(e, 0)))
     for j in range(trial.shape[0] // LANES):
         at = COLUMN_SIZE * j
         column = weigh_column_kernel(column_lanes_kernel(model, walked, j, last, B), T, axes, w)
-        store_column_kernel(J, at, _kept(kept, column, load_column_kernel(J, at)))
+        store_column_kernel(J, at, _keep_lanes(kept, column, load_column_kernel(J, at)))
         store(q, LANES * j, choose(kept, load(trial, LANES * j), load(q, LANES * j)))
     mu = load(state, _MU)
     mu = choose(fresh, DAMPING, choose(gains, max(LESS * mu, LEAST_MU), MORE * mu))
@@ -210,7 +210,7 @@ def judge_kernel(
 
 
 @kernel(inline="code")
-def _kept(kept: Conditions, new: Error, old: Error) -> Error:
+def _keep_lanes(kept: Conditions, new: Error, old: Error) -> Error:
     return (
         choose(kept, new[0], old[0]), choose(kept, new[1], old[1]), choose(kept, new[2], old[2]),
         choose(kept, new[3], old[3]), choose(kept, new[4], old[4]), choose(kept, new[5], old[5]),

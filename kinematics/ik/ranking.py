@@ -112,7 +112,7 @@ def whole_turns(chain: Chain, q: Array, most: int, seed: Array | None = None) ->
 
 
 def outside(chain: Chain, q: Array) -> str | None:
-    """What is wrong with a configuration outside the limits, in words; None inside."""
+    """Limit violation of a configuration, in words; None inside the limits."""
     low, high = chain.limits.lower, chain.limits.upper
     for j in np.flatnonzero((q < low) | (q > high)):
         return (

@@ -1,4 +1,4 @@
-"""What inverse kinematics answers, whichever way it was found."""
+"""Results of inverse kinematics, of every method."""
 
 from typing import NamedTuple
 

@@ -110,7 +110,7 @@ def orient_kernel(
 
 
 def wrist_constants(B: Array, C: Array) -> Array:
-    """What ``orient_kernel`` needs of the two fixed rotations (3, 3): shape (4,)."""
+    """Constants of ``orient_kernel`` from the two fixed rotations (3, 3): shape (4,)."""
     u, v = B[2, :], C[:, 2]
     ru, rv = math.hypot(u[0], u[1]), math.hypot(v[0], v[1])
     phase = math.atan2(u[1], u[0]) - math.atan2(v[1], v[0])

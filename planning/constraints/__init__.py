@@ -1,1 +1,1 @@
-"""What a motion or a configuration has to hold, as values: one kind of constraint a file."""
+"""Constraints on configurations and motions, as values: one kind a file."""

@@ -29,7 +29,7 @@ _DIFFERENCE = 1e-5
 
 
 class Goal(NamedTuple):
-    """What is asked of a configuration.
+    """Goal of a constrained search: constraints, limits and objective.
 
     Args:
         hard: Packed rows that must hold, shape (m, WIDTH).
@@ -194,7 +194,7 @@ def _bound_sideways(goal: Goal, i: int, work: Work, count: int) -> int:
 
 @kernel
 def objective_kernel(goal: Goal, q: Array, work: Work) -> float:
-    """What is minimised: |q - posture|^2 / 2 in the metric or - log w, and the soft rows."""
+    """Objective |q - posture|^2 / 2 in the metric, or - log w, plus the soft rows."""
     value = 0.0
     for j in range(q.shape[0]):
         value += 0.5 * goal.metric[j] * (q[j] - goal.posture[j]) ** 2

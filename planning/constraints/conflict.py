@@ -66,10 +66,10 @@ def conflict(
             hard = rest
     numbers = tuple(i for i, _ in hard)
     relaxations = tuple(_relaxation(constraints, numbers, i, near, seed) for i in numbers)
-    return _told(constraints, numbers, relaxations)
+    return _describe(constraints, numbers, relaxations)
 
 
-def _told(
+def _describe(
     constraints: ConstraintSet, numbers: tuple[int, ...], relaxations: tuple[float, ...]
 ) -> Conflict:
     names = [f"constraint {i} ({constraints.constraints[i].name})" for i in numbers]

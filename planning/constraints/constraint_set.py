@@ -19,7 +19,7 @@ from planning.constraints.row_value import gradient_kernel, residual_kernel
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ConstraintSet:
-    """What a configuration or a motion of one robot has to hold (m rows).
+    """Constraints on one robot's configurations and motions (m rows).
 
     Args:
         chain: The robot.
@@ -104,7 +104,7 @@ class ConstraintSet:
         return ConstraintSet(self.chain, tuple(c for c in self.constraints if c.weight is not None))
 
     def label(self, row: int) -> str:
-        """What a row bounds, in words."""
+        """Name of the scalar that a row bounds."""
         constraint = self.constraints[int(self.owners[row])]
         return f"constraint {int(self.owners[row])} ({constraint.name}, {self.rows[row].label})"
 

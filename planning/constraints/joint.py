@@ -40,7 +40,7 @@ class JointConstraint:
 
     @property
     def name(self) -> str:
-        """What it is, in words."""
+        """Name of the constraint."""
         return f"joint {self.joint!r}"
 
     def rows(self, chain: Chain) -> list[Row]:

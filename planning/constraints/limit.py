@@ -30,7 +30,7 @@ class ClearanceConstraint:
 
     @property
     def name(self) -> str:
-        """What it is, in words."""
+        """Name of the constraint."""
         return "clearance"
 
     def rows(self, chain: Chain) -> list[Row]:  # noqa: ARG002  distances need the scene
@@ -58,7 +58,7 @@ class ToolSpeedConstraint:
 
     @property
     def name(self) -> str:
-        """What it is, in words."""
+        """Name of the constraint."""
         return "tool speed"
 
     def rows(self, chain: Chain) -> list[Row]:  # noqa: ARG002  a speed needs time
@@ -86,7 +86,7 @@ class TorqueConstraint:
 
     @property
     def name(self) -> str:
-        """What it is, in words."""
+        """Name of the constraint."""
         return "torque"
 
     def rows(self, chain: Chain) -> list[Row]:

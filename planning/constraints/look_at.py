@@ -46,7 +46,7 @@ class LookAtConstraint:
 
     @property
     def name(self) -> str:
-        """What it is, in words."""
+        """Name of the constraint."""
         return f"look-at of {'the tip' if self.link is None else repr(self.link)}"
 
     def rows(self, chain: Chain) -> list[Row]:

@@ -47,7 +47,7 @@ class ConeConstraint:
 
     @property
     def name(self) -> str:
-        """What it is, in words."""
+        """Name of the constraint."""
         return f"orientation cone of {'the tip' if self.link is None else repr(self.link)}"
 
     def rows(self, chain: Chain) -> list[Row]:
@@ -93,7 +93,7 @@ class OrientationConstraint:
 
     @property
     def name(self) -> str:
-        """What it is, in words."""
+        """Name of the constraint."""
         return f"orientation of {'the tip' if self.link is None else repr(self.link)}"
 
     def rows(self, chain: Chain) -> list[Row]:

@@ -38,7 +38,7 @@ class PositionConstraint:
 
     @property
     def name(self) -> str:
-        """What it is, in words."""
+        """Name of the constraint."""
         return f"position of {'the tip' if self.link is None else repr(self.link)}"
 
     def rows(self, chain: Chain) -> list[Row]:

@@ -53,7 +53,7 @@ class RelativePoseConstraint:
 
     @property
     def name(self) -> str:
-        """What it is, in words."""
+        """Name of the constraint."""
         seen_from = "the base" if self.reference_link is None else repr(self.reference_link)
         return (
             f"pose of {'the tip' if self.link is None else repr(self.link)} seen from {seen_from}"

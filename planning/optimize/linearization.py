@@ -1,4 +1,4 @@
-"""What a motion comes near to, looked at in places: distances, loads, constraints, linearised.
+"""Linearization of a motion at checkpoints: distances, efforts, constraints.
 
 Each is a function h(z) that must not exceed 0, with the room it has in a unit of its own; between
 two convex problems they are looked at anew.
@@ -34,7 +34,7 @@ _HEADROOM = 5e-3
 
 
 class Obstruction(NamedTuple):
-    """What keeps a motion from being found.
+    """Obstruction that keeps a motion from being found.
 
     Args:
         message: What is violated, by how much.
@@ -59,7 +59,7 @@ class Checkpoints:
 
     @classmethod
     def within(cls, breaks: Sequence[float], each: int, spare: float) -> "Checkpoints":
-        """The same number in each piece."""
+        """Checkpoints with an equal number in each piece."""
         starts, lengths = np.asarray(breaks[:-1]), np.diff(breaks)
         at = starts[:, None] + lengths[:, None] * (np.arange(each) + 0.5) / each
         return cls(at.ravel(), np.full(at.size, spare))
@@ -75,7 +75,7 @@ class Checkpoints:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Linearization:
-    """What was seen from an iterate.
+    """Linear model of distances, efforts and constraints at an iterate.
 
     Args:
         rows: With the slack as what they may be violated by.

@@ -1,4 +1,4 @@
-"""What is to become small, its value and its convex quadratic model.
+"""Objective of an optimisation: its value and its convex quadratic model.
 
     time          T
     jerk          integral of |q'''|^2 dt = T^-5 integral of |d3q/du3|^2 du

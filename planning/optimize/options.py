@@ -1,4 +1,4 @@
-"""What to optimise, and how finely."""
+"""Options of an optimisation."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -81,7 +81,7 @@ def solve(
     loose = Quadratic(
         quadratic.H, quadratic.g, rows.A, rows.lower, rows.upper, quadratic.least, quadratic.most
     )
-    return z if loose.kept(z) else None
+    return z if loose.satisfies(z) else None
 
 
 def _places(space: SplineSpace, A: Any, n: int) -> tuple[Indices, Indices]:

@@ -60,13 +60,13 @@ class Quadratic:
             run()
         except RuntimeError:
             return None
-        return z if self.kept(z) else None
+        return z if self.satisfies(z) else None
 
     def value(self, z: Array) -> float:
         """1/2 z' H z + g' z."""
         return float(0.5 * (z @ (self.H @ z)) + self.g @ z)
 
-    def kept(self, z: Array) -> bool:
+    def satisfies(self, z: Array) -> bool:
         """Whether a point keeps the constraints: a solver that gave up leaves one that does not."""
         if not np.isfinite(z).all():
             return False

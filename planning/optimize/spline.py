@@ -107,7 +107,7 @@ class SplineSpace:
         return piece, values
 
     def matrix(self, places: Array, derivative: int = 0) -> Array:
-        """The same as a matrix (K, N) that maps control points to values."""
+        """Matrix (K, N) that maps control points to values."""
         first, values = self.basis(places, derivative)
         rows = np.zeros((len(places), self.count))
         columns = first[:, None] + np.arange(self.degree + 1)

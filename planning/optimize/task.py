@@ -1,4 +1,4 @@
-"""What an optimised motion has to keep: its ends, its limits, what it must not meet."""
+"""Requirements on an optimised motion: ends, limits, obstacles."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -59,7 +59,7 @@ class End:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Task:
-    """What an optimised motion has to keep.
+    """Requirements on an optimised motion.
 
     Args:
         checker: The robot in its scene.
@@ -99,6 +99,6 @@ class Task:
         return {k: limits for k, limits in found.items() if np.isfinite(limits).any()}
 
     def with_margin(self, slack: float) -> "Task":
-        """The same, ``slack`` [m] more from everything."""
+        """Task with ``slack`` [m] more distance from everything."""
         checker = self.checker
         return replace(self, checker=Checker(checker.model, checker.slack + slack))

@@ -43,7 +43,7 @@ from planning.proof.sweep_state import (
     REFERRED,
     TOP,
     VISITS,
-    grown,
+    enlarge,
     note_clearance,
     push_halves,
     start_sweep,
@@ -312,7 +312,7 @@ class _Proof:
             if state == ASKING:
                 self._decide_referred()
             if state == FULL:
-                self._sweep = grown(self._sweep)
+                self._sweep = enlarge(self._sweep)
 
     def _decide_referred(self) -> None:
         """Let FCL decide about the pairs referred to it, so that the sweep can go on."""

@@ -75,7 +75,7 @@ def extrema(breaks: Array, coefficients: Array, order: int) -> Extrema:
 
 
 def jumps(trajectory: Trajectory, order: int) -> Array:
-    """What a derivative jumps by at each inner break, shape (m - 1, n).
+    """Jumps of a derivative at each inner break, shape (m - 1, n).
 
     Args:
         trajectory: The motion.

@@ -258,7 +258,7 @@ def _along(model: PairArrays, w: Sweep, i: int, j: int, u: Vector) -> tuple[floa
 
 @kernel(allocates=False, inline="code")
 def _bounding_distance(model: PairArrays, w: Sweep, i: int, j: int, most: float) -> float:
-    """What balls and boxes prove of the distance of two elements; ``most`` [m] is enough."""
+    """Lower bound of the distance of two elements from balls and boxes; ``most`` [m] is enough."""
     centers: Array = w.centers
     x, y = centers[i, 0] - centers[j, 0], centers[i, 1] - centers[j, 1]
     z = centers[i, 2] - centers[j, 2]

@@ -64,7 +64,7 @@ _LOOK = int(RowKind.LOOK)
 
 
 class Verdict(IntEnum):
-    """What was found out about rows along a motion."""
+    """Verdict on rows along a motion."""
 
     HOLDS = 0
     VIOLATED = 1
@@ -72,7 +72,7 @@ class Verdict(IntEnum):
 
 
 class Report(NamedTuple):
-    """What the kernel found out (m rows).
+    """Report of the kernel (m rows).
 
     Args:
         worst: Upper bounds of the residuals for all t, shape (m,); of what was looked at where a

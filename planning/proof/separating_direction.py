@@ -108,7 +108,7 @@ def gap(
 
 @kernel(allocates=False)
 def rounding(joints: int, lengths: float) -> float:
-    """What rounding can have done to a gap, the frames included [m].
+    """Bound of the rounding error of a gap, the frames included [m].
 
     Args:
         joints: How many there are.

@@ -177,7 +177,7 @@ def start_sweep(trajectory: Trajectory, model: PairArrays) -> Sweep:
     return sweep
 
 
-def grown(sweep: Sweep) -> Sweep:
+def enlarge(sweep: Sweep) -> Sweep:
     """A copy of a sweep with room for twice as many pairs."""
     twice: dict[str, Any] = {
         name: np.concatenate([getattr(sweep, name), np.zeros_like(getattr(sweep, name))])

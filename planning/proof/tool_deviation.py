@@ -80,7 +80,7 @@ class PathDeviation:
 
 
 class Arm(NamedTuple):
-    """What the kernels read of a robot (n joints).
+    """Arrays of a robot for the kernels (n joints).
 
     Args:
         types: Of the joints, shape (n,).

@@ -190,10 +190,10 @@ def _fit_together(values: Mapping[str, Value], hint: str) -> None:
 def described(planner: str) -> str:
     """The options of a planner with what they take and their defaults, for a person."""
     return ", ".join(
-        f"{parameter.name} ({parameter.needed}; {_shown(parameter.default)})"
+        f"{parameter.name} ({parameter.needed}; {_describe(parameter.default)})"
         for parameter in named(planner).options.values()
     )
 
 
-def _shown(default: Value) -> str:
+def _describe(default: Value) -> str:
     return "none" if default is None else str(default).lower()

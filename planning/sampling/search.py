@@ -205,8 +205,8 @@ def _watch(search: _Search, spent: _Account, edges: CertifiedEdges) -> Watch:
         search.deadline,
         edges=lambda: edges.count,
         threshold=None if threshold is None else float(threshold),
-        max_iterations=_left(options["max_iterations"], spent.iterations),
-        max_edges=_left(options["max_edges"], spent.edges),
+        max_iterations=_remaining(options["max_iterations"], spent.iterations),
+        max_edges=_remaining(options["max_edges"], spent.edges),
     )
     share = _FIRST_BUDGET * _BUDGET_GROWTH**spent.runs
     if planner.one_goal and len(search.goals) > 1:
@@ -223,12 +223,12 @@ def _budget(value: Value) -> float:
     return math.inf if value is None else float(value)
 
 
-def _left(budget: Value, spent: int) -> int | None:
+def _remaining(budget: Value, spent: int) -> int | None:
     return None if budget is None else max(int(budget) - spent, 1)
 
 
 def _attempt(search: _Search, waypoints: Array | None, watch: Watch, spent: _Account) -> Attempt:
-    """What the runs came to; a path is proved once more, whatever the planner made of its edges."""
+    """Attempt from the runs' results; its path is proved once more."""
     runs = "" if spent.runs == 1 else f" in {spent.runs} runs"
     detail = f"{spent.edges} edges checked{runs}"
     if waypoints is not None and not _joins(waypoints, search):

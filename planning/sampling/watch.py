@@ -66,7 +66,7 @@ class Watch:
         if self.best is not None:
             self.note(self.best())
         if self.reason is None:
-            self.reason = self._spent()
+            self.reason = self._over_budget()
         return self.reason is not None
 
     def note(self, length: float) -> None:
@@ -80,7 +80,7 @@ class Watch:
         if self.threshold is not None and length <= self.threshold:
             self.reason = "threshold"
 
-    def _spent(self) -> str | None:
+    def _over_budget(self) -> str | None:
         if self.deadline.passed:
             return "time"
         if self.max_iterations is not None and self.iterations >= self.max_iterations:

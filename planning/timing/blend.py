@@ -57,7 +57,7 @@ def merge(waypoints: ArrayLike) -> Array:
         InvalidTrajectory: There is no waypoint, rows differ in length, or a value is not finite.
     """
     points = _points(waypoints)
-    return points[_kept(points)]
+    return points[_keep(points)]
 
 
 def largest_reaches(waypoints: ArrayLike) -> Array:
@@ -69,7 +69,7 @@ def largest_reaches(waypoints: ArrayLike) -> Array:
         InvalidTrajectory: As in ``merge``.
     """
     points = _points(waypoints)
-    kept = _kept(points)
+    kept = _keep(points)
     reaches = np.zeros(max(len(points) - 2, 0))
     if len(kept) > 2:
         lengths, directions = _legs(points[kept])
@@ -100,7 +100,7 @@ def reach_for_deviation(waypoints: ArrayLike, deviation: float, smooth: bool = F
         )
     points = _points(waypoints)
     reaches = largest_reaches(points)
-    kept = _kept(points)
+    kept = _keep(points)
     if len(kept) > 2:
         _, directions = _legs(points[kept])
         turns = np.linalg.norm(np.diff(directions, axis=0), axis=1)
@@ -124,7 +124,7 @@ def blend(waypoints: ArrayLike, reaches: ArrayLike, smooth: bool = False) -> Joi
         InvalidOption: A reach is negative, or more than half of a neighbouring leg.
     """
     points = _points(waypoints)
-    kept = _kept(points)
+    kept = _keep(points)
     if len(kept) < 2:
         raise InvalidTrajectory(
             "all waypoints are the same: the path has no length",
@@ -228,7 +228,7 @@ def _legs(corners: Array) -> tuple[Array, Array]:
     return lengths, legs / lengths[:, None]
 
 
-def _kept(points: Array) -> "np.ndarray[tuple[int], np.dtype[np.int64]]":
+def _keep(points: Array) -> "np.ndarray[tuple[int], np.dtype[np.int64]]":
     """Indices of the waypoints that stay: ends, and where the direction changes.
 
     A direction is compared with that of the whole leg since the last waypoint that stayed, so a

@@ -1,4 +1,4 @@
-"""What is raised when a path can't be timed although the request is sound."""
+"""Exception for paths that can not be timed although the request is sound."""
 
 from typing import ClassVar
 

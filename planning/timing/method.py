@@ -124,7 +124,7 @@ class TimeOptimal:
         )  # fmt: skip
 
     def notes(self, parts: Sequence[ScaledTime]) -> tuple[str, ...]:
-        """What the toppra package's answers cost: they keep limits at grid points only."""
+        """Notes on how much the toppra package's answers were slowed down."""
         if self.solver != "toppra" or not parts:
             return ()
         duration = sum(part.trajectory.duration for part in parts)

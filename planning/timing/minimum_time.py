@@ -42,7 +42,7 @@ _FRICTION_ROUNDS = 3
 
 
 class SpeedProblem(NamedTuple):
-    """What a solver finds the speeds for.
+    """Problem of finding path speeds on a grid.
 
     Args:
         path: What to follow.

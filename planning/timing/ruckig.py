@@ -43,7 +43,7 @@ def line_phases(
     # The package's tolerances are absolute: it is asked in units of the line and of its own time.
     time = max((length / j) ** (1.0 / 3.0), (length / a) ** 0.5)
     speed = length / time
-    asked = _asked([0.0], [1.0], [start_speed / speed], [end_speed / speed])
+    asked = _input([0.0], [1.0], [start_speed / speed], [end_speed / speed])
     _limit(asked, [v / speed], [a * time / speed], [j * time**2 / speed])
     profile = _solved(asked, 1).profiles[0][0]
     phases, place, pace, rate = [], 0.0, start_speed, 0.0
@@ -104,7 +104,7 @@ def state_to_state(
         return ScaledTime(stay(names, states[0], REST), 1.0)
     if not states[2].any() and not states[3].any():
         return dilate(_straight(names, states[0], states[1], limits), *limits)
-    asked = _asked(*states)
+    asked = _input(*states)
     _limit(asked, *limits)
     motion = _solved(asked, len(names))
     return dilate(_joined(names, motion, states[0], states[2]), *limits)
@@ -122,7 +122,7 @@ def _straight(
     return Trajectory(names, np.concatenate([[0.0], np.cumsum(phases[:, 4])]), coefficients)
 
 
-def _asked(start: ArrayLike, end: ArrayLike, before: ArrayLike, after: ArrayLike) -> InputParameter:
+def _input(start: ArrayLike, end: ArrayLike, before: ArrayLike, after: ArrayLike) -> InputParameter:
     values = [np.asarray(value, dtype=np.float64).tolist() for value in (start, end, before, after)]
     asked = InputParameter(len(values[0]))
     asked.current_position, asked.target_position = values[:2]

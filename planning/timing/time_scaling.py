@@ -57,7 +57,7 @@ def dilate(
     Raises:
         InvalidOption: A limit is not positive, or their number is not n.
     """
-    limits = _given(trajectory.n, velocity, acceleration, jerk)
+    limits = _bounds(trajectory.n, velocity, acceleration, jerk)
     return _stretched(trajectory, limits, 1.0)
 
 
@@ -72,7 +72,7 @@ def fitting_factor(
     Raises:
         InvalidOption: As in ``dilate``.
     """
-    worst = _worst(trajectory, _given(trajectory.n, velocity, acceleration, jerk))
+    worst = _worst(trajectory, _bounds(trajectory.n, velocity, acceleration, jerk))
     return max((ratio ** (1.0 / order) for order, ratio in worst.items()), default=0.0)
 
 
@@ -87,7 +87,7 @@ def fit(
     Raises:
         InvalidOption: As in ``dilate``, or no limit given bounds the motion.
     """
-    limits = _given(trajectory.n, velocity, acceleration, jerk)
+    limits = _bounds(trajectory.n, velocity, acceleration, jerk)
     factor = fitting_factor(trajectory, velocity, acceleration, jerk)
     if not factor > 0.0:
         raise InvalidOption(
@@ -115,7 +115,7 @@ def checked_limits(values: ArrayLike, name: str, n: int) -> Array:
     return limits
 
 
-def _given(n: int, *limits: ArrayLike | None) -> dict[int, Array]:
+def _bounds(n: int, *limits: ArrayLike | None) -> dict[int, Array]:
     """The limits that are given, checked, by the order of the derivative."""
     names = ("velocity", "acceleration", "jerk")
     return {

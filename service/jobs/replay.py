@@ -14,7 +14,7 @@ from service.storage.job_store import JobAnswer, StoredRequest
 
 @dataclass(slots=True)
 class Replayed:
-    """What the application answered."""
+    """Answer of the application to a replayed request."""
 
     status: int = 500
     headers: Headers = field(default_factory=Headers)

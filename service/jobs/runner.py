@@ -232,9 +232,7 @@ class Jobs:
 
     async def _answer(self, live: LiveJob) -> Replayed:
         request = await run_in_threadpool(self._store.request, live.record.id)
-        context = JobContext(
-            live.record.id, live.deadline, lambda: self._started(live), live.advance
-        )
+        context = JobContext(live.record.id, live.deadline, lambda: self._start(live), live.advance)
         left = live.deadline + _OVERRUN - time.monotonic()
         try:
             async with asyncio.timeout(max(left, 0.0)):
@@ -248,7 +246,7 @@ class Jobs:
                 "run.",
             ) from None
 
-    def _started(self, live: LiveJob) -> None:
+    def _start(self, live: LiveJob) -> None:
         if live.start():
             self._chore(self._save(live))
 

@@ -6,7 +6,8 @@ from service.http import answers
 from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES
 from service.http.plan_answer import plan_answer
-from service.schemas.plan import CertificateAnswer, PlanAnswer, PlanRequest, ValidateRequest
+from service.schemas.certificate import CertificateAnswer
+from service.schemas.plan import PlanAnswer, PlanRequest, ValidateRequest
 from service.tasks import plan as tasks
 
 router = APIRouter(prefix="/v1", tags=["planning"], route_class=JsonRoute, responses=RESPONSES)

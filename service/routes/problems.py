@@ -36,7 +36,7 @@ async def list_problems() -> ProblemKinds:
 
 @router.get("/{code}", summary="One kind of problem")
 async def get_problem(code: str) -> ProblemKind:
-    """What a code stands for."""
+    """Description of a problem's code."""
     if code not in KINDS:
         raise ProblemError(
             "NOT_FOUND",

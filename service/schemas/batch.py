@@ -85,11 +85,11 @@ class BatchRequest(PartialPlan):
     def plan_request(self, index: int, **changes: Any) -> PlanRequest:
         """A problem with what the batch gives for all of them."""
         return PlanRequest.model_validate(
-            {**_given(self), **_given(self.problems[index]), **changes}
+            {**_fields(self), **_fields(self.problems[index]), **changes}
         )
 
 
-def _given(part: Body) -> dict[str, Any]:
+def _fields(part: Body) -> dict[str, Any]:
     return {
         name: value
         for name in PlanRequest.model_fields
@@ -98,7 +98,7 @@ def _given(part: Body) -> dict[str, Any]:
 
 
 class BatchAnswer(Answer):
-    """What became of each problem, in the order of the request."""
+    """Results of the problems, in the order of the request."""
 
     results: list[PlanAnswer | Problem] = Field(
         description='the plan, whose status is "success", or the problem document, whose status is '

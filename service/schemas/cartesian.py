@@ -38,7 +38,7 @@ class ToolMotion(Body):
 
 
 class CartesianOptions(Body):
-    """What planner_options are for the planner "cartesian"."""
+    """`planner_options` of the planner "cartesian"."""
 
     motions: Annotated[list[ToolMotion], Field(min_length=1, max_length=MAX_MOTIONS)] | None = (
         Field(None, description="one line to the goal if left out")
@@ -100,7 +100,7 @@ def cartesian_options(given: dict[str, Any] | None) -> CartesianOptions:
 
 
 class ToolMotionAnswer(Answer):
-    """What became of one motion of the tool."""
+    """Result of one tool motion."""
 
     type: Literal["lin", "circ"]
     length: float = Field(description="of the whole of it [m]")

@@ -38,7 +38,7 @@ class Payload(Body):
 
 
 class Model(Body):
-    """What may be computed otherwise than the robot's description says."""
+    """Changes of the robot's model: payload, motors, gravity."""
 
     gravity: Vector3 | None = Field(
         None, description="in the base frame [m/s²]; the robot's own if left out"

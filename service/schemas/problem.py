@@ -6,7 +6,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 
 class Problem(BaseModel):
-    """What went wrong, for a program (`code`, `details`) and for a person (`detail`, `hint`)."""
+    """Problem document: `code` and `details` for programs, `detail` and `hint` for people."""
 
     model_config = ConfigDict(
         extra="forbid",

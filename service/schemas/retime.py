@@ -16,13 +16,8 @@ from service.schemas.base import (
     Number,
     Timeout,
 )
-from service.schemas.plan import (
-    CertificateAnswer,
-    LimitsBody,
-    Timing,
-    TrajectoryAnswer,
-    TrajectoryBody,
-)
+from service.schemas.certificate import CertificateAnswer, TrajectoryAnswer
+from service.schemas.plan import LimitsBody, Timing, TrajectoryBody
 
 #: A path of so many waypoints takes some seconds.
 MAX_WAYPOINTS = 5_000

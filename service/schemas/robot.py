@@ -131,7 +131,7 @@ _EXAMPLE: JsonDict = {
 
 
 class RobotFields(Body):
-    """What is said of a robot beside its description."""
+    """Fields of a robot beside its description."""
 
     name: Name
     base_link: Label | None = None

@@ -95,7 +95,7 @@ SceneReference = Annotated[
 
 
 class SceneSummary(Answer):
-    """What is known of a stored scene without its obstacles."""
+    """Summary of a stored scene, without its obstacles."""
 
     name: str = Field(examples=["table"])
     hash: str = Field(description="SHA-256 of the stored document")

@@ -48,7 +48,7 @@ class Motor(Body):
 
 
 class ControllerBody(Body):
-    """What every controller has in common; gains may be one number for all joints."""
+    """Fields of every controller; a gain may be one number for all joints."""
 
     model_config = ConfigDict(populate_by_name=True)
 
@@ -256,7 +256,7 @@ class TubeAnswer(Answer):
 
 
 class ReferenceAnswer(Answer):
-    """What was to be followed."""
+    """Reference that the controller follows."""
 
     position: Matrix
     velocity: Matrix

@@ -108,7 +108,7 @@ class Recent:
 
 
 def document_hash(document: bytes) -> str:
-    """What a document is known by, here as in the storage."""
+    """Content hash of a document, the same as in the storage."""
     return hashlib.sha256(document).hexdigest()
 
 

@@ -18,7 +18,7 @@ _KEY_LIFETIME = 24 * 3600.0
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """What is known of a stored document without its content.
+    """Metadata of a stored document.
 
     Args:
         name: Unique among its kind.
@@ -55,7 +55,7 @@ class Recorded:
 
 
 class Store(Protocol):
-    """What the service needs of a storage; every method blocks and is safe in any thread.
+    """Interface of a document storage; every method blocks and is safe in any thread.
 
     `kind` is "scene" or "robot"; `jobs` are kept beside the documents.
     """
@@ -72,7 +72,7 @@ class Store(Protocol):
         """The document of a name. Raises ProblemError NOT_FOUND."""
 
     def record(self, kind: str, name: str) -> Record:
-        """What is known of the document of a name. Raises ProblemError NOT_FOUND."""
+        """Metadata of the document of a name. Raises ProblemError NOT_FOUND."""
 
     def list(self, kind: str, after: str, limit: int) -> list[Record]:
         """The first `limit` documents whose names sort after `after`, by name."""
@@ -143,7 +143,7 @@ class SqliteStore:
             return _write(database, kind, name, content)
 
     def record(self, kind: str, name: str) -> Record:
-        """What is known of the document of a name.
+        """Metadata of the document of a name.
 
         Raises:
             ProblemError: NOT_FOUND.

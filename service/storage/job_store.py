@@ -64,14 +64,14 @@ class JobRecord:
 
 @dataclass(frozen=True, slots=True)
 class JobAnswer:
-    """What the request of a job was answered: a result, or a problem document."""
+    """Answer to a job's request: a result, or a problem document."""
 
     content_type: str
     content: bytes
 
 
 class JobStore(Protocol):
-    """What the service needs to keep jobs; every method blocks and is safe in any thread."""
+    """Interface of a job storage; every method blocks and is safe in any thread."""
 
     def add(self, record: JobRecord, request: StoredRequest | None) -> None:
         """Keep a new job."""

@@ -19,7 +19,7 @@ _LONG = 4096
 
 @task
 def outline(model: str, content: bytes) -> BaseModel | TaskProblem:
-    """What the server needs of a body that follows a model, or why it does not follow it.
+    """Outline of a body that follows a model, or the reason why it does not.
 
     Args:
         model: Where the model is, as ``"service.schemas.plan:PlanRequest"``.

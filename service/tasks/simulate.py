@@ -77,7 +77,7 @@ def _tube(
     result: SimulationResult,
     deadline: Deadline,
 ) -> dict[str, Any]:
-    """What the certificate's bound for the reference leaves to the tracked motion."""
+    """Tracking tube, with the clearance that it leaves of the reference's."""
     # Only clearance matters here: /v1/validate holds motions to limits.
     chain = dataclasses.replace(arm.chain, limits=Limits.unlimited(arm.chain.n))
     free = dataclasses.replace(arm, chain=chain)

@@ -37,7 +37,7 @@ _ARCHIVE_STARTS = (
 
 @dataclass(frozen=True, slots=True)
 class RobotArchive:
-    """What was in an archive.
+    """Content of an archive: URDF, SRDF and meshes.
 
     Args:
         urdf: The text of the one .urdf file.

@@ -154,7 +154,7 @@ def _refine(body: schema.Refine | bool | None) -> RefineOptions | None:
 
 
 def tool_motions_answer(reports: Sequence[ToolMotionReport]) -> list[dict[str, Any]]:
-    """What became of the tool's motions, as answers give it."""
+    """Results of tool motions on the wire."""
     return [
         {
             "type": report.kind,
@@ -169,7 +169,7 @@ def tool_motions_answer(reports: Sequence[ToolMotionReport]) -> list[dict[str, A
 
 
 def stages_answer(stages: Sequence[StageReport]) -> list[dict[str, Any]]:
-    """What the stages of a plan did, as answers give it."""
+    """Reports of the stages on the wire."""
     return [
         {
             "name": stage.name,

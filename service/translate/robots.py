@@ -174,7 +174,7 @@ def robot_answer(
     chain = geometry.chain
     dh, more = _dh_answer(chain, body)
     limits = {
-        item.name: [_known(value) for value in getattr(chain.limits, item.name)]
+        item.name: [_finite(value) for value in getattr(chain.limits, item.name)]
         for item in dataclasses.fields(chain.limits)
     }
     return schema.RobotAnswer(
@@ -230,5 +230,5 @@ def _type(kind: int) -> Literal["revolute", "prismatic"]:
     return "prismatic" if kind == JointType.PRISMATIC else "revolute"
 
 
-def _known(value: float) -> float | None:
+def _finite(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None

@@ -146,9 +146,9 @@ def initial_state(
     """
     if body is None:
         return None, None
-    q = _started(body.joints, trajectory.start, chain, "initial_state.joints")
+    q = _start_state(body.joints, trajectory.start, chain, "initial_state.joints")
     start = trajectory.sample([0.0], 1)[0]
-    qd = _started(body.velocities, start, chain, "initial_state.velocities")
+    qd = _start_state(body.velocities, start, chain, "initial_state.velocities")
     if body.offset is not None:
         q = q + chain.configuration(body.offset, "initial_state.offset")
     if body.velocity_offset is not None:
@@ -156,12 +156,12 @@ def initial_state(
     return q, qd
 
 
-def _started(given: ArrayLike | None, start: Array, chain: Chain, name: str) -> Array:
+def _start_state(given: ArrayLike | None, start: Array, chain: Chain, name: str) -> Array:
     return start if given is None else chain.configuration(given, name)
 
 
 def disturbance(body: schema.Disturbance | None) -> Disturbance | None:
-    """What acts on the robot.
+    """Disturbance of the robot.
 
     Raises:
         InvalidOption: A value is out of its range.
@@ -179,7 +179,7 @@ def disturbance(body: schema.Disturbance | None) -> Disturbance | None:
 
 
 def noise(body: schema.SimulateRequest) -> EncoderNoise | None:
-    """What the encoders get wrong."""
+    """Noise of the encoders."""
     if body.noise is None:
         return None
     more = {} if body.noise.period is None else {"period": body.noise.period}

@@ -15,7 +15,7 @@ def encode(payload: bytes) -> bytes:
 
 
 def prefix(*parts: bytes) -> bytes:
-    """What is sent in front of a payload that is sent in parts."""
+    """Bytes in front of a payload that is sent in parts."""
     return _LENGTH.pack(sum(len(part) for part in parts))
 
 

@@ -23,7 +23,7 @@ _FAILURES = 3
 
 
 class Owner(Protocol):
-    """What happens to the workers of a pool, as their owner is told it."""
+    """Owner of a pool, told what happens to its workers."""
 
     def worker_ready(self, worker: Worker) -> None:
         """A worker is warm and waits for its first job."""

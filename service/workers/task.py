@@ -39,7 +39,7 @@ class Job(Generic[R_co]):
     grace: float = 0.0
 
     def within(self, seconds: float) -> "Job[R_co]":
-        """The same call, to be done so many seconds from now."""
+        """Job with a deadline that many seconds from now."""
         return replace(self, deadline=Deadline.after(seconds))
 
 

@@ -15,6 +15,7 @@ from armwright_client.base import Readable, Request
 from armwright_client.robot import RobotFields
 from service.schemas import attached as their_attached
 from service.schemas import cartesian as their_cartesian
+from service.schemas import certificate as their_certificate
 from service.schemas import check as their_check
 from service.schemas import constraint as their_constraint
 from service.schemas import kinematics as their_kinematics
@@ -99,14 +100,14 @@ PAIRS: list[tuple[type[Readable], type[BaseModel]]] = [
     (ours.Samples, their_plan.Samples),
     (ours.Trajectory, their_plan.TrajectoryBody),
     (ours.LimitValues, their_plan.LimitsBody),
-    (ours.TimedTrajectory, their_plan.TrajectoryAnswer),
+    (ours.TimedTrajectory, their_certificate.TrajectoryAnswer),
     (ours.ValidateRequest, their_plan.ValidateRequest),
     (ours.Stage, their_plan.Stage),
     (ours.Path, their_plan.PathAnswer),
-    (ours.LimitUse, their_plan.LimitUse),
-    (ours.LimitUses, their_plan.LimitUses),
-    (ours.Certificate, their_plan.CertificateAnswer),
-    (ours.Proved, their_plan.ProvedAnswer),
+    (ours.LimitUse, their_certificate.LimitUse),
+    (ours.LimitUses, their_certificate.LimitUses),
+    (ours.Certificate, their_certificate.CertificateAnswer),
+    (ours.Proved, their_certificate.ProvedAnswer),
     (ours.TimedToolMotions, their_cartesian.TimedToolMotions),
     (ours.PathDeviation, their_cartesian.PathDeviationAnswer),
     (ours.ToolMotion, their_cartesian.ToolMotion),

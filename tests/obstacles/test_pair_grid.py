@@ -6,7 +6,7 @@ import pytest
 from kinematics.robots import builtin_names
 from obstacles.checker import Checker
 from obstacles.fcl_distance import FclWorld
-from obstacles.pair_grid import known
+from obstacles.pair_grid import grid_bound
 from obstacles.scene import Scene
 from tests.obstacles.test_edge_check import builtin
 
@@ -26,7 +26,7 @@ def test_what_the_grid_proves_is_true(name: str) -> None:
         for s, (i, j) in enumerate(arrays.self_pairs):
             if arrays.grid_axes[s, 0, 2] == 0.0:
                 continue
-            proved = known(
+            proved = grid_bound(
                 arrays.grid_axes, arrays.grid_starts, arrays.grid_values, s,
                 int(arrays.joints[i]), q[None],
             )  # fmt: skip
@@ -46,9 +46,9 @@ def test_outside_its_limits_a_grid_knows_nothing() -> None:
     still = int(arrays.joints[arrays.self_pairs[s, 0]])
     for q in (robot.chain.limits.upper, robot.chain.limits.lower):
         at = arrays.grid_axes, arrays.grid_starts, arrays.grid_values, s, still
-        assert np.isfinite(known(*at, q[None]))
-        assert known(*at, q[None] * 1.01) == -np.inf
-        assert known(*at, np.full((1, 7), np.nan)) == -np.inf
+        assert np.isfinite(grid_bound(*at, q[None]))
+        assert grid_bound(*at, q[None] * 1.01) == -np.inf
+        assert grid_bound(*at, np.full((1, 7), np.nan)) == -np.inf
 
 
 def test_links_that_are_never_far_apart_get_theirs_first() -> None:

@@ -10,7 +10,7 @@ from armwright_client import Certificate as ClientCertificate
 from kinematics.forward import forward
 from kinematics.pose import to_quaternion
 from kinematics.robots import builtin_chain
-from service.schemas.plan import CertificateAnswer
+from service.schemas.certificate import CertificateAnswer
 from tests.service.robots import HOME, POST, answer, problem, scene
 
 TIP = forward(builtin_chain("panda"), HOME)

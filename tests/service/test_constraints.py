@@ -8,8 +8,9 @@ import pytest
 
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain
+from service.schemas.certificate import CertificateAnswer
 from service.schemas.kinematics import IkAnswer
-from service.schemas.plan import CertificateAnswer, PlanAnswer
+from service.schemas.plan import PlanAnswer
 from tests.service.robots import HOME, POST, answer, problem, scene
 
 CHAIN = builtin_chain("panda")

@@ -19,7 +19,8 @@ from planning import pipeline
 from planning.options import Options
 from planning.problem import JointGoal, Problem
 from planning.result import Plan
-from service.schemas.plan import CertificateAnswer, PlanAnswer
+from service.schemas.certificate import CertificateAnswer
+from service.schemas.plan import PlanAnswer
 from service.schemas.scene import Scene
 from service.storage import worker_cache
 from service.storage.cache_key import builtin_reference

@@ -15,7 +15,7 @@ from obstacles.shapes import Box, Capsule, Cone, Convex, Cylinder, HalfSpace, Sh
 from planning.proof.certificate import Certificate, certify
 from planning.proof.pair_table import PairTable
 from planning.proof.sweep import DONE, FULL, PAUSED, run
-from planning.proof.sweep_state import grown, start_sweep
+from planning.proof.sweep_state import enlarge, start_sweep
 from tests.planning.fcl_sweep import sweep
 from tests.planning.scenes import builtin
 
@@ -119,7 +119,7 @@ def test_directions_from_a_liar_prove_nothing_that_is_false() -> None:
         table = PairTable.of(robot, scene, 0.0)
         sweeping, state = start_sweep(motion, table.arrays), PAUSED
         while state in (PAUSED, FULL):
-            sweeping = grown(sweeping) if state == FULL else sweeping
+            sweeping = enlarge(sweeping) if state == FULL else sweeping
             sweeping.directions[:] = random.normal(size=sweeping.directions.shape)
             sweeping.directions[random.random(len(sweeping.directions)) < 0.2] = np.nan
             sweeping.nearest[:] = random.normal(size=2)

@@ -1,0 +1,103 @@
+"""Timed trajectories and certificates in answers."""
+
+from typing import Any
+
+from pydantic import Field
+
+from service.schemas.base import (
+    Answer,
+)
+from service.schemas.cartesian import (
+    PathDeviationAnswer,
+)
+from service.schemas.constraint import ConstraintUse
+
+
+class SegmentAnswer(Answer):
+    """A polynomial piece, see `Segment`."""
+
+    t0: float
+    t1: float
+    coefficients: list[list[float]]
+
+
+class SamplesAnswer(Answer):
+    """The motion at regular times."""
+
+    time: list[float]
+    position: list[list[float]]
+    velocity: list[list[float]]
+    acceleration: list[list[float]]
+
+
+class TrajectoryAnswer(Answer):
+    """A timed motion."""
+
+    joint_names: list[str]
+    duration: float
+    segments: list[SegmentAnswer]
+    samples: SamplesAnswer | None = None
+
+
+class LimitUse(Answer):
+    """How close a motion comes to a limit, from the exact extrema of its polynomials."""
+
+    worst_ratio: float | None = Field(description="1 is the limit itself; null beyond a limit of 0")
+    joint: str
+    time: float
+
+
+class LimitUses(Answer):
+    """Use of each limit that was proved; null where none is known."""
+
+    position: LimitUse | None = None
+    velocity: LimitUse | None = None
+    acceleration: LimitUse | None = None
+    jerk: LimitUse | None = None
+    torque: LimitUse | None = Field(None, description="bounded from above for every instant")
+    tool_speed: LimitUse | None = Field(None, description="bounded from above for every instant")
+
+
+class ProvedAnswer(Answer):
+    """Which parts of a proof were carried out and hold."""
+
+    limits: bool = Field(description="limits, continuity, constraints and tool motions")
+    collisions: bool
+    reasons: list[str] = Field(description="why a part is not proved")
+
+
+class CertificateAnswer(Answer):
+    """The proof that a motion is valid at every instant, or the first violation."""
+
+    verified: bool = Field(description="all that the request names is proved")
+    proved: ProvedAnswer
+    min_clearance: float | None = Field(
+        description="a lower bound for every t [m]; null with nothing to hit"
+    )
+    clearance_pair: list[str] | None = None
+    min_obstacle_clearance: float | None = Field(
+        None, description="the same from obstacles alone; null without any"
+    )
+    min_self_clearance: float | None = Field(
+        None,
+        description="the same among the robot's own links and what it holds; no margin is kept",
+    )
+    method: str
+    limits: LimitUses | None = None
+    continuity: Any = None
+    path_constraint_residual: float | None = Field(
+        None,
+        description="the worst violation of the hard path constraints over all t [m or rad], "
+        "bounded from above; null without any",
+    )
+    path_constraints: list[ConstraintUse] = Field(
+        default_factory=list, description="each with the bound of its residual over all t"
+    )
+    path_deviation: PathDeviationAnswer | None = Field(
+        None, description="of the tool from the motions of the planner cartesian"
+    )
+    cells: int = Field(0, description="intervals of time that were looked at")
+    violation: dict[str, Any] | None = Field(None, description="the first, with its time")
+    allowed_collisions: list[list[str]] = Field(
+        default_factory=list, description="of the request: pairs that were not looked at"
+    )

@@ -1,0 +1,104 @@
+"""Sizes and names of modules and functions: what keeps the code readable."""
+
+import ast
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PRODUCT = ("armwright", "kinematics", "dynamics", "obstacles", "planning", "tracking", "service")
+MODULES = sorted(
+    path for name in (*PRODUCT, "client/armwright_client") for path in (ROOT / name).rglob("*.py")
+)
+
+#: Lines of a module, lines of a function with its docstring, arguments of a function.
+MAX_MODULE_LINES = 400
+MAX_FUNCTION_LINES = 100
+MAX_ARGUMENTS = 8
+#: Files that are exempt from lint rules in pyproject.toml.
+MAX_EXEMPTIONS = 8
+#: A list of exports, one a line.
+EXPORTS = ROOT / "client/armwright_client/__init__.py"
+#: All that a proof is about, by keyword.
+MANY_ARGUMENTS = {"certify": 9}
+#: Past participles that say what became of something and not what the function does.
+PARTICIPLES = re.compile(
+    r"^_*(sought|found|kept|held|made|told|given|known|planted|grown|unkept|ungrouped|together|"
+    r"asked|taken|shown|seen|met|left|lost|spent|chosen|outlined|planned|started|begun)$"
+)
+
+Function = ast.FunctionDef | ast.AsyncFunctionDef
+
+
+def functions(path: Path) -> list[Function]:
+    """Every function and method of a module."""
+    tree = ast.parse(path.read_text("utf-8"))
+    return [n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef | ast.AsyncFunctionDef)]
+
+
+def is_kernel(function: Function) -> bool:
+    """Whether it is compiled: kernels take arrays side by side."""
+    names = {
+        node.id
+        for decorator in function.decorator_list
+        for node in ast.walk(decorator)
+        if isinstance(node, ast.Name)
+    }
+    return "kernel" in names
+
+
+@pytest.mark.parametrize("package", [*PRODUCT, "client"])
+def test_modules_and_functions_stay_short(package: str) -> None:
+    wrong = []
+    for path in MODULES:
+        name = path.relative_to(ROOT)
+        if name.parts[0] != package:
+            continue
+        lines = len(path.read_text("utf-8").splitlines())
+        if lines > MAX_MODULE_LINES and path != EXPORTS:
+            wrong.append(f"{name}: {lines} lines")
+        for function in functions(path):
+            length = (function.end_lineno or 0) - function.lineno + 1
+            if length > MAX_FUNCTION_LINES:
+                wrong.append(f"{name}:{function.lineno} {function.name}: {length} lines")
+            arguments = function.args
+            count = sum(map(len, (arguments.posonlyargs, arguments.args, arguments.kwonlyargs)))
+            count -= bool(arguments.args and arguments.args[0].arg in ("self", "cls"))
+            most = MANY_ARGUMENTS.get(function.name, MAX_ARGUMENTS)
+            if count > most and not is_kernel(function):
+                wrong.append(f"{name}:{function.lineno} {function.name}: {count} arguments")
+    assert not wrong, "\n".join(wrong)
+
+
+def test_few_files_are_exempt_from_lint() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+    assert len(project["tool"]["ruff"]["lint"]["per-file-ignores"]) <= MAX_EXEMPTIONS
+
+
+@pytest.mark.parametrize("package", [*PRODUCT, "client"])
+def test_functions_are_not_named_by_participles(package: str) -> None:
+    wrong = [
+        f"{path.relative_to(ROOT)}:{function.lineno} {function.name}"
+        for path in MODULES
+        if path.relative_to(ROOT).parts[0] == package
+        for function in functions(path)
+        if PARTICIPLES.match(function.name)
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize("package", [*PRODUCT, "client"])
+def test_docstrings_begin_with_what_the_thing_is(package: str) -> None:
+    wrong = []
+    for path in MODULES:
+        if path.relative_to(ROOT).parts[0] != package:
+            continue
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, Function | ast.ClassDef | ast.Module):
+                text = ast.get_docstring(node) or ""
+                if re.match(r"(What|The same\b|Of both|Likewise)", text):
+                    name = getattr(node, "name", "module")
+                    wrong.append(f"{path.relative_to(ROOT)} {name}: {text.splitlines()[0]}")
+    assert not wrong, "\n".join(wrong)
