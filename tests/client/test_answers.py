@@ -21,6 +21,7 @@ PLAN: dict[str, Any] = {
     },
     "certificate": {
         "verified": True,
+        "proved": {"limits": True, "collisions": True, "reasons": []},
         "min_clearance": 0.1,
         "clearance_pair": ["hand", "table"],
         "method": "distances",

@@ -252,7 +252,7 @@ def test_parameters_that_would_do_nothing_are_refused(
 def test_rows_of_different_lengths_are_named_as_such(client: httpx.Client) -> None:
     response = client.post("/v1/robots/panda/fk", json={"joints": [HOME, HOME[:6]]})
     document = problem(response, 422, "INVALID_ROBOT_STATE")
-    assert "each row" in document["detail"]
+    assert "rows of equal length" in document["detail"]
     assert "7 numbers" in document["hint"]
 
 

@@ -61,7 +61,7 @@ def test_it_stops_in_time() -> None:
     checker = Checker.of(robot, POST)
     options = FieldOptions(engine="fcl", max_iterations=100_000, connect=False, tolerance=1e-9)
     descent = potential_field(
-        robot, checker, POST, HOME, [turned()], options, 0, Deadline.after(0.2)
+        robot, checker, POST, HOME, [turned()], options, 0, Deadline.after(0.002)
     )
     assert descent.waypoints is None
     assert descent.detail == "The time was up."
