@@ -1,6 +1,7 @@
 """Machine code as numba's compiler hands it on: made in parts, linked, and called or copied."""
 
 import contextlib
+import itertools
 from collections.abc import Iterator
 from typing import Any
 
@@ -18,7 +19,7 @@ class Part(JITCodeLibrary):
     """Code that is linked into kernels and never runs by itself, so that none is emitted for it."""
 
     def finalize(self) -> None:
-        """Link what this part is made of; optimising it as a whole is for the kernel it goes into."""
+        """Link what this part is made of; its kernel is what is optimised as a whole."""
         self._raise_if_finalized()
         _link(self)
         self._finalize_dynamic_globals()
@@ -73,13 +74,15 @@ class Whole(Part):
         """The code in a form that can be copied into other kernels."""
         return bytes(self._get_module_for_linking().as_bitcode())
 
-    def size(self) -> int:
-        """How many instructions all functions have together."""
-        return sum(
-            sum(1 for _ in block.instructions)
+    def larger_than(self, limit: int) -> bool:
+        """Whether all functions have more instructions together."""
+        every = (
+            instruction
             for function in self._final_module.functions
             for block in function.blocks
+            for instruction in block.instructions
         )
+        return sum(1 for _ in itertools.islice(every, limit + 1)) > limit
 
     def called(self) -> list[str]:
         """Names of functions that it calls and does not contain."""
