@@ -110,8 +110,8 @@ def compiled(name: str, function: Any, kinds: Any, flags: Any, small: bool) -> C
     use = kernel_writes.use(pipeline.state.func_ir, fndesc.typemap, fndesc.calltypes)
     fndesc.typemap = fndesc.calltypes = None
     fndesc.doc = ""
-    bitcode = library.bitcode() if small or not library.larger_than(LARGE) else None
     symbol, facts = fndesc.llvm_func_name, (fndesc, result.signature)
+    bitcode = library.bitcode() if small or not library.larger_than(LARGE, symbol) else None
     return _code(name, symbol, use, library, bitcode, facts)
 
 

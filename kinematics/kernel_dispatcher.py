@@ -25,7 +25,7 @@ from kinematics.kernel_target import target
 from kinematics.kernel_writes import Use, writable
 
 #: Count up with every change of how kernels are compiled that does not show in their functions.
-_REVISION = 5
+_REVISION = 8
 
 
 #: Characters of names that are no good in names of files.

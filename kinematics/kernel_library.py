@@ -19,9 +19,10 @@ class Part(JITCodeLibrary):
     """Code that is linked into kernels and never runs by itself, so that none is emitted for it."""
 
     def finalize(self) -> None:
-        """Link what this part is made of; its kernel is what is optimised as a whole."""
+        """Link and optimise what this part is made of."""
         self._raise_if_finalized()
         _link(self)
+        self._optimize_final_module()
         self._finalize_dynamic_globals()
         self._finalized = True
 
@@ -74,8 +75,13 @@ class Whole(Part):
         """The code in a form that can be copied into other kernels."""
         return bytes(self._get_module_for_linking().as_bitcode())
 
-    def larger_than(self, limit: int) -> bool:
-        """Whether all functions have more instructions together."""
+    def larger_than(self, limit: int, symbol: str) -> bool:
+        """Whether all functions have more instructions together than that, and than arguments.
+
+        A tuple of arrays is handed over number by number, which can cost more than what is done
+        with them.
+        """
+        limit += sum(1 for _ in self._final_module.get_function(symbol).arguments)
         every = (
             instruction
             for function in self._final_module.functions
