@@ -34,8 +34,8 @@ class Code:
         symbol: of its function.
         use: what it may do with its arguments.
         needs: names of the kernels that it calls, which must be loaded before it is.
-        machine_code: an object file.
-        bitcode: the same in a form that can be copied into callers; None for a large kernel.
+        machine_code: an object file; nothing for a small kernel, which only stands in callers.
+        bitcode: a small kernel in a form that can be copied into callers, and into its door.
         facts: pickled numba descriptions: of the function, its signature and its environments.
         lasting: whether it may be kept on disk; not if it holds addresses of this process.
     """
@@ -68,7 +68,10 @@ def find(name: str) -> Code | None:
         content = kernel_store.read(name)
         if content is None:
             return None
-        code = Code(name, *pickle.loads(content))
+        try:
+            code = Code(name, *pickle.loads(content))
+        except (AttributeError, ImportError):  # kept by a version with other types
+            return None
         if any(find(need) is None for need in code.needs):
             return None
         _note(code)
@@ -110,13 +113,12 @@ def compiled(name: str, function: Any, kinds: Any, flags: Any, small: bool) -> C
     use = kernel_writes.use(pipeline.state.func_ir, fndesc.typemap, fndesc.calltypes)
     fndesc.typemap = fndesc.calltypes = None
     fndesc.doc = ""
-    copied = small or library.size() <= LARGE
-    bitcode = library.bitcode() if copied else None
     symbol, facts = fndesc.llvm_func_name, (fndesc, result.signature)
+    bitcode = library.bitcode() if small or not library.larger_than(LARGE, symbol) else None
     return _code(name, symbol, use, library, bitcode, facts)
 
 
-def door(name: str, fndesc: Any, flags: Any) -> Code:
+def door(name: str, kernel: str, fndesc: Any, flags: Any) -> Code:
     """Compile what takes Python's objects apart, calls a kernel and puts its answer together."""
     fndesc = copy.copy(fndesc)
     fndesc.env_name += "_door"
@@ -124,6 +126,8 @@ def door(name: str, fndesc: Any, flags: Any) -> Code:
     context = compiler._make_subtarget(cpu_target.target_context, flags)
     context = context.subtarget(environment=environment, fndesc=fndesc)
     library = Whole(_codegen(), name)
+    if _codes[kernel].bitcode is not None:
+        library.add_linking_library(copied(kernel))
     with (
         ConfigStack().enter(flags),
         kernel_library.parts_only(_codegen()),
@@ -176,8 +180,9 @@ def _code(
     needs = dict.fromkeys(_owners[one] for one in library.called() if one in _owners)
     environments = [lookup_environment(one) for one in library.environments()]
     used = dumps([one for one in environments if one is not None])
+    machine_code = library.machine_code() if bitcode is None else b""
     return Code(
-        name, symbol, use, tuple(needs), library.machine_code(), bitcode, used, dumps(facts),
+        name, symbol, use, tuple(needs), machine_code, bitcode, used, dumps(facts),
         not library.has_dynamic_globals,
     )  # fmt: skip
 

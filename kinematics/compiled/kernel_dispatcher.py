@@ -25,7 +25,7 @@ from kinematics.compiled.kernel_target import target
 from kinematics.compiled.kernel_writes import Use, writable
 
 #: Count up with every change of how kernels are compiled that does not show in their functions.
-_REVISION = 4
+_REVISION = 8
 
 
 #: Characters of names that are no good in names of files.
@@ -97,9 +97,12 @@ class Kernel(CPUDispatcher):
         return not constant & (self._uses[kinds].written | self._uses[kinds].given)
 
     def _door(self, result: Any) -> Code:
-        name = f"{result.entry_point.name}.door{'' if self.targetoptions['nogil'] else '-locked'}"
+        kernel = result.entry_point.name
+        name = f"{kernel}.door{'' if self.targetoptions['nogil'] else '-locked'}"
         found = kernel_code.find(name)
-        return found or kernel_code.keep(kernel_code.door(name, result.fndesc, self._flags()))
+        return found or kernel_code.keep(
+            kernel_code.door(name, kernel, result.fndesc, self._flags())
+        )
 
     def _overload(self, kinds: Any) -> Any:
         if kinds not in self.overloads:

@@ -1,6 +1,7 @@
 """Machine code as numba's compiler hands it on: made in parts, linked, and called or copied."""
 
 import contextlib
+import itertools
 from collections.abc import Iterator
 from typing import Any
 
@@ -18,9 +19,10 @@ class Part(JITCodeLibrary):
     """Code that is linked into kernels and never runs by itself, so that none is emitted for it."""
 
     def finalize(self) -> None:
-        """Link the parts of this library; its caller optimises it as a whole."""
+        """Link and optimise the parts of this library."""
         self._raise_if_finalized()
         _link(self)
+        self._optimize_final_module()
         self._finalize_dynamic_globals()
         self._finalized = True
 
@@ -73,13 +75,20 @@ class Whole(Part):
         """The code in a form that can be copied into other kernels."""
         return bytes(self._get_module_for_linking().as_bitcode())
 
-    def size(self) -> int:
-        """How many instructions all functions have together."""
-        return sum(
-            sum(1 for _ in block.instructions)
+    def larger_than(self, limit: int, symbol: str) -> bool:
+        """Whether all functions have more instructions together than that, and than arguments.
+
+        A tuple of arrays is handed over number by number, which can cost more than what is done
+        with them.
+        """
+        limit += sum(1 for _ in self._final_module.get_function(symbol).arguments)
+        every = (
+            instruction
             for function in self._final_module.functions
             for block in function.blocks
+            for instruction in block.instructions
         )
+        return sum(1 for _ in itertools.islice(every, limit + 1)) > limit
 
     def called(self) -> list[str]:
         """Names of functions that it calls and does not contain."""

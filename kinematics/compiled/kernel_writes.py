@@ -32,6 +32,7 @@ _FRESH = frozenset(
     {"arange", "empty", "empty_like", "eye", "full", "full_like", "linspace", "ones"}
 )
 _FRESH |= {"ones_like", "zeros", "zeros_like"}
+_FRESH_METHODS = frozenset({"astype", "copy", "flatten"})
 _READING_METHODS = frozenset(
     {
         "all", "any", "argmax", "argmin", "astype", "copy", "dot", "flatten", "max", "mean",
@@ -110,6 +111,7 @@ class _Aliases:
         self._statements = [one for block in func_ir.blocks.values() for one in block.body]
         self._typemap, self._calltypes = typemap, calltypes
         self._roots: dict[str, set[int]] = {}
+        self._items: dict[str, list[Any]] = {}
         self._written: set[int] = set()
         self._given: set[int] = set()
 
@@ -130,6 +132,7 @@ class _Aliases:
 
     def _follow(self, statement: Any) -> None:
         if isinstance(statement, ir.Assign):
+            self._note_items(statement.target.name, statement.value)
             if holds_arrays(self._typemap[statement.target.name]):
                 self._roots.setdefault(statement.target.name, set()).update(
                     self._behind(statement.value)
@@ -141,6 +144,14 @@ class _Aliases:
         elif isinstance(statement, ir.SetItem | ir.StaticSetItem | ir.SetAttr | ir.DelItem):
             self._written |= self._of([statement.target])
             self._hold(statement)
+
+    def _note_items(self, target: str, value: Any) -> None:
+        # Only of intermediate values, which are set once: `a, b = x.a, y.b` mixes nothing up.
+        if target.startswith("$") and isinstance(value, ir.Expr):
+            if value.op == "build_tuple":
+                self._items[target] = list(value.items)
+            elif value.op == "exhaust_iter" and value.value.name in self._items:
+                self._items[target] = self._items[value.value.name]
 
     def _hold(self, statement: Any) -> None:
         # What is put into an array is copied; a list holds it.
@@ -158,6 +169,9 @@ class _Aliases:
             return set()
         if value.op in _MAKING:
             return set()
+        if value.op == "static_getitem" and isinstance(value.index, int):
+            items = self._items.get(value.value.name)
+            return self._of([value.value] if items is None else [items[value.index]])
         if value.op in _VIEWING:
             return self._of([value.value])
         if value.op == "call":
@@ -179,7 +193,7 @@ class _Aliases:
             return self._of(_handed(kind.dispatcher, call, known.given))
         if not _only_reads(kind, len(given)):
             self._written |= reached
-        return set() if _of_numpy(kind, _FRESH) else reached
+        return set() if _of_numpy(kind, _FRESH) or _method(kind) in _FRESH_METHODS else reached
 
 
 def _reading_function(kernel: Any, kinds: Any) -> Use:
@@ -200,9 +214,14 @@ def _of_numpy(kind: Any, names: frozenset[str]) -> bool:
     return module.split(".")[0] == "numpy" and name in names
 
 
+def _method(kind: Any) -> str:
+    bound = isinstance(kind, types.BoundFunction)
+    return str(kind.typing_key).rsplit(".", 1)[-1] if bound else ""
+
+
 def _only_reads(kind: Any, given: int) -> bool:
     if isinstance(kind, types.BoundFunction):
-        return str(kind.typing_key).rsplit(".", 1)[-1] in _READING_METHODS
+        return _method(kind) in _READING_METHODS
     if isinstance(kind, types.NamedTupleClass | types.NumberClass):
         return True
     key = getattr(kind, "typing_key", None)
