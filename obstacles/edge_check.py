@@ -123,55 +123,6 @@ def _settle(
 
 
 @kernel(allocates=False)
-def _examine_own(
-    model: ModelArrays, work: Workspace, margin: float, i: int, k: int, hint: Array,
-    entries: Indices, axes: Array, kept: int,
-) -> tuple[int, int]:  # fmt: skip
-    """``_examine`` for one entry of the robot's own pairs: pair i - p, or group -1 - i of pairs."""
-    joints, corners, tables, surfaces = model.joints, model.corners, model.tables, model.surfaces
-    placed, strays, twists = work.placed, work.strays, work.twists
-    room, tally, stack = work.room, work.tally, work.stack
-    p, m = model.skipped.shape[0], model.scene.shape[0]
-    start, stop = i - p, i - p + 1
-    if i < 0:
-        start, stop, a, b = model.groups[-1 - i]
-        place(model, work, a)
-        place(model, work, b)
-        free = balls_apart(placed, a, b)
-        free -= strays[b, 3 * joints[a] + 3] + model.own_margin + margin
-        if free > _ROUNDING_ERROR:
-            tally[_CLEARANCE] = min(tally[_CLEARANCE], free)
-            return kept, -1
-    for s in range(start, stop):
-        a, b = model.self_pairs[s, 0], model.self_pairs[s, 1]
-        place(model, work, b)
-        if model.grid_axes[s, 0, 2] > 0.0:
-            proved = grid_bound(
-                model.grid_axes, model.grid_starts, model.grid_values, s, joints[a],
-                work.joints,
-            ) - strays[b, 3 * joints[a] + 3] - model.own_margin - margin  # fmt: skip
-            if proved > _ROUNDING_ERROR:
-                tally[_CLEARANCE] = min(tally[_CLEARANCE], proved)
-                continue
-        if kept == entries.shape[0]:
-            return -1, -1
-        place(model, work, a)
-        for row in range(3):
-            axes[kept, row] = 0.0 if i < 0 else hint[row]
-        verdict = _settle(
-            placed, a, joints[a], placed, b, joints[b], corners, tables,
-            surfaces, twists, strays, room, stack, tally, model.own_margin + margin,
-            axes, kept,
-        )  # fmt: skip
-        if verdict == CLOSER:
-            return kept, p * m + s
-        if verdict != FARTHER:
-            entries[kept, 0], entries[kept, 1] = p + s, k
-            kept += 1
-    return kept, -1
-
-
-@kernel(allocates=False)
 def _examine(  # noqa: C901, PLR0912, PLR0915
     model: ModelArrays, work: Workspace, margin: float, given: Indices, hints: Array,
     first: int, count: int, entries: Indices, axes: Array, kept: int,
@@ -194,9 +145,42 @@ def _examine(  # noqa: C901, PLR0912, PLR0915
         if kept == entries.shape[0]:
             return -1, -1
         if i < 0 or i >= p:
-            kept, hit = _examine_own(model, work, margin, i, k, hints[entry], entries, axes, kept)
-            if kept < 0 or hit >= 0:
-                return kept, hit
+            start, stop = i - p, i - p + 1
+            if i < 0:
+                start, stop, a, b = model.groups[-1 - i]
+                place(model, work, a)
+                place(model, work, b)
+                free = balls_apart(placed, a, b)
+                free -= strays[b, 3 * joints[a] + 3] + model.own_margin + margin
+                if free > _ROUNDING_ERROR:
+                    tally[_CLEARANCE] = min(tally[_CLEARANCE], free)
+                    continue
+            for s in range(start, stop):
+                a, b = model.self_pairs[s, 0], model.self_pairs[s, 1]
+                place(model, work, b)
+                if model.grid_axes[s, 0, 2] > 0.0:
+                    proved = grid_bound(
+                        model.grid_axes, model.grid_starts, model.grid_values, s, joints[a],
+                        work.joints,
+                    ) - strays[b, 3 * joints[a] + 3] - model.own_margin - margin  # fmt: skip
+                    if proved > _ROUNDING_ERROR:
+                        tally[_CLEARANCE] = min(tally[_CLEARANCE], proved)
+                        continue
+                if kept == entries.shape[0]:
+                    return -1, -1
+                place(model, work, a)
+                for row in range(3):
+                    axes[kept, row] = 0.0 if i < 0 else hints[entry, row]
+                verdict = _settle(
+                    placed, a, joints[a], placed, b, joints[b], corners, tables,
+                    surfaces, twists, strays, room, stack, tally, model.own_margin + margin,
+                    axes, kept,
+                )  # fmt: skip
+                if verdict == CLOSER:
+                    return kept, p * m + s
+                if verdict != FARTHER:
+                    entries[kept, 0], entries[kept, 1] = p + s, k
+                    kept += 1
             continue
         place(model, work, i)
         x, y, z = placed[i, CENTER], placed[i, CENTER + 1], placed[i, CENTER + 2]

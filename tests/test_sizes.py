@@ -21,6 +21,8 @@ MAX_ARGUMENTS = 8
 MAX_EXEMPTIONS = 8
 #: A list of exports, one a line.
 EXPORTS = ROOT / "client/armwright_client/__init__.py"
+#: The hottest kernel: in two parts an edge check took half as long again (31 us for 20 us).
+LONG_FUNCTIONS = {"_examine": 110}
 #: All that a proof is about, by keyword.
 MANY_ARGUMENTS = {"certify": 9}
 #: Past participles that say what became of something and not what the function does.
@@ -61,7 +63,7 @@ def test_modules_and_functions_stay_short(package: str) -> None:
             wrong.append(f"{name}: {lines} lines")
         for function in functions(path):
             length = (function.end_lineno or 0) - function.lineno + 1
-            if length > MAX_FUNCTION_LINES:
+            if length > LONG_FUNCTIONS.get(function.name, MAX_FUNCTION_LINES):
                 wrong.append(f"{name}:{function.lineno} {function.name}: {length} lines")
             arguments = function.args
             count = sum(map(len, (arguments.posonlyargs, arguments.args, arguments.kwonlyargs)))
