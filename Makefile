@@ -22,13 +22,14 @@ MARGINS ?= 0
 
 install: $(INSTALLED) $(TOOLS)  ## Install the app, the client and the developers' tools into .venv
 
-# With uv where it is there or can be had (seconds), else with pip (minutes).
+# With uv where it is there or can be had (seconds), else with pip (minutes). Byte code is compiled here, as pip
+# does: some packages warn while they are compiled, and the tests take warnings for errors.
 define packages
 	@$(BIN)/python -m pip --version > /dev/null 2>&1 || $(PYTHON) -m venv $(VENV)
 	@command -v uv > /dev/null || test -x $(BIN)/uv || $(BIN)/python -m pip install -qq \
 		--disable-pip-version-check -c constraints.txt uv || echo "uv can't be had; pip installs"
 	@UV=$$(command -v uv || echo $(BIN)/uv); \
-	"$$UV" pip install -q --python $(BIN)/python -c constraints.txt $(1) 2> /dev/null || \
+	"$$UV" pip install -q --compile-bytecode --python $(BIN)/python -c constraints.txt $(1) 2> /dev/null || \
 	$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt $(1)
 endef
 
