@@ -45,6 +45,14 @@ def base(x: float) -> float:
 PROGRAM = "import caller; print(caller.top(3.0), sum(caller.top.stats.cache_hits.values()))"
 
 
+@pytest.fixture(autouse=True)
+def _nothing_kept(
+    tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Kernels of this file are compiled here, whatever earlier runs left."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path_factory.mktemp("kernels")))
+
+
 def python(program: str, folder: Path, **environment: str) -> str:
     """What a program prints in a new process."""
     answer = subprocess.run(
