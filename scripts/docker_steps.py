@@ -198,7 +198,7 @@ def main() -> None:
     """Build, serve, probe and stop; the exit code says whether all of it worked."""
     with tempfile.TemporaryDirectory(prefix="armwright-image-") as folder:
         stage = build((REPOSITORY / "Dockerfile").read_text(), Path(folder))
-        kept = list(Path(stage.environment["NUMBA_CACHE_DIR"]).rglob("*.nbc"))
+        kept = list(Path(stage.environment["NUMBA_CACHE_DIR"]).glob("*.door"))
         print(f"machine code of {len(kept)} kernels", flush=True)
         serve_and_stop(stage)
         if not kept:
