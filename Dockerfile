@@ -39,8 +39,8 @@ RUN useradd --system --create-home --uid 10001 armwright \
 COPY --from=builder /opt/venv /opt/venv
 USER 10001
 WORKDIR /data
-# Machine code is for the processor it was compiled on; on another kind of processor the kernels are
-# compiled once more at the first start, and /readyz waits for that.
+# Machine code is for x86-64-v3 (AVX2); on a processor without it the kernels are compiled once more
+# at the first start, and /readyz waits for that.
 RUN armwright warm
 VOLUME /data
 EXPOSE 8000
