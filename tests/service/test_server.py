@@ -55,7 +55,7 @@ def test_a_checkout_that_is_not_installed_is_found_by_its_processes(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setenv("PYTHONPATH", "/elsewhere")
-    monkeypatch.delenv("PYTHONSAFEPATH", raising=False)
+    monkeypatch.setenv("PYTHONSAFEPATH", "")
     keep_current_folder_off_the_path()
     assert os.environ["PYTHONSAFEPATH"] == "1"
     assert os.environ["PYTHONPATH"] == f"{ROOT}{os.pathsep}/elsewhere"
