@@ -15,7 +15,6 @@ from kinematics.errors import InvalidRobotDescription
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from planning import pipeline
-from planning.motion_limits import limit_loads
 from planning.proof.certificate import certify, has_solids
 from planning.result import Failure, Plan
 from service.schemas.plan import Collisions, PlanRequest, ValidateRequest
@@ -95,10 +94,9 @@ def validate(
     motion, begins = trajectories.trajectory(body.trajectory, arm.chain)
     limits = timings.limits(body.limits, arm.chain)
     wanted = constraint_set(body.constraints, arm.chain)
-    loads = limit_loads(timings.effort_loads(body, arm.chain), wanted, arm.chain)
-    margin = body.margin if wanted is None else max(body.margin, wanted.margin)
+    loads = timings.effort_loads(body, arm.chain)
     certificate = certify(
-        motion, arm, cell.scene, margin=margin, limits=limits, loads=loads, constraints=wanted,
+        motion, arm, cell.scene, margin=body.margin, limits=limits, loads=loads, constraints=wanted,
         tool_motions=problems.timed_tool_motions(body.tool_motions, arm.chain, motion, begins),
         deadline=current.deadline(),
     )  # fmt: skip

@@ -5,8 +5,9 @@ import pytest
 
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.limit import ToolSpeedConstraint, TorqueConstraint
-from planning.motion_limits import limit_loads, with_limits
+from planning.motion_limits import with_limits
 from planning.options import Options
+from planning.proof.constraint_limits import constrained_efforts
 from planning.timing.options import TimingOptions
 from tests.planning.scenes import builtin
 
@@ -39,15 +40,19 @@ def test_torque_constraints_turn_torque_limits_on_and_only_lower_them() -> None:
 
 
 def test_foreign_motions_are_held_to_the_same_limits() -> None:
-    assert limit_loads(None, None, CHAIN) is None
-    assert limit_loads(None, constraints(), CHAIN) is None
-    both = limit_loads(None, constraints(ToolSpeedConstraint(0.3), TorqueConstraint()), CHAIN)
+    assert constrained_efforts(None, None, CHAIN) is None
+    assert constrained_efforts(None, constraints(), CHAIN) is None
+    both = constrained_efforts(
+        None, constraints(ToolSpeedConstraint(0.3), TorqueConstraint()), CHAIN
+    )
     assert both is not None
     assert both.tool_speed == 0.3
     assert both.effort is not None
     np.testing.assert_array_equal(both.effort, EFFORT)
     lower = tuple(0.5 * EFFORT)
-    again = limit_loads(both, constraints(ToolSpeedConstraint(0.4), TorqueConstraint(lower)), CHAIN)
+    again = constrained_efforts(
+        both, constraints(ToolSpeedConstraint(0.4), TorqueConstraint(lower)), CHAIN
+    )
     assert again is not None
     assert again.tool_speed == 0.3
     assert again.effort is not None
