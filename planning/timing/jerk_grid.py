@@ -34,6 +34,9 @@ _PULL = 0.1
 _RAMP_SHARE = 0.4
 # Two knots nearer than this part of the cells about them are one.
 _SAME_KNOT = 0.3
+# A knot nearer than this part of its cell to where a ramp ends is one with it: on a cell that only
+# rounding makes there is no speed to be found.
+_ON_THE_RAMP = 1e-6
 _NEWTON_STEPS = 60
 
 
@@ -244,8 +247,10 @@ def _knots(
     """Places of the knots: all breaks of the path, and others between them."""
     counts = np.where(straight, _STRAIGHT_CELLS, _CURVED_CELLS)
     shares = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-    base = np.repeat(breaks[:-1], counts) + shares * np.repeat(np.diff(breaks) / counts, counts)
-    base = base[(base > ramps[0]) & (base < breaks[-1] - ramps[1])]
+    cells = np.repeat(np.diff(breaks) / counts, counts)
+    base = np.repeat(breaks[:-1], counts) + shares * cells
+    away = np.minimum(base - ramps[0], (breaks[-1] - ramps[1]) - base)
+    base = base[away > _ON_THE_RAMP * cells]
     u = np.linspace(0.0, 1.0, _RAMP_CELLS + 1)
     ramp = u**3 * (2.0 - 2.0 * u + 0.6 * u**2) / _RAMP
     # From rest s grows as t^3; an end that is passed at speed needs no knots close together.
