@@ -33,6 +33,9 @@ if TYPE_CHECKING:
 P = ParamSpec("P")
 A = TypeVar("A")
 
+#: Errors of arguments that one message shows.
+_MAX_ERRORS = 3
+
 
 @dataclass(frozen=True, slots=True)
 class Call(Generic[A]):
@@ -115,7 +118,7 @@ class AsyncLaterGroup(AsyncGroup):
 
 
 class Endpoint(Generic[P, A]):
-    """Makes a method of a function that gives a `Call`.
+    """Method of a client, made of a function that gives a `Call`.
 
     Raises:
         InvalidArgument: When the method is called with arguments that are refused.
@@ -145,7 +148,7 @@ class Endpoint(Generic[P, A]):
 
 
 class JobEndpoint(Generic[P, A]):
-    """Makes a method of a function that gives a `Call` which the service always makes a job of."""
+    """Method whose request always becomes a job, made of a function that gives a `Call`."""
 
     def __init__(self, build: Callable[Concatenate[Any, P], Call[A]]) -> None:
         self._build = build
@@ -164,7 +167,7 @@ class JobEndpoint(Generic[P, A]):
 
 
 class EventEndpoint(Generic[P]):
-    """Makes a method that iterates over events of a function that gives an `EventCall`."""
+    """Method that iterates over events, made of a function that gives an `EventCall`."""
 
     def __init__(self, build: Callable[Concatenate[Any, P], EventCall]) -> None:
         self._build = build
@@ -196,9 +199,10 @@ def _bound(build: Callable[..., Any], group: Group | AsyncGroup, action: str) ->
 
 
 def _refusal(error: ValidationError) -> str:
-    found = error.errors(include_url=False, include_input=False, include_context=False)
-    sentences = [f"{'.'.join(str(step) for step in e['loc'])}: {e['msg']}" for e in found[:3]]
-    more = [f"and {len(found) - 3} more"] if len(found) > 3 else []
+    errors = error.errors(include_url=False, include_input=False, include_context=False)
+    shown = errors[:_MAX_ERRORS]
+    sentences = [f"{'.'.join(str(step) for step in e['loc'])}: {e['msg']}" for e in shown]
+    more = [f"and {len(errors) - len(shown)} more"] if len(errors) > len(shown) else []
     return f"{error.title}: {'; '.join([*sentences, *more])}"
 
 
@@ -214,6 +218,6 @@ def path(*segments: str) -> str:
     return "/v1/" + "/".join(quote(segment, safe="") for segment in segments)
 
 
-def nothing(content: bytes) -> None:
-    """Reads an answer that has no body."""
+def read_nothing(content: bytes) -> None:
+    """Read an answer that has no body."""
     del content

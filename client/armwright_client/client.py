@@ -102,7 +102,7 @@ class Client(ServiceEndpoints, Group):
         options: `token`, `timeout` and `retry`, see `ClientOptions`.
 
     Raises:
-        InvalidArgument: The URL or the token can't be one.
+        InvalidArgument: The URL or the token is malformed.
     """
 
     def __init__(

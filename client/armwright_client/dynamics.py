@@ -1,6 +1,6 @@
 """Velocities, forces and equations of motion."""
 
-from typing import Self, TypedDict
+from typing import Generic, Self, TypedDict, TypeVar
 
 from pydantic import model_validator
 
@@ -16,6 +16,9 @@ from armwright_client.base import (
     Vector6,
     VectorLike,
 )
+
+#: Velocities and accelerations: a vector for one configuration, rows for many.
+V = TypeVar("V")
 
 
 class VelocityOptions(TypedDict, total=False):
@@ -122,6 +125,20 @@ class ModelOptions(TypedDict, total=False):
     payload: Payload
     motor_inertia: float | VectorLike
     viscous_friction: float | VectorLike
+
+
+class DynamicsOptions(ModelOptions, Generic[V], total=False):
+    """State of motion and wrench; see also `ModelOptions`.
+
+    Args:
+        velocities: One row a configuration [rad/s or m/s]; at rest if left out.
+        accelerations: One row a configuration [rad/s² or m/s²]; 0 if left out.
+        wrench: (force, moment) that the tip exerts, in the base frame [N, N m].
+    """
+
+    velocities: V | None
+    accelerations: V | None
+    wrench: VectorLike | None
 
 
 class WrenchOptions(TypedDict, total=False):

@@ -11,8 +11,8 @@ from armwright_client.call import (
     EventCall,
     EventEndpoint,
     JobEndpoint,
-    nothing,
     path,
+    read_nothing,
 )
 from armwright_client.certificate import (
     Certificate,
@@ -71,7 +71,7 @@ class SceneEndpoints:
     @Endpoint
     def delete(self, name: str) -> Call[None]:
         """Forget a scene."""
-        return Call("DELETE", path("scenes", name), nothing)
+        return Call("DELETE", path("scenes", name), read_nothing)
 
     @Endpoint
     def project(

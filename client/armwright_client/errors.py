@@ -95,8 +95,8 @@ class ApiError(ArmwrightError):
 
     def __str__(self) -> str:
         problem = self.problem
-        said = problem.detail or problem.title or f"HTTP status {self.status}"
-        text = f"{problem.code}: {said}" if problem.code else said
+        detail = problem.detail or problem.title or f"HTTP status {self.status}"
+        text = f"{problem.code}: {detail}" if problem.code else detail
         return f"{text}. {problem.hint}" if problem.hint else text
 
     @property

@@ -27,6 +27,18 @@ Orientation = Literal["quaternion_xyzw", "rotation_matrix", "euler_zyz", "rpy", 
 Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
 
 
+class FkOptions(TypedDict, total=False):
+    """Options of forward kinematics.
+
+    Args:
+        link: Link whose pose is answered first; the tip if left out.
+        orientation: Form of the orientations; quaternions if left out.
+    """
+
+    link: str | None
+    orientation: Orientation | None
+
+
 class FkRequest(Request):
     """Configurations whose link poses are asked for, and the form of their orientations."""
 

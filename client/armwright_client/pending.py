@@ -1,13 +1,13 @@
-"""Answers that are asked for later: handles of jobs that know what their results are."""
+"""Handles of jobs that know the type of their results."""
 
 import asyncio
 import time
 from collections.abc import AsyncIterator, Iterator
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Generic, Protocol, TypeVar
 
 from pydantic_core import to_json
 
-from armwright_client.call import Call, EventCall, nothing, path
+from armwright_client.call import Call, EventCall, path, read_nothing
 from armwright_client.error_codes import from_problem
 from armwright_client.errors import ArmwrightError, TransportTimeout
 from armwright_client.job import Job, JobEvent
@@ -15,9 +15,13 @@ from armwright_client.problem import Problem
 
 A = TypeVar("A")
 
-#: Between two looks at a job, growing from the one to the other [s].
-_SHORTEST, _LONGEST, _GROWTH = 0.02, 1.0, 1.5
-#: A job that was cancelled has no problem document; it is told as what it would have been.
+#: First pause between two requests for a job's status [s].
+_FIRST_PAUSE = 0.02
+#: Longest pause between two requests for a job's status [s].
+_MAX_PAUSE = 1.0
+#: Ratio of one pause to the one before.
+_PAUSE_GROWTH = 1.5
+#: HTTP status of the error of a cancelled job, which has no problem document of its own.
 _CANCELLED = 409
 
 
@@ -108,7 +112,7 @@ def cancel_call(job: str) -> Call[Job]:
 def events_call(job: str, after: str | None) -> EventCall:
     """The request for the events of a job."""
     headers = {} if after is None else {"Last-Event-ID": after}
-    return EventCall("GET", path("jobs", job, "events"), nothing, headers=headers)
+    return EventCall("GET", path("jobs", job, "events"), read_nothing, headers=headers)
 
 
 def ended(sender: _Sender, job: str, timeout: float | None) -> Job:
@@ -117,20 +121,20 @@ def ended(sender: _Sender, job: str, timeout: float | None) -> Job:
     Raises:
         TransportTimeout: It has not in time.
     """
-    pause, end = _SHORTEST, _end(timeout)
-    while not (found := sender.send(job_call(job))).done:
+    pause, end = _FIRST_PAUSE, _end(timeout)
+    while not (status := sender.send(job_call(job))).done:
         time.sleep(_next_pause(job, pause, end))
-        pause = min(pause * _GROWTH, _LONGEST)
-    return found
+        pause = min(pause * _PAUSE_GROWTH, _MAX_PAUSE)
+    return status
 
 
 async def ended_async(sender: _AsyncSender, job: str, timeout: float | None) -> Job:
     """`ended` to be awaited."""
-    pause, end = _SHORTEST, _end(timeout)
-    while not (found := await sender.send(job_call(job))).done:
+    pause, end = _FIRST_PAUSE, _end(timeout)
+    while not (status := await sender.send(job_call(job))).done:
         await asyncio.sleep(_next_pause(job, pause, end))
-        pause = min(pause * _GROWTH, _LONGEST)
-    return found
+        pause = min(pause * _PAUSE_GROWTH, _MAX_PAUSE)
+    return status
 
 
 def _end(timeout: float | None) -> float | None:
@@ -160,6 +164,6 @@ def answer_of(job: Job, call: Call[A]) -> A:
 def _failure(job: Job) -> ArmwrightError:
     problem = job.error
     if problem is None:
-        told: dict[str, Any] = {"code": "PREEMPTED", "detail": f"job {job.id} was {job.status}"}
-        problem = Problem(status=_CANCELLED, **told)
+        detail = f"job {job.id} was {job.status}"
+        problem = Problem(status=_CANCELLED, code="PREEMPTED", detail=detail)
     return from_problem(problem, problem.status or 500)

@@ -1,5 +1,7 @@
 """The artificial potential of an arm on its way to a goal."""
 
+from typing import TypedDict
+
 from armwright_client.base import (
     Answer,
     Matrix,
@@ -28,6 +30,20 @@ class PotentialOptions(Request):
     repulsive_weights: NonNegative | Vector | None = None
     influence_distance: Positive | None = None
     least_distance: Positive | None = None
+
+
+class PotentialSettings(TypedDict, total=False):
+    """Settings of the potential field and of its computation.
+
+    Args:
+        options: Weights and reach of the field.
+        engine: Projection onto obstacles: closed forms ("exact") or FCL's distance query.
+        timeout: Deadline [s].
+    """
+
+    options: PotentialOptions | None
+    engine: Engine
+    timeout: float | None
 
 
 class PotentialRequest(Request):

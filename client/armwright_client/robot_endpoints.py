@@ -1,20 +1,20 @@
 """Requests about one robot: its model and what is computed of it."""
 
-from collections.abc import Mapping, Sequence
-from typing import Unpack
+from collections.abc import Callable, Mapping, Sequence
+from typing import TypeVar, Unpack
 
-from armwright_client.base import RowsLike, VectorLike
+from armwright_client.base import Request, RowsLike, VectorLike
 from armwright_client.call import (
     Call,
     Endpoint,
-    nothing,
     path,
+    read_nothing,
 )
 from armwright_client.dynamics import (
     DynamicsAnswer,
     DynamicsBatch,
+    DynamicsOptions,
     DynamicsRequest,
-    ModelOptions,
     RegressorAnswer,
     RegressorOptions,
     RegressorRequest,
@@ -29,6 +29,7 @@ from armwright_client.dynamics import (
 from armwright_client.kinematics import (
     FkAnswer,
     FkBatch,
+    FkOptions,
     FkRequest,
     IkAnswer,
     IkBatch,
@@ -38,29 +39,46 @@ from armwright_client.kinematics import (
     JacobianBatch,
     JacobianOptions,
     JacobianRequest,
-    Orientation,
 )
 from armwright_client.pose import Pose
 from armwright_client.potential import (
     PotentialAnswer,
     PotentialBatch,
-    PotentialOptions,
     PotentialRequest,
+    PotentialSettings,
 )
 from armwright_client.robot import Robot, RobotArchive, RobotList, RobotUpload
-from armwright_client.scene import (
-    Engine,
-    SceneReference,
-)
+from armwright_client.scene import SceneReference
 
-#: Meshes of a robot are taken apart into convex pieces when it is stored, which takes its time [s].
-_BUILDING = 300.0
+A = TypeVar("A")
+
+#: Deadline of storing a robot [s]: its meshes are decomposed into convex pieces.
+_STORE_TIMEOUT = 300.0
 
 
 def page(after: str | None, limit: int | None) -> Mapping[str, str | int]:
     """Query parameters of one page of a list."""
     query = {"after": after, "limit": limit}
     return {name: value for name, value in query.items() if value is not None}
+
+
+def compute(
+    robot: str,
+    action: str,
+    body: Request,
+    read: Callable[[bytes], A],
+    timeout: float | None = None,
+) -> Call[A]:
+    """The call that computes something of one robot.
+
+    Args:
+        robot: Name of the robot.
+        action: Last segment of the path, such as "fk".
+        body: What to compute.
+        read: Reads the answer's body.
+        timeout: Deadline in the service [s]; the service's default if None.
+    """
+    return Call("POST", path("robots", robot, action), read, body, deadline=timeout)
 
 
 class RobotEndpoints:
@@ -77,7 +95,7 @@ class RobotEndpoints:
             Robot.read,
             robot,
             key=idempotency_key,
-            deadline=_BUILDING,
+            deadline=_STORE_TIMEOUT,
             repeatable=False,
         )
 
@@ -89,33 +107,17 @@ class RobotEndpoints:
     @Endpoint
     def delete(self, name: str) -> Call[None]:
         """Forget a robot; built-in ones stay."""
-        return Call("DELETE", path("robots", name), nothing)
+        return Call("DELETE", path("robots", name), read_nothing)
 
     @Endpoint
-    def fk(
-        self,
-        robot: str,
-        joints: VectorLike,
-        *,
-        link: str | None = None,
-        orientation: Orientation | None = None,
-    ) -> Call[FkAnswer]:
-        """Poses of the links at a configuration [rad or m]."""
-        body = FkRequest.of(joints=joints, link=link, orientation=orientation)
-        return Call("POST", path("robots", robot, "fk"), FkAnswer.read, body)
+    def fk(self, robot: str, joints: VectorLike, **options: Unpack[FkOptions]) -> Call[FkAnswer]:
+        """Poses of the links at a configuration [rad or m]; see `FkOptions`."""
+        return compute(robot, "fk", FkRequest.of(joints=joints, **options), FkAnswer.read)
 
     @Endpoint
-    def fk_batch(
-        self,
-        robot: str,
-        joints: RowsLike,
-        *,
-        link: str | None = None,
-        orientation: Orientation | None = None,
-    ) -> Call[FkBatch]:
-        """Poses of the links at many configurations."""
-        body = FkRequest.of(joints=joints, link=link, orientation=orientation)
-        return Call("POST", path("robots", robot, "fk"), FkBatch.read, body)
+    def fk_batch(self, robot: str, joints: RowsLike, **options: Unpack[FkOptions]) -> Call[FkBatch]:
+        """Poses of the links at many configurations; see `FkOptions`."""
+        return compute(robot, "fk", FkRequest.of(joints=joints, **options), FkBatch.read)
 
     @Endpoint
     def jacobian(
@@ -123,7 +125,7 @@ class RobotEndpoints:
     ) -> Call[JacobianAnswer]:
         """The Jacobian at a configuration; see `JacobianOptions`."""
         body = JacobianRequest.of(joints=joints, **options)
-        return Call("POST", path("robots", robot, "jacobian"), JacobianAnswer.read, body)
+        return compute(robot, "jacobian", body, JacobianAnswer.read)
 
     @Endpoint
     def jacobian_batch(
@@ -131,7 +133,7 @@ class RobotEndpoints:
     ) -> Call[JacobianBatch]:
         """Jacobians at many configurations; see `JacobianOptions`."""
         body = JacobianRequest.of(joints=joints, **options)
-        return Call("POST", path("robots", robot, "jacobian"), JacobianBatch.read, body)
+        return compute(robot, "jacobian", body, JacobianBatch.read)
 
     @Endpoint
     def ik(
@@ -139,7 +141,7 @@ class RobotEndpoints:
     ) -> Call[IkAnswer]:
         """Configurations that reach a pose or hold constraints, best first; see `IkOptions`."""
         body = IkRequest.of(pose=pose, **options)
-        return Call("POST", path("robots", robot, "ik"), IkAnswer.read, body, deadline=body.timeout)
+        return compute(robot, "ik", body, IkAnswer.read, body.timeout)
 
     @Endpoint
     def ik_batch(
@@ -147,7 +149,7 @@ class RobotEndpoints:
     ) -> Call[IkBatch]:
         """Configurations that reach each of many poses; see `IkOptions`."""
         body = IkRequest.of(poses=list(poses), **options)
-        return Call("POST", path("robots", robot, "ik"), IkBatch.read, body, deadline=body.timeout)
+        return compute(robot, "ik", body, IkBatch.read, body.timeout)
 
     @Endpoint
     def velocity(
@@ -158,73 +160,39 @@ class RobotEndpoints:
         See `VelocityOptions`.
         """
         body = VelocityRequest.of(joints=joints, **options)
-        return Call("POST", path("robots", robot, "velocity"), VelocityAnswer.read, body)
+        return compute(robot, "velocity", body, VelocityAnswer.read)
 
     @Endpoint
     def wrench(
-        self,
-        robot: str,
-        joints: VectorLike,
-        wrench: VectorLike,
-        **options: Unpack[WrenchOptions],
+        self, robot: str, joints: VectorLike, wrench: VectorLike, **options: Unpack[WrenchOptions]
     ) -> Call[WrenchAnswer]:
         """Joint torques that balance a wrench [f; n] at the tip: τ = Jᵀ F; see `WrenchOptions`."""
         body = WrenchRequest.of(joints=joints, wrench=wrench, **options)
-        return Call("POST", path("robots", robot, "wrench"), WrenchAnswer.read, body)
+        return compute(robot, "wrench", body, WrenchAnswer.read)
 
     @Endpoint
     def wrench_batch(
-        self,
-        robot: str,
-        joints: RowsLike,
-        wrench: VectorLike,
-        **options: Unpack[WrenchOptions],
+        self, robot: str, joints: RowsLike, wrench: VectorLike, **options: Unpack[WrenchOptions]
     ) -> Call[WrenchBatch]:
         """Joint torques that balance a wrench at many configurations; see `WrenchOptions`."""
         body = WrenchRequest.of(joints=joints, wrench=wrench, **options)
-        return Call("POST", path("robots", robot, "wrench"), WrenchBatch.read, body)
+        return compute(robot, "wrench", body, WrenchBatch.read)
 
     @Endpoint
     def dynamics(
-        self,
-        robot: str,
-        joints: VectorLike,
-        *,
-        velocities: VectorLike | None = None,
-        accelerations: VectorLike | None = None,
-        wrench: VectorLike | None = None,
-        **options: Unpack[ModelOptions],
+        self, robot: str, joints: VectorLike, **options: Unpack[DynamicsOptions[VectorLike]]
     ) -> Call[DynamicsAnswer]:
-        """The equations of motion at a configuration; see `ModelOptions`."""
-        body = DynamicsRequest.of(
-            joints=joints,
-            velocities=velocities,
-            accelerations=accelerations,
-            wrench=wrench,
-            **options,
-        )
-        return Call("POST", path("robots", robot, "dynamics"), DynamicsAnswer.read, body)
+        """The equations of motion at a configuration; see `DynamicsOptions`."""
+        body = DynamicsRequest.of(joints=joints, **options)
+        return compute(robot, "dynamics", body, DynamicsAnswer.read)
 
     @Endpoint
     def dynamics_batch(
-        self,
-        robot: str,
-        joints: RowsLike,
-        *,
-        velocities: RowsLike | None = None,
-        accelerations: RowsLike | None = None,
-        wrench: VectorLike | None = None,
-        **options: Unpack[ModelOptions],
+        self, robot: str, joints: RowsLike, **options: Unpack[DynamicsOptions[RowsLike]]
     ) -> Call[DynamicsBatch]:
-        """The equations of motion at many configurations; see `ModelOptions`."""
-        body = DynamicsRequest.of(
-            joints=joints,
-            velocities=velocities,
-            accelerations=accelerations,
-            wrench=wrench,
-            **options,
-        )
-        return Call("POST", path("robots", robot, "dynamics"), DynamicsBatch.read, body)
+        """The equations of motion at many configurations; see `DynamicsOptions`."""
+        body = DynamicsRequest.of(joints=joints, **options)
+        return compute(robot, "dynamics", body, DynamicsBatch.read)
 
     @Endpoint
     def potential(
@@ -233,23 +201,11 @@ class RobotEndpoints:
         joints: VectorLike,
         goal_joints: VectorLike,
         scene: SceneReference | None = None,
-        *,
-        options: PotentialOptions | None = None,
-        engine: Engine = "exact",
-        timeout: float | None = None,
+        **settings: Unpack[PotentialSettings],
     ) -> Call[PotentialAnswer]:
-        """The potential field at a configuration on the way to a goal."""
-        body = PotentialRequest.of(
-            joints=joints,
-            goal_joints=goal_joints,
-            scene=scene,
-            options=options,
-            engine=engine,
-            timeout=timeout,
-        )
-        return Call(
-            "POST", path("robots", robot, "potential"), PotentialAnswer.read, body, deadline=timeout
-        )
+        """The potential field at a configuration on the way to a goal; see `PotentialSettings`."""
+        body = PotentialRequest.of(joints=joints, goal_joints=goal_joints, scene=scene, **settings)
+        return compute(robot, "potential", body, PotentialAnswer.read, body.timeout)
 
     @Endpoint
     def potential_batch(
@@ -258,23 +214,11 @@ class RobotEndpoints:
         joints: RowsLike,
         goal_joints: VectorLike,
         scene: SceneReference | None = None,
-        *,
-        options: PotentialOptions | None = None,
-        engine: Engine = "exact",
-        timeout: float | None = None,
+        **settings: Unpack[PotentialSettings],
     ) -> Call[PotentialBatch]:
-        """The potential field at many configurations."""
-        body = PotentialRequest.of(
-            joints=joints,
-            goal_joints=goal_joints,
-            scene=scene,
-            options=options,
-            engine=engine,
-            timeout=timeout,
-        )
-        return Call(
-            "POST", path("robots", robot, "potential"), PotentialBatch.read, body, deadline=timeout
-        )
+        """The potential field at many configurations; see `PotentialSettings`."""
+        body = PotentialRequest.of(joints=joints, goal_joints=goal_joints, scene=scene, **settings)
+        return compute(robot, "potential", body, PotentialBatch.read, body.timeout)
 
     @Endpoint
     def regressor(
@@ -289,7 +233,7 @@ class RobotEndpoints:
         body = RegressorRequest.of(
             joints=joints, velocities=velocities, accelerations=accelerations, **options
         )
-        return Call("POST", path("robots", robot, "regressor"), RegressorAnswer.read, body)
+        return compute(robot, "regressor", body, RegressorAnswer.read)
 
     # Last, since it hides the built-in type from what follows.
     @Endpoint

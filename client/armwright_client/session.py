@@ -1,4 +1,4 @@
-"""Sends calls over HTTP: headers, timeouts, retries and what errors become."""
+"""Sends calls over HTTP: headers, timeouts, retries, and errors as exceptions."""
 
 import asyncio
 import time
@@ -30,14 +30,14 @@ from armwright_client.version import VERSION
 
 A = TypeVar("A")
 
-#: Six times the deadline that the service gives to requests without one [s].
+#: Read timeout [s]: six times the service's default deadline.
 _TIMEOUT = 60.0
-#: A connection that takes longer to be made will not be made [s].
+#: Longest wait for a connection [s]; a host that takes longer does not answer at all.
 _CONNECT = 10.0
-#: How much later than its deadline an answer of the service may come: the way there and back, and
-#: the end of a worker that overran [s].
+#: How much later than its deadline an answer may come [s]: the network both ways, and the end of a
+#: worker that overran.
 _GRACE = 10.0
-#: Of a body that is not the service's, enough to recognise it.
+#: Length of the excerpt of a foreign body [characters], enough to recognise it.
 _EXCERPT = 200
 
 
@@ -64,18 +64,18 @@ class Wire:
         options: See `ClientOptions`.
 
     Raises:
-        InvalidArgument: The URL or the token can't be one.
+        InvalidArgument: The URL or the token is malformed.
     """
 
     def __init__(self, base_url: str, **options: Unpack[ClientOptions]) -> None:
-        self._base_url = _checked_url(base_url)
+        self._base_url = _valid_url(base_url)
         self._headers = {
             "Accept": "application/json, application/problem+json",
             "User-Agent": f"armwright-client/{VERSION}",
         }
         token = options.get("token")
         if token is not None:
-            self._headers["Authorization"] = f"Bearer {_checked_token(token)}"
+            self._headers["Authorization"] = f"Bearer {_valid_token(token)}"
         self._timeout = options.get("timeout", _TIMEOUT)
         self._retry = options.get("retry", Retry())
 
@@ -105,11 +105,11 @@ class Wire:
         return arguments
 
     def _limits(self, call: Call[Any]) -> httpx.Timeout:
-        silence = self._timeout
+        read_timeout = self._timeout
         if call.deadline is not None:
-            silence = max(silence, call.deadline + _GRACE)
+            read_timeout = max(read_timeout, call.deadline + _GRACE)
         # Waiting for one of the client's own connections is no fault of the service.
-        return httpx.Timeout(silence, connect=min(self._timeout, _CONNECT), pool=None)
+        return httpx.Timeout(read_timeout, connect=min(self._timeout, _CONNECT), pool=None)
 
     def wait(self, call: Call[Any], attempt: int, response: httpx.Response) -> float | None:
         """How long to wait before sending again [s], None where that makes no sense."""
@@ -234,16 +234,18 @@ def answer(call: Call[A], response: httpx.Response) -> A:
 
 
 def failure(call: Call[Any], response: httpx.Response) -> ArmwrightError:
-    """The error that a response reports, or that it is none of the service's."""
+    """The error that a response reports; `UnexpectedAnswer` if it is not from the service."""
     problem = _problem(response)
     if problem is not None:
         return from_problem(problem, response.status_code, retry_after(response))
-    said = f"{call.method} {call.path} was answered {response.status_code} {response.reason_phrase}"
+    outcome = (
+        f"{call.method} {call.path} was answered {response.status_code} {response.reason_phrase}"
+    )
     location = response.headers.get("location")
     if location is not None:
-        said += f" to {location}"
+        outcome += f" to {location}"
     return UnexpectedAnswer(
-        f"{said} by something that is not an Armwright service",
+        f"{outcome} by something that is not an Armwright service",
         response.status_code,
         response.text[:_EXCERPT],
     )
@@ -264,30 +266,30 @@ def _problem(response: httpx.Response) -> Problem | None:
 def _transport(call: Call[Any], http: httpx.Client | httpx.AsyncClient) -> Iterator[None]:
     if http.is_closed:
         raise TransportError("the client is closed")
-    what = f"{call.method} {call.path}"
+    request = f"{call.method} {call.path}"
     try:
         yield
     except httpx.TimeoutException as error:
-        raise TransportTimeout(f"{what}: {_said(error)}") from error
+        raise TransportTimeout(f"{request}: {_describe(error)}") from error
     except (httpx.HTTPError, httpx.InvalidURL, httpx.StreamError) as error:
-        raise TransportError(f"{what}: {_said(error)}") from error
+        raise TransportError(f"{request}: {_describe(error)}") from error
 
 
-def _said(error: Exception) -> str:
+def _describe(error: Exception) -> str:
     return f"{type(error).__name__} ({error})" if str(error) else type(error).__name__
 
 
-def _checked_url(base_url: str) -> str:
+def _valid_url(base_url: str) -> str:
     try:
         url = httpx.URL(base_url)
     except (httpx.InvalidURL, TypeError) as error:
-        raise InvalidArgument(f"the base URL is none: {error}") from None
+        raise InvalidArgument(f"this is not a base URL: {error}") from None
     if url.scheme not in ("http", "https") or not url.host or url.query or url.fragment:
         raise InvalidArgument("the base URL must look like http://host:port or https://host/prefix")
     return base_url
 
 
-def _checked_token(token: str) -> str:
+def _valid_token(token: str) -> str:
     # The value stays out of the message: it is a secret.
     if not token or not token.isascii() or not token.isprintable() or " " in token:
         raise InvalidArgument("the token must be printable ASCII without spaces")

@@ -478,9 +478,6 @@ def test_both_clients_have_the_same_methods() -> None:
 def test_methods_tell_what_they_do() -> None:
     with Client(URL) as client:
         assert (client.robots.fk.__doc__ or "").startswith("Poses of the links")
-        assert list(inspect.signature(client.robots.fk).parameters)[:3] == [
-            "robot",
-            "joints",
-            "link",
-        ]
+        parameters = inspect.signature(client.robots.fk).parameters
+        assert list(parameters) == ["robot", "joints", "options"]
     assert (type(client.robots).fk.__doc__ or "").startswith("Poses of the links")
