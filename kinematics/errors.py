@@ -22,6 +22,16 @@ class ArmwrightError(Exception):
         self.hint = hint
         self.details: Mapping[str, Any] = MappingProxyType(details)
 
+    def __reduce__(self) -> tuple[object, ...]:
+        # A process pool sends errors back pickled, which a mapping proxy can't be.
+        return _restored, (type(self), self.message, self.hint, dict(self.details))
+
+
+def _restored(
+    kind: type[ArmwrightError], message: str, hint: str | None, details: dict[str, Any]
+) -> ArmwrightError:
+    return kind(message, hint=hint, **details)
+
 
 class InvalidRobotDescription(ArmwrightError):
     """The URDF, SRDF or DH table does not describe a serial chain that can be built."""
