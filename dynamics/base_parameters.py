@@ -62,7 +62,7 @@ class BaseParameters:
             InvalidOption: It has another number of parameters.
             MissingInertia: Some joint carries nothing that has an inertia.
         """
-        Theta = standard_parameters(chain, motors=len(self.parameter_names) > 10 * chain.n)
+        Theta = standard_parameters(chain, motors="J1" in self.parameter_names)
         if len(Theta) != self.combination.shape[1]:
             raise InvalidOption(
                 f"robot {chain.name!r} has {len(Theta)} parameters, "

@@ -62,7 +62,7 @@ def test_a_read_only_array_in_columns_is_laid_out_by_rows() -> None:
     np.testing.assert_array_equal(array, columns)
 
 
-class Tagged(np.ndarray):  # type: ignore[type-arg]
+class Tagged(np.ndarray):
     """An array that could do anything when it is read."""
 
 

@@ -105,4 +105,4 @@ def test_periods_that_make_no_table_are_refused(period: float) -> None:
     still = stay(("a",), [0.0], 1.0)
     for export in (joint_trajectory, csv_text):
         with pytest.raises(InvalidOption):
-            export(still, period)  # type: ignore[operator]
+            export(still, period)
