@@ -1,10 +1,11 @@
-"""Robots for tests of collisions: the built-in ones, and a gantry whose distances are those of solids."""
+"""Robots for tests of collisions: the built-in ones, and a gantry that carries one solid."""
 
 from collections.abc import Mapping
 from functools import cache
 
 import numpy as np
 import trimesh
+from numpy.typing import NDArray
 
 from kinematics.arrays import Array
 from kinematics.pose import transform
@@ -63,11 +64,15 @@ def mesh_shape(mesh: trimesh.Trimesh) -> Mesh:
     return Mesh(np.array(mesh.vertices), np.array(mesh.faces))
 
 
-def cup() -> trimesh.Trimesh:
-    """A cup, open at the top: a cube of 0.4 m with a hole of 0.3 m whose floor is 0.05 m thick."""
+def cup(bottom: float = -0.2) -> trimesh.Trimesh:
+    """A cup, open at the top: a block with a hole of 0.3 m from z = -0.15 up to its rim at 0.2 m.
+
+    Args:
+        bottom: Where the block of 0.4 m across begins [m].
+    """
     outer, inner = 0.2, 0.15
     ring = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
-    levels = [(outer, -0.2), (outer, 0.2), (inner, 0.2), (inner, -0.15)]
+    levels = [(outer, bottom), (outer, 0.2), (inner, 0.2), (inner, -0.15)]
     corners = np.vstack([np.column_stack([side * ring, np.full(4, z)]) for side, z in levels])
     faces = [[2, 1, 0], [3, 2, 0]]
     for level in range(3):
@@ -79,3 +84,10 @@ def cup() -> trimesh.Trimesh:
     assert mesh.is_watertight
     assert mesh.volume > 0.0
     return mesh
+
+
+def in_cup(points: Array, bottom: float = -0.2) -> NDArray[np.bool_]:
+    """Which of points (m, 3) are inside the cup, shape (m,)."""
+    across, z = np.abs(points[:, :2]).max(axis=1), points[:, 2]
+    hollow = (across < 0.15) & (z > -0.15)
+    return np.asarray((across < 0.2) & (z > bottom) & (z < 0.2) & ~hollow)

@@ -1,4 +1,4 @@
-"""Trees of boxes: each item in one leaf, boxes no wider than needed, skips past all below a node."""
+"""Trees of boxes: each item in one leaf, tight boxes, skips past all that is below a node."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,8 @@ def boxes(count: int, seed: int = 0) -> tuple[Array, Array]:
 
 
 def items_of(built: Tree, node: int) -> list[int]:
-    return [int(k) for k in built.items[int(built.nodes[node, FIRST]) : int(built.nodes[node, LAST])]]
+    first, last = built.nodes[node, FIRST : LAST + 1].astype(int)
+    return [int(k) for k in built.items[first:last]]
 
 
 def below(built: Tree, node: int) -> list[int]:
