@@ -161,13 +161,10 @@ def test_packing_says_of_each_piece_what_it_says_itself() -> None:
 
 @pytest.mark.parametrize("cuts", [[0, 3], [1, 2, 6], [7], [0, 0, 9]])
 def test_joined_blocks_are_what_packs_together(cuts: list[int]) -> None:
-    pieces = [
-        *convex_pieces(np.random.default_rng(6)),
-        FLOOR,
-        *convex_pieces(np.random.default_rng(7)),
-    ]
-    ends = [0, *cuts, len(pieces)]
-    blocks = [PieceArrays.pack(pieces[i:j]) for i, j in zip(ends[:-1], ends[1:], strict=True)]
+    first, second = (convex_pieces(np.random.default_rng(seed)) for seed in (6, 7))
+    pieces = [*first, FLOOR, *second]
+    ends = itertools.pairwise([0, *cuts, len(pieces)])
+    blocks = [PieceArrays.pack(pieces[i:j]) for i, j in ends]
     assert_same(PieceArrays.joined(blocks), PieceArrays.pack(pieces))
 
 
