@@ -130,3 +130,35 @@ def test_rows_are_narrowed_on_both_sides_and_at_most_by_what_is_said() -> None:
     np.testing.assert_allclose(true[:, UPPER] - capped[:, UPPER], 0.01, atol=1e-15)
     np.testing.assert_array_equal(narrowed(wanted, 0.5, -1.0), true)
     np.testing.assert_array_equal(np.array(wanted.packed), true)
+
+
+def test_rows_are_narrowed_by_half_of_what_is_spare_at_most() -> None:
+    """A twentieth of the cone's angle is 0.015: 0.02 spare leave 0.01 of it, 0.1 leave it all."""
+    for spare, inwards in ((0.0, 0.0), (0.02, 0.01), (0.1, 0.015)):
+        rows = checker(Scene(), spare).rows
+        np.testing.assert_allclose(rows[:, UPPER], TILT - inwards, atol=1e-15)
+
+
+def test_a_cubic_is_held_to_the_rows_by_all_of_its_powers() -> None:
+    """q6 goes out, back and out again the other way: s (1 - s) (1 - 2 s)."""
+    held, bend, none = checker(Scene()), np.zeros(7), np.zeros(7)
+    bend[5] = 12.0 * TILT
+    powers = bend, -3.0 * bend, 2.0 * bend
+    largest = 12.0 * TILT / (6.0 * np.sqrt(3.0))
+    assert largest > 1.1 * TILT
+    assert not held.curve(HOME, *powers).free
+    assert held.curve(HOME, *(0.8 * power for power in powers)).free
+    assert not held.curve(HOME, none, none, 0.2 * bend).free
+    assert held.curve(HOME, none, none, 0.05 * bend).free
+
+
+def test_the_row_that_is_violated_most_is_named() -> None:
+    names = CHAIN.joint_names
+    near = [JointConstraint(names[j], float(HOME[j]), 0.2, 0.2) for j in (0, 2)]
+    wanted = ConstraintSet(CHAIN, tuple(near))
+    model = Checker.of(ROBOT, Scene()).model
+    held = ConstrainedChecker(model, 0.0, constraints=wanted, spare=np.zeros(2))
+    for joint, number in ((0, 0), (2, 1)):
+        motion = held.segment(HOME, HOME + 0.5 * np.eye(7)[joint])
+        assert motion.pair == (CHAIN.tip_link, wanted.label(number))
+        assert motion.at == 1.0
