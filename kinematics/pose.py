@@ -9,12 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinematics.errors import InvalidPose
+from kinematics.rotation_check import (
+    check_axis_length,
+    check_orthonormal,
+    check_quaternion_norm,
+)
 
 Matrix = NDArray[np.float64]
 
-#: A quaternion or matrix that came through text keeps about this much of its norm.
-NORM_TOLERANCE = 1e-3
-ORTHONORMAL_TOLERANCE = 1e-6
 #: Below this value of sin(theta) the two outer zyz angles can't be told apart.
 _SINGULAR_SINE = 1e-12
 
@@ -66,12 +68,7 @@ def from_quaternion(xyzw: ArrayLike) -> Matrix:
     """
     q = _finite(xyzw, (4,), "quaternion_xyzw")
     norm = float(np.linalg.norm(q))
-    if abs(norm - 1.0) > NORM_TOLERANCE:
-        raise InvalidPose(
-            f"quaternion_xyzw has norm {norm:.6g}; it must be within {NORM_TOLERANCE} of 1",
-            hint="Normalise it; the order is [x, y, z, w].",
-            norm=norm,
-        )
+    check_quaternion_norm(norm)
     x, y, z, w = q / norm
     return np.array(
         [
@@ -134,12 +131,7 @@ def from_matrix(rotation: ArrayLike) -> Matrix:
     """
     R = _finite(rotation, (3, 3), "rotation_matrix")
     error = float(np.abs(R.T @ R - np.eye(3)).max())
-    if error > ORTHONORMAL_TOLERANCE or np.linalg.det(R) < 0.0:
-        raise InvalidPose(
-            f"rotation_matrix is no rotation: R^T R differs from I by {error:.3g}, "
-            f"det R = {float(np.linalg.det(R)):.6g}",
-            hint="Give an orthonormal matrix with determinant +1, row by row.",
-        )
+    check_orthonormal(error, float(np.linalg.det(R)))
     # The nearest rotation: what a text with six digits lost is put right.
     u, _, vt = np.linalg.svd(R)
     return np.asarray(u @ vt)
@@ -224,8 +216,7 @@ def from_axis_angle(axis: ArrayLike, angle: float) -> Matrix:
     """
     a = _finite(axis, (3,), "axis")
     norm = float(np.linalg.norm(a))
-    if norm < 1e-12:
-        raise InvalidPose("the axis has length 0, so it names no direction")
+    check_axis_length(norm)
     S = skew(a / norm)
     return np.asarray(np.eye(3) + math.sin(angle) * S + (1.0 - math.cos(angle)) * (S @ S))
 

@@ -7,7 +7,6 @@ from contextlib import asynccontextmanager
 from fastapi import FastAPI
 from starlette.concurrency import run_in_threadpool
 
-from service import tasks
 from service.http import handlers, openapi
 from service.http.body_limit import BodyLimit
 from service.http.json_route import JsonRoute
@@ -31,15 +30,19 @@ from service.routes import (
 )
 from service.settings import Settings
 from service.storage.document_store import open_store
+from service.storage.recent import Recent
 from service.storage.robot_repository import RobotRepository
-from service.tasks import dynamics as dynamics_tasks
-from service.tasks import kinematics as kinematics_tasks
 from service.version import VERSION
 from service.warm import warm_kernels
 from service.workers.supervisor import WorkerSupervisor
 
 #: Packages whose tasks workers may be asked to call.
-TASK_MODULES: tuple[str, ...] = (tasks.__name__,)
+TASK_MODULES: tuple[str, ...] = ("service.tasks",)
+#: Worker processes beyond those that were asked for: a worker that dies is replaced at once, and
+#: what takes a millisecond is answered while all others plan. It shares nearly all its memory.
+_SPARES = 1
+#: Models of robots that the server keeps; one is some kilobytes.
+_MODELS = 256
 _ROUTERS = (
     health.router,
     problems.router,
@@ -72,6 +75,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         app.state.store = await run_in_threadpool(open_store, chosen.storage_url)
+        app.state.models = Recent(_MODELS)
         app.state.robots = RobotRepository(app.state.store, str(chosen.prepared_dir))
         supervisor = WorkerSupervisor(
             chosen.workers,
@@ -80,14 +84,13 @@ def create_app(settings: Settings | None = None) -> FastAPI:
             modules=TASK_MODULES,
             warm=warm_kernels,
             preload=("__main__", "service.preload"),
+            spares=_SPARES,
         )
         app.state.supervisor = supervisor
         app.state.jobs = Jobs(app, app.state.store.jobs, chosen)
         await supervisor.start()
         try:
             await app.state.jobs.start()
-            await run_in_threadpool(kinematics_tasks.warm)
-            await run_in_threadpool(dynamics_tasks.warm)
             yield
         finally:
             await app.state.jobs.stop()

@@ -14,7 +14,7 @@ from obstacles.checker import Checker
 from obstacles.scene import Scene
 from planning.deadline import Deadline
 from planning.search.rrt_connect import rrt_connect
-from service.storage import disk_cache, worker_cache
+from service.storage import prepared_files, worker_cache
 from service.storage.cache_key import Reference, builtin_reference
 from service.tasks import check as check_tasks
 from service.tasks import inverse_kinematics, robots
@@ -203,7 +203,7 @@ def _uploads(folder: str) -> None:
     scene["obstacles"].append({"id": "mesh", "shape": mesh, "pose": {"position": [2.0, 2.0, 2.0]}})
     document = json.dumps({"name": "warm", **scene}).encode()
     robots.prepare_scene(document, folder, "warm")
-    reference = Reference("scene", "warm", disk_cache.document_hash(document), folder)
+    reference = Reference("scene", "warm", prepared_files.document_hash(document), folder)
     points = {"points": [[0.0, 0.0, 0.0], [2.5, 2.5, 2.5], [-0.6, 0.0, 0.6]]}
     check_tasks.project(reference, json.dumps(points).encode())
 

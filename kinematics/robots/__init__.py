@@ -7,27 +7,10 @@ from importlib.resources import files
 
 from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
+from kinematics.robot_names import builtin_names as builtin_names
 from kinematics.serial_chain import serial_chain
 from kinematics.srdf import parse_srdf
 from kinematics.urdf import parse_urdf
-
-_NAMES = (
-    "panda",
-    "ur5e",
-    "iiwa14",
-    "kr6_sixx",
-    "puma560",
-    "scara",
-    "stanford",
-    "planar_rr",
-    "cart_pendulum",
-    "elbow_wrist",
-)
-
-
-def builtin_names() -> tuple[str, ...]:
-    """Names of the robots that are always there."""
-    return _NAMES
 
 
 def builtin_urdf(name: str) -> str:
@@ -61,10 +44,10 @@ def builtin_chain(name: str) -> Chain:
 
 
 def _text(name: str, kind: str) -> str:
-    if name not in _NAMES:
+    if name not in builtin_names():
         raise InvalidOption(
             f"there is no built-in robot {name!r}",
-            hint=f"One of: {', '.join(_NAMES)}.",
+            hint=f"One of: {', '.join(builtin_names())}.",
             name=name,
         )
     return files("kinematics.robots").joinpath(f"{name}.{kind}").read_text(encoding="utf-8")

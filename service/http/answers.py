@@ -6,16 +6,13 @@ from typing import TypeVar
 from fastapi import Request
 from starlette.concurrency import run_in_threadpool
 
-from kinematics.chain import Chain
-from service.http.compute import compute
-from service.http.state import repository_of, settings_of
+from service.http.compute import compute, compute_at_once
+from service.http.state import models_of, repository_of, settings_of
 from service.problem import ProblemError, from_fields
 from service.schemas.scene import Scene
-from service.storage import worker_cache
-from service.storage.cache_key import NotPrepared, Reference
-from service.storage.disk_cache import PreparedRobot
-from service.tasks import robots
-from service.tasks.result import CacheMiss, TaskProblem
+from service.storage.cache_key import Reference
+from service.task_references import prepare_robot, prepare_scene, robot_model
+from service.tasks.result import CacheMiss, RobotModel, TaskProblem
 from service.workers.process import Progress
 from service.workers.task import Job
 
@@ -47,29 +44,23 @@ async def scene(request: Request, source: str | Scene | None) -> Reference | Non
     return await run_in_threadpool(repository_of(request).scene, source)
 
 
-async def chain(request: Request, name: str) -> Chain:
-    """The chain of a robot, kept in this process.
+async def model(request: Request, name: str) -> RobotModel:
+    """The model of a robot, kept in this process.
 
     Raises:
         ProblemError: NOT_FOUND.
     """
-    return (await model(request, await robot(request, name))).chain
-
-
-async def model(request: Request, reference: Reference) -> PreparedRobot:
-    """A robot as it was prepared, kept in this process.
-
-    Raises:
-        ProblemError: NOT_FOUND, it was deleted meanwhile.
-    """
-    if worker_cache.loaded(reference):
-        return worker_cache.robot(reference)
-    for _ in range(_ATTEMPTS):
-        try:
-            return await run_in_threadpool(_with_chain, reference)
-        except NotPrepared:
-            reference = await _prepare(request, reference)
-    raise _unprepared()
+    models = models_of(request)
+    reference = await robot(request, name)
+    key = reference.hash, reference.built_in
+    if key not in models:
+        described = await answer_at_once(request, robot_model.job, name)
+        # It may have been replaced meanwhile: kept under its key only if it was not.
+        if await robot(request, name) != reference:
+            return described
+        models.put(key, described)
+    kept: RobotModel = models.get(key, lambda: described)
+    return kept
 
 
 async def answer(
@@ -99,6 +90,25 @@ async def answer(
         return make_job(await robot(request, robot_name), await scene(request, scene_source))
 
     return await _answer(request, job, timeout, on_progress)
+
+
+async def answer_at_once(
+    request: Request,
+    make_job: Callable[[Reference], Job[_R | CacheMiss]],
+    robot_name: str,
+) -> _R:
+    """The result of a job about a robot that takes a millisecond, whatever else is being computed.
+
+    Raises:
+        ProblemError: NOT_FOUND; what the task refused; all of `compute_at_once`.
+    """
+    for _ in range(_ATTEMPTS):
+        job = make_job(await robot(request, robot_name))
+        result = await compute_at_once(request, job)
+        if not isinstance(result, CacheMiss):
+            return result
+        await _prepare(request, result.reference)
+    raise _unprepared()
 
 
 async def answer_with(
@@ -157,12 +167,6 @@ async def _answer(
     raise _unprepared()
 
 
-def _with_chain(reference: Reference) -> PreparedRobot:
-    prepared = worker_cache.robot(reference)
-    _ = prepared.chain  # loaded here, in a thread, and kept
-    return prepared
-
-
 async def build(request: Request, job: Job[_R]) -> _R:
     """The result of a job that builds something, which may take longer than others."""
     return await compute(request, job, min(BUILD_TIMEOUT, settings_of(request).max_timeout))
@@ -172,9 +176,9 @@ async def _prepare(request: Request, reference: Reference) -> Reference:
     """Have a worker build what is stored once more: the data folder lost it, or is newer."""
     current, document = await run_in_threadpool(repository_of(request).document, reference)
     if reference.kind == "robot":
-        await build(request, robots.prepare_robot.job(document, current.folder))
+        await build(request, prepare_robot.job(document, current.folder))
     else:
-        await build(request, robots.prepare_scene.job(document, current.folder, current.name))
+        await build(request, prepare_scene.job(document, current.folder, current.name))
     return current
 
 

@@ -76,6 +76,16 @@ async def compute(
         await asyncio.gather(working, leaving, return_exceptions=True)
 
 
+async def compute_at_once(request: Request, job: Job[_R]) -> _R:
+    """The result of a job that takes a millisecond, though all workers have work.
+
+    Raises:
+        ProblemError: As `WorkerSupervisor.submit`.
+    """
+    seconds = settings_of(request).default_timeout
+    return await supervisor_of(request).submit(job.within(seconds), brief=True)
+
+
 async def _disconnection(request: Request) -> None:
     # The body has been read, so the only message there can still be is the last one.
     while (await request.receive())["type"] != "http.disconnect":

@@ -9,7 +9,7 @@ from pydantic import BaseModel
 
 from service.http.state import settings_of, supervisor_of
 from service.problem import from_fields
-from service.tasks.large_body import outline
+from service.task_references import outline
 from service.tasks.result import TaskProblem
 
 #: Bodies up to this are parsed and validated within milliseconds [byte].

@@ -111,9 +111,10 @@ class _State(Collector):
         queue.add_metric(["background"], supervisor.background_waiting)
         yield queue
         workers = GaugeMetricFamily("armwright_workers", "Worker processes", labels=("state",))
-        alive, busy = len(supervisor.pids), supervisor.busy
-        for state, count in (("wanted", supervisor.count), ("alive", alive), ("busy", busy)):
-            workers.add_metric([state], count)
+        workers.add_metric(["wanted"], supervisor.count)
+        workers.add_metric(["alive"], supervisor.alive)
+        workers.add_metric(["busy"], supervisor.busy)
+        workers.add_metric(["spare"], supervisor.spare)
         yield workers
         counters = supervisor.counters
         yield CounterMetricFamily(

@@ -9,7 +9,7 @@ from service.http.metrics import Metrics
 from service.problem import ProblemError
 from service.schemas.scene import Scene
 from service.storage.cache_key import Reference
-from service.tasks.plan import plan
+from service.task_references import plan
 from service.workers.process import Progress
 
 

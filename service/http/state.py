@@ -4,6 +4,7 @@ from fastapi import Request
 
 from service.settings import Settings
 from service.storage.document_store import Store
+from service.storage.recent import Recent
 from service.storage.robot_repository import RobotRepository
 from service.workers.supervisor import WorkerSupervisor
 
@@ -24,6 +25,12 @@ def repository_of(request: Request) -> RobotRepository:
     """Robots and scenes by name."""
     repository: RobotRepository = request.app.state.robots
     return repository
+
+
+def models_of(request: Request) -> Recent:
+    """Models of robots that were asked for lately, by hash and whether the robot is built in."""
+    models: Recent = request.app.state.models
+    return models
 
 
 def supervisor_of(request: Request) -> WorkerSupervisor:

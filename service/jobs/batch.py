@@ -15,9 +15,10 @@ from service.http.job_context import JobContext
 from service.http.plan_answer import plan_answer
 from service.http.state import settings_of, supervisor_of
 from service.problem import ProblemError, unexpected
-from service.storage import disk_cache
+from service.storage import prepared_files
 from service.storage.cache_key import Reference
-from service.tasks.batch import Item, split
+from service.task_references import split
+from service.tasks.result import BatchItem
 from service.workers.faults import ShuttingDown
 
 
@@ -35,7 +36,7 @@ class Batch:
         self._context = context
         self._settings = settings_of(request)
         self._scene: Reference | None = None
-        self._items: tuple[Item, ...] = ()
+        self._items: tuple[BatchItem, ...] = ()
         self._results: list[bytes] = [b""] * count
         self._shares = [0.0] * count
         self._done = 0
@@ -59,7 +60,7 @@ class Batch:
             raise errors.exceptions[0] from None
         finally:
             if self._scene is not None:
-                await run_in_threadpool(disk_cache.forget, self._scene)
+                await run_in_threadpool(prepared_files.forget, self._scene)
         return self._answer()
 
     async def _split(self) -> None:

@@ -6,7 +6,7 @@ from service.http import answers
 from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES
 from service.schemas.check import CheckAnswer, CheckRequest
-from service.tasks import check as tasks
+from service.task_references import check as check_task
 
 router = APIRouter(prefix="/v1", tags=["checking"], route_class=JsonRoute, responses=RESPONSES)
 
@@ -17,7 +17,7 @@ async def check(body: CheckRequest, request: Request) -> Response:
     content = await request.body()
     result = await answers.answer(
         request,
-        lambda robot, scene: tasks.check.job(robot, scene, content),
+        lambda robot, scene: check_task.job(robot, scene, content),
         body.robot,
         body.scene,
         timeout=body.timeout,

@@ -1,9 +1,9 @@
-"""Requests about configurations of a robot: a few are answered here, many in a worker."""
+"""Requests about configurations of a robot: few are answered at once, many wait their turn."""
 
 from fastapi import Request, Response
 
 from service.http import answers
-from service.tasks.answer import ChainTask
+from service.tasks.result import ChainTask
 
 
 def count(joints: list[float] | list[list[float]]) -> int:
@@ -19,6 +19,19 @@ async def in_worker(request: Request, robot: str, task: ChainTask) -> Response:
     """
     content = await request.body()
     result = await answers.answer(request, lambda reference, _: task.job(reference, content), robot)
+    return json_answer(result)
+
+
+async def at_once(request: Request, robot: str, task: ChainTask) -> Response:
+    """The answer of a task that takes a millisecond, whatever else is being computed.
+
+    Raises:
+        ProblemError: As `answers.answer_at_once`.
+    """
+    content = await request.body()
+    result = await answers.answer_at_once(
+        request, lambda reference: task.job(reference, content), robot
+    )
     return json_answer(result)
 
 

@@ -2,10 +2,9 @@
 
 from fastapi import APIRouter, Request, Response
 
-from service.http import answers
 from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES
-from service.routes.configurations import count, in_worker, json_answer
+from service.routes.configurations import at_once, count, in_worker
 from service.schemas.dynamics import (
     DynamicsAnswer,
     DynamicsRequest,
@@ -14,23 +13,24 @@ from service.schemas.dynamics import (
     WrenchAnswer,
     WrenchRequest,
 )
-from service.tasks import dynamics as tasks
+from service.task_references import dynamics as dynamics_task
+from service.task_references import regressor as regressor_task
+from service.task_references import wrench as wrench_task
 
 router = APIRouter(
     prefix="/v1/robots/{name}", tags=["dynamics"], route_class=JsonRoute, responses=RESPONSES
 )
 
-#: States that are computed within a millisecond; more of them go to a worker.
-_INLINE_STATES = 10
+#: States that are computed within a millisecond; a request for more of them waits for its turn.
+_BRIEF_STATES = 10
 
 
 @router.post("/wrench", summary="Torques that hold a wrench", response_model=WrenchAnswer)
 async def wrench(name: str, body: WrenchRequest, request: Request) -> Response:
     """τ = Jᵀ F for a wrench F = [f; n] that a link exerts, in the base frame."""
-    chain = await answers.chain(request, name)
-    if count(body.joints) <= _INLINE_STATES:
-        return json_answer(tasks.wrench(chain, body))
-    return await in_worker(request, name, tasks.wrench_task)
+    if count(body.joints) <= _BRIEF_STATES:
+        return await at_once(request, name, wrench_task)
+    return await in_worker(request, name, wrench_task)
 
 
 @router.post("/dynamics", summary="Equations of motion", response_model=DynamicsAnswer)
@@ -39,10 +39,9 @@ async def dynamics(name: str, body: DynamicsRequest, request: Request) -> Respon
 
     A robot without inertias is refused with MISSING_INERTIA, which names the links.
     """
-    chain = await answers.chain(request, name)
-    if count(body.joints) <= _INLINE_STATES:
-        return json_answer(tasks.dynamics(chain, body))
-    return await in_worker(request, name, tasks.dynamics_task)
+    if count(body.joints) <= _BRIEF_STATES:
+        return await at_once(request, name, dynamics_task)
+    return await in_worker(request, name, dynamics_task)
 
 
 @router.post("/regressor", summary="Linear parametrisation", response_model=RegressorAnswer)
@@ -51,5 +50,4 @@ async def regressor(name: str, _body: RegressorRequest, request: Request) -> Res
 
     Finding the base parameters takes longer than a request should hold up others: a worker does.
     """
-    await answers.chain(request, name)
-    return await in_worker(request, name, tasks.regressor_task)
+    return await in_worker(request, name, regressor_task)

@@ -26,7 +26,7 @@ class Health(Answer):
 class Readiness(Health):
     """The state of the workers."""
 
-    workers: int = Field(examples=[2], description="worker processes that live")
+    workers: int = Field(examples=[2], description="workers that can take a job")
     busy: int = Field(examples=[0], description="workers that have a job")
     waiting: int = Field(examples=[0], description="jobs that wait for a worker")
 
@@ -52,7 +52,7 @@ async def readyz(request: Request) -> Readiness:
     return Readiness(
         status="ready",
         version=VERSION,
-        workers=len(supervisor.pids),
+        workers=supervisor.alive,
         busy=supervisor.busy,
         waiting=supervisor.waiting,
     )

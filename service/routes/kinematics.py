@@ -2,11 +2,10 @@
 
 from fastapi import APIRouter, Request, Response
 
-from kinematics.chain import Chain
 from service.http import answers
 from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES
-from service.routes.configurations import count, in_worker, json_answer
+from service.routes.configurations import at_once, count, in_worker, json_answer
 from service.schemas.kinematics import (
     FkAnswer,
     FkRequest,
@@ -17,35 +16,32 @@ from service.schemas.kinematics import (
     VelocityAnswer,
     VelocityRequest,
 )
-from service.tasks import kinematics as tasks
-from service.tasks.inverse_kinematics import ik as ik_task
+from service.task_references import fk as fk_task
+from service.task_references import ik as ik_task
+from service.task_references import jacobian as jacobian_task
+from service.task_references import velocity as velocity_task
+from service.tasks.result import ChainTask
 
 router = APIRouter(
     prefix="/v1/robots/{name}", tags=["kinematics"], route_class=JsonRoute, responses=RESPONSES
 )
 
-#: Frames that are computed in a millisecond; more of them go to a worker.
-_INLINE_FRAMES = 200
+#: Frames that are computed in a millisecond; a request for more of them waits for its turn.
+_BRIEF_FRAMES = 200
 #: Configurations whose Jacobians are decomposed in a millisecond.
-_INLINE_TWISTS = 10
+_BRIEF_TWISTS = 10
 
 
 @router.post("/fk", summary="Poses of the links", response_model=FkAnswer)
 async def fk(name: str, body: FkRequest, request: Request) -> Response:
     """The pose of one link, the tip if none is named, and of all links, in the base frame."""
-    chain = await answers.chain(request, name)
-    if _is_cheap(body.joints, chain):
-        return json_answer(tasks.fk(chain, body))
-    return await in_worker(request, name, tasks.fk_task)
+    return await _frames(request, name, fk_task, body.joints)
 
 
 @router.post("/jacobian", summary="Jacobians", response_model=JacobianAnswer)
 async def jacobian(name: str, body: JacobianRequest, request: Request) -> Response:
     """The Jacobian of a link or of a point on it, linear rows first, in the base frame."""
-    chain = await answers.chain(request, name)
-    if _is_cheap(body.joints, chain):
-        return json_answer(tasks.jacobian(chain, body))
-    return await in_worker(request, name, tasks.jacobian_task)
+    return await _frames(request, name, jacobian_task, body.joints)
 
 
 @router.post("/velocity", summary="Velocity kinematics", response_model=VelocityAnswer)
@@ -55,10 +51,9 @@ async def velocity(name: str, body: VelocityRequest, request: Request) -> Respon
     The least-norm solution, or that of least residual, plus the null-space term; damped near
     singularities; the answer lists what was damped.
     """
-    chain = await answers.chain(request, name)
-    if count(body.joints) <= _INLINE_TWISTS:
-        return json_answer(tasks.velocity(chain, body))
-    return await in_worker(request, name, tasks.velocity_task)
+    if count(body.joints) <= _BRIEF_TWISTS:
+        return await at_once(request, name, velocity_task)
+    return await in_worker(request, name, velocity_task)
 
 
 @router.post("/ik", summary="Configurations that reach a pose", response_model=IkAnswer)
@@ -78,5 +73,11 @@ async def ik(name: str, body: IkRequest, request: Request) -> Response:
     return json_answer(result)
 
 
-def _is_cheap(joints: list[float] | list[list[float]], chain: Chain) -> bool:
-    return count(joints) == 1 or count(joints) * len(chain.links) <= _INLINE_FRAMES
+async def _frames(
+    request: Request, robot: str, task: ChainTask, joints: list[float] | list[list[float]]
+) -> Response:
+    """The answer of a task whose time goes by the frames that it computes."""
+    links = (await answers.model(request, robot)).links
+    if count(joints) == 1 or count(joints) * links <= _BRIEF_FRAMES:
+        return await at_once(request, robot, task)
+    return await in_worker(request, robot, task)

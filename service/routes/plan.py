@@ -8,7 +8,7 @@ from service.http.openapi import RESPONSES
 from service.http.plan_answer import plan_answer
 from service.schemas.certificate import CertificateAnswer
 from service.schemas.plan import PlanAnswer, PlanRequest, ValidateRequest
-from service.tasks import plan as tasks
+from service.task_references import validate as validate_task
 
 router = APIRouter(prefix="/v1", tags=["planning"], route_class=JsonRoute, responses=RESPONSES)
 
@@ -29,7 +29,7 @@ async def validate(body: ValidateRequest, request: Request) -> Response:
     content = await request.body()
     result = await answers.answer(
         request,
-        lambda robot, scene: tasks.validate.job(robot, scene, content),
+        lambda robot, scene: validate_task.job(robot, scene, content),
         body.robot,
         body.scene,
         timeout=body.timeout,

@@ -6,7 +6,7 @@ from service.http import answers
 from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES
 from service.schemas.potential import PotentialAnswer, PotentialRequest
-from service.tasks import potential as tasks
+from service.task_references import potential as potential_task
 
 router = APIRouter(
     prefix="/v1/robots/{name}", tags=["planning"], route_class=JsonRoute, responses=RESPONSES
@@ -26,7 +26,7 @@ async def potential(name: str, body: PotentialRequest, request: Request) -> Resp
     content = await request.body()
     result = await answers.answer(
         request,
-        lambda robot, scene: tasks.potential.job(robot, scene, content),
+        lambda robot, scene: potential_task.job(robot, scene, content),
         name,
         body.scene,
         timeout=body.timeout,

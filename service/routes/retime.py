@@ -12,7 +12,8 @@ from service.schemas.retime import (
     RetimeAnswer,
     RetimeRequest,
 )
-from service.tasks import retime as tasks
+from service.task_references import convert as convert_task
+from service.task_references import retime as retime_task
 
 router = APIRouter(prefix="/v1", tags=["timing"], route_class=JsonRoute, responses=RESPONSES)
 
@@ -26,7 +27,7 @@ async def retime(body: RetimeRequest, request: Request) -> Response:
     content = await request.body()
     result = await answers.answer_with(
         request,
-        lambda robot: tasks.retime.job(robot, content),
+        lambda robot: retime_task.job(robot, content),
         body.robot,
         timeout=body.timeout,
     )
@@ -41,6 +42,6 @@ async def retime(body: RetimeRequest, request: Request) -> Response:
 async def convert(body: ConvertRequest, request: Request) -> Response:
     """A motion as trajectory_msgs/JointTrajectory of ROS in JSON, or as a table in CSV."""
     content = await request.body()
-    result = await compute(request, tasks.convert.job(content))
+    result = await compute(request, convert_task.job(content))
     media_type = "text/csv" if body.format == "csv" else "application/json"
     return Response(result, media_type=media_type)

@@ -8,7 +8,7 @@ from pydantic import ValidationError
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import FormData, UploadFile
 
-from kinematics.robots import builtin_names
+from kinematics.robot_names import builtin_names
 from service.http import answers
 from service.http.json_route import JsonRequest, JsonRoute, require_json
 from service.http.openapi import RESPONSES
@@ -17,9 +17,9 @@ from service.problem import ProblemError
 from service.routes.paging import page
 from service.schemas.robot import RobotAnswer, RobotBody, RobotFields, RobotList, RobotSummary
 from service.schemas.validation import validation_problem
-from service.storage import disk_cache
+from service.storage import prepared_files
 from service.storage.robot_repository import is_built_in
-from service.tasks import robots as tasks
+from service.task_references import make_robot, unpack_robot
 
 router = APIRouter(prefix="/v1/robots", tags=["robots"], route_class=JsonRoute, responses=RESPONSES)
 
@@ -94,8 +94,8 @@ async def list_robots(
 @router.get("/{name}", summary="Get the model of a robot", response_model=RobotAnswer)
 async def get_robot(name: str, request: Request) -> Response:
     """Joints, limits, links and axes; null where a limit is not known or there is none."""
-    robot = await answers.model(request, await answers.robot(request, name))
-    return Response(robot.answer, media_type="application/json")
+    model = await answers.model(request, name)
+    return Response(model.answer, media_type="application/json")
 
 
 @router.delete("/{name}", status_code=204, summary="Delete a robot")
@@ -104,7 +104,7 @@ async def delete_robot(name: str, request: Request) -> None:
     _refuse_built_in(name)
     reference = await answers.robot(request, name)
     await run_in_threadpool(store_of(request).delete, _KIND, name)
-    await run_in_threadpool(disk_cache.forget, reference)
+    await run_in_threadpool(prepared_files.forget, reference)
 
 
 # ------------------------------------------------------------------------------ from JSON
@@ -116,7 +116,7 @@ async def _from_json(request: Request, content_type: str) -> tuple[bytes, bytes,
     assert isinstance(request, JsonRequest)
     body = await request.read(RobotBody)
     await _check_name(request, body.name)
-    job = tasks.make_robot.job(await request.body(), prepared_folder(request))
+    job = make_robot.job(await request.body(), prepared_folder(request))
     document, answer = await answers.build(request, job)
     return document, answer, body.name
 
@@ -139,7 +139,7 @@ async def _from_form(request: Request) -> tuple[bytes, bytes, str]:
         await _check_name(request, fields.name)
         content = await archive.read()
     given = fields.model_dump(exclude_none=True)
-    job = tasks.unpack_robot.job(content, given, prepared_folder(request))
+    job = unpack_robot.job(content, given, prepared_folder(request))
     document, answer = await answers.build(request, job)
     return document, answer, fields.name
 
@@ -209,9 +209,9 @@ def _refuse_built_in(name: str) -> None:
 
 async def _summary(request: Request, name: str) -> RobotSummary | None:
     try:
-        chain = await answers.chain(request, name)
+        model = await answers.model(request, name)
     except ProblemError as error:
         if error.code != "NOT_FOUND":  # it was deleted a moment ago
             raise
         return None
-    return RobotSummary(name=name, built_in=is_built_in(name), joints=chain.n)
+    return RobotSummary(name=name, built_in=is_built_in(name), joints=model.joints)

@@ -21,11 +21,11 @@ from service.schemas.scene import (
     SceneSummary,
 )
 from service.schemas.validation import validated
-from service.storage import disk_cache
+from service.storage import prepared_files
 from service.storage.cache_key import Reference
 from service.storage.document_store import Record
-from service.tasks.check import project as project_task
-from service.tasks.robots import make_scene
+from service.task_references import make_scene
+from service.task_references import project as project_task
 
 router = APIRouter(prefix="/v1/scenes", tags=["scenes"], route_class=JsonRoute, responses=RESPONSES)
 
@@ -91,7 +91,7 @@ async def put_scene(name: str, body: Scene, request: Request, response: Response
     before = await _prepared_reference(request, name)
     record = await run_in_threadpool(store_of(request).replace, _KIND, name, content)
     if before is not None and before.hash != record.hash:
-        await run_in_threadpool(disk_cache.forget, before)
+        await run_in_threadpool(prepared_files.forget, before)
     if record.version == 1:
         response.status_code = 201
         response.headers["Location"] = f"/v1/scenes/{name}"
@@ -104,7 +104,7 @@ async def delete_scene(name: str, request: Request) -> None:
     before = await _prepared_reference(request, name)
     await run_in_threadpool(store_of(request).delete, _KIND, name)
     if before is not None:
-        await run_in_threadpool(disk_cache.forget, before)
+        await run_in_threadpool(prepared_files.forget, before)
 
 
 async def _built(request: Request, name: str) -> bytes:

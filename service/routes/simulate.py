@@ -6,7 +6,7 @@ from service.http import answers
 from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES
 from service.schemas.simulation import SimulateAnswer, SimulateRequest
-from service.tasks import simulate as tasks
+from service.task_references import simulate as simulate_task
 
 router = APIRouter(prefix="/v1", tags=["tracking"], route_class=JsonRoute, responses=RESPONSES)
 
@@ -20,7 +20,7 @@ async def simulate(body: SimulateRequest, request: Request) -> Response:
     content = await request.body()
     result = await answers.answer(
         request,
-        lambda robot, scene: tasks.simulate.job(robot, scene, content),
+        lambda robot, scene: simulate_task.job(robot, scene, content),
         body.robot,
         body.scene,
         timeout=body.timeout,

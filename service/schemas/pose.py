@@ -1,12 +1,17 @@
 """Poses on the wire."""
 
+import math
 from collections.abc import Callable
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from kinematics import pose as rotation
 from kinematics.errors import InvalidPose
+from kinematics.rotation_check import (
+    check_axis_length,
+    check_orthonormal,
+    check_quaternion_norm,
+)
 from service.schemas.base import Answer, Body, Coordinate, Matrix3, Number, Point, Vector3
 
 Quaternion = Annotated[list[Number], Field(min_length=4, max_length=4)]
@@ -36,21 +41,21 @@ class Pose(Body):
     @classmethod
     def _check_quaternion(cls, value: list[float] | None) -> list[float] | None:
         if value is not None:
-            _check(rotation.from_quaternion, value)
+            _check(lambda: check_quaternion_norm(math.hypot(*value)))
         return value
 
     @field_validator("rotation_matrix")
     @classmethod
     def _check_matrix(cls, value: list[list[float]] | None) -> list[list[float]] | None:
         if value is not None:
-            _check(rotation.from_matrix, value)
+            _check(lambda: _check_rotation(value))
         return value
 
     @field_validator("axis_angle")
     @classmethod
     def _check_axis_angle(cls, value: list[float] | None) -> list[float] | None:
         if value is not None:
-            _check(lambda turn: rotation.from_axis_angle(turn[:3], turn[3]), value)
+            _check(lambda: check_axis_length(math.hypot(*value[:3])))
         return value
 
     @model_validator(mode="after")
@@ -61,9 +66,21 @@ class Pose(Body):
         return self
 
 
-def _check(conversion: Callable[[Any], object], value: Any) -> None:
+# Without numpy, which the server does not load for this.
+def _check_rotation(R: list[list[float]]) -> None:
+    error = max(
+        abs(sum(R[k][i] * R[k][j] for k in range(3)) - (i == j)) for i in range(3) for j in range(3)
+    )
+    determinant = sum(
+        R[0][i] * (R[1][(i + 1) % 3] * R[2][(i + 2) % 3] - R[1][(i + 2) % 3] * R[2][(i + 1) % 3])
+        for i in range(3)
+    )
+    check_orthonormal(error, determinant)
+
+
+def _check(judge: Callable[[], None]) -> None:
     try:
-        conversion(value)
+        judge()
     except InvalidPose as error:
         raise ValueError(error.message) from error
 

@@ -5,30 +5,23 @@ folder, nothing that was uploaded is ever stored there as it came, and a file th
 not write is not opened.
 """
 
-import contextlib
 import hashlib
 import pickle
 import tempfile
-import threading
-from collections import OrderedDict
-from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import cache, cached_property
 from pathlib import Path
-from typing import Any, TypeVar
 
 from kinematics.chain import Chain, Inertia, Limits, Link
 from obstacles.piece import Piece
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Obstacle, Scene
 from service.storage.cache_key import NotPrepared, Reference
+from service.storage.prepared_files import prepared_file
 from service.version import VERSION
 
 #: Raised when pickles of before must not be read any more.
 _FORMAT = 2
-_DECOMPOSITIONS = "decompositions"
-
-_T = TypeVar("_T")
 
 
 @cache
@@ -77,53 +70,13 @@ class PreparedRobot:
         )
 
 
-class Recent:
-    """The values that were asked for last, by key; any thread may ask.
-
-    Args:
-        size: How many are kept.
-    """
-
-    def __init__(self, size: int) -> None:
-        self._size = size
-        self._lock = threading.Lock()
-        self._values: OrderedDict[Any, Any] = OrderedDict()
-
-    def get(self, key: object, make: Callable[[], _T]) -> _T:
-        """The value of a key, made if it is not among those kept."""
-        with self._lock:
-            if key in self._values:
-                self._values.move_to_end(key)
-                kept: _T = self._values[key]
-                return kept
-        value = make()
-        with self._lock:
-            self._values[key] = value
-            while len(self._values) > self._size:
-                self._values.popitem(last=False)
-        return value
-
-    def __contains__(self, key: object) -> bool:
-        return key in self._values
-
-
-def document_hash(document: bytes) -> str:
-    """Content hash of a document, the same as in the storage."""
-    return hashlib.sha256(document).hexdigest()
-
-
-def decompositions(folder: str) -> Path:
-    """Where the convex parts of meshes are kept."""
-    return Path(folder) / _DECOMPOSITIONS
-
-
 def write(reference: Reference, value: PreparedRobot | Scene) -> None:
     """Keep what was built; another process sees all of the file or nothing.
 
     Raises:
         OSError: The folder can't be written to.
     """
-    file = _file(reference)
+    file = prepared_file(reference)
     file.parent.mkdir(parents=True, exist_ok=True)
     if isinstance(value, PreparedRobot):
         parts: tuple[bytes, ...] = (value.answer, value.packed_chain, value.packed_geometry)
@@ -157,20 +110,10 @@ def read_scene(reference: Reference) -> Scene:
     return scene
 
 
-def forget(reference: Reference) -> None:
-    """Remove the file of a reference, if there is one."""
-    with contextlib.suppress(OSError):
-        _file(reference).unlink(missing_ok=True)
-
-
-def _file(reference: Reference) -> Path:
-    return Path(reference.folder) / f"{reference.hash}.{reference.kind}"
-
-
 def _read(reference: Reference) -> tuple[bytes, ...]:
     parts: tuple[bytes, ...]
     try:
-        with _file(reference).open("rb") as stream:
+        with prepared_file(reference).open("rb") as stream:
             written, parts = pickle.load(stream)
     except Exception:  # noqa: BLE001  a damaged pickle raises anything, and is built anew
         raise NotPrepared(reference) from None

@@ -1,6 +1,6 @@
 """Robots and scenes by name: where their documents are, and under which keys they are prepared."""
 
-from kinematics.robots import builtin_names
+from kinematics.robot_names import builtin_names
 from service.problem import ProblemError
 from service.storage.cache_key import Reference, builtin_reference
 from service.storage.document_store import Store

@@ -4,9 +4,10 @@ from kinematics.chain import Chain
 from obstacles.decomposition import keep_decompositions
 from obstacles.scene import Scene
 from service.schemas import scene as scene_schema
-from service.storage import disk_cache
+from service.storage import disk_cache, prepared_files
 from service.storage.cache_key import Reference
-from service.storage.disk_cache import PreparedRobot, Recent
+from service.storage.disk_cache import PreparedRobot
+from service.storage.recent import Recent
 from service.translate import poses, robots
 
 #: A robot is a few hundred kilobytes; a scene may be megabytes.
@@ -50,14 +51,9 @@ def scene(source: Reference | scene_schema.Scene | None) -> Scene:
     return poses.scene(source)
 
 
-def loaded(reference: Reference) -> bool:
-    """Whether a robot needs no loading."""
-    return (("built-in", reference.name) if reference.built_in else reference.hash) in _ROBOTS
-
-
 def _keep_decompositions(reference: Reference) -> None:
     if reference.folder:
-        keep_decompositions(disk_cache.decompositions(reference.folder))
+        keep_decompositions(prepared_files.decompositions(reference.folder))
 
 
 def _built_in(name: str) -> PreparedRobot:

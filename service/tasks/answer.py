@@ -9,15 +9,12 @@ from pydantic import BaseModel
 from kinematics.chain import Chain
 from service.storage import worker_cache
 from service.storage.cache_key import NotPrepared, Reference
-from service.tasks.result import CacheMiss
+from service.tasks.result import CacheMiss, ChainTask
 from service.workers.task import Task, register
 
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
 _Body = TypeVar("_Body", bound=BaseModel)
-
-#: A task that answers the content of a request about a robot's chain.
-ChainTask = Task[[Reference, bytes], bytes | CacheMiss]
 
 
 def answering(function: Callable[_P, _T]) -> Callable[_P, _T | CacheMiss]:

@@ -1,8 +1,9 @@
-"""Results of tasks that are no plain answer."""
+"""Results of tasks that are no plain answer; the server reads them, so imports are small."""
 
 from dataclasses import dataclass
 
 from service.storage.cache_key import Reference
+from service.workers.task import Task
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,3 +43,41 @@ class PlanOutcome:
     content: bytes
     planner: str
     stages: tuple[tuple[str, float], ...]
+
+
+#: A task that answers the content of a request about a robot's chain.
+ChainTask = Task[[Reference, bytes], bytes | CacheMiss]
+
+
+@dataclass(frozen=True, slots=True)
+class RobotModel:
+    """The model of a robot, with the sizes that the server goes by.
+
+    Args:
+        answer: The model as it is answered, JSON.
+        joints: How many joints it has.
+        links: How many links its chain has.
+    """
+
+    answer: bytes
+    joints: int
+    links: int
+
+
+@dataclass(frozen=True, slots=True)
+class BatchItem:
+    """One problem of a batch.
+
+    Args:
+        robot: Its name.
+        scene: The name of a stored scene, if it is in one.
+        shared: Whether it is in the scene that the batch gives inline.
+        timeout: As the request names it [s].
+        content: The request for its plan, JSON.
+    """
+
+    robot: str
+    scene: str | None
+    shared: bool
+    timeout: float | None
+    content: bytes

@@ -13,9 +13,11 @@ from service.schemas.robot import RobotBody
 from service.schemas.scene import NamedScene
 from service.schemas.scene import Scene as SceneBody
 from service.schemas.validation import validation_problem
-from service.storage import disk_cache
+from service.storage import disk_cache, prepared_files, worker_cache
 from service.storage.cache_key import Reference
 from service.storage.disk_cache import PreparedRobot
+from service.tasks.answer import answering
+from service.tasks.result import CacheMiss, RobotModel
 from service.translate import poses, robots
 from service.translate.archive import read_archive
 from service.workers.task import task
@@ -49,10 +51,10 @@ def prepare_scene(document: bytes, folder: str, name: str) -> str:
     Raises:
         InvalidScene: It can't be built; the message names the obstacle.
     """
-    keep_decompositions(disk_cache.decompositions(folder))
+    keep_decompositions(prepared_files.decompositions(folder))
     scene: Scene = poses.scene(SceneBody.model_validate_json(document))
     scene.pieces()
-    reference = Reference("scene", name, disk_cache.document_hash(document), folder)
+    reference = Reference("scene", name, prepared_files.document_hash(document), folder)
     disk_cache.write(reference, scene)
     return scene.content_hash
 
@@ -82,14 +84,22 @@ def prepare_robot(document: bytes, folder: str) -> bytes:
     Raises:
         InvalidRobotDescription: It can't be built.
     """
-    keep_decompositions(disk_cache.decompositions(folder))
+    keep_decompositions(prepared_files.decompositions(folder))
     body = RobotBody.model_validate_json(document)
     geometry, lint = robots.robot(body)
     answer = robots.robot_answer(geometry, lint, body.name, is_built_in=False, body=body)
     made = PreparedRobot.of(geometry, answer.model_dump_json().encode())
-    reference = Reference("robot", body.name, disk_cache.document_hash(document), folder)
+    reference = Reference("robot", body.name, prepared_files.document_hash(document), folder)
     disk_cache.write(reference, made)
     return made.answer
+
+
+@task
+@answering
+def robot_model(robot: Reference) -> RobotModel | CacheMiss:
+    """The model of a robot as it is answered, with the sizes that the server goes by."""
+    prepared = worker_cache.robot(robot)
+    return RobotModel(prepared.answer, prepared.chain.n, len(prepared.chain.links))
 
 
 @task

@@ -124,23 +124,24 @@ class WorkerPool:
                 await asyncio.sleep(min(_FIRST_PAUSE * 2.0**failures, _LONGEST_PAUSE))
 
     async def _spawn(self, slot: int) -> Worker:
-        ours, theirs = socket.socketpair()
-        with contextlib.ExitStack() as on_failure:
-            on_failure.callback(ours.close)
-            process = self._context.Process(
-                target=main.main,
-                args=(theirs, self._modules, self._warm),
-                name=f"armwright-worker-{slot}",
-                daemon=True,
-            )
-            async with self._starting:
+        # One after the other, and no sockets for those that wait: waiting can be cancelled.
+        async with self._starting:
+            ours, theirs = socket.socketpair()
+            with contextlib.ExitStack() as on_failure:
+                on_failure.callback(ours.close)
+                process = self._context.Process(
+                    target=main.main,
+                    args=(theirs, self._modules, self._warm),
+                    name=f"armwright-worker-{slot}",
+                    daemon=True,
+                )
                 await in_thread(start, process, theirs)
-            ours.setblocking(False)
-            loop = asyncio.get_running_loop()
-            _, worker = await loop.create_unix_connection(
-                lambda: Worker(process, lambda *sent: self._receive(slot, *sent)), sock=ours
-            )
-            on_failure.pop_all()
+                ours.setblocking(False)
+                loop = asyncio.get_running_loop()
+                _, worker = await loop.create_unix_connection(
+                    lambda: Worker(process, lambda *sent: self._receive(slot, *sent)), sock=ours
+                )
+                on_failure.pop_all()
         self.started += 1
         self.workers.add(worker)
         return worker

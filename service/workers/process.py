@@ -51,6 +51,7 @@ class Ticket:
         result: Of the caller.
         on_progress: Called with the progress that the task reports.
         background: Given where nobody waits.
+        brief: Whether it takes a millisecond or so, for which a spare worker is good enough.
         yields: How often it gave its worker away.
         timer: Fires when the ticket has overrun.
         worker: Where it runs.
@@ -65,6 +66,7 @@ class Ticket:
     result: asyncio.Future[Any]
     on_progress: Progress | None
     background: "Background | None" = None
+    brief: bool = False
     yields: int = 0
     timer: asyncio.TimerHandle | None = None
     worker: "Worker | None" = None

@@ -70,6 +70,8 @@ class WorkerSupervisor:
         modules: Packages and modules whose tasks may be called.
         warm: Called by each worker before it counts as ready; picklable.
         preload: Modules that the fork server loads once for all workers.
+        spares: Worker processes beyond that number. They are warm when a worker has to be replaced,
+            and take brief jobs while all others have work.
     """
 
     def __init__(
@@ -77,15 +79,18 @@ class WorkerSupervisor:
         count: int,
         queue_limit: int,
         *,
+        spares: int = 0,
         modules: Sequence[str],
         warm: Callable[[], object],
         kill_grace: float = 0.1,
         preload: Sequence[str] = (),
     ) -> None:
         self.counters = Counters()
-        self._pool = WorkerPool(count, self, modules, warm, preload)
+        self._pool = WorkerPool(count + spares, self, modules, warm, preload)
+        self._count = count
         self._queue_limit = queue_limit
         self._kill_grace = kill_grace
+        self._brief: deque[Ticket] = deque()
         self._waiting: deque[Ticket] = deque()
         self._background: deque[Ticket] = deque()
         self._idle: list[Worker] = []
@@ -100,7 +105,7 @@ class WorkerSupervisor:
     @property
     def waiting(self) -> int:
         """Jobs that wait for a worker and for which somebody waits."""
-        return len(self._waiting)
+        return len(self._brief) + len(self._waiting)
 
     @property
     def background_waiting(self) -> int:
@@ -109,8 +114,18 @@ class WorkerSupervisor:
 
     @property
     def count(self) -> int:
-        """How many workers there ought to be."""
-        return self._pool.count
+        """How many jobs may run at a time; brief ones are not counted."""
+        return self._count
+
+    @property
+    def alive(self) -> int:
+        """How many of these could run now."""
+        return min(len(self._pool.pids), self._count)
+
+    @property
+    def spare(self) -> int:
+        """Worker processes that live beyond those."""
+        return max(len(self._pool.pids) - self._count, 0)
 
     @property
     def started_workers(self) -> int:
@@ -119,8 +134,9 @@ class WorkerSupervisor:
 
     @property
     def busy(self) -> int:
-        """Workers that have a job."""
-        return sum(worker.ticket is not None for worker in self._pool.workers)
+        """Workers that have a job, other than a brief one."""
+        tickets = (worker.ticket for worker in self._pool.workers)
+        return sum(ticket is not None and not ticket.brief for ticket in tickets)
 
     @property
     def pids(self) -> list[int]:
@@ -133,7 +149,7 @@ class WorkerSupervisor:
         return [
             worker.process.pid
             for worker in self._pool.workers
-            if worker.ticket is not None and not worker.ending and worker.process.pid is not None
+            if _has_long_job(worker) and worker.process.pid is not None
         ]
 
     async def start(self) -> None:
@@ -150,7 +166,7 @@ class WorkerSupervisor:
         """Accept no more jobs and tell those that wait or run that the service is ending."""
         self._accepting = False
         running = [worker.ticket for worker in self._pool.workers if worker.ticket is not None]
-        for ticket in [*self._waiting, *self._background, *running]:
+        for ticket in [*self._brief, *self._waiting, *self._background, *running]:
             ticket.settle(ShuttingDown())
 
     async def submit(
@@ -158,6 +174,8 @@ class WorkerSupervisor:
         job: Job[_R],
         on_progress: Progress | None = None,
         background: Background | None = None,
+        *,
+        brief: bool = False,
     ) -> _R:
         """Run a job in a worker.
 
@@ -168,6 +186,8 @@ class WorkerSupervisor:
             on_progress: Called on the event loop with the progress that the task reports.
             background: Given where nobody waits. The queue has no limit for these; whoever
                 submits them minds their number.
+            brief: Whether it takes a millisecond or so. Brief jobs go first, and a spare worker
+                takes them while all others have work.
 
         Returns:
             The result of the task.
@@ -182,18 +202,18 @@ class WorkerSupervisor:
         """
         if not self._accepting:
             raise ShuttingDown
-        if background is None and not self._idle and len(self._waiting) >= self._queue_limit:
+        if background is None and not self._can_begin(brief) and self.waiting >= self._queue_limit:
             self.counters.rejected += 1
-            raise QueueFull(len(self._waiting), self._retry_after())
+            raise QueueFull(self.waiting, self._retry_after())
         loop = asyncio.get_running_loop()
         payload = pickle.dumps(job, pickle.HIGHEST_PROTOCOL)
         future: asyncio.Future[Any] = loop.create_future()
-        ticket = Ticket(job, job.deadline, payload, future, on_progress, background)
+        ticket = Ticket(job, job.deadline, payload, future, on_progress, background, brief)
         self._set_timer(ticket, ticket.ends_at)
         self._queue(ticket).append(ticket)
         self._dispatch()
         yield_timer = None
-        if background is None and ticket.worker is None:
+        if background is None and not brief and ticket.worker is None:
             yield_timer = loop.call_later(_YIELD_AFTER, self._take_worker_for, ticket)
         try:
             return cast(_R, await ticket.result)
@@ -205,14 +225,25 @@ class WorkerSupervisor:
     # ------------------------------------------------------------------------------- tickets
 
     def _queue(self, ticket: Ticket) -> deque[Ticket]:
+        if ticket.brief:
+            return self._brief
         return self._waiting if ticket.background is None else self._background
 
+    def _can_begin(self, brief: bool) -> bool:
+        """Whether a job could be given to a worker now."""
+        if not any(not worker.ending for worker in self._idle):
+            return False
+        return brief or sum(map(_has_long_job, self._pool.workers)) < self._count
+
     def _dispatch(self) -> None:
-        while self._idle and (self._waiting or self._background):
+        while True:
+            queue = self._brief or self._waiting or self._background
+            if not queue or not self._can_begin(brief=queue is self._brief):
+                return
             worker = self._idle.pop()
             if worker.ending:
                 continue
-            ticket = (self._waiting or self._background).popleft()
+            ticket = queue.popleft()
             ticket.worker, worker.ticket = worker, ticket
             ticket.attempts += 1
             if ticket.background is not None:
@@ -242,6 +273,7 @@ class WorkerSupervisor:
         self._put_back(ticket)
         worker.ticket = None
         worker.kill()
+        self._dispatch()
 
     def _put_back(self, ticket: Ticket) -> None:
         """Have a job wait once more, in front of all others of its kind."""
@@ -279,9 +311,10 @@ class WorkerSupervisor:
             queue.remove(ticket)
         if ticket.worker is not None and ticket.worker.ticket is ticket:
             ticket.worker.kill()
+            self._dispatch()
 
     def _retry_after(self) -> int:
-        seconds = (len(self._waiting) + 1) * self._mean_seconds / self._pool.count
+        seconds = (self.waiting + 1) * self._mean_seconds / self._count
         return max(1, min(_MAX_RETRY, math.ceil(seconds)))
 
     # ------------------------------------------------------------------------ owner of the pool
@@ -294,6 +327,7 @@ class WorkerSupervisor:
         """Settle the job of a worker that has ended, or have it wait for another worker."""
         if worker in self._idle:
             self._idle.remove(worker)
+        self._dispatch()
         ticket = worker.ticket
         if ticket is None or ticket.result.done():
             return
@@ -339,3 +373,7 @@ class WorkerSupervisor:
         if not worker.ending:
             self._idle.append(worker)
             self._dispatch()
+
+
+def _has_long_job(worker: Worker) -> bool:
+    return worker.ticket is not None and not worker.ticket.brief and not worker.ending

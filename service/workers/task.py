@@ -44,6 +44,23 @@ class Job(Generic[R_co]):
 
 
 @dataclass(frozen=True, slots=True)
+class TaskReference(Generic[P, R_co]):
+    """The name of a task, for processes that only ask others to call it.
+
+    Args:
+        name: ``"module:function"``, unique.
+        grace: How much later than its deadline the worker is ended [s].
+    """
+
+    name: str
+    grace: float = 0.0
+
+    def job(self, *args: P.args, **kwargs: P.kwargs) -> Job[R_co]:
+        """A call of the task in a worker."""
+        return Job(self.name, args, kwargs, grace=self.grace)
+
+
+@dataclass(frozen=True, slots=True)
 class Task(Generic[P, R_co]):
     """A function that workers may be asked to call; called directly, it is the function itself.
 

@@ -357,10 +357,12 @@ def test_overload_is_told_at_once(client: httpx.Client, app: FastAPI) -> None:
 
 def test_a_killed_worker_is_replaced(client: httpx.Client, app: FastAPI) -> None:
     # The test before had its worker ended: another is being started in its place.
-    assert wait_until(lambda: len(app.state.supervisor.pids) == 1, 10.0)
-    pid = app.state.supervisor.pids[0]
-    os.kill(pid, signal.SIGKILL)
-    assert wait_until(lambda: not alive(pid), 2.0)
+    supervisor = app.state.supervisor
+    assert wait_until(lambda: (supervisor.alive, supervisor.spare) == (1, 1), 10.0)
+    pids = supervisor.pids
+    for pid in pids:
+        os.kill(pid, signal.SIGKILL)
+    assert wait_until(lambda: not any(map(alive, pids)), 2.0)
     assert client.put("/v1/scenes/again", json={"obstacles": [BOX]}).status_code == 201
 
 

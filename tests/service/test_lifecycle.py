@@ -45,7 +45,7 @@ def test_a_worker_killed_in_a_plan_costs_that_plan_alone(served: Served) -> None
     for _ in range(4):
         answer(client.post("/v1/plan", json=BODY))
     assert time.monotonic() - start < 5.0
-    assert wait_until(lambda: len(supervisor.pids) == 2, 5.0)
+    assert wait_until(lambda: (supervisor.alive, supervisor.spare) == (2, 1), 5.0)
 
 
 def test_a_client_that_leaves_stops_its_plan(served: Served) -> None:

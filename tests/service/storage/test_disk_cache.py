@@ -8,9 +8,10 @@ from scipy.spatial.transform import Rotation
 
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Box
-from service.storage import disk_cache
+from service.storage import disk_cache, prepared_files
 from service.storage.cache_key import NotPrepared, Reference
-from service.storage.disk_cache import PreparedRobot, Recent
+from service.storage.disk_cache import PreparedRobot
+from service.storage.recent import Recent
 from tests.planning.scenes import builtin
 
 
@@ -25,7 +26,7 @@ def random_scene(count: int = 100) -> Scene:
 
 
 def stored(folder: Path, name: str = "random") -> Reference:
-    return Reference("scene", name, disk_cache.document_hash(name.encode()), str(folder))
+    return Reference("scene", name, prepared_files.document_hash(name.encode()), str(folder))
 
 
 def test_a_scene_comes_back_equal_in_every_bit(tmp_path: Path) -> None:
@@ -73,7 +74,7 @@ def test_forgetting_removes_the_file_and_may_be_repeated(tmp_path: Path) -> None
     disk_cache.write(stored(tmp_path), random_scene(1))
     disk_cache.write(stored(tmp_path, "other"), random_scene(1))
     for _ in range(2):
-        disk_cache.forget(stored(tmp_path))
+        prepared_files.forget(stored(tmp_path))
     assert len(list(tmp_path.iterdir())) == 1
     assert disk_cache.read_scene(stored(tmp_path, "other")).ids
 

@@ -7,8 +7,8 @@ import pytest
 
 from service.problem import ProblemError
 from service.storage.cache_key import builtin_reference
-from service.storage.disk_cache import document_hash
 from service.storage.document_store import Store, open_store
+from service.storage.prepared_files import document_hash
 from service.storage.robot_repository import RobotRepository, is_built_in
 
 

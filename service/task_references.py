@@ -1,0 +1,70 @@
+"""The tasks that the server asks workers to call, without the modules that they are in.
+
+Those import all that computes: half a gigabyte of libraries that the server has no use for. A type
+checker sees the tasks themselves; the server has their names. `service.tasks` has a test for each.
+"""
+
+from typing import TYPE_CHECKING
+
+from service.workers.task import GRACE, TaskReference
+
+if TYPE_CHECKING:
+    import service.tasks.batch
+    import service.tasks.check
+    import service.tasks.dynamics
+    import service.tasks.inverse_kinematics
+    import service.tasks.kinematics
+    import service.tasks.large_body
+    import service.tasks.plan
+    import service.tasks.potential
+    import service.tasks.retime
+    import service.tasks.robots
+    import service.tasks.simulate
+
+    split = service.tasks.batch.split
+    check = service.tasks.check.check
+    project = service.tasks.check.project
+    dynamics = service.tasks.dynamics.dynamics_task
+    regressor = service.tasks.dynamics.regressor_task
+    wrench = service.tasks.dynamics.wrench_task
+    ik = service.tasks.inverse_kinematics.ik
+    fk = service.tasks.kinematics.fk_task
+    jacobian = service.tasks.kinematics.jacobian_task
+    velocity = service.tasks.kinematics.velocity_task
+    outline = service.tasks.large_body.outline
+    plan = service.tasks.plan.plan
+    validate = service.tasks.plan.validate
+    potential = service.tasks.potential.potential
+    convert = service.tasks.retime.convert
+    retime = service.tasks.retime.retime
+    make_robot = service.tasks.robots.make_robot
+    make_scene = service.tasks.robots.make_scene
+    prepare_robot = service.tasks.robots.prepare_robot
+    prepare_scene = service.tasks.robots.prepare_scene
+    robot_model = service.tasks.robots.robot_model
+    unpack_robot = service.tasks.robots.unpack_robot
+    simulate = service.tasks.simulate.simulate
+else:
+    split = TaskReference("service.tasks.batch:split")
+    check = TaskReference("service.tasks.check:check")
+    project = TaskReference("service.tasks.check:project")
+    dynamics = TaskReference("service.tasks.dynamics:dynamics")
+    regressor = TaskReference("service.tasks.dynamics:regressor")
+    wrench = TaskReference("service.tasks.dynamics:wrench")
+    ik = TaskReference("service.tasks.inverse_kinematics:ik")
+    fk = TaskReference("service.tasks.kinematics:fk")
+    jacobian = TaskReference("service.tasks.kinematics:jacobian")
+    velocity = TaskReference("service.tasks.kinematics:velocity")
+    outline = TaskReference("service.tasks.large_body:outline")
+    plan = TaskReference("service.tasks.plan:plan", GRACE)
+    validate = TaskReference("service.tasks.plan:validate", GRACE)
+    potential = TaskReference("service.tasks.potential:potential")
+    convert = TaskReference("service.tasks.retime:convert")
+    retime = TaskReference("service.tasks.retime:retime")
+    make_robot = TaskReference("service.tasks.robots:make_robot")
+    make_scene = TaskReference("service.tasks.robots:make_scene")
+    prepare_robot = TaskReference("service.tasks.robots:prepare_robot")
+    prepare_scene = TaskReference("service.tasks.robots:prepare_scene")
+    robot_model = TaskReference("service.tasks.robots:robot_model")
+    unpack_robot = TaskReference("service.tasks.robots:unpack_robot")
+    simulate = TaskReference("service.tasks.simulate:simulate", GRACE)

@@ -1,0 +1,46 @@
+"""References of tasks, and the server that they keep small."""
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from service import task_references, tasks
+from service.workers.task import TaskReference, load_tasks, registered_task, task_names
+
+ROOT = Path(__file__).parents[2]
+REFERENCES: dict[str, Any] = {
+    name: value for name, value in vars(task_references).items() if isinstance(value, TaskReference)
+}
+LOOK = """
+import sys
+import service.app, service.server
+from service.app import create_app
+create_app().openapi()
+print(*sys.modules)
+"""
+
+
+@pytest.mark.parametrize("name", REFERENCES)
+def test_a_reference_makes_the_jobs_of_its_task(name: str) -> None:
+    load_tasks(tasks.__name__)
+    reference = REFERENCES[name]
+    assert reference.job(1, b=2) == registered_task(reference.name).job(1, b=2)
+    assert reference.name.endswith(f":{name}")
+
+
+def test_every_task_has_a_reference() -> None:
+    load_tasks(tasks.__name__)
+    referred = {reference.name for reference in REFERENCES.values()}
+    assert referred == task_names(tasks.__name__)
+
+
+def test_the_server_loads_nothing_that_computes() -> None:
+    ran = subprocess.run([sys.executable, "-c", LOOK], cwd=ROOT, capture_output=True, check=True)
+    loaded = {name.partition(".")[0] for name in ran.stdout.decode().split()}
+    heavy = {"casadi", "collada", "fcl", "llvmlite", "matplotlib", "numba", "numpy", "ompl"}
+    heavy |= {"ruckig", "scipy", "toppra", "trimesh", "yaml"}
+    assert not loaded & heavy
+    assert not loaded & {"dynamics", "obstacles", "tracking"}
