@@ -274,7 +274,7 @@ def test_a_brief_job_is_done_while_all_workers_have_work_and_no_other_job_is() -
             assert await asyncio.gather(*answers) == list(range(1, 21))
             assert not running.done()
             assert not queued.done(), "a spare worker takes nothing that may be long"
-            assert await asyncio.gather(running, queued) == [0.5, 0.0]
+            assert list(await asyncio.gather(running, queued)) == [0.5, 0.0]
 
     asyncio.run(run())
 
