@@ -26,7 +26,8 @@ def observations(chain: Chain, motors: bool, seed: int = 90) -> Array:
 
 
 CASES = [(planar_rr(), True), (cart_pendulum(), False), (random_chain(3, 4), True),
-         (random_chain(5, 3), False), (builtin_chain("scara"), True)]  # fmt: skip
+         (random_chain(5, 3), False), (builtin_chain("scara"), True),
+         (builtin_chain("panda"), False)]  # fmt: skip
 
 
 @pytest.mark.parametrize(("chain", "motors"), CASES)
