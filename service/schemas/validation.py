@@ -32,7 +32,10 @@ def validated(model: type[_Model], value: Any) -> _Model:
 def validation_problem(errors: Sequence[Mapping[str, Any]], body: Any) -> ProblemError:
     """The problem of the errors pydantic found in a request with this parsed body."""
     found = [
-        {"path": field_path(error["loc"], body), "problem": _message(error)}
+        {
+            "path": field_path(error["loc"], body, missing=error["type"] == "missing"),
+            "problem": _message(error),
+        }
         for error in errors[:_MAX_ERRORS]
     ]
     sentence = "; ".join(f"{item['path']}: {item['problem']}" for item in found[:_MAX_IN_SENTENCE])
@@ -47,21 +50,27 @@ def validation_problem(errors: Sequence[Mapping[str, Any]], body: Any) -> Proble
     )
 
 
-def field_path(location: Sequence[str | int], body: Any) -> str:
+def field_path(location: Sequence[str | int], body: Any, *, missing: bool = False) -> str:
     """A path such as ``obstacles[0].shape.size[1]`` of where pydantic found an error.
 
-    Pydantic puts the tags of unions among the steps; those name nothing in the body, so a step
-    that does not lead anywhere and is not the last one is left out.
+    Pydantic puts the tags of unions among the steps; those name nothing in the body and are left
+    out: a step that leads nowhere, and the type of an object where its fields are still to come.
+
+    Args:
+        location: Steps of pydantic, the source ("body", "query", ...) first.
+        body: The parsed body.
+        missing: Whether the last step is a field that the body lacks.
     """
     source, *steps = location or ("body",)
     if source != "body":
         return ".".join(str(step) for step in location)[:_MAX_PATH]
-    path, value = "", body
+    path, value, tagged = "", body, False
     for position, step in enumerate(steps):
-        inside = _contains(value, step)
-        if inside:
+        tagged = not tagged and isinstance(value, dict) and value.get("type") == step
+        is_field = not tagged and _contains(value, step)
+        if is_field:
             value = value[step]
-        elif position < len(steps) - 1 or not isinstance(value, dict):
+        elif tagged or not (missing and position == len(steps) - 1):
             continue
         path += f"[{step}]" if isinstance(step, int) else f".{step}" if path else str(step)
     return path[:_MAX_PATH] or "body"

@@ -217,8 +217,8 @@ def test_a_path_leaves_out_the_tags_of_unions() -> None:
     body = {"joints": [[0], ["x"]], "shape": {"type": "box", "size": [1]}}
     assert field_path(("body", "joints", "many", 1, 0), body) == "joints[1][0]"
     assert field_path(("body", "shape", "box", "size"), body) == "shape.size"
-    assert field_path(("body", "shape", "box", "other"), body) == "shape.other"
-    assert field_path(("body", "missing"), body) == "missing"
+    assert field_path(("body", "shape", "box", "other"), body, missing=True) == "shape.other"
+    assert field_path(("body", "missing"), body, missing=True) == "missing"
     assert field_path(("body",), body) == "body"
     assert field_path(("query", "limit"), None) == "query.limit"
     with pytest.raises(ProblemError) as error:

@@ -45,7 +45,7 @@ def test_a_body_in_order_is_the_model() -> None:
     ("location", "body", "path"),
     [
         (("body",), {}, "body"),
-        (("body", "a", 1, "b"), {"a": [{}, {}]}, "a[1].b"),
+        (("body", "a", 1, "b"), {"a": [{}, {"b": 0}]}, "a[1].b"),
         (("body", "scene", "inline", "name"), {"scene": {"name": 1}}, "scene.name"),
         (("query", "limit"), None, "query.limit"),
         ((), [], "body"),
@@ -55,6 +55,35 @@ def test_paths_name_fields_of_the_body_alone(
     location: tuple[str | int, ...], body: object, path: str
 ) -> None:
     assert field_path(location, body) == path
+
+
+JOINT = {"type": "joint", "joint": "j1", "position": 0.0}
+
+
+@pytest.mark.parametrize(
+    ("location", "path"),
+    [
+        (("body", "c", 0, "joint", "joint"), "c[0].joint"),
+        (("body", "c", 0, "joint", "position"), "c[0].position"),
+        (("body", "c", 0, "joint"), "c[0]"),
+        (("body", "c", 1, "position", "region", "sphere", "radius"), "c[1].region.radius"),
+        (("body", "c", 1, "position", "region", "sphere"), "c[1].region"),
+        (("body", "c", "list[constrained-float]"), "c"),
+    ],
+)
+def test_a_tag_that_is_also_the_name_of_a_field_is_a_tag_first(
+    location: tuple[str | int, ...], path: str
+) -> None:
+    region = {"type": "sphere", "radius": "x", "center": [0, 0, 0]}
+    body = {"c": [JOINT, {"type": "position", "region": region}]}
+    assert field_path(location, body) == path
+
+
+def test_a_missing_field_is_named_and_a_missing_tag_is_not() -> None:
+    body = {"a": {"b": 1}}
+    assert field_path(("body", "a", "c"), body, missing=True) == "a.c"
+    assert field_path(("body", "a", "c"), body) == "a"
+    assert field_path(("body", "x", "a", "b"), body, missing=True) == "a.b"
 
 
 def test_numbers_that_are_not_finite_are_named() -> None:

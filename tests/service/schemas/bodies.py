@@ -1,0 +1,283 @@
+"""Valid bodies of every endpoint, with every field of requests, and ways to change them."""
+
+import copy
+from collections.abc import Iterator
+from typing import Any
+
+from pydantic import BaseModel
+
+from service.problem import ProblemError
+from service.schemas.batch import BatchRequest
+from service.schemas.check import CheckRequest
+from service.schemas.dynamics import DynamicsRequest, RegressorRequest, WrenchRequest
+from service.schemas.kinematics import FkRequest, IkRequest, JacobianRequest, VelocityRequest
+from service.schemas.plan import PlanRequest, ValidateRequest
+from service.schemas.potential import PotentialRequest
+from service.schemas.retime import ConvertRequest, RetimeRequest
+from service.schemas.robot import RobotBody
+from service.schemas.scene import NamedScene, ProjectRequest
+from service.schemas.simulation import SimulateRequest
+from service.schemas.validation import validated
+
+#: Steps from a body to a value in it.
+Path = tuple[str | int, ...]
+
+POSE = {"position": [0.4, 0.0, 0.3]}
+IDENTITY = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+CORNERS = [[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]]
+SHAPES: list[dict[str, Any]] = [
+    {"type": "box", "size": [0.1, 0.2, 0.3]},
+    {"type": "sphere", "radius": 0.1},
+    {"type": "cylinder", "radius": 0.1, "height": 0.2},
+    {"type": "capsule", "radius": 0.1, "height": 0.2},
+    {"type": "cone", "radius": 0.1, "height": 0.2},
+    {"type": "halfspace", "normal": [0.0, 0.0, 1.0], "offset": -0.2},
+    {"type": "convex", "vertices": CORNERS},
+    {"type": "mesh", "vertices": CORNERS, "faces": [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]},
+    {"type": "mesh", "stl_base64": "AAAA"},
+    {"type": "point_cloud", "points": [[0.5, 0.0, 0.2]], "radius": 0.01},
+]
+ORIENTATIONS: list[dict[str, Any]] = [
+    {"quaternion_xyzw": [0.0, 0.0, 0.0, 1.0]},
+    {"rotation_matrix": IDENTITY},
+    {"euler_zyz": [0.1, 0.2, 0.3]},
+    {"rpy": [0.1, 0.2, 0.3]},
+    {"axis_angle": [0.0, 0.0, 1.0, 0.5]},
+]
+OBSTACLES = [
+    {"id": f"o{i}", "shape": shape, "margin": 0.01, "pose": POSE | ORIENTATIONS[i % 5]}
+    for i, shape in enumerate(SHAPES)
+]
+SCENE: dict[str, Any] = {
+    "name": "table",
+    "obstacles": OBSTACLES,
+    "allowed_collisions": [["hand", "o0"]],
+}
+ATTACHED: list[dict[str, Any]] = [
+    {
+        "id": "part", "shape": SHAPES[0], "pose": POSE, "link": "hand", "touch_links": ["finger"],
+        "mass": 0.5, "center_of_mass": [0.0, 0.0, 0.1], "inertia": IDENTITY,
+    },
+    {"id": "o1", "grasp_joints": [0.1, 0.2], "link": "hand"},
+]  # fmt: skip
+_LINK = {"link": "hand", "reference_link": "base", "weight": 1.0}
+REGIONS: list[dict[str, Any]] = [
+    {"type": "box", "pose": POSE, "size": [0.1, 0.0, 0.1]},
+    {"type": "sphere", "center": [0.4, 0.0, 0.3], "radius": 0.05},
+    {"type": "plane", "point": [0.4, 0.0, 0.3], "normal": [0.0, 0.0, 1.0], "tolerance": 0.002},
+    {"type": "line", "point": [0.4, 0.0, 0.3], "direction": [0.0, 1.0, 0.0], "tolerance": 0.002,
+     "length": 0.5},
+]  # fmt: skip
+CONSTRAINTS: list[dict[str, Any]] = [
+    {"type": "joint", "joint": "j1", "position": 0.1, "tolerance_above": 0.2,
+     "tolerance_below": 0.3, "weight": 2.0},
+    *({"type": "position", "point": [0.0, 0.0, 0.1], "region": r} | _LINK for r in REGIONS),
+    {"type": "orientation", "axis": [0.0, 0.0, 1.0], "direction": [0.0, 0.0, -1.0],
+     "cone_angle": 0.2} | _LINK,
+    {"type": "orientation", "quaternion_xyzw": [0.0, 0.0, 0.0, 1.0], "axis_tolerances": 0.1},
+    {"type": "look_at", "axis": [0.0, 0.0, 1.0], "target": [0.6, 0.0, 0.1], "angle": 0.05,
+     "point": [0.0, 0.0, 0.1]} | _LINK,
+    {"type": "clearance", "margin": 0.02},
+    {"type": "relative_pose", "pose": POSE, "position_tolerance": 0.01,
+     "orientation_tolerance": [0.1, 0.2, 0.3]} | _LINK,
+    {"type": "tool_speed", "limit": 0.25},
+    {"type": "torque", "limits": [10.0, 20.0]},
+]  # fmt: skip
+PAYLOAD = {"mass": 1.5, "center_of_mass": [0.0, 0.0, 0.1], "inertia": IDENTITY, "link": "hand"}
+MODEL: dict[str, Any] = {
+    "gravity": [0.0, 0.0, -9.81],
+    "payload": PAYLOAD,
+    "motor_inertia": [0.1, 0.2],
+    "viscous_friction": 0.3,
+}
+TIMING: dict[str, Any] = {
+    "method": "spline", "solver": "toppra", "velocity_scaling": 0.5, "acceleration_scaling": 0.4,
+    "jerk_scaling": 0.3, "times": [0.0, 1.0], "scale_times": True, "interpolation": "linear",
+    "blend_tolerance": 0.01, "torque_limits": True, "payload": PAYLOAD, "tool_speed": 0.5,
+    "sample_period": 0.01,
+}  # fmt: skip
+LIMITS = {name: [1.0, 2.0] for name in ("velocity", "acceleration", "jerk", "effort")}
+RATES = {"velocities": [0.1, 0.2], "accelerations": [0.3, 0.4]}
+MOTIONS: list[dict[str, Any]] = [
+    {"type": "lin", "pose": POSE},
+    {"type": "circ", "pose": POSE, "via": [0.4, 0.1, 0.3]},
+    {"type": "circ", "pose": POSE, "center": [0.4, 0.1, 0.3], "normal": [0.0, 0.0, 1.0]},
+]
+TOOL_MOTIONS = {
+    "motions": MOTIONS, "ends": [1.0, 2.0, 3.0], "max_deviation": 1e-3,
+    "max_orientation_deviation": 1e-2, "orientation": "free",
+}  # fmt: skip
+#: Most requests refer to these; one of each kind has them in full.
+SMALL_SCENE = {"obstacles": OBSTACLES[1:2]}
+ABOUT: dict[str, Any] = {"attached": ATTACHED[1:], "allowed_collisions": [["hand", "o0"]]}
+PLAN: dict[str, Any] = ABOUT | {
+    "robot": "panda", "scene": SMALL_SCENE, "start": {"joints": [0.0, 0.1]} | RATES,
+    "goal": {"joints": [0.5, 0.6]} | RATES, "planner": "rrt_connect",
+    "planner_options": {"range": 0.5}, "constraints": CONSTRAINTS[:1], "margin": 0.01,
+    "collisions": "ignore", "start_state_tolerance": 1e-5, "timing": TIMING, "limits": LIMITS,
+    "timeout": 5.0, "seed": 3,
+    "refine": {"objective": {"time": 1.0, "jerk": 1e-6}, "duration": 3.0, "degree": 5,
+               "control_points": 16, "rounds": 12, "solver": "ipopt"},
+}  # fmt: skip
+BRIEF: dict[str, Any] = {
+    "robot": "panda",
+    "start": {"joints": [0.0, 0.1]},
+    "goal": {"joints": [0.5, 0.6]},
+}
+POSE_GOAL = {"pose": POSE, "position_tolerance": 0.01, "orientation_tolerance": 0.02}
+SEGMENTS = {
+    "joint_names": ["j1", "j2"], "duration": 1.0,
+    "segments": [{"t0": 0.0, "t1": 1.0, "coefficients": [[0.0, 1.0], [0.5]]}],
+}  # fmt: skip
+SAMPLES = {
+    "samples": {"time": [0.0, 1.0], "position": [[0.0, 0.0], [1.0, 1.0]],
+                "velocity": [[0.0, 0.0], [0.0, 0.0]], "acceleration": [[0.0, 0.0], [0.0, 0.0]]},
+    "interpolation": "quintic",
+}  # fmt: skip
+DH_ROW: dict[str, Any] = {
+    "type": "revolute", "a": 0.5, "alpha": 0.0, "d": 0.0, "theta": 0.0, "lower": -3.0, "upper": 3.0,
+    "velocity": 2.0, "acceleration": 5.0, "jerk": 50.0, "effort": 10.0, "mass": 1.0,
+    "center_of_mass": [0.0, 0.0, 0.1], "inertia": IDENTITY, "motor_inertia": 0.1,
+    "viscous_friction": 0.2, "beta": 0.0, "geometry": [{"shape": SHAPES[0], "pose": POSE}],
+}  # fmt: skip
+JOINT_LIMITS = {"joint_1": {"velocity": 1.0, "acceleration": 2.0, "jerk": 3.0}}
+SIMULATE: dict[str, Any] = ABOUT | {
+    "robot": "panda", "trajectory": SEGMENTS, "scene": "table",
+    "model_error": {
+        "mass_scale": 1.2, "payload": PAYLOAD, "motor_inertia": 0.1, "viscous_friction": [0.1, 0.2],
+        "gravity": [0.0, 0.0, -9.0],
+        "inertias": {"hand": {"mass": 1.0, "center_of_mass": [0.0] * 3, "inertia": IDENTITY}},
+    },
+    "disturbance": {"torque": 1.0, "amplitude": [1.0, 2.0], "frequency": 2.0, "wrench": [1.0] * 6,
+                    "start": 0.1, "end": 0.5},
+    "initial_state": {"joints": [0.1, 0.2], "velocities": [0.1, 0.2], "offset": [0.01, 0.02],
+                      "velocity_offset": [0.01, 0.02]},
+    "noise": {"position": 1e-4, "velocity": 1e-3, "period": 0.001},
+    "control_period": 0.001, "duration": 2.0, "sample_period": 0.01, "saturate": False,
+    "settling_tolerance": 1e-3, "relative_tolerance": 1e-8, "absolute_tolerance": 1e-10,
+    "timeout": 5.0, "seed": 3,
+}  # fmt: skip
+_GAINS = {"natural_frequency": 10.0, "damping": 1.0}
+_MOTOR = {
+    "inertia": 1e-4, "friction": 1e-5, "torque_constant": 0.1, "back_emf": 0.1, "resistance": 1.0,
+    "gear_ratio": 100.0,
+}  # fmt: skip
+CONTROLLERS: list[dict[str, Any]] = [
+    {"type": "independent_joint", "Kp": 1.0, "Kd": [1.0, 2.0], "inertia": 0.1,
+     "motors": [_MOTOR]} | _GAINS,
+    {"type": "computed_torque", "Kp": 1.0, "Kd": 2.0} | _GAINS,
+    {"type": "pd_gravity", "Kp": [[1.0, 0.0], [0.0, 1.0]], "Kd": 2.0} | _GAINS,
+    {"type": "passivity", "Lambda": 1.0, "K": 2.0} | _GAINS,
+    {"type": "adaptive", "Lambda": 1.0, "K": 2.0, "Gamma": 0.5, "estimate": [0.1, 0.2],
+     "motors": True} | _GAINS,
+]  # fmt: skip
+IK: dict[str, Any] = ABOUT | {
+    "attached": ATTACHED,
+    "pose": POSE, "link": "hand", "seed_joints": [0.0, 0.1], "method": "gradient",
+    "all_solutions": True, "all_turns": True, "max_solutions": 8, "choice": "limits",
+    "parameters": [0.1], "axes": ["x", "rz"], "scene": "table", "constraints": CONSTRAINTS,
+    "posture": [0.1, 0.2], "timeout": 5.0, "seed": 3,
+    "gradient": {"rule": "transpose", "coordinates": "zyz", "gain": 0.5, "steps": 100,
+                 "trace": True},
+}  # fmt: skip
+
+FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
+    (NamedScene, SCENE),
+    (NamedScene, {"name": "table", "moveit": "name: x"}),
+    (ProjectRequest, {"points": [[0.5, 0.0, 0.4]], "engine": "fcl"}),
+    (CheckRequest, ABOUT | {"robot": "panda", "scene": SMALL_SCENE,
+                            "joints": [[0.0, 0.1], [0.2, 0.3]], "margin": 0.01, "timeout": 5.0}),
+    (FkRequest, {"joints": [0.0, 0.1], "link": "hand", "orientation": "rpy"}),
+    (JacobianRequest, {"joints": [0.0, 0.1], "link": "hand", "point": [0.0, 0.0, 0.1],
+                       "kind": "analytic_zyz"}),
+    (IkRequest, IK),
+    (IkRequest, {"poses": [POSE | orientation for orientation in ORIENTATIONS]}),
+    (VelocityRequest, {"joints": [0.0, 0.1], "joint_velocities": [0.1, 0.2]}),
+    (VelocityRequest, {"joints": [0.0, 0.1], "twist": [0.1] * 6, "nullspace": [0.1, 0.2],
+                       "link": "hand", "point": [0.0, 0.0, 0.1], "damped_below": 0.01}),
+    (WrenchRequest, {"joints": [0.0, 0.1], "wrench": [1.0] * 6, "link": "hand",
+                     "point": [0.0, 0.0, 0.1]}),
+    (DynamicsRequest, MODEL | RATES | {"joints": [0.0, 0.1], "wrench": [1.0] * 6}),
+    (RegressorRequest, MODEL | RATES | {"joints": [0.0, 0.1], "motors": True, "known_zeros": True,
+                                        "reference_velocities": [0.1, 0.2]}),
+    (PotentialRequest, {"joints": [0.0, 0.1], "goal_joints": [0.5, 0.6], "scene": SMALL_SCENE,
+                        "engine": "fcl", "timeout": 5.0,
+                        "options": {"attractive_weights": [1.0, 2.0], "attractive_cap": 0.2,
+                                    "repulsive_weights": 1e-4, "influence_distance": 0.1,
+                                    "least_distance": 1e-3}}),
+    (PlanRequest, PLAN),
+    (PlanRequest, BRIEF | {"goal": {"any_of": [POSE_GOAL, {"joints": [0.5, 0.6]}]}}),
+    (PlanRequest, BRIEF | {"goal": POSE_GOAL, "planner": "cartesian",
+                          "planner_options": {"motions": MOTIONS, "allow_partial": True}}),
+    (BatchRequest, PLAN | {"problems": [BRIEF, {"goal": POSE_GOAL}]}),
+    (ValidateRequest, ABOUT | {
+        "robot": "panda", "scene": SMALL_SCENE, "trajectory": SAMPLES, "limits": LIMITS,
+        "constraints": CONSTRAINTS[:1], "margin": 0.01, "collisions": "ignore",
+        "tool_motions": TOOL_MOTIONS, "torque_limits": True, "payload": PAYLOAD, "tool_speed": 0.5,
+        "timeout": 5.0}),
+    (RetimeRequest, {
+        "path": {"joints": [[0.0, 0.1], [0.2, 0.3]], "knots": [0.0, 1.0],
+                 "joint_names": ["a", "b"]},
+        "robot": "panda", "limits": LIMITS, "timeout": 5.0,
+        "timing": TIMING | {"start_velocity": [0.1, 0.2], "end_velocity": [0.1, 0.2]}}),
+    (ConvertRequest, {"trajectory": SEGMENTS, "sample_period": 0.01, "format": "csv",
+                      "frame_id": "base"}),
+    (SimulateRequest, SIMULATE | {"controller": CONTROLLERS[0]}),
+    *((SimulateRequest, {"robot": "panda", "trajectory": SEGMENTS, "controller": controller})
+      for controller in CONTROLLERS[1:]),
+    (RobotBody, {"name": "arm", "joint_limits": JOINT_LIMITS, "base_link": "base",
+                 "tip_link": "tip",
+                 "dh": {"convention": "standard", "rows": [DH_ROW], "base": POSE, "tool": POSE,
+                        "gravity": [0.0, 0.0, -9.81], "geometry": {"capsules": 0.05}}}),
+    (RobotBody, {"name": "arm", "urdf": "<robot/>", "srdf": "<robot/>", "meshes": {"a.stl": "AAAA"},
+                 "joint_limits": JOINT_LIMITS}),
+]  # fmt: skip
+NAMES = [f"{model.__name__}-{i}" for i, (model, _) in enumerate(FULL)]
+
+
+def written(path: Path) -> str:
+    """A path as problem documents write it."""
+    text = ""
+    for step in path:
+        text += f"[{step}]" if isinstance(step, int) else f".{step}" if text else step
+    return text
+
+
+def changed(body: Any, path: Path, value: Any) -> Any:
+    """A copy of a body in which one value is another."""
+    twin = copy.deepcopy(body)
+    place = twin
+    for step in path[:-1]:
+        place = place[step]
+    place[path[-1]] = value
+    return twin
+
+
+def without(body: Any, path: Path) -> Any:
+    """A copy of a body in which one field is missing."""
+    twin = copy.deepcopy(body)
+    place = twin
+    for step in path[:-1]:
+        place = place[step]
+    del place[path[-1]]
+    return twin
+
+
+def values(body: Any, path: Path = ()) -> Iterator[tuple[Path, Any]]:
+    """Every value below the body itself, objects and lists included, with the path to it."""
+    if path:
+        yield path, body
+    if isinstance(body, dict | list):
+        for step, item in body.items() if isinstance(body, dict) else enumerate(body):
+            yield from values(item, (*path, step))
+
+
+def refusals(model: type[BaseModel], body: Any) -> dict[str, str]:
+    """What is wrong with a body, by the paths of its faults; empty where nothing is."""
+    try:
+        validated(model, body)
+    except ProblemError as problem:
+        if (problem.code, problem.stage) != ("VALIDATION_ERROR", "request"):
+            raise
+        return {item["path"]: item["problem"] for item in problem.details["errors"]}
+    return {}

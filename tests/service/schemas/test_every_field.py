@@ -1,0 +1,138 @@
+"""Every field of every request, broken in turn: the problem document says where."""
+
+import inspect
+import math
+import pkgutil
+from importlib import import_module
+from typing import Any
+
+import pytest
+from pydantic import BaseModel
+
+import service.schemas
+from service.schemas.base import Body
+from service.schemas.validation import validated
+from tests.service.schemas.bodies import FULL, NAMES, changed, refusals, values, written
+
+bodies = pytest.mark.parametrize(("model", "body"), FULL, ids=NAMES)
+
+#: Fields whose content only the domain knows: they take any JSON.
+FREE = ("planner_options",)
+#: Objects by names of the caller's own: any name is a valid one.
+NAMED = ("meshes", "joint_limits", "inertias")
+
+
+def is_free(path: tuple[str | int, ...]) -> bool:
+    return any(step in FREE for step in path[:-1])
+
+
+def models_in(value: Any) -> list[BaseModel]:
+    if isinstance(value, BaseModel):
+        inner = [getattr(value, name) for name in type(value).model_fields]
+        return [value, *(model for item in inner for model in models_in(item))]
+    if isinstance(value, dict):
+        return [model for item in value.values() for model in models_in(item)]
+    return [model for item in value for model in models_in(item)] if isinstance(value, list) else []
+
+
+@bodies
+def test_a_body_with_every_field_is_taken(model: type[BaseModel], body: Any) -> None:
+    assert refusals(model, body) == {}
+
+
+def test_the_bodies_hold_every_field_that_a_request_may_have() -> None:
+    given: dict[type, set[str]] = {}
+    for model, body in FULL:
+        for part in models_in(validated(model, body)):
+            for kind in type(part).__mro__:
+                given.setdefault(kind, set()).update(part.model_fields_set)
+    missing = {
+        f"{kind.__name__}.{name}"
+        for info in pkgutil.iter_modules(service.schemas.__path__)
+        for _, kind in inspect.getmembers(import_module(f"service.schemas.{info.name}"))
+        if inspect.isclass(kind) and issubclass(kind, Body) and not kind.__name__.startswith("_")
+        for name in kind.model_fields
+        if name not in given.get(kind, set())
+    }
+    # What the planner "cartesian" alone reads is checked when the request is, and read again later.
+    assert {name for name in missing if not name.startswith("CartesianOptions.")} == set()
+
+
+@bodies
+def test_an_unknown_field_is_named_wherever_it_stands(model: type[BaseModel], body: Any) -> None:
+    objects = [path for path, value in values(body) if isinstance(value, dict)]
+    for path in [(), *objects]:
+        if is_free((*path, "surprise")) or (path and path[-1] in (*NAMED, "objective")):
+            continue
+        where = (*path, "surprise")
+        assert refusals(model, changed(body, where, 1)).get(written(where)) == "unknown field", (
+            where
+        )
+
+
+@bodies
+def test_what_is_not_a_number_is_refused_where_it_stands(model: type[BaseModel], body: Any) -> None:
+    for path, value in values(body):
+        if isinstance(value, bool | str | dict | list) or is_free(path):
+            continue
+        for wrong in (math.nan, -math.inf, 1e300, True, "1", None):
+            if wrong is None and isinstance(path[-1], str):
+                continue  # a field may be left out, an element of a vector may not
+            paths = refusals(model, changed(body, path, wrong))
+            assert written(path) in paths, (path, wrong, paths)
+
+
+@bodies
+def test_numbers_in_options_of_a_planner_are_finite(model: type[BaseModel], body: Any) -> None:
+    for path, value in values(body):
+        if is_free(path) and isinstance(value, float):
+            paths = refusals(model, changed(body, path, math.nan))
+            options = written(path[: path.index("planner_options") + 1])
+            assert any(name.startswith(options) for name in paths), (path, paths)
+
+
+@bodies
+def test_a_vector_that_is_a_text_is_refused_where_it_stands(
+    model: type[BaseModel], body: Any
+) -> None:
+    for path, value in values(body):
+        if isinstance(value, list) and not is_free(path):
+            for wrong in ("text", {"0": 1.0}):
+                paths = refusals(model, changed(body, path, wrong))
+                assert written(path) in paths, (path, paths)
+
+
+@bodies
+def test_a_text_that_is_a_number_is_refused_where_it_stands(
+    model: type[BaseModel], body: Any
+) -> None:
+    for path, value in values(body):
+        if not isinstance(value, str) or is_free(path):
+            continue
+        # A tag decides what its object is, so that the object is at fault.
+        places = {written(path), *([written(path[:-1])] if path[-1] == "type" else [])}
+        for wrong in (7, ["text"], False):
+            assert places & refusals(model, changed(body, path, wrong)).keys(), (path, wrong)
+
+
+@bodies
+def test_a_switch_that_is_a_number_is_refused(model: type[BaseModel], body: Any) -> None:
+    for path, value in values(body):
+        if isinstance(value, bool) and not is_free(path):
+            for wrong in (1, 0, "true"):
+                assert written(path) in refusals(model, changed(body, path, wrong)), path
+
+
+@bodies
+def test_a_body_that_is_no_object_is_refused(model: type[BaseModel], body: Any) -> None:
+    for wrong in (None, [], [body], "text", 1.0):
+        assert list(refusals(model, wrong)) == ["body"]
+
+
+@bodies
+def test_what_was_sent_is_not_told_again(model: type[BaseModel], body: Any) -> None:
+    secret = "s3cret-value"
+    for path, value in values(body):
+        if isinstance(value, float) and not is_free(path):
+            problems = refusals(model, changed(body, path, secret))
+            assert secret not in str(problems), path
