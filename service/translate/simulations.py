@@ -1,7 +1,7 @@
 """Controllers, model errors and closed loops from wire to domain and back."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -25,11 +25,18 @@ from tracking.independent_joint import IndependentJoint, effective_inertia
 from tracking.options import SimulationOptions
 from tracking.passivity import Passivity
 from tracking.pd_gravity import PdGravity
-from tracking.result import SimulationResult
+from tracking.result import SimulationOutcome, SimulationResult
 
-#: Evaluations of the dynamics that a run may take: ten times what a stiff arm does in a second, and
-#: so many at least.
-_EVALUATIONS, _LEAST_EVALUATIONS = 100_000, 1_000_000
+#: Evaluations of the dynamics that a second of motion may take: ten times what a stiff arm needs.
+_EVALUATIONS_PER_SECOND = 100_000
+#: Evaluations of the dynamics that any run may take, however short it is.
+_LEAST_EVALUATIONS = 1_000_000
+#: Outcomes as answers name them.
+_OUTCOMES: Mapping[SimulationOutcome, str] = {
+    SimulationOutcome.COMPLETED: "completed",
+    SimulationOutcome.DIVERGED: "ran_away",
+    SimulationOutcome.EXHAUSTED: "exhausted",
+}
 
 
 def robot_and_model(chain: Chain, body: schema.SimulateRequest) -> tuple[Chain, Chain]:
@@ -207,7 +214,7 @@ def options(body: schema.SimulateRequest, trajectory: Trajectory) -> SimulationO
         absolute_tolerance=body.absolute_tolerance,
         saturate=body.saturate,
         settling_tolerance=body.settling_tolerance,
-        max_evaluations=max(_LEAST_EVALUATIONS, round(_EVALUATIONS * duration)),
+        max_evaluations=max(_LEAST_EVALUATIONS, round(_EVALUATIONS_PER_SECOND * duration)),
     )
 
 
@@ -221,7 +228,7 @@ def simulation_answer(
     adaptive = used if isinstance(used, Adaptive) else None
     settling = result.settling_time
     return {
-        "outcome": result.outcome.name.lower(),
+        "outcome": _OUTCOMES[result.outcome],
         "advice": result.outcome.value,
         "time": (result.times + begins).tolist(),
         "position": result.position.tolist(),

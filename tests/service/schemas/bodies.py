@@ -129,7 +129,7 @@ SEGMENTS = {
     "joint_names": ["j1", "j2"], "duration": 1.0,
     "segments": [{"t0": 0.0, "t1": 1.0, "coefficients": [[0.0, 1.0], [0.5]]}],
 }  # fmt: skip
-SAMPLES = {
+SAMPLES: dict[str, Any] = {
     "samples": {"time": [0.0, 1.0], "position": [[0.0, 0.0], [1.0, 1.0]],
                 "velocity": [[0.0, 0.0], [0.0, 0.0]], "acceleration": [[0.0, 0.0], [0.0, 0.0]]},
     "interpolation": "quintic",
@@ -243,20 +243,20 @@ def written(path: Path) -> str:
     return text
 
 
-def changed(body: Any, path: Path, value: Any) -> Any:
+def changed(body: Any, path: Path, value: Any) -> dict[str, Any]:
     """A copy of a body in which one value is another."""
-    twin = copy.deepcopy(body)
-    place = twin
+    twin: dict[str, Any] = copy.deepcopy(body)
+    place: Any = twin
     for step in path[:-1]:
         place = place[step]
     place[path[-1]] = value
     return twin
 
 
-def without(body: Any, path: Path) -> Any:
+def without(body: Any, path: Path) -> dict[str, Any]:
     """A copy of a body in which one field is missing."""
-    twin = copy.deepcopy(body)
-    place = twin
+    twin: dict[str, Any] = copy.deepcopy(body)
+    place: Any = twin
     for step in path[:-1]:
         place = place[step]
     del place[path[-1]]

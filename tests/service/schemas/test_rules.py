@@ -160,8 +160,11 @@ def test_inverse_kinematics_needs_a_pose_or_constraints() -> None:
     accept(IkRequest, {"poses": [POSE]})
     accept(IkRequest, {"constraints": CONSTRAINTS})
     accept(IkRequest, {"constraints": CONSTRAINTS, "pose": POSE})
-    for body in ({}, {"constraints": []}, {"pose": POSE, "poses": [POSE]},
-                 {"constraints": CONSTRAINTS, "pose": POSE, "poses": [POSE]}):  # fmt: skip
+    wrong: list[dict[str, Any]] = [
+        {}, {"constraints": []}, {"pose": POSE, "poses": [POSE]},
+        {"constraints": CONSTRAINTS, "pose": POSE, "poses": [POSE]},
+    ]  # fmt: skip
+    for body in wrong:
         reject(IkRequest, body, "exactly one of pose, poses")
 
 
@@ -186,7 +189,8 @@ def test_a_segment_takes_time() -> None:
 @pytest.mark.parametrize("name", ["position", "velocity", "acceleration"])
 @pytest.mark.parametrize("count", [1, 3])
 def test_samples_have_a_row_for_each_time(name: str, count: int) -> None:
-    rows = SAMPLES["samples"] | {name: [[0.0, 0.0]] * count}
+    samples: dict[str, Any] = SAMPLES["samples"]
+    rows = samples | {name: [[0.0, 0.0]] * count}
     body = SAMPLES | {"samples": rows}
     reject(TrajectoryBody, body, f"{name} has {count} rows for 2 times")
 
