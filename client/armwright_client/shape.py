@@ -47,7 +47,7 @@ class Cone(_Round):
 
 
 class Halfspace(Request):
-    """All points p with normal · p ≤ offset, for the normal scaled to length 1."""
+    """All points p with normal · p ≤ offset; both are divided by the length of the normal."""
 
     type: Literal["halfspace"] = "halfspace"
     normal: Vector3

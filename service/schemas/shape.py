@@ -62,7 +62,7 @@ class Cone(Body):
 
 
 class Halfspace(Body):
-    """All points p with normal · p ≤ offset, for the normal scaled to length 1."""
+    """All points p with normal · p ≤ offset; both are divided by the length of the normal."""
 
     type: Literal["halfspace"]
     normal: Vector3 = Field(examples=[[0.0, 0.0, 1.0]])

@@ -1,0 +1,137 @@
+"""Certificates as answers: every field, in the clock of the request, as the schema says."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from planning.proof.certificate import Certificate, Proved
+from planning.proof.constraints import ConstraintReport
+from planning.proof.limits import LimitReport
+from planning.proof.tool_deviation import PathDeviation
+from planning.proof.violation import Violation
+from service.schemas.certificate import CertificateAnswer
+from service.translate.certificates import certificate_answer
+
+VALID = Certificate(
+    verified=True,
+    min_clearance=0.1,
+    clearance_pair=("hand", "table"),
+    min_obstacle_clearance=0.1,
+    min_self_clearance=0.2,
+    method="by hand",
+    limits={"velocity": LimitReport(0.5, "elbow", 1.5)},
+    continuity={"position": 1e-12, "velocity": 0.0},
+    cells=17,
+    proved=Proved(True, True),
+)
+REPORTS = (
+    ConstraintReport(0, "upright", -0.1, "rad", 0.5, hard=True),
+    ConstraintReport(1, "near", 0.3, "m", 0.25, hard=False),
+)
+
+
+def answer(begins: float = 0.0, **changes: Any) -> dict[str, Any]:
+    return certificate_answer(replace(VALID, **changes), begins)
+
+
+def test_a_valid_motion_is_answered_with_all_that_was_proved() -> None:
+    assert answer() == {
+        "verified": True,
+        "proved": {"limits": True, "collisions": True, "reasons": []},
+        "min_clearance": 0.1,
+        "clearance_pair": ("hand", "table"),
+        "min_obstacle_clearance": 0.1,
+        "min_self_clearance": 0.2,
+        "method": "by hand",
+        "limits": {"velocity": {"worst_ratio": 0.5, "joint": "elbow", "time": 1.5}},
+        "continuity": {"position": 1e-12, "velocity": 0.0},
+        "cells": 17,
+        "violation": None,
+        "path_constraint_residual": None,
+        "path_constraints": [],
+    }
+
+
+def test_what_is_not_proved_says_why() -> None:
+    proved = Proved(True, False, ("the robot has no collision geometry",))
+    assert answer(verified=False, proved=proved)["proved"] == {
+        "limits": True,
+        "collisions": False,
+        "reasons": ["the robot has no collision geometry"],
+    }
+
+
+@pytest.mark.parametrize("name", ["min_clearance", "min_obstacle_clearance", "min_self_clearance"])
+def test_an_infinite_clearance_is_null(name: str) -> None:
+    assert answer(**{name: math.inf})[name] is None
+    assert answer(**{name: -0.01})[name] == -0.01
+
+
+def test_a_ratio_to_a_limit_of_nothing_is_null() -> None:
+    beyond = {"velocity": LimitReport(math.inf, "elbow", 0.0)}
+    assert answer(limits=beyond)["limits"]["velocity"]["worst_ratio"] is None
+
+
+def test_constraints_are_answered_in_order_and_only_hard_ones_count() -> None:
+    given = answer(path_constraints=REPORTS)
+    assert [item["name"] for item in given["path_constraints"]] == ["upright", "near"]
+    assert given["path_constraints"][1] == {
+        "constraint": 1, "name": "near", "residual": 0.3, "unit": "m", "hard": False, "time": 0.25,
+    }  # fmt: skip
+    assert given["path_constraint_residual"] == 0.0
+    broken = (replace(REPORTS[0], residual=0.02), REPORTS[1])
+    assert answer(path_constraints=broken)["path_constraint_residual"] == 0.02
+    assert answer(path_constraints=REPORTS[1:])["path_constraint_residual"] is None
+
+
+def test_every_time_is_told_in_the_clock_of_the_request() -> None:
+    violation = Violation("collision", 0.75, "hand penetrates table", {"pair": ["hand", "table"]})
+    deviation = PathDeviation(1e-5, None, True, 0.5, 1e-4, None)
+    changes: dict[str, Any] = {
+        "violation": violation, "path_deviation": deviation, "path_constraints": REPORTS,
+    }  # fmt: skip
+    early, late = answer(**changes), answer(begins=100.0, **changes)
+
+    def times(given: dict[str, Any]) -> list[float]:
+        return [
+            given["limits"]["velocity"]["time"],
+            given["path_deviation"]["time"],
+            given["violation"]["time"],
+            *(item["time"] for item in given["path_constraints"]),
+        ]
+
+    assert times(early) == [1.5, 0.5, 0.75, 0.5, 0.25]
+    assert times(late) == [101.5, 100.5, 100.75, 100.5, 100.25]
+
+
+def test_a_violation_carries_plain_values() -> None:
+    details = {"pair": ["hand", "table"], "depth": np.float64(0.012), "cell": np.int64(3)}
+    violation = Violation("collision", 0.75, "hand penetrates table", details)
+    given = answer(verified=False, violation=violation)["violation"]
+    assert given == {
+        "kind": "collision", "time": 0.75, "message": "hand penetrates table",
+        "pair": ["hand", "table"], "depth": 0.012, "cell": 3,
+    }  # fmt: skip
+    assert (type(given["depth"]), type(given["cell"])) == (float, int)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"clearance_pair": None, "min_clearance": math.inf, "limits": {}},
+        {"path_constraints": REPORTS, "violation": Violation("start", 0.0, "m", {"a": 1})},
+        {"path_deviation": PathDeviation(1e-5, 1e-4, True, 0.5, 1e-4, 1e-3)},
+        {"path_deviation": PathDeviation(1e-5, None, False, 0.5, 1e-4, None)},
+        {"limits": {name: LimitReport(0.5, "j", 0.0) for name in
+                    ("position", "velocity", "acceleration", "jerk", "torque", "tool_speed")}},
+    ],
+)  # fmt: skip
+def test_an_answer_is_as_its_schema_says(changes: dict[str, Any]) -> None:
+    given = answer(**changes)
+    if given["clearance_pair"] is not None:
+        given["clearance_pair"] = list(given["clearance_pair"])  # as JSON has it
+    CertificateAnswer.model_validate(given)

@@ -1,0 +1,162 @@
+"""Poses, shapes and scenes from the wire, against scipy and against what was sent."""
+
+import base64
+import io
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given
+from pydantic import TypeAdapter
+from scipy.spatial.transform import Rotation
+
+from kinematics.errors import InvalidScene
+from obstacles import shapes
+from service.schemas.pose import Pose
+from service.schemas.scene import Scene
+from service.schemas.shape import Shape
+from service.translate.poses import pose_answer, scene, shape, transform
+from tests.properties import transforms
+
+SHAPE: TypeAdapter[Any] = TypeAdapter(Shape)
+AT = {"position": [1.0, 2.0, 3.0]}
+CUBE = trimesh.creation.box((0.2, 0.3, 0.4))
+
+
+def made(**fields: Any) -> Any:
+    return shape(SHAPE.validate_python(fields))
+
+
+@given(T=transforms)
+def test_every_form_of_an_orientation_is_the_rotation_it_names(T: Any) -> None:
+    rotation = Rotation.from_matrix(T[:3, :3])
+    vector = rotation.as_rotvec()
+    turn = float(np.linalg.norm(vector))
+    axis = vector / turn if turn > 1e-9 else np.array([0.0, 0.0, 1.0])
+    # Near a gimbal lock any pair of angles with the right sum will do.
+    zyz = rotation.as_euler("ZYZ", suppress_warnings=True).tolist()
+    rpy = rotation.as_euler("xyz", suppress_warnings=True).tolist()
+    for orientation in (
+        {"quaternion_xyzw": rotation.as_quat().tolist()},
+        {"rotation_matrix": T[:3, :3].tolist()},
+        {"euler_zyz": zyz},
+        {"rpy": rpy},
+        {"axis_angle": [*(2.0 * axis).tolist(), turn]},
+    ):
+        body = Pose.model_validate({"position": T[:3, 3].tolist()} | orientation)
+        np.testing.assert_allclose(transform(body), T, atol=1e-7)
+
+
+@given(T=transforms)
+def test_a_pose_that_was_answered_can_be_asked_again(T: Any) -> None:
+    answer = pose_answer(T)
+    again = transform(Pose.model_validate(answer.model_dump()))
+    np.testing.assert_allclose(again, T, atol=1e-9)
+    assert abs(np.linalg.norm(answer.quaternion_xyzw) - 1.0) < 1e-9
+
+
+def test_a_position_alone_does_not_turn() -> None:
+    np.testing.assert_array_equal(transform(Pose.model_validate(AT))[:3, :3], np.eye(3))
+
+
+def test_shapes_keep_their_measures() -> None:
+    box = made(type="box", size=[0.1, 0.2, 0.3])
+    assert isinstance(box, shapes.Box)
+    np.testing.assert_array_equal(box.size, [0.1, 0.2, 0.3])
+    sphere = made(type="sphere", radius=0.1)
+    assert isinstance(sphere, shapes.Sphere)
+    assert sphere.radius == 0.1
+    for name, kind in (
+        ("cylinder", shapes.Cylinder), ("capsule", shapes.Capsule), ("cone", shapes.Cone),
+    ):  # fmt: skip
+        round_one = made(type=name, radius=0.1, height=0.4)
+        assert type(round_one) is kind
+        assert (round_one.radius, round_one.height) == (0.1, 0.4)
+
+
+def test_a_halfspace_and_its_normal_are_scaled_together() -> None:
+    for scale in (1.0, 2.0, 1e-3):
+        half = made(type="halfspace", normal=[0.0, 0.0, scale], offset=0.5 * scale)
+        assert isinstance(half, shapes.HalfSpace)
+        np.testing.assert_allclose(half.normal, [0.0, 0.0, 1.0])
+        assert half.offset == pytest.approx(0.5)
+
+
+def test_points_and_vertices_arrive_in_order() -> None:
+    points = [[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]]
+    cloud = made(type="point_cloud", points=points, radius=0.02)
+    assert isinstance(cloud, shapes.PointCloud)
+    np.testing.assert_array_equal(cloud.points, points)
+    assert cloud.radius == 0.02
+    convex = made(type="convex", vertices=points)
+    assert isinstance(convex, shapes.Convex)
+    np.testing.assert_array_equal(convex.vertices, points)
+
+
+@pytest.mark.parametrize("ascii_file", [False, True])
+def test_a_mesh_file_is_the_mesh_it_describes(ascii_file: bool) -> None:
+    file = io.BytesIO()
+    CUBE.export(file, file_type="stl_ascii" if ascii_file else "stl")
+    mesh = made(type="mesh", stl_base64=base64.b64encode(file.getvalue()).decode())
+    assert isinstance(mesh, shapes.Mesh)
+    again = trimesh.Trimesh(mesh.vertices, mesh.faces)
+    np.testing.assert_allclose(again.volume, CUBE.volume, rtol=1e-6)
+    np.testing.assert_allclose(again.bounds, CUBE.bounds, atol=1e-7)
+    given_faces = made(type="mesh", vertices=CUBE.vertices.tolist(), faces=CUBE.faces.tolist())
+    assert isinstance(given_faces, shapes.Mesh)
+    np.testing.assert_array_equal(given_faces.faces, CUBE.faces)
+
+
+def test_a_mesh_file_that_is_none_is_refused() -> None:
+    with pytest.raises(InvalidScene):
+        made(type="mesh", stl_base64=base64.b64encode(b"solid nothing").decode())
+
+
+# ----------------------------------------------------------------------------------- scenes
+
+
+def obstacle(**changes: Any) -> dict[str, Any]:
+    return {"id": "ball", "shape": {"type": "sphere", "radius": 0.1}, "pose": AT} | changes
+
+
+def test_a_scene_keeps_order_poses_margins_and_allowed_pairs() -> None:
+    body = Scene.model_validate(
+        {
+            "obstacles": [obstacle(), obstacle(id="other", margin=0.05)],
+            "allowed_collisions": [["ball", "hand"]],
+        }
+    )
+    domain = scene(body)
+    assert [item.id for item in domain.obstacles] == ["ball", "other"]
+    assert [item.margin for item in domain.obstacles] == [0.0, 0.05]
+    np.testing.assert_array_equal(domain.obstacle("ball").T_world_obstacle[:3, 3], [1.0, 2.0, 3.0])
+    assert domain.allowed_collisions == {("ball", "hand")}
+
+
+def test_an_empty_scene_is_a_scene() -> None:
+    domain = scene(Scene.model_validate({"obstacles": []}))
+    assert domain.obstacles == ()
+    assert domain.allowed_collisions == frozenset()
+
+
+def test_pairs_of_the_request_are_added_to_those_of_moveit() -> None:
+    text = (
+        "name: table\n"
+        "world:\n"
+        "  collision_objects:\n"
+        "    - id: box\n"
+        "      primitives: [{type: box, dimensions: [0.1, 0.2, 0.3]}]\n"
+        "      primitive_poses: [{position: [1, 2, 3], orientation: [0, 0, 0, 1]}]\n"
+    )
+    body = Scene.model_validate({"moveit": text, "allowed_collisions": [["box", "hand"]]})
+    domain = scene(body)
+    assert [item.id for item in domain.obstacles] == ["box"]
+    assert ("box", "hand") in domain.allowed_collisions
+
+
+def test_an_obstacle_at_fault_is_told_by_its_name() -> None:
+    empty = {"type": "mesh", "stl_base64": base64.b64encode(b"solid nothing").decode()}
+    with pytest.raises(InvalidScene, match="obstacle 'empty'") as caught:
+        scene(Scene.model_validate({"obstacles": [obstacle(), obstacle(id="empty", shape=empty)]}))
+    assert str(caught.value).count("'empty'") == 1
