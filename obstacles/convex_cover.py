@@ -17,7 +17,7 @@ from obstacles.mesh import Faces
 from obstacles.plane_cut import cheapest_cut, cut_triangles, growing_volumes, hull_volume
 from obstacles.winding import winding_numbers
 
-#: Corners that a piece may have that only covers the mesh.
+#: A hull of more corners than this is thinned, and gets no more corners once it has as many.
 _COVER_CORNERS = 128
 #: Part of the diagonal that thinning may cost before more corners are spent.
 _THINNING = 1e-3

@@ -36,8 +36,8 @@ def test_the_ball_holds_every_point_and_touches_the_outermost() -> None:
 
 @pytest.mark.parametrize(
     ("height", "radius"),
-    [(0.1, 1.0), (1.0, 1.0), (1.0, 0.9), (2.0, 0.1)],
-    ids=["flat", "square", "just pointed", "needle"],
+    [(0.1, 1.0), (0.8, 1.0), (1.0, 1.0), (1.0, 0.9), (2.0, 0.1)],
+    ids=["flat", "blunt", "square", "just pointed", "needle"],
 )
 def test_the_ball_of_a_cone_is_the_least_one(height: float, radius: float) -> None:
     """Of a flat cone the ball about its base; of a pointed one that through apex and rim."""
