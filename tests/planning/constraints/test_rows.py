@@ -2,7 +2,6 @@
 
 import casadi
 import numpy as np
-import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
@@ -10,7 +9,7 @@ from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.forward import forward
 from kinematics.pose import transform
-from kinematics.robots import builtin_chain, builtin_names, builtin_urdf
+from kinematics.robots import builtin_chain, builtin_names
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.joint import JointConstraint
 from planning.constraints.look_at import LookAtConstraint
@@ -22,6 +21,7 @@ from planning.constraints.symbolic import smooth_rows, symbolic_residuals, symbo
 from tests.dynamics.samples import random_chain
 from tests.kinematics.samples import random_rotation
 from tests.planning.constraints.samples import some_of_each
+from tests.planning.pinocchio_panda import PinocchioPanda
 
 CHAINS = [builtin_chain(name) for name in builtin_names()]
 CHAINS += [random_chain(seed, 3 + seed) for seed in range(4)]
@@ -31,24 +31,7 @@ def draw(chain: Chain, seed: int, count: int) -> Array:
     return np.random.default_rng(seed).uniform(*chain.sampling_bounds(), (count, chain.n))
 
 
-class Oracle:
-    """Poses of the Panda's links by pinocchio."""
-
-    def __init__(self) -> None:
-        self.model = pin.buildModelFromXML(builtin_urdf("panda"))
-        self.data = self.model.createData()
-        self.chain = builtin_chain("panda")
-
-    def pose(self, q: Array, link: str) -> Array:
-        full = pin.neutral(self.model)
-        for name, value in zip(self.chain.joint_names, q, strict=True):
-            full[self.model.joints[self.model.getJointId(name)].idx_q] = value
-        pin.framesForwardKinematics(self.model, self.data, full)
-        frame = self.data.oMf[self.model.getFrameId(link)]
-        return np.asarray(frame.homogeneous)
-
-
-ORACLE = Oracle()
+ORACLE = PinocchioPanda()
 LINK, SEEN_FROM = "panda_link6", "panda_link2"
 POINT = np.array([0.05, -0.1, 0.2])
 

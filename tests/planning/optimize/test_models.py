@@ -6,9 +6,6 @@ import numpy as np
 import pytest
 
 from dynamics.payload import with_payload
-from kinematics.arrays import Array
-from obstacles.checker import Checker
-from obstacles.scene import Scene
 from planning.deadline import Deadline
 from planning.effort_limits import EffortLimits
 from planning.optimize import objective
@@ -18,39 +15,11 @@ from planning.optimize.options import Objective
 from planning.optimize.quadratic import Quadratic
 from planning.optimize.response import tool_speed, torques
 from planning.optimize.rows import end_rows, limit_rows, local_matrix, stacked
-from planning.optimize.spline import SplineSpace
-from planning.optimize.task import End, Task
-from tests.planning.scenes import HOME, builtin, pillar
+from planning.optimize.task import End
+from tests.planning.optimize.motions import PANDA, SPACE, iterate, packed, task, unpacked
+from tests.planning.scenes import pillar
 
-SPACE = SplineSpace.uniform(4, 11)
-PANDA = builtin("panda").chain
 U = np.linspace(0.03, 0.97, 9)
-
-
-def iterate(seed: int, spread: float = 0.1) -> Iterate:
-    rng = np.random.default_rng(seed)
-    ramp = np.linspace(0.0, 0.8, SPACE.count)[:, None]
-    return Iterate(SPACE, HOME + ramp + spread * rng.normal(size=(SPACE.count, 7)), 1.3)
-
-
-def task(loads: EffortLimits | None = None, scene: Scene | None = None) -> Task:
-    at = iterate(0)
-    return Task(
-        Checker.of(builtin("panda"), scene or Scene()),
-        End.at_rest(at.points[0], smooth=False),
-        End.at_rest(at.points[-1], smooth=False),
-        {"velocity": PANDA.limits.velocity, "acceleration": PANDA.limits.acceleration},
-        loads,
-        carrier=PANDA,
-    )
-
-
-def unpacked(z: Array) -> Iterate:
-    return Iterate(SPACE, z[:-2].reshape(SPACE.count, -1), float(z[-2]))
-
-
-def packed(at: Iterate) -> Array:
-    return np.append(at.points.ravel(), [at.duration, 0.0])
 
 
 @pytest.mark.parametrize("response", [torques, tool_speed])

@@ -215,3 +215,22 @@ def test_lengths_are_those_of_numpy() -> None:
     path = np.random.default_rng(0).normal(size=(9, 5))
     for count in range(1, 10):
         assert length_kernel(path, count) == pytest.approx(length(path[:count]), rel=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_of_a_path_that_was_shortened_no_waypoint_can_be_left_out(seed: int) -> None:
+    random, path = np.random.default_rng(seed), [AROUND[0]]
+    while len(path) < 12 or not BLOCKED.free(path[-1], AROUND[-1]):
+        q = random.uniform(-0.9, 0.9, 2)
+        if BLOCKED.free(path[-1], q):
+            path.append(q)
+    short = shortcut(BLOCKED, np.array([*path, AROUND[-1]]), Deadline.after(60.0))
+    again = short.copy()
+    assert thin_kernel(BLOCKED.model.arrays, 0.0, again, len(again), spent(0)) == len(short)
+    assert gap(short) > 0.0
+
+
+def test_more_waypoints_than_checks_in_the_open_leave_the_ends() -> None:
+    """A bisection looks at the last waypoint first."""
+    many = np.random.default_rng(1).uniform(-0.9, 0.9, (2 * _MAX_CHECKS, 2))
+    np.testing.assert_array_equal(shortcut(OPEN, many, Deadline.after(60.0)), many[[0, -1]])

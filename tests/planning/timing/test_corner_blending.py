@@ -29,7 +29,7 @@ def scene(at: tuple[float, float], size: float = 0.02) -> Scene:
 
 
 def least_distance(
-    way: Array, reaches: Array, where: Scene, smooth: bool, count: int = 800
+    way: Array, reaches: Array, where: Scene, smooth: bool, count: int = 300
 ) -> float:
     """Along the rounded path, by FCL at many places."""
     path, world = blend(way, reaches, smooth=smooth), FclWorld(ROBOT, where)

@@ -1,17 +1,17 @@
 """Rows of torque and tool speed on paths against pinocchio's dynamics; slowing down."""
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from dynamics.payload import with_motors
 from kinematics.arrays import Array
-from kinematics.robots import builtin_chain, builtin_urdf
+from kinematics.robots import builtin_chain
 from kinematics.trajectory import Trajectory
 from planning.effort_limits import EffortLimits
 from planning.timing.effort_limits import knot_limits, slow_down
 from planning.timing.failure import TimingFailed
 from planning.timing.time_scaling import ScaledTime
+from tests.planning.pinocchio_panda import PinocchioPanda
 
 CHAIN = builtin_chain("panda")
 HOME = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
@@ -19,34 +19,7 @@ HOME = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
 HEADROOM = 2e-3
 
 
-class Oracle:
-    """Torques and the tip's velocity of the Panda by pinocchio."""
-
-    def __init__(self) -> None:
-        self.model = pin.buildModelFromXML(builtin_urdf("panda"))
-        self.data = self.model.createData()
-        self.index = [
-            self.model.joints[self.model.getJointId(name)].idx_v for name in CHAIN.joint_names
-        ]
-
-    def full(self, values: Array) -> Array:
-        wide = np.zeros(self.model.nv)
-        wide[self.index] = values
-        return wide
-
-    def torque(self, q: Array, qd: Array, qdd: Array) -> Array:
-        tau = pin.rnea(self.model, self.data, *(self.full(x) for x in (q, qd, qdd)))
-        return np.asarray(tau)[self.index]
-
-    def tip_velocity(self, q: Array, qd: Array) -> Array:
-        pin.forwardKinematics(self.model, self.data, self.full(q), self.full(qd))
-        frame = self.model.getFrameId(CHAIN.tip_link)
-        pin.updateFramePlacements(self.model, self.data)
-        reference = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        return np.asarray(pin.getFrameVelocity(self.model, self.data, frame, reference).linear)
-
-
-ORACLE = Oracle()
+ORACLE = PinocchioPanda()
 
 
 def draw(seed: int, count: int) -> tuple[Array, Array, Array]:
