@@ -53,8 +53,10 @@ def load_robot(
                 builtin_urdf(source), source, None, parse_srdf(builtin_srdf(source)),
                 (base_link, tip_link), joint_limits,
             )  # fmt: skip
-        path = _existing(Path(source))
-        semantics = None if srdf is None else parse_srdf(_existing(Path(srdf)).read_text("utf-8"))
+        path = _require_file(Path(source))
+        semantics = (
+            None if srdf is None else parse_srdf(_require_file(Path(srdf)).read_text("utf-8"))
+        )
         return _from_urdf(
             path.read_text("utf-8"), path.stem, path.parent, semantics,
             (base_link, tip_link), joint_limits,
@@ -84,7 +86,7 @@ def _from_urdf(
     return robot_geometry(replace(chain, name=name), description, mesh, semantics)
 
 
-def _existing(path: Path) -> Path:
+def _require_file(path: Path) -> Path:
     if not path.is_file():
         raise InvalidRobotDescription(
             f"there is neither a built-in robot nor a file {str(path)!r}",

@@ -10,7 +10,7 @@ from kinematics.chain import Chain
 from kinematics.errors import InvalidRobotState
 
 
-def stacked(chain: Chain, **vectors: ArrayLike) -> tuple[Array, tuple[int, ...]]:
+def stack_vectors(chain: Chain, **vectors: ArrayLike) -> tuple[Array, tuple[int, ...]]:
     """Check joint vectors, each (n,) or (..., n), and stack them.
 
     Returns:

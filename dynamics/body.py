@@ -51,7 +51,7 @@ def bodies(chain: Chain, gravity: ArrayLike | None = None) -> Bodies:
         MissingInertia: No link that some joint carries has an inertia; the message names them.
         InvalidOption: Gravity is not three finite numbers.
     """
-    packed = _packed(chain)
+    packed = _pack_bodies(chain)
     if gravity is None:
         return packed
     g = np.array(gravity, dtype=np.float64)
@@ -79,11 +79,11 @@ def scale_masses(chain: Chain, factors: ArrayLike) -> Chain:
             hint="1.0 leaves a body as it is; 1.2 makes it a fifth heavier.",
         )
     each = np.broadcast_to(values, (chain.n,))
-    return replace(chain, links=tuple(_scaled(link, each) for link in chain.links))
+    return replace(chain, links=tuple(_scale_link(link, each) for link in chain.links))
 
 
 @lru_cache(maxsize=64)
-def _packed(chain: Chain) -> Bodies:
+def _pack_bodies(chain: Chain) -> Bodies:
     _check_inertias(chain)
     merged = [_merge(chain, i) for i in range(chain.n)]
     rows = np.zeros((chain.n + 1, ROW))
@@ -158,7 +158,7 @@ def _point_tensor(part: Inertia, center: Array) -> Array:
     return np.asarray(part.mass * (d @ d * np.eye(3) - np.outer(d, d)))
 
 
-def _scaled(link: Link, factors: Array) -> Link:
+def _scale_link(link: Link, factors: Array) -> Link:
     if link.joint < 0 or link.inertia is None:
         return link
     factor = float(factors[link.joint])

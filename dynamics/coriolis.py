@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynamics.batch import stacked
+from dynamics.batch import stack_vectors
 from dynamics.body import bodies
 from dynamics.composite import COMPOSITE_WORK, coriolis_kernel, frames_kernel
 from kinematics.arrays import Array
@@ -38,7 +38,7 @@ def coriolis_matrix(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Array:
         MissingInertia: Some joint carries nothing that has an inertia.
     """
     packed = bodies(chain)
-    state, lead = stacked(chain, joints=q, velocities=qd)
+    state, lead = stack_vectors(chain, joints=q, velocities=qd)
     C = np.empty((state.shape[0], chain.n, chain.n))
     coriolis_batch_kernel(packed.rows, state, C)
     return C.reshape(*lead, chain.n, chain.n)

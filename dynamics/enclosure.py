@@ -92,7 +92,7 @@ def constant(a: float, b: float, c: float) -> Vector:
 
 
 @kernel
-def crossed(v: Vector, a: float, b: float, c: float) -> Vector:
+def cross_constant(v: Vector, a: float, b: float, c: float) -> Vector:
     """The cross product v x (a, b, c) for numbers a, b, c."""
     return (
         add(scale(c, v[1]), scale(-b, v[2])),
@@ -180,8 +180,8 @@ def enclosure_kernel(
         turns = bodies.types[i] == 0
         if turns:
             s, c = sine_cosine(q)
-            arm_speed = crossed(w, px, py, pz)
-            a = plus(a, plus(crossed(dw, px, py, pz), cross(w, arm_speed)))
+            arm_speed = cross_constant(w, px, py, pz)
+            a = plus(a, plus(cross_constant(dw, px, py, pz), cross(w, arm_speed)))
         else:
             s, c = zero, (1.0, 0.0, 0.0)
             slide = (scale(A[0, 2], q), scale(A[1, 2], q), scale(A[2, 2], q))
@@ -203,7 +203,10 @@ def enclosure_kernel(
             v = (v[0], v[1], add(v[2], qd))
         m, b, tensor = bodies.masses[i], bodies.centers[i], bodies.tensors[i]
         center = plus(
-            a, plus(crossed(dw, b[0], b[1], b[2]), cross(w, crossed(w, b[0], b[1], b[2])))
+            a,
+            plus(
+                cross_constant(dw, b[0], b[1], b[2]), cross(w, cross_constant(w, b[0], b[1], b[2]))
+            ),
         )
         force = (scale(m, center[0]), scale(m, center[1]), scale(m, center[2]))
         turning = (
@@ -218,10 +221,10 @@ def enclosure_kernel(
         )
         moment = plus(gaining, cross(w, turning))
         # b x force = -(force x b).
-        moment = plus(moment, crossed(force, -b[0], -b[1], -b[2]))
+        moment = plus(moment, cross_constant(force, -b[0], -b[1], -b[2]))
         _store(vectors[0, i], force)
         _store(vectors[1, i], moment)
-    v = plus(v, crossed(w, tip[0], tip[1], tip[2]))
+    v = plus(v, cross_constant(w, tip[0], tip[1], tip[2]))
     _torques_kernel(bodies, motions, vectors, out)
     return add(add(multiply(v[0], v[0]), multiply(v[1], v[1])), multiply(v[2], v[2]))
 

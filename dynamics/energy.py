@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynamics.batch import stacked
+from dynamics.batch import stack_vectors
 from dynamics.gravity import potential_energy
 from dynamics.mass_matrix import augmented_mass_matrix
 from kinematics.arrays import Array
@@ -17,7 +17,7 @@ def kinetic_energy(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Array:
         InvalidRobotState: A vector has the wrong length, is not finite or fits no other's batch.
         MissingInertia: Some joint carries nothing that has an inertia.
     """
-    state, lead = stacked(chain, joints=q, velocities=qd)
+    state, lead = stack_vectors(chain, joints=q, velocities=qd)
     M = augmented_mass_matrix(chain, state[:, 0])
     T = 0.5 * np.einsum("mi,mij,mj->m", state[:, 1], M, state[:, 1])
     return np.asarray(T.reshape(lead))

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynamics.batch import stacked
+from dynamics.batch import stack_vectors
 from dynamics.body import bodies
 from dynamics.body_row import MOTOR
 from dynamics.composite import COMPOSITE_WORK, frames_kernel, mass_matrix_kernel
@@ -86,7 +86,7 @@ def forward_dynamics(
     packed = bodies(chain, gravity)
     if wrench is not None:
         torque = chain.configuration(torque, "torques") - wrench_torque(chain, q, wrench)
-    state, lead = stacked(chain, joints=q, velocities=qd, torques=torque)
+    state, lead = stack_vectors(chain, joints=q, velocities=qd, torques=torque)
     qdd = np.empty((state.shape[0], chain.n))
     failed = forward_dynamics_kernel(packed.rows, state, qdd)
     if failed >= 0:

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynamics.batch import stacked
+from dynamics.batch import stack_vectors
 from dynamics.body import bodies
 from dynamics.recursion import WORK, inverse_kernel, reference_inverse_kernel
 from kinematics.arrays import Array
@@ -62,7 +62,7 @@ def inverse_dynamics(
         MissingInertia: Some joint carries nothing that has an inertia.
     """
     packed = bodies(chain, gravity)
-    motion, lead = stacked(chain, joints=q, velocities=qd, accelerations=qdd)
+    motion, lead = stack_vectors(chain, joints=q, velocities=qd, accelerations=qdd)
     torque = np.empty((motion.shape[0], chain.n))
     inverse_batch_kernel(packed.rows, motion, torque)
     torque = torque.reshape(*lead, chain.n)
@@ -98,7 +98,9 @@ def reference_dynamics(
         MissingInertia: Some joint carries nothing that has an inertia.
     """
     packed = bodies(chain, gravity)
-    state, lead = stacked(chain, joints=q, velocities=qd, reference_velocities=v, accelerations=a)
+    state, lead = stack_vectors(
+        chain, joints=q, velocities=qd, reference_velocities=v, accelerations=a
+    )
     torque = np.empty((state.shape[0], chain.n))
     reference_batch_kernel(packed.rows, state, torque)
     return torque.reshape(*lead, chain.n)

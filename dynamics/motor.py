@@ -70,7 +70,7 @@ class Motor:
         return np.asarray(voltage) * self.gear_ratio * self.torque_constant / self.resistance
 
 
-def driven(chain: Chain, motors: Sequence[Motor]) -> Chain:
+def attach_motors(chain: Chain, motors: Sequence[Motor]) -> Chain:
     """Robot with a motor at each joint.
 
     Raises:

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynamics.batch import stacked
+from dynamics.batch import stack_vectors
 from dynamics.body import bodies
 from dynamics.body_row import FRICTION, MASS, MOTOR, REVOLUTE, TYPE
 from dynamics.composite import FRAME, axis_of, frames_kernel, origin_of
@@ -175,7 +175,9 @@ def reference_regressor(
         MissingInertia: Some joint carries nothing that has an inertia.
     """
     packed = bodies(chain, gravity)
-    state, lead = stacked(chain, joints=q, velocities=qd, reference_velocities=v, accelerations=a)
+    state, lead = stack_vectors(
+        chain, joints=q, velocities=qd, reference_velocities=v, accelerations=a
+    )
     Y = np.empty((state.shape[0], chain.n, (12 if motors else 10) * chain.n))
     regressor_batch_kernel(packed.rows, state, Y)
     return Y.reshape(*lead, *Y.shape[1:])

@@ -182,7 +182,7 @@ def dh_from_chain(chain: Chain, convention: Convention = "standard") -> DhTable:
     base, first = _before_first(chain.offsets[0])
     tip = chain.tip.T_joint_link
     last, tool = _behind_last(tip) if convention == "standard" else (_Between(), tip)
-    between = [first, *(_between(A) for A in chain.offsets[1:]), last]
+    between = [first, *(_split_fixed_transform(A) for A in chain.offsets[1:]), last]
     rows = (_row(chain, i, between[i], between[i + 1], convention) for i in range(chain.n))
     return DhTable(convention, tuple(rows), base, tool, chain.gravity)
 
@@ -190,7 +190,7 @@ def dh_from_chain(chain: Chain, convention: Convention = "standard") -> DhTable:
 def _row(chain: Chain, i: int, before: _Between, after: _Between, kind: Convention) -> DhRow:
     x = after if kind == "standard" else before
     T_joint_frame = after.z_part @ after.x_part if kind == "standard" else after.z_part
-    mass, center, tensor = _carried(chain, i, T_joint_frame)
+    mass, center, tensor = _mass_properties(chain, i, T_joint_frame)
     limits = chain.limits
     return DhRow(
         type="revolute" if chain.joint_types[i] == JointType.REVOLUTE else "prismatic",
@@ -241,7 +241,7 @@ def _behind_last(T: Array) -> tuple[_Between, Array]:
     return last, tool
 
 
-def _between(A: Array) -> _Between:
+def _split_fixed_transform(A: Array) -> _Between:
     """Split the fixed transform between two axes by the three cases."""
     w, p = A[:3, 2], A[:3, 3]
     if math.hypot(w[0], w[1]) < PARALLEL_ANGLE:
@@ -285,7 +285,7 @@ def _parallel(A: Array) -> _Between:
     return _Between(theta, float(p[2]), a, alpha, beta, theta_after, 0.0)
 
 
-def _carried(
+def _mass_properties(
     chain: Chain, i: int, T_joint_frame: Array
 ) -> tuple[float | None, Array | None, Array | None]:
     """Mass properties of everything that joint ``i`` carries, in the table's frame."""

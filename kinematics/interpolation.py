@@ -47,7 +47,7 @@ def interpolate(
             hint=f"Choose one of: {', '.join(INTERPOLATIONS)}.",
             interpolations=list(INTERPOLATIONS),
         )
-    t = _increasing(times)
+    t = _sample_times(times)
     shape = (len(t), len(joint_names))
     q = _rows(positions, shape, "positions")
     if interpolation in ("natural_spline", "clamped_spline"):
@@ -90,7 +90,7 @@ def _hermite(lengths: Array, derivatives: Sequence[Array]) -> Array:
     return np.asarray(c / h[:, :, None] ** powers)
 
 
-def _increasing(times: ArrayLike) -> Array:
+def _sample_times(times: ArrayLike) -> Array:
     t = np.asarray(times, dtype=np.float64)
     if t.ndim != 1 or len(t) < 2 or not np.isfinite(t).all():
         raise InvalidTrajectory("samples need at least two finite times")

@@ -221,7 +221,7 @@ def _fixed_position(
     for name in asked:
         if name not in {joint.name for joint in free}:
             raise InvalidRobotDescription(
-                f"joint {name!r} can't be held: {_why_not_held(description, moving, name)}",
+                f"joint {name!r} can't be held: {_reason_not_lockable(description, moving, name)}",
                 hint=f"Joints to hold are: {', '.join(j.name for j in free) or 'none'}.",
                 joint=name,
             )
@@ -233,11 +233,11 @@ def _fixed_position(
     held = {joint.name: _position(joint, asked, lint) for joint in free}
     for joint in off_chain:
         if joint.mimic is not None:
-            held[joint.name] = _mimicked(description, joint, held, moving)
+            held[joint.name] = _mimic_position(description, joint, held, moving)
     return held, lint
 
 
-def _why_not_held(description: RobotDescription, moving: Sequence[str], name: str) -> str:
+def _reason_not_lockable(description: RobotDescription, moving: Sequence[str], name: str) -> str:
     if name not in description.joints:
         return "there is no such joint"
     if name in moving:
@@ -266,7 +266,7 @@ def _position(joint: JointDescription, asked: Mapping[str, float], lint: list[st
     return float(value)
 
 
-def _mimicked(
+def _mimic_position(
     description: RobotDescription,
     joint: JointDescription,
     held: Mapping[str, float],

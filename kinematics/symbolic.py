@@ -51,7 +51,7 @@ def symbolic_pose(chain: Chain, q: Expression, link: str | None = None) -> Expre
         InvalidRobotState: q has not one entry for each joint.
         InvalidLinkName: No such link.
     """
-    return _carried(chain, symbolic_frames(chain, q), link)
+    return _link_frame(chain, symbolic_frames(chain, q), link)
 
 
 def symbolic_jacobian(
@@ -77,7 +77,7 @@ def symbolic_jacobian(
     if at.shape != (3,) or not np.isfinite(at).all():
         raise InvalidOption("point must be three finite numbers [x, y, z] in the link's frame")
     frames = symbolic_frames(chain, q)
-    T = _carried(chain, frames, link)
+    T = _link_frame(chain, frames, link)
     p = casadi.mtimes(T[:3, :3], at) + T[:3, 3]
     last = chain.link(link or chain.tip_link).joint
     columns = [
@@ -128,7 +128,7 @@ def _motion(joint_type: int, q: Expression) -> Expression:
     return T
 
 
-def _carried(chain: Chain, frames: list[Expression], link: str | None) -> Expression:
+def _link_frame(chain: Chain, frames: list[Expression], link: str | None) -> Expression:
     carrier = chain.link(link or chain.tip_link)
     if carrier.joint < 0:
         return casadi.DM(carrier.T_joint_link)

@@ -49,8 +49,8 @@ def parse_urdf(text: str | bytes) -> RobotDescription:
     lint: list[str] = []
     name = robot.get("name", "").strip()
     name = attribute(robot, "name", "the robot") if name else "robot"
-    links = _named([read_link(e, lint) for e in _elements(robot, "link")], "link")
-    joints = _named([_joint(e, lint) for e in _elements(robot, "joint")], "joint")
+    links = _index_by_name([read_link(e, lint) for e in _elements(robot, "link")], "link")
+    joints = _index_by_name([_joint(e, lint) for e in _elements(robot, "joint")], "joint")
     if not links:
         raise InvalidRobotDescription("the URDF has no <link>")
     root = _root(links, joints)
@@ -65,7 +65,7 @@ def _elements(robot: Element, tag: str) -> list[Element]:
     return found
 
 
-def _named(items: list[_Named], kind: str) -> dict[str, _Named]:
+def _index_by_name(items: list[_Named], kind: str) -> dict[str, _Named]:
     by_name: dict[str, _Named] = {}
     for item in items:
         if item.name in by_name:
@@ -204,7 +204,7 @@ def _root(links: Mapping[str, LinkDescription], joints: Mapping[str, JointDescri
             if link not in links:
                 raise InvalidRobotDescription(
                     f"joint {joint.name!r} has the unknown {end} link {link!r}",
-                    hint=f"The links are: {_listed(list(links))}.",
+                    hint=f"The links are: {_join_names(list(links))}.",
                 )
         if joint.child in carrier:
             raise InvalidRobotDescription(
@@ -216,7 +216,7 @@ def _root(links: Mapping[str, LinkDescription], joints: Mapping[str, JointDescri
     roots = [name for name in links if name not in carrier]
     if len(roots) > 1:
         raise InvalidRobotDescription(
-            f"there are {len(roots)} roots, links that no joint carries: {_listed(roots)}",
+            f"there are {len(roots)} roots, links that no joint carries: {_join_names(roots)}",
             hint="Join them with joints, or take out those that do not belong to the robot.",
         )
     _check_cycles(links, joints, carrier)
@@ -236,7 +236,7 @@ def _check_cycles(
             if link in walk:
                 cycle = [*list(walk)[list(walk).index(link) :], link]
                 raise InvalidRobotDescription(
-                    f"the links form a cycle: {_listed(cycle[::-1], ' -> ')}",
+                    f"the links form a cycle: {_join_names(cycle[::-1], ' -> ')}",
                     hint="One link must be the root; every other hangs on one joint.",
                 )
             walk[link] = None
@@ -253,7 +253,7 @@ def _check_mimics(joints: Mapping[str, JointDescription]) -> None:
             if followed not in joints:
                 raise InvalidRobotDescription(
                     f"joint {follower.name!r} mimics the unknown joint {followed!r}",
-                    hint=f"The joints are: {_listed(list(joints))}.",
+                    hint=f"The joints are: {_join_names(list(joints))}.",
                 )
             if followed in seen:
                 raise InvalidRobotDescription(f"joint {followed!r} mimics itself")
@@ -261,6 +261,6 @@ def _check_mimics(joints: Mapping[str, JointDescription]) -> None:
             follower = joints[followed]
 
 
-def _listed(names: Sequence[str], separator: str = ", ", most: int = 20) -> str:
+def _join_names(names: Sequence[str], separator: str = ", ", most: int = 20) -> str:
     more = f"{separator}... ({len(names)} in all)" if len(names) > most else ""
     return separator.join(names[:most]) + more

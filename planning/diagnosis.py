@@ -142,7 +142,7 @@ def diagnose(
         goal = goals[k % len(goals)]
         at_start.check(checker, start, _short_motion(chain, start, random))
         at_goals.check(checker, goal, _short_motion(chain, goal, random))
-        between.check(checker, *_motion_between(chain, start, goal, random))
+        between.check(checker, *_random_motion(chain, start, goal, random))
     stopped = at_start.stopped + at_goals.stopped + between.stopped
     total = sum(stopped.values())
     pairs = sorted(stopped.items(), key=lambda item: (-item[1], item[0]))
@@ -167,7 +167,7 @@ def _short_motion(chain: Chain, q: Array, random: np.random.Generator) -> Array:
     return np.asarray(np.clip(q + direction, chain.limits.lower, chain.limits.upper))
 
 
-def _motion_between(
+def _random_motion(
     chain: Chain, start: Array, goal: Array, random: np.random.Generator
 ) -> tuple[Array, Array]:
     """A fifth of the straight line from start to goal, somewhere along it and a little beside."""

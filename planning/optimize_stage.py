@@ -31,7 +31,7 @@ _LEAST_TIME = 0.05
 MOST_OFFERS = 3
 
 
-def refining(options: Options, problem: Problem) -> Options:
+def refinement_options(options: Options, problem: Problem) -> Options:
     """The options with what the planner "optimize" stands for: the ladder, and its motion refined.
 
     Raises:
@@ -114,7 +114,7 @@ class OptimizeStage:
         if offer is None:
             return False, f"{self._work.hindrance.message}, {rounds}."
         detail = f"{self.known.duration:.3f} s became {offer.trajectory.duration:.3f} s, {rounds}"
-        if not self._refine.fastest or self._wished:
+        if not self._refine.fastest or self._has_soft_constraints:
             detail += f"; objective {self._work.value:.4g} became {offer.value:.4g}"
         return True, f"{detail}."
 
@@ -149,7 +149,7 @@ class OptimizeStage:
         return not self.problem.moving and not self.known.coefficients[:, :, 1:].any()
 
     @property
-    def _wished(self) -> bool:
+    def _has_soft_constraints(self) -> bool:
         given = self.problem.constraints
         return given is not None and bool(given.soft.rows)
 
@@ -162,14 +162,14 @@ class OptimizeStage:
         problem, known = self.problem, self.known
         smooth = self.parametrization.jerk is not None or "jerk" in self._refine.weights
         start = _end(known.start, problem.start_velocity, problem.start_acceleration, smooth=smooth)
-        goal = _reached(problem, known.end)
+        goal = _joint_goal_at(problem, known.end)
         rates = (None, None) if goal is None else (goal.velocity, goal.acceleration)
         end = _end(known.end, *rates, smooth=smooth)
         carrier = _carrier(problem.robot.chain, self.options.timing, self.parametrization)
         bounds, loads = self.parametrization.bounds, self.parametrization.loads
         given = problem.constraints
         held = None if given is None else given.hard
-        wishes = given.soft if given is not None and self._wished else None
+        wishes = given.soft if given is not None and self._has_soft_constraints else None
         task = Task(self.checker, start, end, bounds, loads, held, carrier, wishes)
         return Refinement(
             task, self._refine, self.parametrization, known, deadline, binding=not problem.moving
@@ -213,7 +213,7 @@ def _end(q: Array, velocity: Array | None, acceleration: Array | None, *, smooth
     return End(q, np.zeros_like(q) if velocity is None else velocity, acceleration)
 
 
-def _reached(problem: Problem, q: Array) -> JointGoal | None:
+def _joint_goal_at(problem: Problem, q: Array) -> JointGoal | None:
     """The goal that a motion ends at, where it is one of joints."""
     goals = [goal for goal in problem.goals if isinstance(goal, JointGoal)]
     return min(goals, key=lambda goal: float(np.abs(goal.joints - q).max()), default=None)

@@ -20,7 +20,7 @@ from planning.deadline import Deadline
 from planning.diagnosis import Diagnosis, diagnose
 from planning.motion_limits import with_limits
 from planning.optimize.options import OPTIMIZE
-from planning.optimize_stage import MOST_OFFERS, OptimizeStage, check_ends, refining
+from planning.optimize_stage import MOST_OFFERS, OptimizeStage, check_ends, refinement_options
 from planning.options import Options
 from planning.planner import Planner, Query
 from planning.planners import choose_planners
@@ -68,7 +68,7 @@ def plan(problem: Problem, options: Options) -> Plan | Failure:
         MissingLimit: A velocity or acceleration limit is not known.
     """
     deadline = Deadline.after(options.timeout)
-    options = refining(options, problem)
+    options = refinement_options(options, problem)
     planners = choose_planners(problem, options)
     options = with_limits(options, problem.constraints)
     parametrization = _time_parametrization(problem, options)
@@ -234,7 +234,7 @@ class _Pipeline:
         """Time the path and prove it, with ever safer motions until one can be proved."""
         refine = self.options.refine is not None
         for time_motion in self._candidates(found):
-            timed = self.stages.run("timing", time_motion, _describe_timed)
+            timed = self.stages.run("timing", time_motion, _describe_timing)
             # Proved before anything is made of it: whatever refinement takes, this can be answered.
             certificate = self._prove(timed)
             if refine:
@@ -248,7 +248,7 @@ class _Pipeline:
                 break
         assert certificate.violation is not None
         tool = found.attempt.tool_path is not None
-        return _not_proved(certificate.violation, self.deadline, tool=tool)
+        return _proof_failure(certificate.violation, self.deadline, tool=tool)
 
     def _candidates(self, found: _FoundPath) -> Iterator[Callable[[], _Timed]]:
         """Ways to time the path, the fastest motion first."""
@@ -336,7 +336,7 @@ def _time_polyline(motion: Callable[[], ScaledTime], method: TimingMethod) -> _T
     return _Timed(scaled.trajectory, notes=method.notes((scaled,)))
 
 
-def _not_proved(violation: Violation, deadline: Deadline, *, tool: bool) -> Failure:
+def _proof_failure(violation: Violation, deadline: Deadline, *, tool: bool) -> Failure:
     """Why the motion is no answer; ``tool`` says whether it leads the tool along motions."""
     hint = "Allow more time, another seed, or a smaller margin."
     if tool:
@@ -364,7 +364,7 @@ def _describe_attempt(attempt: Attempt) -> tuple[bool, str]:
     return attempt.waypoints is not None and attempt.stopped is None, attempt.detail
 
 
-def _describe_timed(timed: _Timed) -> tuple[bool, str]:
+def _describe_timing(timed: _Timed) -> tuple[bool, str]:
     return True, f"{timed.trajectory.duration:.3f} s, {timed.trajectory.pieces} pieces."
 
 

@@ -90,7 +90,7 @@ def retime(
     if len(merged) < 2:
         rest = ScaledTime(stay(names, points[0]), 1.0)
         note = f"The path has no length: the robot stays where it is for {REST:g} s."
-        return _answered(rest, parametrization, limits, (note,))
+        return _certify_retimed(rest, parametrization, limits, (note,))
     interpolation = timing.interpolation or _usual(timing)
     notes = _notes(points, interpolation, timing)
     if not method.follows_path:
@@ -106,7 +106,7 @@ def retime(
         timed = timed._replace(factor=1.0)
     if method.jerk is JerkUse.UNUSED and "jerk" in overrides:
         notes += ("The method toppra does not limit jerk: jerk_limited does.",)
-    return _answered(timed, parametrization, limits, notes)
+    return _certify_retimed(timed, parametrization, limits, notes)
 
 
 def _usual(timing: TimingOptions) -> Interpolation:
@@ -160,7 +160,7 @@ def _spline(
     return timed if times is not None else timed._replace(factor=1.0)
 
 
-def _answered(
+def _certify_retimed(
     timed: ScaledTime, parametrization: TimeParametrization, limits: Limits, notes: tuple[str, ...]
 ) -> Retimed:
     certificate = certify_limits(

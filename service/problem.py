@@ -63,7 +63,7 @@ def from_fields(
     return problem
 
 
-def unexpected(what: str, trace: str | None = None, **details: Any) -> ProblemError:
+def unexpected_fault(what: str, trace: str | None = None, **details: Any) -> ProblemError:
     """Log a fault of the service under a new reference, and give the problem that names only that.
 
     Args:

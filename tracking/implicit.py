@@ -27,7 +27,7 @@ def _collocation() -> Array:
     return np.asarray(integrals @ np.linalg.inv(_NODES[:, None] ** (powers - 1.0)))
 
 
-def _splitting() -> tuple[float, complex, Array, Array]:
+def _decomposition() -> tuple[float, complex, Array, Array]:
     """Real and complex eigenvalue of the inverse, and the real matrices that split it."""
     values, vectors = np.linalg.eig(np.linalg.inv(_collocation()))
     real = int(np.argmin(np.abs(values.imag)))
@@ -36,7 +36,7 @@ def _splitting() -> tuple[float, complex, Array, Array]:
     return float(values[real].real), complex(values[pair].conjugate()), T, np.linalg.inv(T)
 
 
-_REAL, _COMPLEX, _T, _T_INVERSE = _splitting()
+_REAL, _COMPLEX, _T, _T_INVERSE = _decomposition()
 #: Of the embedded formula of order 3, in terms of the stages.
 _ERROR = np.array([-13.0 - 7.0 * _ROOT6, -13.0 + 7.0 * _ROOT6, -1.0]) / 3.0
 _ITERATIONS = 7
@@ -119,7 +119,7 @@ def factor_all(stages: Stages, h: float) -> bool:
 
 
 @kernel
-def split(a: float, b: float, c: float) -> tuple[float, float, float]:
+def to_eigenbasis(a: float, b: float, c: float) -> tuple[float, float, float]:
     """The stages of one state in the coordinates in which the method falls apart."""
     S = _T_INVERSE
     return (
@@ -146,7 +146,7 @@ def newton(loop: Loop, stages: Stages, t: float, h: float, x: Array, tolerances:
             if not np.isfinite(F[s, 0]):
                 return False
         for i in range(N):
-            f0, f1, f2 = split(F[0, i], F[1, i], F[2, i])
+            f0, f1, f2 = to_eigenbasis(F[0, i], F[1, i], F[2, i])
             right[i] = f0 - _REAL / h * W[0, i]
             stages.right[i] = complex(f1, f2) - _COMPLEX / h * complex(W[1, i], W[2, i])
         lu_solve_kernel(stages.real, stages.pivots[0], right)
@@ -200,7 +200,7 @@ def implicit_step(
         ) / h
         error[i] = f[i] + weighted[i]
     lu_solve_kernel(stages.real, stages.pivots[0], error)
-    size = scaled(error, x, end, tolerances)
+    size = scaled_error(error, x, end, tolerances)
     if size > 1.0 and is_retry:
         # Of a stiff part the estimate is far too large once: smoothed, it is right.
         trial = stages.vectors[2]
@@ -210,12 +210,12 @@ def implicit_step(
         for i in range(N):
             error[i] += weighted[i]
         lu_solve_kernel(stages.real, stages.pivots[0], error)
-        size = scaled(error, x, end, tolerances)
+        size = scaled_error(error, x, end, tolerances)
     return size
 
 
 @kernel
-def scaled(error: Array, x: Array, end: Array, tolerances: Array) -> float:
+def scaled_error(error: Array, x: Array, end: Array, tolerances: Array) -> float:
     """Root mean square of an error in units of what is allowed."""
     total = 0.0
     for i in range(x.shape[0]):

@@ -144,7 +144,7 @@ class Endpoint(Generic[P, A]):
         if group is None:
             return self
         later = isinstance(group, LaterGroup | AsyncLaterGroup)
-        return _bound(self._build, group, "postpone" if later else "send")
+        return _bind(self._build, group, "postpone" if later else "send")
 
 
 class JobEndpoint(Generic[P, A]):
@@ -163,7 +163,7 @@ class JobEndpoint(Generic[P, A]):
         self, group: AsyncGroup, kind: type
     ) -> Callable[P, Awaitable["AsyncPending[A]"]]: ...
     def __get__(self, group: Group | AsyncGroup | None, kind: type) -> Any:
-        return self if group is None else _bound(self._build, group, "postpone")
+        return self if group is None else _bind(self._build, group, "postpone")
 
 
 class EventEndpoint(Generic[P]):
@@ -180,10 +180,10 @@ class EventEndpoint(Generic[P]):
     @overload
     def __get__(self, group: AsyncGroup, kind: type) -> Callable[P, AsyncIterator[JobEvent]]: ...
     def __get__(self, group: Group | AsyncGroup | None, kind: type) -> Any:
-        return self if group is None else _bound(self._build, group, "stream")
+        return self if group is None else _bind(self._build, group, "stream")
 
 
-def _bound(build: Callable[..., Any], group: Group | AsyncGroup, action: str) -> Any:
+def _bind(build: Callable[..., Any], group: Group | AsyncGroup, action: str) -> Any:
     bound = build.__get__(group)
     perform = getattr(group._sender, action)
 

@@ -12,7 +12,7 @@ from armwright_client.endpoints import (
     ServiceEndpoints,
 )
 from armwright_client.job import Job
-from armwright_client.pending import ended, ended_async
+from armwright_client.pending import ended_async, wait_until_ended
 from armwright_client.session import AsyncSession, ClientOptions, Session, Wire
 
 #: Where the service listens unless it is told otherwise.
@@ -48,7 +48,7 @@ class Jobs(JobEndpoints, Group):
         Raises:
             TransportTimeout: It has not ended in time; it still may.
         """
-        return ended(self._sender, job, timeout)
+        return wait_until_ended(self._sender, job, timeout)
 
 
 class AsyncJobs(JobEndpoints, AsyncGroup):

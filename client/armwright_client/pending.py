@@ -63,7 +63,7 @@ class Pending(Generic[A]):
             ApiError: The job failed; `Preempted` if it was cancelled.
             TransportTimeout: It did not end in time; it still may.
         """
-        return answer_of(ended(self._sender, self.id, timeout), self._call)
+        return answer_of(wait_until_ended(self._sender, self.id, timeout), self._call)
 
     def events(self, *, after: str | None = None) -> Iterator[JobEvent]:
         """The events of the job until it ends, from the beginning or after one that was seen."""
@@ -115,7 +115,7 @@ def events_call(job: str, after: str | None) -> EventCall:
     return EventCall("GET", path("jobs", job, "events"), read_nothing, headers=headers)
 
 
-def ended(sender: _Sender, job: str, timeout: float | None) -> Job:
+def wait_until_ended(sender: _Sender, job: str, timeout: float | None) -> Job:
     """Look at a job until it has ended.
 
     Raises:
@@ -129,7 +129,7 @@ def ended(sender: _Sender, job: str, timeout: float | None) -> Job:
 
 
 async def ended_async(sender: _AsyncSender, job: str, timeout: float | None) -> Job:
-    """`ended` to be awaited."""
+    """`wait_until_ended` to be awaited."""
     pause, end = _FIRST_PAUSE, _end(timeout)
     while not (status := await sender.send(job_call(job))).done:
         await asyncio.sleep(_next_pause(job, pause, end))

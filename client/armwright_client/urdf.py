@@ -65,7 +65,7 @@ def read_urdf(path: Path, package_dirs: Sequence[Path] = ()) -> UrdfFile:
         assert file is not None
         name = uri
         if _leads_out(uri):
-            name = _inside(uri, files)
+            name = _path_inside(uri, files)
             text = _rename(text, uri, name)
         meshes[name] = base64.b64encode(file.read_bytes()).decode("ascii")
     return UrdfFile(root.get("name") or path.stem, text, meshes)
@@ -113,7 +113,7 @@ def _leads_out(uri: str) -> bool:
     return posixpath.normpath(unquote(uri.removeprefix(_PACKAGE))).startswith("..")
 
 
-def _inside(uri: str, taken: Mapping[str, object]) -> str:
+def _path_inside(uri: str, taken: Mapping[str, object]) -> str:
     """A path inside the upload for a mesh that leads out of its folder."""
     path = posixpath.normpath(uri.removeprefix(_PACKAGE))
     depth = path.count("../")

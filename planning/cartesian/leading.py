@@ -59,7 +59,7 @@ def _free_part(checker: Checker, segment: ToolSegment) -> ToolSegment:
         return segment
     at = 0.0
     for piece, length in zip(path.coefficients, path.lengths, strict=True):
-        motion = checker.curve(*_beginning(piece, float(length)))
+        motion = checker.curve(*_first_part(piece, float(length)))
         if not motion.free:
             clear = _clear_until(checker, piece, float(length), motion.at)
             assert motion.pair is not None
@@ -71,7 +71,7 @@ def _free_part(checker: Checker, segment: ToolSegment) -> ToolSegment:
     return segment
 
 
-def _beginning(piece: Array, length: float) -> tuple[Array, Array, Array, Array]:
+def _first_part(piece: Array, length: float) -> tuple[Array, Array, Array, Array]:
     """The beginning of a cubic piece (n, 4) as coefficients on [0, 1]."""
     b0, b1, b2, b3 = (piece * length ** np.arange(4)).T
     return b0, b1, b2, b3
@@ -82,6 +82,6 @@ def _clear_until(checker: Checker, piece: Array, length: float, met: float) -> f
     low, high = 0.0, met * length
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
-        free = middle > 0.0 and checker.curve(*_beginning(piece, middle)).free
+        free = middle > 0.0 and checker.curve(*_first_part(piece, middle)).free
         low, high = (middle, high) if free else (low, middle)
     return low

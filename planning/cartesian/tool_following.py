@@ -96,7 +96,7 @@ class _Following:
         self.places, self.joints = [0.0], [start]
         self._chain, self._motion, self._deadline = chain, motion, deadline
         self._tolerances = tolerances
-        self._narrow = replace(chain, limits=_narrowed(chain.limits, start))
+        self._narrow = replace(chain, limits=_narrow_limits(chain.limits, start))
 
     def march(self) -> Stop | None:
         """Go along the motion as far as the arm can; the stop, where that is not the end."""
@@ -249,7 +249,7 @@ def _solver_tolerances(tolerances: Tolerances) -> tuple[float, float]:
     return float(fine[0]), float(fine[1])
 
 
-def _narrowed(limits: Limits, start: Array) -> Limits:
+def _narrow_limits(limits: Limits, start: Array) -> Limits:
     """Joint limits a little narrower, but for joints that start nearer to them."""
     lower, upper = limits.lower + _INSET, limits.upper - _INSET
     lower = np.maximum(np.minimum(lower, start), limits.lower)

@@ -33,7 +33,7 @@ class ConstrainedChecker(Checker):
     @property
     def rows(self) -> Array:
         """The packed rows, somewhat narrower than asked for, (m, WIDTH)."""
-        return narrowed(self.constraints, _NARROWING, 0.5 * self.spare)
+        return narrow_rows(self.constraints, _NARROWING, 0.5 * self.spare)
 
     def curve(self, b0: Array, b1: Array, b2: Array, b3: Array | None = None) -> Motion:
         """Prove the joint motion b0 + b1 s + b2 s^2 + b3 s^3 over 0 <= s <= 1, each (n,)."""
@@ -66,7 +66,7 @@ class ConstrainedChecker(Checker):
         return motion, len(waypoints) - 1
 
 
-def narrowed(constraints: ConstraintSet, share: float, limit: Array | float = np.inf) -> Array:
+def narrow_rows(constraints: ConstraintSet, share: float, limit: Array | float = np.inf) -> Array:
     """The packed rows with their bounds moved inwards by a share of half their width.
 
     Args:

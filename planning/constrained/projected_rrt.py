@@ -22,7 +22,7 @@ from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
 from obstacles.collision_model import ModelArrays
 from obstacles.edge_check import FREE, certify_curve
-from planning.constrained.checker import ConstrainedChecker, narrowed
+from planning.constrained.checker import ConstrainedChecker, narrow_rows
 from planning.constraints.active_set import FEASIBLE, make_feasible
 from planning.constraints.active_set_program import Goal, make_goal, make_work
 from planning.constraints.edge_bounds import EDGE_CELLS, HOLDS, edge_kernel
@@ -82,7 +82,7 @@ class Manifold:
 
     def __post_init__(self) -> None:
         chain, constraints = self.checker.model.chain, self.checker.constraints
-        zero, inner = np.zeros(chain.n), narrowed(constraints, _NARROWING)
+        zero, inner = np.zeros(chain.n), narrow_rows(constraints, _NARROWING)
         goal = make_goal(constraints, zero, zero, rows=inner)
         object.__setattr__(self, "goal", goal)
         object.__setattr__(self, "rows", self.checker.rows)

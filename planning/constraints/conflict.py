@@ -56,7 +56,7 @@ def conflict(
 
     def possible(kept: list[tuple[int, Constraint]]) -> bool:
         own = ConstraintSet(chain, tuple(c for _, c in kept))
-        return _least(own, near, seed, _STARTS)[0] <= _HELD
+        return _least_violation(own, near, seed, _STARTS)[0] <= _HELD
 
     if not hard or possible(hard):
         return None
@@ -96,13 +96,13 @@ def _relaxation(
     alone = ConstraintSet(chain, (constraints.constraints[give],))
     rest = ConstraintSet(chain, others)
     # Weighed so much, the posture hardly counts beside it.
-    worst, q = _least(rest, near, seed, _RELAXING_STARTS, alone, 1e4)
+    worst, q = _least_violation(rest, near, seed, _RELAXING_STARTS, alone, 1e4)
     if worst > _HELD:
         return float("inf")
     return float(alone.residuals(q).max())
 
 
-def _least(
+def _least_violation(
     constraints: ConstraintSet,
     near: Array | None,
     seed: int,

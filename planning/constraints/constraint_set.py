@@ -114,7 +114,7 @@ class ConstraintSet:
         Raises:
             InvalidRobotState: Wrong length or not finite.
         """
-        return self._evaluated(q)[0]
+        return self._evaluate_batch(q)[0]
 
     def residuals(self, q: ArrayLike) -> Array:
         """Residuals max(value - upper, lower - value), shape (..., m), positive where violated.
@@ -122,7 +122,7 @@ class ConstraintSet:
         Raises:
             InvalidRobotState: Wrong length or not finite.
         """
-        return self._evaluated(q)[1]
+        return self._evaluate_batch(q)[1]
 
     def evaluate(self, q: ArrayLike) -> tuple[Array, Array]:
         """Residuals (..., m) and their Jacobian (..., m, n).
@@ -130,10 +130,10 @@ class ConstraintSet:
         Raises:
             InvalidRobotState: Wrong length or not finite.
         """
-        _, residuals, jacobian = self._evaluated(q)
+        _, residuals, jacobian = self._evaluate_batch(q)
         return residuals, jacobian
 
-    def _evaluated(self, q: ArrayLike) -> tuple[Array, Array, Array]:
+    def _evaluate_batch(self, q: ArrayLike) -> tuple[Array, Array, Array]:
         batch = self.chain.configuration(q)
         flat, m, n = batch.reshape(-1, self.chain.n), len(self.rows), self.chain.n
         values, residuals = np.empty((len(flat), m)), np.empty((len(flat), m))

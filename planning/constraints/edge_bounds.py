@@ -35,9 +35,9 @@ from planning.constraints.row_value import (
     axis_kernel,
     log_kernel,
     point_kernel,
+    relative_point_kernel,
     residual_kernel,
-    seen_kernel,
-    turned,
+    rotate,
     turned_back,
     value_kernel,
     vector_kernel,
@@ -181,7 +181,7 @@ def bound_kernel(
         swept = min(turn, 2.0 * math.asin(min(0.5 * moved, 1.0)))
         return residual, min(math.acos(cosine), value + swept) - row[UPPER]
     if kind == _LOOK:
-        x = seen_kernel(frames, row, point_kernel(frames, row))
+        x = relative_point_kernel(frames, row, point_kernel(frames, row))
         y = (x[0] - row[CENTER], x[1] - row[CENTER + 1], x[2] - row[CENTER + 2])
         distance = math.sqrt(dot(y, y))
         sight = math.asin(moved / distance) if moved < distance else math.pi
@@ -202,7 +202,7 @@ def _axis_movement(
     first, last = min(carrier, reference) + 1, max(carrier, reference)
     a = vector_kernel(row, AXIS)
     if carrier >= 0:
-        a = turned(frames[carrier], a[0], a[1], a[2])
+        a = rotate(frames[carrier], a[0], a[1], a[2])
     inside = 0.0
     for j in range(first, last + 1):
         if chain[1 + j, 0] == 0.0:
@@ -227,7 +227,7 @@ def _distance_bound(
 ) -> float:
     """The largest distance over a cell: a convex function, largest at an end of the segment."""
     d = vector_kernel(row, DIRECTION)
-    x = seen_kernel(frames, row, point_kernel(frames, row))
+    x = relative_point_kernel(frames, row, point_kernel(frames, row))
     y = (x[0] - row[CENTER], x[1] - row[CENTER + 1], x[2] - row[CENTER + 2])
     along, across = dot(d, y), dot(d, V)
     y = (y[0] - along * d[0], y[1] - along * d[1], y[2] - along * d[2])

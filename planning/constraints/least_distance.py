@@ -38,13 +38,13 @@ def least_distance(A: Array, b: Array, count: int, d: Array, x: Array) -> bool:
     gram = np.empty((n, n))
     size = 0
     for _ in range(_ROUNDS * (count + 1)):
-        p, worst = _most_violated(A, b, count, x)
+        p, worst = _most_violated_row(A, b, count, x)
         if p < 0:
             return True
         dual = 0.0
         while True:
             _explain(A, active, size, p, gram, r)
-            left, square = _unexplained(A, active, size, p, r, z)
+            left, square = _residual_normal(A, active, size, p, r, z)
             partial, leaving = _longest_dual_step(duals, r, size)
             whole = math.inf
             if left > _DEPENDENT * square and size < n:
@@ -70,7 +70,7 @@ def least_distance(A: Array, b: Array, count: int, d: Array, x: Array) -> bool:
 
 
 @kernel
-def _most_violated(A: Array, b: Array, count: int, x: Array) -> tuple[int, float]:
+def _most_violated_row(A: Array, b: Array, count: int, x: Array) -> tuple[int, float]:
     """The row that x violates most and by how much; -1 where it violates none."""
     p, worst = -1, _FEASIBLE
     for i in range(count):
@@ -83,7 +83,7 @@ def _most_violated(A: Array, b: Array, count: int, x: Array) -> tuple[int, float
 
 
 @kernel
-def _unexplained(
+def _residual_normal(
     A: Array, active: Indices, size: int, p: int, r: Array, z: Array
 ) -> tuple[float, float]:
     """Write a_p - sum_i r_i a_i over the active rows i; its square, and that of a_p."""

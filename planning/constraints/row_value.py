@@ -40,7 +40,7 @@ def vector_kernel(row: Array, column: int) -> tuple[float, float, float]:
 
 
 @kernel
-def turned(R: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
+def rotate(R: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
     """R (3, 3 or larger) times a vector."""
     return (
         R[0, 0] * x + R[0, 1] * y + R[0, 2] * z,
@@ -66,12 +66,12 @@ def point_kernel(frames: Array, row: Array) -> tuple[float, float, float]:
     if carrier < 0:
         return vector_kernel(row, POINT)
     F = frames[carrier]
-    x, y, z = turned(F, row[POINT], row[POINT + 1], row[POINT + 2])
+    x, y, z = rotate(F, row[POINT], row[POINT + 1], row[POINT + 2])
     return x + F[0, 3], y + F[1, 3], z + F[2, 3]
 
 
 @kernel
-def seen_kernel(
+def relative_point_kernel(
     frames: Array, row: Array, P: tuple[float, float, float]
 ) -> tuple[float, float, float]:
     """A point of the base frame in the row's reference."""
@@ -87,7 +87,7 @@ def axis_kernel(frames: Array, row: Array) -> tuple[float, float, float]:
     """The row's axis in its reference."""
     a = vector_kernel(row, AXIS)
     if row[CARRIER] >= 0.0:
-        a = turned(frames[int(row[CARRIER])], a[0], a[1], a[2])
+        a = rotate(frames[int(row[CARRIER])], a[0], a[1], a[2])
     if row[REFERENCE] >= 0.0:
         a = turned_back(frames[int(row[REFERENCE])], a[0], a[1], a[2])
     return a
@@ -100,7 +100,7 @@ def to_base_kernel(
     """A direction of the row's reference in the base frame."""
     if row[REFERENCE] < 0.0:
         return a
-    return turned(frames[int(row[REFERENCE])], a[0], a[1], a[2])
+    return rotate(frames[int(row[REFERENCE])], a[0], a[1], a[2])
 
 
 @kernel
@@ -133,7 +133,7 @@ def rotation_kernel(frames: Array, row: Array, E: Array) -> tuple[float, float, 
     for column in range(3):
         a = (1.0 * (column == 0), 1.0 * (column == 1), 1.0 * (column == 2))
         if row[CARRIER] >= 0.0:
-            a = turned(frames[int(row[CARRIER])], a[0], a[1], a[2])
+            a = rotate(frames[int(row[CARRIER])], a[0], a[1], a[2])
         if row[REFERENCE] >= 0.0:
             a = turned_back(frames[int(row[REFERENCE])], a[0], a[1], a[2])
         for i in range(3):
@@ -197,7 +197,7 @@ def value_kernel(
         k = row[TURN : TURN + 9].reshape(3, 3)
         back = turned_back(k, b[0], b[1], b[2])
         return dot(a, e), none, to_base_kernel(frames, row, back)
-    x = seen_kernel(frames, row, point_kernel(frames, row))
+    x = relative_point_kernel(frames, row, point_kernel(frames, row))
     y = (x[0] - center[0], x[1] - center[1], x[2] - center[2])
     if kind == _COORDINATE:
         return dot(d, y), to_base_kernel(frames, row, d), none
@@ -308,7 +308,7 @@ def sideways_kernel(
         return math.sin(row[UPPER]), none, to_base_kernel(frames, row, cross(a, w))
     if kind not in (_DISTANCE, _LOOK):
         return math.inf, none, none
-    x = seen_kernel(frames, row, point_kernel(frames, row))
+    x = relative_point_kernel(frames, row, point_kernel(frames, row))
     y = (x[0] - row[CENTER], x[1] - row[CENTER + 1], x[2] - row[CENTER + 2])
     if kind == _LOOK:
         length = math.sqrt(dot(y, y))

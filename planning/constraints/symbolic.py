@@ -126,26 +126,26 @@ def smooth_row(
     return SmoothRow(value, lower, upper)
 
 
-def _rotated(joint: int, frames: list[Expression], x: Expression) -> Expression:
+def _rotate(joint: int, frames: list[Expression], x: Expression) -> Expression:
     return x if joint < 0 else casadi.mtimes(frames[joint][:3, :3], x)
 
 
-def _rotated_back(joint: int, frames: list[Expression], x: Expression) -> Expression:
+def _rotate_back(joint: int, frames: list[Expression], x: Expression) -> Expression:
     return x if joint < 0 else casadi.mtimes(frames[joint][:3, :3].T, x)
 
 
 def _axis(carrier: int, reference: int, data: Expression, frames: list[Expression]) -> Expression:
-    return _rotated_back(reference, frames, _rotated(carrier, frames, data[6:9]))
+    return _rotate_back(reference, frames, _rotate(carrier, frames, data[6:9]))
 
 
 def _offset(carrier: int, reference: int, data: Expression, frames: list[Expression]) -> Expression:
     """The point seen from c, in the reference."""
-    x = _rotated(carrier, frames, data[3:6])
+    x = _rotate(carrier, frames, data[3:6])
     if carrier >= 0:
         x += frames[carrier][:3, 3]
     if reference >= 0:
         x -= frames[reference][:3, 3]
-    return _rotated_back(reference, frames, x) - data[9:12]
+    return _rotate_back(reference, frames, x) - data[9:12]
 
 
 def _across(y: Expression, data: Expression) -> Expression:
@@ -159,7 +159,7 @@ def _angle(a: Expression, d: Expression) -> Expression:
 
 
 def _turn(carrier: int, reference: int, data: Expression, frames: list[Expression]) -> Expression:
-    X = _rotated_back(reference, frames, _rotated(carrier, frames, casadi.DM.eye(3)))
+    X = _rotate_back(reference, frames, _rotate(carrier, frames, casadi.DM.eye(3)))
     return casadi.mtimes(casadi.reshape(data[17:26], 3, 3).T, X)
 
 

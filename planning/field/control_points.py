@@ -64,7 +64,7 @@ def along_links(robot: RobotGeometry) -> ControlPoints:
         (joint, *point)
         for piece, joint in zip(robot.pieces, robot.joints, strict=True)
         if joint >= 0
-        for point in _along(piece)
+        for point in _axis_points(piece)
     ]
     if not entries:
         return frame_origins(robot.chain)
@@ -72,7 +72,7 @@ def along_links(robot: RobotGeometry) -> ControlPoints:
     return ControlPoints(np.array(joints), np.array(places), np.array(radii))
 
 
-def _along(piece: Piece) -> list[tuple[Array, float]]:
+def _axis_points(piece: Piece) -> list[tuple[Array, float]]:
     """Points on the longest axis of a piece's box, and half its width."""
     if piece.kind == PieceKind.HALFSPACE:
         return []

@@ -134,7 +134,7 @@ def descend_kernel(
         if _move(proof, work, rules, field, track, across, rules.longest, np.inf) == 0.0:
             break
     while True:
-        if _arrived(proof, work, rules, field, track):
+        if _reaches_goal(proof, work, rules, field, track):
             return ARRIVED
         if counts[ITERATIONS] >= until:
             return GOING
@@ -177,7 +177,9 @@ def is_free_kernel(proof: Proof, work: Workspace, a: Array, b: Array, outcome: A
 
 
 @kernel
-def _arrived(proof: Proof, work: Workspace, rules: Rules, field: FieldModel, track: Track) -> bool:
+def _reaches_goal(
+    proof: Proof, work: Workspace, rules: Rules, field: FieldModel, track: Track
+) -> bool:
     q, goal = track.visited[track.counts[VISITED] - 1].copy(), field.goal.copy()
     away = 0.0
     for j in range(q.shape[0]):

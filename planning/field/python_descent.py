@@ -72,7 +72,7 @@ class PythonDescent:
             if self._move(work, track, across, rules.longest, np.inf) == 0.0:
                 break
         while True:
-            if self._has_arrived(work, track):
+            if self._reaches_goal(work, track):
                 return ARRIVED
             if counts[ITERATIONS] >= until:
                 return GOING
@@ -83,7 +83,7 @@ class PythonDescent:
             if counts[STALE] >= rules.patience or not self._take_step(work, track):
                 return STUCK
 
-    def _has_arrived(self, work: Workspace, track: Track) -> bool:
+    def _reaches_goal(self, work: Workspace, track: Track) -> bool:
         """Whether the goal is near enough, or in reach of a proved straight motion."""
         q, goal = track.visited[track.counts[VISITED] - 1].copy(), self.goal
         away = float(((goal - q) ** 2).sum())

@@ -25,7 +25,7 @@ class Candidate:
     value: float
 
 
-def blocked(checker: Checker, iterate: Iterate) -> list[float]:
+def blocked_places(checker: Checker, iterate: Iterate) -> list[float]:
     """Places u where a spline is not proved free, one in each stretch that is not.
 
     A spline of a higher degree than the third is looked at as two cubics a piece that have its

@@ -17,7 +17,7 @@ _LEAST = 1e-3
 _STEP, _STEPS = 1.5, 14
 
 
-def fitted(task: Task, space: SplineSpace, motion: Trajectory) -> Iterate:
+def fit_spline(task: Task, space: SplineSpace, motion: Trajectory) -> Iterate:
     """The spline nearest to a motion (least squares), as fast as the limits allow.
 
     Args:
@@ -29,19 +29,19 @@ def fitted(task: Task, space: SplineSpace, motion: Trajectory) -> Iterate:
     duration = max(motion.duration, _LEAST)
     points = _nearest(task, space, motion, duration)
     if task.still:
-        return Iterate(space, points, needed(task, space, points))
+        return Iterate(space, points, least_duration(task, space, points))
     # The ends bend the spline the more the longer it takes: all there is to do is to try.
     durations = duration * _STEP ** np.arange(_STEPS)
     over = []
     for T in durations:
-        over.append(needed(task, space, _nearest(task, space, motion, T)) / T)
+        over.append(least_duration(task, space, _nearest(task, space, motion, T)) / T)
         if over[-1] <= 1.0:
             break
     duration = float(durations[int(np.argmin(over))])
     return Iterate(space, _nearest(task, space, motion, duration), duration)
 
 
-def needed(task: Task, space: SplineSpace, points: Array) -> float:
+def least_duration(task: Task, space: SplineSpace, points: Array) -> float:
     """The least duration in which a spline keeps its limits [s]."""
     motion = space.trajectory(task.chain.joint_names, points, 1.0)
     return max(fitting_factor(motion, **task.bounds), _LEAST)

@@ -72,7 +72,7 @@ def value(
 def model(task: Task, weights: Mapping[Objective, float], iterate: Iterate) -> Model:
     """The quadratic model of the objective at an iterate."""
     size = iterate.points.size + 2
-    H, g = _smoothing(task, weights, iterate), np.zeros(size)
+    H, g = _smoothness_weights(task, weights, iterate), np.zeros(size)
     for name, w in weights.items():
         own = _MODELS[name](task, iterate)
         H, g = H + w * own.H, g + w * own.g
@@ -82,7 +82,7 @@ def model(task: Task, weights: Mapping[Objective, float], iterate: Iterate) -> M
     return Model(H, g)
 
 
-def _smoothing(task: Task, weights: Mapping[Objective, float], iterate: Iterate) -> Any:
+def _smoothness_weights(task: Task, weights: Mapping[Objective, float], iterate: Iterate) -> Any:
     N, n = iterate.points.shape
     shares = sparse.diags(1.0 / task.bounds["acceleration"] ** 2)
     gram = sparse.csr_matrix(iterate.space.gram[2] * iterate.duration**-3)

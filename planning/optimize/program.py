@@ -67,7 +67,7 @@ def solve(
     room = _ROOM * (1 + int(slot.max(initial=0)) // _ROOM)
     pattern = (tuple(H.indptr.tolist()), tuple(H.indices.tolist()))
     solver = _program(space, n, tuple(limits.values), room, pattern)
-    W, lower, upper = _packed(space, rows, n, (piece, slot, room))
+    W, lower, upper = _pack_rows(space, rows, n, (piece, slot, room))
     shares = np.concatenate([(1.0 - limits.hair) * value for value in limits.values.values()])
     held = 2 * n * sum(space.count - order for order in limits.values)
     answer = solver(
@@ -99,7 +99,7 @@ def _places(space: SplineSpace, A: Any, n: int) -> tuple[Indices, Indices]:
     return piece, slot
 
 
-def _packed(
+def _pack_rows(
     space: SplineSpace, rows: Rows, n: int, places: tuple[Indices, Indices, int]
 ) -> tuple[Array, Array, Array]:
     """W of all pieces, column by column, and the bounds of their rows."""

@@ -9,7 +9,7 @@ from kinematics.arrays import Array
 from kinematics.trajectory import Trajectory
 from planning.deadline import Deadline
 from planning.optimize.candidate import Candidate
-from planning.optimize.initial_guess import fitted
+from planning.optimize.initial_guess import fit_spline
 from planning.optimize.linearization import Obstruction
 from planning.optimize.objective import value
 from planning.optimize.options import CONTROL_POINTS, RefineOptions
@@ -75,7 +75,7 @@ class Refinement:
             self.task = self._with_jerk()
         self.value = self._worth(self.known)
         space = SplineSpace.uniform(self.options.least_degree, self._count())
-        start = fitted(self.task, space, self.known)
+        start = fit_spline(self.task, space, self.known)
         self._descent = Descent(self.task, self.options, start, self._longest(), self.deadline)
 
     def _with_jerk(self) -> Task:

@@ -43,7 +43,7 @@ class Rows:
         return cls(A, np.full(len(upper), -np.inf), upper)
 
 
-def stacked(blocks: Sequence[Rows]) -> Rows:
+def stack_rows(blocks: Sequence[Rows]) -> Rows:
     """All rows of several blocks."""
     return Rows(
         sparse.vstack([block.A for block in blocks], format="csc"),

@@ -22,8 +22,8 @@ from kinematics.chain import Chain
 from kinematics.trajectory import Trajectory
 from planning.deadline import Deadline
 from planning.optimize import objective, program
-from planning.optimize.candidate import Candidate, blocked
-from planning.optimize.initial_guess import needed
+from planning.optimize.candidate import Candidate, blocked_places
+from planning.optimize.initial_guess import least_duration
 from planning.optimize.iterate import Iterate
 from planning.optimize.linearization import (
     Checkpoints,
@@ -35,7 +35,7 @@ from planning.optimize.linearization import (
 from planning.optimize.objective import value
 from planning.optimize.options import RefineOptions
 from planning.optimize.quadratic import Quadratic
-from planning.optimize.rows import Rows, end_rows, limit_rows, stacked
+from planning.optimize.rows import Rows, end_rows, limit_rows, stack_rows
 from planning.optimize.task import Task
 from planning.timing.effort_limits import estimate_uses, slow_down
 from planning.timing.failure import TimingFailed
@@ -104,7 +104,7 @@ class Descent:
         self.places = Checkpoints.within(space.breaks, each, _SPARE)
         began = time.monotonic()
         if self.task.still:
-            self.iterate = self._timed(self.iterate)
+            self.iterate = self._slow_or_speed_up(self.iterate)
         self.seen = self._look(self.iterate)
         self._offer(self.iterate)
         self.looking = time.monotonic() - began
@@ -131,14 +131,14 @@ class Descent:
 
     def _round(self) -> bool:
         """One convex problem and what comes of it; whether another may gain."""
-        problem, z = self._solved()
+        problem, z = self._solve_round()
         if z is None:
             self.hindrance = Obstruction("no motion near the last one keeps all limits", _LIMITS)
             return self._shrink()
         here = np.append(self.iterate.points.ravel(), [self.iterate.duration, 0.0])
         if self.seen.violation == 0.0 and problem.value(here) - problem.value(z) < _GAIN:
             return False
-        following = self._following(z)
+        following = self._next_iterate(z)
         seen = self._look(following)
         before, after = self._value(self.iterate), self._value(following)
         worse = seen.violation > max(_GROWTH * self.seen.violation, _TOLERATED)
@@ -158,7 +158,7 @@ class Descent:
         self.reach *= _SHRINK
         return self.reach >= _LEAST_REACH
 
-    def _solved(self) -> tuple[Quadratic, Array | None]:
+    def _solve_round(self) -> tuple[Quadratic, Array | None]:
         """The problem of a round, and the unknowns that solve it if any were found."""
         task, iterate = self.task, self.iterate
         H, g = objective.model(task, self.options.weights, iterate)
@@ -167,7 +167,7 @@ class Descent:
         g[-1] = _PENALTY
         hair = 0.0 if task.still else _HAIR
         others = [*end_rows(iterate, task.start, task.end), *self._time_row(), *self.seen.rows]
-        rows = stacked([*limit_rows(task, iterate, hair), *others])
+        rows = stack_rows([*limit_rows(task, iterate, hair), *others])
         problem = Quadratic(H / scale, g, rows.A, rows.lower, rows.upper, *self._bounds())
         if self.options.solver == "piqp":
             return problem, problem.solve()
@@ -175,7 +175,7 @@ class Descent:
         limits = program.Limits(dict(task.orders), hair)
         none = Rows.below(sparse.csr_matrix((0, len(g))), np.zeros(0))
         return problem, program.solve(
-            iterate.space, limits, stacked([none, *others]), problem, start
+            iterate.space, limits, stack_rows([none, *others]), problem, start
         )
 
     def _time_row(self) -> list[Rows]:
@@ -202,19 +202,19 @@ class Descent:
             np.append(np.maximum(least, most).ravel(), [_SLOWER * T, np.inf]),
         )
 
-    def _following(self, z: Array) -> Iterate:
+    def _next_iterate(self, z: Array) -> Iterate:
         """The next iterate: ends made exact, and as slow as the exact extrema ask for."""
         points = z[:-2].reshape(self.iterate.points.shape)
         limits = self.task.chain.limits
         points = np.clip(points, limits.lower, limits.upper)
         space, T = self.iterate.space, float(z[-2])
         ended = Iterate(space, points, T).ended(self.task.start, self.task.end)
-        return self._timed(ended) if self.task.still else ended
+        return self._slow_or_speed_up(ended) if self.task.still else ended
 
-    def _timed(self, iterate: Iterate) -> Iterate:
+    def _slow_or_speed_up(self, iterate: Iterate) -> Iterate:
         """As slow as the exact extrema and the loads ask for; as fast, where only time counts."""
         loaded = iterate.duration * least_factor(self.task, iterate, self.places)
-        least = max(needed(self.task, iterate.space, iterate.points), loaded)
+        least = max(least_duration(self.task, iterate.space, iterate.points), loaded)
         T = least if self.options.fastest else max(iterate.duration, least)
         return Iterate(iterate.space, iterate.points, T)
 
@@ -232,7 +232,7 @@ class Descent:
         """Keep an iterate that violates nothing if it is the best; places where it is not free."""
         if self.seen.violation > 0.0:
             return []
-        places = blocked(self.task.checker, iterate)
+        places = blocked_places(self.task.checker, iterate)
         if places:
             self._add(places)
             self.hindrance = _BETWEEN
@@ -257,8 +257,8 @@ class Descent:
             except TimingFailed as failure:
                 self.hindrance = Obstruction(failure.message, failure.hint or _LIMITS)
                 return None
-        elif factor > 1.0 + _ROUNDING or self._overloaded(motion):
-            self.hindrance = self._exceeded(motion)
+        elif factor > 1.0 + _ROUNDING or self._exceeds_effort_limits(motion):
+            self.hindrance = self._worst_limit(motion)
             return None
         if motion.duration > self.longest * (1.0 + _ROUNDING):
             message = f"the shortest motion that was found takes {motion.duration:.4g} s"
@@ -266,7 +266,7 @@ class Descent:
             return None
         return Candidate(iterate, motion, self._worth(motion))
 
-    def _exceeded(self, motion: Trajectory) -> Obstruction:
+    def _worst_limit(self, motion: Trajectory) -> Obstruction:
         """Which limit a motion exceeds the most, by how much."""
         ratios = {
             (order, int(joint)): float(value)
@@ -279,7 +279,7 @@ class Descent:
         message = f"joint {name!r} has {ratio:.4g} times the {quantity} that is allowed"
         return Obstruction(message, _LIMITS)
 
-    def _overloaded(self, motion: Trajectory) -> bool:
+    def _exceeds_effort_limits(self, motion: Trajectory) -> bool:
         loads = self.task.loads
         uses = {} if loads is None else estimate_uses(loads, motion)
         return any(use.ratio > 1.0 + _ROUNDING for use in uses.values())

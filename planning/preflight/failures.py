@@ -13,7 +13,7 @@ from obstacles.fcl_distance import FclWorld
 from planning.preflight.limits import LimitViolation
 from planning.preflight.nearest_free import nearest_free
 from planning.problem import Problem
-from planning.proof.limits import beyond
+from planning.proof.limits import position_excess
 from planning.ready import TOUCHING
 from planning.result import Failure
 
@@ -40,7 +40,7 @@ class Refusal:
 
 def limit_failure(end: End, violation: LimitViolation) -> Failure:
     """The failure of a start or goal outside the joint limits."""
-    where = beyond(violation.joint, violation.value, violation.limit)
+    where = position_excess(violation.joint, violation.value, violation.limit)
     return Failure(
         code=f"{end.upper()}_STATE_INVALID",
         message=f"at the {end}, {where}",

@@ -61,7 +61,7 @@ def checked_nodes(nodes: Array, first: int, roots: Indices, low: Array, high: Ar
         BrokenTree: Some node hangs below none or several.
     """
     inner = np.flatnonzero(nodes[:, FIRST] < 0.0)
-    one, other = children(nodes, first)
+    one, other = child_pairs(nodes, first)
     below = np.sort(np.concatenate([roots, one, other]))
     if not (np.array_equal(below, np.arange(len(nodes))) and (other > inner).all()):
         raise BrokenTree("a node of a tree of boxes hangs below none or several")
@@ -84,7 +84,7 @@ def checked_nodes(nodes: Array, first: int, roots: Indices, low: Array, high: Ar
     return right
 
 
-def children(nodes: Array, first: int) -> tuple[Indices, Indices]:
+def child_pairs(nodes: Array, first: int) -> tuple[Indices, Indices]:
     """Both children of each node that is no leaf, in the order of these nodes."""
     inner = np.flatnonzero(nodes[:, FIRST] < 0.0)
     if not len(inner):

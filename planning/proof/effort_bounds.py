@@ -14,14 +14,14 @@ from planning.proof.jet import (
     Jet,
     JetVector,
     add,
+    constant_vector,
     cross,
-    cross_fixed,
-    fixed,
+    cross_constant,
     multiply,
     plus,
     scale,
     sine_cosine,
-    weighted,
+    weighted_sum,
 )
 from planning.proof.motion_bounds import (
     ACCELERATION,
@@ -72,7 +72,7 @@ def effort_bounds_kernel(
                 motions[order, j, 3] = joints[j, ROUNDING]
         velocity = _outward(bodies, motions, half, wrenches)
         w, v = velocity
-        _store(velocities[c], plus(v, cross_fixed(w, tip[0], tip[1], tip[2])))
+        _store(velocities[c], plus(v, cross_constant(w, tip[0], tip[1], tip[2])))
         _inward(bodies, motions, half, wrenches, torques[c])
 
 
@@ -84,10 +84,10 @@ def _outward(
 
     Body by body from the base, all in the axes of the body's own joint.
     """
-    zero = fixed(0.0, 0.0, 0.0)
+    zero = constant_vector(0.0, 0.0, 0.0)
     w, dw, v = zero, zero, zero
     g = bodies.gravity
-    a = fixed(-g[0], -g[1], -g[2])
+    a = constant_vector(-g[0], -g[1], -g[2])
     for i in range(motions.shape[1]):
         A = bodies.offsets[i]
         q, rate, rise = _load(motions[0, i]), _load(motions[1, i]), _load(motions[2, i])
@@ -108,11 +108,11 @@ def _outward(
             a = plus(a, coriolis)
             v = (v[0], v[1], add(v[2], rate))
         b, m, tensor = bodies.centers[i], bodies.masses[i], bodies.tensors[i]
-        turn = cross(w, cross_fixed(w, b[0], b[1], b[2]), h)
-        center = plus(a, plus(cross_fixed(dw, b[0], b[1], b[2]), turn))
+        turn = cross(w, cross_constant(w, b[0], b[1], b[2]), h)
+        center = plus(a, plus(cross_constant(dw, b[0], b[1], b[2]), turn))
         force = (scale(m, center[0]), scale(m, center[1]), scale(m, center[2]))
         spin = cross(w, _tensor(tensor, w), h)
-        moment = plus(plus(_tensor(tensor, dw), spin), cross_fixed(force, -b[0], -b[1], -b[2]))
+        moment = plus(plus(_tensor(tensor, dw), spin), cross_constant(force, -b[0], -b[1], -b[2]))
         _store(wrenches[0, i], force)
         _store(wrenches[1, i], moment)
     return w, v
@@ -121,7 +121,7 @@ def _outward(
 @kernel
 def _inward(bodies: Bodies, motions: Array, h: float, wrenches: Array, torques: Array) -> None:
     """Sum the bodies' forces and moments from the tip into torques (n, JET)."""
-    force, moment = fixed(0.0, 0.0, 0.0), fixed(0.0, 0.0, 0.0)
+    force, moment = constant_vector(0.0, 0.0, 0.0), constant_vector(0.0, 0.0, 0.0)
     for i in range(motions.shape[1] - 1, -1, -1):
         force, moment = plus(force, _vector(wrenches[0, i])), plus(moment, _vector(wrenches[1, i]))
         q, rate, rise = _load(motions[0, i]), _load(motions[1, i]), _load(motions[2, i])
@@ -141,7 +141,7 @@ def _inward(bodies: Bodies, motions: Array, h: float, wrenches: Array, torques: 
 @kernel
 def _joint(A: Array, q: Jet, revolute: bool, h: float) -> tuple[Jet, Jet, JetVector]:
     """Sine and cosine of a joint's turn, and its frame's origin in the frame before it."""
-    arm = fixed(A[0, 3], A[1, 3], A[2, 3])
+    arm = constant_vector(A[0, 3], A[1, 3], A[2, 3])
     if revolute:
         s, c = sine_cosine(q, h)
         return s, c, arm
@@ -152,9 +152,9 @@ def _joint(A: Array, q: Jet, revolute: bool, h: float) -> tuple[Jet, Jet, JetVec
 @kernel
 def _into(A: Array, s: Jet, c: Jet, v: JetVector, h: float) -> JetVector:
     """A vector of the frame before a joint in the joint's own: Rz(q)^T R_A^T v."""
-    x = weighted(A[0, 0], A[1, 0], A[2, 0], v)
-    y = weighted(A[0, 1], A[1, 1], A[2, 1], v)
-    z = weighted(A[0, 2], A[1, 2], A[2, 2], v)
+    x = weighted_sum(A[0, 0], A[1, 0], A[2, 0], v)
+    y = weighted_sum(A[0, 1], A[1, 1], A[2, 1], v)
+    z = weighted_sum(A[0, 2], A[1, 2], A[2, 2], v)
     return (
         add(multiply(c, x, h), multiply(s, y, h)),
         add(multiply(c, y, h), scale(-1.0, multiply(s, x, h))),
@@ -169,9 +169,9 @@ def _out_of(A: Array, s: Jet, c: Jet, v: JetVector, h: float) -> JetVector:
     y = add(multiply(s, v[0], h), multiply(c, v[1], h))
     turned = (x, y, v[2])
     return (
-        weighted(A[0, 0], A[0, 1], A[0, 2], turned),
-        weighted(A[1, 0], A[1, 1], A[1, 2], turned),
-        weighted(A[2, 0], A[2, 1], A[2, 2], turned),
+        weighted_sum(A[0, 0], A[0, 1], A[0, 2], turned),
+        weighted_sum(A[1, 0], A[1, 1], A[1, 2], turned),
+        weighted_sum(A[2, 0], A[2, 1], A[2, 2], turned),
     )
 
 
@@ -179,9 +179,9 @@ def _out_of(A: Array, s: Jet, c: Jet, v: JetVector, h: float) -> JetVector:
 def _tensor(tensor: Array, w: JetVector) -> JetVector:
     """The product of a tensor (3, 3) and a vector."""
     return (
-        weighted(tensor[0, 0], tensor[0, 1], tensor[0, 2], w),
-        weighted(tensor[1, 0], tensor[1, 1], tensor[1, 2], w),
-        weighted(tensor[2, 0], tensor[2, 1], tensor[2, 2], w),
+        weighted_sum(tensor[0, 0], tensor[0, 1], tensor[0, 2], w),
+        weighted_sum(tensor[1, 0], tensor[1, 1], tensor[1, 2], w),
+        weighted_sum(tensor[2, 0], tensor[2, 1], tensor[2, 2], w),
     )
 
 

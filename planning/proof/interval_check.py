@@ -17,15 +17,15 @@ from planning.proof.joint_frames import forward_kernel
 from planning.proof.motion_bounds import (
     MOVED,
     VALUE,
+    displacement_along,
     displacement_bounds,
-    moved_along,
     outside_box,
     place,
     reach,
 )
 from planning.proof.pair_table import PairArrays
 from planning.proof.proposals import propose
-from planning.proof.separating_direction import Vector, direction, gap, rounding
+from planning.proof.separating_direction import Vector, direction, gap, rounding_bound
 from planning.proof.sweep_state import (
     DEPTH,
     HALF,
@@ -210,7 +210,7 @@ def _bound_pair(model: PairArrays, w: Sweep, i: int, j: int, apart: float, u: Ve
     against = OWN if i < model.moving else OBSTACLE
     after, sharp = model.joints[i] + 1, w.counters[SHARP] == 1
     lengths = w.interval[REACH] + model.extents[i] + model.extents[j]
-    lost = rounding(model.joint_types.shape[0], lengths)
+    lost = rounding_bound(model.joint_types.shape[0], lengths)
     moved = w.moves[j, after, MOVED] + lost
     enough = sharp_enough(w.nearest[against], sharp)
     need = max(apart, enough)
@@ -226,7 +226,7 @@ def _bound_pair(model: PairArrays, w: Sweep, i: int, j: int, apart: float, u: Ve
     parts, u = direction(model.kinds, w.poses, i, j, u)
     separation, along, upper = -np.inf, moved, np.inf
     if parts:
-        separation, along = _along(model, w, i, j, u)
+        separation, along = _gap_and_motion_along(model, w, i, j, u)
         along = min(moved, along + lost)
     lower = separation - along
     settled = lower > apart and lower >= enough
@@ -237,7 +237,7 @@ def _bound_pair(model: PairArrays, w: Sweep, i: int, j: int, apart: float, u: Ve
         upper = propose(model.proposals, i, j, w.poses, w.centers, need + moved, w.proposal)
         parts, u = direction(model.kinds, w.poses, i, j, (-axis[0], -axis[1], -axis[2]))
         if parts:
-            separation, along = _along(model, w, i, j, u)
+            separation, along = _gap_and_motion_along(model, w, i, j, u)
             along = min(moved, along + lost)
             lower = separation - along
         moved = along
@@ -249,11 +249,13 @@ def _bound_pair(model: PairArrays, w: Sweep, i: int, j: int, apart: float, u: Ve
 
 
 @kernel(allocates=False, inline="code")
-def _along(model: PairArrays, w: Sweep, i: int, j: int, u: Vector) -> tuple[float, float]:
+def _gap_and_motion_along(
+    model: PairArrays, w: Sweep, i: int, j: int, u: Vector
+) -> tuple[float, float]:
     """How far apart two elements are along a unit direction, and how far they move along it [m]."""
     separation = gap(model.kinds, model.sizes, model.columns, model.starts, w.poses, i, j, u)
     moves, after = w.moves[j], model.joints[i] + 1
-    return separation, moved_along(moves, after, model.radii[j], w.interval[HALF], u)
+    return separation, displacement_along(moves, after, model.radii[j], w.interval[HALF], u)
 
 
 @kernel(allocates=False, inline="code")

@@ -74,19 +74,19 @@ def cross(u: JetVector, v: JetVector, h: float) -> JetVector:
 
 
 @kernel(allocates=False)
-def weighted(a: float, b: float, c: float, v: JetVector) -> Jet:
+def weighted_sum(a: float, b: float, c: float, v: JetVector) -> Jet:
     """The sum a v_x + b v_y + c v_z for numbers a, b, c."""
     return add(add(scale(a, v[0]), scale(b, v[1])), scale(c, v[2]))
 
 
 @kernel(allocates=False)
-def fixed(a: float, b: float, c: float) -> JetVector:
+def constant_vector(a: float, b: float, c: float) -> JetVector:
     """A vector that does not change."""
     return (a, 0.0, 0.0, 0.0), (b, 0.0, 0.0, 0.0), (c, 0.0, 0.0, 0.0)
 
 
 @kernel(allocates=False)
-def cross_fixed(v: JetVector, a: float, b: float, c: float) -> JetVector:
+def cross_constant(v: JetVector, a: float, b: float, c: float) -> JetVector:
     """The vector product v x (a, b, c) for numbers a, b, c."""
     return (
         add(scale(c, v[1]), scale(-b, v[2])),

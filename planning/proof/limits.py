@@ -44,7 +44,7 @@ class LimitReport:
     time: float
 
 
-def beyond(joint: str, value: float, limit: float) -> str:
+def position_excess(joint: str, value: float, limit: float) -> str:
     """Say by how much a joint is outside which limit of its position [rad or m]."""
     which = "above its upper" if value > limit else "below its lower"
     return f"joint {joint!r} is at {value:.9g}, {abs(value - limit):.3g} {which} limit {limit:.9g}"
@@ -72,7 +72,7 @@ def check_limits(
         if not np.isfinite(limit).any():
             continue
         if order == 3 and np.abs(jumps(trajectory, 2)).max(initial=0.0) > JERK_JUMP:
-            wrong += [_unbounded(trajectory)] if name in bounds else []
+            wrong += [_jump_violation(trajectory)] if name in bounds else []
             continue
         reports[name], violation = _check_peaks(trajectory, limit, order, name)
         wrong += [violation] if violation else []
@@ -102,7 +102,7 @@ def check_continuity(trajectory: Trajectory) -> tuple[dict[str, float], list[Vio
     return continuity, wrong
 
 
-def _unbounded(trajectory: Trajectory) -> Violation:
+def _jump_violation(trajectory: Trajectory) -> Violation:
     sizes = np.abs(jumps(trajectory, 2))
     at = int(np.argmax(sizes.max(axis=1) > JERK_JUMP))
     joint = trajectory.joint_names[int(np.argmax(sizes[at]))]
@@ -128,7 +128,7 @@ def _check_peaks(
         return report, None
     k = int(np.argmax(bounds))
     most = np.where(is_limited, limit, np.inf) * (1.0 + RATIO_TOLERANCE)
-    time, k = _first_beyond(trajectory, order, -most, most) or (float(times[k]), k)
+    time, k = _first_excess(trajectory, order, -most, most) or (float(times[k]), k)
     joint, value = trajectory.joint_names[k], float(peaks[k])
     message = f"joint {joint!r} has {name} {value:.6g}, its limit is {limit[k]:.6g}"
     return report, Violation(
@@ -136,7 +136,7 @@ def _check_peaks(
     )
 
 
-def _first_beyond(
+def _first_excess(
     trajectory: Trajectory, order: int, lower: Array, upper: Array
 ) -> tuple[float, int] | None:
     """When a derivative first leaves its bounds (n,), and of which joint; None if it does not."""
@@ -188,9 +188,9 @@ def _check_position(trajectory: Trajectory, limits: Limits) -> tuple[LimitReport
     if outside[k] <= RATIO_TOLERANCE:
         return report, None
     edges = lower - RATIO_TOLERANCE, upper + RATIO_TOLERANCE
-    time, k = _first_beyond(trajectory, 0, *edges) or (0.0, k)
+    time, k = _first_excess(trajectory, 0, *edges) or (0.0, k)
     is_above = ends.maximum[k] - upper[k] >= lower[k] - ends.minimum[k]
     value, limit = (ends.maximum[k], upper[k]) if is_above else (ends.minimum[k], lower[k])
-    message = beyond(names[k], float(value), float(limit))
+    message = position_excess(names[k], float(value), float(limit))
     details = {"joint": names[k], "value": float(value), "limit": float(limit)}
     return report, Violation("position", time, message, details)

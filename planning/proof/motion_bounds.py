@@ -278,7 +278,7 @@ def displacement_bounds(
 
 
 @kernel(allocates=False)
-def moved_along(moves: Array, j: int, radius: float, half: float, u: Vector) -> float:
+def displacement_along(moves: Array, j: int, radius: float, half: float, u: Vector) -> float:
     """How far any point of a ball moves along a unit direction, seen from before joint j [m].
 
     Args:

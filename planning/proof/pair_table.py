@@ -18,7 +18,7 @@ from obstacles.bvh import BOX, FIRST, LAST, SKIP, tree
 from obstacles.piece import Piece, PieceArrays, PieceKind
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
-from planning.proof.box_tree import checked_nodes, children, leaf_boxes
+from planning.proof.box_tree import checked_nodes, child_pairs, leaf_boxes
 from planning.proof.proposals import (
     FIRST_NODE,
     STOP_NODE,
@@ -171,7 +171,7 @@ def _arrays(robot: RobotGeometry, scene: Scene) -> PairArrays:
     everything = _Elements.joined(own, around, boxed)
     joints = np.full(len(everything.kinds), -1, dtype=np.int64)
     joints[:moving] = robot.joints[own.parts]
-    skipped = _skipped(robot, scene)
+    skipped = _pairs_that_may_touch(robot, scene)
     walls = moving + np.flatnonzero(still.kinds == PieceKind.HALFSPACE)
     tops = [len(joints) - len(boxed.kinds)] if len(boxed.kinds) else []
     return PairArrays(
@@ -201,7 +201,7 @@ def _arrays(robot: RobotGeometry, scene: Scene) -> PairArrays:
     )
 
 
-def _skipped(robot: RobotGeometry, scene: Scene) -> NDArray[np.bool_]:
+def _pairs_that_may_touch(robot: RobotGeometry, scene: Scene) -> NDArray[np.bool_]:
     """Which pieces of a robot may touch which obstacles, shape (p, obstacles).
 
     Those that stand still with the base may, and those whose link the scene allows to. The planner
@@ -295,7 +295,7 @@ def _tree(still: PieceArrays, margins: Array, moving: int, base: int) -> _Elemen
         none + HOLDER, none, np.zeros((0, 3)), np.zeros((count, 3)), still_poses,
 
         boxes[:, :3], np.linalg.norm(boxes[:, 3:], axis=1), boxes, spans, kids, none - 1, none,
-        none - 1, _most(nodes, margins[solid][grown.items]),
+        none - 1, _largest_margins(nodes, margins[solid][grown.items]),
     )  # fmt: skip
 
 
@@ -308,10 +308,10 @@ def _boxes(nodes: Array) -> Array:
 
 def _children(nodes: Array, first: int, base: int) -> Indices:
     """The two nodes below each that is no leaf, one behind the other; the first one is ``base``."""
-    return np.column_stack(children(nodes, first)).reshape(-1) + base
+    return np.column_stack(child_pairs(nodes, first)).reshape(-1) + base
 
 
-def _most(nodes: Array, margins: Array) -> Array:
+def _largest_margins(nodes: Array, margins: Array) -> Array:
     """The largest margin of all items below each node; ``margins`` in the order of leaves."""
     if not len(margins) or margins.min() == margins.max():
         return np.full(len(nodes), margins.max(initial=0.0))
@@ -339,7 +339,7 @@ def _own_pairs(robot: RobotGeometry) -> tuple[tuple[int, int], ...]:
     """Pairs of the robot's pieces that must not touch.
 
     All that move against each other and that it does not allow to touch; written twice on purpose,
-    like ``_skipped``.
+    like ``_pairs_that_may_touch``.
     """
     allowed = {frozenset(pair) for pair in robot.allowed}
     joints, links = robot.joints.tolist(), robot.links

@@ -39,7 +39,7 @@ from planning.proof.residual_row import (
     pack,
 )
 from planning.proof.rotation_bounds import rotation_bounds
-from planning.proof.separating_direction import rounding
+from planning.proof.separating_direction import rounding_bound
 
 #: Residuals that count as none: what rounding leaves of a bound that is met exactly [m or rad].
 TOLERANCE = 1e-6
@@ -275,21 +275,24 @@ def value_bounds(
         value, radius = joints[carrier, VALUE], joints[carrier, RADIUS]
         return value, value - radius, value + radius
     n = types.shape[0]
-    point, center = _placed(frames, row, POINT, carrier), _placed(frames, row, CENTER, reference)
-    d = _turned(frames, row, DIRECTION, reference)
+    point, center = (
+        _point_in_base(frames, row, POINT, carrier),
+        _point_in_base(frames, row, CENTER, reference),
+    )
+    d = _vector_in_base(frames, row, DIRECTION, reference)
     motion = relative_motion(types, frames, point, carrier, reference, joints, half)
     y = subtract(point, center)
     if kind in (_COORDINATE, _DISTANCE):
         size = math.sqrt(dot(y, y)) + lengths
-        lost = rounding(n, size) if half > 0.0 or lengths > 0.0 else 0.0
+        lost = rounding_bound(n, size) if half > 0.0 or lengths > 0.0 else 0.0
         if kind == _COORDINATE:
             value = dot(d, y)
             change = min(abs(dot(d, motion.velocity)) * half + motion.bend, motion.moved) + lost
             return value, value - change, value + change
         return _distance_bounds(y, d, motion, half, lost)
-    lost = rounding(n, 1.0)
+    lost = rounding_bound(n, 1.0)
     if kind in (_ANGLE, _LOOK):
-        a = _turned(frames, row, AXIS, carrier)
+        a = _vector_in_base(frames, row, AXIS, carrier)
         moved, bend = axis_motion(types, frames, a, carrier, reference, joints, half)
         # A chord of this length spans an angle that is somewhat larger.
         swept = min(motion.turned, 2.0 * math.asin(min(0.5 * moved, 1.0))) + lost
@@ -305,16 +308,16 @@ def value_bounds(
 
 
 @kernel
-def _placed(frames: Array, row: Array, first: int, joint: int) -> Vector:
+def _point_in_base(frames: Array, row: Array, first: int, joint: int) -> Vector:
     """A row's point, fixed to a joint, in the base frame [m]."""
-    x, y, z = _turned(frames, row, first, joint)
+    x, y, z = _vector_in_base(frames, row, first, joint)
     if joint < 0:
         return x, y, z
     return x + frames[joint, 0, 3], y + frames[joint, 1, 3], z + frames[joint, 2, 3]
 
 
 @kernel
-def _turned(frames: Array, row: Array, first: int, joint: int) -> Vector:
+def _vector_in_base(frames: Array, row: Array, first: int, joint: int) -> Vector:
     """A row's vector, fixed to a joint, in the base's axes."""
     v = (row[first], row[first + 1], row[first + 2])
     if joint < 0:

@@ -53,8 +53,8 @@ def height(
     a = poses[i, 0, 0] * x + poses[i, 1, 0] * y + poses[i, 2, 0] * z
     b = poses[i, 0, 1] * x + poses[i, 1, 1] * y + poses[i, 2, 1] * z
     c = poses[i, 0, 2] * x + poses[i, 1, 2] * y + poses[i, 2, 2] * z
-    radius, half, rounding = size
-    base = poses[i, 0, 3] * x + poses[i, 1, 3] * y + poses[i, 2, 3] * z + rounding
+    radius, half, offset = size
+    base = poses[i, 0, 3] * x + poses[i, 1, 3] * y + poses[i, 2, 3] * z + offset
     if kind == _POLYTOPE:
         return float(base + highest(columns, start, stop, a, b, c))
     rim = radius * math.sqrt(a * a + b * b)
@@ -107,7 +107,7 @@ def gap(
 
 
 @kernel(allocates=False)
-def rounding(joints: int, lengths: float) -> float:
+def rounding_bound(joints: int, lengths: float) -> float:
     """Bound of the rounding error of a gap, the frames included [m].
 
     Args:

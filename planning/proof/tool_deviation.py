@@ -26,7 +26,7 @@ from kinematics.vec3 import dot, scale, subtract
 from planning.proof.joint_frames import forward_kernel
 from planning.proof.motion_bounds import JOINT_COLUMNS, OUTWARD, VALUE, enclose, reach
 from planning.proof.relative_motion import relative_motion
-from planning.proof.separating_direction import rounding
+from planning.proof.separating_direction import rounding_bound
 from planning.proof.tool_curve import (
     ALONG,
     AXIS,
@@ -140,7 +140,7 @@ def path_deviation(chain: Chain, trajectory: Trajectory, asked: TimedToolMotions
     arm = Arm(chain.joint_types, chain.offsets, chain.tip.T_joint_link, chain.tip.joint)
     worst, verified, time, highest = np.zeros(2), True, 0.0, -1.0
     for motion, begin, end in zip(asked.motions, asked.times[:-1], asked.times[1:], strict=True):
-        numbers, angle = _packed(motion), 0.0
+        numbers, angle = _pack_motion(motion), 0.0
         for piece, low, high in _parts(trajectory, float(begin), float(end)):
             part = Worst(np.zeros(2), np.array([-1.0, 0.0, angle]))
             fine = deviation_kernel(
@@ -179,7 +179,7 @@ def _parts(trajectory: Trajectory, begin: float, end: float) -> list[tuple[int, 
     return parts
 
 
-def _packed(motion: ToolMotion) -> Array:
+def _pack_motion(motion: ToolMotion) -> Array:
     """A motion as the kernels read it, shape (WIDTH,)."""
     m, start = np.zeros(WIDTH), motion.T_start[:3, 3]
     turn = motion.turn
@@ -263,7 +263,7 @@ def _bound(
     p = (T[0, 3], T[1, 3], T[2, 3])
     spread = relative_motion(arm.types, frames, p, arm.joint, -1, joints, half)
     lengths = reach(arm.types, arm.offsets, joints) + math.sqrt(dot(p, p))
-    lost, n = rounding(arm.types.shape[0], lengths), arm.types.shape[0]
+    lost, n = rounding_bound(arm.types.shape[0], lengths), arm.types.shape[0]
     if m[KIND] == 0.0:
         judged, s, pace, bend = line_deviation(m, p, spread, half, place, found)
     else:
@@ -275,7 +275,7 @@ def _bound(
     now[1] = angle_to_nominal(m, s, T)
     relative = subtract(spread.turn_rate, scale(m[TURN] * pace, axis))
     upper[1] = now[1] + math.sqrt(dot(relative, relative)) * half + spread.turn_bend
-    upper[1] += 0.5 * m[TURN] * bend * half * half + rounding(n, 1.0)
+    upper[1] += 0.5 * m[TURN] * bend * half * half + rounding_bound(n, 1.0)
     if m[KIND] == 0.0 and m[LENGTH] == 0.0:
         # A turn on the spot is not to go beyond its ends.
         swept = abs(pace) * half

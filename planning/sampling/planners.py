@@ -92,7 +92,7 @@ def _tree_star(*, informed: bool, ordered: bool) -> tuple[Parameter, ...]:
     )
 
 
-def _marching(*, radius: float, heuristics: bool) -> tuple[Parameter, ...]:
+def _fast_marching_options(*, radius: float, heuristics: bool) -> tuple[Parameter, ...]:
     """Options of fast marching trees."""
     return (
         _whole("num_samples", 1000, 10, 20_000),
@@ -119,11 +119,16 @@ _CATALOGUE: Mapping[str, Planner] = {
     "rrt_connect": Planner("RRTConnect", (_RANGE, _off("intermediate_states"))),
     "aorrtc": Planner("AORRTC", (_RANGE,), improves=True, one_goal=True),
     "bfmt": Planner(
-        "BFMT", _marching(radius=1.0, heuristics=True), batch="num_samples", one_goal=True
+        "BFMT",
+        _fast_marching_options(radius=1.0, heuristics=True),
+        batch="num_samples",
+        one_goal=True,
     ),
     "bit_star": Planner("BITstar", _BATCH_TREES, improves=True),
     "bkpiece1": Planner("BKPIECE1", (_RANGE, _BORDER, _EXPANSION, _number(_LEAST_VALID, 0.5))),
-    "fmt": Planner("FMT", _marching(radius=1.1, heuristics=False), batch="num_samples"),
+    "fmt": Planner(
+        "FMT", _fast_marching_options(radius=1.1, heuristics=False), batch="num_samples"
+    ),
     "informed_rrt_star": Planner(
         "InformedRRTstar", _tree_star(informed=True, ordered=False), improves=True
     ),
@@ -138,7 +143,7 @@ _CATALOGUE: Mapping[str, Planner] = {
 PLANNERS = tuple(_CATALOGUE)
 
 
-def named(planner: str) -> Planner:
+def planner_by_name(planner: str) -> Planner:
     """The planner of a name.
 
     Raises:
@@ -151,14 +156,14 @@ def named(planner: str) -> Planner:
     return _CATALOGUE[planner]
 
 
-def checked(planner: str, options: Mapping[str, Any]) -> dict[str, Value]:
+def complete_options(planner: str, options: Mapping[str, Any]) -> dict[str, Value]:
     """All options of a planner, those that are not given as they are by default.
 
     Raises:
         InvalidOption: There is no such option, or a value is out of its range.
     """
-    known = named(planner).options
-    hint = f"Its options, with their defaults: {described(planner)}."
+    known = planner_by_name(planner).options
+    hint = f"Its options, with their defaults: {describe_options(planner)}."
     for name, value in options.items():
         if name not in known:
             raise InvalidOption(
@@ -187,11 +192,11 @@ def _fit_together(values: Mapping[str, Value], hint: str) -> None:
             raise InvalidOption(f"planner_options.{name} needs informed_sampling", hint=hint)
 
 
-def described(planner: str) -> str:
+def describe_options(planner: str) -> str:
     """The options of a planner with what they take and their defaults, for a person."""
     return ", ".join(
         f"{parameter.name} ({parameter.needed}; {_describe(parameter.default)})"
-        for parameter in named(planner).options.values()
+        for parameter in planner_by_name(planner).options.values()
     )
 
 

@@ -15,7 +15,7 @@ from planning.deadline import Deadline
 from planning.planner import Query
 from planning.result import Attempt
 from planning.sampling.parameter import Value
-from planning.sampling.planners import Planner, checked, named
+from planning.sampling.planners import Planner, complete_options, planner_by_name
 from planning.sampling.roadmap import grow_roadmap
 from planning.sampling.space import CertifiedEdges, problem, solution
 from planning.sampling.watch import Watch
@@ -97,11 +97,11 @@ def sample(
     Raises:
         InvalidOption: An unknown planner or option, or a value out of its range.
     """
-    values = checked(planner, options)
+    values = complete_options(planner, options)
     for goal in goals:
         if np.array_equal(start, goal):
             return Attempt(np.array([start, goal]), "The start is a goal.")
-    search = _Search(named(planner), chain, checker, start, goals, values, deadline)
+    search = _Search(planner_by_name(planner), chain, checker, start, goals, values, deadline)
     spent = _Account()
     while True:
         # OMPL's generator is one for the process: what is drawn from here on depends on this alone.
@@ -131,7 +131,7 @@ class OmplPlanner:
         Raises:
             InvalidOption: An unknown planner or option, or a value out of its range.
         """
-        checked(name, options)
+        complete_options(name, options)
         return cls(name, options)
 
     def plan(self, query: Query) -> Attempt:
@@ -205,8 +205,8 @@ def _watch(search: _Search, spent: _Account, edges: CertifiedEdges) -> Watch:
         search.deadline,
         edges=lambda: edges.count,
         threshold=None if threshold is None else float(threshold),
-        max_iterations=_remaining(options["max_iterations"], spent.iterations),
-        max_edges=_remaining(options["max_edges"], spent.edges),
+        max_iterations=_remaining_budget(options["max_iterations"], spent.iterations),
+        max_edges=_remaining_budget(options["max_edges"], spent.edges),
     )
     share = _FIRST_BUDGET * _BUDGET_GROWTH**spent.runs
     if planner.one_goal and len(search.goals) > 1:
@@ -223,7 +223,7 @@ def _budget(value: Value) -> float:
     return math.inf if value is None else float(value)
 
 
-def _remaining(budget: Value, spent: int) -> int | None:
+def _remaining_budget(budget: Value, spent: int) -> int | None:
     return None if budget is None else max(int(budget) - spent, 1)
 
 

@@ -136,15 +136,15 @@ def blend(waypoints: ArrayLike, reaches: ArrayLike, smooth: bool = False) -> Joi
     least = _LEAST_REACH * np.minimum(lengths[:-1], lengths[1:])
     corner_reaches[corner_reaches < least] = 0.0
     ends = np.concatenate([[0.0], corner_reaches, [0.0]])
-    return _joined(corners, lengths, directions, ends, smooth)
+    return _alternate_pieces(corners, lengths, directions, ends, smooth)
 
 
-def _joined(
+def _alternate_pieces(
     corners: Array, lengths: Array, directions: Array, reaches: Array, smooth: bool
 ) -> JointPath:
     """Legs and curves in turn; ``reaches`` has one value a corner, 0 at the two ends."""
     zero = np.zeros((corners.shape[1], 2 if smooth else 1))
-    reaches = _apart(lengths, reaches)
+    reaches = _usable_reaches(lengths, reaches)
     coefficients, spans = [], []
     for i, (length, u) in enumerate(zip(lengths, directions, strict=True)):
         r = reaches[i]
@@ -174,7 +174,7 @@ def _cubics(corner: Array, u_in: Array, u_out: Array, r: float) -> list[tuple[Ar
     return [(first, r), (second, r)]
 
 
-def _apart(lengths: Array, reaches: Array) -> Array:
+def _usable_reaches(lengths: Array, reaches: Array) -> Array:
     """Reaches that leave of each leg either nothing or a piece long enough to reckon with."""
     reaches = reaches.copy()
     for i, length in enumerate(lengths):

@@ -143,7 +143,7 @@ def slow_down(loads: EffortLimits, dilated: ScaledTime) -> ScaledTime:
     """
     trajectory, factor = dilated
     for _ in range(_MAX_DILATIONS):
-        needed = _needed(loads, trajectory)
+        needed = _slow_down_factor(loads, trajectory)
         if needed <= 1.0:
             return ScaledTime(trajectory, factor)
         factor *= needed * (1.0 + _HAIR)
@@ -154,7 +154,7 @@ def slow_down(loads: EffortLimits, dilated: ScaledTime) -> ScaledTime:
     )
 
 
-def _needed(loads: EffortLimits, trajectory: Trajectory) -> float:
+def _slow_down_factor(loads: EffortLimits, trajectory: Trajectory) -> float:
     """By how much a motion has to be slowed down, about; at most 1 where it need not be."""
     uses, needed = estimate_uses(loads, trajectory), 0.0
     if "tool_speed" in uses:
@@ -169,7 +169,7 @@ def _needed(loads: EffortLimits, trajectory: Trajectory) -> float:
     return float(needed)
 
 
-def loaded(
+def with_effort_rows(
     cells: Cells, path: JointPath, loads: EffortLimits, squares: Array | None = None
 ) -> Cells:
     """The grid with rows and caps of loads, which hold at both ends of each cell.

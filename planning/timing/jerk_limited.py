@@ -154,7 +154,7 @@ def _curved_phases(
     rounds = 0
     while True:
         if phases is None:
-            rows = _calmed(rows, z)
+            rows = _limit_changes(rows, z)
         else:
             ratios = _ratios(path, made, phases, limits)
             if extra is not None:
@@ -162,7 +162,7 @@ def _curved_phases(
             excess = max(float(r.max()) ** (1.0 / k) for k, r in enumerate(ratios, 1))
             if excess < _ENOUGH or rounds >= _ROUNDS:
                 break
-            rows = _tightened(rows, ratios)
+            rows = _tighten_limits(rows, ratios)
         if rounds >= _MOST_ROUNDS:
             raise _no_speed()
         rounds += 1
@@ -179,11 +179,11 @@ def _faster(rows: JerkLimits, z: Array, enough: float) -> Array:
     Where that is not inside all limits even when made smaller by ``enough``, by all of them.
     """
     decisive = decisive_kernel(rows, z, _DECISIVE)
-    found = _scaled(decisive, z, _NEARLY_INSIDE)
+    found = _scale_into_limits(decisive, z, _NEARLY_INSIDE)
     least_time_kernel(decisive, found, _NEAR, TOLERANCE)
     if inside_kernel(rows, enough * found):
         return found
-    z = _scaled(rows, z, _NEARLY_INSIDE)
+    z = _scale_into_limits(rows, z, _NEARLY_INSIDE)
     least_time_kernel(rows, z, _NEAR, TOLERANCE)
     return z
 
@@ -195,7 +195,7 @@ def _start(rows: JerkLimits) -> Array:
     shape[1:-1] = np.minimum(caps[:-1], caps[1:])
     shape[[0, -1]] = shape[[1, -2]]
     envelope_kernel(rows.lengths, rises, shape)
-    candidates = [_scaled(rows, shape**power, _INSIDE) for power in _POWERS]
+    candidates = [_scale_into_limits(rows, shape**power, _INSIDE) for power in _POWERS]
     return min(candidates, key=lambda z: time_kernel(rows, z))
 
 
@@ -215,7 +215,7 @@ def _static(rows: JerkLimits) -> tuple[Array, Array]:
     return caps, 0.5 * slopes * (rows.lengths[:-1] + rows.lengths[1:])
 
 
-def _scaled(rows: JerkLimits, z: Array, inside: float) -> Array:
+def _scale_into_limits(rows: JerkLimits, z: Array, inside: float) -> Array:
     """The largest multiple of z inside all limits, and a bit less.
 
     Raises:
@@ -232,7 +232,7 @@ def _scaled(rows: JerkLimits, z: Array, inside: float) -> Array:
     return np.asarray(inside * np.exp(low) * z)
 
 
-def _tightened(rows: JerkLimits, ratios: Array) -> JerkLimits:
+def _tighten_limits(rows: JerkLimits, ratios: Array) -> JerkLimits:
     """The limits, lower where the motion between its knots exceeds them by the ratios (3, N)."""
     velocity, acceleration, jerk = np.maximum(ratios, 1.0)
     caps, knot_rows = rows.caps.copy(), rows.knot_rows.copy()
@@ -243,7 +243,7 @@ def _tightened(rows: JerkLimits, ratios: Array) -> JerkLimits:
     return rows._replace(caps=caps, knot_rows=knot_rows, jerk_rows=jerk_rows)
 
 
-def _calmed(rows: JerkLimits, z: Array) -> JerkLimits:
+def _limit_changes(rows: JerkLimits, z: Array) -> JerkLimits:
     """The limits, with c kept from changing much faster than from knot to knot.
 
     Where the tangent of the path vanishes, as at the ends of a clamped spline, no speed along it is

@@ -13,7 +13,7 @@ from kinematics.errors import InvalidOption
 from kinematics.trajectory import Trajectory
 from planning.effort_limits import EffortLimits
 from planning.timing.constraints import Cells, cells
-from planning.timing.effort_limits import loaded, slow_down
+from planning.timing.effort_limits import slow_down, with_effort_rows
 from planning.timing.failure import TimingFailed
 from planning.timing.options import Solver
 from planning.timing.path import JointPath
@@ -114,7 +114,7 @@ def time_path(
         return scaled
     slowed = slow_down(loads, scaled)
     if slowed.factor > (1.0 + _SAME_SPEED) * scaled.factor and sum(end_speeds) > 0.0:
-        raise _end_speeds_not_kept()
+        raise _end_speed_failure()
     return slowed
 
 
@@ -149,18 +149,18 @@ def _slowed_at_given_ends(
         if slowed.factor <= factor:
             return ScaledTime(motion.dilate(factor), factor) if factor > 1.0 else slowed
         factor = slowed.factor * (1.0 + _SPARE)
-    raise _end_speeds_not_kept()
+    raise _end_speed_failure()
 
 
 def _by_reachability(problem: SpeedProblem) -> tuple[Cells, Array]:
     """The largest speeds for which limits hold in whole cells."""
     path, effort = problem.path, problem.effort
     grid = cells(path, problem.resolution, problem.limits, everywhere=effort is not None)
-    grid = _ended(grid, problem.end_speeds)
+    grid = _with_end_speeds(grid, problem.end_speeds)
     if effort is None:
         return grid, squared_speeds(grid)
     return grid, _with_friction(
-        effort, lambda guess: squared_speeds(loaded(grid, path, effort, guess))
+        effort, lambda guess: squared_speeds(with_effort_rows(grid, path, effort, guess))
     )
 
 
@@ -192,7 +192,7 @@ def _with_friction(effort: EffortLimits, solve: Callable[[Array | None], Array])
     return squares
 
 
-def _ended(grid: Cells, end_speeds: tuple[float, float]) -> Cells:
+def _with_end_speeds(grid: Cells, end_speeds: tuple[float, float]) -> Cells:
     """The grid with its ends at given speeds instead of at rest."""
     rest, caps = grid.rest.copy(), grid.caps.copy()
     for end, speed in zip((0, -1), end_speeds, strict=True):
@@ -205,10 +205,10 @@ def _ended(grid: Cells, end_speeds: tuple[float, float]) -> Cells:
 def _check_ends(squares: Array, end_speeds: tuple[float, float]) -> None:
     for square, speed in zip(squares[[0, -1]], end_speeds, strict=True):
         if speed > 0.0 and square < speed**2 * (1.0 - _SAME_SPEED):
-            raise _end_speeds_not_kept()
+            raise _end_speed_failure()
 
 
-def _end_speeds_not_kept() -> TimingFailed:
+def _end_speed_failure() -> TimingFailed:
     return TimingFailed(
         "the boundary velocities can't be kept within all limits",
         hint="Give lower boundary velocities, or higher limits.",

@@ -63,12 +63,12 @@ def motions(
             hint="Ask for the method spline, or leave interpolation out.",
         )
     if len(points) > 2:
-        yield partial(_rounded, checker, points, parametrization, timing, deadline)
+        yield partial(_round_corners, checker, points, parametrization, timing, deadline)
     none = np.zeros(max(len(points) - 2, 0))
     yield lambda: parametrization.time_polyline(points, none, names)
 
 
-def _rounded(
+def _round_corners(
     checker: Checker,
     points: Array,
     parametrization: TimeParametrization,

@@ -117,11 +117,11 @@ class TimeParametrization:
             knots = chord_knots(points)
             motion = spline_trajectory(joint_names, points, knots, ends, velocities)
             fitted = fit(motion, **self.bounds)
-            return self._slowed(fitted)
+            return self._slow_down_for_effort(fitted)
         motion = spline_trajectory(joint_names, waypoints, times, ends, velocities)
         if not scale:
             return ScaledTime(motion, 1.0)
-        return self._slowed(dilate(motion, **self.bounds))
+        return self._slow_down_for_effort(dilate(motion, **self.bounds))
 
     def needed_factor(self, motion: Trajectory) -> float:
         """How many times as long a motion must be made for all limits to hold; 1 is enough.
@@ -135,7 +135,7 @@ class TimeParametrization:
         slower = motion.dilate(factor) if factor > 1.0 else motion
         return slow_down(self.loads, ScaledTime(slower, factor)).factor
 
-    def _slowed(self, scaled: ScaledTime) -> ScaledTime:
+    def _slow_down_for_effort(self, scaled: ScaledTime) -> ScaledTime:
         return scaled if self.loads is None else slow_down(self.loads, scaled)
 
     def _spline_velocities(self, ends: Ends, timed: bool) -> tuple[Array, Array] | None:
@@ -154,7 +154,7 @@ class TimeParametrization:
     def _end_speeds(self, path: JointPath) -> tuple[float, float]:
         length = float(path.breaks[-1])
         speeds = [
-            _speed_along(path.sample([place], 1)[0], velocity, name)
+            _path_speed(path.sample([place], 1)[0], velocity, name)
             for place, velocity, name in (
                 (0.0, self.start_velocity, "start_velocity"),
                 (length, self.end_velocity, "end_velocity"),
@@ -163,7 +163,7 @@ class TimeParametrization:
         return speeds[0], speeds[1]
 
 
-def _speed_along(tangent: Array, velocity: Array | None, name: str) -> float:
+def _path_speed(tangent: Array, velocity: Array | None, name: str) -> float:
     """The ds/dt of a velocity."""
     if velocity is None or not velocity.any():
         return 0.0

@@ -45,7 +45,7 @@ def line_phases(
     speed = length / time
     asked = _input([0.0], [1.0], [start_speed / speed], [end_speed / speed])
     _limit(asked, [v / speed], [a * time / speed], [j * time**2 / speed])
-    profile = _solved(asked, 1).profiles[0][0]
+    profile = _solve(asked, 1).profiles[0][0]
     phases, place, pace, rate = [], 0.0, start_speed, 0.0
     for duration, jerk in zip(profile.t, profile.j, strict=True):
         if duration <= _NOTHING * sum(profile.t):
@@ -106,8 +106,8 @@ def state_to_state(
         return dilate(_straight(names, states[0], states[1], limits), *limits)
     asked = _input(*states)
     _limit(asked, *limits)
-    motion = _solved(asked, len(names))
-    return dilate(_joined(names, motion, states[0], states[2]), *limits)
+    motion = _solve(asked, len(names))
+    return dilate(_merge_phases(names, motion, states[0], states[2]), *limits)
 
 
 def _straight(
@@ -139,25 +139,27 @@ def _limit(
     asked.max_jerk = np.asarray(jerk, dtype=np.float64).tolist()
 
 
-def _solved(asked: InputParameter, n: int) -> _Motion:
+def _solve(asked: InputParameter, n: int) -> _Motion:
     motion = _Motion(n)
     try:
         result = Ruckig(n).calculate(asked, motion)
     except Exception as error:  # noqa: BLE001  its own kind of error is no part of its interface
-        raise _failed(type(error).__name__) from None
+        raise _failure(type(error).__name__) from None
     if result not in {Result.Working, Result.Finished} or not np.isfinite(motion.duration):
-        raise _failed(str(result))
+        raise _failure(str(result))
     return motion
 
 
-def _failed(reason: str) -> TimingFailed:
+def _failure(reason: str) -> TimingFailed:
     return TimingFailed(
         f"ruckig found no motion from state to state: {reason}",
         hint="Boundary velocities must be inside the velocity limits, and leave room to brake.",
     )
 
 
-def _joined(names: tuple[str, ...], motion: _Motion, start: Array, before: Array) -> Trajectory:
+def _merge_phases(
+    names: tuple[str, ...], motion: _Motion, start: Array, before: Array
+) -> Trajectory:
     """All joints' phases on common breaks, integrated from the start."""
     profiles = motion.profiles[0]
     ends = [np.cumsum([*_brake(p)[0], *p.t]) for p in profiles]

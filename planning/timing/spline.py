@@ -50,7 +50,7 @@ def spline_trajectory(
         InvalidTrajectory: Waypoints and times do not fit, or times do not increase from 0.
         InvalidOption: There is no such kind of ends.
     """
-    points, knots = _checked(waypoints, times)
+    points, knots = _check_samples(waypoints, times)
     if knots[0] != 0.0:
         raise InvalidTrajectory(
             f"the first time is {knots[0]} s", hint="Give times that start at 0."
@@ -70,7 +70,7 @@ def spline_path(waypoints: ArrayLike, knots: ArrayLike, ends: Ends = "natural") 
         InvalidTrajectory: Waypoints and knots do not fit, or knots do not increase.
         InvalidOption: There is no such kind of ends.
     """
-    points, values = _checked(waypoints, knots)
+    points, values = _check_samples(waypoints, knots)
     return JointPath(_coefficients(points, values, ends), np.diff(values))
 
 
@@ -93,7 +93,7 @@ def chord_knots(waypoints: ArrayLike) -> Array:
     return knots
 
 
-def _checked(waypoints: ArrayLike, knots: ArrayLike) -> tuple[Array, Array]:
+def _check_samples(waypoints: ArrayLike, knots: ArrayLike) -> tuple[Array, Array]:
     try:
         points = np.array(waypoints, dtype=np.float64)
         values = np.array(knots, dtype=np.float64)

@@ -58,7 +58,7 @@ def dilate(
         InvalidOption: A limit is not positive, or their number is not n.
     """
     limits = _bounds(trajectory.n, velocity, acceleration, jerk)
-    return _stretched(trajectory, limits, 1.0)
+    return _stretch(trajectory, limits, 1.0)
 
 
 def fitting_factor(
@@ -94,7 +94,7 @@ def fit(
             "no limit bounds this motion, so there is no fastest one",
             hint="Give finite velocity, acceleration or jerk limits, and a motion that moves.",
         )
-    return _stretched(trajectory, limits, factor * (1.0 + _HAIR))
+    return _stretch(trajectory, limits, factor * (1.0 + _HAIR))
 
 
 def checked_limits(values: ArrayLike, name: str, n: int) -> Array:
@@ -125,10 +125,10 @@ def _bounds(n: int, *limits: ArrayLike | None) -> dict[int, Array]:
     }
 
 
-def _stretched(trajectory: Trajectory, limits: dict[int, Array], factor: float) -> ScaledTime:
+def _stretch(trajectory: Trajectory, limits: dict[int, Array], factor: float) -> ScaledTime:
     dilated = trajectory if factor == 1.0 else trajectory.dilate(factor)
     worst = _worst(dilated, limits)
-    while (missing := _missing(worst)) > 1.0:
+    while (missing := _missing_factor(worst)) > 1.0:
         factor *= missing * (1.0 + _HAIR)
         dilated = trajectory.dilate(factor)
         # Looked at again is what comes near its limit: the rest has only become smaller.
@@ -145,7 +145,7 @@ def _worst(trajectory: Trajectory, limits: dict[int, Array]) -> dict[int, float]
     }
 
 
-def _missing(worst: dict[int, float]) -> float:
+def _missing_factor(worst: dict[int, float]) -> float:
     """The factor by which time is still too short: the largest ratio^(1 / order), at least 1."""
     # The root of a ratio just above 1 may round to 1.
     over = (max(r ** (1.0 / k), 1.0 + _HAIR) for k, r in worst.items() if r > 1.0)

@@ -164,7 +164,7 @@ async def _answer(
         if isinstance(result, TaskProblem):
             raise from_fields(result.code, result.message, result.hint, result.details)
         return result
-    raise _unprepared()
+    raise _replaced_meanwhile()
 
 
 async def build(request: Request, job: Job[_R]) -> _R:
@@ -182,7 +182,7 @@ async def _prepare(request: Request, reference: Reference) -> Reference:
     return current
 
 
-def _unprepared() -> ProblemError:
+def _replaced_meanwhile() -> ProblemError:
     return ProblemError(
         "CONFLICT",
         "the robot or the scene keeps being replaced",

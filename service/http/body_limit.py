@@ -36,7 +36,7 @@ class BodyLimit:
         )
         size, complete = 0, False
 
-        async def limited() -> Message:
+        async def receive_limited() -> Message:
             nonlocal size, complete
             if complete:  # what remains to come is the disconnection, whenever that is
                 return await receive()
@@ -49,7 +49,7 @@ class BodyLimit:
                 raise self._too_large()
             return message
 
-        await self._app(scope, limited, send)
+        await self._app(scope, receive_limited, send)
 
     async def _in_time(self, receive: Receive) -> Message:
         try:

@@ -18,7 +18,7 @@ _R = TypeVar("_R")
 _CLIENT_LEFT = 499
 
 
-def allowed(settings: Settings, timeout: float | None) -> float:
+def allowed_time(settings: Settings, timeout: float | None) -> float:
     """How long a request with this `timeout` may take [s].
 
     Raises:
@@ -56,7 +56,7 @@ async def compute(
             the worker was stopped.
         DeferToJob: The request is only checked.
     """
-    seconds = allowed(settings_of(request), timeout)
+    seconds = allowed_time(settings_of(request), timeout)
     end_dry_run(request)
     supervisor = supervisor_of(request)
     context = job_context(request)

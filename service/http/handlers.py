@@ -20,7 +20,7 @@ from service.http.errors import (
     headers_of,
     status_of,
 )
-from service.problem import ProblemError, unexpected
+from service.problem import ProblemError, unexpected_fault
 from service.schemas.validation import validation_problem
 
 _log = logging.getLogger(__name__)
@@ -101,17 +101,17 @@ class UnexpectedErrors:
             return
         started = False
 
-        async def watched(message: Message) -> None:
+        async def send_and_note(message: Message) -> None:
             nonlocal started
             started = True
             await send(message)
 
         try:
-            await self._app(scope, receive, watched)
+            await self._app(scope, receive, send_and_note)
         except ClientDisconnect:
             _log.debug("the client of %s left before its request was complete", scope["path"])
         except Exception:
-            problem = unexpected(f"{scope['method']} {scope['path']}")
+            problem = unexpected_fault(f"{scope['method']} {scope['path']}")
             if started:  # all that is left is to break the connection off
                 raise
             await problem_response(problem, scope["path"])(scope, receive, send)

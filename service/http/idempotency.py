@@ -39,7 +39,7 @@ async def answer_once(
     digest = (await run_in_threadpool(hashlib.sha256, body)).hexdigest()
     earlier = await run_in_threadpool(store.begin, key, endpoint, digest)
     if earlier is not None:
-        return _repeated(earlier)
+        return _replay(earlier)
     kept = None
     try:
         response = await handle(request)
@@ -54,6 +54,6 @@ async def answer_once(
             await run_in_threadpool(store.finish, key, endpoint, kept)
 
 
-def _repeated(earlier: Recorded) -> Response:
+def _replay(earlier: Recorded) -> Response:
     headers = earlier.headers | {"idempotency-replayed": "true"}
     return Response(earlier.body, earlier.status, headers)

@@ -14,7 +14,7 @@ from service.http.job_context import job_context
 from service.http.large_body import INLINE_BYTES, validated_by_worker
 from service.problem import ProblemError
 from service.schemas.strict_json import parse_json
-from service.schemas.validation import validated
+from service.schemas.validation import validate_as
 
 _JSON_TYPE = re.compile(r"application/([\w.+-]+\+)?json")
 #: Methods of requests that may become jobs: GET and DELETE compute nothing.
@@ -60,7 +60,7 @@ class JsonRequest(Request):
         """
         self._model = model
         value = await self.json()
-        return value if isinstance(value, model) else validated(model, value)
+        return value if isinstance(value, model) else validate_as(model, value)
 
 
 class JsonRoute(APIRoute):
@@ -78,22 +78,22 @@ class JsonRoute(APIRoute):
             self.body_field.field_info, Form
         )
 
-        async def handled(request: Request) -> Response:
+        async def handle_json(request: Request) -> Response:
             # The framework would hide what is wrong with the JSON behind a message of its own.
             if takes_json and await request.body():
                 await request.json()
             return await handle(request)
 
-        async def checked(request: Request) -> Response:
+        async def handle_checked(request: Request) -> Response:
             strict = JsonRequest(request, model)
             if takes_json and await strict.body():
                 require_json(strict.headers.get("content-type"))
             if not _is_deferred(strict, self.always_deferred):
-                return await answer_once(strict, handled)
+                return await answer_once(strict, handle_json)
             defer: Deferral = request.app.state.defer
-            return await answer_once(strict, lambda request: defer(request, handled))
+            return await answer_once(strict, lambda request: defer(request, handle_json))
 
-        return checked
+        return handle_checked
 
 
 class JobRoute(JsonRoute):

@@ -163,14 +163,14 @@ class Measured:
         status = 500
         began = time.perf_counter()
 
-        async def watched(message: Message) -> None:
+        async def send_and_count(message: Message) -> None:
             nonlocal status
             if message["type"] == "http.response.start":
                 status = message["status"]
             await send(message)
 
         try:
-            await self._app(scope, receive, watched)
+            await self._app(scope, receive, send_and_count)
         finally:
             # A path that no route has is whatever somebody typed.
             route = getattr(scope.get("route"), "path", None) or "unmatched"

@@ -31,14 +31,14 @@ def job_document(record: JobRecord, answer: JobAnswer | None, lifetime: float) -
     """The JSON of a job; its answer, perhaps megabytes, goes in as it is, without being parsed."""
     result, error = b"null", b"null"
     if answer is not None and record.status == "succeeded":
-        result = _embedded(answer)
+        result = _embed(answer)
     elif answer is not None and record.status == "failed":
-        error = _embedded(answer)
+        error = _embed(answer)
     head = job_summary(record, lifetime).model_dump_json().encode()[:-1]
     return b"".join((head, b',"result":', result, b',"error":', error, b"}"))
 
 
-def _embedded(answer: JobAnswer) -> bytes:
+def _embed(answer: JobAnswer) -> bytes:
     media_type = answer.content_type.split(";")[0]
     if media_type.endswith("json"):
         return answer.content or b"null"

@@ -86,7 +86,7 @@ class Batch:
             except TimeoutError:
                 self._note(index, _overdue(self._settings.job_deadline))
             except Exception:  # noqa: BLE001  (a mistake of ours costs this problem alone)
-                self._note(index, unexpected(f"problem {index} of job {self._context.id}"))
+                self._note(index, unexpected_fault(f"problem {index} of job {self._context.id}"))
             self._done += 1
             self._shares[index] = 1.0
             self._report()

@@ -20,7 +20,7 @@ from service.http.errors import PROBLEM_MEDIA_TYPE, document, status_of
 from service.http.job_context import JobContext
 from service.jobs.live_job import Event, LiveJob, describe
 from service.jobs.replay import Replayed, replay
-from service.problem import ProblemError, unexpected
+from service.problem import ProblemError, unexpected_fault
 from service.settings import Settings
 from service.storage.job_store import (
     ENDED,
@@ -175,7 +175,7 @@ class Jobs:
                 return record
             raise ProblemError(
                 "CONFLICT",
-                f"job {job_id} has ended already: it {_ending(record.status)}",
+                f"job {job_id} has ended already: it {_final_status(record.status)}",
                 stage="job",
                 hint="There is nothing to cancel; GET it for its answer.",
                 status_of_job=record.status,
@@ -224,7 +224,7 @@ class Jobs:
         except ProblemError as problem:
             await self._finish(live, "failed", _problem_answer(problem, live.record.path))
         except Exception:  # noqa: BLE001  (whatever it is, the job must end)
-            mishap = unexpected(f"job {live.record.id}")
+            mishap = unexpected_fault(f"job {live.record.id}")
             await self._finish(live, "failed", _problem_answer(mishap, live.record.path))
         finally:
             self._running[batch] -= 1
@@ -340,5 +340,5 @@ def _lost_job() -> ProblemError:
     )
 
 
-def _ending(status: Status) -> str:
+def _final_status(status: Status) -> str:
     return status if status in ("succeeded", "failed") else "is being ended"

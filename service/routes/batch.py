@@ -3,7 +3,7 @@
 from fastapi import APIRouter, Request, Response
 
 from service.http import answers
-from service.http.compute import allowed
+from service.http.compute import allowed_time
 from service.http.job_context import end_dry_run, job_context
 from service.http.json_route import JobRoute
 from service.http.openapi import RESPONSES
@@ -53,7 +53,7 @@ async def _check(body: BatchRequest, request: Request) -> None:
         return
     parts = (body, *body.problems)
     for seconds in {part.timeout for part in parts}:
-        allowed(settings, seconds)
+        allowed_time(settings, seconds)
     for robot in {part.robot for part in parts if part.robot is not None}:
         await answers.robot(request, robot)
     for scene in {part.scene for part in parts if isinstance(part.scene, str)}:

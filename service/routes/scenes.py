@@ -50,7 +50,7 @@ async def project(name: str, _body: ProjectRequest, request: Request) -> Respons
 @router.post("", status_code=201, summary="Store a new scene")
 async def create_scene(body: NamedScene, request: Request, response: Response) -> SceneSummary:
     """Checks the scene and stores it under its name, which must be free."""
-    content = await _built(request, body.name)
+    content = await _build_document(request, body.name)
     record = await run_in_threadpool(store_of(request).create, _KIND, body.name, content)
     response.headers["Location"] = f"/v1/scenes/{record.name}"
     return _summary(record)
@@ -86,8 +86,8 @@ async def put_scene(name: str, body: Scene, request: Request, response: Response
             stage="request",
             hint="Leave the name out of the body.",
         )
-    validated(NamedScene, {"obstacles": [], "name": name})
-    content = await _built(request, name)
+    validate_as(NamedScene, {"obstacles": [], "name": name})
+    content = await _build_document(request, name)
     before = await _prepared_reference(request, name)
     record = await run_in_threadpool(store_of(request).replace, _KIND, name, content)
     if before is not None and before.hash != record.hash:
@@ -107,7 +107,7 @@ async def delete_scene(name: str, request: Request) -> None:
         await run_in_threadpool(prepared_files.forget, before)
 
 
-async def _built(request: Request, name: str) -> bytes:
+async def _build_document(request: Request, name: str) -> bytes:
     """The document of a scene that a worker has built from the request."""
     content = await request.body()
     job = make_scene.job(content, prepared_folder(request), name)

@@ -6,7 +6,7 @@ from pydantic import ConfigDict, Field, model_validator
 from pydantic.config import JsonDict
 
 from planning.sampling.planners import PLANNERS as SAMPLING
-from planning.sampling.planners import described
+from planning.sampling.planners import describe_options
 from service.schemas.attached import AllowedCollisions, AttachedObjects
 from service.schemas.base import (
     MAX_JOINTS,
@@ -196,7 +196,7 @@ _OPTIONS = (
     "Of the planner that is named.\n"
     "* `cartesian`: motions [{type: lin | circ, pose, via, center, normal}], max_deviation, "
     "max_orientation_deviation, orientation, allow_partial\n"
-) + "\n".join(f"* `{name}`: {described(name)}" for name in SAMPLING)
+) + "\n".join(f"* `{name}`: {describe_options(name)}" for name in SAMPLING)
 
 
 class PlanRequest(Body):

@@ -22,10 +22,10 @@ def parse_json(content: bytes) -> Any:
     try:
         return from_json(content, allow_inf_nan=False)
     except ValueError as error:
-        raise _malformed(content, str(error)) from None
+        raise _syntax_problem(content, str(error)) from None
 
 
-def _malformed(content: bytes, message: str) -> ProblemError:
+def _syntax_problem(content: bytes, message: str) -> ProblemError:
     try:
         lenient = from_json(content, allow_inf_nan=True)
     except ValueError:

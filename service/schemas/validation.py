@@ -16,7 +16,7 @@ _MAX_MESSAGE = 500
 _Model = TypeVar("_Model", bound=BaseModel)
 
 
-def validated(model: type[_Model], value: Any) -> _Model:
+def validate_as(model: type[_Model], value: Any) -> _Model:
     """A parsed body as the model it must follow.
 
     Raises:

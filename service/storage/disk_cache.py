@@ -93,7 +93,7 @@ def read_robot(reference: Reference) -> PreparedRobot:
     Raises:
         NotPrepared: There is no usable file.
     """
-    return PreparedRobot(*_read(reference))
+    return PreparedRobot(*_read_entry(reference))
 
 
 def read_scene(reference: Reference) -> Scene:
@@ -102,7 +102,7 @@ def read_scene(reference: Reference) -> Scene:
     Raises:
         NotPrepared: There is no usable file.
     """
-    (packed,) = _read(reference)
+    (packed,) = _read_entry(reference)
     try:
         scene: Scene = pickle.loads(packed)
     except Exception:  # noqa: BLE001  written by this version and yet unreadable: built anew

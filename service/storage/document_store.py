@@ -151,7 +151,7 @@ class SqliteStore:
         with self._database.reading() as database:
             record = _find(database, kind, name)
         if record is None:
-            raise _missing(kind, name)
+            raise _not_found(kind, name)
         return record
 
     def get(self, kind: str, name: str) -> Document:
@@ -163,7 +163,7 @@ class SqliteStore:
         with self._database.reading() as database:
             record = _find(database, kind, name)
             if record is None:
-                raise _missing(kind, name)
+                raise _not_found(kind, name)
             (content,) = database.execute(
                 "SELECT content FROM documents WHERE kind = ? AND name = ?", (kind, name)
             ).fetchone()
@@ -190,7 +190,7 @@ class SqliteStore:
                 "DELETE FROM documents WHERE kind = ? AND name = ?", (kind, name)
             )
             if gone.rowcount == 0:
-                raise _missing(kind, name)
+                raise _not_found(kind, name)
 
     def begin(self, key: str, endpoint: str, request_hash: str) -> Recorded | None:
         """Claim an idempotency key, or give the answer it already stands for.
@@ -258,7 +258,7 @@ def _write(database: sqlite3.Connection, kind: str, name: str, content: bytes) -
     return Record(*row)
 
 
-def _missing(kind: str, name: str) -> ProblemError:
+def _not_found(kind: str, name: str) -> ProblemError:
     return ProblemError(
         "NOT_FOUND",
         f"there is no {kind} named {name!r}",

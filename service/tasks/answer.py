@@ -17,7 +17,7 @@ _T = TypeVar("_T")
 _Body = TypeVar("_Body", bound=BaseModel)
 
 
-def answering(function: Callable[_P, _T]) -> Callable[_P, _T | CacheMiss]:
+def reports_cache_miss(function: Callable[_P, _T]) -> Callable[_P, _T | CacheMiss]:
     """A function that returns `CacheMiss` where a robot or scene it loads is not prepared."""
 
     @wraps(function)
@@ -38,7 +38,7 @@ def chain_task(function: Callable[[Chain, _Body], bytes], model: type[_Body]) ->
         model: Of the request.
     """
 
-    @answering
+    @reports_cache_miss
     def run(robot: Reference, content: bytes) -> bytes:
         return function(worker_cache.chain(robot), model.model_validate_json(content))
 

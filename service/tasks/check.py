@@ -13,7 +13,7 @@ from service.schemas.check import CheckRequest
 from service.schemas.scene import ProjectRequest
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
-from service.tasks.answer import answering
+from service.tasks.answer import reports_cache_miss
 from service.tasks.attached_objects import robot_in_scene
 from service.tasks.result import CacheMiss, TaskProblem
 from service.workers.task import task
@@ -25,7 +25,7 @@ _MAX_FCL_PROJECTIONS = 100_000
 
 
 @task
-@answering
+@reports_cache_miss
 def check(robot: Reference, scene: Reference | None, content: bytes) -> bytes | CacheMiss:
     """Answer a request for collision checks.
 
@@ -56,7 +56,7 @@ def _verdict(report: ConfigurationReport) -> dict[str, Any]:
 
 
 @task
-@answering
+@reports_cache_miss
 def project(scene: Reference, content: bytes) -> bytes | TaskProblem | CacheMiss:
     """Answer a request for the orthogonal projections of points onto every obstacle."""
     body = ProjectRequest.model_validate_json(content)

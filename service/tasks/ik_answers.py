@@ -43,7 +43,7 @@ def trace_answer(trace: Trace) -> dict[str, Any]:
     }
 
 
-def not_converged(link: str, trace: Trace) -> TaskProblem:
+def convergence_problem(link: str, trace: Trace) -> TaskProblem:
     """The refusal of a gradient that ended away from the pose."""
     last = trace.solution
     return TaskProblem(

@@ -17,12 +17,12 @@ from service.schemas.pose import Pose
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
 from service.tasks import constrained_ik
-from service.tasks.answer import answering
+from service.tasks.answer import reports_cache_miss
 from service.tasks.attached_objects import robot_in_scene
 from service.tasks.ik_answers import (
     all_in_collision,
     combined_answer,
-    not_converged,
+    convergence_problem,
     solution_answer,
     trace_answer,
     unreachable,
@@ -63,7 +63,7 @@ class _Query:
 
 
 @task
-@answering
+@reports_cache_miss
 def ik(
     robot: Reference, scene: Reference | None, content: bytes
 ) -> bytes | TaskProblem | CacheMiss:
@@ -109,7 +109,7 @@ def _many(query: _Query, targets: list[Pose]) -> list[dict[str, Any] | TaskProbl
 def _one(query: _Query, pose: Pose | None) -> dict[str, Any] | TaskProblem:
     """The answer for one pose, or for none where constraints define the goal alone."""
     body, chain, check = query.body, query.chain, query.check
-    if _is_constrained(body):
+    if _uses_constraints(body):
         geometry = worker_cache.robot(query.reference).geometry
         return constrained_ik.answer(geometry, check.cell if check else None, body, pose)
     assert pose is not None
@@ -117,7 +117,7 @@ def _one(query: _Query, pose: Pose | None) -> dict[str, Any] | TaskProblem:
     if body.method == "gradient":
         trace = _follow_gradient(chain, body, pose)
         if not trace.converged:
-            return not_converged(query.link, trace)
+            return convergence_problem(query.link, trace)
         result = IkResult((trace.solution,), trace.solution, 1)
     else:
         result = _solve(query, pose)
@@ -139,7 +139,7 @@ def _one(query: _Query, pose: Pose | None) -> dict[str, Any] | TaskProblem:
     return answer
 
 
-def _is_constrained(body: IkRequest) -> bool:
+def _uses_constraints(body: IkRequest) -> bool:
     """Whether constraints decide: they are given, or the method is named."""
     return body.method == "constrained" or bool(body.constraints)
 
@@ -151,9 +151,9 @@ def _check_options(body: IkRequest) -> None:
             f"constraints do not go with the method {body.method!r}",
             hint='Ask for the method "constrained", or leave constraints out.',
         )
-    if body.posture is not None and not _is_constrained(body):
+    if body.posture is not None and not _uses_constraints(body):
         raise InvalidOption("posture goes with the method 'constrained'")
-    if _is_constrained(body) and (body.parameters or body.all_turns):
+    if _uses_constraints(body) and (body.parameters or body.all_turns):
         raise InvalidOption("parameters and all_turns do not go with the method 'constrained'")
     if body.poses is not None and body.gradient is not None and body.gradient.trace:
         raise InvalidOption("a trace goes with one pose, not with many")

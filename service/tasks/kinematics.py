@@ -55,8 +55,8 @@ def _poses(poses: Array, form: Orientation) -> Any:
     positions = poses[..., :3, 3].tolist()
     turns = _orientations(poses[..., :3, :3], form).tolist()
     if poses.ndim == 3:
-        return _zipped(positions, turns, form)
-    return [_zipped(*row, form) for row in zip(positions, turns, strict=True)]
+        return _pose_documents(positions, turns, form)
+    return [_pose_documents(*row, form) for row in zip(positions, turns, strict=True)]
 
 
 def _axis_and_angle(rotation: Array) -> Array:
@@ -82,7 +82,7 @@ def _orientations(rotations: Array, form: Orientation) -> Array:
     return turns.reshape(*rotations.shape[:-2], -1)
 
 
-def _zipped(positions: Any, turns: Any, form: Orientation) -> list[dict[str, Any]]:
+def _pose_documents(positions: Any, turns: Any, form: Orientation) -> list[dict[str, Any]]:
     return [{"position": p, form: turn} for p, turn in zip(positions, turns, strict=True)]
 
 
@@ -145,7 +145,7 @@ def velocity(chain: Chain, body: VelocityRequest) -> bytes:
             "residual": solved.residual.tolist(),
             "rank": solved.directions.rank.tolist(),
             "singular_values": solved.directions.values.tolist(),
-            "damped": _damped(solved),
+            "damped": _damped_directions(solved),
         }
     )
 
@@ -161,7 +161,7 @@ def _same_length(joints: Any, others: Any, name: str) -> None:
         )
 
 
-def _damped(solved: JointVelocities) -> Any:
+def _damped_directions(solved: JointVelocities) -> Any:
     found = solved.directions
     if solved.gains.ndim == 1:
         return [
@@ -174,7 +174,7 @@ def _damped(solved: JointVelocities) -> Any:
             for i in np.flatnonzero(solved.gains < 1.0)
         ]
     return [
-        _damped(
+        _damped_directions(
             JointVelocities(
                 rates, residual, gains, SingularDirections(values, twists, motions, rank)
             )

@@ -19,7 +19,7 @@ from planning.proof.certificate import certify, has_solids
 from planning.result import Failure, Plan
 from service.schemas.plan import Collisions, PlanRequest, ValidateRequest
 from service.storage.cache_key import Reference
-from service.tasks.answer import answering
+from service.tasks.answer import reports_cache_miss
 from service.tasks.attached_objects import RobotInScene, robot_in_scene
 from service.tasks.result import CacheMiss, PlanOutcome, TaskProblem
 from service.translate import certificates, problems, timings, trajectories
@@ -44,7 +44,7 @@ _SEARCHING = 0.25
 
 
 @task(grace=GRACE)
-@answering
+@reports_cache_miss
 def plan(
     robot: Reference, scene: Reference | None, content: bytes
 ) -> PlanOutcome | TaskProblem | CacheMiss:
@@ -79,7 +79,7 @@ def _report_stage(stage: str) -> None:
 
 
 @task(grace=GRACE)
-@answering
+@reports_cache_miss
 def validate(
     robot: Reference, scene: Reference | None, content: bytes
 ) -> bytes | TaskProblem | CacheMiss:

@@ -15,14 +15,14 @@ from planning.field.weights import FieldWeights
 from service.schemas.potential import PotentialRequest
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
-from service.tasks.answer import answering
+from service.tasks.answer import reports_cache_miss
 from service.tasks.attached_objects import requested_scene
 from service.tasks.result import CacheMiss
 from service.workers.task import task
 
 
 @task
-@answering
+@reports_cache_miss
 def potential(robot: Reference, scene: Reference | None, content: bytes) -> bytes | CacheMiss:
     """Answer a request for the potential, its slope and the forces that make it.
 

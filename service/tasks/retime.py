@@ -8,7 +8,7 @@ from planning.retime import retime as time_again
 from service.schemas.retime import ConvertRequest, RetimeRequest
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
-from service.tasks.answer import answering
+from service.tasks.answer import reports_cache_miss
 from service.tasks.result import CacheMiss
 from service.translate import certificates, timings, trajectories
 from service.workers.task import task
@@ -18,7 +18,7 @@ _MAX_ROWS = 100_000
 
 
 @task
-@answering
+@reports_cache_miss
 def retime(robot: Reference | None, content: bytes) -> bytes | CacheMiss:
     """Answer a request to time a path.
 

@@ -16,7 +16,7 @@ from planning.deadline import Deadline
 from planning.proof.certificate import certify
 from service.schemas.simulation import SimulateRequest
 from service.storage.cache_key import Reference
-from service.tasks.answer import answering
+from service.tasks.answer import reports_cache_miss
 from service.tasks.attached_objects import robot_in_scene
 from service.tasks.result import CacheMiss, TaskProblem
 from service.translate import simulations, trajectories
@@ -33,7 +33,7 @@ _NO_TIME = 1e-9
 
 
 @task(grace=GRACE)
-@answering
+@reports_cache_miss
 def simulate(
     robot: Reference, scene: Reference | None, content: bytes
 ) -> bytes | TaskProblem | CacheMiss:

@@ -63,31 +63,31 @@ def read_archive(content: bytes) -> RobotArchive:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             return _read(archive)
     except (zipfile.BadZipFile, zipfile.LargeZipFile, NotImplementedError, EOFError) as error:
-        raise _refused(f"it can't be read: {error}") from None
+        raise _archive_error(f"it can't be read: {error}") from None
     except (RuntimeError, ValueError, OSError, OverflowError) as error:
-        raise _refused(f"it is damaged or encrypted: {error}") from None
+        raise _archive_error(f"it is damaged or encrypted: {error}") from None
     except Exception as error:
         # zlib and lzma have errors of their own for what is damaged inside.
         if type(error).__module__ in ("zlib", "_lzma", "struct"):
-            raise _refused(f"it is damaged: {error}") from None
+            raise _archive_error(f"it is damaged: {error}") from None
         raise
 
 
 def _read(archive: zipfile.ZipFile) -> RobotArchive:
-    entries = [_checked(entry) for entry in _entries(archive) if not entry.is_dir()]
+    entries = [_check_entry(entry) for entry in _entries(archive) if not entry.is_dir()]
     names = [entry.filename for entry in entries]
     twice = {name for name in names if names.count(name) > 1}
     if twice:
-        raise _refused(f"{min(twice)!r} is in it twice")
-    wanted = [e for e in entries if _ending(e) in (".urdf", ".srdf", *_MESHES)]
+        raise _archive_error(f"{min(twice)!r} is in it twice")
+    wanted = [e for e in entries if _suffix(e) in (".urdf", ".srdf", *_MESHES)]
     files: dict[str, bytes] = {}
     left = MAX_UNPACKED
     for entry in wanted:
-        files[entry.filename] = _unpacked(archive, entry, left)
+        files[entry.filename] = _unpack(archive, entry, left)
         left -= len(files[entry.filename])
     urdf = _only(files, ".urdf")
     if urdf is None:
-        raise _refused("there is no .urdf file in it", hint="Put the robot's URDF into it.")
+        raise _archive_error("there is no .urdf file in it", hint="Put the robot's URDF into it.")
     folder = next(PurePosixPath(name).parent for name in files if name.lower().endswith(".urdf"))
     urdf = _UPWARD.sub(partial(_from_root, folder), urdf)
     meshes = {
@@ -112,45 +112,45 @@ def _from_root(folder: PurePosixPath, found: re.Match[str]) -> str:
 def _entries(archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
     entries = archive.infolist()
     if len(entries) > MAX_ENTRIES:
-        raise _refused(f"it has {len(entries)} entries, at most {MAX_ENTRIES} are taken")
+        raise _archive_error(f"it has {len(entries)} entries, at most {MAX_ENTRIES} are taken")
     total = sum(entry.file_size for entry in entries)
     if total > MAX_UNPACKED:
-        raise _refused(f"it unpacks to {total} bytes, at most {MAX_UNPACKED} are taken")
+        raise _archive_error(f"it unpacks to {total} bytes, at most {MAX_UNPACKED} are taken")
     return [entry for entry in entries if not entry.filename.startswith("__MACOSX/")]
 
 
-def _checked(entry: zipfile.ZipInfo) -> zipfile.ZipInfo:
+def _check_entry(entry: zipfile.ZipInfo) -> zipfile.ZipInfo:
     name = entry.filename
     if not 0 < len(name) <= _MAX_NAME or not name.isprintable() or entry.orig_filename != name:
-        raise _refused("an entry has a name that is empty, too long or not printable")
+        raise _archive_error("an entry has a name that is empty, too long or not printable")
     if "\\" in name or ":" in name or name.startswith(("/", "~")) or ".." in name.split("/"):
-        raise _refused(
+        raise _archive_error(
             f"the entry {name!r} leads out of it",
             hint='Take absolute paths, drive letters, backslashes and ".." out of the names.',
         )
     if stat.S_IFMT(entry.external_attr >> 16) not in (0, stat.S_IFREG):
-        raise _refused(f"the entry {name!r} is no regular file")
+        raise _archive_error(f"the entry {name!r} is no regular file")
     if entry.flag_bits & 0x1:
-        raise _refused(f"the entry {name!r} is encrypted")
-    if _ending(entry) in _ARCHIVES:
-        raise _refused(f"the entry {name!r} is an archive itself", hint="Unpack it first.")
+        raise _archive_error(f"the entry {name!r} is encrypted")
+    if _suffix(entry) in _ARCHIVES:
+        raise _archive_error(f"the entry {name!r} is an archive itself", hint="Unpack it first.")
     if entry.file_size > max(MAX_RATIO * entry.compress_size, _RATIO_FREE):
-        raise _refused(f"the entry {name!r} is packed more densely than any real file")
+        raise _archive_error(f"the entry {name!r} is packed more densely than any real file")
     return entry
 
 
-def _ending(entry: zipfile.ZipInfo) -> str:
+def _suffix(entry: zipfile.ZipInfo) -> str:
     return PurePosixPath(entry.filename).suffix.lower()
 
 
-def _unpacked(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, left: int) -> bytes:
+def _unpack(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, left: int) -> bytes:
     """The bytes of an entry, no more than it announced and than may still be unpacked."""
     with archive.open(entry) as stream:
         data = stream.read(min(left, entry.file_size) + 1)
     if len(data) > min(left, entry.file_size):
-        raise _refused(f"the entry {entry.filename!r} unpacks to more than it announces")
+        raise _archive_error(f"the entry {entry.filename!r} unpacks to more than it announces")
     if data.startswith(_ARCHIVE_STARTS):
-        raise _refused(f"the entry {entry.filename!r} is an archive itself")
+        raise _archive_error(f"the entry {entry.filename!r} is an archive itself")
     return data
 
 
@@ -158,7 +158,7 @@ def _only(files: dict[str, bytes], ending: str) -> str | None:
     """The text of the one file with this ending."""
     found = [name for name in files if PurePosixPath(name).suffix.lower() == ending]
     if len(found) > 1:
-        raise _refused(
+        raise _archive_error(
             f"there are several {ending} files in it: {', '.join(found[:10])}",
             hint="Leave the one that is meant.",
         )
@@ -167,8 +167,8 @@ def _only(files: dict[str, bytes], ending: str) -> str | None:
     try:
         return files[found[0]].decode("utf-8-sig")
     except UnicodeDecodeError:
-        raise _refused(f"{found[0]!r} is not UTF-8") from None
+        raise _archive_error(f"{found[0]!r} is not UTF-8") from None
 
 
-def _refused(reason: str, hint: str | None = None) -> InvalidRobotDescription:
+def _archive_error(reason: str, hint: str | None = None) -> InvalidRobotDescription:
     return InvalidRobotDescription(f"the robot archive: {reason}", hint=hint)

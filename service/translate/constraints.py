@@ -42,11 +42,11 @@ def constraint_set(
         InvalidGoal: One is malformed; the message says which.
         InvalidLinkName: One names a link that there is not.
     """
-    made = [_numbered(i, body, chain) for i, body in enumerate(bodies or ())]
+    made = [_constraint_at(i, body, chain) for i, body in enumerate(bodies or ())]
     return ConstraintSet(chain, (*made, *more)) if made or more else None
 
 
-def _numbered(i: int, body: schema.Constraint, chain: Chain) -> Constraint:
+def _constraint_at(i: int, body: schema.Constraint, chain: Chain) -> Constraint:
     try:
         made = constraint(body)
         made.rows(chain)

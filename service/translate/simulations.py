@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynamics.body import scale_masses
-from dynamics.motor import Motor, driven
+from dynamics.motor import Motor, attach_motors
 from dynamics.payload import inertia, with_gravity, with_inertias, with_motors
 from kinematics.arrays import Array
 from kinematics.chain import Chain
@@ -48,7 +48,7 @@ def robot_and_model(chain: Chain, body: schema.SimulateRequest) -> tuple[Chain, 
     """
     motors = getattr(body.controller, "motors", None)
     if isinstance(motors, list):
-        chain = driven(chain, [Motor(**motor.model_dump()) for motor in motors])
+        chain = attach_motors(chain, [Motor(**motor.model_dump()) for motor in motors])
     error = body.model_error
     if error is None:
         return chain, chain

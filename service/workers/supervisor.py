@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar, cast
 
 from planning.deadline import Deadline
-from service.problem import from_fields, unexpected
+from service.problem import from_fields, unexpected_fault
 from service.workers.faults import DeadlineExceeded, QueueFull, ShuttingDown, WorkerCrashed
 from service.workers.main import Reply
 from service.workers.pool import WorkerPool
@@ -367,7 +367,7 @@ class WorkerSupervisor:
         elif kind == Reply.FAULT:
             ticket.settle(from_fields(*values))
         else:
-            ticket.settle(unexpected(ticket.job.task, values[0]))
+            ticket.settle(unexpected_fault(ticket.job.task, values[0]))
 
     def _free(self, worker: Worker) -> None:
         if not worker.ending:

@@ -104,10 +104,10 @@ def task(
         ValueError: Another function is registered under its name.
     """
 
-    def registered(body: Callable[P, R]) -> Task[P, R]:
+    def decorate(body: Callable[P, R]) -> Task[P, R]:
         return register(Task(f"{body.__module__}:{body.__qualname__}", body, grace))
 
-    return registered if function is None else registered(function)
+    return decorate if function is None else decorate(function)
 
 
 def register(new: Task[P, R]) -> Task[P, R]:

@@ -9,7 +9,7 @@ from dynamics.energy import kinetic_energy
 from dynamics.gravity import gravity_vector
 from dynamics.inverse import inverse_dynamics
 from dynamics.mass_matrix import augmented_mass_matrix, mass_matrix
-from dynamics.motor import Motor, driven
+from dynamics.motor import Motor, attach_motors
 from dynamics.payload import inertia, with_gravity, with_inertias, with_motors, with_payload
 from kinematics.chain import Inertia
 from kinematics.errors import InvalidLinkName, InvalidOption
@@ -61,7 +61,7 @@ def test_inertias_are_replaced_by_name() -> None:
 def test_motors_reflect_through_their_gears() -> None:
     chain = random_chain(3, 3)
     motor = Motor(2e-4, 1e-3, 0.05, 0.04, 0.8, 100.0)
-    arm = driven(chain, [motor, motor, Motor(1e-4)])
+    arm = attach_motors(chain, [motor, motor, Motor(1e-4)])
     np.testing.assert_allclose(arm.motor_inertia, [2.0, 2.0, 1e-4])
     friction = 1e4 * (1e-3 + 0.05 * 0.04 / 0.8)
     np.testing.assert_allclose(arm.viscous_friction, [friction, friction, 0.0])
@@ -106,4 +106,4 @@ def test_faults_are_named() -> None:
     with pytest.raises(InvalidOption, match="gear_ratio"):
         Motor(1e-4, gear_ratio=0.0)
     with pytest.raises(InvalidOption, match="1 motor"):
-        driven(chain, [Motor(1e-4)])
+        attach_motors(chain, [Motor(1e-4)])

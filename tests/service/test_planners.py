@@ -11,7 +11,7 @@ from kinematics.forward import forward
 from kinematics.robots import builtin_chain
 from planning.planners import PLANNERS
 from planning.sampling.planners import PLANNERS as SAMPLING
-from planning.sampling.planners import named
+from planning.sampling.planners import planner_by_name
 from service.schemas.plan import PlanAnswer
 from tests.service.robots import ASIDE, FLOOR, HOME, POST, answer, problem, scene
 
@@ -32,7 +32,7 @@ def quick(planner: str) -> dict[str, Any]:
     """Options with which a planner comes to an end soon, wherever it runs."""
     if planner == "potential_field":
         return {"preset": "thorough", "escapes": 5, "max_iterations": 200}
-    kind = named(planner)
+    kind = planner_by_name(planner)
     if kind.batch is not None:
         return {"num_samples": 300}
     if "goal_bias" in kind.options and kind.improves:
@@ -151,7 +151,7 @@ def test_openapi_names_every_planner_and_option(client: httpx.Client) -> None:
     for name in PLANNERS:
         assert name in fields["planner"]["description"]
     for name in SAMPLING:
-        for option in named(name).options:
+        for option in planner_by_name(name).options:
             assert option in fields["planner_options"]["description"]
 
 

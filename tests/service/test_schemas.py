@@ -15,7 +15,7 @@ from service.schemas.retime import RetimeRequest
 from service.schemas.robot import RobotBody
 from service.schemas.scene import NamedScene, Scene
 from service.schemas.shape import Shape
-from service.schemas.validation import field_path, validated
+from service.schemas.validation import field_path, validate_as
 from service.translate import poses
 
 _HALF = math.sqrt(0.5)
@@ -222,5 +222,5 @@ def test_a_path_leaves_out_the_tags_of_unions() -> None:
     assert field_path(("body",), body) == "body"
     assert field_path(("query", "limit"), None) == "query.limit"
     with pytest.raises(ProblemError) as error:
-        validated(IkRequest, {"pose": {"position": [0, 0, "x"]}})
+        validate_as(IkRequest, {"pose": {"position": [0, 0, "x"]}})
     assert error.value.details["errors"][0]["path"] == "pose.position[2]"

@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from dynamics.body import scale_masses
-from dynamics.motor import Motor, driven
+from dynamics.motor import Motor, attach_motors
 from dynamics.payload import with_motors, with_payload
 from kinematics.arrays import Array
 from kinematics.chain import Chain, Inertia
@@ -127,7 +127,7 @@ def test_absurd_gains_are_integrated_all_the_same() -> None:
 
 def test_a_stiff_arm_equals_scipys_implicit_method() -> None:
     motors = [Motor(1e-5, 1e-3, 0.05, 0.05, 0.5, 100.0)] * 2
-    chain = driven(planar_rr((0.02, 0.01)), motors)
+    chain = attach_motors(planar_rr((0.02, 0.01)), motors)
     light = replace(chain, motor_inertia=np.full(2, 1e-4))
     controller = PdGravity(light, np.array(400.0), np.array(5.0))
     trajectory = smooth(light, np.zeros(2), np.ones(2), 0.5)

@@ -10,7 +10,7 @@ from kinematics.arrays import Array
 from kinematics.robots import builtin_urdf
 from obstacles.checker import Checker
 from obstacles.scene import Scene
-from planning.constrained.checker import ConstrainedChecker, narrowed
+from planning.constrained.checker import ConstrainedChecker, narrow_rows
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.joint import JointConstraint
 from planning.constraints.orientation import ConeConstraint
@@ -121,14 +121,14 @@ def test_rows_are_narrowed_on_both_sides_and_at_most_by_what_is_said() -> None:
     assert not two_sided.all()
     half = np.where(two_sided, 0.5 * (true[:, UPPER] - true[:, LOWER]), true[:, UPPER])
     for share in (0.0, 0.05, 0.5, 1.0):
-        rows = narrowed(wanted, share)
+        rows = narrow_rows(wanted, share)
         np.testing.assert_allclose(true[:, UPPER] - rows[:, UPPER], share * half, atol=1e-15)
         inwards = rows[two_sided, LOWER] - true[two_sided, LOWER]
         np.testing.assert_allclose(inwards, (share * half)[two_sided], atol=1e-15)
         assert (rows[two_sided, LOWER] <= rows[two_sided, UPPER] + 1e-15).all()
-    capped = narrowed(wanted, 0.5, 0.01)
+    capped = narrow_rows(wanted, 0.5, 0.01)
     np.testing.assert_allclose(true[:, UPPER] - capped[:, UPPER], 0.01, atol=1e-15)
-    np.testing.assert_array_equal(narrowed(wanted, 0.5, -1.0), true)
+    np.testing.assert_array_equal(narrow_rows(wanted, 0.5, -1.0), true)
     np.testing.assert_array_equal(np.array(wanted.packed), true)
 
 

@@ -8,7 +8,7 @@ from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain
-from planning.constrained.checker import narrowed
+from planning.constrained.checker import narrow_rows
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.edge_bounds import (
     HOLDS,
@@ -129,7 +129,7 @@ def test_narrowed_rows_keep_their_middle() -> None:
             ConeConstraint([0, 0, 1], [0, 0, 1], 0.2),
         ),
     )
-    rows = narrowed(constraints, 0.25)
+    rows = narrow_rows(constraints, 0.25)
     np.testing.assert_allclose(rows[:, UPPER], [0.075, 0.15])
     np.testing.assert_allclose(rows[:, LOWER], [-0.075, -np.inf])
-    np.testing.assert_allclose(narrowed(constraints, 0.25, 0.01)[:, UPPER], [0.09, 0.19])
+    np.testing.assert_allclose(narrow_rows(constraints, 0.25, 0.01)[:, UPPER], [0.09, 0.19])

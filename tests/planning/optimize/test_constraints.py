@@ -17,7 +17,7 @@ from planning.constraints.position import PositionConstraint
 from planning.constraints.region import LineRegion, SphereRegion
 from planning.deadline import Deadline
 from planning.optimize import objective
-from planning.optimize.initial_guess import fitted
+from planning.optimize.initial_guess import fit_spline
 from planning.optimize.iterate import Iterate
 from planning.optimize.options import Objective, RefineOptions
 from planning.optimize.scp import Descent
@@ -56,7 +56,7 @@ def test_a_motion_is_brought_into_its_cone_and_kept_there() -> None:
     bounds = {"velocity": CHAIN.limits.velocity, "acceleration": CHAIN.limits.acceleration}
     ends = (End.at_rest(q, smooth=False) for q in (start, goal))
     task = Task(checker, next(ends), next(ends), bounds, constraints=held)
-    near = fitted(task, SplineSpace.uniform(3, 16), known)
+    near = fit_spline(task, SplineSpace.uniform(3, 16), known)
     descent = Descent(task, RefineOptions(rounds=40), near, np.inf, Deadline.after(60.0))
     descent.run(Deadline.after(300.0))
     assert descent.best is not None, descent.hindrance

@@ -14,7 +14,7 @@ from planning.optimize.linearization import Checkpoints, least_factor, look
 from planning.optimize.options import Objective
 from planning.optimize.quadratic import Quadratic
 from planning.optimize.response import tool_speed, torques
-from planning.optimize.rows import end_rows, limit_rows, local_matrix, stacked
+from planning.optimize.rows import end_rows, limit_rows, local_matrix, stack_rows
 from planning.optimize.task import End
 from tests.planning.optimize.motions import PANDA, SPACE, iterate, packed, task, unpacked
 from tests.planning.scenes import pillar
@@ -61,7 +61,7 @@ def test_models_have_the_gradient_of_the_objective(name: Objective) -> None:
 
 def test_limit_rows_lie_on_the_safe_side() -> None:
     at, asked, rng = replace(iterate(5, 0.01), duration=2.5), task(), np.random.default_rng(6)
-    rows = stacked(limit_rows(asked, at, 0.0))
+    rows = stack_rows(limit_rows(asked, at, 0.0))
     kept = 0
     for _ in range(300):
         T = at.duration * rng.uniform(0.5, 2.0)
@@ -82,7 +82,7 @@ def test_ends_that_move_are_exact() -> None:
     for given, time in ((start, 0.0), (end, motion.duration)):
         for order, values in enumerate(given.derivatives):
             np.testing.assert_allclose(motion.sample([time], order)[0], values, atol=1e-9)
-    rows = stacked(end_rows(at, start, end))
+    rows = stack_rows(end_rows(at, start, end))
     np.testing.assert_allclose(rows.A @ packed(at), rows.lower, atol=1e-9)
 
 
@@ -90,7 +90,7 @@ def test_rows_of_obstacles_follow_distances() -> None:
     at, scene = iterate(10, 0.02), pillar(angle=0.4, distance=0.55)
     asked = task(scene=scene)
     places = Checkpoints.within(SPACE.breaks, 3, 0.0)
-    rows = stacked(list(look(asked, at, places, 0.3, Deadline.after(60.0)).rows))
+    rows = stack_rows(list(look(asked, at, places, 0.3, Deadline.after(60.0)).rows))
     z = packed(at)
     room = rows.upper - rows.A @ z
     nearest = []

@@ -16,7 +16,7 @@ from kinematics.trajectory import Trajectory
 from obstacles.checker import Checker
 from obstacles.scene import Scene
 from planning.deadline import Deadline
-from planning.optimize.initial_guess import fitted
+from planning.optimize.initial_guess import fit_spline
 from planning.optimize.options import RefineOptions
 from planning.optimize.scp import Descent
 from planning.optimize.spline import SplineSpace
@@ -77,7 +77,7 @@ def test_one_joint_tends_to_the_bang_bang_time() -> None:
     )
     times = []
     for count in (10, 24, 48):
-        near = fitted(task, SplineSpace.uniform(3, count), known)
+        near = fit_spline(task, SplineSpace.uniform(3, count), known)
         descent = Descent(task, RefineOptions(), near, np.inf, Deadline.after(60.0))
         descent.run(Deadline.after(30.0))
         assert descent.best is not None

@@ -19,10 +19,10 @@ from planning.proof.motion_bounds import (
     ROUNDING,
     SPEED,
     VALUE,
+    displacement_along,
     displacement_bounds,
     enclose,
     enclose_span,
-    moved_along,
     piece_bounds,
 )
 from tests.planning.scenes import builtin
@@ -157,7 +157,7 @@ def test_no_point_of_a_ball_moves_farther_than_its_bounds(name: str) -> None:
                 tightest = min(tightest, bound / farthest)
             for towards in random.normal(size=(6, 3)):
                 u = towards / np.linalg.norm(towards)
-                along = moved_along(moves, still + 1, radius, half, (u[0], u[1], u[2]))
+                along = displacement_along(moves, still + 1, radius, half, (u[0], u[1], u[2]))
                 assert float(np.abs(u @ moved).max()) <= along + 1e-12
                 assert along <= bound
     assert tightest < 2.0
@@ -172,5 +172,5 @@ def test_bound_of_a_turning_arm_is_the_arc() -> None:
         displacement_bounds(types, frames, (1.0, 0.0, 5.0), 0.1, 0, joints, 1.0, moves)
         # A point never moves farther than its circle's diameter.
         assert moves[0, MOVED] == pytest.approx(min(1.1 * angle, 2.2))
-        across = moved_along(moves, 0, 0.1, 1e-3, (0.0, 0.0, 1.0))
+        across = displacement_along(moves, 0, 0.1, 1e-3, (0.0, 0.0, 1.0))
         assert across == pytest.approx(min(0.5 * 1.1 * angle**2, 1.1 * angle, 2.2))

@@ -8,7 +8,7 @@ import pytest
 from kinematics.arrays import Array
 from obstacles.piece import Piece, PieceArrays, PieceKind
 from obstacles.signed_distance import halfspace_distance, signed_distance
-from planning.proof.separating_direction import direction, gap, rounding
+from planning.proof.separating_direction import direction, gap, rounding_bound
 from tests.obstacles.solids import KINDS, NO_VERTICES, coal_distance, random_solid, random_transform
 
 
@@ -71,5 +71,5 @@ def test_what_is_no_direction_proves_nothing(u: list[float]) -> None:
 
 
 def test_rounding_grows_with_lengths_and_stays_far_below_what_is_decided() -> None:
-    assert 0.0 < rounding(7, 3.0) < 1e-12
-    assert rounding(7, 6.0) == pytest.approx(2.0 * rounding(7, 3.0))
+    assert 0.0 < rounding_bound(7, 3.0) < 1e-12
+    assert rounding_bound(7, 6.0) == pytest.approx(2.0 * rounding_bound(7, 3.0))

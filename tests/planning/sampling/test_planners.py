@@ -11,7 +11,13 @@ from ompl import base, geometric
 
 from kinematics.errors import InvalidOption
 from planning.deadline import Deadline
-from planning.sampling.planners import DEFAULT_RANGE, PLANNERS, checked, described, named
+from planning.sampling.planners import (
+    DEFAULT_RANGE,
+    PLANNERS,
+    complete_options,
+    describe_options,
+    planner_by_name,
+)
 from planning.sampling.search import sample
 from planning.sampling.space import problem
 from tests.planning.sampling.world import GOAL, START, WALL, plane
@@ -21,7 +27,7 @@ ROOT = Path(__file__).parents[3]
 
 def solver(planner: str) -> tuple[Any, Any]:
     information, definition, _ = problem(plane(), WALL, START, [GOAL], Deadline.after(9.0))
-    made = getattr(geometric, named(planner).ompl)(information)
+    made = getattr(geometric, planner_by_name(planner).ompl)(information)
     made.setProblemDefinition(definition)
     if planner == "aorrtc":
         made.setup()  # before that it can't even be thrown away
@@ -35,13 +41,13 @@ def test_every_geometric_planner_of_ompl_has_a_name() -> None:
         if isinstance(getattr(geometric, name), type)
         and issubclass(getattr(geometric, name), base.Planner)
     }
-    assert {named(name).ompl for name in PLANNERS} == there
+    assert {planner_by_name(name).ompl for name in PLANNERS} == there
 
 
 @pytest.mark.parametrize("planner", PLANNERS)
 def test_defaults_are_those_of_ompl(planner: str) -> None:
     made, _kept = solver(planner)
-    for parameter in named(planner).parameters:
+    for parameter in planner_by_name(planner).parameters:
         setter = parameter.setter(made).__name__
         default = getattr(made, setter.replace("set", "get", 1))()
         if parameter.name == "range":
@@ -52,7 +58,7 @@ def test_defaults_are_those_of_ompl(planner: str) -> None:
 
 @pytest.mark.parametrize("planner", PLANNERS)
 def test_every_option_is_set(planner: str) -> None:
-    for parameter in named(planner).parameters:
+    for parameter in planner_by_name(planner).parameters:
         made, _kept = solver(planner)
         value: float | bool = not parameter.default
         if parameter.kind != "switch":
@@ -67,20 +73,20 @@ def test_every_option_is_set(planner: str) -> None:
 @pytest.mark.parametrize("planner", PLANNERS)
 def test_wrong_options_are_refused_with_the_right_ones(planner: str) -> None:
     with pytest.raises(InvalidOption, match="no option 'rage'") as caught:
-        checked(planner, {"rage": 1.0})
-    for name in named(planner).options:
+        complete_options(planner, {"rage": 1.0})
+    for name in planner_by_name(planner).options:
         assert name in str(caught.value.hint)
         wrongs: tuple[object, ...] = ("much", [1.0], {}, None, np.nan, -1.0, 1e300)
         for wrong in wrongs:
             with pytest.raises(InvalidOption, match=name) as told:
-                checked(planner, {name: wrong})
+                complete_options(planner, {name: wrong})
             assert told.value.hint
             assert told.value.details["options"]
-    assert described(planner)
+    assert describe_options(planner)
 
 
 def test_kinds_of_values() -> None:
-    assert checked("rrt", {"goal_bias": 1})["goal_bias"] == 1
+    assert complete_options("rrt", {"goal_bias": 1})["goal_bias"] == 1
     for options in (
         {"goal_bias": True},
         {"goal_bias": 1.01},
@@ -92,23 +98,23 @@ def test_kinds_of_values() -> None:
         {"cost_threshold": 1.0},
     ):
         with pytest.raises(InvalidOption):
-            checked("rrt", options)
+            complete_options("rrt", options)
 
 
 def test_options_that_ompl_does_not_survive_together_are_refused() -> None:
-    checked("rrt_star", {"ordered_sampling": True, "informed_sampling": True})
+    complete_options("rrt_star", {"ordered_sampling": True, "informed_sampling": True})
     for options in (
         {"ordered_sampling": True},
         {"pruned_measure": True},
         {"informed_sampling": True, "sample_rejection": True},
     ):
         with pytest.raises(InvalidOption, match="sampling"):
-            checked("rrt_star", options)
+            complete_options("rrt_star", options)
 
 
 def test_unknown_planners_are_refused_with_the_known_ones() -> None:
     with pytest.raises(InvalidOption, match="magic") as caught:
-        checked("magic", {})
+        complete_options("magic", {})
     assert "sorrt_star" in str(caught.value.hint)
 
 
@@ -118,7 +124,7 @@ import sys
 import numpy as np
 from kinematics.errors import InvalidOption
 from planning.deadline import Deadline
-from planning.sampling.planners import PLANNERS, named
+from planning.sampling.planners import PLANNERS, planner_by_name
 from planning.sampling.search import sample
 from tests.planning.sampling.world import ENCLOSED, GOAL, START, WALL, plane
 
@@ -127,7 +133,7 @@ ran = refused = 0
 for _ in range(int(sys.argv[1])):
     for planner in PLANNERS:
         options = {}
-        for parameter in named(planner).options.values():
+        for parameter in planner_by_name(planner).options.values():
             if parameter.name in ("max_iterations", "max_edges") or random.random() < 0.5:
                 continue
             low = max(parameter.least, 1e-3)

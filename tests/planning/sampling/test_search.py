@@ -9,12 +9,12 @@ from kinematics.arrays import Array
 from obstacles.checker import Checker
 from planning.deadline import Deadline
 from planning.result import Attempt
-from planning.sampling.planners import PLANNERS, named
+from planning.sampling.planners import PLANNERS, planner_by_name
 from planning.sampling.search import sample
 from tests.planning.sampling.world import ENCLOSED, GOAL, SHORTEST, START, WALL, plane
 from tests.planning.scenes import HOME, builtin, shelf
 
-IMPROVING = [name for name in PLANNERS if named(name).improves]
+IMPROVING = [name for name in PLANNERS if planner_by_name(name).improves]
 
 
 def search(
@@ -24,7 +24,7 @@ def search(
     seconds: float = 20.0,
     **options: float,
 ) -> Attempt:
-    if named(planner).batch is not None:
+    if planner_by_name(planner).batch is not None:
         options.setdefault("num_samples", 200)
     return sample(planner, plane(), WALL, START, goals, options, seed, Deadline.after(seconds))
 
@@ -154,7 +154,7 @@ def test_an_arm_reaches_into_a_shelf(planner: str) -> None:
     start = HOME.copy()
     start[0] = -1.2
     assert checker.valid(goal)
-    options = {"num_samples": 500} if named(planner).batch else {}
+    options = {"num_samples": 500} if planner_by_name(planner).batch else {}
     options |= {"max_edges": 300, "max_iterations": 3000} if planner in IMPROVING else {}
     found = sample(planner, robot.chain, checker, start, [goal], options, 0, Deadline.after(20.0))
     assert found.waypoints is not None, found.detail

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from fastapi import Request
 
-from service.http.compute import allowed, compute
+from service.http.compute import allowed_time, compute
 from service.http.job_context import DRY_RUN, JOB_CONTEXT, DeferToJob, JobContext
 from service.problem import ProblemError
 from service.settings import Settings
@@ -68,7 +68,7 @@ def test_a_longer_time_than_the_service_allows_is_refused() -> None:
         asyncio.run(compute(request(supervisor), chores.add.job(1, 2), 21.0))
     assert refused.value.details == {"max_timeout": 20.0}
     assert supervisor.jobs == []
-    assert allowed(SETTINGS, None) == 7.0
+    assert allowed_time(SETTINGS, None) == 7.0
 
 
 def test_a_dry_run_ends_before_the_work() -> None:

@@ -5,14 +5,14 @@ import pytest
 from service.problem import ProblemError
 from service.schemas.check import CheckRequest
 from service.schemas.strict_json import parse_json
-from service.schemas.validation import field_path, validated
+from service.schemas.validation import field_path, validate_as
 
 SPHERE = {"id": "a", "shape": {"type": "sphere", "radius": -1.0}, "pose": {"position": [0, 0, 0]}}
 
 
 def refused(body: object) -> ProblemError:
     with pytest.raises(ProblemError) as error:
-        validated(CheckRequest, body)
+        validate_as(CheckRequest, body)
     return error.value
 
 
@@ -37,7 +37,7 @@ def test_a_long_list_is_cut_and_counted() -> None:
 
 
 def test_a_body_in_order_is_the_model() -> None:
-    body = validated(CheckRequest, {"robot": "panda", "joints": [0.0] * 7})
+    body = validate_as(CheckRequest, {"robot": "panda", "joints": [0.0] * 7})
     assert body.robot == "panda"
 
 

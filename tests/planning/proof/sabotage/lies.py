@@ -24,7 +24,7 @@ from obstacles.robot_geometry import RobotGeometry, hulled
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Box, Cylinder, Shape
 from planning.cartesian.tool_following import _Following, _spline
-from planning.constrained.checker import ConstrainedChecker, narrowed
+from planning.constrained.checker import ConstrainedChecker, narrow_rows
 from planning.constraints import edge_bounds
 from planning.constraints.row import LOWER, UPPER
 from planning.effort_limits import EffortLimits
@@ -222,7 +222,7 @@ def _rows_widened(sabotage: Sabotage) -> None:
         rows[:, LOWER] *= 2.0
         return rows
 
-    sabotage.wrap(narrowed, wide)
+    sabotage.wrap(narrow_rows, wide)
 
 
 def _constrained_edges_free(sabotage: Sabotage) -> None:
