@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from kinematics.ik.solution import IkResult, IkSolution
     from kinematics.robots import builtin_names
     from kinematics.trajectory import Trajectory
+    from obstacles.attachment import Attachment, Holding, grasp, hold, release
     from obstacles.checker import Checker
     from obstacles.moveit import scene_from_moveit
     from obstacles.robot_geometry import RobotGeometry
@@ -58,6 +59,7 @@ if TYPE_CHECKING:
     from planning.constraints.position import PositionConstraint
     from planning.constraints.region import BoxRegion, LineRegion, PlaneRegion, SphereRegion
     from planning.constraints.relative_pose import RelativePoseConstraint
+    from planning.limits import MotionLimits
     from planning.options import Options
     from planning.problem import JointGoal, PoseGoal, Problem
     from planning.proof.certificate import Certificate
@@ -74,6 +76,7 @@ if TYPE_CHECKING:
 _MODULES = {
     "Adaptive": "tracking.adaptive",
     "ArmwrightError": "kinematics.errors",
+    "Attachment": "obstacles.attachment",
     "Box": "obstacles.shapes",
     "BoxRegion": "planning.constraints.region",
     "Capsule": "obstacles.shapes",
@@ -92,6 +95,7 @@ _MODULES = {
     "Dynamics": "armwright.model",
     "Failure": "planning.result",
     "HalfSpace": "obstacles.shapes",
+    "Holding": "obstacles.attachment",
     "IkResult": "kinematics.ik.solution",
     "IkSolution": "kinematics.ik.solution",
     "IndependentJoint": "tracking.independent_joint",
@@ -100,6 +104,7 @@ _MODULES = {
     "LineRegion": "planning.constraints.region",
     "LookAtConstraint": "planning.constraints.look_at",
     "Mesh": "obstacles.shapes",
+    "MotionLimits": "planning.limits",
     "Obstacle": "obstacles.scene",
     "Options": "planning.options",
     "OrientationConstraint": "planning.constraints.orientation",
@@ -126,12 +131,15 @@ _MODULES = {
     "check": "armwright.configuration",
     "dynamics": "armwright.model",
     "fk": "armwright.model",
+    "grasp": "obstacles.attachment",
+    "hold": "obstacles.attachment",
     "ik": "armwright.configuration",
     "inverse_dynamics": "armwright.model",
     "jacobian": "armwright.model",
     "load_robot": "armwright.robot",
     "plan": "armwright.motion",
     "pose": "armwright.model",
+    "release": "obstacles.attachment",
     "retime": "armwright.motion",
     "scene_from_moveit": "obstacles.moveit",
     "simulate": "armwright.motion",
@@ -140,6 +148,7 @@ _MODULES = {
 __all__ = [
     "Adaptive",
     "ArmwrightError",
+    "Attachment",
     "Box",
     "BoxRegion",
     "Capsule",
@@ -158,6 +167,7 @@ __all__ = [
     "Dynamics",
     "Failure",
     "HalfSpace",
+    "Holding",
     "IkResult",
     "IkSolution",
     "IndependentJoint",
@@ -166,6 +176,7 @@ __all__ = [
     "LineRegion",
     "LookAtConstraint",
     "Mesh",
+    "MotionLimits",
     "Obstacle",
     "Options",
     "OrientationConstraint",
@@ -192,12 +203,15 @@ __all__ = [
     "check",
     "dynamics",
     "fk",
+    "grasp",
+    "hold",
     "ik",
     "inverse_dynamics",
     "jacobian",
     "load_robot",
     "plan",
     "pose",
+    "release",
     "retime",
     "scene_from_moveit",
     "simulate",

@@ -18,6 +18,7 @@ from planning.constrained.projected_rrt import Manifold, shortcut_along
 from planning.constrained.relaxation import Relaxation, find_relaxation
 from planning.deadline import Deadline
 from planning.diagnosis import Diagnosis, diagnose
+from planning.limits import MotionLimits
 from planning.motion_limits import with_limits
 from planning.optimize.options import OPTIMIZE
 from planning.optimize_stage import MOST_OFFERS, OptimizeStage, check_ends, refinement_options
@@ -280,8 +281,7 @@ class _Pipeline:
             problem.scene,
             margin=problem.margin,
             constraints=problem.constraints,
-            limits=bounds,
-            loads=parametrization.loads,
+            limits=MotionLimits(bounds, parametrization.loads),
             tool_motions=None if tool_path is None else tool_path.tool_motions,
             deadline=self.deadline,
         )

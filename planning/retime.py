@@ -9,6 +9,7 @@ from kinematics.arrays import Array
 from kinematics.chain import Chain, Limits
 from kinematics.errors import InvalidOption, InvalidTrajectory
 from kinematics.trajectory import REST, Trajectory, stay
+from planning.limits import MotionLimits
 from planning.proof.certificate import Certificate, certify_limits
 from planning.timing.blend import largest_reaches, merge, reach_for_deviation
 from planning.timing.choice import chosen_parametrization, require_limits, required_limits
@@ -163,9 +164,8 @@ def _spline(
 def _certify_retimed(
     timed: ScaledTime, parametrization: TimeParametrization, limits: Limits, notes: tuple[str, ...]
 ) -> Retimed:
-    certificate = certify_limits(
-        timed.trajectory, limits, parametrization.bounds, parametrization.loads
-    )
+    wanted = MotionLimits(parametrization.bounds, parametrization.loads)
+    certificate = certify_limits(timed.trajectory, limits, wanted)
     needed = 1.0 if certificate.verified else parametrization.needed_factor(timed.trajectory)
     return Retimed(timed.trajectory, certificate, timed.factor, needed, notes)
 

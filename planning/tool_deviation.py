@@ -21,17 +21,57 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from kinematics.arrays import Array, Indices
-from kinematics.chain import Chain
+from kinematics.arrays import Array
+from kinematics.chain import Chain, JointType
 from kinematics.compiled.kernel import kernel
+from kinematics.forward import frames_kernel
 from kinematics.polynomial import shift_kernel
-from planning.proof.joint_frames import forward_kernel
-from planning.tool_motion import ToolMotion
+from planning.tool_motion import (
+    ALONG,
+    AXIS,
+    CENTER,
+    KIND,
+    LENGTH,
+    LINE,
+    NORMAL,
+    ROTATION,
+    SIDE,
+    START,
+    SWEEP,
+    TURN,
+    ToolMotion,
+)
 
 #: A bound is sharp that is at most this much above what was found, or below this share of what is
 #: allowed.
 _SHARP = 1.25
 _SMALL = 0.1
+# ``Chain.model``: the row of the first joint, and the column of a joint's type.
+_FIRST_JOINT = 1
+_TYPE = 0
+_REVOLUTE = float(JointType.REVOLUTE)
+# Entries of a cell's state.
+#: Deviation of the position in the cell's middle [m].
+_POSITION = 0
+#: Deviation of the orientation in the cell's middle [rad].
+_ORIENTATION = 1
+#: Bound of the position's deviation all over the cell [m].
+_POSITION_BOUND = 2
+#: Bound of the orientation's deviation all over the cell [rad].
+_ORIENTATION_BOUND = 3
+#: Bound of the tool's acceleration [m/s^2].
+_ACCELERATION = 4
+#: Bound of the tool's angular acceleration [rad/s^2].
+_ANGULAR = 5
+#: Angle in the middle of the last cell, which tells this one's whole turns [rad].
+_ANGLE = 6
+#: Place on the motion, from 0 to 1.
+_PLACE = 7
+#: Rate of the place [1/s].
+_PACE = 8
+#: Bound of the rate's change [1/s^2].
+_PACE_CHANGE = 9
+_STATE = 10
 #: Halvings of a piece; a cell of a millionth of a second has told all there is.
 _MAX_DEPTH = 40
 
@@ -59,7 +99,7 @@ def piece_deviations(
     tip, m = chain.tip, len(breaks) - 1
     bounds, fine, where = np.zeros((m, 2)), np.zeros(m), np.zeros(m)
     deviation_kernel(
-        chain.joint_types, chain.offsets, tip.T_joint_link, tip.joint,
+        chain.model, tip.T_joint_link, tip.joint,
         np.ascontiguousarray(breaks), np.ascontiguousarray(coefficients), motion.numbers,
         np.array(tolerances), bounds, fine, where,
     )  # fmt: skip
@@ -67,12 +107,12 @@ def piece_deviations(
 
 
 @kernel
-def _norm3(a: float, b: float, c: float) -> float:
+def _norm(a: float, b: float, c: float) -> float:
     return math.sqrt(a * a + b * b + c * c)
 
 
 @kernel
-def _spread(e: Array, rate: Array, h: float) -> float:
+def _farthest(e: Array, rate: Array, h: float) -> float:
     """The larger of |e + h e'| and |e - h e'|."""
     plus, minus = 0.0, 0.0
     for k in range(3):
@@ -84,14 +124,14 @@ def _spread(e: Array, rate: Array, h: float) -> float:
 @kernel
 def _nominal(m: Array, s: float, R: Array) -> None:
     """Write exp(s theta [a]) R_0 of a motion's numbers into R (3, 3)."""
-    angle = s * m[16]
+    angle = s * m[TURN]
     c, v = math.cos(angle), math.sin(angle)
     for column in range(3):
-        x, y, z = m[4 + column], m[7 + column], m[10 + column]
-        along = (m[13] * x + m[14] * y + m[15] * z) * (1.0 - c)
-        R[0, column] = c * x + v * (m[14] * z - m[15] * y) + along * m[13]
-        R[1, column] = c * y + v * (m[15] * x - m[13] * z) + along * m[14]
-        R[2, column] = c * z + v * (m[13] * y - m[14] * x) + along * m[15]
+        x, y, z = m[ROTATION + column], m[ROTATION + 3 + column], m[ROTATION + 6 + column]
+        along = (m[AXIS] * x + m[AXIS + 1] * y + m[AXIS + 2] * z) * (1.0 - c)
+        R[0, column] = c * x + v * (m[AXIS + 1] * z - m[AXIS + 2] * y) + along * m[AXIS]
+        R[1, column] = c * y + v * (m[AXIS + 2] * x - m[AXIS] * z) + along * m[AXIS + 1]
+        R[2, column] = c * z + v * (m[AXIS] * y - m[AXIS + 1] * x) + along * m[AXIS + 2]
 
 
 @kernel
@@ -110,23 +150,27 @@ def _twist_angle(m: Array, R: Array) -> float:
     # Of D = R R_0^T: sine from its skew part along a, cosine from what it does across a.
     trace, x, y, z = 0.0, 0.0, 0.0, 0.0
     for k in range(3):
-        trace += R[0, k] * m[4 + k] + R[1, k] * m[7 + k] + R[2, k] * m[10 + k]
-        x += R[2, k] * m[7 + k] - R[1, k] * m[10 + k]
-        y += R[0, k] * m[10 + k] - R[2, k] * m[4 + k]
-        z += R[1, k] * m[4 + k] - R[0, k] * m[7 + k]
-    sine = 0.5 * (x * m[13] + y * m[14] + z * m[15])
+        trace += (
+            R[0, k] * m[ROTATION + k]
+            + R[1, k] * m[ROTATION + 3 + k]
+            + R[2, k] * m[ROTATION + 6 + k]
+        )
+        x += R[2, k] * m[ROTATION + 3 + k] - R[1, k] * m[ROTATION + 6 + k]
+        y += R[0, k] * m[ROTATION + 6 + k] - R[2, k] * m[ROTATION + k]
+        z += R[1, k] * m[ROTATION + k] - R[0, k] * m[ROTATION + 3 + k]
+    sine = 0.5 * (x * m[AXIS] + y * m[AXIS + 1] + z * m[AXIS + 2])
     return math.atan2(sine, 0.5 * (trace - 1.0))
 
 
 @kernel
 def deviation_kernel(
-    types: Indices, offsets: Array, T_joint_tip: Array, last: int, breaks: Array,
+    model: Array, T_joint_tip: Array, last: int, breaks: Array,
     coefficients: Array, m: Array, tolerances: Array, bounds: Array, fine: Array, where: Array,
 ) -> None:  # fmt: skip
     """Kernel of ``piece_deviations``; ``fine`` is 1 where a piece is proved."""
     count, n, size = coefficients.shape
     c = np.empty((n, size))
-    state = np.zeros(10)
+    state = np.zeros(_STATE)
     work = np.empty((8, max(n, 4)))
     frames = np.empty((n, 4, 4))
     stack = np.empty((_MAX_DEPTH + 2, 3))
@@ -142,8 +186,13 @@ def deviation_kernel(
             at, h = 0.5 * (low + high), 0.5 * (high - low)
             for j in range(n):
                 shift_kernel(coefficients[piece, j], at, c[j])
-            cell_kernel(types, offsets, T_joint_tip, last, c, h, m, frames, work, state)
-            now_p, now_r, upper_p, upper_r = state[0], state[1], state[2], state[3]
+            cell_kernel(model, T_joint_tip, last, c, h, m, frames, work, state)
+            now_p, now_r, upper_p, upper_r = (
+                state[_POSITION],
+                state[_ORIENTATION],
+                state[_POSITION_BOUND],
+                state[_ORIENTATION_BOUND],
+            )
             if now_p > tolerances[0] or now_r > tolerances[1]:
                 fine[piece] = 0.0
                 worst_p, worst_r = max(worst_p, now_p), max(worst_r, now_r)
@@ -172,45 +221,47 @@ def deviation_kernel(
 
 @kernel
 def cell_kernel(
-    types: Indices, offsets: Array, T_joint_tip: Array, last: int, c: Array, h: float, m: Array,
+    model: Array, T_joint_tip: Array, last: int, c: Array, h: float, m: Array,
     frames: Array, work: Array, state: Array,
 ) -> None:  # fmt: skip
-    """Deviations in the middle of a cell, ``state[:2]``, and bounds over it, ``state[2:4]``.
+    """Write the deviations in the middle of a cell and bounds over it into ``state`` (10,).
 
-    ``c`` (n, k) holds the coefficients about the middle. ``state[6]`` is the angle where the last
-    cell's middle was, which tells this one's whole turns. Further: bounds of the tool's
-    accelerations ``state[4:6]``, and place, pace and a bound of its change ``state[7:10]``.
+    ``c`` (n, k) holds the coefficients about the middle.
     """
     R, N = np.empty((3, 3)), np.empty((3, 3))
-    tip_motion_kernel(types, offsets, T_joint_tip, last, c, h, frames, work, R, state)
+    tip_motion_kernel(model, T_joint_tip, last, c, h, frames, work, R, state)
     w = work[5]
-    if m[0] == 0.0:
+    if m[KIND] == LINE:
         _line_kernel(m, h, work, R, state)
     else:
         _arc_kernel(m, h, work, state)
-    s, pace, bend = state[7], state[8], state[9]
+    s, pace, bend = state[_PLACE], state[_PACE], state[_PACE_CHANGE]
     _nominal(m, s, N)
-    state[1] = _angle_between(N, R)
-    state[3] = np.inf
-    if state[2] < np.inf:
-        relative = _norm3(
-            w[0] - m[16] * pace * m[13], w[1] - m[16] * pace * m[14], w[2] - m[16] * pace * m[15]
+    state[_ORIENTATION] = _angle_between(N, R)
+    state[_ORIENTATION_BOUND] = np.inf
+    if state[_POSITION_BOUND] < np.inf:
+        relative = _norm(
+            w[0] - m[TURN] * pace * m[AXIS],
+            w[1] - m[TURN] * pace * m[AXIS + 1],
+            w[2] - m[TURN] * pace * m[AXIS + 2],
         )
-        state[3] = state[1] + relative * h + 0.5 * (state[5] + m[16] * bend) * h * h
-        if m[0] == 0.0 and m[29] == 0.0:
+        state[_ORIENTATION_BOUND] = (
+            state[_ORIENTATION] + relative * h + 0.5 * (state[_ANGULAR] + m[TURN] * bend) * h * h
+        )
+        if m[KIND] == LINE and m[LENGTH] == 0.0:
             reach = abs(pace) * h
-            state[3] += max(0.0, reach - s, s + reach - 1.0) * m[16]
-            state[1] += max(0.0, -s, s - 1.0) * m[16]
+            state[_ORIENTATION_BOUND] += max(0.0, reach - s, s + reach - 1.0) * m[TURN]
+            state[_ORIENTATION] += max(0.0, -s, s - 1.0) * m[TURN]
 
 
 @kernel
 def tip_motion_kernel(
-    types: Indices, offsets: Array, T_joint_tip: Array, last: int, c: Array, h: float,
+    model: Array, T_joint_tip: Array, last: int, c: Array, h: float,
     frames: Array, work: Array, R: Array, state: Array,
 ) -> None:  # fmt: skip
-    """Write the tip's place ``work[3]``, velocities ``work[4]``, ``work[5]`` and rotation R.
+    """Write the tip's position ``work[3]``, velocities ``work[4]``, ``work[5]`` and rotation R.
 
-    Bounds of its acceleration and angular acceleration over the cell go to ``state[4:6]``.
+    Bounds of its accelerations over the cell go to ``state``.
     """
     n, size = c.shape
     q, V, A, p, v, w = work[0], work[1], work[2], work[3], work[4], work[5]
@@ -222,7 +273,7 @@ def tip_motion_kernel(
             power *= h
         A[j] = total
         V[j] = (abs(c[j, 1]) if size > 1 else 0.0) + total * h
-    forward_kernel(types, offsets, q[:n], frames)
+    frames_kernel(model, q[:n], frames)
     for row in range(3):
         p[row] = T_joint_tip[row, 3]
         v[row], w[row] = 0.0, 0.0
@@ -245,9 +296,9 @@ def tip_motion_kernel(
         speed = c[j, 1] if size > 1 else 0.0
         before = 0.0
         for i in range(j):
-            if types[i] == 0:
+            if model[_FIRST_JOINT + i, _TYPE] == _REVOLUTE:
                 before += V[i]
-        if types[j] == 1:
+        if model[_FIRST_JOINT + j, _TYPE] != _REVOLUTE:
             second += A[j] + 2.0 * V[j] * before
             moved += V[j] * h
             v[0] += speed * zx
@@ -256,7 +307,7 @@ def tip_motion_kernel(
             continue
         dx, dy, dz = p[0] - F[0, 3], p[1] - F[1, 3], p[2] - F[2, 3]
         cx, cy, cz = zy * dz - zz * dy, zz * dx - zx * dz, zx * dy - zy * dx
-        lever = _norm3(cx, cy, cz) + moved
+        lever = _norm(cx, cy, cz) + moved
         v[0] += speed * cx
         v[1] += speed * cy
         v[2] += speed * cz
@@ -266,61 +317,72 @@ def tip_motion_kernel(
         second += lever * (A[j] + V[j] * V[j] + 2.0 * V[j] * before)
         turning += A[j] + V[j] * before
         moved += lever * V[j] * h
-    state[4], state[5] = second, turning
+    state[_ACCELERATION], state[_ANGULAR] = second, turning
 
 
 @kernel
 def _line_kernel(m: Array, h: float, work: Array, R: Array, state: Array) -> None:
     """Position deviation from a line for ``cell_kernel``."""
     p, v, w, e, rate = work[3], work[4], work[5], work[6], work[7]
-    second, length = state[4], m[29]
+    second, length = state[_ACCELERATION], m[LENGTH]
     x, along = 0.0, 0.0
     for k in range(3):
-        x += m[17 + k] * (p[k] - m[1 + k])
-        along += m[17 + k] * v[k]
+        x += m[ALONG + k] * (p[k] - m[START + k])
+        along += m[ALONG + k] * v[k]
     for k in range(3):
-        e[k] = p[k] - m[1 + k] - x * m[17 + k]
-        rate[k] = v[k] - along * m[17 + k]
-    state[0] = _norm3(e[0], e[1], e[2])
-    state[2] = _spread(e, rate, h) + 0.5 * second * h * h
+        e[k] = p[k] - m[START + k] - x * m[ALONG + k]
+        rate[k] = v[k] - along * m[ALONG + k]
+    state[_POSITION] = _norm(e[0], e[1], e[2])
+    state[_POSITION_BOUND] = _farthest(e, rate, h) + 0.5 * second * h * h
     if length > 0.0:
         reach = abs(along) * h + 0.5 * second * h * h
-        state[0] = math.hypot(state[0], max(0.0, -x, x - length))
-        state[2] = math.hypot(state[2], max(0.0, reach - x, x + reach - length))
-        state[7], state[8], state[9] = x / length, along / length, second / length
+        state[_POSITION] = math.hypot(state[_POSITION], max(0.0, -x, x - length))
+        state[_POSITION_BOUND] = math.hypot(
+            state[_POSITION_BOUND], max(0.0, reach - x, x + reach - length)
+        )
+        state[_PLACE], state[_PACE], state[_PACE_CHANGE] = (
+            x / length,
+            along / length,
+            second / length,
+        )
         return
     # A turn on the spot: the place that fits best, at the pace that does.
-    state[7], state[8], state[9] = 0.0, 0.0, 0.0
-    if m[16] > 0.0:
+    state[_PLACE], state[_PACE], state[_PACE_CHANGE] = 0.0, 0.0, 0.0
+    if m[TURN] > 0.0:
         turned = _twist_angle(m, R)
-        turned += 2.0 * math.pi * math.floor((state[6] - turned) / (2.0 * math.pi) + 0.5)
-        state[6] = turned
-        state[7] = turned / m[16]
-        state[8] = (m[13] * w[0] + m[14] * w[1] + m[15] * w[2]) / m[16]
+        turned += 2.0 * math.pi * math.floor((state[_ANGLE] - turned) / (2.0 * math.pi) + 0.5)
+        state[_ANGLE] = turned
+        state[_PLACE] = turned / m[TURN]
+        state[_PACE] = (m[AXIS] * w[0] + m[AXIS + 1] * w[1] + m[AXIS + 2] * w[2]) / m[TURN]
 
 
 @kernel
 def _arc_kernel(m: Array, h: float, work: Array, state: Array) -> None:
     """Position deviation from an arc for ``cell_kernel``."""
     p, v, e, rate = work[3], work[4], work[6], work[7]
-    second, radius, sweep = state[4], m[29], m[30]
+    second, radius, sweep = state[_ACCELERATION], m[LENGTH], m[SWEEP]
     a, b, z, va, vb, vz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(3):
-        r = p[k] - m[26 + k]
-        a += m[17 + k] * r
-        b += m[20 + k] * r
-        z += m[23 + k] * r
-        va += m[17 + k] * v[k]
-        vb += m[20 + k] * v[k]
-        vz += m[23 + k] * v[k]
+        r = p[k] - m[CENTER + k]
+        a += m[ALONG + k] * r
+        b += m[SIDE + k] * r
+        z += m[NORMAL + k] * r
+        va += m[ALONG + k] * v[k]
+        vb += m[SIDE + k] * v[k]
+        vz += m[NORMAL + k] * v[k]
     distance = math.sqrt(a * a + b * b)
     phi = math.atan2(b, a)
-    phi += 2.0 * math.pi * math.floor((state[6] - phi) / (2.0 * math.pi) + 0.5)
-    state[6] = phi
-    state[0] = math.hypot(distance - radius, z)
-    state[0] = math.hypot(state[0], radius * max(0.0, -phi, phi - sweep))
-    state[2], state[7], state[8], state[9] = np.inf, phi / sweep, 0.0, 0.0
-    fastest = _norm3(v[0], v[1], v[2]) + second * h
+    phi += 2.0 * math.pi * math.floor((state[_ANGLE] - phi) / (2.0 * math.pi) + 0.5)
+    state[_ANGLE] = phi
+    state[_POSITION] = math.hypot(distance - radius, z)
+    state[_POSITION] = math.hypot(state[_POSITION], radius * max(0.0, -phi, phi - sweep))
+    state[_POSITION_BOUND], state[_PLACE], state[_PACE], state[_PACE_CHANGE] = (
+        np.inf,
+        phi / sweep,
+        0.0,
+        0.0,
+    )
+    fastest = _norm(v[0], v[1], v[2]) + second * h
     least = distance - fastest * h
     if least <= 0.5 * distance:
         # Too wide a cell to tell anything: it is halved.
@@ -332,5 +394,5 @@ def _arc_kernel(m: Array, h: float, work: Array, state: Array) -> None:
     faster = (second + 2.0 * fastest * fastest / least) / least
     reach = abs(across) * h + 0.5 * faster * h * h
     over = radius * max(0.0, reach - phi, phi + reach - sweep)
-    state[2] = math.hypot(_spread(e, rate, h) + 0.5 * curved * h * h, over)
-    state[8], state[9] = across / sweep, faster / sweep
+    state[_POSITION_BOUND] = math.hypot(_farthest(e, rate, h) + 0.5 * curved * h * h, over)
+    state[_PACE], state[_PACE_CHANGE] = across / sweep, faster / sweep

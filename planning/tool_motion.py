@@ -28,8 +28,33 @@ _ROUND = 1e-6
 #: Below these a way has no length [m] and a turn no axis [rad].
 _NO_LENGTH = 1e-9
 _NO_ANGLE = 1e-12
-#: Place of each entry in ``ToolMotion.numbers``.
-SIZE = 33
+# Entries of ``ToolMotion.numbers``; vectors and matrices by the first of theirs.
+#: LINE or ARC.
+KIND = 0
+#: Place at the start [m].
+START = 1
+#: Rotation at the start, row by row.
+ROTATION = 4
+#: Axis a that the orientation turns about.
+AXIS = 13
+#: Angle theta that the orientation turns by [rad].
+TURN = 16
+#: Direction of a line; of an arc the first axis, from the centre towards its start.
+ALONG = 17
+#: Second axis of an arc, in the direction of motion at its start.
+SIDE = 20
+#: Normal of an arc.
+NORMAL = 23
+#: Centre of an arc [m].
+CENTER = 26
+#: Length of a line, radius of an arc [m].
+LENGTH = 29
+#: Angle that an arc sweeps [rad].
+SWEEP = 30
+SIZE = 31
+# Kinds of motion.
+LINE = 0.0
+ARC = 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,25 +118,21 @@ class ToolMotion:
 
     @property
     def numbers(self) -> Array:
-        """Motion packed for kernels, shape (SIZE,).
-
-        0: 0 for a line, 1 for an arc; 1..3 start; 4..12 R_0, row by row; 13..15 axis a; 16 theta;
-        17..19 direction of a line, or the first axis of an arc, towards its start; 20..22 the
-        second one; 23..25 the normal; 26..28 the centre; 29 length of a line or radius; 30 sweep.
-        """
+        """Motion packed for kernels, shape (SIZE,)."""
         m = np.zeros(SIZE)
         start, turn = self.T_start[:3, 3], self.turn
         theta = float(np.linalg.norm(turn))
-        m[1:4], m[4:13] = start, self.T_start[:3, :3].ravel()
+        m[START : START + 3], m[ROTATION:AXIS] = start, self.T_start[:3, :3].ravel()
         if theta > _NO_ANGLE:
-            m[13:16], m[16] = turn / theta, theta
+            m[AXIS:TURN], m[TURN] = turn / theta, theta
         if self.kind == "lin":
             if (length := self.length) > _NO_LENGTH:
-                m[17:20], m[29] = (self.T_end[:3, 3] - start) / length, length
+                m[ALONG:SIDE], m[LENGTH] = (self.T_end[:3, 3] - start) / length, length
             return m
         first = (start - self.center) / self.radius
-        m[0], m[17:20], m[20:23] = 1.0, first, np.cross(self.normal, first)
-        m[23:26], m[26:29], m[29], m[30] = self.normal, self.center, self.radius, self.sweep
+        m[KIND], m[ALONG:SIDE], m[SIDE:NORMAL] = ARC, first, np.cross(self.normal, first)
+        m[NORMAL:CENTER], m[CENTER:LENGTH] = self.normal, self.center
+        m[LENGTH], m[SWEEP] = self.radius, self.sweep
         return m
 
 

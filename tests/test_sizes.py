@@ -21,8 +21,6 @@ MAX_ARGUMENTS = 8
 MAX_EXEMPTIONS = 8
 #: The hottest kernel: in two parts an edge check took half as long again (31 us for 20 us).
 LONG_FUNCTIONS = {"_examine": 110}
-#: All that a proof is about, by keyword.
-MANY_ARGUMENTS = {"certify": 9}
 #: Past participles that say what became of something and not what the function does.
 PARTICIPLES = re.compile(
     r"^_*(sought|found|kept|held|made|told|given|known|planted|grown|unkept|ungrouped|together|"
@@ -66,8 +64,7 @@ def test_modules_and_functions_stay_short(package: str) -> None:
             arguments = function.args
             count = sum(map(len, (arguments.posonlyargs, arguments.args, arguments.kwonlyargs)))
             count -= bool(arguments.args and arguments.args[0].arg in ("self", "cls"))
-            most = MANY_ARGUMENTS.get(function.name, MAX_ARGUMENTS)
-            if count > most and not is_kernel(function):
+            if count > MAX_ARGUMENTS and not is_kernel(function):
                 wrong.append(f"{name}:{function.lineno} {function.name}: {count} arguments")
     assert not wrong, "\n".join(wrong)
 

@@ -23,12 +23,12 @@ from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.trajectory import Trajectory
 from planning.constraints.constraint_set import ConstraintSet
+from planning.limits import JERK_JUMP
 from planning.optimize.iterate import Iterate
 from planning.optimize.options import Objective
 from planning.optimize.response import torques
 from planning.optimize.rows import local_matrix
 from planning.optimize.task import Task
-from planning.proof.limits import JERK_JUMP
 
 #: Its stubs know no stacks of sparse and dense matrices.
 sparse: Any = scipy.sparse

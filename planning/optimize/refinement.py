@@ -8,6 +8,7 @@ import numpy as np
 from kinematics.arrays import Array
 from kinematics.trajectory import Trajectory
 from planning.deadline import Deadline
+from planning.limits import JERK_JUMP
 from planning.optimize.candidate import Candidate
 from planning.optimize.initial_guess import fit_spline
 from planning.optimize.linearization import Obstruction
@@ -16,7 +17,6 @@ from planning.optimize.options import CONTROL_POINTS, RefineOptions
 from planning.optimize.scp import Descent
 from planning.optimize.spline import SplineSpace
 from planning.optimize.task import Task
-from planning.proof.limits import JERK_JUMP
 from planning.timing.failure import TimingFailed
 from planning.timing.parametrization import TimeParametrization
 from planning.timing.path import JointPath

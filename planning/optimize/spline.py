@@ -125,12 +125,6 @@ class SplineSpace:
         return tuple(found[1:])
 
     @cached_property
-    def averages(self) -> Array:
-        """Where each control point pulls: the mean of p knots each, shape (N,)."""
-        p = self.degree
-        return np.array([self.knots[i + 1 : i + p + 1].mean() for i in range(self.count)])
-
-    @cached_property
     def gram(self) -> tuple[Array, ...]:
         """Integrals over [0, 1] of products of derivatives r = 0 ... p of basis functions."""
         nodes, weights = np.polynomial.legendre.leggauss(self.degree + 1)

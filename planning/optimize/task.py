@@ -1,7 +1,7 @@
 """Requirements on an optimised motion: ends, limits, obstacles."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -97,8 +97,3 @@ class Task:
         names = ("velocity", "acceleration", "jerk")
         found = {k: self.bounds[name] for k, name in enumerate(names, 1) if name in self.bounds}
         return {k: limits for k, limits in found.items() if np.isfinite(limits).any()}
-
-    def with_margin(self, slack: float) -> "Task":
-        """Task with ``slack`` [m] more distance from everything."""
-        checker = self.checker
-        return replace(self, checker=Checker(checker.model, checker.slack + slack))

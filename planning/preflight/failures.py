@@ -10,10 +10,10 @@ from kinematics.chain import Chain
 from kinematics.ik.solution import IkResult
 from obstacles.checker import Checker
 from obstacles.fcl_distance import FclWorld
+from planning.limits import position_excess
 from planning.preflight.limits import LimitViolation
 from planning.preflight.nearest_free import nearest_free
 from planning.problem import Problem
-from planning.proof.limits import position_excess
 from planning.ready import TOUCHING
 from planning.result import Failure
 

@@ -46,8 +46,10 @@ def leaf_boxes(nodes: Array, items: Indices, low: Array, high: Array) -> tuple[A
     return lowest, highest
 
 
-def checked_nodes(nodes: Array, first: int, roots: Indices, low: Array, high: Array) -> Array:
-    """The nodes of one or more trees, with boxes that contain everything below them.
+def check_nodes(
+    nodes: Array, first: int, roots: Indices, low: Array, high: Array
+) -> tuple[Array, Indices]:
+    """Nodes of one or more trees with boxes that contain everything below them, and their children.
 
     Args:
         nodes: Shape (t, 10), columns as in ``obstacles.bvh``.
@@ -57,14 +59,18 @@ def checked_nodes(nodes: Array, first: int, roots: Indices, low: Array, high: Ar
             nodes are not used.
         high: Highest corners, shape (t, 3) [m].
 
+    Returns:
+        The nodes, shape (t, 10), and both children of each inner node in turn, numbers of nodes.
+
     Raises:
         BrokenTree: Some node hangs below none or several.
     """
     inner = np.flatnonzero(nodes[:, FIRST] < 0.0)
-    one, other = child_pairs(nodes, first)
+    one, other = _children(nodes, first, inner)
     below = np.sort(np.concatenate([roots, one, other]))
     if not (np.array_equal(below, np.arange(len(nodes))) and (other > inner).all()):
         raise BrokenTree("a node of a tree of boxes hangs below none or several")
+    children = np.column_stack((one, other)).reshape(-1)
     leaf = nodes[:, FIRST] >= 0.0
     lowest, highest = nodes[:, _LOW], nodes[:, _HIGH]
     contained = (
@@ -74,19 +80,18 @@ def checked_nodes(nodes: Array, first: int, roots: Indices, low: Array, high: Ar
         and (highest[inner] >= np.maximum(highest[one], highest[other])).all()
     )
     if contained:
-        return nodes
+        return nodes, children
     right = nodes.copy()
     right[leaf, _LOW], right[leaf, _HIGH] = low[leaf], high[leaf]
     # Children come behind their node.
     for node, a, b in zip(inner[::-1], one[::-1], other[::-1], strict=True):
         right[node, _LOW] = np.minimum(right[a, _LOW], right[b, _LOW])
         right[node, _HIGH] = np.maximum(right[a, _HIGH], right[b, _HIGH])
-    return right
+    return right, children
 
 
-def child_pairs(nodes: Array, first: int) -> tuple[Indices, Indices]:
-    """Both children of each node that is no leaf, in the order of these nodes."""
-    inner = np.flatnonzero(nodes[:, FIRST] < 0.0)
+def _children(nodes: Array, first: int, inner: Indices) -> tuple[Indices, Indices]:
+    """First and second child of each inner node."""
     if not len(inner):
         return inner, inner
     other = nodes[np.minimum(inner + 1, len(nodes) - 1), SKIP].astype(np.int64) - first

@@ -10,7 +10,7 @@ touches or nearly so, FCL decides.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from planning.constraints.constraint_set import ConstraintSet
 from planning.deadline import Deadline
-from planning.effort_limits import EffortLimits
+from planning.limits import MotionLimits
 from planning.proof.constraint_limits import constrained_efforts, constrained_margin
 from planning.proof.constraints import ConstraintReport, check_motion
 from planning.proof.interval_check import RESOLUTION, sharp_enough
@@ -142,8 +142,7 @@ def certify(
     scene: Scene,
     *,
     margin: float = 0.0,
-    limits: Mapping[str, Array] | None = None,
-    loads: EffortLimits | None = None,
+    limits: MotionLimits | None = None,
     constraints: ConstraintSet | None = None,
     tool_motions: TimedToolMotions | None = None,
     deadline: Deadline | None = None,
@@ -155,16 +154,16 @@ def certify(
         robot: The arm with its geometry.
         scene: The obstacles.
         margin: Distance to keep from obstacles beyond their own margins [m].
-        limits: Limits (n,) to hold it to, by quantity ("velocity", ...); what is not named is
-            taken from the robot, NaN and infinity bind nothing.
-        loads: Limits of torque and tool speed.
+        limits: Limits to hold it to in place of the robot's.
         constraints: What the motion has to hold for every instant, limits of tool speed, torque
             and clearance among them included.
         tool_motions: Lines and arcs that the tool has to keep to.
         deadline: When to give up (which proves nothing).
     """
-    efforts = constrained_efforts(loads, constraints, robot.chain)
-    reports, wrong = check_limits(trajectory, robot.chain.limits, dict(limits or {}), efforts)
+    wanted = limits or MotionLimits()
+    effort = constrained_efforts(wanted.effort, constraints, robot.chain)
+    wanted = replace(wanted, effort=effort)
+    reports, wrong = check_limits(trajectory, robot.chain.limits, wanted)
     continuity, jumps = check_continuity(trajectory)
     wrong += jumps
     kept, violated = (
@@ -207,18 +206,16 @@ def certify(
 def certify_limits(
     trajectory: Trajectory,
     limits: Limits,
-    bounds: Mapping[str, Array],
-    loads: EffortLimits | None = None,
+    wanted: MotionLimits,
 ) -> Certificate:
-    """Prove that a trajectory keeps its limits, of collisions nothing is said.
+    """Prove that a trajectory keeps its limits; collisions are not part of the proof.
 
     Args:
         trajectory: The motion.
-        limits: Of its joints.
-        bounds: In place of them, by quantity, as in ``certify``.
-        loads: Limits of torque and tool speed.
+        limits: Limits of its joints.
+        wanted: Limits in place of them.
     """
-    reports, wrong = check_limits(trajectory, limits, bounds, loads)
+    reports, wrong = check_limits(trajectory, limits, wanted)
     if not (np.isfinite(limits.lower) | np.isfinite(limits.upper)).any():
         del reports["position"]
     continuity, jumps = check_continuity(trajectory)

@@ -14,9 +14,9 @@ from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.trajectory import Trajectory
 from planning.effort_limits import EffortLimits
+from planning.limits import RATIO_TOLERANCE
 from planning.proof.effort_bounds import HALF, JET, MIDDLE, PIECE, effort_bounds_kernel
 from planning.proof.motion_bounds import OUTWARD
-from planning.proof.violation import RATIO_TOLERANCE
 
 #: A bound is sharp that is at most this much above what is reached [relative].
 _SHARP = 1e-3

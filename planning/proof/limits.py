@@ -5,7 +5,7 @@ from inside and bounded from outside (``extrema``). Torques and the tool's speed
 intervals of time (``effort``).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -14,15 +14,13 @@ import numpy as np
 from kinematics.arrays import Array
 from kinematics.chain import Limits
 from kinematics.trajectory import Trajectory
-from planning.effort_limits import EffortLimits
+from planning.limits import JERK_JUMP, RATIO_TOLERANCE, MotionLimits, position_excess
 from planning.proof.effort import effort_uses
 from planning.proof.extrema import extrema, jumps
-from planning.proof.violation import RATIO_TOLERANCE, Violation
+from planning.proof.violation import Violation
 
 #: Largest jump of position and velocity between pieces [rad or m, rad/s or m/s].
 JUMP_TOLERANCE = 1e-9
-#: Jump of acceleration beyond which jerk is not bounded [rad/s^2].
-JERK_JUMP = 1e-6
 #: Roots with less of an imaginary part than this share of their size are real: two that have met
 #: are told apart by half the digits.
 _REAL = 1e-7
@@ -44,39 +42,31 @@ class LimitReport:
     time: float
 
 
-def position_excess(joint: str, value: float, limit: float) -> str:
-    """Say by how much a joint is outside which limit of its position [rad or m]."""
-    which = "above its upper" if value > limit else "below its lower"
-    return f"joint {joint!r} is at {value:.9g}, {abs(value - limit):.3g} {which} limit {limit:.9g}"
-
-
 def check_limits(
     trajectory: Trajectory,
     limits: Limits,
-    bounds: Mapping[str, Array],
-    loads: EffortLimits | None = None,
+    wanted: MotionLimits,
 ) -> tuple[dict[str, LimitReport], list[Violation]]:
-    """How much of each limit is used, and what is wrong.
+    """Share of each limit that is used, and the violations.
 
     Args:
         trajectory: The motion.
-        limits: Of its joints.
-        bounds: In place of them, by quantity; a jerk that is named here has to be bounded.
-        loads: Limits of torque and tool speed.
+        limits: Limits of its joints.
+        wanted: Limits in place of them; a jerk that is named here has to be bounded.
     """
     reports, wrong = {}, []
     reports["position"], violation = _check_position(trajectory, limits)
     wrong += [violation] if violation else []
     for order, name in ((1, "velocity"), (2, "acceleration"), (3, "jerk")):
-        limit = bounds.get(name, getattr(limits, name))
+        limit = wanted.bounds.get(name, getattr(limits, name))
         if not np.isfinite(limit).any():
             continue
         if order == 3 and np.abs(jumps(trajectory, 2)).max(initial=0.0) > JERK_JUMP:
-            wrong += [_jump_violation(trajectory)] if name in bounds else []
+            wrong += [_jump_violation(trajectory)] if name in wanted.bounds else []
             continue
         reports[name], violation = _check_peaks(trajectory, limit, order, name)
         wrong += [violation] if violation else []
-    for name, use in (effort_uses(loads, trajectory) if loads else {}).items():
+    for name, use in (effort_uses(wanted.effort, trajectory) if wanted.effort else {}).items():
         joint = trajectory.joint_names[use.joint]
         reports[name] = LimitReport(use.ratio, joint, use.time)
         if use.ratio > 1.0 + RATIO_TOLERANCE:

@@ -18,7 +18,7 @@ from obstacles.bvh import BOX, FIRST, LAST, SKIP, tree
 from obstacles.piece import Piece, PieceArrays, PieceKind
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
-from planning.proof.box_tree import checked_nodes, child_pairs, leaf_boxes
+from planning.proof.box_tree import check_nodes, leaf_boxes
 from planning.proof.proposals import (
     FIRST_NODE,
     STOP_NODE,
@@ -258,8 +258,8 @@ def _solids(
     low, high = np.full((len(leaf), 3), np.inf), np.full((len(leaf), 3), -np.inf)
     low[leaf], high[leaf] = of_leaves.min(axis=1), of_leaves.max(axis=1)
     tops = own[covers, FIRST_NODE].astype(np.int64) - first_node
-    tree_nodes = checked_nodes(tree_nodes, first_node, tops, low, high)
-    boxes, kids = _boxes(tree_nodes), _children(tree_nodes, first_node, base + p)
+    tree_nodes, children = check_nodes(tree_nodes, first_node, tops, low, high)
+    boxes, kids = _boxes(tree_nodes), children + (base + p)
     poses = arrays.poses[owner]
     centers = (poses[:, :3, :3] @ boxes[:, :3, None])[..., 0] + poses[:, :3, 3]
     below = _Elements(
@@ -279,16 +279,17 @@ def _tree(still: PieceArrays, margins: Array, moving: int, base: int) -> _Elemen
     low, high = middle - half, middle + half
     grown = tree(low, high)
     nodes, count = grown.nodes, len(grown.nodes)
+    children = np.zeros(0, dtype=np.int64)
     if count:
         of_leaves = leaf_boxes(nodes, grown.items, low, high)
-        nodes = checked_nodes(nodes, 0, np.zeros(1, dtype=np.int64), *of_leaves)
+        nodes, children = check_nodes(nodes, 0, np.zeros(1, dtype=np.int64), *of_leaves)
     leaf = nodes[:, FIRST] >= 0.0
     spans = np.where(leaf, nodes[:, LAST] - nodes[:, FIRST], 2.0).astype(np.int64)
     kids = np.empty(int(spans.sum()), dtype=np.int64)
     is_item = np.repeat(leaf, spans)
     # Leaves come in the order of their items.
     kids[is_item] = moving + solid[grown.items]
-    kids[~is_item] = _children(nodes, 0, base)
+    kids[~is_item] = children + base
     boxes, none = _boxes(nodes), np.zeros(count, dtype=np.int64)
     still_poses = np.tile(np.eye(4), (count, 1, 1))
     return _Elements(
@@ -304,11 +305,6 @@ def _boxes(nodes: Array) -> Array:
     low, high = nodes[:, BOX : BOX + 3], nodes[:, BOX + 3 : BOX + 6]
     half = 0.5 * (high - low) + _BOX_ROUNDING * (np.abs(low) + np.abs(high))
     return np.hstack([0.5 * (low + high), half])
-
-
-def _children(nodes: Array, first: int, base: int) -> Indices:
-    """The two nodes below each that is no leaf, one behind the other; the first one is ``base``."""
-    return np.column_stack(child_pairs(nodes, first)).reshape(-1) + base
 
 
 def _largest_margins(nodes: Array, margins: Array) -> Array:

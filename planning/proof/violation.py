@@ -4,10 +4,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-#: Ratios of values to their limits may exceed 1 by what the last digits of an extremum are worth,
-#: positions their limits by this much [rad or m].
-RATIO_TOLERANCE = 1e-9
-
 
 @dataclass(frozen=True, slots=True)
 class Violation:

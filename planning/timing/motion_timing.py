@@ -15,7 +15,7 @@ from kinematics.errors import InvalidOption
 from kinematics.trajectory import stay
 from obstacles.checker import Checker
 from planning.deadline import Deadline
-from planning.proof.violation import RATIO_TOLERANCE
+from planning.limits import RATIO_TOLERANCE
 from planning.timing.blend import merge, reach_for_deviation
 from planning.timing.corner_blending import certified_reaches
 from planning.timing.failure import TimingFailed

@@ -15,6 +15,7 @@ from kinematics.errors import InvalidRobotDescription
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from planning import pipeline
+from planning.limits import MotionLimits
 from planning.proof.certificate import certify, has_solids
 from planning.result import Failure, Plan
 from service.schemas.plan import Collisions, PlanRequest, ValidateRequest
@@ -92,14 +93,20 @@ def validate(
     cell = _collision_cell(robot_in_scene(robot, scene, body), body.collisions)
     arm = cell.robot
     motion, begins = trajectories.trajectory(body.trajectory, arm.chain)
-    limits = timings.limits(body.limits, arm.chain)
+    limits = MotionLimits(
+        timings.limits(body.limits, arm.chain), timings.effort_loads(body, arm.chain)
+    )
     wanted = constraint_set(body.constraints, arm.chain)
-    loads = timings.effort_loads(body, arm.chain)
     certificate = certify(
-        motion, arm, cell.scene, margin=body.margin, limits=limits, loads=loads, constraints=wanted,
+        motion,
+        arm,
+        cell.scene,
+        margin=body.margin,
+        limits=limits,
+        constraints=wanted,
         tool_motions=problems.timed_tool_motions(body.tool_motions, arm.chain, motion, begins),
         deadline=current.deadline(),
-    )  # fmt: skip
+    )
     violation = certificate.violation
     if violation is not None and violation.kind == "time":
         return _timed_out()

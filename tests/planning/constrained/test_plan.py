@@ -209,7 +209,7 @@ def test_a_foreign_motion_that_violates_is_told_when_and_which() -> None:
     coefficients = np.stack([rows[:-1], np.diff(rows, axis=0)], axis=2)
     motion = Trajectory(CHAIN.joint_names, np.array([0.0, 1.0, 2.0]), coefficients)
     wanted = ConstraintSet(CHAIN, (UPRIGHT,))
-    certificate = certify(motion, ROBOT, Scene(), constraints=wanted, limits={})
+    certificate = certify(motion, ROBOT, Scene(), constraints=wanted)
     (report,) = certificate.path_constraints
     assert not certificate.verified
     assert certificate.path_constraint_residual is not None

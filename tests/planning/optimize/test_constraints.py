@@ -16,6 +16,7 @@ from planning.constraints.orientation import ConeConstraint
 from planning.constraints.position import PositionConstraint
 from planning.constraints.region import LineRegion, SphereRegion
 from planning.deadline import Deadline
+from planning.limits import MotionLimits
 from planning.optimize import objective
 from planning.optimize.initial_guess import fit_spline
 from planning.optimize.iterate import Iterate
@@ -61,7 +62,7 @@ def test_a_motion_is_brought_into_its_cone_and_kept_there() -> None:
     descent.run(Deadline.after(300.0))
     assert descent.best is not None, descent.hindrance
     motion = descent.best.trajectory
-    proof = certify(motion, ROBOT, Scene(), limits=bounds, constraints=held)
+    proof = certify(motion, ROBOT, Scene(), limits=MotionLimits(bounds), constraints=held)
     assert proof.verified, proof.violation
     model = pinocchio.buildModelFromXML(builtin_urdf("panda"))
     data, frame = model.createData(), model.getFrameId(CHAIN.tip_link)

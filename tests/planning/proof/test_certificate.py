@@ -12,12 +12,13 @@ from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import HalfSpace, PointCloud
 from planning.deadline import Deadline
+from planning.limits import MotionLimits
 from planning.proof.certificate import certify
 from planning.proof.limits import check_limits
 from tests.planning.dense import least_clearance
 from tests.planning.scenes import HOME, box, builtin, pillar, shelf
 
-NO_LIMITS = {name: np.full(2, np.inf) for name in ("velocity", "acceleration", "jerk")}
+NO_LIMITS = MotionLimits({q: np.full(2, np.inf) for q in ("velocity", "acceleration", "jerk")})
 
 
 def cubic(robot: RobotGeometry, start: Array, end: Array, duration: float = 2.0) -> Trajectory:
@@ -157,7 +158,7 @@ def test_limits_are_decided_by_exact_extrema() -> None:
         end[0] += 0.5
         certificate = certify(
             cubic(robot, HOME, end, duration), robot, Scene(),
-            limits={"acceleration": np.full(7, np.inf), "jerk": np.full(7, np.inf)},
+            limits=MotionLimits({"acceleration": np.full(7, np.inf), "jerk": np.full(7, np.inf)}),
         )  # fmt: skip
         assert certificate.verified is expected
         assert certificate.limits["velocity"].worst_ratio == pytest.approx(1.0 + excess, abs=1e-9)
@@ -210,7 +211,9 @@ def test_first_violation_in_time_is_named() -> None:
     first = slow.violation.time
     trajectory = cubic(robot, HOME, end, 20.0)
     before = trajectory.split(first * 0.8)[0]
-    assert certify(before, robot, scene, limits={"velocity": np.full(7, np.inf)}).verified
+    assert certify(
+        before, robot, scene, limits=MotionLimits({"velocity": np.full(7, np.inf)})
+    ).verified
 
 
 def test_time_up_proves_nothing() -> None:
@@ -239,7 +242,7 @@ def test_a_broken_limit_is_told_when_it_is_first_broken(order: int) -> None:
         name = ("position", "velocity", "acceleration")[order]
         if order:
             bounds[name] = random.uniform(0.5, 1.0) * motion.peaks(order).value
-        _, wrong = check_limits(motion, robot.chain.limits, bounds)
+        _, wrong = check_limits(motion, robot.chain.limits, MotionLimits(bounds))
         first = [violation for violation in wrong if violation.kind == name]
         at = np.linspace(0.0, motion.duration, 20001)
         values = motion.sample(at, order)

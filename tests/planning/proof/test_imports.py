@@ -15,6 +15,7 @@ ALLOWED = {
     "planning.constraints.row",
     "planning.deadline",
     "planning.effort_limits",
+    "planning.limits",
     "planning.tool_motion",
     "obstacles.bvh",
     "obstacles.containment",

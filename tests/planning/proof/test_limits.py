@@ -8,6 +8,7 @@ from kinematics.chain import Limits
 from kinematics.robots import builtin_chain
 from kinematics.trajectory import Extrema, Peaks, Trajectory
 from planning.effort_limits import EffortLimits
+from planning.limits import MotionLimits
 from planning.proof.limits import check_continuity, check_limits
 
 NAMES = ("a", "b")
@@ -39,7 +40,7 @@ def test_a_limit_just_above_the_peak_holds_and_one_just_below_does_not(name: str
     peak = PEAKS[name]
     for share in (1.0 + 1e-8, 1.0, 1.0 - 1e-8):
         bound = np.array([np.inf, peak * share])
-        reports, wrong = check_limits(swing(), limits(), {name: bound})
+        reports, wrong = check_limits(swing(), limits(), MotionLimits({name: bound}))
         assert reports[name].worst_ratio == pytest.approx(1.0 / share, rel=1e-10)
         assert reports[name].joint == "b"
         assert bool(wrong) is (share < 1.0)
@@ -52,7 +53,7 @@ def test_a_limit_just_above_the_peak_holds_and_one_just_below_does_not(name: str
 
 def test_the_time_of_a_violation_is_when_the_limit_is_left() -> None:
     bound = np.array([np.inf, 0.5])
-    _, wrong = check_limits(swing(), limits(), {"velocity": bound})
+    _, wrong = check_limits(swing(), limits(), MotionLimits({"velocity": bound}))
     # 6 t / 4 - 6 t^2 / 8 = 0.5 first at t = 1 - sqrt(1 / 3).
     assert wrong[0].time == pytest.approx(1.0 - np.sqrt(1.0 / 3.0), abs=1e-9)
 
@@ -60,7 +61,7 @@ def test_the_time_of_a_violation_is_when_the_limit_is_left() -> None:
 def test_positions_are_held_to_both_ends_of_their_range() -> None:
     for bound, is_wrong in ((1.0, False), (1.0 - 1e-6, True)):
         for height in (1.0, -1.0):
-            reports, wrong = check_limits(swing(height), limits(bound), {})
+            reports, wrong = check_limits(swing(height), limits(bound), MotionLimits())
             assert bool(wrong) is is_wrong
             assert reports["position"].worst_ratio == pytest.approx(1.0 / bound, rel=1e-9)
             if wrong:
@@ -71,13 +72,13 @@ def test_positions_are_held_to_both_ends_of_their_range() -> None:
 
 def test_jerk_has_no_bound_where_the_acceleration_jumps() -> None:
     # From -6 / 4 to -6 / 4: no jump in the middle of the swing, one of a polygon.
-    smooth = check_limits(swing(), limits(), {"jerk": np.full(2, 2.0)})
+    smooth = check_limits(swing(), limits(), MotionLimits({"jerk": np.full(2, 2.0)}))
     assert smooth[0]["jerk"].worst_ratio == pytest.approx(12.0 / 8.0 / 2.0)
     assert not smooth[1]
     c = np.zeros((2, 2, 3))
     c[0, 0], c[1, 0] = [0.0, 0.0, 1.0], [1.0, 2.0, -1.0]
     jerky = Trajectory(NAMES, np.array([0.0, 1.0, 2.0]), c)
-    reports, wrong = check_limits(jerky, limits(), {"jerk": np.full(2, 2.0)})
+    reports, wrong = check_limits(jerky, limits(), MotionLimits({"jerk": np.full(2, 2.0)}))
     assert "jerk" not in reports
     assert wrong[0].kind == "jerk"
     assert wrong[0].details == {"joint": "a", "jump": pytest.approx(4.0)}
@@ -115,7 +116,7 @@ def test_peaks_that_lie_are_not_believed(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(Trajectory, "extrema", ends)
     monkeypatch.setattr(Trajectory, "piece_extrema", piece_ends)
     bound = np.array([np.inf, PEAKS["velocity"] / 1.04])
-    _, wrong = check_limits(swing(), limits(1.0 / 1.04), {"velocity": bound})
+    _, wrong = check_limits(swing(), limits(1.0 / 1.04), MotionLimits({"velocity": bound}))
     assert {violation.kind for violation in wrong} == {"velocity", "position"}
     assert wrong[1].time == pytest.approx(1.0 - np.sqrt(1.0 - 1.0 / 1.04), abs=1e-6)
 
@@ -129,6 +130,6 @@ def test_torque_and_tool_speed_are_reported_and_refused() -> None:
     reach += float(np.linalg.norm(chain.tip.T_joint_link[:3, 3]))
     for share, is_wrong in ((1.001, False), (0.999, True)):
         loads = EffortLimits(chain, None, reach * share)
-        reports, wrong = check_limits(turn, chain.limits, {}, loads)
+        reports, wrong = check_limits(turn, chain.limits, MotionLimits({}, loads))
         assert reports["tool_speed"].worst_ratio == pytest.approx(1.0 / share, rel=1.1e-3)
         assert [violation.kind == "tool_speed" for violation in wrong] == [True] * is_wrong

@@ -12,7 +12,7 @@ from planning.timing.blend import blend, largest_reaches, reach_for_deviation
 from planning.timing.failure import TimingFailed
 from planning.timing.jerk_limited import time_path_with_jerk
 from planning.timing.path import JointPath
-from planning.timing.ruckig import line_phases, state_to_state
+from planning.timing.ruckig import line_phases
 from planning.timing.spline import chord_knots, spline_path
 
 Array = NDArray[np.float64]
@@ -176,21 +176,19 @@ def test_phases_join_what_they_say() -> None:
         np.testing.assert_allclose(ends, [*phases[1:, 0], length], rtol=1e-9)
 
 
-def test_states_are_joined_in_phase_from_rest() -> None:
+def test_phases_along_a_line_take_the_least_time_and_lead_to_its_end() -> None:
     rng = np.random.default_rng(11)
     limits = np.full(4, 1.0), np.full(4, 3.0), np.full(4, 20.0)
     for _ in range(20):
         start, end = rng.uniform(-2.0, 2.0, (2, 4))
-        motion = state_to_state(names(4), start, end, *limits).trajectory
-        assert motion.duration == pytest.approx(stops(np.array([start, end]), limits), rel=1e-9)
-        middle = motion.sample(np.linspace(0.0, motion.duration, 30)) - start
-        share = middle @ (end - start) / ((end - start) @ (end - start))
-        np.testing.assert_allclose(middle, np.outer(share, end - start), atol=1e-12)
-    velocity = 0.3 * rng.uniform(-1.0, 1.0, (2, 4))
-    moving = state_to_state(names(4), start, end, *limits, *velocity).trajectory
-    np.testing.assert_allclose(moving.sample([0.0, moving.duration], 1), velocity, atol=1e-9)
-    np.testing.assert_allclose(moving.end, end, atol=1e-9)
-    assert moving.continuity().acceleration < 1e-9
+        bounds = [float((limit / np.abs(end - start)).min()) for limit in limits]
+        phases = line_phases(1.0, bounds)
+        duration = stops(np.array([start, end]), limits)
+        assert phases[:, 4].sum() == pytest.approx(duration, rel=1e-9)
+        ends = [[*phases[1:, 0], 1.0], [*phases[1:, 1], 0.0], [*2.0 * phases[1:, 2], 0.0]]
+        for order, expected in enumerate(ends):
+            pieces = (np.polynomial.Polynomial(c).deriv(order) for c in phases[:, :4])
+            there = [piece(t) for piece, t in zip(pieces, phases[:, 4], strict=True)]
+            np.testing.assert_allclose(there, expected, atol=1e-9)
     with pytest.raises(TimingFailed, match="ruckig"):
-        state_to_state(names(4), start, end, *limits, end_velocity=np.full(4, 5.0))
-    assert state_to_state(names(4), start, start, *limits).trajectory.duration > 0.0
+        line_phases(1.0, bounds, end_speed=2.0 * bounds[0])
