@@ -54,7 +54,9 @@ Problem = tuple[Array, tuple[Constraint, ...], Scene | None]
 Solver = Literal["auto", "descent", "ipopt"]
 
 
-def made(kind: str, robot: RobotGeometry, scenes: list[Scene], count: int) -> Iterator[Problem]:
+def constrained_states(
+    kind: str, robot: RobotGeometry, scenes: list[Scene], count: int
+) -> Iterator[Problem]:
     """Configurations, constraints that each holds, and the scene."""
     chain, random = robot.chain, np.random.default_rng(0)
     low, high = chain.sampling_bounds()
@@ -166,7 +168,7 @@ def measure(
     )
 
 
-def judged(
+def judge_answers(
     kind: str, problems: list[Problem], judge: Judge, answers: list[list[float] | None]
 ) -> None:
     """Judge a peer's answers and print one row."""
@@ -183,11 +185,11 @@ def judged(
     )
 
 
-def written(robot: RobotGeometry, scenes: list[Scene], count: int) -> dict[str, Any]:
+def exported_problems(robot: RobotGeometry, scenes: list[Scene], count: int) -> dict[str, Any]:
     """The problems as values another program reads; solids as convex sets of points."""
     told: dict[str, Any] = {kind: [] for kind in KINDS}
     for kind in KINDS:
-        for _, constraints, scene in made(kind, robot, scenes, count):
+        for _, constraints, scene in constrained_states(kind, robot, scenes, count):
             told[kind].append(_values(constraints) | {"scene": _number(scenes, scene)})
     told["robot"] = [
         {"link": f"panda_link{joint + 1}"} | solid(piece)
@@ -247,16 +249,16 @@ def main() -> None:
     texts = [case.text for case in cases(asked.problems, names, 10) if "shelf" in case.kind]
     scenes = [scene_from_moveit(text) for text in texts]
     if asked.write is not None:
-        asked.write.write_text(json.dumps(written(robot, scenes, asked.count)))
+        asked.write.write_text(json.dumps(exported_problems(robot, scenes, asked.count)))
         return
     judge = Judge(robot, (folder / "panda.urdf").read_text())
     answers = None if asked.judge is None else json.loads(asked.judge.read_text())
     for kind in KINDS:
-        problems = list(made(kind, robot, scenes, asked.count))
+        problems = list(constrained_states(kind, robot, scenes, asked.count))
         if answers is None:
             measure(kind, problems, judge, robot, asked.solver)
         else:
-            judged(kind, problems[: len(answers[kind])], judge, answers[kind])
+            judge_answers(kind, problems[: len(answers[kind])], judge, answers[kind])
 
 
 if __name__ == "__main__":

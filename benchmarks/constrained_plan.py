@@ -80,7 +80,7 @@ def ends(robot: RobotGeometry, scene: Scene, near: Array, constraint: Geometric)
     return None
 
 
-def made(
+def constrained_problem(
     kind: str, robot: RobotGeometry, scene: Scene, start: Array, goal: Array
 ) -> tuple[Array, Array, Geometric] | None:
     """A constrained problem made of an unconstrained one."""
@@ -163,7 +163,7 @@ class Bench:
         for case in cases(self._folder, self._robot.chain.joint_names, self._asked.every):
             tally = tallies.setdefault(case.kind, Tally())
             scene = scene_from_moveit(case.text)
-            found = made(self._asked.kind, self._robot, scene, case.start, case.goal)
+            found = constrained_problem(self._asked.kind, self._robot, scene, case.start, case.goal)
             if found is None:
                 print(f"  {case.name}: no start or goal", flush=True)
                 tally.left_out += 1

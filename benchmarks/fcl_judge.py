@@ -9,7 +9,7 @@ import fcl
 import numpy as np
 import trimesh
 
-from benchmarks.triangles import winding
+from benchmarks.triangles import winding_numbers
 from kinematics.arrays import Array
 from kinematics.forward import joint_frames
 from kinematics.pose import align_z
@@ -78,10 +78,10 @@ class FclJudge:
             self._place(k, frames[k] @ self._frames[k])
         least = np.inf
         for a, b in self._pairs[self._pairs[:, 1] >= p]:
-            least = min(least, max(self._apart(int(a), int(b)), 0.0))
+            least = min(least, max(self._distance(int(a), int(b)), 0.0))
         return least
 
-    def _apart(self, a: int, b: int) -> float:
+    def _distance(self, a: int, b: int) -> float:
         """Distance of two pieces that do not touch [m]."""
         if self._pieces[b].kind == PieceKind.HALFSPACE and self._pieces[a].surface is not None:
             return self._height(a, b)
@@ -129,7 +129,7 @@ class FclJudge:
         point = here.getRotation().T @ (point - here.getTranslation() / _UNITS)
         faces = np.arange(sum(map(len, corners))).reshape(-1, 3)
         mesh = trimesh.Trimesh(np.vstack(corners), faces, process=False)
-        return bool(winding(mesh, point[None])[0] > 0.5)
+        return bool(winding_numbers(mesh, point[None])[0] > 0.5)
 
 
 def _left_over(piece: Piece) -> float:

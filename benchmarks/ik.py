@@ -18,7 +18,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from benchmarks.ik_peers import timed
+from benchmarks.ik_peers import time_calls
 from benchmarks.poses import edge_configurations, random_configurations
 from kinematics.chain import Chain
 from kinematics.forward import forward
@@ -68,13 +68,15 @@ class Judge:
         return float(np.linalg.norm(away)), float(np.linalg.norm(turn))
 
 
-def _solved(
+def _solve_numeric(
     chain: Chain, poses: list[Array], starts: list[Array], options: SearchOptions, k: int
 ) -> IkResult:
     return solve(chain, poses[k], options, seed_joints=starts[k])
 
 
-def _branched(chain: Chain, poses: list[Array], seeds: list[Array] | None, k: int) -> Branches:
+def _solve_branches(
+    chain: Chain, poses: list[Array], seeds: list[Array] | None, k: int
+) -> Branches:
     return branches(chain, poses[k], seed_joints=None if seeds is None else seeds[k])
 
 
@@ -117,7 +119,9 @@ def numeric(name: str, options: argparse.Namespace) -> None:
     for kind, q in sets.items():
         poses = forward(chain, q)
         starts = random_configurations(chain, len(q), 3)
-        found, spent = timed(partial(_solved, chain, list(poses), list(starts), search), len(q))
+        found, spent = time_calls(
+            partial(_solve_numeric, chain, list(poses), list(starts), search), len(q)
+        )
         failures = [
             k
             for k, result in enumerate(found)
@@ -153,7 +157,7 @@ def report_batch(chain: Chain, poses: Array, starts: Array, options: SearchOptio
         solve_many(chain, poses, options, seed_joints=starts, threads=1)
         alone.append(1e6 * (time.process_time() - begun) / len(poses))
         begun = time.process_time()
-        _, spent = timed(partial(_solved, chain, rows, seeds, options), len(poses))
+        _, spent = time_calls(partial(_solve_numeric, chain, rows, seeds, options), len(poses))
         single.append(1e6 * (time.process_time() - begun) / len(poses))
         median.append(np.median(spent))
     one = np.median(alone)
@@ -199,7 +203,7 @@ def analytic(name: str, options: argparse.Namespace) -> None:
         form = structure(chain)
         seeds = q if form is not None and form.redundant else None
         rows = None if seeds is None else list(seeds)
-        found, spent = timed(partial(_branched, chain, list(poses), rows), len(q))
+        found, spent = time_calls(partial(_solve_branches, chain, list(poses), rows), len(q))
         unanswered = [k for k, table in enumerate(found) if not table.within_limits.any()]
         worst = max(
             float(judge_worst(judge, table.joints, poses[k])) for k, table in enumerate(found)
@@ -235,7 +239,7 @@ def analytic(name: str, options: argparse.Namespace) -> None:
         rounds = []
         for _ in range(_TURNS):
             # In turn, as the machine is faster at some times than at others.
-            _, spent = timed(partial(_branched, chain, list(poses[:m]), None), m)
+            _, spent = time_calls(partial(_solve_branches, chain, list(poses[:m]), None), m)
             told = ask_peers(options.peers, name, chain, poses[:m], q[:m], ANALYTIC_PEERS)
             rounds.append((float(np.median(spent)), told))
         for peer in ANALYTIC_PEERS:
@@ -246,7 +250,7 @@ def analytic(name: str, options: argparse.Namespace) -> None:
             theirs = [float(np.median(answer[f"{peer}: spent"])) for _, answer in rounds]
             ours = [median for median, _ in rounds]
             ratios = np.array(ours) / theirs
-            missed, nothing, total = compared(chain, judge, split(told, peer), found, poses)
+            missed, nothing, total = compare_branches(chain, judge, split(told, peer), found, poses)
             print(
                 f"    {peer:8s} {m} poses  median {np.median(theirs):6.2f} us (ours "
                 f"{np.median(ours):.2f}, {np.median(ratios):.2f} x, from {ratios.min():.2f} to "
@@ -260,7 +264,7 @@ def judge_worst(judge: Judge, joints: Array, T: Array) -> float:
     return max((max(judge.errors(q, T)) for q in joints), default=0.0)
 
 
-def compared(
+def compare_branches(
     chain: Chain, judge: Judge, theirs: list[Array], ours: list[Any], poses: Array
 ) -> tuple[int, int, int]:
     """How many of their branches we miss, their poses without any, and their right branches.

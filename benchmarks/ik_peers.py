@@ -19,7 +19,7 @@ Array = NDArray[Any]
 TOLERANCE = 1e-6
 
 
-def timed(solve: Callable[[int], Any], count: int) -> tuple[list[Any], Array]:
+def time_calls(solve: Callable[[int], Any], count: int) -> tuple[list[Any], Array]:
     """Answers of a number of calls and what each took [us]."""
     solve(0)
     answers, spent = [], np.empty(count)
@@ -108,10 +108,10 @@ def ik_geo(case: Any) -> Callable[[int], Any]:
     H, P, home = _lines(case)
     # The wrist's axes meet: their common point is where it expects them to.
     if str(case["kind"]) == "spherical":
-        P = _together(H, P)
+        P = _common_origin(H, P)
         robot = Robot.spherical_two_parallel(H.tolist(), P.tolist())
     else:
-        P = _meeting(H, P)
+        P = _meet_last_axes(H, P)
         robot = Robot.three_parallel_two_intersecting(H.tolist(), P.tolist())
     # It takes rotations column by column.
     turns = np.ascontiguousarray(np.swapaxes(np.array(case["poses"])[:, :3, :3] @ home.T, 1, 2))
@@ -127,7 +127,7 @@ def _points(P: Array) -> Array:
     return np.cumsum(P, axis=0)
 
 
-def _together(H: Array, P: Array) -> Array:
+def _common_origin(H: Array, P: Array) -> Array:
     """Offsets with the last three axes' origins where they meet."""
     points = _points(P)
     across = np.eye(3) - H[3:, :, None] * H[3:, None, :]
@@ -138,7 +138,7 @@ def _together(H: Array, P: Array) -> Array:
     return np.diff(np.vstack([np.zeros(3), points]), axis=0)
 
 
-def _meeting(H: Array, P: Array) -> Array:
+def _meet_last_axes(H: Array, P: Array) -> Array:
     """Offsets with axes 5 and 6 from where they meet."""
     points = _points(P)
     across = np.eye(3) - H[4:, :, None] * H[4:, None, :]
@@ -160,7 +160,7 @@ def main() -> None:
     for name in sys.argv[2:]:
         try:
             solve = PEERS[name](case)
-            answers, spent = timed(solve, len(case["poses"]))
+            answers, spent = time_calls(solve, len(case["poses"]))
         except Exception as error:  # noqa: BLE001  a peer that is not there is left out
             told[f"{name}: missing"] = f"{type(error).__name__}: {error}"
             continue

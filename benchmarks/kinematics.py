@@ -26,7 +26,7 @@ ROBOTS = ("panda", "ur5e", "iiwa14", "kr6_sixx", "scara")
 ROUNDS, CALLS, BATCH = 41, 1000, 100_000
 
 
-def interleaved(calls: dict[str, Callable[[], object]]) -> dict[str, float]:
+def interleaved_medians(calls: dict[str, Callable[[], object]]) -> dict[str, float]:
     """Medians over the rounds of the processor time a call [us]."""
     spent: dict[str, list[float]] = {name: [] for name in calls}
     for call in calls.values():
@@ -66,7 +66,7 @@ def singles(name: str, chain: Chain) -> None:
             model, data, q, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         )
 
-    told = interleaved(
+    told = interleaved_medians(
         {
             "pinocchio FK + Jacobian": theirs,
             "FK of the tip": lambda: forward(chain, q),

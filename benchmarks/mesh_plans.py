@@ -42,7 +42,7 @@ ROLLS = (0.0, np.pi / 2.0)
 _TRIES = 2000
 
 
-def asked(
+def start_and_goal(
     case: Case, hand: RobotGeometry, robot: RobotGeometry, truth: Triangles, bodies: list[Body]
 ) -> tuple[Array, Array, bool] | None:
     """A free start and goal where the Panda's hand is, and whether inverse kinematics found both.
@@ -121,7 +121,7 @@ def run(name: str, folder: Path, every: int, timeout: float) -> None:
     for case in cases(folder, hand.chain.joint_names, every):
         scene = scene_from_moveit(case.text)
         bodies = scenery(scene)
-        ends = asked(case, hand, robot, truth, bodies)
+        ends = start_and_goal(case, hand, robot, truth, bodies)
         if ends is None:
             continue
         start, goal, by_pose = ends

@@ -40,7 +40,7 @@ BINS = (0.0, 1e-3, 2.5e-3, 5e-3, 1e-2, 3e-2)
 BAND = 1e-6
 
 
-def near(
+def near_contacts(
     truth: Triangles, robot: RobotGeometry, scene: Scene, wanted: int, random: np.random.Generator
 ) -> Iterator[tuple[Array, float]]:
     """Configurations that nearly touch something, with their clearance by triangles [m].
@@ -117,7 +117,7 @@ def compare(
     rows = []
     for scene in scenes:
         exact, rough = Checker.of(robot, scene), Checker.of(hulled(robot), scene)
-        for q, clearance in near(truth, robot, scene, -(-count // len(scenes)), random):
+        for q, clearance in near_contacts(truth, robot, scene, -(-count // len(scenes)), random):
             proof = certify(still(robot, q), robot, scene)
             collides = proof.violation is not None and proof.violation.kind == "collision"
             told, by_hulls = exact.clearance(q)[0], rough.clearance(q)[0]

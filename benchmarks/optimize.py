@@ -85,8 +85,8 @@ def solve(
         motion.duration,
         second.planner,
         after / before if np.isfinite(before) else 0.0,
-        _spent(second, "optimize"),
-        _spent(second, "certificate"),
+        _stage_time(second, "optimize"),
+        _stage_time(second, "certificate"),
         f"{found} {over}" if dirty else "",
     )
 
@@ -105,7 +105,7 @@ def _torque_ratio(recheck: Recheck, robot: RobotGeometry, motion: Trajectory, lo
     return float((np.abs(torques) / limits).max())
 
 
-def _spent(answer: Plan, name: str) -> float:
+def _stage_time(answer: Plan, name: str) -> float:
     return sum(s.processor_milliseconds for s in answer.stages if s.name == name)
 
 

@@ -70,7 +70,7 @@ def samples(at: Callable[[Array, int], Array], duration: float) -> Samples:
     return at(times, 0), at(times, 1), at(times, 2)
 
 
-def seen(recheck: Recheck, truth: Scenery, motion: Samples) -> tuple[float, bool]:
+def check_motion(recheck: Recheck, truth: Scenery, motion: Samples) -> tuple[float, bool]:
     """The largest ratio to the limits, and whether anything collides."""
     q, v, a = motion
     model = recheck.model
@@ -99,7 +99,7 @@ def ours(case: Case, robot: RobotGeometry, planner: str, alone: bool) -> tuple[P
     return answer, spent
 
 
-def timed(path: Array, speed: Array, lines: bool) -> tuple[Samples, float] | None:
+def time_with_toppra(path: Array, speed: Array, lines: bool) -> tuple[Samples, float] | None:
     """A path timed by the toppra package, and its duration."""
     spaced = path[np.append(True, np.linalg.norm(np.diff(path, axis=0), axis=1) > 1e-9)]
     if lines:
@@ -120,7 +120,9 @@ def timed(path: Array, speed: Array, lines: bool) -> tuple[Samples, float] | Non
     return samples(lambda t, order: np.asarray(motion(t, order)), duration), duration
 
 
-def written(folder: Path, number: int, case: Case, robot: RobotGeometry, known: Trajectory) -> None:
+def write_problem(
+    folder: Path, number: int, case: Case, robot: RobotGeometry, known: Trajectory
+) -> None:
     """What drake needs of a problem."""
     scene = scene_from_moveit(case.text)
     links = [int(joint) + 1 for joint in robot.joints]
@@ -185,7 +187,7 @@ class Comparison:
             return
         self._base[number] = known[0].trajectory.duration
         if self._asked.write is not None:
-            written(self._asked.write, number, case, self._robot, known[0].trajectory)
+            write_problem(self._asked.write, number, case, self._robot, known[0].trajectory)
         for name, (answer, spent) in (
             ("Armwright, ladder", known),
             ("Armwright, optimised", better),
@@ -208,7 +210,7 @@ class Comparison:
             return
         for name, lines in (("OMPL, splines, toppra", False), ("OMPL, lines, toppra", True)):
             began = time.process_time()
-            found = timed(path, self._recheck.model.velocityLimit, lines)
+            found = time_with_toppra(path, self._recheck.model.velocityLimit, lines)
             more = 1e3 * (time.process_time() - began)
             if found is not None:
                 self._take(name, number, truth, *found, spent + more)
@@ -216,7 +218,7 @@ class Comparison:
     def _take(
         self, name: str, number: int, truth: Scenery, motion: Samples, duration: float, spent: float
     ) -> None:
-        ratio, colliding = seen(self._recheck, truth, motion)
+        ratio, colliding = check_motion(self._recheck, truth, motion)
         self._rows.setdefault(name, []).append(Row(duration, spent, ratio, colliding))
         self._numbers.setdefault(name, []).append(number)
 

@@ -65,7 +65,7 @@ def row(shape: Callable[[np.random.Generator], Shape], count: int) -> str:
             began = time.perf_counter()
             answers.append(projector(points))
             spent[engine] += time.perf_counter() - began
-        differences.append(outside(*answers))
+        differences.append(differences_outside(*answers))
     distance, position = np.hstack(differences)
     us = 1e6 * spent / (SOLIDS * count)
     return (
@@ -74,7 +74,7 @@ def row(shape: Callable[[np.random.Generator], Shape], count: int) -> str:
     )
 
 
-def outside(exact: tuple[Array, Array], other: tuple[Array, Array]) -> Array:
+def differences_outside(exact: tuple[Array, Array], other: tuple[Array, Array]) -> Array:
     """Differences of distances and of projections where a point is outside, shape (2, k) [m]."""
     is_out = exact[1] > 0.0
     positions = np.linalg.norm(exact[0] - other[0], axis=2)

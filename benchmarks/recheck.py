@@ -47,7 +47,7 @@ class Recheck:
         self.data = self.model.createData()
         self.bodies: list[tuple[str, int, Array, Any]] = []
         self._load(urdf, folder)
-        disabled = _disabled(folder / "panda.srdf")
+        disabled = _disabled_pairs(folder / "panda.srdf")
         names = [body[0] for body in self.bodies]
         self.pairs = [
             (i, j)
@@ -154,6 +154,6 @@ class Recheck:
         return Finding(colliding, worst, samples)
 
 
-def _disabled(path: Path) -> set[frozenset[str]]:
+def _disabled_pairs(path: Path) -> set[frozenset[str]]:
     pairs = ElementTree.parse(path).getroot().findall("disable_collisions")
     return {frozenset((pair.attrib["link1"], pair.attrib["link2"])) for pair in pairs}

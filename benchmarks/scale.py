@@ -120,11 +120,11 @@ def measure(robot: RobotGeometry, scene: Scene, random: np.random.Generator) -> 
     return (
         f"{1e3 * prepared:9.1f} {1e3 * again:7.2f} | {1e6 * state / _STATES:8.2f}"
         f" {1e6 * edge / _STATES:8.2f} {1e6 * clearance:9.1f} |"
-        f" {np.mean(verdicts == FREE):6.0%} {free_edges:6.0%} | {planned(robot, scene, free)}"
+        f" {np.mean(verdicts == FREE):6.0%} {free_edges:6.0%} | {plan_times(robot, scene, free)}"
     )
 
 
-def planned(robot: RobotGeometry, scene: Scene, free: Array) -> str:
+def plan_times(robot: RobotGeometry, scene: Scene, free: Array) -> str:
     """Medians of proved plans between free configurations: for the first time, again, how many."""
     firsts: list[float] = []
     agains: list[float] = []
@@ -133,7 +133,7 @@ def planned(robot: RobotGeometry, scene: Scene, free: Array) -> str:
         for spent in (firsts, agains):
             if spent is firsts:
                 # Moved by a micrometre it is none of those whose models are kept.
-                problem = replace(problem, scene=_moved(scene, 1e-6 * (1 + len(firsts))))
+                problem = replace(problem, scene=_move_scene(scene, 1e-6 * (1 + len(firsts))))
             began = time.process_time()
             found = plan(problem, Options(timeout=_PATIENCE))
             if isinstance(found, Plan):
@@ -141,7 +141,7 @@ def planned(robot: RobotGeometry, scene: Scene, free: Array) -> str:
     return f"{1e3 * np.median(firsts):8.0f} {1e3 * np.median(agains):8.0f} {len(agains):4d}"
 
 
-def _moved(scene: Scene, by: float) -> Scene:
+def _move_scene(scene: Scene, by: float) -> Scene:
     T = transform(np.eye(3), [by, 0.0, 0.0])
     return Scene(
         tuple(replace(o, T_world_obstacle=T @ o.T_world_obstacle) for o in scene.obstacles)

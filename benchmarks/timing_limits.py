@@ -76,7 +76,7 @@ def random_case(rng: np.random.Generator) -> Case:
     return Case(kind, points, deviation, velocity, acceleration, jerk)
 
 
-def timed(case: Case, method: Method) -> Trajectory:
+def time_case(case: Case, method: Method) -> Trajectory:
     """The motion of a case by a method."""
     law = TimeParametrization(timing_method(method), case.velocity, case.acceleration, case.jerk)
     if case.kind.endswith("spline"):
@@ -149,7 +149,7 @@ def run(count: int, seed: int = 0) -> Findings:
             methods.append("spline")
         for method in methods:
             try:
-                check(case, method, timed(case, method), found)
+                check(case, method, time_case(case, method), found)
             except Exception as error:  # noqa: BLE001  told with the case it belongs to
                 shape = case.waypoints.shape
                 found.faults.append(f"{method}, {case.kind}, {shape}: {error!r}")

@@ -31,8 +31,8 @@ def main() -> None:
     q = HOME + 0.4 * (1.0 - np.cos(np.outer(t, np.linspace(1.0, 2.0, 7))))
     motion = interpolate(chain.joint_names, t, q, "clamped_spline")
     loops = {
-        "independent joint": IndependentJoint.placed(chain, FREQUENCY, 1.0, felt),
-        "computed torque": ComputedTorque.placed(chain, FREQUENCY),
+        "independent joint": IndependentJoint.by_pole_placement(chain, FREQUENCY, 1.0, felt),
+        "computed torque": ComputedTorque.by_pole_placement(chain, FREQUENCY),
         "PD + gravity": PdGravity(chain, felt * FREQUENCY**2, 2.0 * felt * FREQUENCY),
         "passivity": Passivity(chain, np.array(FREQUENCY), felt * FREQUENCY),
         "adaptive": Adaptive(chain, np.array(FREQUENCY), felt * FREQUENCY, np.array(0.3)),

@@ -124,10 +124,10 @@ def _holds(outer: Body, inner: Body) -> bool:
     points = inner.parts @ T[:3, :3].T + T[:3, 3]
     low, high = outer.solid.bounds
     points = points[((points > low) & (points < high)).all(axis=1)]
-    return bool(len(points)) and bool((np.abs(winding(outer.solid, points)) > 0.5).any())
+    return bool(len(points)) and bool((np.abs(winding_numbers(outer.solid, points)) > 0.5).any())
 
 
-def winding(solid: trimesh.Trimesh, points: Array) -> Array:
+def winding_numbers(solid: trimesh.Trimesh, points: Array) -> Array:
     """Winding numbers of points (m, 3), by the solid angles of the triangles, (m,)."""
     numbers = np.empty(len(points))
     for k, point in enumerate(points):

@@ -96,7 +96,7 @@ def judge(checker: Checker, states: Array) -> Array:
     return verdicts
 
 
-def walked(checker: Checker, states: Array) -> Array:
+def edge_verdicts(checker: Checker, states: Array) -> Array:
     """The verdicts of the walk over motions, on motions that stay where they are."""
     verdicts = np.empty(len(states))
     certify_all(checker.model.arrays, states, 0.0 * states, verdicts)
@@ -106,7 +106,7 @@ def walked(checker: Checker, states: Array) -> Array:
 def wrong(checker: Checker, referee: FclJudge, states: Array, verdicts: Array) -> tuple[int, int]:
     """Verdicts on states (k, n) that FCL does not share, and those among them outside the band."""
     differ = beyond = 0
-    for q, verdict, other in zip(states, verdicts, walked(checker, states), strict=True):
+    for q, verdict, other in zip(states, verdicts, edge_verdicts(checker, states), strict=True):
         truth = referee.collides(q)
         if truth != (verdict == COLLIDING) or truth != (other == COLLIDING):
             differ += 1

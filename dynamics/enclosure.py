@@ -102,7 +102,7 @@ def cross_constant(v: Vector, a: float, b: float, c: float) -> Vector:
 
 
 @kernel
-def into(A: Array, s: Enclosure, c: Enclosure, v: Vector) -> Vector:
+def to_joint_frame(A: Array, s: Enclosure, c: Enclosure, v: Vector) -> Vector:
     """A vector of the frame before a joint in the frame behind it: Rz(q)^T R_A^T v."""
     x = combine(A[0, 0], A[1, 0], A[2, 0], v)
     y = combine(A[0, 1], A[1, 1], A[2, 1], v)
@@ -115,7 +115,7 @@ def into(A: Array, s: Enclosure, c: Enclosure, v: Vector) -> Vector:
 
 
 @kernel
-def back(A: Array, s: Enclosure, c: Enclosure, v: Vector) -> Vector:
+def to_parent_frame(A: Array, s: Enclosure, c: Enclosure, v: Vector) -> Vector:
     """The other way: R_A Rz(q) v."""
     x = add(multiply(c, v[0]), scale(-1.0, multiply(s, v[1])))
     y = add(multiply(s, v[0]), multiply(c, v[1]))
@@ -188,8 +188,12 @@ def enclosure_kernel(
             arm = plus(constant(px, py, pz), slide)
             arm_speed = cross(w, arm)
             a = plus(a, plus(cross(dw, arm), cross(w, arm_speed)))
-        v = into(A, s, c, plus(v, arm_speed))
-        a, w, dw = into(A, s, c, a), into(A, s, c, w), into(A, s, c, dw)
+        v = to_joint_frame(A, s, c, plus(v, arm_speed))
+        a, w, dw = (
+            to_joint_frame(A, s, c, a),
+            to_joint_frame(A, s, c, w),
+            to_joint_frame(A, s, c, dw),
+        )
         if turns:
             # w x z qd = (w_y, -w_x, 0) qd.
             turn = (multiply(w[1], qd), scale(-1.0, multiply(w[0], qd)), qdd)
@@ -249,7 +253,7 @@ def _torques_kernel(bodies: Bodies, motions: Array, vectors: Array, out: Array) 
             s, c = sine_cosine(q)
         else:
             s, c = zero, (1.0, 0.0, 0.0)
-        force, moment = back(A, s, c, force), back(A, s, c, moment)
+        force, moment = to_parent_frame(A, s, c, force), to_parent_frame(A, s, c, moment)
         arm = constant(A[0, 3], A[1, 3], A[2, 3])
         if not turns:
             arm = plus(arm, (scale(A[0, 2], q), scale(A[1, 2], q), scale(A[2, 2], q)))

@@ -101,7 +101,7 @@ def five(client: Client) -> dict[str, Simulation]:
     }
 
 
-def learned(client: Client) -> Simulation:
+def learn_parameters(client: Client) -> Simulation:
     """A motion rich enough to learn all parameters from, begun with the same wrong ones."""
     rich = wave(40.0, np.array([[0.35, 0.55], [0.85, 0.65], [1.25, 1.45]]), 0.9)
     controller = {"type": "adaptive", "natural_frequency": 8.0, "Gamma": 10.0}
@@ -134,7 +134,7 @@ def draw_five(found: dict[str, Simulation], path: Path) -> None:
     figure.savefig(path, dpi=110)
 
 
-def draw_learned(result: Simulation, path: Path) -> None:
+def draw_parameters(result: Simulation, path: Path) -> None:
     """The estimates on their way to the truth."""
     assert result.estimate is not None
     assert result.true_parameters is not None
@@ -215,7 +215,7 @@ def main() -> None:
         found = five(client)
         tell(found)
         draw_five(found, arguments.output / "five_controllers.png")
-        draw_learned(learned(client), arguments.output / "adaptation.png")
+        draw_parameters(learn_parameters(client), arguments.output / "adaptation.png")
         draw_cart(client, arguments.output / "cart_pendulum.png")
     print(f"pictures are in {arguments.output}")
 

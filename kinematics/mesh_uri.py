@@ -34,8 +34,8 @@ def resolve_mesh(uri: str, uploaded: Mapping[str, bytes]) -> bytes:
         names.append(path.split("/", 1)[1])
     for name in names:
         if name in by_path:
-            return uploaded[_only(uri, by_path[name], uploaded)]
-    return uploaded[_only(uri, _by_end(names[-1], by_path), uploaded)]
+            return uploaded[_single_match(uri, by_path[name], uploaded)]
+    return uploaded[_single_match(uri, _by_end(names[-1], by_path), uploaded)]
 
 
 def _by_end(path: str, by_path: Mapping[str, list[str]]) -> list[str]:
@@ -52,7 +52,7 @@ def _by_end(path: str, by_path: Mapping[str, list[str]]) -> list[str]:
     return by_path[max(shorter, key=len)] if shorter else []
 
 
-def _only(uri: str, keys: list[str], uploaded: Mapping[str, bytes]) -> str:
+def _single_match(uri: str, keys: list[str], uploaded: Mapping[str, bytes]) -> str:
     if len(keys) == 1:
         return keys[0]
     listed = ", ".join(repr(key) for key in list(uploaded)[:20]) or "nothing"
@@ -84,16 +84,16 @@ def _path(uri: str, what: str) -> str:
                 hint="Nothing is read from the server's files or the network; upload the mesh.",
                 uri=uri,
             )
-        if _normal(form) is None:
+        if _normalize(form) is None:
             raise InvalidRobotDescription(
                 f"the {what} {uri!r} leads out of what was uploaded",
                 hint='Take the ".." out.',
                 uri=uri,
             )
-    return _normal(text) or ""
+    return _normalize(text) or ""
 
 
-def _normal(path: str) -> str | None:
+def _normalize(path: str) -> str | None:
     words: list[str] = []
     for word in path.split("/"):
         if word == "..":

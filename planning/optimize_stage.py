@@ -90,7 +90,7 @@ class OptimizeStage:
     parametrization: TimeParametrization
     known: Trajectory
     _work: Refinement | None = field(default=None, init=False)
-    _told: str = field(default="", init=False)
+    _skip_reason: str = field(default="", init=False)
 
     def offer(self, deadline: Deadline) -> Offer | None:
         """Optimise; the best motion if it is better than the known one.
@@ -98,32 +98,34 @@ class OptimizeStage:
         Raises:
             MissingInertia: Torques count and some link's inertia is not known.
         """
-        self._told = "The robot stays where it is." if self._stays else "There is too little time."
+        self._skip_reason = (
+            "The robot stays where it is." if self._stays else "There is too little time."
+        )
         if self._stays or deadline.remaining < _LEAST_TIME:
             return None
-        self._told = ""
+        self._skip_reason = ""
         if self._work is None:
             self._work = self._begin(deadline)
         return self._work.offer(deadline)
 
-    def tell(self, offer: Offer | None) -> tuple[bool, str]:
+    def report(self, offer: Offer | None) -> tuple[bool, str]:
         """Sentence for the stage's report."""
-        if self._told or self._work is None:
-            return False, self._told
+        if self._skip_reason or self._work is None:
+            return False, self._skip_reason
         rounds = f"{self._work.rounds} rounds"
         if offer is None:
-            return False, f"{self._work.hindrance.message}, {rounds}."
+            return False, f"{self._work.obstruction.message}, {rounds}."
         detail = f"{self.known.duration:.3f} s became {offer.trajectory.duration:.3f} s, {rounds}"
         if not self._refine.fastest or self._has_soft_constraints:
             detail += f"; objective {self._work.value:.4g} became {offer.value:.4g}"
         return True, f"{detail}."
 
-    def refuse(self, offer: Offer, certificate: Certificate) -> bool:
+    def reject(self, offer: Offer, certificate: Certificate) -> bool:
         """An offer was not proved; whether another one may be."""
         violation = certificate.violation
         if self._work is None or violation is None or violation.kind not in _PLACED:
             return False
-        self._work.refuse(offer, violation.time)
+        self._work.reject(offer, violation.time)
         return True
 
     def failure(self, deadline: Deadline) -> Failure | None:
@@ -133,12 +135,12 @@ class OptimizeStage:
         if short and not self.problem.moving:
             return None
         late = Obstruction("time was up before it began", "Allow more time.")
-        reason, relief = late if self._work is None else self._work.hindrance
+        reason, hint = late if self._work is None else self._work.obstruction
         asked = "the velocities at its ends" if self.problem.moving else f"at most {longest:g} s"
         return Failure(
             code="TIMED_OUT" if deadline.passed else "INVALID_MOTION_PLAN",
             message=f"no motion with {asked} was found: {reason}",
-            hint=relief,
+            hint=hint,
             stage=OPTIMIZE,
             details={"reason": reason, "duration_at_rest": self.known.duration},
         )
@@ -165,12 +167,12 @@ class OptimizeStage:
         goal = _joint_goal_at(problem, known.end)
         rates = (None, None) if goal is None else (goal.velocity, goal.acceleration)
         end = _end(known.end, *rates, smooth=smooth)
-        carrier = _carrier(problem.robot.chain, self.options.timing, self.parametrization)
+        loaded_chain = _loaded_chain(problem.robot.chain, self.options.timing, self.parametrization)
         bounds, loads = self.parametrization.bounds, self.parametrization.loads
         given = problem.constraints
-        held = None if given is None else given.hard
-        wishes = given.soft if given is not None and self._has_soft_constraints else None
-        task = Task(self.checker, start, end, bounds, loads, held, carrier, wishes)
+        hard = None if given is None else given.hard
+        soft = given.soft if given is not None and self._has_soft_constraints else None
+        task = Task(self.checker, start, end, bounds, loads, hard, loaded_chain, soft)
         return Refinement(
             task, self._refine, self.parametrization, known, deadline, binding=not problem.moving
         )
@@ -219,7 +221,9 @@ def _joint_goal_at(problem: Problem, q: Array) -> JointGoal | None:
     return min(goals, key=lambda goal: float(np.abs(goal.joints - q).max()), default=None)
 
 
-def _carrier(chain: Chain, timing: TimingOptions, parametrization: TimeParametrization) -> Chain:
+def _loaded_chain(
+    chain: Chain, timing: TimingOptions, parametrization: TimeParametrization
+) -> Chain:
     """The robot with its payload."""
     if parametrization.loads is not None:
         return parametrization.loads.chain

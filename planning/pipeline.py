@@ -291,14 +291,14 @@ class _Pipeline:
         work = OptimizeStage(self.problem, checker, self.options, self.parametrization, known)
         for _ in range(MOST_OFFERS):
             until = Deadline.after(_REFINING_SHARE * self.deadline.remaining)
-            offer = self.stages.run(OPTIMIZE, partial(work.offer, until), work.tell)
+            offer = self.stages.run(OPTIMIZE, partial(work.offer, until), work.report)
             if offer is None:
                 break
             timed = _Timed(offer.trajectory)
             certificate = self._prove(timed)
             if certificate.verified:
                 return _Proved(timed, certificate, offer.waypoints)
-            if not work.refuse(offer, certificate):
+            if not work.reject(offer, certificate):
                 break
         return work.failure(self.deadline)
 

@@ -42,7 +42,7 @@ class Stage:
     probe: list[str] = field(default_factory=list)
     stop_signal: signal.Signals = signal.SIGTERM
 
-    def moved(self, text: str) -> str:
+    def relocate(self, text: str) -> str:
         """The text with every path of the image's own folders moved under the root."""
         for folder in IMAGE_FOLDERS:
             text = re.sub(rf"(?<![\w/.]){re.escape(folder)}(?![\w-])", f"{self.root}{folder}", text)
@@ -51,7 +51,7 @@ class Stage:
     def path(self, text: str) -> Path:
         """Where a path of the image, relative to its working folder, lies here."""
         absolute = text if text.startswith("/") else f"{self.folder}/{text}"
-        return Path(self.moved(os.path.normpath(absolute)))
+        return Path(self.relocate(os.path.normpath(absolute)))
 
     def run(self, command: list[str]) -> None:
         """Run a command as the image would; a failure ends the script."""
@@ -88,7 +88,7 @@ def set_variables(stage: Stage, arguments: str) -> None:
     for word in shlex.split(arguments):
         name, _, value = word.partition("=")
         value = re.sub(r"\$\{?(\w+)\}?", lambda match: stage.environment[match[1]], value)
-        stage.environment[name] = stage.moved(value)
+        stage.environment[name] = stage.relocate(value)
 
 
 def copy(stage: Stage, arguments: str, finished: dict[str, Path]) -> None:
@@ -115,7 +115,7 @@ def apply(stage: Stage, instruction: str, arguments: str, finished: dict[str, Pa
         case "RUN" if arguments.startswith("useradd"):
             print("   left out: it would change this machine")
         case "RUN":
-            stage.run([*stage.shell, stage.moved(arguments)])
+            stage.run([*stage.shell, stage.relocate(arguments)])
         case "COPY":
             copy(stage, arguments, finished)
         case "ENV":

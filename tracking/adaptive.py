@@ -82,7 +82,7 @@ class Adaptive(AdaptiveController):
         """Controller with another estimate, shape (b,)."""
         return replace(self, estimate=estimate)
 
-    def filtered(self, q: Array, qd: Array, reference: Reference) -> Array:
+    def filtered_error(self, q: Array, qd: Array, reference: Reference) -> Array:
         """The filtered error r = q_tilde_dot + Lambda q_tilde, shape (n,) [rad/s or m/s]."""
         e, e_dot = reference.position - q, reference.velocity - qd
         return np.asarray(e_dot + self.Lambda * e)
@@ -93,7 +93,7 @@ class Adaptive(AdaptiveController):
         Raises:
             InvalidRobotState: The state has the wrong length or is not finite.
         """
-        r = self.filtered(q, qd, reference)
+        r = self.filtered_error(q, qd, reference)
         a = reference.acceleration + self.Lambda * (reference.velocity - qd)
         return self.parameters.regressor(reference_regressor(self.chain, q, qd, r + qd, a))
 
@@ -103,7 +103,7 @@ class Adaptive(AdaptiveController):
         Raises:
             InvalidRobotState: The state has the wrong length or is not finite.
         """
-        Y, r = self.regressor(q, qd, reference), self.filtered(q, qd, reference)
+        Y, r = self.regressor(q, qd, reference), self.filtered_error(q, qd, reference)
         return np.asarray(Y @ self.estimate + self.K @ r)
 
     def adaptation(self, _t: float, q: Array, qd: Array, reference: Reference, /) -> Array:
@@ -112,7 +112,7 @@ class Adaptive(AdaptiveController):
         Raises:
             InvalidRobotState: The state has the wrong length or is not finite.
         """
-        Y, r = self.regressor(q, qd, reference), self.filtered(q, qd, reference)
+        Y, r = self.regressor(q, qd, reference), self.filtered_error(q, qd, reference)
         return np.asarray(self.Gamma @ (Y.T @ r))
 
     def lyapunov(
@@ -128,13 +128,13 @@ class Adaptive(AdaptiveController):
             MissingInertia: The robot lacks an inertia.
         """
         true = robot or self.chain
-        r, e = self.filtered(q, qd, reference), reference.position - q
+        r, e = self.filtered_error(q, qd, reference), reference.position - q
         off = self.estimate - self.parameters.of(true)
         M = augmented_mass_matrix(true, q)
         V = 0.5 * r @ M @ r + (self.Lambda * e) @ self.K @ e
         return float(V + 0.5 * off @ np.linalg.solve(self.Gamma, off))
 
-    def compiled(self, robot: Chain) -> Law:
+    def compiled_law(self, robot: Chain) -> Law:
         """The controller as arrays for the compiled loop."""
         base = self.parameters
         estimated = (base.columns, self.Gamma, base.of(robot))

@@ -41,7 +41,7 @@ class ComputedTorque(Controller):
         object.__setattr__(self, "Kd", gain_vector(self.chain, "Kd", self.Kd))
 
     @classmethod
-    def placed(
+    def by_pole_placement(
         cls, chain: Chain, natural_frequency: ArrayLike, damping: ArrayLike = 1.0
     ) -> "ComputedTorque":
         """The controller whose error has the poles of s^2 + 2 zeta w s + w^2 at every joint.
@@ -79,7 +79,7 @@ class ComputedTorque(Controller):
         kp, kd = self.Kp, self.Kd
         return 0.5 * float(np.sum(e_dot**2 + (kp + 0.5 * kd**2) * e**2 + kd * e * e_dot))
 
-    def compiled(self, robot: Chain) -> Law:
+    def compiled_law(self, robot: Chain) -> Law:
         """The controller as arrays for the compiled loop."""
         Kp, Kd = np.diag(self.Kp), np.diag(self.Kd)
         return law(Kind.COMPUTED_TORQUE, self.chain, robot, Kp=Kp, Kd=Kd)

@@ -66,7 +66,7 @@ class Controller(ABC):
                 where none is given.
         """
 
-    def compiled(self, _robot: Chain, /) -> Law | None:
+    def compiled_law(self, _robot: Chain, /) -> Law | None:
         """The controller as arrays for the compiled loop, driving a robot; None if it has none."""
         return None
 

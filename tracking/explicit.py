@@ -22,8 +22,10 @@ _D = np.ascontiguousarray(DOP853.D, dtype=np.float64)
 _A_EXTRA = np.ascontiguousarray(DOP853.A_EXTRA, dtype=np.float64)
 _C_EXTRA = np.ascontiguousarray(DOP853.C_EXTRA, dtype=np.float64)
 STAGES = 12
-#: Stages with those of the dense output, and the polynomials of that.
-ALL_STAGES, POWERS = 16, 7
+#: Stages with those of the dense output.
+ALL_STAGES = 16
+#: Polynomials of the dense output.
+POWERS = 7
 #: |h lambda| beyond which the method is not stable along the real axis.
 STABILITY = 6.1
 

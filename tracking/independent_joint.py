@@ -50,7 +50,7 @@ class IndependentJoint(Controller):
             object.__setattr__(self, "inertia", J)
 
     @classmethod
-    def placed(
+    def by_pole_placement(
         cls,
         chain: Chain,
         natural_frequency: ArrayLike,
@@ -114,7 +114,7 @@ class IndependentJoint(Controller):
         e, e_dot = reference.position - q, reference.velocity - qd
         return 0.5 * float(e_dot @ (self.J * e_dot) + e @ (self.Kp * e))
 
-    def compiled(self, robot: Chain) -> Law:
+    def compiled_law(self, robot: Chain) -> Law:
         """The controller as arrays for the compiled loop."""
         return law(
             Kind.INDEPENDENT_JOINT,

@@ -42,7 +42,7 @@ class Passivity(Controller):
         object.__setattr__(self, "Lambda", Lambda)
         object.__setattr__(self, "K", K)
 
-    def filtered(self, q: Array, qd: Array, reference: Reference) -> Array:
+    def filtered_error(self, q: Array, qd: Array, reference: Reference) -> Array:
         """The filtered error r = q_tilde_dot + Lambda q_tilde, shape (n,) [rad/s or m/s]."""
         e, e_dot = reference.position - q, reference.velocity - qd
         return np.asarray(e_dot + self.Lambda * e)
@@ -54,7 +54,7 @@ class Passivity(Controller):
             InvalidRobotState: The state has the wrong length or is not finite.
             MissingInertia: The model lacks an inertia.
         """
-        r = self.filtered(q, qd, reference)
+        r = self.filtered_error(q, qd, reference)
         a = reference.acceleration + self.Lambda * (reference.velocity - qd)
         return np.asarray(reference_dynamics(self.chain, q, qd, r + qd, a) + self.K @ r)
 
@@ -69,10 +69,10 @@ class Passivity(Controller):
             InvalidRobotState: The state has the wrong length or is not finite.
             MissingInertia: The model lacks an inertia.
         """
-        r, e = self.filtered(q, qd, reference), reference.position - q
+        r, e = self.filtered_error(q, qd, reference), reference.position - q
         M = augmented_mass_matrix(robot or self.chain, q)
         return float(0.5 * r @ M @ r + (self.Lambda * e) @ self.K @ e)
 
-    def compiled(self, robot: Chain) -> Law:
+    def compiled_law(self, robot: Chain) -> Law:
         """The controller as arrays for the compiled loop."""
         return law(Kind.PASSIVITY, self.chain, robot, Kd=self.K, Lambda=self.Lambda)

@@ -63,6 +63,6 @@ class PdGravity(Controller):
         M = augmented_mass_matrix(robot or self.chain, q)
         return 0.5 * float(qd @ M @ qd + e @ self.Kp @ e)
 
-    def compiled(self, robot: Chain) -> Law:
+    def compiled_law(self, robot: Chain) -> Law:
         """The controller as arrays for the compiled loop."""
         return law(Kind.PD_GRAVITY, self.chain, robot, Kp=self.Kp, Kd=self.Kd)

@@ -70,5 +70,5 @@ def simulate(
         disturbance,
         noise,
     )
-    law = controller.compiled(body)
+    law = controller.compiled_law(body)
     return callback.run(setup) if law is None else compiled.run(setup, law)

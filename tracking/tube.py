@@ -26,7 +26,7 @@ class Tube:
     reach: Array
     displacement: float
 
-    def remaining(self, clearance: float) -> float:
+    def remaining_clearance(self, clearance: float) -> float:
         """Lower bound of the tracked motion's clearance, from that of the reference [m].
 
         To an obstacle a robot loses as much as a point of it is displaced. Two links of it lose no

@@ -46,7 +46,7 @@ class GoalRegion:
         of_pose = ConstraintSet(chain, (pose_constraint(pose),)).packed
         return make_goal(path, zero, zero, rows=np.vstack([self.checker.rows, of_pose]))
 
-    def near(self, q: Array, number: int) -> Array | None:
+    def goal_near(self, q: Array, number: int) -> Array | None:
         """Find a free configuration of a pose by Newton's method from q; None where it fails.
 
         Args:

@@ -39,4 +39,4 @@ class ProjectedRrt:
 
 def _more_goals(checker: ConstrainedChecker, query: Query) -> MoreGoals | None:
     poses = tuple(goal for goal in query.problem.goals if isinstance(goal, PoseGoal))
-    return GoalRegion(checker, poses).near if poses else None
+    return GoalRegion(checker, poses).goal_near if poses else None

@@ -151,7 +151,7 @@ def _field(robot: RobotGeometry, scene: Scene, goal: Array, options: FieldOption
     """The potential that the options ask for."""
     if options.control_points == "links":
         where = along_links(robot)
-        weights = options.weights.shared(1.0 / len(where))
+        weights = options.weights.with_share(1.0 / len(where))
     else:
         where, weights = frame_origins(robot.chain), options.weights
     obstacles = FclProjector(scene) if options.engine == "fcl" else _projector(scene)

@@ -47,7 +47,7 @@ class FieldWeights:
                 hint="Lower least_distance, or let obstacles be felt from farther away.",
             )
 
-    def shared(self, share: float) -> "FieldWeights":
+    def with_share(self, share: float) -> "FieldWeights":
         """Return these with a share of the weights that are one number for all points."""
         if share == 1.0:
             return self

@@ -13,8 +13,10 @@ from planning.timing.time_scaling import fitting_factor
 _SAMPLES = 4
 #: A motion takes at least this long [s], were it ever so short.
 _LEAST = 1e-3
-#: Durations tried where the ends are not at rest: the known one, times this, and so on.
-_STEP, _STEPS = 1.5, 14
+#: Factor from one duration to the next that is tried where the ends are not at rest [-].
+_STEP = 1.5
+#: Durations that are tried, from the known one on: up to 300 times as long.
+_STEPS = 14
 
 
 def fit_spline(task: Task, space: SplineSpace, motion: Trajectory) -> Iterate:

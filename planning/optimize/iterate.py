@@ -34,7 +34,7 @@ class Iterate:
         """The motion in time."""
         return self.space.trajectory(joint_names, self.points, self.duration)
 
-    def ended(self, start: End, end: End) -> "Iterate":
+    def with_ends(self, start: End, end: End) -> "Iterate":
         """With the control points at both ends moved so that they are exactly as given."""
         points = self.points.copy()
         set_ends(self.space, points, self.duration, start, end)

@@ -21,8 +21,13 @@ from planning.optimize.response import Response, tool_speed, torques
 from planning.optimize.rows import Rows, local_matrix
 from planning.optimize.task import Task
 
-#: What a violation of 1 is: a distance [m], a constraint's residual [m or rad], a share of a load.
-DEPTH, RESIDUAL, SHARE = 0.01, 0.01, 0.1
+# Violations that count as 1.
+#: Of a distance [m].
+DEPTH = 0.01
+#: Of a constraint's residual [m or rad].
+RESIDUAL = 0.01
+#: Of a torque or the tool's speed, as a share of the limit [-].
+SHARE = 0.1
 #: Pairs are looked at that are nearer than this part of what the trust region lets the robot move,
 #: and get rows if they are among so many nearest of a place. What is overlooked is found when the
 #: motion is proved, and has its place added.
@@ -38,11 +43,11 @@ class Obstruction(NamedTuple):
 
     Args:
         message: What is violated, by how much.
-        relief: What would help.
+        hint: What would help.
     """
 
     message: str
-    relief: str
+    hint: str
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,7 +63,7 @@ class Checkpoints:
     spare: Array
 
     @classmethod
-    def within(cls, breaks: Sequence[float], each: int, spare: float) -> "Checkpoints":
+    def uniform(cls, breaks: Sequence[float], each: int, spare: float) -> "Checkpoints":
         """Checkpoints with an equal number in each piece."""
         starts, lengths = np.asarray(breaks[:-1]), np.diff(breaks)
         at = starts[:, None] + lengths[:, None] * (np.arange(each) + 0.5) / each
@@ -80,12 +85,12 @@ class Linearization:
     Args:
         rows: With the slack as what they may be violated by.
         violation: The largest violation, 1 is much; 0 where there is none.
-        hindrance: What is violated the most.
+        obstruction: What is violated the most.
     """
 
     rows: tuple[Rows, ...]
     violation: float
-    hindrance: Obstruction | None = None
+    obstruction: Obstruction | None = None
 
 
 _UNSEEN = Linearization(
@@ -93,10 +98,10 @@ _UNSEEN = Linearization(
 )
 
 
-def look(
+def linearize(
     task: Task, iterate: Iterate, places: Checkpoints, reach: float, deadline: Deadline
 ) -> Linearization:
-    """Look at distances, loads and constraints along a motion.
+    """Linearize distances, efforts and constraints along a motion.
 
     Args:
         task: What is to be kept.
@@ -113,7 +118,7 @@ def look(
         seen.append(_constraints(task, iterate, places))
     rows = tuple(row for view in seen for row in view.rows)
     worst = max(seen, key=lambda view: view.violation)
-    return Linearization(rows, worst.violation, worst.hindrance)
+    return Linearization(rows, worst.violation, worst.obstruction)
 
 
 def length(chain: Chain) -> float:
@@ -125,7 +130,7 @@ def _distances(
     task: Task, iterate: Iterate, places: Checkpoints, reach: float, deadline: Deadline
 ) -> Linearization:
     within = _NEAR * reach * max(length(task.chain), 1.0)
-    own, gaps, slopes, worst, hindrance = [], [], [], 0.0, None
+    own, gaps, slopes, worst, obstruction = [], [], [], 0.0, None
     samples = iterate.sample(places.at)
     for k, q in enumerate(samples):
         if deadline.passed:
@@ -139,7 +144,7 @@ def _distances(
             worst = -float(distances[least])
             a, b = task.checker.model.pair_name(int(near.pairs[least]))
             message = f"{a!r} and {b!r} are closer than their margin by {worst:.4g} m"
-            hindrance = Obstruction(message, "Lower the margin, or move the obstacle.")
+            obstruction = Obstruction(message, "Lower the margin, or move the obstacle.")
         room = distances - places.spare[k] - _HALF * reach * np.abs(gradients).sum(axis=1)
         kept = np.argsort(room, kind="stable")[:_MOST]
         kept = kept[room[kept] < 0.0]
@@ -152,7 +157,7 @@ def _distances(
     # gap + slope . (q - q0) + s >= 0.
     A = local_matrix(iterate, places.at[index], [-slope], in_slack=-DEPTH)
     rows = Rows.below(A, gap - (slope * samples[index]).sum(axis=1))
-    return Linearization((rows,), worst / DEPTH, hindrance)
+    return Linearization((rows,), worst / DEPTH, obstruction)
 
 
 def _loads(task: Task, iterate: Iterate, places: Checkpoints) -> list[Linearization]:
@@ -224,8 +229,8 @@ def _load(
     worst = int(np.argmax(values))
     over = max(float(values[worst]) - 1.0, 0.0)
     message = f"{names[worst % m]} is {1.0 + over:.4g} times its limit"
-    relief = Obstruction(message, "Carry less, or raise the limit.")
-    return Linearization((Rows.below(A, upper),), over / SHARE, relief)
+    obstruction = Obstruction(message, "Carry less, or raise the limit.")
+    return Linearization((Rows.below(A, upper),), over / SHARE, obstruction)
 
 
 def _constraints(task: Task, iterate: Iterate, places: Checkpoints) -> Linearization:
@@ -242,5 +247,5 @@ def _constraints(task: Task, iterate: Iterate, places: Checkpoints) -> Lineariza
     worst = int(np.argmax(residuals))
     over = max(float(residuals.ravel()[worst]), 0.0)
     message = f"{task.constraints.label(worst % m)} is violated by {over:.4g}"
-    hindrance = Obstruction(message, "Widen its tolerance.")
-    return Linearization((Rows.below(A, upper),), over / RESIDUAL, hindrance)
+    obstruction = Obstruction(message, "Widen its tolerance.")
+    return Linearization((Rows.below(A, upper),), over / RESIDUAL, obstruction)

@@ -4,7 +4,7 @@
     jerk          integral of |q'''|^2 dt = T^-5 integral of |d3q/du3|^2 du
     energy        integral of |tau|^2 dt
     path_length   integral of |dq/du| du
-    wishes        integral of sum_i w_i max(r_i, 0)^2 / 2 dt, r the residuals of soft constraints
+    soft        integral of sum_i w_i max(r_i, 0)^2 / 2 dt, r the residuals of soft constraints
 
 Sums of squares are modelled with the products of first derivatives as Hessian (Gauss-Newton). The
 length, which is no sum of squares, lies below sum_k w_k (|x_k|^2 / |x_k'| + |x_k'|) / 2 with
@@ -54,19 +54,19 @@ class Model(NamedTuple):
 def value(
     trajectory: Trajectory,
     weights: Mapping[Objective, float],
-    carrier: Chain,
-    wishes: ConstraintSet | None = None,
+    loaded_chain: Chain,
+    soft: ConstraintSet | None = None,
 ) -> float:
     """The objective of a motion, infinite where its jerk counts and is not bounded.
 
     Args:
         trajectory: The motion.
         weights: By objective.
-        carrier: The robot with what it carries.
-        wishes: Soft constraints.
+        loaded_chain: The robot with what it carries.
+        soft: Soft constraints.
     """
-    total = sum(w * _VALUES[name](trajectory, carrier) for name, w in weights.items())
-    return total if wishes is None else total + _wishes_value(trajectory, wishes)
+    total = sum(w * _VALUES[name](trajectory, loaded_chain) for name, w in weights.items())
+    return total if soft is None else total + _soft_value(trajectory, soft)
 
 
 def model(task: Task, weights: Mapping[Objective, float], iterate: Iterate) -> Model:
@@ -76,8 +76,8 @@ def model(task: Task, weights: Mapping[Objective, float], iterate: Iterate) -> M
     for name, w in weights.items():
         own = _MODELS[name](task, iterate)
         H, g = H + w * own.H, g + w * own.g
-    if task.wishes is not None:
-        own = _wishes_model(task.wishes, iterate)
+    if task.soft is not None:
+        own = _soft_model(task.soft, iterate)
         H, g = H + own.H, g + own.g
     return Model(H, g)
 
@@ -94,7 +94,7 @@ def _smoothness_weights(task: Task, weights: Mapping[Objective, float], iterate:
 # ------------------------------------------------------------------------------------- time
 
 
-def _time_value(trajectory: Trajectory, _carrier: Chain) -> float:
+def _time_value(trajectory: Trajectory, _loaded_chain: Chain) -> float:
     return trajectory.duration
 
 
@@ -108,7 +108,7 @@ def _time_model(_task: Task, iterate: Iterate) -> Model:
 # ------------------------------------------------------------------------------------- jerk
 
 
-def _jerk_value(trajectory: Trajectory, _carrier: Chain) -> float:
+def _jerk_value(trajectory: Trajectory, _loaded_chain: Chain) -> float:
     if trajectory.continuity().acceleration > JERK_JUMP:
         return np.inf
     times, weights = _nodes(trajectory, trajectory.degree)
@@ -135,17 +135,17 @@ def _jerk_model(_task: Task, iterate: Iterate) -> Model:
 # ----------------------------------------------------------------------------------- energy
 
 
-def _energy_value(trajectory: Trajectory, carrier: Chain) -> float:
+def _energy_value(trajectory: Trajectory, loaded_chain: Chain) -> float:
     times, weights = _nodes(trajectory, _NODES)
     states = (trajectory.sample(times, order) for order in range(3))
-    return float(weights @ np.square(inverse_dynamics(carrier, *states)).sum(axis=1))
+    return float(weights @ np.square(inverse_dynamics(loaded_chain, *states)).sum(axis=1))
 
 
 def _energy_model(task: Task, iterate: Iterate) -> Model:
     T, n = iterate.duration, iterate.points.shape[1]
-    assert task.carrier is not None
+    assert task.loaded_chain is not None
     places, weights = _shares(iterate)
-    found = torques(task.carrier, iterate, places)
+    found = torques(task.loaded_chain, iterate, places)
     # Residuals sqrt(T w) tau, one row a joint and place.
     root = np.repeat(np.sqrt(T * weights), n)
     rows = [root[:, None] * gradient.reshape(-1, n) for gradient in found.gradients]
@@ -158,7 +158,7 @@ def _energy_model(task: Task, iterate: Iterate) -> Model:
 # ------------------------------------------------------------------------------ path length
 
 
-def _length_value(trajectory: Trajectory, _carrier: Chain) -> float:
+def _length_value(trajectory: Trajectory, _loaded_chain: Chain) -> float:
     times, weights = _nodes(trajectory, 2 * _NODES)
     return float(weights @ np.linalg.norm(trajectory.sample(times, 1), axis=1))
 
@@ -174,22 +174,22 @@ def _length_model(_task: Task, iterate: Iterate) -> Model:
     return Model(H, np.zeros(iterate.points.size + 2))
 
 
-# ----------------------------------------------------------------------------------- wishes
+# ----------------------------------------------------------------------------------- soft
 
 
-def _wishes_value(trajectory: Trajectory, wishes: ConstraintSet) -> float:
+def _soft_value(trajectory: Trajectory, soft: ConstraintSet) -> float:
     times, weights = _nodes(trajectory, _NODES)
-    violated = np.maximum(wishes.residuals(trajectory.sample(times)), 0.0)
-    return 0.5 * float(weights @ (violated**2 @ wishes.weights))
+    violated = np.maximum(soft.residuals(trajectory.sample(times)), 0.0)
+    return 0.5 * float(weights @ (violated**2 @ soft.weights))
 
 
-def _wishes_model(wishes: ConstraintSet, iterate: Iterate) -> Model:
+def _soft_model(soft: ConstraintSet, iterate: Iterate) -> Model:
     T = iterate.duration
     places, weights = _shares(iterate)
-    residuals, J = wishes.evaluate(iterate.sample(places))
+    residuals, J = soft.evaluate(iterate.sample(places))
     k, i = np.nonzero(residuals > 0.0)
     # Residuals sqrt(T w w_i) r_i, those that are violated.
-    root = np.sqrt(T * weights[k] * wishes.weights[i])
+    root = np.sqrt(T * weights[k] * soft.weights[i])
     r = root * residuals[k, i]
     A = local_matrix(iterate, places[k], [root[:, None] * J[k, i]], 0.5 * r / T)
     return _about(A.T @ A, A.T @ r, iterate)

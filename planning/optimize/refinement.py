@@ -57,7 +57,7 @@ class Refinement:
         options: What is to become small.
         parametrization: How paths are timed.
         known: The motion to start from.
-        deadline: When to stop looking at it.
+        deadline: When to stop optimising.
         binding: Whether it may be kept; else anything within the limits is better.
     """
 
@@ -71,9 +71,9 @@ class Refinement:
     _descent: Descent = field(init=False)
 
     def __post_init__(self) -> None:
-        if not self.retimed:
+        if not self.retimes:
             self.task = self._with_jerk()
-        self.value = self._worth(self.known)
+        self.value = self._objective(self.known)
         space = SplineSpace.uniform(self.options.least_degree, self._count())
         start = fit_spline(self.task, space, self.known)
         self._descent = Descent(self.task, self.options, start, self._longest(), self.deadline)
@@ -97,7 +97,7 @@ class Refinement:
         return np.inf if fast else _LEISURE * self.known.duration
 
     @property
-    def retimed(self) -> bool:
+    def retimes(self) -> bool:
         """Whether the path of a spline is timed anew in the end."""
         return (
             self.options.fastest
@@ -112,12 +112,12 @@ class Refinement:
         return self._descent.rounds
 
     @property
-    def hindrance(self) -> Obstruction:
+    def obstruction(self) -> Obstruction:
         """Why nothing better was found."""
         if self._descent.best is not None:
             which = "shorter" if self.options.fastest else "better"
             return Obstruction(f"nothing {which} was found", "Use more control_points.")
-        found = self._descent.hindrance
+        found = self._descent.obstruction
         late = Obstruction("time was up before a motion was found", "Allow more time.")
         return found or late
 
@@ -133,16 +133,16 @@ class Refinement:
         iterate = best.iterate
         return Offer(motion, iterate.sample(np.asarray(iterate.space.breaks)), worth)
 
-    def refuse(self, offer: Offer, time: float) -> None:
+    def reject(self, offer: Offer, time: float) -> None:
         """An offer could not be proved free at a time [s]: keep away from there, and go on."""
         best = self._descent.best
         if best is not None:
-            self._descent.refuse(_place(best, offer.trajectory.sample([time])[0]))
-        self._descent.allow(_MORE_ROUNDS)
+            self._descent.reject(_place(best, offer.trajectory.sample([time])[0]))
+        self._descent.add_rounds(_MORE_ROUNDS)
 
     def _faster(self, best: Candidate) -> tuple[Trajectory, float]:
         """The spline as it is, or its path timed by the parametrization where that is faster."""
-        if not self.retimed:
+        if not self.retimes:
             return best.trajectory, best.value
         lengths = np.diff(best.iterate.space.breaks) * best.iterate.duration
         motion = best.iterate.trajectory(self.task.chain.joint_names)
@@ -152,13 +152,13 @@ class Refinement:
             )
         except TimingFailed:
             motion = self._within_jerk(best.trajectory)
-            return motion, self._worth(motion)
+            return motion, self._objective(motion)
         motions = [self._within_jerk(found) for found in (timed.trajectory, best.trajectory)]
-        return min(((m, self._worth(m)) for m in motions), key=lambda pair: pair[1])
+        return min(((m, self._objective(m)) for m in motions), key=lambda pair: pair[1])
 
-    def _worth(self, motion: Trajectory) -> float:
-        carrier = self.task.carrier or self.task.chain
-        return value(motion, self.options.weights, carrier, self.task.wishes)
+    def _objective(self, motion: Trajectory) -> float:
+        loaded_chain = self.task.loaded_chain or self.task.chain
+        return value(motion, self.options.weights, loaded_chain, self.task.soft)
 
     def _within_jerk(self, motion: Trajectory) -> Trajectory:
         """The motion; where its acceleration does not jump, within the robot's jerk limits too."""

@@ -30,7 +30,7 @@ from planning.optimize.linearization import (
     Linearization,
     Obstruction,
     least_factor,
-    look,
+    linearize,
 )
 from planning.optimize.objective import value
 from planning.optimize.options import RefineOptions
@@ -41,21 +41,31 @@ from planning.timing.effort_limits import estimate_uses, slow_down
 from planning.timing.failure import TimingFailed
 from planning.timing.time_scaling import ScaledTime, fitting_factor, peak_ratios
 
-#: Control points move at most this far in a round at first [rad or m], and it is not worth going
-#: on where they may not even move that far.
-_REACH, _LEAST_REACH = 0.3, 0.002
+#: Half width of the trust region in the first round: control points move at most this far
+#: [rad or m].
+_REACH = 0.3
+#: Half width below which another round is not worth its time [rad or m].
+_LEAST_REACH = 0.002
+#: Factor by which the trust region shrinks after a round that was rejected [-].
 _SHRINK = 0.4
-#: Places looked at in each piece, so many at most and so many in all but for that, and what is kept
-#: beyond the margins there [m].
-_EACH, _PLACES, _SPARE = 3, 64, 1e-3
-#: A violation (1 is much) may grow by this factor, or up to this value, from round to round.
-_GROWTH, _TOLERATED = 2.0, 1.0
+#: Checkpoints in each piece, at most.
+_EACH = 3
+#: Checkpoints in all, about.
+_PLACES = 64
+#: Distance kept at checkpoints beyond the margins, since there is motion between them [m].
+_SPARE = 1e-3
+#: Factor by which a violation may grow from round to round [-].
+_GROWTH = 2.0
+#: Violation up to which it may grow by more (1 is much) [-].
+_TOLERATED = 1.0
 #: The slack costs so many times the objective.
 _PENALTY = 20.0
-#: A round that gains less than this part of the objective is the last.
+#: A round that gains less than this part of the objective is the last [-].
 _GAIN = 2e-3
-#: Durations of one round lie between these multiples of the last one.
-_FASTER, _SLOWER = 0.3, 3.0
+#: Least duration of a round's motion, as a multiple of the last one [-].
+_FASTER = 0.3
+#: Largest duration of a round's motion, as a multiple of the last one [-].
+_SLOWER = 3.0
 #: The first round takes about so many times as long as the look before it.
 _FIRST = 3.0
 #: Motions that are not at rest at an end can't be slowed down: limits are aimed at from below.
@@ -93,66 +103,68 @@ class Descent:
     best: Candidate | None = None
     reach: float = _REACH
     places: Checkpoints = field(init=False)
-    looking: float = field(init=False)
-    seen: Linearization = field(init=False)
-    hindrance: Obstruction | None = None
+    look_time: float = field(init=False)
+    linearization: Linearization = field(init=False)
+    obstruction: Obstruction | None = None
 
     def __post_init__(self) -> None:
         self.most_rounds = self.options.rounds
         space = self.iterate.space
         each = int(np.clip(np.ceil(_PLACES / space.pieces), 1, _EACH))
-        self.places = Checkpoints.within(space.breaks, each, _SPARE)
+        self.places = Checkpoints.uniform(space.breaks, each, _SPARE)
         began = time.monotonic()
         if self.task.still:
             self.iterate = self._slow_or_speed_up(self.iterate)
-        self.seen = self._look(self.iterate)
-        self._offer(self.iterate)
-        self.looking = time.monotonic() - began
+        self.linearization = self._linearize(self.iterate)
+        self._keep_if_better(self.iterate)
+        self.look_time = time.monotonic() - began
 
     def run(self, deadline: Deadline) -> None:
         """Go on until rounds no longer gain, or the rounds or the time are used up."""
         self.deadline = deadline
-        longest = _FIRST * self.looking
+        longest = _FIRST * self.look_time
         while self.rounds < self.most_rounds and deadline.remaining > longest:
             self.rounds += 1
             began = time.monotonic()
-            if not self._round():
+            if not self._run_round():
                 return
             longest = max(longest, time.monotonic() - began)
 
-    def allow(self, rounds: int) -> None:
+    def add_rounds(self, rounds: int) -> None:
         """Let so many rounds follow those that there have been."""
         self.most_rounds = self.rounds + rounds
 
-    def refuse(self, place: float) -> None:
+    def reject(self, place: float) -> None:
         """The best motion could not be proved free at this place: it is out."""
         self.best = None
         self._add([place])
 
-    def _round(self) -> bool:
+    def _run_round(self) -> bool:
         """One convex problem and what comes of it; whether another may gain."""
         problem, z = self._solve_round()
         if z is None:
-            self.hindrance = Obstruction("no motion near the last one keeps all limits", _LIMITS)
+            self.obstruction = Obstruction("no motion near the last one keeps all limits", _LIMITS)
             return self._shrink()
         here = np.append(self.iterate.points.ravel(), [self.iterate.duration, 0.0])
-        if self.seen.violation == 0.0 and problem.value(here) - problem.value(z) < _GAIN:
+        if self.linearization.violation == 0.0 and problem.value(here) - problem.value(z) < _GAIN:
             return False
         following = self._next_iterate(z)
-        seen = self._look(following)
+        linearized = self._linearize(following)
         before, after = self._value(self.iterate), self._value(following)
-        worse = seen.violation > max(_GROWTH * self.seen.violation, _TOLERATED)
-        if worse or (after > before * (1.0 + _GAIN) and seen.violation >= self.seen.violation):
+        worse = linearized.violation > max(_GROWTH * self.linearization.violation, _TOLERATED)
+        if worse or (
+            after > before * (1.0 + _GAIN) and linearized.violation >= self.linearization.violation
+        ):
             return self._shrink()
-        self.iterate, self.seen = following, seen
-        if seen.violation > 0.0:
-            self.hindrance = seen.hindrance
+        self.iterate, self.linearization = following, linearized
+        if linearized.violation > 0.0:
+            self.obstruction = linearized.obstruction
             return True
-        places = self._offer(following)
+        places = self._keep_if_better(following)
         return bool(places) or before - after > _GAIN * abs(before)
 
-    def _look(self, iterate: Iterate) -> Linearization:
-        return look(self.task, iterate, self.places, self.reach, self.deadline)
+    def _linearize(self, iterate: Iterate) -> Linearization:
+        return linearize(self.task, iterate, self.places, self.reach, self.deadline)
 
     def _shrink(self) -> bool:
         self.reach *= _SHRINK
@@ -166,7 +178,11 @@ class Descent:
         g = g / scale
         g[-1] = _PENALTY
         hair = 0.0 if task.still else _HAIR
-        others = [*end_rows(iterate, task.start, task.end), *self._time_row(), *self.seen.rows]
+        others = [
+            *end_rows(iterate, task.start, task.end),
+            *self._time_row(),
+            *self.linearization.rows,
+        ]
         rows = stack_rows([*limit_rows(task, iterate, hair), *others])
         problem = Quadratic(H / scale, g, rows.A, rows.lower, rows.upper, *self._bounds())
         if self.options.solver == "piqp":
@@ -208,7 +224,7 @@ class Descent:
         limits = self.task.chain.limits
         points = np.clip(points, limits.lower, limits.upper)
         space, T = self.iterate.space, float(z[-2])
-        ended = Iterate(space, points, T).ended(self.task.start, self.task.end)
+        ended = Iterate(space, points, T).with_ends(self.task.start, self.task.end)
         return self._slow_or_speed_up(ended) if self.task.still else ended
 
     def _slow_or_speed_up(self, iterate: Iterate) -> Iterate:
@@ -219,23 +235,23 @@ class Descent:
         return Iterate(iterate.space, iterate.points, T)
 
     def _value(self, iterate: Iterate) -> float:
-        return self._worth(iterate.trajectory(self.task.chain.joint_names))
+        return self._objective(iterate.trajectory(self.task.chain.joint_names))
 
-    def _worth(self, motion: Trajectory) -> float:
-        return value(motion, self.options.weights, self._carrier, self.task.wishes)
+    def _objective(self, motion: Trajectory) -> float:
+        return value(motion, self.options.weights, self._loaded_chain, self.task.soft)
 
     @property
-    def _carrier(self) -> Chain:
-        return self.task.carrier or self.task.chain
+    def _loaded_chain(self) -> Chain:
+        return self.task.loaded_chain or self.task.chain
 
-    def _offer(self, iterate: Iterate) -> list[float]:
+    def _keep_if_better(self, iterate: Iterate) -> list[float]:
         """Keep an iterate that violates nothing if it is the best; places where it is not free."""
-        if self.seen.violation > 0.0:
+        if self.linearization.violation > 0.0:
             return []
         places = blocked_places(self.task.checker, iterate)
         if places:
             self._add(places)
-            self.hindrance = _BETWEEN
+            self.obstruction = _BETWEEN
             return places
         found = self._candidate(iterate)
         if found is not None and (self.best is None or found.value < self.best.value):
@@ -255,16 +271,16 @@ class Descent:
                     else slow_down(loads, ScaledTime(motion, 1.0)).trajectory
                 )
             except TimingFailed as failure:
-                self.hindrance = Obstruction(failure.message, failure.hint or _LIMITS)
+                self.obstruction = Obstruction(failure.message, failure.hint or _LIMITS)
                 return None
         elif factor > 1.0 + _ROUNDING or self._exceeds_effort_limits(motion):
-            self.hindrance = self._worst_limit(motion)
+            self.obstruction = self._worst_limit(motion)
             return None
         if motion.duration > self.longest * (1.0 + _ROUNDING):
             message = f"the shortest motion that was found takes {motion.duration:.4g} s"
-            self.hindrance = Obstruction(message, "Allow a longer duration, or raise the limits.")
+            self.obstruction = Obstruction(message, "Allow a longer duration, or raise the limits.")
             return None
-        return Candidate(iterate, motion, self._worth(motion))
+        return Candidate(iterate, motion, self._objective(motion))
 
     def _worst_limit(self, motion: Trajectory) -> Obstruction:
         """Which limit a motion exceeds the most, by how much."""
@@ -287,4 +303,4 @@ class Descent:
     def _add(self, places: list[float]) -> None:
         about = 0.5 / self.iterate.space.pieces
         self.places = self.places.with_more(places, about, _SPARE)
-        self.seen = self._look(self.iterate)
+        self.linearization = self._linearize(self.iterate)

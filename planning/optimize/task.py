@@ -68,8 +68,8 @@ class Task:
         bounds: Limits of velocity, acceleration and perhaps jerk, shape (n,) each, by quantity.
         loads: Limits of torque and tool speed.
         constraints: What every configuration on the way has to hold.
-        wishes: Soft constraints: what they are violated by costs something.
-        carrier: The robot with all that it carries, for the energy objective.
+        soft: Soft constraints: what they are violated by costs something.
+        loaded_chain: The robot with all that it carries, for the energy objective.
     """
 
     checker: Checker
@@ -78,8 +78,8 @@ class Task:
     bounds: Mapping[str, Array]
     loads: EffortLimits | None = None
     constraints: ConstraintSet | None = None
-    carrier: Chain | None = field(default=None, repr=False)
-    wishes: ConstraintSet | None = None
+    loaded_chain: Chain | None = field(default=None, repr=False)
+    soft: ConstraintSet | None = None
 
     @property
     def chain(self) -> Chain:

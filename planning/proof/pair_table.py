@@ -149,7 +149,7 @@ class _Elements(NamedTuple):
     margins: Array
 
     @classmethod
-    def joined(cls, *blocks: "_Elements") -> "_Elements":
+    def concatenate(cls, *blocks: "_Elements") -> "_Elements":
         """Those of several one behind the other."""
         return cls(*map(np.concatenate, zip(*blocks, strict=True)))
 
@@ -168,7 +168,7 @@ def _arrays(robot: RobotGeometry, scene: Scene) -> PairArrays:
     placed = around.row - p
     around = around._replace(parts=owners[placed], margins=margins[placed])
     boxed = _tree(still, margins, moving, moving + len(around.kinds))
-    everything = _Elements.joined(own, around, boxed)
+    everything = _Elements.concatenate(own, around, boxed)
     joints = np.full(len(everything.kinds), -1, dtype=np.int64)
     joints[:moving] = robot.joints[own.parts]
     skipped = _pairs_that_may_touch(robot, scene)
@@ -267,7 +267,7 @@ def _solids(
         np.zeros((len(leaf), 3)), poses, centers, np.linalg.norm(boxes[:, 3:], axis=1), boxes,
         np.where(leaf, 0, 2), kids, 0 * owner, numbers[owner], first, np.zeros(len(leaf)),
     )  # fmt: skip
-    return _Elements.joined(pieces, below)
+    return _Elements.concatenate(pieces, below)
 
 
 def _tree(still: PieceArrays, margins: Array, moving: int, base: int) -> _Elements:

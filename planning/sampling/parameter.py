@@ -42,7 +42,7 @@ class Parameter:
         return fits and not (self.above and value == self.least)
 
     @property
-    def needed(self) -> str:
+    def requirement(self) -> str:
         """The values that it takes, for a person."""
         if self.kind == "switch":
             return "true or false"

@@ -50,19 +50,19 @@ def _number(
     return Parameter(name, "number", default, least, most, above)
 
 
-def _whole(name: str, default: int | None, least: int, most: int) -> Parameter:
+def _integer(name: str, default: int | None, least: int, most: int) -> Parameter:
     return Parameter(name, "whole", default, least, most)
 
 
-def _on(name: str) -> Parameter:
+def _switch_on(name: str) -> Parameter:
     return Parameter(name, "switch", True)
 
 
-def _off(name: str) -> Parameter:
+def _switch_off(name: str) -> Parameter:
     return Parameter(name, "switch", False)
 
 
-_BUDGETS = (_whole("max_iterations", None, 1, _MAX), _whole("max_edges", None, 1, _MAX))
+_BUDGETS = (_integer("max_iterations", None, 1, _MAX), _integer("max_edges", None, 1, _MAX))
 _THRESHOLD = _number("cost_threshold", None, 0.0, 1e6, above=True)
 _RANGE = _number("range", DEFAULT_RANGE, 0.0, 10_000.0, above=True)
 _BIAS = _number("goal_bias", 0.05)
@@ -77,46 +77,46 @@ def _tree_star(*, informed: bool, ordered: bool) -> tuple[Parameter, ...]:
         _RANGE,
         _BIAS,
         _number("rewire_factor", 1.1, 1.0, 10.0),
-        _on("k_nearest"),
-        _on("delay_cc"),
-        (_on if informed else _off)("tree_pruning"),
+        _switch_on("k_nearest"),
+        _switch_on("delay_cc"),
+        (_switch_on if informed else _switch_off)("tree_pruning"),
         _number("prune_threshold", 0.05),
-        (_on if informed else _off)("pruned_measure"),
-        (_on if informed else _off)("informed_sampling"),
-        _off("sample_rejection"),
-        _off("new_state_rejection"),
-        _on("admissible_cost_to_come"),
-        (_on if ordered else _off)("ordered_sampling"),
-        _whole("batch_size", 100 if ordered else 1, 1, 100_000),
-        _whole("num_sampling_attempts", 100, 10, 100_000),
+        (_switch_on if informed else _switch_off)("pruned_measure"),
+        (_switch_on if informed else _switch_off)("informed_sampling"),
+        _switch_off("sample_rejection"),
+        _switch_off("new_state_rejection"),
+        _switch_on("admissible_cost_to_come"),
+        (_switch_on if ordered else _switch_off)("ordered_sampling"),
+        _integer("batch_size", 100 if ordered else 1, 1, 100_000),
+        _integer("num_sampling_attempts", 100, 10, 100_000),
     )
 
 
 def _fast_marching_options(*, radius: float, heuristics: bool) -> tuple[Parameter, ...]:
     """Options of fast marching trees."""
     return (
-        _whole("num_samples", 1000, 10, 20_000),
+        _integer("num_samples", 1000, 10, 20_000),
         _number("radius_multiplier", radius, 0.1, 50.0),
         _number("free_space_volume", None, 0.0, 1e12, above=True),
-        _on("nearest_k"),
-        _on("cache_cc"),
-        (_on if heuristics else _off)("heuristics"),
-        _on("extended_fmt"),
+        _switch_on("nearest_k"),
+        _switch_on("cache_cc"),
+        (_switch_on if heuristics else _switch_off)("heuristics"),
+        _switch_on("extended_fmt"),
     )
 
 
 _BATCH_TREES = (
     _number("rewire_factor", 1.1, 1.0, 10.0),
-    _whole("samples_per_batch", 100, 1, 10_000),
-    _on("use_k_nearest"),
-    _on("pruning"),
+    _integer("samples_per_batch", 100, 1, 10_000),
+    _switch_on("use_k_nearest"),
+    _switch_on("pruning"),
     _number("prune_threshold_fraction", 0.05),
-    _off("drop_samples_on_prune"),
-    _off("stop_on_soln_improvement"),
+    _switch_off("drop_samples_on_prune"),
+    _switch_off("stop_on_soln_improvement"),
 )
 
 _CATALOGUE: Mapping[str, Planner] = {
-    "rrt_connect": Planner("RRTConnect", (_RANGE, _off("intermediate_states"))),
+    "rrt_connect": Planner("RRTConnect", (_RANGE, _switch_off("intermediate_states"))),
     "aorrtc": Planner("AORRTC", (_RANGE,), improves=True, one_goal=True),
     "bfmt": Planner(
         "BFMT",
@@ -134,9 +134,9 @@ _CATALOGUE: Mapping[str, Planner] = {
     ),
     "kpiece1": Planner("KPIECE1", (_RANGE, _BIAS, _BORDER, _EXPANSION, _number(_LEAST_VALID, 0.2))),
     "lbkpiece1": Planner("LBKPIECE1", (_RANGE, _BORDER, _number(_LEAST_VALID, 0.5))),
-    "prm": Planner("PRM", (_whole("max_nearest_neighbors", None, 1, 1000),), roadmap=True),
+    "prm": Planner("PRM", (_integer("max_nearest_neighbors", None, 1, 1000),), roadmap=True),
     "prm_star": Planner("PRMstar", roadmap=True, improves=True),
-    "rrt": Planner("RRT", (_RANGE, _BIAS, _off("intermediate_states"))),
+    "rrt": Planner("RRT", (_RANGE, _BIAS, _switch_off("intermediate_states"))),
     "rrt_star": Planner("RRTstar", _tree_star(informed=False, ordered=False), improves=True),
     "sorrt_star": Planner("SORRTstar", _tree_star(informed=True, ordered=True), improves=True),
 }
@@ -171,7 +171,7 @@ def complete_options(planner: str, options: Mapping[str, Any]) -> dict[str, Valu
             )
         if not known[name].takes(value):
             raise InvalidOption(
-                f"planner_options.{name} must be {known[name].needed}, not {value!r}",
+                f"planner_options.{name} must be {known[name].requirement}, not {value!r}",
                 hint=hint,
                 options=list(known),
             )
@@ -195,7 +195,7 @@ def _fit_together(values: Mapping[str, Value], hint: str) -> None:
 def describe_options(planner: str) -> str:
     """The options of a planner with what they take and their defaults, for a person."""
     return ", ".join(
-        f"{parameter.name} ({parameter.needed}; {_describe(parameter.default)})"
+        f"{parameter.name} ({parameter.requirement}; {_describe(parameter.default)})"
         for parameter in planner_by_name(planner).options.values()
     )
 

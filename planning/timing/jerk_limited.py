@@ -43,8 +43,10 @@ _NEARLY_INSIDE = 0.95
 # What is outside by less than this is mended in the next round, if there is one.
 _MENDED = 0.8
 _BISECTIONS = 8
-# How far from its limits the method begins: with a first guess, and with a nearly right one.
-_FAR, _NEAR = 0.3, 0.03
+# Barrier parameter at the start from a first guess: far from the limits [-].
+_FAR = 0.3
+# Barrier parameter at the start from a guess that is nearly right [-].
+_NEAR = 0.03
 # Where the motion between knots takes longer than this without exceeding limits, they are lowered
 # there and the speeds found anew: of the excess hardly a tenth is left each time.
 _ENOUGH = 1.01

@@ -63,7 +63,7 @@ async def compute(
     if context is not None:
         background = Background(seconds, context.on_start)
         return await supervisor.submit(job, on_progress or context.on_progress, background)
-    working = asyncio.ensure_future(supervisor.submit(job.within(seconds)))
+    working = asyncio.ensure_future(supervisor.submit(job.with_timeout(seconds)))
     leaving = asyncio.ensure_future(_disconnection(request))
     try:
         await asyncio.wait({working, leaving}, return_when=asyncio.FIRST_COMPLETED)

@@ -25,7 +25,7 @@ async def validated_by_worker(
         ProblemError: VALIDATION_ERROR; as `WorkerSupervisor.submit`.
     """
     job = outline.job(f"{model.__module__}:{model.__qualname__}", content)
-    result = await supervisor_of(request).submit(job.within(settings_of(request).max_timeout))
+    result = await supervisor_of(request).submit(job.with_timeout(settings_of(request).max_timeout))
     if isinstance(result, TaskProblem):
         raise from_fields(result.code, result.message, result.hint, result.details)
     return result

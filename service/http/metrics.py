@@ -62,18 +62,18 @@ class Metrics:
         )
         self.registry.register(_State(app))
 
-    def answered(self, route: str, method: str, status: int, seconds: float) -> None:
+    def count_request(self, route: str, method: str, status: int, seconds: float) -> None:
         """Count a request."""
         named = method if method in _METHODS else _OTHER
         self._requests.labels(route, named, str(status)).inc()
         self._seconds.labels(route, named).observe(seconds)
 
-    def plan_succeeded(self, planner: str, stages: Iterable[tuple[str, float]]) -> None:
+    def count_plan(self, planner: str, stages: Iterable[tuple[str, float]]) -> None:
         """Count a plan, and its stages with their durations [s]."""
         self._plans.labels("SUCCESS", planner).inc()
         self._observe(stages)
 
-    def plan_failed(self, code: str, stages: Any) -> None:
+    def count_failure(self, code: str, stages: Any) -> None:
         """Count a problem in place of a plan, and its stages where they are known."""
         self._plans.labels(code if code in KINDS else _OTHER, "").inc()
         if isinstance(stages, Sequence):
@@ -175,4 +175,4 @@ class Measured:
             # A path that no route has is whatever somebody typed.
             route = getattr(scope.get("route"), "path", None) or "unmatched"
             seconds = time.perf_counter() - began
-            self._metrics.answered(route, scope["method"], status, seconds)
+            self._metrics.count_request(route, scope["method"], status, seconds)

@@ -59,7 +59,7 @@ async def plan_answer(
             on_progress=on_progress,
         )
     except ProblemError as problem:
-        metrics.plan_failed(problem.code, problem.details.get("stages"))
+        metrics.count_failure(problem.code, problem.details.get("stages"))
         raise
-    metrics.plan_succeeded(outcome.planner, outcome.stages)
+    metrics.count_plan(outcome.planner, outcome.stages)
     return outcome.content

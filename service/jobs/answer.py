@@ -19,10 +19,10 @@ def job_summary(record: JobRecord, lifetime: float | None = None) -> JobSummary:
         status=record.status,
         progress=record.progress,
         stage=record.stage,
-        created=_iso(record.created) or "",
-        started=_iso(record.started),
-        ended=_iso(record.ended),
-        expires=_iso(expires),
+        created=_iso_time(record.created) or "",
+        started=_iso_time(record.started),
+        ended=_iso_time(record.ended),
+        expires=_iso_time(expires),
         location=record.location,
     )
 
@@ -45,5 +45,5 @@ def _embed(answer: JobAnswer) -> bytes:
     return to_json(answer.content.decode("utf-8", "replace"))
 
 
-def _iso(seconds: float | None) -> str | None:
+def _iso_time(seconds: float | None) -> str | None:
     return None if seconds is None else datetime.fromtimestamp(seconds, UTC).isoformat()

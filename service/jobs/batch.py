@@ -84,7 +84,7 @@ class Batch:
             except ArmwrightError as error:
                 self._note(index, from_domain(error))
             except TimeoutError:
-                self._note(index, _overdue(self._settings.job_deadline))
+                self._note(index, _timeout_problem(self._settings.job_deadline))
             except Exception:  # noqa: BLE001  (a mistake of ours costs this problem alone)
                 self._note(index, unexpected_fault(f"problem {index} of job {self._context.id}"))
             self._done += 1
@@ -120,7 +120,7 @@ class Batch:
         )
 
 
-def _overdue(seconds: float) -> ProblemError:
+def _timeout_problem(seconds: float) -> ProblemError:
     return ProblemError(
         "TIMED_OUT",
         f"the batch did not come so far within the {seconds:g} s that a job may take",

@@ -69,7 +69,7 @@ class LiveJob:
         self._publish("status")
 
     @property
-    def ended(self) -> bool:
+    def has_ended(self) -> bool:
         """Whether it has succeeded, failed or was cancelled."""
         return self.record.status in ENDED
 
@@ -83,7 +83,7 @@ class LiveJob:
 
     def advance(self, progress: float, stage: str) -> None:
         """Note the progress, which never goes back, also where the work began anew."""
-        if self.ended:
+        if self.has_ended:
             return
         further = min(max(self.record.progress, progress), 1.0)
         kind = "stage" if stage != self.record.stage else "progress"

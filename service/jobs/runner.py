@@ -87,12 +87,12 @@ class Jobs:
             task.cancel()
         await asyncio.gather(*tasks, *self._chores, return_exceptions=True)
         for live in list(self._live.values()):
-            if not live.ended:
+            if not live.has_ended:
                 await run_in_threadpool(self._store.update, live.wait_again())
         self._live.clear()
 
     @property
-    def unfinished(self) -> int:
+    def unfinished_count(self) -> int:
         """Jobs that wait or run."""
         return len(self._live)
 
@@ -120,7 +120,7 @@ class Jobs:
             ProblemError: As `check_room`.
         """
         self.check_room(len(request.body))
-        live = LiveJob(_new(request), self._deadline(), len(request.body))
+        live = LiveJob(_new_record(request), self._deadline(), len(request.body))
         self._live[live.record.id] = live
         try:
             await run_in_threadpool(self._store.add, live.record, request)
@@ -137,7 +137,7 @@ class Jobs:
         """Make a job of a request that was answered already."""
         if self._stopping:
             raise ShuttingDown
-        live = LiveJob(_new(request), self._deadline(), 0)
+        live = LiveJob(_new_record(request), self._deadline(), 0)
         await run_in_threadpool(self._store.add, live.record, None)
         live.start()
         live.end("succeeded", answer, location)
@@ -169,7 +169,7 @@ class Jobs:
             ProblemError: NOT_FOUND; CONFLICT, it has ended already.
         """
         live = self._live.get(job_id)
-        if live is None or live.ended:
+        if live is None or live.has_ended:
             record, _ = await self.get(job_id)
             if record.status == "cancelled":
                 return record
@@ -196,7 +196,7 @@ class Jobs:
         if record.status not in ENDED or record.event <= after:
             return None
         error = answer.content if record.status == "failed" and answer is not None else None
-        return _only(describe(record, "end", error))
+        return _single_event(describe(record, "end", error))
 
     # ------------------------------------------------------------------------------ running
 
@@ -209,7 +209,7 @@ class Jobs:
         queue = self._queues[batch]
         while queue and self._running[batch] < self._limits[batch] and not self._stopping:
             live = queue.popleft()
-            if live.ended:
+            if live.has_ended:
                 continue
             self._running[batch] += 1
             live.task = asyncio.create_task(self._run(live, batch))
@@ -252,13 +252,13 @@ class Jobs:
 
     async def _save(self, live: LiveJob) -> None:
         async with live.saving:
-            if not live.ended:
+            if not live.has_ended:
                 await run_in_threadpool(self._store.update, live.record)
 
     async def _finish(
         self, live: LiveJob, status: Status, answer: JobAnswer | None, location: str | None = None
     ) -> None:
-        if live.ended:
+        if live.has_ended:
             return
         live.end(status, answer, location)
         if status == "cancelled" and live.task is not None:
@@ -295,7 +295,7 @@ class Jobs:
             for event in live.since(after):
                 after = event.number
                 yield event.encode()
-            if live.ended or self._stopping:
+            if live.has_ended or self._stopping:
                 return
             if not await self._change(changed):
                 yield b": keep-alive\n\n"
@@ -315,11 +315,11 @@ class Jobs:
                 future.cancel()
 
 
-async def _only(event: Event) -> AsyncIterator[bytes]:
+async def _single_event(event: Event) -> AsyncIterator[bytes]:
     yield event.encode()
 
 
-def _new(request: StoredRequest) -> JobRecord:
+def _new_record(request: StoredRequest) -> JobRecord:
     # Twelve digits of time let later jobs sort after earlier ones; the rest can't be guessed.
     now = time.time()
     job_id = f"{int(1000 * now):012x}{secrets.token_hex(10)}"

@@ -24,7 +24,7 @@ class CollisionCheck:
         self._checker = Checker.of(cell.robot, cell.scene)
         self._world = FclWorld(cell.robot, cell.scene)
 
-    def applied(self, answers: list[dict[str, Any]], *, everything: bool) -> list[dict[str, Any]]:
+    def apply(self, answers: list[dict[str, Any]], *, everything: bool) -> list[dict[str, Any]]:
         """Solutions with their collisions, usable ones first.
 
         Args:

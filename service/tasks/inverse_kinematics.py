@@ -125,7 +125,7 @@ def _one(query: _Query, pose: Pose | None) -> dict[str, Any] | TaskProblem:
         return unreachable(chain, query.link, result)
     answers = [solution_answer(chain, solution) for solution in result.solutions]
     if check is not None:
-        answers = check.applied(answers, everything=body.all_solutions)
+        answers = check.apply(answers, everything=body.all_solutions)
         if not body.all_solutions and not answers[0]["collision_free"]:
             return all_in_collision(query.link, answers)
     count = body.max_solutions or (len(answers) if body.all_solutions or body.all_turns else 1)

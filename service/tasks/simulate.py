@@ -84,7 +84,7 @@ def _tube(
     certificate = certify(motion, free, scene, deadline=deadline)
     around = tube(arm, motion, result.max_tracking_error)
     clearance = certificate.min_clearance
-    remaining = around.remaining(clearance)
+    remaining = around.remaining_clearance(clearance)
     reason = None
     if result.outcome is not SimulationOutcome.COMPLETED:
         reason = f"the simulation did not reach the end: {result.outcome.value}"

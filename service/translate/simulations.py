@@ -109,7 +109,7 @@ def _independent_joint(
         Kp, Kd = _either(body, ("Kp", "Kd"), (J, J))
         return IndependentJoint(model, Kp, Kd, J)
     _either(body, ("Kp", "Kd"), (J, J))
-    return IndependentJoint.placed(model, body.natural_frequency, body.damping, J)
+    return IndependentJoint.by_pole_placement(model, body.natural_frequency, body.damping, J)
 
 
 def _adaptive(body: schema.Adaptive, model: Chain, Lambda: Array, K: Array) -> Adaptive:

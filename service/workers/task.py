@@ -38,7 +38,7 @@ class Job(Generic[R_co]):
     deadline: Deadline = NEVER
     grace: float = 0.0
 
-    def within(self, seconds: float) -> "Job[R_co]":
+    def with_timeout(self, seconds: float) -> "Job[R_co]":
         """Job with a deadline that many seconds from now."""
         return replace(self, deadline=Deadline.after(seconds))
 

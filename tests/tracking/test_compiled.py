@@ -36,8 +36,8 @@ PANDA = np.array([0.0, -0.5, 0.0, -2.0, 0.0, 1.6, 0.8])
 def controllers(chain: Chain, q: Array, w: float = 15.0) -> dict[Kind, Controller]:
     felt = effective_inertia(chain, q)
     return {
-        Kind.INDEPENDENT_JOINT: IndependentJoint.placed(chain, w, 1.0, felt),
-        Kind.COMPUTED_TORQUE: ComputedTorque.placed(chain, w),
+        Kind.INDEPENDENT_JOINT: IndependentJoint.by_pole_placement(chain, w, 1.0, felt),
+        Kind.COMPUTED_TORQUE: ComputedTorque.by_pole_placement(chain, w),
         Kind.PD_GRAVITY: PdGravity(chain, felt * w**2, 2.0 * felt * w),
         Kind.PASSIVITY: Passivity(chain, np.array(w), felt * w),
         Kind.ADAPTIVE: Adaptive(chain, np.array(w), felt * w, np.array(0.3)),
@@ -118,7 +118,7 @@ def test_absurd_gains_are_integrated_all_the_same() -> None:
     """At a million rad/s the explicit method is stable in steps that no accuracy asks for."""
     chain = planar_rr()
     trajectory = smooth(chain, np.zeros(2), np.ones(2))
-    result = simulate(ComputedTorque.placed(chain, 1e6), trajectory, FREE)
+    result = simulate(ComputedTorque.by_pole_placement(chain, 1e6), trajectory, FREE)
     assert result.outcome is SimulationOutcome.COMPLETED
     assert result.implicit_steps > 0
     # The exact loop has no error; a hundred times the tolerance is what thousands of steps add up.
@@ -170,7 +170,7 @@ def test_the_error_follows_the_tolerance(tolerance: float) -> None:
 
 def test_noise_is_seeded() -> None:
     chain = planar_rr()
-    controller = ComputedTorque.placed(chain, 20.0)
+    controller = ComputedTorque.by_pole_placement(chain, 20.0)
     trajectory = smooth(chain, np.zeros(2), np.ones(2))
     options = replace(FREE, control_period=2e-3)
 

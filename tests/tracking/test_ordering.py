@@ -30,8 +30,8 @@ def five(model: Chain, q: Array, w: float) -> Mapping[str, Controller]:
     """All controllers of one bandwidth."""
     felt = effective_inertia(model, q)
     return {
-        "independent_joint": IndependentJoint.placed(model, w, 1.0, felt),
-        "computed_torque": ComputedTorque.placed(model, w),
+        "independent_joint": IndependentJoint.by_pole_placement(model, w, 1.0, felt),
+        "computed_torque": ComputedTorque.by_pole_placement(model, w),
         "pd_gravity": PdGravity(model, felt * w**2, 2.0 * felt * w),
         "passivity": Passivity(model, np.array(w), felt * w),
         "adaptive": Adaptive(model, np.array(w), felt * w, np.array(1.0)),
@@ -86,7 +86,9 @@ def test_more_gain_makes_up_for_a_wrong_model() -> None:
     wrong = scale_masses(chain, 1.3)
     path = smooth(chain, PANDA, PANDA + 0.5, 1.0)
     worst = [
-        simulate(ComputedTorque.placed(wrong, w), path, FREE, robot=chain).max_tracking_error.max()
+        simulate(
+            ComputedTorque.by_pole_placement(wrong, w), path, FREE, robot=chain
+        ).max_tracking_error.max()
         for w in (10.0, 20.0, 40.0)
     ]
     # The disturbance is the same: the error goes with 1 / k_p = 1 / w^2.
@@ -99,7 +101,7 @@ def test_error_decays_at_the_placed_poles(name: str) -> None:
     chain = builtin_chain(name)
     q = np.full(chain.n, 0.1)
     w, zeta = 12.0, 0.6
-    controller = ComputedTorque.placed(chain, w, zeta)
+    controller = ComputedTorque.by_pole_placement(chain, w, zeta)
     options = SimulationOptions(
         saturate=False, relative_tolerance=1e-10, absolute_tolerance=1e-12, duration=2.0
     )

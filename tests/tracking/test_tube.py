@@ -67,7 +67,9 @@ def test_what_remains_is_less_than_what_there_is() -> None:
         t = rng.uniform()
         q = path.sample([t])[0]
         off = q + error * rng.uniform(-1.0, 1.0, chain.n)
-        assert world.clearance(off).distance >= around.remaining(world.clearance(q).distance)
+        assert world.clearance(off).distance >= around.remaining_clearance(
+            world.clearance(q).distance
+        )
 
 
 def test_no_error_costs_nothing() -> None:
@@ -75,5 +77,5 @@ def test_no_error_costs_nothing() -> None:
     q = np.zeros(7)
     around = tube(robot, smooth(robot.chain, q, q + 1.0), np.zeros(7))
     assert around.displacement == 0.0
-    assert around.remaining(0.02) == 0.02
+    assert around.remaining_clearance(0.02) == 0.02
     assert (np.diff(around.reach) <= 0.0).all()

@@ -38,7 +38,7 @@ def test_goals_near_what_was_reached() -> None:
     frame = MODEL.getFrameId(ROBOT.chain.tip_link)
     for k in range(60):
         near = HOME + rng.normal(scale=0.15, size=7)
-        q = region.near(near, k)
+        q = region.goal_near(near, k)
         if q is None:
             continue
         found += 1

@@ -60,7 +60,7 @@ def test_a_motion_is_brought_into_its_cone_and_kept_there() -> None:
     near = fit_spline(task, SplineSpace.uniform(3, 16), known)
     descent = Descent(task, RefineOptions(rounds=40), near, np.inf, Deadline.after(60.0))
     descent.run(Deadline.after(300.0))
-    assert descent.best is not None, descent.hindrance
+    assert descent.best is not None, descent.obstruction
     motion = descent.best.trajectory
     proof = certify(motion, ROBOT, Scene(), limits=MotionLimits(bounds), constraints=held)
     assert proof.verified, proof.violation
@@ -106,9 +106,9 @@ def test_a_wish_is_paid_for_with_time() -> None:
         assert one[0] + 0.5 * weight * one[1] <= min(costs) * 1.02
 
 
-def test_the_model_of_wishes_has_their_gradient() -> None:
+def test_the_model_of_soft_constraints_has_their_gradient() -> None:
     start, goal = at([0.35, -0.4, 0.3]), at([0.45, 0.35, 0.5])
-    wishes = ConstraintSet(
+    soft = ConstraintSet(
         CHAIN,
         (
             replace(CONE, weight=30.0),
@@ -123,15 +123,13 @@ def test_the_model_of_wishes_has_their_gradient() -> None:
     here = Iterate(space, points, 1.3)
     z = np.append(points.ravel(), [1.3, 0.0])
     weights: dict[Objective, float] = {"time": 1.0}
-    models = [
-        objective.model(task, weights, here) for task in (plain, replace(plain, wishes=wishes))
-    ]
+    models = [objective.model(task, weights, here) for task in (plain, replace(plain, soft=soft))]
     gradient = (models[1].H - models[0].H) @ z + models[1].g - models[0].g
 
     def worth(at: np.ndarray) -> float:
         motion = Iterate(space, at[:-2].reshape(12, 7), float(at[-2]))
         moving = motion.trajectory(CHAIN.joint_names)
-        return objective.value(moving, {}, CHAIN, wishes)
+        return objective.value(moving, {}, CHAIN, soft)
 
     for _ in range(5):
         direction = np.append(rng.normal(size=len(z) - 1), 0.0)

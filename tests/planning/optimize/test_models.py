@@ -10,7 +10,7 @@ from planning.deadline import Deadline
 from planning.effort_limits import EffortLimits
 from planning.optimize import objective
 from planning.optimize.iterate import Iterate
-from planning.optimize.linearization import Checkpoints, least_factor, look
+from planning.optimize.linearization import Checkpoints, least_factor, linearize
 from planning.optimize.options import Objective
 from planning.optimize.quadratic import Quadratic
 from planning.optimize.response import tool_speed, torques
@@ -77,7 +77,7 @@ def test_limit_rows_lie_on_the_safe_side() -> None:
 def test_ends_that_move_are_exact() -> None:
     rng = np.random.default_rng(8)
     start, end = (End(*rng.normal(size=(3, 7))) for _ in range(2))
-    at = iterate(9).ended(start, end)
+    at = iterate(9).with_ends(start, end)
     motion = at.trajectory(PANDA.joint_names)
     for given, time in ((start, 0.0), (end, motion.duration)):
         for order, values in enumerate(given.derivatives):
@@ -89,8 +89,8 @@ def test_ends_that_move_are_exact() -> None:
 def test_rows_of_obstacles_follow_distances() -> None:
     at, scene = iterate(10, 0.02), pillar(angle=0.4, distance=0.55)
     asked = task(scene=scene)
-    places = Checkpoints.within(SPACE.breaks, 3, 0.0)
-    rows = stack_rows(list(look(asked, at, places, 0.3, Deadline.after(60.0)).rows))
+    places = Checkpoints.uniform(SPACE.breaks, 3, 0.0)
+    rows = stack_rows(list(linearize(asked, at, places, 0.3, Deadline.after(60.0)).rows))
     z = packed(at)
     room = rows.upper - rows.A @ z
     nearest = []
@@ -105,11 +105,11 @@ def test_loads_tell_how_much_slower() -> None:
     chain = with_payload(PANDA, 3.0)
     loads = EffortLimits(chain, PANDA.limits.effort, 0.4)
     at, asked = iterate(11), task(loads)
-    places = Checkpoints.within(SPACE.breaks, 3, 0.0)
+    places = Checkpoints.uniform(SPACE.breaks, 3, 0.0)
     factor = least_factor(asked, at, places)
     assert factor > 1.0
     slower = Iterate(SPACE, at.points, at.duration * factor)
-    assert look(asked, slower, places, 0.1, Deadline.after(60.0)).violation == 0.0
+    assert linearize(asked, slower, places, 0.1, Deadline.after(60.0)).violation == 0.0
     assert least_factor(asked, slower, places) == pytest.approx(1.0, abs=0.02)
 
 

@@ -28,10 +28,10 @@ def test_values(parameter: Parameter, values: list[Any], refused: list[Any]) -> 
 
 
 def test_ranges_are_told() -> None:
-    assert NUMBER.needed == "a number above 0 to 10"
-    assert SHARE.needed == "a number from 0 to 1"
-    assert WHOLE.needed == "a whole number from 1 to 100"
-    assert SWITCH.needed == "true or false"
+    assert NUMBER.requirement == "a number above 0 to 10"
+    assert SHARE.requirement == "a number from 0 to 1"
+    assert WHOLE.requirement == "a whole number from 1 to 100"
+    assert SWITCH.requirement == "true or false"
 
 
 def test_names_are_spelled_as_ompl_spells_its_methods() -> None:

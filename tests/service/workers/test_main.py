@@ -55,7 +55,7 @@ def test_jobs_are_answered_until_the_channel_closes() -> None:
             send(channel, chores.add.job(2, b=3))
             assert receive(channel) == (Reply.STARTED,)
             assert receive(channel) == (Reply.RESULT, 5)
-        send(channel, chores.remaining.job().within(30.0))
+        send(channel, chores.remaining.job().with_timeout(30.0))
         assert receive(channel) == (Reply.STARTED,)
         kind, left = receive(channel)
         assert kind == Reply.RESULT

@@ -28,7 +28,7 @@ PRELOAD = ("__main__", "service.preload")
 
 def chore(name: str, *args: Any, seconds: float = 20.0, **kwargs: Any) -> Job[Any]:
     job: Job[Any] = Job(f"tests.service.chores:{name}", args, kwargs)
-    return job.within(seconds)
+    return job.with_timeout(seconds)
 
 
 @asynccontextmanager
@@ -134,7 +134,7 @@ def test_only_registered_functions_are_tasks(name: str) -> None:
         async with supervisor(1) as workers:
             job: Job[Any] = Job(name)
             with pytest.raises(ProblemError) as fault:
-                await workers.submit(job.within(60.0))
+                await workers.submit(job.with_timeout(60.0))
             assert fault.value.code == "CRASH"
 
     asyncio.run(run())

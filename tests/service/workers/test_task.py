@@ -21,7 +21,7 @@ def test_a_task_is_its_function_and_makes_jobs() -> None:
 
 def test_a_deadline_is_a_field_of_the_job() -> None:
     before = time.monotonic()
-    job = chores.add.job(1, 2).within(3.0)
+    job = chores.add.job(1, 2).with_timeout(3.0)
     assert before + 3.0 <= job.deadline.at <= time.monotonic() + 3.0
     assert job.args == (1, 2)
 
