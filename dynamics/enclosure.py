@@ -102,7 +102,7 @@ def cross_constant(v: Vector, a: float, b: float, c: float) -> Vector:
 
 
 @kernel
-def to_joint_frame(A: Array, s: Enclosure, c: Enclosure, v: Vector) -> Vector:
+def to_joint(A: Array, s: Enclosure, c: Enclosure, v: Vector) -> Vector:
     """A vector of the frame before a joint in the frame behind it: Rz(q)^T R_A^T v."""
     x = combine(A[0, 0], A[1, 0], A[2, 0], v)
     y = combine(A[0, 1], A[1, 1], A[2, 1], v)
@@ -115,7 +115,7 @@ def to_joint_frame(A: Array, s: Enclosure, c: Enclosure, v: Vector) -> Vector:
 
 
 @kernel
-def to_parent_frame(A: Array, s: Enclosure, c: Enclosure, v: Vector) -> Vector:
+def to_parent(A: Array, s: Enclosure, c: Enclosure, v: Vector) -> Vector:
     """The other way: R_A Rz(q) v."""
     x = add(multiply(c, v[0]), scale(-1.0, multiply(s, v[1])))
     y = add(multiply(s, v[0]), multiply(c, v[1]))
@@ -188,12 +188,8 @@ def enclosure_kernel(
             arm = plus(constant(px, py, pz), slide)
             arm_speed = cross(w, arm)
             a = plus(a, plus(cross(dw, arm), cross(w, arm_speed)))
-        v = to_joint_frame(A, s, c, plus(v, arm_speed))
-        a, w, dw = (
-            to_joint_frame(A, s, c, a),
-            to_joint_frame(A, s, c, w),
-            to_joint_frame(A, s, c, dw),
-        )
+        v = to_joint(A, s, c, plus(v, arm_speed))
+        a, w, dw = to_joint(A, s, c, a), to_joint(A, s, c, w), to_joint(A, s, c, dw)
         if turns:
             # w x z qd = (w_y, -w_x, 0) qd.
             turn = (multiply(w[1], qd), scale(-1.0, multiply(w[0], qd)), qdd)
@@ -206,12 +202,8 @@ def enclosure_kernel(
             a = plus(a, coriolis)
             v = (v[0], v[1], add(v[2], qd))
         m, b, tensor = bodies.masses[i], bodies.centers[i], bodies.tensors[i]
-        center = plus(
-            a,
-            plus(
-                cross_constant(dw, b[0], b[1], b[2]), cross(w, cross_constant(w, b[0], b[1], b[2]))
-            ),
-        )
+        swing = cross(w, cross_constant(w, b[0], b[1], b[2]))
+        center = plus(a, plus(cross_constant(dw, b[0], b[1], b[2]), swing))
         force = (scale(m, center[0]), scale(m, center[1]), scale(m, center[2]))
         turning = (
             combine(tensor[0, 0], tensor[0, 1], tensor[0, 2], w),
@@ -253,7 +245,7 @@ def _torques_kernel(bodies: Bodies, motions: Array, vectors: Array, out: Array) 
             s, c = sine_cosine(q)
         else:
             s, c = zero, (1.0, 0.0, 0.0)
-        force, moment = to_parent_frame(A, s, c, force), to_parent_frame(A, s, c, moment)
+        force, moment = to_parent(A, s, c, force), to_parent(A, s, c, moment)
         arm = constant(A[0, 3], A[1, 3], A[2, 3])
         if not turns:
             arm = plus(arm, (scale(A[0, 2], q), scale(A[1, 2], q), scale(A[2, 2], q)))

@@ -95,11 +95,11 @@ def _outward(
         s, c, arm = _joint(A, q, revolute, h)
         swing = cross(w, arm, h)
         a = plus(a, plus(cross(dw, arm, h), cross(w, swing, h)))
-        v = _to_joint_frame(A, s, c, plus(v, swing), h)
+        v = _to_joint(A, s, c, plus(v, swing), h)
         a, w, dw = (
-            _to_joint_frame(A, s, c, a, h),
-            _to_joint_frame(A, s, c, w, h),
-            _to_joint_frame(A, s, c, dw, h),
+            _to_joint(A, s, c, a, h),
+            _to_joint(A, s, c, w, h),
+            _to_joint(A, s, c, dw, h),
         )
         if revolute:
             # The rate of w seen from the body: w x z rate = (w_y, -w_x, 0) rate.
@@ -154,7 +154,7 @@ def _joint(A: Array, q: Jet, revolute: bool, h: float) -> tuple[Jet, Jet, JetVec
 
 
 @kernel
-def _to_joint_frame(A: Array, s: Jet, c: Jet, v: JetVector, h: float) -> JetVector:
+def _to_joint(A: Array, s: Jet, c: Jet, v: JetVector, h: float) -> JetVector:
     """A vector of the frame before a joint in the joint's own: Rz(q)^T R_A^T v."""
     x = weighted_sum(A[0, 0], A[1, 0], A[2, 0], v)
     y = weighted_sum(A[0, 1], A[1, 1], A[2, 1], v)

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from dynamics.forward import forward_dynamics
-from dynamics.motor import Motor, driven
+from dynamics.motor import Motor, attach_motors
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from tests.dynamics.samples import pinocchio_model, planar_rr, random_chain, random_state
@@ -55,7 +55,7 @@ def test_a_driven_robot_moves_as_its_circuits_and_rotors_say(seed: int) -> None:
     motors = [random_motor(rng) for _ in range(chain.n)]
     model = pinocchio_model(chain)
     data = model.createData()
-    robot = driven(chain, motors)
+    robot = attach_motors(chain, motors)
     for q, qd, _ in zip(*random_state(chain, seed, 5), strict=True):
         voltage = rng.uniform(-48.0, 48.0, chain.n)
         M = pin.crba(model, data, q)
@@ -118,11 +118,11 @@ def test_zero_is_refused_only_where_it_would_be_divided_by(name: str) -> None:
 @pytest.mark.parametrize("count", [0, 1, 3])
 def test_every_joint_has_one_motor(count: int) -> None:
     with pytest.raises(InvalidOption, match=rf"{count} motor\(s\) for the 2 joints") as caught:
-        driven(planar_rr(), [Motor(1.0)] * count)
+        attach_motors(planar_rr(), [Motor(1.0)] * count)
     assert "q1, q2" in (caught.value.hint or "")
 
 
 def test_motors_keep_the_order_of_the_joints() -> None:
-    robot = driven(planar_rr(), [Motor(1.0, 0.1), Motor(2.0, 0.2, gear_ratio=10.0)])
+    robot = attach_motors(planar_rr(), [Motor(1.0, 0.1), Motor(2.0, 0.2, gear_ratio=10.0)])
     np.testing.assert_allclose(robot.motor_inertia, [1.0, 200.0])
     np.testing.assert_allclose(robot.viscous_friction, [0.1, 20.0])
