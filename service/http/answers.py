@@ -108,7 +108,7 @@ async def answer_at_once(
         if not isinstance(result, CacheMiss):
             return result
         await _prepare(request, result.reference)
-    raise _unprepared()
+    raise _replaced_meanwhile()
 
 
 async def answer_with(

@@ -83,7 +83,7 @@ async def compute_at_once(request: Request, job: Job[_R]) -> _R:
         ProblemError: As `WorkerSupervisor.submit`.
     """
     seconds = settings_of(request).default_timeout
-    return await supervisor_of(request).submit(job.within(seconds), brief=True)
+    return await supervisor_of(request).submit(job.with_timeout(seconds), brief=True)
 
 
 async def _disconnection(request: Request) -> None:

@@ -14,7 +14,7 @@ from service.http.errors import document, from_domain
 from service.http.job_context import JobContext
 from service.http.plan_answer import plan_answer
 from service.http.state import settings_of, supervisor_of
-from service.problem import ProblemError, unexpected
+from service.problem import ProblemError, unexpected_fault
 from service.storage import prepared_files
 from service.storage.cache_key import Reference
 from service.task_references import split

@@ -20,7 +20,7 @@ from service.schemas.scene import (
     SceneList,
     SceneSummary,
 )
-from service.schemas.validation import validated
+from service.schemas.validation import validate_as
 from service.storage import prepared_files
 from service.storage.cache_key import Reference
 from service.storage.document_store import Record

@@ -110,7 +110,7 @@ def read_scene(reference: Reference) -> Scene:
     return scene
 
 
-def _read(reference: Reference) -> tuple[bytes, ...]:
+def _read_entry(reference: Reference) -> tuple[bytes, ...]:
     parts: tuple[bytes, ...]
     try:
         with prepared_file(reference).open("rb") as stream:

@@ -16,7 +16,7 @@ from service.schemas.validation import validation_problem
 from service.storage import disk_cache, prepared_files, worker_cache
 from service.storage.cache_key import Reference
 from service.storage.disk_cache import PreparedRobot
-from service.tasks.answer import answering
+from service.tasks.answer import reports_cache_miss
 from service.tasks.result import CacheMiss, RobotModel
 from service.translate import poses, robots
 from service.translate.archive import read_archive
@@ -95,7 +95,7 @@ def prepare_robot(document: bytes, folder: str) -> bytes:
 
 
 @task
-@answering
+@reports_cache_miss
 def robot_model(robot: Reference) -> RobotModel | CacheMiss:
     """The model of a robot as it is answered, with the sizes that the server goes by."""
     prepared = worker_cache.robot(robot)

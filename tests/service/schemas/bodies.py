@@ -17,7 +17,7 @@ from service.schemas.retime import ConvertRequest, RetimeRequest
 from service.schemas.robot import RobotBody
 from service.schemas.scene import NamedScene, ProjectRequest
 from service.schemas.simulation import SimulateRequest
-from service.schemas.validation import validated
+from service.schemas.validation import validate_as
 
 #: Steps from a body to a value in it.
 Path = tuple[str | int, ...]
@@ -275,7 +275,7 @@ def values(body: Any, path: Path = ()) -> Iterator[tuple[Path, Any]]:
 def refusals(model: type[BaseModel], body: Any) -> dict[str, str]:
     """What is wrong with a body, by the paths of its faults; empty where nothing is."""
     try:
-        validated(model, body)
+        validate_as(model, body)
     except ProblemError as problem:
         if (problem.code, problem.stage) != ("VALIDATION_ERROR", "request"):
             raise

@@ -11,7 +11,7 @@ from pydantic import BaseModel
 
 import service.schemas
 from service.schemas.base import Body
-from service.schemas.validation import validated
+from service.schemas.validation import validate_as
 from tests.service.schemas.bodies import FULL, NAMES, changed, refusals, values, written
 
 bodies = pytest.mark.parametrize(("model", "body"), FULL, ids=NAMES)
@@ -43,7 +43,7 @@ def test_a_body_with_every_field_is_taken(model: type[BaseModel], body: Any) -> 
 def test_the_bodies_hold_every_field_that_a_request_may_have() -> None:
     given: dict[type, set[str]] = {}
     for model, body in FULL:
-        for part in models_in(validated(model, body)):
+        for part in models_in(validate_as(model, body)):
             for kind in type(part).__mro__:
                 given.setdefault(kind, set()).update(part.model_fields_set)
     missing = {
