@@ -31,7 +31,7 @@ def task(loads: EffortLimits | None = None, scene: Scene | None = None) -> Task:
         End.at_rest(at.points[-1], smooth=False),
         {"velocity": PANDA.limits.velocity, "acceleration": PANDA.limits.acceleration},
         loads,
-        carrier=PANDA,
+        loaded_chain=PANDA,
     )
 
 

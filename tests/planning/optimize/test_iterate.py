@@ -42,7 +42,7 @@ def test_ends_are_exact_and_the_rest_stays(accelerations: bool, degree: int) -> 
     space = SplineSpace.uniform(degree, 12)
     points = np.random.default_rng(2).normal(size=(12, 7))
     start, end = random_ends(3, accelerations)
-    at = Iterate(space, points, 0.7).ended(start, end)
+    at = Iterate(space, points, 0.7).with_ends(start, end)
     for given, place in ((start, 0.0), (end, 1.0)):
         for order, values in enumerate(given.derivatives):
             np.testing.assert_allclose(rates(at, place, order), values, atol=1e-9)
@@ -54,7 +54,7 @@ def test_ends_are_exact_and_the_rest_stays(accelerations: bool, degree: int) -> 
 def test_setting_ends_leaves_the_iterate_it_came_from_alone() -> None:
     at = iterate(4)
     before = at.points.copy()
-    at.ended(*random_ends(5))
+    at.with_ends(*random_ends(5))
     np.testing.assert_array_equal(at.points, before)
 
 
@@ -68,7 +68,9 @@ def test_setting_ends_twice_changes_nothing_more() -> None:
 
 def test_the_slower_a_motion_the_farther_its_velocity_moves_the_control_point() -> None:
     start, end = random_ends(8, accelerations=False)
-    moved = [Iterate(SPACE, iterate(9).points, T).ended(start, end).points[1] for T in (1.0, 2.0)]
+    moved = [
+        Iterate(SPACE, iterate(9).points, T).with_ends(start, end).points[1] for T in (1.0, 2.0)
+    ]
     np.testing.assert_allclose(
         moved[1] - start.position, 2.0 * (moved[0] - start.position), atol=1e-12
     )

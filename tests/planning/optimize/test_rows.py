@@ -7,7 +7,7 @@ import pytest
 
 from kinematics.arrays import Array
 from planning.optimize.iterate import Iterate
-from planning.optimize.rows import Rows, end_rows, limit_rows, local_matrix, stacked
+from planning.optimize.rows import Rows, end_rows, limit_rows, local_matrix, stack_rows
 from planning.optimize.spline import SplineSpace
 from planning.optimize.task import End, Task
 from tests.planning.optimize.motions import PANDA, SPACE, iterate, packed, task, unpacked
@@ -123,7 +123,7 @@ def test_no_places_give_no_rows() -> None:
 def test_stacked_rows_keep_their_order_and_bounds() -> None:
     first = Rows.below(np.array([[1.0, 2.0]]), np.array([3.0]))
     second = Rows(np.array([[4.0, 5.0], [6.0, 7.0]]), np.array([-1.0, 0.0]), np.array([1.0, 2.0]))
-    both = stacked([first, second])
+    both = stack_rows([first, second])
     np.testing.assert_array_equal(both.A.toarray(), [[1, 2], [4, 5], [6, 7]])
     np.testing.assert_array_equal(both.lower, [-np.inf, -1.0, 0.0])
     np.testing.assert_array_equal(both.upper, [3.0, 1.0, 2.0])

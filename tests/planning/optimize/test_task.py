@@ -56,17 +56,6 @@ def test_limits_are_ordered_by_derivative_and_left_out_where_there_are_none() ->
         assert list(replace(task(), bounds=bounds).orders) == orders
 
 
-def test_margins_add_up_and_nothing_else_changes() -> None:
-    asked = task()
-    more = asked.with_margin(0.01).with_margin(0.02)
-    assert more.checker.slack == pytest.approx(asked.checker.slack + 0.03)
-    assert more.checker.model is asked.checker.model
-    assert asked.checker.slack == 0.0
-    assert (more.start, more.end, more.bounds) == (asked.start, asked.end, asked.bounds)
-    distance, _ = asked.checker.clearance(HOME)
-    assert more.checker.clearance(HOME)[0] == pytest.approx(distance - 0.03, abs=1e-12)
-
-
 def test_a_task_is_still_where_both_ends_are() -> None:
     asked, moving = task(), End(HOME, np.ones(7))
     assert asked.still
