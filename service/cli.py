@@ -22,7 +22,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.print_help()
         return 2
     if chosen.command == "warm":
-        return _warm()
+        return _warm(chosen.processes, chosen.prune)
     from service.server import serve  # noqa: PLC0415
 
     given = {name: value for name, value in vars(chosen).items() if value is not None}
@@ -49,15 +49,31 @@ def _parser() -> argparse.ArgumentParser:
     serve.add_argument("--data-dir", type=Path, help="folder of the database (the user's data)")
     serve.add_argument("--workers", type=int, help="worker processes (one a core)")
     serve.add_argument("--log-level", choices=("debug", "info", "warning", "error"))
-    commands.add_parser("warm", help="compile all kernels into their cache on disk")
+    warm = commands.add_parser(
+        "warm",
+        help="compile all kernels into their cache on disk",
+        description="Compile every kernel that a request can reach, one process a core. What is "
+        "on disk already stays, so that an interrupted run goes on where it stopped.",
+    )
+    warm.add_argument("--processes", type=int, help="how many compile at once (one a core)")
+    warm.add_argument(
+        "--prune",
+        action="store_true",
+        help="afterwards remove the user's machine code that this version does not need",
+    )
     return parser
 
 
-def _warm() -> int:
-    from service.warm import warm_kernels  # noqa: PLC0415
+def _warm(processes: int | None, prune: bool) -> int:
+    from service import kernels  # noqa: PLC0415
+    from service.progress import Terminal  # noqa: PLC0415
 
-    for name, seconds in warm_kernels().items():
-        print(f"{name}: {seconds:.2f} s")
+    counts = kernels.compile_kernels(Terminal(sys.stderr).show, processes)
+    print(f"{counts.total} kernels are there, {counts.compiled} of them compiled now")
+    if counts.unknown:
+        print(f"{counts.unknown} lines of the list of kernels are out of date", file=sys.stderr)
+    if prune:
+        print(f"{kernels.prune()} files removed that this version does not need")
     return 0
 
 

@@ -54,6 +54,11 @@ class Code:
         """The code as bytes for a file."""
         return pickle.dumps(tuple(vars(self).values())[1:-1], protocol=5)
 
+    @classmethod
+    def unpickled(cls, name: str, content: bytes) -> "Code":
+        """The code of a name from the bytes of its file."""
+        return cls(name, *pickle.loads(content))
+
 
 #: Every kernel that was compiled or read in this process, and the kernels' symbols.
 _codes: dict[str, Code] = {}
@@ -69,7 +74,7 @@ def find(name: str) -> Code | None:
         if content is None:
             return None
         try:
-            code = Code(name, *pickle.loads(content))
+            code = Code.unpickled(name, content)
         except (AttributeError, ImportError):  # kept by a version with other types
             return None
         if any(find(need) is None for need in code.needs):

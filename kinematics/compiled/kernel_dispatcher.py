@@ -3,6 +3,7 @@
 import contextlib
 import gc
 import hashlib
+import os
 import pickle
 import sys
 from collections.abc import Iterator
@@ -27,7 +28,8 @@ from kinematics.compiled.kernel_writes import Use, writable
 #: Count up with every change of how kernels are compiled that does not show in their functions.
 _REVISION = 8
 
-
+#: Set to 1, it forbids to compile: what is called must have been compiled before.
+FROZEN = "ARMWRIGHT_KERNELS_FROZEN"
 #: Characters of names that are no good in names of files.
 _IN_NO_FILE = str.maketrans("", "", "<>/")
 
@@ -70,6 +72,23 @@ class Kernel(CPUDispatcher):
                 self._insert([kind._code for kind in given], self._doors[given], False)
         return self._doors[given]
 
+    def build(self, kinds: Any, door: bool) -> None:
+        """Compile for types of arguments, and keep the machine code, without loading it.
+
+        Args:
+            kinds: the types of the arguments, as they are; nothing is asked about constness.
+            door: whether Python is going to call it.
+        """
+        with global_compiler_lock:
+            result = self._overload(kinds)
+            if door:
+                self._door(result)
+
+    def names(self, kinds: Any, door: bool) -> list[str]:
+        """Names that its machine code is kept under, for types of its arguments."""
+        name = self._name(kinds)
+        return [name, self._door_name(name)] if door else [name]
+
     def use(self, kinds: Any) -> Use:
         """Use that this kernel makes of its arguments, for the types that it is compiled for."""
         return self._uses[kinds]
@@ -98,11 +117,15 @@ class Kernel(CPUDispatcher):
 
     def _door(self, result: Any) -> Code:
         kernel = result.entry_point.name
-        name = f"{kernel}.door{'' if self.targetoptions['nogil'] else '-locked'}"
-        found = kernel_code.find(name)
-        return found or kernel_code.keep(
-            kernel_code.door(name, kernel, result.fndesc, self._flags())
-        )
+        name = self._door_name(kernel)
+        code = kernel_code.find(name)
+        if code is None:
+            _expect_none_missing(name, result.signature.args)
+            code = kernel_code.keep(kernel_code.door(name, kernel, result.fndesc, self._flags()))
+        return code
+
+    def _door_name(self, kernel: str) -> str:
+        return f"{kernel}.door{'' if self.targetoptions['nogil'] else '-locked'}"
 
     def _overload(self, kinds: Any) -> Any:
         if kinds not in self.overloads:
@@ -118,6 +141,7 @@ class Kernel(CPUDispatcher):
         return found or kernel_code.keep(self._compiled(name, kinds))
 
     def _compiled(self, name: str, kinds: Any) -> Code:
+        _expect_none_missing(name, kinds)
         small = self.targetoptions["forceinline"]
         with _uncollected():
             return kernel_code.compiled(name, self.py_func, kinds, self._flags(), small)
@@ -151,6 +175,20 @@ class Kernel(CPUDispatcher):
         digest = hashlib.sha256(repr(made_from).encode()).hexdigest()[:32]
         name = f"{self.py_func.__module__}.{self.py_func.__qualname__}"
         return f"{name.translate(_IN_NO_FILE)[-100:]}-{digest}"
+
+
+class KernelMissing(RuntimeError):
+    """A kernel is needed that was not compiled beforehand, and compiling is forbidden here."""
+
+
+def _expect_none_missing(name: str, kinds: Any) -> None:
+    if os.environ.get(FROZEN, "") not in ("", "0"):
+        kernel = name.rpartition("-")[0]
+        signature = ", ".join(map(str, kinds))
+        raise KernelMissing(
+            f"{kernel} was not compiled for ({signature}) before, and {FROZEN} forbids to do it "
+            "now. If a request calls it, `make kernel-list` adds it to the list of kernels."
+        )
 
 
 class _Flags(compiler.Flags):

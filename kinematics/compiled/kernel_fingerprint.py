@@ -37,6 +37,11 @@ def settled_fingerprint(function: FunctionType) -> str:
     return _whole(function, _known)
 
 
+def callees(function: FunctionType) -> tuple[FunctionType, ...]:
+    """The functions of all kernels that a kernel reads from around it, and so may call."""
+    return _own(function, _known)[1]
+
+
 def identity(function: FunctionType) -> str:
     """A name for a function that no other function has in any process.
 

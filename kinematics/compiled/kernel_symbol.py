@@ -7,12 +7,19 @@ loads both runs one of them in place of the other.
 
 import hashlib
 from functools import cache
+from types import FunctionType
 from typing import Any
 
 from numba.core import funcdesc, itanium_mangler
+from numba.core.base import BaseContext
 from numba.core.bytecode import FunctionIdentity
 
 from kinematics.compiled.kernel_fingerprint import identity
+
+#: How numba begins the names of functions that it writes for expressions of whole arrays, and of
+#: what those call; addresses follow.
+_EXPRESSION = "__numba_array_expr_"
+_CALLED = "__ufunc_or_dufunc_"
 
 
 @cache
@@ -21,11 +28,41 @@ def name_by_content() -> None:
     counted = FunctionIdentity.from_function.__func__
 
     def named(cls: Any, function: Any) -> Any:
+        if getattr(function, "__name__", "").startswith(_EXPRESSION):
+            function = without_addresses(function)
         answer = counted(cls, function)
         rename(answer, identity(answer.func))
         return answer
 
     FunctionIdentity.from_function = classmethod(named)
+    insert = BaseContext.insert_const_bytes
+
+    def insert_const_bytes(self: Any, module: Any, content: bytes, name: str | None = None) -> Any:
+        # Numba's own choice, Python's hash of the bytes, differs from process to process.
+        digest = hashlib.sha256(content).hexdigest()[:24]
+        return insert(self, module, content, name or digest)
+
+    BaseContext.insert_const_bytes = insert_const_bytes
+
+
+def without_addresses(function: FunctionType) -> FunctionType:
+    """A function that numba wrote for an expression of arrays, with names that hold no addresses.
+
+    Those of universal functions become names of what they stand for, in the order of their use.
+    """
+    code = function.__code__
+    names: dict[str, str] = {}
+    for name in code.co_names:
+        if name.startswith(_CALLED):
+            names[name] = f"{_CALLED}{len(names)}_{function.__globals__[name].__name__}"
+    values = {names.get(name, name): one for name, one in function.__globals__.items()}
+    values["__name__"] = "numba.np.ufunc.array_exprs"
+    settled = code.replace(
+        co_name=_EXPRESSION,
+        co_qualname=_EXPRESSION,
+        co_names=tuple(names.get(name, name) for name in code.co_names),
+    )
+    return FunctionType(settled, values, _EXPRESSION)
 
 
 def rename(function: Any, unique: str) -> None:

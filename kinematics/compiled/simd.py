@@ -46,6 +46,7 @@ class _ConditionsType(types.Type):
 
 
 _vector, _conditions = _VectorType(), _ConditionsType()
+TYPES = {"vector": _vector, "conditions": _conditions}  #: by names for lists of kernels
 
 
 @register_model(_VectorType)

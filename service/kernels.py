@@ -1,0 +1,52 @@
+"""Compilation of every kernel that a request can reach, before there are requests."""
+
+import os
+from pathlib import Path
+from typing import NamedTuple
+
+from kinematics.compiled import kernel_build, kernel_list, kernel_store
+from kinematics.compiled.kernel_build import Report
+
+#: The kernels that the service's tests reach, with the types of their arguments.
+LIST = Path(__file__).with_name("kernels.txt")
+
+
+class Counts(NamedTuple):
+    """What became of the list of kernels.
+
+    Attributes:
+        total: kernels on the list.
+        compiled: those of them that had to be compiled.
+        unknown: lines of the list that name a kernel or a type that is not there.
+    """
+
+    total: int
+    compiled: int
+    unknown: int
+
+
+def compile_kernels(report: Report = lambda *_: None, processes: int | None = None) -> Counts:
+    """Compile the kernels of the list that are not on disk.
+
+    Args:
+        report: called at the beginning and after each kernel; not at all if nothing is missing.
+        processes: how many compile at once; one a core if left out.
+
+    Raises:
+        BuildFailed: a kernel can't be compiled.
+    """
+    entries, unknown = kernel_list.read(LIST)
+    missing = kernel_build.missing(entries)
+    if missing:
+        kernel_build.build(missing, processes or len(os.sched_getaffinity(0)), report)
+    return Counts(len(entries), len(missing), len(unknown))
+
+
+def prune() -> int:
+    """Remove the machine code that the list does not name from the user's folder.
+
+    Returns:
+        How many files that were.
+    """
+    entries, _ = kernel_list.read(LIST)
+    return kernel_store.prune({name for entry in entries for name in entry.files})

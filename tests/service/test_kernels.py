@@ -1,0 +1,70 @@
+"""The list of kernels that requests reach, and their compilation."""
+
+from pathlib import Path
+
+import pytest
+
+from kinematics.compiled import kernel_build, kernel_list
+from service import kernels
+from service.cli import main
+
+ROOT = Path(__file__).parents[2]
+#: All kernels of modules that the service imports; it prints those that are on no list.
+ALL_KERNELS = """
+import pkgutil, sys, types
+import service, service.app, service.tasks, service.workers.task
+from kinematics.compiled import kernel_list
+from kinematics.compiled.kernel_dispatcher import Kernel
+from kinematics.compiled.kernel_fingerprint import callees
+from service import kernels
+from service.workers.task import load_tasks
+load_tasks(service.tasks.__name__)
+entries, _ = kernel_list.read(kernels.LIST)
+listed, pending = set(), [entry.kernel.py_func for entry in entries]
+while pending:
+    function = pending.pop()
+    if function not in listed:
+        listed.add(function)
+        pending.extend(callees(function))
+packages = ("kinematics.", "dynamics.", "obstacles.", "planning.", "tracking.", "service.")
+for name, module in sorted(sys.modules.items()):
+    if name.startswith(packages):
+        for key, value in vars(module).items():
+            if isinstance(value, Kernel) and value.py_func.__module__ == name:
+                if value.py_func not in listed:
+                    print(f"{name}.{key}")
+"""
+
+
+def test_every_line_of_the_list_names_a_kernel_and_types_that_are_there() -> None:
+    entries, unknown = kernel_list.read(kernels.LIST)
+    assert unknown == []
+    assert len(entries) > 400
+    assert sum(entry.door for entry in entries) > 80
+
+
+def test_kernels_on_disk_are_not_compiled_again(capsys: pytest.CaptureFixture[str]) -> None:
+    reported: list[object] = []
+    counts = kernels.compile_kernels(lambda *progress: reported.append(progress))
+    assert counts == (counts.total, 0, 0)
+    assert reported == []
+    assert main(["warm"]) == 0
+    assert f"{counts.total} kernels are there, 0 of them compiled now" in capsys.readouterr().out
+
+
+def test_entries_are_missing_where_no_folder_has_them(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    monkeypatch.setenv("ARMWRIGHT_KERNELS", str(tmp_path))
+    entries, _ = kernel_list.read(kernels.LIST)
+    some = [entry for entry in entries if entry.door][:3]
+    assert kernel_build.missing(some) == some
+    for name in [*some[0].files, some[1].files[0]]:
+        (tmp_path / name).touch()
+    assert kernel_build.missing(some) == some[1:]
+    (tmp_path / "other").touch()
+    (tmp_path / f"no.kernel-{'0' * 32}.door").touch()
+    assert kernels.prune() == 1
+    assert (tmp_path / "other").is_file()
+    assert kernel_build.missing(some) == some[1:]
