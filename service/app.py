@@ -33,11 +33,10 @@ from service.storage.document_store import open_store
 from service.storage.recent import Recent
 from service.storage.robot_repository import RobotRepository
 from service.version import VERSION
-from service.warm import warm_kernels
+from service.warm import RECIPE
+from service.workers.launch import Launched
 from service.workers.supervisor import WorkerSupervisor
 
-#: Packages whose tasks workers may be asked to call.
-TASK_MODULES: tuple[str, ...] = ("service.tasks",)
 #: Worker processes beyond those that were asked for: a worker that dies is replaced at once, and
 #: what takes a millisecond is answered while all others plan. It shares nearly all its memory.
 _SPARES = 1
@@ -60,7 +59,7 @@ _ROUTERS = (
 )
 
 
-def create_app(settings: Settings | None = None) -> FastAPI:
+def create_app(settings: Settings | None = None, launched: Launched | None = None) -> FastAPI:
     """The service as an ASGI application.
 
     Storage and workers are opened when it starts and closed when it ends; requests find them as
@@ -68,6 +67,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
 
     Args:
         settings: Those of the environment if left out.
+        launched: A fork server with `RECIPE` that was started already.
     """
     chosen = settings or Settings()
     logging.getLogger("service").setLevel(chosen.log_level.upper())
@@ -81,9 +81,8 @@ def create_app(settings: Settings | None = None) -> FastAPI:
             chosen.workers,
             chosen.queue_limit,
             kill_grace=chosen.kill_grace,
-            modules=TASK_MODULES,
-            warm=warm_kernels,
-            preload=("__main__", "service.preload"),
+            recipe=RECIPE,
+            launched=launched,
             spares=_SPARES,
         )
         app.state.supervisor = supervisor

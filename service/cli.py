@@ -1,12 +1,13 @@
 """The command line: ``armwright serve``, ``armwright warm``.
 
-Only what parsing needs is imported here: worker processes import this module once more.
+Only what parsing needs is imported at first: no command waits for what another one needs.
 """
 
 import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -23,10 +24,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 2
     if chosen.command == "warm":
         return _warm(chosen.processes, chosen.prune)
+    given = {name: value for name, value in vars(chosen).items() if value is not None}
+    return _serve({name: given[name] for name in _SERVE_OPTIONS if name in given})
+
+
+def _serve(options: dict[str, Any]) -> int:
+    from service.warm import RECIPE  # noqa: PLC0415
+    from service.workers.launch import launch  # noqa: PLC0415
+
+    # What takes longest begins first: it loads while the server is imported here.
+    launched = launch(RECIPE)
     from service.server import serve  # noqa: PLC0415
 
-    given = {name: value for name, value in vars(chosen).items() if value is not None}
-    return serve({name: given[name] for name in _SERVE_OPTIONS if name in given})
+    code = serve(options, launched)
+    if launched.process.poll() is None:  # no application took it over
+        launched.end()
+    return code
 
 
 _SERVE_OPTIONS = ("host", "port", "data_dir", "workers", "log_level")

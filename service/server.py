@@ -20,6 +20,7 @@ from service.app import create_app
 from service.settings import Settings
 from service.storage.database import StoreError
 from service.storage.document_store import open_store
+from service.workers.launch import Launched
 
 #: After SIGTERM requests may go on for this long, then they are told that the service ends [s].
 _DRAIN = 2.0
@@ -48,11 +49,12 @@ class _Server(uvicorn.Server):
         await super().shutdown(sockets)
 
 
-def serve(options: Mapping[str, Any]) -> int:
+def serve(options: Mapping[str, Any], launched: Launched | None = None) -> int:
     """Serve until SIGTERM or SIGINT and give the exit code.
 
     Args:
         options: Settings that win over those of the environment.
+        launched: A fork server for `create_app` that was started already.
     """
     try:
         settings = Settings(**options)
@@ -67,7 +69,7 @@ def serve(options: Mapping[str, Any]) -> int:
         return _refuse(f"can't listen on {settings.host} port {settings.port}: {error}")
     logging.basicConfig(format="%(asctime)s %(levelname)s %(name)s: %(message)s")
     keep_current_folder_off_the_path()
-    app = create_app(settings)
+    app = create_app(settings, launched)
     config = uvicorn.Config(
         app,
         log_level=settings.log_level,

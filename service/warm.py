@@ -1,9 +1,14 @@
-"""Compiles or loads every kernel, so that no request has to wait for it."""
+"""Loads or compiles every kernel, so that no request has to wait for it."""
 
 import importlib
 import time
 from functools import cache
 
+from service.workers.fork_server import Report
+from service.workers.launch import Recipe
+
+#: What the service's workers need.
+RECIPE = Recipe(modules=("service.tasks",), warm="service.warm:warm")
 #: Functions ``"module:name"`` without arguments that make kernels ready; called in this order.
 WARMERS: tuple[str, ...] = (
     "service.tasks.kinematics:warm",
@@ -11,6 +16,11 @@ WARMERS: tuple[str, ...] = (
     "service.warm_requests:builtin_robots",
     "service.warm_requests:requests",
 )
+
+
+def warm(report: Report) -> None:  # noqa: ARG001
+    """Make this process able to answer any request at once."""
+    warm_kernels()
 
 
 def warm_kernels() -> dict[str, float]:

@@ -13,7 +13,7 @@ from service.schemas.scene import Scene
 from service.storage.cache_key import Reference
 from service.task_references import prepare_robot, prepare_scene, robot_model
 from service.tasks.result import CacheMiss, RobotModel, TaskProblem
-from service.workers.process import Progress
+from service.workers.process import OnProgress
 from service.workers.task import Job
 
 _R = TypeVar("_R")
@@ -70,7 +70,7 @@ async def answer(
     scene_source: str | Scene | None = None,
     *,
     timeout: float | None = None,
-    on_progress: Progress | None = None,
+    on_progress: OnProgress | None = None,
 ) -> _R:
     """The result of a job about a robot and perhaps a scene, computed in a worker.
 
@@ -153,7 +153,7 @@ async def _answer(
     request: Request,
     make_job: Callable[[], Awaitable[Job[_R | TaskProblem | CacheMiss]]],
     timeout: float | None,
-    on_progress: Progress | None = None,
+    on_progress: OnProgress | None = None,
 ) -> _R:
     for _ in range(_ATTEMPTS):
         job = await make_job()

@@ -9,7 +9,7 @@ from service.http.job_context import end_dry_run, job_context
 from service.http.state import settings_of, supervisor_of
 from service.problem import ProblemError
 from service.settings import Settings
-from service.workers.process import Background, Progress
+from service.workers.process import Background, OnProgress
 from service.workers.task import Job
 
 _R = TypeVar("_R")
@@ -40,7 +40,7 @@ async def compute(
     request: Request,
     job: Job[_R],
     timeout: float | None = None,
-    on_progress: Progress | None = None,
+    on_progress: OnProgress | None = None,
 ) -> _R:
     """The result of a job, computed in a worker within `timeout` [s].
 

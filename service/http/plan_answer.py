@@ -10,7 +10,7 @@ from service.problem import ProblemError
 from service.schemas.scene import Scene
 from service.storage.cache_key import Reference
 from service.task_references import plan
-from service.workers.process import Progress
+from service.workers.process import OnProgress
 
 
 class PlanProblem(Protocol):
@@ -34,7 +34,7 @@ async def plan_answer(
     body: PlanProblem,
     content: bytes,
     scene: Reference | None = None,
-    on_progress: Progress | None = None,
+    on_progress: OnProgress | None = None,
 ) -> bytes:
     """The answer to a request for a plan, JSON.
 

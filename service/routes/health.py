@@ -1,5 +1,7 @@
 """Health, readiness and metrics."""
 
+import math
+
 from fastapi import APIRouter, Request, Response
 from prometheus_client import CONTENT_TYPE_PLAIN_0_0_4
 from pydantic import Field
@@ -12,6 +14,10 @@ from service.http.state import supervisor_of
 from service.problem import ProblemError
 from service.schemas.base import Answer
 from service.version import VERSION
+from service.workers.supervisor import WorkerSupervisor
+
+#: Longest time after which a caller is told to ask again [s].
+_LONGEST_RETRY = 60
 
 router = APIRouter(tags=["health"], route_class=JsonRoute, responses=RESPONSES)
 
@@ -42,13 +48,7 @@ async def readyz(request: Request) -> Readiness:
     """Answers 200 once kernels are warm and workers are up, 503 before."""
     supervisor = supervisor_of(request)
     if not supervisor.ready:
-        raise ProblemError(
-            "NOT_READY",
-            "the workers are still warming up",
-            stage="start",
-            hint="Ask again after the time in Retry-After.",
-            retry_after=1,
-        )
+        raise _not_ready(supervisor)
     return Readiness(
         status="ready",
         version=VERSION,
@@ -70,3 +70,35 @@ async def metrics(request: Request) -> Response:
     jobs = await run_in_threadpool(state.store.jobs.counts)
     counted: Metrics = state.metrics
     return Response(counted.text(jobs), media_type=CONTENT_TYPE_PLAIN_0_0_4)
+
+
+def _not_ready(supervisor: WorkerSupervisor) -> ProblemError:
+    """Say what the workers wait for, and how long that may take."""
+    if supervisor.unfit:
+        return ProblemError(
+            "NOT_READY",
+            "the workers can't start",
+            stage="start",
+            hint="The log of the service says why.",
+            retry_after=_LONGEST_RETRY,
+        )
+    hint = "Ask again after the time in Retry-After."
+    progress = supervisor.progress
+    if progress is None:
+        what = "the workers are still warming up"
+        return ProblemError("NOT_READY", what, stage="start", hint=hint, retry_after=1)
+    detail = f"kernels are being compiled: {progress.done} of {progress.total}"
+    seconds = 1
+    if progress.remaining is not None:
+        seconds = math.ceil(progress.remaining)
+        detail += f", about {seconds} s left"
+    return ProblemError(
+        "NOT_READY",
+        detail,
+        stage="start",
+        hint=f"{hint} This happens once: what is compiled is kept.",
+        retry_after=max(1, min(_LONGEST_RETRY, seconds)),
+        compiled=progress.done,
+        kernels=progress.total,
+        seconds_left=progress.remaining,
+    )

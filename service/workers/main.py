@@ -1,20 +1,15 @@
-"""The life of a worker process: warm up, then one task after another until the server is gone.
+"""The life of a worker process: one task after another until the server is gone.
 
 Messages from the server are jobs; messages to the server are tuples ``(kind, ...)``, see `Reply`.
 """
 
 import contextlib
-import fcntl
 import math
-import multiprocessing
-import os
 import pickle
-import select
 import signal
 import socket
 import struct
 import traceback
-from collections.abc import Callable, Sequence
 from enum import StrEnum
 from functools import partial
 from typing import Any
@@ -22,7 +17,7 @@ from typing import Any
 from kinematics.errors import ArmwrightError
 from planning.deadline import Deadline
 from service.workers import current, framing
-from service.workers.task import Job, load_tasks, registered_task
+from service.workers.task import Job, registered_task
 
 #: How long after its deadline a worker ends itself, should the server have failed to do it [s];
 #: longer than the grace of any task.
@@ -35,7 +30,6 @@ class Reply(StrEnum):
     """The kinds of messages a worker sends."""
 
     READY = "ready"  # warm, waiting for the first job
-    UNFIT = "unfit"  # (trace) could not warm up
     STARTED = "started"  # the job has arrived
     PROGRESS = "progress"  # (fraction, stage)
     RESULT = "result"  # (value)
@@ -43,49 +37,18 @@ class Reply(StrEnum):
     BUG = "bug"  # (trace) ours
 
 
-def main(channel: socket.socket, modules: Sequence[str], warm: Callable[[], object]) -> None:
-    """Be a worker: the target of each worker process.
+def main(channel: socket.socket) -> None:
+    """Be a worker, in a process where all tasks are registered and warm.
 
     Args:
         channel: The stream to the server; when it closes, the worker ends.
-        modules: Packages and modules whose tasks may be called.
-        warm: Called once before the worker counts as ready.
     """
-    # The server decides when its workers end, also when a signal goes to the whole process group.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    _end_with_server()
     with channel, contextlib.suppress(EOFError, OSError):
-        try:
-            for module in modules:
-                load_tasks(module)
-            warm()
-        except Exception:  # noqa: BLE001  (whatever it is, the server logs it)
-            _send(channel, Reply.UNFIT, traceback.format_exc())
-            return
         _send(channel, Reply.READY)
         while True:
             payload = framing.receive(channel)
             _send(channel, Reply.STARTED)
             _send(channel, *_run(channel, payload))
-
-
-def _end_with_server() -> None:
-    """Have the kernel end this process at the moment the server is gone.
-
-    A signal with its default action works inside native code that never lets go of the
-    interpreter, where neither an exception nor another thread would get a turn. The sentinel is a
-    pipe on which nothing is ever sent, so the only event on it is that the server's end closes.
-    """
-    server = multiprocessing.parent_process()
-    if server is None:
-        return
-    flags = fcntl.fcntl(server.sentinel, fcntl.F_GETFL)
-    signal.signal(signal.SIGIO, signal.SIG_DFL)
-    fcntl.fcntl(server.sentinel, fcntl.F_SETOWN, os.getpid())
-    fcntl.fcntl(server.sentinel, fcntl.F_SETFL, flags | os.O_ASYNC)
-    if select.select([server.sentinel], [], [], 0)[0]:  # it was gone before the signal was set
-        raise SystemExit
 
 
 def _run(channel: socket.socket, payload: bytes) -> tuple[Any, ...]:

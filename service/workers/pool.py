@@ -3,14 +3,17 @@
 import asyncio
 import contextlib
 import logging
-import multiprocessing
 import socket
-from collections.abc import Callable, Sequence
-from typing import Any, Protocol
+import time
+from collections.abc import Sequence
+from typing import Any, NamedTuple, Protocol
 
-from service.workers import main
+from service.workers.fork_client import ForkServer, ForkServerLost
+from service.workers.fork_server import Notice
+from service.workers.launch import Launched, Recipe, launch
 from service.workers.main import Reply
-from service.workers.process import Worker, in_thread, reap, start
+from service.workers.process import EXIT_TIMEOUT, Worker
+from service.workers.threads import in_thread
 
 _log = logging.getLogger(__name__)
 
@@ -18,8 +21,28 @@ _log = logging.getLogger(__name__)
 _FIRST_PAUSE = 0.01
 #: Longest pause between failed starts of a worker [s].
 _LONGEST_PAUSE = 1.0
+#: Pause before a fork server is started in place of one that has ended [s]: loading takes as long.
+_FORK_SERVER_PAUSE = 1.0
 #: A worker may be killed while it starts; only several in a row mean that none can start.
 _FAILURES = 3
+#: How often the log says how far preparing has come [s].
+_LOG_PERIOD = 5.0
+#: How often workers that are to be renewed are looked at [s].
+_RENEWAL_PERIOD = 0.05
+
+
+class Progress(NamedTuple):
+    """How far preparing has come.
+
+    Attributes:
+        done: Kernels that are compiled.
+        total: Kernels that there are to compile.
+        remaining: How long the rest may take [s]; None if that is not known yet.
+    """
+
+    done: int
+    total: int
+    remaining: float | None
 
 
 class Owner(Protocol):
@@ -32,72 +55,136 @@ class Owner(Protocol):
         """A worker sent something about its job."""
 
     async def worker_lost(self, worker: Worker) -> None:
-        """A worker has ended; it is not reaped yet."""
+        """A worker has ended; its exit code may not be known yet."""
+
+    def retire(self, worker: Worker) -> bool:
+        """Give a worker no more jobs; False if it has one."""
 
 
 class WorkerPool:
-    """A fixed number of worker processes that are kept alive.
+    """A fixed number of worker processes that are kept alive, and the fork server that forks them.
 
     Args:
         count: How many.
         owner: Who is told of what happens to them.
-        modules: Packages and modules whose tasks may be called.
-        warm: Called by each worker before it counts as ready; picklable.
-        preload: Modules that the fork server loads once for all workers.
+        recipe: What the fork server loads.
+        launched: A fork server with this recipe that was started already.
     """
 
     def __init__(
-        self,
-        count: int,
-        owner: Owner,
-        modules: Sequence[str],
-        warm: Callable[[], object],
-        preload: Sequence[str],
+        self, count: int, owner: Owner, recipe: Recipe, launched: Launched | None = None
     ) -> None:
         self.count = count
         self.workers: set[Worker] = set()
         self.started = 0
+        self.progress: Progress | None = None
         self._owner = owner
-        self._modules = tuple(modules)
-        self._warm = warm
-        self._preload = list(preload)
-        self._supervisors: list[asyncio.Task[None]] = []
+        self._recipe = recipe
+        self._launched = launched
+        self._fork_server: ForkServer | None = None
+        self._lost: list[ForkServer] = []
+        self._available = asyncio.Event()
+        self._unfit = False
+        self._tasks: set[asyncio.Task[None]] = set()
         self._warmed: set[int] = set()
         self._failing: set[int] = set()
-        self._context = multiprocessing.get_context("forkserver")
-        self._starting = asyncio.Lock()
+        self._began = time.monotonic()
+        self._logged = 0.0
 
     @property
     def ready(self) -> bool:
         """Whether every worker has been warm once and none fails to start."""
-        return len(self._warmed) == self.count and not self._failing
+        return len(self._warmed) == self.count and not self._failing and not self._unfit
+
+    @property
+    def unfit(self) -> bool:
+        """Whether the fork server could not prepare what workers need."""
+        return self._unfit
 
     @property
     def pids(self) -> list[int]:
         """The process numbers of the workers that live; those being reaped are gone already."""
-        return [
-            worker.process.pid
-            for worker in self.workers
-            if worker.process.pid is not None and not worker.ending
-        ]
+        return [worker.process.pid for worker in self.workers if not worker.ending]
 
     def start(self) -> None:
         """Start the workers, without waiting until they are ready."""
-        self._context.set_forkserver_preload(self._preload)
-        self._supervisors = [
-            asyncio.create_task(self._supervise(slot)) for slot in range(self.count)
-        ]
+        self._began = time.monotonic()
+        self._task(self._keep_fork_server())
+        for slot in range(self.count):
+            self._task(self._supervise(slot))
 
     async def stop(self) -> None:
-        """End the workers."""
-        for supervisor in self._supervisors:
-            supervisor.cancel()
-        await asyncio.gather(*self._supervisors, return_exceptions=True)
+        """End the workers and the fork server."""
         workers = list(self.workers)
-        for worker in workers:
+        for task in list(self._tasks):
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+        for worker in {*workers, *self.workers}:
             worker.kill()
-        await asyncio.gather(*(in_thread(reap, worker.process) for worker in workers))
+        await asyncio.gather(*(one.process.exit_code(EXIT_TIMEOUT) for one in workers))
+        for fork_server in (*self._lost, self._fork_server):
+            if fork_server is not None:
+                await fork_server.end()
+        if self._launched is not None:
+            await in_thread(self._launched.end)
+        self._fork_server = self._launched = None
         self.workers.clear()
+
+    def _task(self, work: Any) -> None:
+        task: asyncio.Task[None] = asyncio.create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    # ------------------------------------------------------------------------- the fork server
+
+    async def _keep_fork_server(self) -> None:
+        """Keep a fork server alive, for ever; workers outlive it."""
+        while True:
+            try:
+                launched, self._launched = self._launched or launch(self._recipe), None
+                self._fork_server = ForkServer(launched, self._noticed)
+                self._available.set()
+                await self._fork_server.lost.wait()
+                self._available.clear()
+                lost, self._fork_server = self._fork_server, None
+                self._lost.append(lost)
+                await lost.reap()
+                _log.warning("the fork server has ended; another is started")
+            except Exception:  # noqa: BLE001  (whatever it is, the next attempt may succeed)
+                _log.exception("the fork server could not be started")
+            await asyncio.sleep(_FORK_SERVER_PAUSE)
+
+    def _noticed(self, kind: Notice, values: Sequence[Any]) -> None:
+        if kind == Notice.PROGRESS:
+            self.progress = Progress(*values)
+            self._log_progress(self.progress)
+        elif kind == Notice.UNFIT:
+            self._unfit = True
+            _log.error("the workers could not warm up:\n%s", values[0])
+        elif kind == Notice.WARM:
+            self.progress, self._unfit = None, False
+        elif kind == Notice.ENRICHED:
+            self._task(self._renew())
+
+    def _log_progress(self, progress: Progress) -> None:
+        ends = progress.done == progress.total
+        if not ends and time.monotonic() < self._logged + _LOG_PERIOD:
+            return
+        self._logged = time.monotonic()
+        left = ""
+        if progress.remaining is not None and not ends:
+            left = f", about {progress.remaining:.0f} s left"
+        _log.info("compiling kernels: %d of %d%s", progress.done, progress.total, left)
+
+    async def _renew(self) -> None:
+        """Have workers that were forked early replaced, one at a time and each when it is idle."""
+        outdated = set(self.workers)
+        while outdated := {worker for worker in outdated if not worker.ending}:
+            if len(self.pids) == self.count and all(worker.warm for worker in self.workers):
+                next(filter(self._owner.retire, outdated), None)
+            await asyncio.sleep(_RENEWAL_PERIOD)
+
+    # ----------------------------------------------------------------------------- the workers
 
     async def _supervise(self, slot: int) -> None:
         """Keep one worker alive, for ever."""
@@ -112,9 +199,10 @@ class WorkerPool:
                     was_warm = worker.warm
                     worker.kill()  # its stream may have ended before the process did
                     await self._owner.worker_lost(worker)
-                    await in_thread(reap, worker.process)
                     worker.ticket = None
                     self.workers.discard(worker)
+            except ForkServerLost:
+                continue
             except Exception:  # noqa: BLE001  (whatever it is, the next attempt may succeed)
                 _log.exception("a worker could not be started or reaped")
             failures = 0 if was_warm else failures + 1
@@ -124,36 +212,39 @@ class WorkerPool:
                 await asyncio.sleep(min(_FIRST_PAUSE * 2.0**failures, _LONGEST_PAUSE))
 
     async def _spawn(self, slot: int) -> Worker:
-        # One after the other, and no sockets for those that wait: waiting can be cancelled.
-        async with self._starting:
-            ours, theirs = socket.socketpair()
-            with contextlib.ExitStack() as on_failure:
-                on_failure.callback(ours.close)
-                process = self._context.Process(
-                    target=main.main,
-                    args=(theirs, self._modules, self._warm),
-                    name=f"armwright-worker-{slot}",
-                    daemon=True,
-                )
-                await in_thread(start, process, theirs)
-                ours.setblocking(False)
-                loop = asyncio.get_running_loop()
-                _, worker = await loop.create_unix_connection(
-                    lambda: Worker(process, lambda *sent: self._receive(slot, *sent)), sock=ours
-                )
-                on_failure.pop_all()
+        fork_server = await self._next_fork_server()
+        ours, theirs = socket.socketpair()
+        with contextlib.ExitStack() as on_failure:
+            on_failure.callback(ours.close)
+            process = await fork_server.fork(theirs)
+            on_failure.callback(process.kill)
+            ours.setblocking(False)
+            loop = asyncio.get_running_loop()
+            _, worker = await loop.create_unix_connection(
+                lambda: Worker(process, lambda *sent: self._receive(slot, *sent)), sock=ours
+            )
+            on_failure.pop_all()
         self.started += 1
         self.workers.add(worker)
         return worker
 
+    async def _next_fork_server(self) -> ForkServer:
+        while True:
+            await self._available.wait()
+            if self._fork_server is not None and not self._fork_server.lost.is_set():
+                return self._fork_server
+            await asyncio.sleep(_FIRST_PAUSE)
+
     def _receive(self, slot: int, worker: Worker, message: tuple[Any, ...]) -> None:
         kind, *values = message
         if kind == Reply.READY:
-            self._warmed.add(slot)
             self._failing.discard(slot)
             worker.warm = True
+            if slot not in self._warmed:
+                self._warmed.add(slot)
+                if self.ready:
+                    seconds = time.monotonic() - self._began
+                    _log.info("%d workers are ready after %.1f s", self.count, seconds)
             self._owner.worker_ready(worker)
-        elif kind == Reply.UNFIT:
-            _log.error("a worker could not warm up:\n%s", values[0])
         else:
             self._owner.message_received(worker, Reply(kind), values)

@@ -1,30 +1,26 @@
 """The server's side of one worker process."""
 
 import asyncio
-import contextlib
 import logging
-import os
 import pickle
-import signal
-import socket
-import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from multiprocessing.process import BaseProcess
 from typing import Any
 
 from planning.deadline import Deadline
 from service.workers import framing
+from service.workers.fork_client import WorkerProcess
 from service.workers.main import HEADER
 from service.workers.task import Job
 
 _log = logging.getLogger(__name__)
 
-Progress = Callable[[float, str], None]
+#: Receives the progress of a job, from 0 to 1, and its stage.
+OnProgress = Callable[[float, str], None]
 
 #: Longest wait for the exit code of a process that is dying [s].
-_EXIT_TIMEOUT = 1.0
+EXIT_TIMEOUT = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +60,7 @@ class Ticket:
     deadline: Deadline
     payload: bytes
     result: asyncio.Future[Any]
-    on_progress: Progress | None
+    on_progress: OnProgress | None
     background: "Background | None" = None
     brief: bool = False
     yields: int = 0
@@ -93,7 +89,7 @@ class Worker(asyncio.Protocol):
     """The server's side of one worker process."""
 
     def __init__(
-        self, process: BaseProcess, on_message: Callable[["Worker", tuple[Any, ...]], None]
+        self, process: WorkerProcess, on_message: Callable[["Worker", tuple[Any, ...]], None]
     ) -> None:
         self.process = process
         self.ticket: Ticket | None = None
@@ -134,49 +130,6 @@ class Worker(asyncio.Protocol):
     def kill(self) -> None:
         """End the process, whatever it is doing."""
         self.ending = True
-        if self.process.pid is not None:
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(self.process.pid, signal.SIGKILL)
+        self.process.kill()
         if self._transport is not None:
             self._transport.abort()
-
-
-def reap(process: BaseProcess) -> int | None:
-    """Wait for a process that is dying, and give its exit code if it is known."""
-    process.join(_EXIT_TIMEOUT)
-    return process.exitcode
-
-
-def start(process: BaseProcess, channel: socket.socket) -> None:
-    """Start a worker, which takes over this end of its channel."""
-    with channel:
-        process.start()
-
-
-async def in_thread(function: Callable[..., Any], *args: Any) -> Any:
-    """Call what blocks in a thread that, unlike a pool's, is not waited for at the end.
-
-    Starting the first worker lasts as long as the fork server takes to load and warm everything.
-    """
-    loop = asyncio.get_running_loop()
-    done: asyncio.Future[Any] = loop.create_future()
-
-    def settle(value: Any, error: BaseException | None) -> None:
-        if done.done():
-            return
-        if error is None:
-            done.set_result(value)
-        else:
-            done.set_exception(error)
-
-    def run() -> None:
-        value, problem = None, None
-        try:
-            value = function(*args)
-        except Exception as error:  # noqa: BLE001  (passed on to the caller)
-            problem = error
-        with contextlib.suppress(RuntimeError):  # the loop has ended meanwhile
-            loop.call_soon_threadsafe(settle, value, problem)
-
-    threading.Thread(target=run, daemon=True).start()
-    return await done

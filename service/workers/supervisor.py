@@ -12,16 +12,17 @@ import math
 import pickle
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar, cast
 
 from planning.deadline import Deadline
 from service.problem import from_fields, unexpected_fault
 from service.workers.faults import DeadlineExceeded, QueueFull, ShuttingDown, WorkerCrashed
+from service.workers.launch import Launched, Recipe
 from service.workers.main import Reply
-from service.workers.pool import WorkerPool
-from service.workers.process import Background, Progress, Ticket, Worker, in_thread, reap
+from service.workers.pool import Progress, WorkerPool
+from service.workers.process import EXIT_TIMEOUT, Background, OnProgress, Ticket, Worker
 from service.workers.task import Job
 
 _R = TypeVar("_R")
@@ -67,9 +68,8 @@ class WorkerSupervisor:
         queue_limit: Jobs that may wait while all workers are busy.
         kill_grace: How far a job may overrun its deadline and grace before its worker is killed
             [s].
-        modules: Packages and modules whose tasks may be called.
-        warm: Called by each worker before it counts as ready; picklable.
-        preload: Modules that the fork server loads once for all workers.
+        recipe: What workers need, loaded once by the fork server.
+        launched: A fork server with this recipe that was started already.
         spares: Worker processes beyond that number. They are warm when a worker has to be replaced,
             and take brief jobs while all others have work.
     """
@@ -80,13 +80,12 @@ class WorkerSupervisor:
         queue_limit: int,
         *,
         spares: int = 0,
-        modules: Sequence[str],
-        warm: Callable[[], object],
+        recipe: Recipe,
+        launched: Launched | None = None,
         kill_grace: float = 0.1,
-        preload: Sequence[str] = (),
     ) -> None:
         self.counters = Counters()
-        self._pool = WorkerPool(count + spares, self, modules, warm, preload)
+        self._pool = WorkerPool(count + spares, self, recipe, launched)
         self._count = count
         self._queue_limit = queue_limit
         self._kill_grace = kill_grace
@@ -101,6 +100,16 @@ class WorkerSupervisor:
     def ready(self) -> bool:
         """Whether every worker has been warm once and none fails to start."""
         return self._accepting and self._pool.ready
+
+    @property
+    def progress(self) -> Progress | None:
+        """How far compiling has come, while the workers wait for it."""
+        return self._pool.progress
+
+    @property
+    def unfit(self) -> bool:
+        """Whether workers can't start, for a reason that was logged."""
+        return self._pool.unfit
 
     @property
     def waiting(self) -> int:
@@ -146,11 +155,7 @@ class WorkerSupervisor:
     @property
     def busy_pids(self) -> list[int]:
         """The process numbers of the workers that have a job."""
-        return [
-            worker.process.pid
-            for worker in self._pool.workers
-            if _has_long_job(worker) and worker.process.pid is not None
-        ]
+        return [worker.process.pid for worker in self._pool.workers if _has_long_job(worker)]
 
     async def start(self) -> None:
         """Start the workers, without waiting until they are ready."""
@@ -172,7 +177,7 @@ class WorkerSupervisor:
     async def submit(
         self,
         job: Job[_R],
-        on_progress: Progress | None = None,
+        on_progress: OnProgress | None = None,
         background: Background | None = None,
         *,
         brief: bool = False,
@@ -323,6 +328,14 @@ class WorkerSupervisor:
         """Give a worker that is warm its first job."""
         self._free(worker)
 
+    def retire(self, worker: Worker) -> bool:
+        """End a worker that has no job."""
+        if worker not in self._idle:
+            return False
+        self._idle.remove(worker)
+        worker.kill()
+        return True
+
     async def worker_lost(self, worker: Worker) -> None:
         """Settle the job of a worker that has ended, or have it wait for another worker."""
         if worker in self._idle:
@@ -337,7 +350,7 @@ class WorkerSupervisor:
             self._dispatch()
             return
         self.counters.crashed += 1
-        exit_code = await in_thread(reap, worker.process)
+        exit_code = await worker.process.exit_code(EXIT_TIMEOUT)
         _log.warning("worker %s died (%s) in %s", worker.process.pid, exit_code, ticket.job.task)
         ticket.settle(WorkerCrashed(ticket.job.task, exit_code))
 

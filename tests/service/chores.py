@@ -5,19 +5,49 @@ import os
 import signal
 import socket
 import time
+from collections.abc import Iterator
 from typing import Any
 
 from kinematics.errors import InvalidLinkName
 from service.workers import current, main
+from service.workers.fork_server import Report
 from service.workers.task import task
 
 
-def no_warming() -> None:
+def no_warming(report: Report) -> None:
     """Nothing to compile."""
 
 
-def failing_warming() -> None:
+def failing_warming(report: Report) -> None:
     raise RuntimeError("no compiler")
+
+
+def slow_warming(report: Report) -> None:
+    """Two kernels, of which the second takes for ever."""
+    report(0, 2, None)
+    report(1, 2, 30.4)
+    burn()
+
+
+_ENRICHED: list[int] = []
+
+
+def enriching() -> Iterator[None]:
+    for step in range(3):
+        _ENRICHED.append(step)
+        time.sleep(0.2)
+        yield
+
+
+def failing_enriching() -> Iterator[None]:
+    _ENRICHED.append(0)
+    yield
+    raise RuntimeError("too rich")
+
+
+@task
+def enriched() -> list[int]:
+    return _ENRICHED
 
 
 @task
@@ -84,10 +114,16 @@ def surroundings() -> dict[str, Any]:
         "threads": {n: v for n, v in os.environ.items() if n.endswith("_NUM_THREADS")},
         "numba": numba.get_num_threads(),
         "pid": os.getpid(),
+        "parent": os.getppid(),
     }
+
+
+def worker(channel: socket.socket) -> None:
+    """A worker that can do chores."""
+    main.main(channel)
 
 
 def impatient_worker(channel: socket.socket) -> None:
     """A worker that ends itself soon after a deadline that the server does not enforce."""
     main._SELF_KILL = 0.2
-    main.main(channel, ("tests.service.chores",), no_warming)
+    main.main(channel)

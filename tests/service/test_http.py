@@ -15,11 +15,12 @@ import pytest
 from fastapi import FastAPI, Request
 
 from kinematics.errors import ArmwrightError, InvalidScene, MissingLimit
-from service.app import TASK_MODULES, create_app
+from service.app import create_app
 from service.http.compute import compute
 from service.http.errors import KINDS
 from service.settings import Settings
 from service.version import VERSION
+from service.warm import RECIPE
 from service.workers.supervisor import WorkerSupervisor
 from tests.service import chores
 from tests.service.processes import alive, wait_until
@@ -76,7 +77,8 @@ def app(tmp_path_factory: pytest.TempPathFactory) -> FastAPI:
 @pytest.fixture(scope="module")
 def client(app: FastAPI) -> Iterator[httpx.Client]:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("service.app.TASK_MODULES", (*TASK_MODULES, "tests.service.chores"))
+        more = (*RECIPE.modules, "tests.service.chores")
+        patch.setattr("service.app.RECIPE", RECIPE._replace(modules=more))
         with serving(app) as client:
             yield client
 

@@ -35,7 +35,7 @@ def start(folder: Path, tmp_path: Path) -> subprocess.Popen[str]:
 
 def test_packages_in_the_current_folder_are_not_imported(tmp_path: Path) -> None:
     folder, marker = tmp_path / "project", tmp_path / "marker"
-    for package, module in (("service", "preload"), ("planning", "pipeline"), ("signal", "x")):
+    for package, module in (("service", "warm"), ("planning", "pipeline"), ("signal", "x")):
         (folder / package).mkdir(parents=True)
         for name in ("__init__", module):
             (folder / package / f"{name}.py").write_text(MARK.format(marker=str(marker)))

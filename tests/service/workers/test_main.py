@@ -10,24 +10,20 @@ from contextlib import contextmanager
 from multiprocessing.context import SpawnProcess
 from typing import Any
 
-import pytest
-
 from planning.deadline import Deadline
-from service.workers import framing, main
+from service.workers import framing
 from service.workers.main import HEADER, Reply
 from service.workers.task import Job
 from tests.service import chores
 
-MODULES = ("tests.service.chores",)
-
 
 @contextmanager
 def worker(
-    target: Callable[..., None] = main.main, args: tuple[Any, ...] = (MODULES, chores.no_warming)
+    target: Callable[[socket.socket], None] = chores.worker,
 ) -> Iterator[tuple[SpawnProcess, socket.socket]]:
     ours, theirs = socket.socketpair()
     ours.settimeout(60.0)
-    process = multiprocessing.get_context("spawn").Process(target=target, args=(theirs, *args))
+    process = multiprocessing.get_context("spawn").Process(target=target, args=(theirs,))
     process.start()
     theirs.close()
     try:
@@ -100,26 +96,8 @@ def test_progress_is_sent_only_where_it_is_wanted() -> None:
             assert all(stage == f"step_{i}" for i, (_, _, stage) in enumerate(replies[:-1]))
 
 
-@pytest.mark.parametrize(
-    ("modules", "warm", "reason"),
-    [
-        (MODULES, chores.failing_warming, "no compiler"),
-        (("tests.service.nowhere",), chores.no_warming, "ModuleNotFoundError"),
-    ],
-)
-def test_a_worker_that_cannot_work_says_why_and_ends(
-    modules: tuple[str, ...], warm: Callable[[], None], reason: str
-) -> None:
-    with worker(args=(modules, warm)) as (process, channel):
-        kind, trace = receive(channel)
-        assert kind == Reply.UNFIT
-        assert reason in trace
-        process.join(10.0)
-        assert process.exitcode == 0
-
-
 def test_a_worker_ends_itself_when_the_server_does_not() -> None:
-    with worker(chores.impatient_worker, ()) as (process, channel):
+    with worker(chores.impatient_worker) as (process, channel):
         receive(channel)
         job = chores.burn.job()
         header = HEADER.pack(Deadline.after(0.1).at, False)

@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
@@ -17,13 +17,14 @@ import pytest
 from service.http.errors import document, headers_of, status_of
 from service.problem import ProblemError
 from service.workers.faults import DeadlineExceeded, QueueFull, ShuttingDown, WorkerCrashed
+from service.workers.launch import Recipe
 from service.workers.supervisor import WorkerSupervisor
 from service.workers.task import Job, load_tasks, registered_task
 from tests.service import chores
 from tests.service.processes import alive, wait_until
 
 ROOT = Path(__file__).parents[3]
-PRELOAD = ("__main__", "service.preload")
+MODULE = "tests.service.chores"
 
 
 def chore(name: str, *args: Any, seconds: float = 20.0, **kwargs: Any) -> Job[Any]:
@@ -35,17 +36,13 @@ def chore(name: str, *args: Any, seconds: float = 20.0, **kwargs: Any) -> Job[An
 async def supervisor(
     count: int = 2,
     queue_limit: int = 1000,
-    warm: Callable[[], object] = chores.no_warming,
+    warm: str = "no_warming",
+    enrich: str | None = None,
     spares: int = 0,
 ) -> AsyncIterator[WorkerSupervisor]:
-    workers = WorkerSupervisor(
-        count,
-        queue_limit,
-        modules=("tests.service.chores",),
-        warm=warm,
-        preload=PRELOAD,
-        spares=spares,
-    )
+    step = None if enrich is None else f"{MODULE}:{enrich}"
+    recipe = Recipe((MODULE,), f"{MODULE}:{warm}", step)
+    workers = WorkerSupervisor(count, queue_limit, recipe=recipe, spares=spares)
     await workers.start()
     try:
         yield workers
@@ -381,7 +378,7 @@ def test_a_worker_that_was_ended_is_not_listed_while_it_is_reaped() -> None:
 
 def test_workers_that_cannot_warm_up_are_never_ready(caplog: pytest.LogCaptureFixture) -> None:
     async def run() -> None:
-        async with supervisor(1, warm=chores.failing_warming) as workers:
+        async with supervisor(1, warm="failing_warming") as workers:
             async with asyncio.timeout(60.0):
                 while "no compiler" not in caplog.text:
                     await asyncio.sleep(0.01)
@@ -411,16 +408,94 @@ def test_stopping_tells_everybody_and_leaves_nothing_behind() -> None:
     asyncio.run(run())
 
 
+def test_progress_of_warming_is_told_until_it_ends() -> None:
+    async def run() -> None:
+        async with supervisor(1, warm="slow_warming") as workers:
+            assert workers.progress is None
+            async with asyncio.timeout(30.0):
+                while workers.progress is None or workers.progress.done == 0:
+                    await asyncio.sleep(0.01)
+            assert workers.progress == (1, 2, 30.4)
+            assert not workers.ready
+            start = time.monotonic()
+            await workers.stop()
+            assert time.monotonic() - start < 1.0
+
+    asyncio.run(run())
+
+
+def test_a_fork_server_that_dies_is_replaced_and_costs_no_job() -> None:
+    async def run() -> None:
+        async with supervisor(1) as workers:
+            await ready(workers)
+            before = await workers.submit(chore("surroundings"))
+            running = asyncio.ensure_future(workers.submit(chore("nap", 0.3)))
+            await working(workers, 1)
+            os.kill(before["parent"], signal.SIGKILL)
+            assert await running == 0.3
+            (worker,) = workers.pids
+            assert worker == before["pid"], "workers outlive it"
+            os.kill(worker, signal.SIGKILL)
+            after = await workers.submit(chore("surroundings"))
+            assert after["parent"] != before["parent"]
+
+    asyncio.run(run())
+
+
+def test_workers_are_forked_anew_once_more_is_prepared() -> None:
+    async def run() -> None:
+        async with supervisor(1, spares=1, enrich="enriching") as workers:
+            await ready(workers)
+            first = set(workers.pids)
+            running = asyncio.ensure_future(workers.submit(chore("nap", 1.5)))
+            assert await workers.submit(chore("enriched"), brief=True) != [0, 1, 2]
+            async with asyncio.timeout(30.0):
+                while await workers.submit(chore("enriched"), brief=True) != [0, 1, 2]:
+                    await asyncio.sleep(0.02)
+            assert len(first & set(workers.pids)) == 1, "one that has a job is left alone"
+            assert await running == 1.5
+            async with asyncio.timeout(10.0):
+                while first & set(workers.pids) or workers.spare != 1:
+                    await asyncio.sleep(0.02)
+            assert await workers.submit(chore("enriched")) == [0, 1, 2]
+            assert workers.counters.crashed == 0
+
+    asyncio.run(run())
+
+
+def test_a_worker_that_dies_while_more_is_prepared_is_replaced() -> None:
+    async def run() -> None:
+        async with supervisor(1, enrich="enriching") as workers:
+            await ready(workers)
+            (victim,) = workers.pids
+            os.kill(victim, signal.SIGKILL)
+            assert await workers.submit(chore("add", 1, 1)) == 2
+
+    asyncio.run(run())
+
+
+def test_workers_do_without_what_could_not_be_prepared() -> None:
+    async def run() -> None:
+        async with supervisor(1, enrich="failing_enriching") as workers:
+            await ready(workers)
+            async with asyncio.timeout(10.0):
+                while workers.started_workers < 2:
+                    await asyncio.sleep(0.02)
+            assert await workers.submit(chore("enriched")) == [0]
+
+    asyncio.run(run())
+
+
 _DOOMED_SERVER = """
 import asyncio, time
+from service.workers.launch import Recipe
 from service.workers.task import Job
 from service.workers.supervisor import WorkerSupervisor
 from tests.service import chores
 
 async def main():
     workers = WorkerSupervisor(
-        2, 10, modules=["tests.service.chores"], warm=chores.no_warming,
-        preload=["service.preload"],
+        2, 10, recipe=Recipe(("tests.service.chores",), "tests.service.chores:no_warming")
     )
     await workers.start()
     while not workers.ready:

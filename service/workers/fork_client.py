@@ -1,0 +1,147 @@
+"""The server's side of a fork server."""
+
+import asyncio
+import contextlib
+import logging
+import os
+import pickle
+import signal
+import socket
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from service.workers import framing
+from service.workers.fork_server import Notice
+from service.workers.launch import Launched
+from service.workers.threads import in_thread
+
+_log = logging.getLogger(__name__)
+
+
+class ForkServerLost(Exception):
+    """The fork server has ended."""
+
+
+@dataclass(slots=True, eq=False)
+class WorkerProcess:
+    """A worker process that was forked.
+
+    Args:
+        pid: Its number.
+        exited: Its exit code once it has ended; None if nobody knows any more.
+    """
+
+    pid: int
+    exited: "asyncio.Future[int | None]"
+
+    def kill(self) -> None:
+        """End the process, whatever it is doing, unless it has ended."""
+        if not self.exited.done():
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(self.pid, signal.SIGKILL)
+
+    async def exit_code(self, seconds: float) -> int | None:
+        """The exit code of a process that is dying; None if it is not known within `seconds`."""
+        with contextlib.suppress(TimeoutError):
+            return await asyncio.wait_for(asyncio.shield(self.exited), seconds)
+        return None
+
+
+class ForkServer:
+    """The server's side of a fork server; all its methods belong to one event loop.
+
+    Args:
+        launched: The process, which may still be loading.
+        on_notice: Told of what is none of the workers': PROGRESS, WARM, UNFIT, ENRICHED.
+    """
+
+    def __init__(
+        self, launched: Launched, on_notice: Callable[[Notice, Sequence[Any]], None]
+    ) -> None:
+        self.lost = asyncio.Event()
+        self._launched = launched
+        self._on_notice = on_notice
+        self._decoder = framing.FrameDecoder()
+        self._warm = asyncio.Event()
+        self._asked: deque[asyncio.Future[WorkerProcess]] = deque()
+        self._living: dict[int, WorkerProcess] = {}
+        launched.control.setblocking(False)
+        self._loop = asyncio.get_running_loop()
+        self._loop.add_reader(launched.control, self._receive)
+
+    async def fork(self, channel: socket.socket) -> WorkerProcess:
+        """Fork a worker once the fork server is warm.
+
+        Args:
+            channel: The worker's end of its stream, which is closed here.
+
+        Raises:
+            ForkServerLost: The fork server ended before.
+        """
+        with channel:
+            await self._warm.wait()
+            if self.lost.is_set():
+                raise ForkServerLost
+            forked: asyncio.Future[WorkerProcess] = self._loop.create_future()
+            try:
+                socket.send_fds(self._launched.control, [b"f"], [channel.fileno()])
+            except OSError:
+                self._lose()
+                raise ForkServerLost from None
+            self._asked.append(forked)
+        return await asyncio.shield(forked)
+
+    async def reap(self) -> None:
+        """End the process, but not its workers."""
+        self._lose()
+        await in_thread(self._launched.reap)
+
+    async def end(self) -> None:
+        """End the process and all its workers, whatever they are doing."""
+        self._lose()
+        await in_thread(self._launched.end)
+
+    def _receive(self) -> None:
+        try:
+            data = self._launched.control.recv(65536)
+        except BlockingIOError:
+            return
+        except OSError:
+            data = b""
+        if not data:
+            self._lose()
+            return
+        for payload in self._decoder.feed(data):
+            kind, *values = pickle.loads(payload)
+            self._handle(Notice(kind), values)
+
+    def _handle(self, kind: Notice, values: Sequence[Any]) -> None:
+        if kind == Notice.FORKED:
+            process = WorkerProcess(values[0], self._loop.create_future())
+            self._living[process.pid] = process
+            self._asked.popleft().set_result(process)
+        elif kind == Notice.EXITED:
+            pid, code = values
+            ended = self._living.pop(pid, None)
+            if ended is not None:
+                ended.exited.set_result(code)
+        else:
+            if kind == Notice.WARM:
+                self._warm.set()
+            self._on_notice(kind, values)
+
+    def _lose(self) -> None:
+        if self.lost.is_set():
+            return
+        self._loop.remove_reader(self._launched.control)
+        self.lost.set()
+        self._warm.set()  # whoever waits for it learns that it is lost
+        while self._asked:
+            asked = self._asked.popleft()
+            asked.set_exception(ForkServerLost())
+            asked.exception()  # it may be that nobody waits any more
+        for process in self._living.values():
+            process.exited.set_result(None)
+        self._living.clear()
