@@ -51,8 +51,8 @@ $(TOOLS): $(INSTALLED)
 demo: $(INSTALLED)  ## Plan, certify and draw a motion from start to end
 	$(BIN)/python examples/demo.py
 
-test: $(TOOLS)  ## Run the tests
-	$(BIN)/python -m pytest
+test: $(TOOLS)  ## Run the tests, a process for each core
+	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
 
 check: $(TOOLS)  ## Lint, format, types, layers, Dockerfile
 	$(BIN)/ruff check

@@ -90,9 +90,9 @@ def test_five_seconds_of_a_panda_take_less_than_one(kind: Kind, period: float | 
     options = SimulationOptions(control_period=period)
     times = []
     for _ in range(3):
-        start = time.perf_counter()
+        start = time.process_time()
         result = simulate(controller, trajectory, options, robot=scale_masses(chain, 1.2))
-        times.append(time.perf_counter() - start)
+        times.append(time.process_time() - start)
     assert result.outcome is SimulationOutcome.COMPLETED
     assert min(times) < 1.0
 
