@@ -131,7 +131,7 @@ def test_joints_are_told_apart() -> None:
     g[-2] = 1.0
     A = np.zeros((1, size))
     A[0, n * 4 + 1] = 1.0
-    rows = Rows.below(csr_matrix(A), np.array([0.1]))
+    rows = Rows(csr_matrix(A), np.array([0.1]), np.array([0.1]))
     none = np.zeros(0)
     asked = Quadratic(
         csc_matrix(1e-9 * np.eye(size)), g, csr_matrix((0, size)), none, none, least, most
@@ -142,7 +142,7 @@ def test_joints_are_told_apart() -> None:
     z = solve(SPACE, limits, rows, asked, start)
     assert z is not None
     points = z[:-2].reshape(SPACE.count, n)
-    assert points[4, 1] <= 0.1 + 1e-5
+    assert points[4, 1] == pytest.approx(0.1, abs=1e-5)
     rates = SPACE.differences[0] @ points / z[-2]
     assert (np.abs(rates).max(axis=0) <= velocity * (1.0 + 1e-5)).all()
     assert np.abs(rates).max(axis=0)[1] == pytest.approx(0.25 * VELOCITY, rel=1e-3)
