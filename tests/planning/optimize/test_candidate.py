@@ -6,7 +6,7 @@ import pytest
 from kinematics.arrays import Array
 from obstacles.checker import Checker
 from obstacles.scene import Scene
-from planning.optimize.candidate import blocked
+from planning.optimize.candidate import blocked_places
 from planning.optimize.iterate import Iterate
 from planning.optimize.spline import SplineSpace
 from tests.planning.scenes import box
@@ -27,7 +27,7 @@ def distance(q: Array) -> Array:
     for x in (-0.4, 0.4):
         outside = np.maximum(np.abs(q - [x, 0.0]) - 0.05, 0.0)
         gaps.append(np.linalg.norm(outside, axis=1) - 0.05)
-    return np.minimum(*gaps)
+    return np.asarray(np.minimum(gaps[0], gaps[1]))
 
 
 def across(height: float, degree: int, count: int = 14) -> Iterate:
@@ -38,9 +38,9 @@ def across(height: float, degree: int, count: int = 14) -> Iterate:
 
 @pytest.mark.parametrize("degree", [3, 4, 5])
 def test_a_line_beside_the_posts_is_free_and_one_through_them_names_both(degree: int) -> None:
-    assert blocked(CHECKER, across(0.11, degree)) == []
+    assert blocked_places(CHECKER, across(0.11, degree)) == []
     at = across(0.02, degree)
-    places = blocked(CHECKER, at)
+    places = blocked_places(CHECKER, at)
     assert places
     assert places == sorted(places)
     met = at.sample(np.array(places))
@@ -50,15 +50,15 @@ def test_a_line_beside_the_posts_is_free_and_one_through_them_names_both(degree:
 
 def test_there_is_one_place_at_most_in_each_stretch() -> None:
     at = across(0.0, 3, 8)
-    places = np.array(blocked(CHECKER, at))
+    places = np.array(blocked_places(CHECKER, at))
     stretches = np.searchsorted(at.space.breaks, places, side="right")
     assert len(set(stretches.tolist())) == len(places)
 
 
 def test_slack_is_kept_too() -> None:
     near = across(0.115, 3)
-    assert blocked(CHECKER, near) == []
-    assert blocked(Checker(CHECKER.model, 0.02), near) != []
+    assert blocked_places(CHECKER, near) == []
+    assert blocked_places(Checker(CHECKER.model, 0.02), near) != []
 
 
 def test_random_cubics_are_blocked_exactly_where_dense_samples_are() -> None:
@@ -69,7 +69,7 @@ def test_random_cubics_are_blocked_exactly_where_dense_samples_are() -> None:
         least = float(distance(at.sample(np.linspace(0.0, 1.0, 4001))).min())
         if abs(least) < 1e-3:
             continue
-        places = blocked(CHECKER, at)
+        places = blocked_places(CHECKER, at)
         assert bool(places) == (least < 0.0)
         counts[bool(places)] += 1
     assert min(counts) > 5
@@ -84,4 +84,4 @@ def test_two_cubics_a_piece_follow_a_quintic() -> None:
         at = Iterate(space, np.column_stack([x, bump]), 1.0)
         least = float(distance(at.sample(np.linspace(0.0, 1.0, 4001))).min())
         assert (least > 0.0) is free
-        assert (blocked(CHECKER, at) == []) is free
+        assert (blocked_places(CHECKER, at) == []) is free

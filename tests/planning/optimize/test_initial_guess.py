@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kinematics.trajectory import Trajectory
-from planning.optimize.initial_guess import fitted, needed
+from planning.optimize.initial_guess import fit_spline, least_duration
 from planning.optimize.spline import SplineSpace
 from planning.optimize.task import End, Task
 from planning.timing.blend import blend
@@ -48,7 +48,7 @@ def ratio(motion: Trajectory, asked: Task) -> float:
 @pytest.mark.parametrize("smooth", [False, True])
 def test_it_is_near_the_motion_ends_as_it_does_and_uses_a_limit_fully(smooth: bool) -> None:
     asked, motion = between(*at_rest(smooth)), known()
-    at = fitted(asked, SplineSpace.uniform(3, 16), motion)
+    at = fit_spline(asked, SplineSpace.uniform(3, 16), motion)
     u = np.linspace(0.0, 1.0, 301)
     off = np.linalg.norm(at.sample(u) - motion.sample(u * motion.duration), axis=1)
     assert off.max() < 0.05
@@ -61,7 +61,7 @@ def test_it_is_near_the_motion_ends_as_it_does_and_uses_a_limit_fully(smooth: bo
 def test_no_other_spline_with_these_ends_is_nearer_in_the_mean() -> None:
     asked, motion = between(*at_rest()), known()
     space = SplineSpace.uniform(3, 12)
-    at = fitted(asked, space, motion)
+    at = fit_spline(asked, space, motion)
     u = np.linspace(0.0, 1.0, 4 * space.count + 1)
     wanted = motion.sample(u * motion.duration)
     least = np.square(at.sample(u) - wanted).sum()
@@ -74,7 +74,7 @@ def test_no_other_spline_with_these_ends_is_nearer_in_the_mean() -> None:
 
 def test_the_duration_needed_is_the_least_that_keeps_every_limit() -> None:
     asked, at = between(*at_rest(), jerk=np.full(7, 40.0)), iterate(1)
-    duration = needed(asked, at.space, at.points)
+    duration = least_duration(asked, at.space, at.points)
     for factor, within in ((1.0 + 1e-6, True), (0.999, False)):
         motion = replace(at, duration=factor * duration).trajectory(NAMES)
         assert (ratio(motion, asked) <= 1.0) is within
@@ -83,7 +83,7 @@ def test_the_duration_needed_is_the_least_that_keeps_every_limit() -> None:
 def test_standing_still_takes_a_moment() -> None:
     still = np.tile(HOME, (16, 1))
     space = SplineSpace.uniform(3, 16)
-    assert needed(between(*at_rest()), space, still) == 1e-3
+    assert least_duration(between(*at_rest()), space, still) == 1e-3
 
 
 def test_control_points_stay_inside_the_joints_ranges() -> None:
@@ -95,7 +95,7 @@ def test_control_points_stay_inside_the_joints_ranges() -> None:
     motion = Trajectory(NAMES, np.array([0.0, 1.0]), bend)
     assert motion.sample([0.5])[0, 3] > upper
     ends = End.at_rest(start, smooth=False), End.at_rest(motion.end, smooth=False)
-    at = fitted(between(*ends), SplineSpace.uniform(3, 16), motion)
+    at = fit_spline(between(*ends), SplineSpace.uniform(3, 16), motion)
     assert at.points[:, 3].max() <= upper
 
 
@@ -105,7 +105,7 @@ def test_with_velocities_at_the_ends_a_duration_is_found_that_keeps_the_limits()
     line = np.stack([HOME, 0.6 * np.eye(7)[0]], axis=-1)[None]
     motion = Trajectory(NAMES, np.array([0.0, 1.0]), line)
     asked = between(start, goal)
-    at = fitted(asked, SplineSpace.uniform(3, 16), motion)
+    at = fit_spline(asked, SplineSpace.uniform(3, 16), motion)
     moving = at.trajectory(NAMES)
     for time in (0.0, moving.duration):
         np.testing.assert_allclose(moving.sample([time], 1)[0], velocity, atol=1e-9)
@@ -119,7 +119,7 @@ def test_where_no_duration_keeps_the_limits_the_nearest_to_them_is_taken() -> No
     velocity = np.where(np.arange(7) == 0, 3.0, 0.0)
     start, goal = (End(q, velocity) for q in (HOME, HOME + 0.6 * np.eye(7)[0]))
     line = np.stack([HOME, 0.6 * np.eye(7)[0]], axis=-1)[None]
-    at = fitted(
+    at = fit_spline(
         between(start, goal),
         SplineSpace.uniform(3, 16),
         Trajectory(NAMES, np.array([0.0, 1.0]), line),

@@ -145,7 +145,7 @@ def test_the_carrier_decides_the_energy_of_the_model() -> None:
     values = [objective.value(motion, {"energy": 1.0}, chain) for chain in (PANDA, heavy)]
     assert values[1] > 1.5 * values[0]
     for chain, value in zip((PANDA, heavy), values, strict=True):
-        model = objective.model(replace(task(), carrier=chain), {"energy": 1.0}, at)
+        model = objective.model(replace(task(), loaded_chain=chain), {"energy": 1.0}, at)
         slope = (model.H @ packed(at) + model.g)[-2]
         ahead, behind = (
             objective.value(

@@ -61,9 +61,10 @@ def test_the_ends_of_every_range_are_inside(name: str) -> None:
     least, most = ranges[name]
     for value in (least, most):
         assert getattr(RefineOptions.of({name: value}), name) == value
-    for value in (least - 1, most + 1, float(least), True, "8"):
+    outside: tuple[Any, ...] = (least - 1, most + 1, float(least), True, "8")
+    for other in outside:
         with pytest.raises(InvalidOption, match=f"refine.{name} must be an integer"):
-            RefineOptions.of({name: value})
+            RefineOptions.of({name: other})
 
 
 @pytest.mark.parametrize("duration", [0.0, -1.0, float("inf"), float("nan")])
