@@ -127,5 +127,5 @@ def test_where_no_duration_keeps_the_limits_the_nearest_to_them_is_taken() -> No
     best = ratio(at.trajectory(NAMES), between(start, goal))
     assert best > 1.0
     for k in range(14):
-        other = replace(at, duration=1.5**k).ended(start, goal)
+        other = replace(at, duration=1.5**k).with_ends(start, goal)
         assert ratio(other.trajectory(NAMES), between(start, goal)) > 0.9 * best
