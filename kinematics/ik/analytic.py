@@ -17,7 +17,8 @@ from kinematics.compiled.kernel import direct
 from kinematics.errors import InvalidOption, InvalidPose, NotAvailable
 from kinematics.forward import link_number
 from kinematics.ik.batch import shared
-from kinematics.ik.branches import branches_alone_kernel, branches_batch_kernel
+from kinematics.ik.branches import branches_batch_kernel, branches_kernel
+from kinematics.ik.plan import COLUMNS, Arm
 from kinematics.ik.refine import (
     CODE,
     INSIDE,
@@ -31,16 +32,22 @@ from kinematics.ik.structure import Structure, structure
 
 #: Largest error of a solution [m], [rad].
 TOLERANCE = 1e-9
-#: A closed form has 8 branches, 16 at most for general axes, and as many again by rounding: most
-#: poses do with less memory.
-_ROWS, _MOST = 16, 9
-#: No link is called so.
-_NONE = object()
+#: Rows for branches: a closed form has 8, 16 at most for general axes.
+_ROWS = 16
+#: Rows that are tried first: most poses do with less memory.
+_FEW_ROWS = 9
+#: Stands for the name of a link where none is prepared yet.
+_NO_LINK = object()
 _FLOAT = np.dtype(np.float64)
 _POSE = (4, 4)
-#: The seed's own parameter, and more branches than there are.
-_OWN, _ALL = np.array([np.nan]), 2**31
+#: Stands for the seed's own parameter.
+_OF_SEED = np.array([np.nan])
+#: More branches than there are.
+_ALL = 2**31
 _empty, _contiguous = np.empty, np.ascontiguousarray
+_PLAN, _LIMITS = frozen(np.zeros((1, COLUMNS))), frozen([0.0])
+#: Arrays of the types that every arm has.
+_ARM = Arm(_PLAN, _PLAN, 0, _LIMITS, _LIMITS)
 #: A named tuple from all its values, in half the time of its constructor.
 _new: Any = tuple.__new__
 
@@ -170,30 +177,26 @@ def branches(
         InvalidRobotState: Seeds of the wrong length or not finite.
     """
     try:
-        own, closed, form, number, plan, model, lower, upper, near, shape = chain.memo["analytic"]
+        setup = chain.memo["analytic"]
     except KeyError:
-        own = _NONE
-    if own != link:
-        setup = own, closed, form, number, plan, model, lower, upper, near, shape = _prepared(
-            chain, link
-        )
-        chain.memo["analytic"] = setup
+        setup = (_NO_LINK,)
+    if setup[0] != link:
+        setup = chain.memo["analytic"] = _prepared(chain, link)
+    _, direct_branches, form, arm, near, shape = setup
     many = _ALL if enough is None else enough
     seeds = near if seed_joints is None else _numbers(seed_joints, "seed_joints")
     T = _numbers(target, "the target")
-    values = _OWN if parameters is None else _parameters(parameters)
+    values = _OF_SEED if parameters is None else _parameters(parameters)
     if T.shape == _POSE and seeds.ndim == 1 and values.ndim == 1:
-        table = _empty(shape if values is _OWN else (_ROWS * values.shape[0], shape[1]))
-        count = closed(plan, model, number, T, lower, upper, seeds, values, tolerance, many, table)
-        if count == _MOST and values is _OWN:
+        table = _empty(shape if values is _OF_SEED else (_ROWS * values.shape[0], shape[1]))
+        count = direct_branches(arm, T, seeds, values, tolerance, many, table)
+        if count == _FEW_ROWS and values is _OF_SEED:
             # There may be more than there was room for.
             table = _empty((_ROWS, shape[1]))
-            count = closed(
-                plan, model, number, T, lower, upper, seeds, values, tolerance, many, table
-            )
+            count = direct_branches(arm, T, seeds, values, tolerance, many, table)
         if count >= 0:
-            found: Branches = _new(Branches, (form, shape[1] - MORE, table[:count], None))
-            return found
+            answer: Branches = _new(Branches, (form, shape[1] - MORE, table[:count], None))
+            return answer
     chain.configuration(seeds, "seed_joints")
     if T.shape[-2:] != _POSE or not np.isfinite(T).all():
         raise InvalidPose("the target must be a finite 4x4 transform, or a batch of them")
@@ -207,11 +210,10 @@ def branches(
     table = np.empty((m, _ROWS * values.shape[1], chain.n + MORE))
     counts = np.zeros(m, dtype=np.int64)
 
+    batch = _direct_batch()
+
     def part(k: slice) -> None:
-        branches_batch_kernel(
-            plan, model, number, T[k], lower, upper, seeds[k], values[k], tolerance, many,
-            table[k], counts[k],
-        )  # fmt: skip
+        batch(arm, T[k], seeds[k], values[k], tolerance, many, table[k], counts[k])
 
     shared(part, m, threads)
     return Branches(form, chain.n, table, counts)
@@ -220,15 +222,12 @@ def branches(
 @lru_cache(maxsize=256)
 def _prepared(
     chain: Chain, link: str | None
-) -> tuple[str | None, Any, Structure, int, Array, Array, Array, Array, Array, tuple[int, int]]:
-    """All that a call needs of a chain up to a link."""
+) -> tuple[str | None, Any, Structure, Arm, Array, tuple[int, int]]:
+    """The link, the kernel, form and arrays of a chain up to it, the middle, a table's shape."""
     form = closed_form(chain, link)
-    number = -1 if link is None else link_number(chain, link)
-    limits = chain.limits
-    lower, upper = limits.lower, limits.upper
-    shape = (_MOST, chain.n + MORE)
-    near = middle(chain)
-    return link, _one(), form, number, form.plan, chain.model, lower, upper, near, shape
+    number = int(chain.model[0, 1]) if link is None else link_number(chain, link)
+    arm = Arm(form.plan, chain.model, number, chain.limits.lower, chain.limits.upper)
+    return link, _direct_branches(), form, arm, middle(chain), (_FEW_ROWS, chain.n + MORE)
 
 
 def _numbers(values: ArrayLike, name: str) -> Array:
@@ -253,13 +252,15 @@ def _parameters(parameters: ArrayLike) -> Array:
 
 
 @cache
-def _one() -> Any:
-    def fixed(*shape: int) -> Array:
-        array = np.zeros(shape)
-        array.setflags(write=False)
-        return array
+def _direct_branches() -> Any:
+    """``branches_kernel`` without dispatch, for arguments as ``branches`` has them."""
+    row = np.zeros(1)
+    return direct(branches_kernel, _ARM, np.zeros((4, 4)), row, row, 0.0, 0, np.zeros((1, 1)))
 
-    return direct(
-        branches_alone_kernel, fixed(1, 14), fixed(1, 14), 0, np.zeros((4, 4)), fixed(1), fixed(1),
-        np.zeros(1), np.zeros(1), 0.0, 0, np.zeros((1, 1)),
-    )  # fmt: skip
+
+@cache
+def _direct_batch() -> Any:
+    """``branches_batch_kernel`` without dispatch, for arguments as ``branches`` has them."""
+    rows, stack = np.zeros((1, 1)), np.zeros((1, 4, 4))
+    counts = np.zeros(1, dtype=np.int64)
+    return direct(branches_batch_kernel, _ARM, stack, rows, rows, 0.0, 0, stack, counts)

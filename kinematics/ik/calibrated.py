@@ -12,9 +12,9 @@ import numpy as np
 
 from kinematics.arrays import Array, Indices
 from kinematics.compiled.kernel import kernel
-from kinematics.frame import Frame
 from kinematics.ik.continuation import (
     JOINTS,
+    Curve,
     follow_kernel,
     is_visited_kernel,
     joint_direction_kernel,
@@ -22,6 +22,23 @@ from kinematics.ik.continuation import (
     weakest_kernel,
 )
 from kinematics.ik.dls_step import error_kernel
+from kinematics.ik.plan import (
+    BRANCH,
+    COLUMNS,
+    FAMILY,
+    HEADER,
+    HELD,
+    INDEX,
+    KIND,
+    MISS,
+    PARAMETER,
+    REDUNDANT,
+    REVERSED,
+    SIGN,
+    Arm,
+    CandidateTable,
+    Problem,
+)
 from kinematics.ik.refine import (
     CODE,
     GROUP,
@@ -34,69 +51,81 @@ from kinematics.ik.refine import (
     refine_kernel,
     tip_kernel,
 )
-from kinematics.ik.spherical import BRANCH, FAMILY, PARAMETER
 from kinematics.jacobian import frame_and_jacobian_kernel
 from kinematics.linear_solve import cholesky_solve_kernel
 from kinematics.random import State, uniform_kernel
 
-#: Starts around a candidate: so far around [rad] but for every fourth, and so many candidates at
-#: most.
-_SPREAD, _CENTRES = 0.4, 16
-#: The sign of a determinant is not certain where the least singular value is below.
+#: Starts lie this far around a candidate [rad], but for every fourth.
+_SPREAD = 0.4
+#: Candidates at most that starts lie around.
+_CENTRES = 16
+#: The sign of a determinant is not certain where the least singular value is below [m or rad].
 _UNCERTAIN = 1e-8
 #: Starts that damped steps bring so near [m], [rad] get as many steps again.
 _SLOW = 1e-2
 #: Branches that some direction moves by less than this [m or rad a radian] may have others along
-#: it, which a redundant arm is searched for so far along it [rad].
-_FOLD, _STEPS_ASIDE = 0.03, (1e-4, 1e-3, 1e-2, 5e-2, 0.2, 0.6)
+#: it.
+_FOLD = 0.03
+#: A redundant arm is searched for them so far along that direction [rad].
+_STEPS_ASIDE = (1e-4, 1e-3, 1e-2, 5e-2, 0.2, 0.6)
 #: Two singular values below so many times the root of what the arm misses make a singularity of
-#: both: curves through a solution are followed in so many directions, and of so many candidates
-#: that which runs through them.
-_FOLD_TWICE, _TURNS, _SPARSE = 2.0, 4, 16
-#: A curve that was followed runs through what is so near to it [rad], and candidates may be away by
-#: so many times what the arm misses more.
-_BESIDE, _ASIDE = 1e-3, 30.0
-#: Points of curves that are remembered, and solutions along one.
-_VISITED, _ROOTS = 4096, 16
+#: both.
+_FOLD_TWICE = 2.0
+#: Directions in which curves through a solution in such a singularity are followed.
+_TURNS = 4
+#: Candidates in such a singularity that the curve through them is followed of.
+_SPARSE = 16
+#: A curve that was followed runs through a solution that is so near to it [rad].
+_BESIDE = 1e-3
+#: Candidates may be away from it by so many times what the arm misses more.
+_ASIDE = 30.0
+#: Points of curves that are remembered.
+_VISITED = 4096
+#: Solutions along one curve at most.
+_ROOTS = 16
 
 
 @kernel
-def add_curve_branches_kernel(  # noqa: PLR0912
-    plan: Array, model: Array, link: int, T: Frame, lower: Array, upper: Array, seed: Array,
-    tolerance: float, raw: Array, found: int, before: int, phase: float, q: Array, out: Array,
-    count: int,
-) -> int:  # fmt: skip
+def add_curve_branches_kernel(  # noqa: PLR0912, PLR0915
+    problem: Problem, candidates: Array, before: int, phase: float, q: Array, out: Array, count: int
+) -> int:
     """Add the branches along the curves through what is nearly singular; the new count.
 
-    Curves begin at the branches that are there from row ``before`` on, those that are added
-    included, then at the ``found`` candidates of ``raw``. ``phase`` in [0, 1) turns the directions
-    in which curves are followed where two are lost.
+    Args:
+        problem: The pose and the arm.
+        candidates: Candidates that curves begin at after the branches, shape (k, WIDTH).
+        before: Row of ``out`` from which on curves begin at its branches, those added included.
+        phase: Turns the directions of curves where two are lost, as a share of the angle between
+            them, in [0, 1).
+        q: Workspace, shape (n,).
+        out: Table of branches, shape (r, n + MORE).
+        count: Rows that are taken.
     """
-    n = q.shape[0]
+    arm, T, tolerance = problem.arm, problem.T, problem.tolerance
+    plan, model, link, n = arm.plan, arm.model, arm.link, q.shape[0]
     joints = np.empty(JOINTS, dtype=np.int64)
-    if not _moving(plan, model, link, joints):
-        return _add_twins(
-            plan, model, link, T, lower, upper, seed, tolerance, before, q, out, count
-        )
-    count = _sharpen_branches(
-        plan, model, link, T, lower, upper, seed, tolerance, joints, before, q, out, count
-    )
+    if not _write_moving_joints(arm, joints):
+        return _add_twins(problem, before, q, out, count)
+    count = _sharpen_branches(problem, joints, before, q, out, count)
     J, start, w = np.empty((6, n)), np.empty(n), np.empty(6)
     u, v, second, none = np.empty(6), np.empty(6), np.empty(6), np.zeros(6)
     visited, seen, roots = np.empty((_VISITED, 2 * JOINTS)), 0, np.empty((_ROOTS, n))
-    k, stride = before, 1 + found // _SPARSE
+    moving = Curve(model, link, T, joints, True, tolerance)
+    staying = Curve(model, link, T, joints, False, tolerance)
+    k, number = before, candidates.shape[0]
+    stride = 1 + number // _SPARSE
     # What is solved lies on its curve, a candidate beside it.
-    tried, both = 0, _FOLD_TWICE * math.sqrt(plan[0, 5])
-    while k < count or tried < found:
+    tried, both = 0, _FOLD_TWICE * math.sqrt(plan[HEADER, MISS])
+    while k < count or tried < number:
         solved = k < count
         if solved:
             start[:] = out[k, :n]
             about = (out[k, n + CODE], 0.0, out[k, n + VALUE])
             k += 1
         else:
-            start[:] = seed
-            _set_joints(plan, raw[tried], start)
-            about = (raw[tried, BRANCH], 0.0, raw[tried, PARAMETER])
+            start[:] = problem.seed
+            _set_joints(plan, candidates[tried], start)
+            about = (candidates[tried, BRANCH], 0.0, candidates[tried, PARAMETER])
             tried += 1
         frame_and_jacobian_kernel(model, start, link, J)
         if weakest_kernel(J, joints, u, v, none) >= _FOLD:
@@ -107,8 +136,10 @@ def add_curve_branches_kernel(  # noqa: PLR0912
         for turn in range(turns):
             if turn == 0:
                 # Where two directions are lost, many curves run through the same places.
-                room = _BESIDE if solved or turns > 1 else _BESIDE + _ASIDE * plan[0, 5]
-                if is_visited_kernel(visited, seen, joints, start, room):
+                beside = _BESIDE
+                if not (solved or turns > 1):
+                    beside += _ASIDE * plan[HEADER, MISS]
+                if is_visited_kernel(visited, seen, joints, start, beside):
                     continue
                 w[:] = u
             else:
@@ -126,26 +157,23 @@ def add_curve_branches_kernel(  # noqa: PLR0912
                 v[:] = joint_direction_kernel(J, joints, w)
             for side in range(2):
                 zeros, seen, closed = follow_kernel(
-                    model, link, T, joints, turn == 0, 1.0 - 2.0 * side, start, w, v, tolerance,
-                    visited, seen, roots,
+                    moving if turn == 0 else staying, start, w, (1.0 - 2.0 * side) * v, visited,
+                    seen, roots,
                 )  # fmt: skip
                 for r in range(zeros):
                     q[:] = roots[r]
                     error = sharpen_kernel(model, link, T, joints, q)
-                    count = admit_kernel(
-                        plan, model, link, T, lower, upper, seed, tolerance, error, about, q, out,
-                        count,
-                    )  # fmt: skip
+                    count = admit_kernel(problem, error, about, q, out, count)
                 if closed:
                     break
     return count
 
 
 @kernel
-def _moving(plan: Array, model: Array, link: int, joints: Indices) -> bool:
+def _write_moving_joints(arm: Arm, joints: Indices) -> bool:
     """Write the joints that carry the link and are not held into ``joints``; whether they fit."""
-    number, held = 0, int(plan[0, 2])
-    for j in range(int(model[1 + int(model[0, 0]) + link, 0]) + 1):
+    number, held, model = 0, int(arm.plan[HEADER, HELD]), arm.model
+    for j in range(int(model[1 + int(model[0, 0]) + arm.link, 0]) + 1):
         if j != held:
             if number < JOINTS:
                 joints[number] = j
@@ -154,9 +182,7 @@ def _moving(plan: Array, model: Array, link: int, joints: Indices) -> bool:
 
 
 @kernel
-def is_balanced_kernel(
-    plan: Array, model: Array, link: int, before: int, q: Array, out: Array, count: int
-) -> bool:
+def is_balanced_kernel(arm: Arm, before: int, q: Array, out: Array, count: int) -> bool:
     """Whether as many branches have a positive determinant of the Jacobian as a negative one.
 
     All branches of an arm do, since they come and go in pairs of opposite signs and far poses have
@@ -165,11 +191,11 @@ def is_balanced_kernel(
     n = q.shape[0]
     joints, J, M, total = np.empty(JOINTS, dtype=np.int64), np.empty((6, n)), np.empty((6, 6)), 0
     u, v = np.zeros(6), np.empty(6)
-    if not _moving(plan, model, link, joints):
+    if not _write_moving_joints(arm, joints):
         return True
     for k in range(before, count):
         q[:] = out[k, :n]
-        frame_and_jacobian_kernel(model, q, link, J)
+        frame_and_jacobian_kernel(arm.model, q, arm.link, J)
         for i in range(6):
             for a in range(JOINTS):
                 M[i, a] = J[i, joints[a]]
@@ -181,94 +207,98 @@ def is_balanced_kernel(
 
 @kernel
 def _sharpen_branches(
-    plan: Array, model: Array, link: int, T: Frame, lower: Array, upper: Array, seed: Array,
-    tolerance: float, joints: Indices, before: int, q: Array, out: Array, count: int,
-) -> int:  # fmt: skip
+    problem: Problem, joints: Indices, before: int, q: Array, out: Array, count: int
+) -> int:
     """Enter the branches from row ``before`` on once more, to the last bits where nearly singular.
 
     Several that are one, but for the tolerance, are one then.
     """
-    n, J, u, v, none = q.shape[0], np.empty((6, q.shape[0])), np.empty(6), np.empty(6), np.zeros(6)
+    model, link, n = problem.arm.model, problem.arm.link, q.shape[0]
+    J, u, v, none = np.empty((6, n)), np.empty(6), np.empty(6), np.zeros(6)
     rows, count = out[before:count].copy(), before
     for k in range(rows.shape[0]):
         q[:] = rows[k, :n]
         error = (rows[k, n + POSITION], rows[k, n + ORIENTATION])
         frame_and_jacobian_kernel(model, q, link, J)
         if weakest_kernel(J, joints, u, v, none) < _FOLD:
-            error = sharpen_kernel(model, link, T, joints, q)
+            error = sharpen_kernel(model, link, problem.T, joints, q)
         about = (rows[k, n + CODE], rows[k, n + GROUP], rows[k, n + VALUE])
-        count = admit_kernel(
-            plan, model, link, T, lower, upper, seed, tolerance, error, about, q, out, count
-        )
+        count = admit_kernel(problem, error, about, q, out, count)
     return count
 
 
 @kernel
 def _set_joints(plan: Array, candidate: Array, q: Array) -> None:
     """Put the angles and the parameter of a candidate into q (n,)."""
-    for j in range(7 if plan[0, 0] == 2.0 else 6):
-        q[int(plan[1 + j, 13])] = plan[1 + j, 0] * math.atan2(
-            candidate[2 * j + 1], candidate[2 * j]
-        )
-    if plan[0, 2] >= 0.0:
-        q[int(plan[0, 2])] = candidate[PARAMETER]
+    for j in range(7 if plan[HEADER, KIND] == REDUNDANT else 6):
+        angle = math.atan2(candidate[2 * j + 1], candidate[2 * j])
+        q[int(plan[1 + j, INDEX])] = plan[1 + j, SIGN] * angle
+    if plan[HEADER, HELD] >= 0.0:
+        q[int(plan[HEADER, HELD])] = candidate[PARAMETER]
 
 
 @kernel
 def add_nearby_branches_kernel(
-    plan: Array, model: Array, link: int, T: Frame, lower: Array, upper: Array, seed: Array,
-    tolerance: float, raw: Array, found: int, trials: int, draw: int, q: Array, out: Array,
-    count: int,
-) -> int:  # fmt: skip
+    problem: Problem, candidates: Array, trials: int, draw: int, q: Array, out: Array, count: int
+) -> int:
     """Search around the candidates of a form that the arm misses, near a singularity of the form.
 
     There branches of the true arm part, meet or vanish elsewhere than the form's: polished starts
     around each candidate, first turned against each other in the joints that a straight wrist
     leaves free, find those that are left.
+
+    Args:
+        problem: The pose and the arm.
+        candidates: Rows of candidates, shape (k, WIDTH).
+        trials: Starts around each.
+        draw: Number of the search: each number draws other starts.
+        q: Workspace, shape (n,).
+        out: Table of branches, shape (r, n + MORE).
+        count: Rows that are taken.
+
+    Returns:
+        The new count.
     """
-    n, held = q.shape[0], int(plan[0, 2])
+    plan, model, link, T = problem.arm.plan, problem.arm.model, problem.arm.link, problem.T
+    n, held, number = q.shape[0], int(plan[HEADER, HELD]), candidates.shape[0]
     last = int(model[1 + n + link, 0])
     unlimited = np.full(n, np.inf)
     state = np.array([0x9E3779B97F4A7C15], dtype=np.uint64)
     state[0] += np.uint64(draw)
-    some = min(found, _CENTRES)
-    for i in range(some):
+    centres = min(number, _CENTRES)
+    for i in range(centres):
         # Members of families fill many rows in turn.
-        k = i * found // some
+        k = i * number // centres
         for trial in range(trials):
-            _set_joints(plan, raw[k], q)
+            _set_joints(plan, candidates[k], q)
             spread = math.pi if trial % 4 == 3 else _SPREAD
             for j in range(last + 1):
                 if j != held:
                     q[j] += spread * (2.0 * uniform_kernel(state) - 1.0)
             turn = math.pi * (2.0 * uniform_kernel(state) - 1.0)
-            ends = (0, 2) if plan[0, 1] != 0.0 else (3, 5)
-            a, b = int(plan[1 + ends[0], 13]), int(plan[1 + ends[1], 13])
+            ends = (0, 2) if plan[HEADER, REVERSED] != 0.0 else (3, 5)
+            a, b = int(plan[1 + ends[0], INDEX]), int(plan[1 + ends[1], INDEX])
             if uniform_kernel(state) < 0.5:
                 q[min(a, b)] += turn
                 q[max(a, b)] += turn if uniform_kernel(state) < 0.5 else -turn
             error = refine_kernel(model, link, T, -unlimited, unlimited, held, q)
-            if tolerance < max(error[0], error[1]) < _SLOW:
+            if problem.tolerance < max(error[0], error[1]) < _SLOW:
                 # Singular values that are small make steps so.
                 error = refine_kernel(model, link, T, -unlimited, unlimited, held, q)
-            about = (raw[k, BRANCH], raw[k, FAMILY], raw[k, PARAMETER])
-            count = admit_kernel(
-                plan, model, link, T, lower, upper, seed, tolerance, error, about, q, out, count
-            )
+            about = (candidates[k, BRANCH], candidates[k, FAMILY], candidates[k, PARAMETER])
+            count = admit_kernel(problem, error, about, q, out, count)
     return count
 
 
 @kernel
-def _add_twins(
-    plan: Array, model: Array, link: int, T: Frame, lower: Array, upper: Array, seed: Array,
-    tolerance: float, before: int, q: Array, out: Array, count: int,
-) -> int:  # fmt: skip
+def _add_twins(problem: Problem, before: int, q: Array, out: Array, count: int) -> int:
     """Look for the twin of each branch that is near a fold, where two of them meet.
 
     It lies along the direction that moves the link least. The form may have one root there, or
     none, where the true arm has two.
     """
-    n, held = q.shape[0], int(plan[0, 2])
+    model, link, T = problem.arm.model, problem.arm.link, problem.T
+    n, held = q.shape[0], int(problem.arm.plan[HEADER, HELD])
     J, v, unlimited = np.empty((6, n)), np.empty(n), np.full(n, np.inf)
     k = before
     while k < count:
@@ -281,10 +311,7 @@ def _add_twins(
                         q[j] = out[k, j] + side * step * v[j]
                     error = refine_kernel(model, link, T, -unlimited, unlimited, held, q)
                     about = (out[k, n + CODE], 0.0, out[k, n + VALUE])
-                    count = admit_kernel(
-                        plan, model, link, T, lower, upper, seed, tolerance, error, about, q, out,
-                        count,
-                    )  # fmt: skip
+                    count = admit_kernel(problem, error, about, q, out, count)
         k += 1
     return count
 
@@ -318,20 +345,33 @@ def _least_moving(J: Array, held: int, last: int, v: Array) -> float:
 
 @kernel
 def add_perturbed_branches_kernel(
-    plan: Array, model: Array, link: int, T: Frame, value: float, lower: Array, upper: Array,
-    seed: Array, tolerance: float, free: Array, slack: float, t: Array, raw: Array, found: int,
-    trials: int, q: Array, out: Array, count: int,
+    problem: Problem, table: CandidateTable, value: float, number: int, trials: int, q: Array,
+    out: Array, count: int,
 ) -> tuple[int, int]:  # fmt: skip
     """Add the branches that damped steps reach from the candidates of poses near the target.
 
     For a target that has no candidate itself: the true arm has a singularity there that the form
     does not have, or the target is beyond the form's reach.
+
+    Args:
+        problem: The pose and the arm.
+        table: The candidates.
+        value: Parameter of a redundant arm.
+        number: Candidates that are there.
+        trials: Poses near the target to try.
+        q: Workspace, shape (n,).
+        out: Table of branches, shape (r, n + MORE).
+        count: Rows that are taken.
+
+    Returns:
+        Candidates that are there now, and the new count.
     """
-    n, held = q.shape[0], int(plan[0, 2])
-    state = np.array([0xD1B54A32D192ED03], dtype=np.uint64)
+    plan, model, link, T = problem.arm.plan, problem.arm.model, problem.arm.link, problem.T
+    n, held, candidates = q.shape[0], int(plan[HEADER, HELD]), table.rows
+    state, pose = np.array([0xD1B54A32D192ED03], dtype=np.uint64), np.empty(COLUMNS)
     unlimited = np.full(n, np.inf)
     for trial in range(trials):
-        size = max(1e-7, 30.0 * plan[0, 5]) * (1.0 + 0.1 * trial * trial)
+        size = max(1e-7, 30.0 * plan[HEADER, MISS]) * (1.0 + 0.1 * trial * trial)
         x, y, z = _jitter(state, size), _jitter(state, size), _jitter(state, size)
         a, b, c = _jitter(state, size), _jitter(state, size), _jitter(state, size)
         r = 1.0 / math.sqrt(1.0 + a * a + b * b + c * c)
@@ -342,25 +382,21 @@ def add_perturbed_branches_kernel(
                 2.0 * (a * b + c * w), 1.0 - 2.0 * (a * a + c * c), 2.0 * (b * c - a * w), 0.0,
                 2.0 * (a * c - b * w), 2.0 * (b * c + a * w), 1.0 - 2.0 * (a * a + b * b), 0.0,
             ),
-            (
-                T[0], T[1], T[2], 0.0, T[4], T[5], T[6], 0.0, T[8], T[9], T[10], 0.0,
-            ),
+            (T[0], T[1], T[2], 0.0, T[4], T[5], T[6], 0.0, T[8], T[9], T[10], 0.0),
         )  # fmt: skip
         near = (
             near[0], near[1], near[2], T[3] + x, near[4], near[5], near[6], T[7] + y,
             near[8], near[9], near[10], T[11] + z,
         )  # fmt: skip
-        first = found
-        found = candidates_kernel(plan, near, value, free, slack, t, raw, found)
-        for k in range(first, min(found, first + 16)):
-            q[:] = seed
-            _set_joints(plan, raw[k], q)
+        first = number
+        number = candidates_kernel(plan, pose, table, near, value, number)
+        for k in range(first, min(number, first + 16)):
+            q[:] = problem.seed
+            _set_joints(plan, candidates[k], q)
             error = refine_kernel(model, link, T, -unlimited, unlimited, held, q)
-            about = (raw[k, BRANCH], 0.0, raw[k, PARAMETER])
-            count = admit_kernel(
-                plan, model, link, T, lower, upper, seed, tolerance, error, about, q, out, count
-            )
-    return found, count
+            about = (candidates[k, BRANCH], 0.0, candidates[k, PARAMETER])
+            count = admit_kernel(problem, error, about, q, out, count)
+    return number, count
 
 
 @kernel

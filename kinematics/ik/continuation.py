@@ -16,6 +16,7 @@ Source: numerical continuation in pseudo-arclength, and bordered systems for sin
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,18 +29,66 @@ from kinematics.linear_solve import solve_kernel
 
 #: Joints that a curve runs through: as many as a pose has directions.
 JOINTS = 6
-#: Steps along a curve [rad]: the first, the largest, the least; so many, over so long a way.
-_FIRST, _LONGEST, _SHORTEST, _STEPS, _WAY = 1e-3, 0.12, 1e-7, 1200, 30.0
-#: Corrections of a step, how small the last one is, and the cosine of its largest turn.
-_CORRECTIONS, _CONVERGED, _TURN = 6, 1e-11, 0.95
-#: Halvings of a step that holds a zero, or a least value that may be one.
-_HALVINGS, _TOUCHES = 24, 40
-#: Points of a curve are remembered so far [rad] apart.
-_TOLD = 0.03
+#: The first step along a curve [rad].
+_FIRST = 1e-3
+#: The largest step [rad].
+_LONGEST = 0.12
+#: A curve whose steps must be shorter than this [rad] is given up.
+_SHORTEST = 1e-7
+#: Steps along a curve at most.
+_STEPS = 1200
+#: Length of a curve at most [rad].
+_WAY = 30.0
+#: Corrections of a step at most.
+_CORRECTIONS = 6
+#: A correction smaller than this [rad] is the last one.
+_CONVERGED = 1e-11
+#: Cosine of the largest turn of a step.
+_TURN = 0.95
+#: Halvings of a step that holds a zero.
+_HALVINGS = 24
+#: Halvings of a step that holds a least value, which may be a zero.
+_TOUCHES = 40
+#: Points of a curve are remembered this far apart [rad].
+_APART = 0.03
 #: A pivot no larger than this makes a matrix of metres and radians singular.
 _SINGULAR = 1e-14
-#: Where a curve is left: beyond this there are no twins of a solution [m] or [rad].
+#: Where |rho| is larger, a curve is left: beyond it there are no twins of a solution [m or rad].
 _BEYOND = 0.3
+
+
+class Curve(NamedTuple):
+    """A curve of configurations whose error is left open in one direction only.
+
+    Args:
+        model: ``Chain.model``.
+        link: Number of the link.
+        T: The pose that the link is to reach.
+        joints: The joints that move, shape (6,).
+        moving: Whether u is that of the least singular value all along, else it stays.
+        tolerance: Zeros between which |rho| stays below this are one [m or rad].
+    """
+
+    model: Array
+    link: int
+    T: Frame
+    joints: Indices
+    moving: bool
+    tolerance: float
+
+
+class _Point(NamedTuple):
+    """A point of a curve.
+
+    Args:
+        q: The configuration, shape (n,).
+        rho: Error along the open direction [m or rad].
+        slope: Its derivative along the curve, drho/ds.
+    """
+
+    q: Array
+    rho: float
+    slope: float
 
 
 @kernel
@@ -135,13 +184,20 @@ def _border(J: Array, joints: Indices, u: Array, t: Array, M: Array) -> None:
 
 @kernel
 def correct_kernel(
-    model: Array, link: int, T: Frame, joints: Indices, u: Array, t: Array, reach: float,
-    q: Array, J: Array,
-) -> tuple[bool, float]:  # fmt: skip
-    """Bring q onto the curve across t, by no more than ``reach``; whether it is there, and rho.
+    curve: Curve, u: Array, t: Array, reach: float, q: Array, J: Array
+) -> tuple[bool, float]:
+    """Bring q onto a curve across its tangent; whether it is there, and rho.
 
-    J is left at the last but one configuration, which differs by rounding.
+    Args:
+        curve: The curve.
+        u: Unit direction that is left open, shape (6,).
+        t: Unit tangent, shape (6,).
+        reach: Corrections go no farther than this [rad].
+        q: The configuration, shape (n,); its joints move onto the curve.
+        J: Filled with the Jacobian at the last but one configuration, which differs by rounding,
+            shape (6, n).
     """
+    model, link, T, joints = curve.model, curve.link, curve.T, curve.joints
     M, b = np.empty((7, 7)), np.empty(7)
     moved = 0.0
     for _ in range(_CORRECTIONS):
@@ -203,22 +259,15 @@ def tangent_kernel(
 
 @kernel
 def follow_kernel(  # noqa: C901, PLR0912
-    model: Array, link: int, T: Frame, joints: Indices, moving: bool, way: float, start: Array,
-    u0: Array, t0: Array, tolerance: float, visited: Array, seen: int, roots: Array,
-) -> tuple[int, int, bool]:  # fmt: skip
-    """Follow a curve from ``start`` along ``way`` t0 and write starts of its zeros into ``roots``.
+    curve: Curve, start: Array, u0: Array, t0: Array, visited: Array, seen: int, roots: Array
+) -> tuple[int, int, bool]:
+    """Follow a curve one way and write starts of its zeros into ``roots``.
 
     Args:
-        model: ``Chain.model``.
-        link: The number of the link.
-        T: The pose.
-        joints: The joints that move, shape (6,).
-        moving: Whether u is that of the least singular value all along, else it stays.
-        way: 1 or -1.
-        start: A configuration on or near the curve, shape (n,); its joints move onto it.
+        curve: The curve.
+        start: A configuration on or near the curve, shape (n,).
         u0: Unit direction that is left open, shape (6,).
-        t0: Unit tangent, shape (6,).
-        tolerance: Zeros between which rho stays below this are one.
+        t0: Unit tangent, the way to go, shape (6,).
         visited: Where curves have been: configurations and tangents, shape (w, 12).
         seen: Rows of it that are filled.
         roots: The answer, shape (r, n).
@@ -226,19 +275,20 @@ def follow_kernel(  # noqa: C901, PLR0912
     Returns:
         How many zeros, rows of ``visited`` that are filled, and whether the curve is closed.
     """
-    n = start.shape[0]
-    J, u, t = np.empty((6, n)), u0.copy(), way * t0
+    n, joints = start.shape[0], curve.joints
+    J = np.empty((6, n))
+    u, t = u0.copy(), t0.copy()
     q, trial = start.copy(), np.empty(n)
     u1, t1 = np.empty(6), np.empty(6)
     count = 0
-    fine, rho = correct_kernel(model, link, T, joints, u, t, 0.2, q, J)
+    fine, rho = correct_kernel(curve, u, t, 0.2, q, J)
     if not fine:
         return 0, seen, False
-    fine, slope = tangent_kernel(J, joints, moving, u, t)
+    fine, slope = tangent_kernel(J, joints, curve.moving, u, t)
     if not fine:
         return 0, seen, False
     origin, toward = q.copy(), t.copy()
-    h, length, told, peak = _FIRST, 0.0, _TOLD, abs(rho)
+    h, length, since, peak = _FIRST, 0.0, _APART, abs(rho)
     if abs(rho) < 1e-12:
         # At a zero itself rounding decides its sign: that of what follows.
         rho = math.copysign(1e-300, slope)
@@ -247,26 +297,24 @@ def follow_kernel(  # noqa: C901, PLR0912
         for k in range(JOINTS):
             trial[joints[k]] += h * t[k]
         u1[:], t1[:] = u, t
-        fine, after = correct_kernel(model, link, T, joints, u1, t1, 0.5 * h + 1e-9, trial, J)
+        fine, after = correct_kernel(curve, u1, t1, 0.5 * h + 1e-9, trial, J)
         slope1 = 0.0
         if fine:
-            fine, slope1 = tangent_kernel(J, joints, moving, u1, t1)
+            fine, slope1 = tangent_kernel(J, joints, curve.moving, u1, t1)
             fine = fine and np.dot(t, t1) > _TURN and np.dot(u, u1) > _TURN
         if not fine:
             h *= 0.4
             if h < _SHORTEST:
                 break
             continue
-        count, peak = _between(
-            model, link, T, joints, u, t, (rho, slope, after, slope1), q, trial, peak, tolerance,
-            J, roots, count,
-        )  # fmt: skip
+        here, there = _Point(q, rho, slope), _Point(trial, after, slope1)
+        count, peak = _add_zeros(curve, u, t, here, there, peak, roots, count)
         peak = max(peak, abs(after))
         length += h
         q[:], rho, slope, t[:], u[:] = trial, after, slope1, t1, u1
-        told += h
-        if seen < visited.shape[0] and told > _TOLD:
-            told = 0.0
+        since += h
+        if seen < visited.shape[0] and since > _APART:
+            since = 0.0
             for k in range(JOINTS):
                 visited[seen, k], visited[seen, JOINTS + k] = q[joints[k]], t[k]
             seen += 1
@@ -285,46 +333,56 @@ def follow_kernel(  # noqa: C901, PLR0912
 
 
 @kernel
-def _between(
-    model: Array, link: int, T: Frame, joints: Indices, u: Array, t: Array,
-    ends: tuple[float, float, float, float], a: Array, b: Array, peak: float, tolerance: float,
-    J: Array, roots: Array, count: int,
-) -> tuple[int, float]:  # fmt: skip
-    """Add starts of the zeros between two points of a curve; how many there are, and the peak.
+def _add_zeros(
+    curve: Curve, u: Array, t: Array, a: _Point, b: _Point, peak: float, roots: Array, count: int
+) -> tuple[int, float]:
+    """Add starts of the zeros between two points of a curve.
 
-    ``ends`` holds rho and drho/ds of both, ``peak`` the largest |rho| since the last zero.
+    Args:
+        curve: The curve.
+        u: Unit direction that is left open, shape (6,).
+        t: Unit tangent, shape (6,).
+        a: The first point.
+        b: The second point.
+        peak: The largest |rho| since the last zero [m or rad].
+        roots: The answer, shape (r, n).
+        count: Rows of it that are filled.
+
+    Returns:
+        Rows that are filled now, and the peak.
     """
-    rho_a, slope_a, rho_b, slope_b = ends
-    if (rho_a < 0.0) != (rho_b < 0.0):
-        if max(peak, abs(rho_b)) > tolerance and count < roots.shape[0]:
-            _zero(model, link, T, joints, u, t, a, rho_a, b, rho_b, J, roots[count])
+    tolerance = curve.tolerance
+    if (a.rho < 0.0) != (b.rho < 0.0):
+        if max(peak, abs(b.rho)) > tolerance and count < roots.shape[0]:
+            _find_zero(curve, u, t, a, b, roots[count])
             return count + 1, 0.0
         return count, 0.0
-    if rho_a * slope_a >= 0.0 or rho_b * slope_b <= 0.0:
+    if a.rho * a.slope >= 0.0 or b.rho * b.slope <= 0.0:
         return count, peak
     # |rho| is least inside.
-    low, high, m, s = a.copy(), b.copy(), np.empty_like(a), np.empty(6)
-    w = np.empty(6)
-    rho_m = rho_a
+    low, high, m, s = a.q.copy(), b.q.copy(), np.empty_like(a.q), np.empty(6)
+    w, J = np.empty(6), np.empty((6, a.q.shape[0]))
+    rho_m = a.rho
     for _ in range(_TOUCHES):
         m[:] = 0.5 * (low + high)
-        fine, rho_m = correct_kernel(model, link, T, joints, u, t, 1.0, m, J)
-        if not fine or (rho_m < 0.0) != (rho_a < 0.0):
+        fine, rho_m = correct_kernel(curve, u, t, 1.0, m, J)
+        if not fine or (rho_m < 0.0) != (a.rho < 0.0):
             break
         s[:], w[:] = t, u
-        fine, slope = tangent_kernel(J, joints, False, w, s)
+        fine, slope = tangent_kernel(J, curve.joints, False, w, s)
         if slope * rho_m < 0.0:
             low[:] = m
         else:
             high[:] = m
         if np.abs(high - low).max() < 1e-8:
             break
-    if (rho_m < 0.0) != (rho_a < 0.0):
+    if (rho_m < 0.0) != (a.rho < 0.0):
+        middle = _Point(m, rho_m, 0.0)
         if peak > tolerance and count < roots.shape[0]:
-            _zero(model, link, T, joints, u, t, a, rho_a, m, rho_m, J, roots[count])
+            _find_zero(curve, u, t, a, middle, roots[count])
             count, peak = count + 1, 0.0
         if max(peak, abs(rho_m)) > tolerance and count < roots.shape[0]:
-            _zero(model, link, T, joints, u, t, m, rho_m, b, rho_b, J, roots[count])
+            _find_zero(curve, u, t, middle, b, roots[count])
             count += 1
         peak = 0.0
     elif abs(rho_m) <= tolerance and peak > tolerance and count < roots.shape[0]:
@@ -334,21 +392,19 @@ def _between(
 
 
 @kernel
-def _zero(
-    model: Array, link: int, T: Frame, joints: Indices, u: Array, t: Array, a: Array, rho_a: float,
-    b: Array, rho_b: float, J: Array, out: Array,
-) -> None:  # fmt: skip
+def _find_zero(curve: Curve, u: Array, t: Array, a: _Point, b: _Point, out: Array) -> None:
     """Write the zero between a and b, where rho has two signs, into ``out``."""
-    low, high, left, right = 0.0, 1.0, rho_a, rho_b
-    out[:] = 0.5 * (a + b)
+    J = np.empty((6, out.shape[0]))
+    low, high, left, right = 0.0, 1.0, a.rho, b.rho
+    out[:] = 0.5 * (a.q + b.q)
     for k in range(_HALVINGS):
         # The false position, or the middle in turn.
         x = (low * right - high * left) / (right - left) if k % 2 == 0 else 0.5 * (low + high)
-        out[:] = a + x * (b - a)
-        fine, rho = correct_kernel(model, link, T, joints, u, t, 1.0, out, J)
+        out[:] = a.q + x * (b.q - a.q)
+        fine, rho = correct_kernel(curve, u, t, 1.0, out, J)
         if not fine or abs(rho) < 1e-14:
             break
-        if (rho < 0.0) == (rho_a < 0.0):
+        if (rho < 0.0) == (a.rho < 0.0):
             low, left = x, rho
         else:
             high, right = x, rho
@@ -380,8 +436,8 @@ def joint_direction_kernel(J: Array, joints: Indices, w: Array) -> Array:
 
 
 @kernel
-def is_visited_kernel(visited: Array, seen: int, joints: Indices, q: Array, room: float) -> bool:
-    """Whether a curve that was followed runs through q, or by it within ``room`` [rad]."""
+def is_visited_kernel(visited: Array, seen: int, joints: Indices, q: Array, beside: float) -> bool:
+    """Whether a curve that was followed runs through q, or by it within ``beside`` [rad]."""
     d = np.empty(JOINTS)
     for row in range(seen):
         square, along = 0.0, 0.0
@@ -391,7 +447,7 @@ def is_visited_kernel(visited: Array, seen: int, joints: Indices, q: Array, room
             along += d[k] * visited[row, JOINTS + k]
         if square < _LONGEST * _LONGEST:
             across = square - along * along
-            limit = room + 0.2 * square
+            limit = beside + 0.2 * square
             if across < limit * limit:
                 return True
     return False

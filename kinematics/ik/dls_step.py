@@ -4,6 +4,7 @@ Chains are read from ``Chain.model``, poses as frames of twelve numbers.
 """
 
 import math
+from typing import NamedTuple
 
 from kinematics.arrays import Array, Indices
 from kinematics.compiled.kernel import kernel
@@ -14,6 +15,20 @@ from kinematics.linear_solve import cholesky_solve_kernel
 Error = tuple[Lanes, Lanes, Lanes, Lanes, Lanes, Lanes]
 #: The lower half of a symmetric matrix of six rows, by rows.
 Square = tuple[Lanes, ...]
+
+
+class StepWorkspace(NamedTuple):
+    """Arrays that a damped step is worked out in.
+
+    Args:
+        free: Joints that are free to move, shape (n,).
+        H: J^T J + damping I of fewer than six joints, shape (n, n).
+        g: J^T e, then the step; shape (n,), of six numbers at least.
+    """
+
+    free: Indices
+    H: Array
+    g: Array
 
 
 @kernel(allocates=False)
@@ -87,7 +102,7 @@ def stretch_kernel(square: Lanes, cosine: Lanes) -> Lanes:
 
 @kernel(allocates=False)
 def half_turn_kernel(B: Frame, T: Frame) -> tuple[Lanes, Lanes, Lanes]:
-    """Answer pi times the axis of R_T R_B^T = m, half a turn: the largest column of (m + I) / 2."""
+    """Pi times the axis of R_T R_B^T = m, half a turn: the largest column of (m + I) / 2."""
     m00, m11 = T[0] * B[0] + T[1] * B[1] + T[2] * B[2], T[4] * B[4] + T[5] * B[5] + T[6] * B[6]
     m22 = T[8] * B[8] + T[9] * B[9] + T[10] * B[10]
     m10 = T[4] * B[0] + T[5] * B[1] + T[6] * B[2]
@@ -196,18 +211,27 @@ def dual_kernel(J: Array, e: Array, free: Indices, count: int, damping: float, x
 
 @kernel(allocates=False)
 def step_within_kernel(
-    J: Array, e: Array, q: Array, lower: Array, upper: Array, damping: float,
-    free: Indices, H: Array, g: Array, out: Array,
+    J: Array, e: Array, q: Array, lower: Array, upper: Array, damping: float, room: StepWorkspace,
+    out: Array,
 ) -> None:  # fmt: skip
-    """Write the damped step from q, clipped to the limits, into ``out`` (n,).
+    """Write the damped step from q, clipped to the limits, into ``out``.
 
     (J^T J + damping I) dq = J^T e over the joints that are free to move: one at a limit that e
     pushes outwards is left out. A chain of six joints and more has it as J^T x from the smaller
     (J J^T + damping I) x = e: where fewer are free, x is large across what J reaches, but not so
     large that rounding of J^T x, about 1e-16 |e| / damping, would matter.
-    J is (6, n), e (6,); room: free (n,), g (n or 6,) and,
-    for fewer than six joints, H (n, n).
+
+    Args:
+        J: Jacobian, shape (6, n).
+        e: Error, shape (6,).
+        q: Configuration, shape (n,).
+        lower: Lower limits, shape (n,).
+        upper: Upper limits, shape (n,).
+        damping: Damping term.
+        room: Workspace.
+        out: The answer, shape (n,).
     """
+    free, H, g = room
     n, count = q.shape[0], 0
     error = (e[0], e[1], e[2], e[3], e[4], e[5])
     for j in range(n):

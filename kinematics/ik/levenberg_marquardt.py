@@ -1,6 +1,7 @@
 """The numeric method's search for one pose: damped steps, and restarts from a table."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,29 +12,99 @@ from kinematics.compiled.simd import LANES, Lanes, choose, fill, load, on_stack,
 from kinematics.compiled.simd_frames import FRAME, FRAME_SIZE, load_frame_kernel
 from kinematics.forward import finite_kernel
 from kinematics.frame import IDENTITY, Frame, compose_kernel, move_kernel
-from kinematics.ik.dls_step import Error, error_kernel, frame_kernel, step_within_kernel
+from kinematics.ik.dls_step import (
+    Error,
+    StepWorkspace,
+    error_kernel,
+    frame_kernel,
+    step_within_kernel,
+)
 from kinematics.jacobian import frame_and_jacobian_kernel
 from kinematics.random import State, uniform_kernel
 from kinematics.sincos import few_turns_kernel, turn_at_kernel
 
 #: Steps from one start; most that converge at all do so in a quarter of it.
 STEPS = 60
-#: A start is given up after so many steps in a row without this factor of the squared error; one
-#: in so many starts is given more, for poses near singularities.
-PATIENCE, GAIN = 1, 0.7
-LONG, LONG_PATIENCE, LONG_GAIN = 5, 8, 0.9
-#: mu at the start and what a good or bad step makes of it.
-DAMPING, LESS, MORE = 0.1, 0.7, 6.0
-LEAST_MU, LEAST_DAMPING = 1e-7, 1e-13
+#: A start is given up after more than so many steps in a row without progress.
+PATIENCE = 1
+#: Progress is a squared error below this share of that before.
+GAIN = 0.7
+#: One start in so many is given more patience, for poses near singularities.
+LONG = 5
+#: Patience of such a start [steps].
+LONG_PATIENCE = 8
+#: Progress of such a start.
+LONG_GAIN = 0.9
+#: Damping factor mu of a start's first step.
+DAMPING = 0.1
+#: Factor of mu after a step that helps.
+LESS = 0.7
+#: Factor of mu after a step that does not.
+MORE = 6.0
+#: The least mu.
+LEAST_MU = 1e-7
+#: The least damping term.
+LEAST_DAMPING = 1e-13
 #: Random draws of which the nearest is the next start.
 _DRAWS = 2
-#: Configurations whose frames are known beforehand, those among which a start is chosen, and
-#: where only some axes count.
-ROWS, LOOK, _MASKED, TABLE_SEED = 4096, 64, 32, 1
-#: Room for a Jacobian.
-_WIDE = 6 * MAX_JOINTS
-#: What a radian weighs against a reach of metres.
+#: Configurations whose frames are known beforehand.
+ROWS = 4096
+#: Those among which a start is chosen.
+LOOK = 64
+#: Those where only some axes count, which costs more for each.
+_MASKED = 32
+#: Seed of the known configurations.
+TABLE_SEED = 1
+#: Numbers of a Jacobian.
+_JACOBIAN_SIZE = 6 * MAX_JOINTS
+#: Joints at most of a step that is solved for in their space; see ``dls_step``.
+_FEW_JOINTS = 5
+#: Numbers of J^T J for so many joints.
+_FEW_SIZE = _FEW_JOINTS * _FEW_JOINTS
+#: Numbers of what ``pick_kernel`` works in: two vectors.
+NEAR_SIZE = 2 * LANES
+#: Weight of a radian against a reach of metres.
 WEIGHT = 0.18
+
+
+class SearchSpace(NamedTuple):
+    """A chain up to a link, and where the search for its poses starts.
+
+    Args:
+        model: ``Chain.model``.
+        link: Number of the link to bring to a pose.
+        bounds: Lower and upper limits, and the bounds that random starts are drawn between, shape
+            (4, n) [rad or m].
+        table: Frames and configurations that most restarts are taken from: eight frames and their
+            configurations in a row of vectors, twelve and n, one such row after the other; the
+            rotations times weight / sqrt(2), so that squares add up as those of small errors do.
+        weight: Weight of a radian [m].
+    """
+
+    model: Array
+    link: int
+    bounds: Array
+    table: Array
+    weight: float
+
+
+class SearchSettings(NamedTuple):
+    """Settings of a search.
+
+    Args:
+        axes: 1 for each row of the error in the target's frame that counts, else 0, and whether
+            some do not, shape (7,).
+        position_tolerance: Largest distance of a solution from its target [m].
+        orientation_tolerance: Largest angle of a solution from its target [rad].
+        starts: Starts to spend in all, on each pose.
+        seed: Seed of the random draws.
+    """
+
+    axes: Array
+    position_tolerance: float
+    orientation_tolerance: float
+    starts: int
+    seed: int
 
 
 @kernel(inline="code")
@@ -82,11 +153,20 @@ def weigh_jacobian_kernel(T: Frame, axes: Array, w: float, J: Array) -> None:
 
 @kernel(allocates=False)
 def draw_kernel(
-    model: Array, link: int, T: Frame, axes: Array, lower: Array, upper: Array, w: float,
-    state: State, trial: Array, q: Array,
-) -> None:  # fmt: skip
-    """Put the nearest of some random draws into q; joints behind the link stay as they are."""
-    row = 1 + q.shape[0] + link
+    space: SearchSpace, T: Frame, axes: Array, state: State, trial: Array, q: Array
+) -> None:
+    """Put the nearest of some random draws into q; joints behind the link stay as they are.
+
+    Args:
+        space: The chain.
+        T: The target.
+        axes: ``SearchSettings.axes``.
+        state: State of the draws.
+        trial: Workspace, shape (n,).
+        q: The answer, shape (n,).
+    """
+    model, lower, upper = space.model, space.bounds[2], space.bounds[3]
+    row = 1 + q.shape[0] + space.link
     last = int(model[row, 0])
     for j in range(q.shape[0]):
         trial[j] = q[j]
@@ -99,7 +179,7 @@ def draw_kernel(
             c, s = turn_at_kernel(trial, j, turns)
             B = move_kernel(model, 1 + j, trial[j], c, s, B)
         B = compose_kernel(B, model, row)
-        _, square, _, _ = weigh_kernel(error_kernel(B, T), T, axes, w)
+        _, square, _, _ = weigh_kernel(error_kernel(B, T), T, axes, space.weight)
         if square < nearest:
             nearest = square
             for j in range(last + 1):
@@ -108,22 +188,20 @@ def draw_kernel(
 
 @kernel(allocates=False)
 def pick_kernel(
-    table: Array, T: Frame, axes: Array, w: float, state: State, last: int, near: Array, q: Array
+    space: SearchSpace, T: Frame, axes: Array, state: State, near: Array, q: Array
 ) -> None:
     """Put into q that of some neighbouring rows of the table whose frame is nearest to T.
 
     Args:
-        table: Eight frames and their configurations in a row of vectors, twelve and n, one such row
-            after the other; the rotations times w / sqrt(2), so that squares add up as those of
-            small errors do.
+        space: The chain and its table.
         T: The target.
-        axes: As ``search_kernel`` has it.
-        w: Weight of a radian [m].
-        state: Of the draws.
-        last: The last joint that moves the link.
-        near: Room (16,).
-        q: The answer (n,); joints behind ``last`` stay as they are.
+        axes: ``SearchSettings.axes``.
+        state: State of the draws.
+        near: Workspace, shape (NEAR_SIZE,).
+        q: The answer, shape (n,); joints behind the link stay as they are.
     """
+    table, w = space.table, space.weight
+    last = int(space.model[1 + q.shape[0] + space.link, 0])
     wide = LANES * (q.shape[0] + FRAME)
     begin = int(uniform_kernel(state) * (table.shape[0] // wide - LOOK // LANES))
     scale, look = w * math.sqrt(0.5), LOOK // LANES
@@ -185,32 +263,27 @@ def table_kernel(
 
 @kernel(allocates=False)
 def search_kernel(  # noqa: C901, PLR0912, PLR0915
-    model: Array, link: int, target: Array, axes: Array, bounds: Array, table: Array,
-    scales: tuple[float, float, float], starts: int, spent: int, seed: int, start: Array,
+    space: SearchSpace, settings: SearchSettings, target: Array, spent: int, start: Array,
     best: Array,
 ) -> tuple[int, float, float, int, int]:  # fmt: skip
-    """Search from ``start`` (n,), then from random draws, until the tolerances are met.
+    """Search from ``start``, then from random draws, until the tolerances are met.
 
     Args:
-        model: ``Chain.model``.
-        link: The number of the link to bring there, -1 for the tip.
+        space: The chain up to the link.
+        settings: How to search.
         target: T_base_link, shape (4, 4).
-        axes: 1 for each row of the error in the target's frame that counts, and whether some do
-            not, shape (7,).
-        bounds: Limits, lower and upper, and where random starts are drawn from, shape (4, n).
-        table: What most restarts are taken from, see ``pick_kernel``.
-        scales: Tolerance of position [m], of orientation [rad], and the weight of a radian [m].
-        starts: How many to spend in all.
         spent: Starts that were spent before; above 0 it begins with a draw instead of ``start``.
-        seed: Of the draws.
-        start: Inside the limits.
-        best: The nearest configuration (n,).
+        start: Where to begin, shape (n,).
+        best: The nearest configuration, shape (n,).
 
     Returns:
         1 when the tolerances are met, 0 when not, -1 where ``start`` is not one finite number a
         joint, -2 where the target is not finite; then the errors of ``best``, and the steps and
         starts spent.
     """
+    model, link, w, axes = space.model, space.link, space.weight, settings.axes
+    position_tolerance = settings.position_tolerance
+    orientation_tolerance = settings.orientation_tolerance
     n = start.shape[0]
     if n != int(model[0, 0]) or not finite_kernel(start):
         return -1, 0.0, 0.0, 0, 0
@@ -218,24 +291,24 @@ def search_kernel(  # noqa: C901, PLR0912, PLR0915
         for column in range(4):
             if not math.isfinite(target[row, column]):
                 return -2, 0.0, 0.0, 0, 0
-    if link < 0:
-        link = int(model[0, 1])
     T = frame_kernel(target)
     state = on_stack(1).view(np.uint64)
-    state[0] = np.uint64(seed) + np.uint64(0xD1342543DE82EF95) * np.uint64(spent)
+    state[0] = np.uint64(settings.seed) + np.uint64(0xD1342543DE82EF95) * np.uint64(spent)
     q, trial = on_stack(MAX_JOINTS)[:n], on_stack(MAX_JOINTS)[:n]
-    J, J_trial = on_stack(_WIDE)[: 6 * n].reshape((6, n)), on_stack(_WIDE)[: 6 * n].reshape((6, n))
-    H, e, g, near = on_stack(25).reshape((5, 5)), on_stack(6), on_stack(MAX_JOINTS), on_stack(16)
-    free, last = on_stack(MAX_JOINTS).view(np.int64), int(model[1 + n + link, 0])
-    lower, upper, w = bounds[0], bounds[1], scales[2]
+    J = on_stack(_JACOBIAN_SIZE)[: 6 * n].reshape((6, n))
+    J_trial = on_stack(_JACOBIAN_SIZE)[: 6 * n].reshape((6, n))
+    H = on_stack(_FEW_SIZE).reshape((_FEW_JOINTS, _FEW_JOINTS))
+    room = StepWorkspace(on_stack(MAX_JOINTS).view(np.int64), H, on_stack(MAX_JOINTS))
+    e, near = on_stack(6), on_stack(NEAR_SIZE)
+    lower, upper = space.bounds[0], space.bounds[1]
     for j in range(n):
         q[j] = min(max(start[j], lower[j]), upper[j])
     least, errors, steps = np.inf, (np.inf, np.inf), 0
-    for attempt in range(spent, starts):
+    for attempt in range(spent, settings.starts):
         if attempt > 0 and attempt % LONG != LONG - 1:
-            pick_kernel(table, T, axes, w, state, last, near, q)
+            pick_kernel(space, T, axes, state, near, q)
         elif attempt > 0:
-            draw_kernel(model, link, T, axes, bounds[2], bounds[3], w, state, trial, q)
+            draw_kernel(space, T, axes, state, trial, q)
         patience, gain = PATIENCE, GAIN
         if attempt % LONG == LONG - 1:
             patience, gain = LONG_PATIENCE, LONG_GAIN
@@ -245,10 +318,10 @@ def search_kernel(  # noqa: C901, PLR0912, PLR0915
         weigh_jacobian_kernel(T, axes, w, J)
         mu, stale, mark = DAMPING, 0, square
         for _ in range(STEPS):
-            if position <= scales[0] and rotation <= scales[1]:
+            if position <= position_tolerance and rotation <= orientation_tolerance:
                 break
             damping = mu * square + LEAST_DAMPING
-            step_within_kernel(J, e, q, lower, upper, damping, free, H, g, trial)
+            step_within_kernel(J, e, q, lower, upper, damping, room, trial)
             steps += 1
             B = frame_and_jacobian_kernel(model, trial, link, J_trial)
             weighed, after, position_after, rotation_after = weigh_kernel(
@@ -268,7 +341,7 @@ def search_kernel(  # noqa: C901, PLR0912, PLR0915
                 mark, stale = square, 0
             if stale > patience:
                 break
-        done = position <= scales[0] and rotation <= scales[1]
+        done = position <= position_tolerance and rotation <= orientation_tolerance
         if square < least or done:
             least = square
             for j in range(n):
@@ -276,17 +349,4 @@ def search_kernel(  # noqa: C901, PLR0912, PLR0915
             errors = (position, rotation)
         if done:
             return 1, position, rotation, steps, attempt + 1
-    return 0, errors[0], errors[1], steps, starts
-
-
-@kernel(allocates=False)
-def search_alone_kernel(
-    model: Array, link: int, target: Array, axes: Array, bounds: Array, table: Array,
-    position: float, orientation: float, weight: float, starts: int, spent: int, seed: int,
-    start: Array, best: Array,
-) -> tuple[int, float, float, int, int]:  # fmt: skip
-    """``search_kernel`` for calls from Python, which counts no references of arrays."""
-    return search_kernel(
-        model, link, target, axes, bounds, table, (position, orientation, weight), starts, spent,
-        seed, start, best,
-    )  # fmt: skip
+    return 0, errors[0], errors[1], steps, settings.starts

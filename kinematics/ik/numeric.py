@@ -31,7 +31,9 @@ from kinematics.ik.levenberg_marquardt import (
     ROWS,
     TABLE_SEED,
     WEIGHT,
-    search_alone_kernel,
+    SearchSettings,
+    SearchSpace,
+    search_kernel,
     table_kernel,
 )
 from kinematics.ik.numeric_simd import solve_batch_kernel
@@ -56,6 +58,11 @@ _new: Any = tuple.__new__
 _POSE = (4, 4)
 #: Stands for the name of a link where none is prepared yet.
 _NO_LINK = object()
+_ROW, _TABLE = frozen([0.0]), frozen(np.zeros((1, 1)))
+#: Arrays of the types that every chain has.
+_SPACE = SearchSpace(_TABLE, 0, _TABLE, _ROW, 0.0)
+#: Settings of the types that all have.
+_SETTINGS = SearchSettings(_ROW, 0.0, 0.0, 0, 0)
 #: Seeds are cut to 63 bits.
 _MAX_SEED = 2**63 - 1
 
@@ -91,7 +98,7 @@ class SearchOptions:
         axes: The axes of the target's frame that count: positions along x, y, z, turns about them
             rx, ry, rz. Without rz, say, the tool may turn about its own z.
 
-    Also known: ``mask``, 1 for each row of the error that counts, and whether some do not, (7,).
+    Also known: ``settings``, the same for the kernels.
 
     Raises:
         InvalidOption: A tolerance or the number of starts is not positive, or an axis unknown.
@@ -102,7 +109,7 @@ class SearchOptions:
     position_tolerance: float = POSITION_TOLERANCE
     orientation_tolerance: float = ORIENTATION_TOLERANCE
     axes: Collection[Axis] = AXES
-    mask: Array = field(init=False, repr=False)
+    settings: SearchSettings = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if self.starts < 1:
@@ -110,7 +117,11 @@ class SearchOptions:
         if not (self.position_tolerance > 0.0 and self.orientation_tolerance > 0.0):
             raise InvalidOption("tolerances must be positive")
         object.__setattr__(self, "seed", self.seed & _MAX_SEED)
-        object.__setattr__(self, "mask", _mask(tuple(self.axes)))
+        settings = SearchSettings(
+            _axis_weights(tuple(self.axes)), float(self.position_tolerance),
+            float(self.orientation_tolerance), int(self.starts), int(self.seed),
+        )  # fmt: skip
+        object.__setattr__(self, "settings", settings)
 
 
 def solve_many(
@@ -144,20 +155,18 @@ def solve_many(
     if T.ndim != 3 or T.shape[1:] != _POSE or not np.isfinite(T).all():
         raise InvalidPose("the targets must be finite 4x4 transforms, shape (m, 4, 4)")
     how = options or _default()
-    _, _, number, model, bounds, table, middle, weight = _prepared(chain, link)
+    _, _, space, middle = _prepared(chain, link)
     seeds = middle if seed_joints is None else chain.configuration(seed_joints, "seed_joints")
     m, n = T.shape[0], chain.n
     if seeds.ndim > 1 and seeds.shape[0] != m:
         raise InvalidOption(f"seed_joints must be one or {m}, as the poses are")
     begin = np.ascontiguousarray(np.broadcast_to(seeds, (m, n)))
     best, solved = np.empty((m, n + 4)), np.empty(m, dtype=np.int64)
-    scales = (float(how.position_tolerance), float(how.orientation_tolerance), weight)
+
+    batch = _direct_batch()
 
     def part(k: slice) -> None:
-        solve_batch_kernel(
-            model, number, T[k], how.mask, bounds, table, scales, how.starts, how.seed, begin[k],
-            best[k], solved[k],
-        )  # fmt: skip
+        batch(space, how.settings, T[k], begin[k], best[k], solved[k])
 
     shared(part, m, threads)
     return IkBatch(best[:, :n], best[:, n], best[:, n + 1], best[:, n + 2], solved == 1)
@@ -196,7 +205,7 @@ def solve(
         setup = (_NO_LINK,)
     if setup[0] != link:
         setup = chain.memo["numeric"] = _prepared(chain, link)
-    _, search, number, model, bounds, table, middle, weight = setup
+    _, search, space, middle = setup
     T = _numbers(target)
     if T.shape != _POSE:
         raise InvalidPose("the target must be a finite 4x4 transform")
@@ -204,16 +213,13 @@ def solve(
     if begin.ndim != 1:
         raise_start(chain, begin)
     how = options or _default()
-    starts = how.starts
+    settings, starts = how.settings, how.starts
     distinct: list[IkSolution] = []
     nearest: IkSolution | None = None
     spent = 0
     while spent < starts and len(distinct) < solutions:
         best = _empty(middle.shape)
-        done, position, orientation, steps, spent = search(
-            model, number, T, how.mask, bounds, table, how.position_tolerance,
-            how.orientation_tolerance, weight, starts, spent, how.seed, begin, best,
-        )  # fmt: skip
+        done, position, orientation, steps, spent = search(space, settings, T, spent, begin, best)
         if done < 0:
             raise_start(chain, begin)
             raise InvalidPose("the target must be a finite 4x4 transform")
@@ -243,15 +249,9 @@ def raise_start(chain: Chain, begin: Array) -> None:
 
 
 @lru_cache(maxsize=64)
-def _prepared(
-    chain: Chain, link: str | None
-) -> tuple[str | None, Any, int, Array, Array, Array, Array, float]:
-    """All that a call needs of a chain up to a link.
-
-    The link, the kernel, the link's number, model, bounds, table, the middle of the limits, and the
-    weight of a radian.
-    """
-    number = -1 if link is None else link_number(chain, link)
+def _prepared(chain: Chain, link: str | None) -> tuple[str | None, Any, SearchSpace, Array]:
+    """The link, the kernel, the arrays of a chain up to the link, and the middle of its limits."""
+    number = int(chain.model[0, 1]) if link is None else link_number(chain, link)
     low, high = chain.sampling_bounds()
     radius = float(np.linalg.norm(chain.offsets[1:, :3, 3], axis=1).sum())
     radius += float(np.linalg.norm(chain.tip.T_joint_link[:3, 3]))
@@ -261,7 +261,8 @@ def _prepared(
     table_kernel(chain.model, number, low, high, weight, TABLE_SEED, table)
     bounds = np.array([chain.limits.lower, chain.limits.upper, low, high])
     middle = frozen(0.5 * (low + high))
-    return link, _alone(), number, chain.model, frozen(bounds), frozen(table), middle, weight
+    space = SearchSpace(chain.model, number, frozen(bounds), frozen(table), weight)
+    return link, _direct_search(), space, middle
 
 
 def _numbers(values: ArrayLike) -> Array:
@@ -272,7 +273,7 @@ def _numbers(values: ArrayLike) -> Array:
 
 
 @lru_cache(maxsize=64)
-def _mask(axes: tuple[Axis, ...]) -> Array:
+def _axis_weights(axes: tuple[Axis, ...]) -> Array:
     """1 for each row of the error that counts, else 0, and whether some do not, shape (7,)."""
     unknown = [axis for axis in axes if axis not in AXES]
     if unknown or not axes:
@@ -290,17 +291,18 @@ def _default() -> SearchOptions:
 
 
 @cache
-def _alone() -> Any:
-    def fixed(*shape: int) -> Array:
-        array = np.zeros(shape)
-        array.setflags(write=False)
-        return array
-
+def _direct_search() -> Any:
+    """``search_kernel`` without dispatch, for arguments as ``solve`` has them."""
     row = np.zeros(1)
-    return direct(
-        search_alone_kernel, fixed(1, 14), 0, np.zeros((4, 4)), fixed(1), fixed(4, 1), fixed(1),
-        0.0, 0.0, 0.0, 0, 0, 0, row, row,
-    )  # fmt: skip
+    return direct(search_kernel, _SPACE, _SETTINGS, np.zeros((4, 4)), 0, row, row)
+
+
+@cache
+def _direct_batch() -> Any:
+    """``solve_batch_kernel`` without dispatch, for arguments as ``solve_many`` has them."""
+    rows, stack = np.zeros((1, 1)), np.zeros((1, 4, 4))
+    solved = np.zeros(1, dtype=np.int64)
+    return direct(solve_batch_kernel, _SPACE, _SETTINGS, stack, rows, rows, solved)
 
 
 def reach(chain: Chain, link: str | None = None) -> tuple[Array, float]:

@@ -6,6 +6,7 @@ of the batch. Only the beginnings of starts, once in many steps, are made for ea
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -52,8 +53,11 @@ from kinematics.ik.levenberg_marquardt import (
     LONG_GAIN,
     LONG_PATIENCE,
     MORE,
+    NEAR_SIZE,
     PATIENCE,
     STEPS,
+    SearchSettings,
+    SearchSpace,
     draw_kernel,
     pick_kernel,
     search_kernel,
@@ -64,37 +68,98 @@ from kinematics.random import State
 from kinematics.sincos import turns_kernel
 
 # Rows of vectors that the search keeps of its lanes, by the index of their first number.
-#: Squared error, and errors [m], [rad].
+#: Squared error.
 _SQUARE = 0
+#: Distance from the target [m].
 _POSITION = LANES
+#: Angle from the target [rad].
 _ROTATION = 2 * LANES
-#: The least square of all starts, and the square that progress is counted from.
+#: The least square of all starts.
 _LEAST = 3 * LANES
+#: The square that progress is counted from.
 _MARK = 4 * LANES
 #: The damping factor mu.
 _MU = 5 * LANES
-#: Steps of all starts, of this start, and without progress.
+#: Steps of all starts.
 _ALL_STEPS = 6 * LANES
+#: Steps of this start.
 _START_STEPS = 7 * LANES
+#: Steps without progress.
 _STALE = 8 * LANES
-#: 1 where a start begins, and where a lane has a pose.
+#: 1 where a start begins.
 _FRESH = 9 * LANES
+#: 1 where a lane has a pose.
 _ACTIVE = 10 * LANES
-#: When a start is given up.
+#: Steps without progress after which the start is given up.
 _PATIENCE = 11 * LANES
+#: Share of the square that counts as progress.
 _GAIN = 12 * LANES
 #: Numbers in all.
 _STATE = 13 * LANES
 
 
+class _Search(NamedTuple):
+    """Arrays of the eight searches; numbers of the lanes lie side by side.
+
+    Args:
+        J: Weighed Jacobians, columns one after the other, shape (n * COLUMN_SIZE,).
+        e: Weighed errors, shape (COLUMN_SIZE,).
+        q: Configurations, shape (8 n,).
+        trial: Configurations that are tried, shape (8 n,).
+        state: Rows named above, shape (_STATE,).
+    """
+
+    J: Array
+    e: Array
+    q: Array
+    trial: Array
+    state: Array
+
+
+class _Begin(NamedTuple):
+    """What the searches of the lanes begin with.
+
+    Args:
+        T: Targets, shape (FRAME_SIZE,).
+        start: Configurations that new starts begin at, shape (8 n,).
+        state: As of ``_Search``.
+        draws: States of the random draws, shape (8, 1).
+    """
+
+    T: Array
+    start: Array
+    state: Array
+    draws: State
+
+
+class _Room(NamedTuple):
+    """Workspace of a step.
+
+    Args:
+        mask: 1 for each joint that is free to move, shape (8 n,).
+        H: J^T J + damping I of fewer than six joints, shape (8 n n,).
+        g: J^T e, then the step, shape (8 n,).
+    """
+
+    mask: Array
+    H: Array
+    g: Array
+
+
 @kernel(allocates=False)
-def propose_kernel(
-    J: Array, e: Array, q: Array, lower: Array, upper: Array, state: Array, start: Array,
-    mask: Array, H: Array, g: Array, trial: Array,
-) -> None:  # fmt: skip
-    """Write the step of every lane, as ``dls_step.step_within_kernel`` has it, or its start."""
+def propose_kernel(bounds: Array, search: _Search, start: Array, room: _Room) -> None:
+    """Write the step of every lane, as ``dls_step.step_within_kernel`` has it, or its start.
+
+    Args:
+        bounds: Limits of the joints, see ``SearchSpace``.
+        search: The searches; the steps go into ``trial``.
+        start: Configurations that new starts begin at, shape (8 n,).
+        room: Workspace.
+    """
+    J, q, state, mask, g = search.J, search.q, search.state, room.mask, room.g
+    lower, upper = bounds[0], bounds[1]
     n = lower.shape[0]
-    error = load_column_kernel(e, 0)
+    error = load_column_kernel(search.e, 0)
     fresh = load(state, _FRESH) > 0.0
     damping = load(state, _MU) * load(state, _SQUARE) + LEAST_DAMPING
     A = diagonal_kernel(damping, fill(0.0))
@@ -114,13 +179,13 @@ def propose_kernel(
         for j in range(n):
             store(g, LANES * j, project_kernel(load_column_kernel(J, COLUMN_SIZE * j), x))
     else:
-        primal_lanes_kernel(J, error, mask, damping, n, H, g)
+        primal_lanes_kernel(J, error, mask, damping, n, room.H, g)
     for j in range(n):
         at = LANES * j
         step, value = load(g, at), load(q, at)
         moved = min(max(value + step, lower[j]), upper[j])
         moved = choose(load(mask, at) > 0.0, moved, value)
-        store(trial, at, choose(fresh, load(start, at), moved))
+        store(search.trial, at, choose(fresh, load(start, at), moved))
 
 
 @kernel(allocates=False)
@@ -167,27 +232,36 @@ def primal_lanes_kernel(
 
 @kernel(allocates=False)
 def judge_kernel(
-    model: Array, last: int, B: Frame, T: Frame, axes: Array, scales: tuple[float, float, float],
-    walked: Array, trial: Array, J: Array, e: Array, q: Array, state: Array,
+    space: SearchSpace, settings: SearchSettings, last: int, B: Frame, targets: Array,
+    joint_axes: Array, search: _Search,
 ) -> int:  # fmt: skip
-    """Keep what is better; the lanes whose start is over, as bits.
+    """Keep the trials that are better; the lanes whose start is over, as bits.
 
-    ``walked`` holds the joints' axes at ``trial``, see ``simd_frames.axes_lanes_kernel``.
+    Args:
+        space: The chain.
+        settings: How to search.
+        last: The last joint that moves the link.
+        B: Frames of the link at the trials.
+        targets: Frames that it is to reach, shape (FRAME_SIZE,).
+        joint_axes: Axes of the joints at the trials, see ``simd_frames.axes_lanes_kernel``.
+        search: The searches.
     """
-    w = scales[2]
+    w, axes, T = space.weight, settings.axes, load_frame_kernel(targets, 0)
+    J, e, q, trial, state = search.J, search.e, search.q, search.trial, search.state
     weighed, after, position, rotation = weigh_kernel(error_kernel(B, T), T, axes, w)
     fresh, square = load(state, _FRESH) > 0.0, load(state, _SQUARE)
     gains = after < square
-    kept = gains | fresh
-    square = choose(kept, after, square)
-    position = choose(kept, position, load(state, _POSITION))
-    rotation = choose(kept, rotation, load(state, _ROTATION))
-    store_column_kernel(e, 0, _keep_lanes(kept, weighed, load_column_kernel(e, 0)))
+    accepted = gains | fresh
+    square = choose(accepted, after, square)
+    position = choose(accepted, position, load(state, _POSITION))
+    rotation = choose(accepted, rotation, load(state, _ROTATION))
+    store_column_kernel(e, 0, _accept_lanes(accepted, weighed, load_column_kernel(e, 0)))
     for j in range(trial.shape[0] // LANES):
         at = COLUMN_SIZE * j
-        column = weigh_column_kernel(column_lanes_kernel(model, walked, j, last, B), T, axes, w)
-        store_column_kernel(J, at, _keep_lanes(kept, column, load_column_kernel(J, at)))
-        store(q, LANES * j, choose(kept, load(trial, LANES * j), load(q, LANES * j)))
+        column = column_lanes_kernel(space.model, joint_axes, j, last, B)
+        column = weigh_column_kernel(column, T, axes, w)
+        store_column_kernel(J, at, _accept_lanes(accepted, column, load_column_kernel(J, at)))
+        store(q, LANES * j, choose(accepted, load(trial, LANES * j), load(q, LANES * j)))
     mu = load(state, _MU)
     mu = choose(fresh, DAMPING, choose(gains, max(LESS * mu, LEAST_MU), MORE * mu))
     one = choose(fresh, 0.0, 1.0)
@@ -204,60 +278,69 @@ def judge_kernel(
     store(state, _ALL_STEPS, load(state, _ALL_STEPS) + one)
     store(state, _START_STEPS, started)
     store(state, _FRESH, 0.0)
-    done = (position <= scales[0]) & (rotation <= scales[1])
+    done = (position <= settings.position_tolerance) & (rotation <= settings.orientation_tolerance)
     over = done | (stale > load(state, _PATIENCE)) | (started >= STEPS)
     return bits(over & (load(state, _ACTIVE) > 0.0))
 
 
 @kernel(inline="code")
-def _keep_lanes(kept: Conditions, new: Error, old: Error) -> Error:
+def _accept_lanes(accepted: Conditions, new: Error, old: Error) -> Error:
+    """The new vectors in the lanes where they are accepted, else the old ones."""
     return (
-        choose(kept, new[0], old[0]), choose(kept, new[1], old[1]), choose(kept, new[2], old[2]),
-        choose(kept, new[3], old[3]), choose(kept, new[4], old[4]), choose(kept, new[5], old[5]),
+        choose(accepted, new[0], old[0]), choose(accepted, new[1], old[1]),
+        choose(accepted, new[2], old[2]), choose(accepted, new[3], old[3]),
+        choose(accepted, new[4], old[4]), choose(accepted, new[5], old[5]),
     )  # fmt: skip
 
 
 @kernel
 def numeric_simd_kernel(
-    model: Array, link: int, targets: Array, axes: Array, bounds: Array, table: Array,
-    scales: tuple[float, float, float], starts: int, seed: int, begin: Array, best: Array,
+    space: SearchSpace, settings: SearchSettings, targets: Array, begin: Array, best: Array,
     solved: Indices,
 ) -> None:  # fmt: skip
-    """``levenberg_marquardt.search_kernel`` for targets (m, 4, 4) from begin (m, n)."""
+    """``levenberg_marquardt.search_kernel`` for targets (m, 4, 4) from begin (m, n).
+
+    Args:
+        space: The chain up to the link.
+        settings: How to search.
+        targets: T_base_link, shape (m, 4, 4).
+        begin: Where to begin, shape (m, n).
+        best: The nearest configurations, their errors, and the steps and starts spent, shape
+            (m, n + 4).
+        solved: 1 where the tolerances are met, else 0, shape (m,).
+    """
     m, n = begin.shape
-    if link < 0:
-        link = int(model[0, 1])
-    size, last, w = LANES * n, int(model[1 + n + link, 0]), scales[2]
-    lower, upper = bounds[0], bounds[1]
-    J, walked, e, T = (
+    model, link, axes, bounds = space.model, space.link, settings.axes, space.bounds
+    size, last = LANES * n, int(model[1 + n + link, 0])
+    J, joint_axes, e, T = (
         np.zeros(COLUMN * size),
         np.zeros(COLUMN * size),
         np.zeros(COLUMN_SIZE),
         np.zeros(FRAME_SIZE),
     )
-    q, trial, start, mask = np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(size)
-    cosines, sines, H, g = np.zeros(size), np.zeros(size), np.zeros(n * size), np.zeros(size)
-    near, own, room = np.zeros(2 * LANES), np.zeros(n), np.zeros(n)
-    state, draws = np.zeros(_STATE), np.zeros((LANES, 1), dtype=np.uint64)
+    q, trial, start, state = np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(_STATE)
+    cosines, sines, draws = np.zeros(size), np.zeros(size), np.zeros((LANES, 1), dtype=np.uint64)
+    search, lanes = _Search(J, e, q, trial, state), _Begin(T, start, state, draws)
+    room = _Room(np.zeros(size), np.zeros(n * size), np.zeros(size))
+    near, own, draw = np.zeros(NEAR_SIZE), np.zeros(n), np.zeros(n)
     poses, attempts = np.zeros(LANES, dtype=np.int64), np.zeros(LANES, dtype=np.int64)
     following, active = 0, 0
     for lane in range(min(m, LANES)):
-        _take(lane, lane, targets, seed, begin, lower, upper, start, T, state, draws)
+        _give_pose(lane, targets[lane], begin[lane], settings.seed, bounds, lanes)
         poses[lane], attempts[lane] = lane, 0
         following, active = following + 1, active + 1
     while active > 0:
-        propose_kernel(J, e, q, lower, upper, state, start, mask, H, g, trial)
+        propose_kernel(bounds, search, start, room)
         turns_kernel(trial, cosines, sines)
-        B = axes_lanes_kernel(model, trial, cosines, sines, link, walked)
-        over = judge_kernel(
-            model, last, B, load_frame_kernel(T, 0), axes, scales, walked, trial, J, e, q, state
-        )
+        B = axes_lanes_kernel(model, trial, cosines, sines, link, joint_axes)
+        over = judge_kernel(space, settings, last, B, T, joint_axes, search)
         for lane in range(LANES if over != 0 else 0):
             if (over >> lane) & 1 == 0:
                 continue
             k = poses[lane]
             position, rotation = state[_POSITION + lane], state[_ROTATION + lane]
-            done = position <= scales[0] and rotation <= scales[1]
+            done = position <= settings.position_tolerance
+            done = done and rotation <= settings.orientation_tolerance
             if state[_SQUARE + lane] < state[_LEAST + lane] or done:
                 state[_LEAST + lane] = state[_SQUARE + lane]
                 for j in range(n):
@@ -265,12 +348,12 @@ def numeric_simd_kernel(
                 best[k, n], best[k, n + 1] = position, rotation
             attempts[lane] += 1
             attempt = attempts[lane]
-            if done or attempt >= starts:
+            if done or attempt >= settings.starts:
                 best[k, n + 2], best[k, n + 3] = state[_ALL_STEPS + lane], attempt
                 solved[k] = 1 if done else 0
                 if following < m:
-                    _take(
-                        lane, following, targets, seed, begin, lower, upper, start, T, state, draws
+                    _give_pose(
+                        lane, targets[following], begin[following], settings.seed, bounds, lanes
                     )
                     poses[lane], attempts[lane] = following, 0
                     following += 1
@@ -282,41 +365,36 @@ def numeric_simd_kernel(
             for j in range(n):
                 own[j] = q[LANES * j + lane]
             if attempt % LONG != LONG - 1:
-                pick_kernel(table, target, axes, w, draws[lane], last, near, own)
+                pick_kernel(space, target, axes, draws[lane], near, own)
             else:
-                draw_kernel(
-                    model, link, target, axes, bounds[2], bounds[3], w, draws[lane], room, own
-                )  # fmt: skip
-            _begin(lane, attempt, own, lower, upper, start, state)
+                draw_kernel(space, target, axes, draws[lane], draw, own)
+            _begin(lane, attempt, own, bounds, lanes)
 
 
 @kernel(allocates=False)
-def _take(
-    lane: int, pose: int, targets: Array, seed: int, begin: Array, lower: Array, upper: Array,
-    start: Array, T: Array, state: Array, draws: State,
-) -> None:  # fmt: skip
-    """Give a lane a pose."""
-    only = _only(lane)
+def _give_pose(
+    lane: int, target: Array, begin: Array, seed: int, bounds: Array, lanes: _Begin
+) -> None:
+    """Give a lane a pose (4, 4) and the configuration (n,) that its first start begins at."""
+    state, only = lanes.state, _only(lane)
     for i in range(12):
-        _put(T, LANES * i, only, targets[pose, i // 4, i % 4])
-    draws[lane, 0] = np.uint64(seed)
+        _put(lanes.T, LANES * i, only, target[i // 4, i % 4])
+    lanes.draws[lane, 0] = np.uint64(seed)
     state[_LEAST + lane] = np.inf
     _put(state, _ALL_STEPS, only, 0.0)
     _put(state, _ACTIVE, only, 1.0)
-    _begin(lane, 0, begin[pose], lower, upper, start, state)
+    _begin(lane, 0, begin, bounds, lanes)
 
 
 @kernel(allocates=False)
-def _begin(
-    lane: int, attempt: int, q: Array, lower: Array, upper: Array, start: Array, state: Array
-) -> None:
+def _begin(lane: int, attempt: int, q: Array, bounds: Array, lanes: _Begin) -> None:
     """Let a lane begin again at q (n,), taken into the limits."""
     only, long = _only(lane), attempt % LONG == LONG - 1
-    _put(state, _PATIENCE, only, LONG_PATIENCE if long else PATIENCE)
-    _put(state, _GAIN, only, LONG_GAIN if long else GAIN)
-    _put(state, _FRESH, only, 1.0)
+    _put(lanes.state, _PATIENCE, only, LONG_PATIENCE if long else PATIENCE)
+    _put(lanes.state, _GAIN, only, LONG_GAIN if long else GAIN)
+    _put(lanes.state, _FRESH, only, 1.0)
     for j in range(q.shape[0]):
-        _put(start, LANES * j, only, min(max(q[j], lower[j]), upper[j]))
+        _put(lanes.start, LANES * j, only, min(max(q[j], bounds[0, j]), bounds[1, j]))
 
 
 @kernel(inline="code")
@@ -336,22 +414,17 @@ def _put(array: Array, at: int, only: Conditions, value: float) -> None:
 
 @kernel
 def solve_batch_kernel(
-    model: Array, link: int, targets: Array, axes: Array, bounds: Array, table: Array,
-    scales: tuple[float, float, float], starts: int, seed: int, begin: Array, best: Array,
+    space: SearchSpace, settings: SearchSettings, targets: Array, begin: Array, best: Array,
     solved: Indices,
 ) -> None:  # fmt: skip
-    """``search_kernel`` for targets (m, 4, 4) from begin (m, n), the draws the same for each."""
+    """``numeric_simd_kernel``, or one pose after the other where they are few."""
     m, n = begin.shape
     if m >= LANES:
-        numeric_simd_kernel(
-            model, link, targets, axes, bounds, table, scales, starts, seed, begin, best, solved
-        )
+        numeric_simd_kernel(space, settings, targets, begin, best, solved)
         return
     for k in range(m):
         solved[k], position, rotation, steps, spent = search_kernel(
-            model, link, targets[k], axes, bounds, table, scales, starts, 0, seed, begin[k],
-            best[k, :n],
-        )  # fmt: skip
-        best[k, n], best[k, n + 1], best[k, n + 2], best[k, n + 3] = (
-            position, rotation, steps, spent,
-        )  # fmt: skip
+            space, settings, targets[k], 0, begin[k], best[k, :n]
+        )
+        best[k, n], best[k, n + 1] = position, rotation
+        best[k, n + 2], best[k, n + 3] = steps, spent

@@ -9,21 +9,36 @@ joint limit and singularity avoidance", 2018.
 """
 
 import math
+from typing import NamedTuple
 
 from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
-from kinematics.ik.spherical import (
-    BRANCH,
-    FAMILY,
-    SHOULDER,
-    WRIST,
-    back_kernel,
-    flange_kernel,
+from kinematics.ik.plan import BRANCH, FAMILY, SHOULDER, WRIST, CandidateTable
+from kinematics.ik.spherical import ThreeTurns, Turn, back_kernel, flange_kernel
+from kinematics.ik.subproblem import (
+    ANY_ANGLE,
+    BOTH_SIDES,
+    NO_SOLUTION,
+    SOLVED,
+    TINY,
+    cosine_kernel,
+    orient_kernel,
 )
-from kinematics.ik.subproblem import TINY, cosine_kernel, orient_kernel
 from kinematics.vec3 import Vector, cross, dot
 
-Turns = tuple[float, float, float, float, float, float]
+
+class _Forearm(NamedTuple):
+    """The arm from the elbow on, at one side of it.
+
+    Args:
+        x: x axis of the last joint's frame, seen from the frame fixed before joint 5.
+        z: Its z axis.
+        turn: Cosine and sine of q4.
+    """
+
+    x: Vector
+    z: Vector
+    turn: Turn
 
 
 @kernel(allocates=False)
@@ -109,14 +124,15 @@ def _turn(plan: Array, j: int, c: float, s: float, v: Vector) -> Vector:
 
 @kernel(allocates=False)
 def redundant_kernel(
-    plan: Array, t: Array, angle: float, free: Array, slack: float, raw: Array, count: int
+    plan: Array, pose: Array, table: CandidateTable, angle: float, count: int
 ) -> int:
-    """Add the candidates for one pose and arm angle; arguments as ``spherical_kernel`` has them."""
-    x, z, o = flange_kernel(plan, t)
+    """Add the candidates for one pose and arm angle [rad] from row ``count`` on; the new count."""
+    flange = flange_kernel(plan, pose)
+    x, z, o = flange.x, flange.z, flange.origin
     r0, a, b = _reach(plan)
     square = dot(o, o)
-    status, cp, sp, cd, sd = cosine_kernel(a, b, square - r0, slack)
-    if status != 1 or square < TINY:
+    status, cp, sp, cd, sd = cosine_kernel(a, b, square - r0, table.slack)
+    if status != SOLVED or square < TINY:
         return count
     s = _unit(o)
     r = _reference(s)
@@ -143,7 +159,8 @@ def redundant_kernel(
         m2 = _mix(s, g2, g3, e1[2], e2[2], e3[2])
         w0 = _behind(plan, c4, s4, m0, m1, m2, x)
         w2 = _behind(plan, c4, s4, m0, m1, m2, z)
-        count = _shoulders(plan, m0, m2, w0, w2, (c4, s4), 2.0 * j, free, slack, raw, count)
+        forearm = _Forearm(w0, w2, (c4, s4))
+        count = _add_shoulders(plan, table, m0, m2, forearm, 2.0 * j, count)
     return count
 
 
@@ -167,22 +184,32 @@ def _behind(
 
 
 @kernel(allocates=False)
-def _shoulders(
-    plan: Array, m0: Vector, m2: Vector, w0: Vector, w2: Vector, fourth: tuple[float, float],
-    code: float, free: Array, slack: float, raw: Array, count: int,
+def _add_shoulders(
+    plan: Array, table: CandidateTable, m0: Vector, m2: Vector, forearm: _Forearm, code: float,
+    count: int,
 ) -> int:  # fmt: skip
+    """Add both sides of the shoulder, each with both of the wrist.
+
+    Args:
+        plan: The arm.
+        table: The candidates.
+        m0: x axis of joint 3's frame, seen from the frame fixed before joint 1.
+        m2: Its z axis.
+        forearm: The arm from the elbow on.
+        code: Bits of the branch so far.
+        count: Rows that are taken.
+    """
+    free = table.free
     for i in range(2):
         status, ca, sa, cb, sb, cc, sc = orient_kernel(
-            plan[2], plan[3], plan[SHOULDER], m0, m2, 1.0 - 2.0 * i, slack,
-        )  # fmt: skip
-        if status == 0:
+            plan[2], plan[3], plan[SHOULDER], m0, m2, 1.0 - 2.0 * i, table.slack
+        )
+        if status == NO_SOLUTION:
             break
-        if status != 2:
+        if status != ANY_ANGLE:
             first = (ca, sa, cb, sb, cc, sc)
-            count = _wrists(
-                plan, w0, w2, first, fourth, code + 4.0 * i, 0.0, free, slack, raw, count
-            )
-            if status == 3:
+            count = _add_wrists(plan, table, forearm, first, code + 4.0 * i, 0.0, count)
+            if status == BOTH_SIDES:
                 break
             continue
         # Axes 1 and 3 are one.
@@ -193,26 +220,28 @@ def _shoulders(
             a = free[half, 0] if k % 2 == 0 else same * (q3 - free[half, 2])
             c = q3 - same * a
             first = (math.cos(a), math.sin(a), cb, sb, math.cos(c), math.sin(c))
-            count = _wrists(plan, w0, w2, first, fourth, code, number, free, slack, raw, count)
+            count = _add_wrists(plan, table, forearm, first, code, number, count)
         break
     return count
 
 
 @kernel(allocates=False)
-def _wrists(
-    plan: Array, w0: Vector, w2: Vector, first: Turns, fourth: tuple[float, float], code: float,
-    family: float, free: Array, slack: float, raw: Array, count: int,
+def _add_wrists(
+    plan: Array, table: CandidateTable, forearm: _Forearm, first: ThreeTurns, code: float,
+    family: float, count: int,
 ) -> int:  # fmt: skip
+    """Add both sides of the wrist behind the cosines and sines of the first three joints."""
+    free, w2 = table.free, forearm.z
     for i in range(2):
         status, ca, sa, cb, sb, cc, sc = orient_kernel(
-            plan[6], plan[7], plan[WRIST], w0, w2, 1.0 - 2.0 * i, slack,
-        )  # fmt: skip
-        if status == 0:
+            plan[6], plan[7], plan[WRIST], forearm.x, w2, 1.0 - 2.0 * i, table.slack
+        )
+        if status == NO_SOLUTION:
             break
-        if status != 2:
+        if status != ANY_ANGLE:
             last = (ca, sa, cb, sb, cc, sc)
-            count = _add(raw, count, first, fourth, last, code + i, family)
-            if status == 3:
+            count = _add(table.rows, count, first, forearm.turn, last, code + i, family)
+            if status == BOTH_SIDES:
                 break
             continue
         same = 1.0 if w2[2] > 0.0 else -1.0
@@ -222,19 +251,20 @@ def _wrists(
             a = free[half, 4] if k % 2 == 0 else same * (q7 - free[half, 6])
             c = q7 - same * a
             last = (math.cos(a), math.sin(a), cb, sb, math.cos(c), math.sin(c))
-            count = _add(raw, count, first, fourth, last, code, number)
+            count = _add(table.rows, count, first, forearm.turn, last, code, number)
         break
     return count
 
 
 @kernel(allocates=False)
 def _add(
-    raw: Array, count: int, first: Turns, fourth: tuple[float, float], last: Turns, code: float,
+    candidates: Array, count: int, first: ThreeTurns, fourth: Turn, last: ThreeTurns, code: float,
     family: float,
 ) -> int:  # fmt: skip
-    if count >= raw.shape[0]:
+    """Write a candidate of seven joints into row ``count``, if there is one; the new count."""
+    if count >= candidates.shape[0]:
         return count
-    row = raw[count]
+    row = candidates[count]
     row[0], row[1], row[2], row[3], row[4], row[5] = first
     row[6], row[7] = fourth
     row[8], row[9], row[10], row[11], row[12], row[13] = last

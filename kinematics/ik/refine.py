@@ -13,21 +13,56 @@ from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
 from kinematics.compiled.simd import LANES
 from kinematics.frame import IDENTITY, Frame, compose_kernel, step_kernel
-from kinematics.ik.dls_step import error_kernel, step_within_kernel
+from kinematics.ik.dls_step import StepWorkspace, error_kernel, step_within_kernel
 from kinematics.ik.parallel import parallel_kernel
+from kinematics.ik.plan import (
+    BRANCH,
+    FAMILY,
+    HEADER,
+    HELD,
+    INDEX,
+    KIND,
+    LOCKED,
+    LOCKED_TIP,
+    PARAMETER,
+    REDUNDANT,
+    REVERSED,
+    SIGN,
+    SPHERICAL,
+    THREE_PARALLEL,
+    Arm,
+    CandidateTable,
+    Problem,
+)
 from kinematics.ik.redundant import arm_angle_kernel, redundant_kernel
-from kinematics.ik.spherical import BRANCH, FAMILY, LOCKED, LOCKED_TIP, PARAMETER, spherical_kernel
+from kinematics.ik.spherical import spherical_kernel
 from kinematics.ik.verification import miss_kernel, near_kernel
 from kinematics.jacobian import frame_and_jacobian_kernel
 
-#: Columns behind the joints of a solution: errors [m], [rad], inside limits, branch, family,
-#: parameter.
-POSITION, ORIENTATION, INSIDE, CODE, GROUP, VALUE, MORE = 0, 1, 2, 3, 4, 5, 6
+# Columns behind the n joints of a row in a table of branches.
+#: Distance from the target [m].
+POSITION = 0
+#: Angle from the target [rad].
+ORIENTATION = 1
+#: 1 where some whole turn of every joint is inside its limits.
+INSIDE = 2
+#: Branch of the form, in bits.
+CODE = 3
+#: Number of the family that the branch stands for, 0 where it is alone.
+GROUP = 4
+#: Parameter of a redundant arm.
+VALUE = 5
+#: Number of these columns.
+MORE = 6
+
+#: Damped steps that a candidate is polished by at most.
 _POLISH_STEPS = 25
-#: Solutions nearer than this in every joint are one.
+#: Solutions nearer than this in every joint [rad or m] are one.
 _SAME = 1e-6
-#: Errors below this are not worth a step, below the other no polish.
-_GOOD, CLOSE = 1e-12, 1e-10
+#: Errors below this [m], [rad] are not worth a step.
+_GOOD = 1e-12
+#: Errors below this [m], [rad] are not worth a polish.
+CLOSE = 1e-10
 #: A candidate is hard where polishing moves an angle by more [rad].
 _FAR = 0.02
 
@@ -60,8 +95,8 @@ def refine_kernel(
     Joint ``held`` stays where it is (-1: none).
     """
     n = q.shape[0]
-    J, H, e = np.empty((6, n)), np.empty((n, n)), np.empty(6)
-    g, trial, free = np.empty(max(n, 6)), np.empty(n), np.empty(n, dtype=np.int64)
+    J, e, trial = np.empty((6, n)), np.empty(6), np.empty(n)
+    room = StepWorkspace(np.empty(n, dtype=np.int64), np.empty((n, n)), np.empty(max(n, 6)))
     B = frame_and_jacobian_kernel(model, q, link, J)
     error = error_kernel(B, T)
     position, orientation = size_kernel(error)
@@ -74,7 +109,7 @@ def refine_kernel(
             J[:, held] = 0.0
         for k in range(6):
             e[k] = error[k]
-        step_within_kernel(J, e, q, lower, upper, mu * square + 1e-14, free, H, g, trial)
+        step_within_kernel(J, e, q, lower, upper, mu * square + 1e-14, room, trial)
         error_after = error_kernel(tip_kernel(model, trial, link), T)
         a, b = size_kernel(error_after)
         after = a * a + b * b
@@ -97,8 +132,8 @@ def refine_kernel(
 @kernel(allocates=False)
 def fold_kernel(plan: Array, T: Frame, value: float) -> Frame:
     """The pose the closed form is asked for: without the locked joint, inverted if it runs back."""
-    lock = int(plan[0, 2])
-    if lock == 0:
+    held = int(plan[HEADER, HELD])
+    if held == 0:
         # (A M)^-1 T with A^-1 in the plan: M^-1 A^-1 T.
         T = product_kernel(compose_kernel(IDENTITY, plan, LOCKED), T)
         if plan[LOCKED, 0] == 0.0:
@@ -112,7 +147,7 @@ def fold_kernel(plan: Array, T: Frame, value: float) -> Frame:
             T = (
                 T[0], T[1], T[2], T[3], T[4], T[5], T[6], T[7], T[8], T[9], T[10], T[11] - value,
             )  # fmt: skip
-    elif lock > 0:
+    elif held > 0:
         T = compose_kernel(T, plan, LOCKED_TIP)
         if plan[LOCKED, 0] == 0.0:
             c, s = math.cos(value), math.sin(value)
@@ -127,7 +162,7 @@ def fold_kernel(plan: Array, T: Frame, value: float) -> Frame:
                 T[8], T[9], T[10], T[11] - value * T[10],
             )  # fmt: skip
         T = compose_kernel(T, plan, LOCKED)
-    if plan[0, 1] != 0.0:
+    if plan[HEADER, REVERSED] != 0.0:
         T = (
             T[0], T[4], T[8], -(T[0] * T[3] + T[4] * T[7] + T[8] * T[11]),
             T[1], T[5], T[9], -(T[1] * T[3] + T[5] * T[7] + T[9] * T[11]),
@@ -154,31 +189,41 @@ def product_kernel(A: Frame, B: Frame) -> Frame:
 
 @kernel(allocates=False)
 def candidates_kernel(
-    plan: Array, T: Frame, value: float, free: Array, slack: float, t: Array, raw: Array, count: int
+    plan: Array, t: Array, table: CandidateTable, T: Frame, value: float, count: int
 ) -> int:
-    """Add the closed form's candidates for one pose and parameter; the new count."""
+    """Add the closed form's candidates for one pose and parameter; the new count.
+
+    Args:
+        plan: The arm.
+        t: Workspace for the pose that the form sees, shape (COLUMNS,).
+        table: The candidates.
+        T: The pose of the link.
+        value: Parameter of a redundant arm.
+        count: Rows that are taken.
+    """
     T = fold_kernel(plan, T, value)
     t[1], t[2], t[3], t[4], t[5], t[6] = T[0], T[1], T[2], T[3], T[4], T[5]
     t[7], t[8], t[9], t[10], t[11], t[12] = T[6], T[7], T[8], T[9], T[10], T[11]
     start = count
-    kind = int(plan[0, 0])
-    if kind == 0:
-        count = spherical_kernel(plan, t, free, slack, raw, count)
-    elif kind == 1:
-        count = parallel_kernel(plan, t, free, slack, raw, count)
+    kind = int(plan[HEADER, KIND])
+    if kind == SPHERICAL:
+        count = spherical_kernel(plan, t, table, count)
+    elif kind == THREE_PARALLEL:
+        count = parallel_kernel(plan, t, table, count)
     else:
-        count = redundant_kernel(plan, t, value, free, slack, raw, count)
+        count = redundant_kernel(plan, t, table, value, count)
     for k in range(start, count):
-        raw[k, PARAMETER] = value
+        table.rows[k, PARAMETER] = value
     return count
 
 
 @kernel(allocates=False)
-def free_kernel(plan: Array, lower: Array, upper: Array, seed: Array, free: Array) -> None:
-    """Fill ``free`` (k, joints in plan order): the seed, both limits, then steps around a turn."""
+def free_kernel(arm: Arm, seed: Array, free: Array) -> None:
+    """Fill ``CandidateTable.free``: the seed, both limits, then steps around a turn."""
+    plan, lower, upper = arm.plan, arm.lower, arm.upper
     for j in range(free.shape[1]):
-        index = int(plan[1 + j, 13])
-        sign = plan[1 + j, 0]
+        index = int(plan[1 + j, INDEX])
+        sign = plan[1 + j, SIGN]
         free[0, j] = sign * seed[index]
         if free.shape[0] == 1:
             continue
@@ -190,29 +235,44 @@ def free_kernel(plan: Array, lower: Array, upper: Array, seed: Array, free: Arra
 
 @kernel(allocates=False)
 def parameter_kernel(plan: Array, q: Array, angles: Array) -> float:
-    """The parameter of a configuration: the locked joint's value, or the arm angle."""
-    lock = int(plan[0, 2])
-    if lock >= 0:
-        value: float = q[lock]
+    """The parameter of a configuration: the held joint's value, or the arm angle.
+
+    Args:
+        plan: The closed form.
+        q: The configuration, shape (n,).
+        angles: Workspace, shape (7,).
+    """
+    held = int(plan[HEADER, HELD])
+    if held >= 0:
+        value: float = q[held]
         return value
-    if int(plan[0, 0]) != 2:
+    if int(plan[HEADER, KIND]) != REDUNDANT:
         return 0.0
     for j in range(7):
-        angles[j] = plan[1 + j, 0] * q[int(plan[1 + j, 13])]
+        angles[j] = plan[1 + j, SIGN] * q[int(plan[1 + j, INDEX])]
     return arm_angle_kernel(plan, angles)
 
 
 @kernel
 def add_refined_kernel(
-    plan: Array, model: Array, link: int, T: Frame, lower: Array, upper: Array, seed: Array,
-    tolerance: float, row: Array, lane: int, lanes: Array, q: Array, out: Array, count: int,
-) -> tuple[int, bool]:  # fmt: skip
+    problem: Problem, candidate: Array, lane: int, lanes: Array, q: Array, out: Array, count: int
+) -> tuple[int, bool]:
     """Add a candidate that misses the target a little, or that a limit would cut, to ``out``.
+
+    Args:
+        problem: The pose and the arm.
+        candidate: Its row, shape (WIDTH,).
+        lane: The number of its lane.
+        lanes: The answer of ``verify_kernel``.
+        q: Workspace, shape (n,).
+        out: Table of branches, shape (r, n + MORE).
+        count: Rows that are taken.
 
     Returns:
         The new count, and whether polishing took it far away.
     """
-    n, held = q.shape[0], int(plan[0, 2])
+    arm = problem.arm
+    n, held = q.shape[0], int(arm.plan[HEADER, HELD])
     position, orientation = lanes[2 * n * LANES + lane], lanes[(2 * n + 1) * LANES + lane]
     for j in range(n):
         q[j] = lanes[j * LANES + lane]
@@ -220,30 +280,37 @@ def add_refined_kernel(
     if max(position, orientation) > CLOSE:
         # Without limits first, so that a branch is found where it is, inside or not.
         position, orientation = refine_kernel(
-            model, link, T, np.full(n, -np.inf), np.full(n, np.inf), held, q
+            arm.model, arm.link, problem.T, np.full(n, -np.inf), np.full(n, np.inf), held, q
         )
         far = max(position, orientation) > CLOSE
-        for j in range(int(model[1 + n + link, 0]) + 1):
+        for j in range(int(arm.model[1 + n + arm.link, 0]) + 1):
             far = far or abs(q[j] - lanes[j * LANES + lane]) > _FAR
-    count = admit_kernel(
-        plan, model, link, T, lower, upper, seed, tolerance, (position, orientation),
-        (row[BRANCH], row[FAMILY], row[PARAMETER]), q, out, count,
-    )  # fmt: skip
-    return count, far
+    about = (candidate[BRANCH], candidate[FAMILY], candidate[PARAMETER])
+    return admit_kernel(problem, (position, orientation), about, q, out, count), far
 
 
 @kernel
 def admit_kernel(
-    plan: Array, model: Array, link: int, T: Frame, lower: Array, upper: Array, seed: Array,
-    tolerance: float, error: tuple[float, float], about: tuple[float, float, float], q: Array,
+    problem: Problem, error: tuple[float, float], about: tuple[float, float, float], q: Array,
     out: Array, count: int,
 ) -> int:  # fmt: skip
-    """Add q to ``out``, unless it is there or misses the target; the new count."""
+    """Add q to a table of branches, unless it is there or misses the target; the new count.
+
+    Args:
+        problem: The pose and the arm.
+        error: Distance [m] and angle [rad] of q from the target.
+        about: Branch, family and parameter.
+        q: A configuration, shape (n,); taken by whole turns into the limits.
+        out: The table, shape (r, n + MORE).
+        count: Rows that are taken.
+    """
     position, orientation = error
     code, family, value = about
+    arm, T, tolerance = problem.arm, problem.T, problem.tolerance
     if not (position <= tolerance and orientation <= tolerance):
         return count
-    n, held = q.shape[0], int(plan[0, 2])
+    model, link, lower, upper, seed = arm.model, arm.link, arm.lower, arm.upper, problem.seed
+    n, held = q.shape[0], int(arm.plan[HEADER, HELD])
     inside, moved = True, False
     for j in range(n):
         if model[1 + j, 0] == 0.0 and j != held and j <= int(model[1 + n + link, 0]):

@@ -12,18 +12,52 @@ triangle. The last three angles are those of the rotation that is left.
 """
 
 import math
+from typing import NamedTuple
 
 from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
 from kinematics.compiled.simd import on_stack
-from kinematics.ik.subproblem import TINY, cosine_kernel, elbow_kernel, orient_kernel, pair_kernel
+from kinematics.ik.plan import (
+    BRANCH,
+    FAMILY,
+    GENERAL,
+    HEADER,
+    MISS,
+    TIP,
+    WRIST,
+    CandidateTable,
+)
+from kinematics.ik.subproblem import (
+    ANY_ANGLE,
+    BOTH_SIDES,
+    NO_SOLUTION,
+    SOLVED,
+    TINY,
+    cosine_kernel,
+    elbow_kernel,
+    orient_kernel,
+    pair_kernel,
+)
 from kinematics.vec3 import Vector
 
-#: Rows of a plan: what ``structure`` packs and the kernels read.
-TIP, WRIST, SHOULDER, LOCKED, LOCKED_TIP, ROWS = 8, 9, 10, 11, 12, 13
-#: Columns behind cosines and sines of a candidate: branch in bits, the number of the family that it
-#: stands for (0: it is alone), and the parameter of a redundant arm.
-BRANCH, FAMILY, PARAMETER, WIDTH = 14, 15, 16, 17
+#: Cosine and sine of one angle, of two and of three.
+Turn = tuple[float, float]
+TwoTurns = tuple[float, float, float, float]
+ThreeTurns = tuple[float, float, float, float, float, float]
+
+
+class Flange(NamedTuple):
+    """The frame of a form's last joint, seen from the frame fixed before its first.
+
+    Args:
+        x: Its x axis.
+        z: Its z axis.
+        origin: Its origin [m].
+    """
+
+    x: Vector
+    z: Vector
+    origin: Vector
 
 
 @kernel(allocates=False)
@@ -49,12 +83,12 @@ def rotation_column(t: Array, tip: Array, k: int) -> Vector:
 
 
 @kernel(allocates=False)
-def flange_kernel(plan: Array, t: Array) -> tuple[Vector, Vector, Vector]:
-    """Columns 0 and 2 of the last joint's frame and its origin, seen from the frame A_1."""
+def flange_kernel(plan: Array, t: Array) -> Flange:
+    """The frame of the last joint, from the pose of the tip in a row."""
     A1, tip = plan[1], plan[TIP]
     x, y, z = rotation_column(t, tip, 0), rotation_column(t, tip, 1), rotation_column(t, tip, 2)
     a, b, c = tip[4], tip[8], tip[12]
-    return (
+    return Flange(
         back_kernel(1.0, 0.0, A1, x[0], x[1], x[2]),
         back_kernel(1.0, 0.0, A1, z[0], z[1], z[2]),
         back_kernel(
@@ -67,24 +101,12 @@ def flange_kernel(plan: Array, t: Array) -> tuple[Vector, Vector, Vector]:
 
 
 @kernel(allocates=False)
-def spherical_kernel(
-    plan: Array, t: Array, free: Array, slack: float, raw: Array, count: int
-) -> int:
-    """Add the candidates for one pose to ``raw`` (r, 17) from row ``count`` on; the new count.
-
-    Args:
-        plan: The arm, as ``structure`` packs it.
-        t: Pose of the tip in a row of numbers, shape (13,).
-        free: Candidates for angles that a pose leaves free, the seed first, shape (k, 6).
-        slack: Lengths and squares out of range by no more than this are cut.
-        raw: The answer: cosine and sine of each angle in plan order, branch bits, number of its
-            family.
-        count: Rows that are taken.
-    """
-    x, z, p = flange_kernel(plan, t)
-    if plan[0, 4] == 0.0:
-        return _parallel_arms(plan, x, z, p, free, slack, raw, count)
-    return _any_arms(plan, x, z, p, free, slack, raw, count)
+def spherical_kernel(plan: Array, pose: Array, table: CandidateTable, count: int) -> int:
+    """Add the candidates for one pose from row ``count`` on; the new count."""
+    flange = flange_kernel(plan, pose)
+    if plan[HEADER, GENERAL] == 0.0:
+        return _add_parallel_arms(plan, table, flange, count)
+    return _add_general_arms(plan, table, flange, count)
 
 
 @kernel(allocates=False)
@@ -98,12 +120,24 @@ def family_kernel(family: float, count: int) -> float:
 
 
 @kernel(allocates=False)
-def _wrists(
-    plan: Array, x: Vector, z: Vector, arm: tuple[float, float, float, float, float, float],
-    code: float, family: float, free: Array, slack: float, raw: Array, count: int,
+def _add_wrists(
+    plan: Array, table: CandidateTable, x: Vector, z: Vector, arm: ThreeTurns, code: float,
+    family: float, count: int,
 ) -> int:  # fmt: skip
-    """Add what the last three joints can do behind the cosines and sines of the first three."""
+    """Add both sides of the wrist behind the cosines and sines ``arm`` of the first three joints.
+
+    Args:
+        plan: The arm.
+        table: The candidates.
+        x: x axis of the last joint's frame, as in ``Flange``.
+        z: Its z axis.
+        arm: Cosines and sines of the first three joints.
+        code: Bits of the branch so far.
+        family: Number of the family that the first three joints are of, or 0.
+        count: Rows that are taken.
+    """
     c1, s1, c2, s2, c3, s3 = arm
+    free = table.free
     A2, A3, A4 = plan[2], plan[3], plan[4]
     m0 = back_kernel(c1, s1, A2, x[0], x[1], x[2])
     m0 = back_kernel(c2, s2, A3, m0[0], m0[1], m0[2])
@@ -113,13 +147,14 @@ def _wrists(
     m2 = back_kernel(c3, s3, A4, m2[0], m2[1], m2[2])
     for i in range(2):
         status, ca, sa, cb, sb, cc, sc = orient_kernel(
-            plan[5], plan[6], plan[WRIST], m0, m2, 1.0 - 2.0 * i, slack,
-        )  # fmt: skip
-        if status == 0:
+            plan[5], plan[6], plan[WRIST], m0, m2, 1.0 - 2.0 * i, table.slack
+        )
+        if status == NO_SOLUTION:
             break
-        if status != 2:
-            count = add_kernel(raw, count, arm, (ca, sa, cb, sb, cc, sc), code + i, family)
-            if status == 3:
+        if status != ANY_ANGLE:
+            hand = (ca, sa, cb, sb, cc, sc)
+            count = add_kernel(table.rows, count, arm, hand, code + i, family)
+            if status == BOTH_SIDES:
                 break
             continue
         # Axes 4 and 6 are one: only q4 + q6, or their difference, is determined.
@@ -131,47 +166,45 @@ def _wrists(
             a = free[half, 3] if k % 2 == 0 else same * (q6 - free[half, 5])
             c = q6 - same * a
             hand = (math.cos(a), math.sin(a), cb, sb, math.cos(c), math.sin(c))
-            count = add_kernel(raw, count, arm, hand, code, number)
+            count = add_kernel(table.rows, count, arm, hand, code, number)
         break
     return count
 
 
 @kernel(allocates=False)
 def add_kernel(
-    raw: Array, count: int, arm: tuple[float, float, float, float, float, float],
-    hand: tuple[float, float, float, float, float, float], code: float, family: float,
-) -> int:  # fmt: skip
-    """Write a candidate into row ``count``, if there is one; the new count."""
-    if count >= raw.shape[0]:
+    candidates: Array, count: int, arm: ThreeTurns, hand: ThreeTurns, code: float, family: float
+) -> int:
+    """Write a candidate of six joints into row ``count``, if there is one; the new count."""
+    if count >= candidates.shape[0]:
         return count
-    row = raw[count]
+    row = candidates[count]
     row[0], row[1], row[2], row[3], row[4], row[5] = arm
     row[6], row[7], row[8], row[9], row[10], row[11] = hand
-    raw[count, BRANCH], raw[count, FAMILY] = code, family
+    row[BRANCH], row[FAMILY] = code, family
     return count + 1
 
 
 @kernel(allocates=False)
-def _parallel_arms(
-    plan: Array, x: Vector, z: Vector, p: Vector, free: Array, slack: float, raw: Array, count: int
-) -> int:
+def _add_parallel_arms(plan: Array, table: CandidateTable, flange: Flange, count: int) -> int:
     """Arms whose axes 2 and 3 are parallel: q1 from the depth along them, then a triangle."""
+    free, slack, p = table.free, table.slack, flange.origin
     A2, A3, A4 = plan[2], plan[3], plan[4]
     nx, ny, nz = A2[3], A2[7], A2[11]
     offset = A3[12] + A4[12] + nx * A2[4] + ny * A2[8] + nz * A2[12]
     status, cp, sp, cd, sd = cosine_kernel(
         nx * p[0] + ny * p[1], nx * p[1] - ny * p[0], offset - nz * p[2], slack
     )
-    if status == 0:
+    if status == NO_SOLUTION:
         return count
     # W in the frame of joint 3, turned as the offset before it is: what is found then is q3.
     bx, by = A3[1] * A4[4] + A3[2] * A4[8], A3[5] * A4[4] + A3[6] * A4[8]
-    family = -(count + 1.0) if status == 2 else 0.0
-    for i in range(2 if status == 1 else free.shape[0]):
+    family = -(count + 1.0) if status == ANY_ANGLE else 0.0
+    for i in range(2 if status == SOLVED else free.shape[0]):
         side = 1.0 - 2.0 * i
         c1, s1 = cp * cd - side * sp * sd, sp * cd + side * cp * sd
         code = 4.0 * i
-        if status == 2:
+        if status == ANY_ANGLE:
             c1, s1, code = math.cos(free[i, 0]), math.sin(free[i, 0]), 0.0
         elif i == 1 and sd < TINY:
             break
@@ -181,26 +214,25 @@ def _parallel_arms(
         v = A2[2] * gx + A2[6] * gy + A2[10] * gz
         for j in range(2):
             state, c2, s2, c3, s3 = elbow_kernel(u, v, A3[4], A3[8], bx, by, 1.0 - 2.0 * j, slack)
-            if state == 0:
+            if state == NO_SOLUTION:
                 break
-            if state == 2:
+            if state == ANY_ANGLE:
                 number = family_kernel(family, count)
                 for k in range(free.shape[0]):
                     arm = (c1, s1, math.cos(free[k, 1]), math.sin(free[k, 1]), c3, s3)
-                    count = _wrists(plan, x, z, arm, code, number, free, slack, raw, count)
+                    count = _add_wrists(plan, table, flange.x, flange.z, arm, code, number, count)
                 break
             arm = (c1, s1, c2, s2, c3, s3)
-            count = _wrists(plan, x, z, arm, code + 2.0 * j, family, free, slack, raw, count)
-            if state == 3:
+            count = _add_wrists(plan, table, flange.x, flange.z, arm, code + 2.0 * j, family, count)
+            if state == BOTH_SIDES:
                 break
     return count
 
 
 @kernel(allocates=False)
-def _any_arms(
-    plan: Array, x: Vector, z: Vector, p: Vector, free: Array, slack: float, raw: Array, count: int
-) -> int:
+def _add_general_arms(plan: Array, table: CandidateTable, flange: Flange, count: int) -> int:
     """Arms of any three axes."""
+    free, p = table.free, flange.origin
     A2, A3, A4 = plan[2], plan[3], plan[4]
     # Joint 2's frame sees p_2 and axis 1 so.
     B = back_kernel(1.0, 0.0, A2, A2[4], A2[8], A2[12])
@@ -228,7 +260,7 @@ def _any_arms(
         rho[k] = 2.0 * n[k] - (1.0 if k == 0 else 2.0) * f[0, 2] * f[k, 2]
     rho[3], rho[4], rho[5] = -(f[1, 2] ** 2), -2.0 * f[1, 2] * f[2, 2], -(f[2, 2] ** 2)
     pairs, any_third = pair_kernel(
-        (B[0], B[1], R[0], R[1]), h, rho, slack, plan[0, 5], free[:, 2], out
+        (B[0], B[1], R[0], R[1]), h, rho, table.slack, plan[HEADER, MISS], free[:, 2], out
     )
     whole = -(count + 1.0) if any_third else 0.0
     for i in range(pairs):
@@ -243,17 +275,23 @@ def _any_arms(
         for j in range(turns):
             if turns > 1:
                 c2, s2, r = math.cos(free[j, 1]), math.sin(free[j, 1]), 1.0
-            arm3 = (c2 / r, s2 / r, c3, s3)
-            count = _first_joint(plan, x, z, p, arm3, (fx, fy, fz), family, free, slack, raw, count)
+            arm = (c2 / r, s2 / r, c3, s3)
+            count = _add_first_joints(plan, table, flange, arm, (fx, fy, fz), family, count)
     return count
 
 
 @kernel(allocates=False)
-def _first_joint(
-    plan: Array, x: Vector, z: Vector, p: Vector, arm: tuple[float, float, float, float],
-    f: Vector, family: float, free: Array, slack: float, raw: Array, count: int,
-) -> int:  # fmt: skip
+def _add_first_joints(
+    plan: Array,
+    table: CandidateTable,
+    flange: Flange,
+    arm: TwoTurns,
+    f: Vector,
+    family: float,
+    count: int,
+) -> int:
     """Add the candidates behind q2 and q3: q1 turns Rz(q1) (p_2 + R_2 Rz(q2) f) onto p."""
+    free, p = table.free, flange.origin
     A2, A3 = plan[2], plan[3]
     c2, s2, c3, s3 = arm
     u, v = c2 * f[0] - s2 * f[1], s2 * f[0] + c2 * f[1]
@@ -277,9 +315,9 @@ def _first_joint(
     r = math.sqrt(c1 * c1 + s1 * s1)
     if r > TINY * TINY:
         arm6 = (c1 / r, s1 / r, c2, s2, c3, s3)
-        return _wrists(plan, x, z, arm6, code, family, free, slack, raw, count)
+        return _add_wrists(plan, table, flange.x, flange.z, arm6, code, family, count)
     number = family_kernel(family, count)
     for k in range(free.shape[0]):
         arm6 = (math.cos(free[k, 0]), math.sin(free[k, 0]), c2, s2, c3, s3)
-        count = _wrists(plan, x, z, arm6, code, number, free, slack, raw, count)
+        count = _add_wrists(plan, table, flange.x, flange.z, arm6, code, number, count)
     return count

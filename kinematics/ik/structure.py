@@ -17,16 +17,46 @@ import numpy as np
 
 from kinematics.arrays import Array, frozen
 from kinematics.chain import Chain, JointType
-from kinematics.ik.spherical import LOCKED, LOCKED_TIP, ROWS, SHOULDER, TIP, WRIST
+from kinematics.ik.plan import (
+    COLUMNS,
+    GENERAL,
+    HEADER,
+    HELD,
+    INDEX,
+    JOINTS,
+    KIND,
+    LOCKED,
+    LOCKED_TIP,
+    MISS,
+    REDUNDANT,
+    REVERSED,
+    ROWS,
+    SHOULDER,
+    SIGN,
+    SPHERICAL,
+    THREE_PARALLEL,
+    TIP,
+    TURN_COSINE,
+    TURN_SINE,
+    WRIST,
+)
 from kinematics.ik.subproblem import EXACT, wrist_constants
 from kinematics.pose import inverse, rotation_x, transform
 
 Kind = Literal["spherical", "three_parallel", "redundant"]
 Wrist = Literal["spherical", "three_parallel", "none"]
 KINDS: tuple[Kind, ...] = ("spherical", "three_parallel", "redundant")
+#: Numbers of the kinds in a plan.
+_NUMBERS: dict[Kind, int] = {
+    "spherical": SPHERICAL,
+    "three_parallel": THREE_PARALLEL,
+    "redundant": REDUNDANT,
+}
 
-#: Axes may miss a form by this much; beyond, too many branches would come and go.
-NEAR_LENGTH, NEAR_ANGLE = 8e-3, 2e-2
+#: Axes may miss a form by this much [m]; beyond, too many branches would come and go.
+NEAR_LENGTH = 8e-3
+#: Axes may miss a form by this angle [rad].
+NEAR_ANGLE = 2e-2
 #: Axes are called parallel or meeting within this [rad], [m]: published tables round angles to a
 #: millionth of a radian and lengths to a hundredth of a millimetre.
 PARALLEL_TOLERANCE = 1e-6
@@ -47,7 +77,7 @@ class Structure:
             arm angle, or none is needed.
         joints: How many joints of the chain take part, from the first on.
         miss: How far the axes are from the form [m or rad].
-        plan: What the kernels read, shape (13, 14).
+        plan: The arm for the kernels, columns as ``plan`` names them, shape (ROWS, COLUMNS).
     """
 
     kind: Kind
@@ -70,11 +100,11 @@ def structure(chain: Chain, link: str | None = None) -> Structure | None:
     m = carrier.joint + 1
     if m not in {6, 7}:
         return None
-    found: list[Structure] = []
+    forms: list[Structure] = []
     for lock in (None,) if m == 6 else (None, 6, 0):
-        found += _forms(chain, carrier.T_joint_link, m, lock)
+        forms += _forms(chain, carrier.T_joint_link, m, lock)
     # The first of those that fit exactly, else the nearest.
-    return min(found, key=lambda form: max(form.miss, EXACT), default=None)
+    return min(forms, key=lambda form: max(form.miss, EXACT), default=None)
 
 
 def _forms(chain: Chain, T_joint_link: Array, m: int, lock: int | None) -> list[Structure]:
@@ -92,7 +122,7 @@ def _forms(chain: Chain, T_joint_link: Array, m: int, lock: int | None) -> list[
     if m == 7 and lock is None:
         form = _two_spheres(frames)
         return [] if form is None else [_pack("redundant", False, lock, m, form, home, used)]
-    found = []
+    forms = []
     for reverse in (False, True):
         order = used[::-1] if reverse else used
         lines = inverse(home) @ frames[::-1] if reverse else frames
@@ -101,8 +131,8 @@ def _forms(chain: Chain, T_joint_link: Array, m: int, lock: int | None) -> list[
             form = _wrist(lines) if kind == "spherical" else _parallels(lines)
             if form is not None:
                 item = _pack(kind, reverse, lock, m, form, end, order)
-                found.append(_locked(item, chain, T_joint_link))
-    return found
+                forms.append(_with_held_joint(item, chain, T_joint_link))
+    return forms
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -198,20 +228,21 @@ def _pack(
     home: Array,
     order: list[int],
 ) -> Structure:
-    plan = np.zeros((ROWS, 14))
+    plan = np.zeros((ROWS, COLUMNS))
     k = len(order)
-    plan[0, 0], plan[0, 1] = KINDS.index(kind), float(reverse)
-    plan[0, 2] = -1.0 if lock is None else lock
-    plan[0, 3], plan[0, 4] = m, 0.0 if form.special else 1.0
-    plan[0, 5] = form.miss
+    header = plan[HEADER]
+    header[KIND], header[REVERSED] = _NUMBERS[kind], float(reverse)
+    header[HELD] = -1.0 if lock is None else lock
+    header[JOINTS], header[GENERAL] = m, 0.0 if form.special else 1.0
+    header[MISS] = form.miss
     before = np.eye(4)
     offsets = []
     for j, (frame, sign, index) in enumerate(zip(form.frames, form.signs, order, strict=True)):
         offset = inverse(before) @ frame
         offsets.append(offset)
-        plan[1 + j, 0] = -sign if reverse else sign
+        plan[1 + j, SIGN] = -sign if reverse else sign
         plan[1 + j, 1:13] = offset[:3].flat
-        plan[1 + j, 13] = index
+        plan[1 + j, INDEX] = index
         before = frame
     plan[TIP, 1:13] = (inverse(before) @ home)[:3].flat
     plan[WRIST, :4] = wrist_constants(offsets[k - 2][:3, :3], offsets[k - 1][:3, :3])
@@ -219,11 +250,12 @@ def _pack(
         plan[SHOULDER, :4] = wrist_constants(offsets[1][:3, :3], offsets[2][:3, :3])
     if kind == "three_parallel":
         turn = offsets[2][:3, :3] @ offsets[3][:3, :3]
-        plan[0, 6], plan[0, 7] = turn[0, 0], turn[1, 0]
+        header[TURN_COSINE], header[TURN_SINE] = turn[0, 0], turn[1, 0]
     return Structure(kind, reverse, lock, m, form.miss, frozen(plan))
 
 
-def _locked(form: Structure, chain: Chain, T_joint_link: Array) -> Structure:
+def _with_held_joint(form: Structure, chain: Chain, T_joint_link: Array) -> Structure:
+    """The form with the held joint and the tip behind it in its plan."""
     if form.locked is None:
         return form
     plan = np.array(form.plan)

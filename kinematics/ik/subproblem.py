@@ -16,7 +16,18 @@ from kinematics.compiled.simd import on_stack
 from kinematics.polynomial import horner_kernel, unit_roots_kernel
 from kinematics.vec3 import Vector
 
+#: A status, then the cosines and sines of three angles.
 Angles = tuple[int, float, float, float, float, float, float]
+
+# Statuses of a solution.
+#: There is none: the target is out of reach.
+NO_SOLUTION = 0
+#: There is one on this side.
+SOLVED = 1
+#: Any angle is one; where there are more angles, the first is.
+ANY_ANGLE = 2
+#: Both sides have the same one.
+BOTH_SIDES = 3
 
 #: Lengths [m] and sines below this are rounding: the angle about such a lever is free.
 TINY = 1e-11
@@ -24,9 +35,10 @@ TINY = 1e-11
 EXACT = 1e-10
 #: Each chart t = tan(x / 2) of the circle holds |t| up to this.
 _CHART = 1.001
-#: Below this ratio of its singular values a matrix is read as of rank one, and what it lacks of
-#: that is found by so many sweeps.
-_THIN, _SWEEPS = 1e-5, 5
+#: Below this ratio of its singular values a matrix is read as of rank one.
+_THIN = 1e-5
+#: Sweeps that find what such a matrix has beyond rank one.
+_SWEEPS = 5
 #: Rounding of a sum of products, relative to the largest of them.
 _ROUNDING = 1e-14
 
@@ -37,16 +49,16 @@ def cosine_kernel(
 ) -> tuple[int, float, float, float, float]:
     """Solve a cos(x) + b sin(x) = d: x = phi -+ delta, as status, cos and sin of phi and of delta.
 
-    Status 0: no solution; 1: solved; 2: any x. ``slack`` is what |d| may exceed the amplitude by
-    and still be taken for it.
+    The status is NO_SOLUTION, SOLVED or ANY_ANGLE. ``slack`` is what |d| may exceed the amplitude
+    by and still be taken for it.
     """
     r = math.sqrt(a * a + b * b)
     if r < TINY:
-        return (2 if abs(d) <= TINY + slack else 0), 1.0, 0.0, 1.0, 0.0
+        return (ANY_ANGLE if abs(d) <= TINY + slack else NO_SOLUTION), 1.0, 0.0, 1.0, 0.0
     if abs(d) > r + slack:
-        return 0, 1.0, 0.0, 1.0, 0.0
+        return NO_SOLUTION, 1.0, 0.0, 1.0, 0.0
     square = (r - d) * (r + d)
-    return 1, a / r, b / r, min(max(d / r, -1.0), 1.0), math.sqrt(max(square, 0.0)) / r
+    return SOLVED, a / r, b / r, min(max(d / r, -1.0), 1.0), math.sqrt(max(square, 0.0)) / r
 
 
 @kernel(allocates=False)
@@ -68,8 +80,8 @@ def orient_kernel(
         slack: How far outside its range a squared sine may lie and be cut.
 
     Returns:
-        Status (0: no solution, 1: regular, 2: a is free and taken as 0, 3: both sides are the
-        same), then the cosines and sines of a, b and c.
+        The status, where ANY_ANGLE means that a is free and taken as 0; then the cosines and sines
+        of a, b and c.
     """
     m0x, m0y, m0z = m0
     m2x, m2y, m2z = m2
@@ -83,15 +95,15 @@ def orient_kernel(
         near = 4.0 - far
     S, K = near - w[0], far - w[1]
     if min(S, K) < -slack:
-        return 0, 1.0, 0.0, 1.0, 0.0, 1.0, 0.0
+        return NO_SOLUTION, 1.0, 0.0, 1.0, 0.0, 1.0, 0.0
     S, K = max(S, 0.0), max(K, 0.0)
     cosine, sine = (K - S) / (S + K), side * 2.0 * math.sqrt(S * K) / (S + K)
     c5, s5 = w[2] * cosine - w[3] * sine, w[3] * cosine + w[2] * sine
     tx, ty, tz = c5 * C[3] - s5 * C[7], s5 * C[3] + c5 * C[7], C[11]
     kx, ky = B[1] * tx + B[2] * ty + B[3] * tz, B[5] * tx + B[6] * ty + B[7] * tz
-    status = 3 if abs(sine) < TINY else 1
+    status = BOTH_SIDES if abs(sine) < TINY else SOLVED
     if across < TINY * TINY:
-        status = 2
+        status = ANY_ANGLE
     else:
         c, s = m2x * kx + m2y * ky, m2y * kx - m2x * ky
         r = math.sqrt(c * c + s * s)
@@ -126,23 +138,23 @@ def elbow_kernel(
     """Solve Rz(x) (a + Rz(y) b) = p in the plane for two angles.
 
     Returns:
-        Status (0: out of reach, 1: regular, 2: x is free since p and the folded arm are at the
-        origin, 3: both sides are the same), then cosines and sines of x and y.
+        The status, where ANY_ANGLE means that x is free since p and the folded arm are at the
+        origin; then cosines and sines of x and y.
     """
     # |a|^2 + |b|^2 + 2 a . Rz(y) b = |p|^2
     c0, s0 = 2.0 * (ax * bx + ay * by), 2.0 * (ay * bx - ax * by)
     d = px * px + py * py - ax * ax - ay * ay - bx * bx - by * by
     status, cp, sp, cd, sd = cosine_kernel(c0, s0, d, slack)
-    if status != 1:
-        return 0, 1.0, 0.0, 1.0, 0.0
+    if status != SOLVED:
+        return NO_SOLUTION, 1.0, 0.0, 1.0, 0.0
     sd *= side
     cy, sy = cp * cd - sp * sd, sp * cd + cp * sd
     fx, fy = ax + cy * bx - sy * by, ay + sy * bx + cy * by
     c, s = px * fx + py * fy, py * fx - px * fy
     r = math.sqrt(c * c + s * s)
     if r < TINY * TINY:
-        return 2, 1.0, 0.0, cy, sy
-    return (3 if abs(sd) < TINY else 1), c / r, s / r, cy, sy
+        return ANY_ANGLE, 1.0, 0.0, cy, sy
+    return (BOTH_SIDES if abs(sd) < TINY else SOLVED), c / r, s / r, cy, sy
 
 
 @kernel(allocates=False)
@@ -171,7 +183,7 @@ def circle_roots_kernel(E: Array, noise: float, depth: float, work: Array, roots
     if scale <= noise:
         return -1
     touch = max(1e-12, max(noise, depth) / scale)
-    c, found, spare = work[5], work[6], work[7]
+    c, zeros, extrema = work[5], work[6], work[7]
     for chart in range(2):
         sign = 1.0 if chart == 0 else -1.0
         e0, ec, es = E[0] / scale, sign * E[1] / scale, sign * E[2] / scale
@@ -186,11 +198,11 @@ def circle_roots_kernel(E: Array, noise: float, depth: float, work: Array, roots
         c[2] = 4.0 * (p2 - 3.0 * p3 + 6.0 * p4)
         c[3] = 8.0 * (p3 - 4.0 * p4)
         c[4] = 16.0 * p4
-        number = unit_roots_kernel(c, 5, work, found, spare)
+        number = unit_roots_kernel(c, 5, work, zeros, extrema)
         for k in range(number):
-            count = _add_root(_CHART * (2.0 * found[k] - 1.0), sign, roots, count)
+            count = _add_root(_CHART * (2.0 * zeros[k] - 1.0), sign, roots, count)
         for k in range(5):
-            u = spare[k]
+            u = extrema[k]
             if u >= 1.0:
                 break
             if abs(horner_kernel(c, 5, u)) < touch:
@@ -257,23 +269,23 @@ def pair_kernel(
         status, _, _, _, _ = cosine_kernel(k1, k2, -k0, slack)
         # What s2 moves is found by iteration, as it is little.
         room = slack + 10.0 * abs(s2)
-        for i in range(2 if status != 2 else free.shape[0]):
+        for i in range(2 if status != ANY_ANGLE else free.shape[0]):
             for j in range(2):
                 second = 0.0
                 for _ in range(_SWEEPS):
                     state, cp, sp, cd, sd = cosine_kernel(k1, k2, s2 * second - k0, room)
                     sd = sd if i == 0 else -sd
                     c, s = cp * cd - sp * sd, sp * cd + cp * sd
-                    if status == 2:
+                    if status == ANY_ANGLE:
                         c, s = math.cos(free[i]), math.sin(free[i])
                     first = g0 + g1 * c + g2 * s
                     square = _quadratic(rho, c, s) - first * first
                     second = math.sqrt(max(square, 0.0))
                     second = second if j == 0 else -second
-                if state == 0 or square < -room:
+                if state == NO_SOLUTION or square < -room:
                     continue
                 count = _add_pair(out, count, c, s, first, second, v0, v1)
-        return count, status == 2
+        return count, status == ANY_ANGLE
     E, roots, work = on_stack(6), on_stack(16).reshape((8, 2)), on_stack(48).reshape((8, 6))
     q = s2 * s2
     E[0] = q * (rho[0] - g0 * g0) - k0 * k0

@@ -24,7 +24,16 @@ from kinematics.compiled.simd import (
 from kinematics.compiled.simd_frames import identity_lanes_kernel
 from kinematics.frame import Frame, compose_kernel, move_kernel, turn_kernel
 from kinematics.ik.dls_step import quadrant_kernel
-from kinematics.ik.spherical import PARAMETER
+from kinematics.ik.plan import (
+    HEADER,
+    HELD,
+    INDEX,
+    KIND,
+    PARAMETER,
+    REDUNDANT,
+    SIGN,
+    Problem,
+)
 
 #: An angle this little outside a limit [rad] is rounding of a double root, and put onto it.
 _SNAP = 1e-6
@@ -59,10 +68,10 @@ def near_kernel(
         low = best + turn * floor((upper + _SNAP - best) / turn)
         high = best - turn * floor((best + _SNAP - lower) / turn)
         moved = choose(above, low, high)
-        held = min(max(moved, lower), upper)
+        clipped = min(max(moved, lower), upper)
         within = (above & (low >= lower - _SNAP)) | (below & (high <= upper + _SNAP))
         snapped = within & ((moved < lower) | (moved > upper))
-        best = choose(within, held, best)
+        best = choose(within, clipped, best)
         inside = inside | within
     return best, inside, snapped
 
@@ -82,37 +91,33 @@ def miss_kernel(B: Frame, T: Frame) -> tuple[Lanes, Lanes]:
 
 
 @kernel(allocates=False)
-def verify_kernel(
-    plan: Array, model: Array, link: int, T: Frame, raw: Array, first: int, count: int,
-    bounds: tuple[Array, Array, Array], lanes: Array,
-) -> int:  # fmt: skip
-    """Verify ``count`` candidates, 8 at most, from row ``first`` of ``raw`` on.
+def verify_kernel(problem: Problem, candidates: Array, first: int, count: int, lanes: Array) -> int:
+    """Verify up to eight candidates of one parameter.
 
     Args:
-        plan: The closed form, see ``structure``.
-        model: ``Chain.model``.
-        link: The number of the link to bring there.
-        T: The target.
-        raw: The candidates, of one parameter.
-        first: Which to begin with.
+        problem: The pose and the arm.
+        candidates: Rows of candidates, shape (r, WIDTH).
+        first: The row to begin with.
         count: How many there are, 8 at most.
-        bounds: Lower and upper limits and the seed, each (n,).
         lanes: The answer, by rows of eight numbers: angles, then the nearest turns of the n joints,
             errors [m], [rad], and 1 where all joints are inside their limits; (VERIFIED,).
 
     Returns:
         The candidates that some limit had to be put on, as bits.
     """
-    lower, upper, seed = bounds
-    n, joints, held = seed.shape[0], 7 if plan[0, 0] == 2.0 else 6, int(plan[0, 2])
-    row = 1 + n + link
+    arm, seed = problem.arm, problem.seed
+    plan, model, lower, upper = arm.plan, arm.model, arm.lower, arm.upper
+    n, held = seed.shape[0], int(plan[HEADER, HELD])
+    joints = 7 if plan[HEADER, KIND] == REDUNDANT else 6
+    row = 1 + n + arm.link
     last = int(model[row, 0])
     rest = LANES * (2 * n + _BEHIND)
     for j in range(joints):
-        at, sign = rest + 2 * LANES * int(plan[1 + j, 13]), plan[1 + j, 0]
+        at, sign = rest + 2 * LANES * int(plan[1 + j, INDEX]), plan[1 + j, SIGN]
         for lane in range(LANES):
             k = first + min(lane, count - 1)
-            lanes[at + lane], lanes[at + LANES + lane] = raw[k, 2 * j], sign * raw[k, 2 * j + 1]
+            lanes[at + lane] = candidates[k, 2 * j]
+            lanes[at + LANES + lane] = sign * candidates[k, 2 * j + 1]
     B = identity_lanes_kernel()
     inside = fill(0.0) <= 0.0
     snapped = fill(0.0) < 0.0
@@ -120,8 +125,8 @@ def verify_kernel(
         if j > last:
             value = fill(seed[j])
         elif j == held:
-            value = fill(raw[first, PARAMETER])
-            cosine, sine = math.cos(raw[first, PARAMETER]), math.sin(raw[first, PARAMETER])
+            parameter = candidates[first, PARAMETER]
+            value, cosine, sine = fill(parameter), math.cos(parameter), math.sin(parameter)
             B = move_kernel(model, 1 + j, value, fill(cosine), fill(sine), B)
         else:
             c, s = load(lanes, rest + 2 * LANES * j), load(lanes, rest + 2 * LANES * j + 8)
@@ -129,12 +134,12 @@ def verify_kernel(
             value = angle_kernel(c, s)
         store(lanes, LANES * j, value)
         if j != held and j <= last:
-            value, fits, put = near_kernel(value, lower[j], upper[j], seed[j])
-            inside, snapped = inside & fits, snapped | put
+            value, fits, cut = near_kernel(value, lower[j], upper[j], seed[j])
+            inside, snapped = inside & fits, snapped | cut
         else:
             inside = inside & (value >= lower[j]) & (value <= upper[j])
         store(lanes, LANES * (n + j), value)
-    position, orientation = miss_kernel(compose_kernel(B, model, row), T)
+    position, orientation = miss_kernel(compose_kernel(B, model, row), problem.T)
     store(lanes, 2 * n * LANES, position)
     store(lanes, (2 * n + 1) * LANES, orientation)
     store(lanes, (2 * n + 2) * LANES, choose(inside, 1.0, 0.0))

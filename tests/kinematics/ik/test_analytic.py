@@ -402,7 +402,7 @@ def test_batches_equal_single_calls(name: str) -> None:
 def test_single_calls_answer_more_branches_than_they_have_room_for_at_first(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(analytic, "_MOST", 3)
+    monkeypatch.setattr(analytic, "_FEW_ROWS", 3)
     rng = np.random.default_rng(11)
     arm = general_arm(rng, "three parallel, axes 5 and 6 meet")
     T = forward(arm, rng.uniform(-3.0, 3.0, (50, 6)))

@@ -8,7 +8,13 @@ from kinematics.arrays import Array
 from kinematics.chain import Chain, Limits
 from kinematics.errors import InvalidLinkName, InvalidOption, InvalidPose, InvalidRobotState
 from kinematics.forward import forward
-from kinematics.ik.dls_step import dual_kernel, error_kernel, frame_kernel, step_within_kernel
+from kinematics.ik.dls_step import (
+    StepWorkspace,
+    dual_kernel,
+    error_kernel,
+    frame_kernel,
+    step_within_kernel,
+)
 from kinematics.ik.numeric import (
     AXES,
     POSITION,
@@ -215,15 +221,15 @@ def test_steps_solve_the_damped_system(n: int) -> None:
         dual_kernel(J, e, np.arange(n), n, 1e-3, x)
         np.testing.assert_allclose(x, np.linalg.solve(J @ J.T + 1e-3 * np.eye(6), e), rtol=1e-10)
     q, out, far = np.zeros(n), np.empty(n), np.full(n, np.inf)
-    free, H, g = np.empty(n, dtype=np.int64), np.empty((n, n)), np.empty(max(n, 6))
-    step_within_kernel(J, e, q, -far, far, 1e-3, free, H, g, out)
+    room = StepWorkspace(np.empty(n, dtype=np.int64), np.empty((n, n)), np.empty(max(n, 6)))
+    step_within_kernel(J, e, q, -far, far, 1e-3, room, out)
     expected = np.linalg.solve(J.T @ J + 1e-3 * np.eye(n), J.T @ e)
     np.testing.assert_allclose(out, expected, atol=1e-9)
     # A joint at its limit that e pushes outwards stays, the others do what they can.
     j = int(np.argmax(np.abs(J.T @ e)))
     upper = np.where((np.arange(n) == j) & (J.T @ e > 0), 0.0, np.inf)
     lower = np.where((np.arange(n) == j) & (J.T @ e < 0), 0.0, -np.inf)
-    step_within_kernel(J, e, q, lower, upper, 1e-3, free, H, g, out)
+    step_within_kernel(J, e, q, lower, upper, 1e-3, room, out)
     others = np.delete(np.arange(n), j)
     A = J[:, others]
     expected = np.linalg.solve(A.T @ A + 1e-3 * np.eye(n - 1), A.T @ e) if n > 1 else np.empty(0)
