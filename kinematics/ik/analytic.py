@@ -19,15 +19,7 @@ from kinematics.forward import link_number
 from kinematics.ik.batch import shared
 from kinematics.ik.branches import branches_batch_kernel, branches_kernel
 from kinematics.ik.plan import COLUMNS, Arm
-from kinematics.ik.refine import (
-    CODE,
-    INSIDE,
-    MORE,
-    ORIENTATION,
-    POSITION,
-    VALUE,
-    parameter_kernel,
-)
+from kinematics.ik.refine import CODE, INSIDE, MORE, ORIENTATION, POSITION, VALUE, parameter_kernel
 from kinematics.ik.structure import Structure, structure
 
 #: Largest error of a solution [m], [rad].

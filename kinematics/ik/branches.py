@@ -7,13 +7,9 @@ from kinematics.chain import MAX_JOINTS
 from kinematics.compiled.kernel import kernel
 from kinematics.compiled.simd import LANES, on_stack
 from kinematics.forward import finite_kernel
-from kinematics.ik.calibrated import (
-    add_curve_branches_kernel,
-    add_nearby_branches_kernel,
-    add_perturbed_branches_kernel,
-    is_balanced_kernel,
-)
+from kinematics.ik.calibrated import add_curve_branches_kernel, is_balanced_kernel
 from kinematics.ik.dls_step import frame_kernel
+from kinematics.ik.nearby_branches import add_nearby_branches_kernel, add_perturbed_branches_kernel
 from kinematics.ik.plan import (
     BRANCH,
     COLUMNS,

@@ -24,11 +24,10 @@ from kinematics.arrays import Array, Indices
 from kinematics.compiled.kernel import kernel
 from kinematics.frame import Frame
 from kinematics.ik.dls_step import error_kernel
+from kinematics.ik.singular_directions import JOINTS, SINGULAR
 from kinematics.jacobian import frame_and_jacobian_kernel
 from kinematics.linear_solve import solve_kernel
 
-#: Joints that a curve runs through: as many as a pose has directions.
-JOINTS = 6
 #: The first step along a curve [rad].
 _FIRST = 1e-3
 #: The largest step [rad].
@@ -51,8 +50,6 @@ _HALVINGS = 24
 _TOUCHES = 40
 #: Points of a curve are remembered this far apart [rad].
 _APART = 0.03
-#: A pivot no larger than this makes a matrix of metres and radians singular.
-_SINGULAR = 1e-14
 #: Where |rho| is larger, a curve is left: beyond it there are no twins of a solution [m or rad].
 _BEYOND = 0.3
 
@@ -92,47 +89,6 @@ class _Point(NamedTuple):
 
 
 @kernel
-def weakest_kernel(J: Array, joints: Indices, u: Array, v: Array, across: Array) -> float:
-    """Write the left and right unit vectors of the least singular value of J into u, v; its value.
-
-    By inverse iteration; ``across`` (6,) is a direction u must be normal to, or zero.
-    """
-    M, b = np.empty((JOINTS, JOINTS)), np.empty(JOINTS)
-    for i in range(JOINTS):
-        u[i] = 1.0 + 0.3 * math.sin(1.0 + 2.0 * i)
-    for _ in range(6):
-        along = np.dot(across, u)
-        for i in range(JOINTS):
-            b[i] = u[i] - along * across[i]
-            for k in range(JOINTS):
-                M[i, k] = 10.0 * across[i] * across[k]
-                for a in range(JOINTS):
-                    M[i, k] += J[i, joints[a]] * J[k, joints[a]]
-            M[i, i] += 1e-15
-        solve_kernel(M, b, _SINGULAR)
-        b -= np.dot(across, b) * across
-        u[:] = b / math.sqrt(np.sum(b * b))
-    for a in range(JOINTS):
-        v[a] = 0.0
-        for i in range(JOINTS):
-            v[a] += J[i, joints[a]] * u[i]
-    value = math.sqrt(np.sum(v * v))
-    # J^T u is rounding where the value is: what J moves least, directly.
-    for a in range(JOINTS):
-        b[a] = v[a] / value if value > 1e-6 else 1.0 + 0.3 * math.sin(1.0 + 2.0 * a)
-    for _ in range(0 if value > 1e-6 else 6):
-        for a in range(JOINTS):
-            for c in range(JOINTS):
-                M[a, c] = 1e-15 if a == c else 0.0
-                for i in range(JOINTS):
-                    M[a, c] += J[i, joints[a]] * J[i, joints[c]]
-        solve_kernel(M, b, _SINGULAR)
-        b /= math.sqrt(np.sum(b * b))
-    v[:] = b
-    return value
-
-
-@kernel
 def sharpen_kernel(
     model: Array, link: int, T: Frame, joints: Indices, q: Array
 ) -> tuple[float, float]:
@@ -149,7 +105,7 @@ def sharpen_kernel(
             b[i] = error[i]
             for a in range(JOINTS):
                 M[i, a] = J[i, joints[a]]
-        if not solve_kernel(M, b, _SINGULAR):
+        if not solve_kernel(M, b, SINGULAR):
             break
         trial[:] = q
         for a in range(JOINTS):
@@ -205,7 +161,7 @@ def correct_kernel(
         _border(J, joints, u, t, M)
         b[0], b[1], b[2], b[3], b[4], b[5] = error
         b[6] = 0.0
-        if not solve_kernel(M, b, _SINGULAR):
+        if not solve_kernel(M, b, SINGULAR):
             return False, 0.0
         size = 0.0
         for a in range(JOINTS):
@@ -237,7 +193,7 @@ def tangent_kernel(
     for _ in range(2 if moving else 1):
         _border(J, joints, u, t, M)
         b[:6], b[6] = 0.0, 1.0
-        if not solve_kernel(M, b, _SINGULAR):
+        if not solve_kernel(M, b, SINGULAR):
             return False, 0.0
         size = math.sqrt(np.sum(b[:6] * b[:6]))
         for a in range(JOINTS):
@@ -245,7 +201,7 @@ def tangent_kernel(
         if moving:
             _border(J, joints, u, t, M.T)
             b[:6], b[6] = 0.0, 1.0
-            if not solve_kernel(M, b, _SINGULAR):
+            if not solve_kernel(M, b, SINGULAR):
                 return False, 0.0
             size = math.sqrt(np.sum(b[:6] * b[:6]))
             for i in range(6):
@@ -416,23 +372,6 @@ def _find_zero(curve: Curve, u: Array, t: Array, a: _Point, b: _Point, out: Arra
 def wrap_kernel(angle: float) -> float:
     """The angle without whole turns, in [-pi, pi)."""
     return angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi) + 0.5)
-
-
-@kernel
-def joint_direction_kernel(J: Array, joints: Indices, w: Array) -> Array:
-    """The unit direction of the joints (6,) that J takes to the direction w, or nearest to it."""
-    M, v = np.empty((JOINTS, JOINTS)), np.zeros(JOINTS)
-    for i in range(JOINTS):
-        for k in range(JOINTS):
-            M[i, k] = 1e-16 if i == k else 0.0
-            for a in range(JOINTS):
-                M[i, k] += J[i, joints[a]] * J[k, joints[a]]
-    b = w.copy()
-    solve_kernel(M, b, _SINGULAR)
-    for a in range(JOINTS):
-        for i in range(JOINTS):
-            v[a] += J[i, joints[a]] * b[i]
-    return v / math.sqrt(np.sum(v * v))
 
 
 @kernel

@@ -17,16 +17,7 @@ from typing import NamedTuple
 from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
 from kinematics.compiled.simd import on_stack
-from kinematics.ik.plan import (
-    BRANCH,
-    FAMILY,
-    GENERAL,
-    HEADER,
-    MISS,
-    TIP,
-    WRIST,
-    CandidateTable,
-)
+from kinematics.ik.plan import BRANCH, FAMILY, GENERAL, HEADER, MISS, TIP, WRIST, CandidateTable
 from kinematics.ik.subproblem import (
     ANY_ANGLE,
     BOTH_SIDES,

@@ -24,16 +24,7 @@ from kinematics.compiled.simd import (
 from kinematics.compiled.simd_frames import identity_lanes_kernel
 from kinematics.frame import Frame, compose_kernel, move_kernel, turn_kernel
 from kinematics.ik.dls_step import quadrant_kernel
-from kinematics.ik.plan import (
-    HEADER,
-    HELD,
-    INDEX,
-    KIND,
-    PARAMETER,
-    REDUNDANT,
-    SIGN,
-    Problem,
-)
+from kinematics.ik.plan import HEADER, HELD, INDEX, KIND, PARAMETER, REDUNDANT, SIGN, Problem
 
 #: An angle this little outside a limit [rad] is rounding of a double root, and put onto it.
 _SNAP = 1e-6
