@@ -117,6 +117,8 @@ def test_pairs_within_reach_are_answered_and_those_at_its_end() -> None:
     for within, count in ((0.39, 0), (0.41, 1), (10.0, 1)):
         near = checker().gradient(along(0.5), within)
         assert len(near.pairs) == count
+        # Slack makes everything nearer.
+        assert len(checker(slack=0.02).gradient(along(0.5), within - 0.02).pairs) == count
         assert near.distances.shape == (count,)
         assert near.gradients.shape == (count, 3)
 

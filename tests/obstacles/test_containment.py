@@ -1,5 +1,7 @@
 """A body inside a mesh, touching nothing: found, told by name, and by nobody who may touch it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
@@ -7,6 +9,7 @@ import trimesh
 from kinematics.arrays import Array
 from obstacles.checker import Checker
 from obstacles.containment import first_inside
+from obstacles.piece import Piece, PieceKind, Surface
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Box, Capsule, HalfSpace, PointCloud, Shape, Sphere
@@ -143,6 +146,19 @@ def test_each_body_of_a_mesh_counts() -> None:
     for shifts in ([0.0, 1.0], [1.0, 0.0]):
         bodies = [bead.copy().apply_translation([shift, 0.0, 0.0]) for shift in shifts]
         robot = holder(trimesh.util.concatenate(bodies))
+        for q in ([0.0, 0.0, -0.3], [-1.0, 0.0, -0.3]):
+            assert first_inside(robot, around(tall()), np.array(q)) == ("tool", "cup")
+        assert first_inside(robot, around(tall()), np.array([-0.5, 0.0, -0.3])) is None
+
+
+def test_each_body_that_one_cover_holds_counts() -> None:
+    """Two sheets far apart in one cover: a point of each is looked up."""
+    sheet = 0.01 * np.array([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]])
+    for shifts in ([0.0, 1.0], [1.0, 0.0]):
+        triangles = np.concatenate([sheet + np.array([shift, 0.0, 0.0]) for shift in shifts])
+        surface = Surface(triangles, triangles[:, 0])
+        cover = Piece(PieceKind.POLYTOPE, np.eye(4), triangles.reshape(-1, 3), surface=surface)
+        robot = replace(gantry(BALL), pieces=(cover,))
         for q in ([0.0, 0.0, -0.3], [-1.0, 0.0, -0.3]):
             assert first_inside(robot, around(tall()), np.array(q)) == ("tool", "cup")
         assert first_inside(robot, around(tall()), np.array([-0.5, 0.0, -0.3])) is None
