@@ -220,8 +220,14 @@ def test_a_cubic_is_followed_not_its_chord() -> None:
     s = np.linspace(0.0, 1.0, 1001)
     gaps = np.hypot(0.5 * s - 0.25, 2.0 * s * (1.0 - s)) - 0.2
     assert 0.0 < motion.clearance <= gaps.min() + 1e-9
-    # With a cubic term y = s^3 - s^2 the bow has another side and does not clear the post.
-    assert ours.curve(zero, along(0.5), along(0.0, -1.0), along(0.0, 1.0)).colliding
+    # With y = 8 s^3 - 8 s^2 it comes back to the chord, and meets what stands at its end.
+    end = Scene((*post.obstacles, obstacle("end", Sphere(0.05), [0.5, 0.0, 0.0])))
+    bow = along(0.0, -8.0), along(0.0, 8.0)
+    assert ours.curve(zero, along(0.5), *bow).free
+    assert checker(end).curve(zero, along(0.5), bow[0]).free
+    back = checker(end).curve(zero, along(0.5), *bow)
+    assert back.pair == ("tool", "end")
+    assert back.at > 0.9
 
 
 def test_a_polyline_names_the_leg_that_is_blocked() -> None:

@@ -68,7 +68,9 @@ def test_a_pair_that_may_touch_may_be_inside() -> None:
 def test_an_open_surface_has_nothing_inside() -> None:
     opened = tall()
     opened.update_faces(np.arange(len(opened.faces)) != 0)
-    assert first_inside(gantry(BALL), around(opened), np.array([0.0, 0.0, -0.3])) is None
+    robot, scene, random = gantry(BALL), around(opened), np.random.default_rng(5)
+    for q in random.uniform([-0.2, -0.2, -0.4], [0.2, 0.2, 0.2], (200, 3)):
+        assert first_inside(robot, scene, q) is None
 
 
 def test_convex_obstacles_are_not_asked_about() -> None:

@@ -55,17 +55,17 @@ def test_as_many_weights_as_points_are_needed(name: str, m: int) -> None:
 
 def test_shares_of_one_number_and_none_of_one_each() -> None:
     weights = FieldWeights(attractive_weights=3.0, repulsive_weights=[1.0, 2.0], attractive_cap=0.4)
-    shared = weights.shared(0.25)
+    shared = weights.with_share(0.25)
     assert shared.attractive_weights == 0.75
     assert shared.repulsive_weights == [1.0, 2.0]
     assert shared.attractive_cap == 0.4
-    assert weights.shared(1.0) is weights
+    assert weights.with_share(1.0) is weights
     assert weights.attractive_weights == 3.0
 
 
 def test_the_sum_of_shared_weights_is_that_of_one() -> None:
     for m in (1, 3, 11):
-        attractive, repulsive = FieldWeights(2.0, repulsive_weights=0.5).shared(1.0 / m).each(m)
+        attractive, repulsive = FieldWeights(2.0, repulsive_weights=0.5).with_share(1.0 / m).each(m)
         assert attractive.sum() == pytest.approx(2.0)
         assert repulsive.sum() == pytest.approx(0.5)
 
