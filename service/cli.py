@@ -83,8 +83,8 @@ def _warm(processes: int | None, prune: bool) -> int:
 
     counts = kernels.compile_kernels(Terminal(sys.stderr).show, processes)
     print(f"{counts.total} kernels are there, {counts.compiled} of them compiled now")
-    if counts.unknown:
-        print(f"{counts.unknown} lines of the list of kernels are out of date", file=sys.stderr)
+    for line in counts.outdated:
+        print(f"the list of kernels is out of date: {line}", file=sys.stderr)
     if prune:
         print(f"{kernels.prune()} files removed that this version does not need")
     return 0

@@ -17,12 +17,13 @@ class Counts(NamedTuple):
     Attributes:
         total: kernels on the list.
         compiled: those of them that had to be compiled.
-        unknown: lines of the list that name a kernel or a type that is not there.
+        outdated: lines of the list that name a kernel or a type that is not there, and what went
+            wrong with kernels that can't be compiled for the listed types any more.
     """
 
     total: int
     compiled: int
-    unknown: int
+    outdated: tuple[str, ...]
 
 
 def compile_kernels(report: Report = lambda *_: None, processes: int | None = None) -> Counts:
@@ -33,13 +34,14 @@ def compile_kernels(report: Report = lambda *_: None, processes: int | None = No
         processes: how many compile at once; one a core if left out.
 
     Raises:
-        BuildFailed: a kernel can't be compiled.
+        BuildFailed: a process that compiled kernels died.
     """
-    entries, unknown = kernel_list.read(LIST)
+    entries, outdated = kernel_list.read(LIST)
     missing = kernel_build.missing(entries)
     if missing:
-        kernel_build.build(missing, processes or len(os.sched_getaffinity(0)), report)
-    return Counts(len(entries), len(missing), len(unknown))
+        processes = processes or len(os.sched_getaffinity(0))
+        outdated = [*outdated, *kernel_build.build(missing, processes, report)]
+    return Counts(len(entries), len(missing), tuple(outdated))
 
 
 def prune() -> int:

@@ -25,7 +25,7 @@ Report = Callable[[int, int, float | None], object]
 
 
 class BuildFailed(RuntimeError):
-    """Some kernels could not be compiled."""
+    """A process that compiled kernels died."""
 
 
 def missing(entries: Sequence[Entry]) -> list[Entry]:
@@ -37,7 +37,7 @@ def build(
     entries: Sequence[Entry],
     processes: int,
     report: Report = lambda *_: None,
-) -> None:
+) -> list[str]:
     """Compile kernels and keep their machine code; what a process has kept stays when it is killed.
 
     Each process compiles one kernel at a time, and none before all kernels that it calls are there.
@@ -47,8 +47,11 @@ def build(
         processes: how many work at once.
         report: called at the beginning and after each kernel.
 
+    Returns:
+        What went wrong with kernels that Python calls and that can't be compiled.
+
     Raises:
-        BuildFailed: a kernel that Python calls can't be compiled, or a process died.
+        BuildFailed: a process died.
     """
     plan = _Plan(entries)
     start = time.monotonic()
@@ -65,8 +68,7 @@ def build(
     finally:
         for worker in crew:
             worker.end()
-    if plan.failures:
-        raise BuildFailed("\n".join(plan.failures))
+    return plan.failures
 
 
 class _Plan:

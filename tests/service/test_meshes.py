@@ -1,0 +1,179 @@
+"""Requests about meshes of every make: convex and not, fine and coarse, closed and open."""
+
+import base64
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+
+from tests.service.robots import HOME, answer, bench, scene
+
+Mesh = tuple[list[list[float]], list[list[int]]]
+
+
+def elbow() -> Mesh:
+    """A prism of 0.3 m over an L of 0.1 x 0.1 m with arms 0.04 m wide, standing on its frame."""
+    outline = [(0, 0), (0.1, 0), (0.1, 0.04), (0.04, 0.04), (0.04, 0.1), (0, 0.1)]
+    vertices = [[x - 0.02, y - 0.02, z] for z in (0.0, 0.3) for x, y in outline]
+    caps = [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]]
+    faces = [[a, c, b] for a, b, c in caps] + [[a + 6, b + 6, c + 6] for a, b, c in caps]
+    for i in range(6):
+        j = (i + 1) % 6
+        faces += [[i, j, j + 6], [i, j + 6, i + 6]]
+    return vertices, faces
+
+
+def grid(point: Any, rows: int, columns: int) -> Mesh:
+    """A surface that closes on itself in both directions, from points at two angles."""
+    turns = [2.0 * np.pi * np.arange(count) / count for count in (rows, columns)]
+    vertices = [list(map(float, point(u, v))) for u in turns[0] for v in turns[1]]
+    faces = []
+    for i in range(rows):
+        for j in range(columns):
+            a, b = i * columns + j, i * columns + (j + 1) % columns
+            c, d = (a + columns) % (rows * columns), (b + columns) % (rows * columns)
+            faces += [[a, c, b], [b, c, d]]
+    return vertices, faces
+
+
+def ring(radius: float, rows: int = 24, columns: int = 12) -> Mesh:
+    """A torus about z."""
+
+    def point(u: float, v: float) -> tuple[float, float, float]:
+        r = radius + 0.3 * radius * np.cos(v)
+        return r * np.cos(u), r * np.sin(u), 0.3 * radius * np.sin(v)
+
+    return grid(point, rows, columns)
+
+
+def ball(radius: float, count: int) -> list[list[float]]:
+    """Points of a sphere, spread evenly."""
+    k = np.arange(count) + 0.5
+    polar, turn = np.arccos(1.0 - 2.0 * k / count), np.pi * (1.0 + 5.0**0.5) * k
+    points = np.stack([np.cos(turn) * np.sin(polar), np.sin(turn) * np.sin(polar), np.cos(polar)])
+    return (radius * points.T).tolist()  # type: ignore[no-any-return]
+
+
+def sheet() -> Mesh:
+    """Two triangles: a square without an inside."""
+    return [[-0.1, -0.1, 0], [0.1, -0.1, 0], [0.1, 0.1, 0], [-0.1, 0.1, 0]], [[0, 1, 2], [0, 2, 3]]
+
+
+def mesh(form: Mesh, name: str, position: list[float]) -> dict[str, Any]:
+    shape = {"type": "mesh", "vertices": form[0], "faces": form[1]}
+    return {"id": name, "shape": shape, "pose": {"position": position}}
+
+
+def obj(form: Mesh) -> str:
+    lines = [f"v {x} {y} {z}" for x, y, z in form[0]]
+    lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in form[1]]
+    return base64.b64encode("\n".join(lines).encode()).decode()
+
+
+OBSTACLES = {
+    "elbow": mesh(elbow(), "elbow", [0.0, 0.0, 0.0]),
+    "ring": mesh(ring(0.1), "ring", [0.0, 0.0, 0.0]),
+    "fine ring": mesh(ring(0.1, 60, 30), "ring", [0.0, 0.0, 0.0]),
+    "sheet": mesh(sheet(), "sheet", [0.0, 0.0, 0.0]),
+    "pebble": {"id": "pebble", "shape": {"type": "convex", "vertices": ball(0.1, 300)},
+               "pose": {"position": [0.0, 0.0, 0.0]}},
+    "cloud": {"id": "cloud", "shape": {"type": "point_cloud", "points": ball(0.1, 3000),
+                                       "radius": 0.005}, "pose": {"position": [0.0, 0.0, 0.0]}},
+    "dome": {"id": "dome", "shape": {"type": "cone", "radius": 0.1, "height": 0.2},
+             "pose": {"position": [0.0, 0.0, 0.0]}},
+    "floor": {"id": "floor", "shape": {"type": "halfspace", "normal": [0, 0, 1], "offset": 0.0},
+              "pose": {"position": [0.0, 0.0, 0.0]}},
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def bent(served: Any) -> str:
+    """A stored arm whose first link is no convex mesh, and whose second is a fine one."""
+    links = bench("bent")
+    links["urdf"] = links["urdf"].replace(
+        '<box size="0.08 0.08 0.2"/>', '<mesh filename="package://meshes/ring.obj"/>'
+    )
+    links["meshes"] = {
+        "package://meshes/box.obj": obj(elbow()),
+        "package://meshes/ring.obj": obj(ring(0.08)),
+    }
+    answer(served.client.post("/v1/robots", json=links), 201)
+    return "bent"
+
+
+def at(name: str, z: float) -> dict[str, Any]:
+    obstacle = OBSTACLES[name]
+    return scene(obstacle | {"pose": {"position": [0.0, 0.0, z]}})
+
+
+def check(client: httpx.Client, robot: str, place: dict[str, Any], joints: Any) -> Any:
+    body = {"robot": robot, "scene": place, "joints": joints}
+    return answer(client.post("/v1/check", json=body))
+
+
+@pytest.mark.parametrize("name", [name for name in OBSTACLES if name not in ("floor", "cloud")])
+def test_solids_in_each_other_collide_and_apart_have_a_clearance(
+    client: httpx.Client, bent: str, name: str
+) -> None:
+    pose = {"shoulder": 0.3, "elbow": 0.4}
+    inside = check(client, bent, at(name, 0.2), [[0.3, 0.4], [0.0, 0.0]])
+    assert inside["valid"] == [False, False]
+    assert all(item["depth"] >= 0.0 for found in inside["collisions"] for item in found)
+    apart = check(client, bent, at(name, 2.0), list(pose.values()))
+    assert apart["valid"] is True
+    assert 1.0 < apart["clearance"] < 2.0
+    nearer = check(client, bent, at(name, 1.9), list(pose.values()))
+    assert nearer["clearance"] == pytest.approx(apart["clearance"] - 0.1, abs=0.02)
+
+
+def test_a_mesh_sinks_into_a_half_space_as_deep_as_its_lowest_corner(
+    client: httpx.Client, bent: str
+) -> None:
+    (item,) = check(client, bent, at("floor", 0.1), [0.0, 0.0])["collisions"]
+    assert item["depth"] == pytest.approx(0.1, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", ["elbow", "ring", "sheet", "pebble", "cloud"])
+def test_points_are_projected_onto_every_mesh(client: httpx.Client, name: str) -> None:
+    place = {"name": f"projected-{name.replace(' ', '-')}"} | at(name, 0.0)
+    answer(client.post("/v1/scenes", json=place), 201)
+    body = {"points": [[0.0, 0.0, 1.0], [0.5, 0.1, 0.05]]}
+    found = answer(client.post(f"/v1/scenes/{place['name']}/project", json=body))
+    assert all(0.3 < row["distance"] < 1.1 for rows in found["projections"] for row in rows)
+
+
+@pytest.mark.parametrize("name", ["elbow", "ring", "sheet", "pebble", "cloud"])
+@pytest.mark.parametrize("planner", ["auto", "rrt_connect", "potential_field"])
+def test_motions_beside_meshes_are_planned_and_proved(
+    client: httpx.Client, bent: str, name: str, planner: str
+) -> None:
+    obstacle = OBSTACLES[name] | {"pose": {"position": [0.45, 0.0, 0.5]}}
+    body = {
+        "robot": bent, "scene": scene(obstacle), "planner": planner,
+        "start": {"joints": [-0.6, 0.2]}, "goal": {"joints": [-1.2, -0.4]},
+    }  # fmt: skip
+    plan = answer(client.post("/v1/plan", json=body))
+    assert plan["certificate"]["verified"] is True
+    motion = {"robot": bent, "scene": body["scene"], "trajectory": plan["trajectory"]}
+    assert answer(client.post("/v1/validate", json=motion))["verified"] is True
+
+
+@pytest.mark.parametrize("name", ["elbow", "ring", "pebble", "cloud", "sheet"])
+def test_a_motion_into_a_mesh_is_refused_with_its_time(
+    client: httpx.Client, bent: str, name: str
+) -> None:
+    obstacle = OBSTACLES[name] | {"pose": {"position": [0.3, 0.0, 0.35]}}
+    segment = {"t0": 0.0, "t1": 2.0, "coefficients": [[-0.6, 0.9], [0.2, 0.1]]}
+    motion = {"robot": bent, "scene": scene(obstacle), "trajectory": {"segments": [segment]}}
+    assert answer(client.post("/v1/validate", json=motion))["verified"] is False
+
+
+@pytest.mark.parametrize("name", list(OBSTACLES))
+def test_a_tool_is_brought_beside_every_solid(client: httpx.Client, name: str) -> None:
+    place = scene(OBSTACLES[name] | {"pose": {"position": [0.5, 0.3, 0.2 * (name != "floor")]}})
+    pose = {"position": [0.4, -0.2, 0.4], "rpy": [np.pi, 0.0, 0.0]}
+    found = answer(client.post("/v1/robots/panda/ik", json={"pose": pose, "scene": place}))
+    assert found["solutions"][0]["collision_free"] is True
+    body = {"robot": "panda", "scene": place, "start": {"joints": HOME}, "goal": {"pose": pose}}
+    assert answer(client.post("/v1/plan", json=body))["certificate"]["verified"] is True
