@@ -8,7 +8,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from armwright_client import Client, NotReady
+from armwright_client import Client, NotReady, Scene
+from tests.client.world import TABLE
 
 #: Kernels that no earlier run left compiled take a minute or two [s].
 _WARMING = 240.0
@@ -58,3 +59,11 @@ def client(url: str) -> Iterator[Client]:
     """A client of the service."""
     with Client(url) as client:
         yield client
+
+
+@pytest.fixture
+def table(client: Client) -> Iterator[str]:
+    """A stored scene, forgotten afterwards."""
+    client.scenes.replace("table", Scene(obstacles=[TABLE]))
+    yield "table"
+    client.scenes.delete("table")

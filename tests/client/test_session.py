@@ -1,12 +1,8 @@
 """What goes over the wire, and what becomes of what comes back or does not."""
 
 import asyncio
-import contextlib
-import gzip
-import inspect
-import socket
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from email.utils import format_datetime
 from typing import Any
@@ -15,19 +11,11 @@ import httpx
 import pytest
 
 import armwright_client as ours
-from armwright_client import AsyncClient, Client, Retry
-from armwright_client.job import EventReader
+from armwright_client import Client, Retry
+from tests.client.calls import URL, asked_async, once
 from tests.client.scripted import Answer, Scripted, health, problem
 
-URL = "http://robots.example"
 SCENE = ours.Scene(name="s", obstacles=[])
-Ask = Callable[..., Any]
-
-
-def once(answers: list[Answer], ask: Callable[[Client], Any], **options: Any) -> Any:
-    """Ask a scripted service by `Client`; and the same by `AsyncClient`, for the same answer."""
-    with Client(URL, transport=Scripted(list(answers)), **options) as client:
-        return ask(client)
 
 
 def asked(transport: Scripted, ask: Callable[[Client], Any], **options: Any) -> httpx.Request:
@@ -36,17 +24,8 @@ def asked(transport: Scripted, ask: Callable[[Client], Any], **options: Any) -> 
     return transport.requests[-1]
 
 
-async def asked_async(transport: Scripted, ask: Callable[[AsyncClient], Any]) -> httpx.Request:
-    async with AsyncClient(URL, transport=transport) as client:
-        await ask(client)
-    return transport.requests[-1]
-
-
 def silence(request: httpx.Request) -> float:
     return float(request.extensions["timeout"]["read"])
-
-
-# ------------------------------------------------------------------------------- requests
 
 
 def test_both_clients_send_the_same() -> None:
@@ -128,9 +107,6 @@ def test_an_archive_goes_as_a_form() -> None:
         assert part in request.content
 
 
-# ------------------------------------------------------------------------------- timeouts
-
-
 def test_a_plan_is_waited_for_as_long_as_it_may_take() -> None:
     def ask(timeout: float | None) -> Callable[[Client], Any]:
         options: ours.PlanOptions = {} if timeout is None else {"timeout": timeout}
@@ -174,9 +150,6 @@ def test_every_deadline_is_heeded(ask: Callable[[Client], Any]) -> None:
     with pytest.raises(ours.InvalidRequest):
         asked(transport, ask)
     assert silence(transport.requests[0]) > 300.0
-
-
-# -------------------------------------------------------------------------------- retries
 
 
 @pytest.fixture
@@ -262,222 +235,3 @@ def test_retries_can_be_chosen(pauses: list[float]) -> None:
         once([busy()], lambda client: client.healthz(), retry=Retry(attempts=1))
     once([busy("60"), health()], lambda client: client.healthz(), retry=Retry(2, 60.0))
     assert pauses == [60.0]
-
-
-# --------------------------------------------------------------------------------- errors
-
-
-def test_a_problem_is_raised_as_its_class() -> None:
-    answer = problem(
-        422,
-        "START_STATE_IN_COLLISION",
-        detail="hand penetrates shelf",
-        details={"pair": ["hand", "shelf"], "depth": 0.01},
-        from_the_future=1,
-    )
-    with pytest.raises(ours.StartStateInCollision, match="hand penetrates shelf") as caught:
-        once([answer], lambda client: client.plan("r", [0.0], [1.0]))
-    assert caught.value.pair == ("hand", "shelf")
-    assert caught.value.problem.type == "/v1/problems/START_STATE_IN_COLLISION"
-
-
-def test_a_problem_of_somebody_else_is_an_api_error() -> None:
-    media = {"content-type": "application/problem+json; charset=utf-8"}
-    answer = httpx.Response(403, json={"title": "Forbidden by policy"}, headers=media)
-    with pytest.raises(ours.ApiError, match="Forbidden by policy") as caught:
-        once([answer], lambda client: client.healthz())
-    assert type(caught.value) is ours.ApiError
-
-
-@pytest.mark.parametrize(
-    ("answer", "words"),
-    [
-        (httpx.Response(502, html="<html>Bad gateway</html>"), "502 Bad Gateway by something"),
-        (httpx.Response(503, text="no upstream", headers={"Retry-After": "99"}), "no upstream"),
-        (httpx.Response(404, json={"message": "no route"}), "no route"),
-        (httpx.Response(500, json=["?"]), "not an Armwright service"),
-        (httpx.Response(502), "not an Armwright service"),
-        (
-            httpx.Response(502, content=b"{", headers={"content-type": "application/problem+json"}),
-            "not an Armwright service",
-        ),
-        (httpx.Response(302, headers={"Location": "https://login"}), "302 Found to https://login"),
-        (httpx.Response(200, html="<html>Welcome</html>"), "something else than Health"),
-        (httpx.Response(200, json={"state": "ok"}), r"something else than Health \(status:"),
-        (httpx.Response(200), "something else than Health"),
-    ],
-)
-def test_what_is_not_the_services_is_told(answer: httpx.Response, words: str) -> None:
-    with pytest.raises(ours.UnexpectedAnswer, match=words) as caught:
-        once([answer], lambda client: client.healthz())
-    assert caught.value.status == answer.status_code
-    assert "GET /healthz" in str(caught.value)
-    assert len(str(caught.value)) < 500
-
-
-def test_long_pages_are_cut() -> None:
-    with pytest.raises(ours.UnexpectedAnswer) as caught:
-        once([httpx.Response(502, text="x" * 10**6)], lambda client: client.healthz())
-    assert len(caught.value.excerpt) == 200
-
-
-def below(kind: type[httpx.RequestError]) -> Iterator[type[httpx.RequestError]]:
-    for child in kind.__subclasses__():
-        yield child
-        yield from below(child)
-
-
-KINDS_OF_HTTPX = list(below(httpx.RequestError))
-
-
-@pytest.mark.parametrize("kind", KINDS_OF_HTTPX)
-def test_no_exception_of_httpx_leaks(kind: type[httpx.RequestError]) -> None:
-    for text in ("it broke", ""):
-        with pytest.raises(ours.TransportError, match=kind.__name__) as caught:
-            once([kind(text)], lambda client: client.healthz())
-        timed_out = isinstance(caught.value, ours.TransportTimeout)
-        assert timed_out == issubclass(kind, httpx.TimeoutException)
-        with pytest.raises(ours.TransportError):
-            asyncio.run(asked_async(Scripted([kind(text)]), lambda client: client.healthz()))
-
-
-def test_an_answer_that_can_not_be_unpacked_is_told() -> None:
-    body = gzip.compress(b"{}")[:-8] + b"????????"
-
-    class Broken(httpx.SyncByteStream):
-        def __iter__(self) -> Iterator[bytes]:
-            yield b"not gzip" + body
-
-    answer = httpx.Response(200, stream=Broken(), headers={"content-encoding": "gzip"})
-    with pytest.raises(ours.TransportError, match="DecodingError"):
-        once([answer], lambda client: client.healthz())
-
-
-def test_nobody_listens() -> None:
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    with (
-        Client(f"http://127.0.0.1:{port}") as client,
-        pytest.raises(ours.TransportError, match="GET /healthz: ConnectError"),
-    ):
-        client.healthz()
-
-
-@contextlib.contextmanager
-def mute() -> Iterator[str]:
-    """A server that takes connections and says nothing."""
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        yield f"http://127.0.0.1:{listener.getsockname()[1]}"
-
-
-def test_nobody_answers() -> None:
-    async def ask(url: str) -> None:
-        async with AsyncClient(url, timeout=0.2) as client:
-            await client.healthz()
-
-    with mute() as url:
-        with (
-            Client(url, timeout=0.2) as client,
-            pytest.raises(ours.TransportTimeout, match="GET /healthz: ReadTimeout"),
-        ):
-            client.healthz()
-        with pytest.raises(ours.TransportTimeout):
-            asyncio.run(ask(url))
-
-
-def test_a_closed_client_says_so() -> None:
-    client = Client(URL)
-    client.close()
-    with pytest.raises(ours.TransportError, match="the client is closed"):
-        client.healthz()
-
-    async def ask() -> None:
-        client = AsyncClient(URL)
-        await client.close()
-        await client.healthz()
-
-    with pytest.raises(ours.TransportError, match="the client is closed"):
-        asyncio.run(ask())
-
-
-def test_arguments_are_refused_before_anything_is_sent() -> None:
-    transport = Scripted([])
-    with Client(URL, transport=transport) as client:
-        with pytest.raises(ours.InvalidArgument, match="joints"):
-            client.robots.fk("r", [float("nan")])
-        with pytest.raises(ours.InvalidArgument, match="PlanRequest: sed: Extra inputs"):
-            client.plan("r", [0.0], [1.0], sed=1)  # type: ignore[call-arg]
-        with pytest.raises(ours.InvalidArgument, match="and 2 more"):
-            client.scenes.project("s", [[0.0]] * 5)
-    assert transport.requests == []
-
-
-# --------------------------------------------------------------------------------- events
-
-STREAM = (
-    b": a comment\nevent: progress\nid: 7\ndata: {\ndata: }\n\n"
-    b"event: nothing\n\n"
-    b"data:done\nretry: 10\n\n"
-    b"data: cut off"
-)
-EVENTS = [ours.JobEvent("progress", "{\n}", "7"), ours.JobEvent("message", "done", None)]
-
-
-def test_events_are_read_as_they_come() -> None:
-    media = {"content-type": "text/event-stream"}
-    found = once(
-        [httpx.Response(200, content=STREAM, headers=media)],
-        lambda client: list(client.jobs.events("j")),
-    )
-    assert found == EVENTS
-
-    async def ask() -> list[ours.JobEvent]:
-        transport = Scripted([httpx.Response(200, content=STREAM, headers=media)])
-        async with AsyncClient(URL, transport=transport) as client:
-            return [event async for event in client.jobs.events("j")]
-
-    assert asyncio.run(ask()) == EVENTS
-
-
-def test_events_that_are_refused() -> None:
-    with pytest.raises(ours.NotFound):
-        once([problem(404, "NOT_FOUND")], lambda client: list(client.jobs.events("j")))
-    with pytest.raises(ours.TransportError):
-        once([httpx.ReadError("cut")], lambda client: list(client.jobs.events("j")))
-
-
-def test_an_event_without_data_is_none() -> None:
-    reader = EventReader()
-    assert [event for line in ("event: a", "", "") for event in reader.feed(line)] == []
-
-
-# -------------------------------------------------------------------------------- methods
-
-
-def test_both_clients_have_the_same_methods() -> None:
-    def methods(group: object) -> dict[str, str]:
-        names = [name for name in dir(group) if not name.startswith("_") and name != "close"]
-        found = {name: getattr(group, name) for name in names}
-        return {
-            name: str(inspect.signature(method))
-            for name, method in found.items()
-            if callable(method)
-        }
-
-    waited, awaited = Client(URL), AsyncClient(URL)
-    assert methods(waited) == methods(awaited)
-    assert {"check", "plan", "validate", "healthz", "readyz"} <= methods(waited).keys()
-    for group in ("robots", "scenes", "jobs"):
-        both = getattr(waited, group), getattr(awaited, group)
-        assert methods(both[0]) == methods(both[1]) != {}
-    waited.close()
-    asyncio.run(awaited.close())
-
-
-def test_methods_tell_what_they_do() -> None:
-    with Client(URL) as client:
-        assert (client.robots.fk.__doc__ or "").startswith("Poses of the links")
-        parameters = inspect.signature(client.robots.fk).parameters
-        assert list(parameters) == ["robot", "joints", "options"]
-    assert (type(client.robots).fk.__doc__ or "").startswith("Poses of the links")

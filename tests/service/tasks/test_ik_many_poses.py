@@ -12,7 +12,7 @@ from kinematics.ik import inverse
 from kinematics.robots import builtin_chain, builtin_urdf
 from service.storage.cache_key import builtin_reference
 from service.tasks import inverse_kinematics
-from tests.service.test_kinematics import as_pose, draws
+from tests.service.poses import as_pose, draws
 
 
 @pytest.mark.parametrize(

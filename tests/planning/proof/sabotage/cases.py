@@ -2,9 +2,8 @@
 
 import io
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -34,7 +33,6 @@ from tests.planning.scenes import HOME, box, builtin, pillar
 
 #: Seconds that a plan may take; none takes one, but machines are busy.
 TIMEOUT = 60.0
-_NO_LIMITS: Mapping[str, Array] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -182,33 +180,62 @@ _FOLDED = np.array([2.8, 1.2, 0.8, -0.8, 0.7, 1.2, 0.5])
 _UNFOLDED = np.array([2.4, -1.3, -0.7, -0.1, 2.8, 0.3, -2.2])
 
 
+@dataclass(frozen=True)
+class _Request:
+    """What a case asks for beyond start and goal.
+
+    Args:
+        margin: Distance to keep from obstacles [m].
+        timing: Options of the timing.
+        limits: Joint limits in place of the robot's, by quantity.
+        constraints: Of the path.
+        residual: Largest violation of the constraints at a pose of the tool, at most 0 if held.
+        tool_speed: Limit of the tool's speed that constraints ask for [m/s].
+        planner: Name of the planner.
+        seed: Of the planner's random numbers.
+    """
+
+    margin: float = 0.0
+    timing: TimingOptions | None = None
+    limits: Mapping[str, Array] = field(default_factory=dict)
+    constraints: tuple[Constraint, ...] = ()
+    residual: Residual | None = None
+    tool_speed: float | None = None
+    planner: str = "auto"
+    seed: int = 0
+
+
+_PLAIN = _Request()
+
+
 def _joint_case(
     arm: Arm,
     robot: RobotGeometry,
     scene: Scene,
     start: Array,
     goal: Array,
-    *,
-    margin: float = 0.0,
-    timing: TimingOptions | None = None,
-    limits: Mapping[str, Array] = _NO_LIMITS,
-    constraints: tuple[Constraint, ...] = (),
-    residual: Residual | None = None,
-    tool_speed: float | None = None,
-    planner: str = "auto",
-    seed: int = 0,
+    asked: _Request = _PLAIN,
 ) -> Case:
-    how = timing or TimingOptions()
+    how, constraints, margin = asked.timing or TimingOptions(), asked.constraints, asked.margin
     wanted = ConstraintSet(robot.chain, constraints) if constraints else None
     problem = Problem(robot, scene, start, (JointGoal(goal),), margin=margin, constraints=wanted)
-    options = Options(planner=planner, timing=how, limits=dict(limits), timeout=TIMEOUT, seed=seed)
+    options = Options(
+        planner=asked.planner,
+        timing=how,
+        limits=dict(asked.limits),
+        timeout=TIMEOUT,
+        seed=asked.seed,
+    )
     torques = how.torque_limits or any(isinstance(c, TorqueConstraint) for c in constraints)
     truth = Truth(
-        scene, start, _derivatives(robot, how, limits), margin,
-        effort=_effort(robot, limits) if torques else None,
-        tool_speed=tool_speed if tool_speed is not None else how.tool_speed,
-        residual=residual,
-    )  # fmt: skip
+        scene,
+        start,
+        _derivatives(robot, how, asked.limits),
+        margin,
+        effort=_effort(robot, asked.limits) if torques else None,
+        tool_speed=asked.tool_speed if asked.tool_speed is not None else how.tool_speed,
+        residual=asked.residual,
+    )
     return Case(arm, problem, options, truth)
 
 
@@ -226,7 +253,7 @@ def _effort(robot: RobotGeometry, limits: Mapping[str, Array]) -> Array:
 
 
 def _of(name: str, scene: Scene, start: Array, goal: Array, **more: Any) -> Callable[[], Case]:
-    return lambda: _joint_case(_arm(name), builtin(name), scene, start, goal, **more)
+    return lambda: _joint_case(_arm(name), builtin(name), scene, start, goal, _Request(**more))
 
 
 def _line_case(

@@ -1,0 +1,220 @@
+"""Plans by the client: certificates, validation, jobs and batches, on a real service."""
+
+import asyncio
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+import armwright_client as ours
+from armwright_client import AsyncClient, Client
+from tests.client.world import AWAY, POST, READY, TABLE, box, planar
+
+pytestmark = pytest.mark.timeout(300)
+
+
+@pytest.fixture(scope="module")
+def plan(url: str) -> ours.Plan:
+    """A plan around a post, within a scene of its own."""
+    with Client(url) as client:
+        return client.plan(
+            "panda",
+            READY,
+            AWAY,
+            scene=ours.Scene(obstacles=[TABLE, POST]),
+            timing=ours.Timing(velocity_scaling=0.5, sample_period=0.05),
+            margin=0.01,
+            timeout=60,
+            seed=3,
+        )
+
+
+def test_plans_are_certified(plan: ours.Plan) -> None:
+    assert plan.status == "success"
+    assert plan.certificate.verified
+    assert plan.certificate.min_clearance is not None
+    assert plan.certificate.min_clearance > 0.0
+    assert plan.planner != "straight_line"  # the post is in its way
+    assert plan.certificate.limits is not None
+    assert plan.certificate.limits.velocity is not None
+    assert 0.0 < (plan.certificate.limits.velocity.worst_ratio or 9.0) <= 1.0
+    assert plan.planner in {stage.name for stage in plan.stages}
+    assert plan.reproducibility.seed == 3
+
+
+def test_trajectories_are_sampled_as_the_service_does(plan: ours.Plan) -> None:
+    motion = plan.trajectory
+    assert motion.samples is not None
+    np.testing.assert_allclose(motion.sample([0.0])[0], READY, atol=1e-6)
+    np.testing.assert_allclose(motion.sample([motion.duration])[0], AWAY, atol=1e-6)
+    for derivative, rows in enumerate((motion.samples.position, motion.samples.velocity)):
+        np.testing.assert_allclose(
+            motion.sample(motion.samples.time, derivative), np.array(rows), atol=1e-9
+        )
+
+
+def test_plans_can_be_validated_again(client: Client, plan: ours.Plan) -> None:
+    scene = ours.Scene(obstacles=[TABLE, POST])
+    certificate = client.validate("panda", plan.trajectory, scene=scene, timeout=60)
+    assert certificate.verified
+    # The same motion with a block in its way is refused, with the moment.
+    middle = client.robots.fk("panda", plan.trajectory.sample([plan.trajectory.duration / 2])[0])
+    block = box("block", (0.1, 0.1, 0.1), middle.pose.position)
+    blocked = ours.Scene(obstacles=[TABLE, POST, block])
+    refused = client.validate("panda", plan.trajectory, scene=blocked, timeout=60)
+    assert not refused.verified
+    assert refused.violation is not None
+    assert 0.0 < refused.violation["time"] < plan.trajectory.duration
+    # And so is one that is faster than the joints are.
+    slow = client.validate(
+        "panda", plan.trajectory, limits=ours.LimitValues(velocity=[0.01] * 7), timeout=60
+    )
+    assert not slow.verified
+
+
+def test_motions_of_others_are_validated(client: Client) -> None:
+    times = [0.0, 2.0, 4.0]
+    points = np.array([READY, np.add(READY, AWAY) / 2, AWAY])
+    spline = CubicSpline(times, points, bc_type="clamped")
+    segments = [
+        ours.Segment(t0=t0, t1=t1, coefficients=spline.c[::-1, i, :].T.tolist())
+        for i, (t0, t1) in enumerate(pairwise(times))
+    ]
+    assert client.validate("panda", ours.Trajectory(segments=segments), timeout=60).verified
+
+
+def test_goals_may_be_poses(client: Client) -> None:
+    pose = client.robots.fk("panda", AWAY).pose
+    goal = ours.Goal.among([ours.Goal.at_pose(pose, position_tolerance=1e-3)])
+    for wanted in (pose, goal):
+        plan = client.plan("panda", READY, wanted, timeout=60)
+        end = plan.trajectory.sample([plan.trajectory.duration])[0]
+        reached = client.robots.fk("panda", end).pose
+        np.testing.assert_allclose(reached.position, pose.position, atol=2e-3)
+
+
+def test_failures_of_planning_are_told_apart(client: Client) -> None:
+    block = ours.Scene(obstacles=[box("block", (0.3, 0.3, 0.3), (0.3, 0.0, 0.6))])
+    with pytest.raises(ours.StartStateInCollision) as start:
+        client.plan("panda", READY, AWAY, scene=block, timeout=30)
+    assert start.value.pair is not None
+    assert "block" in start.value.pair
+    assert start.value.depth is not None
+    assert start.value.depth > 0.0
+    with pytest.raises(ours.GoalStateInvalid) as goal:
+        client.plan("panda", READY, (9.0, *AWAY[1:]), timeout=30)
+    assert goal.value.joint == client.robots.get("panda").joint_names[0]
+    assert (goal.value.value, goal.value.problem.stage is not None) == (9.0, True)
+    with pytest.raises(ours.TimedOut):
+        client.plan("panda", READY, AWAY, timeout=1e-6)
+    with pytest.raises(ours.NotFound):
+        client.plan("panda", READY, AWAY, scene="nowhere")
+    with pytest.raises(ours.ValidationFailed):
+        client.plan("panda", READY, AWAY, planner="crystal_ball")
+
+
+def test_many_can_be_asked_at_once(url: str) -> None:
+    async def ask() -> tuple[Any, ...]:
+        async with AsyncClient(url) as client:
+            return await asyncio.gather(
+                client.plan("panda", READY, AWAY, timeout=60),
+                client.robots.fk("panda", READY),
+                client.check("panda", READY, scene=ours.Scene(obstacles=[TABLE])),
+                client.scenes.list(),
+                client.robots.get("ur5e"),
+            )
+
+    plan, fk, check, scenes, robot = asyncio.run(ask())
+    assert plan.certificate.verified
+    assert len(fk.pose.position) == 3
+    assert check.valid
+    assert scenes.scenes is not None
+    assert robot.wrist == "three_parallel"
+
+
+def test_anything_can_be_asked_for_later(client: Client) -> None:
+    pending = client.later.plan("panda", READY, AWAY, timeout=60, seed=3)
+    told = [event.job() for event in pending.events()]
+    assert (told[0].status, told[-1].status, told[-1].id) == ("queued", "succeeded", pending.id)
+    plan = pending.wait(60)
+    assert plan.trajectory == client.plan("panda", READY, AWAY, timeout=60, seed=3).trajectory
+    job = pending.job()
+    assert (job.done, job.operation, job.progress) == (True, "POST /v1/plan", 1.0)
+    assert client.jobs.wait(pending.id) == job
+    assert job.created <= job.ended  # type: ignore[operator]
+    assert list(client.jobs.events(pending.id, after="9999")) == []
+    poses = client.later.robots.fk("panda", READY).wait(10)
+    assert poses == client.robots.fk("panda", READY)
+    assert pending.id in {job.id for job in client.jobs.list(status="succeeded").jobs}
+    made = client.later.robots.create(planar("later"), idempotency_key="later")
+    again = client.later.robots.create(planar("later"), idempotency_key="later")
+    assert (again.id, made.wait(60).name) == (made.id, "later")
+    assert made.job().location == "/v1/robots/later"
+    client.robots.delete("later")
+
+
+def test_what_fails_later_is_raised_later(client: Client) -> None:
+    pending = client.later.plan("panda", READY, (9.0, *AWAY[1:]), timeout=30)
+    with pytest.raises(ours.GoalStateInvalid) as caught:
+        pending.wait(60)
+    assert caught.value.joint == "panda_joint1"
+    with pytest.raises(ours.Conflict):
+        pending.cancel()
+    with pytest.raises(ours.NotFound):
+        client.later.plan("panda", READY, AWAY, scene="nowhere")
+    with pytest.raises(ours.InvalidArgument, match="at once"):
+        client.later.robots.get("panda")
+
+
+def test_jobs_are_cancelled(client: Client) -> None:
+    goals = [ours.BatchProblem.towards(AWAY, seed=seed) for seed in range(1000)]
+    pending = client.plan_batch(goals, robot="panda", start=READY)
+    cancelled = pending.cancel()
+    assert (cancelled.status, cancelled.done) == ("cancelled", True)
+    with pytest.raises(ours.Preempted, match=pending.id):
+        pending.wait(10)
+    assert client.jobs.cancel(pending.id).status == "cancelled"
+
+
+def test_batches_are_planned_in_order(url: str) -> None:
+    problems: list[ours.PlanRequest | ours.BatchProblem] = [
+        ours.BatchProblem.towards(AWAY),
+        ours.BatchProblem.towards((9.0, *AWAY[1:])),
+        ours.BatchProblem.towards(
+            READY, start=ours.Start(joints=AWAY), scene=ours.Scene(obstacles=[])
+        ),
+        ours.PlanRequest(
+            robot="planar_rr", start=ours.Start(joints=[0, 0]), goal=ours.Goal(joints=[1, 1])
+        ),
+    ]
+
+    async def ask() -> tuple[ours.BatchAnswer, list[str]]:
+        async with AsyncClient(url) as client:
+            pending = await client.plan_batch(
+                problems, robot="panda", start=READY, scene=ours.Scene(obstacles=[TABLE])
+            )
+            kinds = [event.event async for event in pending.events()]
+            assert (await client.jobs.wait(pending.id, 60)).done
+            assert (await pending.job()).done
+            return await pending.wait(60), kinds
+
+    answer, kinds = asyncio.run(ask())
+    assert (answer.succeeded, answer.failed, kinds[-1]) == (3, 1, "end")
+    one, two, three, four = answer.results
+    assert isinstance(one, ours.Plan)
+    assert isinstance(two, ours.Problem)
+    assert two.code == "GOAL_STATE_INVALID"
+    assert isinstance(three, ours.Plan)
+    assert isinstance(four, ours.Plan)
+    assert three.path.joints[-1] == pytest.approx(READY)
+    assert four.trajectory.joint_names != one.trajectory.joint_names
+
+
+def test_waiting_has_an_end(client: Client) -> None:
+    goals = [ours.BatchProblem.towards(AWAY, seed=seed) for seed in range(500)]
+    pending = client.plan_batch(goals, robot="panda", start=READY)
+    with pytest.raises(ours.TransportTimeout, match="goes on"):
+        pending.wait(0.1)
+    pending.cancel()

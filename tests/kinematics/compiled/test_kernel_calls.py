@@ -1,0 +1,177 @@
+"""Calls among kernels: errors, arrays, tuples, recursion, constants and options."""
+
+import math
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from numba.core.errors import TypingError
+
+from kinematics.compiled import kernel_code
+from kinematics.compiled.kernel import direct, kernel
+from kinematics.compiled.kernel_fingerprint import fingerprint
+from tests.kinematics.compiled.programs import BIG_PROGRAM, python, write_big
+
+pytestmark = pytest.mark.usefixtures("_nothing_kept")
+
+
+Array = np.ndarray[Any, np.dtype[np.float64]]
+
+
+def test_a_large_kernel_is_called_with_errors_and_arrays_intact(tmp_path: Path) -> None:
+    fresh = python(BIG_PROGRAM, write_big(tmp_path), NUMBA_NRT_STATS="1")
+    assert fresh.splitlines()[1] == "too much"
+    assert python(BIG_PROGRAM, tmp_path, NUMBA_NRT_STATS="1") == fresh
+    caller = next((tmp_path / "cache").glob("big.caller-*[0-9a-f]"))
+    large = next((tmp_path / "cache").glob("big.large-*[0-9a-f]"))
+    assert large.name.encode() in caller.read_bytes()
+
+
+@kernel
+def ratio(numerator: float, denominator: float) -> float:
+    return numerator / denominator
+
+
+@kernel(inline="always", fastmath=True)
+def total(values: Array) -> float:
+    sum_ = 0.0
+    for value in values:
+        sum_ += value
+    return sum_
+
+
+@kernel
+def scaled(values: Array, by: int) -> float:
+    return float(values[0] * by)
+
+
+@kernel
+def scaled_thrice(values: Array) -> float:
+    return scaled(values, 2) + scaled(values, 3) + scaled(values, by=int(values[0]))
+
+
+def test_literals_in_calls_make_no_signatures_of_their_own() -> None:
+    assert scaled_thrice(np.array([4.0])) == 36.0
+    assert len(scaled.overloads) == 1  # type: ignore[attr-defined]
+
+
+def test_a_kernel_that_only_kernels_call_has_no_door() -> None:
+    assert scaled_thrice(np.array([4.0])) == 36.0
+    names = [name for name in kernel_code._codes if "test_kernel_calls.scaled-" in name]
+    assert names
+    assert not [name for name in names if "door" in name]
+    # Python may call it all the same, and then it gets one.
+    assert scaled(np.array([4.0]), 2) == 8.0
+
+
+@kernel
+def factorial(n: int) -> int:
+    return 1 if n < 2 else n * factorial(n - 1)
+
+
+@kernel
+def even(n: int) -> bool:
+    return True if n == 0 else odd(n - 1)
+
+
+@kernel
+def odd(n: int) -> bool:
+    return False if n == 0 else even(n - 1)
+
+
+def test_a_kernel_may_call_itself_but_not_by_way_of_another() -> None:
+    assert factorial(5) == 120
+    with pytest.raises(NotImplementedError, match="calls itself by way of another"):
+        even(4)
+
+
+class Pair(NamedTuple):
+    left: Array
+    right: Array
+
+
+@kernel
+def swapped(pair: Pair) -> Pair:
+    return Pair(pair.right, pair.left)
+
+
+def test_tuples_of_arrays_go_through_doors() -> None:
+    left, right = np.arange(3.0), np.arange(4.0)
+    answer = swapped(Pair(left, right))
+    assert isinstance(answer, Pair)
+    assert np.shares_memory(answer.left, right)
+    assert direct(swapped, Pair(left, right))(Pair(right, left)).right.size == 4
+
+
+@kernel
+def measure(pair: Pair, at: int) -> float:
+    return float(pair.left[at] * pair.right[at])
+
+
+@kernel
+def both(pair: Pair) -> float:
+    return measure(pair, 0) + measure(pair, 1)
+
+
+@kernel
+def clear(values: Array) -> None:
+    values[0] = 0.0
+
+
+@kernel
+def clear_somewhere(pair: Pair, right: bool) -> float:
+    end = pair.left[1:]
+    if right:
+        end = pair.right
+    clear(end)
+    return 0.0
+
+
+@kernel
+def clear_and_measure(pair: Pair, out: Pair) -> float:
+    out.left[0] = 1.0
+    return measure(pair, 0) + measure(out, 1)
+
+
+def constant(values: Array) -> Array:
+    values.flags.writeable = False
+    return values
+
+
+def test_a_kernel_that_only_reads_is_compiled_once_for_constant_arrays() -> None:
+    for left in (np.ones(2), constant(np.ones(2))):
+        for right in (np.ones(2), constant(np.ones(2))):
+            assert both(Pair(left, right)) == 2.0
+    assert len(both.overloads) == len(measure.overloads) == 1  # type: ignore[attr-defined]
+
+
+def test_a_kernel_that_writes_calls_one_that_reads_with_all_kinds_of_tuples() -> None:
+    for left in (np.ones(2), constant(np.ones(2))):
+        for pair in (Pair(left, np.ones(2)), Pair(left, constant(np.ones(2)))):
+            assert clear_and_measure(pair, Pair(np.ones(2), constant(np.ones(2)))) == 2.0
+
+
+@pytest.mark.parametrize("right", [False, True])
+def test_a_kernel_that_writes_refuses_constant_arrays(right: bool) -> None:
+    for pair in (Pair(constant(np.ones(2)), np.ones(2)), Pair(np.ones(2), constant(np.ones(2)))):
+        with pytest.raises(TypingError):
+            clear_somewhere(pair, right)
+    assert clear_somewhere(Pair(np.ones(2), np.ones(2)), right) == 0.0
+
+
+def test_division_by_zero_follows_ieee_754() -> None:
+    assert ratio(1.0, 0.0) == math.inf
+    assert math.isnan(ratio(0.0, 0.0))
+
+
+def test_options_are_passed_on() -> None:
+    values = np.random.default_rng(0).normal(size=1000)
+    assert total(values) == pytest.approx(math.fsum(values), rel=1e-12)
+    assert total.targetoptions["fastmath"] is True  # type: ignore[attr-defined]
+    assert ratio.targetoptions["fastmath"] is False  # type: ignore[attr-defined]
+
+
+def test_fingerprint_tells_kernels_apart_and_repeats() -> None:
+    assert fingerprint(ratio) == fingerprint(ratio)
+    assert fingerprint(ratio) != fingerprint(total)

@@ -1,0 +1,126 @@
+"""Batches over HTTP: order, shared scenes, crashes, cancellation and refusals."""
+
+import json
+import os
+import signal
+from typing import Any
+
+import httpx
+import pytest
+
+from tests.service.conftest import Served
+from tests.service.jobs.requests import (
+    EASY,
+    PLAN,
+    STUCK,
+    batch,
+    began,
+    ended,
+)
+from tests.service.processes import wait_until
+from tests.service.robots import (
+    ASIDE,
+    HOME,
+    POST,
+    answer,
+    problem,
+    scene,
+)
+
+
+def test_a_batch_answers_each_problem_in_order(client: httpx.Client) -> None:
+    start = {"joints": [0.0, 0.0]}
+    goals = [0.1 * (k + 1) for k in range(10)]
+    problems: list[dict[str, Any]] = [{"goal": {"joints": [q, q]}} for q in goals]
+    problems[2]["goal"] = {"joints": [99.0, 0.0]}
+    problems[4]["planner"] = "straight_line"
+    problems[5]["seed"] = 7
+    problems[6]["timeout"] = 1e-6
+    problems[7]["start"] = {"joints": [0.3, 0.3]}
+    problems[8]["robot"] = "planar_rr"
+    job = batch(client, {"robot": "planar_rr", "start": start, "timeout": 20, "problems": problems})
+    assert (job["status"], job["progress"]) == ("succeeded", 1.0)
+    assert job["stage"] == "10 of 10 problems"
+    results = job["result"]["results"]
+    assert (job["result"]["succeeded"], job["result"]["failed"]) == (8, 2)
+    assert results[2]["code"] == "GOAL_STATE_INVALID"
+    assert results[2]["instance"] == "/v1/plan/batch#/problems/2"
+    assert results[6]["code"] == "TIMED_OUT"
+    for index, (q, result) in enumerate(zip(goals, results, strict=True)):
+        if index in (2, 6):
+            continue
+        assert result["status"] == "success"
+        assert result["path"]["joints"][-1] == pytest.approx([q, q])
+        assert result["certificate"]["verified"]
+    assert results[7]["path"]["joints"][0] == [0.3, 0.3]
+    assert results[5]["reproducibility"]["seed"] == 7
+
+
+def test_a_batch_shares_its_scene(jobs: Served) -> None:
+    client = jobs.client
+    body = {k: v for k, v in PLAN.items() if k != "goal"}
+    problems = [
+        {"goal": {"joints": ASIDE}},
+        {"goal": {"joints": ASIDE}, "scene": scene()},
+        {"goal": {"joints": HOME}, "start": {"joints": ASIDE}},
+    ]
+    results = batch(client, body | {"problems": problems})["result"]["results"]
+    single = answer(client.post("/v1/plan", json=PLAN))
+    assert results[0]["trajectory"] == single["trajectory"]
+    assert results[0]["reproducibility"]["scene_hash"] == single["reproducibility"]["scene_hash"]
+    assert results[1]["planner"] == "straight_line"
+    assert results[2]["path"]["joints"][-1] == pytest.approx(HOME)
+    prepared = jobs.data / "prepared"
+    assert wait_until(lambda: not list(prepared.glob("*.scene.part")), 1.0)
+    bad = {"scene": scene(POST | {"shape": {"type": "mesh", "stl_base64": "bm8gc3Rs"}})}
+    job = batch(client, body | bad | {"problems": problems})
+    assert (job["status"], job["error"]["code"]) == ("failed", "INVALID_SCENE")
+
+
+def test_a_crash_in_a_batch_costs_one_problem(jobs: Served) -> None:
+    client, supervisor = jobs.client, jobs.supervisor
+    easy = {k: v for k, v in EASY.items() if k != "robot"}
+    stuck = {k: v for k, v in STUCK.items() if k != "robot"} | {"robot": "stuck"}
+    body = {"robot": "planar_rr", "problems": [easy, stuck, *[easy] * 6]}
+    response = client.post("/v1/plan/batch", json=body)
+    job = response.headers["location"]
+    assert wait_until(lambda: "7 of 8" in (answer(client.get(job))["stage"] or ""), 20.0)
+    (victim,) = supervisor.busy_pids
+    os.kill(victim, signal.SIGKILL)
+    found = ended(client, job)
+    results = found["result"]["results"]
+    assert (found["status"], found["result"]["failed"]) == ("succeeded", 1)
+    assert (results[1]["code"], results[1]["status"]) == ("CRASH", 500)
+    assert all(result["status"] == "success" for result in (results[0], *results[2:]))
+
+
+def test_a_batch_is_cancelled_as_a_whole(jobs: Served) -> None:
+    client = jobs.client
+    body = {"problems": [STUCK] * 5}
+    job = client.post("/v1/plan/batch", json=body).headers["location"]
+    began(client, job)
+    assert wait_until(lambda: jobs.supervisor.busy == 2, 5.0), "it uses all workers"
+    answer(client.delete(job))
+    assert wait_until(lambda: jobs.supervisor.busy == 0, 1.0)
+    assert jobs.supervisor.background_waiting == 0
+
+
+def test_batches_that_are_refused(client: httpx.Client) -> None:
+    def refused(body: Any, status: int, code: str) -> str:
+        detail: str = problem(client.post("/v1/plan/batch", json=body), status, code)["detail"]
+        return detail
+
+    assert "problems" in refused({"robot": "panda"}, 422, "VALIDATION_ERROR")
+    refused({"robot": "panda", "problems": []}, 422, "VALIDATION_ERROR")
+    refused({"problems": [EASY | {"extra": 1}]}, 422, "VALIDATION_ERROR")
+    lacking = {"robot": "panda", "problems": [{"goal": {"joints": HOME}}]}
+    assert "problems[0] has no start" in refused(lacking, 422, "VALIDATION_ERROR")
+    refused({"problems": [EASY] * 41}, 413, "PAYLOAD_TOO_LARGE")
+    refused({"problems": [EASY, EASY | {"robot": "nobody"}]}, 404, "NOT_FOUND")
+    refused({"problems": [EASY | {"scene": "nowhere"}]}, 404, "NOT_FOUND")
+    refused({"problems": [EASY | {"timeout": 1e4}]}, 422, "VALIDATION_ERROR")
+    text = json.dumps({"problems": [EASY]}).replace("[0.5, 0.5]", "[0.5, NaN]")
+    response = client.post(
+        "/v1/plan/batch", content=text, headers={"Content-Type": "application/json"}
+    )
+    problem(response, 422, "VALIDATION_ERROR")

@@ -1,0 +1,42 @@
+"""A post on a floor, and requests to plan around it."""
+
+from typing import Any
+
+import httpx
+
+from obstacles.fcl_distance import FclWorld
+from service.schemas.plan import PlanAnswer
+from service.schemas.scene import Scene
+from service.storage import worker_cache
+from service.storage.cache_key import builtin_reference
+from service.translate import poses
+from tests.service.robots import (
+    ASIDE,
+    FLOOR,
+    HOME,
+    POST,
+    answer,
+    scene,
+)
+
+PLACE = scene(POST, FLOOR)
+
+
+BODY: dict[str, Any] = {
+    "robot": "panda",
+    "scene": PLACE,
+    "start": {"joints": HOME},
+    "goal": {"joints": ASIDE},
+    "timeout": 20.0,
+}
+
+
+def plan(client: httpx.Client, **changes: Any) -> dict[str, Any]:
+    found = answer(client.post("/v1/plan", json=BODY | changes))
+    PlanAnswer.model_validate(found)
+    return found
+
+
+def world(place: dict[str, Any] = PLACE) -> FclWorld:
+    geometry = worker_cache.robot(builtin_reference("panda")).geometry
+    return FclWorld(geometry, poses.scene(Scene.model_validate(place)))
