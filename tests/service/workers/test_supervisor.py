@@ -500,7 +500,7 @@ async def main():
     await workers.start()
     while not workers.ready:
         await asyncio.sleep(0.01)
-    job = workers.submit(chores.burn.job().within(600.0))
+    job = workers.submit(chores.burn.job().with_timeout(600.0))
     task = asyncio.ensure_future(job)
     while not workers.busy:
         await asyncio.sleep(0.01)
