@@ -88,7 +88,9 @@ class Branches(NamedTuple):
         """Name of the branch at an index, such as "shoulder+ elbow- wrist+".
 
         A sign is that of the factor of the Jacobian's determinant which vanishes where this branch
-        and its opposite meet.
+        and its opposite meet. Where axes 5 and 6 behind three parallel ones miss each other, the
+        determinant has one factor for shoulder and wrist: their signs are then those of its part
+        by joint 1 and of the sine of joint 5.
         """
         row = self.table[index]
         code = int(row[self.n + CODE])
