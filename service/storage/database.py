@@ -84,8 +84,6 @@ class Database:
 
     def _prepare(self, path: Path) -> None:
         database = self._connection
-        database.execute("PRAGMA journal_mode = WAL")
-        database.execute("PRAGMA synchronous = NORMAL")
         (verdict,) = database.execute("PRAGMA quick_check(1)").fetchone()
         if verdict != "ok":
             raise StoreError(_unusable(path, verdict))
@@ -95,6 +93,9 @@ class Database:
                 f"{path} was written by another version of Armwright (schema {version}, this one "
                 f"has {_SCHEMA_VERSION}); use that version or another data folder"
             )
+        # From here on the file is changed: it is ours.
+        database.execute("PRAGMA journal_mode = WAL")
+        database.execute("PRAGMA synchronous = NORMAL")
         database.executescript(_SCHEMA)
         database.execute(f"PRAGMA user_version = {_SCHEMA_VERSION}")
         # Whoever claimed these went down with the process before this one.

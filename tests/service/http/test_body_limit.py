@@ -1,0 +1,118 @@
+"""Limits of request bodies: sizes announced and not, and bodies that stop arriving."""
+
+import asyncio
+from collections.abc import Sequence
+from typing import Any
+
+import pytest
+
+from service.http.body_limit import BodyLimit
+from service.http.errors import HttpProblemError, status_of
+
+SIZE = 10
+
+
+def run(
+    parts: Sequence[bytes | float], length: str | None = None, scope_type: str = "http"
+) -> list[Any]:
+    """What an application behind the limit receives of a body in parts; numbers are pauses [s]."""
+    received: list[Any] = []
+    pending = list(parts)
+
+    async def receive() -> dict[str, Any]:
+        while pending and isinstance(pending[0], float):
+            await asyncio.sleep(pending.pop(0))  # type: ignore[arg-type]
+        if not pending:
+            return {"type": "http.disconnect"}
+        body = pending.pop(0)
+        return {"type": "http.request", "body": body, "more_body": bool(pending)}
+
+    async def app(scope: Any, receive: Any, send: Any) -> None:
+        while True:
+            message = await receive()
+            received.append(message.get("body"))
+            if not message.get("more_body", False):
+                return
+
+    async def send(message: Any) -> None:
+        raise AssertionError
+
+    headers = [] if length is None else [(b"content-length", length.encode())]
+    scope = {"type": scope_type, "headers": headers}
+    asyncio.run(BodyLimit(app, SIZE, 0.05)(scope, receive, send))
+    return received
+
+
+def refusal(*parts: bytes | float, length: str | None = None) -> HttpProblemError:
+    with pytest.raises(HttpProblemError) as refused:
+        run(parts, length)
+    assert refused.value.headers == {"Connection": "close"}
+    return refused.value
+
+
+def test_a_body_of_the_largest_size_passes() -> None:
+    assert run([b"x" * SIZE], str(SIZE)) == [b"x" * SIZE]
+    assert run([b"xxxx"] * 2 + [b"xx"]) == [b"xxxx", b"xxxx", b"xx"]
+    assert run([b""]) == [b""]
+
+
+def test_a_larger_body_is_refused_as_soon_as_that_is_known() -> None:
+    for problem in (
+        refusal(b"x" * (SIZE + 1)),
+        refusal(b"x" * SIZE, b"x"),
+        refusal(b"", b"x" * 99),
+    ):
+        assert (problem.code, status_of(problem)) == ("PAYLOAD_TOO_LARGE", 413)
+        assert problem.details == {"max_body_size": SIZE}
+
+
+@pytest.mark.parametrize("length", ["11", "9" * 5000, "00000000000000000000000000011"])
+def test_a_body_that_is_announced_too_large_is_not_read(length: str) -> None:
+    assert refusal(b"", length=length).code == "PAYLOAD_TOO_LARGE"
+
+
+@pytest.mark.parametrize("length", ["", "-1", "ten", "1e3", "²"])
+def test_an_announcement_that_is_no_number_decides_nothing(length: str) -> None:
+    parts = [b"xx"]
+    received: list[Any] = []
+    try:
+        received = run(parts, length)
+    except UnicodeEncodeError:
+        pytest.fail("a header of any bytes is read")
+    assert received == [b"xx"]
+
+
+def test_a_body_that_stops_arriving_is_given_up() -> None:
+    problem = refusal(b"xx", 10.0, b"xx")
+    assert (problem.code, status_of(problem)) == ("REQUEST_TIMEOUT", 408)
+    assert "0.05 s" in problem.detail
+
+
+def test_the_time_begins_anew_with_each_part() -> None:
+    parts: list[bytes | float] = []
+    for _ in range(4):
+        parts += [0.02, b"x"]
+    assert run(parts) == [b"x"] * 4
+
+
+def test_after_the_body_a_client_may_stay_as_long_as_it_likes() -> None:
+    pending = [(0.0, "http.request"), (0.15, "http.disconnect")]
+    received: list[str] = []
+
+    async def receive() -> dict[str, Any]:
+        seconds, kind = pending.pop(0)
+        await asyncio.sleep(seconds)
+        return {"type": kind}
+
+    async def app(scope: Any, receive: Any, send: Any) -> None:
+        received.extend([(await receive())["type"], (await receive())["type"]])
+
+    async def send(message: Any) -> None:
+        raise AssertionError
+
+    asyncio.run(BodyLimit(app, SIZE, 0.05)({"type": "http", "headers": []}, receive, send))
+    assert received == ["http.request", "http.disconnect"]
+
+
+def test_what_is_no_request_passes_untouched() -> None:
+    assert run([b"x" * 99], scope_type="lifespan") == [b"x" * 99]

@@ -1,0 +1,30 @@
+"""A store in a file and requests to be kept in it, for tests without a service."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from service.storage.document_store import SqliteStore
+from service.storage.job_store import JobRecord, StoredRequest
+
+REQUEST = StoredRequest("POST", "/v1/plan", "application/json", b'{"a": 1}')
+
+
+@contextmanager
+def opened(folder: Path) -> Iterator[SqliteStore]:
+    """A store in a folder, closed afterwards."""
+    store = SqliteStore(folder / "armwright.db")
+    try:
+        yield store
+    finally:
+        store.close()
+
+
+def record(number: int = 1, **changes: Any) -> JobRecord:
+    """The record of a queued job; those of larger numbers are later."""
+    fields: dict[str, Any] = {
+        "id": f"{number:032x}", "method": REQUEST.method, "path": REQUEST.path, "status": "queued",
+        "created": 1000.0 + number,
+    }  # fmt: skip
+    return JobRecord(**(fields | changes))

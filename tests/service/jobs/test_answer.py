@@ -1,0 +1,77 @@
+"""Jobs as answers: times, results and errors, whatever their type."""
+
+import json
+from typing import Any
+
+import pytest
+
+from service.jobs.answer import job_document, job_summary
+from service.schemas.job import JobAnswer as Schema
+from service.storage.job_store import JobAnswer, Status
+from tests.service.jobs.stored import record
+
+PROBLEM = {
+    "type": "/v1/problems/CRASH", "title": "t", "status": 500, "detail": "d", "instance": "/x",
+    "code": "CRASH", "stage": None, "hint": None, "details": {},
+}  # fmt: skip
+
+
+def document(
+    status: Status, answer: JobAnswer | None, lifetime: float = 60.0, **changes: Any
+) -> dict[str, Any]:
+    content = job_document(record(status=status, **changes), answer, lifetime)
+    parsed: dict[str, Any] = json.loads(content)
+    Schema.model_validate(parsed)
+    return parsed
+
+
+def answer_of(value: object, content_type: str = "application/json") -> JobAnswer:
+    return JobAnswer(content_type, json.dumps(value).encode())
+
+
+def test_times_are_told_in_utc() -> None:
+    summary = job_summary(record(created=0.0, started=1.5, ended=3600.0), 60.0)
+    assert summary.created == "1970-01-01T00:00:00+00:00"
+    assert summary.started == "1970-01-01T00:00:01.500000+00:00"
+    assert summary.ended == "1970-01-01T01:00:00+00:00"
+    assert summary.expires == "1970-01-01T01:01:00+00:00"
+
+
+def test_a_job_that_has_not_ended_does_not_expire() -> None:
+    assert job_summary(record(), 60.0).expires is None
+    assert job_summary(record(ended=10.0)).expires is None
+
+
+def test_an_operation_is_method_and_path() -> None:
+    assert job_summary(record(method="PUT", path="/v1/x")).operation == "PUT /v1/x"
+
+
+def test_a_result_is_there_once_the_job_has_succeeded() -> None:
+    result = {"a": [1, 2.5, None]}
+    assert document("succeeded", answer_of(result))["result"] == result
+    assert document("succeeded", answer_of(result))["error"] is None
+    for status in ("queued", "running", "cancelled"):
+        found = document(status, answer_of(result))
+        assert (found["result"], found["error"]) == (None, None)
+    assert document("succeeded", None)["result"] is None
+
+
+def test_an_error_is_there_once_the_job_has_failed() -> None:
+    found = document("failed", answer_of(PROBLEM, "application/problem+json"))
+    assert found["error"] == PROBLEM
+    assert found["result"] is None
+
+
+@pytest.mark.parametrize(
+    ("answer", "result"),
+    [
+        (JobAnswer("application/json; charset=utf-8", b"[1]"), [1]),
+        (JobAnswer("application/geo+json", b"[1]"), [1]),
+        (JobAnswer("application/json", b""), None),
+        (JobAnswer("text/csv", b"time,a\n0,1\n"), "time,a\n0,1\n"),
+        (JobAnswer("text/csv", b'a"b\\\n'), 'a"b\\\n'),
+        (JobAnswer("application/octet-stream", b"\xff"), "\ufffd"),
+    ],
+)
+def test_a_result_that_is_not_json_is_told_as_text(answer: JobAnswer, result: object) -> None:
+    assert document("succeeded", answer)["result"] == result

@@ -1,0 +1,182 @@
+"""Jobs in the database: what is kept, in which order, and what is forgotten when."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from service.problem import ProblemError
+from service.storage.document_store import SqliteStore
+from service.storage.job_store import ENDED, STATUSES, JobAnswer, JobStore, Status
+from tests.service.jobs.stored import REQUEST, opened, record
+
+ANSWER = JobAnswer("application/json", b'{"b": 2}')
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[SqliteStore]:
+    with opened(tmp_path) as made:
+        yield made
+
+
+@pytest.fixture
+def jobs(store: SqliteStore) -> JobStore:
+    return store.jobs
+
+
+def add(
+    jobs: JobStore, number: int, status: Status, ended: float | None = None, size: int = 8
+) -> str:
+    """Keep a job that has come to a status; its answer has a size [byte]."""
+    first = record(number)
+    jobs.add(first, REQUEST)
+    answer = JobAnswer("text/plain", b"x" * size) if status == "succeeded" else None
+    jobs.update(replace(first, status=status, ended=ended), answer)
+    return first.id
+
+
+def kept(jobs: JobStore) -> list[str]:
+    return [item.id for item in jobs.list(None, "", 100)]
+
+
+def test_a_job_comes_back_as_it_was_kept(jobs: JobStore) -> None:
+    whole = record(
+        progress=0.25, stage="rrt_connect", event=7, created=1.5, started=2.5, ended=None,
+        location="/v1/robots/x",
+    )  # fmt: skip
+    jobs.add(whole, REQUEST)
+    assert jobs.get(whole.id) == (whole, None)
+    assert jobs.request(whole.id) == REQUEST
+
+
+def test_a_body_of_any_bytes_comes_back(jobs: JobStore) -> None:
+    request = replace(REQUEST, body=bytes(range(256)) * 10, content_type="application/zip")
+    jobs.add(record(), request)
+    assert jobs.request(record().id) == request
+
+
+@pytest.mark.parametrize("status", STATUSES)
+def test_the_request_is_forgotten_when_the_job_has_ended(jobs: JobStore, status: Status) -> None:
+    job = add(jobs, 1, status, ended=5.0)
+    if status in ENDED:
+        with pytest.raises(ProblemError) as missing:
+            jobs.request(job)
+        assert missing.value.code == "NOT_FOUND"
+    else:
+        assert jobs.request(job) == REQUEST
+
+
+def test_an_answer_comes_with_its_job(jobs: JobStore) -> None:
+    jobs.add(record(), REQUEST)
+    done = replace(record(), status="succeeded", progress=1.0, ended=9.0)
+    jobs.update(done, ANSWER)
+    assert jobs.get(done.id) == (done, ANSWER)
+    empty = replace(record(2), status="succeeded", ended=9.0)
+    jobs.add(record(2), None)
+    jobs.update(empty, JobAnswer("", b""))
+    assert jobs.get(empty.id) == (empty, JobAnswer("", b""))
+
+
+@pytest.mark.parametrize("name", ["", "nobody", "'; DROP TABLE jobs; --", "x" * 1000])
+def test_a_job_that_is_not_there_is_not_found(jobs: JobStore, name: str) -> None:
+    for ask in (jobs.get, jobs.request):
+        with pytest.raises(ProblemError) as missing:
+            ask(name)
+        assert missing.value.code == "NOT_FOUND"
+        assert len(missing.value.detail) < 200
+    assert jobs.list(None, "", 10) == []
+
+
+def test_jobs_are_listed_newest_first_in_pages(jobs: JobStore) -> None:
+    numbers = [3, 1, 5, 2, 4]
+    for number in numbers:
+        jobs.add(record(number), REQUEST)
+    everything = [record(n).id for n in (5, 4, 3, 2, 1)]
+    assert kept(jobs) == everything
+    first = jobs.list(None, "", 2)
+    assert [item.id for item in first] == everything[:2]
+    second = jobs.list(None, first[-1].id, 2)
+    assert [item.id for item in second] == everything[2:4]
+    assert jobs.list(None, everything[-1], 2) == []
+
+
+def test_a_list_may_be_of_one_status(jobs: JobStore) -> None:
+    for number, status in enumerate(STATUSES * 2):
+        add(jobs, number, status, ended=5.0)
+    for index, status in enumerate(STATUSES):
+        found = [item.id for item in jobs.list(status, "", 10)]
+        assert found == [record(index + 5).id, record(index).id]
+        assert [item.id for item in jobs.with_status(status)] == found[::-1]
+    assert jobs.counts() == dict.fromkeys(STATUSES, 2)
+
+
+def test_counts_name_every_status(jobs: JobStore) -> None:
+    assert jobs.counts() == dict.fromkeys(STATUSES, 0)
+    add(jobs, 1, "failed", ended=1.0)
+    assert jobs.counts() == dict.fromkeys(STATUSES, 0) | {"failed": 1}
+
+
+# ------------------------------------------------------------------------------- forgetting
+
+MANY, HUGE = 100, 10**9
+
+
+@pytest.mark.parametrize("status", STATUSES)
+def test_only_what_has_ended_grows_old(jobs: JobStore, status: Status) -> None:
+    job = add(jobs, 1, status, ended=10.0)
+    jobs.purge(10.0, MANY, HUGE)
+    assert kept(jobs) == [job], "a job at the very end of its lifetime is kept"
+    jobs.purge(10.001, MANY, HUGE)
+    assert kept(jobs) == ([] if status in ENDED else [job])
+
+
+def test_the_oldest_of_too_many_are_forgotten(jobs: JobStore) -> None:
+    # Not in the order of their ids: what ended last is what somebody is about to ask for.
+    ends = {1: 50.0, 2: 40.0, 3: 30.0, 4: 20.0, 5: 10.0}
+    for number, end in ends.items():
+        add(jobs, number, "succeeded", ended=end)
+    waiting = [add(jobs, 6, "queued"), add(jobs, 7, "running")]
+    jobs.purge(0.0, 3, HUGE)
+    assert set(kept(jobs)) == {record(n).id for n in (1, 2, 3)} | set(waiting)
+    jobs.purge(0.0, 3, HUGE)
+    assert len(kept(jobs)) == 5
+
+
+def test_the_oldest_of_too_large_answers_are_forgotten(jobs: JobStore) -> None:
+    for number in range(1, 6):
+        add(jobs, number, "succeeded", ended=float(number), size=100)
+    jobs.purge(0.0, MANY, 300)
+    assert kept(jobs) == [record(n).id for n in (5, 4, 3)]
+    jobs.purge(0.0, MANY, 299)
+    assert kept(jobs) == [record(n).id for n in (5, 4)]
+
+
+def test_the_newest_answer_is_kept_however_large_it_is(jobs: JobStore) -> None:
+    add(jobs, 1, "succeeded", ended=1.0, size=100)
+    add(jobs, 2, "succeeded", ended=2.0, size=10_000)
+    jobs.purge(0.0, MANY, 1000)
+    assert kept(jobs) == [record(2).id]
+
+
+def test_failures_without_an_answer_take_no_room(jobs: JobStore) -> None:
+    add(jobs, 1, "succeeded", ended=1.0, size=100)
+    for number in range(2, 6):
+        add(jobs, number, "cancelled", ended=float(number))
+    jobs.purge(0.0, MANY, 100)
+    assert len(kept(jobs)) == 5
+
+
+def test_jobs_outlive_the_store(tmp_path: Path) -> None:
+    with opened(tmp_path) as first:
+        first.jobs.add(record(), REQUEST)
+    with opened(tmp_path) as second:
+        assert second.jobs.get(record().id) == (record(), None)
+        assert second.jobs.request(record().id) == REQUEST
+
+
+def test_two_jobs_have_two_ids(jobs: JobStore) -> None:
+    jobs.add(record(), REQUEST)
+    with pytest.raises(Exception, match="UNIQUE"):
+        jobs.add(record(stage="other"), REQUEST)
+    assert jobs.get(record().id) == (record(), None)
