@@ -20,7 +20,7 @@ from service.http.errors import (
     status_of,
 )
 from service.http.handlers import problem_response
-from service.problem import ProblemError, from_fields, unexpected
+from service.problem import ProblemError, from_fields, unexpected_fault
 
 #: Of the contract, by code.
 STATUSES = {
@@ -84,13 +84,13 @@ def test_a_fault_of_ours_names_a_reference_and_nothing_else(
     try:
         raise RuntimeError("secret")
     except RuntimeError:
-        problem = unexpected("GET /v1/x", index=3)
+        problem = unexpected_fault("GET /v1/x", index=3)
     made = json.dumps(document(problem, "/v1/x"))
     assert "secret" not in made
     assert problem.details["index"] == 3
     assert problem.details["reference"] in caplog.text
     assert "secret" in caplog.text
-    other = unexpected("task", trace="Traceback of a worker")
+    other = unexpected_fault("task", trace="Traceback of a worker")
     assert other.details["reference"] != problem.details["reference"]
     assert "Traceback of a worker" in caplog.text
 

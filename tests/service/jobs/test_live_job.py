@@ -27,7 +27,7 @@ def told(job: LiveJob, after: int = 0) -> list[tuple[str, str, float, str | None
 def test_a_new_job_tells_that_it_waits() -> None:
     job = live()
     assert told(job) == [("status", "queued", 0.0, None)]
-    assert not job.ended
+    assert not job.has_ended
     assert job.record.event == 1
 
 
@@ -48,7 +48,7 @@ def test_a_job_is_taken_up_once() -> None:
 def test_a_job_that_has_ended_is_not_taken_up(status: Status) -> None:
     job = live()
     job.end(status, None)
-    assert job.ended
+    assert job.has_ended
     assert not job.start()
     job.advance(0.9, "late")
     assert job.record.stage is None

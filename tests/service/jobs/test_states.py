@@ -94,11 +94,11 @@ def test_a_job_is_queued_runs_and_succeeds(tmp_path: Path) -> None:
         running, answer = await jobs.get(accepted.id)
         assert (running.status, running.progress, running.stage) == ("running", 0.5, "search")
         assert answer is None
-        assert jobs.unfinished == 1
+        assert jobs.unfinished_count == 1
         app.location = "/v1/robots/x"
         app.open.set()
         done, answer = await ended(jobs, accepted.id)
-        await until(lambda: jobs.unfinished == 0)
+        await until(lambda: jobs.unfinished_count == 0)
         assert (done.status, done.progress, done.location) == ("succeeded", 1.0, "/v1/robots/x")
         assert answer == JobAnswer("application/json", b'{"done": true}')
         assert store.jobs.get(accepted.id) == (done, answer)
@@ -153,7 +153,7 @@ def test_as_many_jobs_run_as_there_are_workers_in_the_order_they_came(tmp_path: 
         assert [context.id for context in app.contexts] == [job.id for job in accepted[:2]]
         await jobs.cancel(accepted[2].id)
         app.open.set()
-        await until(lambda: jobs.unfinished == 0)
+        await until(lambda: jobs.unfinished_count == 0)
         assert [context.id for context in app.contexts] == [
             job.id for job in accepted if job is not accepted[2]
         ]
@@ -169,7 +169,7 @@ def test_batches_have_a_queue_of_their_own(tmp_path: Path) -> None:
         await asyncio.sleep(0.03)
         assert [c.id for c in app.contexts] == [batches[0].id, batches[1].id, plan.id]
         app.open.set()
-        await until(lambda: jobs.unfinished == 0)
+        await until(lambda: jobs.unfinished_count == 0)
 
     run(tmp_path, scenario, workers=1)
 
@@ -256,7 +256,7 @@ def test_what_has_ended_can_not_be_cancelled(tmp_path: Path, status: int) -> Non
         app.open.set()
         job = await jobs.accept(REQUEST)
         done, _ = await ended(jobs, job.id)
-        await until(lambda: jobs.unfinished == 0)
+        await until(lambda: jobs.unfinished_count == 0)
         with pytest.raises(ProblemError) as conflict:
             await jobs.cancel(job.id)
         assert conflict.value.code == "CONFLICT"
@@ -310,7 +310,7 @@ def test_events_go_on_until_the_end_with_signs_of_life(tmp_path: Path) -> None:
         kinds = [block.split(b"\n")[1] for block in received if block.startswith(b"id")]
         assert kinds == [b"event: status", b"event: status", b"event: end"]
         assert b": keep-alive\n\n" in received
-        await until(lambda: jobs.unfinished == 0)
+        await until(lambda: jobs.unfinished_count == 0)
         done, _ = await jobs.get(job.id)
         assert await jobs.events(job.id, done.event) is None, "all events were received"
         last = await jobs.events(job.id, done.event - 1)
@@ -369,7 +369,7 @@ def test_old_answers_are_forgotten_at_the_start_and_when_a_job_ends(tmp_path: Pa
         await until(lambda: store.jobs.list(None, "", 10) == [])
         app.open.set()
         accepted = [await jobs.accept(REQUEST) for _ in range(4)]
-        await until(lambda: jobs.unfinished == 0)
+        await until(lambda: jobs.unfinished_count == 0)
         await until(lambda: len(store.jobs.list(None, "", 10)) == 2)
         kept = {job.id for job in store.jobs.list(None, "", 10)}
         assert kept <= {job.id for job in accepted}
@@ -385,7 +385,7 @@ def test_a_request_that_is_answered_at_once_becomes_a_job_that_has_succeeded(
         done = await jobs.keep(REQUEST, answer, "/v1/scenes/a")
         assert (done.status, done.location) == ("succeeded", "/v1/scenes/a")
         assert await jobs.get(done.id) == (done, answer)
-        assert jobs.unfinished == 0
+        assert jobs.unfinished_count == 0
         assert app.contexts == []
 
     run(tmp_path, scenario)

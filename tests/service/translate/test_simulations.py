@@ -265,13 +265,14 @@ def test_evaluations_grow_with_the_duration_from_a_million_on() -> None:
 
 
 def test_an_answer_has_so_many_samples_at_most() -> None:
-    period = 2.0 / MAX_SAMPLES
-    options(request(sample_period=period), MOTION)
-    with pytest.raises(InvalidOption, match="2 s gives more than 100000 samples") as error:
-        options(request(sample_period=0.999 * period), MOTION)
-    assert error.value.hint == "Give at least 2e-05 s."
-    with pytest.raises(InvalidOption, match="over 4 s"):
-        options(request(sample_period=period, duration=4.0), MOTION)
+    period = 0.25  # exact, so that the quotient is
+    longest = period * MAX_SAMPLES
+    assert options(request(sample_period=period, duration=longest), MOTION).duration == longest
+    with pytest.raises(InvalidOption, match=r"over 25000.* s gives more than 100000") as error:
+        options(request(sample_period=period, duration=longest + period), MOTION)
+    assert error.value.hint == "Give at least 0.25 s."
+    with pytest.raises(InvalidOption, match="over 2 s gives more than 100000"):
+        options(request(sample_period=1e-6), MOTION)
 
 
 # ------------------------------------------------------------------------------------ back
