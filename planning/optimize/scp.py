@@ -74,6 +74,7 @@ _HAIR = 1e-5
 _ROUNDING = 1e-9
 
 
+_QUANTITIES = ("velocity", "acceleration", "jerk")
 _LIMITS = "Raise the limits, or lower the velocities at the ends."
 _BETWEEN = Obstruction(
     "the motion is not free between the places looked at",
@@ -145,23 +146,28 @@ class Descent:
         if z is None:
             self.obstruction = Obstruction("no motion near the last one keeps all limits", _LIMITS)
             return self._shrink()
-        here = np.append(self.iterate.points.ravel(), [self.iterate.duration, 0.0])
+        excess = self._duration_excess(self.iterate)
+        here = np.append(self.iterate.points.ravel(), [self.iterate.duration, excess])
         if self.linearization.violation == 0.0 and problem.value(here) - problem.value(z) < _GAIN:
             return False
         following = self._next_iterate(z)
         linearized = self._linearize(following)
         before, after = self._value(self.iterate), self._value(following)
         worse = linearized.violation > max(_GROWTH * self.linearization.violation, _TOLERATED)
-        if worse or (
-            after > before * (1.0 + _GAIN) and linearized.violation >= self.linearization.violation
-        ):
+        shortened = excess - self._duration_excess(following)
+        no_better = linearized.violation >= self.linearization.violation and shortened <= 0.0
+        if worse or (after > before * (1.0 + _GAIN) and no_better):
             return self._shrink()
         self.iterate, self.linearization = following, linearized
         if linearized.violation > 0.0:
             self.obstruction = linearized.obstruction
             return True
         places = self._keep_if_better(following)
-        return bool(places) or before - after > _GAIN * abs(before)
+        return bool(places) or shortened > _GAIN or before - after > _GAIN * abs(before)
+
+    def _duration_excess(self, iterate: Iterate) -> float:
+        """Share of the longest duration by which a motion exceeds it; 0 where it does not."""
+        return max(iterate.duration / self.longest - 1.0, 0.0)
 
     def _linearize(self, iterate: Iterate) -> Linearization:
         return linearize(self.task, iterate, self.places, self.reach, self.deadline)
@@ -284,16 +290,19 @@ class Descent:
 
     def _worst_limit(self, motion: Trajectory) -> Obstruction:
         """Which limit a motion exceeds the most, by how much."""
+        names = self.task.chain.joint_names
         ratios = {
-            (order, int(joint)): float(value)
+            f"the {_QUANTITIES[order - 1]} of joint {names[joint]!r}": float(value)
             for order, limits in self.task.orders.items()
             for joint, value in enumerate(peak_ratios(motion, limits, order))
         }
-        (order, joint), ratio = max(ratios.items(), key=lambda entry: entry[1])
-        quantity = ("velocity", "acceleration", "jerk")[order - 1]
-        name = self.task.chain.joint_names[joint]
-        message = f"joint {name!r} has {ratio:.4g} times the {quantity} that is allowed"
-        return Obstruction(message, _LIMITS)
+        uses = {} if self.task.loads is None else estimate_uses(self.task.loads, motion)
+        if "torque" in uses:
+            ratios[f"the torque of joint {names[uses['torque'].joint]!r}"] = uses["torque"].ratio
+        if "tool_speed" in uses:
+            ratios["the tool's speed"] = uses["tool_speed"].ratio
+        worst, ratio = max(ratios.items(), key=lambda entry: entry[1])
+        return Obstruction(f"{worst} is {ratio:.4g} times its limit", _LIMITS)
 
     def _exceeds_effort_limits(self, motion: Trajectory) -> bool:
         loads = self.task.loads
