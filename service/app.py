@@ -13,6 +13,7 @@ from service.http.json_route import JsonRoute
 from service.http.metrics import Measured, Metrics
 from service.jobs.deferral import defer
 from service.jobs.runner import Jobs
+from service.recipe import RECIPE
 from service.routes import (
     batch,
     check,
@@ -33,7 +34,6 @@ from service.storage.document_store import open_store
 from service.storage.recent import Recent
 from service.storage.robot_repository import RobotRepository
 from service.version import VERSION
-from service.warm import RECIPE
 from service.workers.launch import Launched
 from service.workers.supervisor import WorkerSupervisor
 

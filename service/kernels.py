@@ -1,11 +1,15 @@
-"""Compilation of every kernel that a request can reach, before there are requests."""
+"""Every kernel that a request can reach, compiled and loaded before there are requests."""
 
+import logging
 import os
 from pathlib import Path
 from typing import NamedTuple
 
 from kinematics.compiled import kernel_build, kernel_list, kernel_store
-from kinematics.compiled.kernel_build import Report
+from kinematics.compiled.kernel_build import BuildFailed, Report
+from service import warm_requests
+
+_log = logging.getLogger(__name__)
 
 #: The kernels that the service's tests reach, with the types of their arguments.
 LIST = Path(__file__).with_name("kernels.txt")
@@ -42,6 +46,38 @@ def compile_kernels(report: Report = lambda *_: None, processes: int | None = No
         processes = processes or len(os.sched_getaffinity(0))
         outdated = [*outdated, *kernel_build.build(missing, processes, report)]
     return Counts(len(entries), len(missing), tuple(outdated))
+
+
+def prepare(report: Report) -> None:
+    """Make this process able to answer any request without compiling.
+
+    A list of kernels that does not fit the code costs time, and no request: what it lacks is found
+    by requests of our own.
+
+    Args:
+        report: as for `compile_kernels`.
+    """
+    try:
+        compile_kernels(report)
+    except BuildFailed as error:
+        _log.warning("kernels could not be compiled: %s", error)
+    if not load_kernels():
+        _log.warning("the list of kernels does not fit the code; `make kernel-list` writes it anew")
+        for _ in warm_requests.steps():
+            pass
+
+
+def load_kernels() -> bool:
+    """Load the kernels of the list that Python calls, as far as they are on disk.
+
+    Returns:
+        Whether that is all of them.
+    """
+    entries, unknown = kernel_list.read(LIST)
+    doors = [entry for entry in entries if entry.door]
+    missing = kernel_build.missing(doors)
+    kernel_list.load([entry for entry in doors if entry not in missing])
+    return not missing and not any(map(kernel_list.called_by_python, unknown))
 
 
 def prune() -> int:

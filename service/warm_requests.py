@@ -3,6 +3,8 @@
 import base64
 import json
 import tempfile
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,7 +19,9 @@ from planning.search.rrt_connect import rrt_connect
 from service.storage import prepared_files, worker_cache
 from service.storage.cache_key import Reference, builtin_reference
 from service.tasks import check as check_tasks
+from service.tasks import dynamics as dynamics_tasks
 from service.tasks import inverse_kinematics, robots
+from service.tasks import kinematics as kinematics_tasks
 from service.tasks import plan as plan_tasks
 from service.tasks import potential as potential_tasks
 from service.tasks import retime as retime_tasks
@@ -43,44 +47,61 @@ _SHAPES: dict[str, tuple[dict[str, Any], list[float]]] = {
 }
 
 
-def builtin_robots() -> None:
-    """The built-in robots, which workers then need not build."""
+def steps() -> Iterator[None]:
+    """Answer requests of our own, one a step, so that first requests of others find all prepared.
+
+    Libraries are loaded and values computed that are kept by process, such as the spheres around a
+    robot's links. Whoever takes the steps can do something else in between.
+    """
+    for answer in _requests():
+        answer()
+        yield
+
+
+def _requests() -> Iterator[Callable[[], object]]:
+    yield kinematics_tasks.warm
+    yield dynamics_tasks.warm
     for name in builtin_names():
-        _ = worker_cache.robot(builtin_reference(name)).geometry
-
-
-def requests() -> None:
-    """All else that workers are asked for."""
+        yield partial(_load, name)
     with tempfile.TemporaryDirectory() as folder:
-        _uploads(folder)
-        panda = builtin_reference("panda")
-        for scene in (None, _scene()):
-            pose = {"position": [0.4, -0.2, 0.4], "rpy": [3.1, 0.0, 0.0]}
-            _ask(inverse_kinematics.ik, panda, {"pose": pose, "scene": scene})
-        _ask(inverse_kinematics.ik, panda, {"pose": {"position": [3.0, 0.0, 0.0]}})
-        down = {"position": [0.4, -0.2, 0.4], "rpy": [3.1, 0.0, 0.0]}
-        for method in ("numeric", "gradient"):
-            _ask(inverse_kinematics.ik, panda, {"pose": down, "method": method})
-        for method in ("auto", "numeric"):
-            _ask(inverse_kinematics.ik, panda, {"poses": [down, down], "method": method})
-        touching = [[0.53, 0.0, 0.0, -2.2, 0.0, 2.2, 0.8], [0.53, 0.6, 0.0, -1.6, 0.0, 2.2, 0.8]]
-        check = {"robot": "panda", "scene": _scene(0.001), "joints": [_START, *touching]}
-        _ask(check_tasks.check, panda, check)
-        for planner in ("auto", "straight_line", "potential_field", "rrt_connect"):
-            _plan(panda, planner)
-        _grow(panda)
-        field = {"joints": _START, "goal_joints": _GOAL, "scene": _scene()}
-        _ask(potential_tasks.potential, panda, field)
-        _collide(panda)
-        # A start in collision: the nearest free one is looked for.
-        stuck = _problem("auto") | {"start": {"joints": touching[0]}}
-        _ask(plan_tasks.plan, panda, stuck)
-        _lead(panda)
-        _hold(panda)
-        _retime(panda)
+        yield partial(_uploads, folder)
+    panda = builtin_reference("panda")
+    yield from _inverse_kinematics(panda)
+    touching = [[0.53, 0.0, 0.0, -2.2, 0.0, 2.2, 0.8], [0.53, 0.6, 0.0, -1.6, 0.0, 2.2, 0.8]]
+    check = {"robot": "panda", "scene": _scene(0.001), "joints": [_START, *touching]}
+    yield partial(_ask, check_tasks.check, panda, check)
+    for planner in ("auto", "straight_line", "potential_field", "rrt_connect"):
+        yield partial(_plan, panda, planner)
+    yield partial(_grow, panda)
+    field = {"joints": _START, "goal_joints": _GOAL, "scene": _scene()}
+    yield partial(_ask, potential_tasks.potential, panda, field)
+    yield partial(_collide, panda)
+    # A start in collision: the nearest free one is looked for.
+    stuck = _problem("auto") | {"start": {"joints": touching[0]}}
+    yield partial(_ask, plan_tasks.plan, panda, stuck)
+    yield partial(_lead, panda)
+    yield from _hold(panda)
+    yield from _retime(panda)
 
 
-def _retime(panda: Reference) -> None:
+def _load(name: str) -> None:
+    """Build a built-in robot, which workers then need not."""
+    _ = worker_cache.robot(builtin_reference(name)).geometry
+
+
+def _inverse_kinematics(panda: Reference) -> Iterator[Callable[[], object]]:
+    ask = partial(_ask, inverse_kinematics.ik, panda)
+    down = {"position": [0.4, -0.2, 0.4], "rpy": [3.1, 0.0, 0.0]}
+    for scene in (None, _scene()):
+        yield partial(ask, {"pose": down, "scene": scene})
+    yield partial(ask, {"pose": {"position": [3.0, 0.0, 0.0]}})
+    for method in ("numeric", "gradient"):
+        yield partial(ask, {"pose": down, "method": method})
+    for method in ("auto", "numeric"):
+        yield partial(ask, {"poses": [down, down], "method": method})
+
+
+def _retime(panda: Reference) -> Iterator[Callable[[], object]]:
     """Each way to time a path; with torques, whose bounds have kernels of their own."""
     middle = [
         0.5 * (a + b) + 0.1 * (i % 2) for i, (a, b) in enumerate(zip(_START, _GOAL, strict=True))
@@ -93,10 +114,11 @@ def _retime(panda: Reference) -> None:
         {"method": "jerk_limited", "interpolation": "natural_spline", **loads},
         {"method": "spline"},
     ):
-        retime_tasks.retime(panda, json.dumps(body | {"timing": timing}).encode())
+        content = json.dumps(body | {"timing": timing}).encode()
+        yield partial(retime_tasks.retime, panda, content)
 
 
-def _hold(panda: Reference) -> None:
+def _hold(panda: Reference) -> Iterator[Callable[[], object]]:
     """Constraints of a configuration, with obstacles and without, and of a motion."""
     upright = {"type": "orientation", "axis": [0, 0, 1], "direction": [0, 0, -1]}
     wanted = [
@@ -105,11 +127,12 @@ def _hold(panda: Reference) -> None:
          "position_tolerance": 0.05, "orientation_tolerance": [0.3, 0.3, 3.2], "weight": 1.0},
     ]  # fmt: skip
     for scene in (None, _scene()):
-        _ask(inverse_kinematics.ik, panda, {"constraints": wanted, "scene": scene})
+        query = {"constraints": wanted, "scene": scene}
+        yield partial(_ask, inverse_kinematics.ik, panda, query)
     for angle, planner in ((0.3, "auto"), (0.3, "rrt_connect"), (1e-3, "auto")):
         body = _problem(planner) | {"constraints": [upright | {"cone_angle": angle}]}
         body["goal"] = {"joints": [-0.6, *_START[1:]]}
-        _ask(plan_tasks.plan, panda, body)
+        yield partial(_ask, plan_tasks.plan, panda, body)
 
 
 def _lead(panda: Reference) -> None:

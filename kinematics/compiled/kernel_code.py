@@ -63,8 +63,8 @@ class Code:
 #: Every kernel that was compiled or read in this process, and the kernels' symbols.
 _codes: dict[str, Code] = {}
 _owners: dict[str, str] = {}
-#: What is loaded, kept alive.
-_loaded: dict[str, Any] = {}
+#: Names of what is loaded.
+_loaded: set[str] = set()
 
 
 def find(name: str) -> Code | None:
@@ -154,18 +154,25 @@ def entry(code: Code) -> Any:
     )  # fmt: skip
 
 
-def load(name: str) -> None:
-    """Load code and, before it, all that it calls."""
-    if name in _loaded:
+def load(*names: str) -> None:
+    """Load code and all that it calls, at once: each load by itself costs as much again."""
+    codes: dict[str, Code] = {}
+    pending = list(names)
+    while pending:
+        name = pending.pop()
+        if name not in _loaded and name not in codes:
+            codes[name] = _codes[name]
+            pending += codes[name].needs
+    if not codes:
         return
-    code = _codes[name]
-    for need in code.needs:
-        load(need)
     rtsys.initialize(cpu_target.target_context)
-    library = kernel_library.load(_codegen(), name, code.machine_code)
-    for environment in _environments(name):
-        library.codegen.set_env(environment.env_name, environment)
-    _loaded[name] = library
+    # A small kernel has none: it stands in those that call it.
+    machine_codes = [code.machine_code for code in codes.values() if code.machine_code]
+    kernel_library.load(_codegen(), machine_codes)
+    for name in codes:
+        for environment in _environments(name):
+            _codegen().set_env(environment.env_name, environment)
+    _loaded.update(codes)
 
 
 @cache

@@ -2,7 +2,7 @@
 
 import contextlib
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import llvmlite.binding as llvm
@@ -143,14 +143,9 @@ def parts_only(codegen: Any) -> Iterator[None]:
         codegen._library_class = before
 
 
-class _Loaded(JITCodeLibrary):
-    """Machine code in this process; its module is empty."""
-
-
-def load(codegen: Any, name: str, machine_code: bytes) -> Any:
-    """Load an object file; all that it calls must have been loaded before."""
-    library = _Loaded(codegen, name)
-    library.enable_object_caching()
-    library._set_compiled_object(machine_code)
-    library._finalize_final_module()
-    return library
+def load(codegen: Any, machine_codes: Iterable[bytes]) -> None:
+    """Load object files; all that they call must be among them, or have been loaded before."""
+    engine = codegen._engine._ee
+    for machine_code in machine_codes:
+        engine.add_object_file(llvm.ObjectFileRef.from_data(machine_code))
+    engine.finalize_object()

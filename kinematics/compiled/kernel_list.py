@@ -6,11 +6,11 @@ they can be compiled at once in several processes, and are compiled on the way i
 
 import pickle
 import pkgutil
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from kinematics.compiled import kernel_store
+from kinematics.compiled import kernel_code, kernel_store
 from kinematics.compiled.kernel_code import Code
 from kinematics.compiled.kernel_dispatcher import Kernel
 from kinematics.compiled.kernel_signature import named_tuples, type_of_text, type_text
@@ -67,6 +67,19 @@ def read(path: Path) -> tuple[list[Entry], list[str]]:
         except (ValueError, AttributeError, ImportError, KeyError):
             unknown.append(line)
     return entries, unknown
+
+
+def called_by_python(line: str) -> bool:
+    """Whether a line of a list is of a kernel that Python calls."""
+    return line.partition(" ")[0] == _DOOR
+
+
+def load(entries: Sequence[Entry]) -> None:
+    """Load kernels that Python calls, whose machine code is on disk, all at once."""
+    doors = [entry.files[-1] for entry in entries]
+    kernel_code.load(*(door for door in doors if kernel_code.find(door) is not None))
+    for entry in entries:
+        entry.kernel.compile(entry.kinds)
 
 
 def write(path: Path, entries: Iterable[Entry]) -> None:

@@ -18,9 +18,9 @@ from kinematics.errors import ArmwrightError, InvalidScene, MissingLimit
 from service.app import create_app
 from service.http.compute import compute
 from service.http.errors import KINDS
+from service.recipe import RECIPE
 from service.settings import Settings
 from service.version import VERSION
-from service.warm import RECIPE
 from service.workers.supervisor import WorkerSupervisor
 from tests.service import chores
 from tests.service.processes import alive, wait_until

@@ -9,7 +9,7 @@ ROOT = Path(__file__).parents[2]
 SCRIPT = """
 import gc, json, tempfile
 from numba.core.dispatcher import Dispatcher
-from service import warm
+from service import kernels
 
 
 def signatures():
@@ -18,7 +18,7 @@ def signatures():
     return {(k.__module__, k.__name__, str(s)) for k in kernels for s in k.overloads}
 
 
-warm.warm_kernels()
+kernels.prepare(lambda *_: None)
 before = signatures()
 
 import numpy as np

@@ -1,0 +1,10 @@
+"""What the fork server of the service loads: named here, so that the server imports none of it."""
+
+from service.workers.launch import Recipe
+
+#: Ready once every kernel is loaded; what first requests would still compute comes after that.
+RECIPE = Recipe(
+    modules=("service.tasks",),
+    warm="service.kernels:prepare",
+    enrich="service.warm_requests:steps",
+)
