@@ -200,11 +200,11 @@ def test_it_goes_on_where_it_stopped(engine: str) -> None:
 
 
 def test_the_line_to_the_goal_is_looked_at_again_when_its_block_is_gone(engine: str) -> None:
-    slide = Slide(engine, [0.0, 0.19], [0.9, 0.19], WALL, longest_step=0.05)
+    slide = Slide(engine, [-0.9, 0.19], [0.9, 0.19], WALL, longest_step=0.05)
     assert slide.go(3) == GOING
     share = slide.track.gauges[BLOCKED]
     # Blocked at the wall's face: where the ball is between x = 0.4 and 0.6.
-    x = 0.9 + share * (slide.visited[0, 0] - 0.9)
+    x = 0.9 + share * (slide.visited[-1, 0] - 0.9)
     assert 0.39 < x < 0.61
     # Stepped aside, the line is free: it arrives with the first look.
     aside = Slide(engine, [0.0, 0.6], [0.9, 0.6], WALL)

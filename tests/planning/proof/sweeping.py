@@ -1,0 +1,45 @@
+"""Sweeps of a ball on two slides, whose distances have closed forms."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from kinematics.trajectory import Trajectory
+from obstacles.scene import Scene
+from planning.proof.pair_table import PairTable
+from planning.proof.sweep import run
+from planning.proof.sweep_state import Sweep, start_sweep
+from tests.planning.scenes import box
+from tests.planning.slider import slider
+
+#: From x = 0.45 to 0.55: the ball of 0.05 m touches it from x = 0.4 on.
+WALL = Scene((box("wall", (0.1, 1.0, 1.0), (0.5, 0.0, 0.0)),))
+
+
+class Started(NamedTuple):
+    """A sweep with what it is of."""
+
+    table: PairTable
+    sweep: Sweep
+    trajectory: Trajectory
+
+    def go(self, sharp: bool = True, most: int = 100_000) -> int:
+        """Sweep on; why it stopped."""
+        breaks, c = self.trajectory.breaks, self.trajectory.coefficients
+        return int(run(self.table.arrays, breaks, c, self.sweep, sharp, most))
+
+
+def through(*points: Sequence[float], times: Sequence[float] | None = None) -> Trajectory:
+    """Straight legs through points (x, y) [m], each in a second or until ``times`` [s]."""
+    corners = np.array(points, dtype=np.float64)
+    breaks = np.arange(len(corners), dtype=np.float64) if times is None else np.array(times)
+    rates = np.diff(corners, axis=0) / np.diff(breaks)[:, None]
+    coefficients = np.stack([corners[:-1], rates], axis=2)
+    return Trajectory(slider().chain.joint_names, breaks, coefficients)
+
+
+def start(trajectory: Trajectory, scene: Scene = WALL, margin: float = 0.0) -> Started:
+    """A sweep at its beginning."""
+    table = PairTable.of(slider(), scene, margin)
+    return Started(table, start_sweep(trajectory, table.arrays), trajectory)
