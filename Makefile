@@ -18,7 +18,8 @@ SEEDS ?= 0
 MARGINS ?= 0
 
 .DEFAULT_GOAL := help
-.PHONY: install demo test check bench bench-timing bench-verdict bench-mbm bench-http serve docker-steps clean help
+.PHONY: install demo test check bench bench-timing bench-verdict bench-mbm bench-http serve wheels kernel-list \
+	docker-steps clean help
 
 install: $(INSTALLED) $(TOOLS)  ## Install the app, the client and the developers' tools into .venv
 
@@ -38,8 +39,8 @@ $(INSTALLED): pyproject.toml client/pyproject.toml constraints.txt
 	Install one, or name it: make PYTHON=/path/to/python3.12 $(MAKECMDGOALS)" >&2; exit 1; }
 	@echo "Installing into $(VENV) ..."
 	$(call packages,$(APP))
-	@echo "Compiling the kernels (once) ..."
-	@$(BIN)/armwright warm > /dev/null
+	@echo "Looking for the kernels; what is missing is compiled (once, a minute on two cores) ..."
+	@$(BIN)/armwright warm
 	@touch $@
 
 # The developers' tools: 1.1 GB that running the app does not need.
@@ -80,6 +81,12 @@ bench-http: $(TOOLS)  ## Measure what HTTP costs on some of them: make bench-htt
 
 serve: $(INSTALLED)  ## Serve the API on HOST:PORT (127.0.0.1:8000)
 	$(BIN)/armwright serve --host $(HOST) --port $(PORT)
+
+wheels: $(INSTALLED)  ## Build wheels into dist/: one with the kernels for this Python, one without
+	$(BIN)/python scripts/wheels.py
+
+kernel-list: $(TOOLS)  ## Write the list of kernels that requests reach, from the tests (minutes)
+	$(BIN)/python scripts/kernel_list.py
 
 docker-steps: $(TOOLS)  ## Run the Dockerfile's steps without Docker, in a clean folder (minutes)
 	$(BIN)/python scripts/docker_steps.py

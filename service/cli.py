@@ -23,7 +23,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.print_help()
         return 2
     if chosen.command == "warm":
-        return _warm(chosen.processes, chosen.prune)
+        return _warm(chosen.processes, chosen.in_package, chosen.prune)
     given = {name: value for name, value in vars(chosen).items() if value is not None}
     return _serve({name: given[name] for name in _SERVE_OPTIONS if name in given})
 
@@ -70,6 +70,11 @@ def _parser() -> argparse.ArgumentParser:
     )
     warm.add_argument("--processes", type=int, help="how many compile at once (one a core)")
     warm.add_argument(
+        "--in-package",
+        action="store_true",
+        help="keep them beside the code, where every user of this installation finds them",
+    )
+    warm.add_argument(
         "--prune",
         action="store_true",
         help="afterwards remove the user's machine code that this version does not need",
@@ -77,10 +82,12 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _warm(processes: int | None, prune: bool) -> int:
+def _warm(processes: int | None, in_package: bool, prune: bool) -> int:
     from service import kernels  # noqa: PLC0415
     from service.progress import Terminal  # noqa: PLC0415
 
+    if in_package:
+        kernels.keep_in_package()
     counts = kernels.compile_kernels(Terminal(sys.stderr).show, processes)
     print(f"{counts.total} kernels are there, {counts.compiled} of them compiled now")
     for line in counts.outdated:

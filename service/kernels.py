@@ -80,6 +80,11 @@ def load_kernels() -> bool:
     return not missing and not any(map(kernel_list.called_by_python, unknown))
 
 
+def keep_in_package() -> None:
+    """Have this process keep what it compiles where every user of the installation finds it."""
+    os.environ["NUMBA_CACHE_DIR"] = str(kernel_store.shipped_folder())
+
+
 def prune() -> int:
     """Remove the machine code that the list does not name from the user's folder.
 

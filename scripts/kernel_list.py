@@ -1,0 +1,62 @@
+"""Write the list of kernels that requests reach: what the tests of the service compile.
+
+    python scripts/kernel_list.py [--add]
+
+All is compiled anew in an empty folder, which takes minutes. With --add the kernels on the list are
+compiled first, and stay on it: for a request that was added, or a kernel that was changed.
+"""
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(ROOT))
+
+from kinematics.compiled import kernel_list  # noqa: E402
+from kinematics.compiled.kernel_dispatcher import FROZEN  # noqa: E402
+from service import kernels  # noqa: E402
+
+#: What sends requests of every kind.
+_TESTS = ("tests/service", "tests/client", "tests/test_readme.py")
+#: Kernels take their time to be compiled in the middle of a request [s].
+_TIMEOUT = 900
+
+
+def record(folder: Path, add: bool) -> None:
+    """Run what sends requests, with machine code kept in a folder."""
+    environment = os.environ | {
+        "NUMBA_CACHE_DIR": str(folder),
+        "ARMWRIGHT_KERNELS": str(folder),
+        FROZEN: "0",
+    }
+    # Before there are requests, or the servers of the tests would not be ready in time.
+    command = "from service import warm_requests; list(warm_requests.steps())"
+    first = ["-m", "service.cli", "warm"] if add else ["-c", command]
+    subprocess.run([sys.executable, *first], cwd=ROOT, env=environment, check=True)
+    tests = [sys.executable, "-m", "pytest", "-q", "--timeout", str(_TIMEOUT), *_TESTS]
+    # Requests that wait for a compiler may fail; what they compiled counts.
+    if subprocess.run(tests, cwd=ROOT, env=environment, check=False).returncode not in (0, 1):
+        raise SystemExit("the tests could not be run")
+
+
+def main() -> None:
+    """Record and write the list."""
+    parser = argparse.ArgumentParser(description="Write the list of kernels that requests reach.")
+    parser.add_argument("--add", action="store_true", help="keep what is on the list")
+    parser.add_argument("--folder", type=Path, help="machine code that is there already")
+    chosen = parser.parse_args()
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = chosen.folder or Path(temporary)
+        record(folder, chosen.add)
+        entries = kernel_list.stored(folder)
+    kernel_list.write(kernels.LIST, entries)
+    doors = sum(entry.door for entry in entries)
+    print(f"{len(entries)} kernels, {doors} of which Python calls")
+
+
+if __name__ == "__main__":
+    main()

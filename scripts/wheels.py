@@ -1,0 +1,111 @@
+"""Build wheels of Armwright: a pure one, and one with the machine code of all kernels.
+
+    python scripts/wheels.py [--output dist] [--targets x86-64-v3 x86-64-v4]
+
+The second is for the Python that runs this and for processors of the targets' kinds; pip prefers
+it where it fits. Elsewhere, and with other versions of numba, kernels are compiled as from the
+pure one. A kernel's key holds its code, numba's version, Python's and the target, so that a wheel
+can't bring machine code that does not fit.
+"""
+
+import argparse
+import base64
+import hashlib
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tempfile
+import zipfile
+from collections.abc import Sequence
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+#: Where an installed package looks for machine code first.
+_KERNELS = "kinematics/compiled/kernels"
+#: The first date that a zip file can hold: equal contents make equal wheels.
+_DATE = (1980, 1, 1, 0, 0, 0)
+_TARGETS = ("x86-64-v3", "x86-64-v4")
+
+
+def main() -> None:
+    """Build both wheels."""
+    parser = argparse.ArgumentParser(description="Build wheels with and without kernels.")
+    parser.add_argument("--output", type=Path, default=ROOT / "dist", help="where to (dist)")
+    parser.add_argument("--targets", nargs="+", default=_TARGETS, help="kinds of processors")
+    chosen = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        pure = build_pure(Path(folder))
+        kernels = [path for target in chosen.targets for path in compile_for(target, Path(folder))]
+        chosen.output.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(pure, chosen.output)
+        whole = add_kernels(pure, kernels, chosen.output)
+    for path in (chosen.output / pure.name, whole):
+        print(f"{path} ({path.stat().st_size / 1e6:.1f} MB)")
+
+
+def build_pure(folder: Path) -> Path:
+    """Build the wheel of the sources in a folder, and give its path."""
+    source = folder / "source"  # setuptools leaves files beside what it builds
+    ignored = shutil.ignore_patterns("__pycache__", "build", "dist", "*.egg-info", "tests", ".*")
+    shutil.copytree(ROOT, source, ignore=ignored)
+    command = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "-w", str(folder)]
+    subprocess.run([*command, str(source)], check=True)
+    (wheel,) = folder.glob("*.whl")
+    return wheel
+
+
+def compile_for(target: str, folder: Path) -> list[Path]:
+    """Compile all kernels for a kind of processor, and give the files that hold them."""
+    store = folder / target
+    environment = os.environ | {
+        "ARMWRIGHT_KERNEL_TARGET": target,
+        "NUMBA_CACHE_DIR": str(store),
+        "ARMWRIGHT_KERNELS": str(store),
+    }
+    print(f"Kernels for {target}:", flush=True)
+    subprocess.run(
+        [sys.executable, "-m", "service.cli", "warm"], cwd=ROOT, env=environment, check=True
+    )
+    return sorted(store.iterdir())
+
+
+def add_kernels(pure: Path, kernels: Sequence[Path], output: Path) -> Path:
+    """Write a wheel with machine code, for this Python on this platform, and give its path.
+
+    Args:
+        pure: the wheel without.
+        kernels: files of machine code.
+        output: the folder to write to.
+    """
+    version = "".join(map(str, sys.version_info[:2]))
+    platform = sysconfig.get_platform().replace("-", "_").replace(".", "_")
+    tag = f"cp{version}-cp{version}-{platform}"
+    whole = output / pure.name.replace("py3-none-any", tag)
+    record = []
+    with zipfile.ZipFile(pure) as source, zipfile.ZipFile(whole, "w") as wheel:
+        contents = {name: source.read(name) for name in source.namelist()}
+        (record_name,) = (name for name in contents if name.endswith(".dist-info/RECORD"))
+        del contents[record_name]
+        (facts,) = (name for name in contents if name.endswith(".dist-info/WHEEL"))
+        lines = contents[facts].decode().replace("Root-Is-Purelib: true", "Root-Is-Purelib: false")
+        contents[facts] = lines.replace("Tag: py3-none-any", f"Tag: {tag}").encode()
+        contents |= {f"{_KERNELS}/{path.name}": path.read_bytes() for path in kernels}
+        for name, content in contents.items():
+            digest = base64.urlsafe_b64encode(hashlib.sha256(content).digest()).rstrip(b"=")
+            record.append(f"{name},sha256={digest.decode()},{len(content)}")
+            _write(wheel, name, content)
+        _write(wheel, record_name, "\n".join([*record, f"{record_name},,", ""]).encode())
+    return whole
+
+
+def _write(wheel: zipfile.ZipFile, name: str, content: bytes) -> None:
+    entry = zipfile.ZipInfo(name, _DATE)
+    entry.compress_type = zipfile.ZIP_DEFLATED
+    entry.external_attr = 0o644 << 16
+    wheel.writestr(entry, content)
+
+
+if __name__ == "__main__":
+    main()
