@@ -12,6 +12,9 @@ from kinematics.linear_solve import solve_kernel
 JOINTS = 6
 #: A pivot no larger than this makes a matrix of metres and radians singular.
 SINGULAR = 1e-14
+#: Added to squares of singular values, so that matrices of them are regular however singular J is:
+#: rounding of a pivot is a hundredth of it, and eigenvectors stay as they are.
+_REGULAR = 1e-13
 
 
 @kernel
@@ -31,8 +34,8 @@ def weakest_kernel(J: Array, joints: Indices, u: Array, v: Array, across: Array)
                 M[i, k] = 10.0 * across[i] * across[k]
                 for a in range(JOINTS):
                     M[i, k] += J[i, joints[a]] * J[k, joints[a]]
-            M[i, i] += 1e-15
-        solve_kernel(M, b, SINGULAR)
+            M[i, i] += _REGULAR
+        solve_kernel(M, b, 0.0)
         b -= np.dot(across, b) * across
         u[:] = b / math.sqrt(np.sum(b * b))
     for a in range(JOINTS):
@@ -46,10 +49,10 @@ def weakest_kernel(J: Array, joints: Indices, u: Array, v: Array, across: Array)
     for _ in range(0 if value > 1e-6 else 6):
         for a in range(JOINTS):
             for c in range(JOINTS):
-                M[a, c] = 1e-15 if a == c else 0.0
+                M[a, c] = _REGULAR if a == c else 0.0
                 for i in range(JOINTS):
                     M[a, c] += J[i, joints[a]] * J[i, joints[c]]
-        solve_kernel(M, b, SINGULAR)
+        solve_kernel(M, b, 0.0)
         b /= math.sqrt(np.sum(b * b))
     v[:] = b
     return value
@@ -65,7 +68,7 @@ def joint_direction_kernel(J: Array, joints: Indices, w: Array) -> Array:
             for a in range(JOINTS):
                 M[i, k] += J[i, joints[a]] * J[k, joints[a]]
     b = w.copy()
-    solve_kernel(M, b, SINGULAR)
+    solve_kernel(M, b, 0.0)
     for a in range(JOINTS):
         for i in range(JOINTS):
             v[a] += J[i, joints[a]] * b[i]
