@@ -6,7 +6,7 @@ import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.chain import Chain
-from kinematics.forward import forward
+from kinematics.forward import forward, joint_frames
 from kinematics.ik.analytic import Branches, branches
 from kinematics.jacobian import geometric
 from kinematics.pose import inverse, rotation_z, transform
@@ -86,3 +86,10 @@ def scaled(chain: Chain, factor: float) -> Chain:
         for link in chain.links
     )
     return replace(chain, offsets=offsets, links=links)
+
+
+def first_lever(chain: Chain, q: Array, joint: int) -> float:
+    """How fast joint 1 moves the origin of a joint along axis 2, (z_1 x z_2) . (o - o_1)."""
+    frames = joint_frames(chain, q)
+    across = np.cross(frames[0, :3, 2], frames[1, :3, 2])
+    return float(across @ (frames[joint, :3, 3] - frames[0, :3, 3]))

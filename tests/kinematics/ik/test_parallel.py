@@ -53,6 +53,16 @@ def test_every_branch_of_a_pose_has_its_own_name(which: int) -> None:
 
 
 @pytest.mark.parametrize("which", range(3))
+def test_the_sign_of_the_shoulder_is_the_side_that_joint_1_turned_to(which: int) -> None:
+    chain = arms(2)[which]
+    for _, _, table in regular_cases(chain, 2, 6):
+        for name, row in zip(labels(table), table.joints, strict=True):
+            # Where axes 5 and 6 miss each other the sign is counted the other way.
+            behind = symmetries.first_lever(chain, row, 5) < 0.0
+            assert ("shoulder+" in name) == (behind if which < 2 else not behind)
+
+
+@pytest.mark.parametrize("which", range(3))
 def test_turning_the_first_or_last_joint_turns_its_angle_in_every_branch(which: int) -> None:
     chain = arms(3)[which]
     for k, (_, T, table) in enumerate(regular_cases(chain, 3, 4)):

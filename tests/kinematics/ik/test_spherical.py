@@ -46,6 +46,18 @@ def test_the_names_signs_multiply_to_that_of_the_determinant(kind: str) -> None:
     assert len(ratios) == 1
 
 
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if "1 and 2 parallel" not in kind])
+def test_the_sign_of_the_shoulder_is_the_side_of_the_wrist_that_joint_1_turned_to(
+    kind: str,
+) -> None:
+    chain = general_arm(np.random.default_rng(2), kind)
+    for _, _, table in regular_cases(chain, 2, 6):
+        assert len(set(labels(table))) == len(table.table)
+        for name, row in zip(labels(table), table.joints, strict=True):
+            lever = symmetries.first_lever(chain, row, 4)
+            assert ("shoulder+" in name) == (lever < 0.0)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_turning_the_first_or_last_joint_turns_its_angle_in_every_branch(kind: str) -> None:
     chain = general_arm(np.random.default_rng(3), kind)
