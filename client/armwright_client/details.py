@@ -9,11 +9,12 @@ def items(value: object) -> list[object]:
 def joints_of(value: object) -> list[float] | None:
     """The joints of a state; None where it has none."""
     match value:
-        case {"joints": [*joints]} if all(isinstance(q, int | float) for q in joints):
-            return [float(q) for q in joints]
+        case {"joints": [*joints]}:
+            numbers = [number(q) for q in joints]
+            return [q for q in numbers if q is not None] if None not in numbers else None
     return None
 
 
 def number(value: object) -> float | None:
-    """A number as float; None of anything else."""
-    return float(value) if isinstance(value, int | float) else None
+    """A number as float; None of anything else, truth values among them."""
+    return None if isinstance(value, bool) or not isinstance(value, int | float) else float(value)

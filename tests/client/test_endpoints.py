@@ -1,0 +1,218 @@
+"""Every method of the clients: the request that it makes, and how its answer is read."""
+
+import asyncio
+import json
+from collections.abc import Callable
+from typing import Any
+
+import httpx
+import pytest
+
+import armwright_client as ours
+from armwright_client import AsyncClient, Client
+from tests.client.scripted import Scripted, problem
+
+URL = "http://robots.example"
+POSE = ours.Pose.at(1, 2, 3)
+AT = {"position": [1.0, 2.0, 3.0]}
+SCENE = ours.Scene(name="s", obstacles=[])
+DH = ours.DhTable(
+    convention="standard", rows=[ours.DhRow(type="revolute", a=1, alpha=0, d=0, theta=0)]
+)
+MOTION = ours.Trajectory(segments=[ours.Segment(t0=0, t1=1, coefficients=[[0, 1]])])
+SENT_MOTION = {"segments": [{"t0": 0.0, "t1": 1.0, "coefficients": [[0.0, 1.0]]}]}
+FIELD = {"joints": [0.0], "goal_joints": [1.0], "engine": "fcl", "timeout": 2.0}
+EQUATIONS = {"velocities": [0.1], "accelerations": [0.2], "gravity": [0.0, 0.0, -1.0]}
+
+#: Name of the method; how it is called; HTTP method, path with query, and fields of the body that
+#: must be there as they are (None for no body).
+CALLS: list[tuple[str, Callable[[Any], Any], str, str, dict[str, Any] | None]] = [
+    ("healthz", lambda c: c.healthz(), "GET", "/healthz", None),
+    ("readyz", lambda c: c.readyz(), "GET", "/readyz", None),
+    ("check", lambda c: c.check("r", [0.0], margin=0.1), "POST", "/v1/check",
+     {"robot": "r", "joints": [0.0], "margin": 0.1}),
+    ("check_batch", lambda c: c.check_batch("r", [[0.0], [1.0]]), "POST", "/v1/check",
+     {"robot": "r", "joints": [[0.0], [1.0]]}),
+    ("plan", lambda c: c.plan("r", [0.0], POSE, seed=3), "POST", "/v1/plan",
+     {"robot": "r", "start": {"joints": [0.0]}, "goal": {"pose": AT}, "seed": 3}),
+    ("plan", lambda c: c.plan("r", ours.Start(joints=[0], velocities=[1]), [2.0]), "POST",
+     "/v1/plan", {"start": {"joints": [0.0], "velocities": [1.0]}, "goal": {"joints": [2.0]}}),
+    ("plan_batch", lambda c: c.plan_batch([ours.BatchProblem(goal=ours.Goal(joints=[1]))],
+                                          robot="r", start=[0.0], margin=0.1),
+     "POST", "/v1/plan/batch",
+     {"robot": "r", "start": {"joints": [0.0]}, "margin": 0.1,
+      "problems": [{"goal": {"joints": [1.0]}}]}),
+    ("validate", lambda c: c.validate("r", MOTION, tool_speed=0.5), "POST", "/v1/validate",
+     {"robot": "r", "trajectory": SENT_MOTION, "tool_speed": 0.5}),
+    ("retime", lambda c: c.retime([[0.0], [1.0]], knots=[0, 2], robot="r", timeout=3.0), "POST",
+     "/v1/retime", {"path": {"joints": [[0.0], [1.0]], "knots": [0.0, 2.0]}, "robot": "r",
+                    "timeout": 3.0}),
+    ("simulate", lambda c: c.simulate("r", MOTION, {"type": "passivity"}, duration=2.0), "POST",
+     "/v1/simulate", {"robot": "r", "trajectory": SENT_MOTION, "controller": {"type": "passivity"},
+                      "duration": 2.0}),
+    ("robots.create", lambda c: c.robots.create(ours.RobotUpload(name="a", dh=DH)), "POST",
+     "/v1/robots", {"name": "a"}),
+    ("robots.get", lambda c: c.robots.get("a b"), "GET", "/v1/robots/a%20b", None),
+    ("robots.delete", lambda c: c.robots.delete("a"), "DELETE", "/v1/robots/a", None),
+    ("robots.list", lambda c: c.robots.list(after="x y", limit=3), "GET",
+     "/v1/robots?after=x+y&limit=3", None),
+    ("robots.fk", lambda c: c.robots.fk("a", [0.0], link="l", orientation="rpy"), "POST",
+     "/v1/robots/a/fk", {"joints": [0.0], "link": "l", "orientation": "rpy"}),
+    ("robots.fk_batch", lambda c: c.robots.fk_batch("a", [[0.0]], link=None), "POST",
+     "/v1/robots/a/fk", {"joints": [[0.0]]}),
+    ("robots.jacobian", lambda c: c.robots.jacobian("a", [0.0], point=[0, 0, 1]), "POST",
+     "/v1/robots/a/jacobian", {"joints": [0.0], "point": [0.0, 0.0, 1.0], "kind": "geometric"}),
+    ("robots.jacobian_batch", lambda c: c.robots.jacobian_batch("a", [[0.0]], kind="analytic_zyz"),
+     "POST", "/v1/robots/a/jacobian", {"joints": [[0.0]], "kind": "analytic_zyz"}),
+    ("robots.ik", lambda c: c.robots.ik("a", POSE, axes=("x", "rz"), timeout=2.0), "POST",
+     "/v1/robots/a/ik", {"pose": AT, "axes": ["x", "rz"], "timeout": 2.0}),
+    ("robots.ik_batch", lambda c: c.robots.ik_batch("a", (POSE, POSE), max_solutions=1), "POST",
+     "/v1/robots/a/ik", {"poses": [AT, AT], "max_solutions": 1}),
+    ("robots.velocity", lambda c: c.robots.velocity("a", [0.0], twist=[1.0] * 6), "POST",
+     "/v1/robots/a/velocity", {"joints": [0.0], "twist": [1.0] * 6}),
+    ("robots.wrench", lambda c: c.robots.wrench("a", [0.0], [1.0] * 6, link="l"), "POST",
+     "/v1/robots/a/wrench", {"joints": [0.0], "wrench": [1.0] * 6, "link": "l"}),
+    ("robots.wrench_batch", lambda c: c.robots.wrench_batch("a", [[0.0]], [1.0] * 6), "POST",
+     "/v1/robots/a/wrench", {"joints": [[0.0]], "wrench": [1.0] * 6}),
+    ("robots.dynamics", lambda c: c.robots.dynamics("a", [0.0], **EQUATIONS), "POST",
+     "/v1/robots/a/dynamics", {"joints": [0.0]} | EQUATIONS),
+    ("robots.dynamics_batch", lambda c: c.robots.dynamics_batch("a", [[0.0]], velocities=[[0.1]]),
+     "POST", "/v1/robots/a/dynamics", {"joints": [[0.0]], "velocities": [[0.1]]}),
+    ("robots.potential", lambda c: c.robots.potential("a", [0.0], [1.0], "s", engine="fcl",
+                                                      timeout=2.0),
+     "POST", "/v1/robots/a/potential", FIELD | {"scene": "s"}),
+    ("robots.potential_batch", lambda c: c.robots.potential_batch(
+        "a", [[0.0]], [1.0], options=ours.PotentialOptions(attractive_cap=0.2)),
+     "POST", "/v1/robots/a/potential",
+     {"joints": [[0.0]], "goal_joints": [1.0], "engine": "exact",
+      "options": {"attractive_cap": 0.2}}),
+    ("robots.regressor", lambda c: c.robots.regressor("a", [0.0], [0.1], [0.2], motors=True),
+     "POST", "/v1/robots/a/regressor",
+     {"joints": [0.0], "velocities": [0.1], "accelerations": [0.2], "motors": True}),
+    ("scenes.create", lambda c: c.scenes.create(SCENE), "POST", "/v1/scenes",
+     {"name": "s", "obstacles": []}),
+    ("scenes.get", lambda c: c.scenes.get("s/1"), "GET", "/v1/scenes/s%2F1", None),
+    ("scenes.replace", lambda c: c.scenes.replace("t", SCENE), "PUT", "/v1/scenes/t",
+     {"obstacles": []}),
+    ("scenes.delete", lambda c: c.scenes.delete("s"), "DELETE", "/v1/scenes/s", None),
+    ("scenes.list", lambda c: c.scenes.list(limit=1), "GET", "/v1/scenes?limit=1", None),
+    ("scenes.project", lambda c: c.scenes.project("s", [[0, 0, 1]], engine="fcl"), "POST",
+     "/v1/scenes/s/project", {"points": [[0.0, 0.0, 1.0]], "engine": "fcl"}),
+    ("jobs.get", lambda c: c.jobs.get("7"), "GET", "/v1/jobs/7", None),
+    ("jobs.cancel", lambda c: c.jobs.cancel("7"), "DELETE", "/v1/jobs/7", None),
+    ("jobs.list", lambda c: c.jobs.list(status="running", after="6"), "GET",
+     "/v1/jobs?after=6&status=running", None),
+]  # fmt: skip
+calls = pytest.mark.parametrize(
+    ("name", "ask", "method", "path", "fields"), CALLS, ids=[call[0] for call in CALLS]
+)
+
+
+def refused() -> Scripted:
+    """A service that refuses whatever it is asked, and keeps the request."""
+    return Scripted([problem(422, "INVALID_REQUEST")])
+
+
+def request_of(ask: Callable[[Any], Any]) -> httpx.Request:
+    transport = refused()
+    with Client(URL, transport=transport) as client, pytest.raises(ours.InvalidRequest):
+        ask(client)
+    return transport.requests[0]
+
+
+async def awaited_request_of(ask: Callable[[Any], Any]) -> httpx.Request:
+    transport = refused()
+    async with AsyncClient(URL, transport=transport) as client:
+        with pytest.raises(ours.InvalidRequest):
+            await ask(client)
+    return transport.requests[0]
+
+
+@calls
+def test_a_method_asks_its_endpoint(
+    name: str, ask: Any, method: str, path: str, fields: dict[str, Any] | None
+) -> None:
+    request = request_of(ask)
+    assert (request.method, request.url.raw_path.decode()) == (method, path)
+    if fields is None:
+        assert request.content == b""
+        assert "content-type" not in request.headers
+    else:
+        body = json.loads(request.content)
+        assert {key: body[key] for key in fields} == fields
+        assert None not in body.values()
+
+
+@calls
+def test_both_clients_ask_for_the_same(
+    name: str, ask: Any, method: str, path: str, fields: dict[str, Any] | None
+) -> None:
+    first, second = request_of(ask), asyncio.run(awaited_request_of(ask))
+    assert (first.method, first.url, first.content) == (second.method, second.url, second.content)
+    assert first.headers == second.headers
+
+
+@calls
+def test_what_computes_can_be_asked_for_later(
+    name: str, ask: Any, method: str, path: str, fields: dict[str, Any] | None
+) -> None:
+    transport = refused()
+    with Client(URL, transport=transport) as client:
+        if name.startswith("jobs."):
+            assert not hasattr(client.later, "jobs")
+            return
+        if method not in ("POST", "PUT"):
+            with pytest.raises(ours.InvalidArgument, match="answered at once"):
+                ask(client.later)
+            assert transport.requests == []
+            return
+        with pytest.raises(ours.InvalidRequest):
+            ask(client.later)
+    (request,) = transport.requests
+    assert request.headers["prefer"] == "respond-async"
+    assert request.content == request_of(ask).content
+
+
+def test_every_method_is_in_the_table() -> None:
+    listed = {call[0] for call in CALLS} | {"jobs.events", "jobs.wait"}
+    with Client(URL) as client:
+        groups = {"": client, "robots.": client.robots, "scenes.": client.scenes,
+                  "jobs.": client.jobs}  # fmt: skip
+        methods = {
+            prefix + name
+            for prefix, group in groups.items()
+            for name in dir(group)
+            if not name.startswith("_") and callable(getattr(group, name)) and name != "close"
+        }
+    assert methods == listed
+
+
+def test_an_empty_answer_is_none() -> None:
+    asks: list[Callable[[Any], Any]] = [
+        lambda c: c.robots.delete("a"),
+        lambda c: c.scenes.delete("a"),
+    ]
+    for ask in asks:
+        with Client(URL, transport=Scripted([httpx.Response(204)])) as client:
+            assert ask(client) is None
+
+
+def test_arguments_are_checked_before_anything_is_sent() -> None:
+    transport = Scripted([])
+    with Client(URL, transport=transport) as client:
+        for ask, words in (
+            (lambda: client.robots.fk("a", []), "FkRequest: joints"),
+            (lambda: client.check("r", [float("nan")]), "finite number"),
+            (lambda: client.robots.dynamics("a", [0.0], wrench=[1.0]), "wrench"),
+            (lambda: client.robots.ik("a", POSE, max_solution=1), "max_solution"),  # type: ignore[call-arg]
+            (lambda: client.retime([[0.0], ["x"]]), "joints"),  # type: ignore[arg-type]
+        ):
+            with pytest.raises(ours.InvalidArgument, match=words):
+                ask()
+    assert transport.requests == []
+
+
+def test_only_some_of_many_faults_are_told() -> None:
+    with Client(URL) as client, pytest.raises(ours.InvalidArgument) as refused_here:
+        client.robots.ik("a", POSE, seed="x", timeout="x", method="x", choice="x", all_turns="x")  # type: ignore[arg-type]
+    assert str(refused_here.value).endswith("; and 2 more")
