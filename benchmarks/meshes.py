@@ -36,6 +36,8 @@ Array = NDArray[np.float64]
 NEAREST, FARTHEST = 0.0, 0.03
 BEYOND = -0.015
 BINS = (0.0, 1e-3, 2.5e-3, 5e-3, 1e-2, 3e-2)
+#: Scenes of our own.
+SCENES = 16
 #: A verdict may differ so near to contact [m].
 BAND = 1e-6
 
@@ -102,7 +104,9 @@ def main() -> None:
         covers = sum(piece.surface is not None for piece in robot.pieces)
         print(f"{name}: {len(robot.pieces)} pieces, {covers} of them covers, in {made:.1f} s")
         truth = Triangles(ARMS[name], robot)
-        compare("scenes of our own", robot, truth, list(own_scenes(16, reach(robot))), given.count)
+        compare(
+            "scenes of our own", robot, truth, list(own_scenes(SCENES, reach(robot))), given.count
+        )
         if given.problems is not None:
             files = sorted(given.problems.glob("*/scene*.yaml"))[:: max(1, 350 // 70)]
             scenes = [scene_from_moveit(file.read_text()) for file in files]

@@ -24,10 +24,10 @@ class ArmwrightError(Exception):
 
     def __reduce__(self) -> tuple[object, ...]:
         # A process pool sends errors back pickled, which a mapping proxy can't be.
-        return _restored, (type(self), self.message, self.hint, dict(self.details))
+        return _restore, (type(self), self.message, self.hint, dict(self.details))
 
 
-def _restored(
+def _restore(
     kind: type[ArmwrightError], message: str, hint: str | None, details: dict[str, Any]
 ) -> ArmwrightError:
     return kind(message, hint=hint, **details)

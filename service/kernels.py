@@ -16,7 +16,7 @@ LIST = Path(__file__).with_name("kernels.txt")
 
 
 class Counts(NamedTuple):
-    """What became of the list of kernels.
+    """Outcome of the list of kernels.
 
     Attributes:
         total: kernels on the list.

@@ -72,7 +72,7 @@ def build(
 
 
 class _Plan:
-    """What may be compiled next, and what is done.
+    """Order of compiling: kernels that may be compiled next, and those that are done.
 
     Args:
         entries: the kernels.

@@ -93,12 +93,12 @@ def potential_field(
         field = _field(robot, scene, goal, options)
         descent = _Descent(field, robot, checker, start, goal, options, seed)
         detail = descent.run(deadline)
-        if descent.reached or deadline.passed:
+        if descent.at_goal or deadline.passed:
             break
-    if not descent.reached and len(goals) > 1:
+    if not descent.at_goal and len(goals) > 1:
         detail = f"{detail} None of {len(goals)} goals was reached; this is the last."
     return FieldResult(
-        waypoints=descent.visited if descent.reached else None,
+        waypoints=descent.visited if descent.at_goal else None,
         visited=descent.visited,
         potentials=descent.potentials,
         iterations=descent.iterations,
@@ -229,7 +229,7 @@ class _Descent:
         return int(self._track.counts[ITERATIONS])
 
     @property
-    def reached(self) -> bool:
+    def at_goal(self) -> bool:
         """Whether it ended at the goal."""
         return np.array_equal(self.visited[-1], self._goal)
 

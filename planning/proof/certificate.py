@@ -195,7 +195,7 @@ def certify(
         method=METHOD,
         limits=reports,
         continuity=continuity,
-        cells=proof.visited,
+        cells=proof.interval_count,
         violation=first,
         path_deviation=deviation,
         path_constraints=kept,
@@ -270,7 +270,7 @@ class _Proof:
         self.violation: Violation | None = None
 
     @property
-    def visited(self) -> int:
+    def interval_count(self) -> int:
         """Intervals that were looked at."""
         return int(self._sweep.counters[VISITS])
 

@@ -25,7 +25,7 @@ _THREADS = {
 
 
 class Recipe(NamedTuple):
-    """What a fork server loads before it forks workers; functions are named ``"module:name"``.
+    """Preparation of a fork server before it forks workers; functions are named ``"module:name"``.
 
     Attributes:
         modules: packages and modules whose tasks may be called.

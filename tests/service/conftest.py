@@ -8,7 +8,9 @@ from fastapi import FastAPI
 
 from service.app import create_app
 from service.settings import Settings
+from service.warm import RECIPE
 from service.workers.supervisor import WorkerSupervisor
+from tests.service.http.exchange import LIMIT, add_mishaps
 from tests.service.server import serving
 
 
@@ -38,3 +40,28 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
 @pytest.fixture
 def client(served: Served) -> httpx.Client:
     return served.client
+
+
+@pytest.fixture(scope="session")
+def faulty_app(tmp_path_factory: pytest.TempPathFactory) -> FastAPI:
+    """An application with one worker, small bodies, and paths that fail in every way."""
+    settings = Settings(
+        data_dir=tmp_path_factory.mktemp("faulty"),
+        workers=1,
+        queue_limit=1,
+        max_body_size=LIMIT,
+        body_timeout=0.5,
+    )
+    app = create_app(settings)
+    add_mishaps(app)
+    return app
+
+
+@pytest.fixture(scope="session")
+def faulty_client(faulty_app: FastAPI) -> Iterator[httpx.Client]:
+    """A client of the application with paths that fail."""
+    with pytest.MonkeyPatch.context() as patch:
+        more = (*RECIPE.modules, "tests.service.chores")
+        patch.setattr("service.app.RECIPE", RECIPE._replace(modules=more))
+        with serving(faulty_app) as client:
+            yield client

@@ -1,102 +1,38 @@
+"""HTTP of the service: documents, keys, problems, faults and overload."""
+
 import asyncio
 import json
 import os
-import random
 import signal
 import socket
 import time
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import httpx
 import pytest
-from fastapi import FastAPI, Request
+from fastapi import FastAPI
 
-from kinematics.errors import ArmwrightError, InvalidScene, MissingLimit
+from kinematics.errors import ArmwrightError
 from service.app import create_app
-from service.http.compute import compute
 from service.http.errors import KINDS
 from service.recipe import RECIPE
 from service.settings import Settings
 from service.version import VERSION
 from service.workers.supervisor import WorkerSupervisor
-from tests.service import chores
+from tests.service.http.exchange import BOX, FIELDS, problem
 from tests.service.processes import alive, wait_until
-from tests.service.server import serving
-
-FIELDS = {"type", "title", "status", "detail", "instance", "code", "stage", "hint", "details"}
-LIMIT = 256 * 1024
-JSON = {"Content-Type": "application/json"}
-BOX = {"id": "box", "shape": {"type": "box", "size": [1, 1, 1]}, "pose": {"position": [0, 0, 1]}}
 
 
-def add_mishaps(app: FastAPI) -> None:
-    async def stumble() -> None:
-        raise RuntimeError("a secret")
-
-    async def blame() -> None:
-        raise MissingLimit("joint j1 has no acceleration limit", hint="Give it.", joint="j1")
-
-    async def not_finite() -> None:
-        raise InvalidScene(
-            "x", depth=float("nan"), stage="scene", odd=object, nested=[{1: "a\ud800"}]
-        )
-
-    async def nap(request: Request) -> Any:
-        return await compute(request, chores.nap.job(30.0), timeout=20.0)
-
-    async def overrun(request: Request) -> Any:
-        return await compute(request, chores.burn.job(), timeout=0.1)
-
-    async def die(request: Request) -> Any:
-        return await compute(request, chores.die.job())
-
-    async def too_long(request: Request) -> Any:
-        return await compute(request, chores.burn.job(), timeout=1e6)
-
-    for mishap in (stumble, blame, not_finite, nap, overrun, die, too_long):
-        app.router.add_api_route(f"/mishaps/{mishap.__name__}", mishap)
+@pytest.fixture
+def app(faulty_app: FastAPI) -> FastAPI:
+    return faulty_app
 
 
-@pytest.fixture(scope="module")
-def app(tmp_path_factory: pytest.TempPathFactory) -> FastAPI:
-    settings = Settings(
-        data_dir=tmp_path_factory.mktemp("data"),
-        workers=1,
-        queue_limit=1,
-        max_body_size=LIMIT,
-        body_timeout=0.5,
-    )
-    app = create_app(settings)
-    add_mishaps(app)
-    return app
-
-
-@pytest.fixture(scope="module")
-def client(app: FastAPI) -> Iterator[httpx.Client]:
-    with pytest.MonkeyPatch.context() as patch:
-        more = (*RECIPE.modules, "tests.service.chores")
-        patch.setattr("service.app.RECIPE", RECIPE._replace(modules=more))
-        with serving(app) as client:
-            yield client
-
-
-def problem(response: httpx.Response, status: int, code: str) -> dict[str, Any]:
-    assert response.status_code == status, response.text
-    assert response.headers["content-type"] == "application/problem+json"
-    document: dict[str, Any] = json.loads(response.content, parse_constant=pytest.fail)
-    assert set(document) == FIELDS
-    assert (document["status"], document["code"]) == (status, code)
-    assert document["title"] == KINDS[code].title
-    assert document["detail"]
-    assert "Traceback" not in response.text
-    return document
-
-
-def post(client: httpx.Client, content: bytes | str, path: str = "/v1/scenes") -> httpx.Response:
-    return client.post(path, content=content, headers=JSON)
+@pytest.fixture
+def client(faulty_client: httpx.Client) -> httpx.Client:
+    return faulty_client
 
 
 def test_health_and_readiness(client: httpx.Client) -> None:
@@ -175,90 +111,6 @@ def test_a_failed_request_gives_its_key_back(client: httpx.Client) -> None:
     assert client.post("/v1/scenes", json=body, headers=headers).status_code == 201
 
 
-@pytest.mark.parametrize("number", ["NaN", "Infinity", "-Infinity"])
-def test_numbers_that_json_does_not_have(client: httpx.Client, number: str) -> None:
-    text = json.dumps({"name": "n", "obstacles": [BOX]}).replace("[0, 0, 1]", f"[0, 0, {number}]")
-    document = problem(post(client, text), 422, "VALIDATION_ERROR")
-    assert document["details"]["errors"][0]["path"] == "obstacles[0].pose.position[2]"
-
-
-def test_a_number_too_large_for_a_float(client: httpx.Client) -> None:
-    text = json.dumps({"name": "n", "obstacles": [BOX]}).replace("[0, 0, 1]", "[0, 0, 1e999]")
-    document = problem(post(client, text), 422, "VALIDATION_ERROR")
-    assert document["details"]["errors"][0]["path"] == "obstacles[0].pose.position[2]"
-
-
-@pytest.mark.parametrize(
-    ("change", "path"),
-    [
-        ({"shap": 1}, "obstacles[0].shap"),
-        ({"shape": {"type": "box", "size": [1, 1]}}, "obstacles[0].shape.size"),
-        ({"shape": {"type": "box", "size": [1, True, 1]}}, "obstacles[0].shape.size[1]"),
-        ({"shape": {"type": "box", "size": [1, "1", 1]}}, "obstacles[0].shape.size[1]"),
-        ({"shape": {"type": "box", "size": [1, 0, 1]}}, "obstacles[0].shape.size[1]"),
-        ({"shape": {"type": "box"}}, "obstacles[0].shape.size"),
-        ({"shape": {"type": "blob"}}, "obstacles[0].shape"),
-        ({"shape": {"type": ["box"]}}, "obstacles[0].shape"),
-        ({"shape": None}, "obstacles[0].shape"),
-        (
-            {"pose": {"position": [0, 0, 0], "quaternion_xyzw": [0, 0, 0, 2]}},
-            "obstacles[0].pose.quaternion_xyzw",
-        ),
-    ],
-)
-def test_a_refusal_names_the_field(client: httpx.Client, change: dict[str, Any], path: str) -> None:
-    response = client.post("/v1/scenes", json={"name": "n", "obstacles": [BOX | change]})
-    document = problem(response, 422, "VALIDATION_ERROR")
-    assert [error["path"] for error in document["details"]["errors"]] == [path]
-    assert path in document["detail"]
-
-
-@pytest.mark.parametrize(
-    "content",
-    [
-        b"",
-        b"{",
-        b"nonsense",
-        b'{"name": "a",}',
-        b'"\xff\xfe"',
-        b'{"name": "\xed\xa0\x80"}',
-        b'{"name": "\\ud800", "obstacles": []}',
-        b'{"name": "a\\u0000", "obstacles": []}',
-        b"[" * 100_000,
-        b'{"a":' * 50_000,
-        b"1" * 5_000,
-        b'{"name": ' + b"9" * 400 + b"}",
-        b"null",
-        b"[]",
-        b'"text"',
-        b"\x00",
-        '{"name": "a"}'.encode("utf-16"),
-        b"\xef\xbb\xbf{}",
-        b'{"' + b"k" * 100_000 + b'": 1}',
-    ],
-)
-def test_bodies_that_are_no_request(client: httpx.Client, content: bytes) -> None:
-    document = problem(post(client, content), 422, "VALIDATION_ERROR")
-    assert len(document["detail"]) < 3_000
-
-
-def test_duplicate_names_in_json_are_taken_as_the_last_one(client: httpx.Client) -> None:
-    text = '{"name": "x", "name": "doubled", "obstacles": []}'
-    assert post(client, text).json()["name"] == "doubled"
-
-
-@pytest.mark.parametrize("media_type", ["text/plain", "application/x-www-form-urlencoded", ""])
-def test_other_content_types(client: httpx.Client, media_type: str) -> None:
-    response = client.post("/v1/scenes", content=b"{}", headers={"Content-Type": media_type})
-    problem(response, 415, "UNSUPPORTED_MEDIA_TYPE")
-
-
-def test_json_with_a_charset_is_json(client: httpx.Client) -> None:
-    headers = {"Content-Type": "Application/JSON; charset=utf-8"}
-    body = b'{"name": "charset", "obstacles": []}'
-    assert client.post("/v1/scenes", content=body, headers=headers).status_code == 201
-
-
 def test_paths_and_methods_that_are_not_there(client: httpx.Client) -> None:
     problem(client.get("/v2/scenes"), 404, "NOT_FOUND")
     problem(client.get("/v1/scenes/"), 404, "NOT_FOUND")
@@ -267,32 +119,6 @@ def test_paths_and_methods_that_are_not_there(client: httpx.Client) -> None:
     problem(response, 405, "METHOD_NOT_ALLOWED")
     assert response.headers["allow"] == "GET, PUT, DELETE"
     problem(client.get("/v1/scenes", params={"limit": "many"}), 422, "VALIDATION_ERROR")
-
-
-def test_a_body_that_is_announced_too_large(client: httpx.Client) -> None:
-    document = problem(post(client, b" " * (LIMIT + 1)), 413, "PAYLOAD_TOO_LARGE")
-    assert document["details"]["max_body_size"] == LIMIT
-    problem(post(client, b" " * LIMIT), 422, "VALIDATION_ERROR")
-
-
-def test_a_body_that_grows_too_large(client: httpx.Client) -> None:
-    chunks = (b" " * 10_000 for _ in range(LIMIT // 10_000 + 20))
-    response = client.post("/v1/scenes", content=chunks, headers=JSON)
-    problem(response, 413, "PAYLOAD_TOO_LARGE")
-
-
-def test_a_body_that_stops_arriving(client: httpx.Client) -> None:
-    with socket.create_connection((client.base_url.host, client.base_url.port or 0)) as raw:
-        raw.settimeout(5.0)
-        raw.sendall(
-            b"POST /v1/scenes HTTP/1.1\r\nHost: x\r\nContent-Type: application/json\r\n"
-            b"Content-Length: 100\r\n\r\n{"
-        )
-        start = time.monotonic()
-        answer = b"".join(iter(lambda: raw.recv(65536), b""))
-        assert answer.startswith(b"HTTP/1.1 408")
-        assert b'"REQUEST_TIMEOUT"' in answer
-        assert time.monotonic() - start < 2.0
 
 
 def test_faults_of_the_caller(client: httpx.Client) -> None:
@@ -397,78 +223,3 @@ def _subclasses(cls: type[ArmwrightError]) -> Iterator[type[ArmwrightError]]:
 
 def test_every_error_of_the_domain_has_its_kind() -> None:
     assert {error.code for error in _subclasses(ArmwrightError)} <= set(KINDS)
-
-
-# ------------------------------------------------------------------------------------------ fuzz
-
-_ATOMS: tuple[Any, ...] = (
-    None, True, False, 0, -1, 1.5, 1e308, -1e308, 1e-308, 10**30, "", "a", "\u0000", "é😀", "panda",
-    [], {}, [[]], [0, 0, 0], [0, 0, 0, 1], [1e308] * 3, "x" * 5_000, {"type": "box"}, {"": None},
-)  # fmt: skip
-
-
-def _junk(source: random.Random, schema: Any, components: dict[str, Any], depth: int = 0) -> Any:
-    """Something that nearly follows a schema."""
-    if source.random() < 0.12 or depth > 6 or not isinstance(schema, dict):
-        return source.choice(_ATOMS)
-    if "$ref" in schema:
-        name = schema["$ref"].rpartition("/")[2]
-        return _junk(source, components[name], components, depth + 1)
-    for union in ("anyOf", "oneOf"):
-        if union in schema:
-            return _junk(source, source.choice(schema[union]), components, depth + 1)
-    if "const" in schema or "enum" in schema:
-        return schema.get("const", source.choice(schema.get("enum", [0])))
-    kind = schema.get("type")
-    if kind == "object":
-        required = schema.get("required", [])
-        return {
-            name: _junk(source, part, components, depth + 1)
-            for name, part in schema.get("properties", {}).items()
-            if (name in required and source.random() > 0.05) or source.random() < 0.3
-        }
-    if kind == "array":
-        length = schema.get("minItems", source.randrange(3))
-        return [_junk(source, schema.get("items"), components, depth + 1) for _ in range(length)]
-    if kind in ("number", "integer"):
-        return source.choice(
-            (0, 1, 2, 0.5, -0.5, schema.get("minimum", 0), schema.get("maximum", 9))
-        )
-    return source.choice(("a", "b", "box", "panda", "table"))
-
-
-def test_junk_never_brings_the_service_down(client: httpx.Client) -> None:
-    source = random.Random(20_261_121)
-    document = client.get("/openapi.json").json()
-    components = document["components"]["schemas"]
-    operations = [
-        (method, path, operation)
-        for path, methods in document["paths"].items()
-        for method, operation in methods.items()
-        if method in ("post", "put", "delete") and not path.startswith("/mishaps")
-    ]
-    assert operations
-    statuses: dict[int, int] = {}
-    for _ in range(600):
-        method, path, operation = source.choice(operations)
-        for parameter in ("name", "id"):
-            path = path.replace(
-                f"{{{parameter}}}", source.choice(("a", "panda", "%00", "é", "..a"))
-            )
-        content_schemas = operation.get("requestBody", {}).get("content", {})
-        schema = content_schemas.get("application/json", {}).get("schema")
-        content = json.dumps(_junk(source, schema, components)).encode()
-        if source.random() < 0.2:
-            cut = source.randrange(len(content) + 1)
-            content = content[:cut] + source.randbytes(source.randrange(1, 5)) + content[cut:]
-        response = client.request(method, path, content=content, headers=JSON)
-        statuses[response.status_code] = statuses.get(response.status_code, 0) + 1
-        assert response.status_code < 500 or response.status_code == 503, (
-            path,
-            content,
-            response.text,
-        )
-        if response.status_code >= 400:
-            problem(response, response.status_code, response.json()["code"])
-    assert statuses[422] > 50
-    assert client.get("/readyz").status_code == 200

@@ -1,3 +1,5 @@
+"""Supervised workers: jobs, faults, crashes, overruns, queues and shutdown."""
+
 import asyncio
 import contextlib
 import math
@@ -7,8 +9,6 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
@@ -17,49 +17,12 @@ import pytest
 from service.http.errors import document, headers_of, status_of
 from service.problem import ProblemError
 from service.workers.faults import DeadlineExceeded, QueueFull, ShuttingDown, WorkerCrashed
-from service.workers.launch import Recipe
-from service.workers.supervisor import WorkerSupervisor
 from service.workers.task import Job, load_tasks, registered_task
 from tests.service import chores
 from tests.service.processes import alive, wait_until
+from tests.service.workers.pools import chore, ready, supervisor, working
 
 ROOT = Path(__file__).parents[3]
-MODULE = "tests.service.chores"
-
-
-def chore(name: str, *args: Any, seconds: float = 20.0, **kwargs: Any) -> Job[Any]:
-    job: Job[Any] = Job(f"tests.service.chores:{name}", args, kwargs)
-    return job.with_timeout(seconds)
-
-
-@asynccontextmanager
-async def supervisor(
-    count: int = 2,
-    queue_limit: int = 1000,
-    warm: str = "no_warming",
-    enrich: str | None = None,
-    spares: int = 0,
-) -> AsyncIterator[WorkerSupervisor]:
-    step = None if enrich is None else f"{MODULE}:{enrich}"
-    recipe = Recipe((MODULE,), f"{MODULE}:{warm}", step)
-    workers = WorkerSupervisor(count, queue_limit, recipe=recipe, spares=spares)
-    await workers.start()
-    try:
-        yield workers
-    finally:
-        await workers.stop()
-
-
-async def ready(workers: WorkerSupervisor) -> None:
-    async with asyncio.timeout(60.0):
-        while not workers.ready:
-            await asyncio.sleep(0.005)
-
-
-async def working(workers: WorkerSupervisor, count: int) -> None:
-    async with asyncio.timeout(10.0):
-        while workers.busy != count:
-            await asyncio.sleep(0.005)
 
 
 def test_results_and_large_payloads() -> None:
@@ -258,85 +221,6 @@ def test_the_queue_is_bounded() -> None:
     asyncio.run(run())
 
 
-def test_a_brief_job_is_done_while_all_workers_have_work_and_no_other_job_is() -> None:
-    async def run() -> None:
-        async with supervisor(1, spares=1) as workers:
-            await ready(workers)
-            assert (workers.count, workers.alive, workers.spare) == (1, 1, 1)
-            running = asyncio.ensure_future(workers.submit(chore("nap", 0.5)))
-            queued = asyncio.ensure_future(workers.submit(chore("nap", 0.0)))
-            await asyncio.sleep(0.02)
-            assert (workers.busy, workers.waiting) == (1, 1)
-            answers = [workers.submit(chore("add", i, 1), brief=True) for i in range(20)]
-            assert await asyncio.gather(*answers) == list(range(1, 21))
-            assert not running.done()
-            assert not queued.done(), "a spare worker takes nothing that may be long"
-            assert list(await asyncio.gather(running, queued)) == [0.5, 0.0]
-
-    asyncio.run(run())
-
-
-def test_brief_jobs_do_not_count_as_work() -> None:
-    async def run() -> None:
-        async with supervisor(1, spares=1) as workers:
-            await ready(workers)
-            brief = asyncio.ensure_future(workers.submit(chore("nap", 0.3), brief=True))
-            await asyncio.sleep(0.02)
-            assert (workers.busy, workers.busy_pids) == (0, [])
-            assert await workers.submit(chore("add", 1, 2)) == 3
-            assert not brief.done()
-            assert await brief == 0.3
-
-    asyncio.run(run())
-
-
-def test_the_spare_worker_takes_the_place_of_one_that_dies() -> None:
-    async def run() -> None:
-        async with supervisor(1, spares=1) as workers:
-            await ready(workers)
-            first = set(workers.pids)
-            dying = asyncio.ensure_future(workers.submit(chore("nap", 30.0)))
-            waiting = asyncio.ensure_future(workers.submit(chore("surroundings")))
-            await working(workers, 1)
-            (victim,) = workers.busy_pids
-            os.kill(victim, signal.SIGKILL)
-            assert {(await waiting)["pid"]} == first - {victim}, "none was started for it"
-            with pytest.raises(WorkerCrashed):
-                await dying
-            async with asyncio.timeout(10.0):
-                while not workers.ready or workers.spare != 1:
-                    await asyncio.sleep(0.01)
-            assert len(set(workers.pids) - first) == 1
-
-    asyncio.run(run())
-
-
-def test_a_worker_that_is_ended_leaves_its_job_to_the_spare_at_once() -> None:
-    async def run() -> None:
-        async with supervisor(1, spares=1) as workers:
-            await ready(workers)
-            first = set(workers.pids)
-            with pytest.raises(DeadlineExceeded):
-                await workers.submit(chore("burn", seconds=0.1))
-            assert (await workers.submit(chore("surroundings")))["pid"] in first
-
-    asyncio.run(run())
-
-
-def test_the_queue_of_brief_jobs_is_bounded() -> None:
-    async def run() -> None:
-        async with supervisor(1, queue_limit=1, spares=1) as workers:
-            await ready(workers)
-            jobs = [workers.submit(chore("nap", 0.2), brief=True) for _ in range(3)]
-            accepted = [asyncio.ensure_future(job) for job in jobs]
-            await asyncio.sleep(0.02)
-            with pytest.raises(QueueFull):
-                await workers.submit(chore("add", 1, 1), brief=True)
-            assert await asyncio.gather(*accepted) == [0.2] * 3
-
-    asyncio.run(run())
-
-
 def test_cancelling_takes_a_job_from_the_queue_or_ends_its_worker() -> None:
     async def run() -> None:
         async with supervisor(1) as workers:
@@ -376,19 +260,6 @@ def test_a_worker_that_was_ended_is_not_listed_while_it_is_reaped() -> None:
     asyncio.run(run())
 
 
-def test_workers_that_cannot_warm_up_are_never_ready(caplog: pytest.LogCaptureFixture) -> None:
-    async def run() -> None:
-        async with supervisor(1, warm="failing_warming") as workers:
-            async with asyncio.timeout(60.0):
-                while "no compiler" not in caplog.text:
-                    await asyncio.sleep(0.01)
-            assert not workers.ready
-            with pytest.raises(DeadlineExceeded):
-                await workers.submit(chore("add", 1, 1, seconds=0.1))
-
-    asyncio.run(run())
-
-
 def test_stopping_tells_everybody_and_leaves_nothing_behind() -> None:
     async def run() -> None:
         async with supervisor(2) as workers:
@@ -404,84 +275,6 @@ def test_stopping_tells_everybody_and_leaves_nothing_behind() -> None:
             assert not any(alive(pid) for pid in pids)
             with pytest.raises(ShuttingDown):
                 await workers.submit(chore("add", 1, 1))
-
-    asyncio.run(run())
-
-
-def test_progress_of_warming_is_told_until_it_ends() -> None:
-    async def run() -> None:
-        async with supervisor(1, warm="slow_warming") as workers:
-            assert workers.progress is None
-            async with asyncio.timeout(30.0):
-                while workers.progress is None or workers.progress.done == 0:
-                    await asyncio.sleep(0.01)
-            assert workers.progress == (1, 2, 30.4)
-            assert not workers.ready
-            start = time.monotonic()
-            await workers.stop()
-            assert time.monotonic() - start < 1.0
-
-    asyncio.run(run())
-
-
-def test_a_fork_server_that_dies_is_replaced_and_costs_no_job() -> None:
-    async def run() -> None:
-        async with supervisor(1) as workers:
-            await ready(workers)
-            before = await workers.submit(chore("surroundings"))
-            running = asyncio.ensure_future(workers.submit(chore("nap", 0.3)))
-            await working(workers, 1)
-            os.kill(before["parent"], signal.SIGKILL)
-            assert await running == 0.3
-            (worker,) = workers.pids
-            assert worker == before["pid"], "workers outlive it"
-            os.kill(worker, signal.SIGKILL)
-            after = await workers.submit(chore("surroundings"))
-            assert after["parent"] != before["parent"]
-
-    asyncio.run(run())
-
-
-def test_workers_are_forked_anew_once_more_is_prepared() -> None:
-    async def run() -> None:
-        async with supervisor(1, spares=1, enrich="enriching") as workers:
-            await ready(workers)
-            first = set(workers.pids)
-            running = asyncio.ensure_future(workers.submit(chore("nap", 1.5)))
-            assert await workers.submit(chore("enriched"), brief=True) != [0, 1, 2]
-            async with asyncio.timeout(30.0):
-                while await workers.submit(chore("enriched"), brief=True) != [0, 1, 2]:
-                    await asyncio.sleep(0.02)
-            assert len(first & set(workers.pids)) == 1, "one that has a job is left alone"
-            assert await running == 1.5
-            async with asyncio.timeout(10.0):
-                while first & set(workers.pids) or workers.spare != 1:
-                    await asyncio.sleep(0.02)
-            assert await workers.submit(chore("enriched")) == [0, 1, 2]
-            assert workers.counters.crashed == 0
-
-    asyncio.run(run())
-
-
-def test_a_worker_that_dies_while_more_is_prepared_is_replaced() -> None:
-    async def run() -> None:
-        async with supervisor(1, enrich="enriching") as workers:
-            await ready(workers)
-            (victim,) = workers.pids
-            os.kill(victim, signal.SIGKILL)
-            assert await workers.submit(chore("add", 1, 1)) == 2
-
-    asyncio.run(run())
-
-
-def test_workers_do_without_what_could_not_be_prepared() -> None:
-    async def run() -> None:
-        async with supervisor(1, enrich="failing_enriching") as workers:
-            await ready(workers)
-            async with asyncio.timeout(10.0):
-                while workers.started_workers < 2:
-                    await asyncio.sleep(0.02)
-            assert await workers.submit(chore("enriched")) == [0]
 
     asyncio.run(run())
 
