@@ -1,4 +1,4 @@
-"""What the fork server of the service loads: named here, so that the server imports none of it."""
+"""Recipe of the service's fork server, by names, so that the server imports nothing of it."""
 
 from service.workers.launch import Recipe
 

@@ -1,4 +1,4 @@
-"""Every script in benchmarks/ runs on tiny input; peers that are not installed are left out by it."""
+"""Every script in benchmarks/ runs on tiny input; peers that are not installed are left out."""
 
 import importlib
 import importlib.util

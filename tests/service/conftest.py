@@ -7,8 +7,8 @@ import pytest
 from fastapi import FastAPI
 
 from service.app import create_app
+from service.recipe import RECIPE
 from service.settings import Settings
-from service.warm import RECIPE
 from service.workers.supervisor import WorkerSupervisor
 from tests.service.http.exchange import LIMIT, add_mishaps
 from tests.service.server import serving

@@ -17,7 +17,6 @@ from fastapi import FastAPI
 from kinematics.errors import ArmwrightError
 from service.app import create_app
 from service.http.errors import KINDS
-from service.recipe import RECIPE
 from service.settings import Settings
 from service.version import VERSION
 from service.workers.supervisor import WorkerSupervisor

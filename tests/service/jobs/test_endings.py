@@ -1,0 +1,190 @@
+"""Ends of jobs: cancelled, overdue, streamed to the end, resumed after a restart and forgotten."""
+
+import asyncio
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from service.jobs.runner import Jobs
+from service.problem import ProblemError
+from service.storage.document_store import SqliteStore
+from service.storage.job_store import JobAnswer
+from tests.service.jobs.loop import App, ended, run, until
+from tests.service.jobs.stored import REQUEST, opened, record
+
+
+def test_a_running_job_is_cancelled_with_its_work(tmp_path: Path) -> None:
+    async def scenario(jobs: Jobs, app: App, store: SqliteStore) -> None:
+        job = await jobs.accept(REQUEST)
+        await until(lambda: len(app.contexts) == 1)
+        cancelled = await jobs.cancel(job.id)
+        assert cancelled.status == "cancelled"
+        await until(lambda: app.cancelled == 1)
+        found, answer = await jobs.get(job.id)
+        assert (found.status, answer) == ("cancelled", None)
+        assert (await jobs.cancel(job.id)).ended == cancelled.ended, "it stays as it was"
+
+    run(tmp_path, scenario)
+
+
+def test_a_queued_job_is_cancelled_before_it_begins(tmp_path: Path) -> None:
+    async def scenario(jobs: Jobs, app: App, store: SqliteStore) -> None:
+        first, second = await jobs.accept(REQUEST), await jobs.accept(REQUEST)
+        await until(lambda: len(app.contexts) == 1)
+        assert (await jobs.cancel(second.id)).status == "cancelled"
+        app.open.set()
+        await ended(jobs, first.id)
+        await asyncio.sleep(0.02)
+        assert [context.id for context in app.contexts] == [first.id]
+
+    run(tmp_path, scenario, workers=1)
+
+
+@pytest.mark.parametrize("status", [200, 422])
+def test_what_has_ended_can_not_be_cancelled(tmp_path: Path, status: int) -> None:
+    async def scenario(jobs: Jobs, app: App, store: SqliteStore) -> None:
+        app.status = status
+        app.open.set()
+        job = await jobs.accept(REQUEST)
+        done, _ = await ended(jobs, job.id)
+        await until(lambda: jobs.unfinished_count == 0)
+        with pytest.raises(ProblemError) as conflict:
+            await jobs.cancel(job.id)
+        assert conflict.value.code == "CONFLICT"
+        assert conflict.value.details["status_of_job"] == done.status
+        assert (await jobs.get(job.id))[0] == done
+
+    run(tmp_path, scenario)
+
+
+@pytest.mark.parametrize("name", ["", "nobody", "0" * 31, "0" * 33, "G" * 32, "0" * 32])
+def test_a_job_that_is_not_there_is_not_found(tmp_path: Path, name: str) -> None:
+    async def scenario(jobs: Jobs, app: App, store: SqliteStore) -> None:
+        for refused in (jobs.get(name), jobs.cancel(name), jobs.events(name, 0)):
+            with pytest.raises(ProblemError) as missing:
+                await refused
+            assert missing.value.code == "NOT_FOUND"
+
+    run(tmp_path, scenario)
+
+
+def test_a_job_that_does_not_end_in_time_is_ended(tmp_path: Path) -> None:
+    async def scenario(jobs: Jobs, app: App, store: SqliteStore) -> None:
+        job = await jobs.accept(REQUEST)
+        done, answer = await ended(jobs, job.id)
+        assert done.status == "failed"
+        assert answer is not None
+        problem = json.loads(answer.content)
+        assert (problem["code"], problem["stage"]) == ("TIMED_OUT", "job")
+        assert "within 0.05 s" in problem["detail"]
+        assert app.cancelled == 1
+
+    run(tmp_path, scenario, job_deadline=0.05)
+
+
+def test_events_go_on_until_the_end_with_signs_of_life(tmp_path: Path) -> None:
+    async def scenario(jobs: Jobs, app: App, store: SqliteStore) -> None:
+        job = await jobs.accept(REQUEST)
+        stream = await jobs.events(job.id, 0)
+        assert stream is not None
+        received: list[bytes] = []
+        async for block in stream:
+            received.append(block)
+            if block.startswith(b": keep-alive"):
+                app.open.set()
+        kinds = [block.split(b"\n")[1] for block in received if block.startswith(b"id")]
+        assert kinds == [b"event: status", b"event: status", b"event: end"]
+        assert b": keep-alive\n\n" in received
+        await until(lambda: jobs.unfinished_count == 0)
+        done, _ = await jobs.get(job.id)
+        assert await jobs.events(job.id, done.event) is None, "all events were received"
+        last = await jobs.events(job.id, done.event - 1)
+        assert last is not None
+        assert [block async for block in last] == [received[-1]]
+
+    run(tmp_path, scenario)
+
+
+def test_streams_end_when_the_service_does(tmp_path: Path) -> None:
+    async def scenario(jobs: Jobs, app: App, store: SqliteStore) -> None:
+        job = await jobs.accept(REQUEST)
+        stream = await jobs.events(job.id, 0)
+        assert stream is not None
+        asyncio.get_running_loop().call_later(0.03, lambda: stopping.append(stop()))
+        stopping: list[Any] = []
+
+        def stop() -> Any:
+            return asyncio.ensure_future(jobs.stop())
+
+        received = [block async for block in stream]
+        assert not any(b"event: end" in block for block in received)
+        await stopping[0]
+        assert store.jobs.get(job.id)[0].status == "queued", "it goes on at the next start"
+        assert await jobs.events(job.id, 0) is None
+
+    run(tmp_path, scenario, keep_alive=60.0)
+
+
+def test_what_waited_goes_on_and_what_ran_has_failed(tmp_path: Path) -> None:
+    with opened(tmp_path) as store:
+        store.jobs.add(record(1), REQUEST)
+        store.jobs.add(record(2, status="running", started=5.0), REQUEST)
+
+    async def scenario(jobs: Jobs, app: App, store: SqliteStore) -> None:
+        app.open.set()
+        done, _ = await ended(jobs, record(1).id)
+        assert done.status == "succeeded"
+        lost, answer = await jobs.get(record(2).id)
+        assert lost.status == "failed"
+        assert answer is not None
+        assert json.loads(answer.content)["code"] == "CRASH"
+        assert [context.id for context in app.contexts] == [record(1).id]
+
+    run(tmp_path, scenario)
+
+
+def test_old_answers_are_forgotten_at_the_start_and_when_a_job_ends(tmp_path: Path) -> None:
+    with opened(tmp_path) as store:
+        store.jobs.add(record(1, status="succeeded", ended=1.0), None)
+
+    async def scenario(jobs: Jobs, app: App, store: SqliteStore) -> None:
+        await until(lambda: store.jobs.list(None, "", 10) == [])
+        app.open.set()
+        accepted = [await jobs.accept(REQUEST) for _ in range(4)]
+        await until(lambda: jobs.unfinished_count == 0)
+        await until(lambda: len(store.jobs.list(None, "", 10)) == 2)
+        kept = {job.id for job in store.jobs.list(None, "", 10)}
+        assert kept <= {job.id for job in accepted}
+
+    run(tmp_path, scenario, job_count=2)
+
+
+def test_a_request_that_is_answered_at_once_becomes_a_job_that_has_succeeded(
+    tmp_path: Path,
+) -> None:
+    async def scenario(jobs: Jobs, app: App, store: SqliteStore) -> None:
+        answer = JobAnswer("application/json", b"{}")
+        done = await jobs.keep(REQUEST, answer, "/v1/scenes/a")
+        assert (done.status, done.location) == ("succeeded", "/v1/scenes/a")
+        assert await jobs.get(done.id) == (done, answer)
+        assert jobs.unfinished_count == 0
+        assert app.contexts == []
+
+    run(tmp_path, scenario)
+
+
+def test_later_jobs_sort_after_earlier_ones(tmp_path: Path) -> None:
+    async def scenario(jobs: Jobs, app: App, store: SqliteStore) -> None:
+        ids = []
+        for _ in range(5):
+            ids.append((await jobs.accept(REQUEST)).id)
+            await asyncio.sleep(0.003)
+        assert ids == sorted(ids)
+        assert [job.id for job in await jobs.list(None, "", 10)] == ids[::-1]
+        await until(lambda: len(app.contexts) == 2)
+        live = await jobs.list("queued", "", 10)
+        assert {job.id for job in live} >= set(ids[2:])
+
+    run(tmp_path, scenario)
