@@ -9,13 +9,23 @@ from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.forward import forward, frames_kernel
 from kinematics.robots import builtin_chain
+from kinematics.serial_chain import serial_chain
+from kinematics.urdf import parse_urdf
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.edge_bounds import bound_kernel, expand_kernel
 from planning.constraints.orientation import ConeConstraint
+from planning.constraints.position import PositionConstraint
+from planning.constraints.region import PlaneRegion
 from planning.constraints.row import KIND, RowKind
 from tests.dynamics.samples import random_chain
 from tests.planning.constraints.samples import some_of_each
 
+#: A turntable with a slide across it.
+POLAR = """<robot name="polar"><link name="base"/><link name="table"/><link name="tip"/>
+<joint name="turn" type="revolute"><parent link="base"/><child link="table"/><axis xyz="0 0 1"/>
+<limit lower="-3" upper="3" velocity="1" effort="1"/></joint>
+<joint name="out" type="prismatic"><parent link="table"/><child link="tip"/><axis xyz="1 0 0"/>
+<limit lower="-1" upper="1" velocity="1" effort="1"/></joint></robot>"""
 CHAINS = [builtin_chain("panda"), builtin_chain("stanford"), random_chain(2, 5)]
 
 
@@ -113,3 +123,18 @@ def test_a_joint_along_the_axis_does_not_widen_the_bound_of_a_cone() -> None:
     aside = np.column_stack([q, 2.0 * np.eye(7)[5]])
     ((middle, bound),) = bounds(chain, np.array(cone.packed), aside, 0.5, 0.5)
     assert bound > middle + 0.1
+
+
+def test_a_slide_that_turns_while_it_moves_out_is_bounded() -> None:
+    """From the middle of a turntable, y = r sin(theta): no velocity there, only the product."""
+    chain = serial_chain(parse_urdf(POLAR))
+    slab = ConstraintSet(chain, (PositionConstraint(PlaneRegion([0, 0, 0], [0, 1, 0], 0.0)),))
+    for out, turn in ((0.5, 0.2), (0.2, 0.5), (0.1, 0.1)):
+        curve = np.array([[0.0, turn], [0.0, out]])
+        q, linear, curved = np.zeros(2), curve[:, 1], np.zeros(2)
+        frames = np.empty((2, 4, 4))
+        frames_kernel(chain.model, q, frames)
+        row = np.array(slab.packed)[0]
+        _, bound = bound_kernel(chain.model, q, frames, row, linear, curved, np.empty((3, 3)))
+        highest = out * np.sin(turn)
+        assert highest <= bound <= 1.2 * out * turn
