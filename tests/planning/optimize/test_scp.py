@@ -57,6 +57,17 @@ def test_each_best_is_better_than_the_one_before() -> None:
     assert values[-1] < 0.9 * values[0] or values[-1] < 1.85
 
 
+def test_a_motion_that_is_worse_does_not_take_the_place_of_the_best() -> None:
+    options = RefineOptions.of({"objective": "path_length"})
+    work = Descent(task(NONE), options, line(0.1), np.inf, Deadline.after(60.0))
+    best = work.best
+    assert best is not None
+    assert work._keep_if_better(line(0.3)) == []
+    assert work.best is best
+    assert work._keep_if_better(line(0.05)) == []
+    assert work.best.value < best.value
+
+
 @pytest.mark.parametrize("rounds", [1, 2])
 def test_no_more_rounds_are_run_than_allowed(rounds: int) -> None:
     work = descent(0.3, rounds=rounds)
