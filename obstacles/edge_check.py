@@ -38,8 +38,7 @@ from obstacles.kernel_work import Workspace, drift, place, visit, workspace
 from obstacles.mesh_distance import surface_distance
 from obstacles.model_arrays import ModelArrays
 from obstacles.pair_grid import grid_bound
-from obstacles.piece_set import CENTER, MARGIN, NODE_STOP, OWNER, RADIUS
-from obstacles.support_table import Lists
+from obstacles.piece_set import CENTER, MARGIN, NODE_STOP, OWNER, RADIUS, Pair, Shapes
 
 FREE = 0
 COLLIDING = 1
@@ -66,16 +65,27 @@ _CLEARANCE, _SHARE, _STOPPED = 0, 1, 2
 
 
 @kernel(allocates=False, inline="always")
-def _settle(
-    a: Array, i: int, still: int, placed: Array, j: int, last: int, corners: Array, tables: Lists,
-    surfaces: Array, twists: Array, strays: Array, room: Array, stack: Array, tally: Array,
-    apart: float, axes: Array, at: int,
+def _compare(
+    model: ModelArrays, work: Workspace, pair: Pair, still: int, last: int, apart: float,
+    axes: Array, at: int,
 ) -> int:  # fmt: skip
-    """Compare piece j, carried by joint ``last``, with piece i of ``a`` on the interval visited.
+    """Compare a pair of pieces on the interval visited.
+
+    Args:
+        model: The packed robot and scene.
+        work: The workspace, its second piece placed.
+        pair: The pieces; the second is one of ``work.placed``.
+        still: The joint that carries the first, -1 for the base.
+        last: The joint that carries the second.
+        apart: Their margin [m].
+        axes: Axes across which pairs part, shape (e, 3).
+        at: The row of this pair's.
 
     Returns:
         FARTHER (apart all over it), CLOSER (at most ``apart`` in the middle) or BETWEEN.
     """
+    a, i, placed, j = pair
+    twists, strays, tally = work.twists, work.strays, work.tally
     enough, most = apart + _ROUNDING_ERROR, strays[j, 3 * still + 3]
     lower, n = quick_bound(a, i, placed, j, enough + most)
     lost, verdict = most, FARTHER
@@ -88,29 +98,17 @@ def _settle(
             if axis[0] == 0.0 and axis[1] == 0.0 and axis[2] == 0.0:
                 axis[0], axis[1], axis[2] = n
             verdict, lower, _ = separation(
-                a, i, placed, j, corners, tables, apart, enough, moving, axis, room
+                pair, model.corners, model.tables, apart, enough, moving, axis, work.room
             )
             lost = allowance((axis[0], axis[1], axis[2]), moving)
             # A cover that touches proves nothing: its triangles decide.
             touching = verdict == CLOSER or lower - enough < _GRAZING * lost
-            if (
-                verdict != FARTHER and touching
-                and (a[i, NODE_STOP] > 0.0 or placed[j, NODE_STOP] > 0.0)
-            ):  # fmt: skip
+            covers = a[i, NODE_STOP] > 0.0 or placed[j, NODE_STOP] > 0.0
+            if verdict != FARTHER and touching and covers:
                 verdict, lower = surface_distance(
-                    a,
-                    i,
-                    placed,
-                    j,
-                    corners,
-                    tables,
-                    surfaces,
-                    apart,
-                    enough + most,
-                    axis,
-                    room,
-                    stack,
-                )
+                    pair, Shapes(model.corners, model.tables, model.surfaces), apart,
+                    enough + most, axis, work.room, work.stack,
+                )  # fmt: skip
                 lost = most
     if verdict == BETWEEN:
         share = _TRUSTED * max(lower - enough, 0.0) / lost if lost > 0.0 else 0.0
@@ -134,10 +132,7 @@ def _examine(  # noqa: C901, PLR0912, PLR0915
         -1.
     """
     joints, scene, nodes, items = model.joints, model.scene, model.nodes, model.items
-    corners, tables, skipped = model.corners, model.tables, model.skipped
-    placed, strays, twists, room, tally, stack, surfaces = (
-        work.placed, work.strays, work.twists, work.room, work.tally, work.stack, model.surfaces,
-    )  # fmt: skip
+    skipped, placed, strays, tally = model.skipped, work.placed, work.strays, work.tally
     p, m = skipped.shape[0], scene.shape[0]
     extra = model.margin + margin
     for entry in range(first, first + count):
@@ -171,10 +166,9 @@ def _examine(  # noqa: C901, PLR0912, PLR0915
                 place(model, work, a)
                 for row in range(3):
                     axes[kept, row] = 0.0 if i < 0 else hints[entry, row]
-                verdict = _settle(
-                    placed, a, joints[a], placed, b, joints[b], corners, tables,
-                    surfaces, twists, strays, room, stack, tally, model.own_margin + margin,
-                    axes, kept,
+                verdict = _compare(
+                    model, work, Pair(placed, a, placed, b), joints[a], joints[b],
+                    model.own_margin + margin, axes, kept,
                 )  # fmt: skip
                 if verdict == CLOSER:
                     return kept, p * m + s
@@ -220,10 +214,9 @@ def _examine(  # noqa: C901, PLR0912, PLR0915
                     return -1, -1
                 for row in range(3):
                     axes[kept, row] = 0.0 if k < 0 else hints[entry, row]
-                verdict = _settle(
-                    scene, piece, -1, placed, i, joints[i], corners, tables,
-                    surfaces, twists, strays, room, stack, tally, scene[piece, MARGIN] + extra,
-                    axes, kept,
+                verdict = _compare(
+                    model, work, Pair(scene, piece, placed, i), -1, joints[i],
+                    scene[piece, MARGIN] + extra, axes, kept,
                 )  # fmt: skip
                 if verdict == CLOSER:
                     return kept, i * m + piece

@@ -18,7 +18,7 @@ import numpy as np
 from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
 from kinematics.vec3 import Vector, cross, dot, subtract
-from obstacles.piece_set import KIND, POSE, ROUNDING, SIZE, START, STOP, TABLE, CoreKind
+from obstacles.piece_set import KIND, POSE, ROUNDING, SIZE, START, STOP, TABLE, CoreKind, Pair
 from obstacles.support_table import Lists, cell_of
 
 FARTHER = 0
@@ -50,7 +50,7 @@ STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 def _farthest(rows: Array, i: int, corners: Array, tables: Lists, d: Vector) -> Vector:
     """The corner of a polytope that is farthest along ``d``."""
     start = int(rows[i, START])
-    best, found = -np.inf, start
+    best, corner = -np.inf, start
     if rows[i, KIND] == _TABLED:
         table = int(rows[i, TABLE])
         cell = table + cell_of(d[0], d[1], d[2])
@@ -58,13 +58,13 @@ def _farthest(rows: Array, i: int, corners: Array, tables: Lists, d: Vector) -> 
             k = start + tables[entry]
             value = corners[k, 0] * d[0] + corners[k, 1] * d[1] + corners[k, 2] * d[2]
             if value > best:
-                best, found = value, k
+                best, corner = value, k
     else:
         for k in range(start, int(rows[i, STOP])):
             value = corners[k, 0] * d[0] + corners[k, 1] * d[1] + corners[k, 2] * d[2]
             if value > best:
-                best, found = value, k
-    return corners[found, 0], corners[found, 1], corners[found, 2]
+                best, corner = value, k
+    return corners[corner, 0], corners[corner, 1], corners[corner, 2]
 
 
 @kernel(allocates=False)
@@ -114,7 +114,7 @@ def row(S: Array, i: int) -> Vector:
 
 
 @kernel(allocates=False)
-def put(S: Array, i: int, p: Vector) -> None:
+def set_row(S: Array, i: int, p: Vector) -> None:
     """Write p into row i of S (k, 3)."""
     S[i, 0], S[i, 1], S[i, 2] = p[0], p[1], p[2]
 
@@ -126,14 +126,14 @@ def nearest_on_segment(a: Vector, b: Vector, S: Array) -> tuple[Vector, int]:
     length = dot(ab, ab)
     t = -dot(a, ab)
     if t <= 0.0 or length == 0.0:
-        put(S, 0, a)
+        set_row(S, 0, a)
         return a, 1
     if t >= length:
-        put(S, 0, b)
+        set_row(S, 0, b)
         return b, 1
     t /= length
-    put(S, 0, a)
-    put(S, 1, b)
+    set_row(S, 0, a)
+    set_row(S, 1, b)
     return (a[0] + t * ab[0], a[1] + t * ab[1], a[2] + t * ab[2]), 2
 
 
@@ -146,15 +146,15 @@ def nearest_on_triangle(a: Vector, b: Vector, c: Vector, S: Array) -> tuple[Vect
     ab, ac = subtract(b, a), subtract(c, a)
     d1, d2 = -dot(ab, a), -dot(ac, a)
     if d1 <= 0.0 and d2 <= 0.0:
-        put(S, 0, a)
+        set_row(S, 0, a)
         return a, 1
     d3, d4 = -dot(ab, b), -dot(ac, b)
     if d3 >= 0.0 and d4 <= d3:
-        put(S, 0, b)
+        set_row(S, 0, b)
         return b, 1
     d5, d6 = -dot(ab, c), -dot(ac, c)
     if d6 >= 0.0 and d5 <= d6:
-        put(S, 0, c)
+        set_row(S, 0, c)
         return c, 1
     vc = d1 * d4 - d3 * d2
     if vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
@@ -170,9 +170,9 @@ def nearest_on_triangle(a: Vector, b: Vector, c: Vector, S: Array) -> tuple[Vect
         # A sliver without area: the longest edge stands for it.
         return nearest_on_segment(a, b if dot(ab, ab) > dot(ac, ac) else c, S)
     v, w = vb / total, vc / total
-    put(S, 0, a)
-    put(S, 1, b)
-    put(S, 2, c)
+    set_row(S, 0, a)
+    set_row(S, 1, b)
+    set_row(S, 2, c)
     return (
         a[0] + ab[0] * v + ac[0] * w,
         a[1] + ab[1] * v + ac[1] * w,
@@ -215,7 +215,7 @@ def nearest_on_tetrahedron(S: Array, scratch: Array, apart: bool) -> tuple[Vecto
         if distance < best:
             best, count, nearest = distance, k, v
             for i in range(k):
-                put(S, i, row(scratch, i))
+                set_row(S, i, row(scratch, i))
     return nearest, count
 
 
@@ -258,39 +258,28 @@ def allowance(n: Vector, drift: Drift) -> float:
 
 @kernel(allocates=False)
 def separation(
-    a: Array,
-    i: int,
-    b: Array,
-    j: int,
-    corners: Array,
-    tables: Lists,
-    near: float,
-    far: float,
-    drift: Drift,
-    axis: Array,
+    pair: Pair, corners: Array, tables: Lists, near: float, far: float, drift: Drift, axis: Array,
     room: Array,
-) -> tuple[int, float, float]:
-    """Compare the distance of piece i of ``a`` and piece j of ``b`` with two thresholds.
+) -> tuple[int, float, float]:  # fmt: skip
+    """Compare the distance of two pieces with two thresholds.
 
     Args:
-        a: Rows of a ``PieceSet``, their poses in a common frame.
-        i: One of them.
-        b: Such rows, the same or others.
-        j: One of them.
-        corners: Of both.
-        tables: Of both.
+        pair: The pieces.
+        corners: Corners of both, shape (v, 3).
+        tables: Support tables of both.
         near: At most this far apart counts as too close [m]; -inf asks for the distance itself.
         far: Farther apart than this, and than the drift's allowance along the same plane on top, is
             far enough [m]; +inf asks for the distance itself.
-        drift: What motion there is, ``STILL`` for none.
-        axis: Where to look first, from j to i, shape (3,); replaced by what was found.
-        room: Room to work in, shape (8, 3).
+        drift: Motion of the second piece seen from the first, ``STILL`` for none.
+        axis: Direction to look along first, from j to i, shape (3,); replaced by the best one.
+        room: Workspace, shape (8, 3).
 
     Returns:
         FARTHER, CLOSER (distance <= near) or BETWEEN, and a lower and an upper bound of the
         distance. Bounds of overlapping pieces are minus their roundings, or 0. Where it is FARTHER,
         the lower bound is proved by the plane across ``axis``.
     """
+    a, i, b, j = pair
     if a[i, KIND] == _HALFSPACE or b[j, KIND] == _HALFSPACE:
         if b[j, KIND] == _HALFSPACE:
             d, n, _ = wall_distance(a, i, b, j, corners, tables)
@@ -331,7 +320,7 @@ def separation(
             repeated |= S[k, 0] == w[0] and S[k, 1] == w[1] and S[k, 2] == w[2]
         if repeated:
             break
-        put(S, count, w)
+        set_row(S, count, w)
         v, count = nearest_on_simplex(S, count + 1, scratch, lower > -rounding)
         before, square = square, dot(v, v)
         if count == 4 or square <= _CONTACT * _CONTACT:
@@ -339,8 +328,8 @@ def separation(
             break
         upper = min(upper, math.sqrt(square) - rounding)
         # Between the two, and known well enough for what follows.
-        settled = upper <= enough and lower - near >= _KNOWN * (upper - near)
-        if upper <= near or (settled and lower > near > -np.inf):
+        close_enough = upper <= enough and lower - near >= _KNOWN * (upper - near)
+        if upper <= near or (close_enough and lower > near > -np.inf):
             break
         if iteration > 0 and square >= before:
             break

@@ -28,14 +28,20 @@ from obstacles.piece_set import (
     START,
     STOP,
     CoreKind,
+    Pair,
+    Shapes,
 )
 from obstacles.support_table import Lists
 
 _HALFSPACE = int(CoreKind.HALFSPACE)
-#: Directions there is room for, and looks that a search may take.
-_DIRECTIONS, _LOOKS = 64, 160
-#: A way out counts as found to this share of its length, or to this [m].
-_SHARE, _LEAST = 0.01, 1e-6
+#: Directions that are tried at most.
+_DIRECTIONS = 64
+#: Comparisons of the moved bodies that a search may take.
+_LOOKS = 160
+#: A way out is known well enough to this share of its length.
+_SHARE = 0.01
+#: A way out is known well enough to this [m].
+_LEAST = 1e-6
 #: A direction is worth a bisection where it leads out in this share of the best one's length.
 _SHORTER = 0.95
 
@@ -54,7 +60,7 @@ def mesh_depth(a: Array, b: Array, corners: Array, tables: Lists, nodes: Array) 
     if b[0, KIND] == _HALFSPACE:
         return _depth_in_halfspace(a, b, corners, tables, nodes)
     ways, room, stack = np.empty((_DIRECTIONS, 3)), np.zeros((9, 3)), np.empty(STACK)
-    moved = a.copy()
+    moved, shapes = a.copy(), Shapes(corners, tables, nodes)
     known = _first_ways(a, b, corners, tables, ways)
     best, looks, way = np.inf, 0, 0
     while way < known and looks < _LOOKS:
@@ -64,19 +70,19 @@ def mesh_depth(a: Array, b: Array, corners: Array, tables: Lists, nodes: Array) 
         if high > _SHORTER * best:
             high = _SHORTER * best
             looks += 1
-            if not _parted(a, moved, b, corners, tables, nodes, n, high, room, stack):
-                known = _learn(corners, tables, stack, ways, known)
+            if not _is_apart(a, moved, b, shapes, n, high, room, stack):
+                known = _add_directions(corners, tables, stack, ways, known)
                 continue
         # Coarse steps down, since what is shallow is so by orders of magnitude, then halves.
         low, step = 0.0, 0.25
         while high - low > max(_SHARE * high, _LEAST) and looks < _LOOKS:
             middle = low + step * (high - low)
             looks += 1
-            if _parted(a, moved, b, corners, tables, nodes, n, middle, room, stack):
+            if _is_apart(a, moved, b, shapes, n, middle, room, stack):
                 high = middle
             else:
                 low, step = middle, 0.5
-                known = _learn(corners, tables, stack, ways, known)
+                known = _add_directions(corners, tables, stack, ways, known)
         best = min(best, high)
     return best
 
@@ -158,13 +164,22 @@ def _hull_depth(a: Array, b: Array, corners: Array, tables: Lists, n: Vector) ->
 
 
 @kernel
-def _parted(
-    a: Array, moved: Array, b: Array, corners: Array, tables: Lists, nodes: Array, n: Vector,
-    by: float, room: Array, stack: Array,
+def _is_apart(
+    a: Array, moved: Array, b: Array, shapes: Shapes, n: Vector, by: float, room: Array,
+    stack: Array,
 ) -> bool:  # fmt: skip
-    """Whether ``a`` is apart from ``b`` once it is moved by some way along n, as ``moved`` then is.
+    """Whether ``a`` is apart from ``b`` once it is moved by some way along n.
 
-    Where it is not, the last two rows of ``stack`` are left as what touches.
+    Args:
+        a: Rows of a body.
+        moved: Filled with its rows once it is moved.
+        b: Rows of the other body.
+        shapes: Corners, tables and trees of both.
+        n: The direction.
+        by: How far along it [m].
+        room: Workspace, shape (9, 3).
+        stack: Workspace, shape STACK; its last two rows are left as the parts that touch, where
+            some do.
     """
     axis = room[8]
     for i in range(a.shape[0]):
@@ -177,22 +192,23 @@ def _parted(
             if bound > 0.0:
                 continue
             axis[0], axis[1], axis[2] = u
-            verdict, _, _ = separation(moved, i, b, j, corners, tables, 0.0, 0.0, STILL, axis, room)
+            pair = Pair(moved, i, b, j)
+            verdict, _, _ = separation(
+                pair, shapes.corners, shapes.tables, 0.0, 0.0, STILL, axis, room
+            )
             if verdict == FARTHER:
                 continue
             stack[DESK], stack[DESK + 1] = moved[i], b[j]
             if not max(moved[i, NODE_STOP], b[j, NODE_STOP]) > 0.0:
                 return False
-            verdict, _ = surface_distance(
-                moved, i, b, j, corners, tables, nodes, 0.0, 0.0, axis, room, stack
-            )
+            verdict, _ = surface_distance(pair, shapes, 0.0, 0.0, axis, room, stack)
             if verdict != FARTHER:
                 return False
     return True
 
 
 @kernel
-def _learn(corners: Array, tables: Lists, stack: Array, ways: Array, known: int) -> int:
+def _add_directions(corners: Array, tables: Lists, stack: Array, ways: Array, known: int) -> int:
     """Note the directions that part what was left as touching; how many there are then."""
     desk = stack[DESK : DESK + 2]
     if desk[0, KIND] == _HALFSPACE or desk[1, KIND] == _HALFSPACE:

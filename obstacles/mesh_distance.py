@@ -33,7 +33,9 @@ from obstacles.piece_set import (
     STOP,
     WIDTH,
     CoreKind,
+    Pair,
     PieceSet,
+    Shapes,
 )
 from obstacles.support_table import Lists
 
@@ -124,31 +126,27 @@ def _bound(desk: Array, na: int, nb: int, n: _Plane, enough: float) -> float:
 
 
 @kernel(allocates=False)
-def surface_distance(  # noqa: C901, PLR0912
-    a: Array, i: int, b: Array, j: int, corners: Array, tables: Lists, nodes: Array,
-    near: float, most: float, hint: Array, room: Array, stack: Array,
-) -> tuple[int, float]:  # fmt: skip
-    """Compare the distance of what two covers cover with two thresholds.
+def surface_distance(  # noqa: C901, PLR0912, PLR0915
+    pair: Pair, shapes: Shapes, near: float, most: float, hint: Array, room: Array, stack: Array
+) -> tuple[int, float]:
+    """Compare the distance of the triangles under two covers with two thresholds.
 
     Args:
-        a: Rows of a ``PieceSet``, their poses in a common frame.
-        i: One of them.
-        b: Such rows, the same or others.
-        j: One of them; no half-space.
-        corners: Of both.
-        tables: Of both.
-        nodes: Of both.
+        pair: The covers; the second is no half-space.
+        shapes: Corners, tables and trees of both.
         near: At most this far apart is too close [m]; -inf asks for the distance itself.
         most: Farther apart than this is far enough [m].
         hint: A direction from j to i across which they may be apart, shape (3,).
-        room: Room to work in, shape (9, 3).
-        stack: The same, shape STACK. Its last two rows are left as the parts that are nearest to
+        room: Workspace, shape (9, 3).
+        stack: Workspace, shape STACK. Its last two rows are left as the parts that are nearest to
             each other, where the answer is BETWEEN.
 
     Returns:
         FARTHER, CLOSER (at most ``near`` apart, touching, or one inside the other) or BETWEEN, and
         a lower bound of the distance [m].
     """
+    a, i, b, j = pair
+    corners, tables, nodes = shapes
     desk, axis = stack[DESK : DESK + 2], room[8]
     na, nb = _begin(desk, 0, a, i), _begin(desk, 1, b, j)
     plane = _plane(desk, na, nb, corners, tables, hint[0], hint[1], hint[2])
@@ -171,7 +169,7 @@ def surface_distance(  # noqa: C901, PLR0912
                 continue
             axis[0], axis[1], axis[2] = n
             verdict, lower, upper = separation(
-                desk, 0, desk, 1, corners, tables, near, limit, STILL, axis, room
+                Pair(desk, 0, desk, 1), corners, tables, near, limit, STILL, axis, room
             )
             if upper <= max(near, 0.0):
                 return CLOSER, min(lower, 0.0) if near < 0.0 else lower
@@ -198,7 +196,7 @@ def surface_distance(  # noqa: C901, PLR0912
                 stack[top, 0], stack[top, 1], stack[top, 2] = na, nb, bound
                 stack[top, side] = child
                 top += 1
-    if _contained(a, i, b, j, corners, tables, nodes):
+    if _is_contained(pair, shapes):
         return CLOSER, -np.inf
     if limit >= most:
         return FARTHER, most
@@ -210,20 +208,19 @@ def surface_distance(  # noqa: C901, PLR0912
 
 
 @kernel(allocates=False)
-def _contained(
-    a: Array, i: int, b: Array, j: int, corners: Array, tables: Lists, nodes: Array
-) -> bool:
+def _is_contained(pair: Pair, shapes: Shapes) -> bool:
     """Whether a body of one piece lies inside the solid of the other, when no triangle touches."""
-    if b[j, GROUP_STOP] > 0.0 and _has_inside(b, j, corners, nodes, a, i, tables):
+    a, i, b, j = pair
+    if b[j, GROUP_STOP] > 0.0 and _has_inside(Pair(b, j, a, i), shapes):
         return True
-    return bool(a[i, GROUP_STOP] > 0.0 and _has_inside(a, i, corners, nodes, b, j, tables))
+    return bool(a[i, GROUP_STOP] > 0.0 and _has_inside(pair, shapes))
 
 
 @kernel(allocates=False)
-def _has_inside(
-    rows: Array, j: int, corners: Array, nodes: Array, others: Array, i: int, tables: Lists
-) -> bool:
-    """Whether the solid that row j belongs to has a body of row i of ``others`` inside."""
+def _has_inside(pair: Pair, shapes: Shapes) -> bool:
+    """Whether the solid that the first piece belongs to has a body of the second inside."""
+    rows, j, others, i = pair
+    corners, tables, nodes = shapes
     if others[i, KIND] == _HALFSPACE:
         return False
     if not others[i, NODE_STOP] > 0.0:
@@ -323,23 +320,12 @@ def touching(placed: PieceSet, i: int, j: int) -> bool:
     for row in range(3):
         at = POSE + 4 * row + 3
         room[8, row] = rows[i, at] - rows[j, at]
-    _, _, upper = separation(rows, i, rows, j, corners, tables, 0.0, np.inf, STILL, room[8], room)
+    pair = Pair(rows, i, rows, j)
+    _, _, upper = separation(pair, corners, tables, 0.0, np.inf, STILL, room[8], room)
     if upper > 0.0 or not max(rows[i, NODE_STOP], rows[j, NODE_STOP]) > 0.0:
         return bool(upper <= 0.0)
-    verdict, _ = surface_distance(
-        rows,
-        i,
-        rows,
-        j,
-        corners,
-        tables,
-        placed.surfaces,
-        0.0,
-        0.0,
-        room[8],
-        room,
-        np.empty(STACK),
-    )
+    shapes = Shapes(corners, tables, placed.surfaces)
+    verdict, _ = surface_distance(pair, shapes, 0.0, 0.0, room[8], room, np.empty(STACK))
     return bool(verdict == CLOSER)
 
 
@@ -361,6 +347,6 @@ def mesh_distance(
     """
     room, stack = np.zeros((9, 3)), np.empty(STACK)
     verdict, lower = surface_distance(
-        a, i, b, j, corners, tables, nodes, -np.inf, np.inf, axis, room, stack
+        Pair(a, i, b, j), Shapes(corners, tables, nodes), -np.inf, np.inf, axis, room, stack
     )
     return 0.0 if verdict == CLOSER else lower

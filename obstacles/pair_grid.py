@@ -21,7 +21,7 @@ from obstacles.gjk import STILL, separation
 from obstacles.kernel_work import Workspace, place, visit, workspace
 from obstacles.model_arrays import ModelArrays
 from obstacles.piece import Piece
-from obstacles.piece_set import PieceSet
+from obstacles.piece_set import Pair, PieceSet
 
 #: Cells for a joint: where two matter, and where one does. Filling takes a microsecond a cell.
 _SIDE, _LINE = 32, 512
@@ -117,7 +117,7 @@ def _proved(
     place(model, work, 0)
     place(model, work, 1)
     _, lower, _ = separation(
-        work.placed, 0, work.placed, 1, model.corners, model.tables, -np.inf, np.inf, STILL,
+        Pair(work.placed, 0, work.placed, 1), model.corners, model.tables, -np.inf, np.inf, STILL,
         axis, work.room,
     )  # fmt: skip
     return lower, work.strays[1, 3 * first]

@@ -51,6 +51,36 @@ ANCHOR, ANCHOR_STOP = 36, 37
 WIDTH = 38
 
 
+class Pair(NamedTuple):
+    """Two pieces, their poses in a common frame.
+
+    Args:
+        a: Rows of a ``PieceSet``, shape (p, WIDTH).
+        i: The row of the first piece.
+        b: Rows of a ``PieceSet``, the same or others, shape (q, WIDTH).
+        j: The row of the second piece.
+    """
+
+    a: Array
+    i: int
+    b: Array
+    j: int
+
+
+class Shapes(NamedTuple):
+    """Arrays of a ``PieceSet`` that its rows refer to.
+
+    Args:
+        corners: Corners of polytopes and triangles, shape (v, 3) [m].
+        tables: Support tables.
+        nodes: Trees over the triangles of covers, shape (t, NODE_WIDTH).
+    """
+
+    corners: Array
+    tables: Lists
+    nodes: Array
+
+
 class PieceSet(NamedTuple):
     """Pieces side by side (p pieces, v corners).
 

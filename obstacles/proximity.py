@@ -8,10 +8,13 @@ p the point of j that is nearest (or deepest), and z_k, o_k axis and origin of j
 for the joints between the two, 0 for all others.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from kinematics.arrays import Array, Indices
 from kinematics.compiled.kernel import kernel
+from kinematics.compiled.simd import on_stack
 from kinematics.vec3 import Vector
 from obstacles.bounds import balls_apart, quick_bound
 from obstacles.bvh import FIRST, LAST, SKIP, gap
@@ -20,9 +23,9 @@ from obstacles.gjk import BETWEEN, CLOSER, FARTHER, STILL, separation
 from obstacles.kernel_work import Workspace, place, visit, workspace
 from obstacles.mesh_distance import DESK, surface_distance
 from obstacles.model_arrays import ModelArrays
-from obstacles.piece_set import CENTER, MARGIN, NODE_STOP, OWNER, RADIUS
-from obstacles.support_table import Lists
+from obstacles.piece_set import CENTER, MARGIN, NODE_STOP, OWNER, RADIUS, Pair, Shapes
 
+#: Nodes that wait while a tree is walked, whose depth is the binary logarithm of its leaves.
 _DEEPEST = 128
 #: How deep the hollows of a mesh are thought to be at first [m].
 _DEPTH = 0.01
@@ -40,37 +43,46 @@ def _stand(model: ModelArrays, q: Array) -> Workspace:
     return work
 
 
-@kernel
+@kernel(allocates=False)
 def _closer(
-    a: Array, i: int, b: Array, j: int, corners: Array, tables: Lists, surfaces: Array,
-    room: Array, stack: Array, apart: float, best: float, exact: bool,
-) -> float:  # fmt: skip
-    """Distance of two pieces beyond ``apart`` if that is less than ``best``, else ``best``."""
+    pair: Pair, shapes: Shapes, room: Array, stack: Array, apart: float, best: float, exact: bool
+) -> float:
+    """The lesser of ``best`` and the distance of two pieces beyond ``apart`` [m].
+
+    Args:
+        pair: The pieces.
+        shapes: Corners, tables and trees of both.
+        room: Workspace, shape (9, 3).
+        stack: Workspace, shape STACK.
+        apart: Their margin [m].
+        best: The least distance so far [m].
+        exact: Whether triangles decide where covers touch.
+    """
+    a, i, b, j = pair
     lower, n = quick_bound(a, i, b, j, best + apart)
     if lower - apart >= best:
         return best
     axis = room[8]
     axis[0], axis[1], axis[2] = n
     verdict, lower, _ = separation(
-        a, i, b, j, corners, tables, -np.inf, best + apart, STILL, axis, room
+        pair, shapes.corners, shapes.tables, -np.inf, best + apart, STILL, axis, room
     )
     if exact and verdict != FARTHER and (a[i, NODE_STOP] > 0.0 or b[j, NODE_STOP] > 0.0):
-        verdict, lower = surface_distance(
-            a, i, b, j, corners, tables, surfaces, -np.inf, best + apart, axis, room, stack
-        )
+        verdict, lower = surface_distance(pair, shapes, -np.inf, best + apart, axis, room, stack)
         lower = min(lower, 0.0) if verdict == CLOSER else lower
     return best if verdict == FARTHER else min(best, lower - apart)
 
 
-@kernel
+@kernel(allocates=False)
 def _closest_obstacle(
     model: ModelArrays, work: Workspace, i: int, best: float, exact: bool
 ) -> tuple[float, int]:
     """Least distance of piece i from what is in the tree, if less than ``best``; the piece."""
     nodes, placed, scene = model.nodes, work.placed, model.scene
     x, y, z = placed[i, CENTER], placed[i, CENTER + 1], placed[i, CENTER + 2]
-    stack, gaps = np.empty(_DEEPEST, dtype=np.int64), np.empty(_DEEPEST)
-    stack[0], gaps[0], top, found = 0, gap(nodes, 0, x, y, z), 1, -1
+    shapes = Shapes(model.corners, model.tables, model.surfaces)
+    stack, gaps = on_stack(_DEEPEST).view(np.int64), on_stack(_DEEPEST)
+    stack[0], gaps[0], top, closest = 0, gap(nodes, 0, x, y, z), 1, -1
     while top > 0:
         top -= 1
         node = stack[top]
@@ -90,12 +102,12 @@ def _closest_obstacle(
             if model.skipped[i, int(scene[k, OWNER])]:
                 continue
             distance = _closer(
-                scene, k, placed, i, model.corners, model.tables, model.surfaces, work.room,
-                work.stack, scene[k, MARGIN] + model.margin, best, exact,
+                Pair(scene, k, placed, i), shapes, work.room, work.stack,
+                scene[k, MARGIN] + model.margin, best, exact,
             )  # fmt: skip
             if distance < best:
-                best, found = distance, k
-    return best, found
+                best, closest = distance, k
+    return best, closest
 
 
 @kernel
@@ -116,12 +128,12 @@ def closest_pair(model: ModelArrays, q: Array) -> tuple[float, int]:
     return best, closest
 
 
-@kernel
+@kernel(allocates=False)
 def _closest(model: ModelArrays, work: Workspace, best: float, exact: bool) -> tuple[float, int]:
     """The closest pair if it is closer than ``best`` [m], by triangles or else by covers."""
     p, m = model.skipped.shape[0], model.scene.shape[0]
-    corners, tables, room, placed = model.corners, model.tables, work.room, work.placed
-    surfaces, stack = model.surfaces, work.stack
+    shapes, placed = Shapes(model.corners, model.tables, model.surfaces), work.placed
+    room, stack = work.room, work.stack
     closest = -1
     for root in range(model.roots.shape[0]):
         i, k = model.roots[root, 0], model.roots[root, 1]
@@ -132,8 +144,7 @@ def _closest(model: ModelArrays, work: Workspace, best: float, exact: bool) -> t
             for s in range(first, last):
                 a, b = model.self_pairs[s, 0], model.self_pairs[s, 1]
                 distance = _closer(
-                    placed, a, placed, b, corners, tables, surfaces, room, stack,
-                    model.own_margin, best, exact,
+                    Pair(placed, a, placed, b), shapes, room, stack, model.own_margin, best, exact
                 )  # fmt: skip
                 if distance < best:
                     best, closest = distance, p * m + s
@@ -141,18 +152,7 @@ def _closest(model: ModelArrays, work: Workspace, best: float, exact: bool) -> t
         if k >= 0:
             apart = model.scene[k, MARGIN] + model.margin
             distance = _closer(
-                model.scene,
-                k,
-                placed,
-                i,
-                corners,
-                tables,
-                surfaces,
-                room,
-                stack,
-                apart,
-                best,
-                exact,
+                Pair(model.scene, k, placed, i), shapes, room, stack, apart, best, exact
             )
             pair = i * m + k
         else:
@@ -163,7 +163,7 @@ def _closest(model: ModelArrays, work: Workspace, best: float, exact: bool) -> t
     return best, closest
 
 
-@kernel
+@kernel(allocates=False)
 def distance_gradient(
     chain: Array, frames: Array, still: int, joint: int, n: Vector, p: Vector, gradient: Array
 ) -> None:
@@ -187,12 +187,46 @@ def distance_gradient(
         gradient[k] = -(n[0] * zx + n[1] * zy + n[2] * zz)
 
 
-@kernel
-def _note(
-    model: ModelArrays, work: Workspace, a: Array, i: int, still: int, j: int, apart: float,
-    within: float, pair: int, found: Indices, distances: Array, gradients: Array, count: int,
-) -> int:  # fmt: skip
+class _NearPairs(NamedTuple):
+    """Answer of ``near_pairs``, with room for r of them.
+
+    Args:
+        numbers: The pairs, shape (r,).
+        distances: Their signed distances, margins taken off, shape (r,) [m].
+        gradients: dd/dq, shape (r, n).
+    """
+
+    numbers: Indices
+    distances: Array
+    gradients: Array
+
+
+class _Asked(NamedTuple):
+    """A pair whose distance is asked for.
+
+    Args:
+        a: Rows of the first piece, shape (p, WIDTH).
+        i: Its row.
+        still: The joint that carries it, -1 for the base.
+        j: Row of the second piece, one of the robot's.
+        apart: Their margin [m].
+        number: Number of the pair.
+    """
+
+    a: Array
+    i: int
+    still: int
+    j: int
+    apart: float
+    number: int
+
+
+@kernel(allocates=False)
+def _add_near_pair(
+    model: ModelArrays, work: Workspace, asked: _Asked, within: float, near: _NearPairs, count: int
+) -> int:
     """Write a pair to row ``count`` if it is near; how many there are then."""
+    a, i, still, j, apart, number = asked
     far, b = within + apart, work.placed
     lower, n = quick_bound(a, i, b, j, far)
     if lower > far:
@@ -202,8 +236,8 @@ def _note(
     distance, normal, point = contact(a, i, b, j, model.corners, model.tables, axis)
     if distance <= far and (a[i, NODE_STOP] > 0.0 or b[j, NODE_STOP] > 0.0):
         verdict, _ = surface_distance(
-            a, i, b, j, model.corners, model.tables, model.surfaces, -np.inf, max(far, 0.0),
-            axis, work.room, work.stack,
+            Pair(a, i, b, j), Shapes(model.corners, model.tables, model.surfaces), -np.inf,
+            max(far, 0.0), axis, work.room, work.stack,
         )  # fmt: skip
         # Where they touch, the depth is that of the covers: the way out is no longer.
         if verdict == FARTHER:
@@ -214,12 +248,11 @@ def _note(
             distance, normal, point = contact(desk, 0, desk, 1, model.corners, model.tables, axis)
     if distance > far:
         return count
-    if count < found.shape[0]:
-        found[count], distances[count] = pair, distance - apart
+    if count < near.numbers.shape[0]:
+        near.numbers[count], near.distances[count] = number, distance - apart
         distance_gradient(
-            model.chain, work.frames, still, model.joints[j], normal, point,
-            gradients[count],
-        )  # fmt: skip
+            model.chain, work.frames, still, model.joints[j], normal, point, near.gradients[count]
+        )
     return count + 1
 
 
@@ -240,7 +273,7 @@ def near_pairs(
     Returns:
         How many there are, which can be more than fit.
     """
-    work = _stand(model, q)
+    work, near = _stand(model, q), _NearPairs(found, distances, gradients)
     p, m = model.skipped.shape[0], model.scene.shape[0]
     count = 0
     for root in range(model.roots.shape[0]):
@@ -251,26 +284,21 @@ def near_pairs(
                 continue
             for s in range(first, last):
                 a, b = model.self_pairs[s, 0], model.self_pairs[s, 1]
-                count = _note(
-                    model, work, work.placed, a, model.joints[a], b, model.own_margin, within,
-                    p * m + s, found, distances, gradients, count,
-                )  # fmt: skip
+                asked = _Asked(work.placed, a, model.joints[a], b, model.own_margin, p * m + s)
+                count = _add_near_pair(model, work, asked, within, near, count)
         elif k >= 0:
             apart = model.scene[k, MARGIN] + model.margin
-            count = _note(
-                model, work, model.scene, k, -1, i, apart, within, i * m + k,
-                found, distances, gradients, count,
-            )  # fmt: skip
+            asked = _Asked(model.scene, k, -1, i, apart, i * m + k)
+            count = _add_near_pair(model, work, asked, within, near, count)
         else:
-            count = _near_obstacles(model, work, i, within, found, distances, gradients, count)
+            count = _add_near_obstacles(model, work, i, within, near, count)
     return count
 
 
-@kernel
-def _near_obstacles(
-    model: ModelArrays, work: Workspace, i: int, within: float,
-    found: Indices, distances: Array, gradients: Array, count: int,
-) -> int:  # fmt: skip
+@kernel(allocates=False)
+def _add_near_obstacles(
+    model: ModelArrays, work: Workspace, i: int, within: float, near: _NearPairs, count: int
+) -> int:
     """``near_pairs`` of piece i with what is in the tree."""
     nodes, items, scene = model.nodes, model.items, model.scene
     row = work.placed[i]
@@ -281,13 +309,11 @@ def _near_obstacles(
             node = int(nodes[node, SKIP])
             continue
         first, last = max(int(nodes[node, FIRST]), 0), max(int(nodes[node, LAST]), 0)
-        for k in items[first:last]:
+        for entry in range(first, last):
+            k = items[entry]
             if not model.skipped[i, int(scene[k, OWNER])]:
                 apart = scene[k, MARGIN] + model.margin
-                pair = i * scene.shape[0] + k
-                count = _note(
-                    model, work, scene, k, -1, i, apart, within, pair,
-                    found, distances, gradients, count,
-                )  # fmt: skip
+                asked = _Asked(scene, k, -1, i, apart, i * scene.shape[0] + k)
+                count = _add_near_pair(model, work, asked, within, near, count)
         node += 1
     return count

@@ -8,6 +8,7 @@ looked up on its grid first. Poses of whole pieces are only worked out for the e
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,12 +26,26 @@ from obstacles.kernel_work import Workspace, place_row, workspace
 from obstacles.mesh_distance import surface_distance
 from obstacles.model_arrays import ModelArrays
 from obstacles.pair_grid import grid_bound
-from obstacles.piece_set import CENTER, MARGIN, NODE_STOP, OWNER, RADIUS
+from obstacles.piece_set import CENTER, MARGIN, NODE_STOP, OWNER, RADIUS, Pair, Shapes
 
 #: What floating point may have cost a distance of a few metres [m], with room to spare.
 _ROUNDING_ERROR = 1e-9
 #: Pairs of two bodies from which on it pays to bring the balls of all pieces into the base frame.
 _FEW = 4
+
+
+class _Spheres(NamedTuple):
+    """The spheres of one piece of the robot.
+
+    Args:
+        first: The first of them.
+        end: The one behind the last.
+        joint: The joint that carries them, -1 for the base.
+    """
+
+    first: int
+    end: int
+    joint: int
 
 
 @kernel(allocates=False)
@@ -117,14 +132,9 @@ def _body_against(
         i = model.carried[entry]
         if model.skipped[i, int(scene[k, OWNER])]:
             continue
-        found = _bracket(
-            model.spheres, model.sphere_starts[i], model.sphere_starts[i + 1], work.frames,
-            model.joints[i], scene, k, model.corners, apart,
-        )  # fmt: skip
+        found = _bracket(model, work, i, k, apart)
         if found == UNDECIDED:
-            found = _ask(
-                model, work, scene, k, i, apart, asked, i * scene.shape[0] + k
-            )  # fmt: skip
+            found = _ask(model, work, scene, k, i, apart, asked, i * scene.shape[0] + k)
         if found == COLLIDING:
             return found
         verdict = max(verdict, found)
@@ -157,9 +167,10 @@ def _own_pairs(model: ModelArrays, work: Workspace, apart: float, asked: Indices
                 if proved > apart + _ROUNDING_ERROR:
                     continue
             found = _bracket_pair(
-                model.spheres, model.sphere_starts[i], model.sphere_starts[i + 1], joints[i],
-                model.sphere_starts[j], model.sphere_starts[j + 1], joints[j], work.frames, apart,
-                asked.shape[0] > 1,
+                model.spheres,
+                _Spheres(model.sphere_starts[i], model.sphere_starts[i + 1], joints[i]),
+                _Spheres(model.sphere_starts[j], model.sphere_starts[j + 1], joints[j]),
+                work.frames, apart, asked.shape[0] > 1,
             )  # fmt: skip
             if found == UNDECIDED:
                 _place(model, work, i)
@@ -171,15 +182,15 @@ def _own_pairs(model: ModelArrays, work: Workspace, apart: float, asked: Indices
 
 
 @kernel(allocates=False, inline="always")
-def _bracket(
-    spheres: Array, sphere: int, end: int, frames: Array, joint: int, rows: Array, k: int,
-    corners: Array, apart: float,
-) -> int:  # fmt: skip
-    """Verdict of spheres first .. last - 1 of a piece on piece k of ``rows``.
+def _bracket(model: ModelArrays, work: Workspace, i: int, k: int, apart: float) -> int:
+    """The verdict of the spheres of piece i of the robot on piece k of the scene.
 
     Returns:
         FREE, COLLIDING, or UNDECIDED: the exact test is to be asked.
     """
+    spheres, frames, joint = model.spheres, work.frames, model.joints[i]
+    sphere, end = model.sphere_starts[i], model.sphere_starts[i + 1]
+    rows, corners = model.scene, model.corners
     # What covers a part of a mesh may hold more than it: it is free, but never struck, by itself.
     exact = closed_form(rows, k) and not rows[k, NODE_STOP] > 0.0
     while sphere < end:
@@ -206,15 +217,16 @@ def _bracket(
 
 @kernel(allocates=False)
 def _bracket_pair(
-    spheres: Array, a: int, a_end: int, a_joint: int, b: int, b_end: int, b_joint: int,
-    frames: Array, apart: float, deep: bool,
-) -> int:  # fmt: skip
+    spheres: Array, one: _Spheres, other: _Spheres, frames: Array, apart: float, deep: bool
+) -> int:
     """``_bracket`` of two pieces of the robot: the finest spheres of one that come near the other.
 
     Links are built close together: below the first spheres (``deep``) the exact test is done
     sooner. Inner radii below 0 prove what they say too: with s and t the signed distances from the
     pieces, these are at most |c - d| + s(c) + t(d) apart.
     """
+    a, a_end, a_joint = one
+    b, b_end, b_joint = other
     middle, far = _moved(spheres, b, frames, b_joint), spheres[b, OUTER] + apart + _ROUNDING_ERROR
     while a < a_end:
         center = _moved(spheres, a, frames, a_joint)
@@ -227,18 +239,18 @@ def _bracket_pair(
         a += 1
         if spheres[a - 1, AFTER] != a:
             continue
-        other, reach = b, spheres[a - 1, OUTER] + apart + _ROUNDING_ERROR
-        while other < b_end:
-            away = subtract(center, _moved(spheres, other, frames, b_joint))
+        k, reach = b, spheres[a - 1, OUTER] + apart + _ROUNDING_ERROR
+        while k < b_end:
+            away = subtract(center, _moved(spheres, k, frames, b_joint))
             distance = math.sqrt(dot(away, away))
-            if distance > spheres[other, OUTER] + reach:
-                other = int(spheres[other, AFTER])
+            if distance > spheres[k, OUTER] + reach:
+                k = int(spheres[k, AFTER])
                 continue
-            overlap = spheres[a - 1, INNER] + spheres[other, INNER] + apart - _ROUNDING_ERROR
+            overlap = spheres[a - 1, INNER] + spheres[k, INNER] + apart - _ROUNDING_ERROR
             if distance <= overlap:
                 return COLLIDING
-            other += 1
-            if spheres[other - 1, AFTER] == other:
+            k += 1
+            if spheres[k - 1, AFTER] == k:
                 return UNDECIDED
     return FREE
 
@@ -260,28 +272,27 @@ def _moved(spheres: Array, k: int, frames: Array, joint: int) -> Vector:
 @kernel(allocates=False)
 def _ask(
     model: ModelArrays, work: Workspace, rows: Array, k: int, i: int, apart: float, asked: Indices,
-    pair: int,
+    number: int,
 ) -> int:  # fmt: skip
     """The exact verdict on piece i of the robot and piece k of ``rows``, or a flag for it."""
     asked[0] += 1
     if asked.shape[0] > 1:
         if asked[0] < asked.shape[0]:
-            asked[asked[0]] = pair
+            asked[asked[0]] = number
         return UNDECIDED
     _place(model, work, i)
     enough, axis = apart + _ROUNDING_ERROR, work.room[8]
+    pair = Pair(rows, k, work.placed, i)
     lower, n = quick_bound(rows, k, work.placed, i, enough)
     if lower > enough:
         return FREE
     axis[0], axis[1], axis[2] = n
     verdict, _, _ = separation(
-        rows, k, work.placed, i, model.corners, model.tables, apart, enough, STILL, axis, work.room
+        pair, model.corners, model.tables, apart, enough, STILL, axis, work.room
     )
     if verdict != FARTHER and (rows[k, NODE_STOP] > 0.0 or work.placed[i, NODE_STOP] > 0.0):
-        verdict, _ = surface_distance(
-            rows, k, work.placed, i, model.corners, model.tables, model.surfaces, apart, enough,
-            axis, work.room, work.stack,
-        )  # fmt: skip
+        shapes = Shapes(model.corners, model.tables, model.surfaces)
+        verdict, _ = surface_distance(pair, shapes, apart, enough, axis, work.room, work.stack)
     if verdict == FARTHER:
         return FREE
     return COLLIDING if verdict == CLOSER else UNDECIDED

@@ -28,6 +28,7 @@ from obstacles.piece_set import (
     STOP,
     WIDTH,
     CoreKind,
+    Pair,
     PieceSet,
     ball_rows,
 )
@@ -142,7 +143,7 @@ def propose(
     _place_row(model, rows, 0, i, poses, centers)
     _place_row(model, rows, 1, j, poses, centers)
     _, _, upper = separation(
-        rows, 0, rows, 1, model.corners, model.tables, -np.inf, most, STILL, proposal.axis,
+        Pair(rows, 0, rows, 1), model.corners, model.tables, -np.inf, most, STILL, proposal.axis,
         proposal.simplex,
     )  # fmt: skip
     return float(upper)

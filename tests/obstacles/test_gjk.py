@@ -10,7 +10,7 @@ from kinematics.arrays import Array
 from kinematics.pose import transform
 from obstacles.gjk import BETWEEN, CLOSER, FARTHER, STILL, separation
 from obstacles.piece import Piece, PieceKind
-from obstacles.piece_set import CENTER, PieceSet
+from obstacles.piece_set import CENTER, Pair, PieceSet
 from tests.obstacles.solids import (
     KINDS,
     NO_VERTICES,
@@ -28,7 +28,7 @@ def compare(
     if axis is not None:
         towards = np.array(axis)
     return separation(
-        rows, 0, rows, 1, corners, tables, near, far, STILL, towards, np.empty((8, 3))
+        Pair(rows, 0, rows, 1), corners, tables, near, far, STILL, towards, np.empty((8, 3))
     )
 
 
