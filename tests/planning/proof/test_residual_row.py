@@ -1,5 +1,7 @@
 """Rows as the proof's kernels read them: every number in its column."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -28,7 +30,16 @@ VECTORS = {"point": POINT, "axis": AXIS, "center": CENTER, "direction": DIRECTIO
 
 def rows() -> tuple[Row, ...]:
     both = (JointConstraint("jy", 0.2, 0.1, 0.3), JointConstraint("jx", -0.5, 0.0, 0.25))
-    return ConstraintSet(slider().chain, both).rows
+    random = np.random.default_rng(1)
+    # All that rows of joints leave at zero is given a value of its own.
+    return tuple(
+        replace(
+            row, reference=k, point=random.normal(size=3), axis=random.normal(size=3),
+            center=random.normal(size=3), direction=random.normal(size=3),
+            turn=random.normal(size=(3, 3)),
+        )
+        for k, row in enumerate(ConstraintSet(slider().chain, both).rows)
+    )  # fmt: skip
 
 
 def test_every_number_is_in_its_column() -> None:
