@@ -16,7 +16,8 @@ def check_quaternion_norm(norm: float) -> None:
     Raises:
         InvalidPose: The norm differs from 1 by more than 1e-3.
     """
-    if abs(norm - 1.0) > NORM_TOLERANCE:
+    # Said this way round what is not a number is refused, too.
+    if not abs(norm - 1.0) <= NORM_TOLERANCE:
         raise InvalidPose(
             f"quaternion_xyzw has norm {norm:.6g}; it must be within {NORM_TOLERANCE} of 1",
             hint="Normalise it; the order is [x, y, z, w].",
@@ -34,7 +35,7 @@ def check_orthonormal(error: float, determinant: float) -> None:
     Raises:
         InvalidPose: The error is more than 1e-6, or the determinant is not +1.
     """
-    if error > ORTHONORMAL_TOLERANCE or determinant < 0.0:
+    if not (error <= ORTHONORMAL_TOLERANCE and determinant > 0.0):
         raise InvalidPose(
             f"rotation_matrix is no rotation: R^T R differs from I by {error:.3g}, "
             f"det R = {determinant:.6g}",
@@ -48,5 +49,5 @@ def check_axis_length(length: float) -> None:
     Raises:
         InvalidPose: The axis has no direction.
     """
-    if length < _SHORTEST_AXIS:
+    if not length >= _SHORTEST_AXIS:
         raise InvalidPose("the axis has length 0, so it names no direction")
