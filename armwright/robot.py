@@ -50,17 +50,25 @@ def load_robot(
     if isinstance(source, str | Path):
         if isinstance(source, str) and source in builtin_names() and not Path(source).is_file():
             return _from_urdf(
-                builtin_urdf(source), source, None, parse_srdf(builtin_srdf(source)),
-                (base_link, tip_link), joint_limits,
-            )  # fmt: skip
+                builtin_urdf(source),
+                source,
+                None,
+                parse_srdf(builtin_srdf(source)),
+                (base_link, tip_link),
+                joint_limits,
+            )
         path = _require_file(Path(source))
         semantics = (
             None if srdf is None else parse_srdf(_require_file(Path(srdf)).read_text("utf-8"))
         )
         return _from_urdf(
-            path.read_text("utf-8"), path.stem, path.parent, semantics,
-            (base_link, tip_link), joint_limits,
-        )  # fmt: skip
+            path.read_text("utf-8"),
+            path.stem,
+            path.parent,
+            semantics,
+            (base_link, tip_link),
+            joint_limits,
+        )
     rows = tuple(row if isinstance(row, DhRow) else DhRow(**row) for row in source)
     return robot_geometry(chain_from_dh("robot", DhTable(convention, rows)))
 

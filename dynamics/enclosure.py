@@ -197,8 +197,10 @@ def enclosure_kernel(
             w = (w[0], w[1], add(w[2], qd))
         else:
             coriolis = (
-                scale(2.0, multiply(w[1], qd)), scale(-2.0, multiply(w[0], qd)), qdd,
-            )  # fmt: skip
+                scale(2.0, multiply(w[1], qd)),
+                scale(-2.0, multiply(w[0], qd)),
+                qdd,
+            )
             a = plus(a, coriolis)
             v = (v[0], v[1], add(v[2], qd))
         m, b, tensor = bodies.masses[i], bodies.centers[i], bodies.tensors[i]

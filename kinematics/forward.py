@@ -120,8 +120,11 @@ def frames_kernel(model: Array, q: Array, frames: Array) -> None:
         frames[i, 0, 0], frames[i, 0, 1], frames[i, 0, 2], frames[i, 0, 3] = B[0], B[1], B[2], B[3]
         frames[i, 1, 0], frames[i, 1, 1], frames[i, 1, 2], frames[i, 1, 3] = B[4], B[5], B[6], B[7]
         frames[i, 2, 0], frames[i, 2, 1], frames[i, 2, 2], frames[i, 2, 3] = (
-            B[8], B[9], B[10], B[11],
-        )  # fmt: skip
+            B[8],
+            B[9],
+            B[10],
+            B[11],
+        )
 
 
 @kernel

@@ -185,8 +185,14 @@ def _cross(a: Array, b: Array) -> Array:
 
 @kernel
 def _rate_batch_kernel(
-    model: Array, q: Array, rates: Array, T_joint_link: Array, point: Array, last: int, Jd: Array,
-) -> None:  # fmt: skip
+    model: Array,
+    q: Array,
+    rates: Array,
+    T_joint_link: Array,
+    point: Array,
+    last: int,
+    Jd: Array,
+) -> None:
     n = q.shape[1]
     frames = np.empty((n, 4, 4))
     p = np.empty(3)
@@ -320,9 +326,14 @@ def geometric_rate(
     flat = np.ascontiguousarray(q.reshape(-1, chain.n))
     Jd = np.empty((flat.shape[0], 6, chain.n))
     _rate_batch_kernel(
-        chain.model, flat, np.ascontiguousarray(rates.reshape(-1, chain.n)),
-        carrier.T_joint_link, _point(point), carrier.joint, Jd,
-    )  # fmt: skip
+        chain.model,
+        flat,
+        np.ascontiguousarray(rates.reshape(-1, chain.n)),
+        carrier.T_joint_link,
+        _point(point),
+        carrier.joint,
+        Jd,
+    )
     return Jd.reshape(*q.shape[:-1], 6, chain.n)
 
 

@@ -123,9 +123,14 @@ def _hold(panda: Reference) -> Iterator[Callable[[], object]]:
     upright = {"type": "orientation", "axis": [0, 0, 1], "direction": [0, 0, -1]}
     wanted = [
         upright | {"cone_angle": 0.3},
-        {"type": "relative_pose", "pose": {"position": [0.4, 0.0, 0.4], "rpy": [3.1, 0, 0]},
-         "position_tolerance": 0.05, "orientation_tolerance": [0.3, 0.3, 3.2], "weight": 1.0},
-    ]  # fmt: skip
+        {
+            "type": "relative_pose",
+            "pose": {"position": [0.4, 0.0, 0.4], "rpy": [3.1, 0, 0]},
+            "position_tolerance": 0.05,
+            "orientation_tolerance": [0.3, 0.3, 3.2],
+            "weight": 1.0,
+        },
+    ]
     for scene in (None, _scene()):
         query = {"constraints": wanted, "scene": scene}
         yield partial(_ask, inverse_kinematics.ik, panda, query)

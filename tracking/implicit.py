@@ -179,9 +179,16 @@ def newton(loop: Loop, stages: Stages, t: float, h: float, x: Array, tolerances:
 
 @kernel(inline="always")
 def implicit_step(
-    loop: Loop, stages: Stages, t: float, h: float, x: Array, f: Array, tolerances: Array,
-    end: Array, is_retry: bool,
-) -> float:  # fmt: skip
+    loop: Loop,
+    stages: Stages,
+    t: float,
+    h: float,
+    x: Array,
+    f: Array,
+    tolerances: Array,
+    end: Array,
+    is_retry: bool,
+) -> float:
     """Step from x (N,) at t over h into ``end`` (N,), with f the derivative at x.
 
     ``stages`` must hold the factors of ``factor_all`` for this h.

@@ -176,9 +176,15 @@ def _begin_segment(loop: Loop, events: Events, s: int, x: Array) -> None:
 
 @kernel
 def _sample_explicit(
-    loop: Loop, steps: Steps, record: Record, scratch: Scratch, x: Array, t: float, h: float,
+    loop: Loop,
+    steps: Steps,
+    record: Record,
+    scratch: Scratch,
+    x: Array,
+    t: float,
+    h: float,
     after: float,
-) -> None:  # fmt: skip
+) -> None:
     """Record the samples due before ``after`` in an explicit step h from time t and state x."""
     is_dense = False
     while (
@@ -199,9 +205,15 @@ def _sample_explicit(
 
 @kernel
 def _sample_implicit(
-    loop: Loop, stages: Stages, record: Record, scratch: Scratch, x: Array, t: float, h: float,
+    loop: Loop,
+    stages: Stages,
+    record: Record,
+    scratch: Scratch,
+    x: Array,
+    t: float,
+    h: float,
     after: float,
-) -> None:  # fmt: skip
+) -> None:
     """Record the samples due before ``after`` in an implicit step h from time t and state x."""
     while (
         record.counters[SAMPLES] < record.times.shape[0] - 1

@@ -117,12 +117,15 @@ def make_work(model: ModelArrays | None, goal: Goal) -> Work:
     m = max(goal.hard.shape[0], goal.soft.shape[0])
     rows = 6 * goal.hard.shape[0] + 2 * n + k
     return Work(
-        RowWork(
-            np.empty((n, 4, 4)), np.empty((3, 3)), np.empty(m), np.empty(m), np.empty((m, n))
-        ),
-        np.empty(k, dtype=np.int64), np.empty(k), np.empty((k, n)), np.empty((rows, n)),
-        np.empty(rows), np.empty(n), np.empty((6, n)),
-    )  # fmt: skip
+        RowWork(np.empty((n, 4, 4)), np.empty((3, 3)), np.empty(m), np.empty(m), np.empty((m, n))),
+        np.empty(k, dtype=np.int64),
+        np.empty(k),
+        np.empty((k, n)),
+        np.empty((rows, n)),
+        np.empty(rows),
+        np.empty(n),
+        np.empty((6, n)),
+    )
 
 
 @kernel

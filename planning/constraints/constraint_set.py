@@ -138,14 +138,13 @@ class ConstraintSet:
         flat, m, n = batch.reshape(-1, self.chain.n), len(self.rows), self.chain.n
         values, residuals = np.empty((len(flat), m)), np.empty((len(flat), m))
         jacobian = np.empty((len(flat), m, n))
-        evaluate_batch_kernel(
-            self.chain.model, self.packed, flat, values, residuals, jacobian
-        )  # fmt: skip
+        evaluate_batch_kernel(self.chain.model, self.packed, flat, values, residuals, jacobian)
         shape = batch.shape[:-1]
         return (
-            values.reshape(*shape, m), residuals.reshape(*shape, m),
+            values.reshape(*shape, m),
+            residuals.reshape(*shape, m),
             jacobian.reshape(*shape, m, n),
-        )  # fmt: skip
+        )
 
 
 class RowWork(NamedTuple):
@@ -184,9 +183,13 @@ def evaluate_kernel(chain: Array, packed: Array, q: Array, work: RowWork) -> flo
 
 @kernel
 def evaluate_batch_kernel(
-    chain: Array, packed: Array, q: Array, values: Array, residuals: Array,
+    chain: Array,
+    packed: Array,
+    q: Array,
+    values: Array,
+    residuals: Array,
     jacobian: Array,
-) -> None:  # fmt: skip
+) -> None:
     """Values, residuals (k, m) and Jacobians (k, m, n) of a batch q (k, n)."""
     frames, E = np.empty((q.shape[1], 4, 4)), np.empty((3, 3))
     for k in range(q.shape[0]):

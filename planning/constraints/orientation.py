@@ -127,9 +127,15 @@ def angle_row(
         sight: In its place, a point of the link and the target in the link it is seen from.
     """
     row = partial(
-        Row, carrier=at.carrier, reference=at.reference, lower=-np.inf, upper=most, unit="rad",
-        axis=at.axis(axis), label=label,
-    )  # fmt: skip
+        Row,
+        carrier=at.carrier,
+        reference=at.reference,
+        lower=-np.inf,
+        upper=most,
+        unit="rad",
+        axis=at.axis(axis),
+        label=label,
+    )
     if sight is not None:
         point, target = sight
         return row(kind=RowKind.LOOK, point=at.point(point), center=at.place(target))
@@ -142,9 +148,16 @@ def rotation_rows(at: Attachment, rotation: Array, limits: Array) -> list[Row]:
     K, M = at.turn(rotation)
     return [
         Row(
-            RowKind.ROTATION, at.carrier, at.reference, -float(limits[i]), float(limits[i]), "rad",
-            axis=M[:, i], turn=K, label=f"the turn about {_AXES[i]}",
+            RowKind.ROTATION,
+            at.carrier,
+            at.reference,
+            -float(limits[i]),
+            float(limits[i]),
+            "rad",
+            axis=M[:, i],
+            turn=K,
+            label=f"the turn about {_AXES[i]}",
         )
         for i in range(3)
         if limits[i] < math.pi
-    ]  # fmt: skip
+    ]

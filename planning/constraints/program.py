@@ -116,9 +116,11 @@ def program(constraints: ConstraintSet, manipulability: bool = False) -> Program
         manipulability: Whether the objective has - log w.
     """
     return _program(
-        constraints.chain, _shape(constraints.hard.rows), _shape(constraints.soft.rows),
+        constraints.chain,
+        _shape(constraints.hard.rows),
+        _shape(constraints.soft.rows),
         manipulability,
-    )  # fmt: skip
+    )
 
 
 def _shape(rows: tuple[Row, ...]) -> Shape:

@@ -41,13 +41,20 @@ class BoxRegion:
         """A row for each pair of faces."""
         return [
             Row(
-                RowKind.COORDINATE, at.carrier, at.reference, -0.5 * self.size[i],
-                0.5 * self.size[i], "m", point=point, center=at.place(self.T[:3, 3]),
-                direction=at.direction(self.T[:3, i]), label=f"the box along its {_AXES[i]}",
+                RowKind.COORDINATE,
+                at.carrier,
+                at.reference,
+                -0.5 * self.size[i],
+                0.5 * self.size[i],
+                "m",
+                point=point,
+                center=at.place(self.T[:3, 3]),
+                direction=at.direction(self.T[:3, i]),
+                label=f"the box along its {_AXES[i]}",
             )
             for i in range(3)
             if np.isfinite(self.size[i])
-        ]  # fmt: skip
+        ]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,10 +81,17 @@ class SphereRegion:
         center = at.place(np.asarray(self.center))
         return [
             Row(
-                RowKind.DISTANCE, at.carrier, at.reference, -np.inf, self.radius, "m",
-                point=point, center=center, label="the sphere",
+                RowKind.DISTANCE,
+                at.carrier,
+                at.reference,
+                -np.inf,
+                self.radius,
+                "m",
+                point=point,
+                center=center,
+                label="the sphere",
             )
-        ]  # fmt: skip
+        ]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,11 +120,18 @@ class PlaneRegion:
         """One row."""
         return [
             Row(
-                RowKind.COORDINATE, at.carrier, at.reference, -self.tolerance, self.tolerance, "m",
-                point=point, center=at.place(np.asarray(self.point)),
-                direction=at.direction(np.asarray(self.normal)), label="the plane",
+                RowKind.COORDINATE,
+                at.carrier,
+                at.reference,
+                -self.tolerance,
+                self.tolerance,
+                "m",
+                point=point,
+                center=at.place(np.asarray(self.point)),
+                direction=at.direction(np.asarray(self.normal)),
+                label="the plane",
             )
-        ]  # fmt: skip
+        ]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -144,18 +165,34 @@ class LineRegion:
         center, along = at.place(np.asarray(self.point)), at.direction(np.asarray(self.direction))
         rows = [
             Row(
-                RowKind.DISTANCE, at.carrier, at.reference, -np.inf, self.tolerance, "m",
-                point=point, center=center, direction=along, label="the line",
+                RowKind.DISTANCE,
+                at.carrier,
+                at.reference,
+                -np.inf,
+                self.tolerance,
+                "m",
+                point=point,
+                center=center,
+                direction=along,
+                label="the line",
             )
-        ]  # fmt: skip
+        ]
         if self.length is not None:
             half = 0.5 * self.length
             rows.append(
                 Row(
-                    RowKind.COORDINATE, at.carrier, at.reference, -half, half, "m",
-                    point=point, center=center, direction=along, label="the line's length",
+                    RowKind.COORDINATE,
+                    at.carrier,
+                    at.reference,
+                    -half,
+                    half,
+                    "m",
+                    point=point,
+                    center=center,
+                    direction=along,
+                    label="the line's length",
                 )
-            )  # fmt: skip
+            )
         return rows
 
 

@@ -105,7 +105,15 @@ class Row:
         """The row as a kernel reads it, shape (WIDTH,)."""
         return np.array(
             [
-                self.kind, self.carrier, self.reference, *self.point, *self.axis, *self.center,
-                *self.direction, self.lower, self.upper, *self.turn.flat,
+                self.kind,
+                self.carrier,
+                self.reference,
+                *self.point,
+                *self.axis,
+                *self.center,
+                *self.direction,
+                self.lower,
+                self.upper,
+                *self.turn.flat,
             ]
-        )  # fmt: skip
+        )

@@ -35,9 +35,14 @@ def blocked_places(checker: Checker, iterate: Iterate) -> list[float]:
     breaks = np.asarray(iterate.space.breaks)
     parts = 1 if iterate.space.degree <= 3 else 2
     edges = np.unique(
-        np.concatenate([breaks[:-1, None] + np.diff(breaks)[:, None] * np.arange(parts) / parts,
-                        breaks[1:, None]], axis=1)
-    )  # fmt: skip
+        np.concatenate(
+            [
+                breaks[:-1, None] + np.diff(breaks)[:, None] * np.arange(parts) / parts,
+                breaks[1:, None],
+            ],
+            axis=1,
+        )
+    )
     for low, high, c in zip(edges, edges[1:], _cubics(iterate, edges), strict=False):
         motion = checker.curve(*c)
         if not motion.free:

@@ -73,10 +73,11 @@ def solve(
     answer = solver(
         x0=start,
         p=np.concatenate([H.data, quadratic.g, shares, W]),
-        lbx=quadratic.least, ubx=quadratic.most,
+        lbx=quadratic.least,
+        ubx=quadratic.most,
         lbg=np.concatenate([np.full(held, -np.inf), lower]),
         ubg=np.concatenate([np.zeros(held), upper]),
-    )  # fmt: skip
+    )
     z = np.array(answer["x"]).ravel()
     loose = Quadratic(
         quadratic.H, quadratic.g, rows.A, rows.lower, rows.upper, quadratic.least, quadratic.most

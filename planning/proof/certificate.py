@@ -301,9 +301,13 @@ class _Proof:
                 self.violation = self.violation or Violation("time", 0.0, message, {})
                 return
             state = run(
-                self._table.arrays, self._trajectory.breaks, self._trajectory.coefficients,
-                self._sweep, self.violation is None, _INTERVALS_A_CALL,
-            )  # fmt: skip
+                self._table.arrays,
+                self._trajectory.breaks,
+                self._trajectory.coefficients,
+                self._sweep,
+                self.violation is None,
+                _INTERVALS_A_CALL,
+            )
             if state == DONE:
                 return
             if state == ASKING:

@@ -102,9 +102,16 @@ def tool_speed_use(chain: Chain, trajectory: Trajectory, speed: float) -> Effort
         return EffortUse(0.0, 0.0, 0, 0.0)
     none = np.zeros(n)
     massless = Bodies(
-        chain.joint_types[:n], chain.offsets[:n], none, np.zeros((n, 3)), np.zeros((n, 3, 3)),
-        none, none, np.zeros(3), np.zeros((1, 1)),
-    )  # fmt: skip
+        chain.joint_types[:n],
+        chain.offsets[:n],
+        none,
+        np.zeros((n, 3)),
+        np.zeros((n, 3, 3)),
+        none,
+        none,
+        np.zeros(3),
+        np.zeros((1, 1)),
+    )
     bounds = _Bounds(massless, np.array(chain.tip.T_joint_link[:3, 3]), trajectory)
 
     def ratios(intervals: Array) -> tuple[Array, Array]:
@@ -136,9 +143,13 @@ class _Bounds:
         torques = np.empty((len(intervals), len(self._bodies.types), JET))
         velocities = np.empty((len(intervals), 3, JET))
         effort_bounds_kernel(
-            self._bodies, self._tip, self._derivatives, np.ascontiguousarray(intervals), torques,
+            self._bodies,
+            self._tip,
+            self._derivatives,
+            np.ascontiguousarray(intervals),
+            torques,
             velocities,
-        )  # fmt: skip
+        )
         return torques, velocities
 
 

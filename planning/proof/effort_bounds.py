@@ -46,9 +46,13 @@ HALF = 2
 
 @kernel
 def effort_bounds_kernel(
-    bodies: Bodies, tip: Array, derivatives: Array, intervals: Array, torques: Array,
+    bodies: Bodies,
+    tip: Array,
+    derivatives: Array,
+    intervals: Array,
+    torques: Array,
     velocities: Array,
-) -> None:  # fmt: skip
+) -> None:
     """Write jets of the torques and of the tip's velocity, in the last joint's axes.
 
     Args:
@@ -107,8 +111,10 @@ def _outward(
             w = (w[0], w[1], add(w[2], rate))
         else:
             coriolis = (
-                scale(2.0, multiply(w[1], rate, h)), scale(-2.0, multiply(w[0], rate, h)), rise
-            )  # fmt: skip
+                scale(2.0, multiply(w[1], rate, h)),
+                scale(-2.0, multiply(w[0], rate, h)),
+                rise,
+            )
             a = plus(a, coriolis)
             v = (v[0], v[1], add(v[2], rate))
         b, m, tensor = bodies.centers[i], bodies.masses[i], bodies.tensors[i]

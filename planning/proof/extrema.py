@@ -69,9 +69,13 @@ def extrema(breaks: Array, coefficients: Array, order: int) -> Extrema:
     largest_kernel(breaks, coefficients, order, 1.0, stack, highest)
     largest_kernel(breaks, coefficients, order, -1.0, stack, lowest)
     return Extrema(
-        -lowest[:, VALUE], lowest[:, TIME], -lowest[:, BOUND],
-        highest[:, VALUE], highest[:, TIME], highest[:, BOUND],
-    )  # fmt: skip
+        -lowest[:, VALUE],
+        lowest[:, TIME],
+        -lowest[:, BOUND],
+        highest[:, VALUE],
+        highest[:, TIME],
+        highest[:, BOUND],
+    )
 
 
 def jumps(trajectory: Trajectory, order: int) -> Array:

@@ -190,9 +190,15 @@ def _place_element(model: PairArrays, w: Sweep, k: int) -> None:
     if k < model.moving:
         center = (w.centers[k, 0], w.centers[k, 1], w.centers[k, 2])
         displacement_bounds(
-            model.joint_types, w.frames, center, model.radii[k], joint, w.joints,
-            w.interval[HALF], w.moves[k],
-        )  # fmt: skip
+            model.joint_types,
+            w.frames,
+            center,
+            model.radii[k],
+            joint,
+            w.joints,
+            w.interval[HALF],
+            w.moves[k],
+        )
 
 
 @kernel(allocates=False, inline="code")

@@ -225,9 +225,15 @@ def place(
 
 @kernel(allocates=False)
 def displacement_bounds(
-    types: Indices, frames: Array, center: Vector, radius: float, carrier: int, joints: Array,
-    half: float, moves: Array,
-) -> None:  # fmt: skip
+    types: Indices,
+    frames: Array,
+    center: Vector,
+    radius: float,
+    carrier: int,
+    joints: Array,
+    half: float,
+    moves: Array,
+) -> None:
     """Bound how a ball carried by a joint moves on an interval, seen from every body before it.
 
     Args:

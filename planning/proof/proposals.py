@@ -122,9 +122,14 @@ def _scene_rows(scene: Scene) -> PieceSet:
 
 @kernel(allocates=False, inline="code")
 def propose(
-    model: ProposalRows, i: int, j: int, poses: Array, centers: Array, most: float,
+    model: ProposalRows,
+    i: int,
+    j: int,
+    poses: Array,
+    centers: Array,
+    most: float,
     proposal: Proposal,
-) -> float:  # fmt: skip
+) -> float:
     """Overwrite ``proposal.axis`` with a direction from element j to element i that may part them.
 
     Args:
@@ -145,7 +150,7 @@ def propose(
     _, _, upper = separation(
         Pair(rows, 0, rows, 1), model.corners, model.tables, -np.inf, most, STILL, proposal.axis,
         proposal.simplex,
-    )  # fmt: skip
+    )
     return float(upper)
 
 

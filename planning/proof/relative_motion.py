@@ -57,9 +57,14 @@ class RelativeMotion(NamedTuple):
 
 @kernel
 def relative_motion(
-    types: Indices, frames: Array, point: Vector, carrier: int, reference: int, joints: Array,
+    types: Indices,
+    frames: Array,
+    point: Vector,
+    carrier: int,
+    reference: int,
+    joints: Array,
     half: float,
-) -> RelativeMotion:  # fmt: skip
+) -> RelativeMotion:
     """Bound the motion of a point of one link seen from another.
 
     Args:
@@ -108,16 +113,28 @@ def relative_motion(
     moved = min(far, math.sqrt(vx * vx + vy * vy + vz * vz) * half + bend)
     turned = min(turned, math.sqrt(wx * wx + wy * wy + wz * wz) * half + turn_bend)
     return RelativeMotion(
-        (vx, vy, vz), (wx, wy, wz), moved * OUTWARD, bend * OUTWARD, acceleration * OUTWARD,
-        turned * OUTWARD, turn_bend * OUTWARD, turn_speed * OUTWARD, turn_acceleration * OUTWARD,
-    )  # fmt: skip
+        (vx, vy, vz),
+        (wx, wy, wz),
+        moved * OUTWARD,
+        bend * OUTWARD,
+        acceleration * OUTWARD,
+        turned * OUTWARD,
+        turn_bend * OUTWARD,
+        turn_speed * OUTWARD,
+        turn_acceleration * OUTWARD,
+    )
 
 
 @kernel
 def axis_motion(
-    types: Indices, frames: Array, axis: Vector, carrier: int, reference: int, joints: Array,
+    types: Indices,
+    frames: Array,
+    axis: Vector,
+    carrier: int,
+    reference: int,
+    joints: Array,
     half: float,
-) -> tuple[float, float]:  # fmt: skip
+) -> tuple[float, float]:
     """Bound the motion of a unit vector of one link on the unit sphere, seen from another link.
 
     A joint along which the vector points does not move it.

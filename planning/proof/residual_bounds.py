@@ -123,9 +123,14 @@ def bound_residuals(chain: Chain, rows: Sequence[Row], trajectory: Trajectory) -
     )
     gaps = np.array([max(_SHARP * row.width, TOLERANCE) for row in rows])
     verdict = bound_residuals_kernel(
-        chain.joint_types, chain.offsets, pack(rows), trajectory.breaks, trajectory.coefficients,
-        gaps, report,
-    )  # fmt: skip
+        chain.joint_types,
+        chain.offsets,
+        pack(rows),
+        trajectory.breaks,
+        trajectory.coefficients,
+        gaps,
+        report,
+    )
     time, row, residual = report.first.tolist()
     return ResidualBounds(
         Verdict(verdict), report.worst, report.times, float(time), int(row), float(residual)
@@ -152,9 +157,14 @@ def sample_residuals(
 
 @kernel
 def bound_residuals_kernel(
-    types: Indices, offsets: Array, rows: Array, breaks: Array, coefficients: Array, gaps: Array,
+    types: Indices,
+    offsets: Array,
+    rows: Array,
+    breaks: Array,
+    coefficients: Array,
+    gaps: Array,
     report: Report,
-) -> int:  # fmt: skip
+) -> int:
     """Bound residuals along a motion; earliest intervals first, a violation ends it.
 
     Args:

@@ -81,9 +81,15 @@ def direction(kinds: Indices, poses: Array, i: int, j: int, u: Vector) -> tuple[
 
 @kernel(allocates=False)
 def gap(
-    kinds: Indices, sizes: Array, columns: Array, starts: Indices, poses: Array,
-    i: int, j: int, u: Vector,
-) -> float:  # fmt: skip
+    kinds: Indices,
+    sizes: Array,
+    columns: Array,
+    starts: Indices,
+    poses: Array,
+    i: int,
+    j: int,
+    u: Vector,
+) -> float:
     """Lower bound of the distance of pieces i and j along a unit direction, but for rounding [m].
 
     Args:

@@ -119,9 +119,14 @@ class TimeOptimal:
     ) -> ScaledTime:
         """See ``TimingMethod.time``."""
         return time_path(
-            path, joint_names, limits.velocity, limits.acceleration,
-            solver=self.solver, end_speeds=end_speeds, loads=limits.effort,
-        )  # fmt: skip
+            path,
+            joint_names,
+            limits.velocity,
+            limits.acceleration,
+            solver=self.solver,
+            end_speeds=end_speeds,
+            loads=limits.effort,
+        )
 
     def notes(self, parts: Sequence[ScaledTime]) -> tuple[str, ...]:
         """Notes on how much the toppra package's answers were slowed down."""
@@ -155,10 +160,14 @@ class JerkLimited:
         """See ``TimingMethod.time``."""
         assert limits.jerk is not None
         dilated = time_path_with_jerk(
-            path, joint_names, limits.velocity, limits.acceleration, limits.jerk,
+            path,
+            joint_names,
+            limits.velocity,
+            limits.acceleration,
+            limits.jerk,
             end_speeds=end_speeds,
             extra=None if limits.effort is None else effort_rows(limits.effort),
-        )  # fmt: skip
+        )
         if limits.effort is None:
             return dilated
         slowed = slow_down(limits.effort, dilated)

@@ -178,14 +178,16 @@ Constraints = Annotated[
         examples=[
             [
                 {
-                    "type": "orientation", "axis": [0, 0, 1], "direction": [0, 0, -1],
+                    "type": "orientation",
+                    "axis": [0, 0, 1],
+                    "direction": [0, 0, -1],
                     "cone_angle": 0.1745,
                 },
                 {"type": "clearance", "margin": 0.02},
             ]
         ],
     ),
-]  # fmt: skip
+]
 
 
 class ConstraintUse(Answer):

@@ -50,9 +50,13 @@ def solve_batch(chain: Chain, body: IkRequest, targets: list[Pose]) -> list[dict
     )
     T = np.array([poses.transform(target) for target in targets])
     solutions = inverse_kinematics_batch(
-        chain, T, options, link=body.link, seed_joints=body.seed_joints,
+        chain,
+        T,
+        options,
+        link=body.link,
+        seed_joints=body.seed_joints,
         threads=1,  # a worker is one of as many as there are processors
-    )  # fmt: skip
+    )
     return [
         None if solution is None else {"solutions": [solution_answer(chain, solution)]}
         for solution in solutions

@@ -210,6 +210,9 @@ def _follow_gradient(chain: Chain, body: IkRequest, pose: Pose) -> Trace:
     if given is not None:
         options = GradientOptions(given.rule, given.coordinates, given.gain, given.steps)
     return follow(
-        chain, poses.transform(pose), link=body.link, seed_joints=body.seed_joints,
+        chain,
+        poses.transform(pose),
+        link=body.link,
+        seed_joints=body.seed_joints,
         options=options,
-    )  # fmt: skip
+    )

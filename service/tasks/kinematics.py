@@ -134,9 +134,14 @@ def velocity(chain: Chain, body: VelocityRequest) -> bytes:
             _same_length(body.joints, body.nullspace, "nullspace")
         below = DAMPED_BELOW if body.damped_below is None else body.damped_below
         solved = joint_velocities(
-            chain, body.joints, body.twist, nullspace=body.nullspace, link=body.link,
-            point=body.point, damped_below=below,
-        )  # fmt: skip
+            chain,
+            body.joints,
+            body.twist,
+            nullspace=body.nullspace,
+            link=body.link,
+            point=body.point,
+            damped_below=below,
+        )
         twist = np.array(body.twist) - solved.residual
     return to_json(
         {

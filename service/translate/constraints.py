@@ -78,16 +78,25 @@ def constraint(body: schema.Constraint) -> Constraint:
             made = _orientation(body)
         case schema.LookAtConstraint():
             made = LookAtConstraint(
-                body.axis, body.target, body.angle, body.link, body.point, body.reference_link,
+                body.axis,
+                body.target,
+                body.angle,
+                body.link,
+                body.point,
+                body.reference_link,
                 body.weight,
-            )  # fmt: skip
+            )
         case schema.ClearanceConstraint():
             made = ClearanceConstraint(body.margin)
         case schema.RelativePoseConstraint():
             made = RelativePoseConstraint(
-                poses.transform(body.pose), body.link, body.reference_link,
-                body.position_tolerance, body.orientation_tolerance, body.weight,
-            )  # fmt: skip
+                poses.transform(body.pose),
+                body.link,
+                body.reference_link,
+                body.position_tolerance,
+                body.orientation_tolerance,
+                body.weight,
+            )
         case schema.ToolSpeedConstraint():
             made = ToolSpeedConstraint(body.limit)
         case schema.TorqueConstraint():

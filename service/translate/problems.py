@@ -55,11 +55,16 @@ def problem(body: schema.PlanRequest, robot: RobotGeometry, scene: Scene) -> Pro
     )
     start = np.array(body.start.joints)
     return Problem(
-        robot, scene, start, goals, body.margin, body.start_state_tolerance,
+        robot,
+        scene,
+        start,
+        goals,
+        body.margin,
+        body.start_state_tolerance,
         constraints=constraint_set(body.constraints, robot.chain),
         start_velocity=_rates(body.start.velocities),
         start_acceleration=_rates(body.start.accelerations),
-    )  # fmt: skip
+    )
 
 
 def _rates(given: Sequence[float] | None) -> Array | None:
