@@ -127,7 +127,7 @@ def _check_inertias(chain: Chain) -> None:
     names = [link.name for i in empty for link in carried[i]]
     joints = [chain.joint_names[i] for i in empty]
     raise MissingInertia(
-        f"nothing that joint(s) {', '.join(map(repr, joints))} carry has an inertia "
+        f"the bodies that joint(s) {', '.join(map(repr, joints))} carry have no inertia "
         f"(link(s): {', '.join(names) or 'none'})",
         hint="Give at least one link of each joint a mass, centre of mass and inertia tensor.",
         joints=joints,

@@ -120,7 +120,7 @@ def inertia(mass: float, center_of_mass: ArrayLike, tensor: ArrayLike) -> Inerti
     if moments[2] > moments[0] + moments[1] + slack:
         raise InvalidOption(
             f"the principal moments {moments[0]:.6g}, {moments[1]:.6g}, {moments[2]:.6g} kg m^2 "
-            "are those of no body: the largest exceeds the sum of the others",
+            "are not those of a rigid body: the largest exceeds the sum of the others",
             hint="Give the tensor about the centre of mass, not about the joint.",
         )
     return Inertia(float(mass), c, 0.5 * (about + about.T))

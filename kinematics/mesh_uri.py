@@ -86,7 +86,7 @@ def _path(uri: str, what: str) -> str:
             )
         if _normalize(form) is None:
             raise InvalidRobotDescription(
-                f"the {what} {uri!r} leads out of what was uploaded",
+                f"the {what} {uri!r} leads out of the upload",
                 hint='Take the ".." out.',
                 uri=uri,
             )

@@ -37,7 +37,7 @@ def check_orthonormal(error: float, determinant: float) -> None:
     """
     if not (error <= ORTHONORMAL_TOLERANCE and determinant > 0.0):
         raise InvalidPose(
-            f"rotation_matrix is no rotation: R^T R differs from I by {error:.3g}, "
+            f"rotation_matrix is not a rotation: R^T R differs from I by {error:.3g}, "
             f"det R = {determinant:.6g}",
             hint="Give an orthonormal matrix with determinant +1, row by row.",
         )

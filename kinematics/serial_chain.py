@@ -114,7 +114,7 @@ def select(
     for role, link in (("base_link", base_link), ("tip_link", tip_link)):
         if link is not None and link not in description.links:
             raise InvalidRobotDescription(
-                f"{role} {link!r} is no link of robot {description.name!r}",
+                f"{role} {link!r} is not a link of robot {description.name!r}",
                 hint=f"Its links are: {', '.join(description.links)}.",
                 link=link,
             )

@@ -40,7 +40,7 @@ def holding_torques(
     try:
         F = np.array(wrench, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise InvalidOption(f"wrench is no array of numbers: {error}") from None
+        raise InvalidOption(f"wrench is not an array of numbers: {error}") from None
     if F.ndim == 0 or F.shape[-1] != 6 or not np.isfinite(F).all():
         raise InvalidOption("wrench must be six finite numbers [fx, fy, fz, nx, ny, nz]")
     J = geometric(chain, q, link, point)

@@ -304,7 +304,7 @@ def _numbers(values: ArrayLike, name: str) -> Array:
     try:
         array = frozen(values)
     except (TypeError, ValueError) as error:
-        raise InvalidTrajectory(f"the {name} are no array of numbers: {error}") from None
+        raise InvalidTrajectory(f"the {name} are not an array of numbers: {error}") from None
     if not np.isfinite(array).all():
         raise InvalidTrajectory(f"the {name} are not all finite")
     return array

@@ -163,7 +163,7 @@ def _twist(twist: ArrayLike) -> Array:
     try:
         xi = np.array(twist, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise InvalidOption(f"twist is no array of numbers: {error}") from None
+        raise InvalidOption(f"twist is not an array of numbers: {error}") from None
     if xi.ndim == 0 or xi.shape[-1] != 6 or not np.isfinite(xi).all():
         raise InvalidOption("twist must be six finite numbers [vx, vy, vz, wx, wy, wz]")
     return xi

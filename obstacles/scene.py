@@ -56,7 +56,7 @@ class Obstacle:
     def __post_init__(self) -> None:
         checked_name(self.id, "obstacle id")
         if not isinstance(self.shape, Shape):
-            raise InvalidScene(f"obstacle {self.id!r}: {type(self.shape).__name__} is no shape")
+            raise InvalidScene(f"obstacle {self.id!r}: {type(self.shape).__name__} is not a shape")
         object.__setattr__(self, "T_world_obstacle", _rigid(self.T_world_obstacle, self.id))
         margin = float(self.margin)
         if not 0.0 <= margin <= MAX_SIZE:
@@ -255,7 +255,7 @@ def _rigid(T: Array, name: str) -> Array:
             raise InvalidPose("it is no 4x4 matrix whose last row is [0, 0, 0, 1]")
         rotation = from_matrix(matrix[:3, :3])
     except (TypeError, ValueError, InvalidPose) as error:
-        raise InvalidScene(f"obstacle {name!r}: its pose is no rigid motion: {error}") from None
+        raise InvalidScene(f"obstacle {name!r}: its pose is not a rigid motion: {error}") from None
     if not np.abs(matrix[:3, 3]).max() <= MAX_SIZE:
         raise InvalidScene(f"obstacle {name!r}: its position must lie within {MAX_SIZE:g} m")
     return frozen(transform(rotation, matrix[:3, 3]))

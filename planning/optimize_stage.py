@@ -66,7 +66,7 @@ def refinement_options(options: Options, problem: Problem) -> Options:
         )
     if options.refine is not None and options.timing.solver is not None:
         raise InvalidOption(
-            "the optimiser times its motions itself: it does not go with timing.solver",
+            "the optimiser times its motions itself: timing.solver does not apply",
             hint="Leave timing.solver out, or do not ask for refine.",
         )
     return options

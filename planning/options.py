@@ -44,7 +44,7 @@ class ToolMotionOptions:
                 hint="Give a point on the way, or the centre.",
             )
         if self.normal is not None and self.center is None:
-            raise InvalidOption("normal goes with center: via says which way round")
+            raise InvalidOption("normal needs center: via says which way round")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -77,7 +77,7 @@ CASCADE: tuple[Planner, ...] = (
     StraightLine(),
     ByConstraints(
         PotentialField(QUICK, share=_FIELD_SHARE, max_goals=_FIELD_GOALS),
-        Skipped("potential_field", "its forces know nothing of constraints."),
+        Skipped("potential_field", "its forces do not include constraints."),
     ),
     ByConstraints(
         RrtConnect(fallback=OmplPlanner.of("rrt_connect", {})), ProjectedRrt("rrt_connect")

@@ -118,7 +118,7 @@ def _points(path: PathToTime) -> Array:
     points = np.asarray(path.waypoints, dtype=np.float64)
     if points.ndim != 2 or len(points) < 1 or points.shape[1] != len(path.joint_names):
         raise InvalidTrajectory(
-            f"a path of shape {points.shape} is none of {len(path.joint_names)} joint(s)",
+            f"a path of shape {points.shape} does not have {len(path.joint_names)} joint(s)",
             hint=f"The joints are: {', '.join(path.joint_names)}; give one value for each.",
         )
     return points

@@ -111,7 +111,7 @@ def _numbers(name: str, value: ArrayLike) -> Array:
     try:
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise InvalidOption(f"the gain {name} is no array of numbers: {error}") from None
+        raise InvalidOption(f"the gain {name} is not an array of numbers: {error}") from None
     if not np.isfinite(array).all():
         raise InvalidOption(f"the gain {name} is not finite")
     return array

@@ -54,7 +54,7 @@ class Attached(Request):
         if (self.pose is None) == (self.grasp_joints is None):
             raise ValueError("give exactly one of pose, grasp_joints")
         if self.mass is None and (self.center_of_mass is not None or self.inertia is not None):
-            raise ValueError("center_of_mass and inertia go with mass")
+            raise ValueError("center_of_mass and inertia need mass")
         return self
 
 

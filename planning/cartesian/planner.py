@@ -137,12 +137,12 @@ def _describe(tool_path: ToolPath) -> str:
 def _check_timing(timing: TimingOptions) -> None:
     if timing.times is not None:
         raise InvalidOption(
-            "timing.times do not go with the planner cartesian: it finds the waypoints itself",
+            "timing.times do not apply to the planner cartesian: it finds the waypoints itself",
             hint="Leave times out, or time the path it answers by POST /v1/retime.",
         )
     if timing.interpolation not in {None, "clamped_spline"} or timing.blend_tolerance:
         raise InvalidOption(
-            "timing.interpolation and blend_tolerance do not go with the planner cartesian: "
+            "timing.interpolation and blend_tolerance do not apply to the planner cartesian: "
             "the tool's motion is kept, and stops at its corners",
             hint="Leave them out.",
         )

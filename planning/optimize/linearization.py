@@ -94,7 +94,7 @@ class Linearization:
 
 
 _UNSEEN = Linearization(
-    (), np.inf, Obstruction("time was up before a motion was looked at", "Allow more time.")
+    (), np.inf, Obstruction("time was up before the motion was checked", "Allow more time.")
 )
 
 

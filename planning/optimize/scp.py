@@ -77,7 +77,7 @@ _ROUNDING = 1e-9
 _QUANTITIES = ("velocity", "acceleration", "jerk")
 _LIMITS = "Raise the limits, or lower the velocities at the ends."
 _BETWEEN = Obstruction(
-    "the motion is not free between the places looked at",
+    "the motion is not free between its checkpoints",
     "Use more control_points or rounds, or lower the margin.",
 )
 

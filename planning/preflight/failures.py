@@ -124,7 +124,7 @@ def time_up_failure(checked: int, count: int) -> Failure:
     """The failure of a search that had time for some of its goals only."""
     return Failure(
         code="TIMED_OUT",
-        message=f"time was up when {checked} of {count} goals had been looked at",
+        message=f"time was up when {checked} of {count} goals had been checked",
         hint="Allow more time, or give fewer goals.",
         stage="goal",
     )

@@ -189,7 +189,7 @@ def _points(waypoints: ArrayLike) -> Array:
     try:
         points = np.array(waypoints, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise InvalidTrajectory(f"the waypoints are no array of numbers: {error}") from None
+        raise InvalidTrajectory(f"the waypoints are not an array of numbers: {error}") from None
     if points.ndim != 2 or points.shape[0] < 1 or points.shape[1] < 1:
         raise InvalidTrajectory(
             f"waypoints of shape {points.shape} describe no path",

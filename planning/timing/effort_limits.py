@@ -149,7 +149,7 @@ def slow_down(loads: EffortLimits, dilated: ScaledTime) -> ScaledTime:
         factor *= needed * (1.0 + _HAIR)
         trajectory = trajectory.dilate(needed * (1.0 + _HAIR))
     raise TimingFailed(
-        "no slowing down of this motion was found that keeps the torque limits",
+        "no slower motion was found that keeps the torque limits",
         hint="Carry less, raise the limits, or choose another path.",
     )
 

@@ -289,8 +289,8 @@ def _phases(made: Grid, z: Array, speeds: tuple[float, float]) -> Array | None:
     for end, wanted in ((0, speeds[0]), (-1, speeds[1])):
         if wanted > 0.0 and abs(v[end] - wanted) > _SAME_SPEED * wanted:
             raise TimingFailed(
-                f"a boundary speed of {wanted:.6g} along the path can't be had with the "
-                f"acceleration 0: {v[end]:.6g} can",
+                f"a boundary speed of {wanted:.6g} along the path is not possible without "
+                f"acceleration: {v[end]:.6g} is",
                 hint="Give a lower boundary velocity, or higher limits.",
             )
         v[end] = wanted

@@ -99,7 +99,7 @@ class TimingOptions:
         spline = self.method == "spline"
         if spline and self.interpolation == "linear":
             raise InvalidOption(
-                "the timing method spline does not go with linear interpolation",
+                "the timing method spline does not take linear interpolation",
                 hint="Choose natural_spline or clamped_spline, or another method.",
             )
         for name, given in (("times", self.times is not None), ("scale_times", self.scale_times)):

@@ -35,7 +35,7 @@ def squared_speeds(cells: Cells) -> Array:
     if not (np.isfinite(squares).all() and (squares[~cells.rest] > 0.0).all()):
         raise TimingFailed(
             "no finite speed along the path was found",
-            hint="Look for limits or lengths of absurd size.",
+            hint="Look for limits or lengths of very different sizes.",
         )
     return squares
 

@@ -106,7 +106,7 @@ def checked_limits(values: ArrayLike, name: str, n: int) -> Array:
     try:
         limits = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):
-        raise InvalidOption(f"the {name} limits are no list of numbers") from None
+        raise InvalidOption(f"the {name} limits are not a list of numbers") from None
     if limits.shape != (n,) or not (limits > 0.0).all():
         raise InvalidOption(
             f"the {name} limits must be {n} positive number(s), got {np.array2string(limits)}",

@@ -202,6 +202,6 @@ def _typical_time(tangents: Array, limits: Array) -> float:
         units = np.square(time) * limits[1]
     if not (0.0 < time < np.inf and np.isfinite(units).all() and (units > 0.0).all()):
         raise TimingFailed(
-            "toppra can't be asked: speeds along the path are out of range", hint=_HINT
+            "toppra can't time this path: speeds along it are out of range", hint=_HINT
         )
     return time

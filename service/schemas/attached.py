@@ -45,7 +45,7 @@ class Attached(Body):
     def _check_form(self) -> "Attached":
         exactly_one(self, ("pose", "grasp_joints"))
         if self.mass is None and (self.center_of_mass is not None or self.inertia is not None):
-            raise ValueError("center_of_mass and inertia go with mass")
+            raise ValueError("center_of_mass and inertia need mass")
         return self
 
 

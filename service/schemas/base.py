@@ -105,5 +105,5 @@ def distinct(labels: Sequence[str], what: str) -> None:
     seen: set[str] = set()
     for label in labels:
         if label in seen:
-            raise ValueError(f"{what} {label!r} stands twice; each must be unique")
+            raise ValueError(f"{what} {label!r} is given twice; each must be unique")
         seen.add(label)

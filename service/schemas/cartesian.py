@@ -33,7 +33,7 @@ class ToolMotion(Body):
         elif (self.via is None) == (self.center is None):
             raise ValueError("a motion of type circ needs exactly one of via, center")
         if self.normal is not None and self.center is None:
-            raise ValueError("normal goes with center")
+            raise ValueError("normal needs center")
         return self
 
 

@@ -216,7 +216,7 @@ class VelocityRequest(Body):
     def _one_of_two(self) -> Self:
         exactly_one(self, ("joint_velocities", "twist"))
         if self.twist is None and (self.nullspace is not None or self.damped_below is not None):
-            raise ValueError("nullspace and damped_below go with twist")
+            raise ValueError("nullspace and damped_below need twist")
         return self
 
 

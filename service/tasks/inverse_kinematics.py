@@ -148,19 +148,19 @@ def _check_options(body: IkRequest) -> None:
     """Refuse options that the method does not have."""
     if body.constraints and body.method not in {"auto", "constrained"}:
         raise InvalidOption(
-            f"constraints do not go with the method {body.method!r}",
+            f"constraints do not apply to the method {body.method!r}",
             hint='Ask for the method "constrained", or leave constraints out.',
         )
     if body.posture is not None and not _uses_constraints(body):
-        raise InvalidOption("posture goes with the method 'constrained'")
+        raise InvalidOption("posture needs the method 'constrained'")
     if _uses_constraints(body) and (body.parameters or body.all_turns):
-        raise InvalidOption("parameters and all_turns do not go with the method 'constrained'")
+        raise InvalidOption("parameters and all_turns do not apply to the method 'constrained'")
     if body.poses is not None and body.gradient is not None and body.gradient.trace:
-        raise InvalidOption("a trace goes with one pose, not with many")
+        raise InvalidOption("a trace is given for one pose, not for many")
     if body.gradient is not None and body.method != "gradient":
-        raise InvalidOption("gradient goes with method 'gradient'")
+        raise InvalidOption("gradient needs the method 'gradient'")
     if body.method == "gradient" and (body.axes or body.parameters or body.all_turns):
-        raise InvalidOption("axes, parameters and all_turns do not go with method 'gradient'")
+        raise InvalidOption("axes, parameters and all_turns do not apply to the method 'gradient'")
 
 
 def _check_parameters(chain: Chain, body: IkRequest) -> None:
@@ -168,7 +168,7 @@ def _check_parameters(chain: Chain, body: IkRequest) -> None:
     if body.parameters is None:
         return
     if body.method == "numeric" or body.axes is not None:
-        raise InvalidOption("parameters go with a closed form, not with the numeric method or axes")
+        raise InvalidOption("parameters need a closed form; the numeric method and axes take none")
     form = structure(chain, body.link)
     if form is None or not form.redundant:
         raise InvalidOption(

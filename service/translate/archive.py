@@ -129,7 +129,7 @@ def _check_entry(entry: zipfile.ZipInfo) -> zipfile.ZipInfo:
             hint='Take absolute paths, drive letters, backslashes and ".." out of the names.',
         )
     if stat.S_IFMT(entry.external_attr >> 16) not in (0, stat.S_IFREG):
-        raise _archive_error(f"the entry {name!r} is no regular file")
+        raise _archive_error(f"the entry {name!r} is not a regular file")
     if entry.flag_bits & 0x1:
         raise _archive_error(f"the entry {name!r} is encrypted")
     if _suffix(entry) in _ARCHIVES:

@@ -131,7 +131,7 @@ def registered_task(name: str) -> Task[..., Any]:
     try:
         return _TASKS[name]
     except KeyError:
-        raise LookupError(f"{name!r} is no registered task") from None
+        raise LookupError(f"{name!r} is not a registered task") from None
 
 
 def task_names(module: str) -> frozenset[str]:

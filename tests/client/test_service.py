@@ -146,7 +146,9 @@ def test_a_key_makes_creation_repeatable(client: Client) -> None:
 
 
 def test_what_the_service_refuses_names_the_field(client: Client) -> None:
-    with pytest.raises(ours.ValidationFailed, match=r"obstacle 'table_top' stands twice") as caught:
+    with pytest.raises(
+        ours.ValidationFailed, match=r"obstacle 'table_top' is given twice"
+    ) as caught:
         client.scenes.create(ours.Scene(name="twins", obstacles=[TABLE, TABLE]))
     assert caught.value.details["errors"][0]["path"] == "obstacles"
 

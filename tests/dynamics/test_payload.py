@@ -91,7 +91,7 @@ def test_faults_are_named() -> None:
     chain = random_chain(3, 3)
     with pytest.raises(InvalidOption, match="mass is -1"):
         with_payload(chain, -1.0)
-    with pytest.raises(InvalidOption, match="those of no body"):
+    with pytest.raises(InvalidOption, match="not those of a rigid body"):
         inertia(1.0, [0, 0, 0], np.diag([1.0, 1.0, 3.0]))
     with pytest.raises(InvalidOption, match="positive semidefinite"):
         inertia(1.0, [0, 0, 0], np.diag([1.0, 1.0, -0.5]))

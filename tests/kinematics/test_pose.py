@@ -97,9 +97,9 @@ def test_matrix_is_checked_and_put_right() -> None:
         mended = pose.from_matrix(rounded)
         np.testing.assert_allclose(mended.T @ mended, np.eye(3), atol=1e-15)
         np.testing.assert_allclose(mended, R, atol=1e-7)
-        with pytest.raises(InvalidPose, match="no rotation"):
+        with pytest.raises(InvalidPose, match="not a rotation"):
             pose.from_matrix(-R)
-        with pytest.raises(InvalidPose, match="no rotation"):
+        with pytest.raises(InvalidPose, match="not a rotation"):
             pose.from_matrix(1.001 * R)
     with pytest.raises(InvalidPose):
         pose.from_matrix(np.eye(4))

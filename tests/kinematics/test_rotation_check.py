@@ -34,7 +34,7 @@ def test_a_matrix_may_miss_orthonormality_by_the_tolerance() -> None:
     check_orthonormal(0.0, 1.0)
     check_orthonormal(ORTHONORMAL_TOLERANCE, 1.0)
     for error in (1.001 * ORTHONORMAL_TOLERANCE, 1.0, math.inf, math.nan):
-        with pytest.raises(InvalidPose, match="no rotation"):
+        with pytest.raises(InvalidPose, match="not a rotation"):
             check_orthonormal(error, 1.0)
 
 

@@ -255,7 +255,7 @@ def test_sample_periods_are_checked() -> None:
         (lambda: made(("a",), [0, 1], np.zeros((1, 1, 0))), "do not fit"),
         (lambda: made(("a",), [0, 1], np.zeros((1, 1))), "do not fit"),
         (lambda: made(("a",), [0, 1], np.zeros((1, 1, 40))), "degree 39"),
-        (lambda: made(("a",), [0, 1], [[["x"]]]), "no array of numbers"),
+        (lambda: made(("a",), [0, 1], [[["x"]]]), "not an array of numbers"),
     ],
 )
 def test_malformed_trajectories_are_refused(make: Callable[[], Trajectory], match: str) -> None:

@@ -100,7 +100,7 @@ def test_a_path_under_constraints_is_not_left_to_forces_or_free_trees() -> None:
     constrained = query(Scene(), constrained=True)
     _, field, trees = (planner.plan(constrained) for planner in CASCADE)
     assert field.waypoints is None
-    assert field.detail == "Left out: its forces know nothing of constraints."
+    assert field.detail == "Left out: its forces do not include constraints."
     assert trees.waypoints is not None
     assert "along the constraints" in trees.detail
     (named,) = choose_planners(constrained.problem, Options(planner="rrt_connect"))

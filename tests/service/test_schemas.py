@@ -66,8 +66,8 @@ def test_every_form_of_a_pose(pose: dict[str, Any], rotation: Any) -> None:
         ({"position": [0, 0, 1e7]}, "less than or equal"),
         ({"quaternion_xyzw": [0, 0, 0, 1.0011]}, "norm"),
         ({"quaternion_xyzw": [0, 0, 0, 0]}, "norm"),
-        ({"rotation_matrix": [[1, 0, 0], [0, 1, 0], [0, 0, -1]]}, "no rotation"),
-        ({"rotation_matrix": [[1, 0, 0], [0, 1, 1e-5], [0, 0, 1]]}, "no rotation"),
+        ({"rotation_matrix": [[1, 0, 0], [0, 1, 0], [0, 0, -1]]}, "not a rotation"),
+        ({"rotation_matrix": [[1, 0, 0], [0, 1, 1e-5], [0, 0, 1]]}, "not a rotation"),
         ({"rpy": [0, 0, 0], "euler_zyz": [0, 0, 0]}, "at most one"),
         ({"axis_angle": [0, 0, 0, 1]}, "no direction"),
         ({"axis_angle": [0, 0, 1]}, "at least 4"),
@@ -139,7 +139,7 @@ def test_scenes() -> None:
     box = {"id": "b", "shape": {"type": "box", "size": [1, 1, 1]}, "pose": {"position": [0, 0, 0]}}
     scene = poses.scene(Scene.model_validate({"obstacles": [box | {"margin": 0.1}]}))
     assert scene.obstacle("b").margin == 0.1
-    refused(Scene, {"obstacles": [box, box]}, "stands twice")
+    refused(Scene, {"obstacles": [box, box]}, "is given twice")
     refused(Scene, {"obstacles": [], "moveit": "x"}, "exactly one")
     refused(Scene, {"obstacles": [box | {"margin": -1}]}, "greater than")
     refused(Scene, {"obstacles": [box | {"id": "a\n"}]}, "pattern")

@@ -67,7 +67,7 @@ def test_an_attached_object_has_one_place() -> None:
 def test_mass_properties_of_an_attached_object_go_with_its_mass(name: str) -> None:
     other = "inertia" if name == "center_of_mass" else "center_of_mass"
     body = without(without(PART, ("mass",)), (other,))
-    reject(Attached, body, "go with mass")
+    reject(Attached, body, "need mass")
     accept(Attached, body | {"mass": 0.5})
     accept(Attached, without(body, (name,)))
 
@@ -115,7 +115,7 @@ def test_an_arc_of_the_tool_has_a_point_or_a_center() -> None:
     accept(ToolMotion, without(CIRCLE, ("normal",)))
     reject(ToolMotion, LINE | {"type": "circ"}, "exactly one of via, center")
     reject(ToolMotion, ARC | {"center": [0.0] * 3}, "exactly one of via, center")
-    reject(ToolMotion, ARC | {"normal": [0.0, 0.0, 1.0]}, "normal goes with center")
+    reject(ToolMotion, ARC | {"normal": [0.0, 0.0, 1.0]}, "normal needs center")
 
 
 def test_timed_tool_motions_have_an_end_each() -> None:
@@ -152,7 +152,7 @@ def test_velocity_kinematics_answers_one_question() -> None:
     reject(VelocityRequest, joints, "exactly one")
     reject(VelocityRequest, joints | twist | rates, "exactly one")
     for extra in ({"nullspace": [0.0]}, {"damped_below": 0.1}):
-        reject(VelocityRequest, joints | rates | extra, "go with twist")
+        reject(VelocityRequest, joints | rates | extra, "need twist")
 
 
 def test_inverse_kinematics_needs_a_pose_or_constraints() -> None:
