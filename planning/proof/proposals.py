@@ -148,7 +148,13 @@ def propose(
     _place_row(model, rows, 0, i, poses, centers)
     _place_row(model, rows, 1, j, poses, centers)
     _, _, upper = separation(
-        Pair(rows, 0, rows, 1), model.corners, model.tables, -np.inf, most, STILL, proposal.axis,
+        Pair(rows, 0, rows, 1),
+        model.corners,
+        model.tables,
+        -np.inf,
+        most,
+        STILL,
+        proposal.axis,
         proposal.simplex,
     )
     return float(upper)

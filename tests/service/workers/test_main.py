@@ -72,7 +72,7 @@ def test_faults_bugs_and_unknown_tasks_cost_no_worker() -> None:
             (chores.blame_caller.job(), Reply.FAULT, "INVALID_LINK_NAME"),
             (chores.stumble.job(), Reply.BUG, "ZeroDivisionError"),
             (chores.unpicklable.job(), Reply.BUG, "pickle"),
-            (unknown, Reply.BUG, "no registered task"),
+            (unknown, Reply.BUG, "not a registered task"),
         ):
             send(channel, job)
             assert receive(channel) == (Reply.STARTED,)

@@ -86,7 +86,7 @@ def test_faults_cross_as_values_and_bugs_leak_nothing(caplog: pytest.LogCaptureF
 )
 def test_only_registered_functions_are_tasks(name: str) -> None:
     load_tasks("tests.service.chores")
-    with pytest.raises(LookupError, match="no registered task"):
+    with pytest.raises(LookupError, match="not a registered task"):
         registered_task(name)
     assert registered_task("tests.service.chores:add") is chores.add
 

@@ -51,7 +51,7 @@ def test_all_modules_of_a_package_are_loaded() -> None:
 
 @pytest.mark.parametrize("name", ["os:system", "service.tasks.plan:_late", "", "plan"])
 def test_a_name_alone_runs_nothing(name: str) -> None:
-    with pytest.raises(LookupError, match="no registered task"):
+    with pytest.raises(LookupError, match="not a registered task"):
         registered_task(name)
     unknown: Job[object] = Job(name)
     assert unknown.task == name
