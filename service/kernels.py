@@ -57,6 +57,8 @@ def prepare(report: Report) -> None:
     Args:
         report: as for `compile_kernels`.
     """
+    if load_kernels():
+        return
     try:
         compile_kernels(report)
     except BuildFailed as error:
@@ -74,10 +76,8 @@ def load_kernels() -> bool:
         Whether that is all of them.
     """
     entries, unknown = kernel_list.read(LIST)
-    doors = [entry for entry in entries if entry.door]
-    missing = kernel_build.missing(doors)
-    kernel_list.load([entry for entry in doors if entry not in missing])
-    return not missing and not any(map(kernel_list.called_by_python, unknown))
+    complete = kernel_list.load([entry for entry in entries if entry.door])
+    return complete and not any(map(kernel_list.called_by_python, unknown))
 
 
 def keep_in_package() -> None:

@@ -6,7 +6,7 @@ they can be compiled at once in several processes, and are compiled on the way i
 
 import pickle
 import pkgutil
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -74,12 +74,18 @@ def called_by_python(line: str) -> bool:
     return line.partition(" ")[0] == _DOOR
 
 
-def load(entries: Sequence[Entry]) -> None:
-    """Load kernels that Python calls, whose machine code is on disk, all at once."""
-    doors = [entry.files[-1] for entry in entries]
-    kernel_code.load(*(door for door in doors if kernel_code.find(door) is not None))
-    for entry in entries:
-        entry.kernel.compile(entry.kinds)
+def load(entries: Iterable[Entry]) -> bool:
+    """Load kernels that Python calls at once, those that are on disk with all that they call.
+
+    Returns:
+        Whether these are all.
+    """
+    doors = {entry.files[-1]: entry for entry in entries}
+    there = [door for door in doors if kernel_code.find(door) is not None]
+    kernel_code.load(*there)
+    for door in there:
+        doors[door].kernel.compile(doors[door].kinds)
+    return len(there) == len(doors)
 
 
 def write(path: Path, entries: Iterable[Entry]) -> None:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from service.workers import framing
-from service.workers.fork_server import Notice
+from service.workers.fork_server import Notice, Order
 from service.workers.launch import Launched
 from service.workers.threads import in_thread
 
@@ -65,6 +65,7 @@ class ForkServer:
         self._on_notice = on_notice
         self._decoder = framing.FrameDecoder()
         self._warm = asyncio.Event()
+        self._enriching = False
         self._asked: deque[asyncio.Future[WorkerProcess]] = deque()
         self._living: dict[int, WorkerProcess] = {}
         launched.control.setblocking(False)
@@ -86,12 +87,19 @@ class ForkServer:
                 raise ForkServerLost
             forked: asyncio.Future[WorkerProcess] = self._loop.create_future()
             try:
-                socket.send_fds(self._launched.control, [b"f"], [channel.fileno()])
+                socket.send_fds(self._launched.control, [Order.FORK.value], [channel.fileno()])
             except OSError:
                 self._lose()
                 raise ForkServerLost from None
             self._asked.append(forked)
         return await asyncio.shield(forked)
+
+    def enrich(self) -> None:
+        """Have it prepare more, between forks, unless it was told so before."""
+        if not self._enriching and not self.lost.is_set():
+            self._enriching = True
+            with contextlib.suppress(OSError):  # whoever reads next learns that it is lost
+                self._launched.control.send(Order.ENRICH.value)
 
     async def reap(self) -> None:
         """End the process, but not its workers."""

@@ -2,7 +2,7 @@
 
 Workers share its memory until they write to it. It has one thread, as have all processes that it
 forks, so that no lock is ever held at a fork. Messages to the server are tuples ``(kind, ...)``,
-see `Notice`; one from the server is a byte with the descriptor of a new worker's channel.
+see `Notice`; one from the server is a byte, see `Order`.
 """
 
 import contextlib
@@ -15,7 +15,7 @@ import signal
 import socket
 import traceback
 from collections.abc import Callable, Iterator, Sequence
-from enum import StrEnum
+from enum import Enum, StrEnum
 from pkgutil import resolve_name
 from typing import Any
 
@@ -78,6 +78,13 @@ def end_with_server(sentinel: int) -> None:
         os._exit(0)
 
 
+class Order(bytes, Enum):
+    """The messages of the server."""
+
+    FORK = b"f"  # a worker; with the descriptor of its channel
+    ENRICH = b"e"  # prepare more, from now on
+
+
 class _ForkServer:
     """The loop of a fork server.
 
@@ -87,6 +94,7 @@ class _ForkServer:
 
     def __init__(self, control: socket.socket) -> None:
         self._control = control
+        self._enriching = False
         self._wakeups, wakes = socket.socketpair()
         wakes.setblocking(False)
         self._wakeups.setblocking(False)
@@ -111,10 +119,11 @@ class _ForkServer:
         # Whoever looks for garbage writes to all that it looks at, which ends the sharing of it.
         gc.freeze()
         self._send(Notice.WARM)
-        if recipe.enrich is not None:
-            self._enrich(resolve_name(recipe.enrich)())
-            gc.freeze()
-            self._send(Notice.ENRICHED)
+        while not self._enriching or recipe.enrich is None:
+            self._serve(None)
+        self._enrich(resolve_name(recipe.enrich)())
+        gc.freeze()
+        self._send(Notice.ENRICHED)
         while True:
             self._serve(None)
 
@@ -131,22 +140,27 @@ class _ForkServer:
         self._send(Notice.PROGRESS, done, total, remaining)
 
     def _serve(self, timeout: float | None) -> None:
-        """Fork what is asked for and report what has ended; wait for either [s]."""
+        """Obey orders and report what has ended; wait for either [s]."""
         while True:
             ready, _, _ = select.select([self._control, self._wakeups], [], [], timeout)
             if self._wakeups in ready:
                 self._wakeups.recv(4096)
                 self._report_exits()
             if self._control in ready:
-                self._fork_one()
+                self._obey()
             if timeout is None or not ready:
                 return
 
-    def _fork_one(self) -> None:
-        asked, channels, _, _ = socket.recv_fds(self._control, 1, 1)
-        if not asked:
+    def _obey(self) -> None:
+        order, channels, _, _ = socket.recv_fds(self._control, 1, 1)
+        if not order:
             raise EOFError("the server is gone")
-        (channel,) = channels
+        if order == Order.ENRICH:
+            self._enriching = True
+        else:
+            self._fork(*channels)
+
+    def _fork(self, channel: int) -> None:
         pid = os.fork()
         if pid == 0:
             self._be_worker(channel)

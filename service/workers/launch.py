@@ -30,8 +30,8 @@ class Recipe(NamedTuple):
     Attributes:
         modules: packages and modules whose tasks may be called.
         warm: called with a `Report`, before there are workers: makes them able to answer.
-        enrich: gives steps that are taken one by one between forks, after there are workers; when
-            all are taken, workers are forked anew. None if left out.
+        enrich: gives steps that are taken one by one between forks, once all workers are there;
+            when all are taken, workers are forked anew. None if left out.
     """
 
     modules: tuple[str, ...]

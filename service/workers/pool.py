@@ -246,5 +246,7 @@ class WorkerPool:
                     seconds = time.monotonic() - self._began
                     _log.info("%d workers are ready after %.1f s", self.count, seconds)
             self._owner.worker_ready(worker)
+            if self.ready and self._fork_server is not None:
+                self._fork_server.enrich()
         else:
             self._owner.message_received(worker, Reply(kind), values)

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from service.workers import framing
-from service.workers.fork_server import Notice
+from service.workers.fork_server import Notice, Order
 from service.workers.launch import Launched, Recipe, launch
 from service.workers.main import HEADER, Reply
 from service.workers.task import Job
@@ -44,7 +44,7 @@ def fork(server: Launched) -> tuple[int, socket.socket]:
     ours, theirs = socket.socketpair()
     ours.settimeout(60.0)
     with theirs:
-        socket.send_fds(server.control, [b"f"], [theirs.fileno()])
+        socket.send_fds(server.control, [Order.FORK.value], [theirs.fileno()])
     kind, pid = receive(server.control)
     assert kind == Notice.FORKED
     assert receive(ours) == (Reply.READY,)
