@@ -26,6 +26,8 @@ import httpx
 _HOME = {"joints": [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]}
 _CHECK = _HOME | {"robot": "panda", "scene": {"obstacles": []}}
 _TICKS = os.sysconf("SC_CLK_TCK")
+#: Starts that do not count, after which byte code and machine code are on disk.
+_WARM_UPS = 1
 #: Longest wait for a service to become ready [s]: with a cold cache it compiles everything.
 _PATIENCE = 900.0
 #: How long nothing may change in the number of workers before they count as settled [s].
@@ -84,7 +86,8 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=5)
     parser.add_argument("--workers", type=int, default=2)
     chosen = parser.parse_args()
-    start(chosen.workers)  # with byte code and machine code on disk from here on
+    for _ in range(_WARM_UPS):
+        start(chosen.workers)
     runs = [start(chosen.workers) for _ in range(chosen.runs)]
     print(f"medians of {chosen.runs}, {chosen.workers} workers and a spare one")
     print("\n".join(report(runs)))

@@ -52,6 +52,7 @@ SMALL: Mapping[str, tuple[list[str], Mapping[str, Any]]] = {
     "peers": (["PROBLEMS", "--timeout", "5"], {}),
     "projection": (["--points", "3"], {"SOLIDS": 1}),
     "scale": (["--obstacles", "5", "--points", "50"], {"_STATES": 8, "_REPEATS": 1, "_PLANS": 1}),
+    "startup": (["--runs", "1", "--workers", "1"], {"_WARM_UPS": 0, "_SETTLED": 0.2}),
     "timing": ([], {"PATHS": 1}),
     "timing_limits": (["2"], {}),
     "timing_optimum": (["--cases", "1", "--pieces", "4"], {}),

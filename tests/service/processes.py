@@ -14,8 +14,23 @@ def alive(pid: int) -> bool:
     return status.rpartition(")")[2].split()[0] not in "ZX"
 
 
+def children(pid: int) -> set[int]:
+    """The processes that one has started, but for those that wait to be reaped."""
+    return {child for child, parent in _parents().items() if parent == pid and alive(child)}
+
+
 def descendants(pid: int) -> set[int]:
     """All processes below one, at any depth."""
+    parents = _parents()
+    found = {pid}
+    while True:
+        more = {child for child, parent in parents.items() if parent in found} - found
+        if not more:
+            return found - {pid}
+        found |= more
+
+
+def _parents() -> dict[int, int]:
     parents: dict[int, int] = {}
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit():
@@ -24,12 +39,7 @@ def descendants(pid: int) -> set[int]:
             except OSError:
                 continue
             parents[int(entry.name)] = int(fields[1])
-    found = {pid}
-    while True:
-        more = {child for child, parent in parents.items() if parent in found} - found
-        if not more:
-            return found - {pid}
-        found |= more
+    return parents
 
 
 def wait_until(condition: Callable[[], bool], seconds: float) -> bool:

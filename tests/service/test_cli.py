@@ -1,12 +1,6 @@
-import os
-import re
 import signal
 import socket
-import subprocess
-import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import httpx
@@ -16,34 +10,8 @@ from service.cli import main
 from service.settings import Settings
 from service.storage.document_store import open_store
 from service.version import VERSION
+from tests.service.commands import serve
 from tests.service.processes import alive, descendants, wait_until
-
-ROOT = Path(__file__).parents[2]
-COMMAND = [sys.executable, "-m", "service.cli"]
-
-
-@contextmanager
-def serve(data: Path, *, warm: bool = True) -> Iterator[tuple[subprocess.Popen[str], httpx.Client]]:
-    """Run the command and give the process with a client, once it is ready."""
-    process = subprocess.Popen(
-        [*COMMAND, "serve", "--port", "0", "--data-dir", str(data)],
-        cwd=ROOT,
-        env=os.environ | {"ARMWRIGHT_WORKERS": "2"},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    try:
-        assert process.stdout is not None
-        said = process.stdout.readline()
-        address = re.fullmatch(r"Armwright serves on (http://127\.0\.0\.1:\d+)\n", said)
-        assert address, said
-        with httpx.Client(base_url=address[1], timeout=20.0) as client:
-            assert not warm or wait_until(lambda: client.get("/readyz").status_code == 200, 90.0)
-            yield process, client
-    finally:
-        process.kill()
-        process.communicate()
 
 
 def store_scene(client: httpx.Client, name: str) -> int:

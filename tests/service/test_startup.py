@@ -1,0 +1,95 @@
+"""The start of a real service: what its processes load and take, and what it says meanwhile."""
+
+import os
+import re
+import signal
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+
+from tests.service.commands import serve
+from tests.service.processes import alive, children, wait_until
+from tests.service.robots import HOME, answer, problem
+
+#: Libraries that compute; each has files whose paths hold its name.
+LIBRARIES = ("casadi", "fcl", "llvmlite", "numba", "numpy", "ompl", "ruckig", "scipy", "toppra")
+Service = tuple[subprocess.Popen[str], httpx.Client]
+CHECK = {"robot": "panda", "scene": {"obstacles": []}, "joints": HOME}
+
+
+def size(pid: int, kind: str) -> int:
+    """A size that the system tells of a process [MB]."""
+    text = Path(f"/proc/{pid}/smaps_rollup").read_text()
+    sizes = re.findall(rf"^{kind}:\s+(\d+) kB", text, re.MULTILINE)
+    return sum(map(int, sizes)) // 1024
+
+
+def libraries(pid: int) -> set[str]:
+    """Those of `LIBRARIES` that a process has mapped."""
+    maps = Path(f"/proc/{pid}/maps").read_text()
+    return {name for name in LIBRARIES if f"/{name}" in maps or f"lib{name}" in maps}
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    with serve(tmp_path_factory.mktemp("startup")) as started:
+        yield started
+
+
+def test_only_workers_have_what_computes_and_they_share_it(service: Service) -> None:
+    process, client = service
+    (fork_server,) = children(process.pid)
+    workers = children(fork_server)
+    assert len(workers) == 3, "two and a spare one"
+    answer(client.post("/v1/check", json=CHECK))
+    answer(client.post("/v1/robots/panda/fk", json={"joints": HOME}))
+    assert answer(client.get("/v1/robots/panda"))["name"] == "panda"
+    assert libraries(process.pid) == set(), "after requests that compute, too"
+    assert libraries(fork_server) >= {"llvmlite", "numpy", "scipy"}
+    # Generous: 62 MB and 280 MB are usual, and 10 MB for a worker that has begun.
+    assert size(process.pid, "Rss") < 130
+    assert size(fork_server, "Rss") < 450
+    for worker in children(fork_server):
+        assert size(worker, "Private_(?:Clean|Dirty)") < 60
+
+
+def test_killed_workers_cost_no_later_request(service: Service) -> None:
+    process, client = service
+    (fork_server,) = children(process.pid)
+    for count in (1, 3):
+        victims = sorted(children(fork_server))[:count]
+        for pid in victims:
+            os.kill(pid, signal.SIGKILL)
+        answer(client.post("/v1/check", json=CHECK))
+        assert wait_until(lambda: not any(map(alive, victims)), 2.0)  # noqa: B023
+        assert wait_until(lambda: len(children(fork_server)) == 3, 20.0)
+    assert answer(client.get("/readyz"))["workers"] == 2
+
+
+def test_a_cold_cache_is_told_in_readyz_and_in_the_log(tmp_path: Path) -> None:
+    cold = {
+        "NUMBA_CACHE_DIR": str(tmp_path / "cold"),
+        "ARMWRIGHT_KERNELS": str(tmp_path / "none"),
+    }
+    with serve(tmp_path, warm=False, environment=cold) as (process, client):
+        assert answer(client.get("/healthz"))["status"] == "ok"
+        documents = []
+
+        def compiling() -> bool:
+            documents.append(problem(client.get("/readyz"), 503, "NOT_READY"))
+            return bool(documents[-1]["details"].get("compiled", 0) >= 1)
+
+        assert wait_until(compiling, 90.0)
+        details, text = documents[-1]["details"], documents[-1]["detail"]
+        assert 1 <= details["compiled"] < details["kernels"]
+        assert details["seconds_left"] > 0.0
+        expected = r"kernels are being compiled: \d+ of \d+, about \d+ s left"
+        assert re.fullmatch(expected, text), text
+        assert 1 <= int(client.get("/readyz").headers["retry-after"]) <= 60
+        problem(client.post("/v1/check", json=CHECK | {"timeout": 0.2}), 504, "TIMED_OUT")
+        process.terminate()
+        _, log = process.communicate(timeout=20.0)
+        assert re.search(r"INFO service\.workers\.pool: compiling kernels: \d+ of \d+", log), log
