@@ -111,10 +111,12 @@ def test_a_failure_without_a_status_is_one_of_the_service(pauses: list[float]) -
 
 @pytest.mark.parametrize("status", ["cancelled", "failed"])
 def test_a_job_that_was_ended_is_preempted(pauses: list[float], status: str) -> None:
-    handle, _ = pending([job(status)])
-    with pytest.raises(ours.Preempted, match=f"job 7 was {status}") as raised:
-        handle.wait()
-    assert raised.value.status == 409
+    results: list[dict[str, Any]] = [{}, {"result": CERTIFICATE}]
+    for more in results:
+        handle, _ = pending([job(status, **more)])
+        with pytest.raises(ours.Preempted, match=f"job 7 was {status}") as raised:
+            handle.wait()
+        assert raised.value.status == 409
 
 
 def test_a_handle_looks_at_its_job_and_ends_it() -> None:
