@@ -12,7 +12,7 @@ from obstacles.checker import Checker
 from obstacles.collision_model import CollisionModel, all_pieces, skipped_pairs
 from obstacles.mesh_distance import touching
 from obstacles.piece import Piece, PieceKind
-from obstacles.piece_set import CENTER, POSE, RADIUS, PieceSet
+from obstacles.piece_set import CENTER, GROUP, GROUP_STOP, POSE, RADIUS, PieceSet
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Box, HalfSpace, PointCloud, Sphere
@@ -236,6 +236,8 @@ def test_all_pieces_are_those_of_the_robot_and_behind_them_the_scene() -> None:
     alone = PieceSet.of([*robot.pieces, *(scene.piece(k) for k in range(count))])
     assert len(packed.rows) == len(alone.rows) == len(robot.pieces) + count
     np.testing.assert_allclose(packed.rows[:, POSE : POSE + 12], alone.rows[:, POSE : POSE + 12])
+    groups = slice(GROUP, GROUP_STOP + 1)
+    np.testing.assert_array_equal(packed.rows[:, groups], alone.rows[:, groups])
     verdicts = [
         (touching(packed, i, j), touching(alone, i, j))
         for i, j in itertools.combinations(range(len(alone.rows)), 2)

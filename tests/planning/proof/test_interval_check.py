@@ -50,6 +50,16 @@ def test_what_touches_is_referred(x: float) -> None:
     assert started.sweep.clearance[OBSTACLE] == np.inf
 
 
+@pytest.mark.parametrize(("reach", "expected"), [(0.04, (0, 1)), (0.3, (1, 0))])
+def test_an_overlap_is_referred_as_soon_as_it_is_seen(
+    reach: float, expected: tuple[int, int]
+) -> None:
+    """Over an interval that moves little, where the distance is asked for; else it is halved."""
+    started = start(through([0.5 - reach, 0.0], [0.5 + reach, 0.0]))
+    assert check(started, 2)
+    assert left(started) == expected
+
+
 @pytest.mark.parametrize(("x", "referred"), [(0.29, 0), (0.31, 1)])
 def test_margins_of_the_motion_and_of_the_obstacle_add_up(x: float, referred: int) -> None:
     (wall,) = WALL.obstacles
@@ -64,6 +74,15 @@ def test_a_pair_that_may_touch_is_not_looked_at() -> None:
     assert check(started)
     assert left(started) == (0, 0)
     assert np.isinf(started.sweep.clearance).all()
+    # Among others that it may not touch, in one tree with them.
+    others = [box(f"b{k}", (0.1, 0.1, 0.1), (0.5, 0.3 + 0.2 * k, 0.0)) for k in range(3)]
+    among = at(0.5, Scene([*WALL.obstacles, *others], {("ball", "wall")}))
+    assert check(among)
+    assert left(among) == (0, 0)
+    assert 0.05 <= among.sweep.clearance[OBSTACLE] <= 0.2
+    touching = at(0.5, Scene([*WALL.obstacles, *others], {("ball", "b0")}))
+    assert check(touching)
+    assert left(touching) == (0, 1)
 
 
 def test_over_an_interval_that_moves_farther_than_the_gap_it_stays_open() -> None:

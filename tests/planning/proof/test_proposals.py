@@ -8,7 +8,7 @@ import pytest
 from kinematics.arrays import Array
 from obstacles.mesh_distance import touching
 from obstacles.piece import PieceKind
-from obstacles.piece_set import POSE, PieceSet
+from obstacles.piece_set import GROUP, GROUP_STOP, POSE, PieceSet
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import HalfSpace, PointCloud
 from obstacles.signed_distance import signed_distance
@@ -82,14 +82,17 @@ def test_what_is_apart_is_parted_by_the_proposal(seed: int) -> None:
     assert parted > 5
 
 
-def test_rows_are_those_of_the_pieces_and_of_nothing_else() -> None:
+@pytest.mark.parametrize("seed", [5, 6, 7])
+def test_rows_are_those_of_the_pieces_and_of_nothing_else(seed: int) -> None:
     """In the order of robot and scene: each two touch that touch when packed by themselves."""
-    robot, scene = slider(), scattered(5)
+    robot, scene = slider(), scattered(seed)
     count = len(scene.pieces()[1])
     packed = packed_pieces(robot, scene)
     alone = PieceSet.of([*robot.pieces, *(scene.piece(k) for k in range(count))])
     assert len(packed.rows) == len(robot.pieces) + count
     np.testing.assert_allclose(packed.rows[:, POSE : POSE + 12], alone.rows[:, POSE : POSE + 12])
+    groups = slice(GROUP, GROUP_STOP + 1)
+    np.testing.assert_array_equal(packed.rows[:, groups], alone.rows[:, groups])
     verdicts = [
         (touching(packed, i, j), touching(alone, i, j))
         for i, j in itertools.combinations(range(len(alone.rows)), 2)
