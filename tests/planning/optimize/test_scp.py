@@ -193,7 +193,7 @@ def test_a_tool_speed_that_is_exceeded_is_told_by_its_name() -> None:
     moving = End(START, np.array([0.5, 0.0]))
     loads = EffortLimits(ROBOT.chain, tool_speed=0.4)
     asked = replace(task(NONE, loads), start=moving)
-    at = line(0.02, duration=4.0).with_ends(moving, asked.end)
+    at = line(0.02, duration=5.0).with_ends(moving, asked.end)
     work = Descent(asked, RefineOptions(rounds=2), at, np.inf, Deadline.after(60.0))
     assert work._candidate(at) is None
     assert work.obstruction is not None
@@ -204,7 +204,7 @@ def test_a_tool_speed_that_is_exceeded_is_told_by_its_name() -> None:
 def test_a_velocity_that_is_exceeded_names_joint_and_quantity() -> None:
     moving = End(START, np.array([1.5, 0.0]))
     asked = replace(task(NONE), start=moving)
-    at = line(0.02, duration=4.0).with_ends(moving, asked.end)
+    at = line(0.02, duration=5.0).with_ends(moving, asked.end)
     work = Descent(asked, RefineOptions(rounds=1), at, np.inf, Deadline.after(60.0))
     assert work._candidate(at) is None
     assert work.obstruction is not None
