@@ -118,6 +118,22 @@ def test_bounds_are_sharp_where_they_matter() -> None:
             assert (bounds[inner, 0] <= allowed).all()
 
 
+def test_a_deviation_that_grows_along_a_piece_is_bounded_at_its_far_end_and_not_by_much_more() -> (
+    None
+):
+    """The line that is followed and the one it is held to part at an angle."""
+    path, allowed = led(LINE), 0.05
+    other = line(T, shifted(0.05, 0.2, -0.07))
+    bounds, fine, _ = piece_deviations(
+        CHAIN, path.breaks, path.coefficients, other, (allowed, np.inf)
+    )
+    sampled = deviations(other, path, len(path.lengths), 11)[:, 0]
+    assert fine.all()
+    assert sampled[-1] > 0.01
+    assert (sampled <= bounds[:, 0] + 1e-6).all()
+    assert (bounds[:, 0] <= np.maximum(1.25 * sampled + 1e-6, 0.1 * allowed)).all()
+
+
 def test_where_the_orientation_is_free_it_may_turn() -> None:
     path = led(TURNING)
     straight = line(T, transform(T[:3, :3], T[:3, 3] + [0.0, 0.15, 0.05]))

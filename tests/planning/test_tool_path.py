@@ -1,5 +1,7 @@
 """Joint paths of tool motions: where they are cut, what is reported, how they are timed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -14,6 +16,7 @@ from planning.timing.choice import chosen_parametrization
 from planning.timing.options import TimingOptions
 from planning.timing.parametrization import TimeParametrization
 from planning.timing.path import JointPath
+from planning.tool_deviation import piece_deviations
 from planning.tool_motion import line
 from planning.tool_path import Stop, Tolerances, ToolPath, ToolSegment
 from planning.tool_timing import time_tool_path
@@ -118,6 +121,17 @@ def test_the_tool_rests_at_the_corner_and_keeps_to_its_lines(method: str) -> Non
             nominal = T[:3, 3] if axis == 1 else T[:3, 3] + [0.0, 0.1, 0.0]
             off = np.delete(p - nominal, axis)
             assert np.linalg.norm(off) <= TOLERANCES.position
+
+
+def test_a_spline_of_time_gets_more_waypoints_until_it_keeps_to_its_line() -> None:
+    tight = replace(corner(), tolerances=Tolerances(2e-6, 2e-5))
+    timed = time_tool_path(CHAIN, tight, parametrization("spline"))
+    for (motion, path), part in zip(tight.moving, timed.parts, strict=True):
+        assert part.pieces >= 2 * len(path.lengths)
+        _, fine, _ = piece_deviations(
+            CHAIN, part.breaks, part.coefficients, motion, tight.tolerances.pair
+        )
+        assert fine.all()
 
 
 def test_a_motion_on_the_spot_takes_no_time() -> None:

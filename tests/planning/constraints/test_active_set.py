@@ -209,3 +209,18 @@ def test_more_steps_never_make_it_worse(steps: int) -> None:
         assert constraints.residuals(x).max() <= FEASIBLE
     values = [objective_kernel(asked, x, work) for x in (more, fewer)]
     assert values[0] <= values[1] <= before
+
+
+def test_no_step_into_the_set_makes_the_violations_larger_together() -> None:
+    """From far away, where a step to first order overshoots, and where nothing holds all."""
+    low = PositionConstraint(PlaneRegion([0, 0, -0.2], [0, 0, 1], 0.0))
+    asked = make_goal(held(low, UPRIGHT, SHELF), HOME, np.ones(7))
+    work, trial, dq = make_work(None, asked), np.empty(7), np.empty(7)
+    for seed in range(12):
+        q = np.random.default_rng(seed).uniform(*CHAIN.sampling_bounds())
+        totals = []
+        for _ in range(10):
+            totals.append(linearise(None, asked, q, work)[2])
+            make_feasible(None, asked, q, 1, work, trial, dq)
+        assert (np.diff(totals) <= 1e-12).all()
+        assert totals[-1] < totals[0]

@@ -1,0 +1,132 @@
+"""Margins of requests, obstacles and constraints, by the closed-form distances of a ball."""
+
+import numpy as np
+import pytest
+
+from kinematics.arrays import Array
+from kinematics.pose import transform
+from obstacles.scene import Obstacle, Scene
+from obstacles.shapes import Box
+from planning.constraints.constraint_set import ConstraintSet
+from planning.constraints.limit import ClearanceConstraint
+from planning.options import Options
+from planning.pipeline import plan
+from planning.preflight.preflight import preflight, start_only
+from planning.problem import JointGoal, Problem
+from planning.ready import Ready
+from planning.result import Failure, Plan
+from tests.planning.slider import slider
+
+ROBOT, RADIUS = slider(), 0.05
+START, GOAL = np.array([-0.6, 0.0]), np.array([0.6, 0.0])
+
+
+def post(name: str, x: float, y: float, margin: float = 0.0, size: float = 0.1) -> Obstacle:
+    """A square post, by its middle."""
+    return Obstacle(name, Box(np.array([size, size, 0.4])), transform(None, [x, y, 0.0]), margin)
+
+
+def gap(obstacle: Obstacle, q: Array) -> Array:
+    """The ball's distance from a post, margins not taken off, shape (k,)."""
+    assert isinstance(obstacle.shape, Box)
+    outside = np.abs(q - obstacle.T_world_obstacle[:2, 3]) - 0.5 * obstacle.shape.size[:2]
+    return np.asarray(np.linalg.norm(np.maximum(outside, 0.0), axis=1) - RADIUS)
+
+
+def asked(scene: Scene, margin: float = 0.0, clearance: float | None = None) -> Problem:
+    held = (
+        None if clearance is None else ConstraintSet(ROBOT.chain, (ClearanceConstraint(clearance),))
+    )
+    return Problem(ROBOT, scene, START, (JointGoal(GOAL),), margin, constraints=held)
+
+
+@pytest.mark.parametrize(
+    ("request_margin", "own", "clearance", "total"),
+    [
+        (0.0, 0.0, None, 0.0),
+        (0.02, 0.0, None, 0.02),
+        (0.0, 0.03, None, 0.03),
+        (0.02, 0.03, None, 0.05),
+        (0.0, 0.0, 0.04, 0.04),
+        (0.02, 0.01, 0.04, 0.05),
+        (0.05, 0.01, 0.04, 0.06),
+    ],
+)
+def test_a_start_is_valid_beyond_all_margins_together_and_no_nearer(
+    request_margin: float, own: float, clearance: float | None, total: float
+) -> None:
+    """The obstacle's own margin, and the larger of the request's and the constraint's."""
+    for spare, valid in ((1e-4, True), (-1e-4, False)):
+        if total + spare <= 0.0:
+            continue
+        beside = RADIUS + 0.05 + total + spare
+        scene = Scene((post("post", float(START[0]), beside, own),))
+        found = preflight(asked(scene, request_margin, clearance), 0)
+        assert isinstance(found, Ready) is valid
+        if isinstance(found, Failure):
+            assert found.code == "START_STATE_IN_COLLISION"
+            assert found.details["margin"] == pytest.approx(total, abs=1e-6)
+            assert found.details["clearance"] == pytest.approx(total + spare, abs=1e-6)
+            assert found.details["depth"] == 0.0
+
+
+@pytest.mark.parametrize("margin", [0.0, 0.02, 0.05])
+def test_each_obstacle_is_passed_at_its_own_margin_and_the_requests(margin: float) -> None:
+    obstacles = (post("west", -0.25, 0.03, 0.04), post("east", 0.25, -0.03))
+    answer = plan(asked(Scene(obstacles), margin), Options(timeout=20.0))
+    assert isinstance(answer, Plan), answer
+    path = answer.trajectory.sample(np.linspace(0.0, answer.trajectory.duration, 4001))
+    for obstacle in obstacles:
+        distance = gap(obstacle, path).min()
+        assert distance >= margin + obstacle.margin
+        # No farther round than is needed: within 3 cm of what is asked for.
+        assert distance < margin + obstacle.margin + 0.03
+    assert answer.certificate.verified
+
+
+@pytest.mark.parametrize("spare", [4e-3, -4e-3])
+def test_a_gate_is_passed_where_it_is_wider_than_the_ball_with_its_margins(spare: float) -> None:
+    """Walls that reach across the table, but for a gate in the middle."""
+    margin = 0.03
+    half = RADIUS + margin + spare
+    walls = [
+        Obstacle(
+            name, Box(np.array([0.1, 2.0, 0.4])), transform(None, [0.0, sign * (1.0 + half), 0.0])
+        )
+        for name, sign in (("north", 1.0), ("south", -1.0))
+    ]
+    answer = plan(asked(Scene(tuple(walls)), margin), Options(timeout=2.0))
+    assert isinstance(answer, Plan) is (spare > 0.0)
+    if isinstance(answer, Plan):
+        path = answer.trajectory.sample(np.linspace(0.0, answer.trajectory.duration, 2001))
+        assert min(gap_to_wall(path, half, sign) for sign in (1.0, -1.0)) >= margin
+
+
+def gap_to_wall(path: Array, half: float, sign: float) -> float:
+    outside = np.stack([np.abs(path[:, 0]) - 0.05, half - sign * path[:, 1]], axis=1)
+    return float(np.linalg.norm(np.maximum(outside, 0.0), axis=1).min()) - RADIUS
+
+
+@pytest.mark.parametrize("spare", [1e-5, 5e-4, 0.1])
+def test_planning_keeps_half_of_what_the_ends_have_to_spare_a_millimetre_at_most(
+    spare: float,
+) -> None:
+    scene = Scene((post("post", float(START[0]), RADIUS + 0.05 + spare),))
+    ready = preflight(asked(scene), 0)
+    assert isinstance(ready, Ready)
+    assert ready.checkers[-1].slack == pytest.approx(min(1e-3, 0.5 * spare), abs=1e-7)
+    led = start_only(asked(scene))
+    assert isinstance(led, Ready)
+    assert led.goals == []
+    assert led.checkers[-1].slack == pytest.approx(min(1e-4, 0.5 * spare), abs=1e-7)
+
+
+def test_a_larger_margin_never_makes_a_motion_shorter() -> None:
+    scene = Scene((post("post", 0.0, 0.02),))
+    lengths = []
+    for margin in (0.0, 0.05, 0.1):
+        answer = plan(asked(scene, margin), Options(timeout=20.0))
+        assert isinstance(answer, Plan)
+        lengths.append(answer.path.length)
+    assert lengths == sorted(lengths)
+    assert lengths[0] > 1.2

@@ -1,0 +1,146 @@
+"""Problems as values: what is refused, and that everything that matters is in the hash."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from kinematics.errors import InvalidGoal, InvalidRobotState
+from obstacles.scene import Scene
+from planning.constraints.constraint_set import ConstraintSet
+from planning.constraints.joint import JointConstraint
+from planning.constraints.limit import ClearanceConstraint
+from planning.problem import Goal, JointGoal, PoseGoal, Problem
+from tests.planning.scenes import box
+from tests.planning.slider import slider
+
+ROBOT = slider()
+CHAIN = ROBOT.chain
+START, GOAL = np.array([-0.5, 0.1]), np.array([0.5, 0.1])
+RATES = np.array([0.1, 0.0])
+PLAIN = Problem(ROBOT, Scene(), START, (JointGoal(GOAL),))
+POSE = np.eye(4)
+
+
+def problem(**changes: Any) -> Problem:
+    given: dict[str, Any] = {"robot": ROBOT, "scene": Scene(), "start": START}
+    return Problem(**{**given, "goals": (JointGoal(GOAL),), **changes})
+
+
+def held(*constraints: Any) -> ConstraintSet:
+    return ConstraintSet(CHAIN, constraints)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"scene": Scene((box("box", (0.1, 0.1, 0.1), (0.0, 0.9, 0.0)),))},
+        {"start": START + np.array([1e-12, 0.0])},
+        {"goals": (JointGoal(GOAL + np.array([0.0, 1e-12])),)},
+        {"goals": (JointGoal(GOAL), JointGoal(GOAL))},
+        {"goals": (JointGoal(GOAL, velocity=RATES),)},
+        {"goals": (JointGoal(GOAL, velocity=np.zeros(2), acceleration=RATES),)},
+        {"goals": (PoseGoal(POSE),)},
+        {"goals": (PoseGoal(POSE, 2e-4),)},
+        {"goals": (PoseGoal(POSE, 1e-4, 2e-3),)},
+        {"margin": 1e-6},
+        {"start_state_tolerance": 1e-3},
+        {"constraints": held(JointConstraint("jx", 0.0, 1.0, 1.0))},
+        {"constraints": held(JointConstraint("jx", 0.0, 1.0, 1.0, 2.0))},
+        {"start_velocity": RATES},
+        {"start_velocity": RATES, "start_acceleration": np.zeros(2)},
+        {"start_velocity": RATES, "start_acceleration": RATES},
+    ],
+)
+def test_whatever_changes_the_question_changes_its_hash(changes: dict[str, Any]) -> None:
+    changed = problem(**changes)
+    assert changed.content_hash != PLAIN.content_hash
+    assert changed.content_hash == problem(**changes).content_hash
+
+
+def test_all_these_hashes_differ_from_each_other() -> None:
+    poses = [PoseGoal(POSE), PoseGoal(POSE, 2e-4), PoseGoal(POSE, 1e-4, 2e-3)]
+    goals: list[tuple[Goal, ...]] = [(JointGoal(GOAL),), (JointGoal(START),)]
+    goals += [(pose,) for pose in poses]
+    goals += [(JointGoal(GOAL), poses[0]), (poses[0], JointGoal(GOAL))]
+    hashes = {problem(goals=goal).content_hash for goal in goals}
+    assert len(hashes) == len(goals)
+
+
+def test_goals_in_another_order_are_another_question() -> None:
+    one, two = JointGoal(GOAL), JointGoal(-GOAL)
+    assert problem(goals=(one, two)).content_hash != problem(goals=(two, one)).content_hash
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "words"),
+    [
+        ({"goals": ()}, InvalidGoal, "no goal"),
+        ({"margin": -1e-9}, InvalidGoal, "margin"),
+        ({"margin": np.nan}, InvalidGoal, "margin"),
+        ({"margin": np.inf}, InvalidGoal, "margin"),
+        ({"start": np.zeros(3)}, InvalidRobotState, "start.joints"),
+        ({"start": np.array([0.0, np.nan])}, InvalidRobotState, "start.joints"),
+        ({"goals": (JointGoal(np.zeros(1)),)}, InvalidRobotState, "goal.joints"),
+        ({"start_velocity": np.zeros(3)}, InvalidRobotState, "start.velocities"),
+        ({"start_velocity": [np.inf, 0.0]}, InvalidRobotState, "start.velocities"),
+        ({"start_acceleration": np.zeros(1)}, InvalidRobotState, "start.accelerations"),
+    ],
+)
+def test_what_is_no_question_is_refused(
+    changes: dict[str, Any], error: type[Exception], words: str
+) -> None:
+    with pytest.raises(error, match=words):
+        problem(**changes)
+
+
+@pytest.mark.parametrize(
+    ("T", "position", "orientation"),
+    [
+        (np.eye(3), 1e-4, 1e-3),
+        (np.full((4, 4), np.nan), 1e-4, 1e-3),
+        (np.eye(4), 0.0, 1e-3),
+        (np.eye(4), 1e-4, -1.0),
+    ],
+)
+def test_a_pose_that_is_none_is_no_goal(T: np.ndarray, position: float, orientation: float) -> None:
+    with pytest.raises(InvalidGoal):
+        PoseGoal(T, position, orientation)
+
+
+@pytest.mark.parametrize(
+    ("changes", "moving"),
+    [
+        ({}, False),
+        ({"start_velocity": np.zeros(2)}, False),
+        ({"start_velocity": RATES}, True),
+        ({"start_acceleration": RATES}, True),
+        ({"goals": (JointGoal(GOAL), JointGoal(START, velocity=RATES))}, True),
+        ({"goals": (JointGoal(GOAL, velocity=np.zeros(2)),)}, False),
+    ],
+)
+def test_it_moves_where_any_end_has_a_velocity_or_acceleration(
+    changes: dict[str, Any], moving: bool
+) -> None:
+    assert problem(**changes).moving is moving
+
+
+def test_the_clearance_of_constraints_raises_the_margin_and_never_lowers_it() -> None:
+    for given, margin in ((0.0, 0.03), (0.01, 0.03), (0.05, 0.05)):
+        raised = problem(
+            margin=given, constraints=held(ClearanceConstraint(0.02), ClearanceConstraint(0.03))
+        )
+        assert raised.margin == margin
+    assert replace(PLAIN, margin=0.04).margin == 0.04
+
+
+def test_arrays_of_a_problem_can_not_be_changed_afterwards() -> None:
+    start, rates = START.copy(), RATES.copy()
+    made = problem(start=start, start_velocity=rates)
+    start[0] = rates[0] = 9.0
+    np.testing.assert_array_equal(made.start, START)
+    assert made.start_velocity is not None
+    np.testing.assert_array_equal(made.start_velocity, RATES)
+    with pytest.raises(ValueError, match="read-only"):
+        made.start[0] = 1.0
