@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from kinematics.chain import JointType
 from kinematics.forward import joint_frames
 from kinematics.robots import builtin_srdf, builtin_urdf
 from kinematics.serial_chain import serial_chain
@@ -14,7 +15,7 @@ from obstacles.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Sphere
 from tests.tracking.samples import smooth
-from tracking.tube import tube
+from tracking.tube import reaches, tube
 
 
 def geometry(name: str) -> RobotGeometry:
@@ -79,3 +80,41 @@ def test_no_error_costs_nothing() -> None:
     assert around.displacement == 0.0
     assert around.remaining_clearance(0.02) == 0.02
     assert (np.diff(around.reach) <= 0.0).all()
+
+
+@pytest.mark.parametrize("name", ["panda", "stanford", "scara"])
+def test_a_larger_error_makes_a_wider_tube(name: str) -> None:
+    robot = geometry(name)
+    chain = robot.chain
+    still = Trajectory(chain.joint_names, np.array([0.0, 1.0]), np.zeros((1, chain.n, 1)))
+    error = np.full(chain.n, 0.01)
+    single, double = tube(robot, still, error), tube(robot, still, 2.0 * error)
+    np.testing.assert_array_equal(double.joint_error, 2.0 * single.joint_error)
+    assert double.displacement >= 2.0 * single.displacement > 0.0
+    assert single.displacement == pytest.approx(single.reach @ error)
+    assert single.remaining_clearance(0.5) == pytest.approx(0.5 - single.displacement)
+
+
+def test_a_prismatic_joint_moves_its_links_by_its_own_error_and_lengthens_those_before() -> None:
+    robot = geometry("stanford")
+    chain = robot.chain
+    slides = int(np.flatnonzero(chain.joint_types == JointType.PRISMATIC)[0])
+    near, far = np.zeros(chain.n), np.zeros(chain.n)
+    far[slides] = 0.5
+    short, long = reaches(robot, near), reaches(robot, far)
+    assert short[slides] == long[slides] == 1.0
+    np.testing.assert_allclose(long[:slides] - short[:slides], 0.5)
+    np.testing.assert_array_equal(long[slides:], short[slides:])
+
+
+def test_a_reference_that_slides_out_widens_its_tube() -> None:
+    robot = geometry("stanford")
+    chain = robot.chain
+    slides = int(np.flatnonzero(chain.joint_types == JointType.PRISMATIC)[0])
+    coefficients = np.zeros((1, chain.n, 2))
+    coefficients[0, slides] = [0.1, 0.8]
+    out = Trajectory(chain.joint_names, np.array([0.0, 1.0]), coefficients)
+    still = Trajectory(chain.joint_names, np.array([0.0, 1.0]), coefficients[:, :, :1])
+    error = np.full(chain.n, 0.01)
+    wider = tube(robot, out, error).reach - tube(robot, still, error).reach
+    np.testing.assert_allclose(wider[:slides], 0.8)
