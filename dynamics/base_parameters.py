@@ -48,7 +48,7 @@ class BaseParameters:
 
     @property
     def count(self) -> int:
-        """How many there are."""
+        """Number of base parameters."""
         return len(self.names)
 
     def regressor(self, Y: Array) -> Array:

@@ -306,7 +306,7 @@ def bounds_kernel(
 
 
 class Use(NamedTuple):
-    """How much of a limit is used at most.
+    """Largest use of a limit.
 
     Args:
         ratio: Never exceeded at any instant.

@@ -25,7 +25,7 @@ MAX_JOINTS = 64
 
 
 class JointType(IntEnum):
-    """How a joint moves: it turns about its z axis or slides along it."""
+    """Type of a joint: it turns about its z axis or slides along it."""
 
     REVOLUTE = 0
     PRISMATIC = 1

@@ -157,7 +157,7 @@ def _examples() -> tuple[Array, Array]:
 
 
 def link_number(chain: Chain, name: str) -> int:
-    """Where a link stands in ``chain.links``.
+    """Index of a link in ``chain.links``.
 
     Raises:
         InvalidLinkName: There is no such link.

@@ -23,7 +23,7 @@ _LIMITS = ("lower", "upper", "velocity", "acceleration", "jerk", "effort")
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """Which part of a tree is the chain.
+    """Part of a tree that is the chain.
 
     Args:
         base_link: Where it starts.

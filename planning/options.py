@@ -1,4 +1,4 @@
-"""How to plan: which planner, which timing, how long, which seed."""
+"""Options of planning: planner, timing, timeout, seed."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -49,7 +49,7 @@ class ToolMotionOptions:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CartesianOptions:
-    """How the tool is led along lines and arcs.
+    """Options of tool motions along lines and arcs.
 
     Args:
         motions: In order; none for one line to the goal.
@@ -79,7 +79,7 @@ class CartesianOptions:
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """How a problem is planned.
+    """Options of planning.
 
     Args:
         planner: "auto" (the ladder) or the name of one planner.

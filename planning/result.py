@@ -74,7 +74,7 @@ class ToolMotionReport:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Descent:
-    """Where a descent on a potential went.
+    """Course of a descent on a potential.
 
     Args:
         waypoints: Shape (k, n), before they were shortened to a path [rad or m].

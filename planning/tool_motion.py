@@ -83,14 +83,14 @@ class ToolMotion:
 
     @property
     def radius(self) -> float:
-        """Of an arc [m]; 0 of a line."""
+        """Radius of an arc [m]; 0 of a line."""
         if self.kind == "lin":
             return 0.0
         return float(np.linalg.norm(self.T_start[:3, 3] - self.center))
 
     @property
     def length(self) -> float:
-        """Of the way of the tool's origin [m]."""
+        """Length of the path of the tool's origin [m]."""
         if self.kind == "circ":
             return self.radius * self.sweep
         return float(np.linalg.norm(self.T_end[:3, 3] - self.T_start[:3, 3]))
@@ -102,7 +102,7 @@ class ToolMotion:
 
     @property
     def angle(self) -> float:
-        """How far the tool turns [rad]."""
+        """Angle that the tool turns by [rad]."""
         return float(np.linalg.norm(self.turn))
 
     def pose(self, s: float) -> Array:

@@ -35,7 +35,7 @@ class TimedToolPath:
 
     @property
     def reports(self) -> tuple[ToolMotionReport, ...]:
-        """When each motion begins and ends, and how much of it is carried out."""
+        """Times of each motion, and the share of it that is carried out."""
         parts = iter(self.parts)
         reports, now = [], 0.0
         for motion, segment in zip(self.path.motions, self.path.segments, strict=True):

@@ -41,7 +41,7 @@ def compile_kernels(report: Report = lambda *_: None, processes: int | None = No
         BuildFailed: a process that compiled kernels died.
     """
     entries, outdated = kernel_list.read(LIST)
-    missing = kernel_build.missing(entries)
+    missing = kernel_build.missing_entries(entries)
     if missing:
         processes = processes or len(os.sched_getaffinity(0))
         outdated = [*outdated, *kernel_build.build(missing, processes, report)]

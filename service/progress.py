@@ -9,7 +9,7 @@ _FILE_PERIOD = 10.0
 
 
 def progress_text(done: int, total: int, seconds_left: float | None) -> str:
-    """How many kernels of how many are compiled, and how long the rest may take."""
+    """Number of compiled kernels of all, and the time that the rest may take."""
     text = f"Compiling kernels: {done} of {total}"
     return text if seconds_left is None else f"{text}, about {seconds_left:.0f} s left"
 

@@ -63,7 +63,7 @@ class Settings(BaseSettings):
 
     @property
     def prepared_dir(self) -> Path:
-        """Where workers keep robots and scenes that were built."""
+        """Folder of prepared robots and scenes."""
         return self.data_dir.absolute() / "prepared"
 
     @property

@@ -16,7 +16,7 @@ from kinematics.compiled.kernel import kernel
 
 
 class Kind(IntEnum):
-    """Which controller a ``Law`` is."""
+    """Controller of a ``Law``."""
 
     INDEPENDENT_JOINT = 0
     COMPUTED_TORQUE = 1

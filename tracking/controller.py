@@ -11,7 +11,7 @@ from tracking.control_law import Law
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reference:
-    """Where the robot should be at one instant, each of shape (n,).
+    """Reference state of the robot at one instant, each of shape (n,).
 
     The tracking error is q_tilde = q^r - q everywhere in this package.
 

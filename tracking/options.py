@@ -1,4 +1,4 @@
-"""How a closed loop is simulated."""
+"""Options of the simulation of a closed loop."""
 
 import math
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from kinematics.errors import InvalidOption
 
 @dataclass(frozen=True, slots=True)
 class SimulationOptions:
-    """How to integrate and what to record.
+    """Options of integration and recording.
 
     Args:
         duration: [s]; the trajectory's own where none is given, longer to watch it settle.

@@ -10,7 +10,7 @@ from kinematics.arrays import Array, frozen
 
 
 class SimulationOutcome(Enum):
-    """How a simulation ended; the value says what that means and what to try."""
+    """Outcome of a simulation; the value says what it means and what to try."""
 
     COMPLETED = "the whole motion was simulated"
     DIVERGED = (

@@ -12,7 +12,7 @@ from obstacles.robot_geometry import RobotGeometry
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tube:
-    """How far a robot that is off by a joint error can be from where it should be.
+    """Displacement bound of a robot whose joints are off by an error.
 
     Args:
         joint_error: Largest |q^r - q| of each joint, shape (n,) [rad or m].

@@ -23,7 +23,7 @@ Collisions = Literal["check", "ignore"]
 
 
 class LimitUse(Answer):
-    """How close a motion comes to a limit, from the exact extrema of its polynomials.
+    """Use of a limit by a motion, from the exact extrema of its polynomials.
 
     Args:
         worst_ratio: 1 is the limit itself; None beyond a limit of 0.
@@ -48,7 +48,7 @@ class LimitUses(Answer):
 
 
 class PathDeviation(Answer):
-    """How far the tool is off its motions at most, proved for every instant.
+    """Largest deviation of the tool from its motions, proved for every instant.
 
     Args:
         position: From the line or arc [m].
@@ -66,7 +66,7 @@ class PathDeviation(Answer):
 
 
 class Proved(Answer):
-    """Which parts of a proof were carried out and hold.
+    """Parts of a proof that were carried out and hold.
 
     Args:
         limits: Limits, continuity, constraints and tool motions.

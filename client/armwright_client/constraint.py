@@ -159,7 +159,7 @@ else:
 
 
 class ConstraintUse(Answer):
-    """How well a constraint is held.
+    """Residual of a constraint.
 
     Args:
         constraint: Its number in the request.

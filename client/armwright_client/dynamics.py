@@ -142,7 +142,7 @@ class DynamicsOptions(ModelOptions, Generic[V], total=False):
 
 
 class WrenchOptions(TypedDict, total=False):
-    """Where a wrench is exerted.
+    """Options of a wrench: where it is exerted.
 
     Args:
         link: The tip if left out.
@@ -154,7 +154,7 @@ class WrenchOptions(TypedDict, total=False):
 
 
 class RegressorOptions(ModelOptions, total=False):
-    """How to parametrise; see also `ModelOptions`.
+    """Options of the regressor; see also `ModelOptions`.
 
     Args:
         reference_velocities: v of Y(q, q̇, a, v), with the accelerations as a.

@@ -93,7 +93,7 @@ class JobEndpoints:
 
     @Endpoint
     def get(self, job: str) -> Call[Job]:
-        """Where a job stands."""
+        """Status of a job."""
         return job_call(job)
 
     @Endpoint

@@ -118,7 +118,7 @@ class InCollision(ApiError):
 
     @property
     def depth(self) -> float | None:
-        """How deep [m]."""
+        """Depth of the overlap [m]."""
         return details.number(self.details.get("depth"))
 
     @property
@@ -225,7 +225,7 @@ class NoWay(ApiError):
 
     @property
     def fraction(self) -> float | None:
-        """How much of the tool's motions can be carried out."""
+        """Share of the tool's motions that can be carried out."""
         return details.number(self.details.get("fraction"))
 
     @property

@@ -15,7 +15,7 @@ from armwright_client.pose import Pose
 
 
 class Start(Request):
-    """Where a motion begins.
+    """Start of a motion.
 
     Args:
         joints: The configuration [rad or m].
@@ -51,7 +51,7 @@ class SingleGoal(Request):
 
 
 class Goal(SingleGoal):
-    """Where a motion ends: one goal, or any of several."""
+    """Goal of a motion: one, or any of several."""
 
     any_of: list[SingleGoal] | None = None
 
@@ -87,7 +87,7 @@ class Goal(SingleGoal):
 
     @classmethod
     def among(cls, goals: Sequence["GoalLike"]) -> Self:
-        """Whichever of several goals is reached best."""
+        """Goal that is any of several."""
         return cls(any_of=[SingleGoal(**_fields(as_goal(goal))) for goal in goals])
 
 

@@ -10,7 +10,7 @@ from armwright_client.problem import Problem
 
 
 class Job(Answer):
-    """Where some work stands.
+    """Status of a job.
 
     Args:
         id: To ask for it by.
@@ -73,7 +73,7 @@ class JobEvent:
     id: str | None = None
 
     def job(self) -> Job:
-        """Where the job stands, as the events of jobs tell.
+        """Status of the job, as the events of jobs tell.
 
         Raises:
             pydantic.ValidationError: It is another event.

@@ -67,7 +67,7 @@ class FkBatch(Answer):
 
 
 class JacobianOptions(TypedDict, total=False):
-    """Which Jacobian is asked for.
+    """Options of a Jacobian.
 
     Args:
         link: The tip if left out.
@@ -115,7 +115,7 @@ class JacobianBatch(Answer):
 
 
 class Gradient(Request):
-    """How the method "gradient" follows it.
+    """Options of the method "gradient".
 
     Args:
         rule: "pseudo_inverse": q̇ = J⁺ K e by Runge-Kutta; "transpose": q ← q + γ Jᵀ e.
@@ -225,7 +225,7 @@ class IkSolution(Answer):
 
 
 class GradientTrace(Answer):
-    """Where a gradient went, from the start on.
+    """Course of a gradient descent from the start.
 
     Args:
         time: Of the flow [s]; of the descent the step's number.

@@ -50,7 +50,7 @@ class Pending(Generic[A]):
         self.id = job.id
 
     def job(self) -> Job:
-        """Where the job stands."""
+        """Status of the job."""
         return self._sender.send(job_call(self.id))
 
     def wait(self, timeout: float | None = None) -> A:
@@ -83,7 +83,7 @@ class AsyncPending(Generic[A]):
         self.id = job.id
 
     async def job(self) -> Job:
-        """Where the job stands."""
+        """Status of the job."""
         return await self._sender.send(job_call(self.id))
 
     async def wait(self, timeout: float | None = None) -> A:

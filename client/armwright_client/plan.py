@@ -27,7 +27,7 @@ TimingSolver = Literal["reachability", "toppra"]
 
 
 class Timing(Request):
-    """How a path becomes a motion in time.
+    """Options of the timing.
 
     Args:
         method: Of timing.
@@ -106,7 +106,7 @@ Objective = Literal["time", "jerk", "energy", "path_length"]
 
 
 class Refine(Request):
-    """How the motion that was found is optimised, before it is proved.
+    """Options of the optimisation before the proof.
 
     Args:
         objective: What becomes small, or the weight of each.
@@ -210,7 +210,7 @@ class Reproducibility(Answer):
 
 
 class Descent(Answer):
-    """Where a potential field went before its path was shortened.
+    """Course of a potential field's descent before the path was shortened.
 
     Args:
         joints: The configurations it was in [rad or m].

@@ -23,7 +23,7 @@ class RetimePath(Request):
 
 
 class RetimeTiming(Timing):
-    """How given points become a motion in time.
+    """Options of the timing of given points.
 
     Args:
         start_velocity: At the start, along the path; at rest if left out.

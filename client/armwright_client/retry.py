@@ -1,4 +1,4 @@
-"""When a refused request is worth sending again."""
+"""Rules for sending a refused request again."""
 
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -12,7 +12,7 @@ _NOT_NOW = (429, 503)
 
 @dataclass(frozen=True, slots=True)
 class Retry:
-    """How often and how long to wait where the service says when to ask again.
+    """Number of retries and the wait between them, where the service says when to ask again.
 
     Only answers 429 and 503 with a Retry-After header are asked for again, and only requests that
     do the same when they are done twice.
@@ -27,7 +27,7 @@ class Retry:
     longest_wait: float = 10.0
 
     def wait(self, attempt: int, response: httpx.Response) -> float | None:
-        """How long to wait [s] after the given attempt, counted from 1; None to give up."""
+        """Time to wait [s] after the given attempt, counted from 1; None to give up."""
         if response.status_code not in _NOT_NOW or attempt >= self.attempts:
             return None
         seconds = retry_after(response)

@@ -112,7 +112,7 @@ class Wire:
         return httpx.Timeout(read_timeout, connect=min(self._timeout, _CONNECT), pool=None)
 
     def wait(self, call: Call[Any], attempt: int, response: httpx.Response) -> float | None:
-        """How long to wait before sending again [s], None where that makes no sense."""
+        """Time to wait before sending again [s], None where that makes no sense."""
         if not call.repeatable and call.key is None:
             return None
         return self._retry.wait(attempt, response)

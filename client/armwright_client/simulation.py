@@ -117,7 +117,7 @@ class SimulatedController(Answer):
 
 
 class Simulation(Answer):
-    """How well the motion was followed.
+    """Course of a simulation.
 
     Args:
         outcome: "completed", "ran_away" or "exhausted".

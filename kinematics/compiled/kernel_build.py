@@ -28,7 +28,7 @@ class BuildFailed(RuntimeError):
     """A process that compiled kernels died."""
 
 
-def missing(entries: Sequence[Entry]) -> list[Entry]:
+def missing_entries(entries: Sequence[Entry]) -> list[Entry]:
     """The entries of a list whose machine code is not on disk."""
     return [one for one in entries if not all(map(kernel_store.has, one.files))]
 

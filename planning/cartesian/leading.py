@@ -78,7 +78,7 @@ def _first_part(piece: Array, length: float) -> tuple[Array, Array, Array, Array
 
 
 def _clear_until(checker: Checker, piece: Array, length: float, met: float) -> float:
-    """How far along a piece all is proved free, at most to where something was met."""
+    """Length along a piece that is proved free, at most to the first contact."""
     low, high = 0.0, met * length
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)

@@ -81,7 +81,7 @@ class Cartesian:
 
     @property
     def tolerances(self) -> Tolerances:
-        """How far the tool may be off its motions."""
+        """Tolerances of the tool's deviation from its motions."""
         free = self.options.orientation == "free"
         orientation = None if free else self.options.max_orientation_deviation
         return Tolerances(self.options.max_deviation, orientation)
@@ -127,7 +127,7 @@ class Cartesian:
 
 
 def _describe(tool_path: ToolPath) -> str:
-    """How far the tool was led, one sentence."""
+    """Sentence about the part of the tool's motions that was followed."""
     if tool_path.stop is None:
         count = len(tool_path.waypoints)
         return f"{len(tool_path.motions)} motion(s), {count} configurations."
@@ -189,7 +189,7 @@ def _joints_failure(problem: Problem, tool_path: ToolPath) -> Failure | None:
 
 
 def _constraint_failure(problem: Problem, tool_path: ToolPath) -> Failure | None:
-    """Which path constraint the start, or the end where it is reached, violates, if any."""
+    """Failure of a path constraint at the start, or at the end where it is reached."""
     first, last = tool_path.segments[0], tool_path.segments[-1]
     failure = end_violation(problem.constraints, "start", first.start)
     if failure is not None or tool_path.stop is not None:
@@ -198,7 +198,7 @@ def _constraint_failure(problem: Problem, tool_path: ToolPath) -> Failure | None
 
 
 def _end_details(chain: Chain, tool_path: ToolPath) -> dict[str, Any]:
-    """How far the tool came, as values."""
+    """Progress of the tool, as values."""
     segment = tool_path.segments[-1]
     T = forward(chain, segment.end)
     pose = {
@@ -214,6 +214,6 @@ def _end_details(chain: Chain, tool_path: ToolPath) -> dict[str, Any]:
 
 
 def _stop_details(chain: Chain, tool_path: ToolPath, stop: Stop) -> dict[str, Any]:
-    """How far the tool came and what stopped it, as values."""
+    """Progress of the tool and the reason for its stop, as values."""
     reason = {"reason": stop.reason, "message": stop.message}
     return {**_end_details(chain, tool_path), **reason, **stop.details}

@@ -231,7 +231,7 @@ class _Following:
         return Stop(reached, "limit", text, details)
 
     def _singular_values(self, q: Array) -> Array:
-        """Of the rows of the Jacobian that count and are not always 0, largest first."""
+        """Singular values of the Jacobian's rows that count and are not always 0, largest first."""
         _, J = pose_and_jacobian(self._chain, q)
         rows = J[:3] if self._tolerances.orientation is None else J
         some = rows[np.linalg.norm(rows, axis=1) > _NOTHING]

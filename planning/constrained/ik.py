@@ -49,7 +49,7 @@ _SAME = 1e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class IkOptions:
-    """How constrained inverse kinematics searches.
+    """Options of constrained inverse kinematics.
 
     Args:
         objective: What makes a configuration better: "nearest" to the posture, in the middle of
@@ -280,7 +280,7 @@ class _Search:
         return float(residuals[self.hard].max(initial=-np.inf))
 
     def violation(self, solution: ConstrainedSolution) -> float:
-        """How much the hard constraints are violated, 0 where they hold within their tolerance."""
+        """Violation of the hard constraints, 0 where they hold within their tolerance."""
         worst = self._worst(solution.residuals)
         depth = -solution.clearance if solution.clearance <= 0.0 else 0.0
         touching = 1e-9 if solution.clearance <= 0.0 else 0.0

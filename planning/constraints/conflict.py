@@ -90,7 +90,7 @@ def _describe(
 def _relaxation(
     constraints: ConstraintSet, numbers: tuple[int, ...], give: int, near: Array | None, seed: int
 ) -> float:
-    """How much one constraint has to be wider for the others of a conflict to hold too."""
+    """Widening of one constraint with which the others of a conflict hold too."""
     chain = constraints.chain
     others = tuple(constraints.constraints[i] for i in numbers if i != give)
     alone = ConstraintSet(chain, (constraints.constraints[give],))

@@ -249,7 +249,7 @@ def _rotation_change(
     ],
     E: Array,
 ) -> float:
-    """How much a component of log(K X) can change while X turns by ``turn`` at most.
+    """Bound of the change of a component of log(K X) while X turns by ``turn`` at most.
 
     |J^-1| = (t / 2) / sin(t / 2) at a rotation by t; across half a turn the vector changes its sign
     alone. For t <= 1 the second derivative is at most 1.75 times the square of the rate: |J^-1| is
@@ -274,7 +274,7 @@ def _rotation_change(
 def movement_kernel(
     chain: Array, frames: Array, row: Array, linear: Array, curved: Array
 ) -> tuple[tuple[float, float, float], tuple[float, float, float], float, float, float, float]:
-    """How a row's bodies move one against the other over a cell.
+    """Relative motion of a row's bodies over a cell.
 
     Returns:
         Velocity of the point and angular velocity in the reference, both times the half cell; the

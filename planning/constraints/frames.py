@@ -1,4 +1,4 @@
-"""Where on the robot a constraint takes hold: a link, and the link it is seen from."""
+"""Frames of a constraint: a link, and the link it is seen from."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -29,7 +29,7 @@ Unit = Literal["rad", "m"]
 
 
 class RowKind(IntEnum):
-    """Which function a row bounds."""
+    """Function that a row bounds."""
 
     JOINT = 0
     COORDINATE = 1

@@ -52,7 +52,7 @@ class Obstruction(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Checkpoints:
-    """Where a motion is looked at.
+    """Places at which a motion is linearized.
 
     Args:
         at: u, shape (K,).
@@ -122,7 +122,7 @@ def linearize(
 
 
 def length(chain: Chain) -> float:
-    """How long a stretched out robot is about [m]."""
+    """Approximate length of the stretched out robot [m]."""
     return max(float(np.linalg.norm(chain.offsets[1:, :3, 3], axis=1).sum()), 1e-3)
 
 
@@ -182,7 +182,7 @@ def _loads(task: Task, iterate: Iterate, places: Checkpoints) -> list[Linearizat
 
 
 def least_factor(task: Task, iterate: Iterate, places: Checkpoints) -> float:
-    """How many times as long a motion has to be for its loads, in the places looked at."""
+    """Factor of a motion's duration that its efforts need at the checkpoints."""
     if task.loads is None:
         return 0.0
     chain, factor = task.loads.chain, 0.0

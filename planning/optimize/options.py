@@ -27,7 +27,7 @@ _TIME: Mapping[Objective, float] = MappingProxyType({"time": 1.0})
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RefineOptions:
-    """How a motion is optimised.
+    """Options of the optimisation.
 
     Args:
         weights: What is to become small: "time" T [s], "jerk" the integral of the squared jerks of

@@ -37,7 +37,7 @@ _OPTIONS: dict[str, Any] = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Limits:
-    """Of the derivatives of a spline.
+    """Limits of the derivatives of a spline.
 
     Args:
         values: By order, each (n,).

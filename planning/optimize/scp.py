@@ -289,7 +289,7 @@ class Descent:
         return Candidate(iterate, motion, self._objective(motion))
 
     def _worst_limit(self, motion: Trajectory) -> Obstruction:
-        """Which limit a motion exceeds the most, by how much."""
+        """Limit that a motion exceeds the most, with the ratio."""
         names = self.task.chain.joint_names
         ratios = {
             f"the {_QUANTITIES[order - 1]} of joint {names[joint]!r}": float(value)

@@ -14,7 +14,7 @@ from planning.effort_limits import EffortLimits
 
 @dataclass(frozen=True, slots=True, eq=False)
 class End:
-    """How a motion begins or ends.
+    """State at an end of a motion.
 
     Args:
         position: Shape (n,).

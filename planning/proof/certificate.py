@@ -67,7 +67,7 @@ _INTERVALS_A_CALL = 1000
 
 @dataclass(frozen=True, slots=True)
 class Proved:
-    """Which parts of a proof were carried out and hold.
+    """Parts of a proof that were carried out and hold.
 
     Args:
         limits: Limits, continuity, constraints and tool motions hold at every instant.

@@ -1,4 +1,4 @@
-"""How well a timed motion holds its constraints, bounded for every instant."""
+"""Residuals of a timed motion's constraints, bounded for every instant."""
 
 from dataclasses import dataclass
 
@@ -21,7 +21,7 @@ _SAMPLES = 1_000
 
 @dataclass(frozen=True, slots=True)
 class ConstraintReport:
-    """How well a constraint is held along a motion.
+    """Residual of a constraint along a motion.
 
     Args:
         constraint: Its number in the request.

@@ -27,7 +27,7 @@ _MAX_INTERVALS = 100_000
 
 
 class EffortUse(NamedTuple):
-    """How much of a limit a motion uses at most.
+    """Largest use of a limit by a motion.
 
     Args:
         ratio: Never exceeded at any instant.
@@ -47,7 +47,7 @@ _Ratios = Callable[[Array], tuple[Array, Array]]
 
 
 def effort_uses(limits: EffortLimits, trajectory: Trajectory) -> dict[str, EffortUse]:
-    """How much of each limit a motion uses at most, by "torque" and "tool_speed".
+    """Largest use of each limit by a motion, by "torque" and "tool_speed".
 
     Args:
         limits: Of the robot that moves.

@@ -258,7 +258,7 @@ def _bound_pair(model: PairArrays, w: Sweep, i: int, j: int, apart: float, u: Ve
 def _gap_and_motion_along(
     model: PairArrays, w: Sweep, i: int, j: int, u: Vector
 ) -> tuple[float, float]:
-    """How far apart two elements are along a unit direction, and how far they move along it [m]."""
+    """Gap of two elements along a unit direction, and the motion along it [m]."""
     separation = gap(model.kinds, model.sizes, model.columns, model.starts, w.poses, i, j, u)
     moves, after = w.moves[j], model.joints[i] + 1
     return separation, displacement_along(moves, after, model.radii[j], w.interval[HALF], u)

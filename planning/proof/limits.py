@@ -28,7 +28,7 @@ _REAL = 1e-7
 
 @dataclass(frozen=True, slots=True)
 class LimitReport:
-    """How much of one kind of limit is used.
+    """Use of one kind of limit.
 
     Args:
         worst_ratio: Largest |value| / limit of all joints; for positions, of the distance from
@@ -129,7 +129,7 @@ def _check_peaks(
 def _first_excess(
     trajectory: Trajectory, order: int, lower: Array, upper: Array
 ) -> tuple[float, int] | None:
-    """When a derivative first leaves its bounds (n,), and of which joint; None if it does not."""
+    """First time and joint at which a derivative leaves its bounds (n,); None if none does."""
     breaks, coefficients = trajectory.breaks, trajectory.coefficients
     for i in range(trajectory.pieces):
         ends = extrema(breaks[i : i + 2], coefficients[i : i + 1], order)
@@ -145,7 +145,7 @@ def _first_excess(
 
 
 def _leaves(coefficients: Array, order: int, length: float, bounds: tuple[float, float]) -> float:
-    """When a polynomial's derivative on [0, length] first leaves its bounds."""
+    """First time in [0, length] at which a polynomial's derivative leaves its bounds."""
     value = np.polynomial.Polynomial(coefficients).deriv(order)
     crossings = [0.0, length]
     for bound in bounds:

@@ -285,7 +285,7 @@ def displacement_bounds(
 
 @kernel(allocates=False)
 def displacement_along(moves: Array, j: int, radius: float, half: float, u: Vector) -> float:
-    """How far any point of a ball moves along a unit direction, seen from before joint j [m].
+    """Displacement bound of a ball's points along a unit direction, seen from before joint j [m].
 
     Args:
         moves: From ``displacement_bounds``, shape (n, MOVE_COLUMNS).

@@ -202,7 +202,7 @@ def _arrays(robot: RobotGeometry, scene: Scene) -> PairArrays:
 
 
 def _pairs_that_may_touch(robot: RobotGeometry, scene: Scene) -> NDArray[np.bool_]:
-    """Which pieces of a robot may touch which obstacles, shape (p, obstacles).
+    """Mask of the pieces of a robot and the obstacles that may touch, shape (p, obstacles).
 
     Those that stand still with the base may, and those whose link the scene allows to. The planner
     chooses its own pairs elsewhere: written twice on purpose, a pair dropped there is found here.

@@ -74,7 +74,7 @@ OWN = 1
 
 
 class Sweep(NamedTuple):
-    """Where a sweep stands (c pairs, e elements, r of them the robot's, n joints, d depths).
+    """State of a sweep (c pairs, e elements, r of them the robot's, n joints, d depths).
 
     Args:
         counters: By TOP to SHARP, shape (COUNTERS,).

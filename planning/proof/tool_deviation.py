@@ -60,7 +60,7 @@ _TIME_ROUNDING = 1e-12
 
 @dataclass(frozen=True, slots=True)
 class PathDeviation:
-    """How far the tool is off its path at most, over all t.
+    """Largest deviation of the tool from its motions, over all t.
 
     Args:
         position: From the line or arc [m].
@@ -128,7 +128,7 @@ def check_tool_motions(
 
 
 def path_deviation(chain: Chain, trajectory: Trajectory, asked: TimedToolMotions) -> PathDeviation:
-    """How far a robot's tool is off lines and arcs, bounded for every instant.
+    """Deviation of a robot's tool from lines and arcs, bounded for every instant.
 
     Args:
         chain: The robot; its tip is the tool.

@@ -120,7 +120,7 @@ def _moves_at_ends(path: JointPath) -> list[bool]:
 
 
 def _curved_counts(path: JointPath, resolution: int, limits: Array) -> NDArray[np.int64]:
-    """How many cells each piece gets if it is curved, shape (p,)."""
+    """Number of cells of each piece if it is curved, shape (p,)."""
     shares = resolution * path.lengths / path.lengths.sum()
     entering = path.coefficients[:, :, 1]
     powers = np.arange(2, path.coefficients.shape[2])

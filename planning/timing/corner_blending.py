@@ -19,7 +19,7 @@ def certified_reaches(
     smooth: bool = False,
     most: Array | None = None,
 ) -> Array:
-    """How far each corner of a polyline can be rounded with its curve proved free.
+    """Largest reach of each corner of a polyline whose curve is proved free.
 
     Args:
         checker: The robot in its scene.

@@ -123,7 +123,7 @@ def _check_rest(chain: Chain, gravity: Array, limit: Array) -> None:
 
 
 def estimate_uses(loads: EffortLimits, trajectory: Trajectory) -> dict[str, Use]:
-    """How much of each limit a motion uses at most, by "torque" and "tool_speed".
+    """Largest use of each limit by a motion, by "torque" and "tool_speed".
 
     Slows motions down only: the proof bounds the use by ``planning.proof.effort``.
     """

@@ -140,7 +140,7 @@ def time_kernel(rows: JerkLimits, z: Array) -> float:
 
 @kernel
 def weight_kernel(rows: JerkLimits, k: int) -> float:
-    """How much of tau goes by at z_k."""
+    """Weight of z_k in the integral over tau."""
     weight: float = rows.lengths[k]
     if k == 0:
         weight = rows.pulls[0]
@@ -151,7 +151,7 @@ def weight_kernel(rows: JerkLimits, k: int) -> float:
 
 @kernel
 def count_kernel(rows: JerkLimits) -> int:
-    """How many limits there are."""
+    """Number of limits."""
     count = 0
     for i in range(rows.caps.shape[0]):
         count += 2 * rows.knot_counts[i] + (1 if rows.caps[i] < np.inf else 0)

@@ -36,7 +36,7 @@ class Payload:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TimingOptions:
-    """How the path is timed.
+    """Options of the timing.
 
     Args:
         method: "toppra", "spline" or "jerk_limited".

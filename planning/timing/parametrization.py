@@ -23,7 +23,7 @@ _ALONG = 1e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TimeParametrization:
-    """How paths are timed.
+    """Method and limits that paths are timed by.
 
     Args:
         method: The method.
@@ -124,7 +124,7 @@ class TimeParametrization:
         return self._slow_down_for_effort(dilate(motion, **self.bounds))
 
     def needed_factor(self, motion: Trajectory) -> float:
-        """How many times as long a motion must be made for all limits to hold; 1 is enough.
+        """Least factor of a motion's duration for all limits to hold; 1 where they hold.
 
         Raises:
             TimingFailed: No slowing down keeps the loads.

@@ -56,7 +56,7 @@ class JointPath:
 
     @property
     def breaks(self) -> Array:
-        """Where the pieces begin and the last one ends, shape (p + 1,)."""
+        """Path parameters at which pieces begin, and the end, shape (p + 1,)."""
         return np.concatenate([[0.0], np.cumsum(self.lengths)])
 
     @property

@@ -67,7 +67,7 @@ def fitting_factor(
     acceleration: ArrayLike | None = None,
     jerk: ArrayLike | None = None,
 ) -> float:
-    """How many times as long a trajectory may be made for all limits to hold; below 1 is faster.
+    """Factor of a trajectory's duration with which all limits just hold; below 1 is faster.
 
     Raises:
         InvalidOption: As in ``dilate``.

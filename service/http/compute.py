@@ -19,7 +19,7 @@ _CLIENT_LEFT = 499
 
 
 def allowed_time(settings: Settings, timeout: float | None) -> float:
-    """How long a request with this `timeout` may take [s].
+    """Time that a request with this `timeout` may take [s].
 
     Raises:
         ProblemError: VALIDATION_ERROR, the timeout is longer than the service allows.

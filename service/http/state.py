@@ -40,5 +40,5 @@ def supervisor_of(request: Request) -> WorkerSupervisor:
 
 
 def prepared_folder(request: Request) -> str:
-    """Where prepared robots and scenes are kept."""
+    """Folder of prepared robots and scenes."""
     return str(settings_of(request).prepared_dir)

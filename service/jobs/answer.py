@@ -9,7 +9,7 @@ from service.storage.job_store import JobAnswer, JobRecord
 
 
 def job_summary(record: JobRecord, lifetime: float | None = None) -> JobSummary:
-    """Where a job stands; ended ones are kept for a lifetime [s]."""
+    """Status of a job; ended ones are kept for a lifetime [s]."""
     expires = None
     if record.ended is not None and lifetime is not None:
         expires = record.ended + lifetime

@@ -115,7 +115,7 @@ async def _build_document(request: Request, name: str) -> bytes:
 
 
 async def _prepared_reference(request: Request, name: str) -> Reference | None:
-    """Where workers keep what is stored under a name, if there is something."""
+    """Reference of the prepared scene of a name; None where there is none."""
     try:
         return await answers.scene(request, name)
     except ProblemError:

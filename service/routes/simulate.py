@@ -13,7 +13,7 @@ router = APIRouter(prefix="/v1", tags=["tracking"], route_class=JsonRoute, respo
 
 @router.post("/simulate", summary="Follow a motion", response_model=SimulateAnswer)
 async def simulate(body: SimulateRequest, request: Request) -> Response:
-    """How well a controller makes the robot follow a motion, for example one that was planned.
+    """Simulation of a controller that makes the robot follow a motion, for example a planned one.
 
     With a scene the answer says what the tracking error leaves of the clearance.
     """

@@ -111,7 +111,7 @@ class ToolMotionAnswer(Answer):
 
 
 class PathDeviationAnswer(Answer):
-    """How far the tool is off its motions at most, proved for every instant."""
+    """Largest deviation of the tool from its motions, proved for every instant."""
 
     position: float = Field(description="from the line or arc [m]")
     orientation: float | None = Field(description="[rad]; null where it is free")

@@ -40,7 +40,7 @@ class TrajectoryAnswer(Answer):
 
 
 class LimitUse(Answer):
-    """How close a motion comes to a limit, from the exact extrema of its polynomials."""
+    """Use of a limit by a motion, from the exact extrema of its polynomials."""
 
     worst_ratio: float | None = Field(description="1 is the limit itself; null beyond a limit of 0")
     joint: str
@@ -59,7 +59,7 @@ class LimitUses(Answer):
 
 
 class ProvedAnswer(Answer):
-    """Which parts of a proof were carried out and hold."""
+    """Parts of a proof that were carried out and hold."""
 
     limits: bool = Field(description="limits, continuity, constraints and tool motions")
     collisions: bool

@@ -191,7 +191,7 @@ Constraints = Annotated[
 
 
 class ConstraintUse(Answer):
-    """How well a constraint is held; its residual is positive by how much it is violated."""
+    """Residual of a constraint, positive where it is violated."""
 
     constraint: int = Field(description="its number in the request")
     name: str

@@ -11,7 +11,7 @@ _ID = "0199f3b1c2d40123456789abcdef0123"
 
 
 class JobSummary(Answer):
-    """Where a job stands."""
+    """Status of a job."""
 
     model_config = ConfigDict(
         json_schema_extra={
@@ -45,7 +45,7 @@ class JobSummary(Answer):
 
 
 class JobAnswer(JobSummary):
-    """Where a job stands, with its result or error once it has ended."""
+    """Status of a job, with its result or error once it has ended."""
 
     result: Any = Field(None, description="once succeeded: what the request is answered")
     error: Problem | None = Field(None, description="once failed: the problem document")

@@ -72,7 +72,7 @@ Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
 
 
 class GradientOptions(Body):
-    """How the method "gradient" follows it."""
+    """Options of the method "gradient"."""
 
     rule: Literal["pseudo_inverse", "transpose"] = Field(
         "pseudo_inverse",
@@ -165,7 +165,7 @@ class IkSolution(Answer):
 
 
 class GradientTrace(Answer):
-    """Where a gradient went, from the start on; long ways are thinned out to 500 points."""
+    """Course of a gradient descent from the start; long ones are thinned out to 500 points."""
 
     time: list[float] = Field(description="of the flow [s]; of the descent the step's number")
     joints: Matrix

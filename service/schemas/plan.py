@@ -55,7 +55,7 @@ JointRow = Annotated[list[Number], Field(max_length=MAX_JOINTS)]
 
 
 class Start(Body):
-    """Where the motion begins."""
+    """Start of the motion."""
 
     joints: JointVector = Field(examples=[JOINTS_EXAMPLE])
     velocities: JointVector | None = Field(
@@ -96,7 +96,7 @@ class SingleGoal(Body):
 
 
 class Goal(SingleGoal):
-    """Where the motion ends: one goal, or any of several."""
+    """Goal of the motion: one, or any of several."""
 
     any_of: Annotated[list[SingleGoal], Field(min_length=1, max_length=MAX_GOALS)] | None = None
 
@@ -108,7 +108,7 @@ class Goal(SingleGoal):
 
 
 class Timing(Body):
-    """How a path becomes a motion in time."""
+    """Options of the timing."""
 
     method: Literal["toppra", "spline", "jerk_limited"] = "toppra"
     solver: Literal["reachability", "toppra"] | None = Field(
@@ -144,7 +144,7 @@ Objective = Literal["time", "jerk", "energy", "path_length"]
 
 
 class Refine(Body):
-    """How the motion that was found is optimised, before it is proved."""
+    """Options of the optimisation before the proof."""
 
     objective: Objective | Annotated[dict[Objective, NonNegative], Field(min_length=1)] = Field(
         "time",
@@ -352,7 +352,7 @@ class Reproducibility(Answer):
 
 
 class DescentAnswer(Answer):
-    """Where a potential field went before its path was shortened."""
+    """Course of a potential field's descent before the path was shortened."""
 
     joints: list[list[float]]
     potentials: list[float] = Field(description="U at each configuration [J]")

@@ -49,7 +49,7 @@ class RetimePath(Body):
 
 
 class RetimeTiming(Timing):
-    """How a path becomes a motion in time."""
+    """Options of the timing."""
 
     start_velocity: JointVector | None = Field(
         None, description="along the path; at rest if left out"

@@ -134,7 +134,7 @@ class LinkInertia(Body):
 
 
 class ModelError(Body):
-    """How the controller's model differs from the robot that is simulated."""
+    """Difference of the controller's model from the simulated robot."""
 
     mass_scale: Gain | None = Field(
         None,
@@ -164,7 +164,7 @@ class Disturbance(Body):
 
 
 class InitialState(Body):
-    """Where the robot is when the motion begins."""
+    """State of the robot when the motion begins."""
 
     joints: JointVector | None = Field(None, description="the trajectory's start if left out")
     velocities: JointVector | None = Field(None, description="the trajectory's if left out")
@@ -271,7 +271,7 @@ class ControllerAnswer(Answer):
 
 
 class SimulateAnswer(Answer):
-    """How well the motion was followed; rows belong to the times."""
+    """Course of a simulation; rows belong to the times."""
 
     outcome: Literal["completed", "ran_away", "exhausted"]
     advice: str = Field(description="what the outcome means and what to try")

@@ -33,7 +33,7 @@ class StoredRequest:
 
 @dataclass(frozen=True, slots=True)
 class JobRecord:
-    """Where a job stands.
+    """Status of a job.
 
     Args:
         id: By which it is asked for; later jobs sort after earlier ones.
@@ -92,7 +92,7 @@ class JobStore(Protocol):
         """All jobs of a status, oldest first."""
 
     def counts(self) -> dict[Status, int]:
-        """How many jobs there are of each status."""
+        """Number of jobs of each status."""
 
     def purge(self, ended_before: float, count: int, size: int) -> None:
         """Forget ended jobs that are too old, and the oldest of too many or too large answers."""
@@ -193,7 +193,7 @@ class SqliteJobs:
         return [JobRecord(*row) for row in rows]
 
     def counts(self) -> dict[Status, int]:
-        """How many jobs there are of each status."""
+        """Number of jobs of each status."""
         with self._database.reading() as database:
             rows = database.execute("SELECT status, COUNT(*) FROM jobs GROUP BY status").fetchall()
         found: dict[Status, int] = dict(rows)

@@ -15,12 +15,12 @@ def document_hash(document: bytes) -> str:
 
 
 def decompositions(folder: str) -> Path:
-    """Where the convex parts of meshes are kept."""
+    """Folder of the convex parts of meshes."""
     return Path(folder) / _DECOMPOSITIONS
 
 
 def prepared_file(reference: Reference) -> Path:
-    """Where a prepared robot or scene is kept."""
+    """File of a prepared robot or scene."""
     return Path(reference.folder) / f"{reference.hash}.{reference.kind}"
 
 

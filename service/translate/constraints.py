@@ -133,7 +133,7 @@ def _region(body: schema.Region) -> Region:
 
 
 def uses(constraints: ConstraintSet, residuals: Array) -> list[dict[str, Any]]:
-    """How well one configuration holds each constraint, as answers give it.
+    """Residual of each constraint at one configuration, as answers give it.
 
     Args:
         constraints: m rows.

@@ -85,7 +85,7 @@ def _goal(body: schema.SingleGoal, chain: Chain, where: str) -> Goal:
 
 
 def options(body: schema.PlanRequest, chain: Chain, timeout: float) -> Options:
-    """How to plan, within so many seconds.
+    """Options of planning, with a timeout.
 
     Raises:
         InvalidOption: A value is out of its range.

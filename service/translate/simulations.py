@@ -194,7 +194,7 @@ def noise(body: schema.SimulateRequest) -> EncoderNoise | None:
 
 
 def options(body: schema.SimulateRequest, trajectory: Trajectory) -> SimulationOptions:
-    """How to integrate.
+    """Options of the integration.
 
     Raises:
         InvalidOption: A value is out of its range, or too many samples are asked.

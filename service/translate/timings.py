@@ -19,7 +19,7 @@ _QUANTITIES = ("velocity", "acceleration", "jerk", "effort")
 
 
 def timing_options(timing: schema.Timing) -> TimingOptions:
-    """How to time.
+    """Options of the timing.
 
     Raises:
         InvalidOption: Values that do not go together.

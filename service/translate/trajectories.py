@@ -70,7 +70,7 @@ def _nameless(names: tuple[str, ...]) -> Chain:
 
 
 def _order(joint_names: Sequence[str] | None, chain: Chain) -> list[int]:
-    """Where in the trajectory each joint of the chain is."""
+    """Index in the trajectory of each joint of the chain."""
     names = list(chain.joint_names if joint_names is None else joint_names)
     if sorted(names) != sorted(chain.joint_names):
         raise InvalidTrajectory(

@@ -20,7 +20,7 @@ class _Current:
 
 
 def deadline() -> Deadline:
-    """When the current job must be done; never outside a job."""
+    """Deadline of the current job; never outside a job."""
     return _Current.deadline
 
 

@@ -32,7 +32,7 @@ _RENEWAL_PERIOD = 0.05
 
 
 class Progress(NamedTuple):
-    """How far preparing has come.
+    """Progress of the preparation.
 
     Attributes:
         done: Kernels that are compiled.

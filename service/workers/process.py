@@ -25,7 +25,7 @@ EXIT_TIMEOUT = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Background:
-    """How a job runs for which nobody waits.
+    """Options of a job for which nobody waits.
 
     Args:
         allowance: Time it may take once a worker has begun with it [s].
@@ -72,7 +72,7 @@ class Ticket:
 
     @property
     def ends_at(self) -> float:
-        """When the ticket has overrun, on the clock of `time.monotonic` [s]."""
+        """Instant at which the ticket has overrun, on the clock of `time.monotonic` [s]."""
         return self.deadline.at + self.job.grace
 
     def settle(self, outcome: Any) -> None:

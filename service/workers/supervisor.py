@@ -103,7 +103,7 @@ class WorkerSupervisor:
 
     @property
     def progress(self) -> Progress | None:
-        """How far compiling has come, while the workers wait for it."""
+        """Progress of compiling, while the workers wait for it."""
         return self._pool.progress
 
     @property
@@ -123,12 +123,12 @@ class WorkerSupervisor:
 
     @property
     def count(self) -> int:
-        """How many jobs may run at a time; brief ones are not counted."""
+        """Number of jobs that may run at a time; brief ones are not counted."""
         return self._count
 
     @property
     def alive(self) -> int:
-        """How many of these could run now."""
+        """Number of workers that could run a job now."""
         return min(len(self._pool.pids), self._count)
 
     @property

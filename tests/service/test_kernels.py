@@ -59,12 +59,12 @@ def test_entries_are_missing_where_no_folder_has_them(
     monkeypatch.setenv("ARMWRIGHT_KERNELS", str(tmp_path))
     entries, _ = kernel_list.read(kernels.LIST)
     some = [entry for entry in entries if entry.door][:3]
-    assert kernel_build.missing(some) == some
+    assert kernel_build.missing_entries(some) == some
     for name in [*some[0].files, some[1].files[0]]:
         (tmp_path / name).touch()
-    assert kernel_build.missing(some) == some[1:]
+    assert kernel_build.missing_entries(some) == some[1:]
     (tmp_path / "other").touch()
     (tmp_path / f"no.kernel-{'0' * 32}.door").touch()
     assert kernels.prune() == 1
     assert (tmp_path / "other").is_file()
-    assert kernel_build.missing(some) == some[1:]
+    assert kernel_build.missing_entries(some) == some[1:]

@@ -66,7 +66,7 @@ BUILD = (
     + """
 entries, unknown = kernel_list.read(path)
 assert not unknown
-missing = kernel_build.missing(entries)
+missing = kernel_build.missing_entries(entries)
 print(len(entries), len(missing), flush=True)
 def report(done, total, seconds_left):
     print(done, total, seconds_left, flush=True)
