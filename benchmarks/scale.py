@@ -24,7 +24,7 @@ from kinematics.serial_chain import serial_chain
 from kinematics.srdf import parse_srdf
 from kinematics.urdf import parse_urdf
 from obstacles.checker import Checker
-from obstacles.edge_check import FREE, MAX_INTERVALS, certify_in
+from obstacles.edge_check import FREE, MAX_INTERVALS, Cubic, certify_in
 from obstacles.kernel_work import workspace
 from obstacles.model_arrays import ModelArrays
 from obstacles.robot_geometry import RobotGeometry, robot_geometry
@@ -47,8 +47,8 @@ def certify_all(model: ModelArrays, starts: Array, steps: Array, verdicts: Array
     """Verdict on the straight motion by ``steps`` (k, n) from each of ``starts`` (k, n)."""
     work, found, zero = workspace(model), np.empty(4), np.zeros(starts.shape[1])
     for k in range(starts.shape[0]):
-        q, dq = starts[k], steps[k]
-        verdicts[k] = certify_in(model, work, q, dq, zero, zero, 0.0, MAX_INTERVALS, found)
+        line = Cubic(starts[k], steps[k], zero, zero)
+        verdicts[k] = certify_in(model, work, line, 0.0, MAX_INTERVALS, found)
 
 
 def cheapest(task: Callable[[], object]) -> float:

@@ -10,9 +10,10 @@ import math
 
 import numpy as np
 
-from kinematics.arrays import Array, Indices
+from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
-from obstacles.bvh import FIRST, LAST, SKIP, gap
+from kinematics.vec3 import Vector
+from obstacles.bvh import FIRST, LAST, SKIP, Tree, gap
 from obstacles.epa import contact
 from obstacles.piece_set import (
     CENTER,
@@ -161,26 +162,24 @@ def distance_from(
 
 @kernel
 def nearest_from(
-    rows: Array, nodes: Array, items: Indices, corners: Array, tables: Lists,
-    x: float, y: float, z: float, within: float,
-) -> tuple[float, int]:  # fmt: skip
+    rows: Array, tree: Tree, corners: Array, tables: Lists, p: Vector, within: float
+) -> tuple[float, int]:
     """Signed distance of a point from the nearest of the pieces in a tree, and which one it is.
 
     Args:
-        rows: Of a ``PieceSet``.
-        nodes: Of a tree over them, whose boxes hold them.
-        items: Of the tree.
-        corners: Of the pieces.
-        tables: Of the pieces.
-        x: Of the point [m].
-        y: Likewise.
-        z: Likewise.
+        rows: Rows of a ``PieceSet``.
+        tree: A tree over them, whose boxes hold them.
+        corners: Corners of the pieces, shape (v, 3).
+        tables: Support tables of the pieces.
+        p: The point [m].
         within: Pieces farther away than this don't count [m].
 
     Returns:
         ``within`` and -1 where there is none.
     """
-    best, found = within, -1
+    x, y, z = p
+    nodes, items = tree
+    best, nearest = within, -1
     stack = np.empty(_DEEPEST, dtype=np.int64)
     stack[0], top = 0, int(nodes.shape[0] > 0)
     while top > 0:
@@ -202,5 +201,5 @@ def nearest_from(
             if bound_from(rows, k, corners, x, y, z) < best:
                 distance = distance_from(rows, k, corners, tables, x, y, z)
                 if distance < best:
-                    best, found = distance, k
-    return best, found
+                    best, nearest = distance, k
+    return best, nearest

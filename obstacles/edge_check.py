@@ -26,6 +26,7 @@ environments", IEEE Transactions on Robotics, 2005, for B and the halving.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -62,6 +63,34 @@ _GRAZING = 0.1
 
 # Places in Workspace.tally.
 _CLEARANCE, _SHARE, _STOPPED = 0, 1, 2
+
+
+class Cubic(NamedTuple):
+    """A curve q(s) = b0 + b1 s + b2 s^2 + b3 s^3 for 0 <= s <= 1.
+
+    Args:
+        b0: Where it begins, shape (n,) [rad or m].
+        b1: Coefficients of s, shape (n,).
+        b2: Coefficients of s^2, shape (n,).
+        b3: Coefficients of s^3, shape (n,).
+    """
+
+    b0: Array
+    b1: Array
+    b2: Array
+    b3: Array
+
+
+class _Entries(NamedTuple):
+    """Pairs that are not settled yet.
+
+    Args:
+        pairs: As ``ModelArrays.roots`` has them, shape (e, 2).
+        axes: Axes across which they part, 0 where none is known, shape (e, 3).
+    """
+
+    pairs: Indices
+    axes: Array
 
 
 @kernel(allocates=False, inline="always")
@@ -122,21 +151,21 @@ def _compare(
 
 @kernel(allocates=False)
 def _examine(  # noqa: C901, PLR0912, PLR0915
-    model: ModelArrays, work: Workspace, margin: float, given: Indices, hints: Array,
-    first: int, count: int, entries: Indices, axes: Array, kept: int,
+    model: ModelArrays, work: Workspace, margin: float, given: _Entries, first: int, count: int,
+    left: _Entries, kept: int,
 ) -> tuple[int, int]:  # fmt: skip
     """Look at ``count`` of the ``given`` entries on the interval being visited; keep what is left.
 
     Returns:
-        How many entries are kept now, -1 where there is no room for them; the pair that touches, or
-        -1.
+        How many entries are ``left`` now, -1 where there is no room; the pair that touches, or -1.
     """
+    entries, axes, hints = left.pairs, left.axes, given.axes
     joints, scene, nodes, items = model.joints, model.scene, model.nodes, model.items
     skipped, placed, strays, tally = model.skipped, work.placed, work.strays, work.tally
     p, m = skipped.shape[0], scene.shape[0]
     extra = model.margin + margin
     for entry in range(first, first + count):
-        i, k = given[entry, 0], given[entry, 1]
+        i, k = given.pairs[entry, 0], given.pairs[entry, 1]
         if kept == entries.shape[0]:
             return -1, -1
         if i < 0 or i >= p:
@@ -242,10 +271,9 @@ def _pair_of(model: ModelArrays, entry: Indices) -> int:
 
 
 @kernel(allocates=False)
-def _look_at(
-    work: Workspace, b0: Array, b1: Array, b2: Array, b3: Array, middle: float, half: float
-) -> None:
+def _look_at(work: Workspace, curve: Cubic, middle: float, half: float) -> None:
     """Write the curve's configuration in the middle of an interval and how far it strays there."""
+    b0, b1, b2, b3 = curve
     for j in range(b0.shape[0]):
         slope = b1[j] + (2.0 * b2[j] + 3.0 * b3[j] * middle) * middle
         bend = abs(b2[j] + 3.0 * b3[j] * middle) + abs(b3[j]) * half
@@ -257,114 +285,115 @@ def _look_at(
 
 @kernel
 def certify_in(
-    model: ModelArrays, work: Workspace,
-    b0: Array, b1: Array, b2: Array, b3: Array, margin: float, most: int, found: Array,
-) -> int:  # fmt: skip
+    model: ModelArrays, work: Workspace, curve: Cubic, margin: float, most: int, outcome: Array
+) -> int:
     """``certify_curve`` in a workspace of the caller's; given up after ``most`` intervals."""
     roots = model.roots
-    entries, axes = roots, work.hints[2]
+    entries = _Entries(roots, work.hints[2])
     spans, lists = work.spans[0], work.lists[0]
     spans[0, 0], spans[0, 1], lists[0, 0], lists[0, 1] = 0.0, 1.0, 0, roots.shape[0]
     visits, open_spans = 0, 1
     tally = work.tally
     tally[_CLEARANCE] = np.inf
-    found[0], found[1] = 0.0, -1.0
+    outcome[0], outcome[1] = 0.0, -1.0
     for level in range(_MAX_DEPTH):
         # What a level leaves is written beside what it reads.
         side = (level + 1) % 2
-        left, hints, halves, lists_left = (
-            work.entries[side], work.hints[side], work.spans[side], work.lists[side],
-        )  # fmt: skip
+        left = _Entries(work.entries[side], work.hints[side])
+        halves, lists_left = work.spans[side], work.lists[side]
         if 2 * open_spans > halves.shape[0]:
             halves = np.empty((2 * open_spans, 2))
             lists_left = np.empty((2 * open_spans, 2), dtype=np.int64)
-        made, kept = 0, 0
+        new_spans, kept = 0, 0
         for span in range(open_spans):
             low, high = spans[span, 0], spans[span, 1]
             middle, half = 0.5 * (low + high), 0.5 * (high - low)
-            _look_at(work, b0, b1, b2, b3, middle, half)
+            _look_at(work, curve, middle, half)
             visit(model, work)
             visits += 1
             begin = kept
             tally[_SHARE], tally[_STOPPED] = 1.0, 0.0
             first, count = lists[span, 0], lists[span, 1]
             while True:
-                kept, hit = _examine(
-                    model, work, margin, entries, axes, first, count, left, hints, begin
-                )
+                kept, hit = _examine(model, work, margin, entries, first, count, left, begin)
                 if kept >= 0:
                     break
-                more = np.empty((2 * left.shape[0], 2), dtype=np.int64)
-                more_hints = np.empty((2 * left.shape[0], 3))
-                more[:begin], more_hints[:begin] = left[:begin], hints[:begin]
-                left, hints = more, more_hints
+                room = 2 * left.pairs.shape[0]
+                more = _Entries(np.empty((room, 2), dtype=np.int64), np.empty((room, 3)))
+                more.pairs[:begin], more.axes[:begin] = left.pairs[:begin], left.axes[:begin]
+                left = more
             if hit >= 0:
-                found[0], found[1], found[2], found[3] = middle, hit, visits, -np.inf
+                outcome[0], outcome[1], outcome[2], outcome[3] = middle, hit, visits, -np.inf
                 return COLLIDING
             if kept == begin:
                 continue
             if tally[_STOPPED] > 0.0 or visits >= most:
-                found[0], found[1], found[2] = middle, _pair_of(model, left[begin]), visits
-                found[3] = tally[_CLEARANCE] + margin
+                outcome[0], outcome[1], outcome[2] = (
+                    middle,
+                    _pair_of(model, left.pairs[begin]),
+                    visits,
+                )
+                outcome[3] = tally[_CLEARANCE] + margin
                 return UNDECIDED
             proved = half * tally[_SHARE]
-            halves[made, 0], halves[made, 1] = low, middle - proved
-            halves[made + 1, 0], halves[made + 1, 1] = middle + proved, high
-            for at in (made, made + 1):
+            halves[new_spans, 0], halves[new_spans, 1] = low, middle - proved
+            halves[new_spans + 1, 0], halves[new_spans + 1, 1] = middle + proved, high
+            for at in (new_spans, new_spans + 1):
                 lists_left[at, 0], lists_left[at, 1] = begin, kept - begin
-            made += 2
-        if made == 0:
-            found[2], found[3] = visits, tally[_CLEARANCE] + margin
+            new_spans += 2
+        if new_spans == 0:
+            outcome[2], outcome[3] = visits, tally[_CLEARANCE] + margin
             return FREE
-        entries, axes, spans, lists, open_spans = left, hints, halves, lists_left, made
-    found[0], found[1] = spans[0, 0], _pair_of(model, entries[lists[0, 0]])
-    found[2], found[3] = visits, tally[_CLEARANCE] + margin
+        entries, spans, lists, open_spans = left, halves, lists_left, new_spans
+    outcome[0], outcome[1] = spans[0, 0], _pair_of(model, entries.pairs[lists[0, 0]])
+    outcome[2], outcome[3] = visits, tally[_CLEARANCE] + margin
     return UNDECIDED
 
 
 @kernel
 def certify_curve(
-    model: ModelArrays, b0: Array, b1: Array, b2: Array, b3: Array, margin: float, found: Array
+    model: ModelArrays, b0: Array, b1: Array, b2: Array, b3: Array, margin: float, outcome: Array
 ) -> int:
     """Prove that q(s) = b0 + b1 s + b2 s^2 + b3 s^3 keeps all pairs apart for 0 <= s <= 1.
 
     Args:
         model: The packed robot and scene.
-        b0: Coefficients of the curve, shape (n,), as are the next three.
-        b1: Of s.
-        b2: Of s^2.
-        b3: Of s^3.
+        b0: Where the curve begins, shape (n,) [rad or m].
+        b1: Coefficients of s, shape (n,).
+        b2: Coefficients of s^2, shape (n,).
+        b3: Coefficients of s^3, shape (n,).
         margin: Asked for on top of the pairs' own margins [m].
-        found: Filled with what was found, shape (4,): where on the curve it stopped (s), the pair
-            that stopped it or -1, intervals looked at, and the clearance proved so far, the pairs'
-            own margins taken off [m].
+        outcome: Filled, shape (4,): where on the curve it stopped (s), the pair that stopped it or
+            -1, intervals looked at, and the clearance proved so far, the pairs' own margins taken
+            off [m].
 
     Returns:
         FREE (proved), COLLIDING (a configuration was found with a pair at most its margin apart) or
         UNDECIDED (a pair comes within a millionth of a metre of its margin).
     """
-    return certify_in(model, workspace(model), b0, b1, b2, b3, margin, MAX_INTERVALS, found)
+    curve = Cubic(b0, b1, b2, b3)
+    return certify_in(model, workspace(model), curve, margin, MAX_INTERVALS, outcome)
 
 
 @kernel
 def certify_edge(model: ModelArrays, start: Array, end: Array, margin: float) -> int:
     """``certify_curve`` on the straight motion from ``start`` to ``end``, the verdict alone."""
-    zero, found = np.zeros(start.shape[0]), np.empty(4)
+    zero, outcome = np.zeros(start.shape[0]), np.empty(4)
     work, step = workspace(model), end - start
-    return certify_in(model, work, start, step, zero, zero, margin, MAX_INTERVALS, found)
+    return certify_in(model, work, Cubic(start, step, zero, zero), margin, MAX_INTERVALS, outcome)
 
 
 @kernel
 def certify_path(
-    model: ModelArrays, waypoints: Array, margin: float, found: Array
+    model: ModelArrays, waypoints: Array, margin: float, outcome: Array
 ) -> tuple[int, int]:
     """``certify_curve`` along every leg of a polyline (m, n); the verdict and the leg it is on."""
     zero = np.zeros(waypoints.shape[1])
     work = workspace(model)
     for leg in range(waypoints.shape[0] - 1):
         step = waypoints[leg + 1] - waypoints[leg]
-        start = waypoints[leg]
-        verdict = certify_in(model, work, start, step, zero, zero, margin, MAX_INTERVALS, found)
+        curve = Cubic(waypoints[leg], step, zero, zero)
+        verdict = certify_in(model, work, curve, margin, MAX_INTERVALS, outcome)
         if verdict != FREE:
             return verdict, leg
     return FREE, waypoints.shape[0] - 1

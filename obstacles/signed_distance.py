@@ -10,6 +10,9 @@ the bounds meet, with its facets left to Qhull: slower than an iteration on simp
 its degenerate cases. Sources: "Proximity queries and penetration depth computation on 3D game
 objects", Game Developers Conference, 2001 (the expanding polytope); "Finding the nearest point in a
 polytope", Mathematical Programming, 1976.
+
+``plane_bound`` takes two pieces' numbers side by side, not as two tuples: called from Python once
+for each pair of pieces, tuples cost 2.2 us instead of 0.9 us.
 """
 
 import numpy as np
@@ -86,7 +89,19 @@ def plane_bound(
     T_b: Array,
     towards: Array,
 ) -> float:
-    """Lower bound of the cores' distance from a plane across ``towards`` (3,), from a to b [m]."""
+    """Lower bound of the cores' distance from a plane across a direction [m].
+
+    Args:
+        kind_a: Kind of the first piece.
+        vertices_a: Its corners, shape (k, 3).
+        size_a: Its radius and half height, shape (2,) or longer.
+        T_a: Its frame, shape (4, 4).
+        kind_b: Kind of the second piece.
+        vertices_b: Its corners, shape (m, 3).
+        size_b: Its radius and half height.
+        T_b: Its frame in the same frame.
+        towards: The direction from the first to the second, of any length, shape (3,).
+    """
     length = np.sqrt(towards[0] ** 2 + towards[1] ** 2 + towards[2] ** 2)
     if not 0.0 < length < np.inf:
         return -np.inf

@@ -20,6 +20,15 @@ MAX_ARGUMENTS = 8
 MAX_EXEMPTIONS = 8
 #: The hottest kernel: in two parts an edge check took half as long again (31 us for 20 us).
 LONG_FUNCTIONS = {"_examine": 110}
+#: Kernels that are slower with tuples, see their modules: a call of ``plane_bound`` from Python
+#: takes 2.2 us for 0.9 us, deviations of a tool 1.03 times as long, a stiff simulation likewise.
+MANY_ARGUMENTS = {
+    "plane_bound": 9,
+    "deviation_kernel": 10,
+    "cell_kernel": 9,
+    "tip_motion_kernel": 9,
+    "implicit_step": 9,
+}
 #: Past participles that say what became of something and not what the function does.
 PARTICIPLES = re.compile(
     r"^_*(sought|found|kept|held|made|told|given|known|planted|grown|unkept|ungrouped|together|"
@@ -47,17 +56,6 @@ def functions(path: Path) -> list[Function]:
     return [n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef | ast.AsyncFunctionDef)]
 
 
-def is_kernel(function: Function) -> bool:
-    """Whether it is compiled: kernels take arrays side by side."""
-    names = {
-        node.id
-        for decorator in function.decorator_list
-        for node in ast.walk(decorator)
-        if isinstance(node, ast.Name)
-    }
-    return "kernel" in names
-
-
 @pytest.mark.parametrize("package", [name.split("/")[0] for name in FOLDERS])
 def test_modules_and_functions_stay_short(package: str) -> None:
     wrong = []
@@ -75,7 +73,7 @@ def test_modules_and_functions_stay_short(package: str) -> None:
             arguments = function.args
             count = sum(map(len, (arguments.posonlyargs, arguments.args, arguments.kwonlyargs)))
             count -= bool(arguments.args and arguments.args[0].arg in ("self", "cls"))
-            if count > MAX_ARGUMENTS and not is_kernel(function):
+            if count > MANY_ARGUMENTS.get(function.name, MAX_ARGUMENTS):
                 wrong.append(f"{name}:{function.lineno} {function.name}: {count} arguments")
     assert not wrong, "\n".join(wrong)
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from kinematics.arrays import Array, Indices
 from kinematics.compiled.kernel import kernel
-from obstacles.edge_check import FREE, certify_in
+from obstacles.edge_check import FREE, Cubic, certify_in
 from obstacles.kernel_work import Workspace, workspace
 from obstacles.model_arrays import ModelArrays
 from planning.constraints.edge_bounds import EDGE_CELLS, HOLDS, edge_kernel
@@ -164,15 +164,14 @@ def is_free_kernel(proof: Proof, work: Workspace, a: Array, b: Array, outcome: A
     n, r = a.shape[0], proof.rows.shape[0]
     zero = np.zeros(n)
     if r > 0:
-        line = np.empty((n, 2))
+        ends = np.empty((n, 2))
         for j in range(n):
-            line[j, 0], line[j, 1] = a[j], b[j] - a[j]
-        holds, outcome[0] = edge_kernel(proof.model.chain, proof.rows, line, EDGE_CELLS)
+            ends[j, 0], ends[j, 1] = a[j], b[j] - a[j]
+        holds, outcome[0] = edge_kernel(proof.model.chain, proof.rows, ends, EDGE_CELLS)
         if holds != HOLDS:
             return False
-    verdict = certify_in(
-        proof.model, work, a, b - a, zero, zero, proof.slack, _MAX_INTERVALS, outcome
-    )
+    line = Cubic(a, b - a, zero, zero)
+    verdict = certify_in(proof.model, work, line, proof.slack, _MAX_INTERVALS, outcome)
     return bool(verdict == FREE)
 
 

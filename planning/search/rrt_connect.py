@@ -21,7 +21,7 @@ from kinematics.arrays import Array, Indices
 from kinematics.compiled.kernel import kernel
 from kinematics.random import State, uniform_kernel
 from obstacles.checker import Checker
-from obstacles.edge_check import FREE, certify_in
+from obstacles.edge_check import FREE, Cubic, certify_in
 from obstacles.kernel_work import Workspace, workspace
 from obstacles.model_arrays import ModelArrays
 from planning.deadline import Deadline
@@ -315,7 +315,9 @@ def _step(
     for j in range(target.shape[0]):
         motion[j] = share * (target[j] - origin[j])
     trees.tally[_EDGES] += 1
-    verdict = certify_in(model, work, origin, motion, zero, zero, slack, _MAX_INTERVALS, outcome)
+    verdict = certify_in(
+        model, work, Cubic(origin, motion, zero, zero), slack, _MAX_INTERVALS, outcome
+    )
     if verdict != FREE:
         trees.met[side, at] = True
         return -1

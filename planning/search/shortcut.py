@@ -17,7 +17,7 @@ from kinematics.arrays import Array, Indices
 from kinematics.compiled.kernel import kernel
 from obstacles.checker import Checker
 from obstacles.collision_model import ModelArrays
-from obstacles.edge_check import FREE, certify_in
+from obstacles.edge_check import FREE, Cubic, certify_in
 from obstacles.kernel_work import Workspace, workspace
 from planning.deadline import Deadline
 
@@ -69,7 +69,7 @@ def _free(
 ) -> bool:
     """Whether the straight motion from a to b, both (n,), is proved free."""
     zero, outcome = np.zeros(a.shape[0]), np.empty(4)
-    verdict = certify_in(model, work, a, b - a, zero, zero, slack, _MAX_INTERVALS, outcome)
+    verdict = certify_in(model, work, Cubic(a, b - a, zero, zero), slack, _MAX_INTERVALS, outcome)
     # A motion that grazes takes thousands of intervals: it counts as many checks.
     checks[0] += 1 + int(outcome[2]) // _INTERVALS_A_CHECK
     return bool(verdict == FREE)

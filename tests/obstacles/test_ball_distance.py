@@ -92,10 +92,8 @@ def spread(random: np.random.Generator, count: int) -> tuple[Array, Array]:
 
 
 def nearest(packed: PieceSet, grown: Tree, p: Array, within: float) -> tuple[float, int]:
-    x, y, z = p
-    return nearest_from(
-        packed.rows, grown.nodes, grown.items, packed.corners, packed.tables, x, y, z, within
-    )
+    point = (float(p[0]), float(p[1]), float(p[2]))
+    return nearest_from(packed.rows, grown, packed.corners, packed.tables, point, within)
 
 
 def test_the_nearest_of_a_hundred_thousand_points() -> None:

@@ -12,7 +12,7 @@ from kinematics.serial_chain import serial_chain
 from kinematics.srdf import parse_srdf
 from kinematics.urdf import parse_urdf
 from obstacles.checker import Checker
-from obstacles.edge_check import FREE, MAX_INTERVALS, UNDECIDED, certify_in
+from obstacles.edge_check import FREE, MAX_INTERVALS, UNDECIDED, Cubic, certify_in
 from obstacles.gjk import allowance
 from obstacles.kernel_work import drift, place, visit, workspace
 from obstacles.piece import Piece, PieceKind
@@ -217,11 +217,11 @@ def test_proof_is_given_up_after_the_intervals_it_may_take() -> None:
     for _ in range(200):
         a, b = random.uniform(limits.lower, limits.upper, (2, robot.chain.n))
         step = 0.2 * (b - a)
-        work = workspace(model)
-        verdict = certify_in(model, work, a, step, zero, zero, 0.0, MAX_INTERVALS, found)
+        work, line = workspace(model), Cubic(a, step, zero, zero)
+        verdict = certify_in(model, work, line, 0.0, MAX_INTERVALS, found)
         needed = found[2]
         if verdict == FREE and needed > 1:
-            assert certify_in(model, work, a, step, zero, zero, 0.0, 1, found) == UNDECIDED
+            assert certify_in(model, work, line, 0.0, 1, found) == UNDECIDED
             assert found[2] == 1
             given_up += 1
     assert given_up > 5
