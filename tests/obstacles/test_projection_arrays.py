@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from kinematics.arrays import Array
+from kinematics.arrays import Array, Indices
 from obstacles.projection_arrays import (
     BOX,
     CONE,
@@ -53,7 +53,7 @@ def packed(*shapes: Shape, seed: int = 1) -> tuple[ProjectionArrays, Scene]:
     return pack_obstacles(scene.obstacles), scene
 
 
-def hull_of(arrays: ProjectionArrays, i: int) -> tuple[Array, Array]:
+def hull_of(arrays: ProjectionArrays, i: int) -> tuple[Array, Indices]:
     corners = arrays.corners[arrays.corner_starts[i] : arrays.corner_starts[i + 1]]
     triangles = arrays.triangles[arrays.triangle_starts[i] : arrays.triangle_starts[i + 1]]
     return corners, triangles
