@@ -35,7 +35,7 @@ def holding_torques(
     Raises:
         InvalidRobotState: Wrong length or not finite.
         InvalidLinkName: No such link.
-        InvalidOption: The wrench is not six finite numbers.
+        InvalidOption: The wrench is not six finite numbers, or its batch does not fit the joints'.
     """
     try:
         F = np.array(wrench, dtype=np.float64)
@@ -44,4 +44,10 @@ def holding_torques(
     if F.ndim == 0 or F.shape[-1] != 6 or not np.isfinite(F).all():
         raise InvalidOption("wrench must be six finite numbers [fx, fy, fz, nx, ny, nz]")
     J = geometric(chain, q, link, point)
-    return np.asarray((np.swapaxes(J, -1, -2) @ F[..., None])[..., 0])
+    try:
+        return np.asarray((np.swapaxes(J, -1, -2) @ F[..., None])[..., 0])
+    except ValueError:
+        raise InvalidOption(
+            f"a batch of wrenches {F.shape} does not fit joints {np.shape(q)}",
+            hint="Give both the same leading dimensions, or a single one.",
+        ) from None

@@ -85,9 +85,14 @@ def link_twist(
     Raises:
         InvalidRobotState: Wrong length or not finite.
         InvalidLinkName: No such link.
+        InvalidOption: The batches do not fit each other.
     """
     rates = chain.configuration(joint_velocities, "joint_velocities")
-    return np.asarray((geometric(chain, q, link, point) @ rates[..., None])[..., 0])
+    J = geometric(chain, q, link, point)
+    try:
+        return np.asarray((J @ rates[..., None])[..., 0])
+    except ValueError:
+        raise _misfit(joints=J.shape[:-2], joint_velocities=rates.shape[:-1]) from None
 
 
 def singular_directions(J: Array) -> SingularDirections:
@@ -128,26 +133,37 @@ def joint_velocities(
     Raises:
         InvalidRobotState: Wrong length or not finite.
         InvalidLinkName: No such link.
-        InvalidOption: The twist is not six finite numbers, or ``damped_below`` is negative.
+        InvalidOption: The twist is not six finite numbers, ``damped_below`` is negative, or the
+            batches do not fit each other.
     """
     xi = _twist(twist)
     if not 0.0 <= damped_below < np.inf:
         raise InvalidOption(f"damped_below must be 0 or more, got {damped_below}")
     J = geometric(chain, q, link, point)
+    b = None if nullspace is None else chain.configuration(nullspace, "nullspace")
     found = singular_directions(J)
     gains = _gains(found, damped_below)
+    try:
+        rates = _rates(found, gains, xi, b)
+        residual = xi - np.einsum("...ij,...j->...i", J, rates)
+    except ValueError:
+        lead = () if b is None else b.shape[:-1]
+        raise _misfit(joints=J.shape[:-2], twist=xi.shape[:-1], nullspace=lead) from None
+    return JointVelocities(rates, residual, gains, found)
+
+
+def _rates(found: SingularDirections, gains: Array, xi: Array, b: Array | None) -> Array:
+    """Joint velocities (..., n) for a twist, with the part of b that leaves the link still."""
     inside = np.arange(found.values.shape[-1]) < found.rank[..., None]
     inverse = np.divide(gains, found.values, out=np.zeros_like(gains), where=inside)
     along = (np.swapaxes(found.twists, -1, -2) @ xi[..., None])[..., 0]
     k = gains.shape[-1]
     rows = found.motions[..., :k, :]
     rates = np.einsum("...k,...kn->...n", inverse * along, rows)
-    if nullspace is not None:
-        b = chain.configuration(nullspace, "nullspace")
+    if b is not None:
         moving = np.where(inside, np.einsum("...kn,...n->...k", rows, b), 0.0)
         rates = rates + b - np.einsum("...k,...kn->...n", moving, rows)
-    residual = xi - np.einsum("...ij,...j->...i", J, rates)
-    return JointVelocities(rates, residual, gains, found)
+    return np.asarray(rates)
 
 
 def _gains(found: SingularDirections, damped_below: float) -> Array:
@@ -167,3 +183,12 @@ def _twist(twist: ArrayLike) -> Array:
     if xi.ndim == 0 or xi.shape[-1] != 6 or not np.isfinite(xi).all():
         raise InvalidOption("twist must be six finite numbers [vx, vy, vz, wx, wy, wz]")
     return xi
+
+
+def _misfit(**leads: tuple[int, ...]) -> InvalidOption:
+    """The error that leading dimensions do not fit each other."""
+    listed = ", ".join(f"{name} {lead}" for name, lead in leads.items() if lead)
+    return InvalidOption(
+        f"the batches do not fit each other: {listed}",
+        hint="Give every one the same leading dimensions, or a single vector.",
+    )

@@ -65,3 +65,24 @@ def test_batches_and_bad_wrenches() -> None:
     for bad in ([0.0] * 5, [np.inf] * 6, "wrench", 1.0):
         with pytest.raises(InvalidOption, match="wrench"):
             holding_torques(chain, q, bad)
+
+
+def test_a_batch_of_wrenches_goes_with_one_configuration_or_as_many() -> None:
+    chain = builtin_chain("panda")
+    rng = np.random.default_rng(3)
+    q, F = rng.uniform(-1, 1, (4, 7)), rng.normal(size=(4, 6))
+    each, same = holding_torques(chain, q, F), holding_torques(chain, q[0], F)
+    for k in range(4):
+        np.testing.assert_allclose(each[k], holding_torques(chain, q[k], F[k]), atol=1e-13)
+        np.testing.assert_allclose(same[k], holding_torques(chain, q[0], F[k]), atol=1e-13)
+    with pytest.raises(InvalidOption, match=r"wrenches \(3, 6\) does not fit joints \(4, 7\)"):
+        holding_torques(chain, q, F[:3])
+
+
+def test_torques_are_linear_in_the_wrench() -> None:
+    chain = builtin_chain("ur5e")
+    rng = np.random.default_rng(4)
+    q, F, G = rng.uniform(-1, 1, 6), rng.normal(size=6), rng.normal(size=6)
+    both = holding_torques(chain, q, 2.0 * F - 3.0 * G)
+    parts = 2.0 * holding_torques(chain, q, F) - 3.0 * holding_torques(chain, q, G)
+    np.testing.assert_allclose(both, parts, atol=1e-12)

@@ -201,3 +201,26 @@ def test_bad_input_is_named() -> None:
         link_twist(chain, q, [0.0])
     with pytest.raises(InvalidRobotState):
         pose_and_jacobian(chain, np.zeros((2, 7)))
+
+
+def test_batches_go_with_one_configuration_or_as_many() -> None:
+    chain = builtin_chain("panda")
+    rng = np.random.default_rng(8)
+    q, rates, twist = rng.uniform(-1, 1, (4, 7)), rng.normal(size=(4, 7)), rng.normal(size=(4, 6))
+    moved = link_twist(chain, q[0], rates)
+    solved = joint_velocities(chain, q[0], twist, nullspace=rates).joint_velocities
+    for k in range(4):
+        np.testing.assert_allclose(moved[k], link_twist(chain, q[0], rates[k]), atol=1e-13)
+        alone = joint_velocities(chain, q[0], twist[k], nullspace=rates[k]).joint_velocities
+        np.testing.assert_allclose(solved[k], alone, atol=1e-12)
+
+
+def test_batches_that_do_not_fit_are_named_with_their_shapes() -> None:
+    chain = builtin_chain("panda")
+    q, rates, twist = np.zeros((4, 7)), np.zeros((3, 7)), np.zeros((3, 6))
+    with pytest.raises(InvalidOption, match=r"joints \(4,\), joint_velocities \(3,\)"):
+        link_twist(chain, q, rates)
+    with pytest.raises(InvalidOption, match=r"joints \(4,\), twist \(3,\)"):
+        joint_velocities(chain, q, twist)
+    with pytest.raises(InvalidOption, match=r"joints \(4,\), nullspace \(3,\)"):
+        joint_velocities(chain, q, np.zeros(6), nullspace=rates)

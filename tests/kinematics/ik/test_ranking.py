@@ -1,10 +1,12 @@
 """The choice among solutions, whole turns, and the method that is taken."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from kinematics.chain import Limits
 from kinematics.errors import InvalidOption, InvalidRobotState, NotAvailable
 from kinematics.forward import forward
 from kinematics.ik.analytic import branches
@@ -160,3 +162,50 @@ def test_methods_and_their_refusals() -> None:
     T = forward(ur5e, [0.3, -1.0, 1.4, -0.7, -1.3, 0.2])
     numeric = inverse_kinematics(ur5e, T, IkOptions(method="numeric"))
     assert numeric.solutions[0].branch is None
+
+
+def test_a_joint_that_cannot_move_is_as_far_from_its_limits_as_it_will_be() -> None:
+    chain = builtin_chain("ur5e")
+    lower, upper = chain.limits.lower.copy(), chain.limits.upper.copy()
+    lower[1] = upper[1] = 0.3
+    lower[4], upper[4] = -np.inf, np.inf
+    fixed = replace(chain, limits=replace(chain.limits, lower=lower, upper=upper))
+    joints = np.tile(0.5 * (chain.limits.lower + chain.limits.upper), (3, 1))
+    joints[:, 1] = 0.3
+    joints[1, 4] = 100.0
+    joints[2, 0] = chain.limits.upper[0]
+    np.testing.assert_allclose(margin(fixed, joints), [0.0, 0.0, 1.0], atol=1e-12)
+    unlimited = replace(chain, limits=Limits.unlimited(6))
+    assert margin(unlimited, joints).tolist() == [0.0, 0.0, 0.0]
+
+
+def test_costs_that_differ_by_rounding_keep_their_order() -> None:
+    chain = builtin_chain("ur5e")
+    seed = np.zeros(6)
+    joints = np.array([np.full(6, 1.0 + 1e-15), np.full(6, 1.0), np.full(6, 0.5)])
+    assert order(chain, joints, "nearest", seed).tolist() == [2, 0, 1]
+
+
+def test_what_is_outside_a_limit_is_named_with_the_limit() -> None:
+    chain = builtin_chain("ur5e")
+    lower, upper = chain.limits.lower, chain.limits.upper
+    assert outside(chain, lower) is None
+    assert outside(chain, upper) is None
+    for values, side in ((lower, -1.0), (upper, 1.0)):
+        for j in range(6):
+            q = 0.5 * (lower + upper)
+            q[j] = values[j] + side * 1e-3
+            said = outside(chain, q)
+            assert said is not None
+            assert repr(chain.joint_names[j]) in said
+
+
+def test_a_slide_has_no_whole_turns() -> None:
+    chain = builtin_chain("scara")
+    slide = int(np.flatnonzero(chain.joint_types == 1)[0])
+    q = 0.5 * (chain.limits.lower + chain.limits.upper)
+    copies = whole_turns(chain, q, 100)
+    assert len(copies) >= 1
+    assert (copies[:, slide] == q[slide]).all()
+    q[slide] = chain.limits.upper[slide] + 1e-3
+    assert len(whole_turns(chain, q, 100)) == 0
