@@ -16,7 +16,6 @@ from obstacles.robot_geometry import RobotGeometry
 #: A piece longer than this many times its width gets several points, each for about as much.
 _SLENDER = 1.5
 #: Points along one piece at most.
-#: Points along one piece at most.
 _MAX_ALONG_A_PIECE = 4
 
 

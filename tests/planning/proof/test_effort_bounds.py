@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dynamics.body import bodies
+from dynamics.body import Bodies, bodies
 from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.forward import joint_frames
@@ -25,12 +25,14 @@ def derivatives(coefficients: Array) -> Array:
     return padded
 
 
-def bounds(chain: Chain, coefficients: Array, intervals: Array) -> tuple[Array, Array]:
+def bounds(
+    chain: Chain, coefficients: Array, intervals: Array, robot: Bodies | None = None
+) -> tuple[Array, Array]:
     torques = np.empty((len(intervals), chain.n, JET))
     velocities = np.empty((len(intervals), 3, JET))
     tip = np.array(chain.tip.T_joint_link[:3, 3])
     effort_bounds_kernel(
-        bodies(chain), tip, derivatives(coefficients), intervals, torques, velocities
+        robot or bodies(chain), tip, derivatives(coefficients), intervals, torques, velocities
     )
     return torques, velocities
 
@@ -118,6 +120,24 @@ def test_halves_are_bounded_no_wider_than_the_whole() -> None:
     wide, narrow = bounds(chain, c, whole), bounds(chain, c, half)
     for one, both in zip(wide, narrow, strict=True):
         assert (both[:, :, 2] <= one[:, :, 2] * (1.0 + 1e-9)).all()
+
+
+def test_motors_and_friction_add_to_the_torques() -> None:
+    """Rotor inertia times acceleration, and viscous friction times velocity, joint by joint."""
+    chain, random = builtin_chain("ur5e"), np.random.default_rng(6)
+    inertia, friction = random.uniform(0.1, 1.0, (2, chain.n))
+    driven = bodies(chain)._replace(motor_inertia=inertia, viscous_friction=friction)
+    c, interval = motion(chain, random), np.array([[0, 0.4, 1e-3]])
+    bare, loaded = (bounds(chain, c, interval, robot)[0][0] for robot in (None, driven))
+    _, v, a = states(c[0], np.array([0.4]))
+    np.testing.assert_allclose(
+        loaded[:, 0] - bare[:, 0], inertia * a[0] + friction * v[0], atol=1e-9
+    )
+    jerk = np.array([np.polynomial.Polynomial(row).deriv(3)(0.4) for row in c[0]])
+    np.testing.assert_allclose(
+        loaded[:, 1] - bare[:, 1], inertia * jerk + friction * a[0], atol=1e-9
+    )
+    assert (loaded[:, 2] >= bare[:, 2]).all()
 
 
 def test_columns_are_where_they_are_read() -> None:
