@@ -12,6 +12,7 @@ from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import HalfSpace, PointCloud
 from planning.deadline import Deadline
+from planning.effort_limits import EffortLimits
 from planning.limits import MotionLimits
 from planning.proof.certificate import certify
 from planning.proof.limits import check_limits
@@ -214,6 +215,20 @@ def test_first_violation_in_time_is_named() -> None:
     assert certify(
         before, robot, scene, limits=MotionLimits({"velocity": np.full(7, np.inf)})
     ).verified
+
+
+def test_limits_of_tool_speed_are_part_of_the_limits() -> None:
+    robot = builtin("panda")
+    motion = cubic(robot, HOME, HOME + 0.3)
+    tool = forward(robot.chain, motion.sample(np.linspace(0.0, motion.duration, 2001)))[:, :3, 3]
+    fastest = float(np.linalg.norm(np.diff(tool, axis=0), axis=1).max()) * 2000 / motion.duration
+    for share, is_proved in ((1.01, True), (0.99, False)):
+        asked = MotionLimits({}, EffortLimits(robot.chain, tool_speed=share * fastest))
+        certificate = certify(motion, robot, Scene(), limits=asked)
+        assert certificate.verified is is_proved
+        assert certificate.limits["tool_speed"].worst_ratio == pytest.approx(1.0 / share, rel=2e-3)
+        violation = certificate.violation
+        assert is_proved or (violation is not None and violation.kind == "tool_speed")
 
 
 def test_time_up_proves_nothing() -> None:
