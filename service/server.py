@@ -2,20 +2,16 @@
 
 import asyncio
 import logging
-import os
 import signal
 import socket
 import sys
-import sysconfig
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import uvicorn
 from fastapi import FastAPI
 from pydantic import ValidationError
 
-import service
 from service.app import create_app
 from service.settings import Settings
 from service.storage.database import StoreError
@@ -68,7 +64,6 @@ def serve(options: Mapping[str, Any], launched: Launched | None = None) -> int:
     except OSError as error:
         return _refuse(f"can't listen on {settings.host} port {settings.port}: {error}")
     logging.basicConfig(format="%(asctime)s %(levelname)s %(name)s: %(message)s")
-    keep_current_folder_off_the_path()
     app = create_app(settings, launched)
     config = uvicorn.Config(
         app,
@@ -83,20 +78,6 @@ def serve(options: Mapping[str, Any], launched: Launched | None = None) -> int:
         signal.signal(number, lambda *_: sys.exit(0))
     _Server(config, app, _address(listener)).run([listener])
     return 0
-
-
-def keep_current_folder_off_the_path() -> None:
-    """Have the processes that this one starts import nothing from the current folder.
-
-    The fork server of multiprocessing runs ``python -c``, which looks for modules in the current
-    folder first: a folder ``service`` or ``planning`` there would be imported in place of ours.
-    """
-    os.environ["PYTHONSAFEPATH"] = "1"
-    root = str(Path(service.__file__).parents[1])
-    known = os.environ.get("PYTHONPATH", "").split(os.pathsep)
-    if root not in known and root not in {*sysconfig.get_paths().values()}:
-        # Started in a checkout that is not installed: it was found by the current folder alone.
-        os.environ["PYTHONPATH"] = os.pathsep.join([root, *filter(None, known)])
 
 
 def _listen(host: str, port: int) -> socket.socket:

@@ -11,6 +11,7 @@ from service.http.state import models_of, repository_of, settings_of
 from service.problem import ProblemError, from_fields
 from service.schemas.scene import Scene
 from service.storage.cache_key import Reference
+from service.storage.robot_repository import is_built_in
 from service.task_references import prepare_robot, prepare_scene, robot_model
 from service.tasks.result import CacheMiss, RobotModel, TaskProblem
 from service.workers.process import OnProgress
@@ -30,6 +31,8 @@ async def robot(request: Request, name: str) -> Reference:
     Raises:
         ProblemError: NOT_FOUND.
     """
+    if is_built_in(name):  # nothing that blocks
+        return repository_of(request).robot(name)
     return await run_in_threadpool(repository_of(request).robot, name)
 
 

@@ -77,7 +77,9 @@ async def _frames(
     request: Request, robot: str, task: ChainTask, joints: list[float] | list[list[float]]
 ) -> Response:
     """The answer of a task whose time goes by the frames that it computes."""
+    if count(joints) == 1:
+        return await at_once(request, robot, task)
     links = (await answers.model(request, robot)).links
-    if count(joints) == 1 or count(joints) * links <= _BRIEF_FRAMES:
+    if count(joints) * links <= _BRIEF_FRAMES:
         return await at_once(request, robot, task)
     return await in_worker(request, robot, task)

@@ -7,9 +7,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
-from service.server import keep_current_folder_off_the_path
 from tests.service.processes import descendants, wait_until
 
 #: The same as the command that is installed: the script's folder is on the path, not the current.
@@ -43,26 +40,9 @@ def test_packages_in_the_current_folder_are_not_imported(tmp_path: Path) -> None
     try:
         assert process.stdout is not None
         assert re.match(r"Armwright serves on http://", process.stdout.readline())
-        # The resource tracker and the fork server; what they import is imported within a second.
-        assert wait_until(lambda: len(descendants(process.pid)) >= 2, 20.0)
+        # The fork server; what it imports is imported within a second.
+        assert wait_until(lambda: len(descendants(process.pid)) >= 1, 20.0)
         assert not wait_until(marker.exists, 3.0), marker.read_text()
     finally:
         process.send_signal(signal.SIGTERM)
         process.communicate(timeout=30)
-
-
-def test_a_checkout_that_is_not_installed_is_found_by_its_processes(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setenv("PYTHONPATH", "/elsewhere")
-    monkeypatch.setenv("PYTHONSAFEPATH", "")
-    keep_current_folder_off_the_path()
-    assert os.environ["PYTHONSAFEPATH"] == "1"
-    assert os.environ["PYTHONPATH"] == f"{ROOT}{os.pathsep}/elsewhere"
-    keep_current_folder_off_the_path()
-    assert os.environ["PYTHONPATH"] == f"{ROOT}{os.pathsep}/elsewhere", "once is enough"
-    code = "import service.problem; print(service.problem.__file__)"
-    found = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT / "tests", capture_output=True, text=True, check=True
-    )
-    assert Path(found.stdout.strip()) == ROOT / "service" / "problem.py"
