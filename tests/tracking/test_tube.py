@@ -118,3 +118,8 @@ def test_a_reference_that_slides_out_widens_its_tube() -> None:
     error = np.full(chain.n, 0.01)
     wider = tube(robot, out, error).reach - tube(robot, still, error).reach
     np.testing.assert_allclose(wider[:slides], 0.8)
+    # Off by its error, the joint may be out farther than the reference ever is.
+    off = np.zeros(chain.n)
+    off[slides] = 0.05
+    farther = tube(robot, still, off).reach - tube(robot, still, 0.0 * off).reach
+    np.testing.assert_allclose(farther[:slides], 0.05)

@@ -71,6 +71,7 @@ def test_a_request_may_change_gravity_motors_and_payload() -> None:
     assert driven["viscous_friction"] == [0.1] * 7
     only_friction = asked(Q[0], viscous_friction=0.2)
     assert only_friction["motor_inertia"] == CHAIN.motor_inertia.tolist()
+    assert only_friction["viscous_friction"] == [0.2] * 7
     heavier = asked(Q[0], payload={"mass": 5.0})
     assert np.trace(heavier["mass_matrix"]) > np.trace(asked(Q[0])["mass_matrix"]) + 0.1
 
