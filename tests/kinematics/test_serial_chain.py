@@ -234,6 +234,8 @@ def test_mimic_of_a_mimic() -> None:
         ({"stand": 0.0}, ["'stand'", "fixed"]),
         ({"right_finger_joint": 0.0}, ["'right_finger_joint'", "mimics"]),
         ({"mast_joint": 0.0}, ["'mast_joint'", "outside", "0.2"]),
+        ({"mast_joint": 1.001}, ["'mast_joint'", "outside", "1"]),
+        ({"mast_joint": math.inf}, ["'mast_joint'", "inf"]),
         ({"mast_joint": math.nan}, ["'mast_joint'", "nan"]),
     ],
 )
@@ -242,3 +244,8 @@ def test_wrong_held(tree: RobotDescription, held: dict[str, float], words: list[
         serial_chain(tree, tip_link="hand", held=held)
     said = f"{error.value} {error.value.hint}"
     assert all(word in said for word in words), said
+
+
+@pytest.mark.parametrize("end", [0.2, 1.0])
+def test_a_joint_may_be_held_at_its_limit(tree: RobotDescription, end: float) -> None:
+    assert select(tree, tip_link="hand", held={"mast_joint": end}).held["mast_joint"] == end

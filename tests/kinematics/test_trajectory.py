@@ -9,7 +9,7 @@ from numpy.polynomial import polynomial as power_basis
 from numpy.typing import ArrayLike, NDArray
 
 from kinematics.errors import InvalidOption, InvalidTrajectory
-from kinematics.trajectory import MAX_SAMPLES, REST, Trajectory, concatenate, stay
+from kinematics.trajectory import MAX_DEGREE, MAX_SAMPLES, REST, Trajectory, concatenate, stay
 
 Array = NDArray[np.float64]
 
@@ -285,3 +285,11 @@ def test_keeping_still_is_a_trajectory() -> None:
     for position, duration in (([0.1], 1.0), ([0.1, 0.2, np.nan], 1.0), ([0.0] * 3, 0.0)):
         with pytest.raises(InvalidTrajectory):
             stay(names(3), position, duration)
+
+
+def test_the_highest_degree_is_taken_and_the_next_refused() -> None:
+    c = np.zeros(MAX_DEGREE + 1)
+    c[-1] = 1.0
+    assert piece(c, 1.0).end[0] == 1.0
+    with pytest.raises(InvalidTrajectory, match=f"degree {MAX_DEGREE + 1}"):
+        piece(np.append(c, 1.0), 1.0)
