@@ -107,3 +107,11 @@ def test_faults_are_named() -> None:
         Motor(1e-4, gear_ratio=0.0)
     with pytest.raises(InvalidOption, match="1 motor"):
         attach_motors(chain, [Motor(1e-4)])
+
+
+@pytest.mark.parametrize("mass", [0.0, -1e-12, np.nan, np.inf])
+def test_a_load_has_a_positive_mass(mass: float) -> None:
+    with pytest.raises(InvalidOption, match="mass"):
+        with_payload(random_chain(1, 2), mass)
+    with pytest.raises(InvalidOption, match="mass"):
+        inertia(mass, np.zeros(3), np.eye(3))

@@ -1,5 +1,7 @@
 """The wrist's class against its definition, checked on the axes at random configurations."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,8 +9,10 @@ from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.dh import DhRow, DhTable, chain_from_dh
 from kinematics.forward import joint_frames
-from kinematics.ik.structure import classify_wrist
+from kinematics.ik.structure import classify_wrist, structure
+from kinematics.pose import rotation_x, transform
 from kinematics.robots import builtin_chain, builtin_names
+from tests.kinematics.ik.arms import arm_of, general_arm
 
 KNOWN = {
     "panda": "none",
@@ -101,3 +105,43 @@ def test_parallel_axes_that_coincide_are_no_spherical_wrist() -> None:
 
 def test_short_chains_have_none() -> None:
     assert classify_wrist(table([(0.4, 0.0, 0.0)], "R")) == "none"
+
+
+def leaning_wrist(tilt: float) -> Chain:
+    """An arm whose axes 4, 5 and 6 meet, 4 and 5 at an angle."""
+    chain = general_arm(np.random.default_rng(1), "spherical")
+    offsets = chain.offsets.copy()
+    offsets[4] = transform(rotation_x(tilt))
+    return arm_of(list(offsets), chain.tip.T_joint_link)
+
+
+@pytest.mark.parametrize(("tilt", "solvable"), [(0.04, False), (0.06, True), (np.pi - 0.04, False)])
+def test_axes_that_are_nearly_one_make_no_wrist(tilt: float, solvable: bool) -> None:
+    assert (structure(leaning_wrist(tilt)) is not None) == solvable
+
+
+@pytest.mark.parametrize(("size", "solvable"), [(0.0, True), (4e-3, True), (2e-2, False)])
+def test_axes_may_miss_their_meeting_point_by_millimetres(size: float, solvable: bool) -> None:
+    chain = general_arm(np.random.default_rng(2), "spherical")
+    offsets = chain.offsets.copy()
+    offsets[5, :3, 3] = [size, 0.0, 0.0]
+    form = structure(arm_of(list(offsets), chain.tip.T_joint_link))
+    assert (form is not None) == solvable
+    if form is not None:
+        assert form.miss <= size + 1e-12
+        assert (form.miss > 1e-4) == (size > 0.0)
+        assert not form.redundant
+
+
+def test_only_six_or_seven_joints_have_a_form() -> None:
+    chain = general_arm(np.random.default_rng(3), "spherical")
+    assert structure(arm_of(list(chain.offsets[:5]), np.eye(4))) is None
+    eight = [*chain.offsets, transform(), transform()]
+    assert structure(arm_of(eight, np.eye(4))) is None
+
+
+def test_a_slide_among_the_six_has_no_form() -> None:
+    chain = general_arm(np.random.default_rng(4), "spherical")
+    types = np.zeros(6, dtype=np.int64)
+    types[2] = 1
+    assert structure(replace(chain, joint_types=types)) is None
