@@ -144,3 +144,13 @@ def test_flat_pieces_have_a_depth_where_their_difference_has_one() -> None:
     assert contact(at(needle, [0, 0, 0.9]), square)[0] == pytest.approx(-0.1)
     assert contact(at(needle, [0, 0, 1.5]), square)[0] == pytest.approx(0.5)
     assert contact(square, square)[0] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_deepest_point_lies_on_the_surface_around_the_core() -> None:
+    """A box holds the axis of a capsule: its way out is the axis' depth and the radius."""
+    capsule = at(Capsule(0.1, 0.4), np.zeros(3))
+    value, n, point = contact(at(Box(np.ones(3)), [0.45, 0.0, 0.0]), capsule)
+    assert value == pytest.approx(-0.15)
+    np.testing.assert_allclose(n, [1.0, 0.0, 0.0], atol=1e-9)
+    assert point[0] == pytest.approx(0.1)
+    assert abs(point[2]) <= 0.2 + 1e-9
