@@ -221,3 +221,17 @@ def test_limits_of_motions_are_none_of_configurations(client: httpx.Client) -> N
     refused = client.post("/v1/robots/panda/ik", json=body)
     document = problem(refused, 422, "INVALID_GOAL_CONSTRAINTS")
     assert "plan" in document["hint"]
+
+
+def test_trees_find_the_way_around_a_wall_with_the_tool_upright(client: httpx.Client) -> None:
+    wall = {
+        "id": "wall", "shape": {"type": "box", "size": [0.5, 0.05, 0.5]},
+        "pose": {"position": [0.45, 0.0, 0.25]},
+    }  # fmt: skip
+    body = {
+        "robot": "panda", "scene": scene(wall), "planner": "rrt_connect", "timeout": 20.0,
+        "start": {"joints": [-0.6, *HOME[1:]]}, "goal": {"joints": [0.6, *HOME[1:]]},
+        "constraints": [UPRIGHT | {"cone_angle": 0.1}],
+    }  # fmt: skip
+    plan = answer(client.post("/v1/plan", json=body))
+    assert plan["certificate"]["verified"] is True

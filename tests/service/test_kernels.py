@@ -1,5 +1,7 @@
 """The list of kernels that requests reach, and their compilation."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -9,10 +11,24 @@ from service import kernels
 from service.cli import main
 
 ROOT = Path(__file__).parents[2]
-#: All kernels of modules that the service imports; it prints those that are on no list.
-ALL_KERNELS = """
-import pkgutil, sys, types
-import service, service.app, service.tasks, service.workers.task
+#: Kernels of modules that the service imports, and that no request reaches.
+UNREACHED = {
+    # Of the library: controllers in Python, two ways to compute the same, derivatives of Jacobians.
+    "dynamics.forward.forward_dynamics_kernel",
+    "dynamics.inverse.reference_batch_kernel",
+    "kinematics.jacobian._cross",
+    "kinematics.jacobian._rate_batch_kernel",
+    "kinematics.jacobian.rate_kernel",
+    # Of tests and benchmarks, which ask for parts of an answer.
+    "obstacles.ball_distance.distance_from",
+    "obstacles.ball_distance.nearest_from",
+    "obstacles.state_check.bracket_on",
+    "obstacles.state_check.verdicts_on",
+}
+#: Prints the kernels of modules that the service imports, and that nothing on the list calls.
+FIND_UNREACHED = """
+import sys
+import service.app, service.tasks, service.warm_requests
 from kinematics.compiled import kernel_list
 from kinematics.compiled.kernel_dispatcher import Kernel
 from kinematics.compiled.kernel_fingerprint import callees
@@ -20,19 +36,18 @@ from service import kernels
 from service.workers.task import load_tasks
 load_tasks(service.tasks.__name__)
 entries, _ = kernel_list.read(kernels.LIST)
-listed, pending = set(), [entry.kernel.py_func for entry in entries]
+reached, pending = set(), [entry.kernel.py_func for entry in entries]
 while pending:
     function = pending.pop()
-    if function not in listed:
-        listed.add(function)
+    if function not in reached:
+        reached.add(function)
         pending.extend(callees(function))
 packages = ("kinematics.", "dynamics.", "obstacles.", "planning.", "tracking.", "service.")
 for name, module in sorted(sys.modules.items()):
-    if name.startswith(packages):
-        for key, value in vars(module).items():
-            if isinstance(value, Kernel) and value.py_func.__module__ == name:
-                if value.py_func not in listed:
-                    print(f"{name}.{key}")
+    for key, value in vars(module).items() if name.startswith(packages) else ():
+        if isinstance(value, Kernel) and value.py_func.__module__ == name:
+            if value.py_func not in reached:
+                print(f"{name}.{key}")
 """
 
 
@@ -68,3 +83,10 @@ def test_entries_are_missing_where_no_folder_has_them(
     assert kernels.prune() == 1
     assert (tmp_path / "other").is_file()
     assert kernel_build.missing_entries(some) == some[1:]
+
+
+def test_every_kernel_that_the_service_imports_is_reached_from_the_list() -> None:
+    ran = subprocess.run(
+        [sys.executable, "-c", FIND_UNREACHED], cwd=ROOT, capture_output=True, check=True, text=True
+    )
+    assert set(ran.stdout.split()) == UNREACHED

@@ -1,0 +1,26 @@
+"""Machine code of the service's tests: all of it is there before the first request."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from kinematics.compiled.kernel_dispatcher import FROZEN
+
+
+@contextmanager
+def frozen_kernels() -> Iterator[None]:
+    """Compile the list of kernels; then a kernel that is missing is an error, here and in servers.
+
+    Where FROZEN is set already, to 0 by `make kernel-list`, everything is left as it is.
+    """
+    if FROZEN in os.environ:
+        yield
+        return
+    subprocess.run([sys.executable, "-m", "service.cli", "warm"], check=True)
+    os.environ[FROZEN] = "1"
+    try:
+        yield
+    finally:
+        del os.environ[FROZEN]
