@@ -21,8 +21,10 @@ COPY planning ./planning
 COPY tracking ./tracking
 COPY service ./service
 RUN /opt/venv/bin/pip install --no-cache-dir --quiet --no-deps -c constraints.txt .
-# Machine code for x86-64-v3 (AVX2), beside the code: any user finds it, and nothing is written.
-RUN /opt/venv/bin/armwright warm --in-package
+# Machine code beside the code: any user finds it, and nothing is written. For x86-64-v3 (AVX2), and
+# for AVX-512 too where the image is built on a processor that has it.
+RUN ARMWRIGHT_KERNEL_TARGET=x86-64-v3 /opt/venv/bin/armwright warm --in-package \
+    && /opt/venv/bin/armwright warm --in-package
 
 
 # No apt packages: the wheels bring all but libc, libstdc++ and zlib, which the slim image has.

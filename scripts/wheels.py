@@ -22,11 +22,16 @@ from collections.abc import Sequence
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(ROOT))
+
+from kinematics.compiled import kernel_target  # noqa: E402
+
 #: Where an installed package looks for machine code first.
 _KERNELS = "kinematics/compiled/kernels"
 #: The first date that a zip file can hold: equal contents make equal wheels.
 _DATE = (1980, 1, 1, 0, 0, 0)
-_TARGETS = ("x86-64-v3", "x86-64-v4")
+#: Kinds of processors that a wheel is for; those that this one is of.
+_TARGETS = tuple(kind for kind in ("x86-64-v3", "x86-64-v4") if kernel_target.available(kind))
 
 
 def main() -> None:

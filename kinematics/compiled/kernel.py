@@ -8,6 +8,10 @@ from numba.core import config
 
 from kinematics.compiled.kernel_dispatcher import Kernel
 
+#: Freedoms of LLVM with floating-point arithmetic: a product and a sum may be rounded at once,
+#: signs of zero may be lost, and there are no NaN and infinities. Sums keep their order: LLVM
+#: would change it with the width of a processor's vectors, and the bits of answers with it.
+_FASTMATH = {"contract": True, "ninf": True, "nnan": True, "nsz": True}
 _F = TypeVar("_F", bound=Callable[..., Any])
 
 
@@ -40,8 +44,8 @@ def kernel(
 
     Args:
         function: the function to compile, when used without parentheses.
-        fastmath: let LLVM reorder floating-point arithmetic; only where no verdict hangs on the
-            last bits and NaN cannot occur.
+        fastmath: let LLVM round a product and a sum at once; only where no verdict hangs on the
+            last bits, and NaN and infinities cannot occur.
         inline: "always" pastes the body into the kernels that call it, "code" its machine code:
             vectors that go in and out by way of memory can cost more than their arithmetic.
         allocates: False for a kernel that makes no array: numba then counts no references, which
@@ -60,7 +64,7 @@ def kernel(
             "nopython": True,
             "error_model": "numpy",
             "nogil": unlocks,
-            "fastmath": fastmath,
+            "fastmath": dict(_FASTMATH) if fastmath else False,
             "inline": "always" if inline == "always" else "never",
             "forceinline": inline == "code",
             "_nrt": allocates,

@@ -10,9 +10,17 @@ import pytest
 
 from armwright_client import Client, NotReady, Scene
 from tests.client.world import TABLE
+from tests.service.kernel_store import frozen_kernels
 
 #: Kernels that no earlier run left compiled take a minute or two [s].
 _WARMING = 240.0
+
+
+@pytest.fixture(scope="package", autouse=True)
+def _no_request_compiles() -> Iterator[None]:
+    """The first request that needs a kernel which is not on the list fails."""
+    with frozen_kernels():
+        yield
 
 
 @pytest.fixture(scope="session")

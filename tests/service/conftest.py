@@ -11,6 +11,7 @@ from service.recipe import RECIPE
 from service.settings import Settings
 from service.workers.supervisor import WorkerSupervisor
 from tests.service.http.exchange import LIMIT, add_mishaps
+from tests.service.kernel_store import frozen_kernels
 from tests.service.server import serving
 
 
@@ -26,6 +27,13 @@ class Served:
     def supervisor(self) -> WorkerSupervisor:
         supervisor: WorkerSupervisor = self.app.state.supervisor
         return supervisor
+
+
+@pytest.fixture(scope="package", autouse=True)
+def _no_request_compiles() -> Iterator[None]:
+    """The first request that needs a kernel which is not on the list fails."""
+    with frozen_kernels():
+        yield
 
 
 @pytest.fixture(scope="session")

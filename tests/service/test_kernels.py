@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from kinematics.compiled import kernel_build, kernel_list
+from kinematics.compiled import kernel_build, kernel_list, kernel_store
 from service import kernels
 from service.cli import main
 
@@ -90,3 +90,12 @@ def test_every_kernel_that_the_service_imports_is_reached_from_the_list() -> Non
         [sys.executable, "-c", FIND_UNREACHED], cwd=ROOT, capture_output=True, check=True, text=True
     )
     assert set(ran.stdout.split()) == UNREACHED
+
+
+def test_an_image_keeps_its_kernels_where_they_are_looked_for_first(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "user"))
+    monkeypatch.setenv("ARMWRIGHT_KERNELS", str(tmp_path / "package"))
+    kernels.keep_in_package()
+    assert kernel_store.user_folder() == tmp_path / "package" == kernel_store.layers()[0]
