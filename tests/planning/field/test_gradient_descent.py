@@ -267,3 +267,16 @@ def test_the_potential_written_down_is_that_of_each_configuration(engine: str) -
     assert len(slide.visited) == 1 + slide.iterations
     for a, b in zip(slide.visited[:-1], slide.visited[1:], strict=True):
         assert slide.checker.free(a, b)
+
+
+def test_after_a_walk_it_has_all_its_patience_and_its_longest_step_again(engine: str) -> None:
+    slide = Slide(
+        engine, [0.3, 0.0], [0.9, 0.0], WALL, connect=False, patience=3, halvings=30,
+        longest_step=0.01,
+    )  # fmt: skip
+    assert slide.go(200) == STUCK
+    taken = slide.iterations
+    assert slide.go(taken + 2, ACROSS, 1) == GOING
+    assert slide.iterations == taken + 2
+    assert slide.track.counts[STALE] < 3
+    np.testing.assert_allclose(slide.steps[taken], 0.01)
