@@ -23,7 +23,7 @@ if TYPE_CHECKING:
         jacobian,
         pose,
     )
-    from armwright.motion import certify, plan, retime, simulate
+    from armwright.motion import certify, plan, retime, retime_states, simulate
     from armwright.robot import load_robot
     from kinematics.chain import Chain
     from kinematics.dh_table import DhRow, DhTable
@@ -66,6 +66,7 @@ if TYPE_CHECKING:
     from planning.result import Failure, Plan
     from planning.retime import Retimed
     from planning.timing.options import TimingOptions
+    from planning.timing.state_to_state import JointState
     from tracking.adaptive import Adaptive
     from tracking.computed_torque import ComputedTorque
     from tracking.independent_joint import IndependentJoint
@@ -101,6 +102,7 @@ _MODULES = {
     "IndependentJoint": "tracking.independent_joint",
     "JointConstraint": "planning.constraints.joint",
     "JointGoal": "planning.problem",
+    "JointState": "planning.timing.state_to_state",
     "LineRegion": "planning.constraints.region",
     "LookAtConstraint": "planning.constraints.look_at",
     "Mesh": "obstacles.shapes",
@@ -141,6 +143,7 @@ _MODULES = {
     "pose": "armwright.model",
     "release": "obstacles.attachment",
     "retime": "armwright.motion",
+    "retime_states": "armwright.motion",
     "scene_from_moveit": "obstacles.moveit",
     "simulate": "armwright.motion",
 }
@@ -173,6 +176,7 @@ __all__ = [
     "IndependentJoint",
     "JointConstraint",
     "JointGoal",
+    "JointState",
     "LineRegion",
     "LookAtConstraint",
     "Mesh",
@@ -213,6 +217,7 @@ __all__ = [
     "pose",
     "release",
     "retime",
+    "retime_states",
     "scene_from_moveit",
     "simulate",
 ]

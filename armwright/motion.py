@@ -19,10 +19,12 @@ from planning.problem import Goal, JointGoal, PoseGoal, Problem
 from planning.proof.certificate import certify
 from planning.result import Failure, Plan
 from planning.retime import PathToTime, Retimed
+from planning.state_motion import time_states
 from planning.timing.options import TimingOptions
+from planning.timing.state_to_state import JointState, Synchronization
 from tracking.simulation import simulate
 
-__all__ = ["certify", "plan", "retime", "simulate"]
+__all__ = ["certify", "plan", "retime", "retime_states", "simulate"]
 
 
 def plan(
@@ -105,11 +107,42 @@ def retime(
     if points.ndim != 2:
         raise InvalidOption(f"waypoints have the shape {points.shape}, not (k, n)")
     chain = robot.chain if isinstance(robot, RobotGeometry) else robot
-    names = (
-        tuple(f"joint_{i + 1}" for i in range(points.shape[1]))
-        if chain is None
-        else chain.joint_names
-    )
+    names = _names(points.shape[1]) if chain is None else chain.joint_names
     given = {name: np.asarray(value, dtype=np.float64) for name, value in (limits or {}).items()}
     path = PathToTime(names, points)
     return timing.retime(path, timing_options or TimingOptions(), given, chain)
+
+
+def retime_states(
+    start: JointState,
+    end: JointState,
+    robot: RobotGeometry | Chain | None = None,
+    *,
+    limits: Mapping[str, ArrayLike] | None = None,
+    synchronization: Synchronization = "phase",
+) -> Retimed:
+    """Time the motion between two states with bounded jerk, in the least time.
+
+    Args:
+        start: State at the beginning, n joints.
+        end: State at the end.
+        robot: The robot, whose limits hold; without one ``limits`` are needed.
+        limits: By quantity ("velocity", "acceleration", "jerk"), each shape (n,), in place of the
+            robot's.
+        synchronization: "phase" for a straight line where the states allow one, or "time".
+
+    Raises:
+        MissingLimit: A limit that is needed is not known.
+        InvalidTrajectory: A state is malformed, or outside the limits of position.
+        InvalidOption: A state exceeds a limit.
+        TimingFailed: No motion was found.
+    """
+    chain = robot.chain if isinstance(robot, RobotGeometry) else robot
+    names = _names(len(start.position)) if chain is None else chain.joint_names
+    given = {name: np.asarray(value, dtype=np.float64) for name, value in (limits or {}).items()}
+    options = TimingOptions("jerk_limited")
+    return time_states(names, (start, end), options, given, chain, synchronization)
+
+
+def _names(n: int) -> tuple[str, ...]:
+    return tuple(f"joint_{i + 1}" for i in range(n))

@@ -26,7 +26,7 @@ from armwright_client.health import Health, Readiness
 from armwright_client.job import Job, JobList
 from armwright_client.pending import cancel_call, events_call, job_call
 from armwright_client.plan import Plan, PlanOptions, PlanRequest
-from armwright_client.retime import Retimed, RetimePath, RetimeRequest, RetimeTiming
+from armwright_client.retime import JointState, Retimed, RetimePath, RetimeRequest, RetimeTiming
 from armwright_client.robot_endpoints import RobotEndpoints, page
 from armwright_client.scene import (
     Engine,
@@ -204,6 +204,30 @@ class ServiceEndpoints:
             path=RetimePath.of(joints=joints, knots=knots),
             robot=robot,
             limits=limits,
+            timing=timing,
+            timeout=timeout,
+        )
+        return Call("POST", path("retime"), Retimed.read, body, deadline=timeout)
+
+    @Endpoint
+    def retime_states(
+        self,
+        start: JointState,
+        end: JointState,
+        *,
+        robot: str | None = None,
+        limits: LimitValues | None = None,
+        synchronization: str | None = None,
+        timing: RetimeTiming | None = None,
+        timeout: float | None = None,
+    ) -> Call[Retimed]:
+        """Time the motion between two states with bounded jerk, in the least time."""
+        body = RetimeRequest.of(
+            start=start,
+            end=end,
+            robot=robot,
+            limits=limits,
+            synchronization=synchronization,
             timing=timing,
             timeout=timeout,
         )

@@ -101,7 +101,7 @@ from armwright_client.potential import (
     PotentialSettings,
 )
 from armwright_client.problem import Problem
-from armwright_client.retime import Retimed, RetimePath, RetimeRequest, RetimeTiming
+from armwright_client.retime import JointState, Retimed, RetimePath, RetimeRequest, RetimeTiming
 from armwright_client.robot import (
     DerivedDh,
     DhParameters,
@@ -208,6 +208,7 @@ __all__ = [
     "JobList",
     "JointConstraint",
     "JointLimits",
+    "JointState",
     "LimitUse",
     "LimitUses",
     "LimitValues",

@@ -1,6 +1,6 @@
 """Timing of paths: requests and answers."""
 
-from pydantic import Field
+from pydantic import ConfigDict, Field
 
 from armwright_client.base import (
     Answer,
@@ -34,10 +34,30 @@ class RetimeTiming(Timing):
     end_velocity: Vector | None = None
 
 
-class RetimeRequest(Request):
-    """A path to be timed, within a robot's limits or those given."""
+class JointState(Request):
+    """State of all joints.
 
-    path: RetimePath
+    Args:
+        position: [rad or m].
+        velocity: At rest if left out [rad/s or m/s].
+        acceleration: Zero if left out [rad/s^2 or m/s^2].
+    """
+
+    position: Vector
+    velocity: Vector | None = None
+    acceleration: Vector | None = None
+
+
+class RetimeRequest(Request):
+    """A path, or two states, to be timed within a robot's limits or those given."""
+
+    model_config = ConfigDict(serialize_by_alias=True, validate_by_name=True)
+
+    path: RetimePath | None = None
+    start: JointState | None = Field(None, alias="from")
+    end: JointState | None = Field(None, alias="to")
+    joint_names: list[str] | None = None
+    synchronization: str | None = None
     robot: str | None = None
     limits: LimitValues | None = None
     timing: RetimeTiming | None = None

@@ -18,9 +18,11 @@ from service.task_references import retime as retime_task
 router = APIRouter(prefix="/v1", tags=["timing"], route_class=JsonRoute, responses=RESPONSES)
 
 
-@router.post("/retime", summary="Time a path", response_model=RetimeAnswer)
+@router.post(
+    "/retime", summary="Time a path, or the motion between two states", response_model=RetimeAnswer
+)
 async def retime(body: RetimeRequest, request: Request) -> Response:
-    """A path as a timed motion within a robot's limits or those given.
+    """A path, or two states, as a timed motion within a robot's limits or those given.
 
     The limits are certified. Of collisions nothing is known, which the certificate says.
     """

@@ -37,6 +37,21 @@ _TOPPRA: JsonDict = {
     "timing": {"method": "toppra", "solver": "toppra", "interpolation": "natural_spline"},
 }
 
+_STATES: JsonDict = {
+    "from": {"position": [0.0, 0.0], "velocity": [0.5, 0.0], "acceleration": [1.0, 0.0]},
+    "to": {"position": [1.0, 0.5], "velocity": [0.0, 0.2]},
+    "limits": {"velocity": [1.0, 1.0], "acceleration": [4.0, 4.0], "jerk": [40.0, 40.0]},
+}
+
+#: Options of the timing between two states.
+_STATE_TIMING = {
+    "method",
+    "velocity_scaling",
+    "acceleration_scaling",
+    "jerk_scaling",
+    "sample_period",
+}
+
 
 class RetimePath(Body):
     """Waypoints in joint space, and what a spline through them is to have for knots."""
@@ -59,16 +74,56 @@ class RetimeTiming(Timing):
     )
 
 
+class JointStateBody(Body):
+    """Position, velocity and acceleration of all joints."""
+
+    position: JointVector = Field(description="[rad or m]")
+    velocity: JointVector | None = Field(None, description="at rest if left out [rad/s or m/s]")
+    acceleration: JointVector | None = Field(None, description="zero if left out [rad/s² or m/s²]")
+
+
 class RetimeRequest(Body):
-    """A path to be timed within a robot's limits, or those given."""
+    """A path, or two states, to be timed within a robot's limits or those given."""
 
-    model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE, _TOPPRA]})
+    model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE, _TOPPRA, _STATES]})
 
-    path: RetimePath
+    path: RetimePath | None = None
+    start: JointStateBody | None = Field(
+        None, alias="from", description="in place of a path: the state to begin with"
+    )
+    end: JointStateBody | None = Field(
+        None, alias="to", description="in place of a path: the state to end with"
+    )
+    joint_names: Names | None = Field(
+        None, description="of the two states, where no robot is named"
+    )
+    synchronization: Literal["phase", "time"] | None = Field(
+        None,
+        description="of the joints between two states: phase (if left out) for a straight line "
+        "where the states allow one, time for arriving together only",
+    )
     robot: Name | None = Field(None, examples=["panda"])
     limits: LimitsBody | None = None
     timing: RetimeTiming = Field(default_factory=RetimeTiming)
     timeout: Timeout | None = None
+
+    @model_validator(mode="after")
+    def _check_form(self) -> "RetimeRequest":
+        if self.path is not None:
+            extra = {"start": "from", "end": "to", "joint_names": "joint_names"}
+            extra |= {"synchronization": "synchronization"}
+            for name, wire in extra.items():
+                if getattr(self, name) is not None:
+                    raise ValueError(f"{wire} belongs to two states; leave it or path out")
+            return self
+        if self.start is None or self.end is None:
+            raise ValueError("give path, or both from and to")
+        if self.timing.method != "jerk_limited" and "method" in self.timing.model_fields_set:
+            raise ValueError("between two states timing.method can only be jerk_limited")
+        for name in sorted(self.timing.model_fields_set - _STATE_TIMING):
+            if getattr(self.timing, name) is not None:
+                raise ValueError(f"timing.{name} belongs to a path, not to two states")
+        return self
 
 
 class RetimeAnswer(Answer):

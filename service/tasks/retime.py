@@ -1,10 +1,15 @@
 """Timing of given paths, and motions in other shapes, as requests ask for them, in workers."""
 
+from dataclasses import replace
+
 from pydantic_core import to_json
 
+from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
 from kinematics.trajectory_export import csv_text, joint_trajectory
+from planning.retime import Retimed
 from planning.retime import retime as time_again
+from planning.state_motion import time_states
 from service.schemas.retime import ConvertRequest, RetimeRequest
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
@@ -20,7 +25,7 @@ _MAX_ROWS = 100_000
 @task
 @reports_cache_miss
 def retime(robot: Reference | None, content: bytes) -> bytes | CacheMiss:
-    """Answer a request to time a path.
+    """Answer a request to time a path, or the motion between two states.
 
     Args:
         robot: The robot, if one is named.
@@ -31,15 +36,29 @@ def retime(robot: Reference | None, content: bytes) -> bytes | CacheMiss:
     """
     body = RetimeRequest.model_validate_json(content)
     chain = None if robot is None else worker_cache.robot(robot).chain
-    path = timings.path_to_time(body.path, chain)
-    limits = timings.given_limits(body.limits, path.joint_names)
-    found = time_again(path, timings.timing_options(body.timing), limits, chain)
+    timed = _time_path(body, chain) if body.path is not None else _time_states(body, chain)
     answer = timings.retimed_answer(
-        found,
-        trajectories.trajectory_answer(found.trajectory, body.timing.sample_period),
-        certificates.certificate_answer(found.certificate),
+        timed,
+        trajectories.trajectory_answer(timed.trajectory, body.timing.sample_period),
+        certificates.certificate_answer(timed.certificate),
     )
     return to_json(answer, inf_nan_mode="null")
+
+
+def _time_path(body: RetimeRequest, chain: Chain | None) -> Retimed:
+    assert body.path is not None
+    path = timings.path_to_time(body.path, chain)
+    limits = timings.given_limits(body.limits, path.joint_names)
+    return time_again(path, timings.timing_options(body.timing), limits, chain)
+
+
+def _time_states(body: RetimeRequest, chain: Chain | None) -> Retimed:
+    names = timings.state_joint_names(body, chain)
+    states = timings.joint_state(body.start, "from"), timings.joint_state(body.end, "to")
+    limits = timings.given_limits(body.limits, names)
+    options = replace(timings.timing_options(body.timing), method="jerk_limited")
+    synchronization = body.synchronization or "phase"
+    return time_states(names, states, options, limits, chain, synchronization)
 
 
 @task

@@ -12,6 +12,7 @@ from kinematics.errors import InvalidOption, InvalidTrajectory
 from planning.effort_limits import EffortLimits
 from planning.retime import PathToTime, Retimed
 from planning.timing.options import Payload, TimingOptions
+from planning.timing.state_to_state import JointState
 from service.schemas import plan as schema
 from service.schemas import retime as retime_schema
 
@@ -141,6 +142,51 @@ def path_to_time(body: retime_schema.RetimePath, chain: Chain | None) -> PathToT
         raise InvalidTrajectory(f"path.joint_names must be {n} different names")
     knots = None if body.knots is None else np.array(body.knots, dtype=np.float64)
     return PathToTime(tuple(names), np.array(rows, dtype=np.float64), knots)
+
+
+def state_joint_names(body: retime_schema.RetimeRequest, chain: Chain | None) -> tuple[str, ...]:
+    """Names of the joints of two states.
+
+    Raises:
+        InvalidTrajectory: Names that do not fit the states or the robot.
+    """
+    assert body.start is not None
+    given, n = body.joint_names, len(body.start.position)
+    if chain is not None:
+        if given is not None and tuple(given) != chain.joint_names:
+            raise InvalidTrajectory(
+                "joint_names are not those of the robot in its order",
+                hint=f"They are: {', '.join(chain.joint_names)}.",
+            )
+        return chain.joint_names
+    names = tuple(given or (f"joint{i + 1}" for i in range(n)))
+    if len(names) != n or len(set(names)) != n:
+        raise InvalidTrajectory(f"joint_names must be {n} different names")
+    return names
+
+
+def joint_state(body: retime_schema.JointStateBody | None, label: str) -> JointState:
+    """A state of a request.
+
+    Args:
+        body: The state.
+        label: Its field in the request, for messages.
+
+    Raises:
+        InvalidTrajectory: Its rows have different lengths.
+    """
+    assert body is not None
+    rows = {
+        name: None if row is None else np.array(row, dtype=np.float64)
+        for name, row in (("velocity", body.velocity), ("acceleration", body.acceleration))
+    }
+    for name, row in rows.items():
+        if row is not None and len(row) != len(body.position):
+            raise InvalidTrajectory(
+                f"{label}.{name} has {len(row)} value(s) for {len(body.position)} position(s)",
+                hint="Give one value for each joint.",
+            )
+    return JointState(np.array(body.position, dtype=np.float64), **rows)
 
 
 def retimed_answer(

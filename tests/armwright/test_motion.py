@@ -111,3 +111,12 @@ def test_a_tracked_motion_ends_where_it_should(panda: aw.RobotGeometry) -> None:
     gains = np.full(7, 100.0), np.full(7, 20.0)
     result = aw.simulate(aw.ComputedTorque(panda.chain, *gains), plan.trajectory)
     assert np.allclose(result.position[-1], GOAL, atol=1e-4)
+
+
+def test_two_states_are_joined_within_limits() -> None:
+    limits = {"velocity": [1.0], "acceleration": [4.0], "jerk": [32.0]}
+    start, end = aw.JointState(np.zeros(1)), aw.JointState(np.array([0.125]))
+    timed = aw.retime_states(start, end, limits=limits)
+    # From rest to rest at the largest jerk alone: x = j T^3 / 32.
+    assert timed.trajectory.duration == pytest.approx(0.5, rel=1e-8)
+    assert timed.certificate.verified

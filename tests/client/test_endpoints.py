@@ -47,6 +47,11 @@ CALLS: list[tuple[str, Callable[[Any], Any], str, str, dict[str, Any] | None]] =
     ("retime", lambda c: c.retime([[0.0], [1.0]], knots=[0, 2], robot="r", timeout=3.0), "POST",
      "/v1/retime", {"path": {"joints": [[0.0], [1.0]], "knots": [0.0, 2.0]}, "robot": "r",
                     "timeout": 3.0}),
+    ("retime_states", lambda c: c.retime_states(
+        ours.JointState(position=[0.0], velocity=[0.5]), ours.JointState(position=[1.0]),
+        robot="r", synchronization="time"), "POST",
+     "/v1/retime", {"from": {"position": [0.0], "velocity": [0.5]}, "to": {"position": [1.0]},
+                    "robot": "r", "synchronization": "time"}),
     ("simulate", lambda c: c.simulate("r", MOTION, {"type": "passivity"}, duration=2.0), "POST",
      "/v1/simulate", {"robot": "r", "trajectory": SENT_MOTION, "controller": {"type": "passivity"},
                       "duration": 2.0}),

@@ -122,6 +122,7 @@ PAIRS: list[tuple[type[Readable], type[BaseModel]]] = [
     (ours.ControlPoint, their_potential.ControlPoint),
     (ours.PotentialAnswer, their_potential.PotentialAnswer),
     (ours.PotentialBatch, their_potential.PotentialAnswer),
+    (ours.JointState, their_retime.JointStateBody),
     (ours.RetimePath, their_retime.RetimePath),
     (ours.RetimeTiming, their_retime.RetimeTiming),
     (ours.RetimeRequest, their_retime.RetimeRequest),

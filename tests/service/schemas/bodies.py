@@ -220,6 +220,12 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
                  "joint_names": ["a", "b"]},
         "robot": "panda", "limits": LIMITS, "timeout": 5.0,
         "timing": TIMING | {"start_velocity": [0.1, 0.2], "end_velocity": [0.1, 0.2]}}),
+    (RetimeRequest, {
+        "from": {"position": [0.0, 0.1], "velocity": [0.1, 0.2], "acceleration": [0.0, 0.1]},
+        "to": {"position": [0.2, 0.3], "velocity": [0.1, 0.2], "acceleration": [0.0, 0.1]},
+        "joint_names": ["a", "b"], "synchronization": "time", "robot": "panda", "limits": LIMITS,
+        "timing": {"method": "jerk_limited", "jerk_scaling": 0.5, "sample_period": 0.01},
+        "timeout": 5.0}),
     (ConvertRequest, {"trajectory": SEGMENTS, "sample_period": 0.01, "format": "csv",
                       "frame_id": "base"}),
     (SimulateRequest, SIMULATE | {"controller": CONTROLLERS[0]}),

@@ -1,0 +1,92 @@
+"""Timed motion between two states: the fastest with bounded jerk, its limits certified."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from kinematics.arrays import Array
+from kinematics.chain import Chain, Limits
+from kinematics.errors import InvalidTrajectory
+from kinematics.trajectory import Trajectory
+from planning.limits import RATIO_TOLERANCE, MotionLimits, position_excess
+from planning.proof.certificate import certify_limits
+from planning.retime import Retimed
+from planning.timing.choice import chosen_parametrization, require_limits, required_limits
+from planning.timing.method import timing_method
+from planning.timing.options import TimingOptions
+from planning.timing.state_to_state import JointState, Synchronization, state_to_state
+
+# A motion counts as straight where it leaves the line by less than this part of its way [-].
+_STRAIGHT = 1e-9
+
+
+def time_states(
+    joint_names: Sequence[str],
+    states: tuple[JointState, JointState],
+    timing: TimingOptions,
+    overrides: Mapping[str, Array],
+    chain: Chain | None = None,
+    synchronization: Synchronization = "phase",
+) -> Retimed:
+    """The fastest motion from one state to another with bounded jerk, its limits certified.
+
+    Args:
+        joint_names: n names.
+        states: State at the beginning and at the end.
+        timing: Options, method "jerk_limited": shares of the limits.
+        overrides: Limits (n,) by quantity, in place of the robot's.
+        chain: The robot; without one the limits have to be given.
+        synchronization: As in ``state_to_state``.
+
+    Raises:
+        MissingLimit: A limit that is needed is not known; the message names the joints.
+        InvalidTrajectory: A state is malformed, or outside the limits of position.
+        InvalidOption: A state can't be kept within the other limits.
+        TimingFailed: There is no such motion, or none was found.
+    """
+    names, n = tuple(joint_names), len(joint_names)
+    if chain is None:
+        require_limits(required_limits(timing_method(timing.method)), names, overrides)
+    limits = Limits.unlimited(n) if chain is None else chain.limits
+    for label, state in zip(("from", "to"), states, strict=True):
+        _check_position(label, names, state, limits)
+    parametrization = chosen_parametrization(timing, names, limits, overrides, chain)
+    bounds = np.stack([parametrization.bounds[q] for q in ("velocity", "acceleration", "jerk")])
+    motion = state_to_state(names, *states, bounds, synchronization)
+    certificate = certify_limits(motion, limits, MotionLimits(parametrization.bounds))
+    notes: tuple[str, ...] = ()
+    if synchronization == "phase" and not _is_straight(motion, states):
+        notes = ("The states allow no straight line: the joints arrive together, on a curve.",)
+    return Retimed(motion, certificate, 1.0, 1.0, notes)
+
+
+def _check_position(label: str, names: Sequence[str], state: JointState, limits: Limits) -> None:
+    if len(state.position) != len(names):
+        raise InvalidTrajectory(
+            f"{label}.position has {len(state.position)} value(s) in place of {len(names)}",
+            hint=f"The joints are: {', '.join(names)}; give one value for each.",
+        )
+    for j, (name, q) in enumerate(zip(names, state.position, strict=True)):
+        lower, upper = float(limits.lower[j]), float(limits.upper[j])
+        if q < lower - RATIO_TOLERANCE or q > upper + RATIO_TOLERANCE:
+            limit = lower if q < lower else upper
+            raise InvalidTrajectory(
+                f"{label}: {position_excess(name, float(q), limit)}",
+                hint="Give a state inside the joint's limits.",
+                joint=name,
+                value=float(q),
+                limit=limit,
+            )
+
+
+def _is_straight(motion: Trajectory, states: tuple[JointState, JointState]) -> bool:
+    """Whether a motion stays on the line between its ends."""
+    way = states[1].position - states[0].position
+    length = float(np.linalg.norm(way))
+    if not length > 0.0:
+        return motion.pieces == 1 and motion.degree == 0
+    direction = way / length
+    times = np.linspace(0.0, motion.duration, 8 * motion.pieces + 1)
+    off = motion.sample(times) - states[0].position
+    off -= np.outer(off @ direction, direction)
+    return bool(np.linalg.norm(off, axis=1).max() <= _STRAIGHT * length)
