@@ -136,6 +136,8 @@ class Chain:
         gravity: In the base frame, shape (3,) [m/s^2].
         motor_inertia: Reflected at each joint, shape (n,) [kg m^2 or kg].
         viscous_friction: At each joint, shape (n,) [N m s/rad or N s/m].
+        dh_convention: "standard" or "modified" where links link_1 ... link_n are the frames of a
+            Denavit-Hartenberg table that the chain was built from; None for other chains.
 
     Also known: ``index``, where each link stands in ``links``; ``model``, all that forward
     kinematics reads in one array (1 + n + len(links), 14): n and the tip's number, then a joint's
@@ -156,6 +158,7 @@ class Chain:
     gravity: Array = field(default_factory=lambda: np.array([0.0, 0.0, -9.81]))
     motor_inertia: Array = field(default_factory=lambda: np.zeros(0))
     viscous_friction: Array = field(default_factory=lambda: np.zeros(0))
+    dh_convention: str | None = None
     index: Mapping[str, int] = field(init=False, repr=False)
     model: Array = field(init=False, repr=False)
     content_hash: str = field(init=False, repr=False)
@@ -258,7 +261,8 @@ def _model(chain: Chain) -> Array:
 
 def _content_hash(chain: Chain) -> str:
     digest = hashlib.sha256()
-    for text in (chain.name, *chain.joint_names, chain.base_link, chain.tip_link):
+    source = () if chain.dh_convention is None else (chain.dh_convention,)
+    for text in (chain.name, *chain.joint_names, chain.base_link, chain.tip_link, *source):
         digest.update(text.encode() + b"\0")
     arrays = [chain.joint_types, chain.continuous, chain.offsets, chain.gravity]
     arrays += [chain.motor_inertia, chain.viscous_friction]

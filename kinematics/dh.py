@@ -26,7 +26,7 @@ from kinematics.dh_table import Convention, DhRow, DhTable, check_table
 from kinematics.errors import InvalidRobotDescription
 from kinematics.pose import inverse, rotation_x, rotation_y, rotation_z, transform
 
-__all__ = ["Convention", "DhRow", "DhTable", "chain_from_dh", "dh_from_chain"]
+__all__ = ["Convention", "DhRow", "DhTable", "chain_from_dh", "dh_from_chain", "frame_origins"]
 
 #: Axes at a smaller angle [rad] are called parallel and get a beta. At an angle e, axes a length L
 #: apart have d of about L/e, and a table holds it to 2e-16 L/e: below 1e-7 that would be worse
@@ -84,6 +84,7 @@ def chain_from_dh(name: str, table: DhTable) -> Chain:
         gravity=table.gravity,
         motor_inertia=np.array([row.motor_inertia or 0.0 for row in table.rows]),
         viscous_friction=np.array([row.viscous_friction or 0.0 for row in table.rows]),
+        dh_convention=table.convention,
     )
 
 
@@ -185,6 +186,36 @@ def dh_from_chain(chain: Chain, convention: Convention = "standard") -> DhTable:
     between = [first, *(_split_fixed_transform(A) for A in chain.offsets[1:]), last]
     rows = (_row(chain, i, between[i], between[i + 1], convention) for i in range(chain.n))
     return DhTable(convention, tuple(rows), base, tool, chain.gravity)
+
+
+def frame_origins(chain: Chain) -> Array:
+    """Origins O_1 ... O_n of the course notes (lecture 18), each in its joint's frame, (n, 3) [m].
+
+    O_i is the origin of frame i of the Denavit-Hartenberg table: it lies on axis i + 1 and joint i
+    moves it; O_n is the origin of the tip. A chain that was built from a table has the frames of
+    that table; of a modified one, whose frame i + 1 lies on axis i + 1, O_i is the origin of frame
+    i + 1 where q_{i+1} = 0. Other chains have those of ``dh_from_chain``. Between nearly parallel
+    axes that origin may lie far outside the arm: farther away than all links together are long,
+    the place of joint i + 1 stands for it.
+
+    Args:
+        chain: The robot.
+    """
+    following = chain.offsets[1:]
+    if chain.dh_convention == "standard":
+        origins = [chain.link(f"link_{i}").T_joint_link[:3, 3] for i in range(1, chain.n)]
+    elif chain.dh_convention == "modified":
+        frames = (chain.link(f"link_{i + 1}").T_joint_link for i in range(1, chain.n))
+        origins = [(A @ T)[:3, 3] for A, T in zip(following, frames, strict=True)]
+    else:
+        tip = float(np.linalg.norm(chain.tip.T_joint_link[:3, 3]))
+        length = float(np.linalg.norm(chain.offsets[:, :3, 3], axis=1).sum()) + tip
+        origins = []
+        for A in following:
+            between = _split_fixed_transform(A)
+            origin = (between.z_part @ between.x_part)[:3, 3]
+            origins.append(origin if float(np.linalg.norm(origin)) <= length else A[:3, 3])
+    return np.array([*origins, chain.tip.T_joint_link[:3, 3]])
 
 
 def _row(chain: Chain, i: int, before: _Between, after: _Between, kind: Convention) -> DhRow:

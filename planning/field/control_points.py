@@ -8,6 +8,7 @@ import numpy as np
 from kinematics.arrays import Array, Indices, frozen
 from kinematics.chain import Chain
 from kinematics.compiled.kernel import kernel
+from kinematics.dh import frame_origins
 from kinematics.forward import frames_kernel
 from kinematics.jacobian import jacobian_kernel
 from obstacles.piece import Piece, PieceKind
@@ -44,20 +45,16 @@ class ControlPoints:
         return len(self.joints)
 
 
-def frame_origins(chain: Chain) -> ControlPoints:
-    """O_1 ... O_n: the origin of the frame that each joint moves, the last one that of the tip.
-
-    That is where the next joint begins, and where the chain ends.
-    """
-    ends = [*chain.offsets[1:, :3, 3], chain.tip.T_joint_link[:3, 3]]
-    return ControlPoints(np.arange(chain.n), np.array(ends), np.zeros(chain.n))
+def origin_points(chain: Chain) -> ControlPoints:
+    """O_1 ... O_n of the course notes, bare points: see ``kinematics.dh.frame_origins``."""
+    return ControlPoints(np.arange(chain.n), frame_origins(chain), np.zeros(chain.n))
 
 
 @lru_cache(maxsize=32)
 def along_links(robot: RobotGeometry) -> ControlPoints:
     """Points along the solids of every moving link, with the radius of the solid about them.
 
-    A robot without solids has those of its frame origins.
+    A robot without solids has the origins of its frames.
     """
     entries = [
         (joint, *point)
@@ -66,7 +63,7 @@ def along_links(robot: RobotGeometry) -> ControlPoints:
         for point in _axis_points(piece)
     ]
     if not entries:
-        return frame_origins(robot.chain)
+        return origin_points(robot.chain)
     joints, places, radii = zip(*entries, strict=True)
     return ControlPoints(np.array(joints), np.array(places), np.array(radii))
 

@@ -28,7 +28,7 @@ from obstacles.scene import Scene
 from planning.constrained.checker import ConstrainedChecker
 from planning.constraints.row import WIDTH
 from planning.deadline import Deadline
-from planning.field.control_points import along_links, frame_origins
+from planning.field.control_points import along_links, origin_points
 from planning.field.gradient_descent import (
     ARRIVED,
     FLAT,
@@ -153,7 +153,7 @@ def _field(robot: RobotGeometry, scene: Scene, goal: Array, options: FieldOption
         where = along_links(robot)
         weights = options.weights.with_share(1.0 / len(where))
     else:
-        where, weights = frame_origins(robot.chain), options.weights
+        where, weights = origin_points(robot.chain), options.weights
     obstacles = FclProjector(scene) if options.engine == "fcl" else _projector(scene)
     return Field(robot.chain, where, obstacles, goal, weights, options.joint_weight)
 

@@ -17,8 +17,8 @@ router = APIRouter(
 async def potential(name: str, body: PotentialRequest, request: Request) -> Response:
     """U(q), its slope, and the forces on the control points that make it.
 
-    Control points are the origins of the frames that the joints move, the last one that of the
-    tip. Each is pulled to where it is at the goal, with a force that no longer grows beyond
+    Control points are the origins O_i of the robot's Denavit-Hartenberg frames, the last one that
+    of the tip. Each is pulled to where it is at the goal, with a force that no longer grows beyond
     `attractive_cap`, and pushed away by every obstacle nearer than `influence_distance`, along the
     line to its orthogonal projection. Inside an obstacle it is pushed along the shortest way out;
     an obstacle of several pieces (a mesh, a cloud) pushes once, from the nearest of them.

@@ -69,7 +69,9 @@ class ControlPoint(Answer):
     """A point of the arm that is pulled to its goal and pushed away by obstacles."""
 
     joint: str = Field(description="the joint that carries it", examples=["panda_joint7"])
-    origin: list[float] = Field(description="O_i, origin of the frame that the joint moves [m]")
+    origin: list[float] = Field(
+        description="O_i, origin of frame i of the DH table, of the tip for the last joint [m]"
+    )
     goal: list[float] = Field(description="where it is at the goal [m]")
     attractive_force: list[float] = Field(description="[N]")
     repulsive_force: list[float] = Field(description="of all obstacles together [N]")

@@ -9,7 +9,7 @@ from kinematics.arrays import Array
 from kinematics.chain import Chain
 from obstacles.fcl_projection import FclProjector
 from obstacles.projection import Projector
-from planning.field.control_points import ControlPoints, frame_origins
+from planning.field.control_points import ControlPoints, origin_points
 from planning.field.potential import Field
 from planning.field.weights import FieldWeights
 from service.schemas.potential import PotentialRequest
@@ -35,7 +35,7 @@ def potential(robot: Reference, scene: Reference | None, content: bytes) -> byte
     chain = worker_cache.robot(robot).chain
     joints = chain.configuration(body.joints)
     goal = chain.configuration(body.goal_joints, "goal_joints")
-    where, obstacles = frame_origins(chain), requested_scene(scene, body.scene)
+    where, obstacles = origin_points(chain), requested_scene(scene, body.scene)
     project = FclProjector(obstacles) if body.engine == "fcl" else Projector(obstacles)
     given = {} if body.options is None else body.options.model_dump(exclude_none=True)
     field = Field(chain, where, project, goal, FieldWeights(**given))

@@ -101,6 +101,28 @@ def test_nearest_obstacle_is_that_of_the_projection(client: httpx.Client) -> Non
     assert again == found
 
 
+def test_origins_of_a_table_are_those_of_its_frames(client: httpx.Client) -> None:
+    """A ball 5 cm above the origin of frame 1 pushes it down, from 5 cm away."""
+    limits = {"type": "revolute", "alpha": 0.0, "theta": 0.0, "lower": -3.0, "upper": 3.0}
+    rows = [limits | {"a": 0.3, "d": 0.4}, limits | {"a": 0.2, "d": 0.1}]
+    dh = {"convention": "standard", "rows": rows, "geometry": {"capsules": 0.02}}
+    answer(client.post("/v1/robots", json={"name": "offset_rr", "dh": dh}), 201)
+    ball = {"type": "sphere", "radius": 0.1}
+    place = scene({"id": "ball", "shape": ball, "pose": {"position": [0.3, 0.0, 0.55]}})
+    found = potential(
+        client, [0.0, 0.0], robot="offset_rr", goal_joints=[1.0, 0.0], scene=place,
+        options={"repulsive_weights": 2e-4, "influence_distance": 0.1},
+    )  # fmt: skip
+    fk = answer(client.post("/v1/robots/offset_rr/fk", json={"joints": [0.0, 0.0]}))
+    points = found["control_points"]
+    assert points[0]["origin"] == pytest.approx([0.3, 0.0, 0.4])
+    for i, point in enumerate(points, start=1):
+        assert point["origin"] == pytest.approx(fk["links"][f"link_{i}"]["position"])
+    assert points[0]["distance"] == pytest.approx(0.05)
+    # eta (1 / rho - 1 / rho_0) / rho^2 = 2e-4 * 10 / 0.0025
+    assert points[0]["repulsive_force"] == pytest.approx([0.0, 0.0, -0.8])
+
+
 def test_at_the_goal_nothing_pulls(client: httpx.Client) -> None:
     found = potential(client, GOAL, scene=None)
     assert found["potential"] == 0.0

@@ -9,7 +9,7 @@ from obstacles.checker import Checker
 from obstacles.projection import Projector
 from obstacles.scene import Scene
 from planning.constraints.row import WIDTH
-from planning.field.control_points import frame_origins
+from planning.field.control_points import origin_points
 from planning.field.gradient_descent import (
     ITERATIONS,
     VISITED,
@@ -59,7 +59,7 @@ class Slide:
         self.rules: Rules = FieldOptions(**options).rules(limits.lower, limits.upper)
         constraints = np.zeros((0, WIDTH)) if rows is None else np.array(rows)
         self._proof = Proof(self.checker.model.arrays, slack, constraints)
-        where = frame_origins(robot.chain)
+        where = origin_points(robot.chain)
         self.field = Field(robot.chain, where, Projector(around), np.array(goal), _SPRING)
         self._python = PythonDescent(self.field.value, np.array(goal), self._proof, self.rules)
         self._engine = engine

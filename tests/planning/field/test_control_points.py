@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from kinematics.arrays import Array
-from kinematics.forward import forward, joint_frames
+from kinematics.dh import chain_from_dh, dh_from_chain
+from kinematics.forward import forward, joint_frames, link_poses
 from kinematics.robots import builtin_names
 from obstacles.piece import Piece
 from obstacles.robot_geometry import RobotGeometry
@@ -13,7 +14,7 @@ from planning.field.control_points import (
     ControlPoints,
     along_links,
     control_points,
-    frame_origins,
+    origin_points,
 )
 from tests.obstacles.solids import random_transform
 from tests.planning.scenes import builtin
@@ -30,16 +31,16 @@ def carrying(shape: Shape, T: Array | None = None, joint: int = 1) -> RobotGeome
 
 
 @pytest.mark.parametrize("name", builtin_names())
-def test_origins_are_those_of_the_joints_frames_and_of_the_tip(name: str) -> None:
+def test_origins_are_those_of_the_table_and_of_the_tip(name: str) -> None:
     chain = builtin(name).chain
     q = np.random.default_rng(1).uniform(*chain.sampling_bounds())
-    points, _ = control_points(chain, frame_origins(chain), q)
+    points, _ = control_points(chain, origin_points(chain), q)
     np.testing.assert_allclose(points[-1], forward(chain, q)[:3, 3], atol=1e-12)
-    for k in range(1, chain.n):
-        # Where the next joint begins, however far that slides.
-        begins = q * (np.arange(chain.n) != k)
-        np.testing.assert_allclose(points[k - 1], joint_frames(chain, begins)[k, :3, 3], atol=1e-12)
-    assert not frame_origins(chain).radii.any()
+    # The chain of its own table has frame i as link_i.
+    table = chain_from_dh("table", dh_from_chain(chain))
+    frames = link_poses(table, q, [f"link_{i + 1}" for i in range(chain.n - 1)])
+    np.testing.assert_allclose(points[:-1], frames[:, :3, 3], atol=1e-12)
+    assert not origin_points(chain).radii.any()
 
 
 @pytest.mark.parametrize(
@@ -84,7 +85,7 @@ def test_a_solid_that_is_not_centred_has_its_point_in_its_middle() -> None:
 def test_what_stands_still_and_what_is_endless_has_no_points() -> None:
     """A robot without any solid that moves is pulled by its frame origins."""
     chain = slider().chain
-    origins = frame_origins(chain)
+    origins = origin_points(chain)
     still = carrying(Sphere(0.1), joint=-1)
     endless = carrying(HalfSpace(np.array([0.0, 0.0, 1.0]), 0.0))
     none = np.zeros(0, dtype=np.int64)
@@ -147,5 +148,5 @@ def test_a_read_only_configuration_is_taken() -> None:
     chain = slider().chain
     q = np.zeros(2)
     q.setflags(write=False)
-    points, _ = control_points(chain, frame_origins(chain), q)
+    points, _ = control_points(chain, origin_points(chain), q)
     assert points.shape == (2, 3)

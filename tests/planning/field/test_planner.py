@@ -10,7 +10,7 @@ from obstacles.checker import Checker
 from obstacles.projection import Projector
 from obstacles.scene import Scene
 from planning.deadline import Deadline
-from planning.field.control_points import frame_origins
+from planning.field.control_points import origin_points
 from planning.field.options import PRESETS, QUICK, FieldOptions
 from planning.field.planner import FieldResult, potential_field
 from planning.field.potential import Field
@@ -54,7 +54,7 @@ def test_steps_follow_the_rule() -> None:
     options = FieldOptions(step_sizes=sizes, longest_step=10.0, max_iterations=6, connect=False)
     found, _ = descend(POST, options, turned())
     chain = builtin("panda").chain
-    field = Field(chain, frame_origins(chain), Projector(POST), turned(), FieldWeights())
+    field = Field(chain, origin_points(chain), Projector(POST), turned(), FieldWeights())
     q = HOME
     for k, (visited, potential) in enumerate(zip(found.visited, found.potentials, strict=True)):
         assert visited == pytest.approx(q, abs=1e-12)

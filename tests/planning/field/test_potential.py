@@ -10,7 +10,7 @@ from kinematics.pose import transform
 from obstacles.projection import Projector
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Box, HalfSpace, Mesh, PointCloud, Sphere
-from planning.field.control_points import along_links, control_points, frame_origins
+from planning.field.control_points import along_links, control_points, origin_points
 from planning.field.potential import Field, value_kernel
 from planning.field.weights import FieldWeights
 from tests.planning.scenes import HOME, builtin, pillar, shelf
@@ -35,7 +35,7 @@ def test_joint_force_is_minus_the_slope_of_the_potential(name: str) -> None:
     chain = robot.chain
     random = np.random.default_rng(0)
     lower, upper = chain.sampling_bounds()
-    where = frame_origins(chain)
+    where = origin_points(chain)
     reach = 0.3
     felt = 0
     for k in range(60):
@@ -87,7 +87,7 @@ def one_point(point: Array, *obstacles: Obstacle, **weights: float) -> tuple[Arr
     """The field at the tip of the SCARA, brought to a point by moving the scene instead."""
     chain = builtin("scara").chain
     q = np.array([0.3, 0.4, 0.05, 0.2])
-    tip = control_points(chain, frame_origins(chain), q)[0][-1]
+    tip = control_points(chain, origin_points(chain), q)[0][-1]
     moved = tuple(
         Obstacle(o.id, o.shape, transform(None, tip - point) @ o.T_world_obstacle)
         for o in obstacles
@@ -99,7 +99,7 @@ def one_point(point: Array, *obstacles: Obstacle, **weights: float) -> tuple[Arr
         influence_distance=weights.get("influence_distance", 0.5),
         least_distance=weights.get("least_distance", 1e-3),
     )
-    return q, Field(chain, frame_origins(chain), Projector(moved), q, options), chain
+    return q, Field(chain, origin_points(chain), Projector(moved), q, options), chain
 
 
 @pytest.mark.parametrize(
@@ -172,7 +172,7 @@ def test_a_mesh_with_a_notch_is_felt_as_its_convex_pieces() -> None:
 
 def test_attraction_in_closed_form() -> None:
     chain = builtin("planar_rr").chain
-    where = frame_origins(chain)
+    where = origin_points(chain)
     goal, q = np.array([0.0, 0.0]), np.array([0.0, 0.05])
     weights = FieldWeights(attractive_weights=3.0, attractive_cap=0.2)
     field = Field(chain, where, Projector(()), goal, weights)
@@ -198,7 +198,7 @@ def test_jacobians_of_the_control_points(name: str) -> None:
     chain = robot.chain
     random = np.random.default_rng(2)
     lower, upper = chain.sampling_bounds()
-    for where in (frame_origins(chain), along_links(robot)):
+    for where in (origin_points(chain), along_links(robot)):
         q = random.uniform(lower, upper)
         _, jacobians = control_points(chain, where, q)
         for j, step in enumerate(STEP * np.eye(chain.n)):
@@ -256,7 +256,7 @@ def test_the_descents_kernel_has_the_value_and_the_force_of_the_field(name: str)
     floor = Obstacle("floor", HalfSpace(np.array([0.0, 0.0, 1.0]), -0.1), np.eye(4))
     scenes = (Scene(), shelf(0.5), Scene((*shelf(0.4).obstacles, *pillar().obstacles, floor)))
     for scene in scenes:
-        for where in (frame_origins(robot.chain), along_links(robot)):
+        for where in (origin_points(robot.chain), along_links(robot)):
             goal = random.uniform(lower, upper)
             field = Field(robot.chain, where, Projector(scene), goal, FieldWeights(), 0.3)
             for _ in range(30):
