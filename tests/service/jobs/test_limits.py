@@ -1,5 +1,7 @@
 """Bounds of jobs: how many, how long, how much is kept, restarts and metrics."""
 
+import os
+import signal
 import sqlite3
 import time
 from collections.abc import Iterator
@@ -7,7 +9,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import httpx
 from prometheus_client.parser import text_string_to_metric_families
 
 from tests.service.conftest import Served
@@ -100,7 +101,16 @@ def test_jobs_outlive_the_service(tmp_path: Path) -> None:
     assert status == "queued", "it will be taken up again"
 
 
-def test_metrics_count_by_what_is_ours(client: httpx.Client) -> None:
+def test_metrics_count_by_what_is_ours(jobs: Served) -> None:
+    client = jobs.client
+    stuck = submit(client, STUCK)
+    began(client, stuck, "rrt_connect")
+    (victim,) = jobs.supervisor.busy_pids
+    os.kill(victim, signal.SIGKILL)
+    assert ended(client, stuck)["error"]["code"] == "CRASH"
+    for _ in range(6):
+        answer(client.post("/v1/plan", json=EASY))
+    assert ended(client, submit(client, EASY))["status"] == "succeeded"
     client.get("/v1/nothing/like/this")
     client.get("/v1/robots/nobody-of-this-name")
     client.request("BREW", "/v1/robots")
