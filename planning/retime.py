@@ -1,7 +1,7 @@
 """Timing of any path: of its limits all is proved, of collisions nothing is known."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -51,6 +51,7 @@ class Retimed:
         needed_factor: How many times as long the motion would have to be to keep all limits; 1
             where it does.
         notes: What is special about the path: waypoints left out, stops.
+        begins: Time at which the motion begins, the first of given times [s].
     """
 
     trajectory: Trajectory
@@ -58,6 +59,15 @@ class Retimed:
     factor: float
     needed_factor: float
     notes: tuple[str, ...]
+    begins: float = 0.0
+
+    @property
+    def peaks(self) -> dict[str, Array]:
+        """Exact largest |velocity|, |acceleration| and |jerk| of each joint, each (n,)."""
+        return {
+            name: np.asarray(self.trajectory.peaks(order).value)
+            for order, name in enumerate(("velocity", "acceleration", "jerk"), start=1)
+        }
 
 
 def retime(
@@ -83,19 +93,29 @@ def retime(
     names, n = path.joint_names, len(path.joint_names)
     points = _points(path)
     method = timing_method(timing.method, timing.solver)
-    if chain is None:
-        require_limits(required_limits(method), names, overrides)
     limits = Limits.unlimited(n) if chain is None else chain.limits
+    times = _given_times(path, timing)
+    if times is not None and not timing.scale_times:
+        overrides = _known_limits(limits, overrides)
+    elif chain is None:
+        require_limits(required_limits(method), names, overrides)
     parametrization = chosen_parametrization(timing, names, limits, overrides, chain)
+    begins = 0.0 if times is None else float(times[0])
     merged = merge(points)
     if len(merged) < 2:
         rest = ScaledTime(stay(names, points[0]), 1.0)
         note = f"The path has no length: the robot stays where it is for {REST:g} s."
-        return _certify_retimed(rest, parametrization, limits, (note,))
+        return _certify_retimed(rest, parametrization, limits, (note,), begins)
     interpolation = timing.interpolation or _usual(timing)
     notes = _notes(points, interpolation, timing)
     if not method.follows_path:
-        timed = _spline(path, points, parametrization, timing, interpolation)
+        ends = _ends(interpolation)
+        timed = parametrization.time_spline(
+            points, None if times is None else times - times[0], ends, names, timing.scale_times
+        )
+        notes += _spline_notes(timed.trajectory, ends)
+        # Without times there is nothing to be longer than.
+        timed = timed if times is not None else timed._replace(factor=1.0)
     else:
         if interpolation == "linear":
             timed = _linear(merged, path, parametrization, timing)
@@ -107,7 +127,7 @@ def retime(
         timed = timed._replace(factor=1.0)
     if method.jerk is JerkUse.UNUSED and "jerk" in overrides:
         notes += ("The method toppra does not limit jerk: jerk_limited does.",)
-    return _certify_retimed(timed, parametrization, limits, notes)
+    return _certify_retimed(timed, parametrization, limits, notes, begins)
 
 
 def _usual(timing: TimingOptions) -> Interpolation:
@@ -145,29 +165,53 @@ def _ends(interpolation: Interpolation) -> Ends:
     return "natural" if interpolation == "natural_spline" else "clamped"
 
 
-def _spline(
-    path: PathToTime,
-    points: Array,
-    parametrization: TimeParametrization,
-    timing: TimingOptions,
-    interpolation: Interpolation,
-) -> ScaledTime:
+def _given_times(path: PathToTime, timing: TimingOptions) -> Array | None:
+    """Times at the waypoints of a spline of time (k,) [s]; None where none are given."""
+    if timing.method != "spline":
+        return None
     if timing.times is not None and path.knots is not None:
         raise InvalidOption("both path.knots and timing.times are given", hint="Give one.")
-    times = path.knots if timing.times is None else np.array(timing.times, dtype=np.float64)
-    ends = _ends(interpolation)
-    timed = parametrization.time_spline(points, times, ends, path.joint_names, timing.scale_times)
-    # Without times there is nothing to be longer than.
-    return timed if times is not None else timed._replace(factor=1.0)
+    return path.knots if timing.times is None else np.array(timing.times, dtype=np.float64)
+
+
+def _known_limits(limits: Limits, overrides: Mapping[str, Array]) -> dict[str, Array]:
+    """Limits (n,) by quantity, infinite where none is known: given times need none."""
+    known = {name: getattr(limits, name) for name in ("velocity", "acceleration")}
+    unlimited = {name: np.where(np.isnan(row), np.inf, row) for name, row in known.items()}
+    return unlimited | dict(overrides)
+
+
+def _spline_notes(motion: Trajectory, ends: Ends) -> tuple[str, ...]:
+    """Note on the velocities of a natural spline at its ends."""
+    start, end = motion.sample([0.0, motion.duration], 1)
+    if ends == "clamped" or not (start.any() or end.any()):
+        return ()
+    begins, stops = (", ".join(f"{value:.6g}" for value in row) for row in (start, end))
+    note = f"The natural spline begins with velocity [{begins}] and ends with [{stops}]: "
+    note += "clamped_spline begins and ends at rest, or with start_velocity and end_velocity."
+    return (note,)
 
 
 def _certify_retimed(
-    timed: ScaledTime, parametrization: TimeParametrization, limits: Limits, notes: tuple[str, ...]
+    timed: ScaledTime,
+    parametrization: TimeParametrization,
+    limits: Limits,
+    notes: tuple[str, ...],
+    begins: float = 0.0,
 ) -> Retimed:
     wanted = MotionLimits(parametrization.bounds, parametrization.loads)
     certificate = certify_limits(timed.trajectory, limits, wanted)
+    bounds = {} if parametrization.method.follows_path else parametrization.bounds
+    unknown = [name for name, row in bounds.items() if np.isinf(row).all()]
+    if unknown:
+        reason = f"no limits of {' and '.join(unknown)} are known: its peaks are only reported"
+        notes += (f"{reason[0].upper()}{reason[1:]}.",)
+    if unknown and len(unknown) == len(bounds):
+        reasons = (*certificate.proved.reasons, reason)
+        unproved = replace(certificate.proved, limits=False, reasons=reasons)
+        certificate = replace(certificate, verified=False, proved=unproved)
     needed = 1.0 if certificate.verified else parametrization.needed_factor(timed.trajectory)
-    return Retimed(timed.trajectory, certificate, timed.factor, needed, notes)
+    return Retimed(timed.trajectory, certificate, timed.factor, needed, notes, begins)
 
 
 def _notes(points: Array, interpolation: Interpolation, timing: TimingOptions) -> tuple[str, ...]:

@@ -74,6 +74,7 @@ class Retimed(Answer):
         factor: Times that were given were stretched by this.
         needed_factor: Times have to be stretched by this for all limits to hold; 1 if they do.
         notes: What is special about the path.
+        peaks: Exact largest |velocity|, |acceleration| and |jerk| of each joint.
     """
 
     status: str
@@ -82,3 +83,4 @@ class Retimed(Answer):
     factor: float
     needed_factor: float
     notes: list[str] = Field(default_factory=list)
+    peaks: dict[str, list[float]] = Field(default_factory=dict)

@@ -24,6 +24,8 @@ from planning.timing.parametrization import TimeParametrization, merge_repeated
 from planning.timing.spline import Ends
 from planning.timing.time_scaling import ScaledTime
 
+# Velocity at an end that still counts as rest [rad/s or m/s].
+_REST = 1e-9
 #: How often the legs of a path are halved to bring a spline nearer to them.
 _HALVINGS = 5
 
@@ -98,10 +100,29 @@ def _splines(
             hint="Leave times out, or time a path of your own by POST /v1/retime.",
             waypoints=points.tolist(),
         )
+    if ends == "natural":
+        _refuse_moving_ends(_spline(points, times, ends, parametrization, timing, names))
     for _ in range(_HALVINGS + 1):
         yield partial(_spline, points, times, ends, parametrization, timing, names)
         points = _halve(points)
         times = None if times is None else _halve(times[:, None])[:, 0]
+
+
+def _refuse_moving_ends(timed: ScaledTime) -> None:
+    """Refuse a natural spline, whose ends move: a plan begins and ends at rest."""
+    motion = timed.trajectory
+    start, end = motion.sample([0.0, motion.duration], 1)
+    for label, velocity in (("begin", start), ("end", end)):
+        j = int(np.argmax(np.abs(velocity)))
+        if abs(velocity[j]) > _REST:
+            raise InvalidOption(
+                f"a natural spline would {label} with {velocity[j]:.6g} in joint "
+                f"{motion.joint_names[j]!r}, and a plan begins and ends at rest",
+                hint="Ask for clamped_spline, or time the path by POST /v1/retime, which takes "
+                "boundary velocities.",
+                start_velocity=start.tolist(),
+                end_velocity=end.tolist(),
+            )
 
 
 def _spline(

@@ -66,6 +66,11 @@ class RetimePath(Body):
 class RetimeTiming(Timing):
     """Options of the timing."""
 
+    times: Annotated[list[Number], Field(min_length=2, max_length=MAX_WAYPOINTS)] | None = Field(
+        None,
+        description="at the waypoints, for the method spline; increasing from any number [s]. "
+        "Limits that are not known are not needed then: the motion's peaks are reported",
+    )
     start_velocity: JointVector | None = Field(
         None, description="along the path; at rest if left out"
     )
@@ -139,6 +144,11 @@ class RetimeAnswer(Answer):
         description="times have to be stretched by this for all limits to hold; 1 if they do"
     )
     notes: list[str] = Field(default_factory=list, description="what is special about the path")
+    peaks: dict[str, list[float]] = Field(
+        default_factory=dict,
+        description="exact largest |velocity|, |acceleration| and |jerk| of each joint; jerk "
+        "within the pieces",
+    )
 
 
 class ConvertRequest(Body):

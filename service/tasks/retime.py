@@ -39,8 +39,8 @@ def retime(robot: Reference | None, content: bytes) -> bytes | CacheMiss:
     timed = _time_path(body, chain) if body.path is not None else _time_states(body, chain)
     answer = timings.retimed_answer(
         timed,
-        trajectories.trajectory_answer(timed.trajectory, body.timing.sample_period),
-        certificates.certificate_answer(timed.certificate),
+        trajectories.trajectory_answer(timed.trajectory, body.timing.sample_period, timed.begins),
+        certificates.certificate_answer(timed.certificate, timed.begins),
     )
     return to_json(answer, inf_nan_mode="null")
 

@@ -200,4 +200,5 @@ def retimed_answer(
         "factor": found.factor,
         "needed_factor": found.needed_factor,
         "notes": list(found.notes),
+        "peaks": {name: row.tolist() for name, row in found.peaks.items()},
     }

@@ -120,13 +120,20 @@ def _from_segments(
     return Trajectory(chain.joint_names, breaks - breaks[0], coefficients)
 
 
-def trajectory_answer(timed: Trajectory, period: float | None) -> dict[str, Any]:
-    """A trajectory as answers give it, with samples where a period [s] is given.
+def trajectory_answer(
+    timed: Trajectory, period: float | None, begins: float = 0.0
+) -> dict[str, Any]:
+    """A trajectory as answers give it.
+
+    Args:
+        timed: The trajectory.
+        period: Of samples [s]; none are answered where None.
+        begins: Time at which the trajectory begins [s].
 
     Raises:
         InvalidOption: The period would give too many samples.
     """
-    breaks, pieces = timed.breaks.tolist(), timed.coefficients.tolist()
+    breaks, pieces = (timed.breaks + begins).tolist(), timed.coefficients.tolist()
     answer: dict[str, Any] = {
         "joint_names": list(timed.joint_names),
         "duration": timed.duration,
@@ -137,11 +144,11 @@ def trajectory_answer(timed: Trajectory, period: float | None) -> dict[str, Any]
         "samples": None,
     }
     if period is not None:
-        answer["samples"] = _samples(timed, period)
+        answer["samples"] = _samples(timed, period, begins)
     return answer
 
 
-def _samples(timed: Trajectory, period: float) -> dict[str, Any]:
+def _samples(timed: Trajectory, period: float, begins: float) -> dict[str, Any]:
     if timed.duration / period > _MAX_SAMPLES:
         raise InvalidOption(
             f"timing.sample_period: {period:g} s over {timed.duration:g} s gives more than "
@@ -150,7 +157,7 @@ def _samples(timed: Trajectory, period: float) -> dict[str, Any]:
         )
     times = timed.uniform_samples(period)
     return {
-        "time": times.tolist(),
+        "time": (times + begins).tolist(),
         "position": timed.sample(times).tolist(),
         "velocity": timed.sample(times, 1).tolist(),
         "acceleration": timed.sample(times, 2).tolist(),

@@ -1,4 +1,4 @@
-"""Motions between two states over HTTP."""
+"""Motions between two states, and splines at given times, over HTTP."""
 
 from typing import Any
 
@@ -6,6 +6,7 @@ import httpx
 import numpy as np
 import pytest
 from ruckig import InputParameter, Ruckig, Trajectory
+from scipy.interpolate import CubicSpline
 
 STATES: dict[str, Any] = {
     "from": {"position": [0.0, 0.0], "velocity": [0.5, 0.0], "acceleration": [1.0, 0.0]},
@@ -77,3 +78,40 @@ def test_bad_states_are_refused(client: httpx.Client, change: dict[str, Any], wo
     response = client.post("/v1/retime", json=body)
     assert response.status_code == 422
     assert words in response.text
+
+
+def test_times_from_any_number_need_no_limits(client: httpx.Client) -> None:
+    times, joints = [5.0, 5.5, 6.25, 7.0], [[0.0, 0.0], [1.0, 0.2], [1.2, 1.0], [0.3, 1.4]]
+    timing = {"method": "spline", "times": times, "sample_period": 0.1}
+    response = client.post("/v1/retime", json={"path": {"joints": joints}, "timing": timing})
+    assert response.status_code == 200, response.text
+    answer = response.json()
+    segments, samples = answer["trajectory"]["segments"], answer["trajectory"]["samples"]
+    assert [segments[0]["t0"], *(segment["t1"] for segment in segments)] == times
+    expected = CubicSpline(times, joints, bc_type="natural")
+    assert (samples["time"][0], samples["time"][-1]) == (5.0, 7.0)
+    np.testing.assert_allclose(samples["position"], expected(samples["time"]), atol=1e-12)
+    rates = expected(np.linspace(5.0, 7.0, 20_001), 1)
+    np.testing.assert_allclose(answer["peaks"]["velocity"], np.abs(rates).max(axis=0), rtol=1e-6)
+    certificate = answer["certificate"]
+    assert certificate["verified"] is False
+    assert certificate["violation"] is None
+    assert "no limits of velocity and acceleration" in " ".join(certificate["proved"]["reasons"])
+    known = {"path": {"joints": joints}, "timing": timing, "limits": {"velocity": [0.5, 9.0]}}
+    certificate = client.post("/v1/retime", json=known).json()["certificate"]
+    assert certificate["violation"]["time"] >= 5.0
+
+
+def test_a_plan_by_a_natural_spline_is_refused_with_its_velocities(client: httpx.Client) -> None:
+    body = {
+        "robot": "planar_rr",
+        "start": {"joints": [0.0, 0.0]},
+        "goal": {"joints": [0.7, 0.0]},
+        "timing": {"method": "spline", "interpolation": "natural_spline", "times": [0.0, 1.0]},
+    }
+    response = client.post("/v1/plan", json=body)
+    assert response.status_code == 422, response.text
+    document = response.json()
+    assert "would begin with 0.7 in joint" in document["detail"]
+    assert "clamped_spline" in document["hint"]
+    np.testing.assert_allclose(document["details"]["start_velocity"], [0.7, 0.0])

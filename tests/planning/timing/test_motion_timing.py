@@ -86,6 +86,20 @@ def test_splines_take_the_times_given_or_say_how_much_more_they_need() -> None:
         planned(Scene(), method="spline", times=[0.0, 1.0, 2.0])
 
 
+def test_a_natural_spline_is_refused_with_its_velocities_since_plans_rest_at_their_ends() -> None:
+    for times in ([0.0, 4.0], None):
+        with pytest.raises(InvalidOption, match="natural spline would begin with") as refused:
+            planned(Scene(), method="spline", times=times, interpolation="natural_spline")
+        assert "clamped_spline" in (refused.value.hint or "")
+    velocities = np.subtract(ASIDE, HOME) / 4.0
+    with pytest.raises(InvalidOption) as refused:
+        planned(Scene(), method="spline", times=[0.0, 4.0], interpolation="natural_spline")
+    np.testing.assert_allclose(refused.value.details["start_velocity"], velocities, atol=1e-12)
+    resting = planned(Scene(), method="spline", times=[0.0, 4.0])
+    assert isinstance(resting, Plan)
+    np.testing.assert_array_equal(resting.trajectory.sample([0.0], 1), np.zeros((1, 7)))
+
+
 def test_corners_are_cut_within_the_tolerance() -> None:
     wide = planned(POST)
     narrow = planned(POST, blend_tolerance=0.01)

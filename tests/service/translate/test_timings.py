@@ -10,6 +10,7 @@ from dynamics.gravity import gravity_vector
 from kinematics.errors import InvalidOption, InvalidTrajectory, MissingLimit
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain
+from kinematics.trajectory import Trajectory
 from planning.retime import Retimed
 from planning.timing.options import TimingOptions
 from service.schemas.plan import LimitsBody, Timing, ValidateRequest
@@ -211,9 +212,11 @@ def test_a_path_that_does_not_fit_is_refused(
 
 
 def test_a_timed_path_is_answered_with_how_far_it_was_stretched() -> None:
-    retimed = Retimed(None, None, 1.5, 2.5, ("slow",))  # type: ignore[arg-type]
+    motion = Trajectory(("a",), [0.0, 1.0], [[[0.0, 2.0, 3.0, 4.0]]])  # type: ignore[arg-type]
+    retimed = Retimed(motion, None, 1.5, 2.5, ("slow",))  # type: ignore[arg-type]
     answer = retimed_answer(retimed, {"duration": 3.0}, {"verified": True})
     assert answer == {
         "status": "success", "trajectory": {"duration": 3.0}, "certificate": {"verified": True},
         "factor": 1.5, "needed_factor": 2.5, "notes": ["slow"],
+        "peaks": {"velocity": [20.0], "acceleration": [30.0], "jerk": [24.0]},
     }  # fmt: skip
