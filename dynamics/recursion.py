@@ -73,7 +73,7 @@ def gather(rows: Array, work: Array, torque: Array) -> None:
             moment = add(moment, cross((own[ORIGIN], own[ORIGIN + 1], own[ORIGIN + 2]), force))
 
 
-@kernel(fastmath=True)
+@kernel(fastmath=True, inline="code")
 def inverse_kernel(
     rows: Array, q: Array, qd: Array, qdd: Array, work: Array, torque: Array
 ) -> None:

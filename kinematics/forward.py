@@ -44,7 +44,7 @@ def fits_kernel(model: Array, q: Array) -> bool:
     return q.shape[0] == n and (n == 1 or q.strides[0] == 8) and finite_kernel(q)
 
 
-@kernel(allocates=False, unlocks=False)
+@kernel(allocates=False, unlocks=False, inline="code")
 def pose_kernel(model: Array, q: Array, link: int, T: Array) -> bool:
     """Write the pose (4, 4) of link number ``link``, -1 for the tip; False where q does not fit."""
     if not fits_kernel(model, q):

@@ -79,7 +79,7 @@ def column_lanes_kernel(model: Array, axes: Array, j: int, last: int, B: Frame) 
     return zy * z - zz * y, zz * x - zx * z, zx * y - zy * x, zx, zy, zz
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="code")
 def jacobian_lanes_kernel(
     model: Array, q: Array, cosines: Array, sines: Array, link: int, J: Array
 ) -> Frame:
@@ -143,7 +143,7 @@ def store_frame_kernel(frames: Array, at: int, B: Frame) -> None:
     store(frames, at + 11 * LANES, B[11])
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="code")
 def poses_lanes_kernel(model: Array, q: Array, poses: Array, room: Array) -> None:
     """Poses (LANES, links, 4, 4) of all links at q (LANES, n).
 
@@ -174,7 +174,7 @@ def poses_lanes_kernel(model: Array, q: Array, poses: Array, room: Array) -> Non
     store_lanes_kernel(frames[: FRAME_SIZE * count], poses.reshape(poses.size))
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="code")
 def pose_lanes_kernel(model: Array, q: Array, link: int, poses: Array, room: Array) -> None:
     """Poses (LANES, 4, 4) of a link, -1 for the tip; room (3 n + FRAME) * LANES."""
     n = q.shape[1]
