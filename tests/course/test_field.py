@@ -1,0 +1,167 @@
+"""Lectures 18 and 19: attraction, repulsion, their gradient in joint space, the descent."""
+
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+
+from tests.course.example import Example, ask, check, each
+from tests.course.robots import A1, A2
+
+Q, GOAL = [0.2, 0.4], [1.1, -0.5]
+CENTRE, RADIUS = np.array([0.62, 0.62, 0.0]), 0.1
+WEIGHTS, CAP, ETA, RHO = [1.5, 0.8], 0.35, 0.02, 0.4
+OPTIONS: dict[str, Any] = {
+    "attractive_weights": WEIGHTS,
+    "attractive_cap": CAP,
+    "repulsive_weights": ETA,
+    "influence_distance": RHO,
+}
+BALL = {"id": "ball", "shape": {"type": "sphere", "radius": RADIUS},
+        "pose": {"position": CENTRE.tolist()}}  # fmt: skip
+BOX = {"id": "box", "shape": {"type": "box", "size": [0.2, 0.2, 0.2]},
+       "pose": {"position": [0.95, 0.75, 0.0]}}  # fmt: skip
+
+
+def origins(q: Any) -> Any:
+    """O_1 and O_2 of the two-link arm."""
+    first = A1 * np.array([np.cos(q[0]), np.sin(q[0]), 0.0])
+    return np.array([first, first + A2 * np.array([np.cos(sum(q)), np.sin(sum(q)), 0.0])])
+
+
+def jacobians(q: Any) -> Any:
+    """Linear Jacobians of O_1 and O_2; the column of joint 2 is zero for O_1."""
+    z = np.array([0.0, 0.0, 1.0])
+    O1, O2 = origins(q)
+    first = np.column_stack([np.cross(z, O1), np.zeros(3)])
+    return [first, np.column_stack([np.cross(z, O2), np.cross(z, O2 - O1)])]
+
+
+def attraction(q: Any, goal: Any = GOAL, cap: float = CAP) -> Any:
+    forces = []
+    for point, end, weight in zip(origins(q), origins(goal), WEIGHTS, strict=True):
+        e = point - end
+        far = np.linalg.norm(e)
+        forces.append(-weight * e * (1.0 if far <= cap else cap / far))
+    return np.array(forces)
+
+
+def project_ball(p: Any) -> Any:
+    return CENTRE + RADIUS * (p - CENTRE) / np.linalg.norm(p - CENTRE)
+
+
+def project_box(p: Any) -> Any:
+    middle = np.array(BOX["pose"]["position"])  # type: ignore[index]
+    return np.clip(p, middle - 0.1, middle + 0.1)
+
+
+def repulsion(q: Any, *projections: Any) -> Any:
+    forces = np.zeros((2, 3))
+    for i, point in enumerate(origins(q)):
+        for project in projections:
+            e = point - project(point)
+            rho = np.linalg.norm(e)
+            if rho <= RHO:
+                forces[i] += ETA * (1.0 / rho - 1.0 / RHO) * e / rho**3
+    return forces
+
+
+def joint_force(q: Any, *projections: Any) -> Any:
+    forces = attraction(q) + repulsion(q, *projections)
+    return sum(J.T @ F for J, F in zip(jacobians(q), forces, strict=True))
+
+
+def potential(q: Any, *projections: Any) -> float:
+    U: Any = 0.0
+    for i, (point, end) in enumerate(zip(origins(q), origins(GOAL), strict=True)):
+        far = np.linalg.norm(point - end)
+        # Half the square near the goal, its tangent beyond the cap.
+        U += WEIGHTS[i] * (far**2 / 2.0 if far <= CAP else CAP * far - CAP**2 / 2.0)
+        for project in projections:
+            rho = np.linalg.norm(point - project(point))
+            U += ETA / 2.0 * (1.0 / rho - 1.0 / RHO) ** 2 if rho <= RHO else 0.0
+    return float(U)
+
+
+def field(name: str, pick: Any, expected: Any, q: Any = Q, *obstacles: Any, **options: Any) -> Any:
+    body = {"joints": list(q), "goal_joints": GOAL, "options": OPTIONS | options}
+    if obstacles:
+        body["scene"] = {"obstacles": list(obstacles)}
+    return Example(name, "robots/notes_two_link/potential", body, pick, expected)
+
+
+def points(key: str) -> Any:
+    return lambda found: [point[key] for point in found["control_points"]]
+
+
+NEAR = [0.5, 0.2]
+EXAMPLES = [
+    field("18 O_i", points("origin"), origins(Q)),
+    field("18 O_i at the goal", points("goal"), origins(GOAL)),
+    field("18 attraction with its cap", points("attractive_force"), attraction(Q)),
+    field("18 attraction without a cap is c e", points("attractive_force"),
+          attraction(Q, cap=99.0), attractive_cap=99.0),
+    field("18 attraction at the goal is 0", points("attractive_force"), np.zeros((2, 3)), GOAL),
+    field("18 projection onto a sphere", points("projection"),
+          [project_ball(p) for p in origins(Q)], Q, BALL),
+    field("18 projection onto a box", points("projection"),
+          [project_box(p) for p in origins(Q)], Q, BOX),
+    field("18 distance", points("distance"),
+          [np.linalg.norm(p - project_ball(p)) for p in origins(Q)], Q, BALL),
+    field("18 repulsion of a sphere", points("repulsive_force"), repulsion(NEAR, project_ball),
+          NEAR, BALL),
+    field("18 repulsion of a box", points("repulsive_force"), repulsion(NEAR, project_box),
+          NEAR, BOX),
+    field("18 two obstacles add up", points("repulsive_force"),
+          repulsion(NEAR, project_ball, project_box), NEAR, BALL, BOX),
+    field("18 no repulsion beyond the influence distance", points("repulsive_force"),
+          np.zeros((2, 3)), [-1.5, 0.0], BALL),
+    field("18 potential of the attraction", lambda found: found["potential"], potential(Q)),
+    field("18 potential with a sphere", lambda found: found["potential"],
+          potential(NEAR, project_ball), NEAR, BALL),
+    field("19 joint force of the attraction", lambda found: found["joint_force"], joint_force(Q)),
+    field("19 joint force with a sphere", lambda found: found["joint_force"],
+          joint_force(NEAR, project_ball), NEAR, BALL),
+    field("19 the gradient is minus the joint force", lambda found: found["gradient"],
+          -joint_force(NEAR, project_ball), NEAR, BALL),
+    field("19 the goal is a minimum", lambda found: found["gradient"], np.zeros(2), GOAL),
+]  # fmt: skip
+
+
+@each(EXAMPLES)
+def test_example(service: httpx.Client, example: Example) -> None:
+    check(service, example)
+
+
+def test_repulsion_grows_without_bound(service: httpx.Client) -> None:
+    # The tip on the line from the base through the ball, nearer and nearer.
+    sizes = []
+    for gap in (0.1, 0.05, 0.02):
+        ball = BALL | {"pose": {"position": [A1 + A2 + gap + RADIUS, 0.0, 0.0]}}
+        body = {"joints": [0.0, 0.0], "goal_joints": GOAL, "options": OPTIONS,
+                "scene": {"obstacles": [ball]}}  # fmt: skip
+        tip = ask(service, "robots/notes_two_link/potential", body)["control_points"][-1]
+        expected = ETA * (1.0 / gap - 1.0 / RHO) / gap**2
+        assert tip["repulsive_force"] == pytest.approx([-expected, 0.0, 0.0], abs=1e-6)
+        sizes.append(expected)
+    assert sizes[0] < sizes[1] < sizes[2]
+
+
+def test_the_iteration_of_lecture_19(service: httpx.Client) -> None:
+    # q^{k+1} = q^k + alpha sum_i J_i^T F_i until |q - q_goal| < epsilon.
+    alpha, epsilon = 0.2, 0.01
+    body = {
+        "robot": "notes_two_link", "start": {"joints": Q}, "goal": {"joints": GOAL},
+        "planner": "potential_field",
+        "planner_options": OPTIONS | {
+            "step_sizes": alpha, "longest_step": 3.0, "tolerance": epsilon, "connect": False,
+            "max_iterations": 2000, "patience": 2000},
+    }  # fmt: skip
+    found = ask(service, "plan", body)["potential_field"]
+    q = np.array(Q)
+    for answered in found["joints"][: found["iterations"] + 1]:
+        np.testing.assert_allclose(answered, q, atol=1e-9)
+        q = q + alpha * joint_force(q)
+    assert np.linalg.norm(np.array(found["joints"][found["iterations"]]) - GOAL) < epsilon
+    np.testing.assert_allclose(found["potentials"][0], potential(Q), atol=1e-9)
