@@ -11,43 +11,47 @@ from obstacles.edge_check import FREE, Cubic, certify_in
 from obstacles.kernel_work import Workspace, workspace
 from obstacles.model_arrays import ModelArrays
 from planning.constraints.edge_bounds import EDGE_CELLS, HOLDS, edge_kernel
-from planning.field.potential import FieldModel, value_kernel
+from planning.field.field_kernels import FieldModel, value_kernel, vanishing_force_kernel
 
 # Outcomes of a descent.
 #: It is at the goal.
 ARRIVED = 0
-#: No step is left that is proved, or none that leads lower.
-STUCK = 1
+#: No step along the force is proved.
+BLOCKED = 1
 #: Its steps were used up.
 GOING = 2
+#: The force vanishes: a local minimum, or a saddle.
+MINIMUM = 3
+#: As many steps as it has patience for did not lower the potential.
+STALLED = 4
+#: Every proved step along the force leads higher: a kink of the potential.
+KINK = 5
+
 #: A step whose proof needs more intervals grazes something all along: it is not taken.
 _MAX_INTERVALS = 800
-#: Share of the potential by which it has to fall to count as progress.
-PROGRESS = 0.01
-#: A joint force below this part of the strongest so far is none.
-NO_FORCE = 1e-9
 #: An adaptive step that was taken whole may be longer next time by this factor.
 GROWTH = 1.5
+#: An adaptive step is not halved below this: it could not lower the potential by its rounding
+#: [rad or m].
+SHORTEST = 1e-12
+#: Length of a move that ``_move`` did not find, because every proved one leads higher.
+UPHILL = -1.0
 
 # Entries of Track.gauges.
 #: The next adaptive step [rad or m].
 STEP = 0
-#: The strongest joint force so far [N m or N].
-STRONGEST = 1
 #: The lowest potential so far [J].
-LOWEST = 2
+LOWEST = 1
 #: Share of the straight line to the goal that is left where it was last blocked, or -1.
-BLOCKED = 3
+LINE_BLOCKED = 2
 
 # Entries of Track.counts.
 #: Configurations that were visited.
 VISITED = 0
 #: Steps that were taken.
 ITERATIONS = 1
-#: Steps without progress.
+#: Steps in a row without progress.
 STALE = 2
-#: 1 where there is no force.
-FLAT = 3
 
 
 class Proof(NamedTuple):
@@ -75,7 +79,9 @@ class Rules(NamedTuple):
         halvings: Halvings of a step that can't be taken.
         tolerance: Distance from the goal that counts as arrived [rad or m].
         connect: Whether a proved straight motion to the goal counts too.
-        patience: Steps without progress that make a local minimum.
+        patience: Steps in a row without progress after which it gives up.
+        progress: Share of the lowest potential by which a step has to lower it to be progress.
+        force_tolerance: Share of its terms below which the joint force vanishes.
     """
 
     lower: Array
@@ -86,6 +92,8 @@ class Rules(NamedTuple):
     tolerance: float
     connect: bool
     patience: int
+    progress: float
+    force_tolerance: float
 
 
 class Track(NamedTuple):
@@ -95,8 +103,8 @@ class Track(NamedTuple):
         visited: Configurations, shape (c, n) [rad or m].
         potentials: U at each, shape (c,) [J].
         force: -grad U at the last one, shape (n,) [N m or N].
-        gauges: STEP, STRONGEST, LOWEST and BLOCKED, shape (4,).
-        counts: VISITED, ITERATIONS, STALE and FLAT, shape (4,).
+        gauges: STEP, LOWEST and LINE_BLOCKED, shape (3,).
+        counts: VISITED, ITERATIONS and STALE, shape (3,).
     """
 
     visited: Array
@@ -116,7 +124,7 @@ def descend_kernel(
     across: Array,
     walk: int,
 ) -> int:
-    """Descend until ``until`` steps were taken: ARRIVED, STUCK or GOING.
+    """Descend until ``until`` steps were taken; the outcome.
 
     Args:
         proof: Conditions of every step.
@@ -139,10 +147,12 @@ def descend_kernel(
         if counts[ITERATIONS] >= until:
             return GOING
         potential = track.potentials[counts[VISITED] - 1]
-        counts[STALE] = 0 if potential < (1.0 - PROGRESS) * gauges[LOWEST] else counts[STALE] + 1
+        is_progress = potential < (1.0 - rules.progress) * gauges[LOWEST]
+        counts[STALE] = 0 if is_progress else counts[STALE] + 1
         gauges[LOWEST] = min(gauges[LOWEST], potential)
-        if counts[STALE] >= rules.patience or not _descend(proof, work, rules, field, track):
-            return STUCK
+        outcome = _descend(proof, work, rules, field, track)
+        if outcome != GOING:
+            return outcome
 
 
 @kernel
@@ -185,7 +195,7 @@ def _reaches_goal(
         away += (goal[j] - q[j]) ** 2
     if not (rules.connect or math.sqrt(away) < rules.tolerance):
         return False
-    share = track.gauges[BLOCKED]
+    share = track.gauges[LINE_BLOCKED]
     if share >= 0.0:
         # Where the line was blocked a step before, it mostly still is: one state tells it.
         blocked, outcome = goal + share * (q - goal), np.empty(4)
@@ -193,7 +203,7 @@ def _reaches_goal(
             return False
     outcome = np.array([1.0, 0.0, 0.0, 0.0])
     if not is_free_kernel(proof, work, q, goal, outcome):
-        track.gauges[BLOCKED] = 1.0 - outcome[0]
+        track.gauges[LINE_BLOCKED] = 1.0 - outcome[0]
         return False
     if track.counts[VISITED] == 1 or away > 0.0:
         force = np.empty(q.shape[0])
@@ -202,25 +212,29 @@ def _reaches_goal(
 
 
 @kernel
-def _descend(proof: Proof, work: Workspace, rules: Rules, field: FieldModel, track: Track) -> bool:
-    """Take one step along the force; False where there is none, or none that is proved."""
+def _descend(proof: Proof, work: Workspace, rules: Rules, field: FieldModel, track: Track) -> int:
+    """Take one step along the force: GOING, or why there is none."""
     force, gauges, counts = track.force, track.gauges, track.counts
     strength = 0.0
     for j in range(force.shape[0]):
         strength = max(strength, abs(force[j]))
-    gauges[STRONGEST] = max(gauges[STRONGEST], strength)
-    if strength <= NO_FORCE * gauges[STRONGEST]:
-        counts[FLAT] = 1
-        return False
+    q = track.visited[counts[VISITED] - 1]
+    if strength <= vanishing_force_kernel(field, q, rules.force_tolerance):
+        return MINIMUM
+    if counts[STALE] >= rules.patience:
+        return STALLED
     direction, adaptive = force / strength, rules.sizes.shape[0] == 0
     if not adaptive:
         size = rules.sizes[min(counts[ITERATIONS], rules.sizes.shape[0] - 1)]
         reach = min(size * strength, rules.longest)
-        return _move(proof, work, rules, field, track, direction, reach, np.inf) > 0.0
+        taken = _move(proof, work, rules, field, track, direction, reach, np.inf)
+        return GOING if taken > 0.0 else BLOCKED
     reach, highest = gauges[STEP], track.potentials[counts[VISITED] - 1]
     taken = _move(proof, work, rules, field, track, direction, reach, highest)
     gauges[STEP] = min(GROWTH * (taken if taken > 0.0 else reach), rules.longest)
-    return taken > 0.0
+    if taken == UPHILL:
+        return KINK
+    return GOING if taken > 0.0 else BLOCKED
 
 
 @kernel
@@ -237,11 +251,13 @@ def _move(
     """Move by ``reach`` at most, halved until that is proved and lower than ``highest``.
 
     Returns:
-        Length of the move of the joint that moves most, 0 where there was none [rad or m].
+        Length of the move of the joint that moves most [rad or m]; 0 where none is proved after all
+        halvings, UPHILL where all that are proved lead higher.
     """
     q = track.visited[track.counts[VISITED] - 1].copy()
     moved, force, outcome = np.empty(q.shape[0]), np.empty(q.shape[0]), np.empty(4)
-    for _ in range(rules.halvings + 1):
+    unproved, missed = 0, 0.0
+    while unproved <= rules.halvings:
         away = 0.0
         for j in range(q.shape[0]):
             moved[j] = min(max(q[j] + reach * direction[j], rules.lower[j]), rules.upper[j])
@@ -252,5 +268,10 @@ def _move(
                 keep_kernel(track, moved, potential, force)
                 track.counts[ITERATIONS] += 1
                 return reach
+            if reach < SHORTEST:
+                return UPHILL
+            missed = UPHILL
+        else:
+            unproved += 1
         reach /= 2.0
-    return 0.0
+    return missed

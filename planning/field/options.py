@@ -9,7 +9,7 @@ import numpy as np
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from planning.field.gradient_descent import Rules
-from planning.field.number import positive, whole
+from planning.field.number import positive, share, whole
 from planning.field.weights import FieldWeights
 
 #: Choices of control points.
@@ -46,7 +46,10 @@ class FieldOptions:
         tolerance: epsilon, it has arrived this near to the goal in joint space [rad or m].
         connect: It has also arrived where the straight motion to the goal is proved.
         max_iterations: Steps before it gives up.
-        patience: Steps without a lower potential that make a local minimum.
+        patience: Steps in a row without progress after which it gives up.
+        progress: Share of the lowest potential by which a step has to lower it to be progress.
+        force_tolerance: A local minimum is where no joint force is more than this share of the
+            largest sum of the attractive and repulsive terms, by their sizes, that it consists of.
         escapes: Random walks out of local minima before it gives up.
         escape_steps: Steps of each.
         engine: "exact" projects onto obstacles in closed form, "fcl" by FCL's distance query.
@@ -69,6 +72,8 @@ class FieldOptions:
     connect: bool = True
     max_iterations: int = 1000
     patience: int = 50
+    progress: float = 0.0
+    force_tolerance: float = 1e-3
     escapes: int = 0
     escape_steps: int = 6
     engine: str = "exact"
@@ -88,6 +93,8 @@ class FieldOptions:
             ("escape_steps", 1, 1000),
         ):
             whole(name, getattr(self, name), least, most)
+        for name in ("progress", "force_tolerance"):
+            share(name, getattr(self, name))
         for name, choices in (("control_points", CONTROL_POINTS), ("engine", ENGINES)):
             if getattr(self, name) not in choices:
                 raise InvalidOption(
@@ -150,6 +157,8 @@ class FieldOptions:
             tolerance=float(self.tolerance),
             connect=self.connect,
             patience=self.patience,
+            progress=float(self.progress),
+            force_tolerance=float(self.force_tolerance),
         )
 
 
@@ -165,6 +174,7 @@ QUICK = FieldOptions(
     longest_step=0.25,
     max_iterations=16,
     patience=5,
+    progress=0.01,
 )
 PRESETS: Mapping[str, FieldOptions] = {
     "notes": FieldOptions(),

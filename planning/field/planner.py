@@ -29,12 +29,15 @@ from planning.constrained.checker import ConstrainedChecker
 from planning.constraints.row import WIDTH
 from planning.deadline import Deadline
 from planning.field.control_points import along_links, origin_points
+from planning.field.field_kernels import value_kernel
 from planning.field.gradient_descent import (
     ARRIVED,
-    FLAT,
+    BLOCKED,
     GOING,
     ITERATIONS,
-    STALE,
+    KINK,
+    MINIMUM,
+    STALLED,
     VISITED,
     Proof,
     Track,
@@ -42,7 +45,7 @@ from planning.field.gradient_descent import (
     keep_kernel,
 )
 from planning.field.options import FieldOptions
-from planning.field.potential import Field, value_kernel
+from planning.field.potential import Field
 from planning.field.python_descent import PythonDescent
 from planning.planner import Query
 from planning.result import Attempt, Descent
@@ -53,6 +56,16 @@ _STEPS_A_LOOK = 8
 _CAPACITY = 64
 #: A direction across the force whose largest entry is below this is none.
 _NO_DIRECTION = 1e-9
+#: Names of the outcomes of a descent on the wire.
+_ENDINGS = {
+    None: "timed_out",
+    ARRIVED: "arrived",
+    BLOCKED: "blocked",
+    GOING: "steps_used_up",
+    MINIMUM: "local_minimum",
+    STALLED: "no_progress",
+    KINK: "kink",
+}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,6 +77,9 @@ class FieldResult:
         visited: Configurations it was in, shape (k, n), whether it arrived or not.
         potentials: U at each of them, shape (k,) [J].
         iterations: Steps taken.
+        joint_force: -grad U at the last of them, shape (n,) [N m or N].
+        ending: "arrived", "local_minimum", "no_progress", "kink", "blocked", "steps_used_up" or
+            "timed_out".
         detail: How it ended, for a person.
     """
 
@@ -71,6 +87,8 @@ class FieldResult:
     visited: Array
     potentials: Array
     iterations: int
+    joint_force: Array
+    ending: str
     detail: str
 
 
@@ -92,7 +110,8 @@ def potential_field(
     for goal in goals:
         field = _field(robot, scene, goal, options)
         descent = _Descent(field, robot, checker, start, goal, options, seed)
-        detail = descent.run(deadline)
+        outcome = descent.run(deadline)
+        detail = descent.describe(outcome)
         if descent.at_goal or deadline.passed:
             break
     if not descent.at_goal and len(goals) > 1:
@@ -102,6 +121,8 @@ def potential_field(
         visited=descent.visited,
         potentials=descent.potentials,
         iterations=descent.iterations,
+        joint_force=descent.joint_force,
+        ending=_ENDINGS[outcome],
         detail=detail,
     )
 
@@ -143,6 +164,8 @@ class PotentialField:
             "joints": result.visited[-1].tolist(),
             "potential": float(result.potentials[-1]),
             "iterations": result.iterations,
+            "joint_force": result.joint_force.tolist(),
+            "ending": result.ending,
         }
         return Attempt(None, result.detail, details=details)
 
@@ -188,10 +211,12 @@ class _Descent:
             visited=np.empty((_CAPACITY, n)),
             potentials=np.empty(_CAPACITY),
             force=np.empty(n),
-            gauges=np.array([options.longest_step, 0.0, np.inf, -1.0]),
-            counts=np.zeros(4, dtype=np.int64),
+            gauges=np.array([options.longest_step, np.inf, -1.0]),
+            counts=np.zeros(3, dtype=np.int64),
         )
-        self._python = PythonDescent(field.value, np.array(goal, float), self._proof, self._rules)
+        self._python = PythonDescent(
+            field.value, field.vanishing_force, np.array(goal, float), self._proof, self._rules
+        )
         self._engine = options.engine
         potential, force = self._value(np.array(start, dtype=np.float64))
         keep_kernel(self._track, np.array(start, dtype=np.float64), potential, force)
@@ -233,19 +258,20 @@ class _Descent:
         """Whether it ended at the goal."""
         return np.array_equal(self.visited[-1], self._goal)
 
-    def run(self, deadline: Deadline) -> str:
-        """Descend until it arrives or has to give up; how it ended, one sentence."""
+    @property
+    def joint_force(self) -> Array:
+        """-grad U at the last configuration, shape (n,) [N m or N]."""
+        return np.array(self._track.force)
+
+    def run(self, deadline: Deadline) -> int | None:
+        """Descend until it arrives or has to give up; the outcome, None where the time was up."""
         escapes, across, walk = 0, np.zeros(len(self._goal)), 0
         while True:
             outcome = self._descend_until(deadline, across, walk)
-            if outcome is None:
-                return "The time was up."
-            if outcome == ARRIVED:
-                return f"Reached the goal in {self.iterations} steps."
-            if outcome == GOING:
-                return f"The {self._options.max_iterations} steps were used up."
-            if escapes == self._options.escapes:
-                return self._describe_stuck()
+            if outcome == GOING and self._is_at_minimum():
+                outcome = MINIMUM
+            if outcome in (None, ARRIVED, GOING) or escapes == self._options.escapes:
+                return outcome
             escapes += 1
             across, walk = self._direction_across()
 
@@ -271,15 +297,33 @@ class _Descent:
             visited[:capacity], potentials[:capacity] = track.visited, track.potentials
             self._track = track._replace(visited=visited, potentials=potentials)
 
-    def _describe_stuck(self) -> str:
-        counts, visited = self._track.counts, self.visited
-        left = float(np.linalg.norm(visited[-1] - self._goal))
-        minimum = counts[FLAT] or counts[STALE] >= self._options.patience
-        what = "A local minimum" if minimum else "Blocked"
-        return (
-            f"{what} at potential {self.potentials[-1]:.4g} after {self.iterations} steps, "
-            f"{left:.3g} from the goal in joint space."
+    def describe(self, outcome: int | None) -> str:
+        """Describe the end of a descent for a person."""
+        if outcome == ARRIVED:
+            return f"Reached the goal in {self.iterations} steps."
+        if outcome is None:
+            return "The time was up."
+        options, strength = self._options, float(np.abs(self.joint_force).max())
+        by = f" by {100.0 * options.progress:g} %" if options.progress > 0.0 else ""
+        reasons = {
+            BLOCKED: "Blocked: no step along the force is proved free inside the joint limits",
+            GOING: f"The {options.max_iterations} steps were used up",
+            MINIMUM: f"A local minimum: the force vanishes (tolerance {options.force_tolerance:g})",
+            STALLED: f"{options.patience} steps in a row did not lower the potential{by}",
+            KINK: "A kink of the potential: every proved step along the force leads higher",
+        }
+        left = float(np.linalg.norm(self.visited[-1] - self._goal))
+        text = (
+            f"{reasons[outcome]}. This is after {self.iterations} steps, at potential "
+            f"{self.potentials[-1]:.4g}, {left:.3g} from the goal in joint space, with a largest "
+            f"joint force of {strength:.3g}."
         )
+        return text if outcome == MINIMUM else f"{text} It is no local minimum."
+
+    def _is_at_minimum(self) -> bool:
+        """Whether the force vanishes at the last configuration."""
+        force = self._field.vanishing_force(self.visited[-1], self._options.force_tolerance)
+        return float(np.abs(self.joint_force).max()) <= force
 
     def _direction_across(self) -> tuple[Array, int]:
         """A random direction across the force, and how many steps to take in it."""

@@ -22,17 +22,20 @@ import numpy as np
 
 from kinematics.arrays import Array, Indices
 from kinematics.chain import Chain
-from kinematics.compiled.kernel import kernel
 from obstacles.fcl_projection import FclProjector
-from obstacles.projection import Projector, project_kernel
-from obstacles.projection_arrays import ProjectionArrays
-from planning.field.control_points import ControlPoints, control_points, control_points_kernel
+from obstacles.projection import Projector
+from planning.field.control_points import ControlPoints, control_points
+from planning.field.field_kernels import (
+    NUDGE,
+    ON_SURFACE,
+    FieldArrays,
+    FieldModel,
+    attraction_kernel,
+    force_kernel,
+    repulsion_kernel,
+    smallest_force_kernel,
+)
 from planning.field.weights import FieldWeights
-
-#: On a surface nothing points out of it: there the distance itself is differentiated [m].
-_ON_SURFACE = 1e-9
-#: Step of that numerical derivative [m].
-_NUDGE = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,170 +61,6 @@ class FieldValue:
     projections: Array
     distances: Array
     nearest: Indices
-
-
-class FieldArrays(NamedTuple):
-    """A field packed for the kernels, with m control points.
-
-    Args:
-        joints: Joint that carries each point, shape (m,).
-        places: Positions in the joints' frames, shape (m, 3) [m].
-        radii: Radius of the arm about each, shape (m,) [m].
-        goals: Positions at the goal, shape (m, 3) [m].
-        attractive: c_i, shape (m,).
-        repulsive: eta_i, shape (m,).
-        cap: d [m].
-        reach: rho_0 [m].
-        least: rho_m [m].
-    """
-
-    joints: Indices
-    places: Array
-    radii: Array
-    goals: Array
-    attractive: Array
-    repulsive: Array
-    cap: float
-    reach: float
-    least: float
-
-
-@kernel
-def attraction_kernel(field: FieldArrays, points: Array, forces: Array) -> float:
-    """Write F_att of the points (m, 3) into ``forces`` (m, 3); the sum of U_att."""
-    goals, weights, cap = field.goals, field.attractive, field.cap
-    total = 0.0
-    for i in range(points.shape[0]):
-        x, y, z = goals[i, 0] - points[i, 0], goals[i, 1] - points[i, 1], goals[i, 2] - points[i, 2]
-        length = np.sqrt(x * x + y * y + z * z)
-        pull = weights[i]
-        if length <= cap:
-            total += 0.5 * weights[i] * length * length
-        else:
-            total += weights[i] * cap * (length - 0.5 * cap)
-            pull *= cap / length
-        forces[i, 0], forces[i, 1], forces[i, 2] = pull * x, pull * y, pull * z
-    return total
-
-
-@kernel
-def repulsion_kernel(
-    field: FieldArrays,
-    obstacles: ProjectionArrays,
-    points: Array,
-    within: Array,
-    projections: Array,
-    distances: Array,
-    forces: Array,
-) -> float:
-    """Write F_rep of the points (m, 3) into ``forces`` (m, 3); the sum of U_rep.
-
-    ``projections`` (m, o, 3) and ``distances`` (m, o) are written on the way, of what is no farther
-    than ``within`` (m,), which must be as far as an obstacle is felt.
-    """
-    weights, reach = field.repulsive, field.reach
-    project_kernel(points, obstacles, within, projections, distances)
-    total = 0.0
-    u = np.empty(3)
-    for i in range(points.shape[0]):
-        for row in range(3):
-            forces[i, row] = 0.0
-        for k in range(distances.shape[1]):
-            rho = distances[i, k] - field.radii[i]
-            if not rho <= reach:
-                continue
-            near = max(rho, field.least)
-            rise = 1.0 / near - 1.0 / reach
-            push = weights[i] * rise / (near * near)
-            total += 0.5 * weights[i] * rise * rise + push * (near - rho)
-            outward_kernel(points[i], projections[i, k], distances[i, k], k, obstacles, u)
-            for row in range(3):
-                forces[i, row] += push * u[row]
-    return total
-
-
-@kernel
-def outward_kernel(
-    point: Array, projection: Array, distance: float, k: int, obstacles: ProjectionArrays, u: Array
-) -> None:
-    """Write the direction (3,) in which the distance of a point from obstacle k grows."""
-    if abs(distance) > _ON_SURFACE:
-        for row in range(3):
-            u[row] = (point[row] - projection[row]) / distance
-        return
-    around = np.empty((6, 3))
-    for row in range(6):
-        for axis in range(3):
-            around[row, axis] = point[axis]
-        around[row, row // 2] += _NUDGE if row % 2 == 0 else -_NUDGE
-    o = obstacles.owners[-1] + 1
-    beside, slopes = np.empty((6, o, 3)), np.empty((6, o))
-    project_kernel(around, obstacles, np.full(6, np.inf), beside, slopes)
-    square = 0.0
-    for axis in range(3):
-        u[axis] = slopes[2 * axis, k] - slopes[2 * axis + 1, k]
-        square += u[axis] * u[axis]
-    for axis in range(3):
-        u[axis] = u[axis] / np.sqrt(square) if square > 0.0 else 0.0
-
-
-@kernel
-def force_kernel(jacobians: Array, pulls: Array, pushes: Array, joint_force: Array) -> None:
-    """Write sum_i J_i^T (F_att + F_rep) into ``joint_force`` (n,)."""
-    m, n = jacobians.shape[0], jacobians.shape[2]
-    for j in range(n):
-        joint_force[j] = 0.0
-        for i in range(m):
-            for row in range(3):
-                joint_force[j] += jacobians[i, row, j] * (pulls[i, row] + pushes[i, row])
-
-
-class FieldModel(NamedTuple):
-    """A field for the kernels: the arm, its control points, the obstacles and the goal.
-
-    Args:
-        chain: ``Chain.model`` of the arm.
-        points: The control points.
-        obstacles: The obstacles, packed.
-        goal: Configuration of the goal, shape (n,) [rad or m].
-        joint_weight: k of the pull in joint space [N m].
-    """
-
-    chain: Array
-    points: FieldArrays
-    obstacles: ProjectionArrays
-    goal: Array
-    joint_weight: float
-
-
-@kernel
-def value_kernel(field: FieldModel, q: Array, joint_force: Array) -> float:
-    """U at q (n,); -grad U is written into ``joint_force`` (n,)."""
-    m, n = field.points.joints.shape[0], q.shape[0]
-    owners = field.obstacles.owners
-    o = owners[-1] + 1 if owners.shape[0] > 0 else 0
-    points, jacobians = np.empty((m, 3)), np.empty((m, 3, n))
-    pulls, pushes = np.empty((m, 3)), np.empty((m, 3))
-    projections, distances = np.empty((m, o, 3)), np.empty((m, o))
-    control_points_kernel(
-        field.chain, field.points.joints, field.points.places, q, points, jacobians
-    )
-    potential = attraction_kernel(field.points, points, pulls)
-    potential += repulsion_kernel(
-        field.points,
-        field.obstacles,
-        points,
-        field.points.radii + field.points.reach,
-        projections,
-        distances,
-        pushes,
-    )
-    force_kernel(jacobians, pulls, pushes, joint_force)
-    for j in range(n):
-        e = field.goal[j] - q[j]
-        potential += 0.5 * field.joint_weight * e * e
-        joint_force[j] += field.joint_weight * e
-    return potential
 
 
 class Field:
@@ -314,6 +153,13 @@ class Field:
         terms = self._terms(q, self._arrays.radii + self._arrays.reach)
         return terms.potential, terms.force
 
+    def vanishing_force(self, q: Array, tolerance: float) -> float:
+        """The joint force at q, shape (n,), that counts as none, see ``smallest_force_kernel``."""
+        terms = self._terms(q, self._arrays.radii + self._arrays.reach)
+        _, jacobians = control_points(self._chain, self._where, q)
+        spring = self._joint_weight * (self._goal - q)
+        return float(smallest_force_kernel(jacobians, terms.pulls, terms.pushes, spring, tolerance))
+
     def _terms(self, q: Array, within: Array) -> "_Terms":
         """The terms of the field, of obstacles no farther from the points than ``within``, (m,)."""
         m, o = len(self._where), len(self._obstacles.ids)
@@ -381,8 +227,8 @@ def _outward(obstacles: FclProjector, points: Array, projections: Array, distanc
     """The directions in which distances (m, o) of points (m, 3) grow, shape (m, o, 3)."""
     with np.errstate(invalid="ignore", divide="ignore"):
         outward = np.asarray((points[:, None] - projections) / distances[..., None])
-    for i, k in np.argwhere(np.abs(distances) <= _ON_SURFACE):
-        steps = _NUDGE * np.vstack([np.eye(3), -np.eye(3)])
+    for i, k in np.argwhere(np.abs(distances) <= ON_SURFACE):
+        steps = NUDGE * np.vstack([np.eye(3), -np.eye(3)])
         beside = obstacles(points[i] + steps)[1][:, k]
         slope = beside[:3] - beside[3:]
         length = float(np.linalg.norm(slope))

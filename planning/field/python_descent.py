@@ -16,17 +16,18 @@ from obstacles.kernel_work import Workspace, workspace
 from planning.field.gradient_descent import (
     ARRIVED,
     BLOCKED,
-    FLAT,
     GOING,
     GROWTH,
     ITERATIONS,
+    KINK,
+    LINE_BLOCKED,
     LOWEST,
-    NO_FORCE,
-    PROGRESS,
+    MINIMUM,
+    SHORTEST,
     STALE,
+    STALLED,
     STEP,
-    STRONGEST,
-    STUCK,
+    UPHILL,
     VISITED,
     Proof,
     Rules,
@@ -37,6 +38,8 @@ from planning.field.gradient_descent import (
 
 #: U at a configuration (n,) [J], and -grad U, shape (n,).
 Value: TypeAlias = Callable[[Array], tuple[float, Array]]
+#: The joint force at a configuration (n,) that counts as none, for a share of its terms.
+VanishingForce: TypeAlias = Callable[[Array, float], float]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,18 +48,20 @@ class PythonDescent:
 
     Args:
         value: The potential and its force.
+        vanishing_force: The joint force that counts as none.
         goal: Where it leads, shape (n,).
         proof: What every step is proved against.
         rules: How steps are taken.
     """
 
     value: Value
+    vanishing_force: VanishingForce
     goal: Array
     proof: Proof
     rules: Rules
 
     def run(self, track: Track, until: int, across: Array, walk: int) -> int:
-        """Go on until ``until`` steps were taken: ARRIVED, STUCK or GOING.
+        """Go on until ``until`` steps were taken; the outcome.
 
         Args:
             track: Where it has been; written to.
@@ -77,11 +82,12 @@ class PythonDescent:
             if counts[ITERATIONS] >= until:
                 return GOING
             potential = track.potentials[counts[VISITED] - 1]
-            progress = potential < (1.0 - PROGRESS) * gauges[LOWEST]
-            counts[STALE] = 0 if progress else counts[STALE] + 1
+            is_progress = potential < (1.0 - rules.progress) * gauges[LOWEST]
+            counts[STALE] = 0 if is_progress else counts[STALE] + 1
             gauges[LOWEST] = min(gauges[LOWEST], potential)
-            if counts[STALE] >= rules.patience or not self._take_step(work, track):
-                return STUCK
+            outcome = self._take_step(work, track)
+            if outcome != GOING:
+                return outcome
 
     def _reaches_goal(self, work: Workspace, track: Track) -> bool:
         """Whether the goal is near enough, or in reach of a proved straight motion."""
@@ -89,7 +95,7 @@ class PythonDescent:
         away = float(((goal - q) ** 2).sum())
         if not (self.rules.connect or math.sqrt(away) < self.rules.tolerance):
             return False
-        share = float(track.gauges[BLOCKED])
+        share = float(track.gauges[LINE_BLOCKED])
         if share >= 0.0:
             # Where it was blocked from the step before it mostly still is.
             blocked = goal + share * (q - goal)
@@ -97,30 +103,34 @@ class PythonDescent:
                 return False
         where = np.array([1.0, 0.0, 0.0, 0.0])
         if not is_free_kernel(self.proof, work, q, goal, where):
-            track.gauges[BLOCKED] = 1.0 - where[0]
+            track.gauges[LINE_BLOCKED] = 1.0 - where[0]
             return False
         if track.counts[VISITED] == 1 or away > 0.0:
             keep_kernel(track, goal.copy(), *self.value(goal))
         return True
 
-    def _take_step(self, work: Workspace, track: Track) -> bool:
-        """Take one step along the force; False where there is none, or none that is proved."""
+    def _take_step(self, work: Workspace, track: Track) -> int:
+        """Take one step along the force: GOING, or why there is none."""
         rules, gauges, counts = self.rules, track.gauges, track.counts
         force = track.force.copy()
         strength = float(np.abs(force).max())
-        gauges[STRONGEST] = max(gauges[STRONGEST], strength)
-        if strength <= NO_FORCE * gauges[STRONGEST]:
-            counts[FLAT] = 1
-            return False
+        q = track.visited[counts[VISITED] - 1].copy()
+        if strength <= self.vanishing_force(q, rules.force_tolerance):
+            return MINIMUM
+        if counts[STALE] >= rules.patience:
+            return STALLED
         direction = force / strength
         if len(rules.sizes):
             size = rules.sizes[min(counts[ITERATIONS], len(rules.sizes) - 1)]
             reach = min(float(size) * strength, rules.longest)
-            return self._move(work, track, direction, reach, np.inf) > 0.0
+            is_taken = self._move(work, track, direction, reach, np.inf) > 0.0
+            return GOING if is_taken else BLOCKED
         reach, highest = float(gauges[STEP]), float(track.potentials[counts[VISITED] - 1])
         step = self._move(work, track, direction, reach, highest)
         gauges[STEP] = min(GROWTH * (step if step > 0.0 else reach), rules.longest)
-        return step > 0.0
+        if step == UPHILL:
+            return KINK
+        return GOING if step > 0.0 else BLOCKED
 
     def _move(
         self, work: Workspace, track: Track, direction: Array, reach: float, highest: float
@@ -128,10 +138,12 @@ class PythonDescent:
         """Move by ``reach`` at most, halved until that is proved and lower than ``highest``.
 
         Returns:
-            How far it moved, 0 for not at all.
+            Length of the move of the joint that moves most [rad or m]; 0 where none is proved,
+            UPHILL where all that are proved lead higher.
         """
         q = track.visited[track.counts[VISITED] - 1].copy()
-        for _ in range(self.rules.halvings + 1):
+        unproved, missed = 0, 0.0
+        while unproved <= self.rules.halvings:
             moved = np.minimum(
                 np.maximum(q + reach * direction, self.rules.lower), self.rules.upper
             )
@@ -142,5 +154,10 @@ class PythonDescent:
                     keep_kernel(track, moved, potential, force)
                     track.counts[ITERATIONS] += 1
                     return reach
+                if reach < SHORTEST:
+                    return UPHILL
+                missed = UPHILL
+            else:
+                unproved += 1
             reach /= 2.0
-        return 0.0
+        return missed

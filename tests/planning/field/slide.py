@@ -25,8 +25,6 @@ from planning.field.python_descent import PythonDescent
 from planning.field.weights import FieldWeights
 from tests.planning.slider import slider
 
-#: A pull on the ball alone that grows all the way: U = |q - goal|^2 / 2 far from obstacles.
-_SPRING = FieldWeights((0.0, 1.0), attractive_cap=10.0, repulsive_weights=(0.0, 1e-6))
 _CAPACITY = 500
 
 
@@ -40,6 +38,8 @@ class Slide:
         scene: What stands in the way.
         rows: Rows of constraints, shape (r, WIDTH).
         slack: Distance to keep beyond margins [m].
+        repulsive: eta of the ball's middle [N m^3]. Its pull grows all the way: far from obstacles
+            U = |q - goal|^2 / 2.
         options: Of ``FieldOptions``.
     """
 
@@ -51,6 +51,7 @@ class Slide:
         scene: Scene | None = None,
         rows: Array | None = None,
         slack: float = 0.0,
+        repulsive: float = 1e-6,
         **options: Any,
     ) -> None:
         robot, around = slider(), scene or Scene()
@@ -60,15 +61,18 @@ class Slide:
         constraints = np.zeros((0, WIDTH)) if rows is None else np.array(rows)
         self._proof = Proof(self.checker.model.arrays, slack, constraints)
         where = origin_points(robot.chain)
-        self.field = Field(robot.chain, where, Projector(around), np.array(goal), _SPRING)
-        self._python = PythonDescent(self.field.value, np.array(goal), self._proof, self.rules)
+        spring = FieldWeights((0.0, 1.0), attractive_cap=10.0, repulsive_weights=(0.0, repulsive))
+        self.field = Field(robot.chain, where, Projector(around), np.array(goal), spring)
+        self._python = PythonDescent(
+            self.field.value, self.field.vanishing_force, np.array(goal), self._proof, self.rules
+        )
         self._engine = engine
         self.track = Track(
             np.empty((_CAPACITY, 2)),
             np.empty(_CAPACITY),
             np.empty(2),
-            np.array([self.rules.longest, 0.0, np.inf, -1.0]),
-            np.zeros(4, dtype=np.int64),
+            np.array([self.rules.longest, np.inf, -1.0]),
+            np.zeros(3, dtype=np.int64),
         )
         q = np.array(start)
         keep_kernel(self.track, q, *self.field.value(q))

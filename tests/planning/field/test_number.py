@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kinematics.errors import InvalidOption
-from planning.field.number import positive, whole
+from planning.field.number import positive, share, whole
 
 
 @given(st.one_of(st.floats(min_value=5e-324, max_value=1.7e308), st.integers(1, 10**30)))
@@ -52,3 +52,14 @@ def test_whole_numbers_are_taken_from_least_to_most(value: int) -> None:
 def test_what_is_not_whole_is_refused(value: Any) -> None:
     with pytest.raises(InvalidOption, match="count must be a whole number"):
         whole("count", value, 0, 7)
+
+
+@pytest.mark.parametrize("value", [0, 0.0, 1e-9, 0.5, 0.999])
+def test_shares_are_taken_from_nothing_to_less_than_all(value: float) -> None:
+    share("part", value)
+
+
+@pytest.mark.parametrize("value", [-1e-9, 1, 1.0, True, None, "0.5", float("nan"), [0.1]])
+def test_what_is_no_share_is_refused(value: Any) -> None:
+    with pytest.raises(InvalidOption, match="part must be a number from 0 to less than 1"):
+        share("part", value)

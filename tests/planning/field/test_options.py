@@ -31,7 +31,7 @@ def test_a_named_option_changes_that_one_alone(preset: str) -> None:
         "influence_distance": 0.2, "least_distance": 2e-3, "control_points": "links",
         "joint_weight": 2.0, "step_sizes": 0.1, "longest_step": 0.07, "halvings": 0,
         "tolerance": 0.5, "connect": False, "max_iterations": 7, "patience": 3, "escapes": 4,
-        "escape_steps": 2, "engine": "fcl",
+        "escape_steps": 2, "progress": 0.5, "force_tolerance": 0.1, "engine": "fcl",
     }  # fmt: skip
     assert set(changes) == set(NAMES)
     base = values(PRESETS[preset])
@@ -100,6 +100,7 @@ def test_rules_are_the_options_of_the_descent() -> None:
     assert isinstance(rules.tolerance, float)
     assert (rules.longest, rules.halvings, rules.tolerance) == (1.0, 3, 2.0)
     assert (rules.connect, rules.patience) == (False, 9)
+    assert (rules.progress, rules.force_tolerance) == (0.0, 1e-3)
 
 
 @pytest.mark.parametrize(

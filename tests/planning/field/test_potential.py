@@ -11,7 +11,8 @@ from obstacles.projection import Projector
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Box, HalfSpace, Mesh, PointCloud, Sphere
 from planning.field.control_points import along_links, control_points, origin_points
-from planning.field.potential import Field, value_kernel
+from planning.field.field_kernels import value_kernel
+from planning.field.potential import Field
 from planning.field.weights import FieldWeights
 from tests.planning.scenes import HOME, builtin, pillar, shelf
 
