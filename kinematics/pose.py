@@ -164,6 +164,16 @@ def to_zyz(rotation: Matrix, *, flip: bool = False) -> Matrix:
     return np.array([phi, sign * theta, psi])
 
 
+def is_zyz_singular(rotation: Matrix) -> bool:
+    """Whether sin(theta) = 0, so that only phi + psi or phi - psi of zyz angles is determined."""
+    return math.hypot(rotation[0, 2], rotation[1, 2]) < _SINGULAR_SINE
+
+
+def is_rpy_singular(rotation: Matrix) -> bool:
+    """Whether cos(pitch) = 0, so that only yaw - roll or yaw + roll is determined."""
+    return math.hypot(rotation[0, 0], rotation[1, 0]) < _SINGULAR_SINE
+
+
 def from_rpy(angles: ArrayLike) -> Matrix:
     """Rotation R = Rz(yaw) Ry(pitch) Rx(roll) of (roll, pitch, yaw) [rad], as in URDF."""
     roll, pitch, yaw = _finite(angles, (3,), "rpy")

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     import service.tasks.kinematics
     import service.tasks.large_body
     import service.tasks.plan
+    import service.tasks.poses
     import service.tasks.potential
     import service.tasks.retime
     import service.tasks.robots
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     outline = service.tasks.large_body.outline
     plan = service.tasks.plan.plan
     validate = service.tasks.plan.validate
+    convert_pose = service.tasks.poses.convert_pose
     potential = service.tasks.potential.potential
     convert = service.tasks.retime.convert
     retime = service.tasks.retime.retime
@@ -58,6 +60,7 @@ else:
     outline = TaskReference("service.tasks.large_body:outline")
     plan = TaskReference("service.tasks.plan:plan", GRACE)
     validate = TaskReference("service.tasks.plan:validate", GRACE)
+    convert_pose = TaskReference("service.tasks.poses:convert_pose")
     potential = TaskReference("service.tasks.potential:potential")
     convert = TaskReference("service.tasks.retime:convert")
     retime = TaskReference("service.tasks.retime:retime")

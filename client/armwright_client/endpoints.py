@@ -26,6 +26,7 @@ from armwright_client.health import Health, Readiness
 from armwright_client.job import Job, JobList
 from armwright_client.pending import cancel_call, events_call, job_call
 from armwright_client.plan import Plan, PlanOptions, PlanRequest
+from armwright_client.pose import ConvertedPose, ConvertPoseRequest, PoseForm, PoseMotion
 from armwright_client.retime import JointState, Retimed, RetimePath, RetimeRequest, RetimeTiming
 from armwright_client.robot_endpoints import RobotEndpoints, page
 from armwright_client.scene import (
@@ -187,6 +188,21 @@ class ServiceEndpoints:
         """The proof that a motion is valid, or its first violation; see `ValidateOptions`."""
         body = ValidateRequest.of(robot=robot, trajectory=trajectory, **options)
         return Call("POST", path("validate"), Certificate.read, body, deadline=body.timeout)
+
+    @Endpoint
+    def convert_pose(
+        self,
+        pose: PoseForm | None = None,
+        *,
+        motions: Sequence[PoseMotion] | None = None,
+        inverse: bool = False,
+        angular_velocity: VectorLike | None = None,
+    ) -> Call[ConvertedPose]:
+        """A pose, or motions carried out in turn, in every form."""
+        body = ConvertPoseRequest.of(
+            pose=pose, motions=motions, inverse=inverse, angular_velocity=angular_velocity
+        )
+        return Call("POST", path("poses", "convert"), ConvertedPose.read, body)
 
     @Endpoint
     def retime(

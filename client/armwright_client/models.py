@@ -91,7 +91,15 @@ from armwright_client.plan import (
     Timing,
     ToolMotionReport,
 )
-from armwright_client.pose import Pose
+from armwright_client.pose import (
+    ConvertedPose,
+    ConvertPoseRequest,
+    Pose,
+    PoseForm,
+    PoseForms,
+    PoseMotion,
+    SingularForm,
+)
 from armwright_client.potential import (
     ControlPoint,
     PotentialAnswer,
@@ -172,6 +180,8 @@ __all__ = [
     "Cone",
     "ConstraintUse",
     "ControlPoint",
+    "ConvertPoseRequest",
+    "ConvertedPose",
     "Convex",
     "Cylinder",
     "DampedDirection",
@@ -231,6 +241,9 @@ __all__ = [
     "PlaneRegion",
     "PointCloud",
     "Pose",
+    "PoseForm",
+    "PoseForms",
+    "PoseMotion",
     "PositionConstraint",
     "PotentialAnswer",
     "PotentialBatch",
@@ -274,6 +287,7 @@ __all__ = [
     "Simulation",
     "SimulationReference",
     "SingleGoal",
+    "SingularForm",
     "Sphere",
     "SphereRegion",
     "Stage",

@@ -1,10 +1,22 @@
 """Poses: a position and at most one of five forms of an orientation."""
 
+from collections.abc import Sequence
 from typing import Self
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
-from armwright_client.base import Matrix3, Request, RowsLike, Vector3, Vector4, VectorLike, plain
+from armwright_client.base import (
+    Answer,
+    Matrix,
+    Matrix3,
+    Matrix4,
+    Request,
+    RowsLike,
+    Vector3,
+    Vector4,
+    VectorLike,
+    plain,
+)
 
 _ORIENTATIONS = ("quaternion_xyzw", "rotation_matrix", "euler_zyz", "rpy", "axis_angle")
 
@@ -75,3 +87,93 @@ class Pose(Request):
         return cls(
             position=[row[3] for row in rows[:3]], rotation_matrix=[row[:3] for row in rows[:3]]
         )
+
+
+class PoseForm(Pose):
+    """A pose in any form; a position that is left out is the origin.
+
+    Args:
+        transform: Rows of [[R, p], [0, 0, 0, 1]], in place of all other forms.
+    """
+
+    position: Vector3 = Field(default_factory=lambda: [0.0, 0.0, 0.0])
+    transform: Matrix4 | None = None
+
+
+class PoseMotion(PoseForm):
+    """A rigid motion of a list that is carried out in turn.
+
+    Args:
+        about: "current" for the axes of the moved frame, "fixed" for those of the first one.
+    """
+
+    about: str = "current"
+
+
+class ConvertPoseRequest(Request):
+    """A pose, or motions to be composed, to be answered in every form."""
+
+    pose: PoseForm | None = None
+    motions: Sequence[PoseMotion] | None = None
+    inverse: bool = False
+    angular_velocity: Vector3 | None = None
+
+
+class PoseForms(Answer):
+    """A pose in every form.
+
+    Args:
+        position: [m].
+        quaternion_xyzw: With w >= 0.
+        rotation_matrix: Rows.
+        euler_zyz: [phi, theta, psi] [rad], theta in [0, pi].
+        rpy: [roll, pitch, yaw] [rad], pitch in [-pi/2, pi/2].
+        axis_angle: [x, y, z, angle], a unit axis, angle [rad] in [0, pi].
+        transform: 4x4.
+        euler_zyz_branches: Both branches; one where sin(theta) = 0.
+        rpy_branches: Both branches; one where cos(pitch) = 0.
+    """
+
+    position: list[float]
+    quaternion_xyzw: list[float]
+    rotation_matrix: Matrix
+    euler_zyz: list[float]
+    rpy: list[float]
+    axis_angle: list[float]
+    transform: Matrix
+    euler_zyz_branches: Matrix
+    rpy_branches: Matrix
+
+
+class SingularForm(Answer):
+    """A form of the orientation that does not determine all of its numbers.
+
+    Args:
+        form: "euler_zyz", "rpy" or "axis_angle".
+        determined: The combination that is determined.
+        choice: The choice made for the rest.
+    """
+
+    form: str
+    determined: str
+    choice: str
+
+
+class ConvertedPose(Answer):
+    """A pose in every form.
+
+    Args:
+        pose: The pose.
+        inverse: Its inverse.
+        singular: Forms that are singular there.
+        poses: Of motions: the 4x4 transform after each.
+        skew: S(w) of the angular velocity.
+        rotation_rate: dR/dt = S(w) R [1/s].
+    """
+
+    pose: PoseForms
+    inverse: PoseForms
+    singular: list[SingularForm]
+    poses: list[Matrix] | None = None
+    skew: Matrix | None = None
+    rotation_rate: Matrix | None = None

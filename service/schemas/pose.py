@@ -16,7 +16,8 @@ from service.schemas.base import Answer, Body, Coordinate, Matrix3, Number, Poin
 
 Quaternion = Annotated[list[Number], Field(min_length=4, max_length=4)]
 AxisAngle = Annotated[list[Number], Field(min_length=4, max_length=4)]
-_ORIENTATIONS = ("quaternion_xyzw", "rotation_matrix", "euler_zyz", "rpy", "axis_angle")
+#: Forms of an orientation on the wire.
+ORIENTATIONS = ("quaternion_xyzw", "rotation_matrix", "euler_zyz", "rpy", "axis_angle")
 
 
 class Pose(Body):
@@ -60,7 +61,7 @@ class Pose(Body):
 
     @model_validator(mode="after")
     def _check_one_orientation(self) -> "Pose":
-        given = [name for name in _ORIENTATIONS if getattr(self, name) is not None]
+        given = [name for name in ORIENTATIONS if getattr(self, name) is not None]
         if len(given) > 1:
             raise ValueError(f"give at most one orientation; found {' and '.join(given)}")
         return self

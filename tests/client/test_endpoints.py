@@ -47,6 +47,10 @@ CALLS: list[tuple[str, Callable[[Any], Any], str, str, dict[str, Any] | None]] =
     ("retime", lambda c: c.retime([[0.0], [1.0]], knots=[0, 2], robot="r", timeout=3.0), "POST",
      "/v1/retime", {"path": {"joints": [[0.0], [1.0]], "knots": [0.0, 2.0]}, "robot": "r",
                     "timeout": 3.0}),
+    ("convert_pose", lambda c: c.convert_pose(
+        motions=[ours.PoseMotion(rpy=[0.1, 0.2, 0.3], about="fixed")], inverse=True), "POST",
+     "/v1/poses/convert", {"motions": [{"position": [0.0, 0.0, 0.0], "rpy": [0.1, 0.2, 0.3],
+                                        "about": "fixed"}], "inverse": True}),
     ("retime_states", lambda c: c.retime_states(
         ours.JointState(position=[0.0], velocity=[0.5]), ours.JointState(position=[1.0]),
         robot="r", synchronization="time"), "POST",

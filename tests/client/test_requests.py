@@ -21,6 +21,7 @@ from service.schemas import constraint as their_constraint
 from service.schemas import kinematics as their_kinematics
 from service.schemas import plan as their_plan
 from service.schemas import pose as their_pose
+from service.schemas import pose_conversion as their_conversion
 from service.schemas import potential as their_potential
 from service.schemas import retime as their_retime
 from service.schemas import robot as their_robot
@@ -29,6 +30,12 @@ from service.schemas import shape as their_shape
 
 PAIRS: list[tuple[type[Readable], type[BaseModel]]] = [
     (ours.Pose, their_pose.Pose),
+    (ours.PoseForm, their_conversion.PoseForm),
+    (ours.PoseMotion, their_conversion.Motion),
+    (ours.ConvertPoseRequest, their_conversion.ConvertPoseRequest),
+    (ours.PoseForms, their_conversion.PoseForms),
+    (ours.SingularForm, their_conversion.SingularFormAnswer),
+    (ours.ConvertedPose, their_conversion.ConvertPoseAnswer),
     (ours.Box, their_shape.Box),
     (ours.Sphere, their_shape.Sphere),
     (ours.Cylinder, their_shape.Cylinder),

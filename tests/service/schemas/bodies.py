@@ -4,6 +4,7 @@ import copy
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
 from pydantic import BaseModel
 
 from service.problem import ProblemError
@@ -12,6 +13,7 @@ from service.schemas.check import CheckRequest
 from service.schemas.dynamics import DynamicsRequest, RegressorRequest, WrenchRequest
 from service.schemas.kinematics import FkRequest, IkRequest, JacobianRequest, VelocityRequest
 from service.schemas.plan import PlanRequest, ValidateRequest
+from service.schemas.pose_conversion import ConvertPoseRequest
 from service.schemas.potential import PotentialRequest
 from service.schemas.retime import ConvertRequest, RetimeRequest
 from service.schemas.robot import RobotBody
@@ -226,6 +228,11 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
         "joint_names": ["a", "b"], "synchronization": "time", "robot": "panda", "limits": LIMITS,
         "timing": {"method": "jerk_limited", "jerk_scaling": 0.5, "sample_period": 0.01},
         "timeout": 5.0}),
+    (ConvertPoseRequest, {"pose": {"transform": np.eye(4).tolist()}, "inverse": True,
+                          "angular_velocity": [0.0, 0.1, 0.2]}),
+    (ConvertPoseRequest, {"motions": [POSE | orientation | {"about": "fixed"}
+                                      for orientation in ORIENTATIONS]}),
+    (ConvertPoseRequest, {"motions": [{"transform": np.eye(4).tolist()}]}),
     (ConvertRequest, {"trajectory": SEGMENTS, "sample_period": 0.01, "format": "csv",
                       "frame_id": "base"}),
     (SimulateRequest, SIMULATE | {"controller": CONTROLLERS[0]}),

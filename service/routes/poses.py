@@ -1,0 +1,25 @@
+"""Conversion and composition of poses."""
+
+from fastapi import APIRouter, Request, Response
+
+from service.http.compute import compute
+from service.http.json_route import JsonRoute
+from service.http.openapi import RESPONSES
+from service.schemas.pose_conversion import ConvertPoseAnswer, ConvertPoseRequest
+from service.task_references import convert_pose as convert_pose_task
+
+router = APIRouter(
+    prefix="/v1/poses", tags=["kinematics"], route_class=JsonRoute, responses=RESPONSES
+)
+
+
+@router.post("/convert", summary="Convert and compose poses", response_model=ConvertPoseAnswer)
+async def convert_pose(body: ConvertPoseRequest, request: Request) -> Response:  # noqa: ARG001
+    """A pose, or motions carried out in turn about current or fixed axes, in every form.
+
+    Both branches of the angles are answered. Where an angle is not determined, `singular` says
+    which combination is, and the choice made for the rest.
+    """
+    content = await request.body()
+    result = await compute(request, convert_pose_task.job(content))
+    return Response(result, media_type="application/json")
