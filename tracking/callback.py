@@ -13,7 +13,9 @@ from dynamics.forward import forward_dynamics_kernel, massless
 from dynamics.inverse import wrench_torque
 from kinematics.arrays import Array
 from tracking.controller import AdaptiveController, Controller
+from tracking.explicit import explicit_polynomials
 from tracking.loop import HOPELESS, RUNAWAY
+from tracking.motion_bounds import STEP_COEFFICIENTS, bound_step, empty_bounds
 from tracking.result import SimulationOutcome, SimulationResult, settling_time
 from tracking.setup import Setup
 
@@ -61,7 +63,8 @@ class _Loop:
         self.n = setup.robot.n
         self.segment = 0
         self.held: _Command | None = None
-        self.worst = np.zeros(self.n)
+        self.bounds = empty_bounds(float(setup.times[-1]), self.n)
+        self.reference = setup.signal.arrays()
         self.evaluations, self.steps = 0, 0
         self.samples: list[_Sample] = []
 
@@ -162,17 +165,29 @@ class _Loop:
         return SimulationOutcome.COMPLETED, solver.y
 
     def note(self, before: tuple[float, Array], solver: "DOP853[np.float64]", law: _Law) -> None:
-        """Record the samples of one step, those at its end excepted, and the error at its end."""
+        """Record the samples of one step, those at its end excepted, and the step's bounds."""
         t_old, x_old = before
         times = self.setup.times[:-1]
-        interpolate: Callable[[float], Array] | None = None
+        interpolate: Any = solver.dense_output()
         while len(self.samples) < len(times) and times[len(self.samples)] < solver.t:
             t = float(times[len(self.samples)])
-            if t > t_old and interpolate is None:
-                interpolate = solver.dense_output()
-            self.sample(t, x_old if interpolate is None else interpolate(t), law)
+            self.sample(t, interpolate(t) if t > t_old else x_old, law)
+        breaks, coefficients = self.reference
         piece = int(self.setup.events.pieces[self.segment])
-        self.update_max_error(self.setup.signal.at(solver.t, piece).position - solver.y[: self.n])
+        motion = np.empty((2 * self.n, STEP_COEFFICIENTS))
+        explicit_polynomials(np.ascontiguousarray(interpolate.F), np.array(x_old), motion)
+        bound_step(self.bounds, coefficients[piece], breaks[piece], motion, t_old, solver.t - t_old)
+        # A step is accepted where its error, a root mean square, is at most the tolerance.
+        options, n = self.setup.options, self.n
+        size = np.maximum(np.abs(x_old[:n]), np.abs(solver.y[:n]))
+        scale = options.absolute_tolerance + options.relative_tolerance * size
+        self.bounds.local_error[:] += np.sqrt(len(x_old)) * scale
+        self.note_torque(law(solver.t, solver.y).torque)
+
+    def note_torque(self, torque: Array) -> None:
+        """Raise the largest torque of each joint to ``torque`` (n,)."""
+        peak = self.bounds.peak_torque
+        np.maximum(peak, np.abs(torque), out=peak)
 
     def sample(self, t: float, x: Array, law: _Law) -> None:
         """Record one sample."""
@@ -180,14 +195,10 @@ class _Loop:
         q, qd, estimate = x[:n], x[n : 2 * n], x[2 * n :]
         reference = self.setup.signal.at(t, int(self.setup.events.pieces[self.segment]))
         command = law(t, x)
-        self.update_max_error(reference.position - q)
+        self.note_torque(command.torque)
         V = self.with_estimate(x).lyapunov(q, qd, reference, self.setup.robot)
         at = reference.position, reference.velocity, command.torque, command.saturated
         self.samples.append(_Sample(t, q, qd, *at, V, estimate))
-
-    def update_max_error(self, error: Array) -> None:
-        """Keep the largest error of each joint."""
-        self.worst = np.maximum(self.worst, np.abs(error))
 
     def result(self, outcome: SimulationOutcome) -> SimulationResult:
         """All samples side by side."""
@@ -200,7 +211,8 @@ class _Loop:
         return SimulationResult(
             outcome=outcome,
             **columns,
-            max_tracking_error=self.worst,
+            bounds=self.bounds,
+            max_tracking_error=np.maximum(self.bounds.max_error, np.abs(error).max(axis=0)),
             settling_time=settled,
             evaluations=self.evaluations,
             steps=self.steps,

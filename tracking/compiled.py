@@ -21,7 +21,7 @@ from tracking.integrate import (
     run_kernel,
 )
 from tracking.loop import EVALUATIONS, FAILED, FLAG_COUNT, HELD, Loop
-from tracking.reference import ReferenceSignal
+from tracking.motion_bounds import empty_bounds
 from tracking.result import SimulationOutcome, SimulationResult, settling_time
 from tracking.setup import Setup
 
@@ -29,8 +29,6 @@ _OUTCOMES = {
     DIVERGED: SimulationOutcome.DIVERGED,
     EXHAUSTED: SimulationOutcome.EXHAUSTED,
 }
-#: The rest after a trajectory is a piece of its own.
-_REST = 1
 
 
 def run(setup: Setup, law: Law) -> SimulationResult:
@@ -61,7 +59,7 @@ def _loop(setup: Setup, law: Law) -> Loop:
     acting = setup.disturbance or Disturbance()
     constant, amplitude = acting.parts(setup.robot)
     tip = setup.robot.tip
-    breaks, coefficients = _reference(setup.signal)
+    breaks, coefficients = setup.signal.arrays()
     flags = np.zeros(FLAG_COUNT, dtype=np.int64)
     flags[HELD] = int(setup.zero_order_hold)
     return Loop(
@@ -85,15 +83,6 @@ def _loop(setup: Setup, law: Law) -> Loop:
     )
 
 
-def _reference(signal: ReferenceSignal) -> tuple[Array, Array]:
-    trajectory = signal.trajectory
-    m, n, k = trajectory.coefficients.shape
-    coefficients = np.zeros((m + _REST, n, k))
-    coefficients[:m] = trajectory.coefficients
-    coefficients[m, :, 0] = trajectory.end
-    return np.array(trajectory.breaks), coefficients
-
-
 def _record(times: Array, n: int, N: int) -> Record:
     m = len(times)
     return Record(
@@ -103,7 +92,7 @@ def _record(times: Array, n: int, N: int) -> Record:
         np.zeros((m, n), dtype=np.bool_),
         np.zeros(m),
         np.zeros((m, 2, n)),
-        np.zeros(n),
+        empty_bounds(float(times[-1]), n),
         np.zeros(COUNTER_COUNT, dtype=np.int64),
     )
 
@@ -126,7 +115,8 @@ def _result(
         saturated=record.saturated[:m].copy(),
         lyapunov=record.lyapunov[:m],
         estimate=x[:, 2 * n :],
-        max_tracking_error=record.worst,
+        bounds=record.bounds,
+        max_tracking_error=np.maximum(record.bounds.max_error, np.abs(error).max(axis=0)),
         settling_time=settling_time(times, error, setup.options.settling_tolerance),
         evaluations=int(loop.flags[EVALUATIONS]),
         steps=int(record.counters[EXPLICIT_STEPS]),

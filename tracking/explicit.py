@@ -112,6 +112,29 @@ def explicit_dense(loop: Loop, steps: Steps, t: float, h: float, x: Array, end: 
 
 
 @kernel
+def explicit_polynomials(F: Array, x: Array, out: Array) -> None:
+    """Write the dense output as powers of the part of the step that has passed into out (2 n, 8).
+
+    Args:
+        F: The dense output, shape (7, N).
+        x: State at the start of the step, shape (N,).
+        out: Coefficients of the first 2 n states.
+    """
+    for i in range(out.shape[0]):
+        c = out[i]
+        for k in range(c.shape[0]):
+            c[k] = 0.0
+        for k in range(POWERS):
+            c[0] += F[POWERS - 1 - k, i]
+            # Times u or, for every second polynomial, 1 - u.
+            for j in range(POWERS, 0, -1):
+                c[j] = c[j - 1] if k % 2 == 0 else c[j] - c[j - 1]
+            if k % 2 == 0:
+                c[0] = 0.0
+        c[0] += x[i]
+
+
+@kernel
 def explicit_interpolate(steps: Steps, x: Array, place: float, out: Array) -> None:
     """The state at a part ``place`` of the step from x, from the dense output, into out (N,)."""
     for i in range(out.shape[0]):

@@ -244,3 +244,25 @@ def implicit_interpolate(stages: Stages, x: Array, place: float, out: Array) -> 
     for i in range(out.shape[0]):
         Z = stages.Z
         out[i] = x[i] + first * Z[0, i] + second * Z[1, i] + third * Z[2, i]
+
+
+@kernel
+def implicit_polynomials(stages: Stages, x: Array, out: Array) -> None:
+    """Write the collocation polynomial as powers of the part of the step that has passed.
+
+    Args:
+        stages: Those of the step.
+        x: State at the start of the step, shape (N,).
+        out: Coefficients of the first 2 n states, shape (2 n, 8).
+    """
+    a, b = _NODES[0], _NODES[1]
+    A, B, C = a * (a - b) * (a - 1.0), b * (b - a) * (b - 1.0), (1.0 - a) * (1.0 - b)
+    Z = stages.Z
+    for i in range(out.shape[0]):
+        first, second, third = Z[0, i] / A, Z[1, i] / B, Z[2, i] / C
+        for k in range(out.shape[1]):
+            out[i, k] = 0.0
+        out[i, 0] = x[i]
+        out[i, 1] = b * first + a * second + a * b * third
+        out[i, 2] = -((1.0 + b) * first + (1.0 + a) * second + (a + b) * third)
+        out[i, 3] = first + second + third

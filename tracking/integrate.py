@@ -13,12 +13,14 @@ from tracking.explicit import (
     Steps,
     explicit_dense,
     explicit_interpolate,
+    explicit_polynomials,
     explicit_step,
 )
 from tracking.implicit import (
     Stages,
     factor_all,
     implicit_interpolate,
+    implicit_polynomials,
     implicit_step,
     jacobian,
 )
@@ -33,8 +35,8 @@ from tracking.loop import (
     command_kernel,
     lyapunov_at,
     rate_kernel,
-    reference_kernel,
 )
+from tracking.motion_bounds import STEP_COEFFICIENTS, MotionBounds, bound_step
 from tracking.schedule import Events
 
 # How a run ends.
@@ -79,7 +81,7 @@ class Record(NamedTuple):
         saturated: Shape (m, n).
         lyapunov: Shape (m,).
         references: Position and velocity, shape (m, 2, n).
-        worst: Largest tracking error so far, shape (n,).
+        bounds: Of errors, positions and velocities over all steps.
         counters: See ``SAMPLES`` and the following, shape (COUNTER_COUNT,).
     """
 
@@ -89,22 +91,14 @@ class Record(NamedTuple):
     saturated: NDArray[np.bool_]
     lyapunov: Array
     references: Array
-    worst: Array
+    bounds: MotionBounds
     counters: NDArray[np.int64]
-
-
-@kernel
-def update_max_error(loop: Loop, record: Record, t: float, x: Array) -> None:
-    """Raise the largest tracking error of each joint to that at time t and state x (N,)."""
-    reference_kernel(loop.breaks, loop.coefficients, loop.flags[PIECE], t, loop.reference)
-    for i in range(record.worst.shape[0]):
-        record.worst[i] = max(record.worst[i], abs(loop.reference[0, i] - x[i]))
 
 
 @kernel
 def sample(loop: Loop, record: Record, t: float, x: Array, command: Array) -> None:
     """Record a sample at time t and state x (N,); ``command`` (n + b,) is a work array."""
-    k, n = record.counters[SAMPLES], record.worst.shape[0]
+    k, n = record.counters[SAMPLES], record.torques.shape[1]
     if loop.flags[HELD] == 0:
         command_kernel(loop, t, x, command)
     else:
@@ -113,10 +107,10 @@ def sample(loop: Loop, record: Record, t: float, x: Array, command: Array) -> No
     for i in range(n):
         record.torques[k, i] = command[i]
         record.saturated[k, i] = loop.asked[i] != command[i]
+        record.bounds.peak_torque[i] = max(record.bounds.peak_torque[i], abs(command[i]))
     for i in range(x.shape[0]):
         record.states[k, i] = x[i]
     record.lyapunov[k] = lyapunov_at(loop, t, x)
-    update_max_error(loop, record, t, x)
     for i in range(n):
         record.references[k, 0, i] = loop.reference[0, i]
         record.references[k, 1, i] = loop.reference[1, i]
@@ -155,11 +149,20 @@ class Scratch(NamedTuple):
         end: State at the end of a step, shape (N,).
         between: State within it, shape (N,).
         command: Torque and rate of the estimate, shape (n + b,).
+        motion: Positions and velocities over a step as polynomials, shape (2 n, 8).
     """
 
     end: Array
     between: Array
     command: Array
+    motion: Array
+
+
+@kernel
+def _scratch(loop: Loop, N: int) -> Scratch:
+    """Work arrays for N states."""
+    motion = np.empty((2 * loop.limit.shape[0], STEP_COEFFICIENTS))
+    return Scratch(np.empty(N), np.empty(N), np.empty(loop.command.shape[0]), motion)
 
 
 @kernel
@@ -185,8 +188,12 @@ def _sample_explicit(
     h: float,
     after: float,
 ) -> None:
-    """Record the samples due before ``after`` in an explicit step h from time t and state x."""
-    is_dense = False
+    """Record the samples due before ``after`` in an explicit step h from time t and state x.
+
+    The motion over the step is left in ``scratch.motion``; so it is by ``_sample_implicit``.
+    """
+    explicit_dense(loop, steps, t, h, x, scratch.end)
+    explicit_polynomials(steps.F, x, scratch.motion)
     while (
         record.counters[SAMPLES] < record.times.shape[0] - 1
         and record.times[record.counters[SAMPLES]] < after
@@ -196,9 +203,6 @@ def _sample_explicit(
         if share <= 0.0:
             sample(loop, record, at, x, scratch.command)
             continue
-        if not is_dense:
-            explicit_dense(loop, steps, t, h, x, scratch.end)
-            is_dense = True
         explicit_interpolate(steps, x, share, scratch.between)
         sample(loop, record, at, scratch.between, scratch.command)
 
@@ -215,6 +219,7 @@ def _sample_implicit(
     after: float,
 ) -> None:
     """Record the samples due before ``after`` in an implicit step h from time t and state x."""
+    implicit_polynomials(stages, x, scratch.motion)
     while (
         record.counters[SAMPLES] < record.times.shape[0] - 1
         and record.times[record.counters[SAMPLES]] < after
@@ -226,6 +231,37 @@ def _sample_implicit(
             continue
         implicit_interpolate(stages, x, share, scratch.between)
         sample(loop, record, at, scratch.between, scratch.command)
+
+
+@kernel
+def _note_step(
+    loop: Loop,
+    record: Record,
+    scratch: Scratch,
+    x: Array,
+    t: float,
+    h: float,
+    error: float,
+    tolerances: Array,
+) -> None:
+    """Bound the motion over an accepted step h from time t and state x (N,), and add its error.
+
+    ``error`` is the root mean square over all states in units of the tolerance, so no joint's is
+    more than sqrt(N) times that.
+    """
+    piece = loop.flags[PIECE]
+    bounds = record.bounds
+    reference = loop.coefficients[piece]
+    bound_step(bounds, reference, loop.breaks[piece], scratch.motion, t, h)
+    for i in range(bounds.local_error.shape[0]):
+        scale = tolerances[1] + tolerances[0] * max(abs(x[i]), abs(scratch.end[i]))
+        bounds.local_error[i] += np.sqrt(x.shape[0]) * error * scale
+        if loop.flags[HELD] != 0:
+            bounds.peak_torque[i] = max(bounds.peak_torque[i], abs(loop.command[i]))
+    if loop.flags[HELD] == 0:
+        command_kernel(loop, t + h, scratch.end, scratch.command)
+        for i in range(bounds.peak_torque.shape[0]):
+            bounds.peak_torque[i] = max(bounds.peak_torque[i], abs(scratch.command[i]))
 
 
 @kernel
@@ -275,7 +311,7 @@ def run_kernel(  # noqa: C901, PLR0912, PLR0915  one loop over segments and step
         How it ended.
     """
     N, segments = x.shape[0], events.times.shape[0] - 1
-    scratch = Scratch(np.empty(N), np.empty(N), np.empty(loop.command.shape[0]))
+    scratch = _scratch(loop, N)
     end, stiff_steps, calm_steps, is_stiff, h = scratch.end, 0, 0, False, 0.0
     for s in range(segments):
         t, stop = events.times[s], events.times[s + 1]
@@ -334,6 +370,7 @@ def run_kernel(  # noqa: C901, PLR0912, PLR0915  one loop over segments and step
                 _sample_implicit(loop, stages, record, scratch, x, t, tried, after)
             else:
                 _sample_explicit(loop, steps, record, scratch, x, t, tried, after)
+            _note_step(loop, record, scratch, x, t, tried, error, tolerances)
             growth = _MAX_GROWTH if error == 0.0 else min(_MAX_GROWTH, _SAFETY * error**-power)
             h = tried * max(_MAX_SHRINK, min(growth, 1.0) if rejected else growth)
             if is_stiff and tried <= h <= 1.2 * tried:
@@ -343,7 +380,6 @@ def run_kernel(  # noqa: C901, PLR0912, PLR0915  one loop over segments and step
             for i in range(N):
                 x[i] = end[i]
             t = after
-            update_max_error(loop, record, t, x)
             if is_last:
                 break
             if is_stiff:

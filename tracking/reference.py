@@ -32,6 +32,14 @@ class ReferenceSignal:
         """Index of the piece that begins at, or contains, time ``t`` [s]."""
         return int(np.searchsorted(self.trajectory.breaks, t, side="right")) - 1
 
+    def arrays(self) -> tuple[Array, Array]:
+        """Breaks (m + 1,) and coefficients (m + 1, n, k); the last piece is the rest at the end."""
+        m, n, k = self.trajectory.coefficients.shape
+        coefficients = np.zeros((m + 1, n, k))
+        coefficients[:m] = self.trajectory.coefficients
+        coefficients[m, :, 0] = self.trajectory.end
+        return np.array(self.trajectory.breaks), coefficients
+
     def breaks(self, duration: float) -> list[float]:
         """Times within (0, duration) at which a piece ends [s]."""
         return [float(t) for t in self.trajectory.breaks[1:] if t < duration]

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.arrays import Array, frozen
+from tracking.motion_bounds import MotionBounds
 
 
 class SimulationOutcome(Enum):
@@ -39,8 +40,9 @@ class SimulationResult:
         lyapunov: V of the controller's stability proof, with the true robot's M and parameters,
             shape (m,).
         estimate: Parameters of an adaptive controller, shape (m, p); p = 0 for the others.
-        max_tracking_error: Largest |q^r - q| of each joint at any sample and any step of the
-            integrator, shape (n,) [rad or m].
+        max_tracking_error: Largest |q^r - q| of each joint at any instant, bounded over every step
+            of the integrator, shape (n,) [rad or m].
+        bounds: Least and largest errors, positions and velocities over small cells of time.
         settling_time: First sample from which on the tracking error stays within the settling
             tolerance [s]; None where it does not at the end.
         evaluations: Evaluations of the robot's dynamics that it took.
@@ -59,6 +61,7 @@ class SimulationResult:
     lyapunov: Array
     estimate: Array
     max_tracking_error: Array
+    bounds: MotionBounds
     settling_time: float | None
     evaluations: int
     steps: int = 0

@@ -149,11 +149,13 @@ from armwright_client.shape import (
     Sphere,
 )
 from armwright_client.simulation import (
+    RemainingClearance,
     SimulatedController,
     SimulateOptions,
     SimulateRequest,
     Simulation,
     SimulationReference,
+    TrackedLimitUse,
     Tube,
 )
 from armwright_client.tool_motion import TimedToolMotions, ToolMotion
@@ -262,6 +264,7 @@ __all__ = [
     "RegressorOptions",
     "RegressorRequest",
     "RelativePoseConstraint",
+    "RemainingClearance",
     "Reproducibility",
     "RetimePath",
     "RetimeRequest",
@@ -299,6 +302,7 @@ __all__ = [
     "ToolMotionReport",
     "ToolSpeedConstraint",
     "TorqueConstraint",
+    "TrackedLimitUse",
     "Trajectory",
     "Tube",
     "Unsolved",

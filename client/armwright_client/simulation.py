@@ -71,6 +71,40 @@ class SimulateRequest(Request):
     seed: int | None = None
 
 
+class RemainingClearance(Answer):
+    """Clearance of the reference from obstacles, or among own links, and what tracking leaves.
+
+    Args:
+        clearance: The certificate's bound for the reference [m]; None with nothing to hit.
+        pair: The pair that comes nearest.
+        displacement: Of any point from where it should be, or of a link as another one sees it, at
+            most [m].
+        displaced_link: The link that is displaced that much.
+        seen_from: The link that sees it; None for the base.
+        remaining: Clearance that is left, at least [m].
+    """
+
+    clearance: float | None = None
+    pair: tuple[str, str] | None = None
+    displacement: float
+    displaced_link: str | None = None
+    seen_from: str | None = None
+    remaining: float | None = None
+
+
+class TrackedLimitUse(Answer):
+    """Use of one kind of limit by the tracked motion.
+
+    Args:
+        ratio: Largest |value| / limit; for positions of the distance from the middle of the range
+            to half the range. Above 1 the limit is broken.
+        joint: The joint.
+    """
+
+    ratio: float
+    joint: str
+
+
 class Tube(Answer):
     """Whether the motion as it was tracked still clears all obstacles.
 
@@ -79,7 +113,10 @@ class Tube(Answer):
         reach: How far any point of the robot moves for a unit of each joint, at most.
         displacement: Of any point of the robot from where it should be, at most [m].
         reference_clearance: The certificate's bound [m]; None with nothing to hit.
-        remaining_clearance: What is left of it [m], at least.
+        remaining_clearance: What is left [m], at least: the smaller of the two below.
+        obstacles: Clearance from obstacles, and what tracking leaves of it.
+        own_links: Clearance among the robot's own links, likewise.
+        limits: Use of position, velocity and torque limits by the tracked motion.
         tracked_clearance: Certified of the cubic through the samples of the tracked motion [m].
         clears: Whether the tracked motion is proved to clear everything.
         reason: Why not.
@@ -90,6 +127,9 @@ class Tube(Answer):
     displacement: float
     reference_clearance: float | None = None
     remaining_clearance: float | None = None
+    obstacles: RemainingClearance
+    own_links: RemainingClearance
+    limits: dict[str, TrackedLimitUse]
     tracked_clearance: float | None = None
     clears: bool
     reason: str | None = None

@@ -102,6 +102,8 @@ class Certificate:
         path_deviation: How far the tool is off the motions asked for, where some were.
         path_constraints: How well each constraint of the path is held.
         proved: Which parts were proved, and why others were not.
+        obstacle_pair: The pair with the least clearance of those with an obstacle.
+        self_pair: The same of the robot's own links and what it holds.
     """
 
     verified: bool
@@ -117,6 +119,8 @@ class Certificate:
     path_deviation: PathDeviation | None = None
     path_constraints: tuple[ConstraintReport, ...] = ()
     proved: Proved = Proved(False, False)
+    obstacle_pair: tuple[str, str] | None = None
+    self_pair: tuple[str, str] | None = None
 
     @property
     def path_constraint_residual(self) -> float | None:
@@ -189,7 +193,7 @@ def certify(
     return Certificate(
         verified=first is None,
         min_clearance=min(obstacle, own),
-        clearance_pair=proof.closest,
+        clearance_pair=proof.closest(OBSTACLE if obstacle <= own else OWN),
         min_obstacle_clearance=obstacle,
         min_self_clearance=own,
         method=METHOD,
@@ -200,6 +204,8 @@ def certify(
         path_deviation=deviation,
         path_constraints=kept,
         proved=Proved(within, free, _reasons(wrong, None if solid else _no_solids(robot))),
+        obstacle_pair=proof.closest(OBSTACLE),
+        self_pair=proof.closest(OWN),
     )
 
 
@@ -279,10 +285,9 @@ class _Proof:
         """Proved from obstacles and among the robot's own links [m]."""
         return float(self._sweep.clearance[OBSTACLE]), float(self._sweep.clearance[OWN])
 
-    @property
-    def closest(self) -> tuple[str, str] | None:
-        """The pair that the smaller of them belongs to."""
-        i, j = (int(k) for k in self._sweep.closest[np.argmin(self._sweep.clearance)])
+    def closest(self, against: int) -> tuple[str, str] | None:
+        """The pair with the least clearance, of those with obstacles or of the robot's own."""
+        i, j = (int(k) for k in self._sweep.closest[against])
         return self._table.names(i, j) if i >= 0 else None
 
     def run(self) -> None:

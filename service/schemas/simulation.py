@@ -223,12 +223,40 @@ class SimulateRequest(Body):
     relative_tolerance: Annotated[float, Field(ge=1e-13, le=1e-2)] = 1e-8
     absolute_tolerance: Annotated[float, Field(ge=1e-13, le=1e-2)] = 1e-10
     scene: SceneReference | None = Field(
-        None, description="with one, the tracking tube is answered; an empty one will do"
+        None,
+        description="with one, the tracking tube is answered; an empty one will do. Tolerances are "
+        "then at most 1e-10 (relative) and 1e-12 (absolute)",
     )
     attached: AttachedObjects | None = None
     allowed_collisions: AllowedCollisions | None = None
     timeout: Timeout | None = None
     seed: Seed = 0
+
+
+class RemainingClearance(Answer):
+    """Clearance of the reference from obstacles, or among own links, and what tracking leaves."""
+
+    clearance: float | None = Field(
+        description="the certificate's bound for the reference [m]; null with nothing to hit"
+    )
+    pair: tuple[str, str] | None = Field(description="the pair that comes nearest")
+    displacement: float = Field(
+        description="from obstacles: of any point of the robot from where it should be; among own "
+        "links: of a link as another one sees it; at most [m]"
+    )
+    displaced_link: str | None = Field(description="the link that is displaced that much")
+    seen_from: str | None = Field(description="the link that sees it; null for the base")
+    remaining: float | None = Field(description="clearance that is left, at least [m]")
+
+
+class LimitUseAnswer(Answer):
+    """Use of one kind of limit by the tracked motion."""
+
+    ratio: float = Field(
+        description="largest |value| / limit; for positions of the distance from the middle of the "
+        "range to half the range; above 1 the limit is broken"
+    )
+    joint: str
 
 
 class TubeAnswer(Answer):
@@ -239,12 +267,19 @@ class TubeAnswer(Answer):
         description="how far any point of the robot moves for a unit of each joint, at most"
     )
     displacement: float = Field(
-        description="of any point of the robot from where it should be, at most: Σ reach · error"
+        description="of any point of the robot from where it should be, at most [m]"
     )
     reference_clearance: float | None = Field(
         description="the certificate's bound for the reference [m]; null with nothing to hit"
     )
-    remaining_clearance: float | None = Field(description="what is left of it [m], at least")
+    remaining_clearance: float | None = Field(
+        description="what is left [m], at least: the smaller of obstacles' and own links'"
+    )
+    obstacles: RemainingClearance
+    own_links: RemainingClearance
+    limits: dict[str, LimitUseAnswer] = Field(
+        description="position, velocity and torque of the tracked motion, where limits are known"
+    )
     tracked_clearance: float | None = Field(
         None,
         description="certified clearance of the cubic through the samples of the tracked motion "
@@ -288,7 +323,8 @@ class SimulateAnswer(Answer):
     estimate: Matrix | None = Field(None, description="Θ̂(t) of an adaptive controller")
     true_parameters: list[float] | None = Field(None, description="Θ of the robot, for comparison")
     max_tracking_error: float = Field(
-        description="of any joint, over all steps of the integrator [rad or m]"
+        description="of any joint at any instant, bounded over every step of the integrator "
+        "[rad or m]"
     )
     max_joint_errors: list[float] = Field(description="the same of each joint")
     settled: bool

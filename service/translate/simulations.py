@@ -31,6 +31,9 @@ from tracking.result import SimulationOutcome, SimulationResult
 _EVALUATIONS_PER_SECOND = 100_000
 #: Evaluations of the dynamics that any run may take, however short it is.
 _LEAST_EVALUATIONS = 1_000_000
+#: Loosest tolerances for a tracking tube: the integrator's errors are added to it.
+_TUBE_RELATIVE_TOLERANCE = 1e-10
+_TUBE_ABSOLUTE_TOLERANCE = 1e-12
 #: Outcomes as answers name them.
 _OUTCOMES: Mapping[SimulationOutcome, str] = {
     SimulationOutcome.COMPLETED: "completed",
@@ -206,12 +209,16 @@ def options(body: schema.SimulateRequest, trajectory: Trajectory) -> SimulationO
             f"{schema.MAX_SAMPLES} samples",
             hint=f"Give at least {duration / schema.MAX_SAMPLES:.3g} s.",
         )
+    relative, absolute = body.relative_tolerance, body.absolute_tolerance
+    if body.scene is not None:
+        relative = min(relative, _TUBE_RELATIVE_TOLERANCE)
+        absolute = min(absolute, _TUBE_ABSOLUTE_TOLERANCE)
     return SimulationOptions(
         duration=body.duration,
         sample_period=body.sample_period,
         control_period=body.control_period,
-        relative_tolerance=body.relative_tolerance,
-        absolute_tolerance=body.absolute_tolerance,
+        relative_tolerance=relative,
+        absolute_tolerance=absolute,
         saturate=body.saturate,
         settling_tolerance=body.settling_tolerance,
         max_evaluations=max(_LEAST_EVALUATIONS, round(_EVALUATIONS_PER_SECOND * duration)),

@@ -31,6 +31,7 @@ from service.translate.simulations import (
 from tracking.adaptive import Adaptive
 from tracking.computed_torque import ComputedTorque
 from tracking.independent_joint import IndependentJoint
+from tracking.motion_bounds import empty_bounds
 from tracking.passivity import Passivity
 from tracking.pd_gravity import PdGravity
 from tracking.result import SimulationOutcome, SimulationResult
@@ -283,8 +284,8 @@ def result(outcome: SimulationOutcome, settled: float | None, count: int = 0) ->
     cut = np.array([[False, False], [False, True], [True, True]])
     return SimulationResult(
         outcome, np.array([0.0, 0.5, 1.0]), rows, 2.0 * rows, 3.0 * rows, 4.0 * rows, 5.0 * rows,
-        cut, np.array([3.0, 2.0, 1.0]), np.ones((3, count)), np.array([0.1, 0.7]), settled,
-        99, 8, 7,
+        cut, np.array([3.0, 2.0, 1.0]), np.ones((3, count)), np.array([0.1, 0.7]),
+        empty_bounds(1.0, 2), settled, 99, 8, 7,
     )  # fmt: skip
 
 

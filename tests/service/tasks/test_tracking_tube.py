@@ -1,0 +1,119 @@
+"""Clearance that tracking leaves: own links and obstacles apart, each with its cure."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+
+from service.tasks.tracking_tube import Clearance, remaining
+from tests.service.robots import answer
+from tracking.tube import Displacement
+
+#: A ball of 0.05 m that swings at 1 m in the vertical plane.
+PENDULUM = """<robot name="pendulum">
+<link name="world"/><joint name="swing" type="revolute"><parent link="world"/><child link="rod"/>
+<axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="1000" velocity="20"/></joint>
+<link name="rod"><inertial><origin xyz="0 0 -1"/><mass value="1"/>
+<inertia ixx="1e-6" iyy="1e-6" izz="1e-6" ixy="0" ixz="0" iyz="0"/></inertial>
+<collision><origin xyz="0 0 -1"/><geometry><sphere radius="0.05"/></geometry></collision></link>
+</robot>"""
+HOME = [0.0, -0.5, 0.0, -2.0, 0.0, 1.6, 0.8]
+
+
+def ball(angle: float, gap: float) -> dict[str, Any]:
+    """A ball of 0.05 m that the bob touches less ``gap`` when it hangs at ``angle``."""
+    along = angle + 2.0 * float(np.arcsin((0.1 + gap) / 2.0))
+    center = [-float(np.sin(along)), 0.0, -float(np.cos(along))]
+    shape = {"type": "sphere", "radius": 0.05}
+    return {"id": "ball", "shape": shape, "pose": {"position": center}}
+
+
+@pytest.mark.parametrize(("tolerance", "period"), [(1e-3, 1.0), (1e-4, 0.5), (1e-8, 0.01)])
+@pytest.mark.parametrize(("gap", "clears"), [(-5e-4, False), (3e-3, True)])
+def test_a_swing_between_samples_counts(
+    client: httpx.Client, tolerance: float, period: float, gap: float, clears: bool
+) -> None:
+    """A push makes the pendulum swing out and back between two samples."""
+    client.post("/v1/robots", json={"name": "pendulum", "urdf": PENDULUM})
+    w, zeta, rate = 6.0, 0.2, 0.3
+    wd = w * np.sqrt(1.0 - zeta**2)
+    t = np.arctan2(wd, zeta * w) / wd
+    peak = rate * np.exp(-zeta * w * t) * np.sin(wd * t) / wd
+    body = {
+        "robot": "pendulum",
+        "trajectory": {"segments": [{"t0": 0.0, "t1": 2.0, "coefficients": [[0.0]]}]},
+        "controller": {"type": "computed_torque", "natural_frequency": w, "damping": zeta},
+        "initial_state": {"velocity_offset": [rate]},
+        "scene": {"obstacles": [ball(float(peak), gap)]},
+        "relative_tolerance": tolerance,
+        "absolute_tolerance": tolerance * 1e-2,
+        "sample_period": period,
+    }
+    found = answer(client.post("/v1/simulate", json=body))
+    assert found["max_tracking_error"] == pytest.approx(peak, rel=1e-5)
+    around = found["tube"]
+    assert around["joint_error"][0] >= peak
+    assert around["clears"] is clears, around["reason"]
+    true = 2.0 * float(np.sin(peak / 2.0)) * 1.05
+    assert around["displacement"] == pytest.approx(true, rel=0.02)
+    assert around["limits"]["velocity"]["ratio"] == pytest.approx(rate / 20.0, rel=1e-4)
+    if not clears:
+        assert "margin larger by more than" in around["reason"]
+        assert "'ball'" in around["reason"]
+
+
+def test_own_links_are_held_against_their_own_clearance(client: httpx.Client) -> None:
+    """A push on the first joint turns the whole arm, and moves no link of it against another."""
+    away = [0.5, *HOME[1:]]
+    rows = [
+        [a, 0, 0, 10 * (b - a), -15 * (b - a), 6 * (b - a)] for a, b in zip(HOME, away, strict=True)
+    ]
+    wall = {"type": "box", "size": [0.1, 2, 2]}
+    body = {
+        "robot": "panda",
+        "trajectory": {"segments": [{"t0": 0.0, "t1": 1.0, "coefficients": rows}]},
+        "controller": {"type": "computed_torque", "natural_frequency": 12.0},
+        "disturbance": {"torque": [6.0, 0, 0, 0, 0, 0, 0]},
+        "scene": {
+            "obstacles": [{"id": "wall", "shape": wall, "pose": {"position": [1.9, 0, 0.5]}}]
+        },
+        "saturate": False,
+    }
+    around = answer(client.post("/v1/simulate", json=body))["tube"]
+    own, obstacles = around["own_links"], around["obstacles"]
+    # The wall is far, the links of the arm are as near to each other as ever.
+    assert obstacles["clearance"] >= 0.05
+    assert around["displacement"] > own["clearance"] > 0.005
+    assert obstacles["remaining"] > 0.02
+    assert own["remaining"] > 0.0
+    assert around["clears"], around["reason"]
+    # What the cubic through the samples keeps is more than what is proved to remain.
+    assert around["tracked_clearance"] >= around["remaining_clearance"]
+    push = {"torque": [0, 40.0, 0, -40.0, 0, 20.0, 0]}
+    around = answer(client.post("/v1/simulate", json=body | {"disturbance": push}))["tube"]
+    assert not around["clears"]
+    assert around["own_links"]["remaining"] < 0.0
+    assert "a margin does not concern them" in around["reason"]
+    assert repr(around["own_links"]["pair"][0]) in around["reason"]
+
+
+def test_parts_that_lose_much_are_held_against_their_own_clearance() -> None:
+    asked: list[set[str]] = []
+
+    def clearance_of(parts: Mapping[str, Displacement]) -> Clearance:
+        asked.append(set(parts))
+        return Clearance(0.3, ("hand", "shelf"))
+
+    moved = {"shoulder": Displacement(0.001), "hand": Displacement(0.02)}
+    near = Clearance(0.01, ("shoulder", "floor"))
+    left = remaining(near, moved, clearance_of)
+    assert asked == [{"hand"}]
+    assert (left.displaced, left.pair) == ("shoulder", ("shoulder", "floor"))
+    assert left.distance == pytest.approx(0.009)
+    # Without a proof for some all share the clearance of the nearest.
+    assert remaining(near, moved, None).distance == pytest.approx(-0.01)
+    # And where nothing is gained by asking on, that is what remains.
+    assert remaining(near, moved, lambda _: near).distance == pytest.approx(-0.01)
+    assert remaining(near, {}, None).distance == 0.01
