@@ -75,7 +75,7 @@ def test_own_links_are_held_against_their_own_clearance(client: httpx.Client) ->
         "robot": "panda",
         "trajectory": {"segments": [{"t0": 0.0, "t1": 1.0, "coefficients": rows}]},
         "controller": {"type": "computed_torque", "natural_frequency": 12.0},
-        "disturbance": {"torque": [6.0, 0, 0, 0, 0, 0, 0]},
+        "disturbance": {"torque": [2.0, 0, 0, 0, 0, 0, 0]},
         "scene": {
             "obstacles": [{"id": "wall", "shape": wall, "pose": {"position": [1.9, 0, 0.5]}}]
         },
