@@ -42,3 +42,25 @@ def coriolis_matrix(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Array:
     C = np.empty((state.shape[0], chain.n, chain.n))
     coriolis_batch_kernel(packed.rows, state, C)
     return C.reshape(*lead, chain.n, chain.n)
+
+
+def christoffel_symbols(chain: Chain, q: ArrayLike) -> Array:
+    """Christoffel symbols c_ijk = (d_kj,i + d_ki,j - d_ij,k) / 2 of the mass matrix D, exact.
+
+    C is linear in the velocities, so c_ijk is C_kj at the velocity e_i. c_ijk = c_jik.
+
+    Args:
+        chain: The robot.
+        q: Positions, (n,) or (..., n) [rad or m].
+
+    Returns:
+        Shape (..., n, n, n), indices i, j, k.
+
+    Raises:
+        InvalidRobotState: q has the wrong length or is not finite.
+        MissingInertia: Some joint carries nothing that has an inertia.
+    """
+    q = chain.configuration(q)
+    each = np.repeat(q[..., None, :], chain.n, axis=-2)
+    rates = np.broadcast_to(np.eye(chain.n), each.shape)
+    return np.asarray(np.swapaxes(coriolis_matrix(chain, each, rates), -1, -2))

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     check = service.tasks.check.check
     project = service.tasks.check.project
     dynamics = service.tasks.dynamics.dynamics_task
+    forward_dynamics = service.tasks.dynamics.forward_dynamics_task
     regressor = service.tasks.dynamics.regressor_task
     wrench = service.tasks.dynamics.wrench_task
     ik = service.tasks.inverse_kinematics.ik
@@ -51,6 +52,7 @@ else:
     check = TaskReference("service.tasks.check:check")
     project = TaskReference("service.tasks.check:project")
     dynamics = TaskReference("service.tasks.dynamics:dynamics")
+    forward_dynamics = TaskReference("service.tasks.dynamics:forward_dynamics")
     regressor = TaskReference("service.tasks.dynamics:regressor")
     wrench = TaskReference("service.tasks.dynamics:wrench")
     ik = TaskReference("service.tasks.inverse_kinematics:ik")

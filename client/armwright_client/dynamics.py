@@ -134,10 +134,28 @@ class DynamicsOptions(ModelOptions, Generic[V], total=False):
         velocities: One row a configuration [rad/s or m/s]; at rest if left out.
         accelerations: One row a configuration [rad/s² or m/s²]; 0 if left out.
         wrench: (force, moment) that the tip exerts, in the base frame [N, N m].
+        christoffel_symbols: Answer c_ijk too.
+        partial_jacobians: Answer J_v and J_w of every body too.
     """
 
     velocities: V | None
     accelerations: V | None
+    wrench: VectorLike | None
+    christoffel_symbols: bool
+    partial_jacobians: bool
+
+
+class ForwardDynamicsOptions(ModelOptions, Generic[V], total=False):
+    """State of motion, torques and wrench; see also `ModelOptions`.
+
+    Args:
+        velocities: One row a configuration [rad/s or m/s]; at rest if left out.
+        torques: One row a configuration [N m or N]; 0 if left out.
+        wrench: (force, moment) that the tip exerts, in the base frame [N, N m].
+    """
+
+    velocities: V | None
+    torques: V | None
     wrench: VectorLike | None
 
 
@@ -195,10 +213,51 @@ class DynamicsRequest(Request):
     velocities: Vector | Rows | None = None
     accelerations: Vector | Rows | None = None
     wrench: Vector6 | None = None
+    christoffel_symbols: bool | None = None
+    partial_jacobians: bool | None = None
     gravity: Vector3 | None = None
     payload: Payload | None = None
     motor_inertia: float | Vector | None = None
     viscous_friction: float | Vector | None = None
+
+
+class ForwardDynamicsRequest(Request):
+    """Configurations, with velocities, torques and a wrench if they matter."""
+
+    joints: Vector | Rows
+    velocities: Vector | Rows | None = None
+    torques: Vector | Rows | None = None
+    wrench: Vector6 | None = None
+    gravity: Vector3 | None = None
+    payload: Payload | None = None
+    motor_inertia: float | Vector | None = None
+    viscous_friction: float | Vector | None = None
+
+
+class ForwardDynamicsAnswer(Answer):
+    """Accelerations that torques cause, n [rad/s² or m/s²]."""
+
+    accelerations: list[float]
+
+
+class ForwardDynamicsBatch(Answer):
+    """Accelerations that torques cause in many states [rad/s² or m/s²]."""
+
+    accelerations: list[list[float]]
+
+
+class PartialJacobian(Answer):
+    """Jacobians of the body that moves with a joint.
+
+    Args:
+        joint: Its name.
+        linear: J_v of the centre of mass, 3 x n; a list of them at many configurations.
+        angular: J_w, likewise.
+    """
+
+    joint: str
+    linear: Matrix | list[Matrix]
+    angular: Matrix | list[Matrix]
 
 
 class DynamicsAnswer(Answer):
@@ -213,6 +272,8 @@ class DynamicsAnswer(Answer):
         viscous_friction: B, n.
         kinetic_energy: [J].
         potential_energy: [J].
+        christoffel_symbols: On request; [i][j][k] is c_ijk.
+        partial_jacobians: On request, of every body.
     """
 
     mass_matrix: Matrix
@@ -223,6 +284,8 @@ class DynamicsAnswer(Answer):
     viscous_friction: list[float] | None = None
     kinetic_energy: float | None = None
     potential_energy: float | None = None
+    christoffel_symbols: list[Matrix] | None = None
+    partial_jacobians: list[PartialJacobian] | None = None
 
 
 class DynamicsBatch(Answer):
@@ -236,6 +299,8 @@ class DynamicsBatch(Answer):
     viscous_friction: list[float] | None = None
     kinetic_energy: list[float] | None = None
     potential_energy: list[float] | None = None
+    christoffel_symbols: list[list[Matrix]] | None = None
+    partial_jacobians: list[PartialJacobian] | None = None
 
 
 class RegressorRequest(Request):

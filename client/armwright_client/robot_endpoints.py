@@ -15,6 +15,10 @@ from armwright_client.dynamics import (
     DynamicsBatch,
     DynamicsOptions,
     DynamicsRequest,
+    ForwardDynamicsAnswer,
+    ForwardDynamicsBatch,
+    ForwardDynamicsOptions,
+    ForwardDynamicsRequest,
     RegressorAnswer,
     RegressorOptions,
     RegressorRequest,
@@ -193,6 +197,22 @@ class RobotEndpoints:
         """The equations of motion at many configurations; see `DynamicsOptions`."""
         body = DynamicsRequest.of(joints=joints, **options)
         return compute(robot, "dynamics", body, DynamicsBatch.read)
+
+    @Endpoint
+    def forward_dynamics(
+        self, robot: str, joints: VectorLike, **options: Unpack[ForwardDynamicsOptions[VectorLike]]
+    ) -> Call[ForwardDynamicsAnswer]:
+        """The accelerations that torques cause in a state; see `ForwardDynamicsOptions`."""
+        body = ForwardDynamicsRequest.of(joints=joints, **options)
+        return compute(robot, "forward-dynamics", body, ForwardDynamicsAnswer.read)
+
+    @Endpoint
+    def forward_dynamics_batch(
+        self, robot: str, joints: RowsLike, **options: Unpack[ForwardDynamicsOptions[RowsLike]]
+    ) -> Call[ForwardDynamicsBatch]:
+        """The accelerations that torques cause in many states; see `ForwardDynamicsOptions`."""
+        body = ForwardDynamicsRequest.of(joints=joints, **options)
+        return compute(robot, "forward-dynamics", body, ForwardDynamicsBatch.read)
 
     @Endpoint
     def potential(

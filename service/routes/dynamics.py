@@ -8,12 +8,15 @@ from service.routes.configurations import at_once, count, in_worker
 from service.schemas.dynamics import (
     DynamicsAnswer,
     DynamicsRequest,
+    ForwardDynamicsAnswer,
+    ForwardDynamicsRequest,
     RegressorAnswer,
     RegressorRequest,
     WrenchAnswer,
     WrenchRequest,
 )
 from service.task_references import dynamics as dynamics_task
+from service.task_references import forward_dynamics as forward_dynamics_task
 from service.task_references import regressor as regressor_task
 from service.task_references import wrench as wrench_task
 
@@ -39,9 +42,23 @@ async def dynamics(name: str, body: DynamicsRequest, request: Request) -> Respon
 
     A robot without inertias is refused with MISSING_INERTIA, which names the links.
     """
-    if count(body.joints) <= _BRIEF_STATES:
+    brief = not (body.christoffel_symbols or body.partial_jacobians)
+    if brief and count(body.joints) <= _BRIEF_STATES:
         return await at_once(request, name, dynamics_task)
     return await in_worker(request, name, dynamics_task)
+
+
+@router.post(
+    "/forward-dynamics", summary="Accelerations of torques", response_model=ForwardDynamicsAnswer
+)
+async def forward_dynamics(name: str, body: ForwardDynamicsRequest, request: Request) -> Response:
+    """The joint accelerations that torques and a wrench at the tip cause in a state of motion.
+
+    A robot without inertias is refused with MISSING_INERTIA, which names the links.
+    """
+    if count(body.joints) <= _BRIEF_STATES:
+        return await at_once(request, name, forward_dynamics_task)
+    return await in_worker(request, name, forward_dynamics_task)
 
 
 @router.post("/regressor", summary="Linear parametrisation", response_model=RegressorAnswer)

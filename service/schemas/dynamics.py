@@ -80,6 +80,18 @@ class DynamicsRequest(Model):
     wrench: Wrenches | None = Field(
         None, description="that the tip exerts on its surroundings, in the base frame [N, N m]"
     )
+    christoffel_symbols: bool = Field(False, description="answer c_ijk too")
+    partial_jacobians: bool = Field(False, description="answer J_v and J_ω of every body too")
+
+
+class PartialJacobian(Answer):
+    """Jacobians of the body that moves with a joint; with many configurations each is a list."""
+
+    joint: str
+    linear: Matrix | list[Matrix] = Field(
+        description="J_v of the body's centre of mass, 3 x n, in the base frame"
+    )
+    angular: Matrix | list[Matrix] = Field(description="J_ω of the body, 3 x n")
 
 
 class DynamicsAnswer(Answer):
@@ -95,6 +107,32 @@ class DynamicsAnswer(Answer):
     viscous_friction: list[float] = Field(description="B, n; 0 where the robot gives none")
     kinetic_energy: float | list[float] = Field(description="with the motors' part [J]")
     potential_energy: float | list[float] = Field(description="[J]")
+    christoffel_symbols: list[Matrix] | list[list[Matrix]] | None = Field(
+        None,
+        description="on request: [i][j][k] is c_ijk = (∂d_kj/∂q_i + ∂d_ki/∂q_j − ∂d_ij/∂q_k)/2",
+    )
+    partial_jacobians: list[PartialJacobian] | None = Field(
+        None, description="on request, of every body; links on fixed joints are part of a body"
+    )
+
+
+class ForwardDynamicsRequest(Model):
+    """States and torques whose accelerations are asked for."""
+
+    joints: Joints = Field(examples=[JOINTS_EXAMPLE])
+    velocities: Joints | None = Field(None, description="0 if left out", examples=[RATES_EXAMPLE])
+    torques: Joints | None = Field(
+        None, description="τ of the joints; 0 if left out [N m or N]", examples=[RATES_EXAMPLE]
+    )
+    wrench: Wrenches | None = Field(
+        None, description="that the tip exerts on its surroundings, in the base frame [N, N m]"
+    )
+
+
+class ForwardDynamicsAnswer(Answer):
+    """q̈ = (D + J)⁻¹ (τ − C q̇ − B q̇ − G − Jᵀ F); with many states a list of them."""
+
+    accelerations: list[float] | Matrix = Field(description="q̈, n [rad/s² or m/s²]")
 
 
 class RegressorRequest(Model):

@@ -9,18 +9,22 @@ import numpy as np
 from pydantic_core import to_json
 
 from dynamics.base_parameters import base_parameters
-from dynamics.coriolis import coriolis_matrix
+from dynamics.coriolis import christoffel_symbols, coriolis_matrix
 from dynamics.energy import kinetic_energy
+from dynamics.forward import forward_dynamics as forward
 from dynamics.gravity import gravity_vector, potential_energy
 from dynamics.inverse import inverse_dynamics
 from dynamics.mass_matrix import mass_matrix
+from dynamics.partial_jacobians import partial_jacobians
 from dynamics.payload import with_gravity, with_motors
 from dynamics.regressor import parameter_names, reference_regressor, standard_parameters
+from kinematics.arrays import Array
 from kinematics.chain import Chain
-from kinematics.errors import InvalidRobotState
+from kinematics.errors import InvalidOption, InvalidRobotState
 from kinematics.statics import holding_torques
 from service.schemas.dynamics import (
     DynamicsRequest,
+    ForwardDynamicsRequest,
     Model,
     RegressorRequest,
     WrenchRequest,
@@ -29,6 +33,9 @@ from service.storage import worker_cache
 from service.storage.cache_key import builtin_reference
 from service.tasks.answer import chain_task
 from service.translate.payload import loaded_chain
+
+#: Numbers of Christoffel symbols or partial Jacobians in one answer: some twenty megabytes.
+_MAX_NUMBERS = 1_000_000
 
 
 def model(chain: Chain, body: Model) -> Chain:
@@ -75,7 +82,8 @@ def dynamics(chain: Chain, body: DynamicsRequest) -> bytes:
         _check_rows(q, F)
     torques = inverse_dynamics(robot, q, qd, qdd, F)
     return to_json(
-        {
+        _terms(robot, q, body)
+        | {
             "mass_matrix": mass_matrix(robot, q).tolist(),
             "coriolis_matrix": coriolis_matrix(robot, q, qd).tolist(),
             "gravity": gravity_vector(robot, q).tolist(),
@@ -86,6 +94,50 @@ def dynamics(chain: Chain, body: DynamicsRequest) -> bytes:
             "potential_energy": potential_energy(robot, q).tolist(),
         }
     )
+
+
+def _terms(robot: Chain, q: Array, body: DynamicsRequest) -> dict[str, Any]:
+    """Christoffel symbols and partial Jacobians, where they are asked for."""
+    terms: dict[str, Any] = {"christoffel_symbols": None, "partial_jacobians": None}
+    numbers = q.size * robot.n * (robot.n if body.christoffel_symbols else 6)
+    if (body.christoffel_symbols or body.partial_jacobians) and numbers > _MAX_NUMBERS:
+        raise InvalidOption(
+            f"christoffel_symbols and partial_jacobians would be {numbers} numbers, at most "
+            f"{_MAX_NUMBERS} are answered",
+            hint="Send the configurations in several requests.",
+        )
+    if body.christoffel_symbols:
+        terms["christoffel_symbols"] = christoffel_symbols(robot, q).tolist()
+    if body.partial_jacobians:
+        linear, angular = partial_jacobians(robot, q)
+        terms["partial_jacobians"] = [
+            {
+                "joint": name,
+                "linear": linear[..., i, :, :].tolist(),
+                "angular": angular[..., i, :, :].tolist(),
+            }
+            for i, name in enumerate(robot.joint_names)
+        ]
+    return terms
+
+
+def forward_dynamics(chain: Chain, body: ForwardDynamicsRequest) -> bytes:
+    """Answer a request for the accelerations that torques cause.
+
+    Raises:
+        InvalidRobotState: Wrong length, or numbers of states that differ.
+        MissingInertia: The robot lacks an inertia.
+    """
+    robot = model(chain, body)
+    q = robot.configuration(body.joints)
+    zero = np.zeros(robot.n)
+    qd = zero if body.velocities is None else body.velocities
+    torques = zero if body.torques is None else body.torques
+    F = None if body.wrench is None else np.array(body.wrench)
+    if F is not None:
+        _check_rows(q, F)
+    accelerations = forward(robot, q, qd, torques, F)
+    return to_json({"accelerations": accelerations.tolist()})
 
 
 def regressor(chain: Chain, body: RegressorRequest) -> bytes:
@@ -120,6 +172,7 @@ def regressor(chain: Chain, body: RegressorRequest) -> bytes:
 
 
 dynamics_task = chain_task(dynamics, DynamicsRequest)
+forward_dynamics_task = chain_task(forward_dynamics, ForwardDynamicsRequest)
 regressor_task = chain_task(regressor, RegressorRequest)
 wrench_task = chain_task(wrench, WrenchRequest)
 
@@ -138,5 +191,7 @@ def warm() -> None:
     chain = worker_cache.chain(builtin_reference("planar_rr"))
     state = {name: [0.1, 0.2] for name in ("joints", "velocities", "accelerations")}
     dynamics(chain, DynamicsRequest.model_validate({**state, "wrench": [0.0] * 6}))
+    pushed = {"joints": [0.1, 0.2], "torques": [0.1, 0.2], "wrench": [0.0] * 6}
+    forward_dynamics(chain, ForwardDynamicsRequest.model_validate(pushed))
     regressor(chain, RegressorRequest.model_validate(state))
     wrench(chain, WrenchRequest.model_validate({"joints": [0.1, 0.2], "wrench": [0.0] * 6}))

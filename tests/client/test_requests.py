@@ -18,6 +18,7 @@ from service.schemas import cartesian as their_cartesian
 from service.schemas import certificate as their_certificate
 from service.schemas import check as their_check
 from service.schemas import constraint as their_constraint
+from service.schemas import dynamics as their_dynamics
 from service.schemas import kinematics as their_kinematics
 from service.schemas import plan as their_plan
 from service.schemas import pose as their_pose
@@ -124,6 +125,10 @@ PAIRS: list[tuple[type[Readable], type[BaseModel]]] = [
     (ours.Plan, their_plan.PlanAnswer),
     (ours.Descent, their_plan.DescentAnswer),
     (ours.Progress, their_plan.ProgressAnswer),
+    (ours.ForwardDynamicsRequest, their_dynamics.ForwardDynamicsRequest),
+    (ours.ForwardDynamicsAnswer, their_dynamics.ForwardDynamicsAnswer),
+    (ours.ForwardDynamicsBatch, their_dynamics.ForwardDynamicsAnswer),
+    (ours.PartialJacobian, their_dynamics.PartialJacobian),
     (ours.PotentialOptions, their_potential.PotentialOptions),
     (ours.PotentialRequest, their_potential.PotentialRequest),
     (ours.ControlPoint, their_potential.ControlPoint),

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from dynamics.coriolis import coriolis_matrix
+from dynamics.coriolis import christoffel_symbols, coriolis_matrix
 from kinematics.pose import transform
 from tests.dynamics.oracle import christoffel_function, relative_error
 from tests.dynamics.samples import (
@@ -67,3 +67,36 @@ def test_is_linear_in_the_velocity() -> None:
     both = coriolis_matrix(chain, q, qd) + coriolis_matrix(chain, q, other)
     assert relative_error(coriolis_matrix(chain, q, qd + other), both) < 1e-12
     np.testing.assert_array_equal(coriolis_matrix(chain, q, 0.0 * qd), 0.0)
+
+
+def test_christoffel_symbols_are_those_of_the_notes_planar_arm() -> None:
+    chain = planar_rr(masses=(2.0, 1.5), lengths=(0.7, 0.5), centers=(0.3, 0.2))
+    q = np.array([0.4, -1.1])
+    h = -1.5 * 0.7 * 0.2 * np.sin(q[1])
+    expected = np.zeros((2, 2, 2))
+    expected[0, 1, 0] = expected[1, 0, 0] = expected[1, 1, 0] = h
+    expected[0, 0, 1] = -h
+    np.testing.assert_allclose(christoffel_symbols(chain, q), expected, atol=1e-15)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_christoffel_symbols_are_derivatives_of_the_mass_matrix(seed: int) -> None:
+    chain = random_chain(seed, 4)
+    q, qd, _ = random_state(chain, seed, 6)
+    symbols = christoffel_symbols(chain, q)
+    assert symbols.shape == (6, 4, 4, 4)
+    np.testing.assert_allclose(symbols, np.swapaxes(symbols, 1, 2), atol=1e-12)
+    C = np.einsum("mijk,mi->mkj", symbols, qd)
+    np.testing.assert_allclose(C, coriolis_matrix(chain, q, qd), atol=1e-11)
+    model, step = pinocchio_model(chain), 1e-6
+
+    def mass(at: np.ndarray) -> np.ndarray:
+        upper = np.triu(pin.crba(model, model.createData(), at))
+        return np.asarray(upper + np.triu(upper, 1).T)
+
+    for at, c in zip(q, symbols, strict=True):
+        ends = [(mass(at + step * e), mass(at - step * e)) for e in np.eye(4)]
+        # d[m, i, j] is the derivative of d_ij with respect to q_m.
+        d = np.array([(after - before) / (2.0 * step) for after, before in ends])
+        first, second = np.einsum("ikj->ijk", d), np.einsum("jki->ijk", d)
+        np.testing.assert_allclose(c, 0.5 * (first + second - np.einsum("kij->ijk", d)), atol=1e-7)

@@ -10,7 +10,12 @@ from pydantic import BaseModel
 from service.problem import ProblemError
 from service.schemas.batch import BatchRequest
 from service.schemas.check import CheckRequest
-from service.schemas.dynamics import DynamicsRequest, RegressorRequest, WrenchRequest
+from service.schemas.dynamics import (
+    DynamicsRequest,
+    ForwardDynamicsRequest,
+    RegressorRequest,
+    WrenchRequest,
+)
 from service.schemas.kinematics import FkRequest, IkRequest, JacobianRequest, VelocityRequest
 from service.schemas.plan import PlanRequest, ValidateRequest
 from service.schemas.pose_conversion import ConvertPoseRequest
@@ -199,7 +204,10 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
                        "link": "hand", "point": [0.0, 0.0, 0.1], "damped_below": 0.01}),
     (WrenchRequest, {"joints": [0.0, 0.1], "wrench": [1.0] * 6, "link": "hand",
                      "point": [0.0, 0.0, 0.1]}),
-    (DynamicsRequest, MODEL | RATES | {"joints": [0.0, 0.1], "wrench": [1.0] * 6}),
+    (DynamicsRequest, MODEL | RATES | {"joints": [0.0, 0.1], "wrench": [1.0] * 6,
+                                       "christoffel_symbols": True, "partial_jacobians": True}),
+    (ForwardDynamicsRequest, MODEL | {"joints": [0.0, 0.1], "velocities": [0.1, 0.2],
+                                      "torques": [0.1, 0.2], "wrench": [1.0] * 6}),
     (RegressorRequest, MODEL | RATES | {"joints": [0.0, 0.1], "motors": True, "known_zeros": True,
                                         "reference_velocities": [0.1, 0.2]}),
     (PotentialRequest, {"joints": [0.0, 0.1], "goal_joints": [0.5, 0.6], "scene": SMALL_SCENE,
