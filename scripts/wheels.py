@@ -41,8 +41,9 @@ def main() -> None:
     parser.add_argument("--targets", nargs="+", default=_TARGETS, help="kinds of processors")
     chosen = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        pure = build_pure(Path(folder))
-        kernels = [path for target in chosen.targets for path in compile_for(target, Path(folder))]
+        source = copy_sources(Path(folder))
+        pure = build_pure(source)
+        kernels = [path for target in chosen.targets for path in compile_for(target, source)]
         chosen.output.mkdir(parents=True, exist_ok=True)
         shutil.copy2(pure, chosen.output)
         whole = add_kernels(pure, kernels, chosen.output)
@@ -50,28 +51,35 @@ def main() -> None:
         print(f"{path} ({path.stat().st_size / 1e6:.1f} MB)")
 
 
-def build_pure(folder: Path) -> Path:
-    """Build the wheel of the sources in a folder, and give its path."""
-    source = folder / "source"  # setuptools leaves files beside what it builds
+def copy_sources(folder: Path) -> Path:
+    """Copy the sources into a folder and give the copy: wheel and kernels are of one state."""
+    source = folder / "source"
     ignored = shutil.ignore_patterns("__pycache__", "build", "dist", "*.egg-info", "tests", ".*")
     shutil.copytree(ROOT, source, ignore=ignored)
+    return source
+
+
+def build_pure(source: Path) -> Path:
+    """Build the wheel of a copy of the sources, and give its path."""
+    folder = source.parent  # setuptools leaves files beside what it builds
     command = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "-w", str(folder)]
     subprocess.run([*command, str(source)], check=True)
     (wheel,) = folder.glob("*.whl")
     return wheel
 
 
-def compile_for(target: str, folder: Path) -> list[Path]:
-    """Compile all kernels for a kind of processor, and give the files that hold them."""
-    store = folder / target
+def compile_for(target: str, source: Path) -> list[Path]:
+    """Compile all kernels of a copy of the sources for a kind of processor; give their files."""
+    store = source.parent / target
     environment = os.environ | {
+        "PYTHONPATH": str(source),
         "ARMWRIGHT_KERNEL_TARGET": target,
         "NUMBA_CACHE_DIR": str(store),
         "ARMWRIGHT_KERNELS": str(store),
     }
     print(f"Kernels for {target}:", flush=True)
     subprocess.run(
-        [sys.executable, "-m", "service.cli", "warm"], cwd=ROOT, env=environment, check=True
+        [sys.executable, "-m", "service.cli", "warm"], cwd=source, env=environment, check=True
     )
     return sorted(store.iterdir())
 
