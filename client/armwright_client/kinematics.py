@@ -118,18 +118,24 @@ class Gradient(Request):
     """Options of the method "gradient".
 
     Args:
-        rule: "pseudo_inverse": q̇ = J⁺ K e by Runge-Kutta; "transpose": q ← q + γ Jᵀ e.
-        coordinates: What orientation errors are counted in.
-        gain: K [1/s], 1 if left out; or γ, the best of each step if left out.
+        rule: "pseudo_inverse": J⁺ K e; "transpose": Jᵀ K e, the gradient of eᵀ K e / 2.
+        form: "flow": q̇ by Runge-Kutta; "step": q ← q + …; if left out the flow of the
+            pseudo-inverse and the step of the transpose.
+        coordinates: Coordinates that orientation errors are counted in.
+        gain: K [1/s], of the transpose γ: a number, or a matrix with a row for each axis that
+            counts; 1 if left out, and for steps of the transpose the best of each.
         steps: At most; 400 or 20,000 if left out.
         trace: Also answer where it went.
+        trace_points: Points of the trace at most; all of them if left out.
     """
 
     rule: Literal["pseudo_inverse", "transpose"] = "pseudo_inverse"
+    form: Literal["flow", "step"] | None = None
     coordinates: Literal["rotation_vector", "zyz"] = "rotation_vector"
-    gain: float | None = None
+    gain: float | Rows | None = None
     steps: int | None = None
     trace: bool = False
+    trace_points: int | None = None
 
 
 class IkOptions(TypedDict, total=False):
@@ -225,17 +231,21 @@ class IkSolution(Answer):
 
 
 class GradientTrace(Answer):
-    """Course of a gradient descent from the start.
+    """Course of a gradient method from the start.
 
     Args:
-        time: Of the flow [s]; of the descent the step's number.
+        time: Of the flow [s]; of steps their number.
         joints: [rad or m].
-        position_error: [m].
-        orientation_error: [rad].
+        axes: Those that count, columns of the error.
+        error: e(t) of these axes [m, rad].
+        position_error: Norm of its positions [m].
+        orientation_error: Norm of its rotation [rad].
     """
 
     time: list[float]
     joints: Matrix
+    axes: list[Axis]
+    error: Matrix
     position_error: list[float]
     orientation_error: list[float]
 

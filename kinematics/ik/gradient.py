@@ -1,17 +1,22 @@
 """Inverse kinematics by following a gradient, with its trace (course notes, lectures 15 and 16).
 
-pseudo_inverse: the flow q_dot = J^+(q) K e, along which e_dot = -K e: the error decays at the rate
-K in every direction, as long as J has full row rank. The classical Runge-Kutta method integrates
-it.
+Two rules, each as a flow, integrated by the classical Runge-Kutta method, or step by step:
 
-transpose: descent of U = |e|^2 / 2 by q <- q + gamma J^T(q) e, with the gamma that is best for the
-linear model where none is given. It needs no inverse and creeps along flat directions.
+    pseudo_inverse   q_dot = J^+(q) K e      q <- q + J^+(q) K e
+    transpose        q_dot = J^T(q) K e      q <- q + J^T(q) K e
+
+Along the flow of the first e_dot = -K e: the error decays at the rate K in every direction, as long
+as J has full row rank. The second descends on U = e^T K e / 2, with K = gamma the learning rate; it
+needs no inverse and creeps along flat directions. Its steps take the gamma that is best for the
+linear model where none is given.
 
 e = x_d - x is counted in rotation vectors, or as in the notes in zyz Euler angles with their
-analytic Jacobian, which does not exist where sin(theta) = 0. Neither method knows joint limits.
+analytic Jacobian, which does not exist where sin(theta) = 0. Only some axes of the target may
+count, such as its position. Neither rule knows joint limits.
 """
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -22,67 +27,154 @@ from kinematics.arrays import Array, frozen
 from kinematics.chain import Chain
 from kinematics.errors import InvalidOption, InvalidPose
 from kinematics.forward import forward
-from kinematics.ik.numeric import ORIENTATION_TOLERANCE, POSITION_TOLERANCE
+from kinematics.ik.numeric import (
+    AXES,
+    ORIENTATION_TOLERANCE,
+    POSITION,
+    POSITION_TOLERANCE,
+    Axis,
+)
 from kinematics.ik.solution import IkSolution
 from kinematics.jacobian import analytic_zyz, pose_and_jacobian
 from kinematics.pose import rotation_error, to_zyz
 
 Rule = Literal["pseudo_inverse", "transpose"]
+Form = Literal["flow", "step"]
 Coordinates = Literal["rotation_vector", "zyz"]
 RULES: tuple[Rule, ...] = get_args(Rule)
+FORMS: tuple[Form, ...] = get_args(Form)
 COORDINATES: tuple[Coordinates, ...] = get_args(Coordinates)
 
-#: Runge-Kutta steps are this long in units of 1 / K; the error falls by exp(-0.25) in each.
-_STEP = 0.25
+#: Steps of the flow by the pseudo-inverse, in units of 1 / K: in each e falls by exp(-0.1),
+#: and the way of the joints is that of the equation to some 1e-6 rad.
+_STEP = 0.1
+#: Steps of the flow by the transpose, in units of 1 / (K s^2), with s the largest singular value.
+_TRANSPOSE_STEP = 0.1
 #: J J^T + this: without it a singular start would throw the arm anywhere.
 _DAMPING = 1e-9
 #: Steps that are traced and taken at most.
 STEPS = {"pseudo_inverse": 400, "transpose": 20_000}
+#: The form of each rule where none is asked for.
+_USUAL_FORM: dict[Rule, Form] = {"pseudo_inverse": "flow", "transpose": "step"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GradientOptions:
-    """How to follow the gradient.
+    """Options of the gradient methods.
 
     Args:
         rule: "pseudo_inverse" or "transpose".
-        coordinates: What orientation errors are counted in.
-        gain: K [1/s], or gamma of the descent; None for 1 and for the best of each step.
-        steps: At most; None for 400 and 20,000.
+        coordinates: Coordinates that orientation errors are counted in.
+        gain: K [1/s]: a number, or a matrix (r, r) for the r axes that count; gamma of the
+            transpose. None for 1, and for the best of each step of the transpose.
+        steps: Steps at most; None for 400 (pseudo-inverse) and 20,000 (transpose).
+        form: "flow" or "step"; None for the flow of the pseudo-inverse and the step of the
+            transpose.
+        axes: Axes of the target that count. Where all three of position or of rotation do, their
+            error is seen in the base frame, else in the target's own.
+
+    Raises:
+        InvalidOption: An unknown name, a gain that does not make the error decay or does not fit
+            the axes, or no steps.
     """
 
     rule: Rule = "pseudo_inverse"
     coordinates: Coordinates = "rotation_vector"
-    gain: float | None = None
+    gain: float | ArrayLike | None = None
     steps: int | None = None
+    form: Form | None = None
+    axes: Collection[Axis] = AXES
 
     def __post_init__(self) -> None:
         if self.rule not in RULES:
             raise InvalidOption(f"there is no rule {self.rule!r}", hint=f"One of: {RULES}.")
+        if self.form is not None and self.form not in FORMS:
+            raise InvalidOption(f"there is no form {self.form!r}", hint=f"One of: {FORMS}.")
         if self.coordinates not in COORDINATES:
             raise InvalidOption(
                 f"there are no coordinates {self.coordinates!r}", hint=f"One of: {COORDINATES}."
             )
-        if self.gain is not None and not 0.0 < self.gain < math.inf:
-            raise InvalidOption(f"gain must be positive, got {self.gain}")
         if self.steps is not None and self.steps < 1:
             raise InvalidOption(f"steps must be 1 at least, got {self.steps}")
+        unknown = [axis for axis in self.axes if axis not in AXES]
+        if unknown or not self.axes:
+            raise InvalidOption(
+                f"axes must be some of {', '.join(AXES)}, got {list(self.axes)}",
+                hint='Positions alone are ["x", "y", "z"].',
+            )
+        if self.coordinates == "zyz" and 0 < len(set(self.axes) & set(AXES[3:])) < 3:
+            raise InvalidOption(
+                "zyz angles count together or not at all",
+                hint='Take all of "rx", "ry", "rz", or the coordinates "rotation_vector".',
+            )
+        if self.gain is not None:
+            _check_gain(self.gain, self.rule, len(self.rows))
+
+    @property
+    def rows(self) -> list[int]:
+        """Rows of the error that count, in the order x, y, z, rx, ry, rz."""
+        return [i for i, axis in enumerate(AXES) if axis in self.axes]
+
+    @property
+    def is_flow(self) -> bool:
+        """Whether a differential equation is integrated."""
+        return (self.form or _USUAL_FORM[self.rule]) == "flow"
+
+    @property
+    def matrix(self) -> Array:
+        """K, shape (r, r); the unit matrix where no gain is given."""
+        r = len(self.rows)
+        K = np.array(1.0 if self.gain is None else self.gain, dtype=np.float64)
+        return K * np.eye(r) if K.ndim == 0 else K
+
+
+def _check_gain(gain: object, rule: Rule, r: int) -> None:
+    """Refuse a gain along which the error would not decay.
+
+    Raises:
+        InvalidOption: It is no positive number and no matrix (r, r) as the rule needs it.
+    """
+    try:
+        K = np.array(gain, dtype=np.float64)
+    except (TypeError, ValueError):
+        K = np.array(np.nan)
+    if K.ndim == 0:
+        if not 0.0 < float(K) < math.inf:
+            raise InvalidOption(f"gain must be positive, got {gain}")
+        return
+    if K.shape != (r, r) or not np.isfinite(K).all():
+        raise InvalidOption(
+            f"gain must be a positive number or a {r} x {r} matrix of finite numbers",
+            hint="It has a row and a column for each of the axes that count.",
+        )
+    if rule == "transpose" and not np.array_equal(K, K.T):
+        raise InvalidOption(
+            "gain of the transpose must be symmetric: U = e^T K e / 2 has no other part",
+            hint="Take (K + K^T) / 2.",
+        )
+    if float(np.linalg.eigvals(K).real.min()) <= 0.0:
+        raise InvalidOption(
+            "gain must have eigenvalues with positive real parts, else the error grows",
+            hint="A diagonal matrix of positive numbers has.",
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trace:
-    """Where a gradient went, k + 1 points from the start on.
+    """Course of a gradient method, k + 1 points from the start on.
 
     Args:
-        times: Of the flow [s]; of the descent the number of the step, shape (k + 1,).
-        joints: Shape (k + 1, n).
-        position_error: [m], shape (k + 1,).
-        orientation_error: [rad], shape (k + 1,).
+        times: Of the flow [s]; of steps their number, shape (k + 1,).
+        joints: Configurations, shape (k + 1, n) [rad or m].
+        errors: e of the r axes that count, shape (k + 1, r) [m or rad].
+        position_error: Norm of its positions, shape (k + 1,) [m].
+        orientation_error: Norm of its rotation vector, shape (k + 1,) [rad].
         converged: Whether the last point is inside the tolerances.
     """
 
     times: Array
     joints: Array
+    errors: Array
     position_error: Array
     orientation_error: Array
     converged: bool
@@ -115,7 +207,7 @@ def follow(
         target: T_base_link, shape (4, 4).
         link: The link to bring there; the tip where none is named.
         seed_joints: The start, shape (n,); the middle of the limits where not given.
-        options: How.
+        options: Rule, coordinates, gain, axes and number of steps.
         position_tolerance: [m].
         orientation_tolerance: [rad].
 
@@ -131,83 +223,123 @@ def follow(
         raise InvalidPose("the target must be a finite 4x4 transform")
     low, high = chain.sampling_bounds()
     q = 0.5 * (low + high) if seed_joints is None else chain.configuration(seed_joints)
-    gain = 1.0 if how.gain is None else how.gain
-    points, errors = [q], [_errors(chain, q, T, link)]
-    interval = _STEP / gain if how.rule == "pseudo_inverse" else 1.0
-    while not _done(errors[-1], position_tolerance, orientation_tolerance):
+    K = how.matrix
+    system = _System(chain, T, link, how, K, float(np.abs(np.linalg.eigvals(K)).max()))
+    points, times, told = [q], [0.0], [system.errors(q)]
+    while not _done(told[-1], position_tolerance, orientation_tolerance):
         if len(points) > (how.steps or STEPS[how.rule]):
             break
-        if how.rule == "pseudo_inverse":
-            q = _runge_kutta(chain, q, T, link, how.coordinates, gain, interval)
-        else:
-            q = _descended(chain, q, T, link, how)
+        q, interval = _runge_kutta(system, q) if how.is_flow else (_step(system, q), 1.0)
         points.append(q)
-        errors.append(_errors(chain, q, T, link))
-    done = _done(errors[-1], position_tolerance, orientation_tolerance)
-    told = np.array(errors)
-    times = np.array([interval * k for k in range(len(points))])
-    return Trace(times, np.array(points), told[:, 0], told[:, 1], done)
+        times.append(times[-1] + interval)
+        told.append(system.errors(q))
+    done = _done(told[-1], position_tolerance, orientation_tolerance)
+    norms = np.array([item[:2] for item in told])
+    errors = np.array([item[2] for item in told])
+    return Trace(np.array(times), np.array(points), errors, norms[:, 0], norms[:, 1], done)
 
 
-def _done(errors: tuple[float, float], position: float, orientation: float) -> bool:
+#: ‖e‖ of positions and of the rotation vector, and e of the axes that count.
+_Errors = tuple[float, float, Array]
+
+
+def _done(errors: _Errors, position: float, orientation: float) -> bool:
     return errors[0] <= position and errors[1] <= orientation
 
 
-def _errors(chain: Chain, q: Array, T: Array, link: str | None) -> tuple[float, float]:
-    B = forward(chain, q, link)
-    away = float(np.linalg.norm(T[:3, 3] - B[:3, 3]))
-    return away, float(np.linalg.norm(rotation_error(B[:3, :3], T[:3, :3])))
+@dataclass(frozen=True, slots=True, eq=False)
+class _System:
+    """The error of a link's pose as a function of the joints, in the coordinates asked for.
+
+    Args:
+        chain: The robot.
+        T: Target T_base_link, shape (4, 4).
+        link: The link to bring there; None for the tip.
+        options: Coordinates, axes and gain.
+        K: The gain, shape (r, r).
+        fastest: Largest size of its eigenvalues.
+    """
+
+    chain: Chain
+    T: Array
+    link: str | None
+    options: GradientOptions
+    K: Array
+    fastest: float
+
+    def errors(self, q: Array) -> _Errors:
+        """Norms of e and e itself at q (n,); orientation by its rotation vector in both norms."""
+        _, e = self.jacobian(q)
+        seen, positions = e, sum(row < len(POSITION) for row in self.options.rows)
+        if self.options.coordinates == "zyz" and positions < len(e):
+            turn = rotation_error(forward(self.chain, q, self.link)[:3, :3], self.T[:3, :3])
+            seen = np.array([*e[:positions], *turn])
+        norms = float(np.linalg.norm(seen[:positions])), float(np.linalg.norm(seen[positions:]))
+        return (*norms, e)
+
+    def jacobian(self, q: Array) -> tuple[Array, Array]:
+        """J (r, n) and e (r,) of the axes that count, at q (n,)."""
+        T, zyz = self.T, self.options.coordinates == "zyz"
+        B, J = pose_and_jacobian(self.chain, q, self.link)
+        is_turned = any(row >= 3 for row in self.options.rows)
+        turn = rotation_error(B[:3, :3], T[:3, :3])
+        if zyz and is_turned:
+            J, turn = analytic_zyz(J, B[:3, :3]), _zyz_error(B, T)
+        e = np.array([*(T[:3, 3] - B[:3, 3]), *turn])
+        if len(self.options.rows) == len(AXES):
+            return J, e
+        S = _selection(T, self.options)
+        return S @ J, S @ e
 
 
-def _system(
-    chain: Chain, q: Array, T: Array, link: str | None, coordinates: Coordinates
-) -> tuple[Array, Array]:
-    """J (6, n) and e (6,) in the coordinates asked for."""
-    B, J = pose_and_jacobian(chain, q, link)
-    if coordinates == "rotation_vector":
-        return J, np.array([*(T[:3, 3] - B[:3, 3]), *rotation_error(B[:3, :3], T[:3, :3])])
+def _zyz_error(B: Array, T: Array) -> Array:
+    """The zyz angles of T less those of B, both (4, 4); the nearer of the target's two branches."""
     angles = to_zyz(B[:3, :3])
-    # Both branches of the target are the same rotation: the nearer one is meant.
     differences = [
         np.array([math.remainder(x, 2.0 * math.pi) for x in to_zyz(T[:3, :3], flip=flip) - angles])
         for flip in (False, True)
     ]
-    turn = min(differences, key=lambda x: float(x @ x))
-    return analytic_zyz(J, B[:3, :3]), np.array([*(T[:3, 3] - B[:3, 3]), *turn])
+    return min(differences, key=lambda x: float(x @ x))
 
 
-def _flow(
-    chain: Chain, q: Array, T: Array, link: str | None, coordinates: Coordinates, gain: float
-) -> Array:
-    J, e = _system(chain, q, T, link, coordinates)
-    return np.asarray(gain * (J.T @ np.linalg.solve(J @ J.T + _DAMPING * np.eye(6), e)))
+def _selection(T: Array, options: GradientOptions) -> Array:
+    """S, which takes the rows that count of an error in the base frame, shape (r, 6)."""
+    frames, rows = np.eye(6), options.rows
+    for first in (0, 3):
+        if not {first, first + 1, first + 2} <= set(rows):
+            frames[first : first + 3, first : first + 3] = T[:3, :3].T
+    return np.asarray(frames[rows])
 
 
-def _runge_kutta(
-    chain: Chain,
-    q: Array,
-    T: Array,
-    link: str | None,
-    coordinates: Coordinates,
-    gain: float,
-    h: float,
-) -> Array:
-    def rate(x: Array) -> Array:
-        return _flow(chain, x, T, link, coordinates, gain)
-
-    k1 = rate(q)
-    k2 = rate(q + 0.5 * h * k1)
-    k3 = rate(q + 0.5 * h * k2)
-    k4 = rate(q + h * k3)
-    return np.asarray(q + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4))
+def _rate(system: _System, q: Array) -> Array:
+    """q_dot of the flow, shape (n,) [rad/s or m/s]; the step of the step form too."""
+    J, e = system.jacobian(q)
+    K = system.K
+    if system.options.rule == "transpose":
+        return np.asarray(J.T @ (K @ e))
+    return np.asarray(J.T @ np.linalg.solve(J @ J.T + _DAMPING * np.eye(len(e)), K @ e))
 
 
-def _descended(chain: Chain, q: Array, T: Array, link: str | None, how: GradientOptions) -> Array:
-    J, e = _system(chain, q, T, link, how.coordinates)
-    slope = J.T @ e
-    gamma = how.gain
-    if gamma is None:
-        along = J @ slope
-        square = float(along @ along)
-        gamma = float(e @ along) / square if square > 0.0 else 0.0
+def _runge_kutta(system: _System, q: Array) -> tuple[Array, float]:
+    """The next point of the flow, and the time to it [s]."""
+    h = _STEP / system.fastest
+    if system.options.rule == "transpose":
+        stretch = float(np.linalg.norm(system.jacobian(q)[0], 2))
+        h = _TRANSPOSE_STEP / (system.fastest * max(stretch, _DAMPING) ** 2)
+    k1 = _rate(system, q)
+    k2 = _rate(system, q + 0.5 * h * k1)
+    k3 = _rate(system, q + 0.5 * h * k2)
+    k4 = _rate(system, q + h * k3)
+    return np.asarray(q + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)), h
+
+
+def _step(system: _System, q: Array) -> Array:
+    """The next configuration of the step form."""
+    slope = _rate(system, q)
+    if system.options.rule == "pseudo_inverse" or system.options.gain is not None:
+        return np.asarray(q + slope)
+    J, e = system.jacobian(q)
+    along = J @ slope
+    square = float(along @ along)
+    gamma = float(e @ along) / square if square > 0.0 else 0.0
     return np.asarray(q + gamma * slope)

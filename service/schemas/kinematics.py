@@ -71,23 +71,41 @@ class JacobianAnswer(Answer):
 Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
 
 
+#: A gain by rows, for as many axes as a pose has.
+GainMatrix = Annotated[
+    list[Annotated[list[Number], Field(min_length=1, max_length=6)]],
+    Field(min_length=1, max_length=6),
+]
+
+
 class GradientOptions(Body):
     """Options of the method "gradient"."""
 
     rule: Literal["pseudo_inverse", "transpose"] = Field(
-        "pseudo_inverse",
-        description="the flow q̇ = J⁺ K e by Runge-Kutta, or the descent q ← q + γ Jᵀ e",
+        "pseudo_inverse", description="J⁺ K e, or Jᵀ K e, the gradient of eᵀ K e / 2"
+    )
+    form: Literal["flow", "step"] | None = Field(
+        None,
+        description="the flow q̇ by Runge-Kutta, or q ← q + …; flow of the pseudo-inverse and step "
+        "of the transpose if left out",
+        examples=["flow"],
     )
     coordinates: Literal["rotation_vector", "zyz"] = Field(
         "rotation_vector", description="what orientation errors are counted in"
     )
-    gain: Positive | None = Field(
-        None, description="K [1/s], 1 if left out; or γ, the best of each step if left out"
+    gain: Positive | GainMatrix | None = Field(
+        None,
+        description="K [1/s], of the transpose γ: a number, or a matrix with a row for each of the "
+        "axes that count; 1 if left out, and for steps of the transpose the best of each",
+        examples=[[[2.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 0.5]]],
     )
     steps: Annotated[int, Field(ge=1, le=100_000)] | None = Field(
         None, description="400 or 20,000 if left out"
     )
     trace: bool = Field(False, description="also answer where it went")
+    trace_points: Annotated[int, Field(ge=2, le=100_000)] | None = Field(
+        None, description="points of the trace at most; all of them if left out"
+    )
 
 
 class IkRequest(Body):
@@ -165,12 +183,17 @@ class IkSolution(Answer):
 
 
 class GradientTrace(Answer):
-    """Course of a gradient descent from the start; long ones are thinned out to 500 points."""
+    """Course of a gradient method from the start."""
 
-    time: list[float] = Field(description="of the flow [s]; of the descent the step's number")
+    time: list[float] = Field(description="of the flow [s]; of steps their number")
     joints: Matrix
-    position_error: list[float] = Field(description="[m]")
-    orientation_error: list[float] = Field(description="[rad]")
+    axes: list[Axis] = Field(description="those that count, columns of error")
+    error: Matrix = Field(
+        description="e(t) of these axes [m, rad]; where all three of position or rotation count in "
+        "the base frame, else in the pose's own"
+    )
+    position_error: list[float] = Field(description="norm of its positions [m]")
+    orientation_error: list[float] = Field(description="norm of its rotation [rad]")
 
 
 class Unsolved(Answer):

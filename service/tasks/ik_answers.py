@@ -6,13 +6,15 @@ import numpy as np
 
 from kinematics.chain import Chain
 from kinematics.ik.gradient import Trace
+from kinematics.ik.numeric import AXES
 from kinematics.ik.ranking import outside
 from kinematics.ik.solution import IkResult, IkSolution
+from service.schemas.kinematics import IkRequest
 from service.tasks.result import TaskProblem
 
 #: Rejected configurations that a refusal carries.
 _MAX_REJECTED = 32
-#: Points of a trace.
+#: Points of a trace in a refusal, where none was asked for.
 _MAX_POINTS = 500
 
 
@@ -30,20 +32,30 @@ def solution_answer(chain: Chain, solution: IkSolution) -> dict[str, Any]:
     }
 
 
-def trace_answer(trace: Trace) -> dict[str, Any]:
-    """The way of a gradient, thinned out to at most 500 points."""
-    count = len(trace.times)
+def trace_answer(trace: Trace, body: IkRequest) -> dict[str, Any]:
+    """The course of a gradient method: all points, or as many as are asked for.
+
+    Args:
+        trace: The course.
+        body: The request; where it asks for no trace, a refusal has at most 500 points.
+    """
+    given, count = body.gradient, len(trace.times)
+    most = _MAX_POINTS
+    if given is not None and given.trace:
+        most = given.trace_points or count
     # The first and the last point stay.
-    kept = np.unique(np.linspace(0, count - 1, min(count, _MAX_POINTS)).astype(np.int64))
+    shown = np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.int64))
     return {
-        "time": trace.times[kept].tolist(),
-        "joints": trace.joints[kept].tolist(),
-        "position_error": trace.position_error[kept].tolist(),
-        "orientation_error": trace.orientation_error[kept].tolist(),
+        "time": trace.times[shown].tolist(),
+        "joints": trace.joints[shown].tolist(),
+        "axes": [axis for axis in AXES if body.axes is None or axis in body.axes],
+        "error": trace.errors[shown].tolist(),
+        "position_error": trace.position_error[shown].tolist(),
+        "orientation_error": trace.orientation_error[shown].tolist(),
     }
 
 
-def convergence_problem(link: str, trace: Trace) -> TaskProblem:
+def convergence_problem(link: str, trace: Trace, body: IkRequest) -> TaskProblem:
     """The refusal of a gradient that ended away from the pose."""
     last = trace.solution
     return TaskProblem(
@@ -56,7 +68,7 @@ def convergence_problem(link: str, trace: Trace) -> TaskProblem:
             "position_error": last.position_error,
             "orientation_error": last.orientation_error,
             "nearest_joints": last.joints.tolist(),
-            "trace": trace_answer(trace),
+            "trace": trace_answer(trace, body),
         },
     )
 

@@ -13,6 +13,7 @@ from kinematics.ik.numeric import AXES
 from kinematics.ik.solution import IkResult
 from kinematics.ik.structure import structure
 from service.schemas.kinematics import MAX_SOLUTIONS, IkRequest
+from service.schemas.kinematics import GradientOptions as RequestedGradient
 from service.schemas.pose import Pose
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
@@ -117,7 +118,7 @@ def _one(query: _Query, pose: Pose | None) -> dict[str, Any] | TaskProblem:
     if body.method == "gradient":
         trace = _follow_gradient(chain, body, pose)
         if not trace.converged:
-            return convergence_problem(query.link, trace)
+            return convergence_problem(query.link, trace, body)
         result = IkResult((trace.solution,), trace.solution, 1)
     else:
         result = _solve(query, pose)
@@ -135,7 +136,7 @@ def _one(query: _Query, pose: Pose | None) -> dict[str, Any] | TaskProblem:
     if check is not None and check.cell.allowed:
         answer["allowed_collisions"] = check.cell.allowed
     if body.gradient is not None and body.gradient.trace and trace is not None:
-        answer["trace"] = trace_answer(trace)
+        answer["trace"] = trace_answer(trace, body)
     return answer
 
 
@@ -159,8 +160,10 @@ def _check_options(body: IkRequest) -> None:
         raise InvalidOption("a trace is given for one pose, not for many")
     if body.gradient is not None and body.method != "gradient":
         raise InvalidOption("gradient needs the method 'gradient'")
-    if body.method == "gradient" and (body.axes or body.parameters or body.all_turns):
-        raise InvalidOption("axes, parameters and all_turns do not apply to the method 'gradient'")
+    if body.method == "gradient" and (body.parameters or body.all_turns):
+        raise InvalidOption("parameters and all_turns do not apply to the method 'gradient'")
+    if body.gradient is not None and body.gradient.trace_points and not body.gradient.trace:
+        raise InvalidOption("trace_points needs trace", hint='Ask for it: "trace": true.')
 
 
 def _check_parameters(chain: Chain, body: IkRequest) -> None:
@@ -205,10 +208,15 @@ def _solve(query: _Query, pose: Pose) -> IkResult:
 
 def _follow_gradient(chain: Chain, body: IkRequest, pose: Pose) -> Trace:
     """The way of the gradient method from the seed towards the pose."""
-    given = body.gradient
-    options = GradientOptions()
-    if given is not None:
-        options = GradientOptions(given.rule, given.coordinates, given.gain, given.steps)
+    given = body.gradient or RequestedGradient()
+    options = GradientOptions(
+        rule=given.rule,
+        coordinates=given.coordinates,
+        gain=given.gain,
+        steps=given.steps,
+        form=given.form,
+        axes=AXES if body.axes is None else body.axes,
+    )
     return follow(
         chain,
         poses.transform(pose),

@@ -198,12 +198,18 @@ def test_gradients_are_traced(client: httpx.Client, rule: str) -> None:
     q = np.array(HOME)
     pose = as_pose(forward(chain, q + 0.1))
     body: dict[str, Any] = {"pose": pose, "method": "gradient", "seed_joints": q.tolist()}
-    body["gradient"] = {"rule": rule, "trace": True}
+    body["gradient"] = {"rule": rule, "trace": True, "trace_points": 500}
     found = answer(client.post("/v1/robots/panda/ik", json=body))
     IkAnswer.model_validate(found)
     trace = found["trace"]
-    assert len(trace["time"]) == len(trace["joints"]) == len(trace["position_error"]) <= 500
+    assert len(trace["time"]) == len(trace["joints"]) == len(trace["position_error"])
     np.testing.assert_array_equal(trace["joints"][0], q)
+    assert len(trace["time"]) <= 500
+    for e, position, turn in zip(
+        trace["error"], trace["position_error"], trace["orientation_error"], strict=True
+    ):
+        assert np.linalg.norm(e[:3]) == pytest.approx(position, abs=1e-15)
+        assert np.linalg.norm(e[3:]) == pytest.approx(turn, abs=1e-15)
     assert trace["position_error"][-1] <= 1e-6
     assert trace["joints"][-1] == found["solutions"][0]["joints"]
     body["gradient"]["steps"] = 2
@@ -211,6 +217,76 @@ def test_gradients_are_traced(client: httpx.Client, rule: str) -> None:
     assert len(document["details"]["trace"]["time"]) == 3
     body |= {"method": "auto"}
     problem(client.post("/v1/robots/panda/ik", json=body), 422, "VALIDATION_ERROR")
+
+
+def notes_rrr(client: httpx.Client) -> str:
+    """The articulated arm of lecture 15: d1 = 0.4, a2 = 0.5, a3 = 0.35."""
+    name, base = "notes_rrr", {"type": "revolute", "lower": -3.2, "upper": 3.2}
+    rows = [{"d": 0.4, "alpha": np.pi / 2}, {"a": 0.5}, {"a": 0.35}]
+    zero = {"a": 0.0, "alpha": 0.0, "d": 0.0, "theta": 0.0}
+    dh = {"convention": "standard", "rows": [base | zero | row for row in rows]}
+    response = client.post("/v1/robots", json={"name": name, "dh": dh})
+    assert response.status_code in (201, 409), response.text
+    return name
+
+
+@pytest.mark.parametrize(
+    "gradient",
+    [
+        {"rule": "transpose"},
+        {"rule": "transpose", "gain": 0.5},
+        {"rule": "transpose", "form": "flow", "gain": 2.0},
+        {"rule": "transpose", "form": "flow", "gain": np.diag([1.0, 2.0, 3.0]).tolist()},
+        {"rule": "pseudo_inverse"},
+        {"rule": "pseudo_inverse", "form": "step", "gain": 0.5},
+    ],
+)
+def test_the_gradient_on_positions_of_the_notes(
+    client: httpx.Client, gradient: dict[str, Any]
+) -> None:
+    body = {
+        "pose": {"position": [0.3, 0.4, 0.7]}, "axes": ["x", "y", "z"], "method": "gradient",
+        "seed_joints": [0.2, 0.4, 0.3], "gradient": gradient | {"trace": True},
+    }  # fmt: skip
+    found = answer(client.post(f"/v1/robots/{notes_rrr(client)}/ik", json=body))
+    IkAnswer.model_validate(found)
+    # The triangle of r = 0.5 and 0.7 - 0.4, elbow up.
+    elbow = np.arccos((0.5**2 + 0.3**2 - 0.5**2 - 0.35**2) / (2 * 0.5 * 0.35))
+    lift = np.arctan2(0.3, 0.5) - np.arctan2(0.35 * np.sin(elbow), 0.5 + 0.35 * np.cos(elbow))
+    expected = [np.arctan2(0.4, 0.3), lift, elbow]
+    assert found["solutions"][0]["joints"] == pytest.approx(expected, abs=1e-4)
+    # By hand, until the error was about a millimetre.
+    assert expected == pytest.approx([0.9273, -0.0985, 1.6597], abs=5e-3)
+    trace = found["trace"]
+    assert trace["axes"] == ["x", "y", "z"]
+    assert trace["joints"][0] == [0.2, 0.4, 0.3]
+    first = np.array([0.3, 0.4, 0.7]) - trace["error"][0]
+    c, s, r = np.cos(0.2), np.sin(0.2), 0.5 * np.cos(0.4) + 0.35 * np.cos(0.7)
+    height = 0.4 + 0.5 * np.sin(0.4) + 0.35 * np.sin(0.7)
+    assert first == pytest.approx([r * c, r * s, height])
+    assert trace["orientation_error"] == [0.0] * len(trace["time"])
+
+
+@pytest.mark.parametrize(
+    ("gradient", "words"),
+    [
+        ({"gain": [[1.0, 0.0], [0.0, 1.0]]}, "3 x 3 matrix"),
+        ({"gain": [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]]}, "positive real parts"),
+        ({"rule": "transpose", "gain": [[1, 1, 0], [0, 1, 0], [0, 0, 1]]}, "symmetric"),
+        ({"gain": 0.0}, "gain"),
+        ({"form": "jump"}, "form"),
+        ({"trace_points": 5}, "trace"),
+    ],
+)
+def test_a_gain_that_does_not_fit_is_refused(
+    client: httpx.Client, gradient: dict[str, Any], words: str
+) -> None:
+    body = {
+        "pose": {"position": [0.3, 0.4, 0.7]}, "axes": ["x", "y", "z"], "method": "gradient",
+        "gradient": gradient,
+    }  # fmt: skip
+    response = client.post(f"/v1/robots/{notes_rrr(client)}/ik", json=body)
+    assert words in problem(response, 422, "VALIDATION_ERROR")["detail"]
 
 
 def test_some_axes_of_a_pose(client: httpx.Client) -> None:

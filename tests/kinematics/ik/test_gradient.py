@@ -1,13 +1,25 @@
 """The two gradient methods of the course notes, by what their theory says of them."""
 
+from typing import Any
+
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.errors import InvalidOption, InvalidPose
 from kinematics.forward import forward
-from kinematics.ik.gradient import COORDINATES, Coordinates, GradientOptions, follow
+from kinematics.ik.gradient import (
+    COORDINATES,
+    RULES,
+    Coordinates,
+    GradientOptions,
+    Rule,
+    follow,
+)
+from kinematics.ik.numeric import POSITION
+from kinematics.jacobian import geometric
 from kinematics.pose import from_zyz, rotation_error, transform
 from kinematics.robots import builtin_chain
 
@@ -75,6 +87,76 @@ def energy(chain: Chain, target: Array, q: Array) -> float:
     return 0.5 * float(np.sum((target[:3, 3] - T[:3, 3]) ** 2) + turn @ turn)
 
 
+@pytest.mark.parametrize("rule", RULES)
+@pytest.mark.parametrize("gain", [0.7, [[2.0, 0.5, 0.0], [0.5, 1.0, 0.0], [0.0, 0.0, 3.0]]])
+def test_the_flow_is_the_solution_of_its_equation(rule: Rule, gain: Any) -> None:
+    """Integrated by DOP853, with a Jacobian by finite differences."""
+    chain = builtin_chain("puma560")
+    q = np.array([0.3, -0.7, 0.4, 0.2, 0.6, -0.1])
+    target = forward(chain, q + 0.25)
+    options = GradientOptions(rule, gain=gain, axes=POSITION, form="flow", steps=60)
+    trace = follow(chain, target, seed_joints=q, options=options, position_tolerance=1e-4)
+    K = options.matrix
+    np.testing.assert_array_equal(K, gain if np.ndim(gain) else gain * np.eye(3))
+
+    def rate(_: float, x: Array) -> Array:
+        J = np.array([
+            (forward(chain, x + d)[:3, 3] - forward(chain, x - d)[:3, 3]) / 2e-5
+            for d in 1e-5 * np.eye(6)
+        ]).T  # fmt: skip
+        e = K @ (target[:3, 3] - forward(chain, x)[:3, 3])
+        return np.asarray(J.T @ e if rule == "transpose" else np.linalg.pinv(J) @ e)
+
+    exact = solve_ivp(
+        rate, (0.0, trace.times[-1]), q, method="DOP853", rtol=1e-10, atol=1e-12,
+        t_eval=trace.times,
+    )  # fmt: skip
+    np.testing.assert_allclose(trace.joints, exact.y.T, atol=5e-6)
+    errors = target[:3, 3] - forward(chain, trace.joints)[:, :3, 3]
+    np.testing.assert_allclose(trace.errors, errors, atol=1e-14)
+    np.testing.assert_allclose(trace.position_error, np.linalg.norm(errors, axis=1), atol=1e-14)
+
+
+def test_some_axes_count_in_the_frame_of_the_target() -> None:
+    """The tool comes onto the target's x axis: y and z of its frame vanish, x is what it was."""
+    chain = builtin_chain("panda")
+    target = forward(chain, NEAR)
+    options = GradientOptions("pseudo_inverse", axes=("y", "z", "rz"))
+    trace = follow(chain, target, seed_joints=START, options=options)
+    assert trace.converged
+    assert trace.errors.shape[1] == 3
+    reached = forward(chain, trace.solution.joints)
+    local = target[:3, :3].T @ (reached[:3, 3] - target[:3, 3])
+    assert np.abs(local[1:]).max() <= 1e-6
+    assert abs(local[0]) > 1e-2
+    turn = target[:3, :3].T @ rotation_error(reached[:3, :3], target[:3, :3])
+    assert abs(turn[2]) <= 1e-6
+    assert np.abs(turn[:2]).max() > 1e-3
+
+
+@pytest.mark.parametrize("gain", [1.0, 0.4])
+def test_the_step_of_the_pseudo_inverse_is_that_of_newton(gain: float) -> None:
+    chain = builtin_chain("puma560")
+    q = np.array([0.3, -0.7, 0.4, 0.2, 0.6, -0.1])
+    target = forward(chain, q + 0.1)
+    options = GradientOptions("pseudo_inverse", gain=gain, form="step", steps=1)
+    trace = follow(chain, target, seed_joints=q, options=options)
+    step = np.linalg.solve(geometric(chain, q), gain * trace.errors[0])
+    np.testing.assert_allclose(trace.joints[1], q + step, atol=1e-6)
+    assert trace.times.tolist() == [0.0, 1.0]
+
+
+def test_the_transpose_alone_solves_what_six_axes_do_not() -> None:
+    """Position of a planar arm with two joints, from a step of the notes with a number gamma."""
+    chain = builtin_chain("planar_rr")
+    target = forward(chain, np.array([0.5, 0.9]))
+    options = GradientOptions("transpose", gain=0.3, axes=("x", "y", "z"))
+    trace = follow(chain, target, seed_joints=np.array([0.1, 0.4]), options=options)
+    assert trace.converged
+    np.testing.assert_allclose(trace.solution.joints, [0.5, 0.9], atol=1e-5)
+    assert (np.diff(trace.position_error) < 0.0).all()
+
+
 def test_out_of_reach_ends_at_its_steps() -> None:
     chain = builtin_chain("panda")
     trace = follow(chain, transform(None, [3.0, 0.0, 0.0]), options=GradientOptions(steps=50))
@@ -87,7 +169,9 @@ def test_bad_input_is_named() -> None:
     chain = builtin_chain("panda")
     with pytest.raises(InvalidPose):
         follow(chain, np.eye(3))
-    for bad in ({"rule": "newton"}, {"coordinates": "xyz"}, {"gain": 0.0}, {"steps": 0}):
+    for bad in ({"rule": "newton"}, {"coordinates": "xyz"}, {"gain": 0.0}, {"steps": 0},
+                {"form": "leap"}, {"axes": ()}, {"axes": ("w",)}, {"gain": np.eye(3)},
+                {"gain": -np.eye(6)}, {"coordinates": "zyz", "axes": ("x", "rx")}):  # fmt: skip
         with pytest.raises(InvalidOption):
             GradientOptions(**bad)
     scara = builtin_chain("scara")

@@ -11,7 +11,7 @@ from kinematics.ik.solution import IkSolution
 from kinematics.robots import builtin_chain
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Sphere
-from service.schemas.kinematics import GradientTrace
+from service.schemas.kinematics import GradientTrace, IkRequest
 from service.schemas.kinematics import IkSolution as Schema
 from service.tasks.attached_objects import RobotInScene
 from service.tasks.ik_answers import (
@@ -49,14 +49,31 @@ def test_a_solution_outside_the_limits_says_which_joint() -> None:
 
 def trace(count: int) -> Trace:
     times = np.arange(float(count))
-    return Trace(times, np.outer(times, np.ones(7)), 2.0 * times, 3.0 * times, converged=False)
+    joints, errors = np.outer(times, np.ones(7)), np.outer(times, np.arange(6.0))
+    return Trace(times, joints, errors, 2.0 * times, 3.0 * times, converged=False)
+
+
+def request(**gradient: Any) -> IkRequest:
+    options = gradient or None
+    return IkRequest.model_validate(
+        {"pose": {"position": [0, 0, 0]}, "method": "gradient", "gradient": options}
+    )
+
+
+def test_a_trace_that_is_asked_for_is_whole_unless_fewer_points_are_asked_for() -> None:
+    whole = trace_answer(trace(2000), request(trace=True))
+    assert whole["time"] == list(range(2000))
+    assert whole["error"][3] == [0.0, 3.0, 6.0, 9.0, 12.0, 15.0]
+    assert whole["axes"] == ["x", "y", "z", "rx", "ry", "rz"]
+    few = trace_answer(trace(2000), request(trace=True, trace_points=3))
+    assert few["time"] == [0.0, 999.0, 1999.0]
 
 
 @pytest.mark.parametrize(
     ("count", "points"), [(1, 1), (2, 2), (500, 500), (501, 500), (20_000, 500)]
 )
-def test_a_long_trace_is_thinned_out_between_its_ends(count: int, points: int) -> None:
-    answer = trace_answer(trace(count))
+def test_a_long_trace_of_a_refusal_is_thinned_out_between_its_ends(count: int, points: int) -> None:
+    answer = trace_answer(trace(count), request())
     GradientTrace.model_validate(answer)
     times = answer["time"]
     assert len(times) == points
@@ -68,7 +85,7 @@ def test_a_long_trace_is_thinned_out_between_its_ends(count: int, points: int) -
 
 
 def test_a_gradient_that_ends_elsewhere_says_where() -> None:
-    problem = convergence_problem("hand", trace(8))
+    problem = convergence_problem("hand", trace(8), request())
     assert (problem.code, problem.details["stage"]) == ("NO_IK_SOLUTION", "ik")
     assert "after 7 steps" in problem.message
     assert "14 m and 21 rad" in problem.message
