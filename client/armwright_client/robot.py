@@ -8,7 +8,7 @@ from typing import Literal, Self, TypedDict, Unpack
 
 from pydantic import model_validator
 
-from armwright_client.base import Answer, Matrix3, NonNegative, Positive, Request, Vector3
+from armwright_client.base import Answer, Matrix, Matrix3, NonNegative, Positive, Request, Vector3
 from armwright_client.pose import Pose
 from armwright_client.shape import Shape
 from armwright_client.urdf import read_urdf
@@ -45,7 +45,8 @@ class DhRow(Request):
     For a revolute joint `theta` is the offset of the joint variable, for a prismatic one `d` is.
     Lengths and angles are in [m] and [rad], `inertia` is about the centre of mass in the link
     frame [kg m²]. `beta` turns about y, behind `alpha`; it is 0 but for nearly parallel axes.
-    `geometry` are the solids of the link behind the joint.
+    `continuous` joints have neither `lower` nor `upper`. `geometry` are the solids of the link
+    behind the joint.
     """
 
     type: JointType
@@ -65,6 +66,7 @@ class DhRow(Request):
     motor_inertia: NonNegative | None = None
     viscous_friction: NonNegative | None = None
     beta: float = 0.0
+    continuous: bool = False
     geometry: list[LinkSolid] | None = None
 
 
@@ -241,7 +243,19 @@ class DhParameters(Answer):
     alpha: float
     d: float
     theta: float
+    lower: float | None = None
+    upper: float | None = None
+    velocity: float | None = None
+    acceleration: float | None = None
+    jerk: float | None = None
+    effort: float | None = None
+    mass: float | None = None
+    center_of_mass: list[float] | None = None
+    inertia: Matrix | None = None
+    motor_inertia: float | None = None
+    viscous_friction: float | None = None
     beta: float = 0.0
+    continuous: bool = False
     geometry: list[LinkSolid] | None = None
 
 
@@ -252,7 +266,12 @@ class DerivedDh(Answer):
     rows: list[DhParameters]
     base: Pose | None = None
     tool: Pose | None = None
+    gravity: list[float] | None = None
     geometry: LinkCapsules | None = None
+
+    def table(self) -> DhTable:
+        """The table to be sent, say to store the robot under another name."""
+        return DhTable.model_validate(self.model_dump(exclude_none=True))
 
 
 class RobotSummary(Answer):

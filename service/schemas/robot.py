@@ -76,12 +76,15 @@ class DhRow(Body):
     beta: Number = Field(
         0.0, description="about y, behind alpha [rad]; 0 but for nearly parallel axes"
     )
+    continuous: bool = Field(False, description="without end: lower and upper are left out or null")
     geometry: Annotated[list[LinkSolid], Field(max_length=_MAX_SOLIDS)] | None = Field(
         None, description="solids of the link behind the joint"
     )
 
     @model_validator(mode="after")
     def _check_limits(self) -> "DhRow":
+        if self.continuous and not (self.lower is None and self.upper is None):
+            raise ValueError("a continuous joint has neither lower nor upper")
         if self.lower is not None and self.upper is not None and self.lower >= self.upper:
             raise ValueError(f"lower ({self.lower:g}) must be less than upper ({self.upper:g})")
         return self
@@ -183,14 +186,28 @@ class Limits(Answer):
 
 
 class DhRowAnswer(Answer):
-    """One row of the table derived from the joint axes."""
+    """One row of the table that was given, or that is derived from the joint axes."""
 
     type: Literal["revolute", "prismatic"]
     a: float
     alpha: float
     d: float
     theta: float
+    lower: float | None = Field(None, description="[rad] or [m]; null where there is none")
+    upper: float | None = None
+    velocity: float | None = None
+    acceleration: float | None = None
+    jerk: float | None = None
+    effort: float | None = None
+    mass: float | None = Field(None, description="of all that moves with the joint [kg]")
+    center_of_mass: list[float] | None = Field(None, description="in frame i [m]")
+    inertia: list[list[float]] | None = Field(
+        None, description="about the centre of mass in the axes of frame i [kg m²]"
+    )
+    motor_inertia: float | None = None
+    viscous_friction: float | None = None
     beta: float = Field(0.0, description="about y, behind alpha; 0 but for nearly parallel axes")
+    continuous: bool = Field(False, description="without end: no lower and no upper limit")
     geometry: list[LinkSolid] | None = Field(None, description="as it was given")
 
 
@@ -201,6 +218,7 @@ class DhAnswer(Answer):
     rows: list[DhRowAnswer]
     base: PoseAnswer = Field(description="frame 0 in the base frame")
     tool: PoseAnswer = Field(description="the tip in frame n")
+    gravity: list[float] | None = Field(None, description="in the base frame [m/s²]")
     geometry: LinkCapsules | None = Field(None, description="as it was given")
 
 

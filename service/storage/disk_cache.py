@@ -21,7 +21,7 @@ from service.storage.prepared_files import prepared_file
 from service.version import VERSION
 
 #: Raised when pickles of before must not be read any more.
-_FORMAT = 2
+_FORMAT = 3
 
 
 @cache

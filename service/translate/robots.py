@@ -4,7 +4,7 @@ import base64
 import dataclasses
 import math
 from functools import partial
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -93,7 +93,7 @@ def dh_table(body: schema.RobotBody) -> DhTable | None:
                 joint=name,
             )
     rows = (
-        DhRow(**(row.model_dump(exclude={"geometry"}) | limits.get(name, {})))
+        DhRow(**(_row_values(row) | limits.get(name, {})))
         for name, row in zip(names, dh.rows, strict=True)
     )
     return DhTable(
@@ -103,6 +103,12 @@ def dh_table(body: schema.RobotBody) -> DhTable | None:
         np.eye(4) if dh.tool is None else poses.transform(dh.tool),
         np.array(dh.gravity if dh.gravity is not None else GRAVITY),
     )
+
+
+def _row_values(row: schema.DhRow) -> dict[str, Any]:
+    """Arguments of a row of the domain's table."""
+    values = row.model_dump(exclude={"geometry", "continuous"})
+    return values | {"lower": -math.inf, "upper": math.inf} if row.continuous else values
 
 
 def _from_dh(body: schema.RobotBody, table: DhTable) -> tuple[RobotGeometry, list[str]]:
@@ -204,26 +210,42 @@ def _dh_answer(
     except InvalidRobotDescription as error:
         return None, [f"no DH table: {error.message}"]
     solids = [None] * len(table.rows) if given is None else [row.geometry for row in given.rows]
-    rows = [
-        schema.DhRowAnswer(
-            type=row.type,
-            a=row.a,
-            alpha=row.alpha,
-            d=row.d,
-            theta=row.theta,
-            beta=row.beta,
-            geometry=geometry,
-        )
-        for row, geometry in zip(table.rows, solids, strict=True)
-    ]
+    rows = [_row_answer(row, geometry) for row, geometry in zip(table.rows, solids, strict=True)]
     answer = schema.DhAnswer(
         convention=table.convention,
         rows=rows,
         base=poses.pose_answer(table.base),
         tool=poses.pose_answer(table.tool),
+        gravity=table.gravity.tolist(),
         geometry=None if given is None else given.geometry,
     )
     return answer, []
+
+
+def _row_answer(row: DhRow, geometry: list[schema.LinkSolid] | None) -> schema.DhRowAnswer:
+    """A row as answers give it, which a request may send as it is."""
+    optional = ("lower", "upper", "velocity", "acceleration", "jerk", "effort")
+    values = {name: getattr(row, name) for name in optional}
+    center, inertia = (
+        None if rows is None else np.asarray(rows).tolist()
+        for rows in (row.center_of_mass, row.inertia)
+    )
+    return schema.DhRowAnswer(
+        type=row.type,
+        a=row.a,
+        alpha=row.alpha,
+        d=row.d,
+        theta=row.theta,
+        beta=row.beta,
+        **{name: None if value is None else _finite(value) for name, value in values.items()},
+        mass=row.mass,
+        center_of_mass=center,
+        inertia=inertia,
+        motor_inertia=row.motor_inertia,
+        viscous_friction=row.viscous_friction,
+        continuous=row.lower == -math.inf and row.upper == math.inf,
+        geometry=geometry,
+    )
 
 
 def _type(kind: int) -> Literal["revolute", "prismatic"]:

@@ -1,0 +1,78 @@
+"""Tables over HTTP both ways: what GET answers as dh is accepted by POST as it is."""
+
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+
+from tests.service.robots import answer, problem
+
+ROW: dict[str, Any] = {
+    "type": "revolute", "a": 0.4, "alpha": 0.3, "d": 0.1, "theta": 0.2, "beta": 0.05,
+    "lower": -2.0, "upper": 3.0, "velocity": 2.0, "acceleration": 5.0, "jerk": 50.0,
+    "effort": 80.0, "mass": 2.5, "center_of_mass": [0.1, 0.02, -0.03],
+    "inertia": [[0.02, 0.001, 0.0], [0.001, 0.03, 0.0], [0.0, 0.0, 0.04]],
+    "motor_inertia": 0.1, "viscous_friction": 0.2, "continuous": False, "geometry": None,
+}  # fmt: skip
+TURN = [np.sin(0.2), 0.0, 0.0, np.cos(0.2)]
+TABLE: dict[str, Any] = {
+    "convention": "modified",
+    "rows": [
+        ROW,
+        ROW | {"type": "prismatic", "lower": 0.0, "upper": 0.5},
+        ROW | {"lower": None, "upper": None, "continuous": True},
+    ],
+    "base": {"position": [0.1, 0.2, 0.3], "quaternion_xyzw": TURN},
+    "tool": {"position": [0.0, 0.0, 0.15], "quaternion_xyzw": [0.0, 0.0, 0.0, 1.0]},
+    "gravity": [0.0, 1.0, -9.7],
+    "geometry": {"capsules": 0.04},
+}
+
+
+def store(client: httpx.Client, name: str, dh: dict[str, Any]) -> dict[str, Any]:
+    model: dict[str, Any] = answer(client.post("/v1/robots", json={"name": name, "dh": dh}), 201)
+    return model
+
+
+def test_every_field_of_a_table_comes_back(client: httpx.Client) -> None:
+    dh = store(client, "exchanged", TABLE)["dh"]
+    for told, given in zip(dh["rows"], TABLE["rows"], strict=True):
+        assert told == given
+    np.testing.assert_allclose(dh["base"]["quaternion_xyzw"], TURN, atol=1e-15)
+    assert dh["base"]["position"] == TABLE["base"]["position"]
+    assert dh["tool"] == TABLE["tool"]
+    assert {name: dh[name] for name in ("convention", "gravity", "geometry")} == {
+        name: TABLE[name] for name in ("convention", "gravity", "geometry")
+    }
+
+
+@pytest.mark.parametrize("name", ["panda", "ur5e", "puma560", "stanford", "cart_pendulum"])
+def test_a_robot_stored_from_its_table_is_the_same_robot(client: httpx.Client, name: str) -> None:
+    model = answer(client.get(f"/v1/robots/{name}"))
+    copy = store(client, f"{name}_table", model["dh"])
+    assert copy["joint_types"] == model["joint_types"]
+    assert copy["limits"] == model["limits"]
+    n = len(model["joint_names"])
+    rng = np.random.default_rng(3)
+    q, qd, qdd = rng.uniform(-1.0, 1.0, (3, 5, n)).tolist()
+    state = {"joints": q, "velocities": qd, "accelerations": qdd}
+    poses, terms = [], []
+    for robot in (name, f"{name}_table"):
+        fk = answer(client.post(f"/v1/robots/{robot}/fk", json={
+            "joints": q, "orientation": "rotation_matrix"}))  # fmt: skip
+        poses.append([[pose["position"], *pose["rotation_matrix"]] for pose in fk["pose"]])
+        terms.append(answer(client.post(f"/v1/robots/{robot}/dynamics", json=state)))
+    np.testing.assert_allclose(poses[1], poses[0], rtol=0, atol=1e-12)
+    for field in ("mass_matrix", "coriolis_matrix", "gravity", "torques"):
+        scale = np.abs(terms[0][field]).max()
+        np.testing.assert_allclose(terms[1][field], terms[0][field], rtol=0, atol=1e-12 * scale)
+    again = store(client, f"{name}_again", copy["dh"])
+    assert again["dh"]["rows"] == copy["dh"]["rows"]
+
+
+def test_a_continuous_joint_with_limits_is_refused(client: httpx.Client) -> None:
+    dh = TABLE | {"rows": [ROW | {"continuous": True}]}
+    response = client.post("/v1/robots", json={"name": "bad", "dh": dh})
+    document = problem(response, 422, "VALIDATION_ERROR")
+    assert "a continuous joint has neither lower nor upper" in document["detail"]
