@@ -178,6 +178,7 @@ class Simulation(Answer):
         settling_time: From when on [s].
         controller: With its gains.
         tube: Where a scene was given.
+        notes: What a reader of the numbers should know: limits, jumps, proofs that do not apply.
         integration: What it took.
     """
 
@@ -199,4 +200,5 @@ class Simulation(Answer):
     settling_time: float | None = None
     controller: SimulatedController
     tube: Tube | None = None
+    notes: list[str]
     integration: dict[str, int]

@@ -33,7 +33,13 @@ Each = NonNegative | list[NonNegative]
 Frequency = Annotated[
     Gain | None, Field(description="of the closed loop's poles [rad/s], in place of the gains")
 ]
-Damping = Annotated[Gain, Field(description="ratio of the poles: 1 is critical")]
+Damping = Annotated[
+    Gain,
+    Field(
+        description="ratio of the poles: 1 is critical; with natural_frequency only, and not for "
+        "passivity and adaptive, whose gains it does not enter"
+    ),
+]
 
 
 class Motor(Body):
@@ -159,8 +165,13 @@ class Disturbance(Body):
     amplitude: Number | JointVector = Field(0.0, description="[N m or N]")
     frequency: NonNegative = Field(0.0, description="[Hz]")
     wrench: Vector6 | None = Field(None, description="on the tip, in the base frame [N, N m]")
-    start: NonNegative = Field(0.0, description="[s]")
-    end: Positive | None = Field(None, description="[s]; never if left out")
+    start: NonNegative | None = Field(
+        None,
+        description="[s] in the trajectory's time, as `time` of the answer; its start if left out",
+    )
+    end: Positive | None = Field(
+        None, description="[s] in the trajectory's time; never if left out"
+    )
 
 
 class InitialState(Body):
@@ -331,6 +342,10 @@ class SimulateAnswer(Answer):
     settling_time: float | None = None
     controller: ControllerAnswer
     tube: TubeAnswer | None = None
+    notes: list[str] = Field(
+        description="limits that the reference, the start or the tracked motion does not keep, "
+        "jumps of the reference, proofs that do not apply"
+    )
     integration: dict[str, int] = Field(
         description="evaluations, explicit and implicit steps (the latter where it is stiff)"
     )

@@ -9,6 +9,7 @@ from service.tasks.attached_objects import robot_in_scene
 from service.tasks.result import CacheMiss, TaskProblem
 from service.tasks.tracking_tube import tube_answer
 from service.translate import simulations, trajectories
+from service.translate.simulation_notes import simulation_notes
 from service.workers import current
 from service.workers.task import GRACE, task
 from tracking.simulation import simulate as close_loop
@@ -36,17 +37,20 @@ def simulate(
     true, model = simulations.robot_and_model(geometry.chain, body)
     used = simulations.controller(body.controller, model, motion)
     q, qd = simulations.initial_state(body.initial_state, true, motion)
+    options = simulations.options(body, motion)
+    duration = motion.duration if options.duration is None else options.duration
     result = close_loop(
         used,
         motion,
-        simulations.options(body, motion),
+        options,
         robot=true,
         initial_position=q,
         initial_velocity=qd,
-        disturbance=simulations.disturbance(body.disturbance),
+        disturbance=simulations.disturbance(body.disturbance, begins, duration),
         noise=simulations.noise(body),
     )
     answer = simulations.simulation_answer(result, used, true, begins)
+    answer["notes"] = simulation_notes(motion, true, used, result, begins)
     if body.scene is not None:
         answer["tube"] = tube_answer(geometry, cell.scene, motion, result, current.deadline())
     return to_json(answer, inf_nan_mode="null")

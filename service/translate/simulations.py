@@ -31,6 +31,8 @@ from tracking.result import SimulationOutcome, SimulationResult
 _EVALUATIONS_PER_SECOND = 100_000
 #: Evaluations of the dynamics that any run may take, however short it is.
 _LEAST_EVALUATIONS = 1_000_000
+#: Evaluations in a control period: a step of the integrator with its dense output takes sixteen.
+_EVALUATIONS_PER_PERIOD = 20
 #: Loosest tolerances for a tracking tube: the integrator's errors are added to it.
 _TUBE_RELATIVE_TOLERANCE = 1e-10
 _TUBE_ABSOLUTE_TOLERANCE = 1e-12
@@ -93,6 +95,12 @@ def controller(body: schema.Controller, model: Chain, trajectory: Trajectory) ->
         Kp, Kd = _either(body, ("Kp", "Kd"), (felt * kp, felt * kd))
         return PdGravity(model, Kp, Kd)
     w = np.sqrt(kp)
+    if "damping" in body.model_fields_set:
+        raise InvalidOption(
+            f"damping has no effect on a controller of type {body.type}: Lambda = w and "
+            "K = M_ii w place two poles at -w for each joint",
+            hint="Leave it out, or give Lambda and K.",
+        )
     Lambda, K = _either(body, ("Lambda", "K"), (w, felt * w))
     if isinstance(body, schema.Passivity):
         return Passivity(model, Lambda, K)
@@ -135,6 +143,11 @@ def _either(
         InvalidOption: Both are given, or neither.
     """
     given = [getattr(body, name) for name in names]
+    if "damping" in body.model_fields_set and body.natural_frequency is None:
+        raise InvalidOption(
+            f"damping has no effect beside {names[0]} and {names[1]}",
+            hint="It is for natural_frequency; leave it out.",
+        )
     if body.natural_frequency is None and all(value is not None for value in given):
         return np.array(given[0]), np.array(given[1])
     if body.natural_frequency is not None and all(value is None for value in given):
@@ -170,21 +183,36 @@ def _start_state(given: ArrayLike | None, start: Array, chain: Chain, name: str)
     return start if given is None else chain.configuration(given, name)
 
 
-def disturbance(body: schema.Disturbance | None) -> Disturbance | None:
-    """Disturbance of the robot.
+def disturbance(
+    body: schema.Disturbance | None, begins: float, duration: float
+) -> Disturbance | None:
+    """Disturbance of the robot, its times counted from the start of the trajectory.
+
+    Args:
+        body: The request's, in the time of its trajectory.
+        begins: When the trajectory begins in that time [s].
+        duration: How long the simulation lasts [s].
 
     Raises:
-        InvalidOption: A value is out of its range.
+        InvalidOption: A value is out of its range, or the disturbance never acts.
     """
     if body is None:
         return None
+    start = begins if body.start is None else body.start
+    end = math.inf if body.end is None else body.end
+    if start >= begins + duration or end <= begins:
+        raise InvalidOption(
+            f"disturbance: from {start:g} s to {end:g} s it never acts: the simulation lasts from "
+            f"{begins:g} s to {begins + duration:g} s",
+            hint="Times are those of the trajectory, which begins at its first t0.",
+        )
     return Disturbance(
         body.torque,
         body.amplitude,
         body.frequency,
         (0.0,) * 6 if body.wrench is None else body.wrench,
-        body.start,
-        math.inf if body.end is None else body.end,
+        max(start - begins, 0.0),
+        end - begins,
     )
 
 
@@ -209,6 +237,8 @@ def options(body: schema.SimulateRequest, trajectory: Trajectory) -> SimulationO
             f"{schema.MAX_SAMPLES} samples",
             hint=f"Give at least {duration / schema.MAX_SAMPLES:.3g} s.",
         )
+    evaluations = max(_LEAST_EVALUATIONS, round(_EVALUATIONS_PER_SECOND * duration))
+    _check_period("control_period", body.control_period, duration, evaluations)
     relative, absolute = body.relative_tolerance, body.absolute_tolerance
     if body.scene is not None:
         relative = min(relative, _TUBE_RELATIVE_TOLERANCE)
@@ -221,8 +251,22 @@ def options(body: schema.SimulateRequest, trajectory: Trajectory) -> SimulationO
         absolute_tolerance=absolute,
         saturate=body.saturate,
         settling_tolerance=body.settling_tolerance,
-        max_evaluations=max(_LEAST_EVALUATIONS, round(_EVALUATIONS_PER_SECOND * duration)),
+        max_evaluations=evaluations,
     )
+
+
+def _check_period(name: str, period: float | None, duration: float, evaluations: int) -> None:
+    """Refuse a period that would use up the evaluations.
+
+    Raises:
+        InvalidOption: It is too short.
+    """
+    if period is not None and duration / period * _EVALUATIONS_PER_PERIOD > evaluations:
+        raise InvalidOption(
+            f"{name}: {period:g} s over {duration:g} s takes more than the "
+            f"{evaluations} evaluations of the dynamics that are allowed",
+            hint=f"Give at least {duration * _EVALUATIONS_PER_PERIOD / evaluations:.3g} s.",
+        )
 
 
 # ------------------------------------------------------------------------------------ back
@@ -256,6 +300,7 @@ def simulation_answer(
         "settling_time": None if settling is None else settling + begins,
         "controller": _controller_answer(used),
         "tube": None,
+        "notes": [],
         "integration": {
             "evaluations": result.evaluations,
             "explicit_steps": result.steps,

@@ -207,3 +207,58 @@ def test_faults_of_closed_loops(client: httpx.Client, changes: dict[str, Any], c
     }
     status = 404 if code == "NOT_FOUND" else 422
     problem(client.post("/v1/simulate", json=body | changes), status, code)
+
+
+def test_a_disturbance_acts_in_the_time_of_the_trajectory(client: httpx.Client) -> None:
+    """The motion lasts from 1 s to 2 s, the push from 1.3 s to 1.5 s."""
+    push = {"torque": [3.0, 0.0], "start": 1.3, "end": 1.5}
+    found = simulate(client, disturbance=push)
+    error = np.abs(found["tracking_error"]).max(axis=1)
+    time = np.array(found["time"])
+    assert error[time < 1.3].max() < 1e-6
+    assert error[(time > 1.35) & (time < 1.5)].min() > 1e-3
+    early = simulate(client, disturbance={"torque": [3.0, 0.0], "end": 1.01})
+    assert np.abs(early["tracking_error"][2]).max() > 1e-6
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"disturbance": {"torque": 1.0, "start": 0.3, "end": 0.7}}, "never acts"),
+        ({"disturbance": {"torque": 1.0, "start": 2.0}}, "never acts"),
+        (
+            {"controller": {"type": "passivity", "natural_frequency": 5.0, "damping": 0.5}},
+            "damping has no effect",
+        ),
+        (
+            {"controller": {"type": "adaptive", "natural_frequency": 5.0, "damping": 1.0}},
+            "damping has no effect",
+        ),
+        (
+            {"controller": {"type": "computed_torque", "Kp": 1.0, "Kd": 1.0, "damping": 1.0}},
+            "damping has no effect",
+        ),
+        ({"control_period": 1e-6}, "Give at least 2e-05 s."),
+    ],
+)
+def test_what_would_have_no_effect_is_refused(
+    client: httpx.Client, changes: dict[str, Any], says: str
+) -> None:
+    controller = {"type": "computed_torque", "natural_frequency": 5.0}
+    body = {"robot": "planar_rr", "trajectory": MOTION, "controller": controller} | changes
+    found = problem(client.post("/v1/simulate", json=body), 422, "VALIDATION_ERROR")
+    assert says in f"{found['detail']} {found.get('hint')}"
+
+
+def test_the_shortest_control_period_that_is_allowed_reaches_the_end(client: httpx.Client) -> None:
+    found = simulate(client, control_period=2e-5)
+    assert found["outcome"] == "completed"
+    assert found["notes"] == []
+
+
+def test_the_planar_arm_has_the_inertia_of_a_rod(client: httpx.Client) -> None:
+    chain = builtin_chain("planar_rr")
+    for name in ("link_1", "link_2"):
+        inertia = chain.link(name).inertia
+        assert inertia is not None
+        assert inertia.tensor[2, 2] == inertia.mass * 1.0**2 / 12.0

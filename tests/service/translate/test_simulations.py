@@ -223,21 +223,33 @@ def test_an_initial_state_of_another_length_is_named(name: str) -> None:
 
 
 def test_a_disturbance_lasts_for_ever_unless_it_ends() -> None:
-    assert disturbance(None) is None
-    whole = disturbance(Disturbance.model_validate({"torque": 1.0}))
+    assert disturbance(None, 0.0, 1.0) is None
+    whole = disturbance(Disturbance.model_validate({"torque": 1.0}), 0.0, 1.0)
     assert whole is not None
     assert (whole.start, whole.end) == (0.0, math.inf)
     np.testing.assert_array_equal(whole.wrench, np.zeros(6))
     part = disturbance(
         Disturbance.model_validate({"amplitude": [1.0, 2.0], "frequency": 3.0, "start": 0.5,
-                                    "end": 1.5, "wrench": [1, 2, 3, 4, 5, 6]})
+                                    "end": 1.5, "wrench": [1, 2, 3, 4, 5, 6]}),
+        0.0, 9.0,
     )  # fmt: skip
     assert part is not None
     assert (part.frequency, part.start, part.end) == (3.0, 0.5, 1.5)
     np.testing.assert_array_equal(part.amplitude, [1.0, 2.0])
     np.testing.assert_array_equal(part.wrench, [1, 2, 3, 4, 5, 6])
     with pytest.raises(InvalidOption, match="lasts from 2"):
-        disturbance(Disturbance.model_validate({"start": 2.0, "end": 1.0}))
+        disturbance(Disturbance.model_validate({"start": 2.0, "end": 1.0}), 0.0, 9.0)
+
+
+def test_a_disturbance_is_in_the_time_of_the_trajectory() -> None:
+    late = disturbance(Disturbance.model_validate({"start": 5.3, "end": 5.7}), 5.0, 1.0)
+    assert late is not None
+    assert (late.start, late.end) == pytest.approx((0.3, 0.7))
+    begun = disturbance(Disturbance.model_validate({"start": 1.0, "end": 5.5}), 5.0, 1.0)
+    assert begun is not None
+    assert (begun.start, begun.end) == (0.0, 0.5)
+    with pytest.raises(InvalidOption, match="the simulation lasts from 5 s to 6 s"):
+        disturbance(Disturbance.model_validate({"start": 0.3, "end": 0.7}), 5.0, 1.0)
 
 
 def test_noise_is_drawn_by_the_seed_of_the_request() -> None:
