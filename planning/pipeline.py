@@ -218,9 +218,10 @@ class _Pipeline:
         )
 
     def _shorten(self, found: _FoundPath) -> _FoundPath:
-        """The path with its waypoints made fewer; a tool path stays as it is."""
+        """The path with fewer waypoints; a tool path, or one to be kept, stays as it is."""
         waypoints = found.waypoints
-        if found.attempt.tool_path is not None or len(waypoints) < 3:
+        is_fixed = found.attempt.tool_path is not None or found.attempt.keep_path
+        if is_fixed or len(waypoints) < 3:
             return found
         shorter = self.stages.run(
             "shortcut",

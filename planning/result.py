@@ -142,6 +142,7 @@ class Attempt:
             polyline.
         stopped: Why the tool path ends early, where it does.
         failure: Why there is no path, where the planner knows itself and no diagnosis is needed.
+        keep_path: Whether the waypoints are timed and proved as they are, without shortcuts.
     """
 
     waypoints: Array | None
@@ -153,6 +154,7 @@ class Attempt:
     tool_path: ToolPath | None = None
     stopped: Mapping[str, Any] | None = None
     failure: Failure | None = None
+    keep_path: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,6 +1,6 @@
 """The artificial potential of an arm on its way to a goal."""
 
-from typing import TypedDict
+from typing import Literal, TypedDict
 
 from armwright_client.base import (
     Answer,
@@ -23,6 +23,10 @@ class PotentialOptions(Request):
         repulsive_weights: Push away from obstacles [N m^3], likewise.
         influence_distance: Distance within which obstacles are felt [m].
         least_distance: Nearer than this, the potential goes on along its tangent [m].
+        preset: Preset of the planner that options left out are taken from.
+        control_points: Origins of the DH frames, or points along the links.
+        point_radii: Radius of the arm about the origins [m]: one for all, or one each.
+        joint_weight: Pull in joint space [N m].
     """
 
     attractive_weights: NonNegative | Vector | None = None
@@ -30,6 +34,10 @@ class PotentialOptions(Request):
     repulsive_weights: NonNegative | Vector | None = None
     influence_distance: Positive | None = None
     least_distance: Positive | None = None
+    preset: Literal["notes", "quick", "thorough"] = "notes"
+    control_points: Literal["origins", "links"] | None = None
+    point_radii: NonNegative | Vector | None = None
+    joint_weight: NonNegative | None = None
 
 
 class PotentialSettings(TypedDict, total=False):
@@ -72,6 +80,7 @@ class ControlPoint(Answer):
     Args:
         joint: The joint that carries it.
         origin: Where it is [m].
+        radius: Of the arm about it [m].
         goal: Where it is at the goal [m].
         attractive_force: [N].
         repulsive_force: Of all obstacles together [N].
@@ -82,6 +91,7 @@ class ControlPoint(Answer):
 
     joint: str
     origin: list[float]
+    radius: float = 0.0
     goal: list[float]
     attractive_force: list[float]
     repulsive_force: list[float]

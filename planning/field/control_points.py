@@ -1,5 +1,6 @@
 """Points of the arm that a potential pulls to the goal and pushes away from obstacles."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -9,6 +10,7 @@ from kinematics.arrays import Array, Indices, frozen
 from kinematics.chain import Chain
 from kinematics.compiled.kernel import kernel
 from kinematics.dh import frame_origins
+from kinematics.errors import InvalidOption
 from kinematics.forward import frames_kernel
 from kinematics.jacobian import jacobian_kernel
 from obstacles.piece import Piece, PieceKind
@@ -45,9 +47,26 @@ class ControlPoints:
         return len(self.joints)
 
 
-def origin_points(chain: Chain) -> ControlPoints:
-    """O_1 ... O_n of the course notes, bare points: see ``kinematics.dh.frame_origins``."""
-    return ControlPoints(np.arange(chain.n), frame_origins(chain), np.zeros(chain.n))
+def origin_points(chain: Chain, radii: float | Sequence[float] = 0.0) -> ControlPoints:
+    """O_1 ... O_n of the course notes, see ``kinematics.dh.frame_origins``.
+
+    Args:
+        chain: The robot.
+        radii: Radius of the arm about each, one for all or n [m].
+
+    Raises:
+        InvalidOption: There is another number of radii.
+    """
+    about = np.array(radii, dtype=np.float64)
+    if about.ndim == 1 and len(about) != chain.n:
+        raise InvalidOption(
+            f"point_radii has {len(about)} value(s), there are {chain.n} control points",
+            hint="Give one number for all of them, or one for each, base to tip.",
+            control_points=chain.n,
+        )
+    return ControlPoints(
+        np.arange(chain.n), frame_origins(chain), np.array(np.broadcast_to(about, chain.n))
+    )
 
 
 @lru_cache(maxsize=32)

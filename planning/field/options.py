@@ -1,5 +1,6 @@
 """Options of the planner by a potential field, and presets of them."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
@@ -36,7 +37,10 @@ class FieldOptions:
         repulsive_weights: eta_i [N m^3], likewise.
         influence_distance: rho_0, distance within which an obstacle is felt [m].
         least_distance: rho_m, nearer than this an obstacle pushes as it does here [m].
-        control_points: "origins" of the joints' frames, or points along the "links".
+        control_points: "origins" O_i of the DH frames, or points along the "links".
+        point_radii: Radius of the arm about the origins [m]: one for all, or one each; None for
+            bare origins. Obstacles push from where they are felt by balls of these radii. Points
+            along links have those of the links.
         joint_weight: Pull in joint space beside that on the control points [N m].
         step_sizes: alpha_k: one for all steps, or a sequence whose last one is kept; None for the
             longest steps that are proved and lower the potential.
@@ -45,6 +49,7 @@ class FieldOptions:
             blocked.
         tolerance: epsilon, it has arrived this near to the goal in joint space [rad or m].
         connect: It has also arrived where the straight motion to the goal is proved.
+        keep_path: Time and prove the descent's own path: no straight connection, no shortcut.
         max_iterations: Steps before it gives up.
         patience: Steps in a row without progress after which it gives up.
         progress: Share of the lowest potential by which a step has to lower it to be progress.
@@ -64,12 +69,14 @@ class FieldOptions:
     influence_distance: float = 0.1
     least_distance: float = 1e-3
     control_points: str = "origins"
+    point_radii: float | Sequence[float] | None = None
     joint_weight: float = 0.0
     step_sizes: float | Sequence[float] | None = None
     longest_step: float = 0.05
     halvings: int = 6
     tolerance: float = 1e-2
     connect: bool = True
+    keep_path: bool = False
     max_iterations: int = 1000
     patience: int = 50
     progress: float = 0.0
@@ -101,11 +108,29 @@ class FieldOptions:
                     f"{name} can't be {getattr(self, name)!r}",
                     hint=f"Choose one of: {', '.join(choices)}.",
                 )
-        if not isinstance(self.connect, bool):
-            raise InvalidOption(f"connect must be true or false, not {self.connect!r}")
+        for name in ("connect", "keep_path"):
+            if not isinstance(getattr(self, name), bool):
+                raise InvalidOption(f"{name} must be true or false, not {getattr(self, name)!r}")
+        self._check_radii()
         if self.joint_weight != 0.0:
             positive("joint_weight", self.joint_weight)
         self._check_step_sizes()
+
+    def _check_radii(self) -> None:
+        if self.point_radii is None:
+            return
+        if self.control_points == "links":
+            raise InvalidOption(
+                "point_radii are those of origins; points along links have the links' own",
+                hint='Take control_points "origins", or leave point_radii out.',
+            )
+        several = isinstance(self.point_radii, Sequence) and not isinstance(self.point_radii, str)
+        radii: Any = self.point_radii if several else [self.point_radii]
+        if not radii or not all(
+            isinstance(r, int | float) and not isinstance(r, bool) and 0.0 <= r < math.inf
+            for r in radii
+        ):
+            raise InvalidOption("point_radii must be numbers from 0 on, one for all or one each")
 
     def _check_step_sizes(self) -> None:
         sizes = self.step_sizes
@@ -155,7 +180,7 @@ class FieldOptions:
             longest=float(self.longest_step),
             halvings=self.halvings,
             tolerance=float(self.tolerance),
-            connect=self.connect,
+            connect=self.connect and not self.keep_path,
             patience=self.patience,
             progress=float(self.progress),
             force_tolerance=float(self.force_tolerance),

@@ -28,7 +28,7 @@ from obstacles.scene import Scene
 from planning.constrained.checker import ConstrainedChecker
 from planning.constraints.row import WIDTH
 from planning.deadline import Deadline
-from planning.field.control_points import along_links, origin_points
+from planning.field.control_points import ControlPoints, along_links, origin_points
 from planning.field.field_kernels import value_kernel
 from planning.field.gradient_descent import (
     ARRIVED,
@@ -108,7 +108,7 @@ def potential_field(
         InvalidOption: Weights are given for another number of control points.
     """
     for goal in goals:
-        field = _field(robot, scene, goal, options)
+        field, _ = potential_of(robot, scene, goal, options)
         descent = _Descent(field, robot, checker, start, goal, options, seed)
         outcome = descent.run(deadline)
         detail = descent.describe(outcome)
@@ -159,26 +159,43 @@ class PotentialField:
         )
         descent = Descent(result.visited, result.potentials, result.iterations)
         if result.waypoints is not None:
-            return Attempt(result.waypoints, result.detail, descent=descent)
+            return Attempt(
+                result.waypoints,
+                result.detail,
+                descent=descent,
+                keep_path=self.options.keep_path,
+            )
         details = {
             "joints": result.visited[-1].tolist(),
             "potential": float(result.potentials[-1]),
             "iterations": result.iterations,
             "joint_force": result.joint_force.tolist(),
             "ending": result.ending,
+            "potential_field": {
+                "joints": result.visited.tolist(),
+                "potentials": result.potentials.tolist(),
+                "iterations": result.iterations,
+            },
         }
         return Attempt(None, result.detail, details=details)
 
 
-def _field(robot: RobotGeometry, scene: Scene, goal: Array, options: FieldOptions) -> Field:
-    """The potential that the options ask for."""
+def potential_of(
+    robot: RobotGeometry, scene: Scene, goal: Array, options: FieldOptions
+) -> tuple[Field, ControlPoints]:
+    """The potential that the options ask for, and its control points.
+
+    Raises:
+        InvalidOption: Weights or radii are given for another number of control points.
+    """
     if options.control_points == "links":
         where = along_links(robot)
         weights = options.weights.with_share(1.0 / len(where))
     else:
-        where, weights = origin_points(robot.chain), options.weights
+        radii = 0.0 if options.point_radii is None else options.point_radii
+        where, weights = origin_points(robot.chain, radii), options.weights
     obstacles = FclProjector(scene) if options.engine == "fcl" else _projector(scene)
-    return Field(robot.chain, where, obstacles, goal, weights, options.joint_weight)
+    return Field(robot.chain, where, obstacles, goal, weights, options.joint_weight), where
 
 
 @lru_cache(maxsize=16)

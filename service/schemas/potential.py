@@ -1,6 +1,6 @@
 """The artificial potential on the wire."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -12,6 +12,7 @@ from service.schemas.base import (
     Joints,
     JointVector,
     Matrix,
+    NonNegative,
     Positive,
     Timeout,
 )
@@ -20,6 +21,7 @@ from service.schemas.scene import Engine, SceneReference
 
 Weight = Annotated[float, Field(ge=0.0, le=1e9)]
 Weights = Weight | Annotated[list[Weight], Field(min_length=1, max_length=MAX_JOINTS)]
+Radii = NonNegative | Annotated[list[NonNegative], Field(min_length=1, max_length=MAX_JOINTS)]
 #: Fields answered at once: with all their control points about a megabyte a thousand.
 MAX_FIELDS = MAX_BATCH
 
@@ -47,6 +49,23 @@ class PotentialOptions(Body):
         description="ρ_m, nearer than this and inside, the potential goes on along its tangent "
         "[m], 1e-3 if left out",
     )
+    preset: Literal["notes", "quick", "thorough"] = Field(
+        "notes",
+        description="the planner's preset that options left out are taken from: quick and thorough "
+        "have points along the links and a pull in joint space",
+    )
+    control_points: Literal["origins", "links"] | None = Field(
+        None, description="origins O_i of the DH frames, or points along the links' solids"
+    )
+    point_radii: Radii | None = Field(
+        None,
+        description="radius of the arm about the origins [m]: one number, or one for each; 0 if "
+        "left out",
+        examples=[0.05],
+    )
+    joint_weight: NonNegative | None = Field(
+        None, description="pull in joint space, U = k |q − q_goal|²/2 [N m]"
+    )
 
 
 class PotentialRequest(Body):
@@ -70,8 +89,10 @@ class ControlPoint(Answer):
 
     joint: str = Field(description="the joint that carries it", examples=["panda_joint7"])
     origin: list[float] = Field(
-        description="O_i, origin of frame i of the DH table, of the tip for the last joint [m]"
+        description="O_i, origin of frame i of the DH table, for the last joint of the tip, or a "
+        "point along a link [m]"
     )
+    radius: float = Field(description="of the arm about it [m]: an obstacle is felt from there on")
     goal: list[float] = Field(description="where it is at the goal [m]")
     attractive_force: list[float] = Field(description="[N]")
     repulsive_force: list[float] = Field(description="of all obstacles together [N]")

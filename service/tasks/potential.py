@@ -1,5 +1,6 @@
 """The artificial potential as requests ask for it, in workers."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -7,11 +8,10 @@ from pydantic_core import to_json
 
 from kinematics.arrays import Array
 from kinematics.chain import Chain
-from obstacles.fcl_projection import FclProjector
-from obstacles.projection import Projector
-from planning.field.control_points import ControlPoints, origin_points
+from planning.field.control_points import ControlPoints
+from planning.field.options import PRESETS, FieldOptions
+from planning.field.planner import potential_of
 from planning.field.potential import Field
-from planning.field.weights import FieldWeights
 from service.schemas.potential import PotentialRequest
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
@@ -32,17 +32,23 @@ def potential(robot: Reference, scene: Reference | None, content: bytes) -> byte
         InvalidOption: Weights are given for another number of control points.
     """
     body = PotentialRequest.model_validate_json(content)
-    chain = worker_cache.robot(robot).chain
+    geometry = worker_cache.robot(robot).geometry
+    chain = geometry.chain
     joints = chain.configuration(body.joints)
     goal = chain.configuration(body.goal_joints, "goal_joints")
-    where, obstacles = origin_points(chain), requested_scene(scene, body.scene)
-    project = FclProjector(obstacles) if body.engine == "fcl" else Projector(obstacles)
-    given = {} if body.options is None else body.options.model_dump(exclude_none=True)
-    field = Field(chain, where, project, goal, FieldWeights(**given))
+    obstacles = requested_scene(scene, body.scene)
+    field, where = potential_of(geometry, obstacles, goal, _options(body))
     answers = [_value(chain, field, where, obstacles.ids, q) for q in joints.reshape(-1, chain.n)]
     if joints.ndim == 1:
         return to_json(answers[0])
     return to_json({name: [answer[name] for answer in answers] for name in answers[0]})
+
+
+def _options(body: PotentialRequest) -> FieldOptions:
+    """The options asked for, the others as their preset has them."""
+    given = {} if body.options is None else body.options.model_dump(exclude_none=True)
+    preset = PRESETS[given.pop("preset", "notes")]
+    return replace(preset, engine=body.engine, **given)
 
 
 def _value(
@@ -53,6 +59,7 @@ def _value(
         {
             "joint": chain.joint_names[where.joints[i]],
             "origin": value.points[i].tolist(),
+            "radius": float(where.radii[i]),
             "goal": field.goals[i].tolist(),
             "attractive_force": value.attractive_forces[i].tolist(),
             "repulsive_force": value.repulsive_forces[i].tolist(),

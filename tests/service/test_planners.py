@@ -114,6 +114,50 @@ def test_the_field_tells_where_it_went(client: httpx.Client) -> None:
     assert stuck["details"]["iterations"] == 1
     assert len(stuck["details"]["joints"]) == 7
     assert stuck["details"]["potential"] > 0.0
+    assert stuck["details"]["ending"] == "steps_used_up"
+    way = stuck["details"]["potential_field"]
+    assert len(way["joints"]) == len(way["potentials"]) == 2
+    assert way["joints"][0] == HOME
+    assert way["joints"][-1] == stuck["details"]["joints"]
+    assert way["potentials"][-1] == stuck["details"]["potential"]
+
+
+def test_the_fields_own_path_is_timed_and_proved_where_it_is_to_be_kept(
+    client: httpx.Client,
+) -> None:
+    goal = {"joints": [0.4, *HOME[1:]]}
+    options = {"keep_path": True, "tolerance": 0.05}
+    found = plan(
+        client, "potential_field", goal=goal, planner_options=options, scene=scene(FLOOR)
+    )  # fmt: skip
+    told = found["potential_field"]
+    assert found["path"]["joints"] == told["joints"]
+    assert len(told["joints"]) == told["iterations"] + 2 > 5
+    assert "shortcut" not in [stage["name"] for stage in found["stages"]]
+    steps = np.abs(np.diff(told["joints"], axis=0)).max(axis=1)
+    assert steps.max() <= 0.05 + 1e-12
+
+
+@pytest.mark.parametrize("preset", ["notes", "quick", "thorough"])
+def test_the_potential_of_a_preset_is_that_of_its_descent(
+    client: httpx.Client, preset: str
+) -> None:
+    goal = [0.4, *HOME[1:]]
+    options = {"preset": preset, "connect": False, "max_iterations": 4}
+    body = BODY | {
+        "planner": "potential_field", "planner_options": options, "goal": {"joints": goal},
+    }  # fmt: skip
+    stuck = problem(client.post("/v1/plan", json=body), 422, "PLANNING_FAILED")
+    way = stuck["details"]["potential_field"]
+    asked = {
+        "joints": way["joints"], "goal_joints": goal, "scene": BODY["scene"],
+        "options": {"preset": preset},
+    }  # fmt: skip
+    found = answer(client.post("/v1/robots/panda/potential", json=asked))
+    assert found["potential"] == pytest.approx(way["potentials"], rel=1e-9)
+    assert found["joint_force"][-1] == pytest.approx(stuck["details"]["joint_force"], rel=1e-9)
+    radii = [point["radius"] for point in found["control_points"][0]]
+    assert (max(radii) > 0.0) == (preset != "notes")
 
 
 @pytest.mark.parametrize(

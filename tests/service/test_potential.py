@@ -123,6 +123,24 @@ def test_origins_of_a_table_are_those_of_its_frames(client: httpx.Client) -> Non
     assert points[0]["repulsive_force"] == pytest.approx([0.0, 0.0, -0.8])
 
 
+def test_points_with_radii_feel_obstacles_from_their_surface(client: httpx.Client) -> None:
+    tip = np.array(potential(client, HOME)["control_points"][-1]["origin"])
+    ball = {
+        "id": "ball",
+        "shape": BALL,
+        "pose": {"position": (tip + np.array([0.0, 0.0, 0.2])).tolist()},
+    }
+    bare = potential(client, HOME, scene=scene(ball))["control_points"][-1]
+    assert bare["repulsive_force"] == [0.0, 0.0, 0.0]
+    wide = potential(
+        client, HOME, scene=scene(ball), options={"point_radii": [0.0] * 6 + [0.09]}
+    )["control_points"][-1]  # fmt: skip
+    assert (bare["radius"], wide["radius"]) == (0.0, 0.09)
+    assert wide["distance"] == pytest.approx(0.14)
+    # eta (1 / rho - 1 / rho_0) / rho^2 at rho = 0.14 - 0.09
+    assert wide["repulsive_force"] == pytest.approx([0.0, 0.0, -0.8], abs=1e-9)
+
+
 def test_at_the_goal_nothing_pulls(client: httpx.Client) -> None:
     found = potential(client, GOAL, scene=None)
     assert found["potential"] == 0.0
@@ -161,6 +179,10 @@ def test_a_prismatic_arm(client: httpx.Client) -> None:
         ({"options": {"attractive_cap": 0.0}}, "VALIDATION_ERROR"),
         ({"options": {"influence_distance": 1e-4}}, "VALIDATION_ERROR"),
         ({"options": {"eta": 1.0}}, "VALIDATION_ERROR"),
+        ({"options": {"preset": "fast"}}, "VALIDATION_ERROR"),
+        ({"options": {"point_radii": [0.1, 0.2]}}, "VALIDATION_ERROR"),
+        ({"options": {"point_radii": -0.1}}, "VALIDATION_ERROR"),
+        ({"options": {"preset": "quick", "point_radii": 0.1}}, "VALIDATION_ERROR"),
         ({"speed": 1.0}, "VALIDATION_ERROR"),
     ],
 )

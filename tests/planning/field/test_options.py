@@ -32,11 +32,26 @@ def test_a_named_option_changes_that_one_alone(preset: str) -> None:
         "joint_weight": 2.0, "step_sizes": 0.1, "longest_step": 0.07, "halvings": 0,
         "tolerance": 0.5, "connect": False, "max_iterations": 7, "patience": 3, "escapes": 4,
         "escape_steps": 2, "progress": 0.5, "force_tolerance": 0.1, "engine": "fcl",
+        "keep_path": True,
     }  # fmt: skip
-    assert set(changes) == set(NAMES)
+    assert {*changes, "point_radii"} == set(NAMES)
     base = values(PRESETS[preset])
     for name, value in changes.items():
         assert values(FieldOptions.of({"preset": preset, name: value})) == {**base, name: value}
+
+
+def test_radii_belong_to_origins() -> None:
+    assert FieldOptions.of({"point_radii": [0.1, 0.0]}).point_radii == [0.1, 0.0]
+    with pytest.raises(InvalidOption, match="point_radii are those of origins"):
+        FieldOptions.of({"preset": "quick", "point_radii": 0.1})
+    for bad in (-0.1, [], [0.1, -1.0], "wide", True, float("nan"), float("inf")):
+        with pytest.raises(InvalidOption, match="point_radii must be"):
+            FieldOptions.of({"point_radii": bad})
+
+
+def test_a_kept_path_has_no_straight_connection() -> None:
+    assert FieldOptions().rules(LOWER, UPPER).connect
+    assert not FieldOptions(keep_path=True).rules(LOWER, UPPER).connect
 
 
 def test_the_thorough_preset_is_the_quick_one_that_does_not_give_up() -> None:

@@ -186,7 +186,7 @@ IK: dict[str, Any] = ABOUT | {
     "parameters": [0.1], "axes": ["x", "rz"], "scene": "table", "constraints": CONSTRAINTS,
     "posture": [0.1, 0.2], "timeout": 5.0, "seed": 3,
     "gradient": {"rule": "transpose", "coordinates": "zyz", "gain": 0.5, "steps": 100,
-                 "trace": True},
+                 "form": "flow", "trace": True, "trace_points": 50},
 }  # fmt: skip
 
 FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
@@ -215,7 +215,9 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
                         "engine": "fcl", "timeout": 5.0,
                         "options": {"attractive_weights": [1.0, 2.0], "attractive_cap": 0.2,
                                     "repulsive_weights": 1e-4, "influence_distance": 0.1,
-                                    "least_distance": 1e-3}}),
+                                    "least_distance": 1e-3, "preset": "notes",
+                                    "control_points": "origins", "point_radii": [0.1, 0.2],
+                                    "joint_weight": 0.1}}),
     (PlanRequest, PLAN),
     (PlanRequest, BRIEF | {"goal": {"any_of": [POSE_GOAL, {"joints": [0.5, 0.6]}]}}),
     (PlanRequest, BRIEF | {"goal": POSE_GOAL, "planner": "cartesian",
