@@ -45,10 +45,11 @@ class Bodies(NamedTuple):
 def bodies(chain: Chain, gravity: ArrayLike | None = None) -> Bodies:
     """The bodies of ``chain``, under ``gravity`` (3,) [m/s^2] instead of its own where given.
 
-    A link without inertia that is fixed to one that has it is a mere frame and adds nothing.
+    A link without inertia that is fixed to one that has it is a mere frame and adds nothing. A
+    joint none of whose links has one carries a massless body, if a later joint carries some mass.
 
     Raises:
-        MissingInertia: No link that some joint carries has an inertia; the message names them.
+        MissingInertia: Some joint carries nothing that has an inertia; the message names its links.
         InvalidOption: Gravity is not three finite numbers.
     """
     packed = _pack_bodies(chain)
@@ -119,17 +120,36 @@ def standard_parameters(body: Inertia) -> Array:
     return np.array([body.mass, *(body.mass * c), *upper])
 
 
+def massless_joints(chain: Chain) -> tuple[int, ...]:
+    """The joints whose links have no inertia while a later joint carries some."""
+    empty = _empty_joints(chain)
+    full = [i for i in range(chain.n) if i not in empty]
+    return tuple(i for i in empty if full and i < full[-1])
+
+
+def _empty_joints(chain: Chain) -> list[int]:
+    """The joints none of whose own links has an inertia."""
+    full = {link.joint for link in chain.links if link.inertia is not None}
+    return [i for i in range(chain.n) if i not in full]
+
+
 def _check_inertias(chain: Chain) -> None:
-    carried = [[link for link in chain.links if link.joint == i] for i in range(chain.n)]
-    empty = [i for i in range(chain.n) if all(link.inertia is None for link in carried[i])]
+    """Refuse joints that carry nothing with an inertia, neither themselves nor by later joints.
+
+    Raises:
+        MissingInertia: There are some.
+    """
+    massless = massless_joints(chain)
+    empty = [i for i in _empty_joints(chain) if i not in massless]
     if not empty:
         return
-    names = [link.name for i in empty for link in carried[i]]
+    names = [link.name for i in empty for link in chain.links if link.joint == i]
     joints = [chain.joint_names[i] for i in empty]
     raise MissingInertia(
         f"the bodies that joint(s) {', '.join(map(repr, joints))} carry have no inertia "
         f"(link(s): {', '.join(names) or 'none'})",
-        hint="Give at least one link of each joint a mass, centre of mass and inertia tensor.",
+        hint="Give at least one link of each joint, or of a later one, a mass, centre of mass and "
+        "inertia tensor.",
         joints=joints,
         links=names,
     )
@@ -138,6 +158,8 @@ def _check_inertias(chain: Chain) -> None:
 def _merge(chain: Chain, joint: int) -> Inertia:
     carried = [link for link in chain.links if link.joint == joint]
     parts = [_in_joint_frame(link, link.inertia) for link in carried if link.inertia is not None]
+    if not parts:
+        return Inertia(0.0, np.zeros(3), np.zeros((3, 3)))
     masses = np.array([part.mass for part in parts])
     mass = float(masses.sum())
     # Bodies without mass (motor rotors given as inertia alone) have their centre where they say.

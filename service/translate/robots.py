@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from dynamics.body import massless_joints
 from kinematics.arrays import Array
 from kinematics.chain import Chain, JointType
 from kinematics.dh import dh_from_chain
@@ -36,7 +37,12 @@ def robot(body: schema.RobotBody) -> tuple[RobotGeometry, list[str]]:
     """
     table = dh_table(body)
     geometry, lint = _from_urdf(body) if table is None else _from_dh(body, table)
-    return geometry, [*lint, *_limit_lint(geometry.chain), *geometry.lint]
+    return geometry, [
+        *lint,
+        *_limit_lint(geometry.chain),
+        *_mass_lint(geometry.chain),
+        *geometry.lint,
+    ]
 
 
 def built_in(name: str) -> tuple[RobotGeometry, list[str]]:
@@ -155,6 +161,15 @@ def _limit_lint(chain: Chain) -> list[str]:
                 "in joint_limits"
             )
     return lint
+
+
+def _mass_lint(chain: Chain) -> list[str]:
+    """Joints that carry massless links though a later one carries some mass."""
+    massless = massless_joints(chain)
+    if not massless:
+        return []
+    joints = ", ".join(chain.joint_names[i] for i in massless)
+    return [f"the links of {joints} have no inertia: they are massless in the dynamics"]
 
 
 # ------------------------------------------------------------------------------------ back

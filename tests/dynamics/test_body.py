@@ -4,10 +4,13 @@ import pickle
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from numpy.typing import ArrayLike
 
-from dynamics.body import bodies, scale_masses
+from dynamics.body import bodies, massless_joints, scale_masses
+from dynamics.forward import forward_dynamics
+from dynamics.inverse import inverse_dynamics
 from dynamics.mass_matrix import mass_matrix
 from kinematics.chain import Chain, Inertia, Link
 from kinematics.errors import InvalidOption, MissingInertia
@@ -46,12 +49,29 @@ def test_a_body_without_inertia_is_missing_and_named() -> None:
     with pytest.raises(MissingInertia, match=r"'joint3'.*link3, tool") as caught:
         mass_matrix(chain, np.zeros(4))
     assert caught.value.details["links"] == ["link3", "tool"]
-    bare = without(chain, "link1")
-    with pytest.raises(MissingInertia, match="'joint1', 'joint3'") as caught:
+    bare = without(chain, "link2")
+    with pytest.raises(MissingInertia, match="'joint2', 'joint3'") as caught:
         mass_matrix(bare, np.zeros(4))
-    assert caught.value.details["links"] == ["link1", "link3", "tool"]
+    assert caught.value.details["links"] == ["link2", "link3", "tool"]
     # Joint 0 carries a second body, so one of the two is enough.
     assert bodies(without(random_chain(1, 4), "link0")).masses[0] > 0.0
+
+
+def test_links_without_inertia_are_massless_where_a_later_one_has_some() -> None:
+    """As pinocchio has it, where the body has mass 0."""
+    whole = random_chain(1, 4)
+    chain = without(whole, "link1")
+    assert massless_joints(chain) == (1,)
+    assert massless_joints(whole) == ()
+    zero = Inertia(0.0, np.zeros(3), np.zeros((3, 3)))
+    links = tuple(replace(k, inertia=zero) if k.name == "link1" else k for k in whole.links)
+    model = pinocchio_model(replace(whole, links=links))
+    data, rng = model.createData(), np.random.default_rng(5)
+    for q, qd, qdd in rng.uniform(-2.0, 2.0, (20, 3, 4)):
+        expected = pin.rnea(model, data, q, qd, qdd)
+        np.testing.assert_allclose(inverse_dynamics(chain, q, qd, qdd), expected, atol=1e-10)
+        back = forward_dynamics(chain, q, qd, expected)
+        np.testing.assert_allclose(back, qdd, atol=1e-7)
 
 
 def test_inertia_without_mass_counts() -> None:

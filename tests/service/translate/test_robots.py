@@ -206,3 +206,12 @@ def test_pairs_that_may_touch_come_with_their_reasons() -> None:
     assert dict(zip(pairs, reasons, strict=True)) == dict(geometry.allowed)
     with pytest.raises(ArmwrightError, match="nobody"):
         built_in("nobody")
+
+
+def test_massless_links_are_told_where_a_later_one_has_mass() -> None:
+    heavy = ROW | {"mass": 1.0}
+    _, lint = robot(table(ROW, heavy))
+    assert "the links of joint_1 have no inertia: they are massless in the dynamics" in lint
+    for rows in ((heavy, heavy), (ROW, ROW), (heavy, ROW)):
+        _, lint = robot(table(*rows))
+        assert not any("massless" in line for line in lint)
