@@ -203,3 +203,38 @@ def test_the_descent_of_lecture_15_lowers_the_error(service: httpx.Client) -> No
     cost = np.array(trace["position_error"]) ** 2 + np.array(trace["orientation_error"]) ** 2
     assert (np.diff(cost) <= 1e-12).all()
     assert cost[-1] < 1e-6 * cost[0]
+
+
+@pytest.mark.parametrize("form", ["flow", "step"])
+def test_positions_of_the_articulated_arm_by_the_transpose(
+    service: httpx.Client, form: str
+) -> None:
+    # q' = gamma J^T (O_d - O_3) and its discrete form, from the same seed.
+    target = np.array([0.3, 0.4, 0.7])
+    body = {
+        "pose": {"position": target.tolist()},
+        "axes": ["x", "y", "z"],
+        "method": "gradient",
+        "seed_joints": [0.2, 0.4, 0.3],
+        "gradient": {"rule": "transpose", "form": form, "gain": 0.5, "trace": True},
+    }
+    found = ask(service, "robots/notes_rrr/ik", body)
+    q = np.array([0.2, 0.4, 0.3])
+    trace = np.array(found["trace"]["joints"])
+    np.testing.assert_allclose(trace[0], q, atol=ROUNDING)
+    if form == "step":
+        for row in trace[:20]:
+            np.testing.assert_allclose(row, q, atol=ROUNDING)
+            H = [dh_matrix(q[0], RRR_D1, 0.0, pi / 2), dh_matrix(q[1], 0.0, RRR_A2, 0.0),
+                 dh_matrix(q[2], 0.0, RRR_A3, 0.0)]  # fmt: skip
+            frames = [np.eye(4), H[0], H[0] @ H[1], H[0] @ H[1] @ H[2]]
+            tip = frames[3][:3, 3]
+            J = np.column_stack([np.cross(T[:3, 2], tip - T[:3, 3]) for T in frames[:3]])
+            q = q + 0.5 * J.T @ (target - tip)
+    end = found["solutions"][0]["joints"]
+    # The cosine law gives the configuration that both descents approach.
+    t3 = np.arccos((0.5**2 + 0.3**2 - RRR_A2**2 - RRR_A3**2) / (2.0 * RRR_A2 * RRR_A3))
+    t2 = atan2(0.3, 0.5) - atan2(RRR_A3 * sin(t3), RRR_A2 + RRR_A3 * cos(t3))
+    np.testing.assert_allclose(end, [atan2(0.4, 0.3), t2, t3], atol=1e-4)
+    tip = ask(service, "robots/notes_rrr/fk", {"joints": end})["pose"]["position"]
+    np.testing.assert_allclose(tip, target, atol=1e-5)
