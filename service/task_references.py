@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     prepare_robot = service.tasks.robots.prepare_robot
     prepare_scene = service.tasks.robots.prepare_scene
     robot_model = service.tasks.robots.robot_model
+    robot_urdf = service.tasks.robots.robot_urdf
     unpack_robot = service.tasks.robots.unpack_robot
     simulate = service.tasks.simulate.simulate
 else:
@@ -71,5 +72,6 @@ else:
     prepare_robot = TaskReference("service.tasks.robots:prepare_robot")
     prepare_scene = TaskReference("service.tasks.robots:prepare_scene")
     robot_model = TaskReference("service.tasks.robots:robot_model")
+    robot_urdf = TaskReference("service.tasks.robots:robot_urdf")
     unpack_robot = TaskReference("service.tasks.robots:unpack_robot")
     simulate = TaskReference("service.tasks.simulate:simulate", GRACE)

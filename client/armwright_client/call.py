@@ -221,3 +221,8 @@ def path(*segments: str) -> str:
 def read_nothing(content: bytes) -> None:
     """Read an answer that has no body."""
     del content
+
+
+def read_text(content: bytes) -> str:
+    """Read an answer that is text."""
+    return content.decode()

@@ -9,6 +9,7 @@ from armwright_client.call import (
     Endpoint,
     path,
     read_nothing,
+    read_text,
 )
 from armwright_client.dynamics import (
     DynamicsAnswer,
@@ -107,6 +108,11 @@ class RobotEndpoints:
     def get(self, name: str) -> Call[Robot]:
         """The model of a robot."""
         return Call("GET", path("robots", name), Robot.read)
+
+    @Endpoint
+    def urdf(self, name: str) -> Call[str]:
+        """The URDF that a robot came as, or one written of its table."""
+        return Call("GET", path("robots", name, "urdf"), read_text)
 
     @Endpoint
     def delete(self, name: str) -> Call[None]:

@@ -170,6 +170,19 @@ async def _answer(
     raise _replaced_meanwhile()
 
 
+async def robot_document(request: Request, name: str) -> bytes | None:
+    """The stored document of a robot; None for a built-in one, which has none.
+
+    Raises:
+        ProblemError: NOT_FOUND.
+    """
+    if is_built_in(name):
+        return None
+    repository = repository_of(request)
+    reference = await robot(request, name)
+    return (await run_in_threadpool(repository.document, reference))[1]
+
+
 async def build(request: Request, job: Job[_R]) -> _R:
     """The result of a job that builds something, which may take longer than others."""
     return await compute(request, job, min(BUILD_TIMEOUT, settings_of(request).max_timeout))

@@ -19,7 +19,7 @@ from service.schemas.robot import RobotAnswer, RobotBody, RobotFields, RobotList
 from service.schemas.validation import validation_problem
 from service.storage import prepared_files
 from service.storage.robot_repository import is_built_in
-from service.task_references import make_robot, unpack_robot
+from service.task_references import make_robot, robot_urdf, unpack_robot
 
 router = APIRouter(prefix="/v1/robots", tags=["robots"], route_class=JsonRoute, responses=RESPONSES)
 
@@ -96,6 +96,23 @@ async def get_robot(name: str, request: Request) -> Response:
     """Joints, limits, links and axes; null where a limit is not known or there is none."""
     model = await answers.model(request, name)
     return Response(model.answer, media_type="application/json")
+
+
+@router.get(
+    "/{name}/urdf",
+    summary="The URDF of a robot",
+    response_class=Response,
+    responses={200: {"content": {"application/xml": {}}, "description": "The URDF."}},
+)
+async def get_urdf(name: str, request: Request) -> Response:
+    """The URDF that a robot came as, or one written of its Denavit-Hartenberg table.
+
+    Of a table gravity, motor inertias and solids other than spheres, capsules and cylinders are
+    named in comments at the head of the file.
+    """
+    document = await answers.robot_document(request, name)
+    content = await answers.answer(request, lambda robot, _: robot_urdf.job(robot, document), name)
+    return Response(content, media_type="application/xml")
 
 
 @router.delete("/{name}", status_code=204, summary="Delete a robot")

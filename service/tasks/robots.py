@@ -6,6 +6,7 @@ from pydantic import ValidationError
 
 from kinematics.description import MeshGeometry
 from kinematics.errors import InvalidRobotDescription
+from kinematics.robots import builtin_urdf
 from kinematics.urdf import parse_urdf
 from obstacles.decomposition import keep_decompositions
 from obstacles.scene import Scene
@@ -20,6 +21,7 @@ from service.tasks.answer import reports_cache_miss
 from service.tasks.result import CacheMiss, RobotModel
 from service.translate import poses, robots
 from service.translate.archive import read_archive
+from service.translate.urdf import table_urdf
 from service.workers.task import task
 
 
@@ -100,6 +102,23 @@ def robot_model(robot: Reference) -> RobotModel | CacheMiss:
     """The model of a robot as it is answered, with the sizes that the server goes by."""
     prepared = worker_cache.robot(robot)
     return RobotModel(prepared.answer, prepared.chain.n, len(prepared.chain.links))
+
+
+@task
+@reports_cache_miss
+def robot_urdf(robot: Reference, document: bytes | None) -> bytes | CacheMiss:
+    """The URDF of a robot: as it came, or written of its table.
+
+    Args:
+        robot: The robot.
+        document: Its stored document; None for a built-in one.
+    """
+    if document is None:
+        return builtin_urdf(robot.name).encode()
+    urdf = RobotBody.model_validate_json(document).urdf
+    if urdf is not None:
+        return urdf.encode()
+    return table_urdf(worker_cache.robot(robot).geometry).encode()
 
 
 @task

@@ -6,6 +6,7 @@ import httpx
 import numpy as np
 import pytest
 
+from kinematics.robots import builtin_urdf
 from tests.service.robots import answer, problem
 
 ROW: dict[str, Any] = {
@@ -76,3 +77,57 @@ def test_a_continuous_joint_with_limits_is_refused(client: httpx.Client) -> None
     response = client.post("/v1/robots", json={"name": "bad", "dh": dh})
     document = problem(response, 422, "VALIDATION_ERROR")
     assert "a continuous joint has neither lower nor upper" in document["detail"]
+
+
+def test_the_round_trip_of_urdf_table_urdf_is_exact(client: httpx.Client) -> None:
+    text = client.get("/v1/robots/panda/urdf")
+    assert text.headers["content-type"] == "application/xml"
+    assert text.text == builtin_urdf("panda")
+    table = answer(client.get("/v1/robots/panda"))["dh"]
+    store(client, "from_table", table)
+    written = client.get("/v1/robots/from_table/urdf").text
+    answer(client.post("/v1/robots", json={"name": "from_written", "urdf": written}), 201)
+    assert client.get("/v1/robots/from_written/urdf").text == written
+    q, qd, qdd = np.random.default_rng(4).uniform(-1.0, 1.0, (3, 5, 7)).tolist()
+    state = {"joints": q, "velocities": qd, "accelerations": qdd}
+    found = []
+    for robot in ("panda", "from_table", "from_written"):
+        fk = answer(client.post(f"/v1/robots/{robot}/fk", json={
+            "joints": q, "orientation": "rotation_matrix"}))  # fmt: skip
+        poses = [[pose["position"], *pose["rotation_matrix"]] for pose in fk["pose"]]
+        dynamics = answer(client.post(f"/v1/robots/{robot}/dynamics", json=state))
+        found.append((poses, dynamics["torques"]))
+    for poses, torques in found[1:]:
+        np.testing.assert_allclose(poses, found[0][0], rtol=0, atol=1e-12)
+        np.testing.assert_allclose(torques, found[0][1], rtol=0, atol=1e-10)
+
+
+def test_solids_of_a_table_are_in_its_urdf(client: httpx.Client) -> None:
+    rows = [ROW | {"beta": 0.0, "geometry": [
+        {"shape": {"type": "cylinder", "radius": 0.05, "height": 0.2}},
+        {"shape": {"type": "sphere", "radius": 0.06},
+         "pose": {"position": [0.1, 0.0, 0.0], "rpy": [0.1, 0.2, 0.3]}},
+        {"shape": {"type": "box", "size": [0.1, 0.1, 0.1]}},
+    ]}]  # fmt: skip
+    dh = {"convention": "standard", "rows": rows, "geometry": {"capsules": 0.04}}
+    store(client, "solid_table", dh)
+    text = client.get("/v1/robots/solid_table/urdf").text
+    assert "a solid of link_1 is left out" in text
+    assert "motor inertias at the joints: 0.1" in text
+    assert "gravity in the base frame" in text
+    without = {**dh, "rows": [rows[0] | {"geometry": rows[0]["geometry"][:2]}]}
+    store(client, "round_table", without)
+    copy = client.get("/v1/robots/round_table/urdf").text
+    answer(client.post("/v1/robots", json={"name": "round_copy", "urdf": copy}), 201)
+    ball = {"id": "ball", "shape": {"type": "sphere", "radius": 0.1},
+            "pose": {"position": [0.7, 0.3, 0.5]}}  # fmt: skip
+    checks = [
+        answer(client.post("/v1/check", json={
+            "robot": robot, "joints": [[0.3], [-1.0]], "scene": {"obstacles": [ball]}}))
+        for robot in ("round_table", "round_copy")
+    ]  # fmt: skip
+    np.testing.assert_allclose(checks[1]["clearance"], checks[0]["clearance"], atol=1e-9)
+
+
+def test_the_urdf_of_no_robot_is_not_found(client: httpx.Client) -> None:
+    problem(client.get("/v1/robots/nobody/urdf"), 404, "NOT_FOUND")
