@@ -145,6 +145,58 @@ EXAMPLES = [
 ]  # fmt: skip
 
 
+#: Partial Jacobians of lecture 27 at CART_STATE and ARM_STATE: J_v1, J_w1, J_v2, J_w2.
+CART_PARTIAL = [
+    ([[0, 0], [0, 0], [1, 0]], [[0, 0], [0, 0], [0, 0]]),
+    (
+        [[0, -ROD * np.sin(0.6)], [0, 0], [1, -ROD * np.cos(0.6)]],
+        [[0, 0], [0, 1], [0, 0]],
+    ),
+]
+S1, C1, S12, C12 = np.sin(0.5), np.cos(0.5), np.sin(-0.3), np.cos(-0.3)
+ARM_PARTIAL = [
+    ([[-LC1 * S1, 0], [LC1 * C1, 0], [0, 0]], [[0, 0], [0, 0], [1, 0]]),
+    (
+        [[-L1 * S1 - LC2 * S12, -LC2 * S12], [L1 * C1 + LC2 * C12, LC2 * C12], [0, 0]],
+        [[0, 0], [0, 0], [1, 1]],
+    ),
+]
+EXAMPLES += [
+    Example(
+        f"27 partial Jacobians, {robot}",
+        f"robots/{robot}/dynamics",
+        {"joints": MODELS[robot][1][0], "partial_jacobians": True},
+        lambda found: [[one["linear"], one["angular"]] for one in found["partial_jacobians"]],
+        expected,
+    )
+    for robot, expected in (("notes_cart", CART_PARTIAL), ("notes_planar", ARM_PARTIAL))
+]
+EXAMPLES += [
+    Example(
+        f"25 all Christoffel symbols, {robot}",
+        f"robots/{robot}/dynamics",
+        {"joints": MODELS[robot][1][0], "christoffel_symbols": True},
+        lambda found: found["christoffel_symbols"],
+        [
+            [[christoffel(model, state[0], i, j, k) for k in range(2)] for j in range(2)]
+            for i in range(2)
+        ],
+        1e-8,
+    )
+    for robot, (model, state) in MODELS.items()
+]
+EXAMPLES += [
+    Example(
+        f"25 forward dynamics, {robot}",
+        f"robots/{robot}/forward-dynamics",
+        {"joints": state[0], "velocities": state[1], "torques": torques(model, state).tolist()},
+        lambda found: found["accelerations"],
+        state[2],
+    )
+    for robot, (model, state) in MODELS.items()
+]
+
+
 @each(EXAMPLES)
 def test_example(service: httpx.Client, example: Example) -> None:
     check(service, example)
@@ -178,11 +230,10 @@ def test_built_in_robots_are_the_arms_of_the_notes(service: httpx.Client) -> Non
     q, qd = [0.4, 0.9], [0.5, -0.2]
     body = {"joints": q, "velocities": qd}
     found = ask(service, "robots/planar_rr/dynamics", body)
-    inertia = 1.0 / 12.0
+    inertia = 1.0 / 12.0  # m l² / 12
     d22, k = 0.25 + inertia, 0.5 * np.cos(0.9)
     D = [[0.25 + 1.25 + 2 * k + 2 * inertia, d22 + k], [d22 + k, d22]]
-    # The inertia of the built-in file has seven digits.
-    np.testing.assert_allclose(found["mass_matrix"], D, atol=2e-7)
+    np.testing.assert_allclose(found["mass_matrix"], D, atol=1e-9)
     h = -0.5 * np.sin(0.9)
     C = h * np.array([[qd[1], qd[0] + qd[1]], [-qd[0], 0.0]])
     np.testing.assert_allclose(found["coriolis_matrix"], C, atol=1e-9)

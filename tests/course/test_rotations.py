@@ -161,3 +161,57 @@ def test_a_change_of_basis_is_a_similarity_transform(service: httpx.Client) -> N
     v1 = np.array([0.2, -0.7, 0.4])
     np.testing.assert_allclose(changed @ v1, R10.T @ (R @ (R10 @ v1)), atol=ROUNDING)
     assert np.trace(changed) == pytest.approx(np.trace(R))
+
+
+def turned(axis: str, angle: float, about: str = "current") -> dict[str, Any]:
+    return {"axis_angle": [*ABOUT[axis], angle], "about": about}
+
+
+@pytest.mark.parametrize("order", ["current", "fixed", "mixed"])
+def test_a_list_of_rotations_is_composed(service: httpx.Client, order: str) -> None:
+    abouts = {"current": ("current",) * 3, "fixed": ("fixed",) * 3,
+              "mixed": ("current", "fixed", "current")}[order]  # fmt: skip
+    steps = (("x", ANGLE), ("z", SECOND), ("z", THIRD))
+    body = {"motions": [turned(*step, about) for step, about in zip(steps, abouts, strict=True)]}
+    R = np.eye(3)
+    for step, about in zip(steps, abouts, strict=True):
+        M = rotation_matrix(*step)
+        R = R @ M if about == "current" else M @ R
+    answer = ask(service, "poses/convert", body)
+    np.testing.assert_allclose(answer["pose"]["rotation_matrix"], R, atol=ROUNDING)
+    np.testing.assert_allclose(answer["inverse"]["rotation_matrix"], R.T, atol=ROUNDING)
+    if order == "mixed":  # lecture 4: R = Rz(phi) Rx(theta) Rz(psi)
+        Rx, Rz, Rpsi = (rotation_matrix(*step) for step in steps)
+        np.testing.assert_allclose(R, Rz @ Rx @ Rpsi, atol=ROUNDING)
+
+
+def test_both_branches_of_zyz_angles_are_answered(service: httpx.Client) -> None:
+    body = {"pose": {"euler_zyz": [0.8, 1.9, -1.3]}}
+    answer = ask(service, "poses/convert", body)["pose"]
+    R = np.array(answer["rotation_matrix"])
+    upper = [atan2(R[1, 2], R[0, 2]), acos(R[2, 2]), atan2(R[2, 1], -R[2, 0])]
+    lower = [atan2(-R[1, 2], -R[0, 2]), -acos(R[2, 2]), atan2(-R[2, 1], R[2, 0])]
+    np.testing.assert_allclose(answer["euler_zyz_branches"], [upper, lower], atol=ROUNDING)
+
+
+def test_the_skew_matrix_is_the_cross_product(service: httpx.Client) -> None:
+    w, v = np.array([0.3, -0.7, 0.4]), np.array([1.0, 2.0, -0.5])
+    body = {"pose": {"euler_zyz": [0.8, 1.9, -1.3]}, "angular_velocity": w.tolist()}
+    answer = ask(service, "poses/convert", body)
+    S, R = np.array(answer["skew"]), np.array(answer["pose"]["rotation_matrix"])
+    np.testing.assert_allclose(S @ v, np.cross(w, v), atol=ROUNDING)
+    np.testing.assert_allclose(S + S.T, np.zeros((3, 3)), atol=ROUNDING)
+    np.testing.assert_allclose(answer["rotation_rate"], S @ R, atol=ROUNDING)
+    # R S(w) R^T = S(R w), lecture 12.
+    np.testing.assert_allclose(R @ S @ R.T @ v, np.cross(R @ w, v), atol=ROUNDING)
+
+
+def test_a_homogeneous_transformation_has_its_closed_inverse(service: httpx.Client) -> None:
+    d = np.array([0.3, -0.2, 0.5])
+    body = {"pose": {"position": d.tolist(), "axis_angle": [*ABOUT["y"], ANGLE]}}
+    answer = ask(service, "poses/convert", body)
+    R = rotation_matrix("y", ANGLE)
+    H = np.block([[R, d[:, None]], [np.zeros((1, 3)), np.ones((1, 1))]])
+    inverse = np.block([[R.T, -(R.T @ d)[:, None]], [np.zeros((1, 3)), np.ones((1, 1))]])
+    np.testing.assert_allclose(answer["pose"]["transform"], H, atol=ROUNDING)
+    np.testing.assert_allclose(answer["inverse"]["transform"], inverse, atol=ROUNDING)
