@@ -14,7 +14,6 @@ ROOT = Path(__file__).parents[2]
 #: Kernels of modules that the service imports, and that no request reaches.
 UNREACHED = {
     # Of the library: controllers in Python, two ways to compute the same, derivatives of Jacobians.
-    "dynamics.forward.forward_dynamics_kernel",
     "dynamics.inverse.reference_batch_kernel",
     "kinematics.jacobian._cross",
     "kinematics.jacobian._rate_batch_kernel",
