@@ -204,12 +204,28 @@ class IkRequest(Request):
     seed: int = 0
 
 
+class ArmSides(Answer):
+    """Sides of an arm, told by its geometry; None where that part is singular.
+
+    Args:
+        shoulder: "right" where joint 2 raises the wrist centre along axis 1.
+        elbow: "up" where the elbow is above the line from shoulder to wrist.
+        wrist: "no flip" where the sine of joint 5 is positive.
+    """
+
+    shoulder: Literal["right", "left"] | None = None
+    elbow: Literal["up", "down"] | None = None
+    wrist: Literal["no flip", "flip"] | None = None
+
+
 class IkSolution(Answer):
     """A configuration that reaches the pose, and how well.
 
     Args:
         joints: [rad or m].
         branch: Name of the closed form's branch.
+        sides: Of arms with six joints, axes 2 and 3 parallel and a closed form.
+        singular: Parts of these arms that are singular there.
         position_error: [m]; None where no pose was asked for.
         orientation_error: [rad].
         within_limits: Whether every joint is.
@@ -221,6 +237,8 @@ class IkSolution(Answer):
 
     joints: list[float]
     branch: str | None = None
+    sides: ArmSides | None = None
+    singular: list[Literal["shoulder", "elbow", "wrist"]] = Field(default_factory=list)
     position_error: float | None
     orientation_error: float | None
     within_limits: bool

@@ -65,6 +65,7 @@ from armwright_client.goal import Goal, GoalLike, SingleGoal, Start
 from armwright_client.health import Health, Readiness
 from armwright_client.job import Job, JobEvent, JobList
 from armwright_client.kinematics import (
+    ArmSides,
     FkAnswer,
     FkBatch,
     FkOptions,
@@ -167,6 +168,7 @@ from armwright_client.tool_motion import TimedToolMotions, ToolMotion
 from armwright_client.trajectory import Samples, Segment, TimedTrajectory, Trajectory
 
 __all__ = [
+    "ArmSides",
     "ArrayLike",
     "Attached",
     "BaseParameter",

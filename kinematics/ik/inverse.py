@@ -12,10 +12,12 @@ from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
 from kinematics.ik import numeric
 from kinematics.ik.analytic import Branches, branches, closed_form, middle, parameter
+from kinematics.ik.arm_geometry import out_of_reach
 from kinematics.ik.numeric import AXES, Axis
 from kinematics.ik.ranking import Ranking, check_ranking, order, whole_turns
 from kinematics.ik.solution import IkResult, IkSolution
 from kinematics.ik.structure import Structure, structure
+from kinematics.ik.subproblem import EXACT
 
 Method = Literal["auto", "analytic", "numeric"]
 METHODS: tuple[Method, ...] = get_args(Method)
@@ -26,6 +28,10 @@ _GRID = 48
 CLOSE = 1e-9
 #: Starts of the numeric method for each solution that is looked for.
 _STARTS_EACH = 60
+#: Starts where a closed form has no branch: they tell how near the arm comes.
+_STARTS_BEYOND_REACH = 20
+#: Less than this is the rounding of a target at the edge of reach [m].
+_EDGE = 1e-6
 #: Starts at least where several solutions are looked for.
 _STARTS_FOR_SEVERAL = 500
 
@@ -135,6 +141,9 @@ def _search(query: _Query, form: Structure | None, outside: list[IkSolution]) ->
     """Solutions of the numeric method, before those of the closed form outside the limits."""
     chain, how = query.chain, query.options
     starts = max(numeric.STARTS if how.most == 1 else _STARTS_FOR_SEVERAL, _STARTS_EACH * how.most)
+    gap = _reach_gap(query, form)
+    if gap is not None:
+        starts = _STARTS_BEYOND_REACH
     result = numeric.solve(
         chain, query.target, numeric.SearchOptions(how.seed, starts, axes=how.axes),
         link=query.link, seed_joints=query.near, solutions=how.most,
@@ -147,7 +156,30 @@ def _search(query: _Query, form: Structure | None, outside: list[IkSolution]) ->
         solutions = [*more, *outside] if how.method != "numeric" else outside
     if not any(solution.within_limits for solution in solutions) and how.method != "analytic":
         solutions = [*result.solutions, *solutions]
-    return _best_first(query, solutions, result.starts) if solutions else result
+    if solutions:
+        return _best_first(query, solutions, result.starts)
+    return result if not gap else result._replace(advice=_beyond(gap), out_of_reach=gap)
+
+
+def _reach_gap(query: _Query, form: Structure | None) -> float | None:
+    """Distance by which a pose without a branch is out of reach [m]; None where it may have one.
+
+    It is 0 where there is no branch, but how far away one is can't be told from the triangle alone.
+    """
+    if form is None or form.redundant or form.miss > EXACT or query.options.method == "numeric":
+        return None
+    if len(branches(query.chain, query.target, link=query.link, tolerance=CLOSE).joints):
+        return None
+    gap = out_of_reach(query.chain, query.target, query.link)
+    return gap if gap is not None and gap > _EDGE else 0.0
+
+
+def _beyond(gap: float) -> str:
+    """Advice for a target whose triangle does not close."""
+    return (
+        f"The wrist centre is out of reach by {gap:.4g} m: |D| > 1, upper arm and forearm make no "
+        "triangle with it. Bring the target nearer to the shoulder's reach, or turn it."
+    )
 
 
 def _closed_form_solutions(

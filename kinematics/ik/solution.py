@@ -33,9 +33,12 @@ class IkResult(NamedTuple):
         nearest: The attempt with the least error, whether it solves the problem or not.
         starts: Start configurations tried.
         advice: Where nothing was found, what that means and what to do about it.
+        out_of_reach: Distance by which the wrist centre is too far away or too near [m]; None where
+            that is not known.
     """
 
     solutions: tuple[IkSolution, ...]
     nearest: IkSolution
     starts: int
     advice: str = ""
+    out_of_reach: float | None = None

@@ -164,11 +164,31 @@ class IkRequest(Body):
         return self
 
 
+class ArmSides(Answer):
+    """Sides of an arm, told by its geometry; null where that part is singular."""
+
+    shoulder: Literal["right", "left"] | None = Field(
+        description="right where joint 2 raises the wrist centre along axis 1"
+    )
+    elbow: Literal["up", "down"] | None = Field(
+        description="up where the elbow is above the line from shoulder to wrist, along axis 1"
+    )
+    wrist: Literal["no flip", "flip"] | None = Field(
+        description="no flip where the sine of joint 5, from axis 4 to axis 6, is positive"
+    )
+
+
 class IkSolution(Answer):
     """A configuration that reaches the pose, and how well."""
 
     joints: list[float] = Field(examples=[JOINTS_EXAMPLE])
     branch: str | None = None
+    sides: ArmSides | None = Field(
+        None, description="of arms with six joints, axes 2 and 3 parallel and a closed form"
+    )
+    singular: list[Literal["shoulder", "elbow", "wrist"]] = Field(
+        default_factory=list, description="parts of these arms that are singular there"
+    )
     position_error: float | None = Field(description="[m]; null where no pose was asked for")
     orientation_error: float | None = Field(description="[rad]")
     within_limits: bool

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from kinematics.chain import Chain
+from kinematics.ik.arm_geometry import arm_sides
 from kinematics.ik.gradient import Trace
 from kinematics.ik.numeric import AXES
 from kinematics.ik.ranking import outside
@@ -30,6 +31,18 @@ def solution_answer(chain: Chain, solution: IkSolution) -> dict[str, Any]:
         "collision_free": None,
         "rejected_because": why,
     }
+
+
+def add_sides(chain: Chain, link: str | None, answers: list[dict[str, Any]]) -> None:
+    """Add the sides of the arm to answers with solutions, and what of it is singular."""
+    if not answers:
+        return
+    sides = arm_sides(chain, np.array([item["joints"] for item in answers]), link)
+    if sides is None:
+        return
+    for item, side in zip(answers, sides, strict=True):
+        item["sides"] = {"shoulder": side.shoulder, "elbow": side.elbow, "wrist": side.wrist}
+        item["singular"] = list(side.singular)
 
 
 def trace_answer(trace: Trace, body: IkRequest) -> dict[str, Any]:
@@ -75,10 +88,12 @@ def convergence_problem(link: str, trace: Trace, body: IkRequest) -> TaskProblem
 
 def unreachable(chain: Chain, link: str, result: IkResult) -> TaskProblem:
     """The refusal of a pose that no configuration reaches."""
-    nearest = result.nearest
+    nearest, gap = result.nearest, result.out_of_reach
+    details = {} if gap is None else {"out_of_reach_by": gap}
+    beyond = "" if gap is None else f"the pose is out of reach by {gap:.4g} m: "
     return TaskProblem(
         "NO_IK_SOLUTION",
-        f"no configuration brings {link!r} to the pose: the nearest attempt stays "
+        f"{beyond}no configuration brings {link!r} to the pose: the nearest attempt stays "
         f"{nearest.position_error:.4g} m and {nearest.orientation_error:.4g} rad away",
         result.advice,
         {
@@ -88,6 +103,7 @@ def unreachable(chain: Chain, link: str, result: IkResult) -> TaskProblem:
             "nearest_joints": nearest.joints.tolist(),
             "joint_names": list(chain.joint_names),
             "starts": result.starts,
+            **details,
         },
     )
 

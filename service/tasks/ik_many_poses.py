@@ -11,7 +11,7 @@ from kinematics.ik.numeric import AXES
 from kinematics.ik.structure import structure
 from service.schemas.kinematics import IkRequest
 from service.schemas.pose import Pose
-from service.tasks.ik_answers import solution_answer
+from service.tasks.ik_answers import add_sides, solution_answer
 from service.translate import poses
 
 #: Methods that have batch kernels.
@@ -57,7 +57,8 @@ def solve_batch(chain: Chain, body: IkRequest, targets: list[Pose]) -> list[dict
         seed_joints=body.seed_joints,
         threads=1,  # a worker is one of as many as there are processors
     )
-    return [
-        None if solution is None else {"solutions": [solution_answer(chain, solution)]}
-        for solution in solutions
+    answers = [
+        None if solution is None else solution_answer(chain, solution) for solution in solutions
     ]
+    add_sides(chain, body.link, [item for item in answers if item is not None])
+    return [None if item is None else {"solutions": [item]} for item in answers]

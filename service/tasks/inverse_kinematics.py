@@ -21,6 +21,7 @@ from service.tasks import constrained_ik
 from service.tasks.answer import reports_cache_miss
 from service.tasks.attached_objects import robot_in_scene
 from service.tasks.ik_answers import (
+    add_sides,
     all_in_collision,
     combined_answer,
     convergence_problem,
@@ -125,6 +126,7 @@ def _one(query: _Query, pose: Pose | None) -> dict[str, Any] | TaskProblem:
     if not result.solutions:
         return unreachable(chain, query.link, result)
     answers = [solution_answer(chain, solution) for solution in result.solutions]
+    add_sides(chain, body.link, answers)
     if check is not None:
         answers = check.apply(answers, everything=body.all_solutions)
         if not body.all_solutions and not answers[0]["collision_free"]:

@@ -6,7 +6,7 @@ import httpx
 import numpy as np
 import pytest
 
-from kinematics.forward import forward
+from kinematics.forward import forward, joint_frames
 from kinematics.pose import (
     rotation_error,
     to_quaternion,
@@ -217,6 +217,54 @@ def test_gradients_are_traced(client: httpx.Client, rule: str) -> None:
     assert len(document["details"]["trace"]["time"]) == 3
     body |= {"method": "auto"}
     problem(client.post("/v1/robots/panda/ik", json=body), 422, "VALIDATION_ERROR")
+
+
+def test_sides_of_every_branch_are_told(client: httpx.Client) -> None:
+    """The notes' arm: eight branches, each of its own sides; the elbow's height says up or down."""
+    chain = builtin_chain("elbow_wrist")
+    T = forward(chain, np.array([0.3, 0.4, -0.6, 0.2, 0.5, 0.1]))
+    body = {"pose": as_pose(T), "all_solutions": True}
+    found = answer(client.post("/v1/robots/elbow_wrist/ik", json=body))["solutions"]
+    assert len({tuple(item["sides"].values()) for item in found}) == len(found) == 8
+    for item in found:
+        points = joint_frames(chain, item["joints"])[:, :3, 3]
+        share = (points[2] - points[1])[:2] @ (points[4] - points[1])[:2]
+        share /= float(np.sum((points[4] - points[1])[:2] ** 2))
+        line = points[1, 2] + share * (points[4, 2] - points[1, 2])
+        assert item["sides"]["elbow"] == ("up" if points[2, 2] > line else "down")
+        assert item["singular"] == []
+
+
+def test_singular_wrists_and_shoulders_are_told(client: httpx.Client) -> None:
+    chain = builtin_chain("elbow_wrist")
+    straight = np.array([0.3, 0.4, -0.6, 0.2, 0.0, 0.1])
+    body: dict[str, Any] = {"pose": as_pose(forward(chain, straight)), "seed_joints": [0.0] * 6}
+    (found,) = answer(client.post("/v1/robots/elbow_wrist/ik", json=body))["solutions"]
+    assert found["singular"] == ["wrist"]
+    assert found["sides"]["wrist"] is None
+    # The wrist centre on axis 1.
+    rest = joint_frames(chain, np.zeros(6))[:, :3, 3]
+    tool = forward(chain, np.zeros(6))[:3, 3] - rest[4]
+    above = {"position": [float(x) for x in rest[1] * [0, 0, 1] + [0, 0, 0.6] + tool]}
+    above["quaternion_xyzw"] = as_pose(forward(chain, np.zeros(6)))["quaternion_xyzw"]
+    body = {"pose": above, "all_solutions": True}
+    for item in answer(client.post("/v1/robots/elbow_wrist/ik", json=body))["solutions"]:
+        assert "shoulder" in item["singular"]
+        assert item["sides"]["shoulder"] is None
+
+
+def test_out_of_reach_is_told_at_once_and_by_how_much(client: httpx.Client) -> None:
+    chain = builtin_chain("elbow_wrist")
+    frames = joint_frames(chain, np.zeros(6))[:, :3, 3]
+    T = forward(chain, np.zeros(6))
+    reach = np.linalg.norm(frames[2] - frames[1]) + np.linalg.norm(frames[4] - frames[2])
+    T[:3, 3] += frames[1] + [reach + 0.2, 0.0, 0.0] - frames[4]
+    response = client.post("/v1/robots/elbow_wrist/ik", json={"pose": as_pose(T)})
+    document = problem(response, 422, "NO_IK_SOLUTION")
+    assert "out of reach by 0.2 m" in document["detail"]
+    assert "|D| > 1" in document["hint"]
+    assert document["details"]["out_of_reach_by"] == pytest.approx(0.2, abs=1e-9)
+    assert document["details"]["starts"] <= 20
 
 
 def notes_rrr(client: httpx.Client) -> str:
