@@ -97,3 +97,16 @@ def test_scipy_has_the_same_spline(segments: list[dict[str, Any]], joint: int) -
     spline = CubicSpline(TIMES, [row[joint] for row in POINTS], bc_type="natural")
     for t in np.linspace(0.0, 4.0, 41):
         assert value(segments, joint, float(t)) == pytest.approx(float(spline(t)), abs=1e-9)
+
+
+def test_times_may_begin_anywhere_and_limits_are_not_needed(
+    service: httpx.Client, segments: list[dict[str, Any]]
+) -> None:
+    # The spline of the notes is defined by points and times alone.
+    later = [t + 5.0 for t in TIMES]
+    timing = {"method": "spline", "interpolation": "natural_spline", "times": later}
+    body = {"path": {"joints": POINTS}, "timing": timing}
+    moved = ask(service, "retime", body)["trajectory"]["segments"]
+    assert [one["t0"] for one in moved] == pytest.approx(later[:-1])
+    for one, other in zip(moved, segments, strict=True):
+        np.testing.assert_allclose(one["coefficients"], other["coefficients"], atol=1e-9)
