@@ -6,8 +6,8 @@ import httpx
 import numpy as np
 import pytest
 
-from tests.course.example import Example, ask, check, each
-from tests.course.robots import A1, A2
+from tests.course.example import ROUNDING, Example, ask, check, each
+from tests.course.robots import A1, A2, revolute
 
 Q, GOAL = [0.2, 0.4], [1.1, -0.5]
 CENTRE, RADIUS = np.array([0.62, 0.62, 0.0]), 0.1
@@ -165,3 +165,18 @@ def test_the_iteration_of_lecture_19(service: httpx.Client) -> None:
         q = q + alpha * joint_force(q)
     assert np.linalg.norm(np.array(found["joints"][found["iterations"]]) - GOAL) < epsilon
     np.testing.assert_allclose(found["potentials"][0], potential(Q), atol=1e-9)
+
+
+def test_control_points_are_the_origins_of_the_table(service: httpx.Client) -> None:
+    # O_1 = (a_1, 0, d_1) at q = 0; a ball 5 cm above it pushes it down.
+    table = {"convention": "standard", "rows": [revolute(0.3, d=0.4), revolute(0.2, d=0.1)]}
+    assert (
+        service.post("/v1/robots", json={"name": "notes_offsets", "dh": table}).status_code == 201
+    )
+    ball = BALL | {"pose": {"position": [0.3, 0.0, 0.55]}}
+    body = {"joints": [0.0, 0.0], "goal_joints": [0.5, 0.5], "scene": {"obstacles": [ball]}}
+    first = ask(service, "robots/notes_offsets/potential", body)["control_points"][0]
+    assert first["origin"] == pytest.approx([0.3, 0.0, 0.4], abs=ROUNDING)
+    assert first["distance"] == pytest.approx(0.05, abs=ROUNDING)
+    expected = 2e-4 * (1.0 / 0.05 - 1.0 / 0.1) / 0.05**2  # eta and rho_0 by default
+    assert first["repulsive_force"] == pytest.approx([0.0, 0.0, -expected], abs=1e-6)

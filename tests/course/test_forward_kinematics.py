@@ -155,3 +155,21 @@ def test_the_table_is_answered_as_it_was_given(service: httpx.Client) -> None:
     ]
     np.testing.assert_allclose(kept, table, atol=1e-12)
     assert [row["type"] for row in rows] == ["revolute", "revolute", "prismatic"]
+
+
+@pytest.mark.parametrize("name", ["notes_elbow", "notes_rrr", "notes_planar", "notes_cart"])
+def test_an_answered_table_makes_the_same_robot(service: httpx.Client, name: str) -> None:
+    table = service.get(f"/v1/robots/{name}").json()["dh"]
+    copy = {"name": f"{name}_copy", "dh": table}
+    stored = service.post("/v1/robots", json=copy)
+    assert stored.status_code == 201, stored.text
+    n = len(table["rows"])
+    joints = [0.4, -0.7, 0.3][:n]
+    body = {"joints": joints, "orientation": "rotation_matrix"}
+    poses = [ask(service, f"robots/{robot}/fk", body)["pose"] for robot in (name, copy["name"])]
+    np.testing.assert_allclose(pose_matrix(poses[1]), pose_matrix(poses[0]), atol=1e-12)
+    if "mass" in table["rows"][0] and table["rows"][0]["mass"]:
+        state = {"joints": joints, "velocities": [0.5] * n, "accelerations": [0.2] * n}
+        first, second = (ask(service, f"robots/{robot}/dynamics", state)["torques"]
+                         for robot in (name, copy["name"]))  # fmt: skip
+        np.testing.assert_allclose(second, first, atol=1e-12)
