@@ -127,8 +127,7 @@ def _check(names: tuple[str, ...], start: JointState, end: JointState, bounds: A
         rows = state.rows
         if rows.shape[1] != n:
             raise InvalidTrajectory(f"{label} has {rows.shape[1]} joint(s), not {n}")
-        # The velocity that remains where the acceleration is taken back at the largest jerk.
-        turned = rows[1] + sign * rows[2] * np.abs(rows[2]) / (2.0 * bounds[2])
+        turned = _turned(rows[1], rows[2], bounds[2], sign)
         for name, values, most in (
             ("velocity", rows[1], bounds[0]),
             ("acceleration", rows[2], bounds[1]),
@@ -145,6 +144,19 @@ def _check(names: tuple[str, ...], start: JointState, end: JointState, bounds: A
                     value=float(values[j]),
                     limit=float(most[j]),
                 )
+
+
+def _turned(velocity: ArrayLike, acceleration: ArrayLike, jerk: ArrayLike, sign: float) -> Array:
+    """Velocities where the largest jerk has brought accelerations to zero, shape (n,).
+
+    Args:
+        velocity: Shape (n,).
+        acceleration: Shape (n,).
+        jerk: Limits, shape (n,).
+        sign: 1 for what follows a state, -1 for what goes before it.
+    """
+    a = np.asarray(acceleration)
+    return np.asarray(np.asarray(velocity) + sign * a * np.abs(a) / (2.0 * np.asarray(jerk)))
 
 
 def _scales(states: tuple[Array, Array], bounds: Array) -> tuple[Array, float]:
@@ -181,8 +193,12 @@ def _input(
     wanted.current_velocity, wanted.target_velocity = v0, v1
     wanted.current_acceleration, wanted.target_acceleration = a0, a1
     limits = (bounds / units[1:]).tolist()
-    # A boundary value on its limit stays inside by rounding.
-    wanted.max_velocity = np.maximum(limits[0], np.abs([v0, v1]).max(axis=0)).tolist()
+    # A boundary value on its limit stays inside, and so does the velocity that it leads to: the
+    # package would brake first, or refuse.
+    after, before = _turned(v0, a0, limits[2], 1.0), _turned(v1, a1, limits[2], -1.0)
+    ends = np.stack([np.array(v0), np.array(v1), after, before])
+    largest = np.abs(ends).max(axis=0) * (1.0 + _ROUNDING)
+    wanted.max_velocity = np.maximum(limits[0], largest).tolist()
     wanted.max_acceleration = np.maximum(limits[1], np.abs([a0, a1]).max(axis=0)).tolist()
     wanted.max_jerk = limits[2]
     phase, time_only = RuckigSynchronization.Phase, RuckigSynchronization.Time
@@ -280,9 +296,8 @@ def _polish(durations: Array, jerks: Array, start: Array, end: Array) -> Array:
 
 def _joint_phases(profile: Profile, total: float) -> tuple[Array, Array]:
     """Durations and jerks of one joint's phases that have a length, both (m,)."""
-    parts = (profile.brake, profile, profile.accel)
-    durations = np.concatenate([np.asarray(part.t, dtype=np.float64) for part in parts])
-    jerks = np.concatenate([np.asarray(part.j, dtype=np.float64) for part in parts])
+    durations = np.asarray(profile.t, dtype=np.float64)
+    jerks = np.asarray(profile.j, dtype=np.float64)
     long_enough = durations > _NO_LENGTH * total
     return durations[long_enough], jerks[long_enough]
 

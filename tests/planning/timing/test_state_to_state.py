@@ -83,6 +83,29 @@ def test_an_acceleration_that_leads_beyond_the_velocity_limit_is_refused() -> No
     state_to_state(["j"], slow, JointState(np.ones(1)), LIMITS)
 
 
+@pytest.mark.parametrize(
+    ("start", "end"),
+    [
+        ((0.0, 700.0, 2000.0), (500.0, 0.0, 0.0)),
+        ((0.0, 0.0, 0.0), (500.0, 700.0, -2000.0)),
+        ((0.0, 800.0, 0.0), (500.0, 800.0, 0.0)),
+        ((0.0, -800.0, 0.0), (500.0, -700.0, 2000.0)),
+        ((0.0, -700.0, -2000.0), (500.0, 800.0, 0.0)),
+    ],
+)
+def test_states_at_their_very_limits_are_taken(
+    start: tuple[float, ...], end: tuple[float, ...]
+) -> None:
+    # Taken back at the largest jerk, 2000 units/s^2 add 100 units/s: exactly the limit.
+    first, last = (JointState(*(np.array([value]) for value in row)) for row in (start, end))
+    motion = state_to_state(["j"], first, last, LIMITS)
+    for order in range(3):
+        told = motion.sample([0.0, motion.duration], order)[:, 0]
+        np.testing.assert_allclose(told, [start[order], end[order]], rtol=0, atol=1e-7)
+    for order in (1, 2, 3):
+        assert (motion.peaks(order).value / LIMITS[order - 1]).max() <= 1.0 + 1e-9
+
+
 def test_a_motion_from_rest_to_rest_takes_the_time_of_its_closed_form() -> None:
     # Four phases of the largest jerk: x = 2 j (T/4)^3.
     motion = state_to_state(["j"], REST, JointState(np.ones(1)), [[np.inf], [1e3], [32.0]])
