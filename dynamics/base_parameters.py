@@ -105,7 +105,7 @@ def base_parameters(
 
 def _excitation(chain: Chain, motors: bool) -> Array:
     """The triangle R of a QR decomposition of stacked regressors, with R^T R = W^T W."""
-    p = (12 if motors else 10) * chain.n
+    p = len(parameter_names(chain, motors=motors))
     count = _EQUATIONS * p // chain.n
     # The same motions always: the choice of columns must not change from call to call.
     rng = np.random.default_rng(0)

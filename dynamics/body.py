@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dynamics.body_row import FRAME, FRICTION, MASS, MOTOR, ROW, TYPE
+from dynamics.body_row import COULOMB, FRAME, FRICTION, MASS, MOTOR, ROW, TYPE
 from kinematics.arrays import Array, frozen
 from kinematics.chain import Chain, Inertia, Link
 from kinematics.errors import InvalidOption, MissingInertia
@@ -94,6 +94,7 @@ def _pack_bodies(chain: Chain) -> Bodies:
         rows[i, MASS:MOTOR] = standard_parameters(body)
         rows[i, MOTOR] = chain.motor_inertia[i]
         rows[i, FRICTION] = chain.viscous_friction[i]
+        rows[i, COULOMB] = chain.coulomb_friction[i]
     rows[-1, :3] = chain.gravity
     return Bodies(
         chain.joint_types,

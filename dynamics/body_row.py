@@ -3,6 +3,8 @@
 A row begins like a joint's row in ``Chain.model``, so that one forward kinematics serves both.
 """
 
+import numpy as np
+
 from kinematics.arrays import Array
 from kinematics.chain import JointType
 from kinematics.compiled.kernel import kernel
@@ -24,8 +26,14 @@ INERTIA = 17
 MOTOR = 23
 #: Viscous friction [N m s/rad or N s/m].
 FRICTION = 24
+#: Dry friction [N m or N].
+COULOMB = 25
 #: Columns of a row.
-ROW = 25
+ROW = 26
+#: Speed at which dry friction is tanh(1) = 76 % of its value [rad/s or m/s]: it is smoothed to
+#: F tanh(q_dot / v), so that the equations of motion have one solution, and is F within 0.1 % from
+#: four times that speed on.
+SMOOTH_SPEED = 1e-2
 
 
 @kernel(fastmath=True)
@@ -70,3 +78,12 @@ def times_inertia(row: Array, a: Vector) -> Vector:
         xy * a[0] + yy * a[1] + yz * a[2],
         xz * a[0] + yz * a[1] + zz * a[2],
     )
+
+
+@kernel
+def joint_friction(row: Array, qd: float) -> float:
+    """Friction of a joint that moves at q_dot: B q_dot + F tanh(q_dot / v)."""
+    torque: float = row[FRICTION] * qd
+    if row[COULOMB] != 0.0:
+        torque += row[COULOMB] * np.tanh(qd / SMOOTH_SPEED)
+    return torque

@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike
 
 from dynamics.batch import stack_vectors
 from dynamics.body import bodies
-from dynamics.body_row import FRICTION, MASS, MOTOR, REVOLUTE, TYPE
+from dynamics.body_row import COULOMB, FRICTION, MASS, MOTOR, REVOLUTE, SMOOTH_SPEED, TYPE
 from dynamics.composite import FRAME, axis_of, frames_kernel, origin_of
 from dynamics.recursion import WORK, advance
 from kinematics.arrays import Array, frozen
@@ -102,7 +102,10 @@ def regressor_batch_kernel(rows: Array, state: Array, Y: Array) -> None:
 
 @kernel
 def motor_columns(motion: Array, Y: Array) -> None:
-    """Write diag(a) and diag(q_dot) into what columns of Y (n, p) come after the bodies' 10 n."""
+    """Write what columns of Y (n, p) come after the bodies' 10 n.
+
+    These are diag(a), diag(q_dot) and, if there is room, diag(tanh(q_dot / v)) of dry friction.
+    """
     n = motion.shape[0]
     if Y.shape[1] < 12 * n:
         return
@@ -110,6 +113,11 @@ def motor_columns(motion: Array, Y: Array) -> None:
     for i in range(n):
         Y[i, 10 * n + i] = motion[i, 3]
         Y[i, 11 * n + i] = motion[i, 1]
+    if Y.shape[1] < 13 * n:
+        return
+    Y[:, 12 * n : 13 * n] = 0.0
+    for i in range(n):
+        Y[i, 12 * n + i] = np.tanh(motion[i, 1] / SMOOTH_SPEED)
 
 
 def regressor(
@@ -178,13 +186,15 @@ def reference_regressor(
     state, lead = stack_vectors(
         chain, joints=q, velocities=qd, reference_velocities=v, accelerations=a
     )
-    Y = np.empty((state.shape[0], chain.n, (12 if motors else 10) * chain.n))
+    Y = np.empty((state.shape[0], chain.n, len(parameter_names(chain, motors=motors))))
     regressor_batch_kernel(packed.rows, state, Y)
     return Y.reshape(*lead, *Y.shape[1:])
 
 
 def standard_parameters(chain: Chain, *, motors: bool = True) -> Array:
     """Theta: ten parameters a body, then motor inertias J and viscous frictions B, (12 n,).
+
+    A robot with dry friction has its F as well, shape (13 n,).
 
     Units: kg, kg m, kg m^2; of the motors kg m^2 or kg, N m s/rad or N s/m.
 
@@ -195,6 +205,8 @@ def standard_parameters(chain: Chain, *, motors: bool = True) -> Array:
     parts = [rows[:, MASS:MOTOR].ravel()]
     if motors:
         parts += [rows[:, MOTOR], rows[:, FRICTION]]
+        if chain.coulomb_friction.any():
+            parts.append(rows[:, COULOMB])
     return frozen(np.concatenate(parts))
 
 
@@ -203,5 +215,6 @@ def parameter_names(chain: Chain, *, motors: bool = True) -> tuple[str, ...]:
     numbers = range(1, chain.n + 1)
     names = [f"{name}{i}" for i in numbers for name in BODY_PARAMETERS]
     if motors:
-        names += [f"{name}{i}" for name in ("J", "B") for i in numbers]
+        kinds = ("J", "B", "F") if chain.coulomb_friction.any() else ("J", "B")
+        names += [f"{name}{i}" for name in kinds for i in numbers]
     return tuple(names)

@@ -12,6 +12,7 @@ import casadi
 from numpy.typing import ArrayLike
 
 from dynamics.body import Bodies, bodies
+from dynamics.body_row import COULOMB, SMOOTH_SPEED
 from kinematics.chain import Chain
 from kinematics.symbolic import Expression, symbolic_frames
 
@@ -103,6 +104,8 @@ def symbolic_equations(
     G = casadi.gradient(U, q)
     M = D + casadi.diag(casadi.DM(chain.motor_inertia))
     friction = casadi.DM(chain.viscous_friction) * qd
+    if chain.coulomb_friction.any():
+        friction += casadi.DM(chain.coulomb_friction) * casadi.tanh(qd / SMOOTH_SPEED)
     torque = casadi.mtimes(M, qdd) + casadi.mtimes(C, qd) + friction + G
     return Equations(D, C, G, 0.5 * casadi.bilin(M, qd, qd), U, torque)
 
@@ -220,6 +223,8 @@ def _torques(
         z = frames[i][:3, 2]
         along = casadi.dot(z, moment if packed.types[i] == 0 else force)
         along += packed.motor_inertia[i] * qdd[i] + packed.viscous_friction[i] * qd[i]
+        if packed.rows[i, COULOMB] != 0.0:
+            along += float(packed.rows[i, COULOMB]) * casadi.tanh(qd[i] / SMOOTH_SPEED)
         torque.append(along)
         moment = moment + casadi.cross(arms[i], force)
     return casadi.vertcat(*torque[::-1])

@@ -136,6 +136,7 @@ class Chain:
         gravity: In the base frame, shape (3,) [m/s^2].
         motor_inertia: Reflected at each joint, shape (n,) [kg m^2 or kg].
         viscous_friction: At each joint, shape (n,) [N m s/rad or N s/m].
+        coulomb_friction: Dry friction at each joint, shape (n,) [N m or N].
         dh_convention: "standard" or "modified" where links link_1 ... link_n are the frames of a
             Denavit-Hartenberg table that the chain was built from; None for other chains.
 
@@ -158,6 +159,7 @@ class Chain:
     gravity: Array = field(default_factory=lambda: np.array([0.0, 0.0, -9.81]))
     motor_inertia: Array = field(default_factory=lambda: np.zeros(0))
     viscous_friction: Array = field(default_factory=lambda: np.zeros(0))
+    coulomb_friction: Array = field(default_factory=lambda: np.zeros(0))
     dh_convention: str | None = None
     index: Mapping[str, int] = field(init=False, repr=False)
     model: Array = field(init=False, repr=False)
@@ -172,7 +174,7 @@ class Chain:
         continuous.setflags(write=False)
         object.__setattr__(self, "joint_types", types)
         object.__setattr__(self, "continuous", continuous)
-        for name in ("offsets", "gravity", "motor_inertia", "viscous_friction"):
+        for name in ("offsets", "gravity", "motor_inertia", "viscous_friction", "coulomb_friction"):
             value = getattr(self, name)
             object.__setattr__(self, name, frozen(value if np.size(value) else np.zeros(n)))
         by_name = {link.name: i for i, link in enumerate(self.links)}
@@ -266,6 +268,8 @@ def _content_hash(chain: Chain) -> str:
         digest.update(text.encode() + b"\0")
     arrays = [chain.joint_types, chain.continuous, chain.offsets, chain.gravity]
     arrays += [chain.motor_inertia, chain.viscous_friction]
+    if chain.coulomb_friction.any():
+        arrays.append(chain.coulomb_friction)
     arrays += [getattr(chain.limits, item.name) for item in fields(chain.limits)]
     for array in arrays:
         digest.update(np.ascontiguousarray(array).tobytes())

@@ -119,7 +119,7 @@ class JointDescription:
         jerk: Largest jerk [rad/s^3 or m/s^3].
         effort: Largest torque or force [N m or N].
         damping: Viscous friction [N m s/rad or N s/m].
-        friction: Static friction [N m or N].
+        friction: Dry (Coulomb) friction [N m or N].
         mimic: The joint it follows, if it follows one.
     """
 

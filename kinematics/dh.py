@@ -84,6 +84,7 @@ def chain_from_dh(name: str, table: DhTable) -> Chain:
         gravity=table.gravity,
         motor_inertia=np.array([row.motor_inertia or 0.0 for row in table.rows]),
         viscous_friction=np.array([row.viscous_friction or 0.0 for row in table.rows]),
+        coulomb_friction=np.array([row.coulomb_friction or 0.0 for row in table.rows]),
         dh_convention=table.convention,
     )
 
@@ -240,6 +241,7 @@ def _row(chain: Chain, i: int, before: _Between, after: _Between, kind: Conventi
         inertia=tensor,
         motor_inertia=float(chain.motor_inertia[i]),
         viscous_friction=float(chain.viscous_friction[i]),
+        coulomb_friction=float(chain.coulomb_friction[i]),
         beta=_tidy(x.beta),
     )
 

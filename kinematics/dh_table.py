@@ -41,6 +41,7 @@ class DhRow:
             a point where only the mass is given.
         motor_inertia: Reflected at the joint [kg m^2 or kg].
         viscous_friction: At the joint [N m s/rad or N s/m].
+        coulomb_friction: Dry friction at the joint [N m or N].
         beta: About y, 0 but for nearly parallel axes [rad].
     """
 
@@ -61,6 +62,7 @@ class DhRow:
     motor_inertia: float | None = None
     viscous_friction: float | None = None
     beta: float = 0.0
+    coulomb_friction: float | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -141,7 +143,7 @@ def _check_row(row: DhRow, where: str) -> None:
         value = getattr(row, name)
         if value is not None and not value > 0.0:
             raise InvalidRobotDescription(f"{name} in {where} is {value:g}, it must be positive")
-    for name in ("mass", "motor_inertia", "viscous_friction"):
+    for name in ("mass", "motor_inertia", "viscous_friction", "coulomb_friction"):
         value = getattr(row, name)
         if value is not None and not (math.isfinite(value) and value >= 0.0):
             raise InvalidRobotDescription(

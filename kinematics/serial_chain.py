@@ -86,6 +86,7 @@ def serial_chain(
         continuous=np.array(continuous),
         gravity=_gravity(gravity),
         viscous_friction=np.array([joint.damping for joint in joints]),
+        coulomb_friction=np.array([joint.friction for joint in joints]),
     )
 
 

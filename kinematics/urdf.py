@@ -91,12 +91,6 @@ def _joint(element: Element, lint: list[str]) -> JointDescription:
     limit = single(element, "limit", where)
     dynamics = single(element, "dynamics", where)
     moves = type_ in ("revolute", "continuous", "prismatic")
-    friction = _not_negative(dynamics, "friction", where)
-    if moves and friction > 0.0:
-        lint.append(
-            f"the dry friction of {where} ({friction:g}) is not part of its dynamics: torques are "
-            "without it"
-        )
     quantities = ("velocity", "acceleration", "jerk", "effort")
     limits = {q: _limit(limit, q, where, lint if moves else []) for q in quantities}
     return JointDescription(
@@ -109,7 +103,7 @@ def _joint(element: Element, lint: list[str]) -> JointDescription:
         lower=lower,
         upper=upper,
         damping=_not_negative(dynamics, "damping", where),
-        friction=friction,
+        friction=_not_negative(dynamics, "friction", where),
         mimic=_mimic(element, where),
         **limits,
     )

@@ -1,10 +1,10 @@
 """Limits of joint torques and of the tool's speed, as a value."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from kinematics.arrays import Array
+from kinematics.arrays import Array, frozen
 from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
 
@@ -15,7 +15,8 @@ class EffortLimits:
 
     Args:
         chain: The robot with all that it carries.
-        effort: Torque limits, shape (n,), inf where there is none [N m or N]; None for none.
+        effort: Torque limits, shape (n,), inf where there is none [N m or N]; None for none. Dry
+            friction is taken off them, and from the chain.
         tool_speed: Largest speed of the tip's origin [m/s]; None for none.
 
     Raises:
@@ -33,3 +34,16 @@ class EffortLimits:
             )
         if self.effort is not None and not (self.effort > 0.0).all():
             raise InvalidOption("the torque limits must be positive")
+        friction = self.chain.coulomb_friction
+        if self.effort is None or not friction.any():
+            return
+        # At its worst dry friction takes all of its value from a limit; what is left is a limit of
+        # the torque without it, which is smooth.
+        if not (self.effort > friction).all():
+            raise InvalidOption(
+                "the dry friction of a joint takes all of its torque limit",
+                hint="Give a torque limit above the coulomb_friction of each joint.",
+            )
+        object.__setattr__(self, "effort", frozen(self.effort - friction))
+        smooth = replace(self.chain, coulomb_friction=np.zeros(self.chain.n))
+        object.__setattr__(self, "chain", smooth)

@@ -59,6 +59,7 @@ class Adaptive(AdaptiveController):
         object.__setattr__(self, "K", K)
         if self.base is None:
             driven = (self.chain.motor_inertia != 0.0) | (self.chain.viscous_friction != 0.0)
+            driven |= self.chain.coulomb_friction != 0.0
             motors = bool(driven.any()) if self.motors is None else self.motors
             object.__setattr__(self, "base", base_parameters(self.chain, motors=motors))
         object.__setattr__(self, "Gamma", adaptation_gain(self.parameters.count, self.Gamma))

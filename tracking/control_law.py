@@ -133,7 +133,9 @@ class Space(NamedTuple):
 
 def space(n: int, law: Law) -> Space:
     """Scratch for a law of n joints."""
-    p = 12 * n if law.kind == Kind.ADAPTIVE else 0
+    # Columns of dry friction come last, for robots that have any.
+    kinds = 13 if law.columns.max(initial=0) >= 12 * n else 12
+    p = kinds * n if law.kind == Kind.ADAPTIVE else 0
     return Space(
         np.zeros((n, COMPOSITE_WORK)),
         np.zeros((n, 12)),

@@ -270,6 +270,7 @@ class DynamicsAnswer(Answer):
         torques: τ, n [N m or N].
         motor_inertia: J, n.
         viscous_friction: B, n.
+        coulomb_friction: Dry friction F, n [N m or N].
         kinetic_energy: [J].
         potential_energy: [J].
         christoffel_symbols: On request; [i][j][k] is c_ijk.
@@ -282,6 +283,7 @@ class DynamicsAnswer(Answer):
     torques: list[float]
     motor_inertia: list[float] | None = None
     viscous_friction: list[float] | None = None
+    coulomb_friction: list[float] | None = None
     kinetic_energy: float | None = None
     potential_energy: float | None = None
     christoffel_symbols: list[Matrix] | None = None

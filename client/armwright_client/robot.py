@@ -65,6 +65,7 @@ class DhRow(Request):
     inertia: Matrix3 | None = None
     motor_inertia: NonNegative | None = None
     viscous_friction: NonNegative | None = None
+    coulomb_friction: NonNegative | None = None
     beta: float = 0.0
     continuous: bool = False
     geometry: list[LinkSolid] | None = None
@@ -254,6 +255,7 @@ class DhParameters(Answer):
     inertia: Matrix | None = None
     motor_inertia: float | None = None
     viscous_friction: float | None = None
+    coulomb_friction: float | None = None
     beta: float = 0.0
     continuous: bool = False
     geometry: list[LinkSolid] | None = None

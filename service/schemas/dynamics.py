@@ -105,6 +105,9 @@ class DynamicsAnswer(Answer):
     torques: list[float] | Matrix = Field(description="τ, n [N m or N]")
     motor_inertia: list[float] = Field(description="J, n; 0 where the robot gives none")
     viscous_friction: list[float] = Field(description="B, n; 0 where the robot gives none")
+    coulomb_friction: list[float] = Field(
+        description="dry friction F, n: the torque is F tanh(q̇ / v) with v = 0.01 rad/s or m/s"
+    )
     kinetic_energy: float | list[float] = Field(description="with the motors' part [J]")
     potential_energy: float | list[float] = Field(description="[J]")
     christoffel_symbols: list[Matrix] | list[list[Matrix]] | None = Field(

@@ -73,6 +73,7 @@ class DhRow(Body):
     )
     motor_inertia: NonNegative | None = None
     viscous_friction: NonNegative | None = None
+    coulomb_friction: NonNegative | None = Field(None, description="dry friction [N m or N]")
     beta: Number = Field(
         0.0, description="about y, behind alpha [rad]; 0 but for nearly parallel axes"
     )
@@ -206,6 +207,7 @@ class DhRowAnswer(Answer):
     )
     motor_inertia: float | None = None
     viscous_friction: float | None = None
+    coulomb_friction: float | None = None
     beta: float = Field(0.0, description="about y, behind alpha; 0 but for nearly parallel axes")
     continuous: bool = Field(False, description="without end: no lower and no upper limit")
     geometry: list[LinkSolid] | None = Field(None, description="as it was given")

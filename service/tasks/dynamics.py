@@ -90,6 +90,7 @@ def dynamics(chain: Chain, body: DynamicsRequest) -> bytes:
             "torques": torques.tolist(),
             "motor_inertia": robot.motor_inertia.tolist(),
             "viscous_friction": robot.viscous_friction.tolist(),
+            "coulomb_friction": robot.coulomb_friction.tolist(),
             "kinetic_energy": kinetic_energy(robot, q, qd).tolist(),
             "potential_energy": potential_energy(robot, q).tolist(),
         }
@@ -150,7 +151,8 @@ def regressor(chain: Chain, body: RegressorRequest) -> bytes:
     robot = model(chain, body)
     motors = body.motors
     if motors is None:
-        motors = bool((robot.motor_inertia != 0.0).any() or (robot.viscous_friction != 0.0).any())
+        driven = (robot.motor_inertia, robot.viscous_friction, robot.coulomb_friction)
+        motors = any(bool(value.any()) for value in driven)
     v = body.velocities if body.reference_velocities is None else body.reference_velocities
     state = (body.joints, body.velocities, v, body.accelerations)
     Y = reference_regressor(robot, *state, motors=motors)

@@ -258,6 +258,7 @@ def _row_answer(row: DhRow, geometry: list[schema.LinkSolid] | None) -> schema.D
         inertia=inertia,
         motor_inertia=row.motor_inertia,
         viscous_friction=row.viscous_friction,
+        coulomb_friction=row.coulomb_friction,
         continuous=row.lower == -math.inf and row.upper == math.inf,
         geometry=geometry,
     )

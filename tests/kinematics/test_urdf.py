@@ -349,12 +349,3 @@ def test_left_out_elements_never_escape() -> None:
 @pytest.mark.parametrize("sample", real_robots(), ids=lambda sample: sample.name)
 def test_real_files_are_accepted(sample: Sample) -> None:
     assert sample.chain().n >= 5
-
-
-@pytest.mark.parametrize(("friction", "is_told"), [("0.0", False), ("2.0", True)])
-def test_dry_friction_is_told_not_to_count(friction: str, is_told: bool) -> None:
-    description = parse_urdf(arm(extra=f'<dynamics damping="0.5" friction="{friction}"/>'))
-    told = [line for line in description.lint if "dry friction" in line]
-    assert bool(told) is is_told
-    assert all("(2)" in line and "'swing'" in line for line in told)
-    assert description.joints["swing"].friction == float(friction)
