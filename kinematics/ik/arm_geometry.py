@@ -64,18 +64,18 @@ def arm_sides(chain: Chain, q: ArrayLike, link: str | None = None) -> list[ArmSi
     if not len(frames):
         return []
     z, origins = frames[:, :, :3, 2], frames[:, :, :3, 3]
-    if float(np.linalg.norm(np.cross(z[0, 1], z[0, 2]))) > SINGULAR:
+    if float(np.linalg.norm(_cross(z[0, 1], z[0, 2]))) > SINGULAR:
         return None
     if form.kind == "spherical":
         hand = elbow_end = _meeting(origins[:, 3], z[:, 3], origins[:, 4], z[:, 4])
-    elif float(np.linalg.norm(np.cross(z[0, 1], z[0, 3]))) <= SINGULAR:
+    elif float(np.linalg.norm(_cross(z[0, 1], z[0, 3]))) <= SINGULAR:
         hand, elbow_end = _meeting(origins[:, 4], z[:, 4], origins[:, 5], z[:, 5]), origins[:, 3]
     else:
         return None
     rows = np.column_stack([
-        _dot(hand - origins[:, 1], np.cross(z[:, 0], z[:, 1])),
+        _dot(hand - origins[:, 1], _cross(z[:, 0], z[:, 1])),
         *_elbow(z[:, 0], z[:, 1], origins[:, 2] - origins[:, 1], elbow_end - origins[:, 1]),
-        _dot(np.cross(z[:, 3], z[:, 5]), z[:, 4]),
+        _dot(_cross(z[:, 3], z[:, 5]), z[:, 4]),
     ])  # fmt: skip
     return [_sides(*row) for row in rows]
 
@@ -106,15 +106,22 @@ def _elbow(z1: Array, z2: Array, upper: Array, whole: Array) -> tuple[Array, Arr
     line = c / np.maximum(np.linalg.norm(c, axis=1), SINGULAR)[:, None]
     offset = a - _dot(a, line)[:, None] * line
     lengths = np.linalg.norm(a, axis=1) * np.linalg.norm(c - a, axis=1)
-    bend = np.linalg.norm(np.cross(a, c - a), axis=1) / np.maximum(lengths, SINGULAR**2)
+    bend = np.linalg.norm(_cross(a, c - a), axis=1) / np.maximum(lengths, SINGULAR**2)
     return _dot(offset, z1), bend
 
 
 def _meeting(p: Array, u: Array, s: Array, v: Array) -> Array:
     """Points of lines p + t u that are nearest to lines s + t v, all of shape (m, 3)."""
-    across = np.cross(u, v)
-    t = _dot(np.cross(s - p, v), across) / _dot(across, across)
+    across = _cross(u, v)
+    t = _dot(_cross(s - p, v), across) / _dot(across, across)
     return np.asarray(p + t[:, None] * u)
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Vector products along the last axis; numpy's own costs three times as much for a few."""
+    x, y, z = a[..., 0], a[..., 1], a[..., 2]
+    u, v, w = b[..., 0], b[..., 1], b[..., 2]
+    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
 
 
 def _dot(a: Array, b: Array) -> Array:
@@ -154,7 +161,7 @@ def out_of_reach(chain: Chain, target: ArrayLike, link: str | None = None) -> fl
     around = float(np.sum(goal * goal)) - height**2 - depth**2
     if around < 0.0:
         return abs(depth) - float(np.sqrt(around + depth**2))
-    front, x = float(np.sqrt(around)), np.cross(z[1], z[0])
+    front, x = float(np.sqrt(around)), _cross(z[1], z[0])
     start, rise = float((origins[1] - origins[0]) @ x), float((origins[1] - origins[0]) @ z[0])
     upper = origins[2] - origins[1] - ((origins[2] - origins[1]) @ z[1]) * z[1]
     fore = W - origins[2] - ((W - origins[2]) @ z[1]) * z[1]

@@ -185,43 +185,16 @@ class FieldModel(NamedTuple):
 
 
 @kernel
-def value_kernel(field: FieldModel, q: Array, joint_force: Array) -> float:
-    """U at q (n,); -grad U is written into ``joint_force`` (n,)."""
-    m, n = field.points.joints.shape[0], q.shape[0]
-    owners = field.obstacles.owners
-    o = owners[-1] + 1 if owners.shape[0] > 0 else 0
-    points, jacobians = np.empty((m, 3)), np.empty((m, 3, n))
-    pulls, pushes = np.empty((m, 3)), np.empty((m, 3))
-    projections, distances = np.empty((m, o, 3)), np.empty((m, o))
-    control_points_kernel(
-        field.chain, field.points.joints, field.points.places, q, points, jacobians
-    )
-    potential = attraction_kernel(field.points, points, pulls)
-    potential += repulsion_kernel(
-        field.points,
-        field.obstacles,
-        points,
-        field.points.radii + field.points.reach,
-        projections,
-        distances,
-        pushes,
-    )
-    force_kernel(jacobians, pulls, pushes, joint_force)
-    for j in range(n):
-        e = field.goal[j] - q[j]
-        potential += 0.5 * field.joint_weight * e * e
-        joint_force[j] += field.joint_weight * e
-    return potential
-
-
-@kernel
-def vanishing_force_kernel(field: FieldModel, q: Array, tolerance: float) -> float:
-    """The joint force at q (n,) that counts as none [N m or N].
+def evaluate_kernel(
+    field: FieldModel, q: Array, tolerance: float, joint_force: Array
+) -> tuple[float, float]:
+    """U at q (n,) and the joint force that counts as none there; -grad U into ``joint_force``.
 
     Args:
         field: The potential.
         q: Configuration, shape (n,) [rad or m].
         tolerance: Share of the terms that the joint force is the sum of.
+        joint_force: -grad U is written here, shape (n,) [N m or N].
     """
     m, n = field.points.joints.shape[0], q.shape[0]
     owners = field.obstacles.owners
@@ -232,8 +205,30 @@ def vanishing_force_kernel(field: FieldModel, q: Array, tolerance: float) -> flo
     control_points_kernel(
         field.chain, field.points.joints, field.points.places, q, points, jacobians
     )
-    attraction_kernel(field.points, points, pulls)
+    potential = attraction_kernel(field.points, points, pulls)
     within = field.points.radii + field.points.reach
-    repulsion_kernel(field.points, field.obstacles, points, within, projections, distances, pushes)
-    spring = field.joint_weight * (field.goal - q)
-    return smallest_force_kernel(jacobians, pulls, pushes, spring, tolerance)
+    potential += repulsion_kernel(
+        field.points, field.obstacles, points, within, projections, distances, pushes
+    )
+    force_kernel(jacobians, pulls, pushes, joint_force)
+    spring = np.empty(n)
+    for j in range(n):
+        e = field.goal[j] - q[j]
+        potential += 0.5 * field.joint_weight * e * e
+        spring[j] = field.joint_weight * e
+        joint_force[j] += spring[j]
+    return potential, smallest_force_kernel(jacobians, pulls, pushes, spring, tolerance)
+
+
+@kernel
+def value_kernel(field: FieldModel, q: Array, joint_force: Array) -> float:
+    """U at q (n,); -grad U is written into ``joint_force`` (n,)."""
+    potential, _ = evaluate_kernel(field, q, 0.0, joint_force)
+    return potential
+
+
+@kernel
+def vanishing_force_kernel(field: FieldModel, q: Array, tolerance: float) -> float:
+    """The joint force at q (n,) that counts as none [N m or N]; see ``evaluate_kernel``."""
+    _, no_force = evaluate_kernel(field, q, tolerance, np.empty(q.shape[0]))
+    return no_force

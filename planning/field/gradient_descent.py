@@ -11,7 +11,12 @@ from obstacles.edge_check import FREE, Cubic, certify_in
 from obstacles.kernel_work import Workspace, workspace
 from obstacles.model_arrays import ModelArrays
 from planning.constraints.edge_bounds import EDGE_CELLS, HOLDS, edge_kernel
-from planning.field.field_kernels import FieldModel, value_kernel, vanishing_force_kernel
+from planning.field.field_kernels import (
+    FieldModel,
+    evaluate_kernel,
+    value_kernel,
+    vanishing_force_kernel,
+)
 
 # Outcomes of a descent.
 #: It is at the goal.
@@ -44,6 +49,9 @@ STEP = 0
 LOWEST = 1
 #: Share of the straight line to the goal that is left where it was last blocked, or -1.
 LINE_BLOCKED = 2
+#: The joint force that counts as none at the last configuration, -1 where it is to be computed
+#: [N m or N].
+NO_FORCE = 3
 
 # Entries of Track.counts.
 #: Configurations that were visited.
@@ -103,7 +111,7 @@ class Track(NamedTuple):
         visited: Configurations, shape (c, n) [rad or m].
         potentials: U at each, shape (c,) [J].
         force: -grad U at the last one, shape (n,) [N m or N].
-        gauges: STEP, LOWEST and LINE_BLOCKED, shape (3,).
+        gauges: STEP, LOWEST, LINE_BLOCKED and NO_FORCE, shape (4,).
         counts: VISITED, ITERATIONS and STALE, shape (3,).
     """
 
@@ -162,6 +170,7 @@ def keep_kernel(track: Track, q: Array, potential: float, force: Array) -> None:
     track.visited[at] = q
     track.potentials[at] = potential
     track.force[:] = force
+    track.gauges[NO_FORCE] = -1.0
     track.counts[VISITED] = at + 1
 
 
@@ -219,7 +228,9 @@ def _descend(proof: Proof, work: Workspace, rules: Rules, field: FieldModel, tra
     for j in range(force.shape[0]):
         strength = max(strength, abs(force[j]))
     q = track.visited[counts[VISITED] - 1]
-    if strength <= vanishing_force_kernel(field, q, rules.force_tolerance):
+    if gauges[NO_FORCE] < 0.0:
+        gauges[NO_FORCE] = vanishing_force_kernel(field, q, rules.force_tolerance)
+    if strength <= gauges[NO_FORCE]:
         return MINIMUM
     if counts[STALE] >= rules.patience:
         return STALLED
@@ -263,9 +274,10 @@ def _move(
             moved[j] = min(max(q[j] + reach * direction[j], rules.lower[j]), rules.upper[j])
             away = max(away, abs(moved[j] - q[j]))
         if away > 0.0 and is_free_kernel(proof, work, q, moved, outcome):
-            potential = value_kernel(field, moved, force)
+            potential, no_force = evaluate_kernel(field, moved, rules.force_tolerance, force)
             if potential < highest:
                 keep_kernel(track, moved, potential, force)
+                track.gauges[NO_FORCE] = no_force
                 track.counts[ITERATIONS] += 1
                 return reach
             if reach < SHORTEST:

@@ -228,7 +228,7 @@ class _Descent:
             visited=np.empty((_CAPACITY, n)),
             potentials=np.empty(_CAPACITY),
             force=np.empty(n),
-            gauges=np.array([options.longest_step, np.inf, -1.0]),
+            gauges=np.array([options.longest_step, np.inf, -1.0, -1.0]),
             counts=np.zeros(3, dtype=np.int64),
         )
         self._python = PythonDescent(

@@ -71,7 +71,7 @@ class Slide:
             np.empty((_CAPACITY, 2)),
             np.empty(_CAPACITY),
             np.empty(2),
-            np.array([self.rules.longest, np.inf, -1.0]),
+            np.array([self.rules.longest, np.inf, -1.0, -1.0]),
             np.zeros(3, dtype=np.int64),
         )
         q = np.array(start)
