@@ -43,6 +43,8 @@ def constrained_efforts(
     if efforts is not None and efforts.tool_speed is not None:
         speeds.append(efforts.tool_speed)
     if efforts is not None and efforts.effort is not None:
+        # These have dry friction taken off already, and their chain has none.
+        torques = [np.asarray(limit) - chain.coulomb_friction for limit in torques]
         torques.append(efforts.effort)
     return EffortLimits(
         chain if efforts is None else efforts.chain,

@@ -20,7 +20,10 @@ from kinematics.dh_table import DhRow, DhTable
 from kinematics.errors import InvalidOption
 from kinematics.serial_chain import serial_chain
 from kinematics.urdf import parse_urdf
+from planning.constraints.constraint_set import ConstraintSet
+from planning.constraints.limit import TorqueConstraint
 from planning.effort_limits import EffortLimits
+from planning.proof.constraint_limits import constrained_efforts
 from tests.dynamics.samples import pinocchio_model, random_chain
 from tests.tracking.samples import constant, slider, smooth
 from tracking.adaptive import Adaptive
@@ -142,3 +145,16 @@ def test_it_takes_its_part_of_every_torque_limit() -> None:
     np.testing.assert_array_equal(again.effort, limits.effort)
     with pytest.raises(InvalidOption, match="takes all of its torque limit"):
         EffortLimits(chain, chain.coulomb_friction + 1e-300)
+
+
+@pytest.mark.parametrize("given", [None, 20.0, 9.0])
+def test_it_takes_its_part_of_constrained_torques_once(given: float | None) -> None:
+    chain = dry()
+    efforts = None if given is None else EffortLimits(chain, np.full(4, given))
+    asked = ConstraintSet(chain, (TorqueConstraint([10.0] * 4),))
+    both = constrained_efforts(efforts, asked, chain)
+    assert both is not None
+    assert both.effort is not None
+    least = 10.0 if given is None else min(given, 10.0)
+    np.testing.assert_allclose(both.effort, least - chain.coulomb_friction)
+    assert not both.chain.coulomb_friction.any()
