@@ -23,7 +23,7 @@ class PotentialOptions(Request):
         repulsive_weights: Push away from obstacles [N m^3], likewise.
         influence_distance: Distance within which obstacles are felt [m].
         least_distance: Nearer than this, the potential goes on along its tangent [m].
-        preset: Preset of the planner that options left out are taken from.
+        preset: Preset of the planner that options left out are taken from; "notes" if left out.
         control_points: Origins of the DH frames, or points along the links.
         point_radii: Radius of the arm about the origins [m]: one for all, or one each.
         joint_weight: Pull in joint space [N m].
@@ -34,7 +34,7 @@ class PotentialOptions(Request):
     repulsive_weights: NonNegative | Vector | None = None
     influence_distance: Positive | None = None
     least_distance: Positive | None = None
-    preset: Literal["notes", "quick", "thorough"] = "notes"
+    preset: Literal["notes", "quick", "thorough"] | None = None
     control_points: Literal["origins", "links"] | None = None
     point_radii: NonNegative | Vector | None = None
     joint_weight: NonNegative | None = None
