@@ -117,8 +117,9 @@ def _moving_joint(chain: Chain, i: int, parent: str, child: str, origin: Array) 
         '    <axis xyz="0 0 1"/>',
     ]
     rows += [f"    <limit {limit}/>"] if known or kind != "continuous" else []
-    if chain.viscous_friction[i]:
-        rows.append(f'    <dynamics damping="{float(chain.viscous_friction[i])!r}"/>')
+    damping, friction = float(chain.viscous_friction[i]), float(chain.coulomb_friction[i])
+    if damping or friction:
+        rows.append(f'    <dynamics damping="{damping!r}" friction="{friction!r}"/>')
     return [*rows, "  </joint>"]
 
 

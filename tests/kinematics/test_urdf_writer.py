@@ -71,7 +71,8 @@ def test_pinocchio_reads_the_same_robot() -> None:
 
 
 def test_solids_names_and_comments() -> None:
-    row = DhRow("revolute", a=0.5, lower=-np.inf, upper=np.inf, mass=1.0, motor_inertia=0.1)
+    row = DhRow("revolute", a=0.5, lower=-np.inf, upper=np.inf, mass=1.0, motor_inertia=0.1,
+                coulomb_friction=0.7, viscous_friction=0.2)  # fmt: skip
     chain = chain_from_dh('an "arm" & more', DhTable("standard", (row,)))
     T = transform(from_rpy([0.1, 0.2, 0.3]), [0.1, 0.0, 0.2])
     solids = {"link_1": [CollisionElement(T, CapsuleGeometry(0.05, 0.4)),
@@ -85,7 +86,8 @@ def test_solids_names_and_comments() -> None:
     assert second.geometry == SphereGeometry(0.1)
     assert "<!-- left out - - a box -->" in text
     assert "motor inertias at the joints: 0.1" in text
-    assert description.joints["joint_1"].type == "continuous"
+    joint = description.joints["joint_1"]
+    assert (joint.type, joint.damping, joint.friction) == ("continuous", 0.2, 0.7)
     box = {"link_1": [CollisionElement(np.eye(4), BoxGeometry((1.0, 1.0, 1.0)))]}
     with pytest.raises(InvalidRobotDescription, match="not written"):
         urdf_text(chain, box)

@@ -145,7 +145,7 @@ DH_ROW: dict[str, Any] = {
     "type": "revolute", "a": 0.5, "alpha": 0.0, "d": 0.0, "theta": 0.0, "lower": -3.0, "upper": 3.0,
     "velocity": 2.0, "acceleration": 5.0, "jerk": 50.0, "effort": 10.0, "mass": 1.0,
     "center_of_mass": [0.0, 0.0, 0.1], "inertia": IDENTITY, "motor_inertia": 0.1,
-    "viscous_friction": 0.2, "beta": 0.0, "continuous": False,
+    "viscous_friction": 0.2, "coulomb_friction": 0.1, "beta": 0.0, "continuous": False,
     "geometry": [{"shape": SHAPES[0], "pose": POSE}],
 }  # fmt: skip
 JOINT_LIMITS = {"joint_1": {"velocity": 1.0, "acceleration": 2.0, "jerk": 3.0}}
