@@ -134,7 +134,7 @@ class FclJudge:
 
 def _left_over(piece: Piece) -> float:
     """The rounding that FCL's solid does not have."""
-    return piece.rounding if len(piece.vertices) > 2 and piece.surface is None else 0.0
+    return piece.offset_radius if len(piece.vertices) > 2 and piece.surface is None else 0.0
 
 
 def _solid(piece: Piece) -> "tuple[fcl.CollisionGeometry, Array]":
@@ -160,9 +160,9 @@ def _solid(piece: Piece) -> "tuple[fcl.CollisionGeometry, Array]":
         T[:3, 3], along = points.mean(axis=0), points[-1] - points[0]
         length = float(np.linalg.norm(along))
         if length == 0.0:
-            return fcl.Sphere(_UNITS * piece.rounding), T
+            return fcl.Sphere(_UNITS * piece.offset_radius), T
         T[:3, :3] = align_z(along)
-        return fcl.Capsule(_UNITS * piece.rounding, _UNITS * length), T
+        return fcl.Capsule(_UNITS * piece.offset_radius, _UNITS * length), T
     hull = convex_hull(points)
     counted = np.hstack([np.full((len(hull.triangles), 1), 3), hull.triangles]).ravel()
     return fcl.Convex(_UNITS * hull.vertices, len(hull.triangles), counted), T

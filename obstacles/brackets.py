@@ -115,14 +115,14 @@ def _inside(piece: Piece, points: Array) -> NDArray[np.bool_]:
     if piece.kind != PieceKind.POLYTOPE:
         cone = piece.kind == PieceKind.CONE
         depths = round_depths(cone, piece.radius, piece.half_height, local)
-        return np.asarray(depths + piece.rounding >= 0.0)
+        return np.asarray(depths + piece.offset_radius >= 0.0)
     hull = convex_hull(piece.vertices)
-    if hull.solid and piece.rounding == 0.0:
+    if hull.solid and piece.offset_radius == 0.0:
         highest = (local @ hull.planes[:, :3].T - hull.planes[:, 3]).max(axis=1)
         return np.asarray(highest <= 0.0)
     found = np.empty(len(local))
     hull_distances(local, hull.vertices, hull.triangles, hull.planes, hull.solid, found)
-    return np.asarray(found <= piece.rounding)
+    return np.asarray(found <= piece.offset_radius)
 
 
 def _grid(centers: Array, radii: Array) -> Array:

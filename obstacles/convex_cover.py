@@ -34,18 +34,18 @@ _THINNED_AT_ONCE = 8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ConvexPart:
-    """One convex piece of a mesh: the hull of ``vertices`` (k, 3) grown by ``rounding`` [m].
+    """One convex piece of a mesh: the hull of ``vertices`` (k, 3) grown by ``offset_radius`` [m].
 
     Args:
         vertices: Of the hull.
-        rounding: What it is grown by.
+        offset_radius: What it is grown by.
         triangles: What it covers, corners of each, shape (t, 3, 3); none where it is the mesh.
         anchors: A point on each of the bodies they belong to, shape (r, 3).
         filled: Whether they bound a solid, together with those of the other filled parts.
     """
 
     vertices: Array
-    rounding: float
+    offset_radius: float
     triangles: Array
     anchors: Array
     filled: bool

@@ -49,8 +49,8 @@ def proved_distance(
 def _plane_bound(a: Piece, T_a: Array, b: Piece, T_b: Array, towards: Array) -> float:
     """The lower bound of the distance that a plane across a direction from a to b proves [m]."""
     proved = plane_bound(
-        int(a.kind), a.vertices, np.array([a.radius, a.half_height, a.rounding]), T_a,
-        int(b.kind), b.vertices, np.array([b.radius, b.half_height, b.rounding]), T_b,
+        int(a.kind), a.vertices, np.array([a.radius, a.half_height, a.offset_radius]), T_a,
+        int(b.kind), b.vertices, np.array([b.radius, b.half_height, b.offset_radius]), T_b,
         np.asarray(towards),
     )  # fmt: skip
-    return proved - a.rounding - b.rounding
+    return proved - a.offset_radius - b.offset_radius

@@ -333,7 +333,7 @@ class FclWorld:
         if row[0, KIND] == CoreKind.POINT:
             row[0, POSE + 3 : POSE + 12 : 4] = self._centers[other]
         x, y, z = self._centers[ball]
-        return bound_from(row, 0, self._packed.corners, x, y, z) - self._piece(ball).rounding
+        return bound_from(row, 0, self._packed.corners, x, y, z) - self._piece(ball).offset_radius
 
     def _current(self, k: int) -> FclSolid:
         if k not in self._solids:

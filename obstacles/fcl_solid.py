@@ -107,7 +107,7 @@ def _shape(piece: Piece) -> tuple["fcl.CollisionGeometry", Array, float]:
 
 def _new_shape(piece: Piece) -> tuple["fcl.CollisionGeometry", Array, float]:
     T = np.eye(4)
-    rounding = piece.rounding
+    rounding = piece.offset_radius
     if piece.kind != PieceKind.POLYTOPE:
         kind = fcl.Cylinder if piece.kind == PieceKind.CYLINDER else fcl.Cone
         return kind(UNITS * piece.radius, 2.0 * UNITS * piece.half_height), T, -rounding

@@ -1,6 +1,6 @@
 """Convex pieces: the one form in which every kernel sees every shape.
 
-A piece is the Minkowski sum of a convex core and a ball (its ``rounding``): a sphere is a rounded
+A piece is the Minkowski sum of a convex core and a ball (``offset_radius``): a sphere is a rounded
 point, a capsule a rounded segment, a box or hull a polytope, cylinders, cones and half-spaces
 are kept as they are. All are exact: nothing is tessellated. A piece of a mesh that is not convex
 covers a part of it, and carries the triangles that decide where the cover does not do.
@@ -55,7 +55,7 @@ class Piece:
         vertices: Of a polytope, in the piece's frame, shape (k, 3) [m]; empty otherwise.
         radius: Of a cylinder or a cone's base [m].
         half_height: Of a cylinder or cone [m].
-        rounding: Radius of the ball added to the core [m].
+        offset_radius: Radius of the ball added to the core [m].
         surface: The part of a mesh it stands for, None where it is the solid itself.
     """
 
@@ -64,7 +64,7 @@ class Piece:
     vertices: Array
     radius: float = 0.0
     half_height: float = 0.0
-    rounding: float = 0.0
+    offset_radius: float = 0.0
     surface: Surface | None = None
 
     def __post_init__(self) -> None:
@@ -85,17 +85,17 @@ class Piece:
     def bounding_sphere(self) -> tuple[Array, float]:
         """A ball that holds the whole piece: centre in the owner's frame (3,) [m], radius [m]."""
         T, core = self.T_owner_piece, self._core()
-        return T[:3, :3] @ core.center + T[:3, 3], core.radius + self.rounding
+        return T[:3, :3] @ core.center + T[:3, 3], core.radius + self.offset_radius
 
     def local_box(self) -> Array:
         """A box that holds the piece: centre and half sizes in the piece's frame, shape (6,)."""
         box = self._core().box.copy()
-        box[3:] += self.rounding
+        box[3:] += self.offset_radius
         return box
 
     def box_half_sizes(self) -> Array | None:
         """Half the sizes of a box about the piece's frame, shape (3,); None for any other piece."""
-        return None if self.rounding > 0.0 else self._core().half
+        return None if self.offset_radius > 0.0 else self._core().half
 
     def _core(self) -> "_Core":
         return _core(int(self.kind), self.vertices.tobytes(), self.radius, self.half_height)
@@ -217,7 +217,7 @@ class PieceArrays:
         counts = [len(piece.vertices) for piece in pieces]
         starts = np.cumsum([0, *counts])
         vertices = np.concatenate([piece.vertices for piece in pieces] or [np.zeros((0, 3))])
-        sizes = [(piece.radius, piece.half_height, piece.rounding) for piece in pieces]
+        sizes = [(piece.radius, piece.half_height, piece.offset_radius) for piece in pieces]
         poses = np.array([piece.T_owner_piece for piece in pieces]).reshape(p, 4, 4)
         kinds = np.array([int(piece.kind) for piece in pieces], dtype=np.int64)
         centers, radii, boxes = np.zeros((p, 3)), np.empty(p), np.empty((p, 6))

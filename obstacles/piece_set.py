@@ -168,7 +168,8 @@ def ball_rows(points: Array, radius: float) -> Array:
 def _rows(pieces: Sequence[Piece]) -> Array:
     """The rows of pieces but for what they share, all placed at once, shape (p, WIDTH)."""
     own = [
-        _row(int(p.kind), p.vertices.tobytes(), p.radius, p.half_height, p.rounding) for p in pieces
+        _row(int(p.kind), p.vertices.tobytes(), p.radius, p.half_height, p.offset_radius)
+        for p in pieces
     ]
     rows = np.array(own).reshape(-1, WIDTH)
     T = np.array([p.T_owner_piece[:3] for p in pieces]).reshape(-1, 3, 4)

@@ -203,7 +203,11 @@ class _Core(NamedTuple):
 def _core(piece: Piece) -> _Core:
     if piece.surface is None:
         return _plain(
-            piece.kind, piece.vertices.tobytes(), piece.radius, piece.half_height, piece.rounding
+            piece.kind,
+            piece.vertices.tobytes(),
+            piece.radius,
+            piece.half_height,
+            piece.offset_radius,
         )
     # Its own triangles, and the ball that holds its cover.
     corners = piece.surface.triangles.reshape(-1, 3)

@@ -225,9 +225,9 @@ def _hull(parts: list[Piece]) -> Piece:
     if len(parts) == 1:
         return parts[0] if parts[0].surface is None else replace(parts[0], surface=None)
     points = [p.vertices @ p.T_owner_piece[:3, :3].T + p.T_owner_piece[:3, 3] for p in parts]
-    rounding = max(part.rounding for part in parts)
+    rounding = max(part.offset_radius for part in parts)
     corners = convex_hull(np.vstack(points)).vertices
-    return Piece(PieceKind.POLYTOPE, np.eye(4), corners, rounding=rounding)
+    return Piece(PieceKind.POLYTOPE, np.eye(4), corners, offset_radius=rounding)
 
 
 def _cut_lint(link: str, element: CollisionElement, pieces: list[Piece]) -> list[str]:

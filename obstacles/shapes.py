@@ -301,7 +301,7 @@ _NONE = np.zeros((0, 3))
 
 
 def _rounded(vertices: ArrayLike, rounding: float) -> Piece:
-    return Piece(PieceKind.POLYTOPE, np.eye(4), np.asarray(vertices), rounding=rounding)
+    return Piece(PieceKind.POLYTOPE, np.eye(4), np.asarray(vertices), offset_radius=rounding)
 
 
 def _covering(part: ConvexPart, place: int, filled: int) -> Piece:
@@ -309,7 +309,7 @@ def _covering(part: ConvexPart, place: int, filled: int) -> Piece:
     if len(part.triangles):
         group = (place, filled) if part.filled else (0, 0)
         surface = Surface(part.triangles, part.anchors, *group)
-    return replace(_rounded(part.vertices, part.rounding), surface=surface)
+    return replace(_rounded(part.vertices, part.offset_radius), surface=surface)
 
 
 def _length(value: float, name: str) -> float:

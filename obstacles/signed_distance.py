@@ -123,7 +123,7 @@ def halfspace_distance(piece: Piece, T: Array, T_halfspace: Array) -> float:
         return -np.inf
     normal = np.ascontiguousarray(T_halfspace[:3, 2])
     lowest = support(piece, T, -normal)
-    return float(normal @ (lowest - T_halfspace[:3, 3])) - piece.rounding
+    return float(normal @ (lowest - T_halfspace[:3, 3])) - piece.offset_radius
 
 
 def signed_distance(a: Piece, T_a: Array, b: Piece, T_b: Array) -> tuple[float, float]:
@@ -147,7 +147,7 @@ def signed_distance(a: Piece, T_a: Array, b: Piece, T_b: Array) -> tuple[float, 
         if upper - lower <= _GAP:
             break
         points = np.vstack([hull.vertices, found])
-    rounding = a.rounding + b.rounding
+    rounding = a.offset_radius + b.offset_radius
     # What rounding errors left crossed is one value.
     return min(lower, upper) - rounding, upper - rounding
 

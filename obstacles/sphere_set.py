@@ -78,7 +78,7 @@ def sphere_set(piece: Piece, most: int = MOST, enough: float = ENOUGH) -> Sphere
         raise InvalidScene(
             "a half-space has no sphere set", hint="Ask for those of bounded pieces only."
         )
-    size = piece.radius, piece.half_height, piece.rounding
+    size = piece.radius, piece.half_height, piece.offset_radius
     centers, outer, inner, skips = _spheres(
         piece.kind, piece.vertices.tobytes(), *size, most, enough
     )

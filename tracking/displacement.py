@@ -45,13 +45,13 @@ def points_of(robot: RobotGeometry, pieces: Sequence[int]) -> Points:
 def _balls(piece: Piece) -> tuple[Array, Array]:
     """Balls whose hull holds a piece: centres in its joint's frame (v, 3), radii (v,)."""
     if piece.kind == PieceKind.POLYTOPE:
-        corners, radius = piece.vertices, piece.rounding
+        corners, radius = piece.vertices, piece.offset_radius
     elif piece.kind == PieceKind.HALFSPACE:
         return np.zeros((1, 3)), np.array([np.inf])
     else:
         ends = np.array([-piece.half_height, piece.half_height])
         corners = np.column_stack([np.zeros((2, 2)), ends])
-        radius = piece.radius + piece.rounding
+        radius = piece.radius + piece.offset_radius
     T = piece.T_owner_piece
     return corners @ T[:3, :3].T + T[:3, 3], np.full(len(corners), radius)
 

@@ -127,7 +127,7 @@ class PairTable:
         if arrays.proposals.first[k] < 0:
             return piece
         corners = arrays.columns[:, arrays.starts[k] : arrays.starts[k + 1]].T
-        return replace(piece, vertices=corners, rounding=0.0, surface=None)
+        return replace(piece, vertices=corners, offset_radius=0.0, surface=None)
 
 
 class _Elements(NamedTuple):

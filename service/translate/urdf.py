@@ -38,13 +38,13 @@ def table_urdf(robot: RobotGeometry) -> str:
 def _element(piece: Piece) -> CollisionElement | None:
     """A piece as URDF has it, in its owner's frame; None where URDF has no such shape."""
     T, corners = piece.T_owner_piece, piece.vertices
-    if piece.kind == PieceKind.CYLINDER and piece.rounding == 0.0:
+    if piece.kind == PieceKind.CYLINDER and piece.offset_radius == 0.0:
         return CollisionElement(T, CylinderGeometry(piece.radius, 2.0 * piece.half_height))
-    if piece.kind != PieceKind.POLYTOPE or piece.rounding <= 0.0 or len(corners) > 2:
+    if piece.kind != PieceKind.POLYTOPE or piece.offset_radius <= 0.0 or len(corners) > 2:
         return None
     center = transform(position=corners.mean(axis=0))
     if len(corners) == 1:
-        return CollisionElement(T @ center, SphereGeometry(piece.rounding))
+        return CollisionElement(T @ center, SphereGeometry(piece.offset_radius))
     axis = corners[1] - corners[0]
-    shape = CapsuleGeometry(piece.rounding, float(np.linalg.norm(axis)))
+    shape = CapsuleGeometry(piece.offset_radius, float(np.linalg.norm(axis)))
     return CollisionElement(T @ center @ transform(align_z(axis)), shape)

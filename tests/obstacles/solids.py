@@ -27,11 +27,11 @@ def random_solid(random: np.random.Generator, kind: str, T: Array) -> tuple[Piec
         signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
         return Piece(PieceKind.POLYTOPE, T, signs * size), coal.Box(*(2.0 * size))
     if kind == "sphere":
-        ball = Piece(PieceKind.POLYTOPE, T, np.zeros((1, 3)), rounding=size[0])
+        ball = Piece(PieceKind.POLYTOPE, T, np.zeros((1, 3)), offset_radius=size[0])
         return ball, coal.Sphere(size[0])
     if kind == "capsule":
         ends = np.array([[0.0, 0.0, -size[1]], [0.0, 0.0, size[1]]])
-        capsule = Piece(PieceKind.POLYTOPE, T, ends, rounding=size[0])
+        capsule = Piece(PieceKind.POLYTOPE, T, ends, offset_radius=size[0])
         return capsule, coal.Capsule(size[0], 2.0 * size[1])
     if kind == "cylinder":
         piece = Piece(PieceKind.CYLINDER, T, NO_VERTICES, size[0], size[1])

@@ -20,11 +20,11 @@ UNITS = 1e5
 def fcl_solid(piece: Piece, kind: str) -> fcl.CollisionObject:
     points, T = piece.vertices, piece.T_owner_piece
     if kind == "sphere":
-        solid = fcl.Sphere(UNITS * piece.rounding)
+        solid = fcl.Sphere(UNITS * piece.offset_radius)
     elif kind == "box":
         solid = fcl.Box(*(2.0 * UNITS * np.abs(points[0])))
     elif kind == "capsule":
-        solid = fcl.Capsule(UNITS * piece.rounding, 2.0 * UNITS * abs(points[0, 2]))
+        solid = fcl.Capsule(UNITS * piece.offset_radius, 2.0 * UNITS * abs(points[0, 2]))
     else:
         made = fcl.Cylinder if kind == "cylinder" else fcl.Cone
         solid = made(UNITS * piece.radius, 2.0 * UNITS * piece.half_height)
@@ -60,7 +60,7 @@ def test_signed_distances_inside_and_outside(kind: str) -> None:
         rows, corners, tables, _ = PieceSet.of([piece])
         p = random.normal(size=3) * 0.2
         ours = distance_from(rows, 0, corners, tables, *p)
-        point = Piece(PieceKind.POLYTOPE, np.eye(4), p[None], rounding=0.0)
+        point = Piece(PieceKind.POLYTOPE, np.eye(4), p[None], offset_radius=0.0)
         lower, upper = signed_distance(point, np.eye(4), piece, piece.T_owner_piece)
         # The round ones' polytopes of 200 corners are right to 1e-4 of their size.
         room = 1e-7 if kind in ("box", "sphere", "capsule", "hull") else 1e-3
@@ -80,7 +80,8 @@ def test_halfspaces_and_rounded_polytopes() -> None:
         assert distance_from(rows, 0, corners, tables, *p) == pytest.approx(expected)
         corners_of = random.normal(size=(6, 3)) * 0.2
         sharp, rounded = (
-            PieceSet.of([Piece(PieceKind.POLYTOPE, T, corners_of, rounding=r)]) for r in (0.0, 0.03)
+            PieceSet.of([Piece(PieceKind.POLYTOPE, T, corners_of, offset_radius=r)])
+            for r in (0.0, 0.03)
         )
         gaps = [distance_from(s.rows, 0, s.corners, s.tables, *p) for s in (sharp, rounded)]
         assert gaps[0] - gaps[1] == pytest.approx(0.03, abs=1e-9)

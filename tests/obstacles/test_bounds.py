@@ -34,7 +34,7 @@ def test_of_boxes_face_to_face_it_is_the_distance_from_the_ball_of_the_other() -
     flat = Piece(PieceKind.POLYTOPE, np.eye(4), corners)
     above = np.eye(4)
     above[2, 3] = 1.0
-    ball = Piece(PieceKind.POLYTOPE, above, np.zeros((1, 3)), rounding=0.2)
+    ball = Piece(PieceKind.POLYTOPE, above, np.zeros((1, 3)), offset_radius=0.2)
     rows = PieceSet.of([ball, flat]).rows
     bound, n = quick_bound(rows, 0, rows, 1, np.inf)
     assert bound == pytest.approx(0.7)
@@ -45,7 +45,7 @@ def test_of_a_half_space_it_is_the_height_of_the_ball() -> None:
     floor = Piece(PieceKind.HALFSPACE, np.eye(4), NO_VERTICES)
     above = np.eye(4)
     above[:3, 3] = 3.0, -2.0, 0.5
-    ball = Piece(PieceKind.POLYTOPE, above, np.zeros((1, 3)), rounding=0.2)
+    ball = Piece(PieceKind.POLYTOPE, above, np.zeros((1, 3)), offset_radius=0.2)
     rows = PieceSet.of([floor, ball]).rows
     bound, n = quick_bound(rows, 0, rows, 1, np.inf)
     assert bound == pytest.approx(0.3)

@@ -35,7 +35,7 @@ def heights(part: ConvexPart, points: Array) -> Array:
     """How far points (m, 3) are beyond a part, by the highest of its planes [m], at most."""
     planes = convex_hull(part.vertices).planes
     outside = (points @ planes[:, :3].T - planes[:, 3]).max(axis=1)
-    return np.asarray(outside - part.rounding)
+    return np.asarray(outside - part.offset_radius)
 
 
 def within(points: Array, body: trimesh.Trimesh) -> int:
@@ -108,7 +108,7 @@ def test_every_body_of_a_part_has_an_anchor_on_it() -> None:
 def test_a_body_that_gains_nothing_stays_whole() -> None:
     (part,) = parts_of(trimesh.creation.icosphere(subdivisions=1))
     assert len(part.vertices) == 42
-    assert part.rounding == 0.0
+    assert part.offset_radius == 0.0
     assert len(part.triangles) == 80
 
 
@@ -118,9 +118,9 @@ def test_a_hull_of_many_corners_is_thinned_and_grown_to_hold_them_all() -> None:
     assert len(ball.vertices) > 128 + 8
     # It gets eight corners at once until it has 128.
     assert len(part.vertices) < 128 + 8
-    assert part.rounding > 0.0
+    assert part.offset_radius > 0.0
     assert heights(part, np.array(ball.vertices)).max() <= 1e-9
-    assert part.rounding < 0.06
+    assert part.offset_radius < 0.06
 
 
 def test_what_is_cut_out_of_the_middle_of_a_solid_is_covered() -> None:
@@ -154,5 +154,5 @@ def test_the_part_of_a_hull_is_the_hull() -> None:
     hull = convex_hull(np.random.default_rng(5).normal(size=(20, 3)))
     part = hull_part(hull)
     np.testing.assert_array_equal(part.vertices, hull.vertices)
-    assert (part.rounding, part.filled) == (0.0, False)
+    assert (part.offset_radius, part.filled) == (0.0, False)
     assert len(part.triangles) == len(part.anchors) == 0

@@ -50,7 +50,7 @@ def outside_of(point: Array, part: ConvexPart) -> float:
     corners = part.vertices - point
     matrix = np.vstack([corners.T, np.full(len(corners), weight)])
     weights, _ = nnls(matrix, np.array([0.0, 0.0, 0.0, weight]))
-    return float(np.linalg.norm(corners.T @ (weights / weights.sum()))) - part.rounding
+    return float(np.linalg.norm(corners.T @ (weights / weights.sum()))) - part.offset_radius
 
 
 def surface(body: trimesh.Trimesh, count: int) -> Array:
@@ -72,7 +72,7 @@ def surface(body: trimesh.Trimesh, count: int) -> Array:
 ])  # fmt: skip
 def test_a_convex_mesh_is_its_hull(body: trimesh.Trimesh) -> None:
     (part,) = pieces_of(body)
-    assert part.rounding == 0.0
+    assert part.offset_radius == 0.0
     assert convex_hull(part.vertices).volume == pytest.approx(body.volume)
 
 
@@ -90,7 +90,7 @@ def test_a_fine_convex_mesh_is_covered_and_keeps_its_triangles() -> None:
     body = trimesh.creation.icosphere(4)
     (part,) = pieces_of(body)
     assert len(part.vertices) <= 192
-    assert part.rounding < 0.05
+    assert part.offset_radius < 0.05
     assert len(part.triangles) == len(body.faces)
     assert part.filled
     for point in np.array(body.vertices)[::40]:
@@ -102,7 +102,7 @@ def test_closed_convex_bodies_are_a_hull_each() -> None:
     parts = pieces_of(body)
     volumes = sorted(convex_hull(part.vertices).volume for part in parts)
     np.testing.assert_allclose(volumes, [0.05 * 0.05 * 0.7] * 4 + [1.0 * 0.6 * 0.05])
-    assert max(part.rounding for part in parts) == 0.0
+    assert max(part.offset_radius for part in parts) == 0.0
 
 
 def test_pieces_cover_a_mesh_that_is_not_convex_and_little_more() -> None:
@@ -114,7 +114,7 @@ def test_pieces_cover_a_mesh_that_is_not_convex_and_little_more() -> None:
     # The hull would fill the corner between the arms, to 0.5 m deep.
     assert min(outside_of(np.array([0.5, 0.5, 0.1]), part) for part in parts) > 0.25
     assert sum(convex_hull(part.vertices).volume for part in parts) < 1.15 * body.volume
-    assert max(part.rounding for part in parts) < 5e-3
+    assert max(part.offset_radius for part in parts) < 5e-3
 
 
 def ring() -> trimesh.Trimesh:
@@ -226,7 +226,7 @@ def test_the_same_mesh_gives_the_same_pieces() -> None:
     decomposition._stored_pieces.cache_clear()
     for a, b in zip(first, pieces_of(body), strict=True):
         np.testing.assert_array_equal(a.vertices, b.vertices)
-        assert a.rounding == b.rounding
+        assert a.offset_radius == b.offset_radius
 
 
 def test_pieces_that_were_kept_are_read_back(
@@ -240,7 +240,7 @@ def test_pieces_that_were_kept_are_read_back(
         monkeypatch.setattr(decomposition, "_decompose", None)
         for a, b in zip(first, pieces_of(body), strict=True):
             np.testing.assert_array_equal(a.vertices, b.vertices)
-            assert a.rounding == b.rounding
+            assert a.offset_radius == b.offset_radius
         monkeypatch.undo()
         decomposition._stored_pieces.cache_clear()
         (file,) = (tmp_path / "cache").iterdir()
@@ -254,7 +254,7 @@ def test_a_flat_mesh_is_its_flat_hull() -> None:
     square = np.array([[0.0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]])
     (part,) = convex_pieces(square, np.array([[0, 1, 2], [0, 2, 3]]))
     assert len(part.vertices) == 4
-    assert part.rounding == 0.0
+    assert part.offset_radius == 0.0
 
 
 def test_overhang_is_what_the_hull_has_too_much() -> None:

@@ -48,7 +48,7 @@ def slider() -> tuple[Checker, Chain]:
         "slider", ("slide",), np.array([1]), np.eye(4)[None], links, "base", "tip", limits,
         np.zeros(1, dtype=bool),
     )  # fmt: skip
-    ball = Piece(PieceKind.POLYTOPE, np.eye(4), np.zeros((1, 3)), rounding=0.1)
+    ball = Piece(PieceKind.POLYTOPE, np.eye(4), np.zeros((1, 3)), offset_radius=0.1)
     one = np.zeros(1, dtype=np.int64)
     robot = RobotGeometry(chain, (ball,), ("tip",), one, one, {})
     wall = Box(np.array([2.0, 2.0, 0.5]))

@@ -67,14 +67,18 @@ def off(point: Array, piece: Piece) -> float:
 
 def test_halfspaces_and_flat_pieces() -> None:
     floor = Piece(PieceKind.HALFSPACE, transform(None, [0.0, 0.0, -1.0]), NO_VERTICES)
-    ball = Piece(PieceKind.POLYTOPE, np.eye(4), np.array([[0.3, 0.2, -0.95]]), rounding=0.1)
+    ball = Piece(PieceKind.POLYTOPE, np.eye(4), np.array([[0.3, 0.2, -0.95]]), offset_radius=0.1)
     for pair, up in (((floor, ball), -1.0), ((ball, floor), 1.0)):
         distance, normal, point = found(*pair)
         assert distance == pytest.approx(-0.05)
         assert normal == pytest.approx([0.0, 0.0, up])
         assert point == pytest.approx([0.3, 0.2, -1.05 if pair[1] is ball else -1.0])
-    one = Piece(PieceKind.POLYTOPE, np.eye(4), np.array([[-1.0, 0, 0], [1, 0, 0]]), rounding=0.1)
-    two = Piece(PieceKind.POLYTOPE, np.eye(4), np.array([[0.0, -1, 0], [0, 1, 0]]), rounding=0.2)
+    one = Piece(
+        PieceKind.POLYTOPE, np.eye(4), np.array([[-1.0, 0, 0], [1, 0, 0]]), offset_radius=0.1
+    )
+    two = Piece(
+        PieceKind.POLYTOPE, np.eye(4), np.array([[0.0, -1, 0], [0, 1, 0]]), offset_radius=0.2
+    )
     distance, normal, _ = found(one, two)
     assert distance == pytest.approx(-0.3)
     assert abs(normal) == pytest.approx([0.0, 0.0, 1.0])

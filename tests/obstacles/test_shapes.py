@@ -48,8 +48,8 @@ def test_survives_pickling_with_arrays_read_only(shape: Shape) -> None:
     for own, other in zip(shape.pieces(), copy.pieces(), strict=True):
         np.testing.assert_array_equal(own.vertices, other.vertices)
         np.testing.assert_array_equal(own.T_owner_piece, other.T_owner_piece)
-        assert (own.kind, own.radius, own.half_height, own.rounding) == (
-            other.kind, other.radius, other.half_height, other.rounding,
+        assert (own.kind, own.radius, own.half_height, own.offset_radius) == (
+            other.kind, other.radius, other.half_height, other.offset_radius,
         )  # fmt: skip
     for name in vars(type(shape))["__slots__"]:
         value = getattr(copy, name)
@@ -154,4 +154,4 @@ def test_convex_may_have_no_inside(points: Array, corners: int) -> None:
 def test_point_cloud_is_one_ball_a_point() -> None:
     pieces = PointCloud(TETRAHEDRON, 0.1).pieces()
     np.testing.assert_allclose([piece.bounding_sphere()[0] for piece in pieces], TETRAHEDRON)
-    assert {piece.rounding for piece in pieces} == {0.1}
+    assert {piece.offset_radius for piece in pieces} == {0.1}

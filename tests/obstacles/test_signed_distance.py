@@ -25,7 +25,7 @@ def box(size: Array) -> Piece:
 
 
 def ball(radius: float) -> Piece:
-    return Piece(PieceKind.POLYTOPE, np.eye(4), np.zeros((1, 3)), rounding=radius)
+    return Piece(PieceKind.POLYTOPE, np.eye(4), np.zeros((1, 3)), offset_radius=radius)
 
 
 def cylinder(radius: float, half_height: float) -> Piece:
@@ -184,4 +184,4 @@ def test_no_direction_proves_more_than_there_is() -> None:
             bound = plane_bound(
                 int(a.kind), a.vertices, sizes[0], T_a, int(b.kind), b.vertices, sizes[1], T_b, n
             )
-            assert bound - a.rounding - b.rounding <= upper + 1e-12
+            assert bound - a.offset_radius - b.offset_radius <= upper + 1e-12

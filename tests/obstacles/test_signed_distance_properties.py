@@ -52,7 +52,7 @@ def test_fcl_and_the_planes_agree(a: Piece, b: Piece, T_a: Array, T_b: Array) ->
 def test_balls_are_as_far_apart_as_their_centres_less_their_radii(
     r: float, s: float, T_a: Array, T_b: Array
 ) -> None:
-    a, b = (Piece(PieceKind.POLYTOPE, np.eye(4), np.zeros((1, 3)), rounding=k) for k in (r, s))
+    a, b = (Piece(PieceKind.POLYTOPE, np.eye(4), np.zeros((1, 3)), offset_radius=k) for k in (r, s))
     expected = float(np.linalg.norm(T_a[:3, 3] - T_b[:3, 3])) - r - s
     lower, upper = signed_distance(a, T_a, b, T_b)
     assert lower == pytest.approx(expected, abs=APART)

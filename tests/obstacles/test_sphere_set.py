@@ -26,7 +26,9 @@ def samples(piece: Piece, random: np.random.Generator, count: int) -> Array:
         r[::2] = piece.radius * widest[::2]
         points = np.column_stack([r * np.cos(turn), r * np.sin(turn), piece.half_height * up])
     out = random.normal(size=points.shape)
-    return np.asarray(points + piece.rounding * out / np.linalg.norm(out, axis=1, keepdims=True))
+    return np.asarray(
+        points + piece.offset_radius * out / np.linalg.norm(out, axis=1, keepdims=True)
+    )
 
 
 def heights(piece: Piece, points: Array) -> Array:
@@ -49,8 +51,8 @@ def depth(piece: Piece, points: Array) -> Array:
         along = (b - a) / max(float((b - a) @ (b - a)), 1e-300)
         share = np.clip((points - a) @ along, 0.0, 1.0)
         away = np.linalg.norm(points - a - share[:, None] * (b - a), axis=1)
-        return np.asarray(piece.rounding - away)
-    return piece.rounding - heights(piece, points)
+        return np.asarray(piece.offset_radius - away)
+    return piece.offset_radius - heights(piece, points)
 
 
 def local(piece: Piece, found: SphereSet) -> Array:
@@ -115,7 +117,7 @@ def test_flat_and_thin_pieces(rounding: float) -> None:
     for rank, count in itertools.product((1, 2, 3), (3, 12)):
         points = random.normal(size=(count, 3)) * 0.2
         points[:, rank:] *= 0.0 if rank < 3 else 1e-4
-        piece = Piece(PieceKind.POLYTOPE, random_transform(random), points, rounding=rounding)
+        piece = Piece(PieceKind.POLYTOPE, random_transform(random), points, offset_radius=rounding)
         found = sphere_set(piece)
         centers = local(piece, found)
         for point in samples(piece, random, 200):
@@ -152,7 +154,7 @@ def test_more_spheres_are_tighter_and_enough_is_enough() -> None:
 
 def test_a_capsule_in_closed_form() -> None:
     ends = np.array([[0.0, 0.0, -0.2], [0.0, 0.0, 0.2]])
-    found = sphere_set(Piece(PieceKind.POLYTOPE, np.eye(4), ends, rounding=0.05), 5, 0.0)
+    found = sphere_set(Piece(PieceKind.POLYTOPE, np.eye(4), ends, offset_radius=0.05), 5, 0.0)
     t = found.excess
     spacing = 2.0 * np.sqrt((0.05 + t) ** 2 - 0.05**2)
     assert 2.0 * t + 4.0 * spacing == pytest.approx(0.4, abs=1e-6)
@@ -160,7 +162,7 @@ def test_a_capsule_in_closed_form() -> None:
 
 
 def test_a_ball_is_its_own_bracket() -> None:
-    piece = Piece(PieceKind.POLYTOPE, np.eye(4), np.array([[0.1, 0.2, 0.3]]), rounding=0.07)
+    piece = Piece(PieceKind.POLYTOPE, np.eye(4), np.array([[0.1, 0.2, 0.3]]), offset_radius=0.07)
     found = sphere_set(piece)
     assert found.centers == pytest.approx(np.array([[0.1, 0.2, 0.3]]))
     assert found.excess < 1e-8

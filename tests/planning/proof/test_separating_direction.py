@@ -42,10 +42,10 @@ def test_no_direction_proves_more_than_the_distance(one: str, other: str) -> Non
 
 
 def test_best_direction_proves_the_distance() -> None:
-    ball = Piece(PieceKind.POLYTOPE, np.eye(4), np.zeros((1, 3)), rounding=0.1)
+    ball = Piece(PieceKind.POLYTOPE, np.eye(4), np.zeros((1, 3)), offset_radius=0.1)
     T = np.eye(4)
     T[:3, 3] = [3.0, 4.0, 0.0]
-    other = Piece(PieceKind.POLYTOPE, T, np.zeros((1, 3)), rounding=0.2)
+    other = Piece(PieceKind.POLYTOPE, T, np.zeros((1, 3)), offset_radius=0.2)
     assert proved([ball, other], np.array([3.0, 4.0, 0.0])) == pytest.approx(4.7)
     assert proved([ball, other], np.array([-3.0, -4.0, 0.0])) == pytest.approx(-5.3)
 
@@ -64,7 +64,7 @@ def test_halfspace_is_proved_from_its_normal_whatever_is_proposed(kind: str) -> 
 
 @pytest.mark.parametrize("u", [[0, 0, 0], [np.nan, 0, 1], [np.inf, 0, 0], [0, -np.inf, np.inf]])
 def test_what_is_no_direction_proves_nothing(u: list[float]) -> None:
-    ball = Piece(PieceKind.POLYTOPE, np.eye(4), np.zeros((1, 3)), rounding=0.1)
+    ball = Piece(PieceKind.POLYTOPE, np.eye(4), np.zeros((1, 3)), offset_radius=0.1)
     T = np.eye(4)
     T[0, 3] = 1.0
     assert proved([ball, Piece(PieceKind.POLYTOPE, T, np.zeros((1, 3)))], np.array(u)) == -np.inf

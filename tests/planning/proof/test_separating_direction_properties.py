@@ -22,7 +22,7 @@ def _round(kind: PieceKind) -> st.SearchStrategy[Piece]:
 
 PIECES = st.one_of(
     st.builds(
-        lambda T, points, rounding: Piece(PieceKind.POLYTOPE, T, points, rounding=rounding),
+        lambda T, points, rounding: Piece(PieceKind.POLYTOPE, T, points, offset_radius=rounding),
         transforms, st.integers(1, 6).flatmap(lambda k: numbers((k, 3))), st.floats(0.0, 0.5),
     ),
     _round(PieceKind.CYLINDER),
@@ -57,5 +57,7 @@ def test_moving_apart_along_the_direction_proves_as_much_more(
 
 @given(PIECES, PIECES, directions, st.floats(0.0, 0.3))
 def test_rounding_is_taken_off(a: Piece, b: Piece, u: Array, more: float) -> None:
-    thick = Piece(b.kind, b.T_owner_piece, b.vertices, b.radius, b.half_height, b.rounding + more)
+    thick = Piece(
+        b.kind, b.T_owner_piece, b.vertices, b.radius, b.half_height, b.offset_radius + more
+    )
     assert proved([a, thick], u) == pytest.approx(proved([a, b], u) - more, abs=1e-12)
