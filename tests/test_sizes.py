@@ -18,8 +18,6 @@ MAX_FUNCTION_LINES = 100
 MAX_ARGUMENTS = 8
 #: Files that are exempt from lint rules in pyproject.toml.
 MAX_EXEMPTIONS = 8
-#: The hottest kernel: in two parts an edge check took half as long again (31 us for 20 us).
-LONG_FUNCTIONS = {"_examine": 110}
 #: Kernels that are slower with tuples, see their modules: a call of ``plane_bound`` from Python
 #: takes 2.2 us for 0.9 us, deviations of a tool 1.03 times as long, a stiff simulation likewise.
 MANY_ARGUMENTS = {
@@ -68,7 +66,7 @@ def test_modules_and_functions_stay_short(package: str) -> None:
             wrong.append(f"{name}: {lines} lines")
         for function in functions(path):
             length = (function.end_lineno or 0) - function.lineno + 1
-            if length > LONG_FUNCTIONS.get(function.name, MAX_FUNCTION_LINES):
+            if length > MAX_FUNCTION_LINES:
                 wrong.append(f"{name}:{function.lineno} {function.name}: {length} lines")
             arguments = function.args
             count = sum(map(len, (arguments.posonlyargs, arguments.args, arguments.kwonlyargs)))
