@@ -68,4 +68,6 @@ def service_in_process(folder: Path) -> Iterator[httpx.Client]:
         patch.setattr("service.app.WorkerSupervisor", LocalWorkers)
         app = create_app(Settings(data_dir=folder, workers=1))
         with serving(app) as client:
+            # Its workers are there now; other tests of this process want real ones.
+            patch.undo()
             yield client
