@@ -81,9 +81,6 @@ def times_inertia(row: Array, a: Vector) -> Vector:
 
 
 @kernel
-def joint_friction(row: Array, qd: float) -> float:
-    """Friction of a joint that moves at q_dot: B q_dot + F tanh(q_dot / v)."""
-    torque: float = row[FRICTION] * qd
-    if row[COULOMB] != 0.0:
-        torque += row[COULOMB] * np.tanh(qd / SMOOTH_SPEED)
-    return torque
+def dry_friction(coulomb: float, qd: float) -> float:
+    """Dry friction of a joint that moves at q_dot: F tanh(q_dot / v)."""
+    return float(coulomb * np.tanh(qd / SMOOTH_SPEED))

@@ -14,14 +14,16 @@ Christoffel symbols.
 import numpy as np
 
 from dynamics.body_row import (
+    COULOMB,
     FIRST_MOMENT,
+    FRICTION,
     INERTIA,
     MASS,
     MOTOR,
     REVOLUTE,
     TYPE,
     axis,
-    joint_friction,
+    dry_friction,
     origin,
     times_inertia,
     to_child,
@@ -101,7 +103,10 @@ def inverse_kernel(
         own[MOMENT], own[MOMENT + 1], own[MOMENT + 2] = m
     gather(rows, work, torque)
     for i in range(n):
-        torque[i] += rows[i, MOTOR] * qdd[i] + joint_friction(rows[i], qd[i])
+        torque[i] += rows[i, MOTOR] * qdd[i] + rows[i, FRICTION] * qd[i]
+    for i in range(n):
+        if rows[i, COULOMB] != 0.0:
+            torque[i] += dry_friction(rows[i, COULOMB], qd[i])
 
 
 @kernel(fastmath=True)
@@ -167,4 +172,7 @@ def reference_inverse_kernel(rows: Array, motion: Array, work: Array, torque: Ar
         own[MOMENT], own[MOMENT + 1], own[MOMENT + 2] = m
     gather(rows, work, torque)
     for i in range(n):
-        torque[i] += rows[i, MOTOR] * motion[i, 3] + joint_friction(rows[i], motion[i, 1])
+        torque[i] += rows[i, MOTOR] * motion[i, 3] + rows[i, FRICTION] * motion[i, 1]
+    for i in range(n):
+        if rows[i, COULOMB] != 0.0:
+            torque[i] += dry_friction(rows[i, COULOMB], motion[i, 1])

@@ -186,7 +186,7 @@ def reference_regressor(
     state, lead = stack_vectors(
         chain, joints=q, velocities=qd, reference_velocities=v, accelerations=a
     )
-    Y = np.empty((state.shape[0], chain.n, len(parameter_names(chain, motors=motors))))
+    Y = np.empty((state.shape[0], chain.n, _parameter_count(chain, motors)))
     regressor_batch_kernel(packed.rows, state, Y)
     return Y.reshape(*lead, *Y.shape[1:])
 
@@ -208,6 +208,13 @@ def standard_parameters(chain: Chain, *, motors: bool = True) -> Array:
         if chain.coulomb_friction.any():
             parts.append(rows[:, COULOMB])
     return frozen(np.concatenate(parts))
+
+
+def _parameter_count(chain: Chain, motors: bool) -> int:
+    kinds = len(BODY_PARAMETERS)
+    if motors:
+        kinds += 3 if chain.coulomb_friction.any() else 2
+    return kinds * chain.n
 
 
 def parameter_names(chain: Chain, *, motors: bool = True) -> tuple[str, ...]:

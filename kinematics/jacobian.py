@@ -125,7 +125,7 @@ def jacobian_batch_kernel(model: Array, q: Array, link: int, point: Array, J: Ar
             J[k, 2, j] += wx * y - wy * x
 
 
-@kernel(allocates=False, unlocks=False, inline="code")
+@kernel(allocates=False, unlocks=False)
 def _both_kernel(model: Array, q: Array, link: int, T: Array, J: Array) -> bool:
     fits = fits_kernel(model, q)
     if fits:

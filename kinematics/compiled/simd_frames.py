@@ -79,7 +79,7 @@ def column_lanes_kernel(model: Array, axes: Array, j: int, last: int, B: Frame) 
     return zy * z - zz * y, zz * x - zx * z, zx * y - zy * x, zx, zy, zz
 
 
-@kernel(allocates=False, inline="code")
+@kernel(allocates=False)
 def jacobian_lanes_kernel(
     model: Array, q: Array, cosines: Array, sines: Array, link: int, J: Array
 ) -> Frame:
