@@ -129,11 +129,11 @@ def convex_parts(obstacle: Obstacle) -> tuple[tuple[Piece, ...], int]:
     filled = tuple(piece for piece in pieces if piece.surface and piece.surface.count)
     if filled:
         rest = (piece for piece in pieces if piece not in filled)
-        pieces = (*filled, *(piece for piece in rest if not _within(piece, filled)))
+        pieces = (*filled, *(piece for piece in rest if not _is_enclosed(piece, filled)))
     return pieces, len(filled)
 
 
-def _within(piece: Piece, filled: Sequence[Piece]) -> bool:
+def _is_enclosed(piece: Piece, filled: Sequence[Piece]) -> bool:
     """Whether a solid is what the triangles of others of the same mesh enclose."""
     if piece.surface is not None:
         return False

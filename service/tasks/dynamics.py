@@ -77,9 +77,7 @@ def dynamics(chain: Chain, body: DynamicsRequest) -> bytes:
     zero = np.zeros(robot.n)
     qd = zero if body.velocities is None else body.velocities
     qdd = zero if body.accelerations is None else body.accelerations
-    F = None if body.wrench is None else np.array(body.wrench)
-    if F is not None:
-        _check_rows(q, F)
+    F = _wrench(body, q)
     torques = inverse_dynamics(robot, q, qd, qdd, F)
     return to_json(
         _terms(robot, q, body)
@@ -122,6 +120,15 @@ def _terms(robot: Chain, q: Array, body: DynamicsRequest) -> dict[str, Any]:
     return terms
 
 
+def _wrench(body: DynamicsRequest | ForwardDynamicsRequest, q: Array) -> Array | None:
+    """The wrench of a request, one for each configuration; None where it has none."""
+    if body.wrench is None:
+        return None
+    F = np.array(body.wrench)
+    _check_rows(q, F)
+    return F
+
+
 def forward_dynamics(chain: Chain, body: ForwardDynamicsRequest) -> bytes:
     """Answer a request for the accelerations that torques cause.
 
@@ -134,9 +141,7 @@ def forward_dynamics(chain: Chain, body: ForwardDynamicsRequest) -> bytes:
     zero = np.zeros(robot.n)
     qd = zero if body.velocities is None else body.velocities
     torques = zero if body.torques is None else body.torques
-    F = None if body.wrench is None else np.array(body.wrench)
-    if F is not None:
-        _check_rows(q, F)
+    F = _wrench(body, q)
     accelerations = forward(robot, q, qd, torques, F)
     return to_json({"accelerations": accelerations.tolist()})
 
