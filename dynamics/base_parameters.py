@@ -60,7 +60,7 @@ class BaseParameters:
 
         Raises:
             InvalidOption: It has another number of parameters.
-            MissingInertia: Some joint carries nothing that has an inertia.
+            MissingInertia: No link that a joint carries has an inertia.
         """
         Theta = standard_parameters(chain, motors="J1" in self.parameter_names)
         if len(Theta) != self.combination.shape[1]:
@@ -90,7 +90,7 @@ def base_parameters(
             parameters instead of 6.
 
     Raises:
-        MissingInertia: Some joint carries nothing that has an inertia.
+        MissingInertia: No link that a joint carries has an inertia.
     """
     Theta = standard_parameters(chain, motors=motors)
     W = _excitation(chain, motors)

@@ -46,10 +46,10 @@ def bodies(chain: Chain, gravity: ArrayLike | None = None) -> Bodies:
     """The bodies of ``chain``, under ``gravity`` (3,) [m/s^2] instead of its own where given.
 
     A link without inertia that is fixed to one that has it is a mere frame and adds nothing. A
-    joint none of whose links has one carries a massless body, if a later joint carries some mass.
+    joint none of whose links has one carries a massless body.
 
     Raises:
-        MissingInertia: Some joint carries nothing that has an inertia; the message names its links.
+        MissingInertia: No link of any joint has an inertia; the message names the links.
         InvalidOption: Gravity is not three finite numbers.
     """
     packed = _pack_bodies(chain)
@@ -122,36 +122,39 @@ def standard_parameters(body: Inertia) -> Array:
 
 
 def massless_joints(chain: Chain) -> tuple[int, ...]:
-    """The joints whose links have no inertia while a later joint carries some."""
-    empty = _empty_joints(chain)
-    full = [i for i in range(chain.n) if i not in empty]
-    return tuple(i for i in empty if full and i < full[-1])
-
-
-def _empty_joints(chain: Chain) -> list[int]:
     """The joints none of whose own links has an inertia."""
     full = {link.joint for link in chain.links if link.inertia is not None}
-    return [i for i in range(chain.n) if i not in full]
+    return tuple(i for i in range(chain.n) if i not in full)
+
+
+def joints_without_inertia(chain: Chain) -> tuple[str, ...]:
+    """Names of the joints that carry no inertia at all: no link, no later link, no motor.
+
+    Torques do not determine their accelerations: the mass matrix has a zero row at each.
+
+    Args:
+        chain: The robot.
+    """
+    full = [link.joint for link in chain.links if link.joint >= 0 and link.inertia is not None]
+    first = max(full, default=-1) + 1
+    return tuple(chain.joint_names[i] for i in range(first, chain.n) if not chain.motor_inertia[i])
 
 
 def _check_inertias(chain: Chain) -> None:
-    """Refuse joints that carry nothing with an inertia, neither themselves nor by later joints.
+    """Refuse a chain none of whose moving links has an inertia.
 
     Raises:
-        MissingInertia: There are some.
+        MissingInertia: None has.
     """
-    massless = massless_joints(chain)
-    empty = [i for i in _empty_joints(chain) if i not in massless]
-    if not empty:
+    if len(massless_joints(chain)) < chain.n:
         return
-    names = [link.name for i in empty for link in chain.links if link.joint == i]
-    joints = [chain.joint_names[i] for i in empty]
+    names = [link.name for link in chain.links if link.joint >= 0]
     raise MissingInertia(
-        f"the bodies that joint(s) {', '.join(map(repr, joints))} carry have no inertia "
+        f"the bodies that joint(s) {', '.join(map(repr, chain.joint_names))} carry have no inertia "
         f"(link(s): {', '.join(names) or 'none'})",
-        hint="Give at least one link of each joint, or of a later one, a mass, centre of mass and "
-        "inertia tensor.",
-        joints=joints,
+        hint="Give at least one link a mass, centre of mass and inertia tensor; links without "
+        "them are massless.",
+        joints=list(chain.joint_names),
         links=names,
     )
 

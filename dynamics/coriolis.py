@@ -35,7 +35,7 @@ def coriolis_matrix(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Array:
 
     Raises:
         InvalidRobotState: A vector has the wrong length, is not finite or fits no other's batch.
-        MissingInertia: Some joint carries nothing that has an inertia.
+        MissingInertia: No link that a joint carries has an inertia.
     """
     packed = bodies(chain)
     state, lead = stack_vectors(chain, joints=q, velocities=qd)
@@ -58,7 +58,7 @@ def christoffel_symbols(chain: Chain, q: ArrayLike) -> Array:
 
     Raises:
         InvalidRobotState: q has the wrong length or is not finite.
-        MissingInertia: Some joint carries nothing that has an inertia.
+        MissingInertia: No link that a joint carries has an inertia.
     """
     q = chain.configuration(q)
     each = np.repeat(q[..., None, :], chain.n, axis=-2)

@@ -330,7 +330,7 @@ def torque_use(chain: Chain, trajectory: Trajectory, effort: ArrayLike) -> Use:
         effort: Limits, shape (n,), inf where there is none [N m or N].
 
     Raises:
-        MissingInertia: Some joint carries nothing that has an inertia.
+        MissingInertia: No link that a joint carries has an inertia.
     """
     limits = np.asarray(effort, dtype=np.float64)[:, None]
     use = _Search(bodies(chain), np.zeros(3), trajectory)

@@ -15,7 +15,7 @@ def kinetic_energy(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Array:
 
     Raises:
         InvalidRobotState: A vector has the wrong length, is not finite or fits no other's batch.
-        MissingInertia: Some joint carries nothing that has an inertia.
+        MissingInertia: No link that a joint carries has an inertia.
     """
     state, lead = stack_vectors(chain, joints=q, velocities=qd)
     M = augmented_mass_matrix(chain, state[:, 0])
@@ -30,6 +30,6 @@ def total_energy(
 
     Raises:
         InvalidRobotState: A vector has the wrong length, is not finite or fits no other's batch.
-        MissingInertia: Some joint carries nothing that has an inertia.
+        MissingInertia: No link that a joint carries has an inertia.
     """
     return kinetic_energy(chain, q, qd) + potential_energy(chain, q, gravity)

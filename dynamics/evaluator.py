@@ -82,7 +82,7 @@ class DynamicsEvaluator:
         gravity: (3,) [m/s^2] in the base frame; the robot's own where none is given.
 
     Raises:
-        MissingInertia: Some joint carries nothing that has an inertia.
+        MissingInertia: No link that a joint carries has an inertia.
     """
 
     __slots__ = ("_C", "_D", "_G", "_M", "_Y", "_qdd", "_rows", "_tau", "_work", "chain")

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynamics.batch import stack_vectors
-from dynamics.body import bodies
+from dynamics.body import bodies, joints_without_inertia
 from dynamics.body_row import MOTOR
 from dynamics.composite import COMPOSITE_WORK, frames_kernel, mass_matrix_kernel
 from dynamics.inverse import wrench_torque
@@ -80,7 +80,7 @@ def forward_dynamics(
 
     Raises:
         InvalidRobotState: A vector has the wrong length, is not finite or fits no other's batch.
-        MissingInertia: Some joint carries nothing that has an inertia, or what it carries has
+        MissingInertia: No link has an inertia, or what some joint carries has
             neither mass nor inertia about its axis.
     """
     packed = bodies(chain, gravity)
@@ -95,8 +95,14 @@ def forward_dynamics(
 
 
 def massless(chain: Chain, joint: int) -> MissingInertia:
-    """The error that M(q) is not positive definite at ``joint``."""
-    name = chain.joint_names[joint]
+    """The error that M(q) is not positive definite at ``joint``.
+
+    Args:
+        chain: The robot.
+        joint: Index of the first joint at which the decomposition of M(q) failed.
+    """
+    names = joints_without_inertia(chain)
+    name = names[0] if names else chain.joint_names[joint]
     return MissingInertia(
         f"the mass matrix is not positive definite at joint {name!r}: "
         "what it carries has no inertia about its axis",

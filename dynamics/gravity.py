@@ -32,7 +32,7 @@ def gravity_vector(chain: Chain, q: ArrayLike, gravity: ArrayLike | None = None)
 
     Raises:
         InvalidRobotState: Wrong length or not finite.
-        MissingInertia: Some joint carries nothing that has an inertia.
+        MissingInertia: No link that a joint carries has an inertia.
     """
     packed = bodies(chain, gravity)
     q = chain.configuration(q)
@@ -49,7 +49,7 @@ def potential_energy(chain: Chain, q: ArrayLike, gravity: ArrayLike | None = Non
 
     Raises:
         InvalidRobotState: Wrong length or not finite.
-        MissingInertia: Some joint carries nothing that has an inertia.
+        MissingInertia: No link that a joint carries has an inertia.
     """
     packed = bodies(chain, gravity)
     frames = joint_frames(chain, q)

@@ -59,7 +59,7 @@ def inverse_dynamics(
 
     Raises:
         InvalidRobotState: A vector has the wrong length, is not finite or fits no other's batch.
-        MissingInertia: Some joint carries nothing that has an inertia.
+        MissingInertia: No link that a joint carries has an inertia.
     """
     packed = bodies(chain, gravity)
     motion, lead = stack_vectors(chain, joints=q, velocities=qd, accelerations=qdd)
@@ -95,7 +95,7 @@ def reference_dynamics(
 
     Raises:
         InvalidRobotState: A vector has the wrong length, is not finite or fits no other's batch.
-        MissingInertia: Some joint carries nothing that has an inertia.
+        MissingInertia: No link that a joint carries has an inertia.
     """
     packed = bodies(chain, gravity)
     state, lead = stack_vectors(

@@ -34,7 +34,7 @@ def mass_matrix(chain: Chain, q: ArrayLike) -> Array:
 
     Raises:
         InvalidRobotState: Wrong length or not finite.
-        MissingInertia: Some joint carries nothing that has an inertia.
+        MissingInertia: No link that a joint carries has an inertia.
     """
     q = chain.configuration(q)
     flat = q.reshape(-1, chain.n)
@@ -48,6 +48,6 @@ def augmented_mass_matrix(chain: Chain, q: ArrayLike) -> Array:
 
     Raises:
         InvalidRobotState: Wrong length or not finite.
-        MissingInertia: Some joint carries nothing that has an inertia.
+        MissingInertia: No link that a joint carries has an inertia.
     """
     return mass_matrix(chain, q) + np.diag(chain.motor_inertia)

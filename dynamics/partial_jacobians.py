@@ -33,7 +33,7 @@ def partial_jacobians(chain: Chain, q: ArrayLike) -> PartialJacobians:
 
     Raises:
         InvalidRobotState: q has the wrong length or is not finite.
-        MissingInertia: Some joint carries nothing that has an inertia.
+        MissingInertia: No link that a joint carries has an inertia.
     """
     packed = bodies(chain)
     carried = {link.joint: link for link in chain.links}

@@ -146,7 +146,7 @@ def regressor(
 
     Raises:
         InvalidRobotState: A vector has the wrong length, is not finite or fits no other's batch.
-        MissingInertia: Some joint carries nothing that has an inertia.
+        MissingInertia: No link that a joint carries has an inertia.
     """
     return reference_regressor(chain, q, qd, qd, qdd, gravity, motors=motors)
 
@@ -180,7 +180,7 @@ def reference_regressor(
 
     Raises:
         InvalidRobotState: A vector has the wrong length, is not finite or fits no other's batch.
-        MissingInertia: Some joint carries nothing that has an inertia.
+        MissingInertia: No link that a joint carries has an inertia.
     """
     packed = bodies(chain, gravity)
     state, lead = stack_vectors(
@@ -199,7 +199,7 @@ def standard_parameters(chain: Chain, *, motors: bool = True) -> Array:
     Units: kg, kg m, kg m^2; of the motors kg m^2 or kg, N m s/rad or N s/m.
 
     Raises:
-        MissingInertia: Some joint carries nothing that has an inertia.
+        MissingInertia: No link that a joint carries has an inertia.
     """
     rows = bodies(chain).rows[:-1]
     parts = [rows[:, MASS:MOTOR].ravel()]

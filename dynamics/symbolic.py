@@ -41,7 +41,7 @@ def symbolic_mass_matrix(chain: Chain, q: Expression) -> Expression:
     """D(q) = sum_i m_i J_vi^T J_vi + J_wi^T R_i I_i R_i^T J_wi, n x n.
 
     Raises:
-        MissingInertia: Some joint carries nothing that has an inertia.
+        MissingInertia: No link that a joint carries has an inertia.
         InvalidRobotState: q has not one entry for each joint.
     """
     packed, frames = bodies(chain), symbolic_frames(chain, q)
@@ -58,7 +58,7 @@ def symbolic_potential(chain: Chain, q: Expression, gravity: ArrayLike | None = 
     """Potential energy U(q) = -sum_i m_i g . r_i(q) [J].
 
     Raises:
-        MissingInertia: Some joint carries nothing that has an inertia.
+        MissingInertia: No link that a joint carries has an inertia.
         InvalidRobotState: q has not one entry for each joint.
         InvalidOption: Gravity is not three finite numbers.
     """
@@ -88,7 +88,7 @@ def symbolic_equations(
         gravity: (3,) [m/s^2] in the base frame; the robot's own where none is given.
 
     Raises:
-        MissingInertia: Some joint carries nothing that has an inertia.
+        MissingInertia: No link that a joint carries has an inertia.
         InvalidRobotState: q has not one entry for each joint.
         InvalidOption: Gravity is not three finite numbers.
     """
@@ -127,7 +127,7 @@ def symbolic_inverse_dynamics(
         gravity: (3,) [m/s^2] in the base frame; the robot's own where none is given.
 
     Raises:
-        MissingInertia: Some joint carries nothing that has an inertia.
+        MissingInertia: No link that a joint carries has an inertia.
         InvalidRobotState: q has not one entry for each joint.
         InvalidOption: Gravity is not three finite numbers.
     """
@@ -159,7 +159,7 @@ def equations_function(chain: Chain) -> Expression:
     """CasADi function (q, q_dot, q_ddot) -> (D, C, G, T, U, tau) of a robot.
 
     Raises:
-        MissingInertia: Some joint carries nothing that has an inertia.
+        MissingInertia: No link that a joint carries has an inertia.
     """
     q, qd, qdd = (casadi.SX.sym(name, chain.n) for name in ("q", "qd", "qdd"))
     terms = symbolic_equations(chain, q, qd, qdd)
@@ -173,7 +173,7 @@ def inverse_function(chain: Chain) -> Expression:
     """CasADi function (q, q_dot, q_ddot) -> tau of a robot, by the recursion.
 
     Raises:
-        MissingInertia: Some joint carries nothing that has an inertia.
+        MissingInertia: No link that a joint carries has an inertia.
     """
     q, qd, qdd = (casadi.SX.sym(name, chain.n) for name in ("q", "qd", "qdd"))
     torque = symbolic_inverse_dynamics(chain, q, qd, qdd)

@@ -243,10 +243,17 @@ class Chain:
         return array
 
     def sampling_bounds(self) -> tuple[Array, Array]:
-        """Bounds to draw joints from, both (n,): the limits, or one turn where there are none."""
-        lower = np.where(np.isfinite(self.limits.lower), self.limits.lower, -np.pi)
-        upper = np.where(np.isfinite(self.limits.upper), self.limits.upper, np.pi)
-        return lower, upper
+        """Bounds to draw joints from, both (n,): the limits, or one turn where there are none.
+
+        The turn is that from -pi to pi; where the one limit of a joint lies beyond it, the turn
+        next to that limit.
+        """
+        lower, upper = self.limits.lower, self.limits.upper
+        below = np.where(upper <= -np.pi, upper - 2.0 * np.pi, -np.pi)
+        above = np.where(lower >= np.pi, lower + 2.0 * np.pi, np.pi)
+        return np.where(np.isfinite(lower), lower, below), np.where(
+            np.isfinite(upper), upper, above
+        )
 
 
 def _model(chain: Chain) -> Array:

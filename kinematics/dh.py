@@ -22,7 +22,7 @@ import numpy as np
 
 from kinematics.arrays import Array, frozen
 from kinematics.chain import Chain, Inertia, JointType, Limits, Link
-from kinematics.dh_table import Convention, DhRow, DhTable, check_table
+from kinematics.dh_table import Convention, DhRow, DhTable, check_table, position_range
 from kinematics.errors import InvalidRobotDescription
 from kinematics.pose import inverse, rotation_x, rotation_y, rotation_z, transform
 
@@ -69,6 +69,8 @@ def chain_from_dh(name: str, table: DhTable) -> Chain:
         item.name: np.array([_or_nan(getattr(row, item.name)) for row in table.rows])
         for item in fields(Limits)
     }
+    ranges = np.array([position_range(row) for row in table.rows])
+    limits["lower"], limits["upper"] = ranges[:, 0], ranges[:, 1]
     revolute = np.array([row.type == "revolute" for row in table.rows])
     endless = np.isinf(limits["lower"]) & np.isinf(limits["upper"])
     return Chain(

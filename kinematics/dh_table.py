@@ -29,8 +29,8 @@ class DhRow:
         alpha: Link twist, about x [rad].
         d: Link offset, along z [m]; of a prismatic joint what is added to its position.
         theta: Joint angle, about z [rad]; of a revolute joint what is added to its position.
-        lower: Lowest position [rad or m], -inf for none.
-        upper: Highest position [rad or m], inf for none.
+        lower: Lowest position [rad or m]; -inf or None for none.
+        upper: Highest position [rad or m]; inf or None for none.
         velocity: Largest speed [rad/s or m/s].
         acceleration: Largest acceleration [rad/s^2 or m/s^2].
         jerk: Largest jerk [rad/s^3 or m/s^3].
@@ -89,6 +89,12 @@ class DhTable:
             object.__setattr__(self, name, frozen(getattr(self, name)))
 
 
+def position_range(row: DhRow) -> tuple[float, float]:
+    """Lowest and highest position of a row's joint [rad or m], infinite where it has no limit."""
+    lower = -math.inf if row.lower is None else row.lower
+    return lower, math.inf if row.upper is None else row.upper
+
+
 def check_table(table: DhTable) -> None:
     """See that a table can be built.
 
@@ -130,14 +136,11 @@ def _check_row(row: DhRow, where: str) -> None:
     for name in ("a", "alpha", "d", "theta", "beta"):
         if not math.isfinite(getattr(row, name)):
             raise InvalidRobotDescription(f"{name} in {where} is not finite")
-    if row.lower is None or row.upper is None or math.isnan(row.lower) or math.isnan(row.upper):
+    lower, upper = position_range(row)
+    if not (lower <= upper and lower < math.inf and upper > -math.inf):
         raise InvalidRobotDescription(
-            f"{where} has no lower and upper limit: the range of its joint is not known",
-            hint="Give lower and upper.",
-        )
-    if row.lower > row.upper or row.lower == math.inf or row.upper == -math.inf:
-        raise InvalidRobotDescription(
-            f"{where} has the lower limit {row.lower:g} and the upper limit {row.upper:g}"
+            f"{where} has the lower limit {lower:g} and the upper limit {upper:g}",
+            hint="Give the lower limit first, or leave both out where the joint has none.",
         )
     for name in ("velocity", "acceleration", "jerk", "effort"):
         value = getattr(row, name)

@@ -349,19 +349,15 @@ def _limits(
             values_of = _checked_override(name, quantity, value, values)
             values_of[names.index(name)] = float(value)
     for name, lower, upper in zip(names, values["lower"], values["upper"], strict=True):
-        if math.isnan(lower) or math.isnan(upper):
-            raise InvalidRobotDescription(
-                f"joint {name!r} has no lower and upper limit: its range is not known",
-                hint=f'Give them: "joint_limits": {{"{name}": {{"lower": ..., "upper": ...}}}}.',
-                joint=name,
-            )
         if lower > upper:
             raise InvalidRobotDescription(
                 f"joint_limits puts the lower limit of joint {name!r} above its upper limit",
                 joint=name,
             )
+    values["lower"] = [-math.inf if math.isnan(value) else value for value in values["lower"]]
+    values["upper"] = [math.inf if math.isnan(value) else value for value in values["upper"]]
     continuous = [
-        joint.type == "continuous"
+        joint.type in ("continuous", "revolute")
         and math.isinf(values["lower"][i])
         and math.isinf(values["upper"][i])
         for i, joint in enumerate(joints)

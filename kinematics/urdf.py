@@ -136,14 +136,11 @@ def _positions(joint: Element, type_: str, where: str, lint: list[str]) -> tuple
     if type_ not in _POSITION_TYPES:
         return -math.inf, math.inf
     limit = single(joint, "limit", where)
-    if limit is None:
-        raise InvalidRobotDescription(
-            f"{where} is {type_} and has no <limit>: its range of positions is not known",
-            hint='Give <limit lower="..." upper="..." velocity="..." effort="..."/>, or make it '
-            "continuous if it turns without end.",
+    if limit is None or (limit.get("lower") is None and limit.get("upper") is None):
+        lint.append(
+            f"{where} is {type_} and has neither a lower nor an upper limit: unless joint_limits "
+            "gives them, its range is unlimited"
         )
-    if limit.get("lower") is None and limit.get("upper") is None:
-        lint.append(f"{where} has neither a lower nor an upper limit")
         return _MISSING, _MISSING
     lint += [
         f"{where} has no {side!r} limit: it is 0, as the URDF specification says"

@@ -94,6 +94,8 @@ class DhTable(Request):
 class JointLimits(Request):
     """Limits that a description leaves out or that are to be tightened."""
 
+    lower: float | None = None
+    upper: float | None = None
     velocity: Positive | None = None
     acceleration: Positive | None = None
     jerk: Positive | None = None

@@ -40,7 +40,7 @@ def torques(chain: Chain, iterate: Iterate, places: Array) -> Response:
     """Joint torques [N m or N], m = n.
 
     Raises:
-        MissingInertia: Some joint carries nothing that has an inertia.
+        MissingInertia: No link that a joint carries has an inertia.
     """
     return _response(_torque_function(chain), chain.n, iterate, places)
 

@@ -54,7 +54,7 @@ def effort_uses(limits: EffortLimits, trajectory: Trajectory) -> dict[str, Effor
         trajectory: Of all its joints, in its order.
 
     Raises:
-        MissingInertia: Torques are limited, and some joint carries nothing that has an inertia.
+        MissingInertia: Torques are limited, and no link has an inertia.
     """
     uses = {}
     if limits.effort is not None:
@@ -73,7 +73,7 @@ def torque_use(chain: Chain, trajectory: Trajectory, effort: Array) -> EffortUse
         effort: Limits, shape (n,), inf where there is none [N m or N].
 
     Raises:
-        MissingInertia: Some joint carries nothing that has an inertia.
+        MissingInertia: No link that a joint carries has an inertia.
     """
     bounds = _Bounds(bodies(chain), np.zeros(3), trajectory)
 

@@ -107,6 +107,8 @@ class DhTable(Body):
 class JointLimits(Body):
     """Limits that a description leaves out or that are to be tightened."""
 
+    lower: Number | None = Field(None, description="[rad] or [m]")
+    upper: Number | None = Field(None, description="[rad] or [m]")
     velocity: Positive | None = None
     acceleration: Positive | None = None
     jerk: Positive | None = None

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from dynamics.body import massless_joints
+from dynamics.body import joints_without_inertia, massless_joints
 from kinematics.arrays import Array
 from kinematics.chain import Chain, JointType
 from kinematics.dh import dh_from_chain
@@ -131,7 +131,19 @@ def _from_dh(body: schema.RobotBody, table: DhTable) -> tuple[RobotGeometry, lis
     if body.tip_link is not None:
         chain = dataclasses.replace(chain, tip_link=chain.link(body.tip_link).name)
         geometry = dataclasses.replace(geometry, chain=chain)
-    return geometry, []
+    return geometry, _range_lint(dh, chain)
+
+
+def _range_lint(dh: schema.DhTable, chain: Chain) -> list[str]:
+    """Joints of a table that lack a position limit and are not said to turn without end."""
+    limits = chain.limits
+    open_ended = np.isinf(limits.lower) | np.isinf(limits.upper)
+    rows = zip(dh.rows, chain.joint_names, open_ended, strict=True)
+    names = [name for row, name, is_open in rows if is_open and not row.continuous]
+    if not names:
+        return []
+    joints = ", ".join(names)
+    return [f"{joints} have no lower or no upper limit: give them where the range is not unlimited"]
 
 
 def _solids(dh: schema.DhTable) -> list[list[LinkSolid]]:
@@ -164,12 +176,19 @@ def _limit_lint(chain: Chain) -> list[str]:
 
 
 def _mass_lint(chain: Chain) -> list[str]:
-    """Joints that carry massless links though a later one carries some mass."""
+    """Joints that carry massless links in a robot that has inertias."""
     massless = massless_joints(chain)
-    if not massless:
+    if not massless or len(massless) == chain.n:
         return []
     joints = ", ".join(chain.joint_names[i] for i in massless)
-    return [f"the links of {joints} have no inertia: they are massless in the dynamics"]
+    lint = [f"the links of {joints} have no inertia: they are massless in the dynamics"]
+    names = joints_without_inertia(chain)
+    if names:
+        lint.append(
+            f"nothing at or beyond {', '.join(names)} has an inertia: forward dynamics and "
+            "simulation need one there, or a motor inertia"
+        )
+    return lint
 
 
 # ------------------------------------------------------------------------------------ back

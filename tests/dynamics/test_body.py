@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 from numpy.typing import ArrayLike
 
-from dynamics.body import bodies, massless_joints, scale_masses
+from dynamics.body import bodies, joints_without_inertia, massless_joints, scale_masses
 from dynamics.forward import forward_dynamics
 from dynamics.inverse import inverse_dynamics
 from dynamics.mass_matrix import mass_matrix
@@ -44,15 +44,43 @@ def test_a_frame_without_inertia_fixed_to_a_body_adds_nothing() -> None:
     np.testing.assert_array_equal(more.tensors, bodies(chain).tensors)
 
 
-def test_a_body_without_inertia_is_missing_and_named() -> None:
-    chain = without(random_chain(1, 4), "link3")
-    with pytest.raises(MissingInertia, match=r"'joint3'.*link3, tool") as caught:
-        mass_matrix(chain, np.zeros(4))
-    assert caught.value.details["links"] == ["link3", "tool"]
-    bare = without(chain, "link2")
-    with pytest.raises(MissingInertia, match="'joint2', 'joint3'") as caught:
+def test_a_robot_whose_links_all_lack_an_inertia_is_refused_and_they_are_named() -> None:
+    chain = random_chain(1, 4)
+    bare = replace(chain, links=tuple(replace(link, inertia=None) for link in chain.links))
+    with pytest.raises(MissingInertia, match=r"'joint0', .*'joint3'.*link3, rider, tool") as caught:
         mass_matrix(bare, np.zeros(4))
-    assert caught.value.details["links"] == ["link2", "link3", "tool"]
+    assert caught.value.details["joints"] == list(chain.joint_names)
+
+
+def test_a_joint_beyond_which_nothing_has_inertia_is_massless() -> None:
+    whole = random_chain(1, 4)
+    chain = without(without(whole, "link3"), "link2")
+    q, qd, qdd = np.random.default_rng(5).uniform(-1.0, 1.0, (3, 4))
+    D = mass_matrix(chain, q)
+    assert not D[2:].any()
+    assert not D[:, 2:].any()
+    torques = inverse_dynamics(chain, q, qd, qdd)
+    model = pinocchio_model(whole)
+    for i in (2, 3):
+        model.inertias[i + 1] = pin.Inertia.Zero()
+    expected = pin.rnea(model, model.createData(), q, qd, qdd)
+    np.testing.assert_allclose(torques, expected, atol=1e-10)
+    assert joints_without_inertia(chain) == ("joint2", "joint3")
+    with pytest.raises(MissingInertia, match="'joint2'"):
+        forward_dynamics(chain, q, qd, torques)
+
+
+def test_a_motor_is_an_inertia_to_its_joint() -> None:
+    chain = without(random_chain(1, 3), "link2")
+    driven = replace(chain, motor_inertia=np.array([0.0, 0.0, 0.2]))
+    assert joints_without_inertia(chain) == ("joint2",)
+    assert joints_without_inertia(driven) == ()
+    q, qd, qdd = np.random.default_rng(6).uniform(-1.0, 1.0, (3, 3))
+    torques = inverse_dynamics(driven, q, qd, qdd)
+    np.testing.assert_allclose(forward_dynamics(driven, q, qd, torques), qdd, atol=1e-9)
+
+
+def test_one_of_two_bodies_of_a_joint_is_enough() -> None:
     # Joint 0 carries a second body, so one of the two is enough.
     assert bodies(without(random_chain(1, 4), "link0")).masses[0] > 0.0
 

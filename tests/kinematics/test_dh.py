@@ -150,7 +150,6 @@ GOOD: dict[str, Any] = {"lower": -1.0, "upper": 1.0}
         ({"type": "helical"}, ["'helical'", "revolute"]),
         ({"a": math.nan}, ["a in", "finite"]),
         ({"theta": math.inf}, ["theta", "finite"]),
-        ({"lower": None}, ["lower"]),
         ({"upper": math.nan}, ["upper"]),
         ({"lower": 2.0}, ["lower", "2"]),
         ({"lower": math.inf, "upper": math.inf}, ["lower", "inf"]),

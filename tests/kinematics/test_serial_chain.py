@@ -83,8 +83,12 @@ def test_positions_end_an_endless_joint(tree: RobotDescription) -> None:
 
 def test_range_left_out_can_be_given() -> None:
     description = parse_urdf(arm(limit='<limit velocity="1" effort="1"/>'))
-    with pytest.raises(InvalidRobotDescription, match=r"'swing'.*range"):
-        serial_chain(description)
+    open_ended = serial_chain(description)
+    assert (open_ended.limits.lower[0], open_ended.limits.upper[0]) == (-math.inf, math.inf)
+    assert open_ended.continuous[0]
+    one_sided = serial_chain(description, joint_limits={"swing": {"lower": -1}})
+    assert (one_sided.limits.lower[0], one_sided.limits.upper[0]) == (-1.0, math.inf)
+    assert not one_sided.continuous[0]
     chain = serial_chain(description, joint_limits={"swing": {"lower": -1, "upper": 2}})
     assert chain.limits.upper[0] == 2.0
 

@@ -267,7 +267,6 @@ BRANCH = """<link name="side"/><joint name="branch" type="fixed">
     ("changes", "hint"),
     [
         ({"urdf": urdf(extra=CYCLE)}, ""),
-        ({"urdf": urdf(limit="")}, ""),
         ({"urdf": urdf(limit='<limit lower="2" upper="-2" velocity="1" effort="1"/>')}, ""),
         ({"urdf": urdf(limit='<limit lower="nan" upper="2" velocity="1" effort="1"/>')}, ""),
         ({"urdf": urdf()[:300]}, ""),
@@ -322,11 +321,7 @@ def test_forms_that_are_refused(client: httpx.Client, body: Any, path: str) -> N
     assert path in [error["path"] for error in document["details"]["errors"]]
 
 
-def test_a_row_without_limits_is_refused_by_name(client: httpx.Client) -> None:
-    rows = [{key: value for key, value in row.items() if key != "lower"} for row in TABLE["rows"]]
-    body = {"name": "x", "dh": {**TABLE, "rows": rows}}
-    document = problem(client.post("/v1/robots", json=body), 422, "INVALID_ROBOT_DESCRIPTION")
-    assert "row 1" in document["detail"]
+def test_limits_of_a_joint_that_a_table_does_not_have_are_refused(client: httpx.Client) -> None:
     body = {"name": "x", "dh": TABLE, "joint_limits": {"joint_9": {"velocity": 1.0}}}
     document = problem(client.post("/v1/robots", json=body), 422, "INVALID_ROBOT_DESCRIPTION")
     assert "joint_1, joint_2, joint_3" in document["hint"]

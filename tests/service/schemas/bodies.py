@@ -148,7 +148,9 @@ DH_ROW: dict[str, Any] = {
     "viscous_friction": 0.2, "coulomb_friction": 0.1, "beta": 0.0, "continuous": False,
     "geometry": [{"shape": SHAPES[0], "pose": POSE}],
 }  # fmt: skip
-JOINT_LIMITS = {"joint_1": {"velocity": 1.0, "acceleration": 2.0, "jerk": 3.0}}
+JOINT_LIMITS = {
+    "joint_1": {"lower": -1.0, "upper": 2.0, "velocity": 1.0, "acceleration": 2.0, "jerk": 3.0}
+}
 SIMULATE: dict[str, Any] = ABOUT | {
     "robot": "panda", "trajectory": SEGMENTS, "scene": "table",
     "model_error": {
