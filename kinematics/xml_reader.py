@@ -32,6 +32,8 @@ MAX_BYTES = 16 * 1024 * 1024
 MAX_DEPTH = 64
 MAX_ELEMENTS = 200_000
 MAX_NAME = 256
+#: How much of a text the parser is given at once [characters].
+_FED_AT_ONCE = 65_536
 
 #: XML's decimal numbers; Python's float() would also take "nan", "1_0" and other digits.
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)
@@ -97,7 +99,9 @@ def read_document(text: str | bytes, what: str) -> Element:
         target=_BoundedBuilder(), forbid_dtd=True, forbid_entities=True, forbid_external=True
     )
     try:
-        parser.feed(text)
+        # In parts: the parser reads each to its end, also when the builder has refused already.
+        for start in range(0, len(text), _FED_AT_ONCE):
+            parser.feed(text[start : start + _FED_AT_ONCE])
         root = parser.close()
     except DefusedXmlException as error:
         raise InvalidRobotDescription(

@@ -45,6 +45,17 @@ class Hull:
         return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
 
 
+def principal_axes(points: Array) -> Array:
+    """Principal axes of ``points`` (m, 3) about their mean, the widest first; rows, shape (3, 3).
+
+    The singular vectors of the m x 3 matrix; those of its other side, m x m, are never made.
+    """
+    # Fewer points than axes leave axes that only the full decomposition has.
+    full = len(points) < 3
+    _, _, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=full)
+    return np.asarray(axes)
+
+
 def convex_hull(points: Array) -> Hull:
     """The convex hull of ``points``, shape (m, 3) with m >= 1, all finite."""
     points = np.unique(np.asarray(points, dtype=np.float64).reshape(-1, 3), axis=0)

@@ -20,6 +20,14 @@ FILE_TYPES = ("stl", "obj", "ply", "off", "dae")
 MAX_BYTES = 64 * 2**20
 MAX_VERTICES = 600_000
 MAX_FACES = 200_000
+#: Header and count of a binary STL [byte].
+_STL_HEADER = 84
+#: One triangle of a binary STL [byte].
+_STL_TRIANGLE = 50
+#: What ends the text that a PLY begins with.
+_END_OF_HEADER = b"end_header"
+#: Squared sine of a triangle's angle below which its corners lie on a line, up to rounding.
+_ON_A_LINE = 1e-24
 
 Faces = NDArray[np.int64]
 
@@ -60,17 +68,39 @@ def _read(data: bytes, kind: str) -> tuple[Array, Faces]:
         mesh = trimesh.Trimesh(**trimesh.triangles.to_kwargs(triangles(data)), process=False)
         mesh.merge_vertices()
     else:
+        text, rest = _text_and_rest(data, kind)
         mesh = trimesh.load_scene(
-            io.BytesIO(data), file_type=kind, process=False, allow_remote=False
+            io.BytesIO(_in_utf8(text) + rest), file_type=kind, process=False, allow_remote=False
         ).to_mesh()
     return np.array(mesh.vertices), np.array(mesh.faces)
+
+
+def _text_and_rest(data: bytes, kind: str) -> tuple[bytes, bytes]:
+    """The text that a mesh file begins with, and the rest."""
+    if kind == "ply":
+        header, mark, rest = data.partition(_END_OF_HEADER)
+        return header, mark + rest
+    # Binary STL says how long it is, whatever it begins with.
+    triangles = int.from_bytes(data[_STL_HEADER - 4 : _STL_HEADER], "little")
+    is_binary = kind == "stl" and len(data) == _STL_HEADER + _STL_TRIANGLE * triangles
+    return (b"", data) if is_binary else (data, b"")
+
+
+def _in_utf8(data: bytes) -> bytes:
+    """Text in UTF-8: names in other encodings are taken for Latin-1, in which all bytes are."""
+    try:
+        data.decode("utf-8")
+    except UnicodeDecodeError:
+        return data.decode("latin-1").encode("utf-8")
+    return data
 
 
 def checked_mesh(vertices: ArrayLike, faces: ArrayLike) -> tuple[Array, Faces]:
     """Check a mesh and answer it as read-only arrays.
 
     Raises:
-        InvalidScene: Empty, not finite, not rows of three, or an index out of range.
+        InvalidScene: Empty, not finite, not rows of three, an index out of range, or no triangle
+            has an area.
     """
     try:
         points, given = frozen(vertices), np.asarray(faces)
@@ -91,8 +121,25 @@ def checked_mesh(vertices: ArrayLike, faces: ArrayLike) -> tuple[Array, Faces]:
             hint=f"Indices run from 0 to {len(points) - 1}.",
         )
     indices = np.array(given, dtype=np.int64)
+    if not _has_area(points[indices]):
+        raise InvalidScene(
+            "mesh faces: no triangle has an area, the mesh is a point or a line",
+            hint="Give a sphere, a capsule or a thin box in its place.",
+        )
     indices.setflags(write=False)
     return points, indices
+
+
+def _has_area(triangles: Array) -> bool:
+    """Whether one of the triangles (f, 3, 3) has corners that are not on a line."""
+    ab, ac = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+    scale = np.abs(np.concatenate([ab, ac])).max()
+    if scale == 0.0:
+        return False
+    ab, ac = ab / scale, ac / scale
+    square = (np.cross(ab, ac) ** 2).sum(axis=1)
+    sides = (ab**2).sum(axis=1) * (ac**2).sum(axis=1)
+    return bool((square > _ON_A_LINE * sides).any())
 
 
 def scaled(vertices: Array, faces: Faces, scale: Sequence[float]) -> tuple[Array, Faces]:

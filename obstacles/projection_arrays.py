@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinematics.arrays import Array, Indices, frozen
-from obstacles.hull import Hull, convex_hull
+from obstacles.hull import Hull, convex_hull, principal_axes
 from obstacles.piece import Piece, PieceArrays, PieceKind
 from obstacles.scene import Obstacle
 from obstacles.winding import winding_numbers
@@ -249,8 +249,7 @@ _ALONG_X = np.array([1.0, 0.0, 0.0])
 def _across(hull: Hull) -> Array:
     if len(hull.vertices) < 2 or hull.solid:
         return _ALONG_X
-    _, _, axes = np.linalg.svd(hull.vertices - hull.vertices.mean(axis=0))
-    return np.asarray(axes[2])
+    return np.asarray(principal_axes(hull.vertices)[2])
 
 
 _EMPTY = _solids(())

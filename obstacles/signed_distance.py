@@ -21,7 +21,7 @@ from scipy.spatial import ConvexHull, QhullError
 from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
 from obstacles.closest_point import nearest_on_hull
-from obstacles.hull import Hull, convex_hull
+from obstacles.hull import Hull, convex_hull, principal_axes
 from obstacles.piece import Piece, PieceKind
 
 #: Gap between the bounds at which the distance counts as found [m].
@@ -184,6 +184,6 @@ def _towards(hull: Hull) -> tuple[float, list[Array]]:
         directions.append(np.array(hull.planes[np.argmin(hull.planes[:, 3]), :3]))
     else:
         # The axes across a flat hull: if the difference has any thickness, they find it.
-        _, _, axes = np.linalg.svd(hull.vertices - hull.vertices.mean(axis=0))
+        axes = principal_axes(hull.vertices)
         directions += [axes[2], -axes[2], axes[1], -axes[1]]
     return distance, [np.ascontiguousarray(n) for n in directions]

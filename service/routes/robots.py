@@ -1,6 +1,5 @@
 """Robots by name, built-in ones among them."""
 
-import json
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
@@ -16,7 +15,8 @@ from service.http.state import prepared_folder, store_of
 from service.problem import ProblemError
 from service.routes.paging import page
 from service.schemas.robot import RobotAnswer, RobotBody, RobotFields, RobotList, RobotSummary
-from service.schemas.validation import validation_problem
+from service.schemas.strict_json import parse_json
+from service.schemas.validation import fault_list, validation_problem
 from service.storage import prepared_files
 from service.storage.robot_repository import is_built_in
 from service.task_references import make_robot, robot_urdf, unpack_robot
@@ -140,7 +140,7 @@ async def _from_json(request: Request, content_type: str) -> tuple[bytes, bytes,
 
 def _invalid(error: ValidationError, parsed: Any) -> ProblemError:
     # As the framework would give them: the place begins with where the value was.
-    errors = [{**item, "loc": ("body", *item["loc"])} for item in error.errors()]
+    errors = [{**item, "loc": ("body", *item["loc"])} for item in fault_list(error)]
     return validation_problem(errors, parsed)
 
 
@@ -177,21 +177,17 @@ def _form_fields(texts: dict[str, Any], file_name: str | None) -> RobotFields:
     given = {"name": (file_name or "").removesuffix(".zip")} | texts
     try:
         if "joint_limits" in given:
-            given["joint_limits"] = json.loads(given["joint_limits"], parse_constant=_no_constant)
+            given["joint_limits"] = parse_json(given["joint_limits"].encode())
         return RobotFields.model_validate(given)
     except ValidationError as error:
         raise _invalid(error, given) from None
-    except (ValueError, RecursionError):
+    except ProblemError as error:
         raise ProblemError(
             "VALIDATION_ERROR",
-            "joint_limits: not valid JSON",
+            f"joint_limits: {error.detail}",
             stage="request",
             hint='Give it as {"joint": {"velocity": 2.0, "acceleration": 5.0}}.',
         ) from None
-
-
-def _no_constant(name: str) -> float:
-    raise ValueError(name)
 
 
 # ---------------------------------------------------------------------------------- names

@@ -25,8 +25,13 @@ def validate_as(model: type[_Model], value: Any) -> _Model:
     try:
         return model.model_validate(value)
     except ValidationError as error:
-        found = [{**item, "loc": ("body", *item["loc"])} for item in error.errors()]
+        found = [{**item, "loc": ("body", *item["loc"])} for item in fault_list(error)]
         raise validation_problem(found, value) from None
+
+
+def fault_list(error: ValidationError) -> list[Any]:
+    """The faults that pydantic found, without links, values and contexts: nobody is shown those."""
+    return error.errors(include_url=False, include_input=False, include_context=False)
 
 
 def validation_problem(errors: Sequence[Mapping[str, Any]], body: Any) -> ProblemError:

@@ -119,25 +119,28 @@ def velocity(chain: Chain, body: VelocityRequest) -> bytes:
         InvalidLinkName: No such link.
         InvalidOption: Lists of different lengths.
     """
+    joints = chain.configuration(body.joints)
     if body.twist is None:
         assert body.joint_velocities is not None
-        _same_length(body.joints, body.joint_velocities, "joint_velocities")
         rates = chain.configuration(body.joint_velocities, "joint_velocities")
-        twist = link_twist(chain, body.joints, rates, body.link, body.point)
-        found = singular_directions(geometric(chain, body.joints, body.link, body.point))
+        _check_rows(joints, rates, "joint_velocities")
+        twist = link_twist(chain, joints, rates, body.link, body.point)
+        found = singular_directions(geometric(chain, joints, body.link, body.point))
         rates = np.broadcast_to(rates, (*twist.shape[:-1], chain.n))
         gains = np.ones_like(found.values)
         solved = JointVelocities(rates, np.zeros_like(twist), gains, found)
     else:
-        _same_length(body.joints, body.twist, "twist")
+        _check_rows(joints, np.array(body.twist), "twist")
+        nullspace = None
         if body.nullspace is not None:
-            _same_length(body.joints, body.nullspace, "nullspace")
+            nullspace = chain.configuration(body.nullspace, "nullspace")
+            _check_rows(joints, nullspace, "nullspace")
         below = DAMPED_BELOW if body.damped_below is None else body.damped_below
         solved = joint_velocities(
             chain,
-            body.joints,
+            joints,
             body.twist,
-            nullspace=body.nullspace,
+            nullspace=nullspace,
             link=body.link,
             point=body.point,
             damped_below=below,
@@ -155,11 +158,14 @@ def velocity(chain: Chain, body: VelocityRequest) -> bytes:
     )
 
 
-def _same_length(joints: Any, others: Any, name: str) -> None:
-    """Lists go with lists of the same length; one value goes with any number of configurations."""
-    q, x = np.ndim(joints), np.ndim(others)
-    if x == 2 and (q == 1 or len(joints) != len(others)):
-        count = 1 if q == 1 else len(joints)
+def _check_rows(joints: Array, others: Array, name: str) -> None:
+    """Check that rows go with as many configurations; one row goes with any number.
+
+    Raises:
+        InvalidOption: They do not.
+    """
+    count = 1 if joints.ndim == 1 else len(joints)
+    if others.ndim == 2 and (joints.ndim == 1 or len(others) != count):
         raise InvalidOption(
             f"{name} holds {len(others)} rows for {count} configuration(s) in joints",
             hint=f"Give as many rows of {name} as of joints, or one row for all.",

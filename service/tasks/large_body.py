@@ -7,13 +7,13 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from service.problem import ProblemError
 from service.schemas.strict_json import parse_json
-from service.schemas.validation import validation_problem
+from service.schemas.validation import fault_list, validation_problem
 from service.tasks.result import TaskProblem
 from service.workers.task import task
 
 #: Lists of models whose items the server inspects.
 _INSPECTED = ("problems",)
-#: Longer texts and tables are left out; names and the like are far shorter.
+#: Longer texts are cut; names and the like are far shorter.
 _LONG = 4096
 
 
@@ -26,7 +26,8 @@ def outline(model: str, content: bytes) -> BaseModel | TaskProblem:
         content: JSON.
 
     Returns:
-        An instance whose parts are empty shells; lists of numbers stay, since they are counted.
+        An instance whose parts are empty shells and whose texts are cut; lists of numbers stay,
+        since they are counted.
     """
     module, _, name = model.partition(":")
     expected: type[BaseModel] = getattr(importlib.import_module(module), name)
@@ -36,7 +37,7 @@ def outline(model: str, content: bytes) -> BaseModel | TaskProblem:
             # As the framework does it, down to the messages.
             body = TypeAdapter(expected).validate_python(value, from_attributes=True)
         except ValidationError as error:
-            found = [{**item, "loc": ("body", *item["loc"])} for item in error.errors()]
+            found = [{**item, "loc": ("body", *item["loc"])} for item in fault_list(error)]
             raise validation_problem(found, value) from None
     except ProblemError as problem:
         details: dict[str, Any] = {**problem.details, "stage": problem.stage}
@@ -54,6 +55,7 @@ def _part(name: str, value: Any) -> Any:
         return type(value).model_construct()
     if isinstance(value, list) and value and isinstance(value[0], BaseModel):
         return [_outline(item) for item in value] if name in _INSPECTED else []
-    if isinstance(value, dict) or (isinstance(value, str) and len(value) > _LONG):
+    if isinstance(value, dict):
         return None
-    return value
+    # The beginning stands for the whole: a field that was given stays given.
+    return value[:_LONG] if isinstance(value, str) else value

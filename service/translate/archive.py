@@ -19,6 +19,8 @@ MAX_RATIO = 200
 #: Small files may be emptier than that.
 _RATIO_FREE = 2**20
 _MAX_NAME = 1_024
+#: In front of each entry in the directory of a .zip.
+_ENTRY_MARK = b"PK\x01\x02"
 #: A mesh file name that begins by going up: most packages have urdf/ and meshes/ side by side.
 _UPWARD = re.compile(
     r"""(?P<start>\bfilename\s*=\s*(?P<quote>["']))(?P<path>(\./)*\.\./[^"'<>&]*)(?P<end>(?P=quote))"""
@@ -59,6 +61,10 @@ def read_archive(content: bytes) -> RobotArchive:
         InvalidRobotDescription: It is no .zip, unpacks to too much, has a name that leads out of
             it, holds another archive, or has not exactly one URDF.
     """
+    # Counted in the bytes: listing a million entries takes longer than a whole request may.
+    entries = content.count(_ENTRY_MARK)
+    if entries > MAX_ENTRIES:
+        raise _too_many_entries(entries)
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             return _read(archive)
@@ -112,7 +118,7 @@ def _from_root(folder: PurePosixPath, found: re.Match[str]) -> str:
 def _entries(archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
     entries = archive.infolist()
     if len(entries) > MAX_ENTRIES:
-        raise _archive_error(f"it has {len(entries)} entries, at most {MAX_ENTRIES} are taken")
+        raise _too_many_entries(len(entries))
     total = sum(entry.file_size for entry in entries)
     if total > MAX_UNPACKED:
         raise _archive_error(f"it unpacks to {total} bytes, at most {MAX_UNPACKED} are taken")
@@ -168,6 +174,10 @@ def _only(files: dict[str, bytes], ending: str) -> str | None:
         return files[found[0]].decode("utf-8-sig")
     except UnicodeDecodeError:
         raise _archive_error(f"{found[0]!r} is not UTF-8") from None
+
+
+def _too_many_entries(count: int) -> InvalidRobotDescription:
+    return _archive_error(f"it has {count} entries, at most {MAX_ENTRIES} are taken")
 
 
 def _archive_error(reason: str, hint: str | None = None) -> InvalidRobotDescription:

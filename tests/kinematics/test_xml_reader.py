@@ -136,6 +136,17 @@ def test_the_number_of_elements_is_bounded_exactly(monkeypatch: pytest.MonkeyPat
     refused(fits.replace("<robot>", "<robot><a/>"), "more than 40 elements")
 
 
+def test_what_follows_the_last_element_allowed_is_not_parsed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("kinematics.xml_reader.MAX_ELEMENTS", 10)
+    text = "<robot>" + "<a/>" * 11 + " " * 200_000 + "<not closed"
+    refused(text, "more than 10 elements")
+    began = time.perf_counter()
+    refused("<robot>" + "<a/>" * 1_000_000, "more than 10 elements")
+    assert time.perf_counter() - began < 0.2
+
+
 def test_the_size_is_bounded_exactly() -> None:
     shell = "<robot></robot>"
     spaces = " " * (MAX_BYTES - len(shell))

@@ -121,3 +121,69 @@ def test_refuses_a_scale(scale: tuple[float, ...]) -> None:
     body = trimesh.creation.box([1.0, 1.0, 1.0])
     with pytest.raises(InvalidScene, match="scale"):
         scaled(*checked_mesh(body.vertices, body.faces), scale)
+
+
+STL = """solid Kühler
+facet normal 0 0 1
+outer loop
+vertex 0 0 0
+vertex 1 0 0
+vertex 0 2 0
+endloop
+endfacet
+endsolid Kühler
+"""
+PLY = """ply
+format ascii 1.0
+comment Kühler
+element vertex 3
+property float x
+property float y
+property float z
+element face 1
+property list uchar int vertex_indices
+end_header
+0 0 0
+1 0 0
+0 2 0
+3 0 1 2
+"""
+OBJ = "# Kühler\nv 0 0 0\nv 1 0 0\nv 0 2 0\nf 1 2 3\n"
+OFF = "OFF\n# Kühler\n3 1 0\n0 0 0\n1 0 0\n0 2 0\n3 0 1 2\n"
+
+
+@pytest.mark.parametrize("encoding", ["latin-1", "utf-8"])
+@pytest.mark.parametrize(
+    ("text", "file_type"), [(STL, "stl"), (PLY, "ply"), (OBJ, "obj"), (OFF, "off")]
+)
+def test_names_may_be_in_any_encoding(text: str, file_type: str, encoding: str) -> None:
+    vertices, faces = load_mesh(text.encode(encoding), file_type)
+    assert trimesh.Trimesh(vertices, faces).area == pytest.approx(1.0)
+
+
+def test_binary_stl_may_begin_as_text_does() -> None:
+    data = stl_of(np.array([[[0.0, 0, 0], [1, 0, 0], [0, 2, 0]]]))
+    header = "solid Kühler".encode("latin-1")
+    vertices, faces = load_mesh(header + data[len(header) :], "stl")
+    assert trimesh.Trimesh(vertices, faces).area == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    "corners",
+    [
+        [[0, 0, 0], [0, 0, 0], [0, 0, 0]],
+        [[3, 4, 5], [3, 4, 5], [6, 8, 10]],
+        [[0, 0, 0], [1, 2, 3], [2, 4, 6]],
+        [[0.1, 0.1, 0.1], [0.2, 0.2, 0.2], [0.7, 0.7, 0.7]],
+    ],
+)
+def test_points_and_lines_are_no_solids(corners: list[list[float]]) -> None:
+    for size in (1e-6, 1.0, 1e5):
+        with pytest.raises(InvalidScene, match="a point or a line"):
+            checked_mesh(size * np.array(corners), [[0, 1, 2], [2, 1, 0]])
+
+
+def test_one_triangle_with_an_area_is_enough() -> None:
+    corners = np.array([[0, 0, 0], [1, 2, 3], [2, 4, 6], [2, 4, 6.001]])
+    for size in (1e-6, 1.0, 1e5):
+        checked_mesh(size * corners, [[0, 1, 2], [0, 1, 3]])

@@ -1,5 +1,7 @@
 """Obstacles packed for projections: kinds, sizes and balls, whose each is, and what encloses."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 import trimesh
@@ -23,6 +25,7 @@ from obstacles.shapes import (
     Convex,
     Cylinder,
     HalfSpace,
+    Mesh,
     PointCloud,
     Shape,
     Sphere,
@@ -155,3 +158,20 @@ def test_nothing_packs_to_nothing() -> None:
     assert len(arrays.kinds) == len(arrays.owners) == 0
     assert arrays.enclosing.shape == (0, 2)
     assert arrays.corner_starts.tolist() == [0]
+
+
+def test_loose_triangles_take_memory_by_their_number_not_its_square() -> None:
+    random, count = np.random.default_rng(3), 2000
+    middles = random.uniform(-1.0, 1.0, (count, 1, 3))
+    corners = (middles + 0.01 * random.normal(size=(count, 3, 3))).reshape(-1, 3)
+    scene = Scene(
+        [Obstacle("loose", Mesh(corners, np.arange(3 * count).reshape(-1, 3)), np.eye(4))]
+    )
+    tracemalloc.start()
+    try:
+        arrays = pack_obstacles(scene.obstacles)
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert len(arrays.triangles) >= count
+    assert peak < 50e6, "a square matrix of its corners has 288 MB"

@@ -224,3 +224,16 @@ def test_poses_in_every_form_there_and_back(client: httpx.Client, form: str) -> 
         body = {"pose": pose, "seed_joints": row, "method": "analytic"}
         (best,) = answer(client.post("/v1/robots/ur5e/ik", json=body))["solutions"]
         np.testing.assert_allclose(forward(chain, best["joints"]), T, atol=3e-9)
+
+
+@pytest.mark.parametrize("field", ["joints", "joint_velocities", "nullspace"])
+def test_rows_of_different_lengths_are_refused_by_name(client: httpx.Client, field: str) -> None:
+    rows: dict[str, Any] = {"joints": [HOME, HOME], "twist": [0.0] * 6}
+    if field == "joint_velocities":
+        del rows["twist"]
+    document = problem(
+        client.post("/v1/robots/panda/velocity", json=rows | {field: [HOME, HOME[:3]]}),
+        422,
+        "INVALID_ROBOT_STATE",
+    )
+    assert document["detail"] == f"{field} is not an array of numbers with rows of equal length"

@@ -91,9 +91,12 @@ def test_bodies_that_are_no_request(client: httpx.Client, content: bytes) -> Non
     assert len(document["detail"]) < 3_000
 
 
-def test_duplicate_names_in_json_are_taken_as_the_last_one(client: httpx.Client) -> None:
+def test_a_name_twice_in_an_object_is_refused(client: httpx.Client) -> None:
     text = '{"name": "x", "name": "doubled", "obstacles": []}'
-    assert post(client, text).json()["name"] == "doubled"
+    document = problem(post(client, text), 422, "VALIDATION_ERROR")
+    assert document["details"]["errors"] == [{"path": "name", "problem": "given twice"}]
+    large = text.encode() + b" " * 100_000
+    assert problem(post(client, large), 422, "VALIDATION_ERROR")["detail"] == document["detail"]
 
 
 @pytest.mark.parametrize("media_type", ["text/plain", "application/x-www-form-urlencoded", ""])

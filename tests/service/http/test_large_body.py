@@ -1,6 +1,7 @@
 """Large bodies go through a worker, and are refused and taken as small ones are."""
 
 import json
+import time
 from typing import Any
 
 import httpx
@@ -86,3 +87,33 @@ def test_an_outline_has_what_the_server_looks_at() -> None:
     refused = outline("service.schemas.plan:PlanRequest", b"{}")
     assert isinstance(refused, TaskProblem)
     assert refused.code == "VALIDATION_ERROR"
+
+
+def test_a_large_moveit_scene_is_stored(client: httpx.Client) -> None:
+    count = 3000
+    text = "world:\n  collision_objects:\n" + "".join(
+        f"    - id: box_{i}\n"
+        f"      primitives: [{{type: 1, dimensions: [0.01, 0.01, 0.01]}}]\n"
+        f"      primitive_poses: [{{position: {{x: {i % 60}.0, y: {i // 60}.0, z: 9.0}}, "
+        "orientation: {x: 0, y: 0, z: 0, w: 1}}]\n"
+        for i in range(count)
+    )
+    assert len(text) > 256 * 1024
+    answer(client.post("/v1/scenes", json={"name": "moveit_large", "moveit": text}), 201)
+    body = {"points": [[7.0, 3.0, 9.5]]}
+    projected = answer(client.post("/v1/scenes/moveit_large/project", json=body))
+    assert len(projected["projections"][0]) == count
+    nearest = min(projected["projections"][0], key=lambda item: item["distance"])
+    assert nearest["obstacle"] == f"box_{3 * 60 + 7}"
+    assert nearest["distance"] == pytest.approx(0.495)
+
+
+def test_a_body_of_half_a_million_fields_is_refused_at_once(client: httpx.Client) -> None:
+    body = json.dumps(PLAN | {f"field_{i}": i for i in range(600_000)}).encode()
+    headers = {"Content-Type": "application/json"}
+    began = time.perf_counter()
+    document = problem(
+        client.post("/v1/plan", content=body, headers=headers), 422, "VALIDATION_ERROR"
+    )
+    assert "more than 500000 fields" in document["detail"]
+    assert time.perf_counter() - began < 2.0, "reading 11 MB is most of it"

@@ -105,6 +105,12 @@ def test_too_many_entries(monkeypatch: pytest.MonkeyPatch) -> None:
         read_archive(packed({"arm.urdf": URDF} | {f"{i}.txt": b"" for i in range(3)}))
 
 
+def test_a_directory_of_many_entries_is_refused_before_it_is_read() -> None:
+    content = b"PK\x01\x02" + bytes(42) + b"PK\x05\x06" + bytes(18)
+    with pytest.raises(InvalidRobotDescription, match="600000 entries"):
+        read_archive(content[:46] * 600_000 + content[46:])
+
+
 def test_a_size_that_is_a_lie() -> None:
     content = bytearray(packed({"arm.urdf": URDF, "arm.stl": bytes(range(200)) * 50}))
     directory = content.rfind(b"PK\x01\x02")
