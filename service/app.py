@@ -31,9 +31,9 @@ from service.routes import (
     simulate,
 )
 from service.settings import Settings
-from service.storage.document_store import open_store
 from service.storage.recent import Recent
 from service.storage.robot_repository import RobotRepository
+from service.storage.store import open_store
 from service.version import VERSION
 from service.workers.launch import Launched
 from service.workers.supervisor import WorkerSupervisor
@@ -76,9 +76,9 @@ def create_app(settings: Settings | None = None, launched: Launched | None = Non
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        app.state.store = await run_in_threadpool(open_store, chosen.storage_url)
+        app.state.store = await run_in_threadpool(open_store, chosen.storage_url, exclusive=True)
         app.state.models = Recent(_MODELS)
-        app.state.robots = RobotRepository(app.state.store, str(chosen.prepared_dir))
+        app.state.robots = RobotRepository(app.state.store.documents, str(chosen.prepared_dir))
         supervisor = WorkerSupervisor(
             chosen.workers,
             chosen.queue_limit,

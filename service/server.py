@@ -15,7 +15,7 @@ from pydantic import ValidationError
 from service.app import create_app
 from service.settings import Settings
 from service.storage.database import StoreError
-from service.storage.document_store import open_store
+from service.storage.store import open_store
 from service.workers.launch import Launched
 
 #: After SIGTERM requests may go on for this long, then they are told that the service ends [s].
@@ -55,7 +55,7 @@ def serve(options: Mapping[str, Any], launched: Launched | None = None) -> int:
     try:
         settings = Settings(**options)
         # Storage that can't be used is reported here in a sentence, not by the framework.
-        open_store(settings.storage_url).close()
+        open_store(settings.storage_url, exclusive=True).close()
         listener = _listen(settings.host, settings.port)
     except ValidationError as error:
         return _refuse("; ".join(f"{_name(e['loc'])}: {e['msg']}" for e in error.errors()))

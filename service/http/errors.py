@@ -60,6 +60,7 @@ KINDS: Mapping[str, Kind] = {
     "UNSUPPORTED_MEDIA_TYPE": Kind(415, "The request body has the wrong content type"),
     "OVERLOADED": Kind(429, "The service has too many requests"),
     "NOT_READY": Kind(503, "The service is not ready"),
+    "STORAGE_UNAVAILABLE": Kind(503, "The storage can't be used now"),
 }
 _UNLISTED = Kind(422, "The request can't be answered")
 

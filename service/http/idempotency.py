@@ -8,7 +8,7 @@ from starlette.concurrency import run_in_threadpool
 
 from service.http.state import store_of
 from service.problem import ProblemError
-from service.storage.document_store import Recorded
+from service.storage.idempotency_store import IdempotencyKey, Recorded
 
 _MAX_KEY = 255
 #: What is kept: that something was created, or accepted as a job. All else is computed anew.
@@ -33,11 +33,11 @@ async def answer_once(
             f"the header Idempotency-Key must be 1 to {_MAX_KEY} printable ASCII characters",
             stage="request",
         )
-    store = store_of(request)
-    endpoint = f"{request.method} {request.url.path}"
+    store = store_of(request).answers
+    claimed = IdempotencyKey(key, f"{request.method} {request.url.path}")
     body = await request.body()
     digest = (await run_in_threadpool(hashlib.sha256, body)).hexdigest()
-    earlier = await run_in_threadpool(store.begin, key, endpoint, digest)
+    earlier = await run_in_threadpool(store.begin, claimed, digest)
     if earlier is not None:
         return _replay(earlier)
     kept = None
@@ -49,9 +49,9 @@ async def answer_once(
         return response
     finally:
         if kept is None:
-            await run_in_threadpool(store.forget, key, endpoint)
+            await run_in_threadpool(store.forget, claimed)
         else:
-            await run_in_threadpool(store.finish, key, endpoint, kept)
+            await run_in_threadpool(store.finish, claimed, kept)
 
 
 def _replay(earlier: Recorded) -> Response:

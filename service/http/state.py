@@ -3,9 +3,9 @@
 from fastapi import Request
 
 from service.settings import Settings
-from service.storage.document_store import Store
 from service.storage.recent import Recent
 from service.storage.robot_repository import RobotRepository
+from service.storage.store import Store
 from service.workers.supervisor import WorkerSupervisor
 
 

@@ -72,7 +72,7 @@ async def create_robot(request: Request) -> Response:
         document, answer, name = await _from_form(request)
     else:
         document, answer, name = await _from_json(request, content_type)
-    await run_in_threadpool(store_of(request).create, _KIND, name, document)
+    await run_in_threadpool(store_of(request).documents.create, _KIND, name, document)
     return Response(answer, 201, {"Location": f"/v1/robots/{name}"}, "application/json")
 
 
@@ -83,7 +83,7 @@ async def list_robots(
     limit: Annotated[int, Query(ge=1, le=1000)] = 100,
 ) -> RobotList:
     """Built-in and stored robots by name, page by page."""
-    records = await run_in_threadpool(store_of(request).list, _KIND, after, limit + 1)
+    records = await run_in_threadpool(store_of(request).documents.list, _KIND, after, limit + 1)
     stored = [record.name for record in records]
     every = sorted([*stored, *(name for name in builtin_names() if name > after)])
     names, following = page(every, limit, str)
@@ -120,7 +120,7 @@ async def delete_robot(name: str, request: Request) -> None:
     """Forgets a stored robot."""
     _refuse_built_in(name)
     reference = await answers.robot(request, name)
-    await run_in_threadpool(store_of(request).delete, _KIND, name)
+    await run_in_threadpool(store_of(request).documents.delete, _KIND, name)
     await run_in_threadpool(prepared_files.forget, reference)
 
 
@@ -197,7 +197,7 @@ async def _check_name(request: Request, name: str) -> None:
     """Refuse a name that is taken before seconds are spent on building."""
     _refuse_built_in(name)
     try:
-        await run_in_threadpool(store_of(request).record, _KIND, name)
+        await run_in_threadpool(store_of(request).documents.record, _KIND, name)
     except ProblemError:
         return
     raise ProblemError(

@@ -51,7 +51,7 @@ async def project(name: str, _body: ProjectRequest, request: Request) -> Respons
 async def create_scene(body: NamedScene, request: Request, response: Response) -> SceneSummary:
     """Checks the scene and stores it under its name, which must be free."""
     content = await _build_document(request, body.name)
-    record = await run_in_threadpool(store_of(request).create, _KIND, body.name, content)
+    record = await run_in_threadpool(store_of(request).documents.create, _KIND, body.name, content)
     response.headers["Location"] = f"/v1/scenes/{record.name}"
     return _summary(record)
 
@@ -63,7 +63,7 @@ async def list_scenes(
     limit: Annotated[int, Query(ge=1, le=1000)] = 100,
 ) -> SceneList:
     """The stored scenes by name, page by page."""
-    stored = await run_in_threadpool(store_of(request).list, _KIND, after, limit + 1)
+    stored = await run_in_threadpool(store_of(request).documents.list, _KIND, after, limit + 1)
     records, following = page(stored, limit, lambda record: record.name)
     return SceneList(scenes=[_summary(record) for record in records], next=following)
 
@@ -71,7 +71,7 @@ async def list_scenes(
 @router.get("/{name}", summary="Get a scene", response_model=NamedScene)
 async def get_scene(name: str, request: Request) -> Response:
     """The scene as it was stored; the header ETag changes whenever it is replaced."""
-    document = await run_in_threadpool(store_of(request).get, _KIND, name)
+    document = await run_in_threadpool(store_of(request).documents.get, _KIND, name)
     headers = {"ETag": f'"{document.record.hash}"'}
     return Response(document.content, headers=headers, media_type="application/json")
 
@@ -89,7 +89,7 @@ async def put_scene(name: str, body: Scene, request: Request, response: Response
     validate_as(NamedScene, {"obstacles": [], "name": name})
     content = await _build_document(request, name)
     before = await _prepared_reference(request, name)
-    record = await run_in_threadpool(store_of(request).replace, _KIND, name, content)
+    record = await run_in_threadpool(store_of(request).documents.replace, _KIND, name, content)
     if before is not None and before.hash != record.hash:
         await run_in_threadpool(prepared_files.forget, before)
     if record.version == 1:
@@ -102,7 +102,7 @@ async def put_scene(name: str, body: Scene, request: Request, response: Response
 async def delete_scene(name: str, request: Request) -> None:
     """Forgets the scene."""
     before = await _prepared_reference(request, name)
-    await run_in_threadpool(store_of(request).delete, _KIND, name)
+    await run_in_threadpool(store_of(request).documents.delete, _KIND, name)
     if before is not None:
         await run_in_threadpool(prepared_files.forget, before)
 

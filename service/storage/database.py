@@ -1,133 +1,270 @@
-"""One SQLite file, opened, checked and shared by threads."""
+"""A database, SQLite or PostgreSQL: opened, checked and shared by threads."""
 
-import sqlite3
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-#: A table that is added leaves the version as it is: other versions pass it over.
-_SCHEMA_VERSION = 1
-_SCHEMA = """
-CREATE TABLE IF NOT EXISTS documents (
-    kind TEXT NOT NULL,
-    name TEXT NOT NULL,
-    content BLOB NOT NULL,
-    hash TEXT NOT NULL,
-    version INTEGER NOT NULL,
-    created REAL NOT NULL,
-    updated REAL NOT NULL,
-    PRIMARY KEY (kind, name)
-);
-CREATE TABLE IF NOT EXISTS answers (
-    key TEXT NOT NULL,
-    endpoint TEXT NOT NULL,
-    request_hash TEXT NOT NULL,
-    status INTEGER,
-    headers TEXT,
-    body BLOB,
-    created REAL NOT NULL,
-    PRIMARY KEY (key, endpoint)
-);
-CREATE TABLE IF NOT EXISTS jobs (
-    id TEXT NOT NULL PRIMARY KEY,
-    method TEXT NOT NULL,
-    path TEXT NOT NULL,
-    content_type TEXT NOT NULL,
-    request BLOB,
-    status TEXT NOT NULL,
-    progress REAL NOT NULL,
-    stage TEXT,
-    event INTEGER NOT NULL,
-    created REAL NOT NULL,
-    started REAL,
-    ended REAL,
-    location TEXT,
-    answer_type TEXT,
-    answer BLOB
-);
-CREATE INDEX IF NOT EXISTS jobs_by_status ON jobs (status, ended);
-"""
+from sqlalchemy import Connection, Engine, create_engine, event, make_url, text
+from sqlalchemy.engine import URL
+from sqlalchemy.exc import (
+    ArgumentError,
+    DataError,
+    DBAPIError,
+    IntegrityError,
+    ProgrammingError,
+    SQLAlchemyError,
+)
+from sqlalchemy.exc import TimeoutError as PoolTimeout
+
+from service.problem import ProblemError
+from service.storage.file_lock import FileLock, FileLocked
+from service.storage.schema import DURABILITY, DamagedFile, NewerSchema, migrate
+
+#: Connections of one process. SQLite has one writer anyway; PostgreSQL allows a hundred in all.
+_CONNECTIONS = 5
+#: Longest wait for a connection of the pool, and for the turn to write [s].
+_TURN_TIMEOUT = 5.0
+#: Longest wait for a lock that another process holds [s].
+_LOCK_TIMEOUT = 2.0
+#: Longest wait for PostgreSQL to accept a connection [s], to answer a statement [ms], and for sent
+#: data to be acknowledged [ms].
+_CONNECT_TIMEOUT = 3
+_STATEMENT_TIMEOUT = 10_000
+_ACKNOWLEDGE_TIMEOUT = 10_000
+#: When a caller is told to ask again while the database can't be used [s].
+_RETRY_AFTER = 2
+#: Faults of a statement, not of the database.
+_MISTAKES = (IntegrityError, ProgrammingError, DataError)
+_FORMS = "sqlite:///<path> or postgresql+psycopg://<user>:<password>@<host>/<database>"
 
 
 class StoreError(Exception):
-    """The storage can't be opened or used; the message says what to do."""
+    """The storage can't be opened; the message says what to do."""
+
+
+class StorageUnavailable(ProblemError):
+    """The database can't be used now: it is locked, full, or does not answer."""
+
+    def __init__(self, reason: object) -> None:
+        super().__init__(
+            "STORAGE_UNAVAILABLE",
+            f"the storage can't be used now: {reason}",
+            stage="storage",
+            hint="Ask again after the time in Retry-After. Whoever runs the service looks whether "
+            "its disk is full or its database is down.",
+            retry_after=_RETRY_AFTER,
+        )
 
 
 class Database:
-    """A connection that threads share.
+    """A pool of connections to one database.
 
-    Write-ahead log with ``synchronous=NORMAL``: a crash of the process loses nothing, a power
-    failure at most the last moments, and nothing is ever damaged.
+    A SQLite file has a write-ahead log: what was committed survives a crash of the process, and
+    with ``synchronous=FULL``, which costs some milliseconds, a power failure.
+
+    Args:
+        url: ``sqlite:///<path>`` or ``postgresql+psycopg://...``.
+        exclusive: Whether no other server may use the file, if it is one of SQLite.
 
     Raises:
-        StoreError: The file can't be made, written or read, or is no database of ours.
+        StoreError: The database can't be made, written or read, is no database of ours, is newer
+            than this version, or another server uses its file.
     """
 
-    def __init__(self, path: Path) -> None:
-        self._lock = threading.Lock()
+    def __init__(self, url: str, *, exclusive: bool = False) -> None:
+        self._url = _parse(url)
+        self.is_file = self._url.get_backend_name() == "sqlite"
+        self._turn = threading.Lock()
+        self._fault: str | None = None
+        self._lock = self._lock_file() if self.is_file and exclusive else None
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self._connection = sqlite3.connect(
-                path, timeout=10.0, isolation_level=None, check_same_thread=False
-            )
-        except (OSError, sqlite3.Error) as error:
-            raise StoreError(_unusable(path, error)) from error
-        try:
-            self._prepare(path)
-        except sqlite3.Error as error:
-            self._connection.close()
-            raise StoreError(_unusable(path, error)) from error
-        except StoreError:
-            self._connection.close()
-            raise
-
-    def _prepare(self, path: Path) -> None:
-        database = self._connection
-        (verdict,) = database.execute("PRAGMA quick_check(1)").fetchone()
-        if verdict != "ok":
-            raise StoreError(_unusable(path, verdict))
-        (version,) = database.execute("PRAGMA user_version").fetchone()
-        if version not in (0, _SCHEMA_VERSION):
-            raise StoreError(
-                f"{path} was written by another version of Armwright (schema {version}, this one "
-                f"has {_SCHEMA_VERSION}); use that version or another data folder"
-            )
-        # From here on the file is changed: it is ours.
-        database.execute("PRAGMA journal_mode = WAL")
-        database.execute("PRAGMA synchronous = NORMAL")
-        database.executescript(_SCHEMA)
-        database.execute(f"PRAGMA user_version = {_SCHEMA_VERSION}")
-        # Whoever claimed these went down with the process before this one.
-        database.execute("DELETE FROM answers WHERE status IS NULL")
-
-    @contextmanager
-    def reading(self) -> Iterator[sqlite3.Connection]:
-        """The connection, for statements that change nothing."""
-        with self._lock:
-            yield self._connection
-
-    @contextmanager
-    def transaction(self) -> Iterator[sqlite3.Connection]:
-        """The connection, for statements that are kept together or not at all."""
-        with self._lock:
-            self._connection.execute("BEGIN IMMEDIATE")
+            self._engine = self._connect()
             try:
-                yield self._connection
+                migrate(self._engine)
             except BaseException:
-                self._connection.execute("ROLLBACK")
+                self._engine.dispose()
                 raise
-            self._connection.execute("COMMIT")
+        except NewerSchema as error:
+            self._unlock()
+            raise StoreError(f"the database {self._name} {error}") from None
+        except (OSError, SQLAlchemyError, DamagedFile) as error:
+            self._unlock()
+            raise StoreError(self._unusable(error)) from error
+
+    @property
+    def fault(self) -> str | None:
+        """Why the database could not be used the last time; None if it could."""
+        return self._fault
+
+    @contextmanager
+    def reading(self) -> Iterator[Connection]:
+        """A connection for a statement that changes nothing.
+
+        Raises:
+            StorageUnavailable: The database can't be used now.
+        """
+        with self._noting_faults(), self._engine.connect() as connection:
+            yield connection
+
+    @contextmanager
+    def transaction(self, *, durable: bool = True) -> Iterator[Connection]:
+        """A connection for statements that are kept together or not at all.
+
+        Args:
+            durable: Whether they must survive a power failure: all that is acknowledged.
+
+        Raises:
+            StorageUnavailable: The database can't be used now; nothing was kept.
+        """
+        with self._noting_faults(), self._turn_to_write():
+            with self._engine.connect() as connection:
+                writing = connection.execution_options(
+                    **{DURABILITY: "FULL" if durable else "NORMAL"}
+                )
+                with writing.begin():
+                    yield writing
+            self._fault = None
+
+    def probe(self) -> None:
+        """See whether the database can be written to.
+
+        Raises:
+            StorageUnavailable: It can't.
+        """
+        with self.transaction(durable=False) as connection:
+            connection.execute(text("UPDATE alembic_version SET version_num = version_num"))
 
     def close(self) -> None:
-        """Write the log back and close the file."""
-        with self._lock:
-            self._connection.close()
+        """Close all connections; SQLite writes its log back."""
+        self._engine.dispose()
+        self._unlock()
+
+    # ------------------------------------------------------------------------------- faults
+
+    @contextmanager
+    def _noting_faults(self) -> Iterator[None]:
+        try:
+            yield
+        except _MISTAKES:
+            raise
+        except (DBAPIError, PoolTimeout) as error:
+            self._fault = _reason(error)
+            raise StorageUnavailable(self._fault) from error
+
+    @contextmanager
+    def _turn_to_write(self) -> Iterator[None]:
+        """The turn of a thread: SQLite lets one write, and is not fair to those that wait."""
+        if not self.is_file:
+            yield
+            return
+        if not self._turn.acquire(timeout=_TURN_TIMEOUT):
+            raise StorageUnavailable("too many requests wait to write")
+        try:
+            yield
+        finally:
+            self._turn.release()
+
+    @property
+    def _name(self) -> str:
+        return str(self._url.database) if self.is_file else self._url.render_as_string()
+
+    def _unusable(self, error: Exception) -> str:
+        reason = _reason(error)
+        if self.is_file:
+            return (
+                f"the database {self._name} can't be used: {reason}. Check that its folder "
+                "exists and can be written to and that the disk is not full; if the file is "
+                "damaged, move it away or restore a copy. Another folder is chosen with --data-dir "
+                "or ARMWRIGHT_DATA_DIR."
+            )
+        return (
+            f"the database {self._name} can't be used: {reason}. Check that "
+            "PostgreSQL runs there and that user, password and database are right "
+            "(ARMWRIGHT_DATABASE_URL)."
+        )
+
+    # ------------------------------------------------------------------------------ opening
+
+    def _lock_file(self) -> FileLock:
+        path = Path(self._url.database or "")
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            return FileLock(path.with_name(f"{path.name}.lock"))
+        except FileLocked:
+            raise StoreError(
+                f"another server uses the database {path}. Stop it first, choose another folder "
+                "with --data-dir or ARMWRIGHT_DATA_DIR, or let several servers share a PostgreSQL "
+                "database (ARMWRIGHT_DATABASE_URL)"
+            ) from None
+        except OSError as error:
+            raise StoreError(self._unusable(error)) from error
+
+    def _unlock(self) -> None:
+        if self._lock is not None:
+            self._lock.release()
+
+    def _connect(self) -> Engine:
+        if self.is_file:
+            Path(self._url.database or "").parent.mkdir(parents=True, exist_ok=True)
+            return _sqlite_engine(self._url)
+        return _postgresql_engine(self._url)
 
 
-def _unusable(path: Path, reason: object) -> str:
-    return (
-        f"the database {path} can't be used: {reason}. Check that its folder exists and can be "
-        "written to and that the disk is not full; if the file is damaged, move it away or restore "
-        "a copy. Another folder is chosen with --data-dir or ARMWRIGHT_DATA_DIR."
+def _parse(text_of_url: str) -> URL:
+    try:
+        url = make_url(text_of_url)
+    except ArgumentError:
+        raise StoreError(f"the database URL has no known form; it is {_FORMS}") from None
+    if url.drivername == "sqlite" and url.database and not url.host:
+        return url
+    if url.drivername in ("postgresql", "postgresql+psycopg") and url.database:
+        return url.set(drivername="postgresql+psycopg")
+    raise StoreError(f"database URL {url.render_as_string()!r}: needed is {_FORMS}")
+
+
+def _sqlite_engine(url: URL) -> Engine:
+    # The driver's own idea of when transactions begin is switched off; `_begin` begins them.
+    arguments = {"timeout": _LOCK_TIMEOUT, "isolation_level": None, "check_same_thread": False}
+    engine = create_engine(
+        url,
+        connect_args=arguments,
+        pool_size=_CONNECTIONS,
+        max_overflow=0,
+        pool_timeout=_TURN_TIMEOUT,
+        hide_parameters=True,
     )
+    event.listen(engine, "begin", _begin)
+    return engine
+
+
+def _begin(connection: Connection) -> None:
+    """Begin a transaction that writes; statements that only read need none."""
+    durability = connection.get_execution_options().get(DURABILITY)
+    if durability is not None:
+        connection.exec_driver_sql(f"PRAGMA synchronous = {durability}")
+        connection.exec_driver_sql("BEGIN IMMEDIATE")
+
+
+def _postgresql_engine(url: URL) -> Engine:
+    arguments = {
+        "connect_timeout": _CONNECT_TIMEOUT,
+        "tcp_user_timeout": _ACKNOWLEDGE_TIMEOUT,
+        "options": f"-c statement_timeout={_STATEMENT_TIMEOUT}"
+        f" -c lock_timeout={int(1000 * _LOCK_TIMEOUT)}",
+    }
+    return create_engine(
+        url,
+        connect_args=arguments,
+        pool_size=_CONNECTIONS,
+        max_overflow=_CONNECTIONS,
+        pool_timeout=_TURN_TIMEOUT,
+        hide_parameters=True,
+        pool_pre_ping=True,
+    )
+
+
+def _reason(error: Exception) -> str:
+    """The words of the driver, in one line."""
+    cause = error.orig if isinstance(error, DBAPIError) and error.orig is not None else error
+    return " ".join(str(cause).split()) or type(cause).__name__

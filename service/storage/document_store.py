@@ -1,19 +1,17 @@
-"""Storage of documents by name, and of the answers that idempotency keys stand for."""
+"""Robots and scenes as documents, by name."""
 
 import hashlib
-import json
-import sqlite3
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Protocol
+
+from sqlalchemy import Connection, bindparam, delete, func, insert, select, update
+from sqlalchemy.exc import IntegrityError
 
 from service.problem import ProblemError
-from service.storage.database import Database, StoreError
-from service.storage.job_store import JobStore, SqliteJobs
-
-#: How long an idempotency key is remembered [s].
-_KEY_LIFETIME = 24 * 3600.0
+from service.storage.database import Database
+from service.storage.idempotency_store import IdempotencyKey, Recorded, keep_answer
+from service.storage.tables import DEFAULT_TENANT, documents
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,101 +44,99 @@ class Document:
 
 
 @dataclass(frozen=True, slots=True)
-class Recorded:
-    """The answer that a request was given."""
+class KeptAnswer:
+    """An answer to be kept in the transaction that makes what it tells of.
 
-    status: int
-    headers: dict[str, str]
-    body: bytes
-
-
-class Store(Protocol):
-    """Interface of a document storage; every method blocks and is safe in any thread.
-
-    `kind` is "scene" or "robot"; `jobs` are kept beside the documents.
+    Args:
+        key: The idempotency key that stands for it from then on.
+        of: Makes the answer of what was stored.
     """
 
-    jobs: JobStore
-
-    def create(self, kind: str, name: str, content: bytes) -> Record:
-        """Keep a new document. Raises ProblemError CONFLICT if the name is taken."""
-
-    def replace(self, kind: str, name: str, content: bytes) -> Record:
-        """Keep a document, new or in place of the one of that name."""
-
-    def get(self, kind: str, name: str) -> Document:
-        """The document of a name. Raises ProblemError NOT_FOUND."""
-
-    def record(self, kind: str, name: str) -> Record:
-        """Metadata of the document of a name. Raises ProblemError NOT_FOUND."""
-
-    def list(self, kind: str, after: str, limit: int) -> list[Record]:
-        """The first `limit` documents whose names sort after `after`, by name."""
-
-    def delete(self, kind: str, name: str) -> None:
-        """Forget a document. Raises ProblemError NOT_FOUND."""
-
-    def begin(self, key: str, endpoint: str, request_hash: str) -> Recorded | None:
-        """Claim an idempotency key, or give the answer it already stands for.
-
-        Raises ProblemError IDEMPOTENCY_KEY_REUSED if it stands for another request, CONFLICT if
-        that request is still being worked on.
-        """
-
-    def finish(self, key: str, endpoint: str, answer: Recorded) -> None:
-        """Keep the answer a claimed key stands for from now on."""
-
-    def forget(self, key: str, endpoint: str) -> None:
-        """Give a claimed key back."""
-
-    def close(self) -> None:
-        """Let go of the storage."""
+    key: IdempotencyKey
+    of: Callable[[Record], Recorded]
 
 
-def open_store(url: str) -> Store:
-    """The storage a URL names; ``sqlite:///<path>`` is what there is.
+_IS_DOCUMENT = (
+    (documents.c.tenant == bindparam("of_tenant"))
+    & (documents.c.kind == bindparam("of_kind"))
+    & (documents.c.name == bindparam("of_name"))
+)
+_RECORD = (
+    documents.c.name,
+    documents.c.hash,
+    documents.c.version,
+    documents.c.created,
+    documents.c.updated,
+    func.length(documents.c.content),
+)
+_FIND = select(*_RECORD).where(_IS_DOCUMENT)
+_GET = select(*_RECORD, documents.c.content).where(_IS_DOCUMENT)
+_LIST = (
+    select(*_RECORD)
+    .where(
+        documents.c.tenant == bindparam("of_tenant"),
+        documents.c.kind == bindparam("of_kind"),
+        documents.c.name > bindparam("after"),
+    )
+    .order_by(documents.c.name)
+    .limit(bindparam("count"))
+)
+_INSERT = insert(documents).returning(*_RECORD)
+_REPLACE = (
+    update(documents)
+    .where(_IS_DOCUMENT)
+    .values(
+        content=bindparam("new_content"),
+        hash=bindparam("new_hash"),
+        version=documents.c.version + 1,
+        updated=bindparam("now"),
+    )
+    .returning(*_RECORD)
+)
+_DELETE = delete(documents).where(_IS_DOCUMENT)
 
-    Raises:
-        StoreError: The URL is of another kind, or the storage can't be used.
-    """
-    scheme, separator, path = url.partition(":///")
-    if scheme != "sqlite" or not separator or not path:
-        raise StoreError(f"database URL {url!r}: only sqlite:///<path> is supported")
-    return SqliteStore(Path(path))
 
+class DocumentStore:
+    """Documents in a database; every method blocks and is safe in any thread.
 
-class SqliteStore:
-    """A store in one SQLite file.
-
-    Raises:
-        StoreError: The file can't be made, written or read, or is no database of ours.
+    Args:
+        database: Where they are kept.
+        tenant: Whose they are; those of others are not seen.
     """
 
-    def __init__(self, path: Path) -> None:
-        self._database = Database(path)
-        self.jobs: JobStore = SqliteJobs(self._database)
+    def __init__(self, database: Database, tenant: str = DEFAULT_TENANT) -> None:
+        self._database = database
+        self._tenant = tenant
 
-    def create(self, kind: str, name: str, content: bytes) -> Record:
-        """Keep a new document.
+    def create(
+        self, kind: str, name: str, content: bytes, answer: KeptAnswer | None = None
+    ) -> Record:
+        """Keep a new document, and in the same transaction the answer that tells of it.
 
         Raises:
             ProblemError: CONFLICT, the name is taken.
         """
-        with self._database.transaction() as database:
-            if _find(database, kind, name) is not None:
-                raise ProblemError(
-                    "CONFLICT",
-                    f"there already is a {kind} named {name!r}",
-                    stage="storage",
-                    hint=f"Choose another name, delete that {kind}, or replace it with PUT.",
-                    name=name,
-                )
-            return _write(database, kind, name, content)
+        try:
+            with self._database.transaction() as connection:
+                record = self._insert(connection, kind, name, content)
+                if answer is not None:
+                    keep_answer(connection, answer.key, answer.of(record))
+                return record
+        except IntegrityError:
+            raise ProblemError(
+                "CONFLICT",
+                f"there already is a {kind} named {name!r}",
+                stage="storage",
+                hint=f"Choose another name, delete that {kind}, or replace it with PUT.",
+                name=name,
+            ) from None
 
     def replace(self, kind: str, name: str, content: bytes) -> Record:
         """Keep a document, new or in place of the one of that name."""
-        with self._database.transaction() as database:
-            return _write(database, kind, name, content)
+        try:
+            return self._replace(kind, name, content)
+        except IntegrityError:  # another server created it between the two statements
+            return self._replace(kind, name, content)
 
     def record(self, kind: str, name: str) -> Record:
         """Metadata of the document of a name.
@@ -148,11 +144,11 @@ class SqliteStore:
         Raises:
             ProblemError: NOT_FOUND.
         """
-        with self._database.reading() as database:
-            record = _find(database, kind, name)
-        if record is None:
+        with self._database.reading() as connection:
+            row = connection.execute(_FIND, self._parameters(kind, name)).one_or_none()
+        if row is None:
             raise _not_found(kind, name)
-        return record
+        return Record(*row)
 
     def get(self, kind: str, name: str) -> Document:
         """The document of a name.
@@ -160,23 +156,20 @@ class SqliteStore:
         Raises:
             ProblemError: NOT_FOUND.
         """
-        with self._database.reading() as database:
-            record = _find(database, kind, name)
-            if record is None:
-                raise _not_found(kind, name)
-            (content,) = database.execute(
-                "SELECT content FROM documents WHERE kind = ? AND name = ?", (kind, name)
-            ).fetchone()
-        return Document(record, bytes(content))
+        with self._database.reading() as connection:
+            row = connection.execute(_GET, self._parameters(kind, name)).one_or_none()
+        if row is None:
+            raise _not_found(kind, name)
+        *values, content = row
+        return Document(Record(*values), bytes(content))
 
     def list(self, kind: str, after: str, limit: int) -> list[Record]:
         """The first `limit` documents whose names sort after `after`, by name."""
-        with self._database.reading() as database:
-            rows = database.execute(
-                f"SELECT {_COLUMNS} FROM documents WHERE kind = ? AND name > ? "
-                "ORDER BY name LIMIT ?",
-                (kind, after, limit),
-            ).fetchall()
+        # Names that sort after one with a NUL are those that sort after the part before it.
+        first = after.partition("\0")[0]
+        bounds = {"of_tenant": self._tenant, "of_kind": kind, "after": first, "count": limit}
+        with self._database.reading() as connection:
+            rows = connection.execute(_LIST, bounds).all()
         return [Record(*row) for row in rows]
 
     def delete(self, kind: str, name: str) -> None:
@@ -185,77 +178,45 @@ class SqliteStore:
         Raises:
             ProblemError: NOT_FOUND.
         """
-        with self._database.transaction() as database:
-            gone = database.execute(
-                "DELETE FROM documents WHERE kind = ? AND name = ?", (kind, name)
-            )
-            if gone.rowcount == 0:
-                raise _not_found(kind, name)
+        with self._database.transaction() as connection:
+            gone = connection.execute(_DELETE, self._parameters(kind, name)).rowcount
+        if gone == 0:
+            raise _not_found(kind, name)
 
-    def begin(self, key: str, endpoint: str, request_hash: str) -> Recorded | None:
-        """Claim an idempotency key, or give the answer it already stands for.
+    def _parameters(self, kind: str, name: str) -> dict[str, object]:
+        # PostgreSQL takes no NUL, and no document has a name with one, or an empty name.
+        known = "" if "\0" in name else name
+        return {"of_tenant": self._tenant, "of_kind": kind, "of_name": known}
 
-        Raises:
-            ProblemError: IDEMPOTENCY_KEY_REUSED, it stands for another request; CONFLICT, that
-                request is still being worked on.
-        """
+    def _insert(self, connection: Connection, kind: str, name: str, content: bytes) -> Record:
         now = time.time()
-        with self._database.transaction() as database:
-            database.execute("DELETE FROM answers WHERE created < ?", (now - _KEY_LIFETIME,))
-            row = database.execute(
-                "SELECT request_hash, status, headers, body FROM answers "
-                "WHERE key = ? AND endpoint = ?",
-                (key, endpoint),
-            ).fetchone()
+        row = connection.execute(
+            _INSERT,
+            {
+                "tenant": self._tenant,
+                "kind": kind,
+                "name": name,
+                "content": content,
+                "hash": hashlib.sha256(content).hexdigest(),
+                "version": 1,
+                "created": now,
+                "updated": now,
+            },
+        ).one()
+        return Record(*row)
+
+    def _replace(self, kind: str, name: str, content: bytes) -> Record:
+        values = {
+            "new_content": content,
+            "new_hash": hashlib.sha256(content).hexdigest(),
+            "now": time.time(),
+        }
+        with self._database.transaction() as connection:
+            parameters = self._parameters(kind, name) | values
+            row = connection.execute(_REPLACE, parameters).one_or_none()
             if row is None:
-                database.execute(
-                    "INSERT INTO answers (key, endpoint, request_hash, created) "
-                    "VALUES (?, ?, ?, ?)",
-                    (key, endpoint, request_hash, now),
-                )
-                return None
-        return _earlier(key, request_hash, *row)
-
-    def finish(self, key: str, endpoint: str, answer: Recorded) -> None:
-        """Keep the answer a claimed key stands for from now on."""
-        with self._database.transaction() as database:
-            database.execute(
-                "UPDATE answers SET status = ?, headers = ?, body = ? "
-                "WHERE key = ? AND endpoint = ?",
-                (answer.status, json.dumps(answer.headers), answer.body, key, endpoint),
-            )
-
-    def forget(self, key: str, endpoint: str) -> None:
-        """Give a claimed key back."""
-        with self._database.transaction() as database:
-            database.execute("DELETE FROM answers WHERE key = ? AND endpoint = ?", (key, endpoint))
-
-    def close(self) -> None:
-        """Write the log back and close the file."""
-        self._database.close()
-
-
-_COLUMNS = "name, hash, version, created, updated, length(content)"
-
-
-def _find(database: sqlite3.Connection, kind: str, name: str) -> Record | None:
-    row = database.execute(
-        f"SELECT {_COLUMNS} FROM documents WHERE kind = ? AND name = ?", (kind, name)
-    ).fetchone()
-    return None if row is None else Record(*row)
-
-
-def _write(database: sqlite3.Connection, kind: str, name: str, content: bytes) -> Record:
-    now = time.time()
-    digest = hashlib.sha256(content).hexdigest()
-    row = database.execute(
-        "INSERT INTO documents (kind, name, content, hash, version, created, updated) "
-        "VALUES (?, ?, ?, ?, 1, ?, ?) ON CONFLICT (kind, name) DO UPDATE SET "
-        "content = excluded.content, hash = excluded.hash, version = version + 1, "
-        f"updated = excluded.updated RETURNING {_COLUMNS}",
-        (kind, name, content, digest, now, now),
-    ).fetchone()
-    return Record(*row)
+                return self._insert(connection, kind, name, content)
+        return Record(*row)
 
 
 def _not_found(kind: str, name: str) -> ProblemError:
@@ -266,24 +227,3 @@ def _not_found(kind: str, name: str) -> ProblemError:
         hint=f"GET /v1/{kind}s lists those there are.",
         name=name,
     )
-
-
-def _earlier(
-    key: str, request_hash: str, hash_then: str, status: int | None, headers: str, body: bytes
-) -> Recorded:
-    if request_hash != hash_then:
-        raise ProblemError(
-            "IDEMPOTENCY_KEY_REUSED",
-            f"the Idempotency-Key {key!r} was used for a request with another body",
-            stage="request",
-            hint="Use a new key for a new request.",
-        )
-    if status is None:
-        raise ProblemError(
-            "CONFLICT",
-            f"the first request with the Idempotency-Key {key!r} is still being worked on",
-            stage="request",
-            hint="Ask again in a moment; the answer will be that of the first request.",
-            retry_after=1,
-        )
-    return Recorded(status, json.loads(headers), bytes(body))

@@ -3,10 +3,14 @@
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Any, Literal
+
+from sqlalchemy import bindparam, delete, func, insert, select, update
 
 from service.problem import ProblemError
 from service.storage.database import Database
+from service.storage.idempotency_store import IdempotencyKey, Recorded, keep_answer
+from service.storage.tables import DEFAULT_TENANT, jobs
 
 Status = Literal["queued", "running", "succeeded", "failed", "cancelled"]
 STATUSES: tuple[Status, ...] = ("queued", "running", "succeeded", "failed", "cancelled")
@@ -47,6 +51,7 @@ class JobRecord:
         started: When a worker first took it up.
         ended: When it succeeded, failed or was cancelled.
         location: What it created.
+        tenant: Whose job it is.
     """
 
     id: str
@@ -60,6 +65,7 @@ class JobRecord:
     started: float | None = None
     ended: float | None = None
     location: str | None = None
+    tenant: str = DEFAULT_TENANT
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,55 +76,45 @@ class JobAnswer:
     content: bytes
 
 
-class JobStore(Protocol):
-    """Interface of a job storage; every method blocks and is safe in any thread."""
-
-    def add(self, record: JobRecord, request: StoredRequest | None) -> None:
-        """Keep a new job."""
-
-    def get(self, job_id: str) -> tuple[JobRecord, JobAnswer | None]:
-        """A job and its answer, once there is one. Raises ProblemError NOT_FOUND."""
-
-    def request(self, job_id: str) -> StoredRequest:
-        """The request of a job that has not ended. Raises ProblemError NOT_FOUND."""
-
-    def update(self, record: JobRecord, answer: JobAnswer | None = None) -> None:
-        """Keep where a job stands now; of one that has ended the request is forgotten."""
-
-    def list(self, status: Status | None, before: str, limit: int) -> list[JobRecord]:
-        """The last `limit` jobs whose ids sort before `before`, newest first."""
-
-    def with_status(self, status: Status) -> Sequence[JobRecord]:
-        """All jobs of a status, oldest first."""
-
-    def counts(self) -> dict[Status, int]:
-        """Number of jobs of each status."""
-
-    def purge(self, ended_before: float, count: int, size: int) -> None:
-        """Forget ended jobs that are too old, and the oldest of too many or too large answers."""
+_RECORD = tuple(jobs.c[field.name] for field in dataclasses.fields(JobRecord))
+_INSERT = insert(jobs)
+_GET = select(*_RECORD, jobs.c.answer_type, jobs.c.answer).where(jobs.c.id == bindparam("of_id"))
+_REQUEST = select(jobs.c.method, jobs.c.path, jobs.c.content_type, jobs.c.request).where(
+    jobs.c.id == bindparam("of_id"), jobs.c.request.is_not(None)
+)
+_UPDATE = update(jobs).where(jobs.c.id == bindparam("of_id"))
+_WITH_STATUS = select(*_RECORD).where(jobs.c.status == bindparam("of_status")).order_by(jobs.c.id)
+_COUNTS = select(jobs.c.status, func.count()).group_by(jobs.c.status)
+_HAS_ENDED = jobs.c.status.in_(ENDED)
+_OUTDATED = delete(jobs).where(_HAS_ENDED, jobs.c.ended < bindparam("oldest"))
 
 
-_COLUMNS = ", ".join(field.name for field in dataclasses.fields(JobRecord))
-_ENDED = ", ".join(f"'{status}'" for status in ENDED)
-
-
-class SqliteJobs:
-    """Jobs in a SQLite file."""
+class JobStore:
+    """Jobs in a database; every method blocks and is safe in any thread."""
 
     def __init__(self, database: Database) -> None:
         self._database = database
 
-    def add(self, record: JobRecord, request: StoredRequest | None) -> None:
-        """Keep a new job."""
-        values = dataclasses.astuple(record)
-        marks = ", ".join("?" for _ in values)
-        content_type = "" if request is None else request.content_type
-        body = None if request is None else request.body
-        with self._database.transaction() as database:
-            database.execute(
-                f"INSERT INTO jobs ({_COLUMNS}, content_type, request) VALUES ({marks}, ?, ?)",
-                (*values, content_type, body),
-            )
+    def add(
+        self,
+        record: JobRecord,
+        request: StoredRequest | None,
+        answer: tuple[IdempotencyKey, Recorded] | None = None,
+    ) -> None:
+        """Keep a new job, and in the same transaction what its request is answered.
+
+        Args:
+            record: The job.
+            request: Its request; None if there is nothing left to do.
+            answer: The answer that an idempotency key stands for from then on.
+        """
+        values = dataclasses.asdict(record)
+        values["content_type"] = "" if request is None else request.content_type
+        values["request"] = None if request is None else request.body
+        with self._database.transaction() as connection:
+            connection.execute(_INSERT, values)
+            if answer is not None:
+                keep_answer(connection, *answer)
 
     def get(self, job_id: str) -> tuple[JobRecord, JobAnswer | None]:
         """A job and its answer, once there is one.
@@ -126,10 +122,8 @@ class SqliteJobs:
         Raises:
             ProblemError: NOT_FOUND.
         """
-        with self._database.reading() as database:
-            row = database.execute(
-                f"SELECT {_COLUMNS}, answer_type, answer FROM jobs WHERE id = ?", (job_id,)
-            ).fetchone()
+        with self._database.reading() as connection:
+            row = connection.execute(_GET, {"of_id": job_id}).one_or_none()
         if row is None:
             raise no_job(job_id)
         *values, content_type, content = row
@@ -142,12 +136,8 @@ class SqliteJobs:
         Raises:
             ProblemError: NOT_FOUND.
         """
-        with self._database.reading() as database:
-            row = database.execute(
-                "SELECT method, path, content_type, request FROM jobs "
-                "WHERE id = ? AND request IS NOT NULL",
-                (job_id,),
-            ).fetchone()
+        with self._database.reading() as connection:
+            row = connection.execute(_REQUEST, {"of_id": job_id}).one_or_none()
         if row is None:
             raise no_job(job_id)
         method, path, content_type, body = row
@@ -155,64 +145,70 @@ class SqliteJobs:
 
     def update(self, record: JobRecord, answer: JobAnswer | None = None) -> None:
         """Keep where a job stands now; of one that has ended the request is forgotten."""
-        values = dataclasses.astuple(record)
-        changes = ", ".join(f"{field.name} = ?" for field in dataclasses.fields(record))
-        ended = record.status in ENDED
-        forgotten = ", request = NULL" if ended else ""
-        answered = (None, None) if answer is None else (answer.content_type, answer.content)
-        with self._database.transaction() as database:
-            database.execute(
-                f"UPDATE jobs SET {changes}, answer_type = ?, answer = ?{forgotten} WHERE id = ?",
-                (*values, *answered, record.id),
-            )
+        values: dict[str, Any] = dataclasses.asdict(record)
+        del values["id"]
+        values["answer_type"] = None if answer is None else answer.content_type
+        values["answer"] = None if answer is None else answer.content
+        if record.status in ENDED:
+            values["request"] = None
+        # Of a job that has not ended nothing is lost: it begins anew.
+        with self._database.transaction(durable=record.status in ENDED) as connection:
+            connection.execute(_UPDATE, {"of_id": record.id} | values)
 
-    def list(self, status: Status | None, before: str, limit: int) -> list[JobRecord]:
-        """The last `limit` jobs whose ids sort before `before`, newest first."""
-        conditions = ["1"]
-        values: list[str | int] = []
+    def list(
+        self, status: Status | None, before: str, limit: int, tenant: str | None = None
+    ) -> list[JobRecord]:
+        """The last `limit` jobs whose ids sort before `before`, newest first.
+
+        Args:
+            status: Only these.
+            before: An id, or nothing.
+            limit: How many at most.
+            tenant: Only those of one; all if left out.
+        """
+        chosen = select(*_RECORD).order_by(jobs.c.id.desc()).limit(limit)
         if before:
-            conditions.append("id < ?")
-            values.append(before)
+            chosen = chosen.where(jobs.c.id < before.partition("\0")[0])
         if status is not None:
-            conditions.append("status = ?")
-            values.append(status)
-        with self._database.reading() as database:
-            rows = database.execute(
-                f"SELECT {_COLUMNS} FROM jobs WHERE {' AND '.join(conditions)} "
-                "ORDER BY id DESC LIMIT ?",
-                (*values, limit),
-            ).fetchall()
+            chosen = chosen.where(jobs.c.status == status)
+        if tenant is not None:
+            chosen = chosen.where(jobs.c.tenant == tenant)
+        with self._database.reading() as connection:
+            rows = connection.execute(chosen).all()
         return [JobRecord(*row) for row in rows]
 
     def with_status(self, status: Status) -> Sequence[JobRecord]:
         """All jobs of a status, oldest first."""
-        with self._database.reading() as database:
-            rows = database.execute(
-                f"SELECT {_COLUMNS} FROM jobs WHERE status = ? ORDER BY id", (status,)
-            ).fetchall()
+        with self._database.reading() as connection:
+            rows = connection.execute(_WITH_STATUS, {"of_status": status}).all()
         return [JobRecord(*row) for row in rows]
 
     def counts(self) -> dict[Status, int]:
         """Number of jobs of each status."""
-        with self._database.reading() as database:
-            rows = database.execute("SELECT status, COUNT(*) FROM jobs GROUP BY status").fetchall()
-        found: dict[Status, int] = dict(rows)
-        return {status: found.get(status, 0) for status in STATUSES}
+        with self._database.reading() as connection:
+            rows = connection.execute(_COUNTS).all()
+        counts: dict[Status, int] = dict(tuple(row) for row in rows)
+        return {status: counts.get(status, 0) for status in STATUSES}
 
     def purge(self, ended_before: float, count: int, size: int) -> None:
         """Forget ended jobs that are too old, and the oldest of too many or too large answers."""
-        with self._database.transaction() as database:
-            database.execute(
-                f"DELETE FROM jobs WHERE status IN ({_ENDED}) AND ended < ?", (ended_before,)
+        newest = (jobs.c.ended.desc(), jobs.c.id.desc())
+        ranked = (
+            select(
+                jobs.c.id,
+                func.row_number().over(order_by=newest).label("rank"),
+                func.sum(func.length(jobs.c.answer)).over(order_by=newest).label("total"),
             )
-            # The newest one stays, however large it is: somebody is about to ask for it.
-            database.execute(
-                "DELETE FROM jobs WHERE id IN (SELECT id FROM (SELECT id, "
-                "ROW_NUMBER() OVER newest AS place, SUM(LENGTH(answer)) OVER newest AS total "
-                f"FROM jobs WHERE status IN ({_ENDED}) WINDOW newest AS (ORDER BY ended DESC, id "
-                "DESC)) WHERE place > ? OR (total > ? AND place > 1))",
-                (count, size),
-            )
+            .where(_HAS_ENDED)
+            .subquery()
+        )
+        # The newest one stays, however large it is: somebody is about to ask for it.
+        superfluous = select(ranked.c.id).where(
+            (ranked.c.rank > count) | ((ranked.c.total > size) & (ranked.c.rank > 1))
+        )
+        with self._database.transaction() as connection:
+            connection.execute(_OUTDATED, {"oldest": ended_before})
+            connection.execute(delete(jobs).where(jobs.c.id.in_(superfluous)))
 
 
 def no_job(job_id: str) -> ProblemError:

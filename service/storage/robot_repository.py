@@ -3,19 +3,19 @@
 from kinematics.robot_names import builtin_names
 from service.problem import ProblemError
 from service.storage.cache_key import Reference, builtin_reference
-from service.storage.document_store import Store
+from service.storage.document_store import DocumentStore
 
 
 class RobotRepository:
     """The built-in robots, and the robots and scenes of a store. Every method blocks.
 
     Args:
-        store: The documents.
+        documents: Where their documents are.
         folder: Where prepared robots and scenes are kept.
     """
 
-    def __init__(self, store: Store, folder: str) -> None:
-        self._store = store
+    def __init__(self, documents: DocumentStore, folder: str) -> None:
+        self._documents = documents
         self._folder = folder
 
     def robot(self, name: str) -> Reference:
@@ -27,7 +27,7 @@ class RobotRepository:
         if is_built_in(name):
             return builtin_reference(name, self._folder)
         try:
-            record = self._store.record("robot", name)
+            record = self._documents.record("robot", name)
         except ProblemError as error:
             error.hint = (
                 f"GET /v1/robots lists those there are; built in: {', '.join(builtin_names())}."
@@ -41,7 +41,7 @@ class RobotRepository:
         Raises:
             ProblemError: NOT_FOUND.
         """
-        return Reference("scene", name, self._store.record("scene", name).hash, self._folder)
+        return Reference("scene", name, self._documents.record("scene", name).hash, self._folder)
 
     def document(self, reference: Reference) -> tuple[Reference, bytes]:
         """The current document of a robot or scene, and the reference of what it describes.
@@ -52,7 +52,7 @@ class RobotRepository:
         Raises:
             ProblemError: NOT_FOUND, it was deleted meanwhile.
         """
-        document = self._store.get(reference.kind, reference.name)
+        document = self._documents.get(reference.kind, reference.name)
         current = Reference(reference.kind, reference.name, document.record.hash, self._folder)
         return current, document.content
 

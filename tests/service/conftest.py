@@ -12,6 +12,8 @@ from service.settings import Settings
 from service.workers.supervisor import WorkerSupervisor
 from tests.service.http.exchange import LIMIT, add_mishaps
 from tests.service.kernel_store import frozen_kernels
+from tests.service.postgresql import PostgreSQL
+from tests.service.postgresql import postgresql as postgresql_server
 from tests.service.server import serving
 
 
@@ -73,3 +75,10 @@ def faulty_client(faulty_app: FastAPI) -> Iterator[httpx.Client]:
         patch.setattr("service.app.RECIPE", RECIPE._replace(modules=more))
         with serving(faulty_app) as client:
             yield client
+
+
+@pytest.fixture(scope="session")
+def postgresql() -> Iterator[PostgreSQL]:
+    """A PostgreSQL server, started for the first test that asks for one."""
+    with postgresql_server() as server:
+        yield server

@@ -8,7 +8,7 @@ import pytest
 
 from service.cli import main
 from service.settings import Settings
-from service.storage.document_store import open_store
+from service.storage.store import open_store
 from service.version import VERSION
 from tests.service.commands import serve
 from tests.service.processes import alive, descendants, wait_until
@@ -70,7 +70,7 @@ def test_nothing_outlives_a_server_that_is_killed(tmp_path: Path) -> None:
         process.wait()
         assert wait_until(lambda: not any(alive(pid) for pid in below), 3.0)
     store = open_store(Settings(data_dir=tmp_path).storage_url)
-    assert store.get("scene", "written").content
+    assert store.documents.get("scene", "written").content
     store.close()
 
 

@@ -11,7 +11,7 @@ from fastapi import Request, Response
 
 from service.http.idempotency import answer_once
 from service.problem import ProblemError
-from service.storage.document_store import SqliteStore
+from service.storage.store import Store
 from tests.service.jobs.stored import opened
 
 CREATED = Response(
@@ -20,13 +20,13 @@ CREATED = Response(
 
 
 @pytest.fixture
-def store(tmp_path: Path) -> Iterator[SqliteStore]:
+def store(tmp_path: Path) -> Iterator[Store]:
     with opened(tmp_path) as made:
         yield made
 
 
 def request(
-    store: SqliteStore, key: str | None, body: bytes = b"{}", method: str = "POST", path: str = "/x"
+    store: Store, key: str | None, body: bytes = b"{}", method: str = "POST", path: str = "/x"
 ) -> Request:
     headers = [] if key is None else [(b"idempotency-key", key.encode("latin-1"))]
 
@@ -65,7 +65,7 @@ def code_of(handler: Handler, asked: Request) -> str:
     return refused.value.code
 
 
-def test_a_repeated_request_is_answered_as_the_first_one(store: SqliteStore) -> None:
+def test_a_repeated_request_is_answered_as_the_first_one(store: Store) -> None:
     handler = Handler()
     first = ask(handler, request(store, "k"))
     again = ask(handler, request(store, "k"))
@@ -80,7 +80,7 @@ def test_a_repeated_request_is_answered_as_the_first_one(store: SqliteStore) -> 
 
 @pytest.mark.parametrize(("key", "method"), [(None, "POST"), ("k", "PUT"), ("k", "GET")])
 def test_without_a_key_or_where_nothing_is_created_each_request_is_handled(
-    store: SqliteStore, key: str | None, method: str
+    store: Store, key: str | None, method: str
 ) -> None:
     handler = Handler()
     for _ in range(2):
@@ -88,7 +88,7 @@ def test_without_a_key_or_where_nothing_is_created_each_request_is_handled(
     assert handler.calls == 2
 
 
-def test_keys_are_told_apart_by_endpoint(store: SqliteStore) -> None:
+def test_keys_are_told_apart_by_endpoint(store: Store) -> None:
     handler = Handler()
     ask(handler, request(store, "k", path="/x"))
     ask(handler, request(store, "k", path="/y"))
@@ -96,7 +96,7 @@ def test_keys_are_told_apart_by_endpoint(store: SqliteStore) -> None:
     assert handler.calls == 3
 
 
-def test_a_key_stands_for_one_body(store: SqliteStore) -> None:
+def test_a_key_stands_for_one_body(store: Store) -> None:
     handler = Handler()
     ask(handler, request(store, "k", b'{"a": 1}'))
     assert code_of(handler, request(store, "k", b'{"a":1}')) == "IDEMPOTENCY_KEY_REUSED"
@@ -104,7 +104,7 @@ def test_a_key_stands_for_one_body(store: SqliteStore) -> None:
 
 
 @pytest.mark.parametrize("status", [200, 204, 400, 409, 422, 500, 503])
-def test_only_what_was_created_or_accepted_is_kept(store: SqliteStore, status: int) -> None:
+def test_only_what_was_created_or_accepted_is_kept(store: Store, status: int) -> None:
     handler = Handler(Response(b"", status))
     for _ in range(2):
         assert ask(handler, request(store, "k")).status_code == status
@@ -116,7 +116,7 @@ def test_only_what_was_created_or_accepted_is_kept(store: SqliteStore, status: i
 
 
 @pytest.mark.parametrize("error", [ValueError("x"), ProblemError("INVALID_SCENE", "x")])
-def test_a_request_that_fails_gives_its_key_back(store: SqliteStore, error: Exception) -> None:
+def test_a_request_that_fails_gives_its_key_back(store: Store, error: Exception) -> None:
     with pytest.raises(type(error)):
         ask(Handler(error), request(store, "k"))
     handler = Handler()
@@ -124,7 +124,7 @@ def test_a_request_that_fails_gives_its_key_back(store: SqliteStore, error: Exce
     assert handler.calls == 1
 
 
-def test_a_request_that_is_cancelled_gives_its_key_back(store: SqliteStore) -> None:
+def test_a_request_that_is_cancelled_gives_its_key_back(store: Store) -> None:
     async def scenario() -> None:
         async def never(request: Request) -> Response:
             await asyncio.Event().wait()
@@ -140,7 +140,7 @@ def test_a_request_that_is_cancelled_gives_its_key_back(store: SqliteStore) -> N
     asyncio.run(scenario())
 
 
-def test_a_second_request_does_not_wait_for_the_first(store: SqliteStore) -> None:
+def test_a_second_request_does_not_wait_for_the_first(store: Store) -> None:
     async def scenario() -> None:
         go_on = asyncio.Event()
 
@@ -166,7 +166,7 @@ def test_a_second_request_does_not_wait_for_the_first(store: SqliteStore) -> Non
     [("a", True), ("x" * 255, True), ("x" * 256, False), ("", False), ("a\tb", False),
      ("é", False), ("a b", True), ("~!", True)],
 )  # fmt: skip
-def test_a_key_is_printable_ascii_of_some_length(store: SqliteStore, key: str, fits: bool) -> None:
+def test_a_key_is_printable_ascii_of_some_length(store: Store, key: str, fits: bool) -> None:
     handler = Handler()
     if fits:
         ask(handler, request(store, key))

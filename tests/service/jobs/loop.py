@@ -8,8 +8,8 @@ from typing import Any
 from service.http.job_context import JOB_CONTEXT, JobContext
 from service.jobs.runner import Jobs
 from service.settings import Settings
-from service.storage.document_store import SqliteStore
 from service.storage.job_store import JobAnswer, JobRecord
+from service.storage.store import Store
 from tests.service.jobs.stored import opened
 
 
@@ -42,7 +42,7 @@ class App:
         await send({"type": "http.response.body", "body": b'{"done": true}'})
 
 
-Scenario = Callable[[Jobs, App, SqliteStore], Awaitable[None]]
+Scenario = Callable[[Jobs, App, Store], Awaitable[None]]
 
 
 def run(folder: Path, scenario: Scenario, **settings: Any) -> None:

@@ -5,16 +5,16 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from service.storage.document_store import SqliteStore
 from service.storage.job_store import JobRecord, StoredRequest
+from service.storage.store import Store, open_store
 
 REQUEST = StoredRequest("POST", "/v1/plan", "application/json", b'{"a": 1}')
 
 
 @contextmanager
-def opened(folder: Path) -> Iterator[SqliteStore]:
+def opened(folder: Path) -> Iterator[Store]:
     """A store in a folder, closed afterwards."""
-    store = SqliteStore(folder / "armwright.db")
+    store = open_store(f"sqlite:///{folder / 'armwright.db'}")
     try:
         yield store
     finally:

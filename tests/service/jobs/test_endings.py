@@ -9,14 +9,14 @@ import pytest
 
 from service.jobs.runner import Jobs
 from service.problem import ProblemError
-from service.storage.document_store import SqliteStore
 from service.storage.job_store import JobAnswer
+from service.storage.store import Store
 from tests.service.jobs.loop import App, ended, run, until
 from tests.service.jobs.stored import REQUEST, opened, record
 
 
 def test_a_running_job_is_cancelled_with_its_work(tmp_path: Path) -> None:
-    async def scenario(jobs: Jobs, app: App, store: SqliteStore) -> None:
+    async def scenario(jobs: Jobs, app: App, store: Store) -> None:
         job = await jobs.accept(REQUEST)
         await until(lambda: len(app.contexts) == 1)
         cancelled = await jobs.cancel(job.id)
@@ -30,7 +30,7 @@ def test_a_running_job_is_cancelled_with_its_work(tmp_path: Path) -> None:
 
 
 def test_a_queued_job_is_cancelled_before_it_begins(tmp_path: Path) -> None:
-    async def scenario(jobs: Jobs, app: App, store: SqliteStore) -> None:
+    async def scenario(jobs: Jobs, app: App, store: Store) -> None:
         first, second = await jobs.accept(REQUEST), await jobs.accept(REQUEST)
         await until(lambda: len(app.contexts) == 1)
         assert (await jobs.cancel(second.id)).status == "cancelled"
@@ -44,7 +44,7 @@ def test_a_queued_job_is_cancelled_before_it_begins(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("status", [200, 422])
 def test_what_has_ended_can_not_be_cancelled(tmp_path: Path, status: int) -> None:
-    async def scenario(jobs: Jobs, app: App, store: SqliteStore) -> None:
+    async def scenario(jobs: Jobs, app: App, store: Store) -> None:
         app.status = status
         app.open.set()
         job = await jobs.accept(REQUEST)
@@ -61,7 +61,7 @@ def test_what_has_ended_can_not_be_cancelled(tmp_path: Path, status: int) -> Non
 
 @pytest.mark.parametrize("name", ["", "nobody", "0" * 31, "0" * 33, "G" * 32, "0" * 32])
 def test_a_job_that_is_not_there_is_not_found(tmp_path: Path, name: str) -> None:
-    async def scenario(jobs: Jobs, app: App, store: SqliteStore) -> None:
+    async def scenario(jobs: Jobs, app: App, store: Store) -> None:
         for refused in (jobs.get(name), jobs.cancel(name), jobs.events(name, 0)):
             with pytest.raises(ProblemError) as missing:
                 await refused
@@ -71,7 +71,7 @@ def test_a_job_that_is_not_there_is_not_found(tmp_path: Path, name: str) -> None
 
 
 def test_a_job_that_does_not_end_in_time_is_ended(tmp_path: Path) -> None:
-    async def scenario(jobs: Jobs, app: App, store: SqliteStore) -> None:
+    async def scenario(jobs: Jobs, app: App, store: Store) -> None:
         job = await jobs.accept(REQUEST)
         done, answer = await ended(jobs, job.id)
         assert done.status == "failed"
@@ -85,7 +85,7 @@ def test_a_job_that_does_not_end_in_time_is_ended(tmp_path: Path) -> None:
 
 
 def test_events_go_on_until_the_end_with_signs_of_life(tmp_path: Path) -> None:
-    async def scenario(jobs: Jobs, app: App, store: SqliteStore) -> None:
+    async def scenario(jobs: Jobs, app: App, store: Store) -> None:
         job = await jobs.accept(REQUEST)
         stream = await jobs.events(job.id, 0)
         assert stream is not None
@@ -108,7 +108,7 @@ def test_events_go_on_until_the_end_with_signs_of_life(tmp_path: Path) -> None:
 
 
 def test_streams_end_when_the_service_does(tmp_path: Path) -> None:
-    async def scenario(jobs: Jobs, app: App, store: SqliteStore) -> None:
+    async def scenario(jobs: Jobs, app: App, store: Store) -> None:
         job = await jobs.accept(REQUEST)
         stream = await jobs.events(job.id, 0)
         assert stream is not None
@@ -132,7 +132,7 @@ def test_what_waited_goes_on_and_what_ran_has_failed(tmp_path: Path) -> None:
         store.jobs.add(record(1), REQUEST)
         store.jobs.add(record(2, status="running", started=5.0), REQUEST)
 
-    async def scenario(jobs: Jobs, app: App, store: SqliteStore) -> None:
+    async def scenario(jobs: Jobs, app: App, store: Store) -> None:
         app.open.set()
         done, _ = await ended(jobs, record(1).id)
         assert done.status == "succeeded"
@@ -149,7 +149,7 @@ def test_old_answers_are_forgotten_at_the_start_and_when_a_job_ends(tmp_path: Pa
     with opened(tmp_path) as store:
         store.jobs.add(record(1, status="succeeded", ended=1.0), None)
 
-    async def scenario(jobs: Jobs, app: App, store: SqliteStore) -> None:
+    async def scenario(jobs: Jobs, app: App, store: Store) -> None:
         await until(lambda: store.jobs.list(None, "", 10) == [])
         app.open.set()
         accepted = [await jobs.accept(REQUEST) for _ in range(4)]
@@ -164,7 +164,7 @@ def test_old_answers_are_forgotten_at_the_start_and_when_a_job_ends(tmp_path: Pa
 def test_a_request_that_is_answered_at_once_becomes_a_job_that_has_succeeded(
     tmp_path: Path,
 ) -> None:
-    async def scenario(jobs: Jobs, app: App, store: SqliteStore) -> None:
+    async def scenario(jobs: Jobs, app: App, store: Store) -> None:
         answer = JobAnswer("application/json", b"{}")
         done = await jobs.keep(REQUEST, answer, "/v1/scenes/a")
         assert (done.status, done.location) == ("succeeded", "/v1/scenes/a")
@@ -176,7 +176,7 @@ def test_a_request_that_is_answered_at_once_becomes_a_job_that_has_succeeded(
 
 
 def test_later_jobs_sort_after_earlier_ones(tmp_path: Path) -> None:
-    async def scenario(jobs: Jobs, app: App, store: SqliteStore) -> None:
+    async def scenario(jobs: Jobs, app: App, store: Store) -> None:
         ids = []
         for _ in range(5):
             ids.append((await jobs.accept(REQUEST)).id)

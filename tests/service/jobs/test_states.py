@@ -8,8 +8,8 @@ import pytest
 
 from service.jobs.runner import Jobs
 from service.problem import ProblemError
-from service.storage.document_store import SqliteStore
 from service.storage.job_store import JobAnswer, StoredRequest
+from service.storage.store import Store
 from service.workers.faults import JobsFull, ShuttingDown
 from tests.service.jobs.loop import App, ended, run, until
 from tests.service.jobs.stored import REQUEST
@@ -18,7 +18,7 @@ BATCH = StoredRequest("POST", "/v1/plan/batch", "application/json", b"{}")
 
 
 def test_a_job_is_queued_runs_and_succeeds(tmp_path: Path) -> None:
-    async def scenario(jobs: Jobs, app: App, store: SqliteStore) -> None:
+    async def scenario(jobs: Jobs, app: App, store: Store) -> None:
         accepted = await jobs.accept(REQUEST)
         assert accepted.status == "queued"
         assert store.jobs.request(accepted.id) == REQUEST
@@ -46,7 +46,7 @@ def test_a_job_is_queued_runs_and_succeeds(tmp_path: Path) -> None:
                             (400, "failed"), (422, "failed"), (503, "failed")]
 )  # fmt: skip
 def test_the_status_of_the_answer_decides(tmp_path: Path, status: int, outcome: str) -> None:
-    async def scenario(jobs: Jobs, app: App, store: SqliteStore) -> None:
+    async def scenario(jobs: Jobs, app: App, store: Store) -> None:
         app.status = status
         app.open.set()
         job = await jobs.accept(REQUEST)
@@ -63,7 +63,7 @@ def test_the_status_of_the_answer_decides(tmp_path: Path, status: int, outcome: 
     [(RuntimeError("secret"), "CRASH"), (ProblemError("OVERLOADED", "later"), "OVERLOADED")],
 )
 def test_whatever_happens_a_job_ends(tmp_path: Path, error: Exception, code: str) -> None:
-    async def scenario(jobs: Jobs, app: App, store: SqliteStore) -> None:
+    async def scenario(jobs: Jobs, app: App, store: Store) -> None:
         app.error = error
         app.open.set()
         job = await jobs.accept(REQUEST)
@@ -80,7 +80,7 @@ def test_whatever_happens_a_job_ends(tmp_path: Path, error: Exception, code: str
 
 
 def test_as_many_jobs_run_as_there_are_workers_in_the_order_they_came(tmp_path: Path) -> None:
-    async def scenario(jobs: Jobs, app: App, store: SqliteStore) -> None:
+    async def scenario(jobs: Jobs, app: App, store: Store) -> None:
         accepted = [await jobs.accept(REQUEST) for _ in range(5)]
         await until(lambda: len(app.contexts) == 2)
         await asyncio.sleep(0.03)
@@ -96,7 +96,7 @@ def test_as_many_jobs_run_as_there_are_workers_in_the_order_they_came(tmp_path: 
 
 
 def test_batches_have_a_queue_of_their_own(tmp_path: Path) -> None:
-    async def scenario(jobs: Jobs, app: App, store: SqliteStore) -> None:
+    async def scenario(jobs: Jobs, app: App, store: Store) -> None:
         batches = [await jobs.accept(BATCH) for _ in range(4)]
         plan = await jobs.accept(REQUEST)
         await until(lambda: len(app.contexts) == 3)
@@ -109,7 +109,7 @@ def test_batches_have_a_queue_of_their_own(tmp_path: Path) -> None:
 
 
 def test_too_many_jobs_are_refused_until_one_has_ended(tmp_path: Path) -> None:
-    async def scenario(jobs: Jobs, app: App, store: SqliteStore) -> None:
+    async def scenario(jobs: Jobs, app: App, store: Store) -> None:
         first = await jobs.accept(REQUEST)
         await jobs.accept(REQUEST)
         with pytest.raises(JobsFull):
@@ -124,7 +124,7 @@ def test_too_many_jobs_are_refused_until_one_has_ended(tmp_path: Path) -> None:
 def test_waiting_requests_have_so_much_room_together(tmp_path: Path) -> None:
     mebibyte = 1024 * 1024
 
-    async def scenario(jobs: Jobs, app: App, store: SqliteStore) -> None:
+    async def scenario(jobs: Jobs, app: App, store: Store) -> None:
         jobs.check_room(100 * mebibyte)  # alone, even a larger one is taken
         half = StoredRequest("POST", "/v1/plan", "application/json", b" " * (mebibyte // 2))
         first = await jobs.accept(half)
@@ -140,7 +140,7 @@ def test_waiting_requests_have_so_much_room_together(tmp_path: Path) -> None:
 
 
 def test_a_service_that_ends_takes_no_more(tmp_path: Path) -> None:
-    async def scenario(jobs: Jobs, app: App, store: SqliteStore) -> None:
+    async def scenario(jobs: Jobs, app: App, store: Store) -> None:
         await jobs.stop()
         for refused in (jobs.accept(REQUEST), jobs.keep(REQUEST, JobAnswer("", b""), None)):
             with pytest.raises(ShuttingDown):

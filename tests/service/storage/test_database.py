@@ -1,26 +1,42 @@
-"""The database file: transactions, claims of a process that is gone, files that are not ours."""
+"""The database: transactions, locks, faults, and files that are not ours."""
 
 import sqlite3
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from sqlalchemy import Connection, text
 
-from service.storage.database import Database, StoreError
+from service.http.errors import status_of
+from service.storage.database import Database, StorageUnavailable, StoreError
+from tests.service.postgresql import PostgreSQL
+
+INSERT = text(
+    "INSERT INTO answers (tenant, key, endpoint, request_hash, created) "
+    "VALUES ('', :key, '', '', 0)"
+)
+
+
+@pytest.fixture
+def database(url: str) -> Iterator[Database]:
+    opened = Database(url)
+    yield opened
+    opened.close()
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "a.db"
 
 
 def count(database: Database) -> int:
     with database.reading() as connection:
-        (rows,) = connection.execute("SELECT COUNT(*) FROM answers").fetchone()
-    return int(rows)
+        return int(connection.execute(text("SELECT COUNT(*) FROM answers")).scalar_one())
 
 
-def insert(connection: sqlite3.Connection, key: str, status: int | None = 200) -> None:
-    connection.execute(
-        "INSERT INTO answers (key, endpoint, request_hash, status, created) "
-        "VALUES (?, '', '', ?, 0)",
-        (key, status),
-    )
+def insert(connection: Connection, key: str) -> None:
+    connection.execute(INSERT, {"key": key})
 
 
 def interrupt(database: Database, error: type[BaseException]) -> None:
@@ -31,56 +47,142 @@ def interrupt(database: Database, error: type[BaseException]) -> None:
 
 @pytest.mark.parametrize("error", [KeyError, KeyboardInterrupt])
 def test_a_transaction_that_fails_leaves_nothing_behind(
-    tmp_path: Path, error: type[BaseException]
+    database: Database, error: type[BaseException]
 ) -> None:
-    database = Database(tmp_path / "a.db")
     with pytest.raises(error):
         interrupt(database, error)
     assert count(database) == 0
     with database.transaction() as connection:
         insert(connection, "second")
     assert count(database) == 1
-    database.close()
 
 
-def test_transactions_of_threads_follow_each_other(tmp_path: Path) -> None:
-    database = Database(tmp_path / "a.db")
-    inside, most = [0], [0]
-
+def test_transactions_of_threads_are_all_kept(database: Database) -> None:
     def work(number: int) -> None:
         for step in range(10):
-            with database.transaction() as connection:
-                inside[0] += 1
-                most[0] = max(most[0], inside[0])
+            with database.transaction(durable=False) as connection:
                 insert(connection, f"{number}-{step}")
-                inside[0] -= 1
 
-    threads = [threading.Thread(target=work, args=(number,)) for number in range(4)]
+    threads = [threading.Thread(target=work, args=(number,)) for number in range(8)]
     for thread in threads:
         thread.start()
     for thread in threads:
         thread.join()
-    assert count(database) == 40
-    assert most == [1]
+    assert count(database) == 80
+
+
+# ------------------------------------------------------------------------------ durability
+
+
+@pytest.mark.parametrize(("durable", "level"), [(True, 2), (False, 1)])
+def test_a_file_is_synchronised_for_what_is_acknowledged(
+    path: Path, durable: bool, level: int
+) -> None:
+    database = Database(f"sqlite:///{path}")
+    for _ in range(3):
+        with database.transaction(durable=not durable):
+            pass
+        with database.transaction(durable=durable) as connection:
+            assert connection.execute(text("PRAGMA synchronous")).scalar_one() == level
     database.close()
 
 
-def test_claims_of_a_process_that_is_gone_are_forgotten_at_the_start(tmp_path: Path) -> None:
-    first = Database(tmp_path / "a.db")
-    with first.transaction() as connection:
-        insert(connection, "claimed", None)
-        insert(connection, "answered", 201)
+def test_a_file_has_a_write_ahead_log(path: Path) -> None:
+    Database(f"sqlite:///{path}").close()
+    with sqlite3.connect(path) as connection:
+        assert connection.execute("PRAGMA journal_mode").fetchone() == ("wal",)
+    connection.close()
+
+
+# ----------------------------------------------------------------------------------- locks
+
+
+def test_a_file_has_one_server(path: Path) -> None:
+    first = Database(f"sqlite:///{path}", exclusive=True)
+    with pytest.raises(StoreError, match=r"another server uses .*a\.db\. .*ARMWRIGHT_DATABASE_URL"):
+        Database(f"sqlite:///{path}", exclusive=True)
+    Database(f"sqlite:///{path}").close()  # whoever makes keys is no server
     first.close()
-    second = Database(tmp_path / "a.db")
-    with second.reading() as connection:
-        assert connection.execute("SELECT key FROM answers").fetchall() == [("answered",)]
-    second.close()
+    Database(f"sqlite:///{path}", exclusive=True).close()
 
 
-def test_folders_of_the_file_are_made(tmp_path: Path) -> None:
-    path = tmp_path / "one" / "two" / "a.db"
-    Database(path).close()
-    assert path.is_file()
+def test_a_file_that_could_not_be_opened_is_not_locked(path: Path) -> None:
+    path.write_bytes(b"no database" * 1000)
+    with pytest.raises(StoreError, match="not a database"):
+        Database(f"sqlite:///{path}", exclusive=True)
+    path.unlink()
+    Database(f"sqlite:///{path}", exclusive=True).close()
+
+
+def test_servers_share_a_postgresql_database(postgresql: PostgreSQL) -> None:
+    url = postgresql.database()
+    opened: list[Database] = []
+    threads = [
+        threading.Thread(target=lambda: opened.append(Database(url, exclusive=True)))
+        for _ in range(3)
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert [count(database) for database in opened] == [0, 0, 0], "made once, by one of them"
+    for database in opened:
+        database.close()
+
+
+# ---------------------------------------------------------------------------------- faults
+
+
+def test_a_locked_file_is_told_and_works_again_once_it_is_free(path: Path) -> None:
+    database = Database(f"sqlite:///{path}")
+    other = sqlite3.connect(path, isolation_level=None)
+    other.execute("BEGIN IMMEDIATE")
+    with pytest.raises(StorageUnavailable, match="locked") as error:
+        database.probe()
+    assert (error.value.code, status_of(error.value)) == ("STORAGE_UNAVAILABLE", 503)
+    assert error.value.retry_after
+    assert "locked" in (database.fault or "")
+    assert count(database) == 0, "reading goes on"
+    assert database.fault, "that it can be read does not mean that it can be written"
+    other.execute("ROLLBACK")
+    database.probe()
+    assert database.fault is None
+    other.close()
+    database.close()
+
+
+def test_a_full_disk_is_told_and_what_was_begun_is_undone(path: Path) -> None:
+    database = Database(f"sqlite:///{path}")
+
+    def fill() -> None:
+        with database.transaction() as connection:
+            pages = connection.execute(text("PRAGMA page_count")).scalar_one()
+            connection.execute(text(f"PRAGMA max_page_count = {pages}"))
+            for number in range(100):
+                insert(connection, f"{number}" * 1000)
+
+    with pytest.raises(StorageUnavailable, match="full"):
+        fill()
+    assert "full" in (database.fault or "")
+    assert count(database) == 0
+    database.close()
+
+
+def test_a_postgresql_that_is_stopped_is_told_and_found_again(postgresql: PostgreSQL) -> None:
+    database = Database(postgresql.database())
+    postgresql.stop()
+    try:
+        with pytest.raises(StorageUnavailable):
+            database.probe()
+        assert database.fault
+    finally:
+        postgresql.start()
+    database.probe()
+    assert database.fault is None
+    database.close()
+
+
+# ---------------------------------------------------------------------------- what is ours
 
 
 def foreign(path: Path) -> None:
@@ -102,21 +204,50 @@ def of_another_version(path: Path) -> None:
     [
         (foreign, "can't be used: file is not a database"),
         (a_folder, "can't be used: unable to open"),
-        (of_another_version, r"written by another version of Armwright \(schema 99"),
+        (of_another_version, r"written by a newer version of Armwright \(schema 99"),
     ],
 )
-def test_a_file_that_is_not_ours_is_left_alone(tmp_path: Path, prepare: object, words: str) -> None:
-    path = tmp_path / "a.db"
+def test_a_file_that_is_not_ours_is_left_alone(path: Path, prepare: object, words: str) -> None:
     assert callable(prepare)
     prepare(path)
     before = path.read_bytes() if path.is_file() else None
     with pytest.raises(StoreError, match=words) as error:
-        Database(path)
+        Database(f"sqlite:///{path}")
     assert str(path) in str(error.value)
     assert before == (path.read_bytes() if path.is_file() else None)
 
 
+def test_a_damaged_database_is_noticed(path: Path) -> None:
+    database = Database(f"sqlite:///{path}")
+    with database.transaction() as connection:
+        for number in range(200):
+            insert(connection, f"{number}" * 200)
+    database.close()
+    content = bytearray(path.read_bytes())
+    content[4096 : 4096 * 10] = b"\xa5" * (4096 * 9)
+    path.write_bytes(content)
+    with pytest.raises(StoreError, match="restore"):
+        Database(f"sqlite:///{path}")
+
+
 def test_a_folder_that_is_a_file_is_told(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("x")
-    with pytest.raises(StoreError, match=r"--data-dir or ARMWRIGHT_DATA_DIR"):
-        Database(tmp_path / "file" / "a.db")
+    for exclusive in (False, True):
+        with pytest.raises(StoreError, match=r"--data-dir or ARMWRIGHT_DATA_DIR"):
+            Database(f"sqlite:///{tmp_path / 'file' / 'a.db'}", exclusive=exclusive)
+
+
+@pytest.mark.parametrize(
+    "url",
+    ["mysql://u:secret@h/x", "sqlite://", "no url", "postgresql+asyncpg://u:secret@h/x", "postgresql://h"],
+)  # fmt: skip
+def test_urls_of_other_kinds_are_refused(url: str) -> None:
+    with pytest.raises(StoreError, match=r"sqlite:///<path> or postgresql\+psycopg://") as error:
+        Database(url)
+    assert "secret" not in str(error.value)
+
+
+def test_a_postgresql_that_is_not_there_is_told_without_the_password() -> None:
+    with pytest.raises(StoreError, match=r"Check that PostgreSQL runs") as error:
+        Database("postgresql+psycopg://u:secret@127.0.0.1:1/x")
+    assert "secret" not in str(error.value)

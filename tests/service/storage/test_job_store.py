@@ -1,27 +1,21 @@
 """Jobs in the database: what is kept, in which order, and what is forgotten when."""
 
-from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
+from sqlalchemy.exc import IntegrityError
 
 from service.problem import ProblemError
-from service.storage.document_store import SqliteStore
+from service.storage.idempotency_store import IdempotencyKey, Recorded
 from service.storage.job_store import ENDED, STATUSES, JobAnswer, JobStore, Status
-from tests.service.jobs.stored import REQUEST, opened, record
+from service.storage.store import Store, open_store
+from tests.service.jobs.stored import REQUEST, record
 
 ANSWER = JobAnswer("application/json", b'{"b": 2}')
 
 
 @pytest.fixture
-def store(tmp_path: Path) -> Iterator[SqliteStore]:
-    with opened(tmp_path) as made:
-        yield made
-
-
-@pytest.fixture
-def jobs(store: SqliteStore) -> JobStore:
+def jobs(store: Store) -> JobStore:
     return store.jobs
 
 
@@ -167,16 +161,39 @@ def test_failures_without_an_answer_take_no_room(jobs: JobStore) -> None:
     assert len(kept(jobs)) == 5
 
 
-def test_jobs_outlive_the_store(tmp_path: Path) -> None:
-    with opened(tmp_path) as first:
-        first.jobs.add(record(), REQUEST)
-    with opened(tmp_path) as second:
-        assert second.jobs.get(record().id) == (record(), None)
-        assert second.jobs.request(record().id) == REQUEST
+def test_jobs_outlive_the_store(url: str) -> None:
+    first = open_store(url)
+    first.jobs.add(record(), REQUEST)
+    first.close()
+    second = open_store(url)
+    assert second.jobs.get(record().id) == (record(), None)
+    assert second.jobs.request(record().id) == REQUEST
+    second.close()
+
+
+def test_an_answer_is_kept_with_the_job_or_not_at_all(store: Store) -> None:
+    key = IdempotencyKey("k", "POST /v1/plan")
+    answer = Recorded(202, {"location": "/v1/jobs/x"}, b"{}")
+    assert store.answers.begin(key, "hash") is None
+    store.jobs.add(record(1), REQUEST, (key, answer))
+    assert store.answers.begin(key, "hash") == answer
+    other = IdempotencyKey("other", "POST /v1/plan")
+    assert store.answers.begin(other, "hash") is None
+    with pytest.raises(IntegrityError):  # there is a job of that id already
+        store.jobs.add(record(1), REQUEST, (other, answer))
+    with pytest.raises(ProblemError, match="still being worked on"):
+        store.answers.begin(other, "hash")
+
+
+def test_tenants_have_lists_of_their_own(store: Store) -> None:
+    store.jobs.add(record(1, tenant="one"), REQUEST)
+    store.jobs.add(record(2, tenant="other"), REQUEST)
+    assert [job.id for job in store.jobs.list(None, "", 10, "one")] == [record(1).id]
+    assert [job.id for job in store.jobs.list(None, "", 10)] == [record(2).id, record(1).id]
 
 
 def test_two_jobs_have_two_ids(jobs: JobStore) -> None:
     jobs.add(record(), REQUEST)
-    with pytest.raises(Exception, match="UNIQUE"):
+    with pytest.raises(IntegrityError):
         jobs.add(record(stage="other"), REQUEST)
     assert jobs.get(record().id) == (record(), None)

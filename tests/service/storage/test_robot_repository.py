@@ -1,48 +1,38 @@
 """Robots and scenes by name."""
 
-from collections.abc import Iterator
-from pathlib import Path
-
 import pytest
 
 from service.problem import ProblemError
 from service.storage.cache_key import builtin_reference
-from service.storage.document_store import Store, open_store
 from service.storage.prepared_files import document_hash
 from service.storage.robot_repository import RobotRepository, is_built_in
-
-
-@pytest.fixture
-def store(tmp_path: Path) -> Iterator[Store]:
-    opened = open_store(f"sqlite:///{tmp_path / 'test.db'}")
-    yield opened
-    opened.close()
+from service.storage.store import Store
 
 
 def test_built_in_robots_need_no_store_and_go_first(store: Store) -> None:
-    store.create("robot", "panda", b"another one")
-    repository = RobotRepository(store, "folder")
+    store.documents.create("robot", "panda", b"another one")
+    repository = RobotRepository(store.documents, "folder")
     assert repository.robot("panda") == builtin_reference("panda", "folder")
     assert is_built_in("panda")
     assert not is_built_in("Panda")
 
 
 def test_a_stored_robot_is_known_by_the_hash_of_its_document(store: Store) -> None:
-    store.create("robot", "mine", b"one")
-    repository = RobotRepository(store, "folder")
+    store.documents.create("robot", "mine", b"one")
+    repository = RobotRepository(store.documents, "folder")
     before = repository.robot("mine")
     assert (before.kind, before.hash) == ("robot", document_hash(b"one"))
     assert (before.folder, before.built_in) == ("folder", False)
     assert repository.document(before) == (before, b"one")
-    store.replace("robot", "mine", b"two")
+    store.documents.replace("robot", "mine", b"two")
     after, content = repository.document(before)
     assert content == b"two"
     assert after == repository.robot("mine") != before
 
 
 def test_scenes_and_robots_have_names_of_their_own(store: Store) -> None:
-    store.create("scene", "table", b"{}")
-    repository = RobotRepository(store, "folder")
+    store.documents.create("scene", "table", b"{}")
+    repository = RobotRepository(store.documents, "folder")
     assert repository.scene("table").kind == "scene"
     with pytest.raises(ProblemError) as missing:
         repository.robot("table")
@@ -53,10 +43,10 @@ def test_scenes_and_robots_have_names_of_their_own(store: Store) -> None:
 
 
 def test_a_document_that_was_deleted_meanwhile_is_not_found(store: Store) -> None:
-    store.create("scene", "table", b"{}")
-    repository = RobotRepository(store, "folder")
+    store.documents.create("scene", "table", b"{}")
+    repository = RobotRepository(store.documents, "folder")
     reference = repository.scene("table")
-    store.delete("scene", "table")
+    store.documents.delete("scene", "table")
     with pytest.raises(ProblemError) as missing:
         repository.document(reference)
     assert missing.value.code == "NOT_FOUND"

@@ -1,0 +1,140 @@
+"""Answers that idempotency keys stand for."""
+
+import json
+import time
+from dataclasses import dataclass
+
+from sqlalchemy import Connection, bindparam, delete, insert, select, update
+from sqlalchemy.exc import IntegrityError
+
+from service.problem import ProblemError
+from service.storage.database import Database
+from service.storage.tables import DEFAULT_TENANT, answers
+
+#: How long an idempotency key is remembered [s].
+_KEY_LIFETIME = 24 * 3600.0
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """The answer that a request was given."""
+
+    status: int
+    headers: dict[str, str]
+    body: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class IdempotencyKey:
+    """An idempotency key, which stands for one request.
+
+    Args:
+        key: As the caller chose it.
+        endpoint: Method and path of the request.
+        tenant: Whose request it is.
+    """
+
+    key: str
+    endpoint: str
+    tenant: str = DEFAULT_TENANT
+
+
+_IS_KEY = (
+    (answers.c.tenant == bindparam("of_tenant"))
+    & (answers.c.key == bindparam("of_key"))
+    & (answers.c.endpoint == bindparam("of_endpoint"))
+)
+_EARLIER = select(
+    answers.c.request_hash, answers.c.status, answers.c.headers, answers.c.body
+).where(_IS_KEY)
+_ANSWER = update(answers).where(_IS_KEY)
+_FORGET = delete(answers).where(_IS_KEY)
+_OUTDATED = delete(answers).where(answers.c.created < bindparam("oldest"))
+_ABANDONED = delete(answers).where(answers.c.status.is_(None))
+
+
+class IdempotencyStore:
+    """Idempotency keys in a database; every method blocks and is safe in any thread."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+
+    def begin(self, key: IdempotencyKey, request_hash: str) -> Recorded | None:
+        """Claim a key, or give the answer it already stands for.
+
+        Raises:
+            ProblemError: IDEMPOTENCY_KEY_REUSED, it stands for another request; CONFLICT, that
+                request is still being worked on.
+        """
+        now = time.time()
+        claim = {"tenant": key.tenant, "key": key.key, "endpoint": key.endpoint}
+        try:
+            with self._database.transaction(durable=False) as connection:
+                connection.execute(_OUTDATED, {"oldest": now - _KEY_LIFETIME})
+                row = connection.execute(_EARLIER, _parameters(key)).one_or_none()
+                if row is None:
+                    claim_row = claim | {"request_hash": request_hash, "created": now}
+                    connection.execute(insert(answers), claim_row)
+                    return None
+        except IntegrityError:  # another server claimed it between the two statements
+            raise _in_work(key) from None
+        return _earlier(key, request_hash, *row)
+
+    def finish(self, key: IdempotencyKey, answer: Recorded) -> None:
+        """Keep the answer that a claimed key stands for from now on."""
+        with self._database.transaction() as connection:
+            keep_answer(connection, key, answer)
+
+    def forget(self, key: IdempotencyKey) -> None:
+        """Give a claimed key back."""
+        with self._database.transaction(durable=False) as connection:
+            connection.execute(_FORGET, _parameters(key))
+
+    def forget_claims(self) -> None:
+        """Give all claimed keys back: whoever claimed them is gone."""
+        with self._database.transaction(durable=False) as connection:
+            connection.execute(_ABANDONED)
+
+
+def keep_answer(connection: Connection, key: IdempotencyKey, answer: Recorded) -> None:
+    """Keep the answer of a claimed key in a transaction, together with what it tells of."""
+    values = {
+        "status": answer.status,
+        "headers": json.dumps(answer.headers),
+        "body": answer.body,
+    }
+    connection.execute(_ANSWER, _parameters(key) | values)
+
+
+def _parameters(key: IdempotencyKey) -> dict[str, object]:
+    return {"of_tenant": key.tenant, "of_key": key.key, "of_endpoint": key.endpoint}
+
+
+def _earlier(
+    key: IdempotencyKey,
+    request_hash: str,
+    hash_then: str,
+    status: int | None,
+    headers: str,
+    body: bytes,
+) -> Recorded:
+    if request_hash != hash_then:
+        raise ProblemError(
+            "IDEMPOTENCY_KEY_REUSED",
+            f"the Idempotency-Key {key.key!r} was used for a request with another body",
+            stage="request",
+            hint="Use a new key for a new request.",
+        )
+    if status is None:
+        raise _in_work(key)
+    return Recorded(status, json.loads(headers), bytes(body))
+
+
+def _in_work(key: IdempotencyKey) -> ProblemError:
+    return ProblemError(
+        "CONFLICT",
+        f"the first request with the Idempotency-Key {key.key!r} is still being worked on",
+        stage="request",
+        hint="Ask again in a moment; the answer will be that of the first request.",
+        retry_after=1,
+    )

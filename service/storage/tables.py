@@ -1,0 +1,75 @@
+"""Tables of the database, for SQLite and PostgreSQL alike."""
+
+from sqlalchemy import (
+    Column,
+    Double,
+    Index,
+    Integer,
+    LargeBinary,
+    MetaData,
+    PrimaryKeyConstraint,
+    Table,
+    Text,
+)
+
+#: Revisions of the schema, the oldest first: the names of the migrations.
+REVISIONS = ("0001", "0002")
+METADATA = MetaData()
+#: Whose robots, scenes and jobs those are that came without an API key.
+DEFAULT_TENANT = "default"
+#: Text that sorts by code points in every database, as Python sorts it.
+SORTED_TEXT = Text().with_variant(Text(collation="C"), "postgresql")
+
+#: Robots and scenes.
+documents = Table(
+    "documents",
+    METADATA,
+    Column("tenant", Text, nullable=False),
+    Column("kind", Text, nullable=False),
+    Column("name", SORTED_TEXT, nullable=False),
+    Column("content", LargeBinary, nullable=False),
+    Column("hash", Text, nullable=False),
+    Column("version", Integer, nullable=False),
+    Column("created", Double, nullable=False),
+    Column("updated", Double, nullable=False),
+    PrimaryKeyConstraint("tenant", "kind", "name"),
+)
+
+#: Answers of idempotency keys; without a status the first request is still being worked on.
+answers = Table(
+    "answers",
+    METADATA,
+    Column("tenant", Text, nullable=False),
+    Column("key", Text, nullable=False),
+    Column("endpoint", Text, nullable=False),
+    Column("request_hash", Text, nullable=False),
+    Column("status", Integer),
+    Column("headers", Text),
+    Column("body", LargeBinary),
+    Column("created", Double, nullable=False),
+    PrimaryKeyConstraint("tenant", "key", "endpoint"),
+)
+
+#: Requests that are answered later, and their answers.
+jobs = Table(
+    "jobs",
+    METADATA,
+    Column("id", SORTED_TEXT, primary_key=True),
+    Column("tenant", Text, nullable=False, server_default=DEFAULT_TENANT),
+    Column("method", Text, nullable=False),
+    Column("path", Text, nullable=False),
+    Column("content_type", Text, nullable=False),
+    Column("request", LargeBinary),
+    Column("status", Text, nullable=False),
+    Column("progress", Double, nullable=False),
+    Column("stage", Text),
+    Column("event", Integer, nullable=False),
+    Column("created", Double, nullable=False),
+    Column("started", Double),
+    Column("ended", Double),
+    Column("location", Text),
+    Column("answer_type", Text),
+    Column("answer", LargeBinary),
+)
+Index("jobs_by_status", jobs.c.status, jobs.c.ended)
+Index("jobs_by_tenant", jobs.c.tenant, jobs.c.id)

@@ -1,0 +1,26 @@
+"""A database of each kind for the tests of the storage."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from service.storage.store import Store, open_store
+from tests.service.postgresql import PostgreSQL
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+    """The URL of an empty database."""
+    if request.param == "sqlite":
+        return f"sqlite:///{tmp_path / 'deep' / 'er' / 'armwright.db'}"
+    server: PostgreSQL = request.getfixturevalue("postgresql")
+    return server.database()
+
+
+@pytest.fixture
+def store(url: str) -> Iterator[Store]:
+    """A store in an empty database."""
+    opened = open_store(url)
+    yield opened
+    opened.close()

@@ -1,0 +1,86 @@
+"""Idempotency keys in the database: claimed, answered, given back, forgotten."""
+
+import threading
+
+import pytest
+
+from service.http.errors import status_of
+from service.problem import ProblemError
+from service.storage.idempotency_store import IdempotencyKey, Recorded
+from service.storage.store import Store, open_store
+
+KEY = IdempotencyKey("k", "POST /x")
+ANSWER = Recorded(201, {"location": "/y"}, b"{}")
+
+
+def refusal(store: Store, key: IdempotencyKey, request_hash: str) -> tuple[str, int]:
+    with pytest.raises(ProblemError) as error:
+        store.answers.begin(key, request_hash)
+    return error.value.code, status_of(error.value)
+
+
+def test_a_key_is_claimed_and_then_stands_for_its_answer(store: Store) -> None:
+    assert store.answers.begin(KEY, "hash") is None
+    assert refusal(store, KEY, "hash") == ("CONFLICT", 409)
+    store.answers.finish(KEY, ANSWER)
+    assert store.answers.begin(KEY, "hash") == ANSWER
+    assert refusal(store, KEY, "other") == ("IDEMPOTENCY_KEY_REUSED", 422)
+
+
+def test_a_key_that_is_given_back_may_be_claimed_again(store: Store) -> None:
+    assert store.answers.begin(KEY, "hash") is None
+    store.answers.forget(KEY)
+    assert store.answers.begin(KEY, "other") is None
+
+
+def test_endpoints_and_tenants_have_keys_of_their_own(store: Store) -> None:
+    assert store.answers.begin(KEY, "hash") is None
+    assert store.answers.begin(IdempotencyKey("k", "POST /elsewhere"), "other") is None
+    assert store.answers.begin(IdempotencyKey("k", "POST /x", "another tenant"), "other") is None
+    assert store.answers.begin(IdempotencyKey("another", "POST /x"), "other") is None
+
+
+def test_keys_are_forgotten_after_a_day(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    now = 1_000_000.0
+    monkeypatch.setattr("service.storage.idempotency_store.time.time", lambda: now)
+    store.answers.begin(KEY, "hash")
+    store.answers.finish(KEY, ANSWER)
+    now += 23 * 3600.0
+    assert store.answers.begin(KEY, "hash") == ANSWER
+    now += 2 * 3600.0
+    assert store.answers.begin(KEY, "other") is None
+
+
+def test_answers_survive_a_restart(url: str) -> None:
+    first = open_store(url)
+    assert first.answers.begin(KEY, "hash") is None
+    first.answers.finish(KEY, ANSWER)
+    first.close()
+    second = open_store(url)
+    assert second.answers.begin(KEY, "hash") == ANSWER
+    second.close()
+
+
+def test_of_many_that_claim_a_key_at_once_one_gets_it(url: str) -> None:
+    stores = [open_store(url) for _ in range(3)]
+    results: list[str] = []
+
+    def claim(store: Store, number: int) -> None:
+        try:
+            assert store.answers.begin(IdempotencyKey(f"k{number}", "POST /x"), "hash") is None
+            results.append("claimed")
+        except ProblemError as error:
+            results.append(error.code)
+
+    threads = [
+        threading.Thread(target=claim, args=(store, number))
+        for number in range(10)
+        for store in stores
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for store in stores:
+        store.close()
+    assert sorted(results) == ["CONFLICT"] * 20 + ["claimed"] * 10
