@@ -11,12 +11,12 @@ from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.compiled.kernel import direct, kernel
 from kinematics.compiled.simd import LANES
-from kinematics.compiled.simd_frames import COLUMN, gather_kernel, jacobian_lanes_kernel
+from kinematics.compiled.simd_frames import COLUMN, jacobians_lanes_kernel
 from kinematics.errors import InvalidOption, InvalidRobotState
 from kinematics.forward import fits_kernel, frames_kernel, link_number
 from kinematics.frame import IDENTITY, Frame, compose_kernel, move_kernel, store_kernel
 from kinematics.pose import to_zyz
-from kinematics.sincos import few_turns_kernel, turn_at_kernel, turns_kernel
+from kinematics.sincos import few_turns_kernel, turn_at_kernel
 
 _FLOAT = np.dtype(np.float64)
 # Names of this module: looking them up in another one costs as much as a joint does.
@@ -99,17 +99,11 @@ def jacobian_batch_kernel(model: Array, q: Array, link: int, point: Array, J: Ar
         m = 0
     if m > 0:
         size, columns = n * LANES, n * COLUMN * LANES
-        room = np.empty(3 * size + columns)
-        values, cosines, sines = room[:size], room[size : 2 * size], room[2 * size : 3 * size]
-        lanes = room[3 * size :]
+        room = np.empty(3 * size + 2 * columns)
+        rows = J.reshape(J.size)
         for k in range(0, m, LANES):
-            gather_kernel(q[k : k + LANES], values)
-            turns_kernel(values, cosines, sines)
-            jacobian_lanes_kernel(model, values, cosines, sines, link, lanes)
-            for lane in range(LANES):
-                for row in range(6):
-                    for j in range(n):
-                        J[k + lane, row, j] = lanes[(COLUMN * j + row) * LANES + lane]
+            at = k * COLUMN * n
+            jacobians_lanes_kernel(model, q[k : k + LANES], link, rows[at : at + columns], room)
     for k in range(m, q.shape[0]):
         B = frame_and_jacobian_kernel(model, q[k], link, J[k])
         if not offset:

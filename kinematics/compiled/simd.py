@@ -28,10 +28,10 @@ LANES = 8
 _REVISION = 1
 
 _F = TypeVar("_F", bound=Callable[..., Any])
-_VECTOR = ir.VectorType(ir.DoubleType(), LANES)
+VECTOR = ir.VectorType(ir.DoubleType(), LANES)
 _BITS = ir.VectorType(ir.IntType(1), LANES)
 #: Arrays of numbers are aligned to a number, not to a vector.
-_ALIGNMENT = 8
+ALIGNMENT = 8
 _NUMBERS = types.Array(types.float64, 1, "C")
 
 
@@ -52,7 +52,7 @@ TYPES = {"vector": _vector, "conditions": _conditions}  #: by names for lists of
 @register_model(_VectorType)
 class _VectorModel(PrimitiveModel):
     def __init__(self, manager: Any, kind: Any) -> None:
-        super().__init__(manager, kind, _VECTOR)
+        super().__init__(manager, kind, VECTOR)
 
 
 @register_model(_ConditionsType)
@@ -71,7 +71,7 @@ def _widened(context: Any, builder: Any, kind: Any, value: Any) -> Any:
     if kind == _vector:
         return value
     number = context.cast(builder, value, kind, types.float64)
-    nothing = ir.Constant(_VECTOR, ir.Undefined)
+    nothing = ir.Constant(VECTOR, ir.Undefined)
     first = builder.insert_element(nothing, number, ir.Constant(ir.IntType(32), 0))
     everywhere = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
     return builder.shuffle_vector(first, nothing, everywhere)
@@ -111,7 +111,7 @@ def _library(name: str) -> Callable[[Any, Any], Any]:
     """A function that LLVM has for vectors."""
 
     def emit(builder: Any, value: Any) -> Any:
-        kind = ir.FunctionType(_VECTOR, [_VECTOR])
+        kind = ir.FunctionType(VECTOR, [VECTOR])
         return builder.call(
             cgutils.get_or_insert_function(builder.module, kind, f"llvm.{name}.v{LANES}f64"),
             [value],
@@ -171,19 +171,19 @@ _teach()
 # ---------------------------------------------------------------------------------- functions
 
 
-def _revised(function: _F) -> _F:
+def revised(function: _F) -> _F:
     """Name the revision of what a function compiles to, for the stamp of machine code on disk."""
     function.revision = _REVISION  # type: ignore[attr-defined]
     return function
 
 
-@_revised
+@revised
 def load(array: Array, at: int) -> Lanes:
     """The eight numbers of a contiguous array (k,) from ``at`` on."""
     return array[at : at + LANES].copy()  # type: ignore[return-value]
 
 
-@_revised
+@revised
 def store(array: Array, at: int, value: Lanes) -> None:
     """Write a vector into a contiguous array (k,) from ``at`` on."""
     array[at : at + LANES] = value
@@ -192,49 +192,49 @@ def store(array: Array, at: int, value: Lanes) -> None:
 store.writes = True  # type: ignore[attr-defined]
 
 
-@_revised
+@revised
 def fill(value: float) -> Lanes:
     """A number in all lanes."""
     return np.full(LANES, value)  # type: ignore[return-value]
 
 
-@_revised
+@revised
 def choose(where: Conditions, a: Lanes, b: Lanes) -> Lanes:
     """``a`` in lanes where a condition holds, ``b`` in the others; for numbers and vectors."""
     return np.where(where, a, b)  # type: ignore[return-value]
 
 
-@_revised
+@revised
 def anywhere(where: Conditions) -> bool:
     """Whether a condition holds in some lane; for conditions of numbers too."""
     return bool(np.any(where))
 
 
-@_revised
+@revised
 def floor(value: Lanes) -> Lanes:
     """The largest whole numbers that are not above; for numbers and vectors."""
     return np.floor(value)  # type: ignore[no-any-return]
 
 
-@_revised
+@revised
 def first(array: Array) -> Lanes:
     """The numbers of an array (k,) with 1 to 8 of them, the last one again in lanes beyond."""
     return array[np.minimum(np.arange(LANES), len(array) - 1)]  # type: ignore[return-value]
 
 
-@_revised
+@revised
 def lane(value: Lanes, number: int) -> float:
     """The number in one lane."""
     return float(value[number])  # type: ignore[index]
 
 
-@_revised
+@revised
 def bits(where: Conditions) -> int:
     """The lanes where a condition holds, as bits of a number."""
     return int(np.packbits(where, bitorder="little")[0])
 
 
-@_revised
+@revised
 def on_stack(count: int) -> Array:
     """Room for a constant count of numbers, shape (count,), until the kernel that asks returns.
 
@@ -243,17 +243,17 @@ def on_stack(count: int) -> Array:
     return np.empty(count)
 
 
-def _place(context: Any, builder: Any, kind: Any, array: Any, at: Any) -> Any:
+def vector_pointer(context: Any, builder: Any, kind: Any, array: Any, at: Any) -> Any:
     """A pointer to the vector that begins at an index, which nothing checks."""
     data = context.make_array(kind)(context, builder, array).data
-    return builder.bitcast(builder.gep(data, [at]), _VECTOR.as_pointer())
+    return builder.bitcast(builder.gep(data, [at]), VECTOR.as_pointer())
 
 
 @intrinsic  # type: ignore[untyped-decorator]
 def _load(context: Any, array: Any, at: Any) -> Any:
     def emit(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        value = builder.load(_place(context, builder, signature.args[0], *values))
-        value.align = _ALIGNMENT
+        value = builder.load(vector_pointer(context, builder, signature.args[0], *values))
+        value.align = ALIGNMENT
         return value
 
     return _vector(array, types.intp), emit
@@ -262,9 +262,9 @@ def _load(context: Any, array: Any, at: Any) -> Any:
 @intrinsic  # type: ignore[untyped-decorator]
 def _store(context: Any, array: Any, at: Any, value: Any) -> Any:
     def emit(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        place = _place(context, builder, signature.args[0], values[0], values[1])
+        place = vector_pointer(context, builder, signature.args[0], values[0], values[1])
         widened = _widened(context, builder, signature.args[2], values[2])
-        builder.store(widened, place).align = _ALIGNMENT
+        builder.store(widened, place).align = ALIGNMENT
         return context.get_dummy_value()
 
     return types.void(array, types.intp, value), emit
@@ -309,7 +309,7 @@ def _first(context: Any, array: Any) -> Any:
     def emit(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         given = context.make_array(signature.args[0])(context, builder, values[0])
         last = builder.sub(cgutils.unpack_tuple(builder, given.shape)[0], _whole(1))
-        vector = ir.Constant(_VECTOR, ir.Undefined)
+        vector = ir.Constant(VECTOR, ir.Undefined)
         for number in range(LANES):
             inside = builder.icmp_signed("<", _whole(number), last)
             at = builder.select(inside, _whole(number), last)

@@ -8,11 +8,20 @@ twelve rows, a Jacobian six for each joint, joint values one for each joint; all
 from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
 from kinematics.compiled.simd import LANES, Lanes, fill, load, store
+from kinematics.compiled.simd_transpose import (
+    gather_kernel,
+    load_rows_kernel,
+    scatter_kernel,
+    store_rows_kernel,
+    transpose,
+)
 from kinematics.frame import Frame, at_joint_kernel, compose_kernel, move_kernel
 from kinematics.sincos import turns_kernel
 
 #: Rows of a frame.
 FRAME = 12
+#: Numbers of a pose (4, 4).
+POSE = 16
 #: Rows of a column of a Jacobian.
 COLUMN = 6
 #: Numbers in eight frames.
@@ -20,14 +29,6 @@ FRAME_SIZE = FRAME * LANES
 #: Numbers in eight columns.
 COLUMN_SIZE = COLUMN * LANES
 Column = tuple[Lanes, Lanes, Lanes, Lanes, Lanes, Lanes]
-
-
-@kernel(allocates=False)
-def gather_kernel(q: Array, lanes: Array) -> None:
-    """Lay q (LANES, n) out by joints, into lanes (n * LANES,)."""
-    for lane in range(LANES):
-        for j in range(q.shape[1]):
-            lanes[j * LANES + lane] = q[lane, j]
 
 
 @kernel(inline="code")
@@ -41,12 +42,16 @@ def identity_lanes_kernel() -> Frame:
 def store_lanes_kernel(frames: Array, poses: Array) -> None:
     """Write frames (links * FRAME * LANES,) into poses (LANES, links, 4, 4), flat."""
     count = frames.shape[0] // FRAME_SIZE
-    for lane in range(LANES):
-        for link in range(count):
-            to, at = 16 * (lane * count + link), FRAME_SIZE * link + lane
-            for i in range(12):
-                poses[to + i] = frames[at + LANES * i]
-            poses[to + 12], poses[to + 13], poses[to + 14], poses[to + 15] = 0.0, 0.0, 0.0, 1.0
+    zero, one = fill(0.0), fill(1.0)
+    for link in range(count):
+        at = FRAME_SIZE * link
+        upper = transpose(load_rows_kernel(frames, at, LANES))
+        store_rows_kernel(poses, POSE * link, POSE * count, upper)
+        lower = transpose((
+            load(frames, at + 8 * LANES), load(frames, at + 9 * LANES),
+            load(frames, at + 10 * LANES), load(frames, at + 11 * LANES), zero, zero, zero, one,
+        ))  # fmt: skip
+        store_rows_kernel(poses, POSE * link + LANES, POSE * count, lower)
 
 
 @kernel(allocates=False)
@@ -80,19 +85,29 @@ def column_lanes_kernel(model: Array, axes: Array, j: int, last: int, B: Frame) 
 
 
 @kernel(allocates=False)
-def jacobian_lanes_kernel(
-    model: Array, q: Array, cosines: Array, sines: Array, link: int, J: Array
-) -> Frame:
-    """The frames of a link, and Jacobians written into J (n * COLUMN * LANES,) by columns.
+def jacobians_lanes_kernel(model: Array, q: Array, link: int, J: Array, room: Array) -> None:
+    """Jacobians (LANES, 6, n), flat, of a link at q (LANES, n).
 
-    ``jacobian.frame_and_jacobian_kernel`` from joint values and their turns (n * LANES,).
+    ``jacobian.frame_and_jacobian_kernel`` in lanes; room ((3 + 2 * COLUMN) * n * LANES,).
     """
-    n = q.shape[0] // LANES
+    n = q.shape[1]
+    size, columns = n * LANES, n * COLUMN * LANES
+    values, cosines, sines = room[:size], room[size : 2 * size], room[2 * size : 3 * size]
+    axes, rows = room[3 * size : 3 * size + columns], room[3 * size + columns :]
     last = int(model[1 + n + (link if link >= 0 else int(model[0, 1])), 0])
-    B = axes_lanes_kernel(model, q, cosines, sines, link, J)
+    gather_kernel(q, values)
+    turns_kernel(values, cosines, sines)
+    B = axes_lanes_kernel(model, values, cosines, sines, link, axes)
     for j in range(n):
-        store_column_kernel(J, COLUMN_SIZE * j, column_lanes_kernel(model, J, j, last, B))
-    return B
+        column = column_lanes_kernel(model, axes, j, last, B)
+        at = LANES * j
+        store(rows, at, column[0])
+        store(rows, at + size, column[1])
+        store(rows, at + 2 * size, column[2])
+        store(rows, at + 3 * size, column[3])
+        store(rows, at + 4 * size, column[4])
+        store(rows, at + 5 * size, column[5])
+    scatter_kernel(rows, J)
 
 
 @kernel(inline="code")
