@@ -55,6 +55,31 @@ class BaseParameters:
         """The columns Y_b (..., n, b) of a regressor Y (..., n, p)."""
         return np.asarray(Y[..., self.columns])
 
+    def select(self, indices: Sequence[int]) -> "BaseParameters":
+        """Some of the base parameters, by their indices."""
+        chosen = list(indices)
+        names = tuple(self.names[i] for i in chosen)
+        columns, rows = self.columns[chosen].copy(), self.combination[chosen]
+        return BaseParameters(columns, rows, self.values[chosen], names, self.parameter_names)
+
+    def indices(self, names: Sequence[str]) -> list[int]:
+        """Indices of base parameters by their names, or by the parameters that lead them.
+
+        Raises:
+            InvalidOption: A name is unknown or stands twice.
+        """
+        leaders = [self.parameter_names[k] for k in self.columns.tolist()]
+        known = dict(zip(leaders, range(self.count), strict=True))
+        known |= dict(zip(self.names, range(self.count), strict=True))
+        for i, name in enumerate(names):
+            if name not in known or known[name] in [known[before] for before in names[:i]]:
+                problem = "unknown" if name not in known else "given twice"
+                raise InvalidOption(
+                    f"the base parameter {name!r} is {problem}",
+                    hint=f"Give some of: {'; '.join(self.names)}; or {', '.join(leaders)}.",
+                )
+        return [known[name] for name in names]
+
     def of(self, chain: Chain) -> Array:
         """The values beta of another robot of the same kinematics, shape (b,).
 
@@ -97,7 +122,9 @@ def base_parameters(
     names = parameter_names(chain, motors=motors)
     order = [i for i in _elimination_order(chain.n, names) if not known_zeros or Theta[i] != 0.0]
     columns, combination = _regroup(W, order)
-    text = tuple(_text(row, names, k) for row, k in zip(combination, columns, strict=True))
+    text = tuple(
+        combination_text(row, names, k) for row, k in zip(combination, columns, strict=True)
+    )
     return BaseParameters(
         np.array(columns, dtype=np.int64), combination, combination @ Theta, text, names
     )
@@ -144,12 +171,19 @@ def _regroup(W: Array, order: Sequence[int]) -> tuple[list[int], Array]:
     return chosen, combination
 
 
-def _text(row: Array, names: Sequence[str], leader: int) -> str:
-    """A combination as people write it, the column that stands for it first."""
+def combination_text(row: Array, names: Sequence[str], leader: int, times: str = " ") -> str:
+    """A combination of parameters as people write it, for example "Izz1 + 0.25 m2".
+
+    Args:
+        row: Coefficient of each parameter, shape (p,).
+        names: Name of each parameter, p of them.
+        leader: Index of the parameter that stands for the combination; it comes first.
+        times: Between a coefficient and its parameter.
+    """
     others = [int(i) for i in np.flatnonzero(row) if i != leader]
     text = names[leader]
     for i in others:
         sign = "-" if row[i] < 0.0 else "+"
         size = f"{abs(row[i]):.6g}"
-        text += f" {sign} {names[i]}" if size == "1" else f" {sign} {size} {names[i]}"
+        text += f" {sign} {names[i]}" if size == "1" else f" {sign} {size}{times}{names[i]}"
     return text

@@ -21,6 +21,7 @@ from service.routes import (
     health,
     jobs,
     kinematics,
+    lyapunov,
     plan,
     poses,
     potential,
@@ -56,6 +57,7 @@ _ROUTERS = (
     retime.router,
     dynamics.router,
     simulate.router,
+    lyapunov.router,
     batch.router,
     jobs.router,
 )

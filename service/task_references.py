@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     import service.tasks.inverse_kinematics
     import service.tasks.kinematics
     import service.tasks.large_body
+    import service.tasks.lyapunov
     import service.tasks.plan
     import service.tasks.poses
     import service.tasks.potential
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     jacobian = service.tasks.kinematics.jacobian_task
     velocity = service.tasks.kinematics.velocity_task
     outline = service.tasks.large_body.outline
+    lyapunov = service.tasks.lyapunov.lyapunov
     plan = service.tasks.plan.plan
     validate = service.tasks.plan.validate
     convert_pose = service.tasks.poses.convert_pose
@@ -61,6 +63,7 @@ else:
     jacobian = TaskReference("service.tasks.kinematics:jacobian")
     velocity = TaskReference("service.tasks.kinematics:velocity")
     outline = TaskReference("service.tasks.large_body:outline")
+    lyapunov = TaskReference("service.tasks.lyapunov:lyapunov")
     plan = TaskReference("service.tasks.plan:plan", GRACE)
     validate = TaskReference("service.tasks.plan:validate", GRACE)
     convert_pose = TaskReference("service.tasks.poses:convert_pose")

@@ -6,13 +6,13 @@ from typing import Self
 import numpy as np
 
 from dynamics.base_parameters import BaseParameters, base_parameters
-from dynamics.mass_matrix import augmented_mass_matrix
+from dynamics.mass_matrix import augmented_mass_matrix, kinetic_rate
 from dynamics.regressor import reference_regressor
 from kinematics.arrays import Array, frozen
 from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
-from tracking.control_law import Kind, Law, law
-from tracking.controller import AdaptiveController, Reference
+from tracking.control_law import Estimated, Kind, Law, law
+from tracking.controller import AdaptiveController, Flow, Reference
 from tracking.gain import adaptation_gain, filtered_gains
 
 
@@ -37,7 +37,11 @@ class Adaptive(AdaptiveController):
         estimate: Theta_hat at the start, shape (b,); the model's own where none is given.
         motors: Whether motor inertias and viscous frictions are learned too; by default where the
             model has any.
-        base: The base parameters, found from the model where none are given.
+        base: The base parameters that are learned, found from the model where none are given.
+        known: Base parameters that are not learned: the model's values are taken as exact.
+        known_zeros: Whether parameters that are exactly 0 in the model are known to be 0, so that
+            fewer are learned: four for the planar arm, three for the cart with its pendulum.
+        learned: Names of the base parameters that are learned; all where none are named.
 
     Raises:
         InvalidOption: A gain has the wrong shape, is not (symmetric) positive (definite), Lambda K
@@ -52,16 +56,16 @@ class Adaptive(AdaptiveController):
     estimate: Array = field(default_factory=lambda: np.zeros(0))
     motors: bool | None = None
     base: BaseParameters | None = None
+    known: BaseParameters | None = None
+    known_zeros: bool = False
+    learned: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
         Lambda, K = filtered_gains(self.chain, self.Lambda, self.K)
         object.__setattr__(self, "Lambda", Lambda)
         object.__setattr__(self, "K", K)
         if self.base is None:
-            driven = (self.chain.motor_inertia != 0.0) | (self.chain.viscous_friction != 0.0)
-            driven |= self.chain.coulomb_friction != 0.0
-            motors = bool(driven.any()) if self.motors is None else self.motors
-            object.__setattr__(self, "base", base_parameters(self.chain, motors=motors))
+            self._choose_parameters()
         object.__setattr__(self, "Gamma", adaptation_gain(self.parameters.count, self.Gamma))
         given = self.estimate if np.size(self.estimate) else self.parameters.of(self.chain)
         estimate = frozen(given)
@@ -72,6 +76,28 @@ class Adaptive(AdaptiveController):
                 hint=f"They are: {'; '.join(self.parameters.names)}.",
             )
         object.__setattr__(self, "estimate", estimate)
+
+    def _choose_parameters(self) -> None:
+        """Set the base parameters that are learned, and those that are known.
+
+        Raises:
+            InvalidOption: A name is unknown, or none is named.
+        """
+        chain = self.chain
+        driven = (chain.motor_inertia != 0.0) | (chain.viscous_friction != 0.0)
+        driven |= chain.coulomb_friction != 0.0
+        motors = bool(driven.any()) if self.motors is None else self.motors
+        base = base_parameters(chain, motors=motors, known_zeros=self.known_zeros)
+        chosen = list(range(base.count))
+        if self.learned is not None:
+            chosen = base.indices(self.learned)
+            rest = [i for i in range(base.count) if i not in chosen]
+            object.__setattr__(self, "known", base.select(rest))
+        if not chosen:
+            raise InvalidOption(
+                "no base parameter is learned", hint="Name at least one, or leave `learned` out."
+            )
+        object.__setattr__(self, "base", base.select(chosen))
 
     @property
     def parameters(self) -> BaseParameters:
@@ -94,9 +120,13 @@ class Adaptive(AdaptiveController):
         Raises:
             InvalidRobotState: The state has the wrong length or is not finite.
         """
+        return self.parameters.regressor(self._whole_regressor(q, qd, reference))
+
+    def _whole_regressor(self, q: Array, qd: Array, reference: Reference) -> Array:
+        """Y(q, q_dot, a, v) of the standard parameters, shape (n, p)."""
         r = self.filtered_error(q, qd, reference)
         a = reference.acceleration + self.Lambda * (reference.velocity - qd)
-        return self.parameters.regressor(reference_regressor(self.chain, q, qd, r + qd, a))
+        return reference_regressor(self.chain, q, qd, r + qd, a)
 
     def torque(self, _t: float, q: Array, qd: Array, reference: Reference, /) -> Array:
         """Torque u = Y Theta_hat + K r, shape (n,).
@@ -104,8 +134,11 @@ class Adaptive(AdaptiveController):
         Raises:
             InvalidRobotState: The state has the wrong length or is not finite.
         """
-        Y, r = self.regressor(q, qd, reference), self.filtered_error(q, qd, reference)
-        return np.asarray(Y @ self.estimate + self.K @ r)
+        Y, r = self._whole_regressor(q, qd, reference), self.filtered_error(q, qd, reference)
+        u = self.parameters.regressor(Y) @ self.estimate + self.K @ r
+        if self.known is not None:
+            u = u + self.known.regressor(Y) @ self.known.values
+        return np.asarray(u)
 
     def adaptation(self, _t: float, q: Array, qd: Array, reference: Reference, /) -> Array:
         """The gradient law Theta_hat_dot = Gamma Y^T r, shape (b,).
@@ -135,10 +168,26 @@ class Adaptive(AdaptiveController):
         V = 0.5 * r @ M @ r + (self.Lambda * e) @ self.K @ e
         return float(V + 0.5 * off @ np.linalg.solve(self.Gamma, off))
 
+    def lyapunov_rate(self, flow: Flow, reference: Reference, robot: Chain | None = None) -> float:
+        """V_dot = r^T (M r_dot + C r) + 2 q_tilde^T Lambda K q_tilde_dot + off^T Gamma^-1 off_dot.
+
+        Raises:
+            InvalidRobotState: The state has the wrong length or is not finite.
+            MissingInertia: The model lacks an inertia.
+        """
+        true = robot or self.chain
+        q, qd = flow.position, flow.velocity
+        e, e_dot = reference.position - q, reference.velocity - qd
+        r_dot = reference.acceleration - flow.acceleration + self.Lambda * e_dot
+        kinetic = kinetic_rate(true, q, qd, e_dot + self.Lambda * e, r_dot)
+        V_dot = kinetic + 2.0 * (self.Lambda * e) @ self.K @ e_dot
+        off = self.estimate - self.parameters.of(true)
+        return float(V_dot + off @ np.linalg.solve(self.Gamma, flow.estimate_rate))
+
     def compiled_law(self, robot: Chain) -> Law:
         """The controller as arrays for the compiled loop."""
-        base = self.parameters
-        estimated = (base.columns, self.Gamma, base.of(robot))
+        base, known = self.parameters, self.known or self.parameters.select([])
+        estimated = Estimated(base.columns, self.Gamma, base.of(robot), known.columns, known.values)
         return law(
             Kind.ADAPTIVE,
             self.chain,

@@ -12,8 +12,9 @@ from dynamics.body import bodies
 from dynamics.forward import forward_dynamics_kernel, massless
 from dynamics.inverse import wrench_torque
 from kinematics.arrays import Array
-from tracking.controller import AdaptiveController, Controller
+from tracking.controller import AdaptiveController, Controller, Flow
 from tracking.explicit import explicit_polynomials
+from tracking.joint_stop import add_stops, stop_arrays
 from tracking.loop import HOPELESS, RUNAWAY
 from tracking.motion_bounds import STEP_COEFFICIENTS, bound_step, empty_bounds
 from tracking.result import SimulationOutcome, SimulationResult, settling_time
@@ -42,6 +43,7 @@ class _Sample(NamedTuple):
     torque: Array
     saturated: NDArray[np.bool_]
     lyapunov: float
+    lyapunov_rate: float
     estimate: Array
 
 
@@ -65,6 +67,7 @@ class _Loop:
         self.held: _Command | None = None
         self.bounds = empty_bounds(float(setup.times[-1]), self.n)
         self.reference = setup.signal.arrays()
+        self.stops = stop_arrays(setup.robot, setup.options.stops)
         self.evaluations, self.steps = 0, 0
         self.samples: list[_Sample] = []
 
@@ -133,6 +136,7 @@ class _Loop:
         state, qdd = np.empty((1, 3, n)), np.empty((1, n))
         state[0, :2] = x[: 2 * n].reshape(2, n)
         state[0, 2] = command.torque + self.disturbance(t, x[:n])
+        add_stops(self.stops, x[:n], x[n : 2 * n], state[0, 2])
         failed = forward_dynamics_kernel(self.rows, state, qdd)
         if failed >= 0:
             raise massless(self.setup.robot, failed)
@@ -196,9 +200,14 @@ class _Loop:
         reference = self.setup.signal.at(t, int(self.setup.events.pieces[self.segment]))
         command = law(t, x)
         self.note_torque(command.torque)
-        V = self.with_estimate(x).lyapunov(q, qd, reference, self.setup.robot)
+        controller, robot = self.with_estimate(x), self.setup.robot
+        rate = self.rate(t, x, law)
+        self.evaluations -= 1  # Samples are no steps of the integrator.
+        flow = Flow(q, qd, rate[n : 2 * n], rate[2 * n :])
+        V = controller.lyapunov(q, qd, reference, robot)
+        V_dot = controller.lyapunov_rate(flow, reference, robot)
         at = reference.position, reference.velocity, command.torque, command.saturated
-        self.samples.append(_Sample(t, q, qd, *at, V, estimate))
+        self.samples.append(_Sample(t, q, qd, *at, V, V_dot, estimate))
 
     def result(self, outcome: SimulationOutcome) -> SimulationResult:
         """All samples side by side."""

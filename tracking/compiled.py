@@ -20,6 +20,7 @@ from tracking.integrate import (
     Record,
     run_kernel,
 )
+from tracking.joint_stop import stop_arrays
 from tracking.loop import EVALUATIONS, FAILED, FLAG_COUNT, HELD, Loop
 from tracking.motion_bounds import empty_bounds
 from tracking.result import SimulationOutcome, SimulationResult, settling_time
@@ -79,6 +80,7 @@ def _loop(setup: Setup, law: Law) -> Loop:
         np.zeros(n),
         np.zeros((2, n)),
         np.zeros((3, n)),
+        stop_arrays(setup.robot, setup.options.stops),
         flags,
     )
 
@@ -90,7 +92,7 @@ def _record(times: Array, n: int, N: int) -> Record:
         np.zeros((m, N)),
         np.zeros((m, n)),
         np.zeros((m, n), dtype=np.bool_),
-        np.zeros(m),
+        np.zeros((m, 2)),
         np.zeros((m, 2, n)),
         empty_bounds(float(times[-1]), n),
         np.zeros(COUNTER_COUNT, dtype=np.int64),
@@ -113,7 +115,8 @@ def _result(
         reference_velocity=references[:, 1],
         torque=record.torques[:m],
         saturated=record.saturated[:m].copy(),
-        lyapunov=record.lyapunov[:m],
+        lyapunov=record.lyapunov[:m, 0],
+        lyapunov_rate=record.lyapunov[:m, 1],
         estimate=x[:, 2 * n :],
         bounds=record.bounds,
         max_tracking_error=np.maximum(record.bounds.max_error, np.abs(error).max(axis=0)),

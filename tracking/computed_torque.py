@@ -9,7 +9,7 @@ from dynamics.inverse import inverse_dynamics
 from kinematics.arrays import Array
 from kinematics.chain import Chain
 from tracking.control_law import Kind, Law, law
-from tracking.controller import Controller, Reference
+from tracking.controller import Controller, Flow, Reference
 from tracking.gain import gain_vector, placed_gains
 
 
@@ -78,6 +78,17 @@ class ComputedTorque(Controller):
         e, e_dot = reference.position - q, reference.velocity - qd
         kp, kd = self.Kp, self.Kd
         return 0.5 * float(np.sum(e_dot**2 + (kp + 0.5 * kd**2) * e**2 + kd * e * e_dot))
+
+    def lyapunov_rate(self, flow: Flow, reference: Reference, _robot: Chain | None = None) -> float:
+        """V_dot = sum q_tilde_dot (q_tilde_ddot + (k_p + k_d^2 / 2) q_tilde) + k_d (...) / 2.
+
+        The last term is k_d (q_tilde_dot^2 + q_tilde q_tilde_ddot) / 2.
+        """
+        e, e_dot = reference.position - flow.position, reference.velocity - flow.velocity
+        e_ddot = reference.acceleration - flow.acceleration
+        kp, kd = self.Kp, self.Kd
+        rates = e_dot * (e_ddot + (kp + 0.5 * kd**2) * e) + 0.5 * kd * (e_dot**2 + e * e_ddot)
+        return float(rates.sum())
 
     def compiled_law(self, robot: Chain) -> Law:
         """The controller as arrays for the compiled loop."""

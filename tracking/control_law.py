@@ -40,6 +40,8 @@ class Law(NamedTuple):
         Gamma: Adaptation gain, shape (b, b).
         Gamma_inverse: Shape (b, b).
         truth: The parameters that are estimated, of the true robot, shape (b,).
+        known_columns: Those of the regressor whose parameters are taken as known, shape (k,).
+        known: These parameters, shape (k,).
         robot: The true robot's rows.
     """
 
@@ -54,7 +56,32 @@ class Law(NamedTuple):
     Gamma: Array
     Gamma_inverse: Array
     truth: Array
+    known_columns: NDArray[np.int64]
+    known: Array
     robot: Array
+
+
+class Estimated(NamedTuple):
+    """Parameters that an adaptive law learns (b of them), and those that it takes as known (k).
+
+    Args:
+        columns: Columns of the regressor that are estimated, shape (b,).
+        Gamma: Adaptation gain, shape (b, b).
+        truth: The parameters that are estimated, of the true robot, shape (b,).
+        known_columns: Columns of the regressor whose parameters are known, shape (k,).
+        known: These parameters, shape (k,).
+    """
+
+    columns: NDArray[np.int64]
+    Gamma: Array
+    truth: Array
+    known_columns: NDArray[np.int64]
+    known: Array
+
+
+def _no_estimate() -> Estimated:
+    none, empty = np.zeros(0, np.int64), np.zeros(0)
+    return Estimated(none, np.zeros((0, 0)), empty, none, empty)
 
 
 def law(
@@ -66,7 +93,7 @@ def law(
     Kd: Array | None = None,
     Lambda: Array | None = None,
     motors: tuple[Array, Array] | None = None,
-    estimated: tuple[NDArray[np.int64], Array, Array] | None = None,
+    estimated: Estimated | None = None,
 ) -> Law:
     """A law of a model, to drive a robot.
 
@@ -79,7 +106,7 @@ def law(
         Kd: Shape (n, n).
         Lambda: Shape (n,).
         motors: Inertia and viscous friction at the joints, shape (n,) each.
-        estimated: Columns of the regressor, Gamma and the true parameters.
+        estimated: Parameters that are learned; none where nothing is.
 
     Raises:
         MissingInertia: The robot, or the model where it matters, lacks an inertia.
@@ -87,9 +114,10 @@ def law(
     n = model.n
     rows = bodies(robot).rows
     believed = rows if kind is Kind.INDEPENDENT_JOINT else bodies(model).rows
-    columns, Gamma, truth = estimated or (np.zeros(0, np.int64), np.zeros((0, 0)), np.zeros(0))
+    learned = estimated or _no_estimate()
     inertia, friction = motors or (None, None)
-    inverse = np.linalg.inv(Gamma) if len(columns) else Gamma
+    Gamma = learned.Gamma
+    inverse = np.linalg.inv(Gamma) if len(learned.columns) else Gamma
     # Copies: the compiled loop is made for writable arrays, and read-only ones are another type.
     return Law(
         int(kind),
@@ -99,10 +127,12 @@ def law(
         _or_zero(Lambda, (n,)),
         _or_zero(inertia, (n,)),
         _or_zero(friction, (n,)),
-        np.array(columns, dtype=np.int64),
+        np.array(learned.columns, dtype=np.int64),
         np.array(Gamma),
         np.array(inverse),
-        np.array(truth),
+        np.array(learned.truth),
+        np.array(learned.known_columns, dtype=np.int64),
+        np.array(learned.known),
         np.array(rows),
     )
 
@@ -120,7 +150,7 @@ class Space(NamedTuple):
         motion: Shape (n, 4).
         Y: Shape (n, 12 n), or (n, 0) for laws without a regressor.
         M: Shape (n, n).
-        vectors: Shape (4, n).
+        vectors: Shape (6, n).
     """
 
     work: Array
@@ -134,7 +164,8 @@ class Space(NamedTuple):
 def space(n: int, law: Law) -> Space:
     """Scratch for a law of n joints."""
     # Columns of dry friction come last, for robots that have any.
-    kinds = 13 if law.columns.max(initial=0) >= 12 * n else 12
+    last = max(law.columns.max(initial=0), law.known_columns.max(initial=0))
+    kinds = 13 if last >= 12 * n else 12
     p = kinds * n if law.kind == Kind.ADAPTIVE else 0
     return Space(
         np.zeros((n, COMPOSITE_WORK)),
@@ -142,7 +173,7 @@ def space(n: int, law: Law) -> Space:
         np.zeros((n, 4)),
         np.zeros((n, p)),
         np.zeros((n, n)),
-        np.zeros((4, n)),
+        np.zeros((6, n)),
     )
 
 
@@ -227,6 +258,8 @@ def adaptive_kernel(
         s = 0.0
         for k in range(b):
             s += space.Y[i, law.columns[k]] * estimate[k]
+        for k in range(law.known.shape[0]):
+            s += space.Y[i, law.known_columns[k]] * law.known[k]
         u[i] = s
     add_product(law.Kd, r, u)
     for k in range(b):

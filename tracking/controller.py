@@ -1,8 +1,11 @@
 """Controllers: a torque for a state and a reference, and a Lyapunov function."""
 
+import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Self
+
+import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.chain import Chain
@@ -24,6 +27,23 @@ class Reference:
     position: Array
     velocity: Array
     acceleration: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Flow:
+    """State of a closed loop at one instant and its rate of change.
+
+    Args:
+        position: q, shape (n,) [rad or m].
+        velocity: q_dot, shape (n,) [rad/s or m/s].
+        acceleration: q_ddot of the robot, as all forces together make it, shape (n,).
+        estimate_rate: Theta_hat_dot of an adaptive controller, shape (p,); empty for the others.
+    """
+
+    position: Array
+    velocity: Array
+    acceleration: Array
+    estimate_rate: Array = field(default_factory=lambda: np.zeros(0))
 
 
 class Controller(ABC):
@@ -65,6 +85,21 @@ class Controller(ABC):
             robot: The true robot, whose mass matrix and parameters the proofs mean; the model
                 where none is given.
         """
+
+    def lyapunov_rate(
+        self, _flow: Flow, _reference: Reference, _robot: Chain | None = None
+    ) -> float:
+        """Rate V_dot of ``lyapunov`` along the motion of the closed loop.
+
+        It is the rate that V really has, with a wrong model, saturation and disturbances; where
+        the assumptions of the proof hold, it is the proof's. NaN where a controller gives none.
+
+        Args:
+            flow: The state and its rate of change.
+            reference: Where the robot should be.
+            robot: The true robot; the model where none is given.
+        """
+        return math.nan
 
     def compiled_law(self, _robot: Chain, /) -> Law | None:
         """The controller as arrays for the compiled loop, driving a robot; None if it has none."""

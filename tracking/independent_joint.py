@@ -10,7 +10,7 @@ from kinematics.arrays import Array, frozen
 from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
 from tracking.control_law import Kind, Law, law
-from tracking.controller import Controller, Reference
+from tracking.controller import Controller, Flow, Reference
 from tracking.gain import gain_vector, placed_gains
 
 
@@ -113,6 +113,12 @@ class IndependentJoint(Controller):
         """
         e, e_dot = reference.position - q, reference.velocity - qd
         return 0.5 * float(e_dot @ (self.J * e_dot) + e @ (self.Kp * e))
+
+    def lyapunov_rate(self, flow: Flow, reference: Reference, _robot: Chain | None = None) -> float:
+        """V_dot = q_tilde_dot^T (J q_tilde_ddot + K_p q_tilde)."""
+        e, e_dot = reference.position - flow.position, reference.velocity - flow.velocity
+        e_ddot = reference.acceleration - flow.acceleration
+        return float(e_dot @ (self.J * e_ddot + self.Kp * e))
 
     def compiled_law(self, robot: Chain) -> Law:
         """The controller as arrays for the compiled loop."""

@@ -79,7 +79,7 @@ class Record(NamedTuple):
         states: x, shape (m, N).
         torques: After saturation, shape (m, n).
         saturated: Shape (m, n).
-        lyapunov: Shape (m,).
+        lyapunov: V and its rate, shape (m, 2).
         references: Position and velocity, shape (m, 2, n).
         bounds: Of errors, positions and velocities over all steps.
         counters: See ``SAMPLES`` and the following, shape (COUNTER_COUNT,).
@@ -95,9 +95,35 @@ class Record(NamedTuple):
     counters: NDArray[np.int64]
 
 
+class Scratch(NamedTuple):
+    """Work arrays of a run.
+
+    Args:
+        end: State at the end of a step, shape (N,).
+        between: State within it, shape (N,).
+        command: Torque and rate of the estimate, shape (n + b,).
+        rate: Time derivative of the state, shape (N,).
+        motion: Positions and velocities over a step as polynomials, shape (2 n, 8).
+    """
+
+    end: Array
+    between: Array
+    command: Array
+    rate: Array
+    motion: Array
+
+
 @kernel
-def sample(loop: Loop, record: Record, t: float, x: Array, command: Array) -> None:
-    """Record a sample at time t and state x (N,); ``command`` (n + b,) is a work array."""
+def _scratch(loop: Loop, N: int) -> Scratch:
+    """Work arrays for N states."""
+    motion = np.empty((2 * loop.limit.shape[0], STEP_COEFFICIENTS))
+    return Scratch(np.empty(N), np.empty(N), np.empty(loop.command.shape[0]), np.empty(N), motion)
+
+
+@kernel
+def sample(loop: Loop, record: Record, t: float, x: Array, scratch: Scratch) -> None:
+    """Record a sample at time t and state x (N,)."""
+    command = scratch.command
     k, n = record.counters[SAMPLES], record.torques.shape[1]
     if loop.flags[HELD] == 0:
         command_kernel(loop, t, x, command)
@@ -110,7 +136,8 @@ def sample(loop: Loop, record: Record, t: float, x: Array, command: Array) -> No
         record.bounds.peak_torque[i] = max(record.bounds.peak_torque[i], abs(command[i]))
     for i in range(x.shape[0]):
         record.states[k, i] = x[i]
-    record.lyapunov[k] = lyapunov_at(loop, t, x)
+    V, V_dot = lyapunov_at(loop, t, x, scratch.rate)
+    record.lyapunov[k, 0], record.lyapunov[k, 1] = V, V_dot
     for i in range(n):
         record.references[k, 0, i] = loop.reference[0, i]
         record.references[k, 1, i] = loop.reference[1, i]
@@ -140,29 +167,6 @@ def first_step(loop: Loop, steps: Steps, t: float, x: Array, tolerances: Array) 
     if not np.isfinite(most):
         return h
     return min(100.0 * h, (0.01 / most) ** 0.125 if most > 1e-15 else max(1e-6, 1e-3 * h))
-
-
-class Scratch(NamedTuple):
-    """Work arrays of a run.
-
-    Args:
-        end: State at the end of a step, shape (N,).
-        between: State within it, shape (N,).
-        command: Torque and rate of the estimate, shape (n + b,).
-        motion: Positions and velocities over a step as polynomials, shape (2 n, 8).
-    """
-
-    end: Array
-    between: Array
-    command: Array
-    motion: Array
-
-
-@kernel
-def _scratch(loop: Loop, N: int) -> Scratch:
-    """Work arrays for N states."""
-    motion = np.empty((2 * loop.limit.shape[0], STEP_COEFFICIENTS))
-    return Scratch(np.empty(N), np.empty(N), np.empty(loop.command.shape[0]), motion)
 
 
 @kernel
@@ -201,10 +205,10 @@ def _sample_explicit(
         at = record.times[record.counters[SAMPLES]]
         share = (at - t) / h
         if share <= 0.0:
-            sample(loop, record, at, x, scratch.command)
+            sample(loop, record, at, x, scratch)
             continue
         explicit_interpolate(steps, x, share, scratch.between)
-        sample(loop, record, at, scratch.between, scratch.command)
+        sample(loop, record, at, scratch.between, scratch)
 
 
 @kernel
@@ -227,10 +231,10 @@ def _sample_implicit(
         at = record.times[record.counters[SAMPLES]]
         share = (at - t) / h
         if share <= 0.0:
-            sample(loop, record, at, x, scratch.command)
+            sample(loop, record, at, x, scratch)
             continue
         implicit_interpolate(stages, x, share, scratch.between)
-        sample(loop, record, at, scratch.between, scratch.command)
+        sample(loop, record, at, scratch.between, scratch)
 
 
 @kernel
@@ -317,7 +321,7 @@ def run_kernel(  # noqa: C901, PLR0912, PLR0915  one loop over segments and step
         t, stop = events.times[s], events.times[s + 1]
         _begin_segment(loop, events, s, x)
         if record.counters[SAMPLES] == 0:
-            sample(loop, record, t, x, scratch.command)
+            sample(loop, record, t, x, scratch)
         rate_kernel(loop, t, x, steps.K[0])
         if loop.flags[FAILED] > 0:
             return SINGULAR_MASS_MATRIX
@@ -389,5 +393,5 @@ def run_kernel(  # noqa: C901, PLR0912, PLR0915  one loop over segments and step
                 steps.K[0, i] = steps.K[STAGES, i]
             is_stiff = _is_stiff(loop, record, t, stiff_steps)
         is_stiff = is_stiff or stiff_steps >= _STIFF_STEPS
-    sample(loop, record, events.times[segments], x, scratch.command)
+    sample(loop, record, events.times[segments], x, scratch)
     return COMPLETED

@@ -1,8 +1,8 @@
 """The closed loop in compiled form: robot, controller, reference and disturbance as one equation.
 
-    M q_ddot + C q_dot + B q_dot + G = sat(u) + d + J^T F,
+    M q_ddot + C q_dot + B q_dot + G = sat(u) + d + J^T F + s,
 
-with the state x = [q; q_dot; estimate] of N = 2 n + b numbers.
+with the torque s of the joints' stops. The state is x = [q; q_dot; estimate], N = 2 n + b numbers.
 """
 
 from typing import NamedTuple
@@ -17,6 +17,8 @@ from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
 from kinematics.vec3 import cross, dot, subtract
 from tracking.control_law import Law, Space, control_kernel, lyapunov_kernel
+from tracking.joint_stop import StopArrays, add_stops
+from tracking.lyapunov_rate import lyapunov_rate_kernel
 
 #: A state beyond this [rad, m, rad/s, m/s] is no robot any more: the loop has run away.
 RUNAWAY = 1e6
@@ -57,6 +59,7 @@ class Loop(NamedTuple):
         asked: Torque before saturation, shape (n,).
         state: What the controller sees of q and q_dot, shape (2, n).
         reference: The reference and its two derivatives, shape (3, n).
+        stops: The joints' stops.
         flags: See ``EVALUATIONS`` and the following, shape (FLAG_COUNT,).
     """
 
@@ -76,6 +79,7 @@ class Loop(NamedTuple):
     asked: Array
     state: Array
     reference: Array
+    stops: StopArrays
     flags: NDArray[np.int64]
 
 
@@ -162,6 +166,7 @@ def rate_kernel(loop: Loop, t: float, x: Array, rate: Array) -> None:
         torque[i] = loop.command[i]
     if loop.flags[DISTURBED] != 0:
         add_disturbance(loop, t, q, torque)
+    add_stops(loop.stops, q, qd, torque)
     failed = acceleration_kernel(
         loop.law.robot, q, qd, torque, loop.space.work, loop.space.M, rate[n : 2 * n]
     )
@@ -176,10 +181,16 @@ def rate_kernel(loop: Loop, t: float, x: Array, rate: Array) -> None:
 
 
 @kernel
-def lyapunov_at(loop: Loop, t: float, x: Array) -> float:
-    """V at the true state x."""
+def lyapunov_at(loop: Loop, t: float, x: Array, rate: Array) -> tuple[float, float]:
+    """V at the true state x (N,) and its rate V_dot; ``rate`` (N,) is a work array."""
     n = loop.limit.shape[0]
+    rate_kernel(loop, t, x, rate)
+    # Samples are no steps of the integrator.
+    loop.flags[EVALUATIONS] -= 1
     reference_kernel(loop.breaks, loop.coefficients, loop.flags[PIECE], t, loop.reference)
     for i in range(n):
         loop.state[0, i], loop.state[1, i] = x[i], x[n + i]
-    return lyapunov_kernel(loop.law, loop.space, loop.state, loop.reference, x[2 * n :])
+    law, space, estimate = loop.law, loop.space, x[2 * n :]
+    V = lyapunov_kernel(law, space, loop.state, loop.reference, estimate)
+    V_dot = lyapunov_rate_kernel(law, space, loop.state, loop.reference, estimate, rate)
+    return V, V_dot

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 from kinematics.errors import InvalidOption
+from tracking.joint_stop import JointStops
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,6 +19,8 @@ class SimulationOptions:
         absolute_tolerance: Of each step [rad, m, rad/s, m/s].
         saturate: Cut the torque off at the robot's effort limits; all must then be known.
         settling_tolerance: Largest tracking error of a settled robot [rad or m].
+        stops: Stops of the joints at their position limits; none where none are given, so that
+            joints pass their limits.
         max_evaluations: Evaluations of the robot's dynamics before giving up.
 
     Raises:
@@ -32,6 +35,7 @@ class SimulationOptions:
     saturate: bool = True
     settling_tolerance: float = 1e-3
     max_evaluations: int = 1_000_000
+    stops: JointStops | None = None
 
     def __post_init__(self) -> None:
         for name in ("duration", "sample_period", "control_period", "settling_tolerance"):

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynamics.inverse import reference_dynamics
-from dynamics.mass_matrix import augmented_mass_matrix
+from dynamics.mass_matrix import augmented_mass_matrix, kinetic_rate
 from kinematics.arrays import Array
 from kinematics.chain import Chain
 from tracking.control_law import Kind, Law, law
-from tracking.controller import Controller, Reference
+from tracking.controller import Controller, Flow, Reference
 from tracking.gain import filtered_gains
 
 
@@ -72,6 +72,19 @@ class Passivity(Controller):
         r, e = self.filtered_error(q, qd, reference), reference.position - q
         M = augmented_mass_matrix(robot or self.chain, q)
         return float(0.5 * r @ M @ r + (self.Lambda * e) @ self.K @ e)
+
+    def lyapunov_rate(self, flow: Flow, reference: Reference, robot: Chain | None = None) -> float:
+        """V_dot = r^T (M r_dot + C r) + 2 q_tilde^T Lambda K q_tilde_dot.
+
+        Raises:
+            InvalidRobotState: The state has the wrong length or is not finite.
+            MissingInertia: The model lacks an inertia.
+        """
+        q, qd = flow.position, flow.velocity
+        e, e_dot = reference.position - q, reference.velocity - qd
+        r_dot = reference.acceleration - flow.acceleration + self.Lambda * e_dot
+        kinetic = kinetic_rate(robot or self.chain, q, qd, e_dot + self.Lambda * e, r_dot)
+        return float(kinetic + 2.0 * (self.Lambda * e) @ self.K @ e_dot)
 
     def compiled_law(self, robot: Chain) -> Law:
         """The controller as arrays for the compiled loop."""

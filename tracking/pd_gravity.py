@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynamics.gravity import gravity_vector
-from dynamics.mass_matrix import augmented_mass_matrix
+from dynamics.mass_matrix import augmented_mass_matrix, kinetic_rate
 from kinematics.arrays import Array
 from kinematics.chain import Chain
 from tracking.control_law import Kind, Law, law
-from tracking.controller import Controller, Reference
+from tracking.controller import Controller, Flow, Reference
 from tracking.gain import gain_matrix
 
 
@@ -62,6 +62,18 @@ class PdGravity(Controller):
         e = reference.position - q
         M = augmented_mass_matrix(robot or self.chain, q)
         return 0.5 * float(qd @ M @ qd + e @ self.Kp @ e)
+
+    def lyapunov_rate(self, flow: Flow, reference: Reference, robot: Chain | None = None) -> float:
+        """V_dot = q_dot^T (M q_ddot + C q_dot) + q_tilde_dot^T K_p q_tilde.
+
+        Raises:
+            InvalidRobotState: The state has the wrong length or is not finite.
+            MissingInertia: The model lacks an inertia.
+        """
+        e, e_dot = reference.position - flow.position, reference.velocity - flow.velocity
+        q, qd = flow.position, flow.velocity
+        kinetic = kinetic_rate(robot or self.chain, q, qd, qd, flow.acceleration)
+        return float(kinetic + e_dot @ self.Kp @ e)
 
     def compiled_law(self, robot: Chain) -> Law:
         """The controller as arrays for the compiled loop."""

@@ -39,6 +39,7 @@ class SimulationResult:
         saturated: Where more torque was asked than applied, shape (m, n).
         lyapunov: V of the controller's stability proof, with the true robot's M and parameters,
             shape (m,).
+        lyapunov_rate: Rate V_dot of V along this motion, shape (m,); NaN for a controller without.
         estimate: Parameters of an adaptive controller, shape (m, p); p = 0 for the others.
         max_tracking_error: Largest |q^r - q| of each joint at any instant, bounded over every step
             of the integrator, shape (n,) [rad or m].
@@ -59,6 +60,7 @@ class SimulationResult:
     torque: Array
     saturated: NDArray[np.bool_]
     lyapunov: Array
+    lyapunov_rate: Array
     estimate: Array
     max_tracking_error: Array
     bounds: MotionBounds

@@ -24,6 +24,7 @@ from armwright_client.check import CheckAnswer, CheckBatch, CheckOptions, CheckR
 from armwright_client.goal import GoalLike, Start, as_goal
 from armwright_client.health import Health, Readiness
 from armwright_client.job import Job, JobList
+from armwright_client.lyapunov import Lyapunov, LyapunovRequest
 from armwright_client.pending import cancel_call, events_call, job_call
 from armwright_client.plan import Plan, PlanOptions, PlanRequest
 from armwright_client.pose import ConvertedPose, ConvertPoseRequest, PoseForm, PoseMotion
@@ -262,3 +263,16 @@ class ServiceEndpoints:
             robot=robot, trajectory=trajectory, controller=controller, **options
         )
         return Call("POST", path("simulate"), Simulation.read, body, deadline=body.timeout)
+
+    @Endpoint
+    def lyapunov(
+        self,
+        A: RowsLike,
+        P: RowsLike | None = None,
+        *,
+        Q: RowsLike | None = None,
+        x: VectorLike | RowsLike | None = None,
+    ) -> Call[Lyapunov]:
+        """V = x'Px as a Lyapunov function of dx/dt = A x; with Q in place of P it is solved for."""
+        body = LyapunovRequest.of(A=A, P=P, Q=Q, x=x)
+        return Call("POST", path("lyapunov"), Lyapunov.read, body)

@@ -83,6 +83,7 @@ from armwright_client.kinematics import (
     JacobianRequest,
     Unsolved,
 )
+from armwright_client.lyapunov import Lyapunov, LyapunovRequest, Pole, QuadraticForm
 from armwright_client.plan import (
     CartesianOptions,
     Descent,
@@ -241,6 +242,8 @@ __all__ = [
     "LinkCapsules",
     "LinkSolid",
     "LookAtConstraint",
+    "Lyapunov",
+    "LyapunovRequest",
     "Mesh",
     "ModelOptions",
     "Obstacle",
@@ -254,6 +257,7 @@ __all__ = [
     "PlanRequest",
     "PlaneRegion",
     "PointCloud",
+    "Pole",
     "Pose",
     "PoseForm",
     "PoseForms",
@@ -270,6 +274,7 @@ __all__ = [
     "ProjectRequest",
     "Projection",
     "Proved",
+    "QuadraticForm",
     "Readiness",
     "Refine",
     "RegressorAnswer",

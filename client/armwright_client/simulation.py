@@ -170,6 +170,7 @@ class Simulation(Answer):
         saturated: Whether any joint wanted more than its limit.
         tracking_error: At each time.
         lyapunov: V(t).
+        lyapunov_rate: dV/dt along the simulated motion.
         estimate: Parameters at each time, of an adaptive controller.
         true_parameters: Those of the robot.
         max_tracking_error: Of all joints, over all steps of the integrator.
@@ -192,6 +193,7 @@ class Simulation(Answer):
     saturated: list[bool]
     tracking_error: Matrix
     lyapunov: list[float]
+    lyapunov_rate: list[float]
     estimate: Matrix | None = None
     true_parameters: list[float] | None = None
     max_tracking_error: float

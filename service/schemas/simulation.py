@@ -331,6 +331,10 @@ class SimulateAnswer(Answer):
     lyapunov: list[float] = Field(
         description="V(t) of the controller's proof, with the true robot's M and parameters"
     )
+    lyapunov_rate: list[float] = Field(
+        description="dV/dt along the simulated motion, wrong model, saturation and disturbance "
+        "included; where the proof applies, it is the proof's and never positive"
+    )
     estimate: Matrix | None = Field(None, description="Θ̂(t) of an adaptive controller")
     true_parameters: list[float] | None = Field(None, description="Θ of the robot, for comparison")
     max_tracking_error: float = Field(

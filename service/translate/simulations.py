@@ -292,6 +292,7 @@ def simulation_answer(
         "saturated": result.saturated.any(axis=1).tolist(),
         "tracking_error": result.tracking_error.tolist(),
         "lyapunov": result.lyapunov.tolist(),
+        "lyapunov_rate": result.lyapunov_rate.tolist(),
         "estimate": None if adaptive is None else result.estimate.tolist(),
         "true_parameters": None if adaptive is None else adaptive.parameters.of(robot).tolist(),
         "max_tracking_error": float(result.max_tracking_error.max()),

@@ -20,6 +20,7 @@ from service.schemas import check as their_check
 from service.schemas import constraint as their_constraint
 from service.schemas import dynamics as their_dynamics
 from service.schemas import kinematics as their_kinematics
+from service.schemas import lyapunov as their_lyapunov
 from service.schemas import plan as their_plan
 from service.schemas import pose as their_pose
 from service.schemas import pose_conversion as their_conversion
@@ -37,6 +38,10 @@ PAIRS: list[tuple[type[Readable], type[BaseModel]]] = [
     (ours.PoseForms, their_conversion.PoseForms),
     (ours.SingularForm, their_conversion.SingularFormAnswer),
     (ours.ConvertedPose, their_conversion.ConvertPoseAnswer),
+    (ours.LyapunovRequest, their_lyapunov.LyapunovRequest),
+    (ours.QuadraticForm, their_lyapunov.FormAnswer),
+    (ours.Pole, their_lyapunov.Pole),
+    (ours.Lyapunov, their_lyapunov.LyapunovAnswer),
     (ours.Box, their_shape.Box),
     (ours.Sphere, their_shape.Sphere),
     (ours.Cylinder, their_shape.Cylinder),

@@ -17,6 +17,7 @@ from service.schemas.dynamics import (
     WrenchRequest,
 )
 from service.schemas.kinematics import FkRequest, IkRequest, JacobianRequest, VelocityRequest
+from service.schemas.lyapunov import LyapunovRequest
 from service.schemas.plan import PlanRequest, ValidateRequest
 from service.schemas.pose_conversion import ConvertPoseRequest
 from service.schemas.potential import PotentialRequest
@@ -246,6 +247,9 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
     (ConvertPoseRequest, {"motions": [POSE | orientation | {"about": "fixed"}
                                       for orientation in ORIENTATIONS]}),
     (ConvertPoseRequest, {"motions": [{"transform": np.eye(4).tolist()}]}),
+    (LyapunovRequest, {"A": [[0.0, 1.0], [-1.0, -1.0]], "P": [[1.0, 0.5], [0.5, 1.0]],
+                       "x": [0.5, 0.0]}),
+    (LyapunovRequest, {"A": [[-1.0]], "Q": [[1.0]], "x": [[1.0], [2.0]]}),
     (ConvertRequest, {"trajectory": SEGMENTS, "sample_period": 0.01, "format": "csv",
                       "frame_id": "base"}),
     (SimulateRequest, SIMULATE | {"controller": CONTROLLERS[0]}),

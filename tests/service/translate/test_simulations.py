@@ -296,7 +296,7 @@ def result(outcome: SimulationOutcome, settled: float | None, count: int = 0) ->
     cut = np.array([[False, False], [False, True], [True, True]])
     return SimulationResult(
         outcome, np.array([0.0, 0.5, 1.0]), rows, 2.0 * rows, 3.0 * rows, 4.0 * rows, 5.0 * rows,
-        cut, np.array([3.0, 2.0, 1.0]), np.ones((3, count)), np.array([0.1, 0.7]),
+        cut, np.array([3.0, 2.0, 1.0]), -np.ones(3), np.ones((3, count)), np.array([0.1, 0.7]),
         empty_bounds(1.0, 2), settled, 99, 8, 7,
     )  # fmt: skip
 

@@ -1,0 +1,23 @@
+"""Quadratic Lyapunov functions of linear systems."""
+
+from fastapi import APIRouter, Request, Response
+
+from service.http.compute import compute
+from service.http.json_route import JsonRoute
+from service.http.openapi import RESPONSES
+from service.schemas.lyapunov import LyapunovAnswer, LyapunovRequest
+from service.task_references import lyapunov as lyapunov_task
+
+router = APIRouter(prefix="/v1", tags=["tracking"], route_class=JsonRoute, responses=RESPONSES)
+
+
+@router.post("/lyapunov", summary="Examine V = x'Px", response_model=LyapunovAnswer)
+async def lyapunov(body: LyapunovRequest, request: Request) -> Response:  # noqa: ARG001
+    """The quadratic form V = xᵀ P x as a Lyapunov function of dx/dt = A x.
+
+    With Q in place of P the Lyapunov equation Aᵀ P + P A = −Q is solved. The answer has minors,
+    eigenvalues and definiteness of P and Q, V and dV/dt as formulas and at states, and a verdict.
+    """
+    content = await request.body()
+    result = await compute(request, lyapunov_task.job(content))
+    return Response(result, media_type="application/json")

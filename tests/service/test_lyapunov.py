@@ -1,0 +1,62 @@
+"""Quadratic Lyapunov functions over HTTP."""
+
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+from scipy.linalg import solve_continuous_lyapunov
+
+from tests.service.robots import answer
+
+SPRING = [[0.0, 1.0], [-1.0, -1.0]]
+
+
+def test_a_form_is_examined(client: httpx.Client) -> None:
+    body = {"A": SPRING, "P": [[1.0, 0.5], [0.5, 1.0]], "x": [[0.5, 0.0], [0.0, 1.0]]}
+    found = answer(client.post("/v1/lyapunov", json=body))
+    assert (found["V"], found["V_dot"]) == ("x1² + x1 x2 + x2²", "-x1² - x1 x2 - x2²")
+    assert found["P"]["minors"] == pytest.approx([1.0, 0.75])
+    assert found["Q"]["definiteness"] == "positive definite"
+    assert found["verdict"] == "asymptotically_stable"
+    assert found["values"] == pytest.approx([0.25, 1.0])
+    assert found["rates"] == pytest.approx([-0.25, -1.0])
+    assert found["notes"] == []
+    assert found["poles"][0] == pytest.approx({"real": -0.5, "imaginary": -np.sqrt(0.75)})
+
+
+def test_the_equation_is_solved(client: httpx.Client) -> None:
+    found = answer(client.post("/v1/lyapunov", json={"A": SPRING, "Q": [[1, 0], [0, 1]]}))
+    expected = solve_continuous_lyapunov(np.array(SPRING).T, -np.eye(2))
+    np.testing.assert_allclose(found["P"]["matrix"], expected, atol=1e-14)
+    assert found["verdict"] == "asymptotically_stable"
+    assert (found["values"], found["rates"]) == (None, None)
+
+
+def test_a_form_that_is_not_symmetric_is_told(client: httpx.Client) -> None:
+    body = {"A": SPRING, "P": [[1.0, 1.0], [0.0, 1.0]], "x": [1.0, 1.0]}
+    found = answer(client.post("/v1/lyapunov", json=body))
+    assert found["P"]["matrix"] == [[1.0, 0.5], [0.5, 1.0]]
+    assert found["values"] == pytest.approx(3.0)
+    assert "not symmetric" in found["notes"][0]
+
+
+@pytest.mark.parametrize(
+    ("body", "status", "text"),
+    [
+        ({"A": SPRING}, 422, "exactly one of P, Q"),
+        ({"A": SPRING, "P": SPRING, "Q": SPRING}, 422, "exactly one of P, Q"),
+        ({"A": [[1.0, 2.0]], "P": [[1.0]]}, 422, "A[0] has 2 number(s), A has 1 rows"),
+        ({"A": SPRING, "P": [[1.0]]}, 422, "A is 2 x 2, P is 1 x 1"),
+        ({"A": SPRING, "P": SPRING, "x": [1.0]}, 422, "x has 1 number(s), A has 2 rows"),
+        ({"A": SPRING, "P": SPRING, "x": [[1.0, 2.0], [1.0]]}, 422, "x[1] has 1 number(s)"),
+        ({"A": [[0.0, 1.0], [-1.0, 0.0]], "Q": [[1.0, 0.0], [0.0, 1.0]]}, 422, "add up to 0"),
+        ({"A": SPRING, "Q": [[1.0, 1.0], [0.0, 1.0]]}, 422, "Q is not symmetric"),
+    ],
+)
+def test_faults_say_what_and_where(
+    client: httpx.Client, body: dict[str, Any], status: int, text: str
+) -> None:
+    response = client.post("/v1/lyapunov", json=body)
+    assert response.status_code == status, response.text
+    assert text in response.text
