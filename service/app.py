@@ -7,10 +7,9 @@ from contextlib import asynccontextmanager
 from fastapi import FastAPI
 from starlette.concurrency import run_in_threadpool
 
-from service.http import handlers, openapi
-from service.http.body_limit import BodyLimit
+from service.http import handlers, middleware, openapi
 from service.http.json_route import JsonRoute
-from service.http.metrics import Measured, Metrics
+from service.http.metrics import Metrics
 from service.jobs.deferral import defer
 from service.jobs.runner import Jobs
 from service.recipe import RECIPE
@@ -22,6 +21,7 @@ from service.routes import (
     jobs,
     kinematics,
     lyapunov,
+    pages,
     plan,
     poses,
     potential,
@@ -45,6 +45,7 @@ _SPARES = 1
 #: Models of robots that the server keeps; one is some kilobytes.
 _MODELS = 256
 _ROUTERS = (
+    pages.router,
     health.router,
     problems.router,
     robots.router,
@@ -107,15 +108,16 @@ def create_app(settings: Settings | None = None, launched: Launched | None = Non
         license_info={"name": "Apache-2.0", "identifier": "Apache-2.0"},
         lifespan=lifespan,
         redirect_slashes=False,
+        docs_url=None,
+        redoc_url=None,
     )
     app.state.settings = chosen
+    app.state.stopping = False
     app.state.defer = defer
     app.state.metrics = Metrics(app)
     app.router.route_class = JsonRoute
-    # The last one added is the outermost.
-    app.add_middleware(BodyLimit, max_size=chosen.max_body_size, timeout=chosen.body_timeout)
-    app.add_middleware(handlers.UnexpectedErrors)
-    app.add_middleware(Measured, metrics=app.state.metrics)
+    app.state.swagger = pages.swagger_folder()
+    middleware.install(app, chosen, app.state.metrics)
     handlers.install(app)
     openapi.install(app)
     for router in _ROUTERS:

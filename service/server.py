@@ -13,6 +13,11 @@ from fastapi import FastAPI
 from pydantic import ValidationError
 
 from service.app import create_app
+from service.http.connection import (
+    ConnectionLimits,
+    connection_class,
+    possible_connections,
+)
 from service.settings import Settings
 from service.storage.database import StoreError
 from service.storage.store import open_store
@@ -39,6 +44,7 @@ class _Server(uvicorn.Server):
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         supervisor = self._application.state.supervisor
+        self._application.state.stopping = True
         # Open event streams end now, and what runs as a job goes on when the service is back.
         await self._application.state.jobs.stop()
         asyncio.get_running_loop().call_later(_DRAIN, supervisor.abandon)
@@ -72,12 +78,19 @@ def serve(options: Mapping[str, Any], launched: Launched | None = None) -> int:
         timeout_graceful_shutdown=_CUT_OFF,
         server_header=False,
         lifespan="on",
+        http=_protocol(settings),
     )
     # Raised once more by uvicorn after a graceful end, which is no failure.
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: sys.exit(0))
     _Server(config, app, _address(listener)).run([listener])
     return 0
+
+
+def _protocol(settings: Settings) -> Any:
+    """The protocol of connections, as uvicorn takes it; the types it names are narrower."""
+    count = possible_connections(settings.connection_limit)
+    return connection_class(ConnectionLimits(count, settings.head_timeout))
 
 
 def _listen(host: str, port: int) -> socket.socket:

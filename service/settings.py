@@ -37,6 +37,21 @@ class Settings(BaseSettings):
     queue_limit: int = Field(64, ge=0, description="requests that may wait for a worker")
     max_body_size: int = Field(64 * _MEBIBYTE, ge=1024, description="largest request body [byte]")
     body_timeout: Positive = Field(30.0, description="longest silence within a request body [s]")
+    body_deadline: Positive = Field(120.0, description="time in which a body must arrive [s]")
+    head_timeout: Positive = Field(
+        10.0, description="time in which the head of a request must arrive [s]"
+    )
+    connection_limit: int = Field(
+        1000, ge=1, description="open connections; the system's limit of descriptors may be lower"
+    )
+    allowed_hosts: str = Field(
+        "",
+        description="names, parted by commas, under which the service is asked, beside addresses "
+        "and names without a dot; .example.com for all below it, * for any",
+    )
+    cors_origins: str = Field(
+        "", description="origins, parted by commas, whose pages may ask; * for any"
+    )
     default_timeout: Positive = Field(10.0, description="deadline of a request that names none [s]")
     max_timeout: Positive = Field(300.0, description="longest deadline a request may name [s]")
     kill_grace: Positive = Field(0.1, description="overrun of a deadline before the kill [s]")
@@ -62,6 +77,16 @@ class Settings(BaseSettings):
         return self
 
     @property
+    def host_names(self) -> frozenset[str]:
+        """Names of this service beside those that are always allowed, in lower case."""
+        return frozenset(name.lower() for name in _parts(self.allowed_hosts))
+
+    @property
+    def origins(self) -> tuple[str, ...]:
+        """Origins whose pages may ask."""
+        return _parts(self.cors_origins)
+
+    @property
     def prepared_dir(self) -> Path:
         """Folder of prepared robots and scenes."""
         return self.data_dir.absolute() / "prepared"
@@ -70,3 +95,7 @@ class Settings(BaseSettings):
     def storage_url(self) -> str:
         """The database URL, in the data folder unless one was given."""
         return self.database_url or f"sqlite:///{self.data_dir.absolute() / 'armwright.db'}"
+
+
+def _parts(text: str) -> tuple[str, ...]:
+    return tuple(part.strip() for part in text.split(",") if part.strip())

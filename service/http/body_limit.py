@@ -1,75 +1,121 @@
-"""Limits of request bodies: their size, and the time in which they arrive."""
+"""Bodies of requests: their size, the time in which they arrive, and where they wait for it.
+
+A body is taken in whole before anything else is done with its request. A large one is written to a
+file meanwhile, so that clients that send slowly take up no memory.
+"""
 
 import asyncio
+import tempfile
+import time
+from typing import IO
 
 from starlette.datastructures import Headers
+from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.http.errors import HttpProblemError
+from service.http.job_context import JOB_CONTEXT
 
+#: Key in the scope of a request with the instant at which it began to arrive, on the clock of
+#: `time.monotonic` [s].
+ARRIVAL = "armwright.arrival"
+#: Bodies up to this wait in memory, larger ones in a file [byte].
+_IN_MEMORY = 256 * 1024
 #: Nothing more of the body is read, so the connection can't be used again.
 _CLOSE = {"Connection": "close"}
 
 
 class BodyLimit:
-    """Middleware that refuses bodies that are too large or that stop arriving.
+    """Middleware that refuses bodies that are too large or that take too long.
 
     Args:
         app: The application behind it.
         max_size: Largest body [byte], with a Content-Length or without.
-        timeout: Longest silence within a body [s].
+        silence: Longest silence within a body [s].
+        deadline: Longest time in which a body arrives [s].
     """
 
-    def __init__(self, app: ASGIApp, max_size: int, timeout: float) -> None:
+    def __init__(self, app: ASGIApp, max_size: int, silence: float, deadline: float) -> None:
         self._app = app
         self._max_size = max_size
-        self._timeout = timeout
+        self._silence = silence
+        self._deadline = deadline
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass a request on."""
-        if scope["type"] != "http":
+        """Pass a request on once its body is there.
+
+        Raises:
+            HttpProblemError: PAYLOAD_TOO_LARGE, REQUEST_TIMEOUT, INVALID_REQUEST.
+            ClientDisconnect: The client left before.
+        """
+        if scope["type"] != "http" or JOB_CONTEXT in scope:
             await self._app(scope, receive, send)
             return
-        announced = Headers(scope=scope).get("content-length", "")
-        too_large = announced.isdigit() and (
-            len(announced) > len(str(self._max_size)) or int(announced) > self._max_size
-        )
-        size, complete = 0, False
+        arrival = scope.setdefault(ARRIVAL, time.monotonic())
+        self._check_head(Headers(scope=scope))
+        with tempfile.SpooledTemporaryFile(_IN_MEMORY) as stored:
+            await self._store(receive, arrival, stored)
+            stored.seek(0)
+            unread = [stored.read()]
 
-        async def receive_limited() -> Message:
-            nonlocal size, complete
-            if complete:  # what remains to come is the disconnection, whenever that is
-                return await receive()
-            if too_large:
-                raise self._too_large()
-            message = await self._in_time(receive)
-            size += len(message.get("body", b""))
-            complete = not message.get("more_body", False)
+        async def receive_stored() -> Message:
+            if unread:
+                return {"type": "http.request", "body": unread.pop(), "more_body": False}
+            return await receive()  # what remains to come is the disconnection, whenever that is
+
+        await self._app(scope, receive_stored, send)
+
+    def _check_head(self, headers: Headers) -> None:
+        announced = headers.get("content-length", "")
+        if announced and "transfer-encoding" in headers:
+            # Which of the two counts is where proxies and servers differ (RFC 9112, 6.3).
+            raise HttpProblemError(
+                "INVALID_REQUEST",
+                "the request has both Content-Length and Transfer-Encoding",
+                _CLOSE,
+                stage="request",
+                status=400,
+            )
+        if announced.isdigit() and (
+            len(announced) > len(str(self._max_size)) or int(announced) > self._max_size
+        ):
+            raise self._too_large()
+
+    async def _store(self, receive: Receive, arrival: float, stored: IO[bytes]) -> None:
+        size, more = 0, True
+        while more:
+            left = arrival + self._deadline - time.monotonic()
+            message = await self._in_time(receive, left)
+            if message["type"] == "http.disconnect":
+                raise ClientDisconnect
+            part = message.get("body", b"")
+            size += len(part)
             if size > self._max_size:
                 raise self._too_large()
-            return message
+            stored.write(part)
+            more = message.get("more_body", False)
 
-        await self._app(scope, receive_limited, send)
-
-    async def _in_time(self, receive: Receive) -> Message:
+    async def _in_time(self, receive: Receive, left: float) -> Message:
         try:
             # Not wait_for: until Python 3.12 it may swallow a cancellation.
-            async with asyncio.timeout(self._timeout):
+            async with asyncio.timeout(max(min(self._silence, left), 0.0)):
                 return await receive()
         except TimeoutError:
+            late = f"the body did not arrive within {self._deadline:g} s"
+            silent = f"nothing of the body arrived for {self._silence:g} s"
             raise HttpProblemError(
                 "REQUEST_TIMEOUT",
-                f"nothing of the body arrived for {self._timeout:g} s",
+                silent if self._silence < left else late,
+                _CLOSE,
                 stage="request",
-                headers=_CLOSE,
             ) from None
 
     def _too_large(self) -> HttpProblemError:
         return HttpProblemError(
             "PAYLOAD_TOO_LARGE",
             f"the body is larger than {self._max_size} bytes",
+            _CLOSE,
             stage="request",
             hint="Split the request, or raise ARMWRIGHT_MAX_BODY_SIZE where the service is run.",
-            headers=_CLOSE,
             max_body_size=self._max_size,
         )

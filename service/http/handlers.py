@@ -1,5 +1,6 @@
 """Exception handlers: every error of a request becomes a problem document."""
 
+import asyncio
 import json
 import logging
 
@@ -22,6 +23,7 @@ from service.http.errors import (
 )
 from service.problem import ProblemError, unexpected_fault
 from service.schemas.validation import validation_problem
+from service.workers.faults import ShuttingDown
 
 _log = logging.getLogger(__name__)
 
@@ -52,6 +54,8 @@ def install(app: FastAPI) -> None:
 
     async def on_http(request: Request, error: Exception) -> Response:
         assert isinstance(error, HTTPException)
+        if request.method == "OPTIONS" and error.status_code == 405:
+            return Response(None, 204, {"Allow": ", ".join(_possible_methods(request))})
         return problem_response(_from_framework(request, error), request.url.path)
 
     async def on_domain(request: Request, error: Exception) -> Response:
@@ -108,6 +112,15 @@ class UnexpectedErrors:
 
         try:
             await self._app(scope, receive, send_and_note)
+        except ProblemError as refusal:  # of another layer
+            if started:
+                raise
+            await problem_response(refusal, scope["path"])(scope, receive, send)
+        except asyncio.CancelledError:
+            # The service ends, and the request has used up the time that it had for that.
+            if started or not scope["app"].state.stopping:
+                raise
+            await problem_response(ShuttingDown(), scope["path"])(scope, receive, send)
         except ClientDisconnect:
             _log.debug("the client of %s left before its request was complete", scope["path"])
         except Exception:

@@ -9,6 +9,7 @@ from starlette.concurrency import run_in_threadpool
 from service.http import answers
 from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES
+from service.http.precondition import check_precondition
 from service.http.state import prepared_folder, store_of
 from service.problem import ProblemError
 from service.routes.paging import page
@@ -87,8 +88,10 @@ async def put_scene(name: str, body: Scene, request: Request, response: Response
             hint="Leave the name out of the body.",
         )
     validate_as(NamedScene, {"obstacles": [], "name": name})
+    check_precondition(request, _hash(await _prepared_reference(request, name)))
     content = await _build_document(request, name)
     before = await _prepared_reference(request, name)
+    check_precondition(request, _hash(before))  # it may have been replaced meanwhile
     record = await run_in_threadpool(store_of(request).documents.replace, _KIND, name, content)
     if before is not None and before.hash != record.hash:
         await run_in_threadpool(prepared_files.forget, before)
@@ -102,6 +105,8 @@ async def put_scene(name: str, body: Scene, request: Request, response: Response
 async def delete_scene(name: str, request: Request) -> None:
     """Forgets the scene."""
     before = await _prepared_reference(request, name)
+    if before is not None:
+        check_precondition(request, before.hash)
     await run_in_threadpool(store_of(request).documents.delete, _KIND, name)
     if before is not None:
         await run_in_threadpool(prepared_files.forget, before)
@@ -120,6 +125,10 @@ async def _prepared_reference(request: Request, name: str) -> Reference | None:
         return await answers.scene(request, name)
     except ProblemError:
         return None
+
+
+def _hash(reference: Reference | None) -> str | None:
+    return None if reference is None else reference.hash
 
 
 def _summary(record: Record) -> SceneSummary:

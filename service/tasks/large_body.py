@@ -15,6 +15,8 @@ from service.workers.task import task
 _INSPECTED = ("problems",)
 #: Longer texts are cut; names and the like are far shorter.
 _LONG = 4096
+#: What is left of them.
+_EXCERPT = 64
 
 
 @task
@@ -26,7 +28,7 @@ def outline(model: str, content: bytes) -> BaseModel | TaskProblem:
         content: JSON.
 
     Returns:
-        An instance whose parts are empty shells and whose texts are cut; lists of numbers stay,
+        An instance without its lists of objects and with long texts cut; lists of numbers stay,
         since they are counted.
     """
     module, _, name = model.partition(":")
@@ -52,10 +54,10 @@ def _outline(body: BaseModel) -> BaseModel:
 
 def _part(name: str, value: Any) -> Any:
     if isinstance(value, BaseModel):
-        return type(value).model_construct()
+        return _outline(value)
     if isinstance(value, list) and value and isinstance(value[0], BaseModel):
         return [_outline(item) for item in value] if name in _INSPECTED else []
     if isinstance(value, dict):
-        return None
+        return {key: _part(key, item) for key, item in value.items()}
     # The beginning stands for the whole: a field that was given stays given.
-    return value[:_LONG] if isinstance(value, str) else value
+    return value[:_EXCERPT] if isinstance(value, str) and len(value) > _LONG else value

@@ -13,7 +13,10 @@ SIZE = 10
 
 
 def run(
-    parts: Sequence[bytes | float], length: str | None = None, scope_type: str = "http"
+    parts: Sequence[bytes | float],
+    length: str | None = None,
+    scope_type: str = "http",
+    encoding: str | None = None,
 ) -> list[Any]:
     """What an application behind the limit receives of a body in parts; numbers are pauses [s]."""
     received: list[Any] = []
@@ -38,21 +41,25 @@ def run(
         raise AssertionError
 
     headers = [] if length is None else [(b"content-length", length.encode())]
+    if encoding is not None:
+        headers.append((b"transfer-encoding", encoding.encode()))
     scope = {"type": scope_type, "headers": headers}
-    asyncio.run(BodyLimit(app, SIZE, 0.05)(scope, receive, send))
+    asyncio.run(BodyLimit(app, SIZE, 0.05, 0.15)(scope, receive, send))
     return received
 
 
-def refusal(*parts: bytes | float, length: str | None = None) -> HttpProblemError:
+def refusal(
+    *parts: bytes | float, length: str | None = None, encoding: str | None = None
+) -> HttpProblemError:
     with pytest.raises(HttpProblemError) as refused:
-        run(parts, length)
+        run(parts, length, encoding=encoding)
     assert refused.value.headers == {"Connection": "close"}
     return refused.value
 
 
 def test_a_body_of_the_largest_size_passes() -> None:
     assert run([b"x" * SIZE], str(SIZE)) == [b"x" * SIZE]
-    assert run([b"xxxx"] * 2 + [b"xx"]) == [b"xxxx", b"xxxx", b"xx"]
+    assert run([b"xxxx"] * 2 + [b"yy"]) == [b"xxxxxxxxyy"]
     assert run([b""]) == [b""]
 
 
@@ -88,11 +95,24 @@ def test_a_body_that_stops_arriving_is_given_up() -> None:
     assert "0.05 s" in problem.detail
 
 
-def test_the_time_begins_anew_with_each_part() -> None:
+def test_silence_begins_anew_with_each_part() -> None:
     parts: list[bytes | float] = []
     for _ in range(4):
         parts += [0.02, b"x"]
-    assert run(parts) == [b"x"] * 4
+    assert run(parts) == [b"xxxx"]
+
+
+def test_a_body_that_takes_too_long_is_given_up() -> None:
+    parts: list[bytes | float] = []
+    for _ in range(10):
+        parts += [0.03, b"x"]
+    problem = refusal(*parts)
+    assert (problem.code, status_of(problem)) == ("REQUEST_TIMEOUT", 408)
+    assert "within 0.15 s" in problem.detail
+
+
+def test_two_lengths_are_refused() -> None:
+    assert refusal(b"x", length="1", encoding="chunked").code == "INVALID_REQUEST"
 
 
 def test_after_the_body_a_client_may_stay_as_long_as_it_likes() -> None:
@@ -110,7 +130,7 @@ def test_after_the_body_a_client_may_stay_as_long_as_it_likes() -> None:
     async def send(message: Any) -> None:
         raise AssertionError
 
-    asyncio.run(BodyLimit(app, SIZE, 0.05)({"type": "http", "headers": []}, receive, send))
+    asyncio.run(BodyLimit(app, SIZE, 0.05, 0.15)({"type": "http", "headers": []}, receive, send))
     assert received == ["http.request", "http.disconnect"]
 
 

@@ -9,6 +9,7 @@ import pytest
 
 from service.http.large_body import INLINE_BYTES
 from service.schemas.plan import PlanRequest
+from service.schemas.scene import Scene
 from service.tasks.large_body import outline
 from service.tasks.result import TaskProblem
 from tests.service.robots import ASIDE, FLOOR, HOME, POST, answer, bench, problem, scene
@@ -79,14 +80,28 @@ def test_a_large_body_is_refused_as_a_small_one(client: httpx.Client, body: byte
 
 
 def test_an_outline_has_what_the_server_looks_at() -> None:
-    body = json.dumps(PLAN | {"planner_options": {"range": 0.5}}).encode()
+    body = json.dumps(PLAN | {"planner_options": {"range": 0.5, "text": "x" * 5000}}).encode()
     found = outline("service.schemas.plan:PlanRequest", body)
     assert isinstance(found, PlanRequest)
-    assert (found.robot, found.timeout, found.planner_options) == ("panda", 20.0, None)
-    assert not isinstance(found.scene, str | None)
+    assert (found.robot, found.timeout) == ("panda", 20.0)
+    assert found.planner_options == {"range": 0.5, "text": "x" * 64}
+    assert isinstance(found.scene, Scene)
+    assert found.scene.obstacles == []
     refused = outline("service.schemas.plan:PlanRequest", b"{}")
     assert isinstance(refused, TaskProblem)
     assert refused.code == "VALIDATION_ERROR"
+
+
+def test_rules_of_several_fields_hold_for_large_bodies(client: httpx.Client) -> None:
+    """Rules are checked once more when the framework gets the outline: it must not break them."""
+    lines = {"motions": [{"type": "lin", "to": {"position": [0.4, 0.1, 0.6]}}]}
+    cartesian = PLAN | {"planner": "cartesian", "planner_options": lines, "goal": None}
+    segments = [{"t0": 0.0, "t1": 1.0, "coefficients": [[0.0, 1.0]]}]
+    motion = {"trajectory": {"joint_names": ["a"], "segments": segments}, "sample_period": 0.5}
+    for path, body in (("/v1/plan", cartesian), ("/v1/convert", motion)):
+        small = client.post(path, json=body)
+        assert large(client, path, body).status_code == small.status_code
+        assert large(client, path, body).json().get("detail") == small.json().get("detail")
 
 
 def test_a_large_moveit_scene_is_stored(client: httpx.Client) -> None:

@@ -1,0 +1,158 @@
+"""Connections: how many there are, how long a request's head may take, and what is no HTTP."""
+
+import asyncio
+import json
+import resource
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import h11
+from uvicorn.protocols.http.h11_impl import H11Protocol
+
+from service.http.errors import PROBLEM_MEDIA_TYPE, document, status_of
+from service.http.security_headers import SECURITY_HEADERS
+from service.problem import ProblemError
+
+#: Descriptors that are left for the storage, the workers and files.
+_RESERVED_DESCRIPTORS = 128
+_REASONS = {400: b"Bad Request", 408: b"Request Timeout", 503: b"Service Unavailable"}
+
+
+@dataclass(frozen=True, slots=True)
+class ConnectionLimits:
+    """Limits of connections.
+
+    Args:
+        count: Connections that may be open at the same time.
+        head_timeout: Time in which the head of a request must arrive [s].
+    """
+
+    count: int
+    head_timeout: float
+
+
+def possible_connections(wanted: int) -> int:
+    """The connections that the system's limit of descriptors leaves room for, at most `wanted`.
+
+    The limit is raised as far as the system allows it.
+    """
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if hard != resource.RLIM_INFINITY and soft < hard:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
+        soft = hard
+    return max(1, min(wanted, soft - _RESERVED_DESCRIPTORS))
+
+
+def connection_class(limits: ConnectionLimits) -> Callable[..., "Connection"]:
+    """The function that makes a protocol for each connection, as uvicorn calls it."""
+
+    def make(**arguments: Any) -> Connection:
+        return Connection(limits, **arguments)
+
+    return make
+
+
+class Connection(H11Protocol):
+    """A connection of a client, refused in problem documents.
+
+    Args:
+        limits: Of connections.
+        arguments: Of uvicorn.
+    """
+
+    def __init__(self, limits: ConnectionLimits, **arguments: Any) -> None:
+        super().__init__(**arguments)
+        self._limits = limits
+        self._head_timer: asyncio.TimerHandle | None = None
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Begin to wait for a request, or refuse the connection where there are too many."""
+        assert isinstance(transport, asyncio.Transport)
+        super().connection_made(transport)
+        if len(self.connections) > self._limits.count:
+            self._refuse(
+                ProblemError(
+                    "OVERLOADED",
+                    "too many connections are open",
+                    stage="connection",
+                    hint="Ask again after the time in Retry-After.",
+                    status=503,
+                    retry_after=1,
+                )
+            )
+            return
+        self._watch_head()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Forget the connection."""
+        self._stop_timer()
+        super().connection_lost(exc)
+
+    def data_received(self, data: bytes) -> None:
+        """Take what arrived; a head that has begun must end in time."""
+        if self.transport.is_closing():
+            return
+        super().data_received(data)
+        self._watch_head()
+
+    def on_response_complete(self) -> None:
+        """Wait for the next request; until something of it arrives, uvicorn's own timer runs."""
+        super().on_response_complete()
+        if self.conn.trailing_data[0]:
+            self._watch_head()
+
+    def send_400_response(self, msg: str) -> None:
+        """Refuse what is no HTTP."""
+        self._refuse(
+            ProblemError(
+                "INVALID_REQUEST",
+                msg,
+                stage="connection",
+                hint="The request must follow HTTP/1.1 (RFC 9112).",
+                status=400,
+            )
+        )
+
+    def _watch_head(self) -> None:
+        if self.conn.their_state is not h11.IDLE or self.transport.is_closing():
+            self._stop_timer()
+        elif self._head_timer is None:
+            self._head_timer = self.loop.call_later(self._limits.head_timeout, self._head_is_late)
+
+    def _stop_timer(self) -> None:
+        if self._head_timer is not None:
+            self._head_timer.cancel()
+            self._head_timer = None
+
+    def _head_is_late(self) -> None:
+        self._head_timer = None
+        if not self.transport.is_closing() and self.conn.their_state is h11.IDLE:
+            seconds = self._limits.head_timeout
+            self._refuse(
+                ProblemError(
+                    "REQUEST_TIMEOUT",
+                    f"the head of a request did not arrive within {seconds:g} s",
+                    stage="connection",
+                )
+            )
+
+    def _refuse(self, problem: ProblemError) -> None:
+        """Answer a problem in place of a request that never came, and close."""
+        self._stop_timer()
+        self._unset_keepalive_if_required()
+        content = json.dumps(document(problem, "")).encode()
+        status = status_of(problem)
+        headers = {
+            **SECURITY_HEADERS,
+            "Content-Type": PROBLEM_MEDIA_TYPE,
+            "Content-Length": str(len(content)),
+            "Connection": "close",
+        }
+        if problem.retry_after is not None:
+            headers["Retry-After"] = str(problem.retry_after)
+        lines = [f"HTTP/1.1 {status} ".encode() + _REASONS[status]]
+        lines += [f"{name}: {value}".encode() for name, value in headers.items()]
+        if self.conn.our_state in (h11.IDLE, h11.SEND_RESPONSE):
+            self.transport.write(b"\r\n".join([*lines, b"", content]))
+        self.transport.close()

@@ -1,0 +1,80 @@
+"""Host allow-list: requests in the name of a foreign host are refused.
+
+A page of a foreign site may have its own name resolve to this machine and then ask the service as
+if it were that site (DNS rebinding). The header Host tells: it holds the foreign name.
+"""
+
+import ipaddress
+import re
+
+from starlette.datastructures import Headers
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+from service.http.errors import HttpProblemError
+from service.http.job_context import JOB_CONTEXT
+
+#: Allows every name.
+ANY_HOST = "*"
+_HOST = re.compile(r"(?P<name>\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._\-]+)(:[0-9]{1,5})?")
+
+
+def allowed_host(header: str, names: frozenset[str]) -> bool:
+    """Whether a request with this header Host may be answered.
+
+    Addresses and names without a dot are always: nobody can register them, so nobody can have
+    them resolve to this machine. Of other names those on the list are.
+
+    Args:
+        header: The value of the header, perhaps with a port.
+        names: Further names that are allowed, in lower case; one that begins with a dot stands for
+            all names below it.
+    """
+    match = _HOST.fullmatch(header)
+    if match is None:
+        return False
+    name = match["name"].lower().rstrip(".")
+    if ANY_HOST in names or name in names or "." not in name.strip("[]").replace(":", ""):
+        return True
+    if any(name.endswith(parent) for parent in names if parent.startswith(".")):
+        return True
+    return _is_address(name.strip("[]"))
+
+
+def _is_address(name: str) -> bool:
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True
+
+
+class HostCheck:
+    """Middleware that refuses requests for foreign hosts.
+
+    Args:
+        app: The application behind it.
+        names: As `allowed_host` has them.
+    """
+
+    def __init__(self, app: ASGIApp, names: frozenset[str]) -> None:
+        self._app = app
+        self._names = names
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass a request on.
+
+        Raises:
+            HttpProblemError: HOST_NOT_ALLOWED.
+        """
+        if scope["type"] == "http" and JOB_CONTEXT not in scope:
+            host = Headers(scope=scope).get("host")
+            # HTTP/1.1 without the header is refused by the parser; older requests come from probes.
+            if host is not None and not allowed_host(host, self._names):
+                raise HttpProblemError(
+                    "HOST_NOT_ALLOWED",
+                    f"this service does not answer for the host {host[:100]!r}",
+                    {"Connection": "close"},
+                    stage="request",
+                    hint="List the name in ARMWRIGHT_ALLOWED_HOSTS where the service is run.",
+                )
+        await self._app(scope, receive, send)

@@ -1,0 +1,45 @@
+"""The layers around every request, from the outermost to the application."""
+
+from fastapi import FastAPI
+from starlette.middleware.cors import CORSMiddleware
+
+from service.http.body_limit import BodyLimit
+from service.http.handlers import UnexpectedErrors
+from service.http.host_check import HostCheck
+from service.http.metrics import Measured, Metrics
+from service.http.security_headers import SecurityHeaders
+from service.settings import Settings
+
+#: Headers of answers that pages of other origins may read.
+_EXPOSED = ["ETag", "Location", "Retry-After", "Preference-Applied", "Idempotency-Replayed"]
+#: Headers of requests that pages of other origins may send.
+_SENT = ["Authorization", "Content-Type", "Idempotency-Key", "If-Match", "If-None-Match", "Prefer"]
+
+
+def install(app: FastAPI, settings: Settings, metrics: Metrics) -> None:
+    """Put the layers around an application.
+
+    Args:
+        app: The application.
+        settings: Limits, hosts and origins.
+        metrics: What counts the requests.
+    """
+    # The last one added is the outermost.
+    app.add_middleware(
+        BodyLimit,
+        max_size=settings.max_body_size,
+        silence=settings.body_timeout,
+        deadline=settings.body_deadline,
+    )
+    app.add_middleware(HostCheck, names=settings.host_names)
+    app.add_middleware(UnexpectedErrors)
+    if settings.origins:
+        app.add_middleware(
+            CORSMiddleware,
+            allow_origins=list(settings.origins),
+            allow_methods=["GET", "POST", "PUT", "DELETE"],
+            allow_headers=_SENT,
+            expose_headers=_EXPOSED,
+        )
+    app.add_middleware(Measured, metrics=metrics)
+    app.add_middleware(SecurityHeaders)

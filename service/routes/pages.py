@@ -1,0 +1,108 @@
+"""Pages for people: the start page, and the documentation of the endpoints with all it loads."""
+
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Request, Response
+from fastapi import Path as InPath
+from fastapi.responses import FileResponse, HTMLResponse
+
+from service.version import VERSION
+
+router = APIRouter(include_in_schema=False)
+
+_PLAIN = (
+    "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors 'none'"
+)
+#: Swagger UI sets styles inside of its pages and draws its signs from data URLs.
+_DOCS = (
+    "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; "
+    "img-src 'self' data:; connect-src 'self'; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors 'none'"
+)
+Asset = Literal["swagger-ui-bundle.js", "swagger-ui.css", "favicon.png"]
+
+_START = f"""<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>Armwright</title>
+<style>
+body {{ font: 1rem/1.5 system-ui, sans-serif; max-width: 40rem; margin: 3rem auto }}
+code {{ background: #8882; padding: .1em .3em }}
+</style>
+</head>
+<body>
+<h1>Armwright {VERSION}</h1>
+<p>Motion planning for robot arms: robot, scene, start and goal in; a timed trajectory out that is
+proved free of collisions and inside every limit at every instant.</p>
+<ul>
+<li><a href="docs">Documentation of the endpoints</a>, to try them out</li>
+<li><a href="openapi.json">The same as an OpenAPI document</a></li>
+<li><a href="v1/robots">Robots</a>, <a href="v1/scenes">scenes</a>, <a href="v1/jobs">jobs</a></li>
+<li><a href="v1/problems">Problems that are answered</a></li>
+<li><a href="readyz">Whether the service is ready</a>, <a href="metrics">metrics</a></li>
+</ul>
+<p>A first request: <code>POST /v1/plan</code>.</p>
+</body>
+</html>
+"""
+_DOCUMENTATION = """<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<title>Armwright: endpoints</title>
+<link rel="stylesheet" href="docs/swagger-ui.css">
+<link rel="icon" href="docs/favicon.png">
+</head>
+<body>
+<div id="endpoints"></div>
+<script src="docs/swagger-ui-bundle.js"></script>
+<script src="docs/start.js"></script>
+</body>
+</html>
+"""
+_SCRIPT = (
+    'SwaggerUIBundle({url: "openapi.json", dom_id: "#endpoints", deepLinking: true, '
+    "validatorUrl: null});\n"
+)
+
+
+@router.get("/")
+async def start_page() -> Response:
+    """The page that says what this is."""
+    return HTMLResponse(_START, headers={"Content-Security-Policy": _PLAIN})
+
+
+@router.get("/docs")
+async def documentation() -> Response:
+    """The endpoints, to read and to try out; nothing is loaded from elsewhere."""
+    return HTMLResponse(_DOCUMENTATION, headers={"Content-Security-Policy": _DOCS})
+
+
+@router.get("/docs/start.js")
+async def documentation_script() -> Response:
+    """The script that shows the OpenAPI document."""
+    return Response(_SCRIPT, media_type="text/javascript")
+
+
+@router.get("/docs/{asset}")
+async def documentation_asset(asset: Annotated[Asset, InPath()], request: Request) -> Response:
+    """A file of Swagger UI, as the package fastapi-offline brings it."""
+    folder: Path = request.app.state.swagger
+    return FileResponse(folder / asset, headers={"Cache-Control": "max-age=86400"})
+
+
+def swagger_folder() -> Path:
+    """Folder of Swagger UI's files; the package is found, not imported.
+
+    Raises:
+        LookupError: The package is not installed.
+    """
+    found = find_spec("fastapi_offline")
+    if found is None or found.origin is None:
+        raise LookupError("the package fastapi-offline is not installed")
+    return Path(found.origin).parent / "static"
