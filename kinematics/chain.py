@@ -4,7 +4,7 @@ Every joint is normalised to turn about, or slide along, the z axis of its own f
 fixed transforms between the joints carry everything else. With A_i the fixed offset and
 M_i(q_i) the motion of joint i,
 
-    T_base_i(q) = A_1 M_1(q_1) A_2 M_2(q_2) ... A_i M_i(q_i).
+    T_root_i(q) = A_1 M_1(q_1) A_2 M_2(q_2) ... A_i M_i(q_i).
 """
 
 import hashlib
@@ -105,7 +105,7 @@ class Link:
 
     Args:
         name: The link's name.
-        joint: Index of the joint that carries it, -1 for what stands still with the base.
+        joint: Index of the joint that carries it, -1 for what stands still.
         T_joint_link: The link's frame in that joint's frame, shape (4, 4).
         inertia: Mass properties in the link's frame; None where the description has none.
     """
@@ -127,18 +127,21 @@ class Chain:
         name: The robot's name.
         joint_names: n names.
         joint_types: n values of ``JointType``, shape (n,).
-        offsets: A_i, frame of joint i at q_i = 0 in the frame of joint i-1, shape (n, 4, 4).
-        links: Every link that moves with the chain, side branches at their held values included.
-        base_link: Name of the link whose frame all poses are in.
+        offsets: A_i, frame of joint i at q_i = 0 in the frame of joint i-1, of the first one in
+            the root frame, shape (n, 4, 4).
+        links: Every link of the robot, side branches at their held values included.
+        base_link: Name of the link that the chain begins at.
         tip_link: Name of the link that goals are for.
         limits: Joint limits.
         continuous: True where a revolute joint turns without end, shape (n,).
-        gravity: In the base frame, shape (3,) [m/s^2].
+        gravity: In the root frame, shape (3,) [m/s^2].
         motor_inertia: Reflected at each joint, shape (n,) [kg m^2 or kg].
         viscous_friction: At each joint, shape (n,) [N m s/rad or N s/m].
         coulomb_friction: Dry friction at each joint, shape (n,) [N m or N].
         dh_convention: "standard" or "modified" where links link_1 ... link_n are the frames of a
             Denavit-Hartenberg table that the chain was built from; None for other chains.
+        root_link: Name of the link whose frame all poses are in; the base link where empty.
+        root_aliases: Other names of that frame, as fixed virtual joints of an SRDF give them.
 
     Also known: ``index``, where each link stands in ``links``; ``model``, all that forward
     kinematics reads in one array (1 + n + len(links), 14): n and the tip's number, then a joint's
@@ -161,6 +164,8 @@ class Chain:
     viscous_friction: Array = field(default_factory=lambda: np.zeros(0))
     coulomb_friction: Array = field(default_factory=lambda: np.zeros(0))
     dh_convention: str | None = None
+    root_link: str = ""
+    root_aliases: tuple[str, ...] = ()
     index: Mapping[str, int] = field(init=False, repr=False)
     model: Array = field(init=False, repr=False)
     content_hash: str = field(init=False, repr=False)
@@ -177,6 +182,7 @@ class Chain:
         for name in ("offsets", "gravity", "motor_inertia", "viscous_friction", "coulomb_friction"):
             value = getattr(self, name)
             object.__setattr__(self, name, frozen(value if np.size(value) else np.zeros(n)))
+        object.__setattr__(self, "root_link", self.root_link or self.base_link)
         by_name = {link.name: i for i, link in enumerate(self.links)}
         object.__setattr__(self, "index", MappingProxyType(by_name))
         object.__setattr__(self, "model", _model(self))
@@ -271,6 +277,8 @@ def _model(chain: Chain) -> Array:
 def _content_hash(chain: Chain) -> str:
     digest = hashlib.sha256()
     source = () if chain.dh_convention is None else (chain.dh_convention,)
+    root = () if chain.root_link == chain.base_link else ("root", chain.root_link)
+    source = (*source, *root, *chain.root_aliases)
     for text in (chain.name, *chain.joint_names, chain.base_link, chain.tip_link, *source):
         digest.update(text.encode() + b"\0")
     arrays = [chain.joint_types, chain.continuous, chain.offsets, chain.gravity]

@@ -76,6 +76,8 @@ def _path(uri: str, what: str) -> str:
         InvalidRobotDescription: It has another scheme, is absolute or leads out of its folder.
     """
     text = uri.removeprefix(_PACKAGE)
+    if text != uri:  # three slashes are a common slip, and name the same file
+        text = text.lstrip("/")
     # Percent signs are worked out for the check only: "%2e%2e" must not get past it.
     for form in (text, unquote(text)):
         if "\0" in form or "\\" in form or ":" in form or form.startswith(("/", "~")):

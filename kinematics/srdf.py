@@ -24,12 +24,19 @@ class Semantics:
         chains: (base link, tip link) of each group that is one chain, by the group's name.
         states: Joint values [rad or m] by the group's name (empty where the file
             names none), then the state's.
+        virtual_frames: (parent frame, child link) of the fixed virtual joints, by which the robot
+            stands in its surroundings.
     """
 
     name: str
     disabled_collisions: frozenset[tuple[str, str]] = frozenset()
     chains: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     states: Mapping[str, Mapping[str, State]] = field(default_factory=dict)
+    virtual_frames: tuple[tuple[str, str], ...] = ()
+
+    def root_aliases(self, root: str) -> tuple[str, ...]:
+        """Frames that a fixed virtual joint puts in the same place as the root link."""
+        return tuple(frame for frame, link in self.virtual_frames if link == root != frame)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "chains", MappingProxyType(dict(self.chains)))
@@ -41,7 +48,8 @@ class Semantics:
 
     def __reduce__(self) -> tuple[object, ...]:
         states = {g: {s: dict(q) for s, q in named.items()} for g, named in self.states.items()}
-        return Semantics, (self.name, self.disabled_collisions, dict(self.chains), states)
+        values = (self.name, self.disabled_collisions, dict(self.chains), states)
+        return Semantics, (*values, self.virtual_frames)
 
 
 def parse_srdf(text: str | bytes) -> Semantics:
@@ -65,29 +73,26 @@ def parse_srdf(text: str | bytes) -> Semantics:
         # A group of several chains (both arms) is no serial chain.
         if len(found) == 1:
             chains[name] = found[0]
-    return Semantics(robot.get("name", "").strip(), pairs, chains, _states(robot))
+    name = robot.get("name", "").strip()
+    return Semantics(name, pairs, chains, _states(robot), _virtual_frames(robot))
 
 
 def check_semantics(semantics: Semantics, description: RobotDescription) -> tuple[str, ...]:
     """Hold an SRDF against the URDF it is for.
 
     Returns:
-        Warnings: pairs and states that name what the robot does not have. MoveIt's own files
-        have such leftovers, and dropping a pair only makes checking stricter.
-
-    Raises:
-        InvalidRobotDescription: A chain names a link that the robot does not have.
+        Warnings: chains, pairs and states that name what the robot does not have. Files that serve
+        several variants of a robot have such leftovers. A chain of a missing link is not used, and
+        dropping a pair only makes checking stricter.
     """
-    for group, ends in semantics.chains.items():
-        for link in ends:
-            if link not in description.links:
-                raise InvalidRobotDescription(
-                    f"the chain of group {group!r} in the SRDF names the link {link!r}, which "
-                    f"robot {description.name!r} does not have",
-                    hint=f"Its links are: {', '.join(description.links)}.",
-                    link=link,
-                )
     lint = [
+        f"the chain of group {group!r} in the SRDF names the link {link!r}, which robot "
+        f"{description.name!r} does not have: the group is not used"
+        for group, ends in semantics.chains.items()
+        for link in ends
+        if link not in description.links
+    ]
+    lint += [
         f"the SRDF disables collisions of {a!r} and {b!r}, but the robot has no link {missing!r}"
         for a, b in sorted(semantics.disabled_collisions)
         for missing in (a, b)
@@ -109,6 +114,15 @@ def _pair(element: Element) -> tuple[str, str]:
     if first == second:
         raise InvalidRobotDescription(f"<disable_collisions> of the SRDF names {first!r} twice")
     return (first, second) if first < second else (second, first)
+
+
+def _virtual_frames(robot: Element) -> tuple[tuple[str, str], ...]:
+    pairs = [
+        (joint.get("parent_frame", "").strip(), joint.get("child_link", "").strip())
+        for joint in children(robot, "virtual_joint")
+        if joint.get("type") == "fixed"
+    ]
+    return tuple((frame, link) for frame, link in pairs if frame and link)
 
 
 def _states(robot: Element) -> dict[str, dict[str, dict[str, float]]]:

@@ -25,6 +25,8 @@ from kinematics.xml_reader import Element, attribute, children, number, numbers,
 MAX_LENGTH = 1e6
 MAX_MASS = 1e9
 MAX_INERTIA = 1e12
+#: Thickness of what has a size of 0 [m]: a micrometre, which no clearance shows.
+PLATE = 1e-6
 #: Moments of inertia are given to few digits: by so much, relative, they may miss a rule.
 INERTIA_TOLERANCE = 1e-3
 #: Moments [kg m^2] below this are rounding: a grain of 1 mg within 1 mm has 1e-12.
@@ -73,7 +75,8 @@ def read_link(element: Element, lint: list[str]) -> LinkDescription:
     """
     name = attribute(element, "name", "the robot")
     where = f"link {name!r}"
-    collisions = tuple(_collision(e, where) for e in children(element, "collision"))
+    read = [_collision(e, where, lint) for e in children(element, "collision")]
+    collisions = tuple(collision for collision in read if collision is not None)
     if not collisions:
         lint.append(f"{where} has no collision geometry: nothing is checked against it")
     return LinkDescription(name, _inertia(element, where, lint), collisions)
@@ -123,7 +126,8 @@ def _lint_inertia(mass: float, tensor: Array, where: str, lint: list[str]) -> No
         lint.append(f"{where} has mass 0 but an inertia of {high:.3g} kg m^2")
 
 
-def _collision(element: Element, where: str) -> CollisionElement:
+def _collision(element: Element, where: str, lint: list[str]) -> CollisionElement | None:
+    """One <collision>; None where its shape has no extent."""
     holder = single(element, "geometry", f"<collision> of {where}")
     shapes = [] if holder is None else [shape for shape in holder if shape.tag in _GEOMETRIES]
     if holder is None or len(shapes) != 1 or len(holder) != 1:
@@ -132,40 +136,61 @@ def _collision(element: Element, where: str) -> CollisionElement:
             f"<collision> of {where} must have one geometry, got {', '.join(found) or 'none'}",
             hint=f"One of: {', '.join(_GEOMETRIES)}.",
         )
-    return CollisionElement(
-        read_origin(element, where), _GEOMETRIES[shapes[0].tag](shapes[0], where)
-    )
+    geometry = _GEOMETRIES[shapes[0].tag](shapes[0], where, lint)
+    return None if geometry is None else CollisionElement(read_origin(element, where), geometry)
 
 
-def _size(element: Element, name: str, where: str) -> float:
-    value = number(element, name, where, bound=MAX_LENGTH)
-    if value <= 0.0:
-        raise InvalidRobotDescription(
-            f"{name!r} of <{element.tag}> of {where} is {value:g}, it must be positive"
-        )
-    return value
+def _sizes(element: Element, names: tuple[str, ...], where: str) -> list[float]:
+    """Sizes of a shape, none of them negative."""
+    values = [number(element, name, where, bound=MAX_LENGTH) for name in names]
+    for name, value in zip(names, values, strict=True):
+        if value < 0.0:
+            raise InvalidRobotDescription(
+                f"{name!r} of <{element.tag}> of {where} is {value:g}, it must be positive"
+            )
+    return values
 
 
-def _box(element: Element, where: str) -> BoxGeometry:
+def _has_extent(element: Element, sizes: list[float], where: str, lint: list[str]) -> bool:
+    """Whether a shape has no size of 0; one that has is told."""
+    if min(sizes) > 0.0:
+        return True
+    lint.append(f"a collision <{element.tag}> of {where} has size 0: it is left out")
+    return False
+
+
+def _box(element: Element, where: str, lint: list[str]) -> BoxGeometry | None:
     size = _triple(element, "size", where, bound=MAX_LENGTH)
-    if min(size) <= 0.0:
+    if min(size) < 0.0:
         raise InvalidRobotDescription(f"'size' of <box> of {where} must be positive, got {size}")
-    return BoxGeometry(size)
+    if not _has_extent(element, [max(size)], where, lint):
+        return None
+    if min(size) == 0.0:
+        lint.append(f"a collision <box> of {where} is flat: it is taken {PLATE:g} m thick")
+    x, y, z = (value or PLATE for value in size)
+    return BoxGeometry((x, y, z))
 
 
-def _sphere(element: Element, where: str) -> SphereGeometry:
-    return SphereGeometry(_size(element, "radius", where))
+def _sphere(element: Element, where: str, lint: list[str]) -> SphereGeometry | None:
+    sizes = _sizes(element, ("radius",), where)
+    return SphereGeometry(*sizes) if _has_extent(element, sizes, where, lint) else None
 
 
-def _cylinder(element: Element, where: str) -> CylinderGeometry:
-    return CylinderGeometry(_size(element, "radius", where), _size(element, "length", where))
+def _cylinder(element: Element, where: str, lint: list[str]) -> CylinderGeometry | None:
+    radius, length = _sizes(element, ("radius", "length"), where)
+    if not _has_extent(element, [radius], where, lint):
+        return None
+    return CylinderGeometry(radius, length or PLATE)
 
 
-def _capsule(element: Element, where: str) -> CapsuleGeometry:
-    return CapsuleGeometry(_size(element, "radius", where), _size(element, "length", where))
+def _capsule(element: Element, where: str, lint: list[str]) -> CapsuleGeometry | None:
+    radius, length = _sizes(element, ("radius", "length"), where)
+    if not _has_extent(element, [radius], where, lint):
+        return None
+    return CapsuleGeometry(radius, length or PLATE)
 
 
-def _mesh(element: Element, where: str) -> MeshGeometry:
+def _mesh(element: Element, where: str, _lint: list[str]) -> MeshGeometry:
     uri = attribute(element, "filename", where)
     if element.get("scale") is None:
         return MeshGeometry(uri)
@@ -178,7 +203,7 @@ def _mesh(element: Element, where: str) -> MeshGeometry:
     return MeshGeometry(uri, (x, y, z))
 
 
-_GEOMETRIES: Mapping[str, Callable[[Element, str], Geometry]] = {
+_GEOMETRIES: Mapping[str, Callable[[Element, str, list[str]], Geometry | None]] = {
     "box": _box,
     "sphere": _sphere,
     "cylinder": _cylinder,

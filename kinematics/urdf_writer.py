@@ -54,7 +54,7 @@ def urdf_text(
     """
     bodies = [f"  <!-- {_comment(note)} -->" for note in (*notes, *_omissions(chain))]
     solids = solids or {}
-    last, T_base_last = chain.base_link, np.eye(4)
+    last, T_base_last = chain.root_link, np.eye(4)
     bodies += _base(chain, solids)
     for i in range(chain.n):
         name, frame = chain.joint_names[i], f"{chain.joint_names[i]}_frame"
@@ -82,7 +82,7 @@ def _omissions(chain: Chain) -> list[str]:
 
 
 def _base(chain: Chain, solids: Mapping[str, Sequence[CollisionElement]]) -> list[str]:
-    base = chain.link(chain.base_link)
+    base = chain.link(chain.root_link)
     return [_link(base.name, base.inertia, solids.get(base.name, ()))]
 
 

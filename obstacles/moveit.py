@@ -1,43 +1,20 @@
 """MoveIt planning scenes: YAML text to a scene."""
 
-from collections import Counter
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from itertools import combinations
-from typing import Any, TypeAlias
 
 import numpy as np
-import yaml
 
 from kinematics.arrays import Array
 from kinematics.errors import ArmwrightError, InvalidScene
 from kinematics.pose import from_quaternion, transform
+from kinematics.yaml_reader import Node, UnreadableYaml, finite_number, read_yaml
 from obstacles.scene import Obstacle, Scene, checked_name
 from obstacles.shapes import Box, Cone, Cylinder, HalfSpace, Mesh, Shape, Sphere
 
-#: A scene of ten thousand boxes is 3 MB of text.
-MAX_BYTES = 16 * 2**20
-#: A planning scene nests nine deep.
-_MAX_DEPTH = 32
-_MAX_NODES = 2_000_000
 #: ``moveit_msgs/CollisionObject.REMOVE``: the object is no longer there.
 _REMOVE = 1
-
-Node: TypeAlias = Any
-
-
-class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
-    """The safe loader, which takes the last of two equal keys, made to refuse them."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
-        keys = Counter(key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode))
-        twice = [key for key, count in keys.items() if count > 1]
-        if twice:
-            raise yaml.MarkedYAMLError(
-                problem=f"key {twice[0]!r} occurs twice", problem_mark=node.start_mark
-            )
-        mapping: dict[Hashable, Any] = super().construct_mapping(node, deep)
-        return mapping
 
 
 def scene_from_moveit(text: str | bytes) -> Scene:
@@ -74,24 +51,10 @@ def scene_from_moveit(text: str | bytes) -> Scene:
 
 
 def _document(text: str | bytes) -> Node:
-    if len(text) > MAX_BYTES:
-        raise InvalidScene(f"planning scene: {len(text)} bytes, at most {MAX_BYTES} are taken")
     try:
-        # First as a flat stream of events: nothing has grown or recursed when they are refused.
-        depth = 0
-        for count, event in enumerate(yaml.parse(text, Loader=_Loader)):
-            depth += isinstance(event, yaml.CollectionStartEvent)
-            depth -= isinstance(event, yaml.CollectionEndEvent)
-            aliased = isinstance(event, yaml.AliasEvent)
-            if aliased or depth > _MAX_DEPTH or count > _MAX_NODES:
-                problem = (
-                    "aliases (*name) are not read" if aliased else "nested too deep or too long"
-                )
-                mark = event.start_mark
-                raise yaml.YAMLError(f"line {mark.line + 1 if mark else 0}: {problem}")
-        return yaml.load(text, Loader=_Loader)  # a safe loader, made stricter
-    except (yaml.YAMLError, ValueError, TypeError, RecursionError) as error:
-        raise InvalidScene(f"planning scene: no readable YAML: {error}") from None
+        return read_yaml(text)
+    except UnreadableYaml as error:
+        raise InvalidScene(f"planning scene: {error}") from None
 
 
 def _refuse_unread(root: Mapping[str, Node]) -> None:
@@ -306,15 +269,10 @@ def _vector(node: Node, count: int, where: str) -> list[float]:
 
 
 def _number(node: Node, where: str) -> float:
-    # YAML 1.1 takes 1e-05 for text: it wants a dot.
-    if isinstance(node, int | float | str) and not isinstance(node, bool):
-        try:
-            number = float(node)
-        except (ValueError, OverflowError):
-            number = np.nan
-        if np.isfinite(number):
-            return number
-    raise InvalidScene(f"{where}: {str(node)[:40]!r} is no finite number")
+    number = finite_number(node)
+    if number is None:
+        raise InvalidScene(f"{where}: {str(node)[:40]!r} is no finite number")
+    return number
 
 
 def _name(node: Node, where: str) -> str:

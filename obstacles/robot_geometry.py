@@ -10,6 +10,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from kinematics.arrays import Array, frozen
 from kinematics.chain import Chain, Link
 from kinematics.description import (
     BoxGeometry,
@@ -56,6 +57,7 @@ class RobotGeometry:
         allowed: Pairs of names that may touch, sorted, each with the reason: "same body",
             "adjacent", "always", "srdf" or "attached".
         lint: What is odd, one sentence each.
+        states: Named configurations, each of shape (n,) [rad or m].
     """
 
     chain: Chain
@@ -65,6 +67,7 @@ class RobotGeometry:
     solids: NDArray[np.int64]
     allowed: Mapping[Pair, str]
     lint: tuple[str, ...] = ()
+    states: Mapping[str, Array] = field(default_factory=dict)
     arrays: PieceArrays = field(init=False, repr=False)
     self_pairs: NDArray[np.int64] = field(init=False, repr=False)
     content_hash: str = field(init=False, repr=False)
@@ -75,6 +78,8 @@ class RobotGeometry:
             numbers.setflags(write=False)
             object.__setattr__(self, name, numbers)
         object.__setattr__(self, "allowed", MappingProxyType(dict(sorted(self.allowed.items()))))
+        states = {name: frozen(q) for name, q in self.states.items()}
+        object.__setattr__(self, "states", MappingProxyType(states))
         object.__setattr__(self, "arrays", PieceArrays.pack(self.pieces))
         object.__setattr__(self, "self_pairs", _self_pairs(self))
         object.__setattr__(self, "content_hash", _content_hash(self))
@@ -87,7 +92,7 @@ class RobotGeometry:
 
     def __reduce__(self) -> tuple[object, ...]:
         values = (self.chain, self.pieces, self.links, self.joints, self.solids)
-        return RobotGeometry, (*values, dict(self.allowed), self.lint)
+        return RobotGeometry, (*values, dict(self.allowed), self.lint, dict(self.states))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -128,6 +133,7 @@ class RobotGeometry:
             np.append(self.solids, np.full(len(own), self.solids.max(initial=-1) + 1)),
             allowed,
             self.lint,
+            self.states,
         )
 
 

@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     potential = service.tasks.potential.potential
     convert = service.tasks.retime.convert
     retime = service.tasks.retime.retime
+    change_robot = service.tasks.robots.change_robot
     make_robot = service.tasks.robots.make_robot
     make_scene = service.tasks.robots.make_scene
     prepare_robot = service.tasks.robots.prepare_robot
@@ -70,6 +71,7 @@ else:
     potential = TaskReference("service.tasks.potential:potential")
     convert = TaskReference("service.tasks.retime:convert")
     retime = TaskReference("service.tasks.retime:retime")
+    change_robot = TaskReference("service.tasks.robots:change_robot")
     make_robot = TaskReference("service.tasks.robots:make_robot")
     make_scene = TaskReference("service.tasks.robots:make_scene")
     prepare_robot = TaskReference("service.tasks.robots:prepare_robot")

@@ -118,6 +118,8 @@ from armwright_client.potential import (
 from armwright_client.problem import Problem
 from armwright_client.retime import JointState, Retimed, RetimePath, RetimeRequest, RetimeTiming
 from armwright_client.robot import (
+    ArchiveOptions,
+    DefaultLimits,
     DerivedDh,
     DhParameters,
     DhRow,
@@ -128,6 +130,7 @@ from armwright_client.robot import (
     LinkSolid,
     Robot,
     RobotArchive,
+    RobotChanges,
     RobotList,
     RobotOptions,
     RobotSummary,
@@ -169,6 +172,7 @@ from armwright_client.tool_motion import TimedToolMotions, ToolMotion
 from armwright_client.trajectory import Samples, Segment, TimedTrajectory, Trajectory
 
 __all__ = [
+    "ArchiveOptions",
     "ArmSides",
     "ArrayLike",
     "Attached",
@@ -195,6 +199,7 @@ __all__ = [
     "Convex",
     "Cylinder",
     "DampedDirection",
+    "DefaultLimits",
     "DerivedDh",
     "Descent",
     "DhParameters",
@@ -289,6 +294,7 @@ __all__ = [
     "Retimed",
     "Robot",
     "RobotArchive",
+    "RobotChanges",
     "RobotList",
     "RobotOptions",
     "RobotSummary",

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, Self, TypedDict, Unpack
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from armwright_client.base import Answer, Matrix, Matrix3, NonNegative, Positive, Request, Vector3
 from armwright_client.pose import Pose
@@ -77,9 +77,9 @@ class DhTable(Request):
     Args:
         convention: How the rows are read.
         rows: One a joint, base to tip.
-        base: Frame 0 in the base frame.
+        base: Frame 0 in the root frame.
         tool: The tool in the last frame.
-        gravity: In the base frame [m/s²].
+        gravity: In the root frame [m/s²].
         geometry: Capsules along all links, beside the solids of the rows.
     """
 
@@ -99,20 +99,45 @@ class JointLimits(Request):
     velocity: Positive | None = None
     acceleration: Positive | None = None
     jerk: Positive | None = None
+    effort: Positive | None = None
+
+
+class DefaultLimits(Request):
+    """Rules for limits that are known nowhere else, such as "10 x velocity"."""
+
+    acceleration: str | None = None
+    jerk: str | None = None
 
 
 class RobotOptions(TypedDict, total=False):
     """Options of any upload.
 
     Args:
-        base_link: First link of the chain, where the description leaves it open.
-        tip_link: Last link of the chain, where the description leaves it open.
-        joint_limits: By the joint's name.
+        base_link: Where the chain begins; poses are in the root frame all the same.
+        tip_link: Where it ends; the likely tip if left out.
+        joint_limits: By the joint's name, "*" for all of the chain; or the text of a MoveIt
+            `joint_limits.yaml`.
+        default_limits: Rules for limits that nothing else gives.
+        held: Positions of joints off the chain [rad or m].
     """
 
     base_link: str
     tip_link: str
-    joint_limits: dict[str, JointLimits]
+    joint_limits: dict[str, JointLimits] | str
+    default_limits: DefaultLimits
+    held: dict[str, float]
+
+
+class ArchiveOptions(RobotOptions, total=False):
+    """Options of an archive, with those of any upload.
+
+    Args:
+        urdf_path: Which .urdf file is meant, by its path in the archive or the end of it.
+        srdf_path: Which .srdf file belongs to it, likewise.
+    """
+
+    urdf_path: str
+    srdf_path: str
 
 
 class RobotFields(Request):
@@ -121,7 +146,28 @@ class RobotFields(Request):
     name: str
     base_link: str | None = None
     tip_link: str | None = None
-    joint_limits: dict[str, JointLimits] | None = None
+    joint_limits: dict[str, JointLimits] | str | None = None
+    default_limits: DefaultLimits | None = None
+    held: dict[str, float] | None = None
+
+
+class ArchiveFields(RobotFields):
+    """Fields of an archive; see `ArchiveOptions`."""
+
+    urdf_path: str | None = None
+    srdf_path: str | None = None
+
+
+class RobotChanges(Request):
+    """Limits of a stored robot that change; those of other joints and quantities stay.
+
+    Args:
+        joint_limits: By the joint's name, "*" for all; or the text of a `joint_limits.yaml`.
+        default_limits: Rules in place of those of before.
+    """
+
+    joint_limits: dict[str, JointLimits] | str | None = None
+    default_limits: DefaultLimits | None = None
 
 
 class RobotUpload(RobotFields):
@@ -133,9 +179,11 @@ class RobotUpload(RobotFields):
         srdf: Its text: the chain and the pairs of links that may touch.
         dh: A table instead of a URDF.
         meshes: Files in base64 by the URI that the URDF names them by.
-        base_link: First link of the chain, where the description leaves it open.
-        tip_link: Last link of the chain, where the description leaves it open.
-        joint_limits: By the joint's name.
+        base_link: Where the chain begins.
+        tip_link: Where it ends; the likely tip if left out.
+        joint_limits: By the joint's name, "*" for all; or the text of a `joint_limits.yaml`.
+        default_limits: Rules for limits that nothing else gives.
+        held: Positions of joints off the chain [rad or m].
     """
 
     urdf: str | None = None
@@ -192,7 +240,7 @@ class RobotUpload(RobotFields):
 
 @dataclass(frozen=True, slots=True)
 class RobotArchive:
-    """A .zip with one URDF, its meshes and perhaps an SRDF.
+    """A .zip with a URDF, its meshes and perhaps an SRDF.
 
     Args:
         name: To be stored under.
@@ -202,11 +250,11 @@ class RobotArchive:
 
     name: str
     content: bytes
-    options: RobotOptions = field(default_factory=RobotOptions)
+    options: ArchiveOptions = field(default_factory=ArchiveOptions)
 
     @classmethod
     def from_file(
-        cls, path: Path | str, *, name: str | None = None, **options: Unpack[RobotOptions]
+        cls, path: Path | str, *, name: str | None = None, **options: Unpack[ArchiveOptions]
     ) -> Self:
         """The archive in a file, to be stored under the file's name if no other is given.
 
@@ -217,11 +265,12 @@ class RobotArchive:
 
     def fields(self) -> dict[str, str]:
         """Form fields beside the file."""
-        given = RobotFields.of(name=self.name, **self.options)
+        given = ArchiveFields.of(name=self.name, **self.options)
         values = given.model_dump(exclude_none=True)
-        if "joint_limits" in values:
-            values["joint_limits"] = json.dumps(values["joint_limits"])
-        return values
+        return {
+            name: value if isinstance(value, str) else json.dumps(value)
+            for name, value in values.items()
+        }
 
 
 class Limits(Answer):
@@ -304,8 +353,12 @@ class Robot(Answer):
         joint_types: In the same order.
         limits: In the same order.
         links: All of them.
+        frame: The root link, in whose frame all poses are.
         base_link: First link of the chain.
         tip_link: Last link of the chain, whose pose goals are for.
+        states: Named configurations of the SRDF.
+        default_limits: Rules of the upload.
+        held: Positions of joints off the chain, of the upload [rad or m].
         dh: Derived from the joint axes.
         wrist: "spherical", "three_parallel" or "none".
         allowed_collisions: Pairs of links that may touch.
@@ -320,8 +373,12 @@ class Robot(Answer):
     joint_types: list[str]
     limits: Limits
     links: list[str]
+    frame: str | None = None
     base_link: str
     tip_link: str
+    states: dict[str, list[float]] = Field(default_factory=dict)
+    default_limits: DefaultLimits | None = None
+    held: dict[str, float] | None = None
     dh: DerivedDh | None = None
     wrist: str
     allowed_collisions: list[list[str]]

@@ -52,7 +52,15 @@ from armwright_client.potential import (
     PotentialRequest,
     PotentialSettings,
 )
-from armwright_client.robot import Robot, RobotArchive, RobotList, RobotUpload
+from armwright_client.robot import (
+    DefaultLimits,
+    JointLimits,
+    Robot,
+    RobotArchive,
+    RobotChanges,
+    RobotList,
+    RobotUpload,
+)
 from armwright_client.scene import SceneReference
 
 A = TypeVar("A")
@@ -108,6 +116,19 @@ class RobotEndpoints:
     def get(self, name: str) -> Call[Robot]:
         """The model of a robot."""
         return Call("GET", path("robots", name), Robot.read)
+
+    @Endpoint
+    def change(
+        self,
+        name: str,
+        *,
+        joint_limits: Mapping[str, JointLimits] | str | None = None,
+        default_limits: DefaultLimits | None = None,
+    ) -> Call[Robot]:
+        """Change limits of a stored robot, and give the model made of it; see `RobotChanges`."""
+        limits = joint_limits if isinstance(joint_limits, str | None) else dict(joint_limits)
+        body = RobotChanges.of(joint_limits=limits, default_limits=default_limits)
+        return Call("PATCH", path("robots", name), Robot.read, body, deadline=_STORE_TIMEOUT)
 
     @Endpoint
     def urdf(self, name: str) -> Call[str]:

@@ -47,7 +47,7 @@ class Attachment:
             seen_from = chain.link(reference_link)
             joint, T = seen_from.joint, seen_from.T_joint_link
         if body.joint == joint:
-            base = chain.base_link if reference_link is None else reference_link
+            base = chain.root_link if reference_link is None else reference_link
             raise InvalidGoal(
                 f"link {body.name!r} does not move against {base!r}: no motion changes this "
                 "constraint",

@@ -14,17 +14,31 @@ from service.http.openapi import RESPONSES
 from service.http.state import prepared_folder, store_of
 from service.problem import ProblemError
 from service.routes.paging import page
-from service.schemas.robot import RobotAnswer, RobotBody, RobotFields, RobotList, RobotSummary
+from service.schemas.robot import (
+    ArchiveFields,
+    RobotAnswer,
+    RobotBody,
+    RobotChanges,
+    RobotList,
+    RobotSummary,
+)
 from service.schemas.strict_json import parse_json
 from service.schemas.validation import fault_list, validation_problem
 from service.storage import prepared_files
 from service.storage.robot_repository import is_built_in
+from service.task_references import change_robot as change_task
 from service.task_references import make_robot, robot_urdf, unpack_robot
 
 router = APIRouter(prefix="/v1/robots", tags=["robots"], route_class=JsonRoute, responses=RESPONSES)
 
 _KIND = "robot"
 _MAX_PARTS = 16
+#: Fields of a form that are JSON, each with an example.
+_OBJECTS = {
+    "joint_limits": '{"joint": {"velocity": 2.0, "acceleration": 5.0}}',
+    "default_limits": '{"acceleration": "10 x velocity"}',
+    "held": '{"joint": 0.1}',
+}
 _BODY = {
     "requestBody": {
         "required": True,
@@ -38,7 +52,7 @@ _BODY = {
                         "file": {
                             "type": "string",
                             "format": "binary",
-                            "description": "a .zip with one URDF, its meshes and perhaps an SRDF",
+                            "description": "a .zip with a URDF, its meshes and perhaps an SRDF",
                         },
                         "name": {
                             "type": "string",
@@ -46,7 +60,17 @@ _BODY = {
                         },
                         "base_link": {"type": "string"},
                         "tip_link": {"type": "string"},
-                        "joint_limits": {"type": "string", "description": "JSON, as elsewhere"},
+                        "urdf_path": {
+                            "type": "string",
+                            "description": "which .urdf file is meant where there are several",
+                        },
+                        "srdf_path": {"type": "string", "description": "the same of .srdf files"},
+                        "joint_limits": {
+                            "type": "string",
+                            "description": "JSON, or the text of a joint_limits.yaml",
+                        },
+                        "default_limits": {"type": "string", "description": "JSON"},
+                        "held": {"type": "string", "description": "JSON"},
                     },
                 }
             },
@@ -115,6 +139,33 @@ async def get_urdf(name: str, request: Request) -> Response:
     return Response(content, media_type="application/xml")
 
 
+@router.patch("/{name}", summary="Change limits of a robot", response_model=RobotAnswer)
+async def change_robot(name: str, request: Request, _body: RobotChanges) -> Response:
+    """Stores a robot with other limits; requests and jobs that begin afterwards see them.
+
+    Limits of joints and quantities that are not named stay as they are. Meshes are not cut again.
+    """
+    _refuse_built_in(name)
+    content = await request.body()
+    documents = store_of(request).documents
+    before = await run_in_threadpool(documents.get, _KIND, name)
+    job = change_task.job(before.content, content, prepared_folder(request))
+    document, answer = await answers.build(request, job)
+    reference = await answers.robot(request, name)
+    if reference.hash != before.record.hash:
+        raise ProblemError(
+            "CONFLICT",
+            f"robot {name!r} was replaced while its limits were changed",
+            stage="storage",
+            hint="Send the change again.",
+            name=name,
+        )
+    record = await run_in_threadpool(documents.replace, _KIND, name, document)
+    if record.hash != reference.hash:
+        await run_in_threadpool(prepared_files.forget, reference)
+    return Response(answer, media_type="application/json")
+
+
 @router.delete("/{name}", status_code=204, summary="Delete a robot")
 async def delete_robot(name: str, request: Request) -> None:
     """Forgets a stored robot."""
@@ -173,20 +224,28 @@ def _parts(form: FormData) -> tuple[UploadFile, dict[str, Any]]:
     return files[0], {key: value for key, value in form.items() if isinstance(value, str)}
 
 
-def _form_fields(texts: dict[str, Any], file_name: str | None) -> RobotFields:
+def _form_fields(texts: dict[str, Any], file_name: str | None) -> ArchiveFields:
     given = {"name": (file_name or "").removesuffix(".zip")} | texts
+    for name in _OBJECTS:
+        text = str(given.get(name, "")).lstrip()
+        # Limits that are no JSON object are the text of a joint_limits.yaml.
+        if name in given and (text.startswith("{") or name != "joint_limits"):
+            given[name] = _json_field(name, given[name])
     try:
-        if "joint_limits" in given:
-            given["joint_limits"] = parse_json(given["joint_limits"].encode())
-        return RobotFields.model_validate(given)
+        return ArchiveFields.model_validate(given)
     except ValidationError as error:
         raise _invalid(error, given) from None
+
+
+def _json_field(name: str, text: str) -> Any:
+    try:
+        return parse_json(text.encode())
     except ProblemError as error:
         raise ProblemError(
             "VALIDATION_ERROR",
-            f"joint_limits: {error.detail}",
+            f"{name}: {error.detail}",
             stage="request",
-            hint='Give it as {"joint": {"velocity": 2.0, "acceleration": 5.0}}.',
+            hint=f"Give it as {_OBJECTS[name]}.",
         ) from None
 
 

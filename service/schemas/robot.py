@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from pydantic import ConfigDict, Field, field_validator, model_validator
+from pydantic import ConfigDict, Discriminator, Field, Tag, field_validator, model_validator
 from pydantic.config import JsonDict
 
 from service.schemas.base import (
@@ -30,6 +30,11 @@ _MAX_URI = 1_024
 #: Solids of one link.
 _MAX_SOLIDS = 100
 
+#: Text of a joint_limits.yaml: a kilobyte a joint.
+_MAX_LIMITS = 1_000_000
+
+#: A number times another limit.
+Rule = Annotated[str, Field(pattern=r"^[0-9eE+.\- ]+[x*×] *[a-z]+ *$", max_length=64)]
 Xml = Annotated[str, Field(min_length=1, max_length=_MAX_XML)]
 Uri = Annotated[str, Field(min_length=1, max_length=_MAX_URI)]
 
@@ -98,7 +103,7 @@ class DhTable(Body):
     rows: Annotated[list[DhRow], Field(min_length=1, max_length=MAX_JOINTS)]
     base: Pose | None = None
     tool: Pose | None = None
-    gravity: Vector3 | None = Field(None, description="in the base frame [m/s²]")
+    gravity: Vector3 | None = Field(None, description="in the root frame [m/s²]")
     geometry: LinkCapsules | None = Field(
         None, description="solids of all links, beside those of the rows"
     )
@@ -112,6 +117,32 @@ class JointLimits(Body):
     velocity: Positive | None = None
     acceleration: Positive | None = None
     jerk: Positive | None = None
+    effort: Positive | None = Field(None, description="[N m] or [N]")
+
+
+class DefaultLimits(Body):
+    """Rules for limits that are known nowhere else: a number times another limit."""
+
+    acceleration: Rule | None = Field(None, examples=["10 x velocity"])
+    jerk: Rule | None = Field(None, examples=["10 x acceleration"])
+
+
+def _by_form(value: object) -> str:
+    return "text" if isinstance(value, str) else "object"
+
+
+_LimitsByJoint = Annotated[dict[Label, JointLimits], Field(max_length=1_000)]
+#: Limits by joint, or the text of a joint_limits.yaml.
+LimitsOfJoints = Annotated[
+    Annotated[_LimitsByJoint, Tag("object")]
+    | Annotated[str, Field(min_length=1, max_length=_MAX_LIMITS), Tag("text")],
+    Discriminator(_by_form),
+    Field(
+        description='by joint, where "*" is every joint of the chain; or the text of a '
+        "joint_limits.yaml as MoveIt has it",
+        examples=[{"*": {"acceleration": 5.0}}],
+    ),
+]
 
 
 _EXAMPLE: JsonDict = {
@@ -140,9 +171,49 @@ class RobotFields(Body):
     """Fields of a robot beside its description."""
 
     name: Name
-    base_link: Label | None = None
-    tip_link: Label | None = None
-    joint_limits: Annotated[dict[Label, JointLimits], Field(max_length=1_000)] | None = None
+    base_link: Label | None = Field(
+        None, description="where the chain begins; poses are in the root frame all the same"
+    )
+    tip_link: Label | None = Field(
+        None, description="where it ends; the likely tip if left out, told in lint"
+    )
+    joint_limits: LimitsOfJoints | None = None
+    default_limits: DefaultLimits | None = Field(
+        None, description="rules for limits that neither the description nor joint_limits gives"
+    )
+    held: Annotated[dict[Label, Number], Field(max_length=1_000)] | None = Field(
+        None,
+        description="positions of joints off the chain [rad or m]; 0, or the limit nearest to it, "
+        "for those left out",
+    )
+
+
+class RobotChanges(Body):
+    """Limits of a stored robot that change; those of other joints and quantities stay."""
+
+    model_config = ConfigDict(
+        json_schema_extra={"examples": [{"joint_limits": {"*": {"acceleration": 4.0}}}]}
+    )
+
+    joint_limits: LimitsOfJoints | None = None
+    default_limits: DefaultLimits | None = Field(
+        None, description="rules in place of those of before"
+    )
+
+    @model_validator(mode="after")
+    def _check_form(self) -> "RobotChanges":
+        if self.joint_limits is None and self.default_limits is None:
+            raise ValueError("give joint_limits or default_limits")
+        return self
+
+
+class ArchiveFields(RobotFields):
+    """Fields of a robot that comes in an archive."""
+
+    urdf_path: Uri | None = Field(
+        None, description="which .urdf file is meant, by its path in the archive or the end of it"
+    )
+    srdf_path: Uri | None = Field(None, description="which .srdf file belongs to it, likewise")
 
 
 class RobotBody(RobotFields):
@@ -171,7 +242,7 @@ class RobotBody(RobotFields):
     def _check_form(self) -> "RobotBody":
         exactly_one(self, ("urdf", "dh"))
         if self.dh is not None:
-            for name in ("srdf", "meshes"):
+            for name in ("srdf", "meshes", "held"):
                 if getattr(self, name) is not None:
                     raise ValueError(f"{name} belongs to a URDF, not to a dh table")
         return self
@@ -220,9 +291,9 @@ class DhAnswer(Answer):
 
     convention: Literal["standard", "modified"]
     rows: list[DhRowAnswer]
-    base: PoseAnswer = Field(description="frame 0 in the base frame")
+    base: PoseAnswer = Field(description="frame 0 in the root frame")
     tool: PoseAnswer = Field(description="the tip in frame n")
-    gravity: list[float] | None = Field(None, description="in the base frame [m/s²]")
+    gravity: list[float] | None = Field(None, description="in the root frame [m/s²]")
     geometry: LinkCapsules | None = Field(None, description="as it was given")
 
 
@@ -251,8 +322,15 @@ class RobotAnswer(Answer):
     joint_types: list[Literal["revolute", "prismatic"]]
     limits: Limits
     links: list[str]
-    base_link: str
+    frame: str = Field(description="the root link, in whose frame all poses are")
+    base_link: str = Field(description="where the chain begins")
     tip_link: str
+    states: dict[str, list[float]] = Field(
+        default_factory=dict,
+        description="named states of the SRDF for the joints of the chain [rad or m]",
+    )
+    default_limits: DefaultLimits | None = Field(None, description="of the request")
+    held: dict[str, float] | None = Field(None, description="of the request")
     dh: DhAnswer | None = None
     wrist: Literal["spherical", "three_parallel", "none"]
     allowed_collisions: list[list[str]] = Field(

@@ -10,7 +10,7 @@ from kinematics.robots import builtin_urdf
 from kinematics.urdf import parse_urdf
 from obstacles.decomposition import keep_decompositions
 from obstacles.scene import Scene
-from service.schemas.robot import RobotBody
+from service.schemas.robot import RobotBody, RobotChanges
 from service.schemas.scene import NamedScene
 from service.schemas.scene import Scene as SceneBody
 from service.schemas.validation import validation_problem
@@ -19,7 +19,7 @@ from service.storage.cache_key import Reference
 from service.storage.disk_cache import PreparedRobot
 from service.tasks.answer import reports_cache_miss
 from service.tasks.result import CacheMiss, RobotModel
-from service.translate import poses, robots
+from service.translate import poses, robot_limits, robots
 from service.translate.archive import read_archive
 from service.translate.urdf import table_urdf
 from service.workers.task import task
@@ -97,6 +97,28 @@ def prepare_robot(document: bytes, folder: str) -> bytes:
 
 
 @task
+def change_robot(document: bytes, content: bytes, folder: str) -> tuple[bytes, bytes]:
+    """Build a stored robot with other limits, and keep it for all workers.
+
+    Args:
+        document: Its stored document.
+        content: The request.
+        folder: Where to keep it.
+
+    Returns:
+        The JSON document to be stored, and the robot's model as it is answered.
+
+    Raises:
+        InvalidRobotDescription: A joint is unknown, or a limit out of its range.
+    """
+    body = RobotBody.model_validate_json(document)
+    changes = RobotChanges.model_validate_json(content)
+    changed = robot_limits.changed(body, changes, robots.joint_names(body))
+    new = changed.model_dump_json(exclude_none=True).encode()
+    return new, prepare_robot(new, folder)
+
+
+@task
 @reports_cache_miss
 def robot_model(robot: Reference) -> RobotModel | CacheMiss:
     """The model of a robot as it is answered, with the sizes that the server goes by."""
@@ -136,7 +158,8 @@ def unpack_robot(content: bytes, fields: dict[str, object], folder: str) -> tupl
     Raises:
         InvalidRobotDescription: The archive or what is in it is not valid.
     """
-    archive = read_archive(content)
+    urdf_path, srdf_path = (_text(fields.get(name)) for name in ("urdf_path", "srdf_path"))
+    archive = read_archive(content, urdf_path, srdf_path)
     named = _collision_files(archive.urdf)
     # Meshes for display can be many times larger than those for collisions.
     meshes = {
@@ -144,7 +167,11 @@ def unpack_robot(content: bytes, fields: dict[str, object], folder: str) -> tupl
         for name, data in archive.meshes.items()
         if name.rpartition("/")[2] in named
     }
-    given = {"srdf": archive.srdf} | {k: v for k, v in fields.items() if v is not None}
+    given = {"srdf": archive.srdf} | {
+        name: value
+        for name, value in fields.items()
+        if value is not None and name not in ("urdf_path", "srdf_path")
+    }
     try:
         body = RobotBody.model_validate({**given, "urdf": archive.urdf, "meshes": meshes or None})
     except ValidationError as error:
@@ -152,6 +179,10 @@ def unpack_robot(content: bytes, fields: dict[str, object], folder: str) -> tupl
         raise InvalidRobotDescription(f"the robot archive: {problem.detail}") from None
     document = body.model_dump_json(exclude_none=True).encode()
     return document, prepare_robot(document, folder)
+
+
+def _text(value: object) -> str | None:
+    return None if value is None else str(value)
 
 
 def _collision_files(urdf: str) -> set[str]:

@@ -1,4 +1,4 @@
-"""Robot archives: a .zip with one URDF, its meshes and perhaps an SRDF, read with suspicion."""
+"""Robot archives: a .zip with a URDF, its meshes and perhaps an SRDF, read with suspicion."""
 
 import io
 import re
@@ -42,8 +42,8 @@ class RobotArchive:
     """Content of an archive: URDF, SRDF and meshes.
 
     Args:
-        urdf: The text of the one .urdf file.
-        srdf: The text of the one .srdf file, if there is one.
+        urdf: The text of the .urdf file that is meant.
+        srdf: The text of the .srdf file that belongs to it, if there is one.
         meshes: Bytes of the mesh files by their path in the archive.
     """
 
@@ -52,14 +52,23 @@ class RobotArchive:
     meshes: dict[str, bytes] = field(default_factory=dict)
 
 
-def read_archive(content: bytes) -> RobotArchive:
+def read_archive(
+    content: bytes, urdf_path: str | None = None, srdf_path: str | None = None
+) -> RobotArchive:
     """Read a robot from the bytes of a .zip; nothing is ever written to disk.
 
     Files that are neither URDF, SRDF nor mesh are left alone.
 
+    Args:
+        content: The archive.
+        urdf_path: Which .urdf file is meant, by its path or the end of it; needed where there are
+            several.
+        srdf_path: Which .srdf file belongs to it; where there are several, by default the one
+            with the name of the .urdf file.
+
     Raises:
         InvalidRobotDescription: It is no .zip, unpacks to too much, has a name that leads out of
-            it, holds another archive, or has not exactly one URDF.
+            it, holds another archive, has no URDF, or nothing says which one is meant.
     """
     # Counted in the bytes: listing a million entries takes longer than a whole request may.
     entries = content.count(_ENTRY_MARK)
@@ -67,7 +76,7 @@ def read_archive(content: bytes) -> RobotArchive:
         raise _too_many_entries(entries)
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            return _read(archive)
+            return _read(archive, urdf_path, srdf_path)
     except (zipfile.BadZipFile, zipfile.LargeZipFile, NotImplementedError, EOFError) as error:
         raise _archive_error(f"it can't be read: {error}") from None
     except (RuntimeError, ValueError, OSError, OverflowError) as error:
@@ -79,7 +88,7 @@ def read_archive(content: bytes) -> RobotArchive:
         raise
 
 
-def _read(archive: zipfile.ZipFile) -> RobotArchive:
+def _read(archive: zipfile.ZipFile, urdf_path: str | None, srdf_path: str | None) -> RobotArchive:
     entries = [_check_entry(entry) for entry in _entries(archive) if not entry.is_dir()]
     names = [entry.filename for entry in entries]
     twice = {name for name in names if names.count(name) > 1}
@@ -91,15 +100,17 @@ def _read(archive: zipfile.ZipFile) -> RobotArchive:
     for entry in wanted:
         files[entry.filename] = _unpack(archive, entry, left)
         left -= len(files[entry.filename])
-    urdf = _only(files, ".urdf")
-    if urdf is None:
+    chosen = _choose(files, ".urdf", urdf_path)
+    if chosen is None:
         raise _archive_error("there is no .urdf file in it", hint="Put the robot's URDF into it.")
-    folder = next(PurePosixPath(name).parent for name in files if name.lower().endswith(".urdf"))
-    urdf = _UPWARD.sub(partial(_from_root, folder), urdf)
+    folder = PurePosixPath(chosen).parent
+    urdf = _UPWARD.sub(partial(_from_root, folder), _text(files, chosen))
+    twin = PurePosixPath(chosen).stem
+    semantics = _choose(files, ".srdf", srdf_path, twin)
     meshes = {
         name: data for name, data in files.items() if PurePosixPath(name).suffix.lower() in _MESHES
     }
-    return RobotArchive(urdf, _only(files, ".srdf"), meshes)
+    return RobotArchive(urdf, None if semantics is None else _text(files, semantics), meshes)
 
 
 def _from_root(folder: PurePosixPath, found: re.Match[str]) -> str:
@@ -160,25 +171,42 @@ def _unpack(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, left: int) -> byte
     return data
 
 
-def _only(files: dict[str, bytes], ending: str) -> str | None:
-    """The text of the one file with this ending."""
-    found = [name for name in files if PurePosixPath(name).suffix.lower() == ending]
-    if len(found) > 1:
+def _choose(
+    files: dict[str, bytes], ending: str, path: str | None, twin: str | None = None
+) -> str | None:
+    """The name of the file with this ending that is meant; None where there is none."""
+    names = [name for name in files if PurePosixPath(name).suffix.lower() == ending]
+    if path is not None:
+        matching = [name for name in names if f"/{name}".endswith(f"/{path.lstrip('/')}")]
+    elif len(names) > 1 and twin is not None:
+        matching = [name for name in names if PurePosixPath(name).stem == twin]
+    else:
+        matching = names
+    if len(matching) > 1 or (names and not matching):
+        field_name = f"{ending[1:]}_path"
+        reason = "is none of its files" if path is not None and not matching else "is open"
         raise _archive_error(
-            f"there are several {ending} files in it: {', '.join(found[:10])}",
-            hint="Leave the one that is meant.",
+            f"which {ending} file is meant {reason}: there are {', '.join(names[:10])}"
+            if path is None
+            else f"{field_name} {path!r} {reason}: there are {', '.join(names[:10])}",
+            hint=f"Say which one in the field {field_name}.",
+            candidates=names,
         )
-    if not found:
-        return None
+    return matching[0] if matching else None
+
+
+def _text(files: dict[str, bytes], name: str) -> str:
     try:
-        return files[found[0]].decode("utf-8-sig")
+        return files[name].decode("utf-8-sig")
     except UnicodeDecodeError:
-        raise _archive_error(f"{found[0]!r} is not UTF-8") from None
+        raise _archive_error(f"{name!r} is not UTF-8") from None
 
 
 def _too_many_entries(count: int) -> InvalidRobotDescription:
     return _archive_error(f"it has {count} entries, at most {MAX_ENTRIES} are taken")
 
 
-def _archive_error(reason: str, hint: str | None = None) -> InvalidRobotDescription:
-    return InvalidRobotDescription(f"the robot archive: {reason}", hint=hint)
+def _archive_error(
+    reason: str, hint: str | None = None, **details: object
+) -> InvalidRobotDescription:
+    return InvalidRobotDescription(f"the robot archive: {reason}", hint=hint, **details)

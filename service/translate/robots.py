@@ -15,15 +15,18 @@ from kinematics.dh import dh_from_chain
 from kinematics.dh_table import DhRow, DhTable
 from kinematics.errors import InvalidRobotDescription, InvalidScene
 from kinematics.ik.structure import classify_wrist
+from kinematics.joint_limits import ALL_JOINTS
 from kinematics.mesh_uri import resolve_mesh
+from kinematics.named_states import named_states
 from kinematics.robots import builtin_srdf, builtin_urdf
+from kinematics.root_frame import root_notes
 from kinematics.serial_chain import GRAVITY, select, serial_chain
 from kinematics.srdf import check_semantics, parse_srdf
 from kinematics.urdf import parse_urdf
 from obstacles.dh_geometry import LinkSolid, dh_robot_geometry
 from obstacles.robot_geometry import RobotGeometry, robot_geometry
 from service.schemas import robot as schema
-from service.translate import poses
+from service.translate import poses, robot_limits
 
 _NEEDED_TO_TIME = ("velocity", "acceleration")
 
@@ -61,23 +64,23 @@ def _from_urdf(body: schema.RobotBody) -> tuple[RobotGeometry, list[str]]:
     if semantics is not None:
         lint += check_semantics(semantics, description)
     ends = (body.base_link, body.tip_link)
-    chosen = select(description, *ends, semantics=semantics)
-    chain = serial_chain(description, *ends, joint_limits=_joint_limits(body), semantics=semantics)
-    files = {uri: base64.b64decode(text) for uri, text in (body.meshes or {}).items()}
-    geometry = robot_geometry(
-        dataclasses.replace(chain, name=body.name),
-        description,
-        partial(resolve_mesh, uploaded=files),
-        semantics,
+    chosen = select(description, *ends, held=body.held, semantics=semantics)
+    limits, more = robot_limits.joint_limits(body.joint_limits, chosen.joints, description.joints)
+    lint += more
+    chain = serial_chain(
+        description, *ends, held=body.held, joint_limits=limits, semantics=semantics
     )
+    chain, more = robot_limits.with_rules(
+        dataclasses.replace(chain, name=body.name), body.default_limits
+    )
+    lint += [*more, *root_notes(chain)]
+    files = {uri: base64.b64decode(text) for uri, text in (body.meshes or {}).items()}
+    geometry = robot_geometry(chain, description, partial(resolve_mesh, uploaded=files), semantics)
+    if semantics is not None:
+        states, more = named_states(chain, semantics)
+        geometry = dataclasses.replace(geometry, states=states)
+        lint += more
     return geometry, [*lint, *chosen.lint]
-
-
-def _joint_limits(body: schema.RobotBody) -> dict[str, dict[str, float]]:
-    return {
-        joint: limits.model_dump(exclude_none=True)
-        for joint, limits in (body.joint_limits or {}).items()
-    }
 
 
 def dh_table(body: schema.RobotBody) -> DhTable | None:
@@ -89,17 +92,17 @@ def dh_table(body: schema.RobotBody) -> DhTable | None:
     dh = body.dh
     if dh is None:
         return None
-    limits = _joint_limits(body)
     names = [f"joint_{i}" for i in range(1, len(dh.rows) + 1)]
+    limits, _ = robot_limits.joint_limits(body.joint_limits, names, names)
     for name in limits:
-        if name not in names:
+        if name not in (*names, ALL_JOINTS):
             raise InvalidRobotDescription(
                 f"joint_limits names the joint {name!r}, which the table does not have",
                 hint=f"Its joints are: {', '.join(names)}.",
                 joint=name,
             )
     rows = (
-        DhRow(**(_row_values(row) | limits.get(name, {})))
+        DhRow(**{**_row_values(row), **limits.get(ALL_JOINTS, {}), **limits.get(name, {})})
         for name, row in zip(names, dh.rows, strict=True)
     )
     return DhTable(
@@ -109,6 +112,19 @@ def dh_table(body: schema.RobotBody) -> DhTable | None:
         np.eye(4) if dh.tool is None else poses.transform(dh.tool),
         np.array(dh.gravity if dh.gravity is not None else GRAVITY),
     )
+
+
+def joint_names(body: schema.RobotBody) -> tuple[str, ...]:
+    """Names of the joints of the chain that a document describes.
+
+    Raises:
+        InvalidRobotDescription: The description is not valid.
+    """
+    if body.dh is not None:
+        return tuple(f"joint_{i}" for i in range(1, len(body.dh.rows) + 1))
+    semantics = None if body.srdf is None else parse_srdf(body.srdf)
+    ends = (body.base_link, body.tip_link)
+    return select(parse_urdf(body.urdf or ""), *ends, semantics=semantics).joints
 
 
 def _row_values(row: schema.DhRow) -> dict[str, Any]:
@@ -130,8 +146,8 @@ def _from_dh(body: schema.RobotBody, table: DhTable) -> tuple[RobotGeometry, lis
         )
     if body.tip_link is not None:
         chain = dataclasses.replace(chain, tip_link=chain.link(body.tip_link).name)
-        geometry = dataclasses.replace(geometry, chain=chain)
-    return geometry, _range_lint(dh, chain)
+    chain, lint = robot_limits.with_rules(chain, body.default_limits)
+    return dataclasses.replace(geometry, chain=chain), [*_range_lint(dh, chain), *lint]
 
 
 def _range_lint(dh: schema.DhTable, chain: Chain) -> list[str]:
@@ -225,8 +241,12 @@ def robot_answer(
         joint_types=[_type(kind) for kind in chain.joint_types],
         limits=schema.Limits(**limits),
         links=[link.name for link in chain.links],
+        frame=chain.root_link,
         base_link=chain.base_link,
         tip_link=chain.tip_link,
+        states={name: q.tolist() for name, q in geometry.states.items()},
+        default_limits=None if body is None else body.default_limits,
+        held=None if body is None else body.held,
         dh=dh,
         wrist=classify_wrist(chain),
         allowed_collisions=[list(pair) for pair in geometry.allowed],

@@ -65,6 +65,10 @@ CALLS: list[tuple[str, Callable[[Any], Any], str, str, dict[str, Any] | None]] =
     ("robots.create", lambda c: c.robots.create(ours.RobotUpload(name="a", dh=DH)), "POST",
      "/v1/robots", {"name": "a"}),
     ("robots.get", lambda c: c.robots.get("a b"), "GET", "/v1/robots/a%20b", None),
+    ("robots.change", lambda c: c.robots.change(
+        "a", joint_limits={"*": ours.JointLimits(jerk=2.0)},
+        default_limits=ours.DefaultLimits(acceleration="10 x velocity")), "PATCH", "/v1/robots/a",
+     {"joint_limits": {"*": {"jerk": 2.0}}, "default_limits": {"acceleration": "10 x velocity"}}),
     ("robots.urdf", lambda c: c.robots.urdf("a"), "GET", "/v1/robots/a/urdf", None),
     ("robots.delete", lambda c: c.robots.delete("a"), "DELETE", "/v1/robots/a", None),
     ("robots.list", lambda c: c.robots.list(after="x y", limit=3), "GET",

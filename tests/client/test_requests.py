@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 import armwright_client as ours
 from armwright_client.base import Readable, Request
-from armwright_client.robot import RobotFields
+from armwright_client.robot import ArchiveFields, RobotFields
 from service.schemas import attached as their_attached
 from service.schemas import cartesian as their_cartesian
 from service.schemas import certificate as their_certificate
@@ -62,6 +62,9 @@ PAIRS: list[tuple[type[Readable], type[BaseModel]]] = [
     (ours.DhTable, their_robot.DhTable),
     (ours.JointLimits, their_robot.JointLimits),
     (RobotFields, their_robot.RobotFields),
+    (ArchiveFields, their_robot.ArchiveFields),
+    (ours.RobotChanges, their_robot.RobotChanges),
+    (ours.DefaultLimits, their_robot.DefaultLimits),
     (ours.RobotUpload, their_robot.RobotBody),
     (ours.Limits, their_robot.Limits),
     (ours.DhParameters, their_robot.DhRowAnswer),

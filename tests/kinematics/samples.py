@@ -249,20 +249,20 @@ class Reference:
         return int(self.model.getFrameId(link, pin.FrameType.BODY))
 
     def pose(self, q: Array, link: str) -> Array:
-        """T_base_link."""
+        """T_root_link."""
         pin.framesForwardKinematics(self.model, self.data, self._configuration(q))
-        base = self.data.oMf[self._frame(self.chain.base_link)]
+        base = self.data.oMf[self._frame(self.chain.root_link)]
         return np.array((base.inverse() * self.data.oMf[self._frame(link)]).homogeneous)
 
     def jacobian(self, q: Array, link: str) -> Array:
-        """Geometric Jacobian (6, n) in the base frame."""
+        """Geometric Jacobian (6, n) in the root frame."""
         full = self._configuration(q)
         frame = self._frame(link)
         J = pin.computeFrameJacobian(
             self.model, self.data, full, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         )
         pin.framesForwardKinematics(self.model, self.data, full)
-        R = self.data.oMf[self._frame(self.chain.base_link)].rotation.T
+        R = self.data.oMf[self._frame(self.chain.root_link)].rotation.T
         joints = [self.model.joints[self.model.getJointId(n)] for n in self.chain.joint_names]
         columns = J[:, [joint.idx_v for joint in joints]]
         return np.array(np.vstack([R @ columns[:3], R @ columns[3:]]))

@@ -32,6 +32,7 @@ UPLOADED = {
         ("right/d.stl", b"right d"),
         ("package://arm/right/d.stl", b"right d"),
         ("my%20arm/e.stl", b"e"),
+        ("package:///arm/meshes/collision/a.stl", b"collision a"),
     ],
 )
 def test_found(uri: str, found: bytes) -> None:
@@ -64,7 +65,7 @@ def test_not_found(uri: str, words: list[str]) -> None:
         "../c.stl",
         "package://../c.stl",
         "package://arm/../../c.stl",
-        "package:///c.stl",
+        "package:///../c.stl",
         "a/../../c.stl",
         "%2e%2e/c.stl",
         "%2Fc.stl",

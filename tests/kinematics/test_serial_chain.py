@@ -9,7 +9,6 @@ from kinematics.chain import MAX_JOINTS, JointType
 from kinematics.description import RobotDescription
 from kinematics.errors import InvalidRobotDescription
 from kinematics.forward import forward, link_poses
-from kinematics.pose import inverse
 from kinematics.serial_chain import select, serial_chain
 from kinematics.srdf import Semantics
 from kinematics.urdf import parse_urdf
@@ -47,11 +46,12 @@ def test_links_above_the_base_stay_with_it(tree: RobotDescription) -> None:
     assert part.links[0].name == "upper"
     assert {link.name for link in part.links} == set(tree.links)
     T_world = link_poses(whole, [0.25, -3.0, 0.7])
-    T_upper = link_poses(part, [0.7])
-    T_upper_world = inverse(T_world[whole.index["upper"]])
+    T_part = link_poses(part, [0.7])
+    assert (part.base_link, part.root_link) == ("upper", "world")
+    np.testing.assert_array_equal(part.link("world").T_joint_link, np.eye(4))
     for link in tree.links:
-        expected = T_upper_world @ T_world[whole.index[link]]
-        np.testing.assert_allclose(T_upper[part.index[link]], expected, atol=1e-14)
+        expected = T_world[whole.index[link]]
+        np.testing.assert_allclose(T_part[part.index[link]], expected, atol=1e-14)
 
 
 def test_limits(tree: RobotDescription) -> None:
@@ -123,11 +123,11 @@ def test_only_leaf_is_the_tip() -> None:
     assert (chain.base_link, chain.tip_link) == ("base", "tip")
 
 
-def test_open_tip_lists_the_candidates(tree: RobotDescription) -> None:
-    with pytest.raises(InvalidRobotDescription, match="tip_link") as error:
-        serial_chain(tree)
-    assert error.value.details["candidates"] == ["mast", "left_finger", "right_finger"]
-    assert "left_finger" in (error.value.hint or "")
+def test_likely_tip_is_told(tree: RobotDescription) -> None:
+    chosen = select(tree)
+    assert (chosen.base_link, chosen.tip_link) == ("world", "hand")
+    told = next(line for line in chosen.lint if "tip_link" in line)
+    assert "mast, left_finger, right_finger" in told
 
 
 def test_srdf_names_the_chain(tree: RobotDescription) -> None:
@@ -140,10 +140,23 @@ def test_srdf_names_the_chain(tree: RobotDescription) -> None:
 
 
 def test_several_chains_are_the_candidates(tree: RobotDescription) -> None:
-    two = Semantics("tree", chains={"arm": ("rail", "hand"), "mast": ("rail", "mast")})
+    two = Semantics("tree", chains={"left": ("rail", "hand"), "right": ("rail", "mast")})
     with pytest.raises(InvalidRobotDescription) as error:
         serial_chain(tree, semantics=two)
     assert error.value.details["candidates"] == ["hand", "mast"]
+    assert "hand, mast" in (error.value.hint or "")
+
+
+def test_group_called_arm_is_the_chain(tree: RobotDescription) -> None:
+    two = Semantics("tree", chains={"arm": ("rail", "hand"), "mast": ("rail", "mast")})
+    chosen = select(tree, semantics=two)
+    assert (chosen.base_link, chosen.tip_link) == ("rail", "hand")
+    assert any("mast" in line and "group" in line for line in chosen.lint)
+
+
+def test_chain_of_a_missing_link_is_not_used(tree: RobotDescription) -> None:
+    some = Semantics("tree", chains={"arm": ("rail", "hook"), "whole": ("rail", "hand")})
+    assert select(tree, semantics=some).tip_link == "hand"
 
 
 @pytest.mark.parametrize(
@@ -174,9 +187,10 @@ def test_free_joints_only_off_the_chain(type_: str) -> None:
     )
     description = parse_urdf(arm(more=free))
     with pytest.raises(InvalidRobotDescription, match=f"'free'.*{type_}"):
-        serial_chain(description)
+        serial_chain(description, "body", "tip")
+    assert select(description).base_link == "base"
     chain = serial_chain(description, base_link="base")
-    np.testing.assert_array_equal(forward(chain, [0.3], "body")[:3, 3], [-1, 0, 0])
+    np.testing.assert_array_equal(forward(chain, [0.3], "base")[:3, 3], [1, 0, 0])
     assert any("'free'" in line for line in select(description, "base").lint)
     with pytest.raises(InvalidRobotDescription, match=f"'free'.*{type_}"):
         serial_chain(description, base_link="base", held={"free": 0.0})

@@ -63,11 +63,19 @@ def test_unknown_names_in_pairs_and_states_are_told() -> None:
     assert any("'knee'" in line and "'home'" in line for line in lint)
 
 
-def test_unknown_link_of_a_chain_is_refused() -> None:
+def test_unknown_link_of_a_chain_is_told() -> None:
     srdf = Semantics("x", chains={"arm": ("rail", "hook")})
-    with pytest.raises(InvalidRobotDescription, match=r"'arm'.*'hook'") as error:
-        check_semantics(srdf, parse_urdf(TREE))
-    assert "carriage" in (error.value.hint or "")
+    (line,) = check_semantics(srdf, parse_urdf(TREE))
+    assert "'arm'" in line
+    assert "'hook'" in line
+
+
+def test_fixed_virtual_joints_name_the_root_frame() -> None:
+    srdf = parse_srdf(SRDF)
+    assert srdf.root_aliases("world") == ("map",)
+    assert srdf.root_aliases("rail") == ()
+    floating = parse_srdf(SRDF.replace('name="v" type="fixed"', 'name="v" type="floating"'))
+    assert floating.root_aliases("world") == ()
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,14 @@ from scipy.spatial.transform import Rotation
 
 from kinematics.description import BoxGeometry, CapsuleGeometry, LinkDescription, MeshGeometry
 from kinematics.errors import InvalidRobotDescription
-from kinematics.urdf_link import MAX_INERTIA, MAX_LENGTH, MAX_MASS, read_link, read_origin
+from kinematics.urdf_link import (
+    MAX_INERTIA,
+    MAX_LENGTH,
+    MAX_MASS,
+    PLATE,
+    read_link,
+    read_origin,
+)
 
 
 def read(inside: str) -> tuple[LinkDescription, list[str]]:
@@ -189,10 +196,10 @@ def test_scales_of_meshes_are_one_number_or_three(
         ('<box size="1 1 -1"/>', "must be positive"),
         ('<box size="1 1"/>', "3 number"),
         (f'<box size="1 1 {2 * MAX_LENGTH}"/>', "units"),
-        ('<sphere radius="0"/>', "must be positive"),
+        ('<sphere radius="-1"/>', "must be positive"),
         ('<sphere radius="nan"/>', "finite"),
         ('<cylinder radius="1" length="-1"/>', "must be positive"),
-        ('<cylinder radius="0" length="1"/>', "must be positive"),
+        ('<cylinder radius="-1" length="1"/>', "must be positive"),
         ('<capsule radius="1"/>', "'length' of <capsule> of link 'a' is missing"),
         ('<capsule length="1" radius="-1"/>', "must be positive"),
         ("<plane/>", "one geometry, got plane"),
@@ -221,3 +228,22 @@ def test_two_geometries_elements_of_one_collision_are_refused() -> None:
 )
 def test_origins_of_solids_are_checked(origin: str, words: str) -> None:
     refused(solid('<sphere radius="1"/>', f"<origin {origin}/>"), words)
+
+
+@pytest.mark.parametrize(
+    "geometry",
+    ['<box size="0 0 0"/>', '<sphere radius="0"/>', '<cylinder radius="0" length="1"/>',
+     '<capsule radius="0" length="0"/>'],
+)  # fmt: skip
+def test_solids_without_extent_are_left_out_and_told(geometry: str) -> None:
+    link, lint = read(solid(geometry) + solid('<sphere radius="1"/>'))
+    assert len(link.collisions) == 1
+    assert any("size 0" in line and "'a'" in line for line in lint)
+
+
+def test_flat_solids_are_thin_plates() -> None:
+    link, lint = read(solid('<box size="1 0 2"/>'))
+    geometry = link.collisions[0].geometry
+    assert isinstance(geometry, BoxGeometry)
+    assert geometry.size == (1.0, PLATE, 2.0)
+    assert any("flat" in line for line in lint)

@@ -202,7 +202,8 @@ def test_a_zip(client: httpx.Client) -> None:
         ({"arm.urdf": urdf()}, {"name": "../z"}, "VALIDATION_ERROR"),
         ({"arm.urdf": urdf()}, {"name": "z", "color": "red"}, "VALIDATION_ERROR"),
         ({"arm.urdf": urdf()}, {"name": "z", "joint_limits": "{"}, "VALIDATION_ERROR"),
-        ({"arm.urdf": urdf()}, {"name": "z", "joint_limits": "NaN"}, "VALIDATION_ERROR"),
+        ({"arm.urdf": urdf()}, {"name": "z", "held": "NaN"}, "VALIDATION_ERROR"),
+        ({"arm.urdf": urdf()}, {"name": "z", "joint_limits": "NaN"}, "INVALID_ROBOT_DESCRIPTION"),
     ],
 )
 def test_zips_that_are_refused(
@@ -281,12 +282,10 @@ BRANCH = """<link name="side"/><joint name="branch" type="fixed">
         ({"meshes": {"package://meshes/box.obj": "AAAA"}}, ""),
         ({"meshes": {"../box.obj": "AAAA"}}, ""),
         ({"meshes": None}, "meshes"),
-        ({"urdf": urdf(extra=BRANCH)}, "side"),
+        ({"urdf": urdf(extra=BRANCH), "tip_link": "nothing"}, "side"),
         ({"tip_link": "nose"}, "tip"),
         ({"base_link": "nose"}, "base"),
         ({"joint_limits": {"knee": {"velocity": 1.0}}}, "shoulder"),
-        ({"srdf": "<robot name='x'><group name='g'><chain base_link='a' tip_link='b'/>"
-          "</group></robot>"}, "base"),
         ({"srdf": "no xml"}, ""),
     ],
 )  # fmt: skip

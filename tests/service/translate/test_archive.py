@@ -140,8 +140,8 @@ def test_every_cut_and_every_flipped_byte_is_refused_or_read() -> None:
     ("files", "match"),
     [
         ({"arm.stl": b""}, "no .urdf"),
-        ({"a.urdf": URDF, "b.urdf": URDF}, "several .urdf"),
-        ({"a.urdf": URDF, "a.srdf": "", "b.srdf": ""}, "several .srdf"),
+        ({"a.urdf": URDF, "b.urdf": URDF}, "which .urdf file is meant is open"),
+        ({"a.urdf": URDF, "b.srdf": "", "c.srdf": ""}, "which .srdf file is meant is open"),
         ({"a.urdf": b"\xff\xfe"}, "UTF-8"),
     ],
 )

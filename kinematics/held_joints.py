@@ -1,0 +1,96 @@
+"""Positions of the joints off a chain, which are held still."""
+
+import math
+from collections.abc import Mapping, Sequence
+
+from kinematics.description import JointDescription, RobotDescription
+from kinematics.errors import InvalidRobotDescription
+
+
+def held_positions(
+    description: RobotDescription, moving: Sequence[str], asked: Mapping[str, float]
+) -> tuple[dict[str, float], list[str]]:
+    """Positions of all joints off a chain, and what is odd about them.
+
+    A joint that is not named stands at 0, or at its limit nearest to 0; a mimic joint follows
+    the held value of the joint it mimics.
+
+    Args:
+        description: The tree.
+        moving: Names of the joints of the chain.
+        asked: Positions that were asked for, by joint [rad or m].
+
+    Raises:
+        InvalidRobotDescription: A joint can't be held, or not there.
+    """
+    joints = description.joints
+    off_chain = [j for j in joints.values() if j.moves and j.name not in moving]
+    free = [joint for joint in off_chain if joint.mimic is None]
+    for name in asked:
+        if name not in {joint.name for joint in free}:
+            raise InvalidRobotDescription(
+                f"joint {name!r} can't be held: {_reason_not_lockable(description, moving, name)}",
+                hint=f"Joints to hold are: {', '.join(j.name for j in free) or 'none'}.",
+                joint=name,
+            )
+    lint = [
+        f"joint {joint.name!r} is {joint.type}: it is held at its origin"
+        for joint in joints.values()
+        if joint.type in ("floating", "planar")
+    ]
+    held = {joint.name: _position(joint, asked, lint) for joint in free}
+    for joint in off_chain:
+        if joint.mimic is not None:
+            held[joint.name] = _mimic_position(description, joint, held, moving)
+    return held, lint
+
+
+def _reason_not_lockable(description: RobotDescription, moving: Sequence[str], name: str) -> str:
+    if name not in description.joints:
+        return "there is no such joint"
+    if name in moving:
+        return "it is part of the chain"
+    if description.joints[name].mimic is not None:
+        return "it mimics another joint"
+    return f"it is {description.joints[name].type}"
+
+
+def _position(joint: JointDescription, asked: Mapping[str, float], lint: list[str]) -> float:
+    value = asked.get(joint.name)
+    if value is None:
+        if math.isnan(joint.lower):
+            return 0.0
+        nearest = min(max(0.0, joint.lower), joint.upper)
+        if nearest != 0.0:
+            lint.append(f"joint {joint.name!r} is held at {nearest:g}, its limit nearest to 0")
+        return nearest
+    if not math.isfinite(value) or value < joint.lower or value > joint.upper:
+        raise InvalidRobotDescription(
+            f"joint {joint.name!r} is to be held at {value:g}, outside its limits "
+            f"[{joint.lower:g}, {joint.upper:g}]",
+            joint=joint.name,
+            value=value,
+        )
+    return float(value)
+
+
+def _mimic_position(
+    description: RobotDescription,
+    joint: JointDescription,
+    held: Mapping[str, float],
+    moving: Sequence[str],
+) -> float:
+    multiplier, offset, leader = 1.0, 0.0, joint
+    while leader.mimic is not None:
+        offset += multiplier * leader.mimic.offset
+        multiplier *= leader.mimic.multiplier
+        leader = description.joints[leader.mimic.joint]
+    if leader.name in moving:
+        raise InvalidRobotDescription(
+            f"joint {joint.name!r} off the chain mimics {leader.name!r} on it: its links would "
+            "move in a way a serial chain can't tell",
+            hint="Make it fixed, or choose a tip_link above the joint it mimics.",
+            joint=joint.name,
+        )
+    # What follows a joint that does not move (fixed, floating) stands at the offset.
+    return multiplier * held.get(leader.name, 0.0) + offset

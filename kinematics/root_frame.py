@@ -1,0 +1,74 @@
+"""Frames that stand still: the root, links before the first joint, and names for the root."""
+
+import numpy as np
+
+from kinematics.arrays import Array
+from kinematics.chain import Chain
+from kinematics.errors import InvalidLinkName
+from kinematics.forward import forward
+
+#: The name of the tip's frame, where it stands at the configuration of a request.
+TOOL = "tool"
+#: What MoveIt calls the root frame of a robot without a virtual joint.
+WORLD = "world"
+#: Chains that begin this close to the root need no note [m, and as the entries of a rotation].
+_SAME_FRAME = 1e-9
+
+
+def frame_pose(chain: Chain, frame: str, joints: Array | None, where: str) -> Array:
+    """Pose T_root_frame of a frame that a request names, shape (4, 4).
+
+    Args:
+        chain: The robot.
+        frame: A link that stands still, a name of the root frame, or "tool".
+        joints: Where "tool" is meant, shape (n,) [rad or m]; None where nothing says so.
+        where: The field that names the frame.
+
+    Raises:
+        InvalidLinkName: There is no such frame, it moves, or nothing says where the tool is.
+    """
+    if frame == TOOL:
+        if joints is None:
+            raise InvalidLinkName(
+                f"{where}: nothing says where the tool is",
+                hint="Give one configuration (start, joints or seed_joints), or another frame.",
+                frame=frame,
+            )
+        return forward(chain, joints)
+    if frame in chain.index:
+        link = chain.links[chain.index[frame]]
+        if link.joint >= 0:
+            raise InvalidLinkName(
+                f"{where}: the link {frame!r} moves with the arm",
+                hint=f"Frames are: {', '.join(frame_names(chain))}.",
+                frame=frame,
+            )
+        return link.T_joint_link
+    if frame in (WORLD, *chain.root_aliases):
+        return np.eye(4)
+    raise InvalidLinkName(
+        f"{where}: robot {chain.name!r} has no frame {frame!r}",
+        hint=f"Frames are: {', '.join(frame_names(chain))}.",
+        frame=frame,
+    )
+
+
+def frame_names(chain: Chain) -> list[str]:
+    """Frames that a request can name: links that stand still, names of the root, the tool."""
+    standing = [link.name for link in chain.links if link.joint < 0]
+    return [*standing, *chain.root_aliases, TOOL]
+
+
+def root_notes(chain: Chain) -> list[str]:
+    """A note where the chain begins elsewhere than in the root frame."""
+    T = chain.link(chain.base_link).T_joint_link
+    if np.abs(T - np.eye(4)).max() <= _SAME_FRAME:
+        return []
+    offset = float(np.linalg.norm(T[:3, 3]))
+    cosine = min(1.0, max(-1.0, (float(np.trace(T[:3, :3])) - 1.0) / 2.0))
+    note = (
+        f"poses and scenes are in the frame of the root link {chain.root_link!r}, not of "
+        f"{chain.base_link!r}, where the chain begins {offset:.4g} m and "
+        f"{np.arccos(cosine):.4g} rad from it: name that frame for what is meant there"
+    )
+    return [note]

@@ -1,0 +1,149 @@
+"""Robots that upload with no hand edit: tips, limits, states, held joints, archives."""
+
+import json
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+
+from tests.service.robots import BOX_OBJ, answer, bench, problem, urdf
+from tests.service.test_robots import archive
+
+EYE = """<link name="camera"/><joint name="eye" type="fixed">
+<parent link="upper"/><child link="camera"/></joint>"""
+SIDE = """<link name="flap"/><joint name="hinge" type="revolute">
+<parent link="base"/><child link="flap"/>
+<axis xyz="0 0 1"/><limit lower="-1" upper="1" velocity="1" effort="1"/></joint>"""
+SRDF = """<robot name="bench"><group name="arm"><chain base_link="lower" tip_link="tip"/></group>
+<group name="gone"><chain base_link="base" tip_link="nothing"/></group>
+<group_state name="home" group="arm"><joint name="elbow" value="0.5"/></group_state></robot>"""
+YAML = """joint_limits:
+  shoulder: {has_acceleration_limits: true, max_acceleration: 3.5}
+  hinge: {has_acceleration_limits: true, max_acceleration: 1.0}
+"""
+
+
+def create(client: httpx.Client, name: str, **changes: Any) -> dict[str, Any]:
+    made = answer(client.post("/v1/robots", json=bench(name, **changes)), 201)
+    assert answer(client.get(f"/v1/robots/{name}")) == made
+    return made
+
+
+def test_likely_tip_and_limits_for_all(client: httpx.Client) -> None:
+    model = create(
+        client, "likely", urdf=urdf(extra=EYE), joint_limits={"*": {"acceleration": 4.0}},
+        default_limits={"jerk": "10 x acceleration"},
+    )  # fmt: skip
+    assert (model["tip_link"], model["frame"]) == ("tip", "base")
+    assert any("tip_link is 'tip'" in line and "camera" in line for line in model["lint"])
+    assert model["limits"]["acceleration"] == [4.0, 4.0]
+    assert model["limits"]["jerk"] == [40.0, 40.0]
+    assert model["default_limits"] == {"acceleration": None, "jerk": "10 x acceleration"}
+
+
+def test_limits_as_moveit_has_them_and_joints_held(client: httpx.Client) -> None:
+    model = create(
+        client, "moveit_limits", urdf=urdf(extra=SIDE), joint_limits=YAML, tip_link="tip",
+        held={"hinge": 0.25},
+    )  # fmt: skip
+    assert model["held"] == {"hinge": 0.25}
+    flap = answer(client.post("/v1/robots/moveit_limits/fk", json={"joints": [0.0, 0.0]}))
+    turned = flap["links"]["flap"]["quaternion_xyzw"]
+    np.testing.assert_allclose(turned, [0.0, 0.0, np.sin(0.125), np.cos(0.125)], atol=1e-12)
+    assert model["limits"]["acceleration"] == [3.5, None]
+    assert any("hinge" in line and "off the chain" in line for line in model["lint"])
+
+
+def test_states_and_the_note_on_the_root(client: httpx.Client) -> None:
+    model = create(client, "stated", srdf=SRDF, joint_limits=None)
+    assert (model["frame"], model["base_link"]) == ("base", "lower")
+    assert model["states"] == {"home": [0.5]}
+    assert any("'nothing'" in line and "'gone'" in line for line in model["lint"])
+
+
+def test_ends_that_are_equally_likely_are_told(client: httpx.Client) -> None:
+    body = bench("open", urdf=urdf(extra=SIDE + EYE))
+    refusal = problem(client.post("/v1/robots", json=body), 422, "INVALID_ROBOT_DESCRIPTION")
+    assert refusal["details"]["candidates"] == ["tip", "flap", "camera"]
+
+
+def test_archive_with_several_descriptions(client: httpx.Client) -> None:
+    files = {"urdf/a.urdf": urdf("meshes/box.obj"), "urdf/b.urdf": urdf("meshes/box.obj"),
+             "meshes/box.obj": BOX_OBJ, "a.srdf": SRDF, "b.srdf": SRDF}  # fmt: skip
+    content = archive(files)
+    refusal = problem(
+        client.post("/v1/robots", files={"file": ("several.zip", content)}),
+        422, "INVALID_ROBOT_DESCRIPTION",
+    )  # fmt: skip
+    assert refusal["details"]["candidates"] == ["urdf/a.urdf", "urdf/b.urdf"]
+    assert "urdf_path" in refusal["hint"]
+    form = {"urdf_path": "b.urdf", "default_limits": json.dumps({"acceleration": "10 x velocity"})}
+    model = answer(
+        client.post("/v1/robots", files={"file": ("several.zip", content)}, data=form), 201
+    )
+    assert model["limits"]["acceleration"] == [20.0]
+    assert model["states"] == {"home": [0.5]}
+    form = {"urdf_path": "c.urdf", "name": "none"}
+    refusal = problem(
+        client.post("/v1/robots", files={"file": ("several.zip", content)}, data=form),
+        422, "INVALID_ROBOT_DESCRIPTION",
+    )  # fmt: skip
+    assert "'c.urdf'" in refusal["detail"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "code", "words"),
+    [
+        ({"default_limits": {"acceleration": "many"}}, "VALIDATION_ERROR", "default_limits"),
+        ({"default_limits": {"acceleration": "9 x effort"}}, "INVALID_ROBOT_DESCRIPTION", "effort"),
+        ({"default_limits": {"velocity": "9 x effort"}}, "VALIDATION_ERROR", "velocity"),
+        ({"joint_limits": "nothing"}, "INVALID_ROBOT_DESCRIPTION", "joint_limits"),
+        ({"joint_limits": {"*": {"speed": 1.0}}}, "VALIDATION_ERROR", "speed"),
+        ({"held": {"shoulder": 0.1}}, "INVALID_ROBOT_DESCRIPTION", "part of the chain"),
+        ({"held": {"knee": 0.1}}, "INVALID_ROBOT_DESCRIPTION", "no such joint"),
+    ],
+)
+def test_fields_that_are_refused(
+    client: httpx.Client, changes: dict[str, Any], code: str, words: str
+) -> None:
+    refusal = problem(client.post("/v1/robots", json=bench("bad", **changes)), 422, code)
+    assert words in f"{refusal['detail']} {refusal['hint']} {refusal['details']}"
+
+
+def test_limits_are_changed_later(client: httpx.Client) -> None:
+    create(client, "later", joint_limits={"shoulder": {"acceleration": 5.0, "jerk": 9.0}})
+    plan = {"robot": "later", "start": {"joints": [0.0, 0.0]}, "goal": {"joints": [0.4, 0.2]}}
+    assert problem(client.post("/v1/plan", json=plan), 422, "MISSING_LIMIT")
+    changes: dict[str, Any] = {"joint_limits": {"*": {"acceleration": 2.0}, "elbow": {"jerk": 7.0}}}
+    changed = answer(client.patch("/v1/robots/later", json=changes))
+    assert changed["limits"]["acceleration"] == [2.0, 2.0]
+    assert changed["limits"]["jerk"] == [9.0, 7.0]
+    assert answer(client.get("/v1/robots/later")) == changed
+    slow = answer(client.post("/v1/plan", json=plan))["trajectory"]["duration"]
+    changes = {"joint_limits": YAML.replace("3.5", "100"), "default_limits": {"jerk": "3*velocity"}}
+    changed = answer(client.patch("/v1/robots/later", json=changes))
+    assert changed["limits"]["acceleration"] == [100.0, 2.0]
+    changed = answer(
+        client.patch("/v1/robots/later", json={"joint_limits": {"*": {"acceleration": 50.0}}})
+    )
+    assert changed["limits"]["acceleration"] == [50.0, 50.0]
+    assert changed["default_limits"]["jerk"] == "3*velocity"
+    assert answer(client.post("/v1/plan", json=plan))["trajectory"]["duration"] < slow
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "status", "code"),
+    [
+        ("later", {}, 422, "VALIDATION_ERROR"),
+        ("later", {"tip_link": "tip"}, 422, "VALIDATION_ERROR"),
+        ("later", {"joint_limits": {"knee": {"jerk": 1.0}}}, 422, "INVALID_ROBOT_DESCRIPTION"),
+        ("later", {"default_limits": {"jerk": "1 x jerk"}}, 422, "INVALID_ROBOT_DESCRIPTION"),
+        ("panda", {"joint_limits": {"*": {"jerk": 1.0}}}, 409, "CONFLICT"),
+        ("nobody", {"joint_limits": {"*": {"jerk": 1.0}}}, 404, "NOT_FOUND"),
+    ],
+)
+def test_changes_that_are_refused(
+    client: httpx.Client, name: str, changes: dict[str, Any], status: int, code: str
+) -> None:
+    problem(client.patch(f"/v1/robots/{name}", json=changes), status, code)
