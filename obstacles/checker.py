@@ -53,7 +53,7 @@ class Motion:
         at: Where along the motion it was stopped, from 0 to 1; 1 where it is free.
         pair: The link and what it met; None where the motion is free.
         clearance: A lower bound of the clearance over the whole motion, margins taken off [m].
-        intervals: Intervals that were looked at.
+        intervals: Intervals that were looked at; parts of meshes count as intervals too.
     """
 
     free: bool

@@ -36,7 +36,8 @@ from obstacles.bounds import balls_apart, quick_bound
 from obstacles.bvh import EXTENT, FIRST, LAST, SKIP, gap
 from obstacles.gjk import BETWEEN, CLOSER, FARTHER, STILL, allowance, separation
 from obstacles.kernel_work import Workspace, drift, place, visit, workspace
-from obstacles.mesh_distance import surface_distance
+from obstacles.mesh_distance import LOOKS
+from obstacles.mesh_motion import surface_share
 from obstacles.model_arrays import ModelArrays
 from obstacles.pair_grid import grid_bound
 from obstacles.piece_set import CENTER, MARGIN, NODE_STOP, OWNER, RADIUS, Pair, Shapes
@@ -57,12 +58,13 @@ _TRUSTED = 0.9
 #: A node is entered once the motion is less than this many times its size: above, halving the
 #: interval settles more than going down.
 _COARSE = 1.0
-
 #: A cover that is apart by less than this share of the motion hardly is.
 _GRAZING = 0.1
+#: Pairs of parts of meshes that cost about what an interval does.
+_LOOKS_AN_INTERVAL = 32.0
 
-# Places in Workspace.tally.
-_CLEARANCE, _SHARE, _STOPPED = 0, 1, 2
+# Places in Workspace.tally: of an interval, but for the looks, which are those of an edge.
+_CLEARANCE, _SHARE, _STOPPED, _LOOKS = 0, 1, 2, 3
 
 
 class Cubic(NamedTuple):
@@ -134,11 +136,13 @@ def _compare(
             touching = verdict == CLOSER or lower - enough < _GRAZING * lost
             covers = a[i, NODE_STOP] > 0.0 or placed[j, NODE_STOP] > 0.0
             if verdict != FARTHER and touching and covers:
-                verdict, lower = surface_distance(
-                    pair, Shapes(model.corners, model.tables, model.surfaces), apart,
-                    enough + most, axis, work.room, work.stack,
+                apart_in_middle, share = surface_share(
+                    pair, Shapes(model.corners, model.tables, model.surfaces), apart, enough,
+                    moving, axis, work.room, work.stack,
                 )  # fmt: skip
-                lost = most
+                tally[_LOOKS] += work.stack[0, LOOKS]
+                verdict = CLOSER if not apart_in_middle else FARTHER if share >= 1.0 else BETWEEN
+                lower, lost = enough + share * most, most
     if verdict == BETWEEN:
         share = _TRUSTED * max(lower - enough, 0.0) / lost if lost > 0.0 else 0.0
         tally[_SHARE] = min(tally[_SHARE], share)
@@ -284,14 +288,14 @@ def _look_at(work: Workspace, curve: Cubic, middle: float, half: float) -> None:
 def certify_in(
     model: ModelArrays, work: Workspace, curve: Cubic, margin: float, most: int, outcome: Array
 ) -> int:
-    """``certify_curve`` in a workspace of the caller's; given up after ``most`` intervals."""
+    """``certify_curve`` in a workspace of the caller's, given up after so many intervals' work."""
     roots = model.roots
     entries = _Entries(roots, work.hints[2])
     spans, lists = work.spans[0], work.lists[0]
     spans[0, 0], spans[0, 1], lists[0, 0], lists[0, 1] = 0.0, 1.0, 0, roots.shape[0]
     visits, open_spans = 0, 1
     tally = work.tally
-    tally[_CLEARANCE] = np.inf
+    tally[_CLEARANCE], tally[_LOOKS] = np.inf, 0.0
     outcome[0], outcome[1] = 0.0, -1.0
     for level in range(_MAX_DEPTH):
         # What a level leaves is written beside what it reads.
@@ -319,17 +323,15 @@ def certify_in(
                 more = _Entries(np.empty((room, 2), dtype=np.int64), np.empty((room, 3)))
                 more.pairs[:begin], more.axes[:begin] = left.pairs[:begin], left.axes[:begin]
                 left = more
+            spent = visits + int(tally[_LOOKS] / _LOOKS_AN_INTERVAL)
+            outcome[2] = spent
             if hit >= 0:
-                outcome[0], outcome[1], outcome[2], outcome[3] = middle, hit, visits, -np.inf
+                outcome[0], outcome[1], outcome[3] = middle, hit, -np.inf
                 return COLLIDING
             if kept == begin:
                 continue
-            if tally[_STOPPED] > 0.0 or visits >= most:
-                outcome[0], outcome[1], outcome[2] = (
-                    middle,
-                    _pair_of(model, left.pairs[begin]),
-                    visits,
-                )
+            if tally[_STOPPED] > 0.0 or spent >= most:
+                outcome[0], outcome[1] = middle, _pair_of(model, left.pairs[begin])
                 outcome[3] = tally[_CLEARANCE] + margin
                 return UNDECIDED
             proved = half * tally[_SHARE]
@@ -338,12 +340,11 @@ def certify_in(
             for at in (new_spans, new_spans + 1):
                 lists_left[at, 0], lists_left[at, 1] = begin, kept - begin
             new_spans += 2
+        outcome[3] = tally[_CLEARANCE] + margin
         if new_spans == 0:
-            outcome[2], outcome[3] = visits, tally[_CLEARANCE] + margin
             return FREE
         entries, spans, lists, open_spans = left, halves, lists_left, new_spans
     outcome[0], outcome[1] = spans[0, 0], _pair_of(model, entries.pairs[lists[0, 0]])
-    outcome[2], outcome[3] = visits, tally[_CLEARANCE] + margin
     return UNDECIDED
 
 
@@ -361,8 +362,8 @@ def certify_curve(
         b3: Coefficients of s^3, shape (n,).
         margin: Asked for on top of the pairs' own margins [m].
         outcome: Filled, shape (4,): where on the curve it stopped (s), the pair that stopped it or
-            -1, intervals looked at, and the clearance proved so far, the pairs' own margins taken
-            off [m].
+            -1, intervals looked at, parts of meshes counted in by their time, and the clearance
+            proved so far, the pairs' own margins taken off [m].
 
     Returns:
         FREE (proved), COLLIDING (a configuration was found with a pair at most its margin apart) or

@@ -46,10 +46,12 @@ _WAITING = 256
 #: The first of the two rows of ``stack`` that hold what is looked at, behind those that wait.
 DESK = _WAITING
 STACK = (_WAITING + 2, WIDTH)
+#: Column of the first row of ``stack`` with the number of pairs of nodes that were looked at.
+LOOKS = 3
 
 
 @kernel(allocates=False)
-def _open(desk: Array, k: int, nodes: Array, node: int) -> None:
+def open_node(desk: Array, k: int, nodes: Array, node: int) -> None:
     """Let row k of ``desk`` be a node's box, and its triangle where it is a leaf."""
     square = 0.0
     for axis in range(3):
@@ -68,7 +70,7 @@ def _open(desk: Array, k: int, nodes: Array, node: int) -> None:
 
 
 @kernel(allocates=False)
-def _begin(desk: Array, k: int, rows: Array, i: int) -> int:
+def begin_row(desk: Array, k: int, rows: Array, i: int) -> int:
     """Copy a row to the desk; the root of its tree, or -1 where it is the solid itself."""
     for column in range(WIDTH):
         desk[k, column] = rows[i, column]
@@ -79,13 +81,14 @@ def _begin(desk: Array, k: int, rows: Array, i: int) -> int:
 
 
 #: A direction, and what whole pieces reach along it: the first least, the second most.
-_Plane = tuple[float, float, float, float, float]
+Plane = tuple[float, float, float, float, float]
 
 
 @kernel(allocates=False)
-def _plane(
+def plane_across(
     desk: Array, na: int, nb: int, corners: Array, tables: Lists, x: float, y: float, z: float
-) -> _Plane:
+) -> Plane:
+    """The plane across (x, y, z), with what a whole piece (na or nb below 0) reaches along it."""
     length = math.sqrt(x * x + y * y + z * z)
     n = (x / length, y / length, z / length) if length > 0.0 else (1.0, 0.0, 0.0)
     low, high = -np.inf, np.inf
@@ -99,7 +102,7 @@ def _plane(
 
 
 @kernel(allocates=False)
-def _extent(desk: Array, k: int, n: _Plane) -> tuple[float, float]:
+def extent_along(desk: Array, k: int, n: Plane) -> tuple[float, float]:
     """Lowest and highest value of a direction over the box of row k."""
     middle = desk[k, POSE + 3] * n[0] + desk[k, POSE + 7] * n[1] + desk[k, POSE + 11] * n[2]
     half = 0.0
@@ -112,13 +115,13 @@ def _extent(desk: Array, k: int, n: _Plane) -> tuple[float, float]:
 
 
 @kernel(allocates=False)
-def _bound(desk: Array, na: int, nb: int, n: _Plane, enough: float) -> float:
+def _bound(desk: Array, na: int, nb: int, n: Plane, enough: float) -> float:
     """A lower bound of the distance of the two rows of the desk [m]."""
     low, high = n[3], n[4]
     if na >= 0:
-        low, _ = _extent(desk, 0, n)
+        low, _ = extent_along(desk, 0, n)
     if nb >= 0:
-        _, high = _extent(desk, 1, n)
+        _, high = extent_along(desk, 1, n)
     if low - high > enough:
         return low - high
     bound, _ = quick_bound(desk, 0, desk, 1, enough)
@@ -139,7 +142,7 @@ def surface_distance(  # noqa: C901, PLR0912, PLR0915
         hint: A direction from j to i across which they may be apart, shape (3,).
         room: Workspace, shape (9, 3).
         stack: Workspace, shape STACK. Its last two rows are left as the parts that are nearest to
-            each other, where the answer is BETWEEN.
+            each other, where the answer is BETWEEN, and at LOOKS the pairs of nodes looked at.
 
     Returns:
         FARTHER, CLOSER (at most ``near`` apart, touching, or one inside the other) or BETWEEN, and
@@ -148,20 +151,21 @@ def surface_distance(  # noqa: C901, PLR0912, PLR0915
     a, i, b, j = pair
     corners, tables, nodes = shapes
     desk, axis = stack[DESK : DESK + 2], room[8]
-    na, nb = _begin(desk, 0, a, i), _begin(desk, 1, b, j)
-    plane = _plane(desk, na, nb, corners, tables, hint[0], hint[1], hint[2])
+    na, nb = begin_row(desk, 0, a, i), begin_row(desk, 1, b, j)
+    plane = plane_across(desk, na, nb, corners, tables, hint[0], hint[1], hint[2])
     limit, top = most, 1
-    stack[0, 0], stack[0, 1], stack[0, 2] = na, nb, -np.inf
+    stack[0, 0], stack[0, 1], stack[0, 2], stack[0, LOOKS] = na, nb, -np.inf, 0.0
     best_a, best_b = -1, -1
     while top > 0:
         top -= 1
         if stack[top, 2] > limit:
             continue
         na, nb = int(stack[top, 0]), int(stack[top, 1])
+        stack[0, LOOKS] += 1.0
         if na >= 0:
-            _open(desk, 0, nodes, na)
+            open_node(desk, 0, nodes, na)
         if nb >= 0:
-            _open(desk, 1, nodes, nb)
+            open_node(desk, 1, nodes, nb)
         whole_a, whole_b = na < 0 or nodes[na, FIRST] >= 0.0, nb < 0 or nodes[nb, FIRST] >= 0.0
         if whole_a and whole_b:
             lower, n = quick_bound(desk, 0, desk, 1, limit)
@@ -175,7 +179,7 @@ def surface_distance(  # noqa: C901, PLR0912, PLR0915
                 return CLOSER, min(lower, 0.0) if near < 0.0 else lower
             if verdict != FARTHER and lower <= limit:
                 limit, best_a, best_b = lower, na, nb
-                plane = _plane(
+                plane = plane_across(
                     desk, min(na, 0), min(nb, 0), corners, tables, axis[0], axis[1], axis[2]
                 )
             continue
@@ -184,9 +188,9 @@ def surface_distance(  # noqa: C901, PLR0912, PLR0915
             side = 1
         left = (na if side == 0 else nb) + 1
         right = int(nodes[left, SKIP])
-        _open(desk, side, nodes, left)
+        open_node(desk, side, nodes, left)
         first = _bound(desk, na, nb, plane, limit)
-        _open(desk, side, nodes, right)
+        open_node(desk, side, nodes, right)
         second = _bound(desk, na, nb, plane, limit)
         # The nearer one is looked at first.
         if first <= second:
@@ -196,19 +200,19 @@ def surface_distance(  # noqa: C901, PLR0912, PLR0915
                 stack[top, 0], stack[top, 1], stack[top, 2] = na, nb, bound
                 stack[top, side] = child
                 top += 1
-    if _is_contained(pair, shapes):
+    if is_contained(pair, shapes):
         return CLOSER, -np.inf
     if limit >= most:
         return FARTHER, most
     if best_a >= 0:
-        _open(desk, 0, nodes, best_a)
+        open_node(desk, 0, nodes, best_a)
     if best_b >= 0:
-        _open(desk, 1, nodes, best_b)
+        open_node(desk, 1, nodes, best_b)
     return BETWEEN, limit
 
 
 @kernel(allocates=False)
-def _is_contained(pair: Pair, shapes: Shapes) -> bool:
+def is_contained(pair: Pair, shapes: Shapes) -> bool:
     """Whether a body of one piece lies inside the solid of the other, when no triangle touches."""
     a, i, b, j = pair
     if b[j, GROUP_STOP] > 0.0 and _has_inside(Pair(b, j, a, i), shapes):

@@ -1,0 +1,78 @@
+"""Motion of meshes past each other: proved shares hold, and cost no more than intervals do."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from kinematics.pose import from_axis_angle, transform
+from obstacles.checker import Checker, Motion
+from obstacles.scene import Obstacle, Scene
+from tests.obstacles.test_decomposition import ell, ring, spiky
+from tests.obstacles.test_fcl_distance import slide
+from tests.obstacles.test_mesh_distance import apart, bowl, mesh, random_pose, tube
+
+
+def torus() -> trimesh.Trimesh:
+    """A ring of many triangles about the x axis."""
+    body = trimesh.creation.torus(0.5, 0.1, major_sections=128, minor_sections=64)
+    body.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2.0, [0.0, 1.0, 0.0]))
+    return body
+
+
+def motion_through(body: trimesh.Trimesh, height: float) -> Motion:
+    """A ball with bumps is led through a body, that much off its axis."""
+    peg = spiky(5)
+    peg.apply_scale(0.1)
+    scene = Scene((Obstacle("body", mesh(body), transform(np.eye(3), [0.3, 0.0, height])),))
+    checker = Checker.of(slide(*mesh(peg).pieces()), scene)
+    return checker.segment(np.array([-2.0]), np.array([2.0]))
+
+
+@pytest.mark.parametrize("height", [0.25, 0.28, 0.3])
+def test_a_long_motion_past_fine_meshes_costs_what_its_intervals_do(height: float) -> None:
+    """Triangles that a long interval may reach are not searched for the nearest ones."""
+    motion = motion_through(torus(), height)
+    assert motion.free
+    assert motion.intervals < 200
+
+
+def test_a_long_motion_into_a_fine_mesh_is_refused_as_quickly() -> None:
+    motion = motion_through(torus(), 0.36)
+    assert motion.colliding
+    assert motion.intervals < 200
+
+
+@pytest.mark.parametrize("name", ["ell", "ring", "tube", "bowl"])
+def test_motions_proved_free_keep_the_triangles_apart(name: str) -> None:
+    """Edges of any length beside any pose, against FCL on the triangles, densely."""
+    body = {"ell": ell(0.8), "ring": ring(), "tube": tube(), "bowl": bowl()}[name]
+    peg = spiky(5)
+    peg.apply_scale(0.12)
+    random = np.random.default_rng(11)
+    robot, kinds = slide(*mesh(peg).pieces()), np.zeros(2, dtype=np.int64)
+    for _ in range(18):
+        T = random_pose(random, 0.25)
+        a, b = np.sort(random.uniform(-0.8, 0.8, 2))
+        checker = Checker.of(robot, Scene((Obstacle("it", mesh(body), T),)))
+        motion = checker.segment(np.array([a]), np.array([b]))
+        places = np.linspace(a, b, 24)
+        near = [apart(peg, transform(np.eye(3), [x, 0.0, 0.0]), body, T) for x in places]
+        if motion.free:
+            kinds[0] += 1
+            assert min(near) > 0.0
+        if motion.colliding:
+            kinds[1] += 1
+            at = transform(np.eye(3), [a + motion.at * (b - a), 0.0, 0.0])
+            assert apart(peg, at, body, T) < 1e-6
+        if min(near) == 0.0:
+            assert not motion.free
+    assert (kinds > 2).all()
+
+
+def test_a_turn_of_the_axis_changes_no_verdict() -> None:
+    """What parts triangles is measured along their normals, wherever these point."""
+    turn = from_axis_angle(np.array([1.0, 0.0, 0.0]), 0.7)
+    body = torus()
+    body.apply_transform(transform(turn, np.zeros(3)))
+    assert motion_through(body, 0.25).free
+    assert motion_through(body, 0.36).colliding
