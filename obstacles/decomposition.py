@@ -7,6 +7,7 @@ distance to all hulls is a distance to the solid; where it does not do, the tria
 (``obstacles.mesh_distance``), and nothing is filled that the mesh leaves open.
 """
 
+import contextlib
 import hashlib
 import tempfile
 from dataclasses import fields
@@ -74,7 +75,8 @@ def _stored_pieces(vertices: bytes, faces: bytes) -> tuple[ConvexPart, ...]:
     points = np.frombuffer(vertices).reshape(-1, 3)
     parts = _decompose(points, np.frombuffer(faces, dtype=np.int64).reshape(-1, 3))
     if file is not None:
-        _write(file, parts)
+        with contextlib.suppress(OSError):  # it is computed again where it could not be kept
+            _write(file, parts)
     return parts
 
 
@@ -103,8 +105,14 @@ def _write(file: Path, parts: tuple[ConvexPart, ...]) -> None:
         columns[f"{item.name}_counts"] = np.array([len(array) for array in own])
     # Written aside and renamed: another process sees all of it or nothing.
     with tempfile.NamedTemporaryFile(dir=file.parent, suffix=".npz", delete=False) as stream:
-        np.savez(stream, **columns)
-    Path(stream.name).replace(file)
+        part = Path(stream.name)
+        try:
+            np.savez(stream, **columns)
+            stream.flush()
+            part.replace(file)
+        except OSError:
+            part.unlink(missing_ok=True)
+            raise
 
 
 class _Body(NamedTuple):

@@ -1,5 +1,6 @@
 """The application: `create_app`."""
 
+import asyncio
 import logging
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -35,6 +36,7 @@ from service.settings import Settings
 from service.storage.recent import Recent
 from service.storage.robot_repository import RobotRepository
 from service.storage.store import open_store
+from service.storage_watch import watch
 from service.version import VERSION
 from service.workers.launch import Launched
 from service.workers.supervisor import WorkerSupervisor
@@ -91,12 +93,14 @@ def create_app(settings: Settings | None = None, launched: Launched | None = Non
             spares=_SPARES,
         )
         app.state.supervisor = supervisor
-        app.state.jobs = Jobs(app, app.state.store.jobs, chosen)
+        app.state.jobs = Jobs(app, app.state.store, chosen)
         await supervisor.start()
+        watching = asyncio.create_task(watch(app.state.store.database))
         try:
             await app.state.jobs.start()
             yield
         finally:
+            watching.cancel()
             await app.state.jobs.stop()
             await supervisor.stop()
             await run_in_threadpool(app.state.store.close)

@@ -54,11 +54,13 @@ def from_fields(
         code: The kind of problem.
         message: What is wrong and where.
         hint: What to do about it.
-        details: Values a program can use; one named ``stage`` becomes the stage of the problem.
+        details: Values a program can use; those named ``stage`` and ``retry_after`` become the
+            stage and the `retry_after` of the problem.
     """
     rest = {str(name): value for name, value in details.items()}
-    stage = rest.pop("stage", None)
+    stage, retry_after = rest.pop("stage", None), rest.pop("retry_after", None)
     problem = ProblemError(code, message, hint=hint, stage=None if stage is None else str(stage))
+    problem.retry_after = None if retry_after is None else int(retry_after)
     problem.details = rest
     return problem
 

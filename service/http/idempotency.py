@@ -2,18 +2,23 @@
 
 import hashlib
 from collections.abc import Awaitable, Callable
+from typing import TypeVar
 
 from fastapi import Request, Response
 from starlette.concurrency import run_in_threadpool
 
 from service.http.state import store_of
 from service.problem import ProblemError
-from service.storage.idempotency_store import IdempotencyKey, Recorded
+from service.storage.idempotency_store import IdempotencyKey, KeptAnswer, Recorded
 
 _MAX_KEY = 255
 #: What is kept: that something was created, or accepted as a job. All else is computed anew.
 _KEPT = (201, 202)
 _KEPT_HEADERS = ("content-type", "location", "preference-applied")
+#: Key in the scope of a request, with the `IdempotencyKey` that it has claimed.
+_CLAIMED = "armwright.idempotency_key"
+
+T = TypeVar("T")
 
 
 async def answer_once(
@@ -33,25 +38,50 @@ async def answer_once(
             f"the header Idempotency-Key must be 1 to {_MAX_KEY} printable ASCII characters",
             stage="request",
         )
-    store = store_of(request).answers
+    answers = store_of(request).answers
     claimed = IdempotencyKey(key, f"{request.method} {request.url.path}")
     body = await request.body()
     digest = (await run_in_threadpool(hashlib.sha256, body)).hexdigest()
-    earlier = await run_in_threadpool(store.begin, claimed, digest)
+    earlier = await run_in_threadpool(answers.begin, claimed, digest)
     if earlier is not None:
         return _replay(earlier)
+    request.scope[_CLAIMED] = claimed
     kept = None
     try:
         response = await handle(request)
-        if response.status_code in _KEPT:
-            headers = {n: response.headers[n] for n in _KEPT_HEADERS if n in response.headers}
-            kept = Recorded(response.status_code, headers, bytes(response.body))
+        # What a route has stored together with the thing it made is not stored once more.
+        if response.status_code in _KEPT and _CLAIMED in request.scope:
+            kept = recorded(response)
         return response
     finally:
-        if kept is None:
-            await run_in_threadpool(store.forget, claimed)
-        else:
-            await run_in_threadpool(store.finish, claimed, kept)
+        if kept is not None:
+            await run_in_threadpool(answers.finish, claimed, kept)
+        elif _CLAIMED in request.scope:
+            await run_in_threadpool(answers.forget, claimed)
+
+
+def kept_answer(request: Request, of: Callable[[T], Response]) -> KeptAnswer[T] | None:
+    """The answer that is to be stored in the same transaction as what a request makes.
+
+    A process that dies has then made both or neither. None if the request has no key.
+
+    Args:
+        request: That makes something.
+        of: The answer to it, of what was made.
+    """
+    key: IdempotencyKey | None = request.scope.get(_CLAIMED)
+    return None if key is None else KeptAnswer(key, lambda made: recorded(of(made)))
+
+
+def note_kept(request: Request) -> None:
+    """Note that the answer of a request was stored with what it made."""
+    request.scope.pop(_CLAIMED, None)
+
+
+def recorded(response: Response) -> Recorded:
+    """An answer as it is repeated."""
+    headers = {n: response.headers[n] for n in _KEPT_HEADERS if n in response.headers}
+    return Recorded(response.status_code, headers, bytes(response.body))
 
 
 def _replay(earlier: Recorded) -> Response:

@@ -14,9 +14,11 @@ from service.http.errors import document, from_domain
 from service.http.job_context import JobContext
 from service.http.plan_answer import plan_answer
 from service.http.state import settings_of, supervisor_of
+from service.jobs.storage_retry import STORAGE_RETRY
 from service.problem import ProblemError, unexpected_fault
 from service.storage import prepared_files
 from service.storage.cache_key import Reference
+from service.storage.database import StorageUnavailable
 from service.task_references import split
 from service.tasks.result import BatchItem
 from service.workers.faults import ShuttingDown
@@ -76,7 +78,7 @@ class Batch:
             try:
                 left = self._context.deadline - time.monotonic()
                 async with asyncio.timeout(max(left, 0.0)):
-                    self._results[index] = await self._plan(index)
+                    self._results[index] = await self._plan_once_possible(index)
             except ShuttingDown:  # the whole batch is done again when the service is back
                 raise
             except ProblemError as problem:
@@ -90,6 +92,14 @@ class Batch:
             self._done += 1
             self._shares[index] = 1.0
             self._report()
+
+    async def _plan_once_possible(self, index: int) -> bytes:
+        """The plan of a problem, tried again for as long as the storage can't be used."""
+        while True:
+            try:
+                return await self._plan(index)
+            except StorageUnavailable:
+                await asyncio.sleep(STORAGE_RETRY)
 
     async def _plan(self, index: int) -> bytes:
         item = self._items[index]

@@ -2,11 +2,12 @@
 
 from fastapi import Request, Response
 
+from service.http.idempotency import kept_answer, note_kept
 from service.http.job_context import DRY_RUN, DeferToJob
 from service.http.json_route import Handler, prefers_async
 from service.jobs.answer import job_summary
 from service.jobs.runner import Jobs
-from service.storage.job_store import JobAnswer, StoredRequest
+from service.storage.job_store import JobAnswer, JobRecord, StoredRequest
 
 
 async def defer(request: Request, handle: Handler) -> Response:
@@ -26,16 +27,23 @@ async def defer(request: Request, handle: Handler) -> Response:
         await request.body(),
     )
     jobs.check_room(len(stored.body))
+    preferred = prefers_async(request.headers.getlist("prefer"))
+
+    def accepted(record: JobRecord) -> Response:
+        headers = {"Location": f"/v1/jobs/{record.id}"}
+        if preferred:
+            headers["Preference-Applied"] = "respond-async"
+        content = job_summary(record).model_dump_json().encode()
+        return Response(content, 202, headers, "application/json")
+
+    told = kept_answer(request, accepted)
     request.scope[DRY_RUN] = True
     try:
         response = await handle(request)
     except DeferToJob:
-        record = await jobs.accept(stored)
+        record = await jobs.accept(stored, told)
     else:
         answer = JobAnswer(response.headers.get("content-type", ""), bytes(response.body))
-        record = await jobs.keep(stored, answer, response.headers.get("location"))
-    headers = {"Location": f"/v1/jobs/{record.id}"}
-    if prefers_async(request.headers.getlist("prefer")):
-        headers["Preference-Applied"] = "respond-async"
-    content = job_summary(record).model_dump_json().encode()
-    return Response(content, 202, headers, "application/json")
+        record = await jobs.keep(stored, answer, response.headers.get("location"), told)
+    note_kept(request)
+    return accepted(record)

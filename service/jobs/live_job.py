@@ -64,6 +64,14 @@ class LiveJob:
         self.answer: JobAnswer | None = None
         self.task: asyncio.Task[None] | None = None
         self.saving = asyncio.Lock()
+        #: Whether the database has it.
+        self.stored = False
+        #: What the database has of its progress, as the number of an event.
+        self.saved_event = 0
+        #: Whether no change comes any more: its end is being stored.
+        self.is_ending = False
+        #: Whether another server has taken it over.
+        self.is_gone = False
         self.changed = asyncio.Event()
         self._events: deque[Event] = deque(maxlen=_KEPT_EVENTS)
         self._publish("status")
@@ -83,7 +91,7 @@ class LiveJob:
 
     def advance(self, progress: float, stage: str) -> None:
         """Note the progress, which never goes back, also where the work began anew."""
-        if self.has_ended:
+        if self.has_ended or self.is_ending:
             return
         further = min(max(self.record.progress, progress), 1.0)
         kind = "stage" if stage != self.record.stage else "progress"
@@ -94,12 +102,28 @@ class LiveJob:
 
     def end(self, status: Status, answer: JobAnswer | None, location: str | None = None) -> None:
         """Note that it has ended."""
-        progress = 1.0 if status == "succeeded" else self.record.progress
-        self.answer = answer
-        self.record = replace(
-            self.record, status=status, progress=progress, ended=time.time(), location=location
+        self.settle(self.last_record(status, location), answer)
+
+    def last_record(self, status: Status, location: str | None = None) -> JobRecord:
+        """The record of its end, to be stored before anybody is told; nothing changes any more."""
+        self.is_ending = True
+        return replace(
+            self.record,
+            status=status,
+            progress=1.0 if status == "succeeded" else self.record.progress,
+            event=self.record.event + 1,
+            ended=time.time(),
+            location=location,
         )
-        self._publish("end", answer.content if status == "failed" and answer else None)
+
+    def settle(self, record: JobRecord, answer: JobAnswer | None) -> None:
+        """Note the end that was stored, and tell of it; or that another server has it now."""
+        self.record, self.answer = record, answer
+        if not self.has_ended:
+            self.is_gone = True
+            self.changed.set()
+            return
+        self._tell("end", answer.content if record.status == "failed" and answer else None)
 
     def wait_again(self) -> JobRecord:
         """The record of this job for the next start of the service: it waits again."""
@@ -109,8 +133,11 @@ class LiveJob:
         """The events after one of a number."""
         return iter([event for event in self._events if event.number > number])
 
-    def _publish(self, kind: str, error: bytes | None = None) -> None:
+    def _publish(self, kind: str) -> None:
         self.record = replace(self.record, event=self.record.event + 1)
+        self._tell(kind)
+
+    def _tell(self, kind: str, error: bytes | None = None) -> None:
         self._events.append(describe(self.record, kind, error))
         self.changed.set()
         self.changed = asyncio.Event()

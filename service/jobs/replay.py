@@ -1,8 +1,10 @@
 """Replay of stored requests through the application, which answers them like new ones."""
 
 import asyncio
+import json
 from collections.abc import MutableMapping
 from dataclasses import dataclass, field
+from http import HTTPStatus
 from typing import Any
 
 from starlette.datastructures import Headers
@@ -25,6 +27,13 @@ class Replayed:
         """The body and its type."""
         content_type = self.headers.get("content-type", "application/octet-stream")
         return JobAnswer(content_type, bytes(self.body))
+
+    @property
+    def is_storage_fault(self) -> bool:
+        """Whether nothing else was wrong than that the storage could not be used."""
+        if self.status != HTTPStatus.SERVICE_UNAVAILABLE:
+            return False
+        return bool(json.loads(self.body).get("code") == "STORAGE_UNAVAILABLE")
 
 
 async def replay(app: ASGIApp, request: StoredRequest, context: JobContext) -> Replayed:

@@ -5,34 +5,42 @@ which is given the request once more: a job can do whatever a request can, and n
 """
 
 import asyncio
-import json
+import contextlib
+import logging
 import re
-import secrets
 import time
 from collections import deque
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Coroutine
 from typing import Any
 
 from starlette.concurrency import run_in_threadpool
 from starlette.types import ASGIApp
 
-from service.http.errors import PROBLEM_MEDIA_TYPE, document, status_of
+from service.http.errors import status_of
 from service.http.job_context import JobContext
-from service.jobs.live_job import Event, LiveJob, describe
+from service.jobs import storage_retry
+from service.jobs.event_stream import follow_live, follow_stored
+from service.jobs.live_job import LiveJob
+from service.jobs.records import lost_job, new_record, problem_answer
 from service.jobs.replay import Replayed, replay
+from service.jobs.storage_retry import when_possible
 from service.problem import ProblemError, unexpected_fault
 from service.settings import Settings
+from service.storage.database import StorageUnavailable
+from service.storage.idempotency_store import KeptAnswer
 from service.storage.job_store import (
     ENDED,
     JobAnswer,
     JobRecord,
-    JobStore,
     Status,
     StoredRequest,
     no_job,
 )
+from service.storage.server_store import HEARTBEAT
+from service.storage.store import Store
 from service.workers.faults import JobsFull, ShuttingDown
 
+_log = logging.getLogger(__name__)
 _ID = re.compile(r"[0-9a-f]{32}")
 #: Batches that run at the same time; each keeps the workers busy by itself.
 _BATCHES = 2
@@ -40,7 +48,14 @@ _BATCHES = 2
 _OVERRUN = 0.5
 #: How often old answers are looked for [s].
 _PURGE_PERIOD = 60.0
+#: How often a shared database is told the progress of jobs, and asked which were cancelled [s].
+_SHARING_PERIOD = 1.0
 _BATCH_PATH = "/v1/plan/batch"
+
+#: Longest time that who cancels a job waits for the storage [s].
+_CANCEL_TIMEOUT = 5.0
+#: More than there ever are: a server that is alone takes over all jobs.
+_ALL = 1_000_000
 
 
 class Jobs:
@@ -52,9 +67,12 @@ class Jobs:
         settings: Limits and lifetimes.
     """
 
-    def __init__(self, app: ASGIApp, store: JobStore, settings: Settings) -> None:
+    def __init__(self, app: ASGIApp, store: Store, settings: Settings) -> None:
         self._app = app
-        self._store = store
+        self._store = store.jobs
+        self._servers = store.servers
+        self._server = store.server
+        self._is_shared = not store.database.is_file
         self._settings = settings
         self._live: dict[str, LiveJob] = {}
         self._queues: dict[bool, deque[LiveJob]] = {False: deque(), True: deque()}
@@ -67,16 +85,12 @@ class Jobs:
     # ------------------------------------------------------------------------- life of all
 
     async def start(self) -> None:
-        """Queue the jobs that waited when the service ended; those that ran have failed."""
-        for record in await run_in_threadpool(self._store.with_status, "running"):
-            lost = LiveJob(record, 0.0, 0)
-            lost.end("failed", _problem_answer(_lost_job(), record.path))
-            await run_in_threadpool(self._store.update, lost.record, lost.answer)
-        for record in await run_in_threadpool(self._store.with_status, "queued"):
-            live = LiveJob(record, self._deadline(), 0)
-            self._live[live.record.id] = live
-            self._enqueue(live)
+        """Queue the jobs that waited when their server ended; those that ran have failed."""
+        await run_in_threadpool(self._servers.register, self._server)
+        await self._adopt()
         self._chore(self._purge_periodically())
+        if self._is_shared:
+            self._chore(self._share_periodically())
 
     async def stop(self) -> None:
         """Accept no more jobs; those that run will be queued when the service starts again."""
@@ -86,9 +100,13 @@ class Jobs:
         for task in [*tasks, *self._chores]:
             task.cancel()
         await asyncio.gather(*tasks, *self._chores, return_exceptions=True)
-        for live in list(self._live.values()):
-            if not live.has_ended:
-                await run_in_threadpool(self._store.update, live.wait_again())
+        try:
+            for live in list(self._live.values()):
+                if not live.has_ended:
+                    await run_in_threadpool(self._store.release, live.wait_again())
+            await run_in_threadpool(self._servers.remove, self._server)
+        except StorageUnavailable as problem:
+            _log.warning("jobs could not be given back: %s", problem.detail)
         self._live.clear()
 
     @property
@@ -113,35 +131,55 @@ class Jobs:
         ):
             raise JobsFull(len(self._live), self._settings.workers)
 
-    async def accept(self, request: StoredRequest) -> JobRecord:
+    async def accept(
+        self, request: StoredRequest, told: KeptAnswer[JobRecord] | None = None
+    ) -> JobRecord:
         """Make a job of a request that was checked.
 
+        Args:
+            request: The request.
+            told: What its idempotency key stands for from then on.
+
         Raises:
-            ProblemError: As `check_room`.
+            ProblemError: As `check_room`; STORAGE_UNAVAILABLE.
         """
         self.check_room(len(request.body))
-        live = LiveJob(_new_record(request), self._deadline(), len(request.body))
+        live = LiveJob(new_record(request), self._deadline(), len(request.body))
         self._live[live.record.id] = live
         try:
-            await run_in_threadpool(self._store.add, live.record, request)
+            await run_in_threadpool(self._store.add, live.record, request, told)
         except BaseException:
             del self._live[live.record.id]
             raise
+        live.stored = True
         accepted = live.record
         self._enqueue(live)
         return accepted
 
     async def keep(
-        self, request: StoredRequest, answer: JobAnswer, location: str | None
+        self,
+        request: StoredRequest,
+        answer: JobAnswer,
+        location: str | None,
+        told: KeptAnswer[JobRecord] | None = None,
     ) -> JobRecord:
-        """Make a job of a request that was answered already."""
+        """Make a job of a request that was answered already.
+
+        Args:
+            request: The request.
+            answer: Its answer.
+            location: What it created.
+            told: What its idempotency key stands for from then on.
+
+        Raises:
+            ProblemError: STORAGE_UNAVAILABLE; the service is about to end.
+        """
         if self._stopping:
             raise ShuttingDown
-        live = LiveJob(_new_record(request), self._deadline(), 0)
-        await run_in_threadpool(self._store.add, live.record, None)
+        live = LiveJob(new_record(request), self._deadline(), 0)
         live.start()
         live.end("succeeded", answer, location)
-        await run_in_threadpool(self._store.update, live.record, answer)
+        await run_in_threadpool(self._store.add, live.record, answer, told)
         return live.record
 
     async def get(self, job_id: str) -> tuple[JobRecord, JobAnswer | None]:
@@ -169,19 +207,32 @@ class Jobs:
             ProblemError: NOT_FOUND; CONFLICT, it has ended already.
         """
         live = self._live.get(job_id)
-        if live is None or live.has_ended:
+        if live is not None and not live.has_ended:
+            await self._cancel_live(live)
+            record = live.record
+        else:
             record, _ = await self.get(job_id)
-            if record.status == "cancelled":
-                return record
-            raise ProblemError(
-                "CONFLICT",
-                f"job {job_id} has ended already: it {_final_status(record.status)}",
-                stage="job",
-                hint="There is nothing to cancel; GET it for its answer.",
-                status_of_job=record.status,
-            )
-        await self._finish(live, "cancelled", None)
-        return live.record
+            if record.status not in ENDED:  # another server works on it
+                cancelled = await run_in_threadpool(self._store.cancel, job_id, time.time())
+                record = cancelled or (await self.get(job_id))[0]
+        if record.status == "cancelled":
+            return record
+        raise ProblemError(
+            "CONFLICT",
+            f"job {job_id} has ended already: it {record.status}",
+            stage="job",
+            hint="There is nothing to cancel; GET it for its answer.",
+            status_of_job=record.status,
+        )
+
+    async def _cancel_live(self, live: LiveJob) -> None:
+        """End a job of this server: its work at once, and the job once that is stored."""
+        if live.task is not None:
+            live.task.cancel()
+        ending = self._chore(self._finish(live, "cancelled", None))
+        await asyncio.wait({ending}, timeout=_CANCEL_TIMEOUT)
+        if not live.has_ended:
+            raise StorageUnavailable("the job is ended as soon as that can be stored")
 
     async def events(self, job_id: str, after: int) -> AsyncIterator[bytes] | None:
         """The events of a job after one of a number, as they come; None if there are no more.
@@ -191,12 +242,15 @@ class Jobs:
         """
         live = self._live.get(job_id)
         if live is not None and not self._stopping:
-            return self._stream(live, after)
-        record, answer = await self.get(job_id)
-        if record.status not in ENDED or record.event <= after:
+            return follow_live(live, after, self._closing, self._settings.keep_alive)
+        record, _ = await self.get(job_id)
+        if record.event <= after and record.status in ENDED:
             return None
-        error = answer.content if record.status == "failed" and answer is not None else None
-        return _single_event(describe(record, "end", error))
+        if record.status not in ENDED and (self._stopping or not self._is_shared):
+            return None
+        return follow_stored(
+            lambda: self.get(job_id), after, self._closing, self._settings.keep_alive
+        )
 
     # ------------------------------------------------------------------------------ running
 
@@ -209,7 +263,7 @@ class Jobs:
         queue = self._queues[batch]
         while queue and self._running[batch] < self._limits[batch] and not self._stopping:
             live = queue.popleft()
-            if live.has_ended:
+            if live.is_ending:
                 continue
             self._running[batch] += 1
             live.task = asyncio.create_task(self._run(live, batch))
@@ -222,21 +276,25 @@ class Jobs:
             status: Status = "succeeded" if replayed.status < 400 else "failed"
             await self._finish(live, status, replayed.answer, replayed.headers.get("location"))
         except ProblemError as problem:
-            await self._finish(live, "failed", _problem_answer(problem, live.record.path))
+            await self._finish(live, "failed", problem_answer(problem, live.record.path))
         except Exception:  # noqa: BLE001  (whatever it is, the job must end)
             mishap = unexpected_fault(f"job {live.record.id}")
-            await self._finish(live, "failed", _problem_answer(mishap, live.record.path))
+            await self._finish(live, "failed", problem_answer(mishap, live.record.path))
         finally:
             self._running[batch] -= 1
             self._start_next(batch)
 
     async def _answer(self, live: LiveJob) -> Replayed:
-        request = await run_in_threadpool(self._store.request, live.record.id)
         context = JobContext(live.record.id, live.deadline, lambda: self._start(live), live.advance)
         left = live.deadline + _OVERRUN - time.monotonic()
         try:
             async with asyncio.timeout(max(left, 0.0)):
-                return await replay(self._app, request, context)
+                request = await when_possible(self._store.request, live.record.id)
+                while True:
+                    replayed = await replay(self._app, request, context)
+                    if not replayed.is_storage_fault:
+                        return replayed
+                    await asyncio.sleep(storage_retry.STORAGE_RETRY)
         except TimeoutError:
             raise ProblemError(
                 "TIMED_OUT",
@@ -253,30 +311,81 @@ class Jobs:
     async def _save(self, live: LiveJob) -> None:
         async with live.saving:
             if not live.has_ended:
-                await run_in_threadpool(self._store.update, live.record)
+                live.saved_event = live.record.event
+                with contextlib.suppress(StorageUnavailable):  # the end is what counts
+                    await run_in_threadpool(self._store.update, live.record)
 
     async def _finish(
         self, live: LiveJob, status: Status, answer: JobAnswer | None, location: str | None = None
     ) -> None:
-        if live.has_ended:
-            return
-        live.end(status, answer, location)
-        if status == "cancelled" and live.task is not None:
-            live.task.cancel()
+        """Store the end of a job, as soon as that is possible, and tell of it then.
+
+        Where it was cancelled meanwhile, or another server took it over, that counts.
+        """
         async with live.saving:
-            await run_in_threadpool(self._store.update, live.record, answer)
+            if live.has_ended:
+                return
+            record = live.last_record(status, location)
+            if not await when_possible(self._store.update, record, answer):
+                record, answer = await when_possible(self._store.get, record.id)
+            live.settle(record, answer)
         self._live.pop(live.record.id, None)
-        await self._purge()
+        with contextlib.suppress(StorageUnavailable):
+            await self._purge()
+
+    # ------------------------------------------------------------------------ other servers
+
+    async def _adopt(self) -> None:
+        """Take over jobs whose server is dead: queue those that waited, end those that ran."""
+        room = max(self._settings.job_limit - len(self._live), 0) if self._is_shared else _ALL
+        for record in await run_in_threadpool(self._store.adopt, room):
+            if record.id in self._live:
+                continue
+            live = LiveJob(record, self._deadline(), 0)
+            live.stored = True
+            self._live[record.id] = live
+            if record.status == "running":
+                await self._finish(live, "failed", problem_answer(lost_job(), record.path))
+            else:
+                self._enqueue(live)
+
+    async def _share_periodically(self) -> None:
+        beaten = time.monotonic()
+        while True:
+            await asyncio.sleep(_SHARING_PERIOD)
+            with contextlib.suppress(StorageUnavailable):
+                if time.monotonic() - beaten >= HEARTBEAT:
+                    beaten = time.monotonic()
+                    if not await run_in_threadpool(self._servers.beat, self._server):
+                        await run_in_threadpool(self._servers.register, self._server)
+                    await self._adopt()
+                await self._drop_lost()
+                for live in list(self._live.values()):
+                    if live.record.status == "running" and live.record.event != live.saved_event:
+                        await self._save(live)
+
+    async def _drop_lost(self) -> None:
+        """Stop the work on jobs that were cancelled elsewhere, or that others have taken over."""
+        ids = [live.record.id for live in self._live.values() if live.stored]
+        for job_id in await run_in_threadpool(self._store.lost, ids):
+            live = self._live.get(job_id)
+            if live is None or live.has_ended:
+                continue
+            if live.task is not None:
+                live.task.cancel()
+            # Nothing of this is kept: the database tells how the job has really ended.
+            await self._finish(live, "cancelled", None)
 
     # ------------------------------------------------------------------------------- chores
 
     def _deadline(self) -> float:
         return time.monotonic() + self._settings.job_deadline
 
-    def _chore(self, work: Any) -> None:
-        task: asyncio.Task[None] = asyncio.create_task(work)
+    def _chore(self, work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
+        task = asyncio.create_task(work)
         self._chores.add(task)
         task.add_done_callback(self._chores.discard)
+        return task
 
     async def _purge(self) -> None:
         oldest = time.time() - self._settings.job_lifetime
@@ -286,59 +395,6 @@ class Jobs:
 
     async def _purge_periodically(self) -> None:
         while True:
-            await self._purge()
+            with contextlib.suppress(StorageUnavailable):
+                await self._purge()
             await asyncio.sleep(_PURGE_PERIOD)
-
-    async def _stream(self, live: LiveJob, after: int) -> AsyncIterator[bytes]:
-        while True:
-            changed = live.changed
-            for event in live.since(after):
-                after = event.number
-                yield event.encode()
-            if live.has_ended or self._stopping:
-                return
-            if not await self._change(changed):
-                yield b": keep-alive\n\n"
-
-    async def _change(self, changed: asyncio.Event) -> bool:
-        """Wait for a change, but not for ever; whether there was one."""
-        waiting = [asyncio.ensure_future(event.wait()) for event in (changed, self._closing)]
-        try:
-            done, _ = await asyncio.wait(
-                waiting,
-                timeout=self._settings.keep_alive,
-                return_when=asyncio.FIRST_COMPLETED,
-            )
-            return bool(done)
-        finally:
-            for future in waiting:
-                future.cancel()
-
-
-async def _single_event(event: Event) -> AsyncIterator[bytes]:
-    yield event.encode()
-
-
-def _new_record(request: StoredRequest) -> JobRecord:
-    # Twelve digits of time let later jobs sort after earlier ones; the rest can't be guessed.
-    now = time.time()
-    job_id = f"{int(1000 * now):012x}{secrets.token_hex(10)}"
-    return JobRecord(job_id, request.method, request.path, "queued", created=now)
-
-
-def _problem_answer(problem: ProblemError, instance: str) -> JobAnswer:
-    content = json.dumps(document(problem, instance), ensure_ascii=False, allow_nan=False)
-    return JobAnswer(PROBLEM_MEDIA_TYPE, content.encode())
-
-
-def _lost_job() -> ProblemError:
-    return ProblemError(
-        "CRASH",
-        "the service ended while it was working on this job",
-        stage="job",
-        hint="Send the request again: nothing of it was kept.",
-    )
-
-
-def _final_status(status: Status) -> str:
-    return status if status in ("succeeded", "failed") else "is being ended"

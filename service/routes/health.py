@@ -10,9 +10,10 @@ from starlette.concurrency import run_in_threadpool
 from service.http.json_route import JsonRoute
 from service.http.metrics import Metrics
 from service.http.openapi import RESPONSES
-from service.http.state import supervisor_of
+from service.http.state import store_of, supervisor_of
 from service.problem import ProblemError
 from service.schemas.base import Answer
+from service.storage.database import StorageUnavailable
 from service.version import VERSION
 from service.workers.supervisor import WorkerSupervisor
 
@@ -45,10 +46,16 @@ async def healthz() -> Health:
 
 @router.get("/readyz", summary="Whether work can be sent")
 async def readyz(request: Request) -> Readiness:
-    """Answers 200 once kernels are warm and workers are up, 503 before."""
+    """Answers 200 once kernels are warm and workers are up, 503 before.
+
+    Also 503 `STORAGE_UNAVAILABLE` while the database is locked, full or away.
+    """
     supervisor = supervisor_of(request)
     if not supervisor.ready:
         raise _not_ready(supervisor)
+    fault = store_of(request).database.fault
+    if fault is not None:
+        raise StorageUnavailable(fault)
     return Readiness(
         status="ready",
         version=VERSION,

@@ -9,6 +9,7 @@ from starlette.datastructures import FormData, UploadFile
 
 from kinematics.robot_names import builtin_names
 from service.http import answers
+from service.http.idempotency import kept_answer, note_kept
 from service.http.json_route import JsonRequest, JsonRoute, require_json
 from service.http.openapi import RESPONSES
 from service.http.state import prepared_folder, store_of
@@ -25,6 +26,8 @@ from service.schemas.robot import (
 from service.schemas.strict_json import parse_json
 from service.schemas.validation import fault_list, validation_problem
 from service.storage import prepared_files
+from service.storage.document_store import Record
+from service.storage.idempotency_store import KeptAnswer
 from service.storage.robot_repository import is_built_in
 from service.task_references import change_robot as change_task
 from service.task_references import make_robot, robot_urdf, unpack_robot
@@ -96,8 +99,11 @@ async def create_robot(request: Request) -> Response:
         document, answer, name = await _from_form(request)
     else:
         document, answer, name = await _from_json(request, content_type)
-    await run_in_threadpool(store_of(request).documents.create, _KIND, name, document)
-    return Response(answer, 201, {"Location": f"/v1/robots/{name}"}, "application/json")
+    created = Response(answer, 201, {"Location": f"/v1/robots/{name}"}, "application/json")
+    told: KeptAnswer[Record] | None = kept_answer(request, lambda _: created)
+    await run_in_threadpool(store_of(request).documents.create, _KIND, name, document, told)
+    note_kept(request)
+    return created
 
 
 @router.get("", summary="List robots")

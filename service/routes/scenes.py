@@ -7,6 +7,7 @@ from fastapi import APIRouter, Query, Request, Response
 from starlette.concurrency import run_in_threadpool
 
 from service.http import answers
+from service.http.idempotency import kept_answer, note_kept
 from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES
 from service.http.precondition import check_precondition
@@ -48,13 +49,15 @@ async def project(name: str, _body: ProjectRequest, request: Request) -> Respons
     return Response(result, media_type="application/json")
 
 
-@router.post("", status_code=201, summary="Store a new scene")
-async def create_scene(body: NamedScene, request: Request, response: Response) -> SceneSummary:
+@router.post("", status_code=201, summary="Store a new scene", response_model=SceneSummary)
+async def create_scene(body: NamedScene, request: Request) -> Response:
     """Checks the scene and stores it under its name, which must be free."""
     content = await _build_document(request, body.name)
-    record = await run_in_threadpool(store_of(request).documents.create, _KIND, body.name, content)
-    response.headers["Location"] = f"/v1/scenes/{record.name}"
-    return _summary(record)
+    told = kept_answer(request, _created)
+    documents = store_of(request).documents
+    record = await run_in_threadpool(documents.create, _KIND, body.name, content, told)
+    note_kept(request)
+    return _created(record)
 
 
 @router.get("", summary="List scenes")
@@ -129,6 +132,12 @@ async def _prepared_reference(request: Request, name: str) -> Reference | None:
 
 def _hash(reference: Reference | None) -> str | None:
     return None if reference is None else reference.hash
+
+
+def _created(record: Record) -> Response:
+    content = _summary(record).model_dump_json().encode()
+    headers = {"Location": f"/v1/scenes/{record.name}"}
+    return Response(content, 201, headers, "application/json")
 
 
 def _summary(record: Record) -> SceneSummary:

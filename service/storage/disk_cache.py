@@ -13,6 +13,7 @@ from functools import cache, cached_property
 from pathlib import Path
 
 from kinematics.chain import Chain, Inertia, Limits, Link
+from kinematics.errors import ArmwrightError
 from obstacles.piece import Piece
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Obstacle, Scene
@@ -24,6 +25,10 @@ from service.version import VERSION
 _FORMAT = 3
 
 
+#: When a caller is told to ask again while the folder can't be written to [s].
+_RETRY_AFTER = 2
+
+
 @cache
 def _format() -> str:
     """Changes whenever what is pickled does; files of another format are built anew."""
@@ -32,6 +37,21 @@ def _format() -> str:
         for cls in (Chain, Limits, Link, Inertia, RobotGeometry, Piece, Scene, Obstacle)
     ]
     return hashlib.sha256(repr((_FORMAT, VERSION, layout)).encode()).hexdigest()
+
+
+class FolderUnusable(ArmwrightError):
+    """The folder of prepared robots and scenes can't be written to: its disk is full, say."""
+
+    code = "STORAGE_UNAVAILABLE"
+
+    def __init__(self, error: OSError) -> None:
+        super().__init__(
+            f"prepared robots and scenes can't be kept: {error.strerror}",
+            hint="Ask again after the time in Retry-After. Whoever runs the service looks whether "
+            "the disk of its data folder is full.",
+            stage="storage",
+            retry_after=_RETRY_AFTER,
+        )
 
 
 @dataclass(frozen=True)
@@ -74,17 +94,24 @@ def write(reference: Reference, value: PreparedRobot | Scene) -> None:
     """Keep what was built; another process sees all of the file or nothing.
 
     Raises:
-        OSError: The folder can't be written to.
+        FolderUnusable: The folder can't be written to.
     """
     file = prepared_file(reference)
-    file.parent.mkdir(parents=True, exist_ok=True)
     if isinstance(value, PreparedRobot):
         parts: tuple[bytes, ...] = (value.answer, value.packed_chain, value.packed_geometry)
     else:
         parts = (pickle.dumps(value, pickle.HIGHEST_PROTOCOL),)
-    with tempfile.NamedTemporaryFile(dir=file.parent, suffix=".part", delete=False) as stream:
-        pickle.dump((_format(), parts), stream, pickle.HIGHEST_PROTOCOL)
-    Path(stream.name).replace(file)
+    part: Path | None = None
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=file.parent, suffix=".part", delete=False) as stream:
+            part = Path(stream.name)
+            pickle.dump((_format(), parts), stream, pickle.HIGHEST_PROTOCOL)
+        part.replace(file)
+    except OSError as error:
+        if part is not None:
+            part.unlink(missing_ok=True)
+        raise FolderUnusable(error) from error
 
 
 def read_robot(reference: Reference) -> PreparedRobot:

@@ -2,7 +2,6 @@
 
 import hashlib
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 
 from sqlalchemy import Connection, bindparam, delete, func, insert, select, update
@@ -10,7 +9,7 @@ from sqlalchemy.exc import IntegrityError
 
 from service.problem import ProblemError
 from service.storage.database import Database
-from service.storage.idempotency_store import IdempotencyKey, Recorded, keep_answer
+from service.storage.idempotency_store import KeptAnswer, keep_answer
 from service.storage.tables import DEFAULT_TENANT, documents
 
 
@@ -41,19 +40,6 @@ class Document:
 
     record: Record
     content: bytes
-
-
-@dataclass(frozen=True, slots=True)
-class KeptAnswer:
-    """An answer to be kept in the transaction that makes what it tells of.
-
-    Args:
-        key: The idempotency key that stands for it from then on.
-        of: Makes the answer of what was stored.
-    """
-
-    key: IdempotencyKey
-    of: Callable[[Record], Recorded]
 
 
 _IS_DOCUMENT = (
@@ -109,7 +95,7 @@ class DocumentStore:
         self._tenant = tenant
 
     def create(
-        self, kind: str, name: str, content: bytes, answer: KeptAnswer | None = None
+        self, kind: str, name: str, content: bytes, answer: KeptAnswer[Record] | None = None
     ) -> Record:
         """Keep a new document, and in the same transaction the answer that tells of it.
 

@@ -2,14 +2,19 @@
 
 import json
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 from sqlalchemy import Connection, bindparam, delete, insert, select, update
 from sqlalchemy.exc import IntegrityError
 
 from service.problem import ProblemError
 from service.storage.database import Database
+from service.storage.server_store import is_abandoned
 from service.storage.tables import DEFAULT_TENANT, answers
+
+T = TypeVar("T")
 
 #: How long an idempotency key is remembered [s].
 _KEY_LIFETIME = 24 * 3600.0
@@ -39,25 +44,48 @@ class IdempotencyKey:
     tenant: str = DEFAULT_TENANT
 
 
+@dataclass(frozen=True, slots=True)
+class KeptAnswer(Generic[T]):
+    """An answer that is kept in the transaction that makes what it tells of.
+
+    Args:
+        key: The idempotency key that stands for it from then on.
+        of: Makes the answer of what was stored.
+    """
+
+    key: IdempotencyKey
+    of: Callable[[T], Recorded]
+
+
 _IS_KEY = (
     (answers.c.tenant == bindparam("of_tenant"))
     & (answers.c.key == bindparam("of_key"))
     & (answers.c.endpoint == bindparam("of_endpoint"))
 )
-_EARLIER = select(
-    answers.c.request_hash, answers.c.status, answers.c.headers, answers.c.body
-).where(_IS_KEY)
 _ANSWER = update(answers).where(_IS_KEY)
-_FORGET = delete(answers).where(_IS_KEY)
+_CLAIM = insert(answers)
+_FORGET = delete(answers).where(_IS_KEY, answers.c.status.is_(None))
 _OUTDATED = delete(answers).where(answers.c.created < bindparam("oldest"))
-_ABANDONED = delete(answers).where(answers.c.status.is_(None))
 
 
 class IdempotencyStore:
-    """Idempotency keys in a database; every method blocks and is safe in any thread."""
+    """Idempotency keys in a database; every method blocks and is safe in any thread.
 
-    def __init__(self, database: Database) -> None:
+    Args:
+        database: Where they are kept.
+        server: Which server claims them.
+    """
+
+    def __init__(self, database: Database, server: str) -> None:
         self._database = database
+        self._server = server
+        self._earlier = select(
+            answers.c.request_hash, answers.c.status, answers.c.headers, answers.c.body
+        ).where(_IS_KEY)
+        # Whoever claimed these is gone.
+        self._abandoned = delete(answers).where(
+            _IS_KEY, answers.c.status.is_(None), is_abandoned(database, answers.c.server, server)
+        )
 
     def begin(self, key: IdempotencyKey, request_hash: str) -> Recorded | None:
         """Claim a key, or give the answer it already stands for.
@@ -67,14 +95,17 @@ class IdempotencyStore:
                 request is still being worked on.
         """
         now = time.time()
-        claim = {"tenant": key.tenant, "key": key.key, "endpoint": key.endpoint}
+        claim = {
+            "tenant": key.tenant, "key": key.key, "endpoint": key.endpoint, "created": now,
+            "request_hash": request_hash, "server": self._server,
+        }  # fmt: skip
         try:
             with self._database.transaction(durable=False) as connection:
                 connection.execute(_OUTDATED, {"oldest": now - _KEY_LIFETIME})
-                row = connection.execute(_EARLIER, _parameters(key)).one_or_none()
+                connection.execute(self._abandoned, _parameters(key))
+                row = connection.execute(self._earlier, _parameters(key)).one_or_none()
                 if row is None:
-                    claim_row = claim | {"request_hash": request_hash, "created": now}
-                    connection.execute(insert(answers), claim_row)
+                    connection.execute(_CLAIM, claim)
                     return None
         except IntegrityError:  # another server claimed it between the two statements
             raise _in_work(key) from None
@@ -86,14 +117,9 @@ class IdempotencyStore:
             keep_answer(connection, key, answer)
 
     def forget(self, key: IdempotencyKey) -> None:
-        """Give a claimed key back."""
+        """Give a claimed key back; one that stands for an answer stays."""
         with self._database.transaction(durable=False) as connection:
             connection.execute(_FORGET, _parameters(key))
-
-    def forget_claims(self) -> None:
-        """Give all claimed keys back: whoever claimed them is gone."""
-        with self._database.transaction(durable=False) as connection:
-            connection.execute(_ABANDONED)
 
 
 def keep_answer(connection: Connection, key: IdempotencyKey, answer: Recorded) -> None:

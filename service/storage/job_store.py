@@ -9,7 +9,8 @@ from sqlalchemy import bindparam, delete, func, insert, select, update
 
 from service.problem import ProblemError
 from service.storage.database import Database
-from service.storage.idempotency_store import IdempotencyKey, Recorded, keep_answer
+from service.storage.idempotency_store import KeptAnswer, keep_answer
+from service.storage.server_store import is_abandoned
 from service.storage.tables import DEFAULT_TENANT, jobs
 
 Status = Literal["queued", "running", "succeeded", "failed", "cancelled"]
@@ -82,39 +83,59 @@ _GET = select(*_RECORD, jobs.c.answer_type, jobs.c.answer).where(jobs.c.id == bi
 _REQUEST = select(jobs.c.method, jobs.c.path, jobs.c.content_type, jobs.c.request).where(
     jobs.c.id == bindparam("of_id"), jobs.c.request.is_not(None)
 )
-_UPDATE = update(jobs).where(jobs.c.id == bindparam("of_id"))
 _WITH_STATUS = select(*_RECORD).where(jobs.c.status == bindparam("of_status")).order_by(jobs.c.id)
 _COUNTS = select(jobs.c.status, func.count()).group_by(jobs.c.status)
 _HAS_ENDED = jobs.c.status.in_(ENDED)
+# Late answers of a server that was taken for dead, or of a job that was cancelled, change nothing.
+_UPDATE = update(jobs).where(
+    jobs.c.id == bindparam("of_id"), jobs.c.server == bindparam("of_server"), ~_HAS_ENDED
+)
+_CANCEL = (
+    update(jobs)
+    .where(jobs.c.id == bindparam("of_id"), ~_HAS_ENDED)
+    .values(status="cancelled", ended=bindparam("now"), event=jobs.c.event + 1, request=None)
+    .returning(*_RECORD)
+)
 _OUTDATED = delete(jobs).where(_HAS_ENDED, jobs.c.ended < bindparam("oldest"))
 
 
 class JobStore:
-    """Jobs in a database; every method blocks and is safe in any thread."""
+    """Jobs in a database; every method blocks and is safe in any thread.
 
-    def __init__(self, database: Database) -> None:
+    Args:
+        database: Where they are kept.
+        server: Which server works on jobs that are added or adopted.
+    """
+
+    def __init__(self, database: Database, server: str) -> None:
         self._database = database
+        self._server = server
+        self._is_abandoned = is_abandoned(database, jobs.c.server, server)
 
     def add(
         self,
         record: JobRecord,
-        request: StoredRequest | None,
-        answer: tuple[IdempotencyKey, Recorded] | None = None,
+        content: StoredRequest | JobAnswer,
+        told: KeptAnswer[JobRecord] | None = None,
     ) -> None:
-        """Keep a new job, and in the same transaction what its request is answered.
+        """Keep a new job, and in the same transaction what its caller is told.
 
         Args:
             record: The job.
-            request: Its request; None if there is nothing left to do.
-            answer: The answer that an idempotency key stands for from then on.
+            content: Its request, or its answer if it has ended already.
+            told: What the idempotency key of the request stands for from then on.
         """
         values = dataclasses.asdict(record)
-        values["content_type"] = "" if request is None else request.content_type
-        values["request"] = None if request is None else request.body
+        values["server"] = self._server
+        if isinstance(content, StoredRequest):
+            values |= {"content_type": content.content_type, "request": content.body}
+        else:
+            values |= {"content_type": "", "answer_type": content.content_type}
+            values["answer"] = content.content
         with self._database.transaction() as connection:
             connection.execute(_INSERT, values)
-            if answer is not None:
-                keep_answer(connection, *answer)
+            if told is not None:
+                keep_answer(connection, told.key, told.of(record))
 
     def get(self, job_id: str) -> tuple[JobRecord, JobAnswer | None]:
         """A job and its answer, once there is one.
@@ -143,8 +164,12 @@ class JobStore:
         method, path, content_type, body = row
         return StoredRequest(method, path, content_type, bytes(body))
 
-    def update(self, record: JobRecord, answer: JobAnswer | None = None) -> None:
-        """Keep where a job stands now; of one that has ended the request is forgotten."""
+    def update(self, record: JobRecord, answer: JobAnswer | None = None) -> bool:
+        """Keep where a job of this server stands now; of one that has ended forget the request.
+
+        Returns:
+            False if the job has ended already or is another server's by now: nothing was kept.
+        """
         values: dict[str, Any] = dataclasses.asdict(record)
         del values["id"]
         values["answer_type"] = None if answer is None else answer.content_type
@@ -153,7 +178,48 @@ class JobStore:
             values["request"] = None
         # Of a job that has not ended nothing is lost: it begins anew.
         with self._database.transaction(durable=record.status in ENDED) as connection:
-            connection.execute(_UPDATE, {"of_id": record.id} | values)
+            parameters = {"of_id": record.id, "of_server": self._server} | values
+            return connection.execute(_UPDATE, parameters).rowcount == 1
+
+    def cancel(self, job_id: str, ended: float) -> JobRecord | None:
+        """End a job, whichever server works on it; None if it has ended already."""
+        with self._database.transaction() as connection:
+            row = connection.execute(_CANCEL, {"of_id": job_id, "now": ended}).one_or_none()
+        return None if row is None else JobRecord(*row)
+
+    def adopt(self, limit: int) -> list[JobRecord]:
+        """Take over jobs that no living server works on, the oldest first.
+
+        Args:
+            limit: How many at most.
+        """
+        abandoned = (
+            select(jobs.c.id)
+            .where(~_HAS_ENDED, self._is_abandoned)
+            .order_by(jobs.c.id)
+            .limit(limit)
+            .with_for_update(skip_locked=True)
+        )
+        adopted = update(jobs).where(jobs.c.id.in_(abandoned)).values(server=self._server)
+        with self._database.transaction(durable=False) as connection:
+            rows = connection.execute(adopted.returning(*_RECORD)).all()
+        return sorted((JobRecord(*row) for row in rows), key=lambda record: record.id)
+
+    def lost(self, ids: Sequence[str]) -> set[str]:
+        """Those of some jobs that have ended by another's hand, or that another server has."""
+        mine = select(jobs.c.id).where(
+            jobs.c.id.in_(ids), ~_HAS_ENDED, jobs.c.server == self._server
+        )
+        with self._database.reading() as connection:
+            return set(ids) - set(connection.execute(mine).scalars())
+
+    def release(self, record: JobRecord) -> None:
+        """Give a job back, for whichever server takes it next."""
+        values = {"status": record.status, "progress": record.progress, "stage": record.stage}
+        values |= {"started": record.started, "event": record.event, "server": None}
+        with self._database.transaction(durable=False) as connection:
+            parameters = {"of_id": record.id, "of_server": self._server} | values
+            connection.execute(_UPDATE, parameters)
 
     def list(
         self, status: Status | None, before: str, limit: int, tenant: str | None = None

@@ -1,23 +1,29 @@
 """All that the service keeps: robots, scenes, jobs and answers of idempotency keys."""
 
+import secrets
+
 from service.storage.database import Database
 from service.storage.document_store import DocumentStore
 from service.storage.idempotency_store import IdempotencyStore
 from service.storage.job_store import JobStore
+from service.storage.server_store import ServerStore
 
 
 class Store:
-    """The tables of one database.
+    """The tables of one database, for one server or command.
 
     Args:
         database: That is open; the store closes it.
     """
 
     def __init__(self, database: Database) -> None:
+        #: Name of this server among those that share the database.
+        self.server = secrets.token_hex(8)
         self.database = database
         self.documents = DocumentStore(database)
-        self.answers = IdempotencyStore(database)
-        self.jobs = JobStore(database)
+        self.answers = IdempotencyStore(database, self.server)
+        self.jobs = JobStore(database, self.server)
+        self.servers = ServerStore(database)
 
     def close(self) -> None:
         """Let go of the database."""
@@ -29,15 +35,10 @@ def open_store(url: str, *, exclusive: bool = False) -> Store:
 
     Args:
         url: ``sqlite:///<path>`` or ``postgresql+psycopg://...``.
-        exclusive: Whether to lock a SQLite file for this server, and to take back what a server of
-            before had claimed.
+        exclusive: Whether to lock a SQLite file for this server.
 
     Raises:
         StoreError: The URL is of another kind, the database can't be used, or another server uses
             its file.
     """
-    database = Database(url, exclusive=exclusive)
-    store = Store(database)
-    if exclusive and database.is_file:
-        store.answers.forget_claims()
-    return store
+    return Store(Database(url, exclusive=exclusive))

@@ -13,7 +13,7 @@ from sqlalchemy import (
 )
 
 #: Revisions of the schema, the oldest first: the names of the migrations.
-REVISIONS = ("0001", "0002")
+REVISIONS = ("0001", "0002", "0003")
 METADATA = MetaData()
 #: Whose robots, scenes and jobs those are that came without an API key.
 DEFAULT_TENANT = "default"
@@ -47,6 +47,8 @@ answers = Table(
     Column("headers", Text),
     Column("body", LargeBinary),
     Column("created", Double, nullable=False),
+    #: Of a claimed key: the server that works on its request.
+    Column("server", Text),
     PrimaryKeyConstraint("tenant", "key", "endpoint"),
 )
 
@@ -70,6 +72,17 @@ jobs = Table(
     Column("location", Text),
     Column("answer_type", Text),
     Column("answer", LargeBinary),
+    #: The server that has queued it or works on it.
+    Column("server", Text),
 )
 Index("jobs_by_status", jobs.c.status, jobs.c.ended)
 Index("jobs_by_tenant", jobs.c.tenant, jobs.c.id)
+
+#: Servers that share the database.
+servers = Table(
+    "servers",
+    METADATA,
+    Column("id", Text, primary_key=True),
+    Column("started", Double, nullable=False),
+    Column("seen", Double, nullable=False),
+)

@@ -20,7 +20,7 @@ class App:
         self.contexts: list[JobContext] = []
         self.bodies: list[bytes] = []
         self.open = asyncio.Event()
-        self.status, self.location = 200, ""
+        self.status, self.location, self.body = 200, "", b'{"done": true}'
         self.error: Exception | None = None
         self.cancelled = 0
 
@@ -39,7 +39,7 @@ class App:
         headers = [(b"content-type", b"application/json")]
         headers += [(b"location", self.location.encode())] if self.location else []
         await send({"type": "http.response.start", "status": self.status, "headers": headers})
-        await send({"type": "http.response.body", "body": b'{"done": true}'})
+        await send({"type": "http.response.body", "body": self.body})
 
 
 Scenario = Callable[[Jobs, App, Store], Awaitable[None]]
@@ -52,7 +52,7 @@ def run(folder: Path, scenario: Scenario, **settings: Any) -> None:
         app = App()
         with opened(folder) as store:
             options: dict[str, Any] = {"workers": 2, "keep_alive": 0.05, "data_dir": folder}
-            jobs = Jobs(app, store.jobs, Settings(**(options | settings)))
+            jobs = Jobs(app, store, Settings(**(options | settings)))
             await jobs.start()
             try:
                 await asyncio.wait_for(scenario(jobs, app, store), 20.0)

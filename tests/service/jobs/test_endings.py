@@ -147,7 +147,7 @@ def test_what_waited_goes_on_and_what_ran_has_failed(tmp_path: Path) -> None:
 
 def test_old_answers_are_forgotten_at_the_start_and_when_a_job_ends(tmp_path: Path) -> None:
     with opened(tmp_path) as store:
-        store.jobs.add(record(1, status="succeeded", ended=1.0), None)
+        store.jobs.add(record(1, status="succeeded", ended=1.0), JobAnswer("", b""))
 
     async def scenario(jobs: Jobs, app: App, store: Store) -> None:
         await until(lambda: store.jobs.list(None, "", 10) == [])

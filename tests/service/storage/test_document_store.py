@@ -6,8 +6,8 @@ import pytest
 
 from service.http.errors import status_of
 from service.problem import ProblemError
-from service.storage.document_store import DocumentStore, KeptAnswer
-from service.storage.idempotency_store import IdempotencyKey, Recorded
+from service.storage.document_store import DocumentStore
+from service.storage.idempotency_store import IdempotencyKey, KeptAnswer, Recorded
 from service.storage.store import Store, open_store
 
 KEY = IdempotencyKey("k", "POST /v1/scenes")

@@ -1,13 +1,16 @@
 """Idempotency keys in the database: claimed, answered, given back, forgotten."""
 
 import threading
+import time
 
 import pytest
+from sqlalchemy import insert
 
 from service.http.errors import status_of
 from service.problem import ProblemError
 from service.storage.idempotency_store import IdempotencyKey, Recorded
 from service.storage.store import Store, open_store
+from service.storage.tables import servers
 
 KEY = IdempotencyKey("k", "POST /x")
 ANSWER = Recorded(201, {"location": "/y"}, b"{}")
@@ -63,6 +66,10 @@ def test_answers_survive_a_restart(url: str) -> None:
 
 def test_of_many_that_claim_a_key_at_once_one_gets_it(url: str) -> None:
     stores = [open_store(url) for _ in range(3)]
+    with stores[0].database.transaction() as connection:  # as servers that share it
+        for store in stores:
+            living = {"id": store.server, "started": time.time(), "seen": time.time()}
+            connection.execute(insert(servers), living)
     results: list[str] = []
 
     def claim(store: Store, number: int) -> None:
@@ -84,3 +91,15 @@ def test_of_many_that_claim_a_key_at_once_one_gets_it(url: str) -> None:
     for store in stores:
         store.close()
     assert sorted(results) == ["CONFLICT"] * 20 + ["claimed"] * 10
+
+
+def test_a_key_that_a_dead_server_claimed_is_free(url: str) -> None:
+    first, second = open_store(url), open_store(url)
+    first.servers.register(first.server)
+    assert first.answers.begin(KEY, "hash") is None
+    assert refusal(second, KEY, "hash") == ("CONFLICT", 409)
+    first.servers.remove(first.server)
+    assert second.answers.begin(KEY, "hash") is None
+    assert refusal(second, KEY, "hash") == ("CONFLICT", 409)
+    first.close()
+    second.close()

@@ -6,7 +6,7 @@ import pytest
 from sqlalchemy.exc import IntegrityError
 
 from service.problem import ProblemError
-from service.storage.idempotency_store import IdempotencyKey, Recorded
+from service.storage.idempotency_store import IdempotencyKey, KeptAnswer, Recorded
 from service.storage.job_store import ENDED, STATUSES, JobAnswer, JobStore, Status
 from service.storage.store import Store, open_store
 from tests.service.jobs.stored import REQUEST, record
@@ -67,8 +67,7 @@ def test_an_answer_comes_with_its_job(jobs: JobStore) -> None:
     jobs.update(done, ANSWER)
     assert jobs.get(done.id) == (done, ANSWER)
     empty = replace(record(2), status="succeeded", ended=9.0)
-    jobs.add(record(2), None)
-    jobs.update(empty, JobAnswer("", b""))
+    jobs.add(empty, JobAnswer("", b""))
     assert jobs.get(empty.id) == (empty, JobAnswer("", b""))
 
 
@@ -175,12 +174,12 @@ def test_an_answer_is_kept_with_the_job_or_not_at_all(store: Store) -> None:
     key = IdempotencyKey("k", "POST /v1/plan")
     answer = Recorded(202, {"location": "/v1/jobs/x"}, b"{}")
     assert store.answers.begin(key, "hash") is None
-    store.jobs.add(record(1), REQUEST, (key, answer))
+    store.jobs.add(record(1), REQUEST, KeptAnswer(key, lambda _: answer))
     assert store.answers.begin(key, "hash") == answer
     other = IdempotencyKey("other", "POST /v1/plan")
     assert store.answers.begin(other, "hash") is None
     with pytest.raises(IntegrityError):  # there is a job of that id already
-        store.jobs.add(record(1), REQUEST, (other, answer))
+        store.jobs.add(record(1), REQUEST, KeptAnswer(other, lambda _: answer))
     with pytest.raises(ProblemError, match="still being worked on"):
         store.answers.begin(other, "hash")
 
@@ -197,3 +196,52 @@ def test_two_jobs_have_two_ids(jobs: JobStore) -> None:
     with pytest.raises(IntegrityError):
         jobs.add(record(stage="other"), REQUEST)
     assert jobs.get(record().id) == (record(), None)
+
+
+# ---------------------------------------------------------------------------- other servers
+
+
+def test_jobs_of_a_dead_server_are_adopted_by_one_other(url: str) -> None:
+    first, second, third = (open_store(url) for _ in range(3))
+    first.servers.register(first.server)
+    for number in (1, 2, 3):
+        first.jobs.add(record(number), REQUEST)
+    first.jobs.update(record(2, status="running", started=5.0))
+    first.jobs.update(record(3, status="succeeded", ended=5.0), ANSWER)
+    assert second.jobs.adopt(10) == [], "it lives"
+    first.servers.remove(first.server)
+    assert [job.id for job in second.jobs.adopt(1)] == [record(1).id], "the oldest first"
+    second.servers.register(second.server)
+    (running,) = third.jobs.adopt(10)
+    assert (running.id, running.status) == (record(2).id, "running")
+    assert first.jobs.lost([record(1).id, record(2).id]) == {record(1).id, record(2).id}
+    assert not first.jobs.update(record(1, status="succeeded", ended=6.0), ANSWER)
+    assert second.jobs.get(record(1).id) == (record(1), None), "a late answer is refused"
+    assert second.jobs.update(record(1, status="succeeded", ended=7.0), ANSWER)
+    for store in (first, second, third):
+        store.close()
+
+
+def test_a_job_is_cancelled_whoever_works_on_it(url: str) -> None:
+    first, second = open_store(url), open_store(url)
+    first.jobs.add(record(event=4), REQUEST)
+    cancelled = second.jobs.cancel(record().id, 9.0)
+    assert cancelled is not None
+    assert (cancelled.status, cancelled.ended, cancelled.event) == ("cancelled", 9.0, 5)
+    assert second.jobs.cancel(record().id, 10.0) is None
+    assert first.jobs.lost([record().id]) == {record().id}
+    assert not first.jobs.update(record(status="succeeded", ended=10.0), ANSWER)
+    assert first.jobs.get(record().id) == (cancelled, None)
+    first.close()
+    second.close()
+
+
+def test_a_job_that_is_given_back_is_anybodys(url: str) -> None:
+    first, second = open_store(url), open_store(url)
+    first.servers.register(first.server)
+    first.jobs.add(record(), REQUEST)
+    first.jobs.release(record(event=9))
+    assert second.jobs.adopt(10) == [record(event=9)]
+    assert second.jobs.request(record().id) == REQUEST
+    first.close()
+    second.close()

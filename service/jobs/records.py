@@ -1,0 +1,33 @@
+"""Records and answers of jobs that this package makes itself."""
+
+import json
+import secrets
+import time
+
+from service.http.errors import PROBLEM_MEDIA_TYPE, document
+from service.problem import ProblemError
+from service.storage.job_store import JobAnswer, JobRecord, StoredRequest
+
+
+def new_record(request: StoredRequest) -> JobRecord:
+    """The record of a new job, which waits."""
+    # Twelve digits of time let later jobs sort after earlier ones; the rest can't be guessed.
+    now = time.time()
+    job_id = f"{int(1000 * now):012x}{secrets.token_hex(10)}"
+    return JobRecord(job_id, request.method, request.path, "queued", created=now)
+
+
+def problem_answer(problem: ProblemError, instance: str) -> JobAnswer:
+    """The answer of a job that failed: the problem of a request to the path `instance`."""
+    content = json.dumps(document(problem, instance), ensure_ascii=False, allow_nan=False)
+    return JobAnswer(PROBLEM_MEDIA_TYPE, content.encode())
+
+
+def lost_job() -> ProblemError:
+    """The problem of a job that ran on a server that died."""
+    return ProblemError(
+        "CRASH",
+        "the service ended while it was working on this job",
+        stage="job",
+        hint="Send the request again: nothing of it was kept.",
+    )
