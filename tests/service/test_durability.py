@@ -25,6 +25,10 @@ def every_job(client: httpx.Client) -> list[str]:
     return [job["id"] for job in answer(client.get("/v1/jobs?limit=1000"))["jobs"]]
 
 
+def statuses(client: httpx.Client) -> list[str]:
+    return [job["status"] for job in answer(client.get("/v1/jobs?limit=1000"))["jobs"]]
+
+
 def test_each_key_makes_one_job_though_the_server_is_killed(tmp_path: Path) -> None:
     told: dict[str, set[str]] = {key: set() for key in KEYS}
     for delay in (0.02, 0.05, 0.09):
@@ -44,8 +48,7 @@ def test_each_key_makes_one_job_though_the_server_is_killed(tmp_path: Path) -> N
             told[key].add(answer(submit(client, key), 202)["id"])
         assert all(len(ids) == 1 for ids in told.values()), "a key stands for one job"
         assert sorted(every_job(client)) == sorted(job for ids in told.values() for job in ids)
-        states = lambda: {job["status"] for job in client.get("/v1/jobs").json()["jobs"]}  # noqa: E731
-        assert wait_until(lambda: states() <= {"succeeded", "failed"}, 20.0)
+        assert wait_until(lambda: set(statuses(client)) <= {"succeeded", "failed"}, 20.0)
 
 
 def test_a_locked_database_is_told_and_all_goes_on_when_it_is_free(tmp_path: Path) -> None:
@@ -65,8 +68,7 @@ def test_a_locked_database_is_told_and_all_goes_on_when_it_is_free(tmp_path: Pat
         assert wait_until(lambda: client.get("/readyz").status_code == 200, 10.0)
         assert time.monotonic() - began < 10.0
         answer(submit(client, "after"), 202)
-        done = lambda: [job["status"] for job in client.get("/v1/jobs").json()["jobs"]]  # noqa: E731
-        assert wait_until(lambda: done() == ["succeeded"] * 2, 10.0)
+        assert wait_until(lambda: statuses(client) == ["succeeded"] * 2, 10.0)
 
 
 def test_a_second_server_on_one_folder_is_refused(tmp_path: Path) -> None:
