@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from armwright.model import (
         Dynamics,
         dynamics,
+        equations,
         fk,
         inverse_dynamics,
         jacobian,
@@ -132,6 +133,7 @@ _MODULES = {
     "certify": "armwright.motion",
     "check": "armwright.configuration",
     "dynamics": "armwright.model",
+    "equations": "armwright.model",
     "fk": "armwright.model",
     "grasp": "obstacles.attachment",
     "hold": "obstacles.attachment",
@@ -206,6 +208,7 @@ __all__ = [
     "certify",
     "check",
     "dynamics",
+    "equations",
     "fk",
     "grasp",
     "hold",

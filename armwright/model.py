@@ -1,12 +1,15 @@
 """Kinematics and dynamics of a robot: frames, Jacobians, equations of motion."""
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from dynamics import inverse
 from dynamics.coriolis import coriolis_matrix
+from dynamics.equations.parameters import textbook_table
+from dynamics.equations.sheet import Sheet, write_sheet
+from dynamics.equations.writing import Notation
 from dynamics.gravity import gravity_vector
 from dynamics.mass_matrix import mass_matrix
 from kinematics.arrays import Array
@@ -102,6 +105,20 @@ def dynamics(robot: Robot, joints: ArrayLike, velocities: ArrayLike | None = Non
         coriolis_matrix(chain, q, rates),
         gravity_vector(chain, q),
     )
+
+
+def equations(robot: Robot, notation: Literal["latex", "text"] = "latex") -> Sheet:
+    """Kinematics and dynamics of a robot as formulas.
+
+    Args:
+        robot: The robot or its chain.
+        notation: LaTeX, or text that Python can evaluate.
+
+    Raises:
+        InvalidRobotDescription: The tip does not move with the last joint.
+        InvalidOption: The formulas are too long to be read.
+    """
+    return write_sheet(textbook_table(chain_of(robot)), Notation(notation))
 
 
 def inverse_dynamics(

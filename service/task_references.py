@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     import service.tasks.batch
     import service.tasks.check
     import service.tasks.dynamics
+    import service.tasks.equations
     import service.tasks.inverse_kinematics
     import service.tasks.kinematics
     import service.tasks.large_body
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     forward_dynamics = service.tasks.dynamics.forward_dynamics_task
     regressor = service.tasks.dynamics.regressor_task
     wrench = service.tasks.dynamics.wrench_task
+    equations = service.tasks.equations.equations
     ik = service.tasks.inverse_kinematics.ik
     fk = service.tasks.kinematics.fk_task
     jacobian = service.tasks.kinematics.jacobian_task
@@ -59,6 +61,7 @@ else:
     forward_dynamics = TaskReference("service.tasks.dynamics:forward_dynamics")
     regressor = TaskReference("service.tasks.dynamics:regressor")
     wrench = TaskReference("service.tasks.dynamics:wrench")
+    equations = TaskReference("service.tasks.equations:equations")
     ik = TaskReference("service.tasks.inverse_kinematics:ik")
     fk = TaskReference("service.tasks.kinematics:fk")
     jacobian = TaskReference("service.tasks.kinematics:jacobian")

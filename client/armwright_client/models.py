@@ -61,6 +61,16 @@ from armwright_client.dynamics import (
     WrenchOptions,
     WrenchRequest,
 )
+from armwright_client.equations import (
+    Abbreviation,
+    ChristoffelFormula,
+    EquationsAnswer,
+    JointSymbol,
+    MotionFormulas,
+    ParameterSymbol,
+    PoseFormulas,
+    RegressorFormulas,
+)
 from armwright_client.goal import Goal, GoalLike, SingleGoal, Start
 from armwright_client.health import Health, Readiness
 from armwright_client.job import Job, JobEvent, JobList
@@ -172,6 +182,7 @@ from armwright_client.tool_motion import TimedToolMotions, ToolMotion
 from armwright_client.trajectory import Samples, Segment, TimedTrajectory, Trajectory
 
 __all__ = [
+    "Abbreviation",
     "ArchiveOptions",
     "ArmSides",
     "ArrayLike",
@@ -189,6 +200,7 @@ __all__ = [
     "CheckBatch",
     "CheckOptions",
     "CheckRequest",
+    "ChristoffelFormula",
     "ClearanceConstraint",
     "Collision",
     "Cone",
@@ -209,6 +221,7 @@ __all__ = [
     "DynamicsBatch",
     "DynamicsOptions",
     "DynamicsRequest",
+    "EquationsAnswer",
     "FkAnswer",
     "FkBatch",
     "FkOptions",
@@ -238,6 +251,7 @@ __all__ = [
     "JointConstraint",
     "JointLimits",
     "JointState",
+    "JointSymbol",
     "LimitUse",
     "LimitUses",
     "LimitValues",
@@ -251,8 +265,10 @@ __all__ = [
     "LyapunovRequest",
     "Mesh",
     "ModelOptions",
+    "MotionFormulas",
     "Obstacle",
     "OrientationConstraint",
+    "ParameterSymbol",
     "PartialJacobian",
     "Path",
     "PathDeviation",
@@ -266,6 +282,7 @@ __all__ = [
     "Pose",
     "PoseForm",
     "PoseForms",
+    "PoseFormulas",
     "PoseMotion",
     "PositionConstraint",
     "PotentialAnswer",
@@ -283,6 +300,7 @@ __all__ = [
     "Readiness",
     "Refine",
     "RegressorAnswer",
+    "RegressorFormulas",
     "RegressorOptions",
     "RegressorRequest",
     "RelativePoseConstraint",

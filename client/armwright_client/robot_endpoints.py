@@ -1,7 +1,7 @@
 """Requests about one robot: its model and what is computed of it."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TypeVar, Unpack
+from typing import Literal, TypeVar, Unpack
 
 from armwright_client.base import Request, RowsLike, VectorLike
 from armwright_client.call import (
@@ -31,6 +31,7 @@ from armwright_client.dynamics import (
     WrenchOptions,
     WrenchRequest,
 )
+from armwright_client.equations import EquationsAnswer
 from armwright_client.kinematics import (
     FkAnswer,
     FkBatch,
@@ -134,6 +135,14 @@ class RobotEndpoints:
     def urdf(self, name: str) -> Call[str]:
         """The URDF that a robot came as, or one written of its table."""
         return Call("GET", path("robots", name, "urdf"), read_text)
+
+    @Endpoint
+    def equations(
+        self, name: str, notation: Literal["latex", "text"] = "latex"
+    ) -> Call[EquationsAnswer]:
+        """Kinematics and dynamics of a robot as formulas, in LaTeX or plain text."""
+        query = {"format": notation}
+        return Call("GET", path("robots", name, "equations"), EquationsAnswer.read, query=query)
 
     @Endpoint
     def delete(self, name: str) -> Call[None]:

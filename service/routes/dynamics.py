@@ -1,10 +1,13 @@
 """Equations of motion, regressors and statics of a robot."""
 
-from fastapi import APIRouter, Request, Response
+from typing import Annotated, Literal
 
+from fastapi import APIRouter, Query, Request, Response
+
+from service.http import answers
 from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES
-from service.routes.configurations import at_once, count, in_worker
+from service.routes.configurations import at_once, count, in_worker, json_answer
 from service.schemas.dynamics import (
     DynamicsAnswer,
     DynamicsRequest,
@@ -15,7 +18,9 @@ from service.schemas.dynamics import (
     WrenchAnswer,
     WrenchRequest,
 )
+from service.schemas.equations import EquationsAnswer
 from service.task_references import dynamics as dynamics_task
+from service.task_references import equations as equations_task
 from service.task_references import forward_dynamics as forward_dynamics_task
 from service.task_references import regressor as regressor_task
 from service.task_references import wrench as wrench_task
@@ -68,3 +73,24 @@ async def regressor(name: str, _body: RegressorRequest, request: Request) -> Res
     Finding the base parameters takes longer than a request should hold up others: a worker does.
     """
     return await in_worker(request, name, regressor_task)
+
+
+@router.get("/equations", summary="Formulas", response_model=EquationsAnswer)
+async def equations(
+    name: str,
+    request: Request,
+    notation: Annotated[
+        Literal["latex", "text"],
+        Query(alias="format", description="LaTeX, or plain text that Python evaluates"),
+    ] = "latex",
+) -> Response:
+    """Forward kinematics, Jacobian, D, C, G and the regressor of a robot as readable formulas.
+
+    Symbols are named as in textbooks: q_1, c_12, m_2, l_1, l_c2, I_2. Their values are answered
+    too. The dynamics of long arms are left out where nobody could read them; `notes` says so.
+    """
+    document = await answers.robot_document(request, name)
+    content = await answers.answer(
+        request, lambda robot, _: equations_task.job(robot, document, notation), name
+    )
+    return json_answer(content)

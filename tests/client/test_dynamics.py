@@ -69,6 +69,13 @@ def test_regressor(client: Client) -> None:
     ]  # fmt: skip
 
 
+def test_formulas(client: Client) -> None:
+    found = client.robots.equations("planar_rr", "text")
+    assert found.dynamics is not None
+    assert found.dynamics.mass_matrix[1][1] == "m_2 * l_c2**2 + I_2"
+    assert found.pose.position[0] == "l_1 * c_1 + l_2 * c_12"
+
+
 def test_a_planned_motion_is_tracked_inside_its_tube(client: Client) -> None:
     post = ours.Obstacle(
         id="post",

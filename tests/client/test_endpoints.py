@@ -70,6 +70,8 @@ CALLS: list[tuple[str, Callable[[Any], Any], str, str, dict[str, Any] | None]] =
         default_limits=ours.DefaultLimits(acceleration="10 x velocity")), "PATCH", "/v1/robots/a",
      {"joint_limits": {"*": {"jerk": 2.0}}, "default_limits": {"acceleration": "10 x velocity"}}),
     ("robots.urdf", lambda c: c.robots.urdf("a"), "GET", "/v1/robots/a/urdf", None),
+    ("robots.equations", lambda c: c.robots.equations("a", "text"), "GET",
+     "/v1/robots/a/equations?format=text", None),
     ("robots.delete", lambda c: c.robots.delete("a"), "DELETE", "/v1/robots/a", None),
     ("robots.list", lambda c: c.robots.list(after="x y", limit=3), "GET",
      "/v1/robots?after=x+y&limit=3", None),

@@ -1,0 +1,1 @@
+"""Equations of a robot as readable formulas, from its Denavit-Hartenberg table."""

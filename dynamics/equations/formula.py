@@ -1,0 +1,375 @@
+"""Formulas: trigonometric polynomials as nested sums of named products, ready to be written.
+
+Angles of parallel axes add: their cosines are c_12 = cos(q_1 + q_2), and products of cosines of
+different axes stay products.
+"""
+
+import math
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import NamedTuple
+
+from dynamics.equations.polynomial import Polynomial
+from dynamics.equations.table import SymbolicTable
+
+#: Coefficients are exact integers over powers of two; what is below is zero.
+_ZERO = 1e-12
+
+
+class Function(Enum):
+    """A trigonometric function of a sum of angles."""
+
+    COS = "c"
+    SIN = "s"
+
+
+class Angle(NamedTuple):
+    """A cosine or sine of a sum of multiples of angles.
+
+    Args:
+        function: Cosine or sine.
+        multiples: Angle and whole multiple, in the order of the joints; the first is positive.
+    """
+
+    function: Function
+    multiples: tuple[tuple[str, int], ...]
+
+
+#: A factor of a product: a symbol or a trigonometric function.
+Factor = str | Angle
+#: Factors with their powers.
+Powers = tuple[tuple[Factor, int], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Term:
+    """A product: a coefficient times powers of factors.
+
+    Args:
+        coefficient: A number.
+        powers: Each factor with its power.
+    """
+
+    coefficient: float
+    powers: Powers
+
+
+@dataclass(frozen=True, slots=True)
+class Product:
+    """A product of a number, powers of factors and perhaps a sum.
+
+    Args:
+        coefficient: The number.
+        powers: Each factor with its power.
+        rest: The sum; None where there is none.
+    """
+
+    coefficient: float
+    powers: Powers
+    rest: "Sum | None" = None
+
+
+@dataclass(frozen=True, slots=True)
+class Sum:
+    """A sum of products; empty for zero."""
+
+    products: tuple[Product, ...]
+
+
+class Collect(Enum):
+    """The factors that a formula is put in order by."""
+
+    ANGLES = "angles"
+    MASSES = "masses"
+
+
+def formula(table: SymbolicTable, value: Polynomial, collect: Collect) -> Sum:
+    """A polynomial as a nested sum.
+
+    Args:
+        table: The robot, which knows the angles that add.
+        value: The polynomial.
+        collect: The factors that are taken out of sums.
+    """
+    return _nest(real_terms(table, value), collect)
+
+
+def sum_of_terms(terms: Sequence[Term], collect: Collect) -> Sum:
+    """A sum of products as a nested sum.
+
+    Args:
+        terms: The products.
+        collect: The factors that are taken out of sums.
+    """
+    return _nest(terms, collect)
+
+
+def numeric_value(value: Sum, numbers: Mapping[str, float]) -> float:
+    """The value of a formula.
+
+    Args:
+        value: The formula.
+        numbers: The values of its symbols.
+    """
+    total = 0.0
+    for product in value.products:
+        number = product.coefficient
+        for factor, power in product.powers:
+            number *= _factor_value(factor, numbers) ** power
+        if product.rest is not None:
+            number *= numeric_value(product.rest, numbers)
+        total += number
+    return total
+
+
+def _factor_value(factor: Factor, numbers: Mapping[str, float]) -> float:
+    if isinstance(factor, str):
+        return numbers[factor]
+    angle = sum(multiple * numbers[name] for name, multiple in factor.multiples)
+    return math.cos(angle) if factor.function is Function.COS else math.sin(angle)
+
+
+# -------------------------------------------------------------------- real terms, shortest first
+
+
+def real_terms(table: SymbolicTable, value: Polynomial, *, pair: bool = True) -> list[Term]:
+    """A polynomial as a sum of products of symbols, cosines and sines.
+
+    Args:
+        table: The robot, which knows the angles that add.
+        value: The polynomial.
+        pair: Write cos u + cos v as a product where that is shorter. Without it the products are
+            linearly independent functions.
+    """
+    sums: dict[tuple[Powers, tuple[Angle, ...]], float]
+    sums = defaultdict(float)
+    for key, coefficient in value.terms.items():
+        exponents = table.variables.exponents(key)
+        symbols, groups = _split(table, exponents)
+        for angles, factor in _tensor(groups):
+            sums[symbols, angles] += (coefficient * factor).real
+    by_symbols: dict[Powers, dict[tuple[Angle, ...], float]]
+    by_symbols = defaultdict(dict)
+    for (symbols, angles), number in sums.items():
+        if abs(number) > _ZERO:
+            by_symbols[symbols][angles] = number
+    terms = []
+    for symbols, parts in by_symbols.items():
+        for angles, number in (_pair(parts) if pair else parts).items():
+            terms.append(Term(number, _powers(symbols, angles)))
+    return terms
+
+
+def _split(table: SymbolicTable, exponents: Sequence[int]) -> tuple[Powers, list[dict[str, int]]]:
+    """Powers of the symbols of a term, and the multiples of angles in each group."""
+    symbols: list[tuple[Factor, int]] = []
+    groups: dict[str, dict[str, int]] = {}
+    for name, power in zip(table.variables.names, exponents, strict=True):
+        if not power:
+            continue
+        if name in table.variables.angles:
+            groups.setdefault(_group(table, name), {})[name] = power
+        else:
+            symbols.append((name, power))
+    return tuple(symbols), [groups[name] for name in sorted(groups)]
+
+
+def _group(table: SymbolicTable, angle: str) -> str:
+    kind, _, number = angle.partition("_")
+    if kind in ("q", "theta"):
+        return f"{table.groups[int(number) - 1]:03d}"
+    return f"{int(number):03d} {kind}"
+
+
+def _tensor(groups: Sequence[dict[str, int]]) -> list[tuple[tuple[Angle, ...], complex]]:
+    """exp(i sum of angles) as a sum of products of one cosine or sine for each group."""
+    products: list[tuple[tuple[Angle, ...], complex]] = [((), 1.0 + 0.0j)]
+    for multiples in groups:
+        ordered = tuple(multiples.items())
+        sign = 1 if ordered[0][1] > 0 else -1
+        positive = tuple((name, sign * power) for name, power in ordered)
+        cos, sin = Angle(Function.COS, positive), Angle(Function.SIN, positive)
+        products = [
+            ((*angles, function), value * factor)
+            for angles, value in products
+            for function, factor in ((cos, 1.0 + 0.0j), (sin, sign * 1.0j))
+        ]
+    return products
+
+
+def _powers(symbols: Powers, angles: Iterable[Angle]) -> Powers:
+    return (*symbols, *Counter(angles).items())
+
+
+def _pair(parts: dict[tuple[Angle, ...], float]) -> dict[tuple[Angle, ...], float]:
+    """Two terms that differ in one angle as one product, where that makes all terms one.
+
+    1/2 + cos(2 q)/2 is cos(q)^2, and cos(q_3) + cos(2 q_2 + q_3) is 2 cos(q_2) cos(q_2 + q_3).
+    """
+    if len(parts) != 2:
+        return parts
+    (first, number), (second, number_2) = parts.items()
+    common = tuple(angle for angle in first if angle in second)
+    u, v = (tuple(a for a in angles if a not in common) for angles in (first, second))
+    if abs(abs(number) - abs(number_2)) > _ZERO or len(u) > 1 or len(v) > 1:
+        return parts
+    if not u and not v:
+        return parts
+    same = number * number_2 > 0.0
+    product = _sum_to_product(u, v, same)
+    if product is None:
+        return parts
+    angles, factor = product
+    return {tuple(sorted((*common, *angles), key=_rank)): number * factor}
+
+
+def _sum_to_product(
+    u: tuple[Angle, ...], v: tuple[Angle, ...], same: bool
+) -> tuple[tuple[Angle, Angle], float] | None:
+    """f(u) + f(v), or f(u) - f(v), as a product; None where half of u + v is no whole angle."""
+    kinds = {angle.function for angle in (*u, *v)}
+    if len(kinds) != 1 or (kinds == {Function.SIN} and not (u and v)):
+        return None
+    plus, minus = _half_sum(u, v, 1), _half_sum(u, v, -1)
+    if plus is None or minus is None or not plus or not minus:
+        return None
+    cos, sin = Function.COS, Function.SIN
+    if kinds == {cos}:
+        pair = ((cos, plus), (cos, minus)) if same else ((sin, plus), (sin, minus))
+        factor = 2.0 if same else -2.0
+    else:
+        pair = ((sin, plus), (cos, minus)) if same else ((cos, plus), (sin, minus))
+        factor = 2.0
+    angles = []
+    for function, multiples in pair:
+        sign = 1 if multiples[0][1] > 0 else -1
+        angles.append(Angle(function, tuple((name, sign * m) for name, m in multiples)))
+        if function is sin:
+            factor *= sign
+    return (angles[0], angles[1]), factor
+
+
+def _half_sum(
+    u: tuple[Angle, ...], v: tuple[Angle, ...], sign: int
+) -> tuple[tuple[str, int], ...] | None:
+    total: dict[str, int] = defaultdict(int)
+    for angles, factor in ((u, 1), (v, sign)):
+        for angle in angles:
+            for name, multiple in angle.multiples:
+                total[name] += factor * multiple
+    if any(multiple % 2 for multiple in total.values()):
+        return None
+    return tuple((name, m // 2) for name, m in sorted(total.items()) if m)
+
+
+# ----------------------------------------------------------------------------------- nesting
+
+
+def _nest(terms: Sequence[Term], collect: Collect) -> Sum:
+    """Terms as a sum, common factors and then the collected ones taken out."""
+    if not terms:
+        return Sum(())
+    coefficient, common = _common(terms)
+    if len(terms) > 1 and (common or coefficient != 1.0):
+        rest = _nest([_divide(term, coefficient, common) for term in terms], collect)
+        return Sum((_product(coefficient, common, rest),))
+    factor = _most_frequent(terms, collect)
+    if factor is None:
+        return _sum([Product(t.coefficient, _order(t.powers)) for t in terms], collect)
+    with_it = [term for term in terms if factor in dict(term.powers)]
+    without = [term for term in terms if factor not in dict(term.powers)]
+    return _sum([*_nest(with_it, collect).products, *_flat(_nest(without, collect))], collect)
+
+
+def _flat(value: Sum) -> tuple[Product, ...]:
+    """The products of a sum; those in the brackets where it is a sum with a sign before it."""
+    if len(value.products) == 1:
+        (only,) = value.products
+        if not only.powers and only.rest is not None and abs(only.coefficient) == 1.0:
+            inner = only.rest.products
+            return tuple(Product(only.coefficient * p.coefficient, p.powers, p.rest) for p in inner)
+    return value.products
+
+
+def _common(terms: Sequence[Term]) -> tuple[float, Powers]:
+    """Number and powers that all terms have in common."""
+    powers = dict(terms[0].powers)
+    for term in terms[1:]:
+        others = dict(term.powers)
+        powers = {f: min(power, others[f]) for f, power in powers.items() if f in others}
+    sizes = {abs(term.coefficient) for term in terms}
+    size = sizes.pop() if len(sizes) == 1 else 1.0
+    sign = -1.0 if all(term.coefficient < 0.0 for term in terms) else 1.0
+    return sign * size, tuple(powers.items())
+
+
+def _divide(term: Term, coefficient: float, common: Powers) -> Term:
+    taken = dict(common)
+    left = tuple((f, p - taken.get(f, 0)) for f, p in term.powers if p != taken.get(f, 0))
+    return Term(term.coefficient / coefficient, left)
+
+
+def _product(coefficient: float, powers: Powers, rest: Sum) -> Product:
+    """A product with a sum, in which a sum of one product is multiplied out."""
+    if len(rest.products) != 1:
+        return Product(coefficient, _order(powers), rest)
+    (only,) = rest.products
+    total = Counter(dict(powers))
+    total.update(dict(only.powers))
+    return Product(coefficient * only.coefficient, _order(total.items()), only.rest)
+
+
+def _most_frequent(terms: Sequence[Term], collect: Collect) -> Factor | None:
+    """The factor to take out first: of the first joint, and in the most terms."""
+    counts = Counter(f for term in terms for f, _ in term.powers if _is_collected(f, collect))
+    several = [factor for factor, count in counts.items() if count > 1]
+    return min(several, key=lambda f: (_rank(f)[:2], -counts[f], _rank(f)), default=None)
+
+
+def _is_collected(factor: Factor, collect: Collect) -> bool:
+    if collect is Collect.ANGLES:
+        return isinstance(factor, Angle)
+    return isinstance(factor, str) and factor.startswith("m_")
+
+
+# ----------------------------------------------------------------------------------- ordering
+
+#: Symbols of a product in the order in which textbooks write them.
+_KINDS = ("m", "I", "J", "B", "F", "l", "a", "d", "x", "y", "z", "b", "t", "g")
+#: Ranks of other symbols, of angles, and of joint variables and their derivatives.
+_OTHER_RANK = 40
+_ANGLE_RANK = 50
+_JOINT_RANK = 60
+
+_Rank = tuple[int, int, str]
+
+
+def _rank(factor: Factor) -> _Rank:
+    if isinstance(factor, Angle):
+        first = int(factor.multiples[0][0].partition("_")[2])
+        text = f"{len(factor.multiples)}{factor.multiples}{factor.function.value}"
+        return (_ANGLE_RANK, first, text)
+    kind = factor.partition("_")[0]
+    number = int("".join(c for c in factor if c.isdigit()) or 0)
+    if kind in ("q", "qd", "qdd"):
+        return (_JOINT_RANK + len(kind), number, factor)
+    return (_KINDS.index(kind) if kind in _KINDS else _OTHER_RANK, number, factor)
+
+
+def _order(powers: Iterable[tuple[Factor, int]]) -> Powers:
+    return tuple(sorted(powers, key=lambda item: _rank(item[0])))
+
+
+def _sum(products: Iterable[Product], collect: Collect) -> Sum:
+    """A sum in the order of its masses, or of its angles."""
+
+    def rank(product: Product) -> tuple[list[_Rank], list[_Rank]]:
+        ranks = [_rank(factor) for factor, _ in product.powers]
+        if collect is Collect.MASSES:
+            return ranks, []
+        angles = [r for r in ranks if r[0] == _ANGLE_RANK]
+        return angles, [r for r in ranks if r[0] != _ANGLE_RANK]
+
+    return Sum(tuple(sorted(products, key=rank)))

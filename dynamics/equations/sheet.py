@@ -1,0 +1,238 @@
+"""All formulas of a robot, written in one notation."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from dynamics.body_row import SMOOTH_SPEED
+from dynamics.equations.formula import Collect, formula, numeric_value
+from dynamics.equations.motion import (
+    MAX_ENTRY_TERMS,
+    MAX_JOINTS,
+    SymbolicMotion,
+    equations_of_motion,
+    tool_frame,
+    tool_jacobian,
+)
+from dynamics.equations.parameters import Parameter
+from dynamics.equations.polynomial import MAX_TERMS, Polynomials, TooManyTerms
+from dynamics.equations.regressor import symbolic_regressor
+from dynamics.equations.table import SymbolicTable, symbolic_table
+from dynamics.equations.writing import Notation, Writer
+from kinematics.dh_table import DhTable
+from kinematics.errors import InvalidOption
+
+#: Arms with more joints get no Christoffel symbols and no regressor: those fill hundreds of pages.
+MAX_REGRESSOR_JOINTS = 4
+#: How the symbols of motor inertias and frictions begin.
+_DRIVES = ("J_", "B_", "F_")
+_NO_MASSES = "the equations of motion are left out: no link has a mass"
+_TOO_LONG = (
+    f"the equations of motion are left out: beyond {MAX_JOINTS} joints, or {MAX_ENTRY_TERMS} terms "
+    "of an entry of D, nobody reads them; the dynamics endpoint answers their values"
+)
+_NO_REGRESSOR = (
+    f"Christoffel symbols and regressor are left out beyond {MAX_REGRESSOR_JOINTS} joints; the "
+    "dynamics and regressor endpoints answer their values"
+)
+
+Matrix = tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Regressor:
+    """tau = Y Theta.
+
+    Args:
+        regressor: Y, n x p.
+        parameters: Theta, p.
+        values: Of the parameters, p.
+    """
+
+    regressor: Matrix
+    parameters: tuple[str, ...]
+    values: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """The terms of the equations of motion.
+
+    Args:
+        equation: The terms that there are.
+        mass_matrix: D, n x n.
+        christoffel_symbols: i, j, k from 1 and c_ijk where it is not 0; None for long arms.
+        coriolis_matrix: C, n x n.
+        potential_energy: U [J].
+        gravity: G, n.
+        regressor: The equations linear in their parameters; None for long arms.
+    """
+
+    equation: str
+    mass_matrix: Matrix
+    christoffel_symbols: tuple[tuple[int, int, int, str], ...] | None
+    coriolis_matrix: Matrix
+    potential_energy: str
+    gravity: tuple[str, ...]
+    regressor: Regressor | None
+
+
+@dataclass(frozen=True, slots=True)
+class Sheet:
+    """All formulas of a robot.
+
+    Args:
+        notation: Form of all formulas.
+        table: The table they are of.
+        joints: Written symbols of the joints.
+        parameters: The table's numbers that formulas use, their symbols written.
+        abbreviations: Written short names with what they stand for.
+        transformations: H_1 ... H_n, each 4 x 4.
+        frame: Pose of the tool in the base frame, 3 x 4.
+        jacobian: 6 x n, linear rows first.
+        motion: The equations of motion; None where they are left out.
+        notes: What is left out, and why.
+    """
+
+    notation: Notation
+    table: DhTable
+    joints: tuple[str, ...]
+    parameters: tuple[Parameter, ...]
+    abbreviations: tuple[tuple[str, str], ...]
+    transformations: tuple[Matrix, ...]
+    frame: Matrix
+    jacobian: Matrix
+    motion: Motion | None
+    notes: tuple[str, ...]
+
+
+def write_sheet(table: DhTable, notation: Notation) -> Sheet:
+    """The formulas of a table.
+
+    Args:
+        table: The robot.
+        notation: How formulas are written.
+
+    Raises:
+        InvalidOption: Its poses have more terms than anybody reads.
+    """
+    try:
+        return _write(symbolic_table(table), notation)
+    except TooManyTerms:
+        raise InvalidOption(
+            f"the formulas of an arm of {len(table.rows)} joints have more than {MAX_TERMS} terms",
+            hint="Formulas are for arms of up to about seven joints; fk, jacobian and dynamics "
+            "answer values for all.",
+            joints=len(table.rows),
+        ) from None
+
+
+def _write(symbols: SymbolicTable, notation: Notation) -> Sheet:
+    known = {parameter.symbol for parameter in symbols.parameters}
+    offsets = {q: f"theta_{i}" for i, q in enumerate(symbols.joints, start=1)}
+    writer = Writer(notation, {q: theta for q, theta in offsets.items() if theta in known})
+    pen = _Pen(symbols, writer)
+    T = tool_frame(symbols)
+    transformations = tuple(pen.matrix(step, Collect.ANGLES) for step in symbols.steps)
+    frame = pen.matrix(T[:3], Collect.ANGLES)
+    J = pen.matrix(tool_jacobian(symbols), Collect.ANGLES)
+    motion, notes = _motion(pen)
+    abbreviations = (*writer.abbreviations(), *_friction_functions(symbols, writer))
+    return Sheet(
+        notation,
+        symbols.table,
+        tuple(writer.symbol(q) for q in symbols.joints),
+        tuple(
+            Parameter(writer.symbol(p.symbol), p.value, p.unit, p.meaning)
+            for p in symbols.parameters
+            if p.symbol in writer.symbols or p.symbol[:2] in _DRIVES
+        ),
+        abbreviations,
+        transformations,
+        frame,
+        J,
+        motion,
+        notes,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Pen:
+    """Writes polynomials of a table."""
+
+    table: SymbolicTable
+    writer: Writer
+
+    def matrix(self, values: Polynomials, collect: Collect) -> Matrix:
+        return tuple(self.vector(row, collect) for row in values)
+
+    def vector(self, values: Polynomials, collect: Collect) -> tuple[str, ...]:
+        return tuple(self.writer.write(formula(self.table, v, collect)) for v in values)
+
+
+def _friction_functions(table: SymbolicTable, writer: Writer) -> Iterator[tuple[str, str]]:
+    """The smoothed signs of velocities that dry friction is multiplied with."""
+    for i in range(1, table.n + 1):
+        if f"F_{i}" in table.variables.names:
+            rate = writer.symbol(f"qd_{i}")
+            yield writer.symbol(f"f_{i}"), writer.tanh(f"{rate} / {SMOOTH_SPEED:g}")
+
+
+def _motion(pen: _Pen) -> tuple[Motion | None, tuple[str, ...]]:
+    if all(body is None for body in pen.table.bodies):
+        return None, (_NO_MASSES,)
+    try:
+        motion = equations_of_motion(pen.table)
+    except TooManyTerms:
+        return None, (_TOO_LONG,)
+    short = pen.table.n <= MAX_REGRESSOR_JOINTS
+    notes = () if short else (_NO_REGRESSOR,)
+    return Motion(
+        _equation(pen),
+        pen.matrix(motion.mass_matrix, Collect.MASSES),
+        _christoffel(pen, motion) if short else None,
+        pen.matrix(motion.coriolis_matrix, Collect.MASSES),
+        pen.vector(np.array([motion.potential_energy]), Collect.MASSES)[0],
+        pen.vector(motion.gravity, Collect.ANGLES),
+        _regressor(pen, motion) if short else None,
+    ), notes
+
+
+def _equation(pen: _Pen) -> str:
+    """The equations of motion with the terms that the robot has."""
+    names = pen.table.variables.names
+    has = {letter: any(name.startswith(f"{letter}_") for name in names) for letter in "JBF"}
+    if pen.writer.notation is Notation.TEXT:
+        inertia = "(D(q) + J)" if has["J"] else "D(q)"
+        text = f"{inertia}*qdd + C(q, qd)*qd"
+        text += " + B*qd" if has["B"] else ""
+        text += " + F*f(qd)" if has["F"] else ""
+        return f"{text} + G(q) = tau"
+    inertia = r"\left(D(q) + J\right)" if has["J"] else "D(q)"
+    text = rf"{inertia} \ddot{{q}} + C(q, \dot{{q}}) \dot{{q}}"
+    text += r" + B \dot{q}" if has["B"] else ""
+    text += " + F f" if has["F"] else ""
+    return rf"{text} + G(q) = \tau"
+
+
+def _christoffel(pen: _Pen, motion: SymbolicMotion) -> tuple[tuple[int, int, int, str], ...]:
+    n = pen.table.n
+    found = []
+    for k, i, j in product(range(n), repeat=3):
+        symbol = motion.christoffel_symbols[i, j, k]
+        if i <= j and symbol:
+            text = pen.writer.write(formula(pen.table, symbol, Collect.MASSES))
+            found.append((i + 1, j + 1, k + 1, text))
+    return tuple(found)
+
+
+def _regressor(pen: _Pen, motion: SymbolicMotion) -> Regressor:
+    symbolic = symbolic_regressor(pen.table, motion.torques)
+    values = {parameter.symbol: parameter.value for parameter in pen.table.parameters}
+    return Regressor(
+        tuple(tuple(pen.writer.write(entry) for entry in row) for row in symbolic.regressor),
+        tuple(pen.writer.write(parameter) for parameter in symbolic.parameters),
+        tuple(numeric_value(parameter, values) for parameter in symbolic.parameters),
+    )
