@@ -28,6 +28,7 @@ class Motor:
         back_emf: k_b [V s/rad].
         resistance: R [ohm].
         gear_ratio: r, turns of the motor for one of the joint; for a prismatic joint [rad/m].
+        voltage_limit: Largest |V| at the terminals [V]; none where it is not given.
 
     Raises:
         InvalidOption: A value is negative, or one that must be positive is not.
@@ -39,11 +40,14 @@ class Motor:
     back_emf: float = 0.0
     resistance: float = 1.0
     gear_ratio: float = 1.0
+    voltage_limit: float | None = None
 
     def __post_init__(self) -> None:
         for item in fields(self):
             value = getattr(self, item.name)
-            positive = item.name in {"torque_constant", "resistance", "gear_ratio"}
+            if value is None:
+                continue
+            positive = item.name not in {"inertia", "friction", "back_emf"}
             if not math.isfinite(value) or value < 0.0 or (positive and value == 0.0):
                 least = "positive" if positive else "not negative"
                 raise InvalidOption(
@@ -64,6 +68,13 @@ class Motor:
     def voltage(self, u: Array) -> Array:
         """The voltage V = R u / (r k_m) that drives the joint with u [V]."""
         return np.asarray(u) * self.resistance / (self.gear_ratio * self.torque_constant)
+
+    @property
+    def torque_limit(self) -> float:
+        """Largest drive |u| of the joint at the voltage limit [N m or N]; infinite without one."""
+        if self.voltage_limit is None:
+            return math.inf
+        return float(self.torque(np.array(self.voltage_limit)))
 
     def torque(self, voltage: Array) -> Array:
         """The drive u = r (k_m / R) V of the joint, before friction and back-EMF [N m or N]."""

@@ -60,15 +60,19 @@ def with_inertias(chain: Chain, inertias: Mapping[str, Inertia]) -> Chain:
 
 
 def with_motors(
-    chain: Chain, inertia: ArrayLike | None = None, viscous_friction: ArrayLike | None = None
+    chain: Chain,
+    inertia: ArrayLike | None = None,
+    viscous_friction: ArrayLike | None = None,
+    coulomb_friction: ArrayLike | None = None,
 ) -> Chain:
-    """Robot with other motors: M = D + J and B q_dot.
+    """Robot with other motors: M = D + J, B q_dot and dry friction F tanh(q_dot / v).
 
     Args:
         chain: The robot.
         inertia: J reflected at the joints (rotor inertia times gear ratio squared), one number or
             shape (n,) [kg m^2 or kg]; as before where none is given.
         viscous_friction: B, one number or shape (n,) [N m s/rad or N s/m]; likewise.
+        coulomb_friction: F, one number or shape (n,) [N m or N]; likewise.
 
     Raises:
         InvalidOption: A value is negative or not finite, or their number is wrong.
@@ -77,7 +81,10 @@ def with_motors(
     B = chain.viscous_friction
     if viscous_friction is not None:
         B = _not_negative(chain, "viscous_friction", viscous_friction)
-    return replace(chain, motor_inertia=J, viscous_friction=B)
+    F = chain.coulomb_friction
+    if coulomb_friction is not None:
+        F = _not_negative(chain, "coulomb_friction", coulomb_friction)
+    return replace(chain, motor_inertia=J, viscous_friction=B, coulomb_friction=F)
 
 
 def with_gravity(chain: Chain, gravity: ArrayLike) -> Chain:

@@ -11,6 +11,7 @@ from kinematics.errors import InvalidOption, InvalidRobotState
 from kinematics.trajectory import Trajectory
 from tracking.controller import AdaptiveController, Controller
 from tracking.disturbance import Disturbance, EncoderNoise
+from tracking.loop import RUNAWAY
 from tracking.options import SimulationOptions
 from tracking.reference import ReferenceSignal
 from tracking.schedule import Events, periods, schedule
@@ -80,6 +81,7 @@ def prepare(
     ]
     if any(part.shape != (robot.n,) for part in state):
         raise InvalidRobotState("a simulation starts at one state, not at a batch of them")
+    _check_start(robot, np.array(state), options)
     if isinstance(controller, AdaptiveController):
         state.append(controller.estimate)
     return Setup(
@@ -103,3 +105,27 @@ def _check_joints(model: Chain, trajectory: Trajectory, robot: Chain) -> None:
                 f"the controller's model has {', '.join(model.joint_names)}",
                 hint="Give all three the same joints in the same order.",
             )
+
+
+def _check_start(robot: Chain, state: Array, options: SimulationOptions) -> None:
+    """Refuse initial positions and velocities (2, n) at which no robot can be.
+
+    Raises:
+        InvalidRobotState: A value is beyond every robot's, or a joint starts inside a stop.
+    """
+    row, joint = np.unravel_index(int(np.argmax(np.abs(state))), state.shape)
+    name = repr(robot.joint_names[int(joint)])
+    if abs(state[row, joint]) > RUNAWAY:
+        quantity = ("position", "velocity")[int(row)]
+        raise InvalidRobotState(
+            f"the initial {quantity} of joint {name} is {state[row, joint]:.6g}",
+            hint=f"Give at most {RUNAWAY:g}: a loop that goes beyond counts as run away.",
+        )
+    limits = robot.limits
+    inside = (state[0] < limits.lower) | (state[0] > limits.upper)
+    if options.stops is not None and inside.any():
+        first = int(np.argmax(inside))
+        raise InvalidRobotState(
+            f"joint {robot.joint_names[first]!r} starts at {state[0, first]:.6g}, inside its stop",
+            hint="Start within the position limits, or leave the joint stops out.",
+        )

@@ -112,19 +112,21 @@ class Payload(Request):
 
 
 class ModelOptions(TypedDict, total=False):
-    """Changes of the robot's model: payload, motors, gravity.
+    """Changes of the robot's model: payload, motors, friction, gravity.
 
     Args:
         gravity: In the base frame [m/s²].
         payload: A load in addition.
         motor_inertia: J, one number or one a joint [kg m² or kg].
         viscous_friction: B, one number or one a joint [N m s/rad or N s/m].
+        coulomb_friction: Dry friction, one number or one a joint [N m or N].
     """
 
     gravity: VectorLike
     payload: Payload
     motor_inertia: float | VectorLike
     viscous_friction: float | VectorLike
+    coulomb_friction: float | VectorLike
 
 
 class DynamicsOptions(ModelOptions, Generic[V], total=False):
@@ -219,6 +221,7 @@ class DynamicsRequest(Request):
     payload: Payload | None = None
     motor_inertia: float | Vector | None = None
     viscous_friction: float | Vector | None = None
+    coulomb_friction: float | Vector | None = None
 
 
 class ForwardDynamicsRequest(Request):
@@ -232,6 +235,7 @@ class ForwardDynamicsRequest(Request):
     payload: Payload | None = None
     motor_inertia: float | Vector | None = None
     viscous_friction: float | Vector | None = None
+    coulomb_friction: float | Vector | None = None
 
 
 class ForwardDynamicsAnswer(Answer):
@@ -318,6 +322,7 @@ class RegressorRequest(Request):
     payload: Payload | None = None
     motor_inertia: float | Vector | None = None
     viscous_friction: float | Vector | None = None
+    coulomb_friction: float | Vector | None = None
 
 
 class BaseParameter(Answer):

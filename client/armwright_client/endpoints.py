@@ -254,14 +254,18 @@ class ServiceEndpoints:
     def simulate(
         self,
         robot: str,
-        trajectory: Trajectory,
+        trajectory: Trajectory | Options,
         controller: Options,
         **options: Unpack[SimulateOptions],
     ) -> Call[Simulation]:
-        """Follow a motion with a controller, its type and gains given; see `SimulateOptions`."""
-        body = SimulateRequest.of(
-            robot=robot, trajectory=trajectory, controller=controller, **options
-        )
+        """Follow a motion with a controller, its type and gains given; see `SimulateOptions`.
+
+        In place of a trajectory a reference by name will do, for example
+        {"type": "sine", "center": [...], "amplitude": 0.3, "frequency": 0.5, "duration": 4}.
+        """
+        is_named = not isinstance(trajectory, Trajectory)
+        motion = {"reference" if is_named else "trajectory": trajectory}
+        body = SimulateRequest.of(robot=robot, controller=controller, **motion, **options)
         return Call("POST", path("simulate"), Simulation.read, body, deadline=body.timeout)
 
     @Endpoint

@@ -2,7 +2,17 @@
 
 from typing import TypedDict
 
-from armwright_client.base import Answer, Matrix, Options, OptionsList, Pairs, Positive, Request
+from armwright_client.base import (
+    Answer,
+    Matrix,
+    Options,
+    OptionsList,
+    Pairs,
+    Positive,
+    Request,
+    Vector,
+    VectorLike,
+)
 from armwright_client.scene import SceneReference
 from armwright_client.trajectory import Trajectory
 
@@ -11,6 +21,12 @@ class SimulateOptions(TypedDict, total=False):
     """Options of a simulation: model errors, disturbances, integration.
 
     Args:
+        motors: Motors of all joints or of each: inertia, gear_ratio, torque_constant, ...
+        motor_inertia: J of the robot, in place of its own [kg m² or kg].
+        viscous_friction: B of the robot, in place of its own [N m s/rad or N s/m].
+        coulomb_friction: Dry friction of the robot, in place of its own [N m or N].
+        effort_limits: Of the drives, in place of the robot's [N m or N].
+        joint_stops: Stops of the joints: stiffness, dissipation; {} for the usual ones.
         model_error: Errors of the controller's model: mass_scale, inertias, payload, ...
         disturbance: Forces the controller does not know of: torque, amplitude, wrench, ...
         initial_state: Where the robot is when the motion begins: joints, offset, ...
@@ -29,6 +45,12 @@ class SimulateOptions(TypedDict, total=False):
         seed: Of the noise.
     """
 
+    motors: Options | OptionsList
+    motor_inertia: float | VectorLike
+    viscous_friction: float | VectorLike
+    coulomb_friction: float | VectorLike
+    effort_limits: float | VectorLike
+    joint_stops: Options
     model_error: Options
     disturbance: Options
     initial_state: Options
@@ -51,8 +73,15 @@ class SimulateRequest(Request):
     """A motion to be followed under a controller; see `SimulateOptions`."""
 
     robot: str
-    trajectory: Trajectory
+    trajectory: Trajectory | None = None
+    reference: Options | None = None
     controller: Options
+    motors: Options | OptionsList | None = None
+    motor_inertia: float | Vector | None = None
+    viscous_friction: float | Vector | None = None
+    coulomb_friction: float | Vector | None = None
+    effort_limits: float | Vector | None = None
+    joint_stops: Options | None = None
     model_error: Options | None = None
     disturbance: Options | None = None
     initial_state: Options | None = None
@@ -149,11 +178,15 @@ class SimulatedController(Answer):
         type: Its name.
         gains: Each gain by its name.
         parameter_names: Of the estimate of an adaptive controller.
+        parameter_labels: As textbooks write them, with units: "m2·lc2 [kg m]".
+        parameter_units: Of each entry of the estimate.
     """
 
     type: str
     gains: dict[str, list[float] | Matrix]
     parameter_names: list[str] | None = None
+    parameter_labels: list[str] | None = None
+    parameter_units: list[str] | None = None
 
 
 class Simulation(Answer):
@@ -167,6 +200,7 @@ class Simulation(Answer):
         velocity: q̇ at each time.
         reference: The reference that the controller follows.
         torque: At each time, after saturation [N m or N].
+        voltage: Of the motors of the request, at each time [V].
         saturated: Whether any joint wanted more than its limit.
         tracking_error: At each time.
         lyapunov: V(t).
@@ -178,6 +212,9 @@ class Simulation(Answer):
         settled: Whether the error stays small at the end.
         settling_time: From when on [s].
         controller: With its gains.
+        motor_inertia: J of the simulated robot.
+        viscous_friction: B of the simulated robot.
+        coulomb_friction: Dry friction of the simulated robot.
         tube: Where a scene was given.
         notes: What a reader of the numbers should know: limits, jumps, proofs that do not apply.
         integration: What it took.
@@ -190,6 +227,7 @@ class Simulation(Answer):
     velocity: Matrix
     reference: SimulationReference
     torque: Matrix
+    voltage: Matrix | None = None
     saturated: list[bool]
     tracking_error: Matrix
     lyapunov: list[float]
@@ -201,6 +239,9 @@ class Simulation(Answer):
     settled: bool
     settling_time: float | None = None
     controller: SimulatedController
+    motor_inertia: list[float]
+    viscous_friction: list[float]
+    coulomb_friction: list[float]
     tube: Tube | None = None
     notes: list[str]
     integration: dict[str, int]

@@ -38,7 +38,7 @@ class Payload(Body):
 
 
 class Model(Body):
-    """Changes of the robot's model: payload, motors, gravity."""
+    """Changes of the robot's model: payload, motors, friction, gravity."""
 
     gravity: Vector3 | None = Field(
         None, description="in the base frame [m/s²]; the robot's own if left out"
@@ -49,6 +49,9 @@ class Model(Body):
     )
     viscous_friction: NonNegative | list[NonNegative] | None = Field(
         None, description="B at the joints [N m s/rad or N s/m]; the robot's own if left out"
+    )
+    coulomb_friction: NonNegative | list[NonNegative] | None = Field(
+        None, description="dry friction F at the joints [N m or N]; the robot's own if left out"
     )
 
 

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from pydantic import AliasChoices, ConfigDict, Field
+from pydantic import ConfigDict, Field, model_validator
 from pydantic.config import JsonDict
 
 from service.schemas.attached import AllowedCollisions, AttachedObjects
@@ -19,116 +19,18 @@ from service.schemas.base import (
     Timeout,
     Vector3,
     Vector6,
+    exactly_one,
 )
+from service.schemas.controllers import Controller, Gain, Motor
 from service.schemas.dynamics import Payload, Tensor
 from service.schemas.plan import TrajectoryBody
+from service.schemas.reference import NamedReference
 from service.schemas.scene import SceneReference
 
 #: Samples of an answer: with seven joints 50 MB.
 MAX_SAMPLES = 100_000
 
-Gain = Positive | JointVector
-GainMatrix = Positive | JointVector | list[JointVector]
 Each = NonNegative | list[NonNegative]
-Frequency = Annotated[
-    Gain | None, Field(description="of the closed loop's poles [rad/s], in place of the gains")
-]
-Damping = Annotated[
-    Gain,
-    Field(
-        description="ratio of the poles: 1 is critical; with natural_frequency only, and not for "
-        "passivity and adaptive, whose gains it does not enter"
-    ),
-]
-
-
-class Motor(Body):
-    """A direct current motor behind a gear, seen from the joint as J q̈ + B q̇ = u − load."""
-
-    inertia: NonNegative = Field(description="J_m of the rotor [kg m²]")
-    friction: NonNegative = Field(0.0, description="B_m at the rotor [N m s/rad]")
-    torque_constant: Positive = Field(1.0, description="k_m [N m/A]")
-    back_emf: NonNegative = Field(0.0, description="k_b [V s/rad]")
-    resistance: Positive = Field(1.0, description="R [ohm]")
-    gear_ratio: Positive = Field(1.0, description="turns of the motor for one of the joint")
-
-
-class ControllerBody(Body):
-    """Fields of every controller; a gain may be one number for all joints."""
-
-    model_config = ConfigDict(populate_by_name=True)
-
-    natural_frequency: Frequency = None
-    damping: Damping = 1.0
-
-
-class IndependentJoint(ControllerBody):
-    """Each joint a motor of its own: u = J q̈ʳ + B q̇ʳ + Kp q̃ + Kd dq̃/dt."""
-
-    type: Literal["independent_joint"]
-    Kp: Gain | None = Field(None, validation_alias=AliasChoices("Kp", "kp"))
-    Kd: Gain | None = Field(None, validation_alias=AliasChoices("Kd", "kd"))
-    inertia: Gain | None = Field(
-        None,
-        description="J fed forward; the motors' own if left out, or where the robot gives none "
-        "what each joint feels of the arm at the start of the trajectory",
-    )
-    motors: list[Motor] | None = Field(
-        None, description="one a joint, in place of the robot's motor inertias and frictions"
-    )
-
-
-class ComputedTorque(ControllerBody):
-    """Feedback linearisation: u = M (q̈ʳ + Kd dq̃/dt + Kp q̃) + C q̇ + B q̇ + G."""
-
-    type: Literal["computed_torque"]
-    Kp: Gain | None = Field(None, validation_alias=AliasChoices("Kp", "kp"))
-    Kd: Gain | None = Field(None, validation_alias=AliasChoices("Kd", "kd"))
-
-
-class PdGravity(ControllerBody):
-    """u = Kp q̃ + Kd dq̃/dt + G, for a reference that stands still."""
-
-    type: Literal["pd_gravity"]
-    Kp: GainMatrix | None = Field(None, validation_alias=AliasChoices("Kp", "kp"))
-    Kd: GainMatrix | None = Field(None, validation_alias=AliasChoices("Kd", "kd"))
-
-
-class Passivity(ControllerBody):
-    """u = M a + C v + B q̇ + G + K r with r = dq̃/dt + Λ q̃."""
-
-    type: Literal["passivity"]
-    Lambda: Gain | None = Field(
-        None, description="Λ [1/s]", validation_alias=AliasChoices("Lambda", "lambda")
-    )
-    K: GainMatrix | None = Field(None, validation_alias=AliasChoices("K", "k"))
-
-
-class Adaptive(ControllerBody):
-    """Slotine and Li: u = Y Θ̂ + K r with dΘ̂/dt = Γ Yᵀ r on the base parameters."""
-
-    type: Literal["adaptive"]
-    Lambda: Gain | None = Field(
-        None, description="Λ [1/s]", validation_alias=AliasChoices("Lambda", "lambda")
-    )
-    K: GainMatrix | None = Field(None, validation_alias=AliasChoices("K", "k"))
-    Gamma: GainMatrix = Field(
-        1.0,
-        description="Γ, one number, one a base parameter, or a matrix",
-        validation_alias=AliasChoices("Gamma", "gamma"),
-    )
-    estimate: Literal["model", "zero"] | list[Number] = Field(
-        "model", description="Θ̂ at the start: the model's, nothing, or one number a base parameter"
-    )
-    motors: bool | None = Field(
-        None, description="learn motor inertias and frictions too; by default where there are any"
-    )
-
-
-Controller = Annotated[
-    IndependentJoint | ComputedTorque | PdGravity | Passivity | Adaptive,
-    Field(discriminator="type"),
-]
 
 
 class LinkInertia(Body):
@@ -155,6 +57,9 @@ class ModelError(Body):
     )
     motor_inertia: Each | None = Field(None, description="the model's, in place of the robot's")
     viscous_friction: Each | None = Field(None, description="the model's, in place of the robot's")
+    coulomb_friction: Each | None = Field(
+        None, description="dry friction of the model, in place of the robot's [N m or N]"
+    )
     gravity: Vector3 | None = Field(None, description="the model's [m/s²]")
 
 
@@ -193,6 +98,15 @@ class EncoderNoise(Body):
     )
 
 
+class JointStops(Body):
+    """Stops at the position limits: torque k p (1 + c dp/dt) against a joint p beyond its limit."""
+
+    stiffness: Positive = Field(1e4, description="k [N m/rad or N/m]")
+    dissipation: NonNegative = Field(
+        5.0, description="c [s/rad or s/m]: of a speed v about v / (1 + 2 c v / 3) is left"
+    )
+
+
 _EXAMPLE: JsonDict = {
     "robot": "planar_rr",
     "trajectory": {
@@ -216,8 +130,32 @@ class SimulateRequest(Body):
     model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
 
     robot: Name = Field(examples=["panda"])
-    trajectory: TrajectoryBody
+    trajectory: TrajectoryBody | None = None
+    reference: NamedReference | None = Field(
+        None, description="hold, step, sine or spline, in place of a trajectory"
+    )
     controller: Controller
+    motors: Motor | list[Motor] | None = Field(
+        None,
+        description="one for all joints or one a joint, in place of the robot's motor inertias and "
+        "viscous frictions, under any controller; the answer then has voltages",
+    )
+    motor_inertia: Each | None = Field(
+        None,
+        description="J of the robot, reflected at the joints, in place of its own [kg m² or kg]",
+    )
+    viscous_friction: Each | None = Field(
+        None, description="B of the robot, in place of its own [N m s/rad or N s/m]"
+    )
+    coulomb_friction: Each | None = Field(
+        None, description="dry friction of the robot, in place of its own [N m or N]"
+    )
+    effort_limits: Gain | None = Field(
+        None, description="of the drives' torques u, in place of the robot's [N m or N]"
+    )
+    joint_stops: JointStops | None = Field(
+        None, description="stops of the joints, {} for the usual ones; without, limits are passed"
+    )
     model_error: ModelError | None = None
     disturbance: Disturbance | None = None
     initial_state: InitialState | None = None
@@ -229,7 +167,9 @@ class SimulateRequest(Body):
         None, description="[s]; the trajectory's if left out, longer to watch it settle at the end"
     )
     sample_period: Positive = Field(0.01, description="of the answer [s]")
-    saturate: bool = Field(True, description="cut torques off at the robot's effort limits")
+    saturate: bool = Field(
+        True, description="cut torques off at the effort limits and the motors' voltage limits"
+    )
     settling_tolerance: Positive = Field(1e-3, description="[rad or m]")
     relative_tolerance: Annotated[float, Field(ge=1e-13, le=1e-2)] = 1e-8
     absolute_tolerance: Annotated[float, Field(ge=1e-13, le=1e-2)] = 1e-10
@@ -242,6 +182,11 @@ class SimulateRequest(Body):
     allowed_collisions: AllowedCollisions | None = None
     timeout: Timeout | None = None
     seed: Seed = 0
+
+    @model_validator(mode="after")
+    def _check_form(self) -> "SimulateRequest":
+        exactly_one(self, ("trajectory", "reference"))
+        return self
 
 
 class RemainingClearance(Answer):
@@ -314,6 +259,10 @@ class ControllerAnswer(Answer):
     type: str
     gains: dict[str, list[float] | Matrix]
     parameter_names: list[str] | None = Field(None, description="of the estimate, if adaptive")
+    parameter_labels: list[str] | None = Field(
+        None, description="as textbooks write them, with units", examples=[["m2·lc2 [kg m]"]]
+    )
+    parameter_units: list[str] | None = Field(None, description="of each entry of the estimate")
 
 
 class SimulateAnswer(Answer):
@@ -326,6 +275,9 @@ class SimulateAnswer(Answer):
     velocity: Matrix
     reference: ReferenceAnswer
     torque: Matrix = Field(description="after saturation [N m or N]")
+    voltage: Matrix | None = Field(
+        None, description="V of the motors of the request, after saturation [V]"
+    )
     saturated: list[bool] = Field(description="whether any joint wanted more than its limit")
     tracking_error: Matrix = Field(description="qʳ − q")
     lyapunov: list[float] = Field(
@@ -345,6 +297,9 @@ class SimulateAnswer(Answer):
     settled: bool
     settling_time: float | None = None
     controller: ControllerAnswer
+    motor_inertia: list[float] = Field(description="J of the simulated robot, M = D + J")
+    viscous_friction: list[float] = Field(description="B of the simulated robot")
+    coulomb_friction: list[float] = Field(description="dry friction of the simulated robot")
     tube: TubeAnswer | None = None
     notes: list[str] = Field(
         description="limits that the reference, the start or the tracked motion does not keep, "

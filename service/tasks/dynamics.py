@@ -47,8 +47,9 @@ def model(chain: Chain, body: Model) -> Chain:
     """
     if body.gravity is not None:
         chain = with_gravity(chain, body.gravity)
-    if body.motor_inertia is not None or body.viscous_friction is not None:
-        chain = with_motors(chain, body.motor_inertia, body.viscous_friction)
+    drive = body.motor_inertia, body.viscous_friction, body.coulomb_friction
+    if any(value is not None for value in drive):
+        chain = with_motors(chain, *drive)
     return chain if body.payload is None else loaded_chain(chain, body.payload)
 
 

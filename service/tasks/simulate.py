@@ -1,5 +1,7 @@
 """Closed loops as requests ask for them, in workers."""
 
+import dataclasses
+
 from pydantic_core import to_json
 
 from service.schemas.simulation import SimulateRequest
@@ -8,8 +10,10 @@ from service.tasks.answer import reports_cache_miss
 from service.tasks.attached_objects import robot_in_scene
 from service.tasks.result import CacheMiss, TaskProblem
 from service.tasks.tracking_tube import tube_answer
-from service.translate import simulations, trajectories
-from service.translate.simulation_notes import simulation_notes
+from service.translate import simulations
+from service.translate.controllers import controller
+from service.translate.references import reference
+from service.translate.simulation_notes import request_notes, simulation_notes
 from service.workers import current
 from service.workers.task import GRACE, task
 from tracking.simulation import simulate as close_loop
@@ -33,10 +37,10 @@ def simulate(
     body = SimulateRequest.model_validate_json(content)
     cell = robot_in_scene(robot, scene, body)
     geometry = cell.robot
-    motion, begins = trajectories.trajectory(body.trajectory, geometry.chain)
+    motion, begins, rest = reference(body, geometry.chain)
     true, model = simulations.robot_and_model(geometry.chain, body)
-    used = simulations.controller(body.controller, model, motion)
-    q, qd = simulations.initial_state(body.initial_state, true, motion)
+    used = controller(body.controller, model, motion)
+    q, qd = simulations.initial_state(body.initial_state, true, motion, rest)
     options = simulations.options(body, motion)
     duration = motion.duration if options.duration is None else options.duration
     result = close_loop(
@@ -49,8 +53,14 @@ def simulate(
         disturbance=simulations.disturbance(body.disturbance, begins, duration),
         noise=simulations.noise(body),
     )
-    answer = simulations.simulation_answer(result, used, true, begins)
-    answer["notes"] = simulation_notes(motion, true, used, result, begins)
+    motors = simulations.request_motors(true, body)
+    answer = simulations.simulation_answer(result, used, true, begins, motors)
+    answer["notes"] = request_notes(body, used) + simulation_notes(
+        motion, true, used, result, begins, has_stops=options.stops is not None
+    )
     if body.scene is not None:
-        answer["tube"] = tube_answer(geometry, cell.scene, motion, result, current.deadline())
+        limited = dataclasses.replace(
+            geometry, chain=dataclasses.replace(geometry.chain, limits=true.limits)
+        )
+        answer["tube"] = tube_answer(limited, cell.scene, motion, result, current.deadline())
     return to_json(answer, inf_nan_mode="null")

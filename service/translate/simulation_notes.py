@@ -5,17 +5,68 @@ import numpy as np
 from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.trajectory import Trajectory
+from service.schemas.simulation import SimulateRequest
 from tracking.controller import Controller
+from tracking.independent_joint import IndependentJoint
 from tracking.limit_use import limit_uses
 from tracking.pd_gravity import PdGravity
 from tracking.result import SimulationResult
 
 #: Excess of a limit, and jump of a reference, that is no rounding error [rad or m, rad/s or m/s].
 _ROUNDING = 1e-9
+#: Growth of V that is no error of the integrator, as part of the largest V.
+_GROWTH = 1e-3
+#: A largest V below this is that of a perfect track: what it does is rounding.
+_SMALL_V = 1e-6
+
+
+def request_notes(body: SimulateRequest, used: Controller) -> list[str]:
+    """Notes on what a request asks for without effect.
+
+    Args:
+        body: The request.
+        used: The controller.
+    """
+    notes = []
+    pushed = body.disturbance
+    if pushed is not None and np.any(pushed.amplitude) and pushed.frequency == 0.0:
+        notes.append("disturbance.amplitude has no effect: its frequency is 0")
+    if pushed is not None and pushed.frequency > 0.0 and not np.any(pushed.amplitude):
+        notes.append("disturbance.frequency has no effect: its amplitude is 0")
+    if body.noise is not None and body.noise.period and body.control_period is not None:
+        notes.append(
+            "noise.period has no effect: with a control_period errors are drawn once in each period"
+        )
+    if body.scene is None and body.allowed_collisions:
+        notes.append("allowed_collisions has no effect without a scene")
+    if isinstance(used, IndependentJoint):
+        notes += _independent_notes(body)
+    return notes
+
+
+def _independent_notes(body: SimulateRequest) -> list[str]:
+    """Model errors that independent joint control does not read, and what it leaves out."""
+    error, given = body.model_error, []
+    if error is not None:
+        names = ("mass_scale", "inertias", "gravity", "coulomb_friction")
+        given = [name for name in names if getattr(error, name) is not None]
+    if not given:
+        return []
+    note = (
+        f"model_error: {', '.join(given)} does not enter the torque of independent joint control, "
+        "which reads inertias at most for its gains and J"
+    )
+    return [note]
 
 
 def simulation_notes(
-    motion: Trajectory, robot: Chain, used: Controller, result: SimulationResult, begins: float
+    motion: Trajectory,
+    robot: Chain,
+    used: Controller,
+    result: SimulationResult,
+    begins: float,
+    *,
+    has_stops: bool = False,
 ) -> list[str]:
     """Notes on the reference, the start, the controller and the tracked motion.
 
@@ -25,6 +76,7 @@ def simulation_notes(
         used: The controller.
         result: The simulation.
         begins: When the reference begins, in the request's time [s].
+        has_stops: Whether the joints have stops at their position limits.
     """
     notes = _reference_notes(motion, robot, begins)
     names, limits = robot.joint_names, robot.limits
@@ -33,9 +85,12 @@ def simulation_notes(
         notes.append(f"the robot starts outside the position limits of joint(s) {outside}")
     uses = limit_uses(result.bounds, limits)
     if "position" in uses and uses["position"].ratio > 1.0 + _ROUNDING:
+        joint = repr(names[uses["position"].joint])
         notes.append(
-            f"joint {names[uses['position'].joint]!r} passes a position limit on the way: "
-            "simulated joints have no stops"
+            f"joint {joint} is pressed into its stop"
+            if has_stops
+            else f"joint {joint} passes a position limit on the way: simulated joints have no "
+            "stops without joint_stops"
         )
     if "velocity" in uses and uses["velocity"].ratio > 1.0 + _ROUNDING:
         notes.append(
@@ -47,7 +102,24 @@ def simulation_notes(
             "PD control with gravity compensation has a proof of stability for a constant "
             "reference only: for a moving one V may grow and an error remains"
         )
-    return notes
+    return notes + _lyapunov_notes(result, begins)
+
+
+def _lyapunov_notes(result: SimulationResult, begins: float) -> list[str]:
+    """Growth of V that its proof would forbid."""
+    V = result.lyapunov
+    rise = V - np.minimum.accumulate(V)
+    worst = int(np.argmax(rise))
+    if V.max() < _SMALL_V or rise[worst] < _GROWTH * V.max():
+        return []
+    first = int(np.argmin(V[: worst + 1]))
+    times = result.times + begins
+    note = (
+        f"V grows from {V[first]:.3g} to {V[worst]:.3g} between {times[first]:.6g} s and "
+        f"{times[worst]:.6g} s: an assumption of its proof does not hold there (an exact model, a "
+        "continuous controller, no saturation, disturbance, noise or stop)"
+    )
+    return [note]
 
 
 def _reference_notes(motion: Trajectory, robot: Chain, begins: float) -> list[str]:

@@ -1,5 +1,6 @@
-"""Controllers, model errors and closed loops from wire to domain and back."""
+"""Driven robots, model errors and closed loops from wire to domain and back."""
 
+import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -15,16 +16,14 @@ from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
 from kinematics.trajectory import Trajectory
 from service.schemas import simulation as schema
+from service.translate.controllers import controller_answer
 from service.translate.payload import loaded_chain
 from tracking.adaptive import Adaptive
-from tracking.computed_torque import ComputedTorque
 from tracking.controller import Controller
 from tracking.disturbance import Disturbance, EncoderNoise
-from tracking.gain import gain_vector, placed_gains
-from tracking.independent_joint import IndependentJoint, effective_inertia
+from tracking.gain import gain_vector
+from tracking.joint_stop import JointStops
 from tracking.options import SimulationOptions
-from tracking.passivity import Passivity
-from tracking.pd_gravity import PdGravity
 from tracking.result import SimulationOutcome, SimulationResult
 
 #: Evaluations of the dynamics that a second of motion may take: ten times what a stiff arm needs.
@@ -51,9 +50,7 @@ def robot_and_model(chain: Chain, body: schema.SimulateRequest) -> tuple[Chain, 
         InvalidOption: A value is out of its range.
         InvalidLinkName: A link is unknown.
     """
-    motors = getattr(body.controller, "motors", None)
-    if isinstance(motors, list):
-        chain = attach_motors(chain, [Motor(**motor.model_dump()) for motor in motors])
+    chain = driven_robot(chain, body)
     error = body.model_error
     if error is None:
         return chain, chain
@@ -64,112 +61,91 @@ def robot_and_model(chain: Chain, body: schema.SimulateRequest) -> tuple[Chain, 
             for name, item in error.inertias.items()
         }
         model = with_inertias(model, believed)
-    if error.motor_inertia is not None or error.viscous_friction is not None:
-        model = with_motors(model, error.motor_inertia, error.viscous_friction)
+    drive = error.motor_inertia, error.viscous_friction, error.coulomb_friction
+    if any(value is not None for value in drive):
+        model = with_motors(model, *drive)
     if error.gravity is not None:
         model = with_gravity(model, error.gravity)
     return (chain if error.payload is None else loaded_chain(chain, error.payload)), model
 
 
-def controller(body: schema.Controller, model: Chain, trajectory: Trajectory) -> Controller:
-    """The controller of a request, with the gains that it names or places.
-
-    A natural frequency w and a damping zeta give every joint the poles of s^2 + 2 zeta w s + w^2:
-    exactly for computed torque and for a motor alone; for the others with what each joint feels of
-    the arm at the start of the trajectory (K_p = M_ii w^2, K_d = 2 zeta M_ii w; Lambda = w,
-    K = M_ii w).
+def driven_robot(chain: Chain, body: schema.SimulateRequest) -> Chain:
+    """The robot with the motors, frictions and limits of a request in place of its own.
 
     Raises:
-        InvalidOption: A gain is missing or out of its range.
-        MissingInertia: The model lacks an inertia.
+        InvalidOption: A value is out of its range, contradicts another or has no effect.
     """
-    if isinstance(body, schema.IndependentJoint):
-        return _independent_joint(body, model, trajectory)
-    if isinstance(body, schema.ComputedTorque):
-        kp, kd = placed_gains(model, body.natural_frequency or 1.0, body.damping)
-        Kp, Kd = _either(body, ("Kp", "Kd"), (kp, kd))
-        return ComputedTorque(model, Kp, Kd)
-    felt = effective_inertia(model, trajectory.start)
-    kp, kd = placed_gains(model, body.natural_frequency or 1.0, body.damping)
-    if isinstance(body, schema.PdGravity):
-        Kp, Kd = _either(body, ("Kp", "Kd"), (felt * kp, felt * kd))
-        return PdGravity(model, Kp, Kd)
-    w = np.sqrt(kp)
-    if "damping" in body.model_fields_set:
+    motors = request_motors(chain, body)
+    if motors is not None:
+        if body.motor_inertia is not None or body.viscous_friction is not None:
+            raise InvalidOption(
+                "motors have an inertia and a friction, and motor_inertia or viscous_friction is "
+                "given as well",
+                hint="Give either motors, or what they come to at the joints.",
+            )
+        chain = attach_motors(chain, motors)
+    joints = body.motor_inertia, body.viscous_friction, body.coulomb_friction
+    if any(value is not None for value in joints):
+        chain = with_motors(chain, *joints)
+    if motors is None and body.effort_limits is None:
+        return chain
+    effort = chain.limits.effort
+    if body.effort_limits is not None:
+        effort = gain_vector(chain, "effort_limits", body.effort_limits)
+    if motors is not None:
+        drive = np.array([motor.torque_limit for motor in motors])
+        # A limit that is not known stays so where the motor has none.
+        effort = np.where(np.isinf(drive), effort, np.fmin(effort, drive))
+    is_limited = motors is not None and any(motor.voltage_limit is not None for motor in motors)
+    if not body.saturate and (is_limited or body.effort_limits is not None):
         raise InvalidOption(
-            f"damping has no effect on a controller of type {body.type}: Lambda = w and "
-            "K = M_ii w place two poles at -w for each joint",
-            hint="Leave it out, or give Lambda and K.",
+            "effort_limits and voltage_limit have no effect without saturation",
+            hint="Leave them out, or leave saturate true.",
         )
-    Lambda, K = _either(body, ("Lambda", "K"), (w, felt * w))
-    if isinstance(body, schema.Passivity):
-        return Passivity(model, Lambda, K)
-    return _adaptive(body, model, Lambda, K)
+    return dataclasses.replace(chain, limits=dataclasses.replace(chain.limits, effort=effort))
 
 
-def _independent_joint(
-    body: schema.IndependentJoint, model: Chain, trajectory: Trajectory
-) -> IndependentJoint:
-    if body.inertia is not None:
-        J = gain_vector(model, "inertia", body.inertia)
-    elif (model.motor_inertia > 0.0).all():
-        J = model.motor_inertia
-    else:
-        J = effective_inertia(model, trajectory.start)
-    if body.natural_frequency is None:
-        Kp, Kd = _either(body, ("Kp", "Kd"), (J, J))
-        return IndependentJoint(model, Kp, Kd, J)
-    _either(body, ("Kp", "Kd"), (J, J))
-    return IndependentJoint.by_pole_placement(model, body.natural_frequency, body.damping, J)
-
-
-def _adaptive(body: schema.Adaptive, model: Chain, Lambda: Array, K: Array) -> Adaptive:
-    made = Adaptive(model, Lambda, K, np.array(1.0), motors=body.motors)
-    count = made.parameters.count
-    start = made.estimate
-    if body.estimate == "zero":
-        start = np.zeros(count)
-    elif body.estimate != "model":
-        start = np.array(body.estimate)
-    return Adaptive(model, made.Lambda, made.K, np.array(body.Gamma), start, body.motors, made.base)
-
-
-def _either(
-    body: schema.ControllerBody, names: tuple[str, str], placed: tuple[Array, Array]
-) -> tuple[Array, Array]:
-    """The two gains as given, or as placed by the natural frequency.
+def request_motors(chain: Chain, body: schema.SimulateRequest) -> tuple[Motor, ...] | None:
+    """The motors of a request, one for each joint; None where it has none.
 
     Raises:
-        InvalidOption: Both are given, or neither.
+        InvalidOption: They are given twice, or a value is out of its range.
     """
-    given = [getattr(body, name) for name in names]
-    if "damping" in body.model_fields_set and body.natural_frequency is None:
+    inner = getattr(body.controller, "motors", None)
+    given = body.motors if not isinstance(inner, list) else inner
+    if isinstance(inner, list) and body.motors is not None:
         raise InvalidOption(
-            f"damping has no effect beside {names[0]} and {names[1]}",
-            hint="It is for natural_frequency; leave it out.",
+            "motors: they are given beside the controller's own motors",
+            hint="Give them once, as motors of the request.",
         )
-    if body.natural_frequency is None and all(value is not None for value in given):
-        return np.array(given[0]), np.array(given[1])
-    if body.natural_frequency is not None and all(value is None for value in given):
-        return placed
-    raise InvalidOption(
-        f"the controller needs either {names[0]} and {names[1]}, or natural_frequency",
-        hint="natural_frequency [rad/s] and damping place the poles and so make the gains.",
-        gains=list(names),
-    )
+    if given is None:
+        return None
+    listed = given if isinstance(given, list) else [given] * chain.n
+    return tuple(Motor(**motor.model_dump()) for motor in listed)
 
 
 def initial_state(
-    body: schema.InitialState | None, chain: Chain, trajectory: Trajectory
+    body: schema.InitialState | None,
+    chain: Chain,
+    trajectory: Trajectory,
+    rest: Array | None = None,
 ) -> tuple[Array | None, Array | None]:
     """Positions and velocities to begin with.
+
+    Args:
+        body: The request's.
+        chain: The robot.
+        trajectory: The reference.
+        rest: Where the robot rests before the reference begins, shape (n,) [rad or m]; at the
+            start of the reference where it is not given.
 
     Raises:
         InvalidRobotState: A vector has the wrong length.
     """
     if body is None:
-        return None, None
-    q = _start_state(body.joints, trajectory.start, chain, "initial_state.joints")
+        return rest, None
+    begin = trajectory.start if rest is None else rest
+    q = _start_state(body.joints, begin, chain, "initial_state.joints")
     start = trajectory.sample([0.0], 1)[0]
     qd = _start_state(body.velocities, start, chain, "initial_state.velocities")
     if body.offset is not None:
@@ -252,6 +228,7 @@ def options(body: schema.SimulateRequest, trajectory: Trajectory) -> SimulationO
         saturate=body.saturate,
         settling_tolerance=body.settling_tolerance,
         max_evaluations=evaluations,
+        stops=None if body.joint_stops is None else JointStops(**body.joint_stops.model_dump()),
     )
 
 
@@ -273,9 +250,21 @@ def _check_period(name: str, period: float | None, duration: float, evaluations:
 
 
 def simulation_answer(
-    result: SimulationResult, used: Controller, robot: Chain, begins: float
+    result: SimulationResult,
+    used: Controller,
+    robot: Chain,
+    begins: float,
+    motors: Sequence[Motor] | None = None,
 ) -> dict[str, Any]:
-    """A closed loop as answers give it, of a trajectory that begins at a time [s]."""
+    """A closed loop as answers give it.
+
+    Args:
+        result: The simulation.
+        used: The controller.
+        robot: The simulated robot.
+        begins: When the reference begins, in the request's time [s].
+        motors: The motors of the request, one for each joint.
+    """
     adaptive = used if isinstance(used, Adaptive) else None
     settling = result.settling_time
     return {
@@ -289,6 +278,7 @@ def simulation_answer(
             "velocity": result.reference_velocity.tolist(),
         },
         "torque": result.torque.tolist(),
+        "voltage": None if motors is None else _voltages(motors, result.torque).tolist(),
         "saturated": result.saturated.any(axis=1).tolist(),
         "tracking_error": result.tracking_error.tolist(),
         "lyapunov": result.lyapunov.tolist(),
@@ -299,7 +289,10 @@ def simulation_answer(
         "max_joint_errors": result.max_tracking_error.tolist(),
         "settled": result.settled,
         "settling_time": None if settling is None else settling + begins,
-        "controller": _controller_answer(used),
+        "controller": controller_answer(used),
+        "motor_inertia": robot.motor_inertia.tolist(),
+        "viscous_friction": robot.viscous_friction.tolist(),
+        "coulomb_friction": robot.coulomb_friction.tolist(),
         "tube": None,
         "notes": [],
         "integration": {
@@ -310,19 +303,6 @@ def simulation_answer(
     }
 
 
-_NAMES: Sequence[tuple[type[Controller], str, tuple[str, ...]]] = (
-    (IndependentJoint, "independent_joint", ("Kp", "Kd", "J")),
-    (ComputedTorque, "computed_torque", ("Kp", "Kd")),
-    (PdGravity, "pd_gravity", ("Kp", "Kd")),
-    (Passivity, "passivity", ("Lambda", "K")),
-    (Adaptive, "adaptive", ("Lambda", "K", "Gamma")),
-)
-
-
-def _controller_answer(used: Controller) -> dict[str, Any]:
-    name, gains = next((name, gains) for kind, name, gains in _NAMES if isinstance(used, kind))
-    return {
-        "type": name,
-        "gains": {gain: getattr(used, gain).tolist() for gain in gains},
-        "parameter_names": list(used.parameters.names) if isinstance(used, Adaptive) else None,
-    }
+def _voltages(motors: Sequence[Motor], torque: Array) -> Array:
+    """Voltages of the motors that drive the joints with a torque (m, n), of the same shape [V]."""
+    return np.column_stack([motor.voltage(torque[:, i]) for i, motor in enumerate(motors)])

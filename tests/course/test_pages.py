@@ -1,4 +1,4 @@
-"""The pages in docs/course: every request is sent, and the answer must contain what is printed."""
+"""Pages with requests: each is sent, and the answer must contain what is printed."""
 
 import json
 import re
@@ -10,6 +10,8 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted((ROOT / "docs/course").glob("[0-9]*.md"))
+#: Pages beside the course that have requests and answers.
+OTHERS = [ROOT / "docs/tracking.md"]
 #: A request block and the first answer block after it.
 PAIR = re.compile(r"```http\n(GET|POST) (\S+)\n(.*?)```\n(?:(?!```).)*```json\n(.*?)```", re.DOTALL)
 #: Printed numbers are rounded to four decimals.
@@ -58,7 +60,7 @@ def send(service: httpx.Client, method: str, path: str, body: str) -> httpx.Resp
     return service.request(method, path, content=body.encode(), headers=headers)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", [*PAGES, *OTHERS], ids=lambda page: page.stem)
 def test_answers_are_as_printed(service: httpx.Client, page: Path) -> None:
     service.delete(f"/v1/robots/{ARM}")
     if not any(path == "/v1/robots" for _, path, _, _ in pairs(page)):

@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from kinematics.arrays import Array
 from kinematics.chain import Chain
-from kinematics.errors import InvalidOption
+from kinematics.errors import InvalidOption, InvalidRobotState
 from tests.tracking.samples import constant, slider
 from tracking.controller import Controller, Reference
 from tracking.joint_stop import DISSIPATION, STIFFNESS, JointStops, add_stops, stop_arrays
@@ -109,9 +109,11 @@ def test_bounces_between_two_stops_are_those_of_scipy_with_events() -> None:
 def test_a_stop_carries_what_presses_against_it_and_never_pulls() -> None:
     chain = railed()
     result = simulate(
-        PdGravity(chain, np.array(100.0), np.array(40.0)), constant(chain, np.array([1.5])),
+        PdGravity(chain, np.array(100.0), np.array(40.0)),
+        constant(chain, np.array([1.5])),
         replace(OPTIONS, duration=6.0, sample_period=0.1),
-    )  # fmt: skip
+        initial_position=[0.0],
+    )
     # k_p (1.5 - q) = k (q - 0.5)
     assert result.position[-1, 0] == pytest.approx((150.0 + 0.5 * STIFF) / (STIFF + 100.0))
     torque = np.zeros(1)
@@ -143,3 +145,15 @@ def test_stops_out_of_range_are_refused() -> None:
     with pytest.raises(InvalidOption, match="dissipation"):
         JointStops(dissipation=-1.0)
     assert JointStops() == JointStops(STIFFNESS, DISSIPATION)
+
+
+def test_starts_inside_a_stop_and_beyond_every_robot_s_are_refused() -> None:
+    chain = railed()
+    used, motion = controller(chain, is_compiled=True), constant(chain, np.zeros(1))
+    with pytest.raises(InvalidRobotState, match=r"starts at 0\.6, inside its stop"):
+        simulate(used, motion, OPTIONS, initial_position=[0.6])
+    simulate(used, motion, replace(OPTIONS, stops=None), initial_position=[0.6])
+    with pytest.raises(InvalidRobotState, match=r"initial position of joint 'q1' is 1e[+]09"):
+        simulate(used, motion, OPTIONS, initial_position=[1e9])
+    with pytest.raises(InvalidRobotState, match=r"initial velocity of joint 'q1' is -2e[+]06"):
+        simulate(used, motion, OPTIONS, initial_velocity=[-2e6])

@@ -97,6 +97,7 @@ MODEL: dict[str, Any] = {
     "payload": PAYLOAD,
     "motor_inertia": [0.1, 0.2],
     "viscous_friction": 0.3,
+    "coulomb_friction": 0.2,
 }
 TIMING: dict[str, Any] = {
     "method": "spline", "solver": "toppra", "velocity_scaling": 0.5, "acceleration_scaling": 0.4,
@@ -156,7 +157,7 @@ SIMULATE: dict[str, Any] = ABOUT | {
     "robot": "panda", "trajectory": SEGMENTS, "scene": "table",
     "model_error": {
         "mass_scale": 1.2, "payload": PAYLOAD, "motor_inertia": 0.1, "viscous_friction": [0.1, 0.2],
-        "gravity": [0.0, 0.0, -9.0],
+        "coulomb_friction": 0.1, "gravity": [0.0, 0.0, -9.0],
         "inertias": {"hand": {"mass": 1.0, "center_of_mass": [0.0] * 3, "inertia": IDENTITY}},
     },
     "disturbance": {"torque": 1.0, "amplitude": [1.0, 2.0], "frequency": 2.0, "wrench": [1.0] * 6,
@@ -166,12 +167,22 @@ SIMULATE: dict[str, Any] = ABOUT | {
     "noise": {"position": 1e-4, "velocity": 1e-3, "period": 0.001},
     "control_period": 0.001, "duration": 2.0, "sample_period": 0.01, "saturate": False,
     "settling_tolerance": 1e-3, "relative_tolerance": 1e-8, "absolute_tolerance": 1e-10,
-    "timeout": 5.0, "seed": 3,
+    "timeout": 5.0, "seed": 3, "motor_inertia": 0.1, "viscous_friction": [0.1, 0.2],
+    "coulomb_friction": 0.3, "effort_limits": 20.0,
+    "joint_stops": {"stiffness": 1e4, "dissipation": 2.0},
 }  # fmt: skip
+REFERENCES: list[dict[str, Any]] = [
+    {"type": "hold", "joints": [0.1, 0.2], "duration": 2.0},
+    {"type": "step", "from": [0.1, 0.2], "to": [0.3, 0.4], "at": 0.5, "duration": 2.0},
+    {"type": "sine", "center": [0.1, 0.2], "amplitude": 0.3, "frequency": [0.5, 1.0],
+     "phase": 0.1, "duration": 2.0},
+    {"type": "spline", "points": [[0.1, 0.2], [0.3, 0.4]], "times": [0.0, 1.0],
+     "interpolation": "natural_spline"},
+]  # fmt: skip
 _GAINS = {"natural_frequency": 10.0, "damping": 1.0}
 _MOTOR = {
     "inertia": 1e-4, "friction": 1e-5, "torque_constant": 0.1, "back_emf": 0.1, "resistance": 1.0,
-    "gear_ratio": 100.0,
+    "gear_ratio": 100.0, "voltage_limit": 24.0,
 }  # fmt: skip
 CONTROLLERS: list[dict[str, Any]] = [
     {"type": "independent_joint", "Kp": 1.0, "Kd": [1.0, 2.0], "inertia": 0.1,
@@ -180,7 +191,7 @@ CONTROLLERS: list[dict[str, Any]] = [
     {"type": "pd_gravity", "Kp": [[1.0, 0.0], [0.0, 1.0]], "Kd": 2.0} | _GAINS,
     {"type": "passivity", "Lambda": 1.0, "K": 2.0} | _GAINS,
     {"type": "adaptive", "Lambda": 1.0, "K": 2.0, "Gamma": 0.5, "estimate": [0.1, 0.2],
-     "motors": True} | _GAINS,
+     "motors": True, "known_zeros": True, "parameters": ["m1"]} | _GAINS,
 ]  # fmt: skip
 IK: dict[str, Any] = ABOUT | {
     "attached": ATTACHED,
@@ -255,6 +266,9 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
     (SimulateRequest, SIMULATE | {"controller": CONTROLLERS[0]}),
     *((SimulateRequest, {"robot": "panda", "trajectory": SEGMENTS, "controller": controller})
       for controller in CONTROLLERS[1:]),
+    *((SimulateRequest, {"robot": "panda", "reference": reference, "controller": CONTROLLERS[1],
+                         "motors": _MOTOR})
+      for reference in REFERENCES),
     (RobotBody, {"name": "arm", "joint_limits": JOINT_LIMITS, "base_link": "base",
                  "tip_link": "tip",
                  "dh": {"convention": "standard", "rows": [DH_ROW], "base": POSE, "tool": POSE,

@@ -11,16 +11,16 @@ from dynamics.mass_matrix import mass_matrix
 from kinematics.errors import ArmwrightError, InvalidOption, InvalidRobotState
 from kinematics.robots import builtin_chain
 from kinematics.trajectory import Trajectory
+from service.schemas.controllers import Controller
 from service.schemas.simulation import (
     MAX_SAMPLES,
-    Controller,
     Disturbance,
     InitialState,
     SimulateAnswer,
     SimulateRequest,
 )
+from service.translate.controllers import controller
 from service.translate.simulations import (
-    controller,
     disturbance,
     initial_state,
     noise,
