@@ -48,7 +48,7 @@ _SHARP_SHARE = 0.8
 #: Clearance beyond which a sharper bound is of no interest [m].
 _ENOUGH = 0.05
 #: Where the covers of parts of meshes are this far apart [m], that is told for the parts' distance.
-_COVERED = 0.001
+COVERED = 0.001
 #: Covers are opened only when they move less than this [m]: before, halving time parts them sooner
 #: than a look at all that they cover.
 _OPENED = 0.01
@@ -247,7 +247,7 @@ def _bound_pair(model: PairArrays, w: Sweep, i: int, j: int, apart: float, u: Ve
             along = min(moved, along + lost)
             lower = separation - along
         moved = along
-        if upper > _COVERED or not (_holds_others(model, i) or _holds_others(model, j)):
+        if upper > COVERED or not (_holds_others(model, i) or _holds_others(model, j)):
             w.nearest[against] = min(w.nearest[against], upper)
             enough = sharp_enough(w.nearest[against], sharp)
     parted = separation - max(apart, enough) > _PARTED * moved

@@ -103,13 +103,22 @@ class PairTable:
     scene: Scene
 
     @classmethod
-    def of(cls, robot: RobotGeometry, scene: Scene, margin: float) -> "PairTable":
+    def of(
+        cls, robot: RobotGeometry, scene: Scene, margin: float, *, surfaces: bool = True
+    ) -> "PairTable":
         """All pairs that neither robot nor scene allows to touch.
 
         What stands still with the base can't be moved away from obstacles and is not compared with
-        them; from obstacles ``margin`` [m] is kept beyond their own.
+        them.
+
+        Args:
+            robot: The robot.
+            scene: What stands around.
+            margin: To be kept from obstacles beyond their own [m].
+            surfaces: Whether the triangles under covers are elements too; without them covers are
+                solids, which hold what they cover.
         """
-        return cls(_arrays(robot, scene)._replace(margin=margin), robot, scene)
+        return cls(_arrays(robot, scene, surfaces)._replace(margin=margin), robot, scene)
 
     def names(self, i: int, j: int) -> tuple[str, str]:
         """The link, and the obstacle or other link, of a pair of elements."""
@@ -155,11 +164,11 @@ class _Elements(NamedTuple):
 
 
 @lru_cache(maxsize=8)
-def _arrays(robot: RobotGeometry, scene: Scene) -> PairArrays:
-    packed, p = packed_pieces(robot, scene), len(robot.pieces)
+def _arrays(robot: RobotGeometry, scene: Scene, surfaces: bool) -> PairArrays:
+    packed, p = packed_pieces(robot, scene, surfaces), len(robot.pieces)
     still, owners, margins = scene.pieces()
     nodes = int(packed.rows[p:, STOP_NODE].max(initial=0.0))
-    own, own_extents, corners = _own(robot)
+    own, own_extents, corners = _own(robot, surfaces)
     # The scene's corners come first in what is packed.
     ahead = len(packed.corners) - corners
     own = own._replace(first=np.where(own.first >= 0, own.first + ahead, -1))
@@ -219,9 +228,9 @@ def _pairs_that_may_touch(robot: RobotGeometry, scene: Scene) -> NDArray[np.bool
 
 
 @lru_cache(maxsize=8)
-def _own(robot: RobotGeometry) -> tuple[_Elements, Array, int]:
+def _own(robot: RobotGeometry, surfaces: bool) -> tuple[_Elements, Array, int]:
     """The robot's elements alone, their extents, and how many corners are packed with them."""
-    packed = packed_pieces(robot, Scene(()))
+    packed = packed_pieces(robot, Scene(()), surfaces)
     own = _solids(robot.arrays, packed, slice(None), slice(None), 0)
     own = own._replace(parts=own.row, margins=np.zeros(len(own.kinds)))
     return own, _extents(own), len(packed.corners)

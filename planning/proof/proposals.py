@@ -7,6 +7,8 @@ which pairs are worth a closer look. A wrong row or a wrong direction costs time
 other module of the proof imports the distance iteration or its rows.
 """
 
+from collections.abc import Iterable
+from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -15,6 +17,7 @@ import numpy as np
 from kinematics.arrays import Array, Indices
 from kinematics.compiled.kernel import kernel
 from obstacles.gjk import STILL, separation
+from obstacles.piece import Piece
 from obstacles.piece_set import (
     CENTER,
     GROUP,
@@ -83,10 +86,16 @@ class Proposal(NamedTuple):
         return cls(np.empty(3), np.empty((2, WIDTH)), np.empty((8, 3)))
 
 
-def packed_pieces(robot: RobotGeometry, scene: Scene) -> PieceSet:
-    """Pack the pieces of a robot, each in the frame of its joint, and behind them a scene's."""
-    around = _scene_rows(scene)
-    own = _robot_rows(robot).behind(around)
+def packed_pieces(robot: RobotGeometry, scene: Scene, surfaces: bool = True) -> PieceSet:
+    """Pack the pieces of a robot, each in the frame of its joint, and behind them a scene's.
+
+    Args:
+        robot: The robot.
+        scene: What stands around.
+        surfaces: Whether the triangles under covers are packed, or covers as solids.
+    """
+    around = _scene_rows(scene, surfaces)
+    own = _robot_rows(robot, surfaces).behind(around)
     p = len(robot.pieces)
     rows = np.vstack([own.rows, around.rows])
     grouped = rows[p:, GROUP_STOP] > 0.0
@@ -95,15 +104,23 @@ def packed_pieces(robot: RobotGeometry, scene: Scene) -> PieceSet:
 
 
 @lru_cache(maxsize=64)
-def _robot_rows(robot: RobotGeometry) -> PieceSet:
-    return PieceSet.of(robot.pieces)
+def _robot_rows(robot: RobotGeometry, surfaces: bool) -> PieceSet:
+    return PieceSet.of(_with_surfaces(robot.pieces, surfaces))
+
+
+def _with_surfaces(pieces: Iterable[Piece], surfaces: bool) -> list[Piece]:
+    """Pieces, without the triangles under them where ``surfaces`` is false."""
+    return [
+        piece if surfaces or piece.surface is None else replace(piece, surface=None)
+        for piece in pieces
+    ]
 
 
 @lru_cache(maxsize=16)
-def _scene_rows(scene: Scene) -> PieceSet:
+def _scene_rows(scene: Scene, surfaces: bool) -> PieceSet:
     """A scene's pieces in the order of its obstacles, clouds as balls."""
     shaped = [() if obstacle.is_cloud else obstacle.pieces() for obstacle in scene.obstacles]
-    packed = PieceSet.of([piece for pieces in shaped for piece in pieces])
+    packed = PieceSet.of(_with_surfaces((piece for pieces in shaped for piece in pieces), surfaces))
     if not any(obstacle.is_cloud for obstacle in scene.obstacles):
         return packed
     blocks, first = [np.zeros((0, WIDTH))], 0

@@ -1,0 +1,234 @@
+"""Proof that nothing touches for every instant of a trajectory, or its first collision.
+
+A sweep of separating directions (``sweep``) settles pair after pair; FCL decides what no direction
+settles, since it touches or nearly so. Meshes that are not convex are swept as the solids that
+cover them first: where these stay apart, so does all that they hold, and no triangle is looked at.
+"""
+
+import numpy as np
+
+from kinematics.arrays import Array
+from kinematics.trajectory import Trajectory
+from obstacles.containment import first_inside
+from obstacles.convex_distance import ACCURACY, convex_distance
+from obstacles.robot_geometry import RobotGeometry
+from obstacles.scene import Scene
+from planning.deadline import Deadline
+from planning.proof.interval_check import COVERED, RESOLUTION, sharp_enough
+from planning.proof.motion_bounds import VALUE
+from planning.proof.pair_table import PairTable
+from planning.proof.sweep import ASKING, DONE, FULL, run
+from planning.proof.sweep_state import (
+    CENTER,
+    DEPTH,
+    FIRST,
+    LAST,
+    MAX_DEPTH,
+    OBSTACLE,
+    OPEN,
+    OWN,
+    REFERRED,
+    TOP,
+    VISITS,
+    enlarge,
+    note_clearance,
+    push_halves,
+    start_sweep,
+)
+from planning.proof.violation import Violation
+
+#: A violation this near to the start or the goal, in every joint, is told as theirs [rad or m].
+_AT_AN_END = 1e-6
+# The referee's decision on a pair.
+#: It is free all over the interval.
+_FREE = 0
+#: It may be free on the halves.
+_OPEN = 1
+#: It violates its margin.
+_HIT = 2
+#: Intervals between two looks at the clock: a few milliseconds.
+_INTERVALS_A_CALL = 1000
+
+
+class CollisionProof:
+    """A sweep of separating directions along a trajectory, FCL the referee of what they leave.
+
+    Args:
+        trajectory: The motion.
+        robot: The arm with its geometry.
+        scene: The obstacles.
+        margin: Distance to keep from obstacles beyond their own margins [m].
+        deadline: When to give up.
+    """
+
+    def __init__(
+        self,
+        trajectory: Trajectory,
+        robot: RobotGeometry,
+        scene: Scene,
+        margin: float,
+        deadline: Deadline | None,
+    ) -> None:
+        self._robot, self._scene, self._margin = robot, scene, margin
+        self._trajectory, self._deadline = trajectory, deadline
+        self._start(surfaces=False)
+        self.violation: Violation | None = None
+
+    def _start(self, *, surfaces: bool) -> None:
+        """Begin a sweep, over the triangles under covers or over covers as solids."""
+        self._table = PairTable.of(self._robot, self._scene, self._margin, surfaces=surfaces)
+        self._sweep = start_sweep(self._trajectory, self._table.arrays)
+
+    @property
+    def interval_count(self) -> int:
+        """Intervals that were looked at."""
+        return int(self._sweep.counters[VISITS])
+
+    @property
+    def clearances(self) -> tuple[float, float]:
+        """Proved from obstacles and among the robot's own links [m]."""
+        return float(self._sweep.clearance[OBSTACLE]), float(self._sweep.clearance[OWN])
+
+    def closest(self, against: int) -> tuple[str, str] | None:
+        """The pair with the least clearance, of those with obstacles or of the robot's own."""
+        i, j = (int(k) for k in self._sweep.closest[against])
+        return self._table.names(i, j) if i >= 0 else None
+
+    def run(self) -> None:
+        """Settle every pair on every interval, or find the first violation."""
+        if not len(self._table.arrays.roots) or (self._has_covers() and self._covers_are_apart()):
+            return
+        if self._has_covers():
+            self._start(surfaces=True)
+        inside = first_inside(self._robot, self._scene, self._trajectory.start)
+        if inside is not None:
+            message = f"{inside[0]!r} and {inside[1]!r}: one is inside the other at the start"
+            details = {"pair": list(inside), "distance": 0.0, "margin": 0.0, "at": "start"}
+            self.violation = Violation("collision", 0.0, message, details)
+            return
+        while True:
+            if self._is_late():
+                message = "time was up before the proof was complete"
+                self.violation = self.violation or Violation("time", 0.0, message, {})
+                return
+            state = self._sweep_on()
+            if state == DONE:
+                return
+            if state == ASKING:
+                self._decide_referred()
+
+    def _has_covers(self) -> bool:
+        """Whether the robot or the scene has covers of meshes that are not convex."""
+        if any(piece.surface is not None for piece in self._robot.pieces):
+            return True
+        meshes = (o.pieces() for o in self._scene.obstacles if not o.is_cloud)
+        return any(piece.surface is not None for pieces in meshes for piece in pieces)
+
+    def _covers_are_apart(self) -> bool:
+        """Whether covers alone prove all pairs apart, by so much that more is of no interest."""
+        state = FULL
+        while state != DONE:
+            if self._is_late():
+                return False
+            state = self._sweep_on()
+            if state == ASKING or float(self._sweep.nearest.min()) <= COVERED:
+                return False
+        return True
+
+    def _is_late(self) -> bool:
+        return self._deadline is not None and self._deadline.passed
+
+    def _sweep_on(self) -> int:
+        """Sweep on for some milliseconds; why it stopped, with more room where there was none."""
+        state = int(
+            run(
+                self._table.arrays,
+                self._trajectory.breaks,
+                self._trajectory.coefficients,
+                self._sweep,
+                self.violation is None,
+                _INTERVALS_A_CALL,
+            )
+        )
+        if state == FULL:
+            self._sweep = enlarge(self._sweep)
+        return state
+
+    def _decide_referred(self) -> None:
+        """Let FCL decide about the pairs referred to it, so that the sweep can go on."""
+        sweep, counters = self._sweep, self._sweep.counters
+        referred = [(int(i), int(j)) for i, j in sweep.referred[: counters[REFERRED]]]
+        left: list[tuple[int, int]] = []
+        hit = -1
+        for at, (i, j) in enumerate(referred):
+            verdict = self._decide(at, i, j)
+            if verdict == _HIT:
+                left, hit = left + referred[at:], at
+                break
+            if verdict == _OPEN:
+                left.append((i, j))
+        if hit >= 0:
+            # Nothing later than the middle of this interval is the first violation any more.
+            counters[TOP] = 0
+            if self._is_final(hit):
+                return
+        still_open = int(counters[OPEN])
+        if not (left or still_open):
+            return
+        end = int(sweep.starts[counters[DEPTH] + 1]) + still_open
+        sweep.pairs[end : end + len(left)] = np.array(left, dtype=np.int64).reshape(-1, 2)
+        sweep.directions[end : end + len(left)] = 0.0
+        counters[OPEN] = still_open + len(left)
+        push_halves(sweep, self._trajectory.breaks, hit < 0)
+
+    def _decide(self, at: int, i: int, j: int) -> int:
+        """FCL's decision on a referred pair: free all over the interval, open, or a violation."""
+        sweep, arrays = self._sweep, self._table.arrays
+        against = OWN if i < arrays.moving else OBSTACLE
+        apart = 0.0 if against == OWN else float(arrays.margins[i]) + arrays.margin
+        distance = convex_distance(
+            self._table.solid(i), self._pose(i), self._table.solid(j), self._pose(j)
+        )
+        lower = distance - float(sweep.referred_moves[at]) - ACCURACY
+        final = self._is_final(at)
+        if lower > apart and (final or lower >= sharp_enough(sweep.nearest[against], True)):
+            note_clearance(sweep, against, i, j, lower)
+            return _FREE
+        if distance > apart and not final:
+            return _OPEN
+        self._note_violation(at, (i, j), distance, apart)
+        return _HIT
+
+    def _pose(self, k: int) -> Array:
+        """Pose of element k in the middle of the interval, by the joints' frames alone."""
+        joint, T = int(self._table.arrays.joints[k]), self._table.arrays.poses[k]
+        return np.asarray(self._sweep.frames[joint] @ T) if joint >= 0 else T
+
+    def _is_final(self, at: int) -> bool:
+        """Whether halving the interval any further is of no use to a referred pair."""
+        sweep = self._sweep
+        return bool(sweep.referred_moves[at] < RESOLUTION or sweep.counters[DEPTH] == MAX_DEPTH)
+
+    def _note_violation(
+        self, at: int, pair: tuple[int, int], distance: float, apart: float
+    ) -> None:
+        """Note a violation in the middle of the interval; the sweep goes on with earlier ones."""
+        sweep, trajectory = self._sweep, self._trajectory
+        i, j = pair
+        whole = sweep.counters[FIRST] < sweep.counters[LAST]
+        begins = 0.0 if whole else float(trajectory.breaks[sweep.counters[FIRST]])
+        time = min(begins + float(sweep.interval[CENTER]), trajectory.duration)
+        against = OWN if i < self._table.arrays.moving else OBSTACLE
+        note_clearance(sweep, against, i, j, distance)
+        names = self._table.names(i, j)
+        asked = f", {apart:.6g} m are asked for" if apart > 0.0 else ""
+        message = f"{names[0]!r} and {names[1]!r} are {distance:.6g} m apart{asked}"
+        details = {"pair": list(names), "distance": distance, "margin": apart}
+        q = sweep.joints[:, VALUE]
+        for where, end in (("start", trajectory.start), ("goal", trajectory.end)):
+            if np.abs(q - end).max() <= _AT_AN_END:
+                message, details["at"] = f"{message} at the {where}", where
+                break
+        decided = distance <= apart or sweep.referred_moves[at] < RESOLUTION
+        kind = "collision" if decided else "undecided"
+        self.violation = Violation(kind, time, message, details)
