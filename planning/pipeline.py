@@ -191,12 +191,15 @@ class _Pipeline:
                 stage=last.name,
                 details=attempt.details,
             )
+        known = None if attempt.explain is None else attempt.explain()
         return Failure(
             code="PLANNING_FAILED",
             message=f"{last.name} found no path: {last.detail}",
-            hint='Ask for planner "auto", or move the start, the goal or the obstacles.',
+            hint='Ask for planner "auto", or move the start, the goal or the obstacles.'
+            if known is None
+            else known.hint,
             stage=last.name,
-            details=attempt.details,
+            details={**attempt.details, **({} if known is None else known.details)},
         )
 
     def _diagnose(self, ready: Ready) -> Diagnosis | Relaxation:

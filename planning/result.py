@@ -1,6 +1,6 @@
 """Results of planning: a certified plan, or a failure that says what to try."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
@@ -127,6 +127,19 @@ class Failure:
     details: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
 
 
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """The reason why a planner found no path, and what to try.
+
+    Args:
+        hint: Both, for a person.
+        details: Values a program can use.
+    """
+
+    hint: str
+    details: Mapping[str, Any]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Attempt:
     """Outcome of one planner: a path, or why there is none.
@@ -143,6 +156,8 @@ class Attempt:
         stopped: Why the tool path ends early, where it does.
         failure: Why there is no path, where the planner knows itself and no diagnosis is needed.
         keep_path: Whether the waypoints are timed and proved as they are, without shortcuts.
+        explain: Finds why there is no path and what to do, of a planner that knows; called only
+            where no other planner found one.
     """
 
     waypoints: Array | None
@@ -155,6 +170,7 @@ class Attempt:
     stopped: Mapping[str, Any] | None = None
     failure: Failure | None = None
     keep_path: bool = False
+    explain: Callable[[], Explanation] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

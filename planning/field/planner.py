@@ -12,9 +12,9 @@ of minima: "Robot motion planning: a distributed representation approach", Inter
 Robotics Research, 1991.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import ClassVar
 
 import numpy as np
@@ -47,8 +47,9 @@ from planning.field.gradient_descent import (
 from planning.field.options import FieldOptions
 from planning.field.potential import Field
 from planning.field.python_descent import PythonDescent
+from planning.field.stop import explain_stop
 from planning.planner import Query
-from planning.result import Attempt, Descent
+from planning.result import Attempt, Descent, Explanation
 
 #: Steps between two looks at the clock.
 _STEPS_A_LOOK = 8
@@ -81,6 +82,7 @@ class FieldResult:
         ending: "arrived", "local_minimum", "no_progress", "kink", "blocked", "steps_used_up" or
             "timed_out".
         detail: How it ended, for a person.
+        explain: Finds what stopped it; None where it arrived.
     """
 
     waypoints: Array | None
@@ -90,6 +92,7 @@ class FieldResult:
     joint_force: Array
     ending: str
     detail: str
+    explain: Callable[[], Explanation] | None = None
 
 
 def potential_field(
@@ -108,7 +111,7 @@ def potential_field(
         InvalidOption: Weights are given for another number of control points.
     """
     for goal in goals:
-        field, _ = potential_of(robot, scene, goal, options)
+        field, where = potential_of(robot, scene, goal, options)
         descent = _Descent(field, robot, checker, start, goal, options, seed)
         outcome = descent.run(deadline)
         detail = descent.describe(outcome)
@@ -116,14 +119,19 @@ def potential_field(
             break
     if not descent.at_goal and len(goals) > 1:
         detail = f"{detail} None of {len(goals)} goals was reached; this is the last."
+    ending, explain = _ENDINGS[outcome], None
+    if not descent.at_goal:
+        last = (field, where, checker, descent.visited[-1], ending, options)
+        explain = partial(explain_stop, robot.chain, scene.ids, *last)
     return FieldResult(
         waypoints=descent.visited if descent.at_goal else None,
         visited=descent.visited,
         potentials=descent.potentials,
         iterations=descent.iterations,
         joint_force=descent.joint_force,
-        ending=_ENDINGS[outcome],
+        ending=ending,
         detail=detail,
+        explain=explain,
     )
 
 
@@ -177,7 +185,7 @@ class PotentialField:
                 "iterations": result.iterations,
             },
         }
-        return Attempt(None, result.detail, details=details)
+        return Attempt(None, result.detail, details=details, explain=result.explain)
 
 
 def potential_of(

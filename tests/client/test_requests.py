@@ -19,7 +19,6 @@ from service.schemas import certificate as their_certificate
 from service.schemas import check as their_check
 from service.schemas import constraint as their_constraint
 from service.schemas import dynamics as their_dynamics
-from service.schemas import equations as their_equations
 from service.schemas import kinematics as their_kinematics
 from service.schemas import lyapunov as their_lyapunov
 from service.schemas import plan as their_plan
@@ -135,14 +134,6 @@ PAIRS: list[tuple[type[Readable], type[BaseModel]]] = [
     (ours.Descent, their_plan.DescentAnswer),
     (ours.Progress, their_plan.ProgressAnswer),
     (ours.ForwardDynamicsRequest, their_dynamics.ForwardDynamicsRequest),
-    (ours.Abbreviation, their_equations.Abbreviation),
-    (ours.ChristoffelFormula, their_equations.ChristoffelFormula),
-    (ours.EquationsAnswer, their_equations.EquationsAnswer),
-    (ours.JointSymbol, their_equations.JointSymbol),
-    (ours.MotionFormulas, their_equations.MotionFormulas),
-    (ours.ParameterSymbol, their_equations.ParameterSymbol),
-    (ours.PoseFormulas, their_equations.PoseFormulas),
-    (ours.RegressorFormulas, their_equations.RegressorFormulas),
     (ours.ForwardDynamicsAnswer, their_dynamics.ForwardDynamicsAnswer),
     (ours.ForwardDynamicsBatch, their_dynamics.ForwardDynamicsAnswer),
     (ours.PartialJacobian, their_dynamics.PartialJacobian),
