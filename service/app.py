@@ -8,6 +8,7 @@ from contextlib import asynccontextmanager
 from fastapi import FastAPI
 from starlette.concurrency import run_in_threadpool
 
+from service.access.authentication import Authenticator
 from service.http import handlers, middleware, openapi
 from service.http.json_route import JsonRoute
 from service.http.metrics import Metrics
@@ -34,7 +35,6 @@ from service.routes import (
 )
 from service.settings import Settings
 from service.storage.recent import Recent
-from service.storage.robot_repository import RobotRepository
 from service.storage.store import open_store
 from service.storage_watch import watch
 from service.version import VERSION
@@ -83,7 +83,7 @@ def create_app(settings: Settings | None = None, launched: Launched | None = Non
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         app.state.store = await run_in_threadpool(open_store, chosen.storage_url, exclusive=True)
         app.state.models = Recent(_MODELS)
-        app.state.robots = RobotRepository(app.state.store.documents, str(chosen.prepared_dir))
+        app.state.authenticator = Authenticator(app.state.store.keys)
         supervisor = WorkerSupervisor(
             chosen.workers,
             chosen.queue_limit,

@@ -1,9 +1,10 @@
-"""The command line: ``armwright serve``, ``armwright warm``.
+"""The command line: ``armwright serve``, ``warm``, ``keys`` and ``audit``.
 
 Only what parsing needs is imported at first: no command waits for what another one needs.
 """
 
 import argparse
+import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -22,6 +23,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if chosen.command is None:
         parser.print_help()
         return 2
+    if chosen.command in ("keys", "audit"):
+        from service import keys_command  # noqa: PLC0415
+
+        return keys_command.run(chosen)
     if chosen.command == "warm":
         return _warm(chosen.processes, chosen.in_package, chosen.prune)
     given = {name: value for name, value in vars(chosen).items() if value is not None}
@@ -42,7 +47,7 @@ def _serve(options: dict[str, Any]) -> int:
     return code
 
 
-_SERVE_OPTIONS = ("host", "port", "data_dir", "workers", "log_level")
+_SERVE_OPTIONS = ("host", "port", "data_dir", "workers", "log_level", "insecure")
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -61,6 +66,12 @@ def _parser() -> argparse.ArgumentParser:
     serve.add_argument("--port", type=int, help="port to listen on, 0 for a free one (8000)")
     serve.add_argument("--data-dir", type=Path, help="folder of the database (the user's data)")
     serve.add_argument("--workers", type=int, help="worker processes (one a core)")
+    serve.add_argument(
+        "--insecure",
+        action="store_true",
+        default=None,
+        help="listen beyond this machine though there are no API keys",
+    )
     serve.add_argument("--log-level", choices=("debug", "info", "warning", "error"))
     warm = commands.add_parser(
         "warm",
@@ -79,7 +90,52 @@ def _parser() -> argparse.ArgumentParser:
         action="store_true",
         help="afterwards remove the user's machine code that this version does not need",
     )
+    _add_keys(commands)
     return parser
+
+
+def _add_keys(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    keys = commands.add_parser(
+        "keys",
+        help="make, list and revoke API keys",
+        description="Make, list and revoke API keys. From the first one on the service answers "
+        "nobody without one.",
+    )
+    actions = keys.add_subparsers(dest="keys", metavar="action", required=True)
+    create = actions.add_parser("create", help="make a key and print it, this one time")
+    create.add_argument("--name", required=True, help="what it is for")
+    create.add_argument("--tenant", default="default", help="whose robots and jobs it shows")
+    create.add_argument(
+        "--scope",
+        choices=("read", "plan", "admin"),
+        default="plan",
+        help="read; also plan and run jobs; also change robots and scenes (plan)",
+    )
+    create.add_argument("--days", type=_positive, help="how long it is valid (for ever)")
+    create.add_argument("--rate", type=_count, help="requests a minute")
+    create.add_argument("--jobs", type=_count, help="jobs that may wait or run")
+    create.add_argument("--storage", type=_count, help="size of robots and scenes [byte]")
+    listing = actions.add_parser("list", help="list all keys, without their secrets")
+    revoke = actions.add_parser("revoke", help="refuse a key from now on")
+    revoke.add_argument("id", help="the part of the key between aw_ and the next _")
+    audit = commands.add_parser("audit", help="show who changed robots, scenes and keys")
+    audit.add_argument("--limit", type=_count, default=100, help="how many entries (100)")
+    for parser in (create, listing, revoke, audit):
+        parser.add_argument("--data-dir", type=Path, help="folder of the database")
+
+
+def _positive(text: str) -> float:
+    value = float(text)
+    if not 0.0 < value < math.inf:
+        raise ValueError
+    return value
+
+
+def _count(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise ValueError
+    return value
 
 
 def _warm(processes: int | None, in_package: bool, prune: bool) -> int:

@@ -1,6 +1,7 @@
 """The server: the application on a socket, until a signal ends it."""
 
 import asyncio
+import ipaddress
 import logging
 import signal
 import socket
@@ -61,8 +62,19 @@ def serve(options: Mapping[str, Any], launched: Launched | None = None) -> int:
     try:
         settings = Settings(**options)
         # Storage that can't be used is reported here in a sentence, not by the framework.
-        open_store(settings.storage_url, exclusive=True).close()
+        store = open_store(settings.storage_url, exclusive=True)
+        try:
+            has_keys = store.keys.are_there_any()
+        finally:
+            store.close()
         listener = _listen(settings.host, settings.port)
+        if not (has_keys or settings.insecure or _is_local(listener)):
+            listener.close()
+            return _refuse(
+                f"without API keys anybody who reaches {settings.host} port {settings.port} may "
+                "use the service. Make a key with `armwright keys create`, listen on 127.0.0.1, "
+                "or say --insecure (ARMWRIGHT_INSECURE=true)"
+            )
     except ValidationError as error:
         return _refuse("; ".join(f"{_name(e['loc'])}: {e['msg']}" for e in error.errors()))
     except StoreError as error:
@@ -105,6 +117,11 @@ def _listen(host: str, port: int) -> socket.socket:
         listener.close()
         raise
     return listener
+
+
+def _is_local(listener: socket.socket) -> bool:
+    """Whether only this machine reaches a socket."""
+    return ipaddress.ip_address(listener.getsockname()[0].partition("%")[0]).is_loopback
 
 
 def _address(listener: socket.socket) -> str:

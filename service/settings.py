@@ -68,6 +68,11 @@ class Settings(BaseSettings):
     )
     batch_limit: int = Field(1000, ge=1, le=100_000, description="problems in one batch")
     keep_alive: Positive = Field(15.0, description="longest silence of an event stream [s]")
+    insecure: bool = Field(
+        False, description="listen beyond this machine though there are no API keys"
+    )
+    public_health: bool = Field(True, description="whether health is told without an API key")
+    public_metrics: bool = Field(False, description="whether metrics are told without an API key")
     log_level: Literal["debug", "info", "warning", "error"] = "info"
 
     @model_validator(mode="after")

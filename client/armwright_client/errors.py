@@ -20,7 +20,8 @@
         │   └── InvalidRobotState       INVALID_ROBOT_STATE
         ├── Unavailable                 asking again later makes sense
         │   ├── Overloaded              OVERLOADED
-        │   └── NotReady                NOT_READY
+        │   ├── NotReady                NOT_READY
+        │   └── StorageUnavailable      STORAGE_UNAVAILABLE
         └── one class for every other code, see `error_codes.BY_CODE`
 """
 
@@ -266,6 +267,18 @@ class Unauthenticated(ApiError):
     code = "UNAUTHENTICATED"
 
 
+class Forbidden(ApiError):
+    """The API key does not allow this; `details` name the scope that is needed."""
+
+    code = "FORBIDDEN"
+
+
+class QuotaExceeded(ApiError):
+    """Robots and scenes would take more storage than the API key allows."""
+
+    code = "QUOTA_EXCEEDED"
+
+
 class NotFound(ApiError):
     """There is nothing of that name."""
 
@@ -334,3 +347,9 @@ class NotReady(Unavailable):
     """The service is still starting."""
 
     code = "NOT_READY"
+
+
+class StorageUnavailable(Unavailable):
+    """The database of the service is locked, full or away."""
+
+    code = "STORAGE_UNAVAILABLE"

@@ -7,6 +7,7 @@ from typing import TypeVar
 from fastapi import Request, Response
 from starlette.concurrency import run_in_threadpool
 
+from service.access.caller import caller_of
 from service.http.state import store_of
 from service.problem import ProblemError
 from service.storage.idempotency_store import IdempotencyKey, KeptAnswer, Recorded
@@ -39,7 +40,9 @@ async def answer_once(
             stage="request",
         )
     answers = store_of(request).answers
-    claimed = IdempotencyKey(key, f"{request.method} {request.url.path}")
+    claimed = IdempotencyKey(
+        key, f"{request.method} {request.url.path}", caller_of(request.scope).tenant
+    )
     body = await request.body()
     digest = (await run_in_threadpool(hashlib.sha256, body)).hexdigest()
     earlier = await run_in_threadpool(answers.begin, claimed, digest)
@@ -51,7 +54,7 @@ async def answer_once(
         response = await handle(request)
         # What a route has stored together with the thing it made is not stored once more.
         if response.status_code in _KEPT and _CLAIMED in request.scope:
-            kept = recorded(response)
+            kept = record_of(response)
         return response
     finally:
         if kept is not None:
@@ -70,7 +73,7 @@ def kept_answer(request: Request, of: Callable[[T], Response]) -> KeptAnswer[T] 
         of: The answer to it, of what was made.
     """
     key: IdempotencyKey | None = request.scope.get(_CLAIMED)
-    return None if key is None else KeptAnswer(key, lambda made: recorded(of(made)))
+    return None if key is None else KeptAnswer(key, lambda made: record_of(of(made)))
 
 
 def note_kept(request: Request) -> None:
@@ -78,7 +81,7 @@ def note_kept(request: Request) -> None:
     request.scope.pop(_CLAIMED, None)
 
 
-def recorded(response: Response) -> Recorded:
+def record_of(response: Response) -> Recorded:
     """An answer as it is repeated."""
     headers = {n: response.headers[n] for n in _KEPT_HEADERS if n in response.headers}
     return Recorded(response.status_code, headers, bytes(response.body))

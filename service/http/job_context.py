@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 from fastapi import Request
 
+from service.access.caller import ANYONE, Caller
+
 #: Key in the scope of a request that is only checked: would it be accepted as a job?
 DRY_RUN = "armwright.dry_run"
 #: Key in the scope of a job's request, with its `JobContext`.
@@ -24,12 +26,14 @@ class JobContext:
         deadline: When it must be done, on the clock of `time.monotonic` [s].
         on_start: Called when a worker begins with it.
         on_progress: Called with the progress, from 0 to 1, and the stage that a worker reports.
+        caller: Whose job it is.
     """
 
     id: str
     deadline: float
     on_start: Callable[[], None]
     on_progress: Callable[[float, str], None]
+    caller: Caller = ANYONE
 
 
 def job_context(request: Request) -> JobContext | None:

@@ -3,6 +3,7 @@
 from fastapi import FastAPI
 from starlette.middleware.cors import CORSMiddleware
 
+from service.http.access_check import AccessCheck
 from service.http.body_limit import BodyLimit
 from service.http.handlers import UnexpectedErrors
 from service.http.host_check import HostCheck
@@ -11,9 +12,15 @@ from service.http.security_headers import SecurityHeaders
 from service.settings import Settings
 
 #: Headers of answers that pages of other origins may read.
-_EXPOSED = ["ETag", "Location", "Retry-After", "Preference-Applied", "Idempotency-Replayed"]
+_EXPOSED = [
+    "ETag", "Location", "Retry-After", "Preference-Applied", "Idempotency-Replayed",
+    "WWW-Authenticate", "RateLimit-Limit", "RateLimit-Remaining", "RateLimit-Reset",
+]  # fmt: skip
 #: Headers of requests that pages of other origins may send.
-_SENT = ["Authorization", "Content-Type", "Idempotency-Key", "If-Match", "If-None-Match", "Prefer"]
+_SENT = [
+    "Authorization", "Content-Type", "Idempotency-Key", "If-Match", "If-None-Match", "Prefer",
+    "X-API-Key",
+]  # fmt: skip
 
 
 def install(app: FastAPI, settings: Settings, metrics: Metrics) -> None:
@@ -31,6 +38,7 @@ def install(app: FastAPI, settings: Settings, metrics: Metrics) -> None:
         silence=settings.body_timeout,
         deadline=settings.body_deadline,
     )
+    app.add_middleware(AccessCheck, application=app, settings=settings)
     app.add_middleware(HostCheck, names=settings.host_names)
     app.add_middleware(UnexpectedErrors)
     if settings.origins:

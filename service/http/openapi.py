@@ -34,6 +34,11 @@ RESPONSES: dict[int | str, dict[str, Any]] = {
 }
 
 
+#: Two ways to show an API key.
+_SECURITY_SCHEMES = {
+    "bearer": {"type": "http", "scheme": "bearer", "bearerFormat": "aw_<id>_<secret>"},
+    "header": {"type": "apiKey", "in": "header", "name": "X-API-Key"},
+}
 #: Methods of requests that compute, and may become jobs.
 _COMPUTING = {"post", "put"}
 _PREFER = {
@@ -87,6 +92,9 @@ def install(app: FastAPI) -> None:
             for path in schema["paths"].values():
                 for method in _COMPUTING & path.keys():
                     _tell_of_jobs(path[method], method)
+            schema["components"]["securitySchemes"] = _SECURITY_SCHEMES
+            # Needed only where the service has keys.
+            schema["security"] = [{}, *({name: []} for name in _SECURITY_SCHEMES)]
             app.openapi_schema = schema
         return app.openapi_schema
 

@@ -2,7 +2,10 @@
 
 from fastapi import Request
 
+from service.access.caller import caller_of
 from service.settings import Settings
+from service.storage.audit_store import Actor
+from service.storage.document_store import DocumentStore
 from service.storage.recent import Recent
 from service.storage.robot_repository import RobotRepository
 from service.storage.store import Store
@@ -21,10 +24,16 @@ def store_of(request: Request) -> Store:
     return store
 
 
+def documents_of(request: Request) -> DocumentStore:
+    """The robots and scenes of the caller's tenant, as documents."""
+    caller = caller_of(request.scope)
+    actor = Actor(caller.tenant, caller.api_key)
+    return DocumentStore(store_of(request).database, actor, caller.storage_limit)
+
+
 def repository_of(request: Request) -> RobotRepository:
     """Robots and scenes by name."""
-    repository: RobotRepository = request.app.state.robots
-    return repository
+    return RobotRepository(documents_of(request), prepared_folder(request))
 
 
 def models_of(request: Request) -> Recent:

@@ -2,6 +2,7 @@
 
 from fastapi import Request, Response
 
+from service.access.caller import caller_of
 from service.http.idempotency import kept_answer, note_kept
 from service.http.job_context import DRY_RUN, DeferToJob
 from service.http.json_route import Handler, prefers_async
@@ -26,7 +27,8 @@ async def defer(request: Request, handle: Handler) -> Response:
         request.headers.get("content-type", ""),
         await request.body(),
     )
-    jobs.check_room(len(stored.body))
+    caller = caller_of(request.scope)
+    jobs.check_room(len(stored.body), caller)
     preferred = prefers_async(request.headers.getlist("prefer"))
 
     def accepted(record: JobRecord) -> Response:
@@ -41,9 +43,10 @@ async def defer(request: Request, handle: Handler) -> Response:
     try:
         response = await handle(request)
     except DeferToJob:
-        record = await jobs.accept(stored, told)
+        record = await jobs.accept(stored, told, caller)
     else:
         answer = JobAnswer(response.headers.get("content-type", ""), bytes(response.body))
-        record = await jobs.keep(stored, answer, response.headers.get("location"), told)
+        location = response.headers.get("location")
+        record = await jobs.keep(stored, answer, location, told, caller)
     note_kept(request)
     return accepted(record)

@@ -4,17 +4,26 @@ import json
 import secrets
 import time
 
+from service.access.caller import Caller
 from service.http.errors import PROBLEM_MEDIA_TYPE, document
 from service.problem import ProblemError
 from service.storage.job_store import JobAnswer, JobRecord, StoredRequest
 
 
-def new_record(request: StoredRequest) -> JobRecord:
-    """The record of a new job, which waits."""
+def new_record(request: StoredRequest, caller: Caller) -> JobRecord:
+    """The record of a new job of a caller, which waits."""
     # Twelve digits of time let later jobs sort after earlier ones; the rest can't be guessed.
     now = time.time()
     job_id = f"{int(1000 * now):012x}{secrets.token_hex(10)}"
-    return JobRecord(job_id, request.method, request.path, "queued", created=now)
+    return JobRecord(
+        job_id,
+        request.method,
+        request.path,
+        "queued",
+        created=now,
+        tenant=caller.tenant,
+        api_key=caller.api_key,
+    )
 
 
 def problem_answer(problem: ProblemError, instance: str) -> JobAnswer:
@@ -30,4 +39,14 @@ def lost_job() -> ProblemError:
         "the service ended while it was working on this job",
         stage="job",
         hint="Send the request again: nothing of it was kept.",
+    )
+
+
+def overdue_job(seconds: float) -> ProblemError:
+    """The problem of a job that did not end within the time that a job may take [s]."""
+    return ProblemError(
+        "TIMED_OUT",
+        f"the job did not end within {seconds:g} s",
+        stage="job",
+        hint="Ask for less at once, or raise ARMWRIGHT_JOB_DEADLINE where the service is run.",
     )

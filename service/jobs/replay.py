@@ -10,6 +10,7 @@ from typing import Any
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message
 
+from service.access.caller import CALLER
 from service.http.job_context import JOB_CONTEXT, JobContext
 from service.storage.job_store import JobAnswer, StoredRequest
 
@@ -83,4 +84,5 @@ def _scope(request: StoredRequest, context: JobContext) -> MutableMapping[str, A
         "client": None,
         "server": None,
         JOB_CONTEXT: context,
+        CALLER: context.caller,
     }

@@ -16,12 +16,14 @@ from typing import Any
 from starlette.concurrency import run_in_threadpool
 from starlette.types import ASGIApp
 
+from service.access.caller import ANYONE, Caller
 from service.http.errors import status_of
 from service.http.job_context import JobContext
 from service.jobs import storage_retry
 from service.jobs.event_stream import follow_live, follow_stored
 from service.jobs.live_job import LiveJob
-from service.jobs.records import lost_job, new_record, problem_answer
+from service.jobs.purge import purge, purge_periodically
+from service.jobs.records import lost_job, new_record, overdue_job, problem_answer
 from service.jobs.replay import Replayed, replay
 from service.jobs.storage_retry import when_possible
 from service.problem import ProblemError, unexpected_fault
@@ -46,8 +48,6 @@ _ID = re.compile(r"[0-9a-f]{32}")
 _BATCHES = 2
 #: How much later than its deadline a job is ended that does not end itself [s].
 _OVERRUN = 0.5
-#: How often old answers are looked for [s].
-_PURGE_PERIOD = 60.0
 #: How often a shared database is told the progress of jobs, and asked which were cancelled [s].
 _SHARING_PERIOD = 1.0
 _BATCH_PATH = "/v1/plan/batch"
@@ -88,7 +88,7 @@ class Jobs:
         """Queue the jobs that waited when their server ended; those that ran have failed."""
         await run_in_threadpool(self._servers.register, self._server)
         await self._adopt()
-        self._chore(self._purge_periodically())
+        self._chore(purge_periodically(self._store, self._settings))
         if self._is_shared:
             self._chore(self._share_periodically())
 
@@ -116,8 +116,8 @@ class Jobs:
 
     # ------------------------------------------------------------------------- life of one
 
-    def check_room(self, size: int) -> None:
-        """See whether a request of a size [byte] would be accepted.
+    def check_room(self, size: int, caller: Caller = ANYONE) -> None:
+        """See whether a request of a size [byte] of a caller would be accepted.
 
         Raises:
             JobsFull: As many jobs as are allowed wait or run.
@@ -125,6 +125,9 @@ class Jobs:
         """
         if self._stopping:
             raise ShuttingDown
+        own = sum(live.record.api_key == caller.api_key for live in self._live.values())
+        if caller.job_limit is not None and own >= caller.job_limit:
+            raise JobsFull(own, self._settings.workers)
         waiting = sum(live.size for live in self._live.values())
         if len(self._live) >= self._settings.job_limit or (
             waiting + size > self._settings.job_storage and self._live
@@ -132,19 +135,23 @@ class Jobs:
             raise JobsFull(len(self._live), self._settings.workers)
 
     async def accept(
-        self, request: StoredRequest, told: KeptAnswer[JobRecord] | None = None
+        self,
+        request: StoredRequest,
+        told: KeptAnswer[JobRecord] | None = None,
+        caller: Caller = ANYONE,
     ) -> JobRecord:
         """Make a job of a request that was checked.
 
         Args:
             request: The request.
             told: What its idempotency key stands for from then on.
+            caller: Whose job it is.
 
         Raises:
             ProblemError: As `check_room`; STORAGE_UNAVAILABLE.
         """
-        self.check_room(len(request.body))
-        live = LiveJob(new_record(request), self._deadline(), len(request.body))
+        self.check_room(len(request.body), caller)
+        live = LiveJob(new_record(request, caller), self._deadline(), len(request.body))
         self._live[live.record.id] = live
         try:
             await run_in_threadpool(self._store.add, live.record, request, told)
@@ -162,6 +169,7 @@ class Jobs:
         answer: JobAnswer,
         location: str | None,
         told: KeptAnswer[JobRecord] | None = None,
+        caller: Caller = ANYONE,
     ) -> JobRecord:
         """Make a job of a request that was answered already.
 
@@ -170,13 +178,14 @@ class Jobs:
             answer: Its answer.
             location: What it created.
             told: What its idempotency key stands for from then on.
+            caller: Whose job it is.
 
         Raises:
             ProblemError: STORAGE_UNAVAILABLE; the service is about to end.
         """
         if self._stopping:
             raise ShuttingDown
-        live = LiveJob(new_record(request), self._deadline(), 0)
+        live = LiveJob(new_record(request, caller), self._deadline(), 0)
         live.start()
         live.end("succeeded", answer, location)
         await run_in_threadpool(self._store.add, live.record, answer, told)
@@ -195,9 +204,11 @@ class Jobs:
             raise no_job(job_id)
         return await run_in_threadpool(self._store.get, job_id)
 
-    async def list(self, status: Status | None, before: str, limit: int) -> list[JobRecord]:
-        """Jobs before one of an id, newest first, as they stand now."""
-        stored = await run_in_threadpool(self._store.list, status, before, limit)
+    async def list(
+        self, status: Status | None, before: str, limit: int, tenant: str | None = None
+    ) -> list[JobRecord]:
+        """Jobs of a tenant or of all, before one of an id, newest first, as they stand now."""
+        stored = await run_in_threadpool(self._store.list, status, before, limit, tenant)
         return [self._live[r.id].record if r.id in self._live else r for r in stored]
 
     async def cancel(self, job_id: str) -> JobRecord:
@@ -285,7 +296,10 @@ class Jobs:
             self._start_next(batch)
 
     async def _answer(self, live: LiveJob) -> Replayed:
-        context = JobContext(live.record.id, live.deadline, lambda: self._start(live), live.advance)
+        caller = Caller(live.record.tenant, live.record.api_key)
+        context = JobContext(
+            live.record.id, live.deadline, lambda: self._start(live), live.advance, caller
+        )
         left = live.deadline + _OVERRUN - time.monotonic()
         try:
             async with asyncio.timeout(max(left, 0.0)):
@@ -296,13 +310,7 @@ class Jobs:
                         return replayed
                     await asyncio.sleep(storage_retry.STORAGE_RETRY)
         except TimeoutError:
-            raise ProblemError(
-                "TIMED_OUT",
-                f"the job did not end within {self._settings.job_deadline:g} s",
-                stage="job",
-                hint="Ask for less at once, or raise ARMWRIGHT_JOB_DEADLINE where the service is "
-                "run.",
-            ) from None
+            raise overdue_job(self._settings.job_deadline) from None
 
     def _start(self, live: LiveJob) -> None:
         if live.start():
@@ -330,8 +338,7 @@ class Jobs:
                 record, answer = await when_possible(self._store.get, record.id)
             live.settle(record, answer)
         self._live.pop(live.record.id, None)
-        with contextlib.suppress(StorageUnavailable):
-            await self._purge()
+        await purge(self._store, self._settings)
 
     # ------------------------------------------------------------------------ other servers
 
@@ -367,7 +374,7 @@ class Jobs:
     async def _drop_lost(self) -> None:
         """Stop the work on jobs that were cancelled elsewhere, or that others have taken over."""
         ids = [live.record.id for live in self._live.values() if live.stored]
-        for job_id in await run_in_threadpool(self._store.lost, ids):
+        for job_id in await run_in_threadpool(self._store.taken_away, ids):
             live = self._live.get(job_id)
             if live is None or live.has_ended:
                 continue
@@ -386,15 +393,3 @@ class Jobs:
         self._chores.add(task)
         task.add_done_callback(self._chores.discard)
         return task
-
-    async def _purge(self) -> None:
-        oldest = time.time() - self._settings.job_lifetime
-        await run_in_threadpool(
-            self._store.purge, oldest, self._settings.job_count, self._settings.job_storage
-        )
-
-    async def _purge_periodically(self) -> None:
-        while True:
-            with contextlib.suppress(StorageUnavailable):
-                await self._purge()
-            await asyncio.sleep(_PURGE_PERIOD)

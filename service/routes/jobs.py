@@ -5,6 +5,7 @@ from typing import Annotated
 from fastapi import APIRouter, Header, Query, Request, Response
 from starlette.responses import StreamingResponse
 
+from service.access.caller import caller_of
 from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES
 from service.http.state import settings_of
@@ -12,7 +13,8 @@ from service.jobs.answer import job_document, job_summary
 from service.jobs.runner import Jobs
 from service.routes.paging import page
 from service.schemas.job import JobAnswer, JobList, JobSummary
-from service.storage.job_store import Status
+from service.storage.job_store import JobAnswer as StoredAnswer
+from service.storage.job_store import JobRecord, Status, no_job
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"], route_class=JsonRoute, responses=RESPONSES)
 
@@ -39,7 +41,8 @@ async def list_jobs(
     limit: Annotated[int, Query(ge=1, le=1000)] = 100,
 ) -> JobList:
     """Jobs without their answers, newest first, page by page."""
-    stored = await _jobs(request).list(status, after, limit + 1)
+    tenant = caller_of(request.scope).tenant
+    stored = await _jobs(request).list(status, after, limit + 1, tenant)
     records, following = page(stored, limit, lambda record: record.id)
     lifetime = settings_of(request).job_lifetime
     return JobList(jobs=[job_summary(record, lifetime) for record in records], next=following)
@@ -48,7 +51,7 @@ async def list_jobs(
 @router.get("/{id}", summary="Where a job stands", response_model=JobAnswer)
 async def get_job(id: str, request: Request) -> Response:  # noqa: A002  (its name in the path)
     """Its status and progress, and once it has ended the result or the error."""
-    record, answer = await _jobs(request).get(id)
+    record, answer = await _visible_job(id, request)
     content = job_document(record, answer, settings_of(request).job_lifetime)
     return Response(content, media_type="application/json")
 
@@ -59,6 +62,7 @@ async def cancel_job(id: str, request: Request) -> JobSummary:  # noqa: A002
 
     Cancelling a cancelled job changes nothing.
     """
+    await _visible_job(id, request)
     return job_summary(await _jobs(request).cancel(id), settings_of(request).job_lifetime)
 
 
@@ -80,12 +84,21 @@ async def job_events(
     Each carries where the job stands as JSON, so one that was missed is made up for by the next.
     """
     after = int(last_event_id) if last_event_id.isascii() and last_event_id.isdigit() else 0
+    await _visible_job(id, request)
     stream = await _jobs(request).events(id, after)
     if stream is None:
         return Response(status_code=204)
     # Proxies must pass events on as they come.
     headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
     return StreamingResponse(stream, headers=headers, media_type="text/event-stream")
+
+
+async def _visible_job(job_id: str, request: Request) -> tuple[JobRecord, StoredAnswer | None]:
+    """A job of the caller's tenant; those of others are not there."""
+    record, answer = await _jobs(request).get(job_id)
+    if record.tenant != caller_of(request.scope).tenant:
+        raise no_job(job_id)
+    return record, answer
 
 
 def _jobs(request: Request) -> Jobs:

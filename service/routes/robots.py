@@ -12,7 +12,7 @@ from service.http import answers
 from service.http.idempotency import kept_answer, note_kept
 from service.http.json_route import JsonRequest, JsonRoute, require_json
 from service.http.openapi import RESPONSES
-from service.http.state import prepared_folder, store_of
+from service.http.state import documents_of, prepared_folder
 from service.problem import ProblemError
 from service.routes.paging import page
 from service.schemas.robot import (
@@ -101,7 +101,7 @@ async def create_robot(request: Request) -> Response:
         document, answer, name = await _from_json(request, content_type)
     created = Response(answer, 201, {"Location": f"/v1/robots/{name}"}, "application/json")
     told: KeptAnswer[Record] | None = kept_answer(request, lambda _: created)
-    await run_in_threadpool(store_of(request).documents.create, _KIND, name, document, told)
+    await run_in_threadpool(documents_of(request).create, _KIND, name, document, told)
     note_kept(request)
     return created
 
@@ -113,7 +113,7 @@ async def list_robots(
     limit: Annotated[int, Query(ge=1, le=1000)] = 100,
 ) -> RobotList:
     """Built-in and stored robots by name, page by page."""
-    records = await run_in_threadpool(store_of(request).documents.list, _KIND, after, limit + 1)
+    records = await run_in_threadpool(documents_of(request).list, _KIND, after, limit + 1)
     stored = [record.name for record in records]
     every = sorted([*stored, *(name for name in builtin_names() if name > after)])
     names, following = page(every, limit, str)
@@ -153,7 +153,7 @@ async def change_robot(name: str, request: Request, _body: RobotChanges) -> Resp
     """
     _refuse_built_in(name)
     content = await request.body()
-    documents = store_of(request).documents
+    documents = documents_of(request)
     before = await run_in_threadpool(documents.get, _KIND, name)
     job = change_task.job(before.content, content, prepared_folder(request))
     document, answer = await answers.build(request, job)
@@ -177,7 +177,7 @@ async def delete_robot(name: str, request: Request) -> None:
     """Forgets a stored robot."""
     _refuse_built_in(name)
     reference = await answers.robot(request, name)
-    await run_in_threadpool(store_of(request).documents.delete, _KIND, name)
+    await run_in_threadpool(documents_of(request).delete, _KIND, name)
     await run_in_threadpool(prepared_files.forget, reference)
 
 
@@ -262,7 +262,7 @@ async def _check_name(request: Request, name: str) -> None:
     """Refuse a name that is taken before seconds are spent on building."""
     _refuse_built_in(name)
     try:
-        await run_in_threadpool(store_of(request).documents.record, _KIND, name)
+        await run_in_threadpool(documents_of(request).record, _KIND, name)
     except ProblemError:
         return
     raise ProblemError(

@@ -11,7 +11,7 @@ from service.http.idempotency import kept_answer, note_kept
 from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES
 from service.http.precondition import check_precondition
-from service.http.state import prepared_folder, store_of
+from service.http.state import documents_of, prepared_folder
 from service.problem import ProblemError
 from service.routes.paging import page
 from service.schemas.scene import (
@@ -54,7 +54,7 @@ async def create_scene(body: NamedScene, request: Request) -> Response:
     """Checks the scene and stores it under its name, which must be free."""
     content = await _build_document(request, body.name)
     told = kept_answer(request, _created)
-    documents = store_of(request).documents
+    documents = documents_of(request)
     record = await run_in_threadpool(documents.create, _KIND, body.name, content, told)
     note_kept(request)
     return _created(record)
@@ -67,7 +67,7 @@ async def list_scenes(
     limit: Annotated[int, Query(ge=1, le=1000)] = 100,
 ) -> SceneList:
     """The stored scenes by name, page by page."""
-    stored = await run_in_threadpool(store_of(request).documents.list, _KIND, after, limit + 1)
+    stored = await run_in_threadpool(documents_of(request).list, _KIND, after, limit + 1)
     records, following = page(stored, limit, lambda record: record.name)
     return SceneList(scenes=[_summary(record) for record in records], next=following)
 
@@ -75,7 +75,7 @@ async def list_scenes(
 @router.get("/{name}", summary="Get a scene", response_model=NamedScene)
 async def get_scene(name: str, request: Request) -> Response:
     """The scene as it was stored; the header ETag changes whenever it is replaced."""
-    document = await run_in_threadpool(store_of(request).documents.get, _KIND, name)
+    document = await run_in_threadpool(documents_of(request).get, _KIND, name)
     headers = {"ETag": f'"{document.record.hash}"'}
     return Response(document.content, headers=headers, media_type="application/json")
 
@@ -95,7 +95,7 @@ async def put_scene(name: str, body: Scene, request: Request, response: Response
     content = await _build_document(request, name)
     before = await _prepared_reference(request, name)
     check_precondition(request, _hash(before))  # it may have been replaced meanwhile
-    record = await run_in_threadpool(store_of(request).documents.replace, _KIND, name, content)
+    record = await run_in_threadpool(documents_of(request).replace, _KIND, name, content)
     if before is not None and before.hash != record.hash:
         await run_in_threadpool(prepared_files.forget, before)
     if record.version == 1:
@@ -110,7 +110,7 @@ async def delete_scene(name: str, request: Request) -> None:
     before = await _prepared_reference(request, name)
     if before is not None:
         check_precondition(request, before.hash)
-    await run_in_threadpool(store_of(request).documents.delete, _KIND, name)
+    await run_in_threadpool(documents_of(request).delete, _KIND, name)
     if before is not None:
         await run_in_threadpool(prepared_files.forget, before)
 

@@ -8,6 +8,7 @@ from sqlalchemy import Connection, bindparam, delete, func, insert, select, upda
 from sqlalchemy.exc import IntegrityError
 
 from service.problem import ProblemError
+from service.storage.audit_store import Actor, note
 from service.storage.database import Database
 from service.storage.idempotency_store import KeptAnswer, keep_answer
 from service.storage.tables import DEFAULT_TENANT, documents
@@ -42,6 +43,8 @@ class Document:
     content: bytes
 
 
+#: Whoever uses a service without keys.
+_ANYBODY = Actor(DEFAULT_TENANT)
 _IS_DOCUMENT = (
     (documents.c.tenant == bindparam("of_tenant"))
     & (documents.c.kind == bindparam("of_kind"))
@@ -80,6 +83,9 @@ _REPLACE = (
     .returning(*_RECORD)
 )
 _DELETE = delete(documents).where(_IS_DOCUMENT)
+_SIZE = select(func.coalesce(func.sum(func.length(documents.c.content)), 0)).where(
+    documents.c.tenant == bindparam("of_tenant")
+)
 
 
 class DocumentStore:
@@ -87,12 +93,20 @@ class DocumentStore:
 
     Args:
         database: Where they are kept.
-        tenant: Whose they are; those of others are not seen.
+        actor: On whose behalf; documents of other tenants are not seen.
+        storage_limit: Size of all documents of the tenant [byte]; None for any.
     """
 
-    def __init__(self, database: Database, tenant: str = DEFAULT_TENANT) -> None:
+    def __init__(
+        self,
+        database: Database,
+        actor: Actor = _ANYBODY,
+        storage_limit: int | None = None,
+    ) -> None:
         self._database = database
-        self._tenant = tenant
+        self._actor = actor
+        self._tenant = actor.tenant
+        self._storage_limit = storage_limit
 
     def create(
         self, kind: str, name: str, content: bytes, answer: KeptAnswer[Record] | None = None
@@ -100,7 +114,7 @@ class DocumentStore:
         """Keep a new document, and in the same transaction the answer that tells of it.
 
         Raises:
-            ProblemError: CONFLICT, the name is taken.
+            ProblemError: CONFLICT, the name is taken; QUOTA_EXCEEDED.
         """
         try:
             with self._database.transaction() as connection:
@@ -118,7 +132,11 @@ class DocumentStore:
             ) from None
 
     def replace(self, kind: str, name: str, content: bytes) -> Record:
-        """Keep a document, new or in place of the one of that name."""
+        """Keep a document, new or in place of the one of that name.
+
+        Raises:
+            ProblemError: QUOTA_EXCEEDED.
+        """
         try:
             return self._replace(kind, name, content)
         except IntegrityError:  # another server created it between the two statements
@@ -166,6 +184,8 @@ class DocumentStore:
         """
         with self._database.transaction() as connection:
             gone = connection.execute(_DELETE, self._parameters(kind, name)).rowcount
+            if gone:
+                note(connection, self._actor, "delete", f"{kind} {name}")
         if gone == 0:
             raise _not_found(kind, name)
 
@@ -189,6 +209,8 @@ class DocumentStore:
                 "updated": now,
             },
         ).one()
+        self._check_storage(connection)
+        note(connection, self._actor, "create", f"{kind} {name}")
         return Record(*row)
 
     def _replace(self, kind: str, name: str, content: bytes) -> Record:
@@ -202,7 +224,25 @@ class DocumentStore:
             row = connection.execute(_REPLACE, parameters).one_or_none()
             if row is None:
                 return self._insert(connection, kind, name, content)
+            self._check_storage(connection)
+            note(connection, self._actor, "replace", f"{kind} {name}")
         return Record(*row)
+
+    def _check_storage(self, connection: Connection) -> None:
+        """Refuse what was just stored, if it is too much; the transaction is undone then."""
+        if self._storage_limit is None:
+            return
+        size = connection.execute(_SIZE, {"of_tenant": self._tenant}).scalar_one()
+        if size > self._storage_limit:
+            raise ProblemError(
+                "QUOTA_EXCEEDED",
+                f"robots and scenes would take {size} of the {self._storage_limit} bytes that this "
+                "API key allows",
+                stage="storage",
+                hint="Delete some of them, or have the limit raised.",
+                size=size,
+                storage_limit=self._storage_limit,
+            )
 
 
 def _not_found(kind: str, name: str) -> ProblemError:

@@ -53,6 +53,7 @@ class JobRecord:
         ended: When it succeeded, failed or was cancelled.
         location: What it created.
         tenant: Whose job it is.
+        api_key: Id of the key of its caller, if there was one.
     """
 
     id: str
@@ -67,6 +68,7 @@ class JobRecord:
     ended: float | None = None
     location: str | None = None
     tenant: str = DEFAULT_TENANT
+    api_key: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,7 +207,7 @@ class JobStore:
             rows = connection.execute(adopted.returning(*_RECORD)).all()
         return sorted((JobRecord(*row) for row in rows), key=lambda record: record.id)
 
-    def lost(self, ids: Sequence[str]) -> set[str]:
+    def taken_away(self, ids: Sequence[str]) -> set[str]:
         """Those of some jobs that have ended by another's hand, or that another server has."""
         mine = select(jobs.c.id).where(
             jobs.c.id.in_(ids), ~_HAS_ENDED, jobs.c.server == self._server

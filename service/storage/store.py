@@ -1,4 +1,4 @@
-"""All that the service keeps: robots, scenes, jobs and answers of idempotency keys."""
+"""All that the service keeps: robots, scenes, jobs, answers of idempotency keys, API keys."""
 
 import secrets
 
@@ -6,6 +6,7 @@ from service.storage.database import Database
 from service.storage.document_store import DocumentStore
 from service.storage.idempotency_store import IdempotencyStore
 from service.storage.job_store import JobStore
+from service.storage.key_store import KeyStore
 from service.storage.server_store import ServerStore
 
 
@@ -24,6 +25,7 @@ class Store:
         self.answers = IdempotencyStore(database, self.server)
         self.jobs = JobStore(database, self.server)
         self.servers = ServerStore(database)
+        self.keys = KeyStore(database)
 
     def close(self) -> None:
         """Let go of the database."""

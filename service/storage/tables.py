@@ -1,6 +1,7 @@
 """Tables of the database, for SQLite and PostgreSQL alike."""
 
 from sqlalchemy import (
+    BigInteger,
     Column,
     Double,
     Index,
@@ -13,7 +14,7 @@ from sqlalchemy import (
 )
 
 #: Revisions of the schema, the oldest first: the names of the migrations.
-REVISIONS = ("0001", "0002", "0003")
+REVISIONS = ("0001", "0002", "0003", "0004")
 METADATA = MetaData()
 #: Whose robots, scenes and jobs those are that came without an API key.
 DEFAULT_TENANT = "default"
@@ -74,6 +75,8 @@ jobs = Table(
     Column("answer", LargeBinary),
     #: The server that has queued it or works on it.
     Column("server", Text),
+    #: The key of its caller.
+    Column("api_key", Text),
 )
 Index("jobs_by_status", jobs.c.status, jobs.c.ended)
 Index("jobs_by_tenant", jobs.c.tenant, jobs.c.id)
@@ -85,4 +88,33 @@ servers = Table(
     Column("id", Text, primary_key=True),
     Column("started", Double, nullable=False),
     Column("seen", Double, nullable=False),
+)
+
+#: Keys that callers show; of the secret part only a digest is kept.
+api_keys = Table(
+    "api_keys",
+    METADATA,
+    Column("id", Text, primary_key=True),
+    Column("tenant", Text, nullable=False),
+    Column("name", Text, nullable=False),
+    Column("digest", Text, nullable=False),
+    Column("scope", Text, nullable=False),
+    Column("created", Double, nullable=False),
+    Column("expires", Double),
+    Column("revoked", Double),
+    Column("rate", Integer),
+    Column("job_limit", Integer),
+    Column("storage_limit", BigInteger),
+)
+
+#: Changes of robots, scenes and keys: who made them, and when.
+audit = Table(
+    "audit",
+    METADATA,
+    Column("id", Integer, primary_key=True, autoincrement=True),
+    Column("time", Double, nullable=False),
+    Column("tenant", Text, nullable=False),
+    Column("api_key", Text),
+    Column("action", Text, nullable=False),
+    Column("target", Text, nullable=False),
 )

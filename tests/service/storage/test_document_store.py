@@ -6,6 +6,7 @@ import pytest
 
 from service.http.errors import status_of
 from service.problem import ProblemError
+from service.storage.audit_store import Actor
 from service.storage.document_store import DocumentStore
 from service.storage.idempotency_store import IdempotencyKey, KeptAnswer, Recorded
 from service.storage.store import Store, open_store
@@ -51,8 +52,8 @@ def test_kinds_do_not_see_each_other(documents: DocumentStore) -> None:
 
 
 def test_tenants_do_not_see_each_other(store: Store) -> None:
-    one = DocumentStore(store.database, "one")
-    other = DocumentStore(store.database, "other")
+    one = DocumentStore(store.database, Actor("one"))
+    other = DocumentStore(store.database, Actor("other"))
     one.create("scene", "a", b"of one")
     with pytest.raises(ProblemError, match="no scene"):
         other.get("scene", "a")

@@ -214,7 +214,7 @@ def test_jobs_of_a_dead_server_are_adopted_by_one_other(url: str) -> None:
     second.servers.register(second.server)
     (running,) = third.jobs.adopt(10)
     assert (running.id, running.status) == (record(2).id, "running")
-    assert first.jobs.lost([record(1).id, record(2).id]) == {record(1).id, record(2).id}
+    assert first.jobs.taken_away([record(1).id, record(2).id]) == {record(1).id, record(2).id}
     assert not first.jobs.update(record(1, status="succeeded", ended=6.0), ANSWER)
     assert second.jobs.get(record(1).id) == (record(1), None), "a late answer is refused"
     assert second.jobs.update(record(1, status="succeeded", ended=7.0), ANSWER)
@@ -229,7 +229,7 @@ def test_a_job_is_cancelled_whoever_works_on_it(url: str) -> None:
     assert cancelled is not None
     assert (cancelled.status, cancelled.ended, cancelled.event) == ("cancelled", 9.0, 5)
     assert second.jobs.cancel(record().id, 10.0) is None
-    assert first.jobs.lost([record().id]) == {record().id}
+    assert first.jobs.taken_away([record().id]) == {record().id}
     assert not first.jobs.update(record(status="succeeded", ended=10.0), ANSWER)
     assert first.jobs.get(record().id) == (cancelled, None)
     first.close()

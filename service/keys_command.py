@@ -1,0 +1,93 @@
+"""The commands ``armwright keys`` and ``armwright audit``."""
+
+import argparse
+import dataclasses
+import sys
+import time
+from collections.abc import Iterable
+from datetime import UTC, datetime
+
+from pydantic import ValidationError
+
+from service.access.secret import digest, new_credentials
+from service.settings import Settings
+from service.storage.audit_store import last_entries
+from service.storage.database import StorageUnavailable, StoreError
+from service.storage.key_store import ApiKey
+from service.storage.store import Store, open_store
+
+#: Seconds of a day.
+_DAY = 86400.0
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run a command and give the exit code."""
+    given = {} if options.data_dir is None else {"data_dir": options.data_dir}
+    try:
+        store = open_store(Settings(**given).storage_url)
+        try:
+            return _run(options, store)
+        finally:
+            store.close()
+    except (StoreError, StorageUnavailable, ValidationError) as error:
+        return _refuse(str(error))
+
+
+def _run(options: argparse.Namespace, store: Store) -> int:
+    if options.command == "audit":
+        _show(
+            (_time(entry.time), entry.tenant, entry.api_key, entry.action, entry.target)
+            for entry in last_entries(store.database, options.limit)
+        )
+    elif options.keys == "create":
+        print(_create(options, store))
+    elif options.keys == "list":
+        _show(_row(key) for key in store.keys.list())
+    elif not store.keys.revoke(options.id):
+        return _refuse(f"there is no key {options.id!r} that is not revoked")
+    return 0
+
+
+def _create(options: argparse.Namespace, store: Store) -> str:
+    """The new key as a caller shows it; this is the only time that its secret is seen."""
+    credentials = new_credentials()
+    now = time.time()
+    key = ApiKey(
+        credentials.id,
+        options.name,
+        digest(credentials.secret),
+        scope=options.scope,
+        tenant=options.tenant,
+        created=now,
+        expires=None if options.days is None else now + options.days * _DAY,
+        rate=options.rate,
+        job_limit=options.jobs,
+        storage_limit=options.storage,
+    )
+    store.keys.add(key)
+    return str(credentials)
+
+
+def _row(key: ApiKey) -> tuple[object, ...]:
+    state = "revoked" if key.revoked else "valid" if key.is_valid(time.time()) else "expired"
+    limits = [
+        f"{name} {value}"
+        for name in ("rate", "job_limit", "storage_limit")
+        if (value := dataclasses.asdict(key)[name]) is not None
+    ]
+    expires = "never" if key.expires is None else _time(key.expires)
+    return key.id, key.name, key.tenant, key.scope, state, expires, ", ".join(limits)
+
+
+def _show(rows: Iterable[tuple[object, ...]]) -> None:
+    for row in rows:
+        print("\t".join("-" if cell is None else str(cell) for cell in row))
+
+
+def _time(seconds: float) -> str:
+    return datetime.fromtimestamp(seconds, UTC).isoformat(timespec="seconds")
+
+
+def _refuse(reason: str) -> int:
+    print(f"armwright: {reason}", file=sys.stderr)
+    return 1

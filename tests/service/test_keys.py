@@ -1,0 +1,236 @@
+"""A service with API keys: who is answered what, and who sees whose things."""
+
+import contextlib
+import io
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+
+import httpx
+import pytest
+
+from service.app import create_app
+from service.cli import main
+from service.settings import Settings
+from tests.service.commands import COMMAND, ROOT
+from tests.service.processes import wait_until
+from tests.service.robots import DETOUR, HOME, answer, bench, problem
+from tests.service.server import serving
+
+CHECK = {"robot": "panda", "scene": {"obstacles": []}, "joints": HOME}
+FK = {"joints": HOME}
+SCENE = {"name": "table", "obstacles": []}
+Make = Callable[..., str]
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("keys")
+
+
+@pytest.fixture(scope="module")
+def first(data: Path) -> str:
+    """A key that is there before the service starts."""
+    return command(data, "create", "--name", "first", "--scope", "admin").strip()
+
+
+@pytest.fixture(scope="module")
+def service(data: Path, first: str) -> Iterator[httpx.Client]:
+    with serving(create_app(Settings(data_dir=data, workers=1))) as client:
+        yield client
+
+
+@pytest.fixture
+def make(data: Path, service: httpx.Client) -> Make:
+    def new_key(*options: str) -> str:
+        return command(data, "create", "--name", "test", *options).strip()
+
+    return new_key
+
+
+def command(data: Path, *arguments: str) -> str:
+    """What ``armwright keys`` says."""
+    with contextlib.redirect_stdout(io.StringIO()) as said:
+        assert main(["keys", *arguments, "--data-dir", str(data)]) == 0
+    return said.getvalue()
+
+
+def bearer(key: str) -> dict[str, str]:
+    return {"Authorization": f"Bearer {key}"}
+
+
+def is_refused(service: httpx.Client, key: str) -> bool:
+    return service.get("/v1/jobs", headers=bearer(key)).status_code == 401
+
+
+def test_nobody_is_answered_without_a_key(service: httpx.Client, first: str) -> None:
+    for method, path in (("GET", "/v1/robots"), ("POST", "/v1/plan"), ("GET", "/metrics")):
+        refused = service.request(method, path, json={} if method == "POST" else None)
+        problem(refused, 401, "UNAUTHENTICATED")
+        assert refused.headers["www-authenticate"] == 'Bearer realm="armwright"'
+    wrong = first[:-1] + ("0" if first[-1] != "0" else "1")
+    unknown = "aw_000000000000_" + "0" * 64
+    for key in ("nonsense", wrong, unknown, first.upper()):
+        refused = service.get("/v1/robots", headers=bearer(key))
+        problem(refused, 401, "UNAUTHENTICATED")
+        assert 'error="invalid_token"' in refused.headers["www-authenticate"]
+        assert first not in refused.text
+    for headers in (bearer(first), {"X-API-Key": first}, {"Authorization": f"bearer {first}"}):
+        answer(service.get("/v1/robots", headers=headers))
+
+
+def test_pages_and_health_are_for_everybody(service: httpx.Client) -> None:
+    for path in ("/", "/docs", "/openapi.json", "/healthz", "/readyz", "/v1/problems"):
+        assert service.get(path).status_code == 200, path
+
+
+def test_a_scope_allows_what_it_says(service: httpx.Client, make: Make) -> None:
+    read, plan, admin = (make("--scope", scope) for scope in ("read", "plan", "admin"))
+    for key in (read, plan, admin):
+        answer(service.get("/v1/robots/panda", headers=bearer(key)))
+    refused = service.post("/v1/robots/panda/fk", json=FK, headers=bearer(read))
+    assert problem(refused, 403, "FORBIDDEN")["details"] == {"needed": "plan", "scope": "read"}
+    assert 'error="insufficient_scope", scope="plan"' in refused.headers["www-authenticate"]
+    for key in (plan, admin):
+        answer(service.post("/v1/robots/panda/fk", json=FK, headers=bearer(key)))
+    scene = {"name": "of-admin", "obstacles": []}
+    problem(service.post("/v1/scenes", json=scene, headers=bearer(plan)), 403, "FORBIDDEN")
+    answer(service.post("/v1/scenes", json=scene, headers=bearer(admin)), 201)
+    problem(service.delete("/v1/scenes/of-admin", headers=bearer(plan)), 403, "FORBIDDEN")
+    problem(service.get("/metrics", headers=bearer(plan)), 403, "FORBIDDEN")
+    assert service.get("/metrics", headers=bearer(admin)).status_code == 200
+    assert service.delete("/v1/scenes/of-admin", headers=bearer(admin)).status_code == 204
+
+
+def test_tenants_do_not_see_each_other(service: httpx.Client, make: Make) -> None:
+    one, other = (
+        bearer(make("--scope", "admin", "--tenant", tenant)) for tenant in ("one", "other")
+    )
+    answer(service.post("/v1/robots", json=bench("arm"), headers=one), 201)
+    answer(service.post("/v1/scenes", json=SCENE, headers=one), 201)
+    later = one | {"Prefer": "respond-async", "Idempotency-Key": "same"}
+    job = answer(service.post("/v1/check", json=CHECK, headers=later), 202)["id"]
+    for path in ("/v1/robots/arm", "/v1/scenes/table", f"/v1/jobs/{job}", f"/v1/jobs/{job}/events"):
+        problem(service.get(path, headers=other), 404, "NOT_FOUND")
+        assert service.get(path, headers=one).status_code == 200, path
+    for path in ("/v1/robots/arm", "/v1/scenes/table", f"/v1/jobs/{job}"):
+        problem(service.delete(path, headers=other), 404, "NOT_FOUND")
+    named = {"robot": "arm", "scene": "table", "joints": [0.0, 0.0]}
+    problem(service.post("/v1/check", json=named, headers=other), 404, "NOT_FOUND")
+    answer(service.post("/v1/check", json=named, headers=one))
+    assert "arm" not in service.get("/v1/robots", headers=other).text
+    assert answer(service.get("/v1/scenes", headers=other))["scenes"] == []
+    assert answer(service.get("/v1/jobs", headers=other))["jobs"] == []
+    assert [item["id"] for item in answer(service.get("/v1/jobs", headers=one))["jobs"]] == [job]
+    # The same names and idempotency keys are free for another tenant.
+    answer(service.post("/v1/scenes", json=SCENE, headers=other), 201)
+    theirs = other | {"Prefer": "respond-async", "Idempotency-Key": "same"}
+    assert answer(service.post("/v1/check", json=CHECK, headers=theirs), 202)["id"] != job
+    # A job finds what belongs to its tenant.
+    background = one | {"Prefer": "respond-async"}
+    job = answer(service.post("/v1/check", json=named, headers=background), 202)["id"]
+    url = f"/v1/jobs/{job}"
+    assert wait_until(lambda: bool(service.get(url, headers=one).json()["ended"]), 10.0)
+    assert service.get(url, headers=one).json()["status"] == "succeeded"
+
+
+def test_a_key_has_a_rate(service: httpx.Client, make: Make) -> None:
+    headers = bearer(make("--rate", "3"))
+    for remaining in (2, 1, 0):
+        response = service.get("/v1/robots/panda", headers=headers)
+        assert response.status_code == 200
+        assert response.headers["ratelimit-limit"] == "3"
+        assert response.headers["ratelimit-remaining"] == str(remaining)
+        assert 0 < int(response.headers["ratelimit-reset"]) <= 60
+    refused = service.get("/v1/robots/panda", headers=headers)
+    assert "3 requests a minute" in problem(refused, 429, "OVERLOADED")["detail"]
+    assert 0 < int(refused.headers["retry-after"]) <= 20
+    assert refused.headers["ratelimit-remaining"] == "0"
+
+
+def test_a_key_bounds_jobs_and_storage(service: httpx.Client, make: Make) -> None:
+    key = make("--scope", "admin", "--tenant", "bounded", "--jobs", "1", "--storage", "100")
+    headers = bearer(key)
+    answer(service.post("/v1/scenes", json=SCENE, headers=headers), 201)
+    shape = {"type": "sphere", "radius": 0.1}
+    obstacles = [
+        {"id": f"ball {n}", "shape": shape, "pose": {"position": [2, 2, 2]}} for n in (1, 2)
+    ]
+    large = {"name": "large", "obstacles": obstacles}
+    problem(service.post("/v1/scenes", json=large, headers=headers), 403, "QUOTA_EXCEEDED")
+    problem(service.get("/v1/scenes/large", headers=headers), 404, "NOT_FOUND")
+    batch = {"problems": [DETOUR] * 50}
+    answer(service.post("/v1/plan/batch", json=batch, headers=headers), 202)
+    refused = service.post("/v1/plan/batch", json=batch, headers=headers)
+    assert "1 jobs are waiting or running" in problem(refused, 429, "OVERLOADED")["detail"]
+
+
+def test_a_key_ends(data: Path, service: httpx.Client, make: Make) -> None:
+    key, short = make(), make("--days", "0.00001")
+    answer(service.get("/v1/jobs", headers=bearer(key)))
+    key_id = key.split("_")[1]
+    command(data, "revoke", key_id)
+    for shown in (key, short):
+        assert wait_until(partial(is_refused, service, shown), 3.0), "within two seconds"
+    listed = command(data, "list")
+    (line,) = [line for line in listed.splitlines() if line.startswith(key_id)]
+    assert line.split("\t")[4] == "revoked"
+    assert key.split("_")[2] not in listed, "a secret is shown once"
+    again = subprocess.run(
+        [*COMMAND, "keys", "revoke", key_id, "--data-dir", str(data)],
+        cwd=ROOT, check=False, capture_output=True, text=True,
+    )  # fmt: skip
+    assert (again.returncode, again.stdout) == (1, "")
+    assert "not revoked" in again.stderr
+
+
+def test_the_secret_is_nowhere_in_the_data_folder(data: Path, first: str) -> None:
+    secret = first.split("_")[2].encode()
+    files = [file for file in data.rglob("*") if file.is_file()]
+    assert files
+    assert not [file for file in files if secret in file.read_bytes()]
+
+
+def test_changes_are_in_the_audit_log(data: Path, service: httpx.Client, first: str) -> None:
+    scene = {"name": "audited", "obstacles": []}
+    answer(service.post("/v1/scenes", json=scene, headers=bearer(first)), 201)
+    said = subprocess.run(
+        [*COMMAND, "audit", "--limit", "1", "--data-dir", str(data)],
+        cwd=ROOT, check=True, capture_output=True, text=True,
+    ).stdout  # fmt: skip
+    _, tenant, key, action, target = said.strip().split("\t")
+    assert (tenant, key) == ("default", first.split("_")[1])
+    assert (action, target) == ("create", "scene audited")
+
+
+def test_without_keys_it_does_not_listen_beyond_this_machine(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["serve", "--host", "0.0.0.0", "--port", "0", "--data-dir", str(tmp_path)]
+    began = time.monotonic()
+    assert main(arguments) == 1
+    assert time.monotonic() - began < 20.0
+    said = capsys.readouterr().err
+    assert "armwright keys create" in said
+    assert "--insecure" in said
+
+
+@pytest.mark.parametrize("with_key", [True, False])
+def test_with_a_key_or_when_told_it_listens_beyond_this_machine(
+    tmp_path: Path, with_key: bool
+) -> None:
+    if with_key:
+        command(tmp_path, "create", "--name", "x")
+    options = [] if with_key else ["--insecure"]
+    arguments = ["serve", "--host", "0.0.0.0", "--port", "0", "--data-dir", str(tmp_path)]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "service.cli", *arguments, *options],
+        cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
+    )  # fmt: skip
+    assert process.stdout is not None
+    assert "serves on http://0.0.0.0:" in process.stdout.readline()
+    process.kill()
+    process.communicate()
