@@ -1,10 +1,13 @@
 """The work of a request, done in a worker: for a client that waits, or as part of a job."""
 
 import asyncio
+import time
 from typing import TypeVar
 
 from fastapi import Request
 
+from planning.deadline import Deadline
+from service.http.body_limit import ARRIVAL
 from service.http.job_context import end_dry_run, job_context
 from service.http.state import settings_of, supervisor_of
 from service.problem import ProblemError
@@ -48,7 +51,7 @@ async def compute(
         request: On whose behalf; when its client leaves, the work is ended.
         job: The call.
         timeout: As the request names it; the default of the service if left out. It begins when
-            the request came, or for a job when a worker takes it up.
+            the first byte of the request came, or for a job when a worker takes it up.
         on_progress: Called with progress, in place of the job that the request belongs to.
 
     Raises:
@@ -63,7 +66,9 @@ async def compute(
     if context is not None:
         background = Background(seconds, context.on_start)
         return await supervisor.submit(job, on_progress or context.on_progress, background)
-    working = asyncio.ensure_future(supervisor.submit(job.with_timeout(seconds)))
+    timed = job.with_deadline(deadline_of(request, seconds))
+    submitted = supervisor.submit(timed, client=client_of(request))
+    working = asyncio.ensure_future(submitted)
     leaving = asyncio.ensure_future(_disconnection(request))
     try:
         await asyncio.wait({working, leaving}, return_when=asyncio.FIRST_COMPLETED)
@@ -82,8 +87,21 @@ async def compute_at_once(request: Request, job: Job[_R]) -> _R:
     Raises:
         ProblemError: As `WorkerSupervisor.submit`.
     """
-    seconds = settings_of(request).default_timeout
-    return await supervisor_of(request).submit(job.with_timeout(seconds), brief=True)
+    deadline = deadline_of(request, settings_of(request).default_timeout)
+    return await supervisor_of(request).submit(
+        job.with_deadline(deadline), brief=True, client=client_of(request)
+    )
+
+
+def deadline_of(request: Request, seconds: float) -> Deadline:
+    """The deadline of a request that may take so many seconds from its first byte on."""
+    arrival: float = request.scope.get(ARRIVAL) or time.monotonic()
+    return Deadline(arrival + seconds)
+
+
+def client_of(request: Request) -> str:
+    """The client of a request, as far as clients take turns: its address."""
+    return "" if request.client is None else request.client.host
 
 
 async def _disconnection(request: Request) -> None:

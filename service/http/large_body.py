@@ -4,15 +4,22 @@ Parsing 30 MB of JSON and validating it takes seconds in which nobody else would
 thread as well, since it never lets go of the interpreter.
 """
 
+import re
+
 from fastapi import Request
 from pydantic import BaseModel
 
+from service.http.compute import client_of, deadline_of
+from service.http.job_context import job_context
 from service.http.state import settings_of, supervisor_of
 from service.problem import from_fields
 from service.schemas.strict_json import check_field_count
+from service.settings import Settings
 from service.task_references import outline
 from service.tasks.result import TaskProblem
 
+#: A timeout, wherever in a body it stands.
+_TIMEOUT = re.compile(rb'"timeout"\s*:\s*(\d+(?:\.\d+)?(?:[eE][+-]?\d+)?)')
 #: Bodies up to this are parsed and validated within milliseconds [byte].
 INLINE_BYTES = 32 * 1024
 
@@ -26,8 +33,22 @@ async def validated_by_worker(
         ProblemError: VALIDATION_ERROR; as `check_field_count` and `WorkerSupervisor.submit`.
     """
     check_field_count(content)
+    settings = settings_of(request)
+    seconds = settings.max_timeout
+    if job_context(request) is None:  # a job has its time once it is taken up
+        seconds = _time_to_validate(model, content, settings)
     job = outline.job(f"{model.__module__}:{model.__qualname__}", content)
-    result = await supervisor_of(request).submit(job.with_timeout(settings_of(request).max_timeout))
+    result = await supervisor_of(request).submit(
+        job.with_deadline(deadline_of(request, seconds)), client=client_of(request)
+    )
     if isinstance(result, TaskProblem):
         raise from_fields(result.code, result.message, result.hint, result.details)
     return result
+
+
+def _time_to_validate(model: type[BaseModel], content: bytes, settings: Settings) -> float:
+    """Time that a body names as its timeout, the longest one where there are several [s]."""
+    if "timeout" not in model.model_fields:
+        return settings.max_timeout
+    named = [float(match[1]) for match in _TIMEOUT.finditer(content)]
+    return min(max(named, default=settings.default_timeout), settings.max_timeout)

@@ -2,25 +2,42 @@
 
 import contextlib
 import signal
+from collections.abc import Sequence
 
 from service.problem import ProblemError
 
 
-class WorkerCrashed(ProblemError):
-    """The worker died while it was working on this job."""
+def cause_of_death(exit_code: int | None) -> str:
+    """The way in which a process ended, in words."""
+    if exit_code is not None and exit_code < 0:
+        with contextlib.suppress(ValueError):
+            return f"it was ended by {signal.Signals(-exit_code).name}"
+    return "it ended"
 
-    def __init__(self, task: str, exit_code: int | None) -> None:
-        cause = "it ended"
-        if exit_code is not None and exit_code < 0:
-            with contextlib.suppress(ValueError):
-                cause = f"it was ended by {signal.Signals(-exit_code).name}"
+
+class WorkerCrashed(ProblemError):
+    """The worker died while it was working on this job.
+
+    Args:
+        task: The name of the task.
+        exit_code: Of the worker, as subprocess has it; None if it is not known.
+        earlier: How the workers of earlier attempts died.
+    """
+
+    def __init__(self, task: str, exit_code: int | None, earlier: Sequence[str] = ()) -> None:
+        causes = [*earlier, cause_of_death(exit_code)]
+        detail = f"the worker process of this request died: {causes[-1]}"
+        if earlier:
+            detail += f"; so it did at the first attempt: {earlier[0]}"
         super().__init__(
             "CRASH",
-            f"the worker process of this request died: {cause}",
+            detail,
             stage="worker",
             hint="It was replaced. If the same request does it again, report it.",
             task=task,
         )
+        if earlier:
+            self.details["causes"] = causes
 
 
 class DeadlineExceeded(ProblemError):
@@ -37,12 +54,21 @@ class DeadlineExceeded(ProblemError):
 
 
 class QueueFull(ProblemError):
-    """As many jobs as may wait are waiting."""
+    """Too many jobs are waiting: as many as may, or so many that this one would be too late.
 
-    def __init__(self, waiting: int, retry_after: int) -> None:
+    Args:
+        waiting: Jobs that wait.
+        retry_after: Seconds after which the request would be accepted.
+        wait: How long it would wait [s], where that is too long for its deadline.
+    """
+
+    def __init__(self, waiting: int, retry_after: int, wait: float | None = None) -> None:
+        detail = f"all workers are busy and {waiting} requests are waiting"
+        if wait is not None:
+            detail += f": it would be {wait:.1f} s until this one begins, too late for its deadline"
         super().__init__(
             "OVERLOADED",
-            f"all workers are busy and {waiting} requests are waiting",
+            detail,
             stage="queue",
             hint="Ask again after the time in Retry-After.",
             retry_after=retry_after,

@@ -10,7 +10,8 @@ import socket
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 from service.workers import framing
 from service.workers.fork_server import Notice, Order
@@ -18,6 +19,9 @@ from service.workers.launch import Launched
 from service.workers.threads import in_thread
 
 _log = logging.getLogger(__name__)
+
+#: States of processes that a signal or a debugger has stopped.
+_STOPPED = ("T", "t")
 
 
 class ForkServerLost(Exception):
@@ -42,11 +46,41 @@ class WorkerProcess:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(self.pid, signal.SIGKILL)
 
+    @property
+    def is_stopped(self) -> bool:
+        """Whether a signal or a debugger has stopped the process."""
+        try:
+            status = Path(f"/proc/{self.pid}/stat").read_text()
+        except OSError:
+            return False
+        return status.rpartition(")")[2].split()[0] in _STOPPED
+
     async def exit_code(self, seconds: float) -> int | None:
         """The exit code of a process that is dying; None if it is not known within `seconds`."""
         with contextlib.suppress(TimeoutError):
             return await asyncio.wait_for(asyncio.shield(self.exited), seconds)
         return None
+
+
+class Twin(NamedTuple):
+    """A fork server that another one has forked.
+
+    Attributes:
+        process: its process.
+        control: the stream to it.
+    """
+
+    process: WorkerProcess
+    control: socket.socket
+
+    def reap(self) -> None:
+        """End the fork server alone; its workers go on."""
+        self.control.close()
+        self.process.kill()
+
+    def end(self) -> None:
+        """End the fork server; its workers end with those of the one that forked it."""
+        self.reap()
 
 
 class ForkServer:
@@ -58,7 +92,7 @@ class ForkServer:
     """
 
     def __init__(
-        self, launched: Launched, on_notice: Callable[[Notice, Sequence[Any]], None]
+        self, launched: Launched | Twin, on_notice: Callable[[Notice, Sequence[Any]], None]
     ) -> None:
         self.lost = asyncio.Event()
         self._launched = launched
@@ -81,13 +115,33 @@ class ForkServer:
         Raises:
             ForkServerLost: The fork server ended before.
         """
+        return await self._fork(Order.FORK, channel)
+
+    async def fork_twin(self, on_notice: Callable[[Notice, Sequence[Any]], None]) -> "ForkServer":
+        """Fork a fork server that has prepared all that this one has, and outlives it.
+
+        Args:
+            on_notice: Told of what is none of its workers'.
+
+        Raises:
+            ForkServerLost: The fork server ended before.
+        """
+        control, theirs = socket.socketpair()
+        try:
+            process = await self._fork(Order.TWIN, theirs)
+        except BaseException:
+            control.close()
+            raise
+        return ForkServer(Twin(process, control), on_notice)
+
+    async def _fork(self, order: Order, channel: socket.socket) -> WorkerProcess:
         with channel:
             await self._warm.wait()
             if self.lost.is_set():
                 raise ForkServerLost
             forked: asyncio.Future[WorkerProcess] = self._loop.create_future()
             try:
-                socket.send_fds(self._launched.control, [Order.FORK.value], [channel.fileno()])
+                socket.send_fds(self._launched.control, [order.value], [channel.fileno()])
             except OSError:
                 self._lose()
                 raise ForkServerLost from None

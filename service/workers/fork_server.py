@@ -83,6 +83,7 @@ class Order(bytes, Enum):
 
     FORK = b"f"  # a worker; with the descriptor of its channel
     ENRICH = b"e"  # prepare more, from now on
+    TWIN = b"t"  # a fork server like this one; with the descriptor of its stream
 
 
 class _ForkServer:
@@ -95,12 +96,14 @@ class _ForkServer:
     def __init__(self, control: socket.socket) -> None:
         self._control = control
         self._enriching = False
-        self._wakeups, wakes = socket.socketpair()
-        wakes.setblocking(False)
-        self._wakeups.setblocking(False)
-        signal.set_wakeup_fd(wakes.fileno(), warn_on_full_buffer=False)
-        self._wakes = wakes
+        self._open_wakeups()
         signal.signal(signal.SIGCHLD, lambda *_: None)
+
+    def _open_wakeups(self) -> None:
+        self._wakeups, self._wakes = socket.socketpair()
+        self._wakes.setblocking(False)
+        self._wakeups.setblocking(False)
+        signal.set_wakeup_fd(self._wakes.fileno(), warn_on_full_buffer=False)
 
     def run(self, recipe: Recipe) -> None:
         """Load, then fork until the server is gone.
@@ -157,8 +160,23 @@ class _ForkServer:
             raise EOFError("the server is gone")
         if order == Order.ENRICH:
             self._enriching = True
+        elif order == Order.TWIN:
+            self._fork_twin(*channels)
         else:
             self._fork(*channels)
+
+    def _fork_twin(self, channel: int) -> None:
+        """Fork a fork server that has prepared what this one has, and goes on as it does."""
+        pid = os.fork()
+        if pid == 0:
+            for inherited in (self._control, self._wakeups, self._wakes):
+                inherited.close()
+            self._control = socket.socket(fileno=channel)
+            self._open_wakeups()
+            self._send(Notice.WARM)
+            return
+        os.close(channel)
+        self._send(Notice.FORKED, pid)
 
     def _fork(self, channel: int) -> None:
         pid = os.fork()

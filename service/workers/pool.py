@@ -82,6 +82,8 @@ class WorkerPool:
         self._recipe = recipe
         self._launched = launched
         self._fork_server: ForkServer | None = None
+        self._twin: ForkServer | None = None
+        self._enriched = asyncio.Event()
         self._lost: list[ForkServer] = []
         self._available = asyncio.Event()
         self._unfit = False
@@ -93,8 +95,9 @@ class WorkerPool:
 
     @property
     def ready(self) -> bool:
-        """Whether every worker has been warm once and none fails to start."""
-        return len(self._warmed) == self.count and not self._failing and not self._unfit
+        """Whether every worker has been warm once, none fails to start and one can work now."""
+        works = any(worker.warm and not worker.ending for worker in self.workers)
+        return works and len(self._warmed) == self.count and not self._failing and not self._unfit
 
     @property
     def unfit(self) -> bool:
@@ -110,6 +113,7 @@ class WorkerPool:
         """Start the workers, without waiting until they are ready."""
         self._began = time.monotonic()
         self._task(self._keep_fork_server())
+        self._task(self._keep_twin())
         for slot in range(self.count):
             self._task(self._supervise(slot))
 
@@ -122,12 +126,12 @@ class WorkerPool:
         for worker in {*workers, *self.workers}:
             worker.kill()
         await asyncio.gather(*(one.process.exit_code(EXIT_TIMEOUT) for one in workers))
-        for fork_server in (*self._lost, self._fork_server):
+        for fork_server in (self._twin, *self._lost, self._fork_server):
             if fork_server is not None:
                 await fork_server.end()
         if self._launched is not None:
             await in_thread(self._launched.end)
-        self._fork_server = self._launched = None
+        self._fork_server = self._twin = self._launched = None
         self.workers.clear()
 
     def _task(self, work: Any) -> None:
@@ -138,21 +142,52 @@ class WorkerPool:
     # ------------------------------------------------------------------------- the fork server
 
     async def _keep_fork_server(self) -> None:
-        """Keep a fork server alive, for ever; workers outlive it."""
+        """Keep a fork server alive, for ever; workers outlive it, and so does its twin."""
         while True:
             try:
-                launched, self._launched = self._launched or launch(self._recipe), None
-                self._fork_server = ForkServer(launched, self._noticed)
+                self._fork_server = self._next_in_line()
                 self._available.set()
                 await self._fork_server.lost.wait()
                 self._available.clear()
                 lost, self._fork_server = self._fork_server, None
                 self._lost.append(lost)
                 await lost.reap()
-                _log.warning("the fork server has ended; another is started")
+                _log.warning("the fork server has ended; another takes its place")
             except Exception:  # noqa: BLE001  (whatever it is, the next attempt may succeed)
                 _log.exception("the fork server could not be started")
-            await asyncio.sleep(_FORK_SERVER_PAUSE)
+            if self._twin is None:
+                await asyncio.sleep(_FORK_SERVER_PAUSE)
+
+    def _next_in_line(self) -> ForkServer:
+        """The twin of the fork server that has ended, or a new one, which has to load first."""
+        twin, self._twin = self._twin, None
+        if twin is not None and not twin.lost.is_set():
+            return twin
+        launched, self._launched = self._launched or launch(self._recipe), None
+        return ForkServer(launched, self._noticed)
+
+    async def _keep_twin(self) -> None:
+        """Keep a fork server that waits to take the place of the one in use, for ever."""
+        while True:
+            with contextlib.suppress(ForkServerLost):
+                fork_server = await self._next_fork_server()
+                self._enriched.clear()
+                self._twin = twin = await fork_server.fork_twin(self._noticed_by_twin)
+                events = (twin.lost, fork_server.lost, self._enriched)
+                waiting = [asyncio.ensure_future(event.wait()) for event in events]
+                try:
+                    await asyncio.wait(waiting, return_when=asyncio.FIRST_COMPLETED)
+                finally:
+                    for future in waiting:
+                        future.cancel()
+                if not fork_server.lost.is_set():  # else it takes over
+                    self._twin = None
+                    await twin.reap()
+            await asyncio.sleep(_FIRST_PAUSE)
+
+    def _noticed_by_twin(self, kind: Notice, values: Sequence[Any]) -> None:
+        if self._twin is None and kind != Notice.WARM:  # it has taken over
+            self._noticed(kind, values)
 
     def _noticed(self, kind: Notice, values: Sequence[Any]) -> None:
         if kind == Notice.PROGRESS:
@@ -164,6 +199,7 @@ class WorkerPool:
         elif kind == Notice.WARM:
             self.progress, self._unfit = None, False
         elif kind == Notice.ENRICHED:
+            self._enriched.set()
             self._task(self._renew())
 
     def _log_progress(self, progress: Progress) -> None:

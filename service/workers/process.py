@@ -20,7 +20,7 @@ _log = logging.getLogger(__name__)
 OnProgress = Callable[[float, str], None]
 
 #: Longest wait for the exit code of a process that is dying [s].
-EXIT_TIMEOUT = 1.0
+EXIT_TIMEOUT = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +53,9 @@ class Ticket:
         worker: Where it runs.
         attempts: How often it was sent to a worker.
         arrived: Whether the worker has received it.
+        client: Whom it is for: clients take turns.
+        has_share: Whether it runs as part of the share of background jobs, and gives way to nobody.
+        causes: How the workers died that it was given to.
         begun: When it was accepted or a worker received it, on the clock of `time.monotonic` [s].
     """
 
@@ -68,6 +71,9 @@ class Ticket:
     worker: "Worker | None" = None
     attempts: int = 0
     arrived: bool = False
+    client: str = ""
+    has_share: bool = False
+    causes: list[str] = field(default_factory=list)
     begun: float = field(default_factory=time.monotonic)
 
     @property

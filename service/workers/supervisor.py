@@ -13,16 +13,23 @@ import pickle
 import time
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, TypeVar, cast
 
 from planning.deadline import Deadline
 from service.problem import from_fields, unexpected_fault
-from service.workers.faults import DeadlineExceeded, QueueFull, ShuttingDown, WorkerCrashed
+from service.workers.fair_queue import FairQueue
+from service.workers.faults import (
+    DeadlineExceeded,
+    QueueFull,
+    ShuttingDown,
+    WorkerCrashed,
+    cause_of_death,
+)
 from service.workers.launch import Launched, Recipe
 from service.workers.main import Reply
-from service.workers.pool import Progress, WorkerPool
+from service.workers.pool import WorkerPool
 from service.workers.process import EXIT_TIMEOUT, Background, OnProgress, Ticket, Worker
+from service.workers.state import SupervisorState
 from service.workers.task import Job
 
 _R = TypeVar("_R")
@@ -32,36 +39,26 @@ _log = logging.getLogger(__name__)
 #: A worker that dies before a job has reached it is not the job's fault; but a job that can't even
 #: be received must not go round for ever.
 _MAX_ATTEMPTS = 3
-#: Weight of the newest job in the mean duration.
-_MEAN_WEIGHT = 0.1
-#: Mean duration before any job has run [s].
-_FIRST_MEAN = 0.1
 #: Longest time after which a refused request is told to ask again [s].
 _MAX_RETRY = 60
 #: A request that has waited so long takes the worker of a background job [s]: longer than most
 #: requests need, shorter than a person notices.
-_YIELD_AFTER = 0.2
+_YIELD_AFTER = 0.05
+#: A job that has waited is begun if this part of its mean duration is left until its deadline.
+_LEAST_PART = 0.7
+#: Timers may be early by the resolution of their clock [s].
+_CLOCK_STEP = 0.005
 #: How often one background job gives way and begins anew; then it runs to its end.
 _MAX_YIELDS = 3
 
 
-@dataclass(slots=True)
-class Counters:
-    """Events that the supervisor has counted since it started."""
-
-    finished: int = 0
-    crashed: int = 0
-    overrun: int = 0
-    cancelled: int = 0
-    rejected: int = 0
-    yielded: int = 0
-
-
-class WorkerSupervisor:
+class WorkerSupervisor(SupervisorState):
     """Runs jobs in worker processes, and keeps the workers alive.
 
-    Jobs for which somebody waits go first. Background jobs may hold all workers; where somebody
-    waits nevertheless, the one that began last gives way and begins anew later.
+    Jobs for which somebody waits go first, one of each client in turn. Background jobs may hold all
+    workers; a spare one takes what somebody waits for then, and where that is not enough, the
+    background job that began last gives way and begins anew later. While background jobs wait, they
+    have a tenth of the workers' time at least.
 
     Args:
         count: Worker processes.
@@ -84,78 +81,9 @@ class WorkerSupervisor:
         launched: Launched | None = None,
         kill_grace: float = 0.1,
     ) -> None:
-        self.counters = Counters()
+        super().__init__(count, queue_limit)
         self._pool = WorkerPool(count + spares, self, recipe, launched)
-        self._count = count
-        self._queue_limit = queue_limit
         self._kill_grace = kill_grace
-        self._brief: deque[Ticket] = deque()
-        self._waiting: deque[Ticket] = deque()
-        self._background: deque[Ticket] = deque()
-        self._idle: list[Worker] = []
-        self._accepting = False
-        self._mean_seconds = _FIRST_MEAN
-
-    @property
-    def ready(self) -> bool:
-        """Whether every worker has been warm once and none fails to start."""
-        return self._accepting and self._pool.ready
-
-    @property
-    def progress(self) -> Progress | None:
-        """Progress of compiling, while the workers wait for it."""
-        return self._pool.progress
-
-    @property
-    def unfit(self) -> bool:
-        """Whether workers can't start, for a reason that was logged."""
-        return self._pool.unfit
-
-    @property
-    def waiting(self) -> int:
-        """Jobs that wait for a worker and for which somebody waits."""
-        return len(self._brief) + len(self._waiting)
-
-    @property
-    def background_waiting(self) -> int:
-        """Background jobs that wait for a worker."""
-        return len(self._background)
-
-    @property
-    def count(self) -> int:
-        """Number of jobs that may run at a time; brief ones are not counted."""
-        return self._count
-
-    @property
-    def alive(self) -> int:
-        """Number of workers that could run a job now."""
-        return min(len(self._pool.pids), self._count)
-
-    @property
-    def spare(self) -> int:
-        """Worker processes that live beyond those."""
-        return max(len(self._pool.pids) - self._count, 0)
-
-    @property
-    def started_workers(self) -> int:
-        """Worker processes that were started; beyond the first ones, replacements."""
-        return self._pool.started
-
-    @property
-    def busy(self) -> int:
-        """Workers that have a job, other than a brief one."""
-        tickets = (worker.ticket for worker in self._pool.workers)
-        return sum(ticket is not None and not ticket.brief for ticket in tickets)
-
-    @property
-    def pids(self) -> list[int]:
-        """The process numbers of the workers that live."""
-        return self._pool.pids
-
-    @property
-    def busy_pids(self) -> list[int]:
-        """The process numbers of the workers that have a job."""
-        return [worker.process.pid for worker in self._pool.workers if _has_long_job(worker)]
 
     async def start(self) -> None:
         """Start the workers, without waiting until they are ready."""
@@ -181,6 +109,7 @@ class WorkerSupervisor:
         background: Background | None = None,
         *,
         brief: bool = False,
+        client: str = "",
     ) -> _R:
         """Run a job in a worker.
 
@@ -193,12 +122,13 @@ class WorkerSupervisor:
                 submits them minds their number.
             brief: Whether it takes a millisecond or so. Brief jobs go first, and a spare worker
                 takes them while all others have work.
+            client: Whom it is for; clients take turns.
 
         Returns:
             The result of the task.
 
         Raises:
-            QueueFull: Too many jobs are waiting.
+            QueueFull: Too many jobs are waiting, or so many that this one would be too late.
             DeadlineExceeded: The deadline passed.
             WorkerCrashed: The worker died.
             ShuttingDown: The supervisor is being stopped, or was not started.
@@ -207,18 +137,19 @@ class WorkerSupervisor:
         """
         if not self._accepting:
             raise ShuttingDown
-        if background is None and not self._can_begin(brief) and self.waiting >= self._queue_limit:
-            self.counters.rejected += 1
-            raise QueueFull(self.waiting, self._retry_after())
+        if background is None:
+            self._admit(job, client, brief=brief)
         loop = asyncio.get_running_loop()
         payload = pickle.dumps(job, pickle.HIGHEST_PROTOCOL)
         future: asyncio.Future[Any] = loop.create_future()
-        ticket = Ticket(job, job.deadline, payload, future, on_progress, background, brief)
+        ticket = Ticket(
+            job, job.deadline, payload, future, on_progress, background, brief, client=client
+        )
         self._set_timer(ticket, ticket.ends_at)
         self._queue(ticket).append(ticket)
         self._dispatch()
         yield_timer = None
-        if background is None and not brief and ticket.worker is None:
+        if background is None and ticket.worker is None:
             yield_timer = loop.call_later(_YIELD_AFTER, self._take_worker_for, ticket)
         try:
             return cast(_R, await ticket.result)
@@ -229,36 +160,74 @@ class WorkerSupervisor:
 
     # ------------------------------------------------------------------------------- tickets
 
-    def _queue(self, ticket: Ticket) -> deque[Ticket]:
+    def _admit(self, job: Job[Any], client: str, *, brief: bool) -> None:
+        """Let a job wait only where it has a chance.
+
+        Raises:
+            QueueFull: It has none.
+        """
+        if self._can_begin("brief" if brief else "waiting"):
+            return
+        if self.waiting >= self._queue_limit:
+            self.counters.rejected += 1
+            wait = self.durations.remaining(self._running(), self._waiting) / self._count
+            raise QueueFull(self.waiting, _retry_after(wait / max(self.waiting, 1)))
+        late = 0.0 if brief else self.lateness(job.task, job.deadline.remaining, client)
+        if late > 0.0:
+            self.counters.rejected += 1
+            raise QueueFull(self.waiting, _retry_after(late), self.expected_wait(client))
+
+    def _queue(self, ticket: Ticket) -> "deque[Ticket] | FairQueue":
         if ticket.brief:
             return self._brief
         return self._waiting if ticket.background is None else self._background
 
-    def _can_begin(self, brief: bool) -> bool:
-        """Whether a job could be given to a worker now."""
-        if not any(not worker.ending for worker in self._idle):
-            return False
-        return brief or sum(map(_has_long_job, self._pool.workers)) < self._count
-
     def _dispatch(self) -> None:
-        while True:
-            queue = self._brief or self._waiting or self._background
-            if not queue or not self._can_begin(brief=queue is self._brief):
-                return
+        while (queue := self._next_queue()) is not None:
             worker = self._idle.pop()
             if worker.ending:
                 continue
             ticket = queue.popleft()
+            if self._is_too_late(ticket):
+                self._idle.append(worker)
+                self.counters.rejected += 1
+                ticket.settle(QueueFull(self.waiting, 1, 0.0))
+                continue
+            ticket.has_share = ticket.background is not None and self._share.is_due
             ticket.worker, worker.ticket = worker, ticket
             ticket.attempts += 1
             if ticket.background is not None:
                 ticket.deadline = Deadline.after(ticket.background.allowance)
-            self._set_timer(ticket, ticket.ends_at + self._kill_grace)
+            self._set_timer(ticket, ticket.deadline.at + self._kill_grace)
             worker.send(ticket)
+
+    def _is_too_late(self, ticket: Ticket) -> bool:
+        """Whether a job that has waited can't be done any more, as far as durations tell."""
+        if ticket.brief or ticket.background is not None or ticket.attempts > 0:
+            return False
+        has_waited = time.monotonic() - ticket.begun > _CLOCK_STEP
+        mean = self.durations.mean(ticket.job.task)
+        return has_waited and ticket.deadline.remaining < _LEAST_PART * mean
+
+    def _next_queue(self) -> "deque[Ticket] | FairQueue | None":
+        """The queue whose first job a worker can be given now."""
+        if self._brief and self._can_begin("brief"):
+            return self._brief
+        background = bool(self._background) and self._can_begin("background")
+        if background and self._share.is_due and not self._has_share():
+            return self._background
+        if self._waiting:
+            return self._waiting if self._can_begin() else None
+        return self._background if background else None
+
+    def _has_share(self) -> bool:
+        """Whether a background job runs that gives way to nobody."""
+        tickets = (worker.ticket for worker in self._pool.workers)
+        return any(ticket is not None and ticket.has_share for ticket in tickets)
 
     def _take_worker_for(self, waiting: Ticket) -> None:
         """Take the worker of the background job that began last, for a request that waits."""
-        if waiting not in self._waiting:
+        if waiting not in self._queue(waiting):
             return
         yielding = [
             worker
@@ -267,6 +236,7 @@ class WorkerSupervisor:
             and not worker.ending
             and worker.ticket.background is not None
             and worker.ticket.yields < _MAX_YIELDS
+            and not worker.ticket.has_share
         ]
         if not yielding:
             return
@@ -282,7 +252,7 @@ class WorkerSupervisor:
 
     def _put_back(self, ticket: Ticket) -> None:
         """Have a job wait once more, in front of all others of its kind."""
-        ticket.worker, ticket.arrived = None, False
+        ticket.worker, ticket.arrived, ticket.has_share = None, False, False
         if ticket.background is not None:
             self._set_timer(ticket, math.inf)
         self._queue(ticket).appendleft(ticket)
@@ -297,8 +267,16 @@ class WorkerSupervisor:
             ticket.timer = loop.call_later(delay, self._expire, ticket)
 
     def _expire(self, ticket: Ticket) -> None:
+        """End a job that is late, at the end of its grace; at once if its worker was stopped."""
+        ends_at = ticket.ends_at + self._kill_grace
+        has_grace = time.monotonic() < ends_at - _CLOCK_STEP
+        if has_grace and ticket.worker is not None and not ticket.worker.process.is_stopped:
+            self._set_timer(ticket, ends_at)
+            return
         self.counters.overrun += 1
         where = "waiting for a worker" if ticket.worker is None else "being computed"
+        if ticket.worker is not None:
+            self._note_duration(ticket)
         ticket.settle(DeadlineExceeded(ticket.job.task, where))
         self._release(ticket)
 
@@ -317,10 +295,6 @@ class WorkerSupervisor:
         if ticket.worker is not None and ticket.worker.ticket is ticket:
             ticket.worker.kill()
             self._dispatch()
-
-    def _retry_after(self) -> int:
-        seconds = (self.waiting + 1) * self._mean_seconds / self._count
-        return max(1, min(_MAX_RETRY, math.ceil(seconds)))
 
     # ------------------------------------------------------------------------ owner of the pool
 
@@ -352,7 +326,14 @@ class WorkerSupervisor:
         self.counters.crashed += 1
         exit_code = await worker.process.exit_code(EXIT_TIMEOUT)
         _log.warning("worker %s died (%s) in %s", worker.process.pid, exit_code, ticket.job.task)
-        ticket.settle(WorkerCrashed(ticket.job.task, exit_code))
+        if ticket.background is not None and not ticket.causes and self._accepting:
+            if not ticket.result.done():
+                ticket.causes.append(cause_of_death(exit_code))
+                worker.ticket = None
+                self._put_back(ticket)
+                self._dispatch()
+            return
+        ticket.settle(WorkerCrashed(ticket.job.task, exit_code, ticket.causes))
 
     def message_received(self, worker: Worker, kind: Reply, values: Sequence[Any]) -> None:
         """Pass on the message of a worker about its job."""
@@ -372,8 +353,7 @@ class WorkerSupervisor:
             self._free(worker)
 
     def _finish(self, ticket: Ticket, kind: Reply, values: Sequence[Any]) -> None:
-        seconds = time.monotonic() - ticket.begun
-        self._mean_seconds += _MEAN_WEIGHT * (seconds - self._mean_seconds)
+        self._note_duration(ticket)
         self.counters.finished += 1
         if kind == Reply.RESULT:
             ticket.settle(values[0])
@@ -382,11 +362,18 @@ class WorkerSupervisor:
         else:
             ticket.settle(unexpected_fault(ticket.job.task, values[0]))
 
+    def _note_duration(self, ticket: Ticket) -> None:
+        seconds = time.monotonic() - ticket.begun
+        if not ticket.brief:
+            self.durations.note(ticket.job.task, seconds)
+        if self._background or ticket.background is not None:
+            self._share.note(seconds, background=ticket.background is not None)
+
     def _free(self, worker: Worker) -> None:
         if not worker.ending:
             self._idle.append(worker)
             self._dispatch()
 
 
-def _has_long_job(worker: Worker) -> bool:
-    return worker.ticket is not None and not worker.ticket.brief and not worker.ending
+def _retry_after(seconds: float) -> int:
+    return max(1, min(_MAX_RETRY, math.ceil(seconds)))

@@ -40,7 +40,11 @@ class Job(Generic[R_co]):
 
     def with_timeout(self, seconds: float) -> "Job[R_co]":
         """Job with a deadline that many seconds from now."""
-        return replace(self, deadline=Deadline.after(seconds))
+        return self.with_deadline(Deadline.after(seconds))
+
+    def with_deadline(self, deadline: Deadline) -> "Job[R_co]":
+        """Job with another deadline."""
+        return replace(self, deadline=deadline)
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from fastapi import Request
 
+from service.http.body_limit import ARRIVAL
 from service.http.compute import allowed_time, compute
 from service.http.job_context import DRY_RUN, JOB_CONTEXT, DeferToJob, JobContext
 from service.problem import ProblemError
@@ -29,8 +30,13 @@ class Supervisor:
         self.cancelled = False
 
     async def submit(
-        self, job: Job[Any], on_progress: Any = None, background: Background | None = None
+        self,
+        job: Job[Any],
+        on_progress: Any = None,
+        background: Background | None = None,
+        client: str = "",
     ) -> Any:
+        self.client = client
         self.jobs.append((job, on_progress, background))
         try:
             await asyncio.sleep(self.seconds)
@@ -60,6 +66,15 @@ def test_the_default_is_resolved_once(timeout: float | None, seconds: float) -> 
     ((job, _, background),) = supervisor.jobs
     assert before + seconds <= job.deadline.at <= time.monotonic() + seconds
     assert background is None
+
+
+def test_the_time_begins_with_the_first_byte() -> None:
+    supervisor = Supervisor()
+    scope = {ARRIVAL: 1000.0, "client": ("10.0.0.7", 1234)}
+    asyncio.run(compute(request(supervisor, scope), chores.add.job(1, 2), 2.5))
+    ((job, _, _),) = supervisor.jobs
+    assert job.deadline.at == 1002.5
+    assert supervisor.client == "10.0.0.7"
 
 
 def test_a_longer_time_than_the_service_allows_is_refused() -> None:

@@ -12,7 +12,17 @@ from service.schemas.plan import PlanRequest
 from service.schemas.scene import Scene
 from service.tasks.large_body import outline
 from service.tasks.result import TaskProblem
-from tests.service.robots import ASIDE, FLOOR, HOME, POST, answer, bench, problem, scene
+from tests.service.robots import (
+    ASIDE,
+    FLOOR,
+    HOME,
+    POST,
+    answer,
+    bench,
+    problem,
+    scene,
+    stuck,
+)
 
 #: Blanks are JSON, too: they make a small body large.
 BLANK = b" " * (INLINE_BYTES + 1)
@@ -132,3 +142,14 @@ def test_a_body_of_half_a_million_fields_is_refused_at_once(client: httpx.Client
     )
     assert "more than 500000 fields" in document["detail"]
     assert time.perf_counter() - began < 2.0, "reading 11 MB is most of it"
+
+
+def test_reading_and_validating_are_part_of_the_timeout(client: httpx.Client) -> None:
+    """Seventeen megabytes, a way that does not exist: the answer comes when the time is up."""
+    content = json.dumps(stuck("late", 1.0)).encode() + b" " * 17_000_000
+    answer(client.post("/v1/robots", json=bench("late")), 201)
+    headers = {"Content-Type": "application/json"}
+    began = time.monotonic()
+    response = client.post("/v1/plan", content=content, headers=headers)
+    assert time.monotonic() - began < 1.0 + 0.5 + 0.2, "with the grace in which a task ends itself"
+    assert response.status_code in (422, 504)

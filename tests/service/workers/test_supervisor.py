@@ -196,8 +196,8 @@ def test_a_job_whose_deadline_passes_in_the_queue_never_runs() -> None:
             await working(workers, 1)
             start = time.monotonic()
             with pytest.raises(DeadlineExceeded, match="waiting for a worker"):
-                await workers.submit(chore("nap", 0.0, seconds=0.1))
-            assert time.monotonic() - start < 0.3
+                await workers.submit(chore("nap", 0.0, seconds=0.3))
+            assert time.monotonic() - start < 0.5
             assert await busy == 0.5, "the job that ran is not touched"
 
     asyncio.run(run())

@@ -58,6 +58,44 @@ def test_a_fork_server_that_dies_is_replaced_and_costs_no_job() -> None:
     asyncio.run(run())
 
 
+def test_the_twin_of_a_fork_server_takes_its_place_at_once() -> None:
+    async def run() -> None:
+        async with supervisor(2) as workers:
+            await ready(workers)
+            for _ in range(3):
+                parent = (await workers.submit(chore("surroundings")))["parent"]
+                await asyncio.sleep(0.3)
+                began = time.monotonic()
+                for pid in (parent, *workers.pids):
+                    os.kill(pid, signal.SIGKILL)
+                await asyncio.sleep(0.01)
+                after = await workers.submit(chore("surroundings"))
+                assert time.monotonic() - began < 1.0
+                assert after["parent"] != parent
+                await ready(workers)
+
+    asyncio.run(run())
+
+
+def test_readiness_is_the_truth_while_there_is_no_worker() -> None:
+    async def run() -> None:
+        async with supervisor(2) as workers:
+            await ready(workers)
+            parent = (await workers.submit(chore("surroundings")))["parent"]
+            os.kill(parent, signal.SIGSTOP)  # nobody replaces them
+            for pid in workers.pids:
+                os.kill(pid, signal.SIGKILL)
+            async with asyncio.timeout(5.0):
+                while workers.ready:
+                    await asyncio.sleep(0.005)
+            await asyncio.sleep(0.1)
+            assert not workers.ready
+            os.kill(parent, signal.SIGCONT)
+            await ready(workers)
+
+    asyncio.run(run())
+
+
 def test_workers_are_forked_anew_once_more_is_prepared() -> None:
     async def run() -> None:
         async with supervisor(1, spares=1, enrich="enriching") as workers:

@@ -1,0 +1,147 @@
+"""The state of a supervisor, as others may read it."""
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from service.workers.fair_queue import FairQueue
+from service.workers.load import BackgroundShare, Durations
+from service.workers.pool import Progress, WorkerPool
+from service.workers.process import Ticket, Worker
+
+
+@dataclass(slots=True)
+class Counters:
+    """Events that the supervisor has counted since it started."""
+
+    finished: int = 0
+    crashed: int = 0
+    overrun: int = 0
+    cancelled: int = 0
+    rejected: int = 0
+    yielded: int = 0
+
+
+class SupervisorState:
+    """Workers, queues and what is known of their load.
+
+    Args:
+        count: Jobs that may run at a time.
+        queue_limit: Jobs that may wait while all workers are busy.
+    """
+
+    _pool: WorkerPool
+
+    def __init__(self, count: int, queue_limit: int) -> None:
+        self.counters = Counters()
+        self.durations = Durations()
+        self._count = count
+        self._queue_limit = queue_limit
+        self._brief: deque[Ticket] = deque()
+        self._waiting = FairQueue()
+        self._background: deque[Ticket] = deque()
+        self._share = BackgroundShare()
+        self._idle: list[Worker] = []
+        self._accepting = False
+
+    @property
+    def ready(self) -> bool:
+        """Whether every worker has been warm once and none fails to start."""
+        return self._accepting and self._pool.ready
+
+    @property
+    def progress(self) -> Progress | None:
+        """Progress of compiling, while the workers wait for it."""
+        return self._pool.progress
+
+    @property
+    def unfit(self) -> bool:
+        """Whether workers can't start, for a reason that was logged."""
+        return self._pool.unfit
+
+    @property
+    def waiting(self) -> int:
+        """Jobs that wait for a worker and for which somebody waits."""
+        return len(self._brief) + len(self._waiting)
+
+    @property
+    def background_waiting(self) -> int:
+        """Background jobs that wait for a worker."""
+        return len(self._background)
+
+    @property
+    def count(self) -> int:
+        """Number of jobs that may run at a time; brief ones are not counted."""
+        return self._count
+
+    @property
+    def alive(self) -> int:
+        """Number of workers that could run a job now."""
+        return min(len(self._pool.pids), self._count)
+
+    @property
+    def spare(self) -> int:
+        """Worker processes that live beyond those."""
+        return max(len(self._pool.pids) - self._count, 0)
+
+    @property
+    def started_workers(self) -> int:
+        """Worker processes that were started; beyond the first ones, replacements."""
+        return self._pool.started
+
+    @property
+    def busy(self) -> int:
+        """Workers that have a job, other than a brief one."""
+        tickets = (worker.ticket for worker in self._pool.workers)
+        return sum(ticket is not None and not ticket.brief for ticket in tickets)
+
+    @property
+    def pids(self) -> list[int]:
+        """The process numbers of the workers that live."""
+        return self._pool.pids
+
+    @property
+    def busy_pids(self) -> list[int]:
+        """The process numbers of the workers that have a job."""
+        return [worker.process.pid for worker in self._pool.workers if has_long_job(worker)]
+
+    # ------------------------------------------------------------------------------ estimates
+
+    def expected_wait(self, client: str = "") -> float:
+        """Time until a new job of a client would begin, as far as durations tell [s]."""
+        if self._can_begin():
+            return 0.0
+        return self.durations.remaining(self._running(), self._waiting.ahead(client)) / self._count
+
+    def lateness(self, task: str, seconds: float, client: str = "") -> float:
+        """Delay of a job beyond the `seconds` within which it is to be done [s].
+
+        A job that can begin at once is never too late: it may be quicker than others were.
+        """
+        wait = self.expected_wait(client)
+        return wait + self.durations.mean(task) - seconds if wait > 0.0 else 0.0
+
+    def _running(self) -> Iterator[Ticket]:
+        """The jobs that run and for which somebody waits, brief ones left out."""
+        for worker in self._pool.workers:
+            ticket = worker.ticket
+            if ticket is not None and has_long_job(worker) and ticket.background is None:
+                yield ticket
+
+    def _can_begin(self, kind: str = "waiting") -> bool:
+        """Whether a job could be given to a worker now.
+
+        Args:
+            kind: "brief", "waiting" or "background". While background jobs hold workers, a spare
+                one takes a job that somebody waits for.
+        """
+        if not any(not worker.ending for worker in self._idle):
+            return False
+        if kind == "brief" or sum(map(has_long_job, self._pool.workers)) < self._count:
+            return True
+        return kind == "waiting" and sum(1 for _ in self._running()) < self._count
+
+
+def has_long_job(worker: Worker) -> bool:
+    """Whether a worker has a job that is not brief."""
+    return worker.ticket is not None and not worker.ticket.brief and not worker.ending

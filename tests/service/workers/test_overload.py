@@ -1,0 +1,160 @@
+"""More work than workers: who is refused, who waits, and who goes first."""
+
+import asyncio
+import os
+import signal
+import time
+from typing import Any
+
+import pytest
+
+from service.http.errors import headers_of, status_of
+from service.workers.faults import DeadlineExceeded, QueueFull, WorkerCrashed
+from service.workers.process import Background
+from service.workers.supervisor import WorkerSupervisor
+from tests.service.workers.pools import chore, ready, supervisor, working
+
+
+def background(seconds: float = 20.0) -> Background:
+    return Background(seconds, lambda: None)
+
+
+async def learned(workers: WorkerSupervisor, seconds: float) -> None:
+    """Let the supervisor know how long naps take."""
+    await ready(workers)
+    await asyncio.gather(*(workers.submit(chore("nap", seconds)) for _ in range(2)))
+
+
+def test_what_cannot_end_before_its_deadline_is_refused_at_once() -> None:
+    async def run() -> None:
+        async with supervisor(2) as workers:
+            await learned(workers, 0.2)
+            naps: list[asyncio.Future[Any]] = []
+            refused: list[QueueFull] = []
+            began = time.monotonic()
+            for _ in range(30):
+                naps.append(asyncio.ensure_future(workers.submit(chore("nap", 0.2, seconds=1.0))))
+                await asyncio.sleep(0)
+            for outcome in await asyncio.gather(*naps, return_exceptions=True):
+                if isinstance(outcome, BaseException):
+                    assert isinstance(outcome, QueueFull), outcome
+                    refused.append(outcome)
+            assert time.monotonic() - began < 1.2
+            served = 30 - len(refused)
+            assert 7 <= served <= 10, "ten fit into two workers for a second"
+            assert workers.counters.rejected == len(refused)
+            assert {status_of(problem) for problem in refused} == {429}
+            assert {int(headers_of(problem)["Retry-After"]) for problem in refused} <= {1, 2}
+            assert workers.counters.overrun == 0, "nothing was begun in vain"
+
+    asyncio.run(run())
+
+
+def test_a_job_that_can_begin_at_once_is_never_refused() -> None:
+    async def run() -> None:
+        async with supervisor(1) as workers:
+            await learned(workers, 0.3)
+            assert await workers.submit(chore("nap", 0.0, seconds=0.1)) == 0.0
+
+    asyncio.run(run())
+
+
+def test_clients_take_turns() -> None:
+    async def run() -> None:
+        async with supervisor(1) as workers:
+            await ready(workers)
+            ended: list[str] = []
+
+            async def work(client: str) -> None:
+                await workers.submit(chore("nap", 0.02), client=client)
+                ended.append(client)
+
+            many = [asyncio.ensure_future(work("many")) for _ in range(20)]
+            await asyncio.sleep(0.01)
+            few = [asyncio.ensure_future(work("few")) for _ in range(2)]
+            await asyncio.gather(*many, *few)
+            assert [i for i, client in enumerate(ended) if client == "few"][-1] <= 5
+
+    asyncio.run(run())
+
+
+def test_background_jobs_have_a_share_while_others_wait() -> None:
+    async def run() -> None:
+        async with supervisor(1, spares=1) as workers:
+            await learned(workers, 0.05)
+            stop = time.monotonic() + 3.0
+            begun: list[float] = []
+
+            async def ask() -> None:
+                while time.monotonic() < stop:
+                    await workers.submit(chore("nap", 0.05))
+
+            start = time.monotonic()
+            asking = [asyncio.ensure_future(ask()) for _ in range(4)]
+            await asyncio.sleep(0.01)
+            note = Background(20.0, lambda: begun.append(time.monotonic() - start))
+            jobs = [workers.submit(chore("nap", 0.1), background=note) for _ in range(2)]
+            await asyncio.gather(*jobs)
+            assert begun[0] < 1.0
+            assert begun[-1] < 3.0
+            await asyncio.gather(*asking)
+
+    asyncio.run(run())
+
+
+def test_who_waits_is_served_beside_background_jobs() -> None:
+    async def run() -> None:
+        async with supervisor(2, spares=1) as workers:
+            await ready(workers)
+            jobs = [
+                asyncio.ensure_future(workers.submit(chore("nap", 0.5), background=background()))
+                for _ in range(8)
+            ]
+            await working(workers, 2)
+            times = []
+            for _ in range(10):
+                start = time.monotonic()
+                await workers.submit(chore("add", 1, 1))
+                times.append(time.monotonic() - start)
+                await asyncio.sleep(0.02)
+            assert max(times) < 0.2
+            for job in jobs:
+                job.cancel()
+            await asyncio.gather(*jobs, return_exceptions=True)
+
+    asyncio.run(run())
+
+
+def test_a_job_whose_worker_is_killed_gets_a_second_attempt() -> None:
+    async def run() -> None:
+        async with supervisor(1) as workers:
+            await ready(workers)
+            job = asyncio.ensure_future(workers.submit(chore("nap", 0.4), background=background()))
+            await working(workers, 1)
+            await asyncio.sleep(0.1)
+            os.kill(workers.busy_pids[0], signal.SIGKILL)
+            assert await job == 0.4
+            with pytest.raises(WorkerCrashed) as crashed:
+                await workers.submit(chore("die"), background=background())
+            assert crashed.value.details["causes"] == ["it was ended by SIGSEGV"] * 2
+            with pytest.raises(WorkerCrashed) as crashed:
+                await workers.submit(chore("die"))
+            assert "causes" not in crashed.value.details, "who waits is told at once"
+
+    asyncio.run(run())
+
+
+def test_a_stopped_worker_has_no_grace() -> None:
+    async def run() -> None:
+        async with supervisor(1) as workers:
+            await ready(workers)
+            (worker,) = workers.pids
+            os.kill(worker, signal.SIGSTOP)
+            start = time.monotonic()
+            job = chore("nap", 0.0, seconds=0.5)
+            with pytest.raises(DeadlineExceeded, match="being computed"):
+                await workers.submit(type(job)(job.task, job.args, {}, job.deadline, grace=2.0))
+            assert time.monotonic() - start < 0.8
+            assert await workers.submit(chore("add", 1, 2)) == 3
+
+    asyncio.run(run())
