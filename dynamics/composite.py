@@ -20,8 +20,9 @@ C_kj = v_k . f_j + w_k . n_j for the moments of the farther one of the two joint
 from dynamics.body_row import FIRST_MOMENT, INERTIA, MASS, REVOLUTE, TYPE
 from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
+from kinematics.compiled.simd import on_stack
 from kinematics.frame import IDENTITY, move_kernel
-from kinematics.sincos import few_turns_kernel, turn_at_kernel
+from kinematics.sincos import TURNS, few_turns_kernel, turn_at_kernel
 from kinematics.vec3 import Vector, add, cross, dot, load, scale, store, subtract
 
 # Columns of scratch for each joint.
@@ -49,10 +50,11 @@ def frames_kernel(rows: Array, q: Array, frames: Array) -> None:
     that of the last joint.
     """
     n = q.shape[0]
-    turns = few_turns_kernel(q)
+    turns = on_stack(TURNS)
+    few = few_turns_kernel(q, turns)
     B = IDENTITY
     for i in range(n):
-        c, s = turn_at_kernel(q, i, turns)
+        c, s = turn_at_kernel(q, i, few, turns)
         B = move_kernel(rows, i, q[i], c, s, B)
         F = frames[i]
         F[0], F[1], F[2], F[3], F[4], F[5], F[6], F[7], F[8], F[9], F[10], F[11] = B

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.compiled.kernel import direct, kernel
-from kinematics.compiled.simd import LANES
+from kinematics.compiled.simd import LANES, on_stack
 from kinematics.compiled.simd_frames import FRAME, pose_lanes_kernel, poses_lanes_kernel
 from kinematics.errors import InvalidOption
 from kinematics.frame import (
@@ -21,7 +21,7 @@ from kinematics.frame import (
     move_kernel,
     store_kernel,
 )
-from kinematics.sincos import few_turns_kernel, turn_at_kernel
+from kinematics.sincos import TURNS, few_turns_kernel, turn_at_kernel
 
 _FLOAT = np.dtype(np.float64)
 # Names of this module: looking them up in another one costs as much as a joint does.
@@ -50,10 +50,11 @@ def pose_kernel(model: Array, q: Array, link: int, T: Array) -> bool:
     if not fits_kernel(model, q):
         return False
     row = 1 + q.shape[0] + (link if link >= 0 else int(model[0, 1]))
-    turns = few_turns_kernel(q)
+    turns = on_stack(TURNS)
+    few = few_turns_kernel(q, turns)
     B = IDENTITY
     for i in range(int(model[row, 0]) + 1):
-        c, s = turn_at_kernel(q, i, turns)
+        c, s = turn_at_kernel(q, i, few, turns)
         B = move_kernel(model, 1 + i, q[i], c, s, B)
     store_kernel(compose_kernel(B, model, row), T)
     return True
@@ -65,14 +66,15 @@ def poses_kernel(model: Array, q: Array, poses: Array) -> bool:
     if not fits_kernel(model, q):
         return False
     n = q.shape[0]
-    turns = few_turns_kernel(q)
+    turns = on_stack(TURNS)
+    few = few_turns_kernel(q, turns)
     B, joint = IDENTITY, -1
     for k in range(poses.shape[0]):
         link = int(model[1 + n + k, 13])
         row = 1 + n + link
         while joint < int(model[row, 0]):
             joint += 1
-            c, s = turn_at_kernel(q, joint, turns)
+            c, s = turn_at_kernel(q, joint, few, turns)
             B = move_kernel(model, 1 + joint, q[joint], c, s, B)
         if at_joint_kernel(model, row):
             store_kernel(B, poses[link])

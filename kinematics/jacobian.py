@@ -10,13 +10,13 @@ from numpy.typing import ArrayLike
 from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.compiled.kernel import direct, kernel
-from kinematics.compiled.simd import LANES
+from kinematics.compiled.simd import LANES, on_stack
 from kinematics.compiled.simd_frames import COLUMN, jacobians_lanes_kernel
 from kinematics.errors import InvalidOption, InvalidRobotState
 from kinematics.forward import fits_kernel, frames_kernel, link_number
 from kinematics.frame import IDENTITY, Frame, compose_kernel, move_kernel, store_kernel
 from kinematics.pose import to_zyz
-from kinematics.sincos import few_turns_kernel, turn_at_kernel
+from kinematics.sincos import TURNS, few_turns_kernel, turn_at_kernel
 
 _FLOAT = np.dtype(np.float64)
 # Names of this module: looking them up in another one costs as much as a joint does.
@@ -57,7 +57,7 @@ def jacobian_kernel(model: Array, frames: Array, point: Array, last: int, J: Arr
             J[5, j] = 0.0
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="code")
 def frame_and_jacobian_kernel(model: Array, q: Array, link: int, J: Array) -> Frame:
     """The frame of a link, -1 for the tip, and its Jacobian written into J (6, n).
 
@@ -67,25 +67,30 @@ def frame_and_jacobian_kernel(model: Array, q: Array, link: int, J: Array) -> Fr
     row = 1 + n + (link if link >= 0 else int(model[0, 1]))
     last = int(model[row, 0])
     B = IDENTITY
-    turns = few_turns_kernel(q)
+    turns = on_stack(TURNS)
+    few = few_turns_kernel(q, turns)
     for j in range(last + 1):
-        c, s = turn_at_kernel(q, j, turns)
+        c, s = turn_at_kernel(q, j, few, turns)
         B = move_kernel(model, 1 + j, q[j], c, s, B)
         # Origin and axis wait in the column until the link's own origin is known.
         J[0, j], J[1, j], J[2, j] = B[3], B[7], B[11]
         J[3, j], J[4, j], J[5, j] = B[2], B[6], B[10]
     B = compose_kernel(B, model, row)
-    for j in range(n):
+    j = 0
+    # A joint's type is never negative: asking keeps LLVM from making vectors of the loop, which
+    # take longer to prepare than the few columns of a robot take one by one.
+    while j <= last and model[1 + j, 0] >= 0.0:
         zx, zy, zz = J[3, j], J[4, j], J[5, j]
-        if j > last:
-            for k in range(6):
-                J[k, j] = 0.0
-        elif model[1 + j, 0] == 0.0:
+        if model[1 + j, 0] == 0.0:
             x, y, z = B[3] - J[0, j], B[7] - J[1, j], B[11] - J[2, j]
             J[0, j], J[1, j], J[2, j] = zy * z - zz * y, zz * x - zx * z, zx * y - zy * x
         else:
             J[0, j], J[1, j], J[2, j] = zx, zy, zz
             J[3, j], J[4, j], J[5, j] = 0.0, 0.0, 0.0
+        j += 1
+    for row in range(6):
+        for beyond in range(last + 1, n):
+            J[row, beyond] = 0.0
     return B
 
 

@@ -4,10 +4,12 @@ import math
 
 from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
-from kinematics.compiled.simd import LANES, Lanes, anywhere, choose, first, floor, lane, load, store
+from kinematics.compiled.simd import LANES, Lanes, anywhere, choose, first, floor, load, store
 
 #: k times the first piece of pi/2 is exact up to here; beyond, the library's functions are called.
 _LARGEST = 1e6
+#: Numbers on the stack for cosines and sines of up to eight angles.
+TURNS = 2 * LANES
 
 
 @kernel(inline="code")
@@ -57,19 +59,26 @@ def turns_kernel(q: Array, cosines: Array, sines: Array) -> None:
 
 
 @kernel(inline="code")
-def few_turns_kernel(q: Array) -> tuple[bool, Lanes, Lanes]:
-    """Whether q (n,) holds 1 to 8 angles side by side, none too large; their cosines and sines."""
+def few_turns_kernel(q: Array, turns: Array) -> bool:
+    """Write cosines and sines of q (n,) into turns (TURNS,), on the stack.
+
+    False where ``turn_at_kernel`` must not take them from there: q is not 1 to 8 angles side by
+    side, or one is too large. A number is read from memory sooner than from a lane that a loop
+    chooses.
+    """
     angles = first(q)
     c, s = turn_of_kernel(angles)
+    store(turns, 0, c)
+    store(turns, LANES, s)
     few = q.shape[0] <= LANES and (q.shape[0] == 1 or q.strides[0] == 8)
-    return few and not anywhere(abs(angles) >= _LARGEST), c, s
+    return few and not anywhere(abs(angles) >= _LARGEST)
 
 
 @kernel(inline="code")
-def turn_at_kernel(q: Array, j: int, turns: tuple[bool, Lanes, Lanes]) -> tuple[float, float]:
-    """Cosine and sine of q[j], where ``turns`` is what ``few_turns_kernel`` answers for q."""
-    if turns[0]:
-        return lane(turns[1], j), lane(turns[2], j)
+def turn_at_kernel(q: Array, j: int, few: bool, turns: Array) -> tuple[float, float]:
+    """Cosine and sine of q[j]; ``few`` is the answer of ``few_turns_kernel`` for q and turns."""
+    if few:
+        return turns[j], turns[LANES + j]
     if abs(q[j]) < _LARGEST:
         return turn_of_kernel(q[j])
     return math.cos(q[j]), math.sin(q[j])

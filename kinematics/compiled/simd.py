@@ -25,7 +25,7 @@ Conditions = bool
 #: Lanes of a value: two vectors of four, which hides the time that an operation takes.
 LANES = 8
 #: Revision of the machine code of the functions below: count it up with every change.
-_REVISION = 1
+_REVISION = 2
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 VECTOR = ir.VectorType(ir.DoubleType(), LANES)
@@ -340,12 +340,11 @@ def _on_stack_typed(context: Any) -> Any:
 
 @lower_builtin(on_stack, types.IntegerLiteral)  # type: ignore[untyped-decorator]
 def _on_stack_compiled(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-    count = _whole(signature.args[0].literal_value)
     array = context.make_array(_NUMBERS)(context, builder)
-    context.populate_array(
-        array, data=cgutils.alloca_once(builder, ir.DoubleType(), size=count), shape=(count,),
-        strides=(_whole(8),), itemsize=_whole(8), meminfo=None,
-    )  # fmt: skip
+    eight, count = _whole(8), _whole(signature.args[0].literal_value)
+    room = cgutils.alloca_once(builder, ir.DoubleType(), size=count)
+    room.align = 8 * LANES  # so that no vector lies in two cache lines
+    context.populate_array(array, room, (count,), (eight,), eight, meminfo=None)
     return array._getvalue()
 
 

@@ -21,7 +21,7 @@ from kinematics.ik.dls_step import (
 )
 from kinematics.jacobian import frame_and_jacobian_kernel
 from kinematics.random import State, uniform_kernel
-from kinematics.sincos import few_turns_kernel, turn_at_kernel
+from kinematics.sincos import TURNS, few_turns_kernel, turn_at_kernel
 
 #: Steps from one start; most that converge at all do so in a quarter of it.
 STEPS = 60
@@ -170,13 +170,13 @@ def draw_kernel(
     last = int(model[row, 0])
     for j in range(q.shape[0]):
         trial[j] = q[j]
-    nearest = np.inf
+    nearest, turns = np.inf, on_stack(TURNS)
     for _ in range(_DRAWS):
         for j in range(last + 1):
             trial[j] = lower[j] + uniform_kernel(state) * (upper[j] - lower[j])
-        turns, B = few_turns_kernel(trial), IDENTITY
+        few, B = few_turns_kernel(trial, turns), IDENTITY
         for j in range(last + 1):
-            c, s = turn_at_kernel(trial, j, turns)
+            c, s = turn_at_kernel(trial, j, few, turns)
             B = move_kernel(model, 1 + j, trial[j], c, s, B)
         B = compose_kernel(B, model, row)
         _, square, _, _ = weigh_kernel(error_kernel(B, T), T, axes, space.weight)

@@ -5,7 +5,8 @@ import pytest
 
 from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
-from kinematics.sincos import few_turns_kernel, turn_at_kernel, turns_kernel
+from kinematics.compiled.simd import on_stack
+from kinematics.sincos import TURNS, few_turns_kernel, turn_at_kernel, turns_kernel
 
 #: Up to here the arithmetic is the module's own; beyond it is that of the library.
 OWN = 1e6
@@ -14,10 +15,11 @@ OWN = 1e6
 @kernel
 def turn_each_kernel(q: Array, cosines: Array, sines: Array) -> bool:
     """Cosine and sine of each angle by what a chain's kernels call."""
-    turns = few_turns_kernel(q)
+    turns = on_stack(TURNS)
+    few = few_turns_kernel(q, turns)
     for j in range(q.shape[0]):
-        cosines[j], sines[j] = turn_at_kernel(q, j, turns)
-    return turns[0]
+        cosines[j], sines[j] = turn_at_kernel(q, j, few, turns)
+    return few
 
 
 def together(q: Array) -> tuple[Array, Array]:
