@@ -7,7 +7,7 @@ cover them first: where these stay apart, so does all that they hold, and no tri
 
 import numpy as np
 
-from kinematics.arrays import Array
+from kinematics.arrays import Array, Indices
 from kinematics.trajectory import Trajectory
 from obstacles.containment import first_inside
 from obstacles.convex_distance import ACCURACY, convex_distance
@@ -46,6 +46,10 @@ _FREE = 0
 _OPEN = 1
 #: It violates its margin.
 _HIT = 2
+#: Sweeps with ever more covers opened; the last one opens all.
+_MAX_SWEEPS = 8
+#: Triangles up to which all covers are opened at once: their table costs less than a sweep.
+_FEW_TRIANGLES = 15_000
 #: Intervals between two looks at the clock: a few milliseconds.
 _INTERVALS_A_CALL = 1000
 
@@ -71,13 +75,13 @@ class CollisionProof:
     ) -> None:
         self._robot, self._scene, self._margin = robot, scene, margin
         self._trajectory, self._deadline = trajectory, deadline
-        self._start(surfaces=False)
-        self.violation: Violation | None = None
+        self._start(frozenset())
 
-    def _start(self, *, surfaces: bool) -> None:
-        """Begin a sweep, over the triangles under covers or over covers as solids."""
-        self._table = PairTable.of(self._robot, self._scene, self._margin, surfaces=surfaces)
+    def _start(self, opened: frozenset[int] | None) -> None:
+        """Begin a sweep with the triangles of some covers, None for all, others as solids."""
+        self._table = PairTable.of(self._robot, self._scene, self._margin, opened)
         self._sweep = start_sweep(self._trajectory, self._table.arrays)
+        self.violation: Violation | None = None
 
     @property
     def interval_count(self) -> int:
@@ -96,44 +100,56 @@ class CollisionProof:
 
     def run(self) -> None:
         """Settle every pair on every interval, or find the first violation."""
-        if not len(self._table.arrays.roots) or (self._has_covers() and self._covers_are_apart()):
+        if not len(self._table.arrays.roots):
             return
-        if self._has_covers():
-            self._start(surfaces=True)
-        inside = first_inside(self._robot, self._scene, self._trajectory.start)
-        if inside is not None:
-            message = f"{inside[0]!r} and {inside[1]!r}: one is inside the other at the start"
-            details = {"pair": list(inside), "distance": 0.0, "margin": 0.0, "at": "start"}
-            self.violation = Violation("collision", 0.0, message, details)
-            return
+        opened: frozenset[int] = frozenset()
+        for sweeps in range(1, _MAX_SWEEPS + 1):
+            more = self._run_once()
+            if not more:
+                return
+            if not opened:
+                inside = first_inside(self._robot, self._scene, self._trajectory.start)
+                if inside is not None:
+                    self._note_inside(*inside)
+                    return
+            opened |= more
+            last = sweeps + 1 == _MAX_SWEEPS or self._triangle_count() <= _FEW_TRIANGLES
+            self._start(None if last else opened)
+
+    def _run_once(self) -> set[int]:
+        """Sweep once; covers that have to be opened first for a proof or a violation, if any."""
         while True:
             if self._is_late():
                 message = "time was up before the proof was complete"
                 self.violation = self.violation or Violation("time", 0.0, message, {})
-                return
+                return set()
             state = self._sweep_on()
-            if state == DONE:
-                return
             if state == ASKING:
+                more = self._closed_covers(self._sweep.referred[: self._sweep.counters[REFERRED]])
+                if more:
+                    return more
                 self._decide_referred()
+            if state == DONE:
+                # Too near for what covers prove to be told as the clearance of what they cover.
+                near = self._sweep.closest[self._sweep.nearest <= COVERED]
+                return self._closed_covers(near) if self.violation is None else set()
 
-    def _has_covers(self) -> bool:
-        """Whether the robot or the scene has covers of meshes that are not convex."""
-        if any(piece.surface is not None for piece in self._robot.pieces):
-            return True
-        meshes = (o.pieces() for o in self._scene.obstacles if not o.is_cloud)
-        return any(piece.surface is not None for pieces in meshes for piece in pieces)
+    def _triangle_count(self) -> int:
+        """Triangles under all covers of the robot and the scene."""
+        pieces = list(self._robot.pieces)
+        pieces += [p for o in self._scene.obstacles if not o.is_cloud for p in o.pieces()]
+        return sum(len(p.surface.triangles) for p in pieces if p.surface is not None)
 
-    def _covers_are_apart(self) -> bool:
-        """Whether covers alone prove all pairs apart, by so much that more is of no interest."""
-        state = FULL
-        while state != DONE:
-            if self._is_late():
-                return False
-            state = self._sweep_on()
-            if state == ASKING or float(self._sweep.nearest.min()) <= COVERED:
-                return False
-        return True
+    def _closed_covers(self, pairs: Indices) -> set[int]:
+        """Covers among pairs of elements (k, 2) that are not opened."""
+        covers = {self._table.closed_cover(int(k)) for k in pairs.reshape(-1) if k >= 0}
+        return {row for row in covers if row is not None}
+
+    def _note_inside(self, outer: str, inner: str) -> None:
+        """Note that of two bodies one is inside the other at the start."""
+        message = f"{outer!r} and {inner!r}: one is inside the other at the start"
+        details = {"pair": [outer, inner], "distance": 0.0, "margin": 0.0, "at": "start"}
+        self.violation = Violation("collision", 0.0, message, details)
 
     def _is_late(self) -> bool:
         return self._deadline is not None and self._deadline.passed

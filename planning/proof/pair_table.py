@@ -24,7 +24,9 @@ from planning.proof.proposals import (
     STOP_NODE,
     PackedPieces,
     ProposalRows,
+    Rows,
     packed_pieces,
+    rows_before,
 )
 
 #: The kind of an element that only holds others; the rest are of ``PieceKind``.
@@ -96,15 +98,17 @@ class PairTable:
         arrays: Packed.
         robot: Whose elements come first.
         scene: What stands around.
+        opened: Covers whose triangles are elements too, None for all.
     """
 
     arrays: PairArrays
     robot: RobotGeometry
     scene: Scene
+    opened: Rows = None
 
     @classmethod
     def of(
-        cls, robot: RobotGeometry, scene: Scene, margin: float, *, surfaces: bool = True
+        cls, robot: RobotGeometry, scene: Scene, margin: float, opened: Rows = None
     ) -> "PairTable":
         """All pairs that neither robot nor scene allows to touch.
 
@@ -115,10 +119,11 @@ class PairTable:
             robot: The robot.
             scene: What stands around.
             margin: To be kept from obstacles beyond their own [m].
-            surfaces: Whether the triangles under covers are elements too; without them covers are
-                solids, which hold what they cover.
+            opened: Pieces, the robot's and then the scene's, whose triangles are elements too, if
+                they are covers, None for all; other covers are solids, which hold what they cover.
         """
-        return cls(_arrays(robot, scene, surfaces)._replace(margin=margin), robot, scene)
+        arrays = _arrays(robot, scene, opened)._replace(margin=margin)
+        return cls(arrays, robot, scene, opened)
 
     def names(self, i: int, j: int) -> tuple[str, str]:
         """The link, and the obstacle or other link, of a pair of elements."""
@@ -127,6 +132,15 @@ class PairTable:
             i = int(arrays.kids[arrays.below[i]])
         first = self.robot.links if i < arrays.moving else self.scene.ids
         return self.robot.links[arrays.parts[j]], first[arrays.parts[i]]
+
+    def closed_cover(self, k: int) -> int | None:
+        """The piece that element ``k`` is, where it is a cover that was not opened."""
+        row = int(self.arrays.proposals.row[k])
+        if self.opened is None or row < 0 or row in self.opened:
+            return None
+        robots = len(self.robot.pieces)
+        piece = self.robot.pieces[row] if row < robots else self.scene.piece(row - robots)
+        return None if piece.surface is None else row
 
     def solid(self, k: int) -> Piece:
         """Element ``k``, which holds nothing, as a piece in the frame of its joint."""
@@ -164,11 +178,11 @@ class _Elements(NamedTuple):
 
 
 @lru_cache(maxsize=8)
-def _arrays(robot: RobotGeometry, scene: Scene, surfaces: bool) -> PairArrays:
-    packed, p = packed_pieces(robot, scene, surfaces), len(robot.pieces)
+def _arrays(robot: RobotGeometry, scene: Scene, opened: Rows) -> PairArrays:
+    packed, p = packed_pieces(robot, scene, opened), len(robot.pieces)
     still, owners, margins = scene.pieces()
     nodes = int(packed.rows[p:, STOP_NODE].max(initial=0.0))
-    own, own_extents, corners = _own(robot, surfaces)
+    own, own_extents, corners = _own(robot, rows_before(opened, p))
     # The scene's corners come first in what is packed.
     ahead = len(packed.corners) - corners
     own = own._replace(first=np.where(own.first >= 0, own.first + ahead, -1))
@@ -228,9 +242,9 @@ def _pairs_that_may_touch(robot: RobotGeometry, scene: Scene) -> NDArray[np.bool
 
 
 @lru_cache(maxsize=8)
-def _own(robot: RobotGeometry, surfaces: bool) -> tuple[_Elements, Array, int]:
+def _own(robot: RobotGeometry, opened: Rows) -> tuple[_Elements, Array, int]:
     """The robot's elements alone, their extents, and how many corners are packed with them."""
-    packed = packed_pieces(robot, Scene(()), surfaces)
+    packed = packed_pieces(robot, Scene(()), opened)
     own = _solids(robot.arrays, packed, slice(None), slice(None), 0)
     own = own._replace(parts=own.row, margins=np.zeros(len(own.kinds)))
     return own, _extents(own), len(packed.corners)

@@ -41,6 +41,8 @@ from obstacles.support_table import Lists
 
 #: The pieces of a robot or a scene, packed.
 PackedPieces = PieceSet
+#: Numbers of packed pieces; None for all.
+Rows = frozenset[int] | None
 #: Columns of the first node of a cover's tree, and of the one after its last.
 FIRST_NODE = NODE
 STOP_NODE = NODE_STOP
@@ -86,16 +88,17 @@ class Proposal(NamedTuple):
         return cls(np.empty(3), np.empty((2, WIDTH)), np.empty((8, 3)))
 
 
-def packed_pieces(robot: RobotGeometry, scene: Scene, surfaces: bool = True) -> PieceSet:
+def packed_pieces(robot: RobotGeometry, scene: Scene, opened: Rows = None) -> PieceSet:
     """Pack the pieces of a robot, each in the frame of its joint, and behind them a scene's.
 
     Args:
         robot: The robot.
         scene: What stands around.
-        surfaces: Whether the triangles under covers are packed, or covers as solids.
+        opened: Rows of covers whose triangles are packed too, None for all; others are solids.
     """
-    around = _scene_rows(scene, surfaces)
-    own = _robot_rows(robot, surfaces).behind(around)
+    p = len(robot.pieces)
+    around = _scene_rows(scene, rows_from(opened, p))
+    own = _robot_rows(robot, rows_before(opened, p)).behind(around)
     p = len(robot.pieces)
     rows = np.vstack([own.rows, around.rows])
     grouped = rows[p:, GROUP_STOP] > 0.0
@@ -104,23 +107,39 @@ def packed_pieces(robot: RobotGeometry, scene: Scene, surfaces: bool = True) -> 
 
 
 @lru_cache(maxsize=64)
-def _robot_rows(robot: RobotGeometry, surfaces: bool) -> PieceSet:
-    return PieceSet.of(_with_surfaces(robot.pieces, surfaces))
+def _robot_rows(robot: RobotGeometry, opened: Rows) -> PieceSet:
+    return PieceSet.of(_with_surfaces(robot.pieces, 0, opened))
 
 
-def _with_surfaces(pieces: Iterable[Piece], surfaces: bool) -> list[Piece]:
-    """Pieces, without the triangles under them where ``surfaces`` is false."""
+def rows_before(opened: Rows, row: int) -> Rows:
+    """Those of some rows that come before a row."""
+    return None if opened is None else frozenset(k for k in opened if k < row)
+
+
+def rows_from(opened: Rows, row: int) -> Rows:
+    """Those of some rows from a row on, counted from it."""
+    return None if opened is None else frozenset(k - row for k in opened if k >= row)
+
+
+def _with_surfaces(pieces: Iterable[Piece], first: int, opened: Rows) -> list[Piece]:
+    """Pieces, rows ``first`` and on, without the triangles under those that are not opened."""
     return [
-        piece if surfaces or piece.surface is None else replace(piece, surface=None)
-        for piece in pieces
+        piece
+        if piece.surface is None or opened is None or row in opened
+        else replace(piece, surface=None)
+        for row, piece in enumerate(pieces, first)
     ]
 
 
 @lru_cache(maxsize=16)
-def _scene_rows(scene: Scene, surfaces: bool) -> PieceSet:
+def _scene_rows(scene: Scene, opened: Rows) -> PieceSet:
     """A scene's pieces in the order of its obstacles, clouds as balls."""
-    shaped = [() if obstacle.is_cloud else obstacle.pieces() for obstacle in scene.obstacles]
-    packed = PieceSet.of(_with_surfaces((piece for pieces in shaped for piece in pieces), surfaces))
+    shaped, row = list[list[Piece]](), 0
+    for obstacle in scene.obstacles:
+        pieces = () if obstacle.is_cloud else obstacle.pieces()
+        shaped.append(_with_surfaces(pieces, row, opened))
+        row += obstacle.count
+    packed = PieceSet.of([piece for pieces in shaped for piece in pieces])
     if not any(obstacle.is_cloud for obstacle in scene.obstacles):
         return packed
     blocks, first = [np.zeros((0, WIDTH))], 0
