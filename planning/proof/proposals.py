@@ -136,8 +136,8 @@ def _scene_rows(scene: Scene, opened: Rows) -> PieceSet:
     """A scene's pieces in the order of its obstacles, clouds as balls."""
     shaped, row = list[list[Piece]](), 0
     for obstacle in scene.obstacles:
-        pieces = () if obstacle.is_cloud else obstacle.pieces()
-        shaped.append(_with_surfaces(pieces, row, opened))
+        shapes = () if obstacle.is_cloud else obstacle.pieces()
+        shaped.append(_with_surfaces(shapes, row, opened))
         row += obstacle.count
     packed = PieceSet.of([piece for pieces in shaped for piece in pieces])
     if not any(obstacle.is_cloud for obstacle in scene.obstacles):
