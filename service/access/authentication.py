@@ -26,7 +26,7 @@ class Authenticator:
 
     def __init__(self, keys: KeyStore) -> None:
         self._keys = keys
-        self._found: dict[str, tuple[float, ApiKey | None]] = {}
+        self._remembered: dict[str, tuple[float, ApiKey | None]] = {}
         self._needed: tuple[float, bool] = (-math.inf, False)
 
     def authenticate(self, headers: Mapping[str, str]) -> tuple[Caller, ApiKey | None]:
@@ -40,7 +40,7 @@ class Authenticator:
         """
         if not self._are_keys_needed():
             return ANYONE, None
-        shown = _shown(headers)
+        shown = _key_in(headers)
         if shown is None:
             raise _unauthenticated("this service needs an API key")
         parts = secret.parse(shown)
@@ -59,10 +59,10 @@ class Authenticator:
         now = time.monotonic()
         if now - self._needed[0] >= _BELIEVED:
             return False
-        parts = secret.parse(_shown(headers) or "")
+        parts = secret.parse(_key_in(headers) or "")
         if not self._needed[1] or parts is None:
             return True
-        return parts.id in self._found and now - self._found[parts.id][0] < _BELIEVED
+        return parts.id in self._remembered and now - self._remembered[parts.id][0] < _BELIEVED
 
     def _are_keys_needed(self) -> bool:
         looked_up, needed = self._needed
@@ -74,16 +74,16 @@ class Authenticator:
 
     def _find(self, key_id: str) -> ApiKey | None:
         now = time.monotonic()
-        looked_up, key = self._found.get(key_id, (-math.inf, None))
+        looked_up, key = self._remembered.get(key_id, (-math.inf, None))
         if now - looked_up >= _BELIEVED:
             key = self._keys.find(key_id)
-            if len(self._found) >= _REMEMBERED:
-                self._found.clear()
-            self._found[key_id] = now, key
+            if len(self._remembered) >= _REMEMBERED:
+                self._remembered.clear()
+            self._remembered[key_id] = now, key
         return key
 
 
-def _shown(headers: Mapping[str, str]) -> str | None:
+def _key_in(headers: Mapping[str, str]) -> str | None:
     """The API key that a request shows, by either header."""
     kind, _, token = headers.get("authorization", "").partition(" ")
     if kind.lower() == "bearer":

@@ -10,7 +10,7 @@ WINDOW = 60.0
 
 
 class Allowance(NamedTuple):
-    """What is left of a rate.
+    """The rest of a rate, and whether a request is within it.
 
     Args:
         granted: Whether the request may be answered.

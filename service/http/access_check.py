@@ -6,7 +6,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.access.authentication import Authenticator
-from service.access.caller import CALLER, Caller
+from service.access.caller import ANYONE, CALLER, Caller
 from service.access.rate_limit import Allowance, RateLimiter
 from service.access.rules import needed_scope
 from service.http.errors import HttpProblemError
@@ -73,7 +73,9 @@ class AccessCheck:
         await self._app(scope, receive, send_with_rate)
 
     async def _authenticate(self, headers: Headers) -> tuple[Caller, int | None]:
-        authenticator: Authenticator = self._state.authenticator
+        authenticator: Authenticator | None = getattr(self._state, "authenticator", None)
+        if authenticator is None:  # not started: there is neither storage nor a worker to reach
+            return ANYONE, None
         try:
             if authenticator.is_remembered(headers):
                 caller, key = authenticator.authenticate(headers)
