@@ -65,7 +65,7 @@ class _Loop:
         self.n = setup.robot.n
         self.segment = 0
         self.held: _Command | None = None
-        self.bounds = empty_bounds(float(setup.times[-1]), self.n)
+        self.bounds = empty_bounds(float(setup.times[-1]), self.n, has_cells=setup.options.tube)
         self.reference = setup.signal.arrays()
         self.stops = stop_arrays(setup.robot, setup.options.stops)
         self.evaluations, self.steps = 0, 0
@@ -181,11 +181,12 @@ class _Loop:
         motion = np.empty((2 * self.n, STEP_COEFFICIENTS))
         explicit_polynomials(np.ascontiguousarray(interpolate.F), np.array(x_old), motion)
         bound_step(self.bounds, coefficients[piece], breaks[piece], motion, t_old, solver.t - t_old)
+        # Errors of a loop in Python are summed up, not carried along: true of stable loops.
         # A step is accepted where its error, a root mean square, is at most the tolerance.
         options, n = self.setup.options, self.n
         size = np.maximum(np.abs(x_old[:n]), np.abs(solver.y[:n]))
         scale = options.absolute_tolerance + options.relative_tolerance * size
-        self.bounds.local_error[:] += np.sqrt(len(x_old)) * scale
+        self.bounds.global_error[0] += np.sqrt(len(x_old)) * scale
         self.note_torque(law(solver.t, solver.y).torque)
 
     def note_torque(self, torque: Array) -> None:

@@ -9,20 +9,18 @@ from tracking.control_law import Law, space
 from tracking.disturbance import Disturbance
 from tracking.explicit import ALL_STAGES, POWERS, Steps
 from tracking.implicit import stages
-from tracking.integrate import (
-    COUNTER_COUNT,
-    DIVERGED,
-    EXHAUSTED,
-    EXPLICIT_STEPS,
-    IMPLICIT_STEPS,
-    SAMPLES,
-    SINGULAR_MASS_MATRIX,
-    Record,
-    run_kernel,
-)
+from tracking.integrate import DIVERGED, EXHAUSTED, SINGULAR_MASS_MATRIX, run_kernel
 from tracking.joint_stop import stop_arrays
 from tracking.loop import EVALUATIONS, FAILED, FLAG_COUNT, HELD, Loop
 from tracking.motion_bounds import empty_bounds
+from tracking.record import (
+    COUNTER_COUNT,
+    EXPLICIT_STEPS,
+    IMPLICIT_STEPS,
+    SAMPLES,
+    Record,
+    scratch,
+)
 from tracking.result import SimulationOutcome, SimulationResult, settling_time
 from tracking.setup import Setup
 
@@ -43,12 +41,19 @@ def run(setup: Setup, law: Law) -> SimulationResult:
     n, N, options = setup.robot.n, len(setup.start), setup.options
     bodies(setup.robot)
     loop = _loop(setup, law)
-    record = _record(setup.times, n, N)
+    record = _record(setup.times, n, N, has_tube=options.tube)
     x = setup.start.copy()
     steps = Steps(np.zeros((ALL_STAGES, N)), np.zeros((POWERS, N)), np.zeros(N))
     tolerances = np.array([options.relative_tolerance, options.absolute_tolerance])
     outcome = run_kernel(
-        loop, setup.events, steps, stages(N), record, tolerances, options.max_evaluations, x
+        loop,
+        setup.events,
+        steps,
+        stages(N),
+        record,
+        scratch(x, n, tolerances, has_tube=options.tube),
+        options.max_evaluations,
+        x,
     )
     if outcome == SINGULAR_MASS_MATRIX:
         raise massless(setup.robot, int(loop.flags[FAILED]) - 1)
@@ -85,7 +90,7 @@ def _loop(setup: Setup, law: Law) -> Loop:
     )
 
 
-def _record(times: Array, n: int, N: int) -> Record:
+def _record(times: Array, n: int, N: int, *, has_tube: bool) -> Record:
     m = len(times)
     return Record(
         np.array(times),
@@ -94,7 +99,7 @@ def _record(times: Array, n: int, N: int) -> Record:
         np.zeros((m, n), dtype=np.bool_),
         np.zeros((m, 2)),
         np.zeros((m, 2, n)),
-        empty_bounds(float(times[-1]), n),
+        empty_bounds(float(times[-1]), n, has_cells=has_tube),
         np.zeros(COUNTER_COUNT, dtype=np.int64),
     )
 

@@ -1,29 +1,12 @@
 """Integration of a closed loop from event to event, with its samples, in one compiled run."""
 
-from typing import NamedTuple
-
 import numpy as np
-from numpy.typing import NDArray
 
 from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
-from tracking.explicit import (
-    STABILITY,
-    STAGES,
-    Steps,
-    explicit_dense,
-    explicit_interpolate,
-    explicit_polynomials,
-    explicit_step,
-)
-from tracking.implicit import (
-    Stages,
-    factor_all,
-    implicit_interpolate,
-    implicit_polynomials,
-    implicit_step,
-    jacobian,
-)
+from tracking.explicit import STABILITY, STAGES, Steps, explicit_step
+from tracking.global_error import begin_call
+from tracking.implicit import Stages, factor_all, implicit_step, jacobian
 from tracking.loop import (
     DISTURBED,
     EVALUATIONS,
@@ -33,10 +16,19 @@ from tracking.loop import (
     RUNAWAY,
     Loop,
     command_kernel,
-    lyapunov_at,
     rate_kernel,
 )
-from tracking.motion_bounds import STEP_COEFFICIENTS, MotionBounds, bound_step
+from tracking.record import (
+    EXPLICIT_STEPS,
+    IMPLICIT_STEPS,
+    SAMPLES,
+    Record,
+    Scratch,
+    note_step,
+    sample,
+    sample_explicit,
+    sample_implicit,
+)
 from tracking.schedule import Events
 
 # How a run ends.
@@ -45,11 +37,6 @@ DIVERGED = 1
 #: The evaluations were used up.
 EXHAUSTED = 2
 SINGULAR_MASS_MATRIX = 3
-# Places in ``Record.counters``.
-SAMPLES = 0
-EXPLICIT_STEPS = 1
-IMPLICIT_STEPS = 2
-COUNTER_COUNT = 3
 #: Steps at the border of stability, in a row as good as, after which a loop counts as stiff.
 _STIFF_STEPS = 15
 #: Calm steps after which the count begins anew.
@@ -69,79 +56,6 @@ _MAX_GROWTH = 10.0
 #: Error orders of both methods: a step goes with the error to minus this power.
 _EXPLICIT_POWER = 0.125
 _IMPLICIT_POWER = 0.25
-
-
-class Record(NamedTuple):
-    """Samples, one a row.
-
-    Args:
-        times: When, shape (m,) [s]; the last is the end.
-        states: x, shape (m, N).
-        torques: After saturation, shape (m, n).
-        saturated: Shape (m, n).
-        lyapunov: V and its rate, shape (m, 2).
-        references: Position and velocity, shape (m, 2, n).
-        bounds: Of errors, positions and velocities over all steps.
-        counters: See ``SAMPLES`` and the following, shape (COUNTER_COUNT,).
-    """
-
-    times: Array
-    states: Array
-    torques: Array
-    saturated: NDArray[np.bool_]
-    lyapunov: Array
-    references: Array
-    bounds: MotionBounds
-    counters: NDArray[np.int64]
-
-
-class Scratch(NamedTuple):
-    """Work arrays of a run.
-
-    Args:
-        end: State at the end of a step, shape (N,).
-        between: State within it, shape (N,).
-        command: Torque and rate of the estimate, shape (n + b,).
-        rate: Time derivative of the state, shape (N,).
-        motion: Positions and velocities over a step as polynomials, shape (2 n, 8).
-    """
-
-    end: Array
-    between: Array
-    command: Array
-    rate: Array
-    motion: Array
-
-
-@kernel
-def _scratch(loop: Loop, N: int) -> Scratch:
-    """Work arrays for N states."""
-    motion = np.empty((2 * loop.limit.shape[0], STEP_COEFFICIENTS))
-    return Scratch(np.empty(N), np.empty(N), np.empty(loop.command.shape[0]), np.empty(N), motion)
-
-
-@kernel
-def sample(loop: Loop, record: Record, t: float, x: Array, scratch: Scratch) -> None:
-    """Record a sample at time t and state x (N,)."""
-    command = scratch.command
-    k, n = record.counters[SAMPLES], record.torques.shape[1]
-    if loop.flags[HELD] == 0:
-        command_kernel(loop, t, x, command)
-    else:
-        for i in range(command.shape[0]):
-            command[i] = loop.command[i]
-    for i in range(n):
-        record.torques[k, i] = command[i]
-        record.saturated[k, i] = loop.asked[i] != command[i]
-        record.bounds.peak_torque[i] = max(record.bounds.peak_torque[i], abs(command[i]))
-    for i in range(x.shape[0]):
-        record.states[k, i] = x[i]
-    V, V_dot = lyapunov_at(loop, t, x, scratch.rate)
-    record.lyapunov[k, 0], record.lyapunov[k, 1] = V, V_dot
-    for i in range(n):
-        record.references[k, 0, i] = loop.reference[0, i]
-        record.references[k, 1, i] = loop.reference[1, i]
-    record.counters[SAMPLES] = k + 1
 
 
 @kernel(inline="always")
@@ -170,7 +84,9 @@ def first_step(loop: Loop, steps: Steps, t: float, x: Array, tolerances: Array) 
 
 
 @kernel
-def _begin_segment(loop: Loop, events: Events, s: int, x: Array) -> None:
+def _begin_segment(
+    loop: Loop, events: Events, record: Record, scratch: Scratch, s: int, x: Array
+) -> None:
     """Set what acts in segment s of the events, which begins at state x (N,)."""
     loop.flags[PIECE] = events.pieces[s]
     loop.flags[DISTURBED] = 1 if events.disturbed[s] else 0
@@ -179,93 +95,11 @@ def _begin_segment(loop: Loop, events: Events, s: int, x: Array) -> None:
         loop.noise[1, k] = events.noise[events.noises[s], 1, k]
     if events.called[s]:
         command_kernel(loop, events.times[s], x, loop.command)
-
-
-@kernel
-def _sample_explicit(
-    loop: Loop,
-    steps: Steps,
-    record: Record,
-    scratch: Scratch,
-    x: Array,
-    t: float,
-    h: float,
-    after: float,
-) -> None:
-    """Record the samples due before ``after`` in an explicit step h from time t and state x.
-
-    The motion over the step is left in ``scratch.motion``; so it is by ``_sample_implicit``.
-    """
-    explicit_dense(loop, steps, t, h, x, scratch.end)
-    explicit_polynomials(steps.F, x, scratch.motion)
-    while (
-        record.counters[SAMPLES] < record.times.shape[0] - 1
-        and record.times[record.counters[SAMPLES]] < after
-    ):
-        at = record.times[record.counters[SAMPLES]]
-        share = (at - t) / h
-        if share <= 0.0:
-            sample(loop, record, at, x, scratch)
-            continue
-        explicit_interpolate(steps, x, share, scratch.between)
-        sample(loop, record, at, scratch.between, scratch)
-
-
-@kernel
-def _sample_implicit(
-    loop: Loop,
-    stages: Stages,
-    record: Record,
-    scratch: Scratch,
-    x: Array,
-    t: float,
-    h: float,
-    after: float,
-) -> None:
-    """Record the samples due before ``after`` in an implicit step h from time t and state x."""
-    implicit_polynomials(stages, x, scratch.motion)
-    while (
-        record.counters[SAMPLES] < record.times.shape[0] - 1
-        and record.times[record.counters[SAMPLES]] < after
-    ):
-        at = record.times[record.counters[SAMPLES]]
-        share = (at - t) / h
-        if share <= 0.0:
-            sample(loop, record, at, x, scratch)
-            continue
-        implicit_interpolate(stages, x, share, scratch.between)
-        sample(loop, record, at, scratch.between, scratch)
-
-
-@kernel
-def _note_step(
-    loop: Loop,
-    record: Record,
-    scratch: Scratch,
-    x: Array,
-    t: float,
-    h: float,
-    error: float,
-    tolerances: Array,
-) -> None:
-    """Bound the motion over an accepted step h from time t and state x (N,), and add its error.
-
-    ``error`` is the root mean square over all states in units of the tolerance, so no joint's is
-    more than sqrt(N) times that.
-    """
-    piece = loop.flags[PIECE]
-    bounds = record.bounds
-    reference = loop.coefficients[piece]
-    bound_step(bounds, reference, loop.breaks[piece], scratch.motion, t, h)
-    for i in range(bounds.local_error.shape[0]):
-        scale = tolerances[1] + tolerances[0] * max(abs(x[i]), abs(scratch.end[i]))
-        bounds.local_error[i] += np.sqrt(x.shape[0]) * error * scale
-        if loop.flags[HELD] != 0:
-            bounds.peak_torque[i] = max(bounds.peak_torque[i], abs(loop.command[i]))
-    if loop.flags[HELD] == 0:
-        command_kernel(loop, t + h, scratch.end, scratch.command)
-        for i in range(bounds.peak_torque.shape[0]):
-            bounds.peak_torque[i] = max(bounds.peak_torque[i], abs(scratch.command[i]))
+        for i in range(loop.limit.shape[0]):
+            peak = record.bounds.peak_torque
+            peak[i] = max(peak[i], abs(loop.command[i]))
+        if scratch.errors.is_kept:
+            begin_call(loop, scratch.errors, events.times[s], x, scratch.weights)
 
 
 @kernel
@@ -302,7 +136,7 @@ def run_kernel(  # noqa: C901, PLR0912, PLR0915  one loop over segments and step
     steps: Steps,
     stages: Stages,
     record: Record,
-    tolerances: Array,
+    scratch: Scratch,
     most: int,
     x: Array,
 ) -> int:
@@ -314,12 +148,11 @@ def run_kernel(  # noqa: C901, PLR0912, PLR0915  one loop over segments and step
     Returns:
         How it ended.
     """
-    N, segments = x.shape[0], events.times.shape[0] - 1
-    scratch = _scratch(loop, N)
+    N, segments, tolerances = x.shape[0], events.times.shape[0] - 1, scratch.tolerances
     end, stiff_steps, calm_steps, is_stiff, h = scratch.end, 0, 0, False, 0.0
     for s in range(segments):
         t, stop = events.times[s], events.times[s + 1]
-        _begin_segment(loop, events, s, x)
+        _begin_segment(loop, events, record, scratch, s, x)
         if record.counters[SAMPLES] == 0:
             sample(loop, record, t, x, scratch)
         rate_kernel(loop, t, x, steps.K[0])
@@ -371,10 +204,10 @@ def run_kernel(  # noqa: C901, PLR0912, PLR0915  one loop over segments and step
             if _has_run_away(end):
                 return DIVERGED
             if is_stiff:
-                _sample_implicit(loop, stages, record, scratch, x, t, tried, after)
+                sample_implicit(loop, stages, record, scratch, x, t, tried, after)
             else:
-                _sample_explicit(loop, steps, record, scratch, x, t, tried, after)
-            _note_step(loop, record, scratch, x, t, tried, error, tolerances)
+                sample_explicit(loop, steps, record, scratch, x, t, tried, after)
+            note_step(loop, record, scratch, x, t, tried, error)
             growth = _MAX_GROWTH if error == 0.0 else min(_MAX_GROWTH, _SAFETY * error**-power)
             h = tried * max(_MAX_SHRINK, min(growth, 1.0) if rejected else growth)
             if is_stiff and tried <= h <= 1.2 * tried:

@@ -25,20 +25,20 @@ class LimitUse(NamedTuple):
 def limit_uses(bounds: MotionBounds, limits: Limits) -> dict[str, LimitUse]:
     """Use of the position, velocity and torque limits that are finite.
 
-    Positions and velocities are bounded over every step of the integrator; torques are those at
-    its steps and at the samples.
+    Positions and velocities are bounded over every step of the integrator; so are torques of a
+    simulation with a tube, which are those at the samples otherwise.
     """
     rows = bounds.visited_cells()
     lower, upper = bounds.lower[rows], bounds.upper[rows]
     if not len(rows):
         return {}
-    low = lower[:, Quantity.POSITION].min(axis=0) - bounds.local_error
-    high = upper[:, Quantity.POSITION].max(axis=0) + bounds.local_error
+    low = lower[:, Quantity.POSITION].min(axis=0) - bounds.global_error[0]
+    high = upper[:, Quantity.POSITION].max(axis=0) + bounds.global_error[0]
     limited = np.isfinite(limits.lower) & np.isfinite(limits.upper)
     least, greatest = np.where(limited, limits.lower, 0.0), np.where(limited, limits.upper, 0.0)
     middle, half = 0.5 * (greatest + least), 0.5 * (greatest - least)
     off = np.maximum(high - middle, middle - low)
-    velocity = np.maximum(
+    velocity = bounds.global_error[1] + np.maximum(
         upper[:, Quantity.VELOCITY].max(axis=0), -lower[:, Quantity.VELOCITY].min(axis=0)
     )
     values = {

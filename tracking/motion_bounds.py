@@ -28,6 +28,22 @@ _MOST_CELLS = 20_000
 STEP_COEFFICIENTS = 8
 
 
+#: Chebyshev points of a step, both its ends among them, at which torques are computed.
+NODES = 7
+#: Their parts of the step.
+SHARES = 0.5 - 0.5 * np.cos(np.pi * np.arange(NODES) / (NODES - 1))
+
+
+def _chebyshev_matrix() -> Array:
+    """Values at the points to coefficients of Chebyshev polynomials, shape (NODES, NODES)."""
+    angles = np.pi * np.arange(NODES) / (NODES - 1)
+    values = np.cos(np.outer(np.pi - angles, np.arange(NODES)))
+    return np.asarray(np.linalg.inv(values))
+
+
+_CHEBYSHEV = _chebyshev_matrix()
+
+
 class Quantity(IntEnum):
     """Rows of a cell in ``MotionBounds``."""
 
@@ -50,15 +66,21 @@ class MotionBounds(NamedTuple):
         cell: Length of a cell [s].
         lower: By cell, ``Quantity`` and joint, shape (m, 3, n); inf in cells never reached.
         upper: Likewise; -inf in cells never reached.
-        local_error: Sum of the integrator's error estimates over all steps, shape (n,) [rad or m].
-        peak_torque: Largest |torque| at any step of the integrator, shape (n,) [N m or N].
+        global_error: Largest error of the integrator in positions and velocities, its local error
+            estimates carried along the loop, shape (2, n) [rad or m, rad/s or m/s].
+        peak_torque: Largest |torque| at any instant, shape (n,) [N m or N].
     """
 
     cell: float
     lower: Array
     upper: Array
-    local_error: Array
+    global_error: Array
     peak_torque: Array
+
+    @property
+    def has_cells(self) -> bool:
+        """Whether there is a row for each cell of time, not one for the whole motion."""
+        return len(self.lower) > 1
 
     @property
     def max_error(self) -> Array:
@@ -73,15 +95,21 @@ class MotionBounds(NamedTuple):
         return np.flatnonzero(rows)
 
 
-def empty_bounds(duration: float, n: int) -> MotionBounds:
-    """Bounds of a motion of n joints over ``duration`` [s], to be filled step by step."""
+def empty_bounds(duration: float, n: int, *, has_cells: bool = True) -> MotionBounds:
+    """Bounds of a motion of n joints over ``duration`` [s], to be filled step by step.
+
+    Args:
+        duration: [s].
+        n: Number of joints.
+        has_cells: Whether every cell of time has a row, or one row holds for the whole motion.
+    """
     count = min(max(math.ceil(duration / _CELL), _FEWEST_CELLS), _MOST_CELLS)
-    shape = (count, len(Quantity), n)
+    shape = (count if has_cells else 1, len(Quantity), n)
     return MotionBounds(
         duration / count,
         np.full(shape, np.inf),
         np.full(shape, -np.inf),
-        np.zeros(n),
+        np.zeros((2, n)),
         np.zeros(n),
     )
 
@@ -113,6 +141,35 @@ def note_range(bounds: MotionBounds, cell: int, quantity: int, joint: int, c: Ar
 
 
 @kernel
+def is_within(
+    bounds: MotionBounds, reference: Array, start: float, motion: Array, t: float, h: float
+) -> bool:
+    """Whether a whole step stays within the bounds of the only row; arguments as ``bound_step``."""
+    n = bounds.lower.shape[2]
+    size = max(reference.shape[1], motion.shape[1])
+    joint, wanted = np.empty(motion.shape[1]), np.empty(reference.shape[1])
+    for i in range(n):
+        for quantity in (_VELOCITY, _POSITION, _ERROR):
+            source = motion[n + i] if quantity == _VELOCITY else motion[i]
+            center_polynomial(source, 0.5, 0.5, joint)
+            if quantity == _ERROR:
+                center_polynomial(reference[i], t + 0.5 * h - start, 0.5 * h, wanted)
+            spread, middle = 0.0, 0.0
+            for k in range(size):
+                c = joint[k] if k < joint.shape[0] else 0.0
+                if quantity == _ERROR:
+                    c = (wanted[k] if k < wanted.shape[0] else 0.0) - c
+                if k == 0:
+                    middle = c
+                else:
+                    spread += abs(c)
+            low, high = bounds.lower[0, quantity, i], bounds.upper[0, quantity, i]
+            if middle - spread < low or middle + spread > high:
+                return False
+    return True
+
+
+@kernel
 def bound_step(
     bounds: MotionBounds, reference: Array, start: float, motion: Array, t: float, h: float
 ) -> None:
@@ -130,19 +187,79 @@ def bound_step(
     n, m = bounds.lower.shape[2], bounds.lower.shape[0]
     size = max(reference.shape[1], motion.shape[1])
     joint, wanted, error = np.empty(motion.shape[1]), np.empty(reference.shape[1]), np.empty(size)
-    first = min(max(int(t / bounds.cell), 0), m - 1)
-    last = min(max(int((t + h) / bounds.cell), 0), m - 1)
+    first, last = int(t / bounds.cell), int((t + h) / bounds.cell)
+    if m == 1 and is_within(bounds, reference, start, motion, t, h):
+        return
+    if m > 1:
+        first, last = min(max(first, 0), m - 1), min(max(last, 0), m - 1)
     for cell in range(first, last + 1):
+        row = cell if m > 1 else 0
         low = t if cell == first else cell * bounds.cell
         high = t + h if cell == last else (cell + 1) * bounds.cell
         middle, radius = 0.5 * (low + high), 0.5 * (high - low)
         for i in range(n):
             center_polynomial(motion[n + i], (middle - t) / h, radius / h, joint)
-            note_range(bounds, cell, _VELOCITY, i, joint)
+            note_range(bounds, row, _VELOCITY, i, joint)
             center_polynomial(motion[i], (middle - t) / h, radius / h, joint)
-            note_range(bounds, cell, _POSITION, i, joint)
+            note_range(bounds, row, _POSITION, i, joint)
             center_polynomial(reference[i], middle - start, radius, wanted)
             for k in range(size):
                 error[k] = wanted[k] if k < wanted.shape[0] else 0.0
                 error[k] -= joint[k] if k < joint.shape[0] else 0.0
-            note_range(bounds, cell, _ERROR, i, error)
+            note_range(bounds, row, _ERROR, i, error)
+
+
+@kernel
+def hermite_polynomials(
+    before: Array, after: Array, h: float, x: Array, end: Array, out: Array
+) -> None:
+    """Write the quintic of positions and the cubic of velocities through the ends of a step.
+
+    Args:
+        before: Rate of the state at the start of the step, shape (N,).
+        after: Rate at its end, shape (N,).
+        h: Length of the step [s].
+        x: State at the start, shape (N,).
+        end: State at the end, shape (N,).
+        out: Coefficients in powers of the part of the step that has passed, shape (2 n, 8).
+    """
+    n = out.shape[0] // 2
+    for i in range(n):
+        p, v = out[i], out[n + i]
+        for k in range(out.shape[1]):
+            p[k], v[k] = 0.0, 0.0
+        start, slope = h * x[n + i], h * h * before[n + i]
+        p[0], p[1], p[2] = x[i], start, 0.5 * slope
+        gap = end[i] - x[i] - start - 0.5 * slope
+        rise = h * end[n + i] - start - slope
+        bend = h * h * after[n + i] - slope
+        p[3] = 10.0 * gap - 4.0 * rise + 0.5 * bend
+        p[4] = -15.0 * gap + 7.0 * rise - bend
+        p[5] = 6.0 * gap - 3.0 * rise + 0.5 * bend
+        change = end[n + i] - x[n + i]
+        first, last = h * before[n + i], h * after[n + i]
+        v[0], v[1] = x[n + i], first
+        v[2] = 3.0 * change - 2.0 * first - last
+        v[3] = first + last - 2.0 * change
+
+
+@kernel
+def raise_peaks(torques: Array, limit: Array, peaks: Array) -> None:
+    """Raise the largest |torque| to a bound over a step, by its Chebyshev polynomial.
+
+    |T_k| <= 1, so that the sum of all |coefficients| bounds the polynomial; the last two are
+    counted twice, for the terms that come after them.
+
+    Args:
+        torques: At ``SHARES`` of the step, shape (NODES, n) [N m or N].
+        limit: What they are cut off at, shape (n,).
+        peaks: Largest so far, shape (n,).
+    """
+    for i in range(limit.shape[0]):
+        total = 0.0
+        for k in range(NODES):
+            c = 0.0
+            for j in range(NODES):
+                c += _CHEBYSHEV[k, j] * torques[j, i]
+            total += abs(c) if k < NODES - 2 else 2.0 * abs(c)
+        peaks[i] = max(peaks[i], min(total, limit[i]))

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kinematics.arrays import Array, frozen
+from kinematics.errors import InvalidOption
 from kinematics.forward import joint_frames
 from obstacles.robot_geometry import RobotGeometry
 from tracking.displacement import (
@@ -89,11 +90,19 @@ def tube(robot: RobotGeometry, bounds: MotionBounds) -> Tube:
 
     Args:
         robot: The robot with what it holds.
-        bounds: Bounds of the tracked motion.
+        bounds: Bounds of the tracked motion, with a row for each cell of time.
+
+    Raises:
+        InvalidOption: The simulation kept no cells.
     """
+    if not bounds.has_cells:
+        raise InvalidOption(
+            "the simulation kept no bounds in cells of time",
+            hint="Simulate with the option tube=True.",
+        )
     rows = bounds.visited_cells()
     lower, upper = bounds.lower[rows], bounds.upper[rows]
-    middle, radius = 0.5 * (lower + upper), 0.5 * (upper - lower) + bounds.local_error
+    middle, radius = 0.5 * (lower + upper), 0.5 * (upper - lower) + bounds.global_error[0]
     largest = np.abs(middle) + radius
     error, out = largest[:, Quantity.ERROR], largest[:, Quantity.POSITION]
     reach = reaches(robot, (out + error).max(axis=0, initial=0.0))

@@ -14,6 +14,7 @@ from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from planning.deadline import Deadline
 from planning.proof.certificate import Certificate, certify
+from tracking.global_error import LOST
 from tracking.limit_use import limit_uses
 from tracking.result import SimulationOutcome, SimulationResult
 from tracking.tube import Displacement, tube
@@ -24,6 +25,10 @@ _Part = TypeVar("_Part", str, tuple[str, str])
 _DENSE = 0.0101
 #: Shorter pieces of time are rounding errors [s].
 _NO_TIME = 1e-9
+#: Links are made thicker by so much at most [m]: a displacement beyond it leaves nothing clear.
+_THICKEST = 1.0
+#: An error of the integrator beyond this [rad or m] is not one of first order any more.
+_LARGEST_ERROR = 1e-3
 #: Parts that lose more than this share of a clearance get a clearance of their own.
 _LARGE_LOSS = 0.5
 
@@ -92,9 +97,7 @@ def tube_answer(
 
     def among_links(pairs: Mapping[tuple[str, str], Displacement]) -> Clearance:
         """Clearance of some pairs of the robot's own links."""
-        proof = certify(motion, _only_pairs(free, set(pairs)), Scene(()), deadline=deadline)
-        known = proof.proved.collisions
-        return Clearance(proof.min_self_clearance if known else 0.0, proof.self_pair)
+        return own_clearance(motion, free, pairs, deadline)
 
     obstacle = Clearance(certificate.min_obstacle_clearance, certificate.obstacle_pair)
     own = Clearance(certificate.min_self_clearance, certificate.self_pair)
@@ -118,6 +121,54 @@ def tube_answer(
         "clears": not reasons,
         "reason": "; ".join(reasons) or None,
     }
+
+
+def own_clearance(
+    motion: Trajectory,
+    robot: RobotGeometry,
+    pairs: Mapping[tuple[str, str], Displacement],
+    deadline: Deadline,
+) -> Clearance:
+    """Clearance of some pairs of a robot's own links, told at least as far as they are displaced.
+
+    A proof tells clearances up to a few centimetres. So one link of each pair is made thicker by
+    the largest displacement: what is proved of the thick links holds for the real ones with this
+    much more.
+
+    Args:
+        motion: The reference.
+        robot: The robot.
+        pairs: Pairs of links, and the displacement of the second as the first one sees it.
+        deadline: When to give up proving.
+    """
+    some = _only_pairs(robot, set(pairs))
+    far = max(item.distance for item in pairs.values())
+    thick = _thickened(some, {link for _, link in pairs}, far)
+    if thick is not None:
+        proof = certify(motion, thick, Scene(()), deadline=deadline)
+        if proof.proved.collisions:
+            return Clearance(proof.min_self_clearance + far, proof.self_pair)
+    proof = certify(motion, some, Scene(()), deadline=deadline)
+    return Clearance(proof.min_self_clearance if proof.proved.collisions else 0.0, proof.self_pair)
+
+
+def _thickened(robot: RobotGeometry, links: set[str], by: float) -> RobotGeometry | None:
+    """The robot with a ball added to some links; None where a mesh can't be made thicker.
+
+    Args:
+        robot: The robot.
+        links: Names of the links.
+        by: Radius of the ball [m].
+    """
+    chosen = [name in links for name in robot.links]
+    parts = [piece for piece, is_chosen in zip(robot.pieces, chosen, strict=True) if is_chosen]
+    if by > _THICKEST or any(piece.surface is not None for piece in parts):
+        return None
+    pieces = tuple(
+        dataclasses.replace(piece, offset_radius=piece.offset_radius + by) if is_chosen else piece
+        for piece, is_chosen in zip(robot.pieces, chosen, strict=True)
+    )
+    return dataclasses.replace(robot, pieces=pieces)
 
 
 def remaining(
@@ -191,6 +242,15 @@ def _reasons(
     """Why the tracked motion is not proved to clear everything, with the cure; empty if it is."""
     if result.outcome is not SimulationOutcome.COMPLETED:
         return [f"the simulation did not reach the end: {result.outcome.value}"]
+    error = float(result.bounds.global_error[0].max())
+    if error > _LARGEST_ERROR:
+        size = f"more than {LOST:g}" if error >= LOST else f"{error:.1g}"
+        reason = (
+            f"the closed loop amplifies errors of the integrator, which may have grown to {size} "
+            "rad (or m): nothing is proved of an unstable loop; change the gains or simulate a "
+            "shorter motion"
+        )
+        return [reason]
     if certificate.violation is not None:
         return [f"the reference itself is not certified: {certificate.violation.message}"]
     reasons = []

@@ -228,6 +228,7 @@ def options(body: schema.SimulateRequest, trajectory: Trajectory) -> SimulationO
         saturate=body.saturate,
         settling_tolerance=body.settling_tolerance,
         max_evaluations=evaluations,
+        tube=body.scene is not None,
         stops=None if body.joint_stops is None else JointStops(**body.joint_stops.model_dump()),
     )
 

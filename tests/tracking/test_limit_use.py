@@ -40,8 +40,11 @@ def test_ratios_are_of_the_worst_joint() -> None:
 
 def test_the_start_counts_as_well_as_the_end() -> None:
     bounds = moving()
-    farther = bounds._replace(local_error=np.array([1.25, 0.0]))
-    assert limit_uses(farther, LIMITS)["position"].ratio == pytest.approx((2.5 + 1.25 - 1.0) / 2.0)
+    farther = bounds._replace(global_error=np.array([[1.25, 0.0], [0.5, 0.0]]))
+    uses = limit_uses(farther, LIMITS)
+    assert uses["position"].ratio == pytest.approx((2.5 + 1.25 - 1.0) / 2.0)
+    # |-6| / 4 of the other joint is still the most.
+    assert uses["velocity"].ratio == pytest.approx(1.5)
 
 
 def test_unknown_limits_have_no_ratio() -> None:

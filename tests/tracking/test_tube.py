@@ -24,7 +24,7 @@ from tracking.simulation import SimulationOptions, simulate
 from tracking.tube import tube
 
 PANDA = np.array([0.0, -0.5, 0.0, -2.0, 0.0, 1.6, 0.8])
-OPTIONS = SimulationOptions(saturate=False, sample_period=1e-3)
+OPTIONS = SimulationOptions(saturate=False, sample_period=1e-3, tube=True)
 
 
 def geometry(name: str) -> RobotGeometry:
@@ -139,7 +139,7 @@ def test_no_error_costs_nothing() -> None:
 def test_what_the_integrator_may_be_off_widens_the_tube() -> None:
     robot = geometry("panda")
     bounds = constant_bounds(robot, PANDA, np.full(7, 0.01))
-    wider = bounds._replace(local_error=np.full(7, 1e-3))
+    wider = bounds._replace(global_error=np.full((2, 7), 1e-3))
     exact, widened = tube(robot, bounds), tube(robot, wider)
     np.testing.assert_allclose(widened.joint_error - exact.joint_error, 1e-3)
     more = widened.displacement - exact.displacement

@@ -1,14 +1,24 @@
 """Clearance that tracking leaves: own links and obstacles apart, each with its cure."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import httpx
 import numpy as np
 import pytest
 
-from service.tasks.tracking_tube import Clearance, remaining
+from kinematics.robots import builtin_srdf, builtin_urdf
+from kinematics.serial_chain import serial_chain
+from kinematics.srdf import parse_srdf
+from kinematics.urdf import parse_urdf
+from obstacles.fcl_distance import FclWorld
+from obstacles.robot_geometry import robot_geometry
+from obstacles.scene import Scene
+from planning.deadline import Deadline
+from service.tasks.tracking_tube import Clearance, own_clearance, remaining
 from tests.service.robots import answer
+from tracking.references import hold
 from tracking.tube import Displacement
 
 #: A ball of 0.05 m that swings at 1 m in the vertical plane.
@@ -117,3 +127,63 @@ def test_parts_that_lose_much_are_held_against_their_own_clearance() -> None:
     # And where nothing is gained by asking on, that is what remains.
     assert remaining(near, moved, lambda _: near).distance == pytest.approx(-0.01)
     assert remaining(near, {}, None).distance == 0.01
+
+
+def test_clearances_of_own_links_are_told_as_far_as_they_are_displaced() -> None:
+    description, semantics = parse_urdf(builtin_urdf("panda")), parse_srdf(builtin_srdf("panda"))
+    chain = serial_chain(description, semantics=semantics)
+    robot = robot_geometry(chain, description, None, semantics)
+    motion = hold(chain, HOME, 1.0)
+    pairs = robot.self_pairs
+    far_apart = 0
+    for near, far in pairs[:: max(1, len(pairs) // 12)].tolist():
+        pair = robot.links[near], robot.links[far]
+        names = sorted(set(robot.links))
+        every = {(a, b): "same body" for i, a in enumerate(names) for b in names[i + 1 :]}
+        every.pop((min(pair), max(pair)))
+        world = FclWorld(replace(robot, allowed=every), Scene(()))
+        true = world.clearance(np.array(HOME)).distance
+        for moved in (0.01, 0.12):
+            told = own_clearance(motion, robot, {pair: Displacement(moved)}, Deadline.after(60.0))
+            assert told.distance <= true + 1e-6
+            if true > moved + 0.06:
+                far_apart += 1
+                assert told.distance > moved + 0.04, pair
+    assert far_apart >= 4
+
+
+def test_an_unstable_loop_is_refused_in_words(client: httpx.Client) -> None:
+    """Upright with a spring weaker than its weight, it falls: errors grow as exp(3 t)."""
+    client.post("/v1/robots", json={"name": "pendulum", "urdf": PENDULUM})
+    body = {
+        "robot": "pendulum",
+        "reference": {"type": "hold", "joints": [np.pi - 0.2], "duration": 12.0},
+        "controller": {"type": "independent_joint", "Kp": 1e-3, "Kd": 1e-3, "inertia": 1e-6},
+        "initial_state": {"joints": [np.pi]},
+        "scene": {"obstacles": []},
+        "saturate": False,
+    }
+    around = answer(client.post("/v1/simulate", json=body))["tube"]
+    assert not around["clears"]
+    assert "nothing is proved of an unstable loop" in around["reason"]
+    # For a second it is not unstable enough to matter.
+    short = body | {"reference": {"type": "hold", "joints": [np.pi - 0.2], "duration": 1.0}}
+    around = answer(client.post("/v1/simulate", json=short))["tube"]
+    assert "unstable" not in str(around["reason"])
+
+
+def test_torques_between_steps_count(client: httpx.Client) -> None:
+    """A spring and damper: u = -w² x - 2 w x', whose largest size is at the start or turns."""
+    client.post("/v1/robots", json={"name": "pendulum", "urdf": PENDULUM})
+    body = {
+        "robot": "pendulum",
+        "reference": {"type": "sine", "center": [0.0], "amplitude": 0.5, "frequency": 1.1,
+                      "duration": 2.0},
+        "controller": {"type": "computed_torque", "natural_frequency": 6.0},
+        "scene": {"obstacles": []},
+        "sample_period": 2.0,
+    }  # fmt: skip
+    coarse = answer(client.post("/v1/simulate", json=body))["tube"]["limits"]["torque"]["ratio"]
+    fine = answer(client.post("/v1/simulate", json=body | {"sample_period": 1e-3}))
+    largest = np.abs(fine["torque"]).max() / 1000.0
+    assert largest <= coarse <= 1.3 * largest
