@@ -25,7 +25,7 @@ Conditions = bool
 #: Lanes of a value: two vectors of four, which hides the time that an operation takes.
 LANES = 8
 #: Revision of the machine code of the functions below: count it up with every change.
-_REVISION = 2
+_REVISION = 3
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 VECTOR = ir.VectorType(ir.DoubleType(), LANES)
@@ -344,7 +344,8 @@ def _on_stack_compiled(context: Any, builder: Any, signature: Any, values: Any) 
     eight, count = _whole(8), _whole(signature.args[0].literal_value)
     room = cgutils.alloca_once(builder, ir.DoubleType(), size=count)
     room.align = 8 * LANES  # so that no vector lies in two cache lines
-    context.populate_array(array, room, (count,), (eight,), eight, meminfo=None)
+    parts = {"shape": (count,), "strides": (eight,), "itemsize": eight, "meminfo": None}
+    context.populate_array(array, data=room, **parts)
     return array._getvalue()
 
 
