@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from obstacles.attachment import Attachment, Holding, grasp, hold, release
     from obstacles.checker import Checker
     from obstacles.moveit import scene_from_moveit
+    from obstacles.placement import place
     from obstacles.robot_geometry import RobotGeometry
     from obstacles.scene import Obstacle, Scene
     from obstacles.shapes import (
@@ -141,6 +142,7 @@ _MODULES = {
     "inverse_dynamics": "armwright.model",
     "jacobian": "armwright.model",
     "load_robot": "armwright.robot",
+    "place": "obstacles.placement",
     "plan": "armwright.motion",
     "pose": "armwright.model",
     "release": "obstacles.attachment",
@@ -216,6 +218,7 @@ __all__ = [
     "inverse_dynamics",
     "jacobian",
     "load_robot",
+    "place",
     "plan",
     "pose",
     "release",

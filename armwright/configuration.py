@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 from armwright.model import Robot, chain_of
 from kinematics.ik.inverse import IkOptions, inverse_kinematics
 from kinematics.ik.solution import IkResult
+from obstacles.placement import place
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from planning.configuration_check import ConfigurationReport, configuration_checker
@@ -27,7 +28,7 @@ def check(
         InvalidRobotState: ``joints`` has the wrong length or is not finite.
     """
     q = robot.chain.configuration(joints).reshape(robot.chain.n)
-    return configuration_checker(robot, scene, margin).check(q)
+    return configuration_checker(robot, place(scene, robot.chain, q), margin).check(q)
 
 
 def ik(

@@ -9,7 +9,7 @@ from kinematics.forward import forward
 
 #: The name of the tip's frame, where it stands at the configuration of a request.
 TOOL = "tool"
-#: What MoveIt calls the root frame of a robot without a virtual joint.
+#: Name of the root frame of a robot whose SRDF has no fixed virtual joint, as in MoveIt.
 WORLD = "world"
 #: Chains that begin this close to the root need no note [m, and as the entries of a rotation].
 _SAME_FRAME = 1e-9
@@ -44,7 +44,7 @@ def frame_pose(chain: Chain, frame: str, joints: Array | None, where: str) -> Ar
                 frame=frame,
             )
         return link.T_joint_link
-    if frame in (WORLD, *chain.root_aliases):
+    if frame in (chain.root_aliases or (WORLD,)):
         return np.eye(4)
     raise InvalidLinkName(
         f"{where}: robot {chain.name!r} has no frame {frame!r}",
@@ -56,7 +56,7 @@ def frame_pose(chain: Chain, frame: str, joints: Array | None, where: str) -> Ar
 def frame_names(chain: Chain) -> list[str]:
     """Frames that a request can name: links that stand still, names of the root, the tool."""
     standing = [link.name for link in chain.links if link.joint < 0]
-    return [*standing, *chain.root_aliases, TOOL]
+    return [*standing, *(chain.root_aliases or (WORLD,)), TOOL]
 
 
 def root_notes(chain: Chain) -> list[str]:

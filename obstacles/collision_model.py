@@ -100,6 +100,7 @@ class CollisionModel:
 
 
 def _packed(robot: RobotGeometry, scene: Scene, margin: float) -> ModelArrays:
+    scene.check_placed()
     own, around = _robot_part(robot), _scene_part(scene)
     skipped = skipped_pairs(robot, scene)
     self_pairs, grid, groups = _own_pairs(robot, scene.allowed_collisions)

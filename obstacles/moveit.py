@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,8 +24,8 @@ def scene_from_moveit(text: str | bytes) -> Scene:
     Boxes, cylinders, spheres, cones, planes (as the half-space behind them) and meshes of
     ``world.collision_objects`` become obstacles; an object of several solids becomes ``id/0``,
     ``id/1``, ... Pairs that are true in ``allowed_collision_matrix`` become allowed collisions.
-    An object's frame is looked up in ``fixed_frame_transforms``; any other is taken for the
-    robot's base frame.
+    An object's frame is looked up in ``fixed_frame_transforms``; any other, "world" for example,
+    becomes the frame of its obstacles, for ``obstacles.placement.place`` to find on the robot.
 
     Args:
         text: YAML, as MoveIt writes ``moveit_msgs/PlanningScene``.
@@ -73,7 +74,14 @@ def _refuse_unread(root: Mapping[str, Node]) -> None:
         )
 
 
-def _frames(root: Mapping[str, Node]) -> dict[str, Array]:
+class _Frame(NamedTuple):
+    """A frame by its pose in another one; None for the other means the robot's root frame."""
+
+    parent: str | None
+    T_parent_frame: Array
+
+
+def _frames(root: Mapping[str, Node]) -> dict[str, _Frame]:
     frames = {}
     where = "fixed_frame_transforms"
     for i, entry in enumerate(_sequence(root.get(where), where)):
@@ -81,20 +89,40 @@ def _frames(root: Mapping[str, Node]) -> dict[str, Array]:
         fields = _mapping(entry, here)
         name = _name(fields.get("child_frame_id"), f"{here}.child_frame_id")
         pose = _mapping(fields.get("transform"), f"{here}.transform")
-        frames[name] = _pose(pose, f"{here}.transform", "translation", "rotation")
+        T = _pose(pose, f"{here}.transform", "translation", "rotation")
+        frames[name] = _Frame(_frame_id(fields, here), T)
     return frames
 
 
+def _frame_id(fields: Mapping[str, Node], where: str) -> str | None:
+    """The frame that a header names; None where it names none."""
+    header = _mapping(fields.get("header") or {}, f"{where}.header")
+    name = header.get("frame_id")
+    return None if name in (None, "") else _name(name, f"{where}.header.frame_id").removeprefix("/")
+
+
+def _locate(name: str | None, frames: Mapping[str, _Frame], where: str) -> _Frame:
+    """A frame by its pose in one that no transform leads to, or in the root frame."""
+    T = np.eye(4)
+    seen: set[str] = set()
+    while name is not None and name in frames:
+        if name in seen:
+            raise InvalidScene(f"{where}: the transforms of frame {name!r} form a circle")
+        seen.add(name)
+        T = frames[name].T_parent_frame @ T
+        # The planning frame stands at itself: its transform is there for completeness.
+        name = None if frames[name].parent == name else frames[name].parent
+    return _Frame(name, T)
+
+
 def _obstacles(
-    entry: Mapping[str, Node], frames: Mapping[str, Array], where: str
+    entry: Mapping[str, Node], frames: Mapping[str, _Frame], where: str
 ) -> list[Obstacle]:
     name = _name(entry.get("id"), f"{where}.id")
     where = f"{where} ({name!r})"
     if entry.get("operation") == _REMOVE:
         return []
-    T = np.eye(4)
-    header = _mapping(entry.get("header") or {}, f"{where}.header")
-    T = T @ frames.get(str(header.get("frame_id")), np.eye(4))
+    frame, T = _locate(_frame_id(entry, where), frames, where)
     if entry.get("pose") is not None:
         T = T @ _pose(entry["pose"], f"{where}.pose")
     solids: list[tuple[Shape, Array, str]] = []
@@ -109,7 +137,7 @@ def _obstacles(
     for k, (shape, T_object_solid, here) in enumerate(solids):
         with _at(here):
             own = f"{name}/{k}" if len(solids) > 1 else name
-            obstacles.append(Obstacle(own, shape, T @ T_object_solid))
+            obstacles.append(Obstacle(own, shape, T @ T_object_solid, frame=frame))
     return obstacles
 
 

@@ -1,4 +1,4 @@
-"""The scene: named obstacles in the robot's base frame, as one immutable value."""
+"""The scene: named obstacles in the robot's root frame, as one immutable value."""
 
 import hashlib
 from collections import Counter
@@ -30,8 +30,10 @@ class Obstacle:
     Args:
         id: Its name, unique in its scene.
         shape: What it is made of.
-        T_world_obstacle: Its pose in the robot's base frame, shape (4, 4).
+        T_world_obstacle: Its pose in ``frame``, shape (4, 4).
         margin: Distance to be kept from it beyond that asked for everywhere [m].
+        frame: A link of the robot that stands still, or "tool"; None for the robot's root frame.
+            ``obstacles.placement.place`` puts a scene into the root frame, where all checks are.
 
     Raises:
         InvalidScene: The name is empty or too long, the pose no rigid motion, the margin negative.
@@ -41,6 +43,7 @@ class Obstacle:
     shape: Shape
     T_world_obstacle: Array = field(default_factory=lambda: np.eye(4))
     margin: float = 0.0
+    frame: str | None = None
     _pieces: tuple[Piece, ...] | None = field(default=None, init=False, repr=False)
 
     if TYPE_CHECKING:  # the constructor takes whatever makes an array
@@ -51,10 +54,13 @@ class Obstacle:
             shape: Shape,
             T_world_obstacle: ArrayLike = ...,
             margin: float = 0.0,
+            frame: str | None = None,
         ) -> None: ...
 
     def __post_init__(self) -> None:
         checked_name(self.id, "obstacle id")
+        if self.frame is not None:
+            checked_name(self.frame, f"frame of obstacle {self.id!r}")
         if not isinstance(self.shape, Shape):
             raise InvalidScene(f"obstacle {self.id!r}: {type(self.shape).__name__} is not a shape")
         object.__setattr__(self, "T_world_obstacle", _rigid(self.T_world_obstacle, self.id))
@@ -68,10 +74,11 @@ class Obstacle:
 
     def __reduce__(self) -> tuple[object, ...]:
         # Not by the constructor: orthonormalising a rotation once more changes its last bits.
-        return _restored, (self.id, self.shape, self.T_world_obstacle, self.margin)
+        values = (self.id, self.shape, self.T_world_obstacle, self.margin, self.frame)
+        return _restored, values
 
     def pieces(self) -> tuple[Piece, ...]:
-        """Its convex pieces in the robot's base frame, without the margin."""
+        """Its convex pieces in the robot's root frame, without the margin."""
         if self._pieces is None:
             T = self.T_world_obstacle
             pieces = tuple(p.placed(T) for p in self.shape.pieces())
@@ -123,6 +130,7 @@ class Scene:
     content_hash: str = field(init=False, repr=False)
     #: Names of the obstacles, in their order.
     ids: tuple[str, ...] = field(init=False, repr=False)
+    _frames: frozenset[str] = field(init=False, repr=False)
     _packed: Packed | None = field(default=None, init=False, repr=False)
 
     if TYPE_CHECKING:  # the constructor takes any iterables
@@ -145,6 +153,8 @@ class Scene:
                 ids=twice,
             )
         object.__setattr__(self, "obstacles", obstacles)
+        named = frozenset(o.frame for o in obstacles if o.frame is not None)
+        object.__setattr__(self, "_frames", named)
         object.__setattr__(self, "ids", tuple(obstacle.id for obstacle in obstacles))
         object.__setattr__(self, "allowed_collisions", _pairs(self.allowed_collisions))
         object.__setattr__(self, "content_hash", _content_hash(self))
@@ -157,6 +167,24 @@ class Scene:
 
     def __reduce__(self) -> tuple[object, ...]:
         return Scene, (self.obstacles, self.allowed_collisions)
+
+    @property
+    def frames(self) -> frozenset[str]:
+        """Frames of obstacles that are not in the root frame yet."""
+        return self._frames
+
+    def check_placed(self) -> None:
+        """Refuse obstacles that are not in the root frame.
+
+        Raises:
+            InvalidScene: There are some; ``obstacles.placement.place`` puts them there.
+        """
+        if self._frames:
+            raise InvalidScene(
+                f"obstacles are in the frame(s) {', '.join(sorted(self._frames))}, not in the root "
+                "frame",
+                hint="Put the scene there first: place(scene, chain, joints).",
+            )
 
     def obstacle(self, name: str) -> Obstacle:
         """The obstacle called ``name``.
@@ -181,7 +209,7 @@ class Scene:
         return (min(a, b), max(a, b)) in self.allowed_collisions
 
     def pieces(self) -> Packed:
-        """Every convex piece in the robot's base frame.
+        """Every convex piece in the robot's root frame.
 
         Returns:
             The pieces (p); the index of the obstacle each belongs to, shape (p,); the obstacle's
@@ -211,7 +239,7 @@ class Scene:
         )
 
     def piece(self, k: int) -> Piece:
-        """Piece ``k`` of those that ``pieces`` packs, in the robot's base frame."""
+        """Piece ``k`` of those that ``pieces`` packs, in the robot's root frame."""
         owners = self.pieces()[1]
         owner = int(owners[k])
         return self.obstacles[owner].piece(k - int(np.searchsorted(owners, owner)))
@@ -239,11 +267,15 @@ def _pairs(pairs: Iterable[Iterable[str]]) -> frozenset[tuple[str, str]]:
     return frozenset(sorted_pairs)
 
 
-def _restored(name: str, shape: Shape, T_world_obstacle: Array, margin: float) -> Obstacle:
+def _restored(
+    name: str, shape: Shape, T_world_obstacle: Array, margin: float, frame: str | None
+) -> Obstacle:
     """An obstacle from its pickled values, equal to the pickled one in every bit."""
     obstacle = object.__new__(Obstacle)
-    values = {"id": name, "shape": shape, "T_world_obstacle": frozen(T_world_obstacle)}
-    for field_name, value in {**values, "margin": margin, "_pieces": None}.items():
+    values: dict[str, object] = {"id": name, "shape": shape}
+    values["T_world_obstacle"] = frozen(T_world_obstacle)
+    values |= {"margin": margin, "frame": frame, "_pieces": None}
+    for field_name, value in values.items():
         object.__setattr__(obstacle, field_name, value)
     return obstacle
 
@@ -270,6 +302,8 @@ def _content_hash(scene: Scene) -> str:
             digest.update(f"{item.name}{values.shape}".encode() + values.tobytes())
         digest.update(obstacle.T_world_obstacle.tobytes())
         digest.update(np.float64(obstacle.margin).tobytes())
+        if obstacle.frame is not None:
+            digest.update(f"frame\0{obstacle.frame}\0".encode())
     for a, b in sorted(scene.allowed_collisions):
         digest.update(f"{a}\0{b}\0".encode())
     return digest.hexdigest()

@@ -22,7 +22,7 @@ class Collision:
 
     Args:
         pair: Links or obstacles.
-        depth: How far they must be moved to be apart [m].
+        depth: How far they must be moved to be apart [m]; NaN where that was not measured.
     """
 
     pair: tuple[str, str]
@@ -51,7 +51,8 @@ class ConfigurationReport:
     Args:
         valid: Free of collision, margins kept, inside the position limits.
         clearance: Distance of the closest pair, negative by the depth of the deepest collision,
-            margins not taken off [m]; infinite where nothing can collide.
+            margins not taken off [m]; infinite where nothing can collide, NaN where that was
+            not measured.
         clearance_pair: That pair; None where nothing can collide.
         collisions: All pairs that collide, the deepest first.
         limit_violations: Joints outside their limits.
@@ -72,13 +73,13 @@ class ConfigurationChecker:
         robot: The robot with what it holds.
         bare: Checker that ignores margins.
         strict: Checker that keeps the obstacles' margins and that of the request.
-        world: FCL's depths, without margins.
+        plain: The scene without margins, for FCL's depths.
     """
 
     robot: RobotGeometry
     bare: Checker
     strict: Checker
-    world: FclWorld
+    plain: Scene
 
     @classmethod
     def of(cls, robot: RobotGeometry, scene: Scene, margin: float = 0.0) -> "ConfigurationChecker":
@@ -89,24 +90,39 @@ class ConfigurationChecker:
         bare = Checker.of(robot, plain)
         margins = margin > 0.0 or any(obstacle.margin > 0.0 for obstacle in scene.obstacles)
         strict = Checker.of(robot, scene, margin) if margins else bare
-        return cls(robot, bare, strict, FclWorld(robot, plain))
+        return cls(robot, bare, strict, plain)
 
     def check(self, q: Array) -> ConfigurationReport:
         """Check a configuration (n,) [rad or m]."""
         clearance, pair = self.bare.clearance(q)
         collisions: tuple[Collision, ...] = ()
         if clearance <= _DEPTH_BELOW:
-            contacts = self.world.collisions(q)
+            world = _fcl_world(self.robot, self.plain)
+            contacts = world.collisions(q)
             collisions = tuple(Collision(contact.pair, contact.depth) for contact in contacts)
             if collisions:
                 clearance, pair = -collisions[0].depth, collisions[0].pair
             else:
-                nearest = self.world.clearance(q)
+                nearest = world.clearance(q)
                 clearance, pair = nearest.distance, nearest.pair
         strict = clearance if self.strict is self.bare else self.strict.clearance(q)[0]
         violations = self._limit_violations(q)
         valid = not collisions and not violations and strict > TOUCHING
         return ConfigurationReport(valid, clearance, pair, collisions, violations)
+
+    def verdict(self, q: Array) -> ConfigurationReport:
+        """Check a configuration (n,) [rad or m], no depth and no clearance measured.
+
+        One pair that collides is told where there is any.
+        """
+        violations = self._limit_violations(q)
+        valid = self.strict.valid(q) and not violations
+        collisions: tuple[Collision, ...] = ()
+        if not valid and not self.bare.valid(q):
+            clearance, pair = self.bare.clearance(q)
+            if pair is not None and clearance <= _DEPTH_BELOW:
+                collisions = (Collision(pair, np.nan),)
+        return ConfigurationReport(valid, np.nan, None, collisions, violations)
 
     def _limit_violations(self, q: Array) -> tuple[LimitViolation, ...]:
         chain, limits = self.robot.chain, self.robot.chain.limits
@@ -119,6 +135,12 @@ class ConfigurationChecker:
             )
             for j in map(int, outside)
         )
+
+
+@lru_cache(maxsize=8)
+def _fcl_world(robot: RobotGeometry, scene: Scene) -> FclWorld:
+    """FCL's depths, made when the first configuration collides."""
+    return FclWorld(robot, scene)
 
 
 @lru_cache(maxsize=8)

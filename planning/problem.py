@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidGoal, InvalidRobotState
+from obstacles.placement import place
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from planning.constraints.constraint_set import ConstraintSet
@@ -84,7 +85,7 @@ class Problem:
 
     Args:
         robot: The arm with its geometry.
-        scene: The obstacles.
+        scene: The obstacles; the frame "tool" is where the tool is at the start.
         start: Where it stands, shape (n,) [rad or m].
         goals: Any one of these is to be reached.
         margin: Distance to keep from obstacles beyond their own margins [m].
@@ -113,6 +114,7 @@ class Problem:
         chain = self.robot.chain
         start = chain.configuration(self.start, "start.joints")
         object.__setattr__(self, "start", frozen(start.reshape(chain.n)))
+        object.__setattr__(self, "scene", place(self.scene, chain, self.start))
         for name in ("start_velocity", "start_acceleration"):
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, frozen(getattr(self, name)))

@@ -48,6 +48,18 @@ class Answer(Readable):
     model_config = ConfigDict(extra="ignore", frozen=True)
 
 
+class InFrame(Answer):
+    """An answer whose poses and directions are in a frame.
+
+    Args:
+        frame: That they are in: the root link if no other was asked for.
+        frame_note: Where the chain begins, if that is not the root frame.
+    """
+
+    frame: str | None = None
+    frame_note: str | None = None
+
+
 def plain(value: Any) -> Any:
     """Tuples and arrays as lists and mappings as dictionaries, at any depth; the rest as it is."""
     if hasattr(value, "tolist"):

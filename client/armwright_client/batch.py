@@ -28,6 +28,7 @@ class BatchProblem(Request):
     start: Start | None = None
     goal: Goal | None = None
     scene: SceneReference | None = None
+    frame: str | None = None
     planner: str | None = None
     planner_options: Options | None = None
     constraints: Constraints | None = None

@@ -6,6 +6,7 @@ from pydantic import Field
 
 from armwright_client.base import (
     Answer,
+    InFrame,
     NonNegative,
     Pairs,
     Positive,
@@ -79,7 +80,7 @@ class Proved(Answer):
     reasons: list[str] = Field(default_factory=list)
 
 
-class Certificate(Answer):
+class Certificate(InFrame):
     """The proof that a motion is valid at every instant, or the first violation.
 
     Args:
@@ -131,6 +132,7 @@ class ValidateOptions(TypedDict, total=False):
 
     Args:
         scene: What it must not hit.
+        frame: Of what names none: a link that stands still, or "tool" at the start.
         limits: In place of the robot's.
         constraints: That hold along the path.
         attached: Objects that move with a link.
@@ -145,6 +147,7 @@ class ValidateOptions(TypedDict, total=False):
     """
 
     scene: SceneReference
+    frame: str
     limits: LimitValues
     constraints: Constraints
     attached: AttachedObjects
@@ -164,6 +167,7 @@ class ValidateRequest(Request):
     robot: str
     trajectory: Trajectory
     scene: SceneReference | None = None
+    frame: str | None = None
     limits: LimitValues | None = None
     constraints: Constraints | None = None
     attached: AttachedObjects | None = None

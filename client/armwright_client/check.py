@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 from armwright_client.base import (
     PLAIN,
     Answer,
+    InFrame,
     Matrix3,
     Names,
     NonNegative,
@@ -72,10 +73,14 @@ class CheckOptions(TypedDict, total=False):
         attached: Objects that move with a link.
         allowed_collisions: More pairs that may touch.
         margin: Distance to be kept [m].
+        frame: Of an inline scene that names none: a link that stands still, or "tool".
+        depth: False leaves depths and clearance out, and nearly all of the time.
         timeout: [s].
     """
 
     scene: SceneReference
+    frame: str
+    depth: bool
     attached: AttachedObjects
     allowed_collisions: Pairs
     margin: float
@@ -91,14 +96,16 @@ class CheckRequest(Request):
     attached: AttachedObjects | None = None
     allowed_collisions: Pairs | None = None
     margin: NonNegative | None = None
+    frame: str | None = None
+    depth: bool | None = None
     timeout: float | None = None
 
 
 class Collision(Answer):
-    """Two bodies that penetrate each other by a depth [m]."""
+    """Two bodies that penetrate each other by a depth [m], None where it was not asked for."""
 
     pair: tuple[str, str]
-    depth: float
+    depth: float | None
 
 
 class LimitViolation(Answer):
@@ -109,14 +116,14 @@ class LimitViolation(Answer):
     limit: float
 
 
-class CheckAnswer(Answer):
+class CheckAnswer(InFrame):
     """The verdict about one configuration.
 
     Args:
         valid: Inside its limits, and every margin is kept.
         clearance: Smallest distance [m], negative in collision, None with nothing to hit.
         clearance_pair: Between whom that is.
-        collisions: All pairs that penetrate each other.
+        collisions: All pairs that penetrate each other; without depths one of them.
         limit_violations: All joints outside their limits.
         allowed_collisions: Of the request, as they were obeyed.
     """
@@ -129,7 +136,7 @@ class CheckAnswer(Answer):
     allowed_collisions: list[tuple[str, str]] = Field(default_factory=list)
 
 
-class CheckBatch(Answer):
+class CheckBatch(InFrame):
     """The verdicts about many configurations, in their order; see `CheckAnswer`."""
 
     valid: list[bool]

@@ -22,6 +22,7 @@ class _Weighed(Request):
 class _OfLink(_Weighed):
     link: str | None = None
     reference_link: str | None = None
+    frame: str | None = None
 
 
 class JointConstraint(_Weighed):

@@ -6,6 +6,7 @@ from pydantic import model_validator
 
 from armwright_client.base import (
     Answer,
+    InFrame,
     Matrix,
     Matrix3,
     Positive,
@@ -31,6 +32,7 @@ class VelocityOptions(TypedDict, total=False):
         link: The tip if left out.
         point: A point fixed to the link, in its frame [m]; its origin if left out.
         damped_below: Singular values below it are damped; 0 for the plain pseudo-inverse.
+        frame: Of the twist: a link that stands still, or "tool"; the root frame if left out.
     """
 
     joint_velocities: VectorLike
@@ -39,6 +41,7 @@ class VelocityOptions(TypedDict, total=False):
     link: str
     point: VectorLike
     damped_below: float
+    frame: str
 
 
 class VelocityRequest(Request):
@@ -51,6 +54,7 @@ class VelocityRequest(Request):
     link: str | None = None
     point: Vector3 | None = None
     damped_below: float | None = None
+    frame: str | None = None
 
     @model_validator(mode="after")
     def _check_form(self) -> Self:
@@ -75,7 +79,7 @@ class DampedDirection(Answer):
     joint_velocities: list[float]
 
 
-class VelocityAnswer(Answer):
+class VelocityAnswer(InFrame):
     """Twist and joint velocities that belong together.
 
     Args:

@@ -11,7 +11,7 @@ from armwright_client.base import (
     Vector,
     VectorLike,
 )
-from armwright_client.pose import Pose
+from armwright_client.pose import AnyPose, Pose
 
 
 class Start(Request):
@@ -19,22 +19,26 @@ class Start(Request):
 
     Args:
         joints: The configuration [rad or m].
+        state: A named state of the robot in its place.
         velocities: There, for a motion that is optimised; at rest if left out.
         accelerations: There, likewise; any that keep the limits if left out.
     """
 
-    joints: Vector
+    joints: Vector | None = None
+    state: str | None = None
     velocities: Vector | None = None
     accelerations: Vector | None = None
 
 
 class SingleGoal(Request):
-    """A configuration, or a pose of the tip within tolerances [m, rad]."""
+    """A configuration, a named state, or a pose of the tip within tolerances [m, rad]."""
 
     joints: Vector | None = None
+    state: str | None = None
     velocities: Vector | None = None
     accelerations: Vector | None = None
-    pose: Pose | None = None
+    pose: AnyPose | None = None
+    frame: str | None = None
     position_tolerance: Positive | None = None
     orientation_tolerance: Positive | None = None
 
@@ -47,7 +51,7 @@ class SingleGoal(Request):
 
     @classmethod
     def _forms(cls) -> tuple[str, ...]:
-        return ("joints", "pose")
+        return ("joints", "state", "pose")
 
 
 class Goal(SingleGoal):
@@ -57,7 +61,12 @@ class Goal(SingleGoal):
 
     @classmethod
     def _forms(cls) -> tuple[str, ...]:
-        return ("joints", "pose", "any_of")
+        return ("joints", "state", "pose", "any_of")
+
+    @classmethod
+    def at_state(cls, state: str) -> Self:
+        """A named state of the robot as the goal."""
+        return cls(state=state)
 
     @classmethod
     def at_joints(

@@ -7,6 +7,7 @@ from pydantic import Field
 
 from armwright_client.base import (
     Answer,
+    InFrame,
     Matrix,
     Pairs,
     Request,
@@ -17,7 +18,7 @@ from armwright_client.base import (
 )
 from armwright_client.check import AttachedObjects
 from armwright_client.constraint import Constraints, ConstraintUse
-from armwright_client.pose import Pose
+from armwright_client.pose import AnyPose, Pose
 from armwright_client.scene import SceneReference
 
 JacobianKind = Literal["geometric", "analytic_zyz"]
@@ -33,10 +34,12 @@ class FkOptions(TypedDict, total=False):
     Args:
         link: Link whose pose is answered first; the tip if left out.
         orientation: Form of the orientations; quaternions if left out.
+        frame: A link that stands still, or "tool"; the root frame if left out.
     """
 
     link: str | None
     orientation: Orientation | None
+    frame: str | None
 
 
 class FkRequest(Request):
@@ -45,10 +48,11 @@ class FkRequest(Request):
     joints: Vector | Rows
     link: str | None = None
     orientation: Orientation | None = None
+    frame: str | None = None
 
 
-class FkAnswer(Answer):
-    """Poses in the base frame.
+class FkAnswer(InFrame):
+    """Poses in a frame, the root frame if no other was asked for.
 
     Args:
         pose: Of the link asked for, or of the tip.
@@ -59,7 +63,7 @@ class FkAnswer(Answer):
     links: dict[str, Pose]
 
 
-class FkBatch(Answer):
+class FkBatch(InFrame):
     """Poses of many configurations, in their order; see `FkAnswer`."""
 
     pose: list[Pose]
@@ -73,11 +77,13 @@ class JacobianOptions(TypedDict, total=False):
         link: The tip if left out.
         point: A point fixed to the link, in its frame [m]; its origin if left out.
         kind: "geometric" if left out.
+        frame: A link that stands still, or "tool"; the root frame if left out.
     """
 
     link: str
     point: VectorLike
     kind: JacobianKind
+    frame: str
 
 
 class JacobianRequest(Request):
@@ -87,9 +93,10 @@ class JacobianRequest(Request):
     link: str | None = None
     point: Vector3 | None = None
     kind: JacobianKind = "geometric"
+    frame: str | None = None
 
 
-class JacobianAnswer(Answer):
+class JacobianAnswer(InFrame):
     """A Jacobian.
 
     Args:
@@ -105,7 +112,7 @@ class JacobianAnswer(Answer):
     manipulability: float
 
 
-class JacobianBatch(Answer):
+class JacobianBatch(InFrame):
     """Jacobians of many configurations, in their order; see `JacobianAnswer`."""
 
     jacobian: list[Matrix]
@@ -152,6 +159,7 @@ class IkOptions(TypedDict, total=False):
         parameters: Arm angles or values of the locked joint of a seven-joint arm's closed form.
         axes: Axes of the pose's own frame that count; all if left out.
         gradient: Of the method "gradient".
+        frame: Of what names none: a link that stands still, or "tool" at the seed.
         scene: To be free of collisions in.
         attached: What is held meanwhile.
         allowed_collisions: More pairs that may touch.
@@ -171,6 +179,7 @@ class IkOptions(TypedDict, total=False):
     parameters: VectorLike
     axes: Sequence[Axis]
     gradient: Gradient
+    frame: str
     scene: SceneReference
     attached: AttachedObjects
     allowed_collisions: Pairs
@@ -183,8 +192,8 @@ class IkOptions(TypedDict, total=False):
 class IkRequest(Request):
     """A pose to be reached, or many of them; see `IkOptions`."""
 
-    pose: Pose | None = None
-    poses: Sequence[Pose] | None = None
+    pose: AnyPose | None = None
+    poses: Sequence[AnyPose] | None = None
     link: str | None = None
     seed_joints: Vector | None = None
     method: IkMethod = "auto"
@@ -195,6 +204,7 @@ class IkRequest(Request):
     parameters: Vector | None = None
     axes: Annotated[tuple[Axis, ...], Field(strict=False)] | None = None
     gradient: Gradient | None = None
+    frame: str | None = None
     scene: SceneReference | None = None
     attached: AttachedObjects | None = None
     allowed_collisions: Pairs | None = None
@@ -284,7 +294,7 @@ class Unsolved(Answer):
     hint: str | None = None
 
 
-class IkAnswer(Answer):
+class IkAnswer(InFrame):
     """Solutions, best first, and the trace of a gradient if it was asked for."""
 
     solutions: list[IkSolution]
@@ -293,7 +303,7 @@ class IkAnswer(Answer):
     allowed_collisions: list[tuple[str, str]] = Field(default_factory=list)
 
 
-class IkBatch(Answer):
+class IkBatch(InFrame):
     """Solutions of many poses, in their order.
 
     Args:

@@ -111,6 +111,7 @@ from armwright_client.plan import (
 from armwright_client.pose import (
     ConvertedPose,
     ConvertPoseRequest,
+    FramedPose,
     Pose,
     PoseForm,
     PoseForms,
@@ -230,6 +231,7 @@ __all__ = [
     "ForwardDynamicsBatch",
     "ForwardDynamicsOptions",
     "ForwardDynamicsRequest",
+    "FramedPose",
     "Goal",
     "GoalLike",
     "Gradient",

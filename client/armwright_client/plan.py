@@ -6,6 +6,7 @@ from pydantic import Field
 
 from armwright_client.base import (
     Answer,
+    InFrame,
     NonNegative,
     Options,
     Pairs,
@@ -130,6 +131,7 @@ class PlanOptions(TypedDict, total=False):
 
     Args:
         scene: What is in the way: a stored scene's name, or a scene.
+        frame: Of what names none: a link that stands still, or "tool" at the start.
         planner: "auto" if left out.
         planner_options: The planner's own.
         refine: Whether, or how, the motion that was found is optimised.
@@ -146,6 +148,7 @@ class PlanOptions(TypedDict, total=False):
     """
 
     scene: SceneReference
+    frame: str
     planner: str
     planner_options: Options
     refine: bool | Refine
@@ -168,6 +171,7 @@ class PlanRequest(Request):
     start: Start
     goal: Goal
     scene: SceneReference | None = None
+    frame: str | None = None
     planner: str = "auto"
     planner_options: Options | None = None
     refine: bool | Refine | None = None
@@ -237,7 +241,7 @@ class Progress(Answer):
     length: float
 
 
-class Plan(Answer):
+class Plan(InFrame):
     """A certified motion.
 
     Args:

@@ -1,7 +1,7 @@
 """Poses: a position and at most one of five forms of an orientation."""
 
 from collections.abc import Sequence
-from typing import Self
+from typing import Self, TypeAlias
 
 from pydantic import Field, model_validator
 
@@ -87,6 +87,21 @@ class Pose(Request):
         return cls(
             position=[row[3] for row in rows[:3]], rotation_matrix=[row[:3] for row in rows[:3]]
         )
+
+
+class FramedPose(Pose):
+    """A pose in a frame.
+
+    Args:
+        frame: A link that stands still, or "tool": the tip where the request begins; the root
+            frame if left out.
+    """
+
+    frame: str | None = None
+
+
+#: A pose of a goal, an obstacle or a tool motion, perhaps in a frame of its own.
+AnyPose: TypeAlias = FramedPose | Pose
 
 
 class PoseForm(Pose):

@@ -45,11 +45,13 @@ class PotentialSettings(TypedDict, total=False):
 
     Args:
         options: Weights and reach of the field.
+        frame: Of an inline scene that names none: a link that stands still, or "tool".
         engine: Projection onto obstacles: closed forms ("exact") or FCL's distance query.
         timeout: Deadline [s].
     """
 
     options: PotentialOptions | None
+    frame: str | None
     engine: Engine
     timeout: float | None
 
@@ -61,6 +63,7 @@ class PotentialRequest(Request):
         joints: One configuration, or a list of them [rad or m].
         goal_joints: The goal [rad or m].
         scene: A stored scene's name, or a scene.
+        frame: Of an inline scene that names none: a link that stands still, or "tool".
         options: Weights of the field and how far it reaches.
         engine: What projects onto obstacles: closed forms ("exact") or FCL's distance query.
         timeout: [s].
@@ -69,6 +72,7 @@ class PotentialRequest(Request):
     joints: Vector | Rows
     goal_joints: Vector
     scene: SceneReference | None = None
+    frame: str | None = None
     options: PotentialOptions | None = None
     engine: Engine = "exact"
     timeout: Positive | None = None

@@ -6,7 +6,7 @@ from typing import Literal, Self, TypeAlias
 from pydantic import model_validator
 
 from armwright_client.base import Answer, NonNegative, Pairs, Points, Request
-from armwright_client.pose import Pose
+from armwright_client.pose import AnyPose
 from armwright_client.shape import Shape
 
 
@@ -15,7 +15,7 @@ class Obstacle(Request):
 
     id: str
     shape: Shape
-    pose: Pose
+    pose: AnyPose
     margin: NonNegative | None = None
 
 
@@ -25,11 +25,13 @@ class Scene(Request):
     Args:
         name: Needed to store it.
         obstacles: Each with an id of its own.
+        frame: Of obstacles that name none: a link that stands still, or "tool".
         moveit: Planning-scene YAML instead of obstacles.
         allowed_collisions: Pairs of links or obstacles that may touch.
     """
 
     name: str | None = None
+    frame: str | None = None
     obstacles: list[Obstacle] | None = None
     moveit: str | None = None
     allowed_collisions: Pairs | None = None
@@ -110,6 +112,7 @@ class Projection(Answer):
 
 
 class ProjectAnswer(Answer):
-    """For each point its projection onto every obstacle."""
+    """For each point its projection onto every obstacle, in the frame of the scene."""
 
     projections: list[list[Projection]]
+    frame: str | None = None

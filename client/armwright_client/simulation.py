@@ -39,6 +39,7 @@ class SimulateOptions(TypedDict, total=False):
         relative_tolerance: Of the integrator.
         absolute_tolerance: Of the integrator.
         scene: With one, the tracking tube is answered.
+        frame: Of an inline scene that names none: a link that stands still, or "tool".
         attached: What the robot holds.
         allowed_collisions: More pairs that may touch.
         timeout: [s].
@@ -63,6 +64,7 @@ class SimulateOptions(TypedDict, total=False):
     relative_tolerance: float
     absolute_tolerance: float
     scene: SceneReference
+    frame: str
     attached: OptionsList
     allowed_collisions: Pairs
     timeout: float
@@ -94,6 +96,7 @@ class SimulateRequest(Request):
     relative_tolerance: Positive | None = None
     absolute_tolerance: Positive | None = None
     scene: SceneReference | None = None
+    frame: str | None = None
     attached: OptionsList | None = None
     allowed_collisions: Pairs | None = None
     timeout: Positive | None = None

@@ -3,7 +3,7 @@
 from typing import Literal, Self
 
 from armwright_client.base import Positive, Request, Vector, Vector3, VectorLike
-from armwright_client.pose import Pose
+from armwright_client.pose import AnyPose, Pose
 
 
 class ToolMotion(Request):
@@ -19,7 +19,7 @@ class ToolMotion(Request):
     """
 
     type: Literal["lin", "circ"]
-    pose: Pose
+    pose: AnyPose
     via: Vector3 | None = None
     center: Vector3 | None = None
     normal: Vector3 | None = None

@@ -122,6 +122,7 @@ class PairTable:
             opened: Pieces, the robot's and then the scene's, whose triangles are elements too, if
                 they are covers, None for all; other covers are solids, which hold what they cover.
         """
+        scene.check_placed()
         arrays = _arrays(robot, scene, opened)._replace(margin=margin)
         return cls(arrays, robot, scene, opened)
 

@@ -30,6 +30,15 @@ class Answer(BaseModel):
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, frozen=True)
 
 
+class InFrame(Answer):
+    """An answer whose poses and directions are in a frame."""
+
+    frame: str = Field(description="that poses are in: the root link if no other was asked for")
+    frame_note: str | None = Field(
+        None, description="where the chain begins, if that is not the root frame"
+    )
+
+
 Number = Annotated[float, Field(ge=-MAX_NUMBER, le=MAX_NUMBER)]
 Positive = Annotated[float, Field(gt=0.0, le=MAX_NUMBER)]
 NonNegative = Annotated[float, Field(ge=0.0, le=MAX_NUMBER)]
@@ -51,6 +60,16 @@ Matrix = list[list[float]]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.\-]{0,127}$")]
 #: A name from somebody else's file: anything printable.
 Label = Annotated[str, Field(pattern=r"^[^\x00-\x1f\x7f]{1,256}$")]
+
+#: What poses are in, beside the robot's root frame.
+Frame = Annotated[
+    Label,
+    Field(
+        description="a link that stands still, or tool: the tip where the request begins; the "
+        "root frame if left out",
+        examples=["tool"],
+    ),
+]
 
 JointVector = Annotated[list[Number], Field(min_length=1, max_length=MAX_JOINTS)]
 

@@ -7,8 +7,9 @@ from pydantic import ConfigDict, Field, create_model, model_validator
 from pydantic.fields import FieldInfo
 
 from service.schemas.base import Answer, Body, Name, Timeout
+from service.schemas.goal import Goal, Start
 from service.schemas.kinematics import JOINTS_EXAMPLE
-from service.schemas.plan import Goal, PlanAnswer, PlanRequest, Start
+from service.schemas.plan import PlanAnswer, PlanRequest
 from service.schemas.problem import Problem
 from service.schemas.scene import SceneReference
 

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError, model_validator
 
 from service.schemas.base import Answer, Body, NonNegative, Point, Vector3
-from service.schemas.pose import Pose
+from service.schemas.pose import FramedPose
 
 MAX_MOTIONS = 200
 
@@ -16,7 +16,7 @@ class ToolMotion(Body):
     """A line, or an arc through a point or about a centre, from where the tool is."""
 
     type: Literal["lin", "circ"] = Field(examples=["lin"])
-    pose: Pose = Field(description="of the tip where the motion ends")
+    pose: FramedPose = Field(description="of the tip where the motion ends")
     via: Point | None = Field(None, description="point on the arc")
     center: Point | None = Field(None, description="of the arc")
     normal: Vector3 | None = Field(

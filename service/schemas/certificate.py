@@ -98,6 +98,10 @@ class CertificateAnswer(Answer):
     )
     cells: int = Field(0, description="intervals of time that were looked at")
     violation: dict[str, Any] | None = Field(None, description="the first, with its time")
+    frame: str | None = Field(None, description="of an answer to validate: that poses are in")
+    frame_note: str | None = Field(
+        None, description="where the chain begins, if that is not the root frame"
+    )
     allowed_collisions: list[list[str]] = Field(
         default_factory=list, description="of the request: pairs that were not looked at"
     )

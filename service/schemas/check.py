@@ -5,7 +5,7 @@ from typing import Annotated
 from pydantic import Field
 
 from service.schemas.attached import AllowedCollisions, AttachedObjects
-from service.schemas.base import Answer, Body, Joints, Name, NonNegative, Timeout
+from service.schemas.base import Answer, Body, Frame, InFrame, Joints, Name, NonNegative, Timeout
 from service.schemas.kinematics import JOINTS_EXAMPLE
 from service.schemas.scene import SceneReference
 
@@ -20,7 +20,12 @@ class CheckRequest(Body):
 
     robot: Name = Field(examples=["panda"])
     scene: SceneReference | None = Field(None, examples=["table"])
+    frame: Frame | None = None
     joints: Joints = Field(examples=[JOINTS_EXAMPLE])
+    depth: bool = Field(
+        True,
+        description="false leaves depths and clearance out, and with them nearly all of the time",
+    )
     attached: AttachedObjects | None = None
     allowed_collisions: AllowedCollisions | None = None
     margin: Margin = 0.0
@@ -31,7 +36,9 @@ class Collision(Answer):
     """Two bodies that penetrate each other."""
 
     pair: list[str] = Field(examples=[["panda_hand", "table_top"]])
-    depth: float = Field(examples=[0.012], description="[m]")
+    depth: float | None = Field(
+        examples=[0.012], description="[m]; null where depths were not asked for"
+    )
 
 
 class LimitViolation(Answer):
@@ -42,7 +49,7 @@ class LimitViolation(Answer):
     limit: float = Field(examples=[-0.0698], description="[rad] or [m]")
 
 
-class CheckAnswer(Answer):
+class CheckAnswer(InFrame):
     """The verdict; with many configurations each field is a list."""
 
     valid: bool | list[bool] = Field(

@@ -8,6 +8,7 @@ from service.schemas.base import (
     MAX_JOINTS,
     Answer,
     Body,
+    Frame,
     Label,
     Length,
     NonNegative,
@@ -29,11 +30,14 @@ class _Weighed(Body):
     weight: Weight | None = None
 
 
-class _OfLink(_Weighed):
+class OfLink(_Weighed):
+    """A constraint of a link, in a frame that stands still or seen from another link."""
+
     link: Label | None = Field(None, description="the tip if left out")
     reference_link: Label | None = Field(
-        None, description="whose frame it is seen from; the base if left out"
+        None, description="moving link whose frame it is seen from"
     )
+    frame: Frame | None = None
 
 
 class JointConstraint(_Weighed):
@@ -86,7 +90,7 @@ class LineRegion(Body):
 Region = Annotated[BoxRegion | SphereRegion | PlaneRegion | LineRegion, Field(discriminator="type")]
 
 
-class PositionConstraint(_OfLink):
+class PositionConstraint(OfLink):
     """A point of a link stays in a region."""
 
     type: Literal["position"]
@@ -94,7 +98,7 @@ class PositionConstraint(_OfLink):
     region: Region
 
 
-class OrientationConstraint(_OfLink):
+class OrientationConstraint(OfLink):
     """An axis of a link within a cone about a direction, or an orientation within tolerances."""
 
     type: Literal["orientation"]
@@ -120,7 +124,7 @@ class OrientationConstraint(_OfLink):
         return self
 
 
-class LookAtConstraint(_OfLink):
+class LookAtConstraint(OfLink):
     """An axis of a link, from a point on it, points at a target within an angle."""
 
     type: Literal["look_at"]
@@ -137,8 +141,8 @@ class ClearanceConstraint(Body):
     margin: NonNegative = Field(examples=[0.02])
 
 
-class RelativePoseConstraint(_OfLink):
-    """A link stays near a pose in the frame of another link, or of the base."""
+class RelativePoseConstraint(OfLink):
+    """A link stays near a pose, in a frame that stands still or as another link sees it."""
 
     type: Literal["relative_pose"]
     pose: Pose

@@ -8,6 +8,8 @@ from service.schemas.attached import AllowedCollisions, AttachedObjects
 from service.schemas.base import (
     Answer,
     Body,
+    Frame,
+    InFrame,
     Joints,
     JointVector,
     Label,
@@ -22,7 +24,7 @@ from service.schemas.base import (
     exactly_one,
 )
 from service.schemas.constraint import Constraints, ConstraintUse
-from service.schemas.pose import Orientation, OrientedPoseAnswer, Pose
+from service.schemas.pose import FramedPose, Orientation, OrientedPoseAnswer
 from service.schemas.scene import SceneReference
 
 MAX_SOLUTIONS = 1_000
@@ -38,13 +40,14 @@ class FkRequest(Body):
 
     joints: Joints = Field(examples=[JOINTS_EXAMPLE])
     link: Label | None = Field(None, description="the tip if left out")
+    frame: Frame | None = None
     orientation: Orientation = Field(
         "quaternion_xyzw", description="the form that orientations are answered in"
     )
 
 
-class FkAnswer(Answer):
-    """Poses in the base frame; with many configurations each pose is a list."""
+class FkAnswer(InFrame):
+    """Poses in the frame that is told; with many configurations each pose is a list."""
 
     pose: OrientedPoseAnswer | list[OrientedPoseAnswer]
     links: dict[str, OrientedPoseAnswer | list[OrientedPoseAnswer]]
@@ -57,9 +60,10 @@ class JacobianRequest(Body):
     link: Label | None = Field(None, description="the tip if left out")
     point: Point | None = Field(None, description="a point fixed to the link, in its frame [m]")
     kind: Literal["geometric", "analytic_zyz"] = "geometric"
+    frame: Frame | None = None
 
 
-class JacobianAnswer(Answer):
+class JacobianAnswer(InFrame):
     """6 x n, linear rows first; with many configurations each field is a list."""
 
     jacobian: Matrix | list[Matrix]
@@ -111,8 +115,9 @@ class GradientOptions(Body):
 class IkRequest(Body):
     """A pose to be reached, or many of them, each for itself."""
 
-    pose: Pose | None = None
-    poses: Annotated[list[Pose], Field(min_length=1, max_length=MAX_POSES)] | None = Field(
+    pose: FramedPose | None = None
+    frame: Frame | None = None
+    poses: Annotated[list[FramedPose], Field(min_length=1, max_length=MAX_POSES)] | None = Field(
         None, description="many poses instead of one: solutions then holds a list for each"
     )
     link: Label | None = Field(None, description="the tip if left out")
@@ -210,7 +215,7 @@ class GradientTrace(Answer):
     axes: list[Axis] = Field(description="those that count, columns of error")
     error: Matrix = Field(
         description="e(t) of these axes [m, rad]; where all three of position or rotation count in "
-        "the base frame, else in the pose's own"
+        "the root frame, else in the pose's own"
     )
     position_error: list[float] = Field(description="norm of its positions [m]")
     orientation_error: list[float] = Field(description="norm of its rotation [rad]")
@@ -225,7 +230,7 @@ class Unsolved(Answer):
     hint: str | None
 
 
-class IkAnswer(Answer):
+class IkAnswer(InFrame):
     """Solutions, best first; with many poses a list for each, empty where there is none."""
 
     solutions: list[IkSolution] | list[list[IkSolution]]
@@ -244,8 +249,9 @@ class VelocityRequest(Body):
     joints: Joints = Field(examples=[JOINTS_EXAMPLE])
     joint_velocities: Joints | None = Field(None, examples=[[0.1] * 7])
     twist: Vector6 | Annotated[list[Vector6], Field(min_length=1, max_length=MAX_TWISTS)] | None = (
-        Field(None, description="[v; w] in the base frame [m/s, rad/s]")
+        Field(None, description="[v; w] in the frame [m/s, rad/s]")
     )
+    frame: Frame | None = None
     nullspace: Joints | None = Field(
         None, description="b: (I − J⁺J) b is added, which leaves the link at rest"
     )
@@ -272,7 +278,7 @@ class DampedDirection(Answer):
     joint_velocities: list[float] = Field(description="the joints' part in it, of length 1")
 
 
-class VelocityAnswer(Answer):
+class VelocityAnswer(InFrame):
     """Twist and joint velocities; with many configurations each field is a list."""
 
     twist: list[float] | Matrix

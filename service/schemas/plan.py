@@ -12,7 +12,9 @@ from service.schemas.base import (
     MAX_JOINTS,
     Answer,
     Body,
+    Frame,
     FreeForm,
+    InFrame,
     JointVector,
     Label,
     Name,
@@ -22,7 +24,6 @@ from service.schemas.base import (
     Ratio,
     Seed,
     Timeout,
-    exactly_one,
 )
 from service.schemas.cartesian import (
     TimedToolMotions,
@@ -33,11 +34,10 @@ from service.schemas.certificate import CertificateAnswer, TrajectoryAnswer
 from service.schemas.check import Margin
 from service.schemas.constraint import Constraints
 from service.schemas.dynamics import Payload
+from service.schemas.goal import Goal, Start
 from service.schemas.kinematics import JOINTS_EXAMPLE
-from service.schemas.pose import Pose
 from service.schemas.scene import SceneReference
 
-MAX_GOALS = 1_000
 MAX_SAMPLES = 100_000
 #: Quintics are the highest that any timing here makes; other people's may be higher.
 MAX_COEFFICIENTS = 16
@@ -52,59 +52,6 @@ Collisions = Annotated[
     ),
 ]
 JointRow = Annotated[list[Number], Field(max_length=MAX_JOINTS)]
-
-
-class Start(Body):
-    """Start of the motion."""
-
-    joints: JointVector = Field(examples=[JOINTS_EXAMPLE])
-    velocities: JointVector | None = Field(
-        None, description="there, for a motion that is optimised; at rest if left out"
-    )
-    accelerations: JointVector | None = Field(
-        None, description="there, likewise; any that keep the limits if left out"
-    )
-
-
-class SingleGoal(Body):
-    """A configuration, or a pose of the tip within tolerances."""
-
-    joints: JointVector | None = Field(None, examples=[[0.6, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]])
-    pose: Pose | None = None
-    velocities: JointVector | None = Field(
-        None, description="at the joints, for a motion that is optimised; at rest if left out"
-    )
-    accelerations: JointVector | None = Field(
-        None, description="there, likewise; any that keep the limits if left out"
-    )
-    position_tolerance: Tolerance | None = Field(None, description="[m]")
-    orientation_tolerance: Tolerance | None = Field(None, description="[rad]")
-
-    @model_validator(mode="after")
-    def _check_form(self) -> "SingleGoal":
-        exactly_one(self, ("joints", "pose"))
-        self._check_tolerances()
-        return self
-
-    def _check_tolerances(self) -> None:
-        for name in ("position_tolerance", "orientation_tolerance"):
-            if self.pose is None and getattr(self, name) is not None:
-                raise ValueError(f"{name} belongs to a pose")
-        for name in ("velocities", "accelerations"):
-            if self.joints is None and getattr(self, name) is not None:
-                raise ValueError(f"{name} belong to joints")
-
-
-class Goal(SingleGoal):
-    """Goal of the motion: one, or any of several."""
-
-    any_of: Annotated[list[SingleGoal], Field(min_length=1, max_length=MAX_GOALS)] | None = None
-
-    @model_validator(mode="after")
-    def _check_form(self) -> "Goal":
-        exactly_one(self, ("joints", "pose", "any_of"))
-        self._check_tolerances()
-        return self
 
 
 class Timing(Body):
@@ -206,6 +153,7 @@ class PlanRequest(Body):
 
     robot: Name = Field(examples=["panda"])
     scene: SceneReference | None = Field(None, examples=["table"])
+    frame: Frame | None = None
     start: Start
     goal: Goal
     planner: Annotated[str, Field(pattern=r"^[A-Za-z0-9_]{1,64}$")] = Field(
@@ -309,6 +257,7 @@ class ValidateRequest(Body):
 
     robot: Name = Field(examples=["panda"])
     scene: SceneReference | None = Field(None, examples=["table"])
+    frame: Frame | None = None
     trajectory: TrajectoryBody
     limits: LimitsBody | None = None
     constraints: Constraints | None = None
@@ -367,7 +316,7 @@ class ProgressAnswer(Answer):
     length: float = Field(description="of the path, Euclidean in joint space")
 
 
-class PlanAnswer(Answer):
+class PlanAnswer(InFrame):
     """A certified motion."""
 
     status: Literal["success"]

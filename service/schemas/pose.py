@@ -12,7 +12,16 @@ from kinematics.rotation_check import (
     check_orthonormal,
     check_quaternion_norm,
 )
-from service.schemas.base import Answer, Body, Coordinate, Matrix3, Number, Point, Vector3
+from service.schemas.base import (
+    Answer,
+    Body,
+    Coordinate,
+    Frame,
+    Matrix3,
+    Number,
+    Point,
+    Vector3,
+)
 
 Quaternion = Annotated[list[Number], Field(min_length=4, max_length=4)]
 AxisAngle = Annotated[list[Number], Field(min_length=4, max_length=4)]
@@ -67,6 +76,12 @@ class Pose(Body):
         return self
 
 
+class FramedPose(Pose):
+    """A pose in the robot's root frame, or in one that it names."""
+
+    frame: Frame | None = None
+
+
 # Without numpy, which the server does not load for this.
 def _check_rotation(R: list[list[float]]) -> None:
     error = max(
@@ -90,14 +105,14 @@ Orientation = Literal["quaternion_xyzw", "rotation_matrix", "euler_zyz", "rpy", 
 
 
 class PoseAnswer(Answer):
-    """A pose of the robot's base frame."""
+    """A pose in the robot's root frame."""
 
     position: list[Coordinate] = Field(examples=[[0.4, 0.0, 0.3]])
     quaternion_xyzw: list[float] = Field(examples=[[0.0, 0.0, 0.0, 1.0]])
 
 
 class OrientedPoseAnswer(Answer):
-    """A pose of the robot's base frame with its orientation in the form that was asked for."""
+    """A pose with its orientation in the form that was asked for."""
 
     position: list[Coordinate] = Field(examples=[[0.4, 0.0, 0.3]])
     quaternion_xyzw: list[float] | None = Field(None, examples=[[0.0, 0.0, 0.0, 1.0]])

@@ -9,6 +9,7 @@ from service.schemas.base import (
     MAX_JOINTS,
     Answer,
     Body,
+    Frame,
     Joints,
     JointVector,
     Matrix,
@@ -74,6 +75,7 @@ class PotentialRequest(Body):
     joints: Joints = Field(examples=[JOINTS_EXAMPLE])
     goal_joints: JointVector = Field(examples=[[0.6, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]])
     scene: SceneReference | None = Field(None, examples=["table"])
+    frame: Frame | None = Field(None, description="of an inline scene that names none")
     options: PotentialOptions | None = None
     engine: Engine = Field(
         "exact",

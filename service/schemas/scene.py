@@ -8,6 +8,7 @@ from pydantic.config import JsonDict
 from service.schemas.base import (
     Answer,
     Body,
+    Frame,
     Label,
     Name,
     NonNegative,
@@ -15,7 +16,7 @@ from service.schemas.base import (
     distinct,
     exactly_one,
 )
-from service.schemas.pose import Pose
+from service.schemas.pose import FramedPose
 from service.schemas.shape import MAX_POINTS, Shape
 
 MAX_OBSTACLES = 10_000
@@ -48,7 +49,7 @@ class Obstacle(Body):
 
     id: Label = Field(examples=["table_top"])
     shape: Shape
-    pose: Pose
+    pose: FramedPose
     margin: Annotated[NonNegative, Field(le=10.0)] | None = None
 
 
@@ -58,6 +59,7 @@ class Scene(Body):
     model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
 
     name: Name | None = None
+    frame: Frame | None = None
     obstacles: Annotated[list[Obstacle], Field(max_length=MAX_OBSTACLES)] | None = None
     moveit: Annotated[str, Field(min_length=1, max_length=_MAX_YAML)] | None = Field(
         None, description="planning-scene YAML"
@@ -143,3 +145,6 @@ class ProjectAnswer(Answer):
     """For each point its projection onto every obstacle."""
 
     projections: list[list[Projection]]
+    frame: str | None = Field(
+        None, description="of the scene, which points and projections are in; the root if null"
+    )

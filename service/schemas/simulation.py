@@ -9,6 +9,7 @@ from service.schemas.attached import AllowedCollisions, AttachedObjects
 from service.schemas.base import (
     Answer,
     Body,
+    Frame,
     JointVector,
     Matrix,
     Name,
@@ -178,6 +179,7 @@ class SimulateRequest(Body):
         description="with one, the tracking tube is answered; an empty one will do. Tolerances are "
         "then at most 1e-10 (relative) and 1e-12 (absolute)",
     )
+    frame: Frame | None = Field(None, description="of an inline scene that names none")
     attached: AttachedObjects | None = None
     allowed_collisions: AllowedCollisions | None = None
     timeout: Timeout | None = None

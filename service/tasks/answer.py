@@ -7,6 +7,7 @@ from typing import ParamSpec, TypeVar
 from pydantic import BaseModel
 
 from kinematics.chain import Chain
+from kinematics.root_frame import root_notes
 from service.storage import worker_cache
 from service.storage.cache_key import NotPrepared, Reference
 from service.tasks.result import CacheMiss, ChainTask
@@ -28,6 +29,18 @@ def reports_cache_miss(function: Callable[_P, _T]) -> Callable[_P, _T | CacheMis
             return CacheMiss(error.reference)
 
     return attempt
+
+
+def in_frame(chain: Chain, frame: str | None = None) -> dict[str, str | None]:
+    """Fields of an answer that say which frame its poses are in.
+
+    Args:
+        chain: The robot.
+        frame: The frame that was asked for; the root where none was.
+    """
+    if "frame_note" not in chain.memo:
+        chain.memo["frame_note"] = next(iter(root_notes(chain)), None)
+    return {"frame": frame or chain.root_link, "frame_note": chain.memo["frame_note"]}
 
 
 def chain_task(function: Callable[[Chain, _Body], bytes], model: type[_Body]) -> ChainTask:

@@ -12,6 +12,7 @@ from kinematics.chain import Chain
 from kinematics.errors import InvalidScene
 from kinematics.forward import link_number
 from obstacles.attachment import Attachment, grasp, hold
+from obstacles.placement import in_frame, place
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Obstacle, Scene
 from service.schemas import scene as schema
@@ -36,12 +37,20 @@ class RobotInScene:
     allowed: list[list[str]]
 
 
-class CollisionRequest(Protocol):
-    """The fields of a request that say which scene is meant and what is attached."""
+class SceneRequest(Protocol):
+    """The fields of a request that say which scene is meant, and in which frame."""
 
     @property
     def scene(self) -> str | schema.Scene | None:
         """The name of a stored scene, an inline scene, or none."""
+
+    @property
+    def frame(self) -> str | None:
+        """The frame of what names none."""
+
+
+class CollisionRequest(SceneRequest, Protocol):
+    """The fields of a request that say which scene is meant and what is attached."""
 
     @property
     def attached(self) -> Sequence[Attached] | None:
@@ -52,22 +61,37 @@ class CollisionRequest(Protocol):
         """Pairs that may touch."""
 
 
-def requested_scene(reference: Reference | None, source: str | schema.Scene | None) -> Scene:
-    """The scene of a request, an empty one where it names none.
+def requested_scene(
+    reference: Reference | None, body: SceneRequest, chain: Chain, joints: Array | None
+) -> Scene:
+    """The scene of a request in the root frame of its robot, an empty one where it names none.
+
+    The frame of the request is that of an inline scene that names none; a stored scene is in its
+    own.
 
     Args:
         reference: Of the stored scene, where the request names one.
-        source: The field ``scene`` of the request.
+        body: The request.
+        chain: The robot.
+        joints: Where the frame "tool" is meant, shape (n,) [rad or m]; None where nothing says so.
 
     Raises:
         NotPrepared: The document of a stored scene has to be prepared first.
         InvalidScene: An inline scene is not valid.
+        InvalidLinkName: A frame is unknown, or moves.
     """
-    return worker_cache.scene(reference or (None if isinstance(source, str) else source))
+    source = None if isinstance(body.scene, str) else body.scene
+    scene = worker_cache.scene(reference or source)
+    if source is not None and body.frame is not None:
+        scene = in_frame(scene, body.frame)
+    return place(scene, chain, joints)
 
 
 def robot_in_scene(
-    robot: Reference, scene: Reference | None, body: CollisionRequest
+    robot: Reference,
+    scene: Reference | None,
+    body: CollisionRequest,
+    joints: Array | None = None,
 ) -> RobotInScene:
     """The robot of a request with the objects it holds, in the scene of the request.
 
@@ -75,6 +99,7 @@ def robot_in_scene(
         robot: The robot.
         scene: The stored scene, where the request names one.
         body: The request.
+        joints: Where the frame "tool" is meant, shape (n,) [rad or m]; None where nothing says so.
 
     Raises:
         NotPrepared: A robot or a stored scene has to be prepared first.
@@ -83,10 +108,9 @@ def robot_in_scene(
         InvalidObjectName: A name that may touch is unknown, or nothing is there to be grasped.
         InvalidOption: A mass or an inertia is none of a body.
     """
-    surroundings = requested_scene(scene, body.scene)
-    return attach(
-        worker_cache.robot(robot).geometry, surroundings, body.attached, body.allowed_collisions
-    )
+    geometry = worker_cache.robot(robot).geometry
+    surroundings = requested_scene(scene, body, geometry.chain, joints)
+    return attach(geometry, surroundings, body.attached, body.allowed_collisions)
 
 
 def attach(

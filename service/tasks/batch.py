@@ -26,7 +26,8 @@ def split(content: bytes, folder: str, name: str) -> tuple[tuple[BatchItem, ...]
     body = BatchRequest.model_validate_json(content)
     shared = None
     if isinstance(body.scene, Scene):
-        named = NamedScene.model_validate({**body.scene.__dict__, "name": name})
+        frame = body.scene.frame or getattr(body, "frame", None)
+        named = NamedScene.model_validate({**body.scene.__dict__, "name": name, "frame": frame})
         document = named.model_dump_json(exclude_none=True).encode()
         robots.prepare_scene(document, folder, name)
         shared = prepared_files.document_hash(document)

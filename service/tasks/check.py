@@ -7,15 +7,17 @@ import numpy as np
 from pydantic_core import to_json
 
 from obstacles.fcl_projection import FclProjector
+from obstacles.placement import only_frame
 from obstacles.projection import Projector
 from planning.configuration_check import ConfigurationReport, configuration_checker
 from service.schemas.check import CheckRequest
 from service.schemas.scene import ProjectRequest
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
-from service.tasks.answer import reports_cache_miss
+from service.tasks.answer import in_frame, reports_cache_miss
 from service.tasks.attached_objects import robot_in_scene
 from service.tasks.result import CacheMiss, TaskProblem
+from service.translate.frames import first_configuration
 from service.workers.task import task
 
 #: Projections of one answer: at 100 bytes each, a hundred megabytes.
@@ -34,25 +36,33 @@ def check(robot: Reference, scene: Reference | None, content: bytes) -> bytes | 
         InvalidScene: The inline scene or an attached object is not valid.
     """
     body = CheckRequest.model_validate_json(content)
-    joints = worker_cache.chain(robot).configuration(body.joints)
-    cell = robot_in_scene(robot, scene, body)
+    chain = worker_cache.chain(robot)
+    joints = chain.configuration(body.joints)
+    cell = robot_in_scene(robot, scene, body, first_configuration(chain, body.joints))
     checker = configuration_checker(cell.robot, cell.scene, body.margin)
-    verdicts = [_verdict(checker.check(q)) for q in joints.reshape(-1, cell.robot.chain.n)]
+    look = checker.check if body.depth else checker.verdict
+    verdicts = [_verdict(look(q)) for q in joints.reshape(-1, chain.n)]
+    same = {"allowed_collisions": cell.allowed, **in_frame(chain)}
     if joints.ndim == 1:
-        return to_json(verdicts[0] | {"allowed_collisions": cell.allowed})
-    answer = {name: [verdict[name] for verdict in verdicts] for name in verdicts[0]}
-    return to_json(answer | {"allowed_collisions": cell.allowed})
+        return to_json(verdicts[0] | same)
+    return to_json({name: [one[name] for one in verdicts] for name in verdicts[0]} | same)
 
 
 def _verdict(report: ConfigurationReport) -> dict[str, Any]:
     pair = report.clearance_pair
     return {
         "valid": report.valid,
-        "clearance": report.clearance if np.isfinite(report.clearance) else None,
+        "clearance": _finite(report.clearance),
         "clearance_pair": None if pair is None else list(pair),
-        "collisions": [{"pair": list(c.pair), "depth": c.depth} for c in report.collisions],
+        "collisions": [
+            {"pair": list(c.pair), "depth": _finite(c.depth)} for c in report.collisions
+        ],
         "limit_violations": [asdict(violation) for violation in report.limit_violations],
     }
+
+
+def _finite(value: float) -> float | None:
+    return value if np.isfinite(value) else None
 
 
 @task
@@ -60,7 +70,8 @@ def _verdict(report: ConfigurationReport) -> dict[str, Any]:
 def project(scene: Reference, content: bytes) -> bytes | TaskProblem | CacheMiss:
     """Answer a request for the orthogonal projections of points onto every obstacle."""
     body = ProjectRequest.model_validate_json(content)
-    obstacles = worker_cache.scene(scene).obstacles
+    surroundings = worker_cache.scene(scene)
+    obstacles, frame = surroundings.obstacles, only_frame(surroundings)
     count = len(body.points) * len(obstacles)
     most = _MAX_FCL_PROJECTIONS if body.engine == "fcl" else _MAX_PROJECTIONS
     if count > most:
@@ -72,7 +83,7 @@ def project(scene: Reference, content: bytes) -> bytes | TaskProblem | CacheMiss
             {"stage": "request"},
         )
     if not obstacles:
-        return to_json({"projections": [[] for _ in body.points]})
+        return to_json({"projections": [[] for _ in body.points], "frame": frame})
     projector = FclProjector(obstacles) if body.engine == "fcl" else Projector(obstacles)
     projections, distances = projector(np.array(body.points))
     rows = zip(projections.tolist(), distances.tolist(), strict=True)
@@ -83,4 +94,4 @@ def project(scene: Reference, content: bytes) -> bytes | TaskProblem | CacheMiss
         ]
         for row in rows
     ]
-    return to_json({"projections": answers})
+    return to_json({"projections": answers, "frame": frame})

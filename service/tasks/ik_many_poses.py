@@ -1,5 +1,6 @@
 """Inverse kinematics of many poses in one call of the batch kernels."""
 
+from collections.abc import Sequence
 from typing import Any, cast
 
 import numpy as np
@@ -27,7 +28,9 @@ def fits_batch(body: IkRequest) -> bool:
     return body.method in _METHODS and not body.constraints and one_each
 
 
-def solve_batch(chain: Chain, body: IkRequest, targets: list[Pose]) -> list[dict[str, Any] | None]:
+def solve_batch(
+    chain: Chain, body: IkRequest, targets: Sequence[Pose]
+) -> list[dict[str, Any] | None]:
     """The answer to each pose, None for those that the single search must look at.
 
     Args:

@@ -1,5 +1,6 @@
 """Inverse kinematics as requests ask for it, in workers."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
@@ -18,7 +19,7 @@ from service.schemas.pose import Pose
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
 from service.tasks import constrained_ik
-from service.tasks.answer import reports_cache_miss
+from service.tasks.answer import in_frame, reports_cache_miss
 from service.tasks.attached_objects import robot_in_scene
 from service.tasks.ik_answers import (
     add_sides,
@@ -33,6 +34,12 @@ from service.tasks.ik_collisions import CollisionCheck
 from service.tasks.ik_many_poses import fits_batch, solve_batch
 from service.tasks.result import CacheMiss, TaskProblem
 from service.translate import poses
+from service.translate.frames import (
+    Frames,
+    first_configuration,
+    ik_in_root_frame,
+    names_frame,
+)
 from service.workers.task import task
 
 #: Solutions of a closed form where all are wanted but no number is given.
@@ -86,17 +93,20 @@ def ik(
     body = IkRequest.model_validate_json(content)
     _check_options(body)
     chain = worker_cache.chain(robot)
+    seed = first_configuration(chain, body.seed_joints)
     check = None
     if body.scene is not None or body.attached:
-        check = CollisionCheck(robot_in_scene(robot, scene, body))
+        check = CollisionCheck(robot_in_scene(robot, scene, body, seed))
+    if names_frame(content):
+        body = ik_in_root_frame(body, Frames(chain, seed, body.frame))
     query = _Query(body, robot, chain, chain.link(body.link or chain.tip_link).name, check)
     if body.poses is not None:
-        return to_json(combined_answer(_many(query, body.poses)))
+        return to_json(combined_answer(_many(query, body.poses)) | in_frame(chain))
     answer = _one(query, body.pose)
-    return answer if isinstance(answer, TaskProblem) else to_json(answer)
+    return answer if isinstance(answer, TaskProblem) else to_json(answer | in_frame(chain))
 
 
-def _many(query: _Query, targets: list[Pose]) -> list[dict[str, Any] | TaskProblem]:
+def _many(query: _Query, targets: Sequence[Pose]) -> list[dict[str, Any] | TaskProblem]:
     """The answer to each of many poses: by the batch kernels where these do, else one by one."""
     solved: list[dict[str, Any] | None] = [None] * len(targets)
     if query.check is None and fits_batch(query.body):

@@ -15,6 +15,7 @@ from kinematics.errors import InvalidOption
 from kinematics.forward import forward, link_poses
 from kinematics.jacobian import analytic_zyz, geometric
 from kinematics.pose import to_axis_angle, to_quaternions, to_rpy, to_zyz
+from kinematics.root_frame import frame_pose
 from kinematics.velocity import (
     DAMPED_BELOW,
     JointVelocities,
@@ -31,7 +32,7 @@ from service.schemas.kinematics import (
 from service.schemas.pose import Orientation
 from service.storage import worker_cache
 from service.storage.cache_key import builtin_reference
-from service.tasks.answer import chain_task
+from service.tasks.answer import chain_task, in_frame
 
 
 def fk(chain: Chain, body: FkRequest) -> bytes:
@@ -43,12 +44,37 @@ def fk(chain: Chain, body: FkRequest) -> bytes:
     """
     wanted = chain.link(body.link or chain.tip_link).name
     poses = link_poses(chain, body.joints)
+    T = _frame(chain, body.joints, body.frame)
+    if T is not None:
+        poses = _inverse(T)[..., None, :, :] @ poses
     answers = _poses(poses, body.orientation)
     links = {
         link.name: answers[i] if poses.ndim == 3 else [row[i] for row in answers]
         for i, link in enumerate(chain.links)
     }
-    return to_json({"pose": links[wanted], "links": links})
+    return to_json({"pose": links[wanted], "links": links, **in_frame(chain, body.frame)})
+
+
+def _frame(chain: Chain, joints: Any, name: str | None) -> Array | None:
+    """T_root_frame, shape (4, 4), of the tool (..., 4, 4); None for the root frame."""
+    if name is None:
+        return None
+    return frame_pose(chain, name, chain.configuration(joints), "frame")
+
+
+def _inverse(T: Array) -> Array:
+    """Inverse rigid motions, shape (..., 4, 4)."""
+    result = np.zeros_like(T)
+    R = np.swapaxes(T[..., :3, :3], -1, -2)
+    result[..., :3, :3], result[..., 3, 3] = R, 1.0
+    result[..., :3, 3] = -(R @ T[..., :3, 3, None])[..., 0]
+    return result
+
+
+def _turn(T: Array, twists: Array) -> Array:
+    """Columns of twists (..., 6, m) of the root frame, seen in the frame T_root_frame."""
+    R = np.swapaxes(T[..., :3, :3], -1, -2)
+    return np.concatenate([R @ twists[..., :3, :], R @ twists[..., 3:, :]], axis=-2)
 
 
 def _poses(poses: Array, form: Orientation) -> Any:
@@ -95,9 +121,15 @@ def jacobian(chain: Chain, body: JacobianRequest) -> bytes:
         InvalidOption: The zyz rates do not exist at a configuration.
     """
     J = geometric(chain, body.joints, body.link, body.point)
+    T = _frame(chain, body.joints, body.frame)
+    if T is not None:
+        J = _turn(T, J)
     if body.kind == "analytic_zyz":
         flat = J.reshape(-1, 6, chain.n)
-        turns = forward(chain, body.joints, body.link)[..., :3, :3].reshape(-1, 3, 3)
+        turns = forward(chain, body.joints, body.link)[..., :3, :3]
+        if T is not None:
+            turns = np.swapaxes(T[..., :3, :3], -1, -2) @ turns
+        turns = turns.reshape(-1, 3, 3)
         J = np.array([analytic_zyz(*pair) for pair in zip(flat, turns, strict=True)]).reshape(
             J.shape
         )
@@ -108,7 +140,7 @@ def jacobian(chain: Chain, body: JacobianRequest) -> bytes:
         "singular_values": found.values.tolist(),
         "manipulability": found.values.prod(axis=-1).tolist(),
     }
-    return to_json(answer)
+    return to_json(answer | in_frame(chain, body.frame))
 
 
 def velocity(chain: Chain, body: VelocityRequest) -> bytes:
@@ -120,6 +152,7 @@ def velocity(chain: Chain, body: VelocityRequest) -> bytes:
         InvalidOption: Lists of different lengths.
     """
     joints = chain.configuration(body.joints)
+    T = _frame(chain, body.joints, body.frame)
     if body.twist is None:
         assert body.joint_velocities is not None
         rates = chain.configuration(body.joint_velocities, "joint_velocities")
@@ -136,16 +169,21 @@ def velocity(chain: Chain, body: VelocityRequest) -> bytes:
             nullspace = chain.configuration(body.nullspace, "nullspace")
             _check_rows(joints, nullspace, "nullspace")
         below = DAMPED_BELOW if body.damped_below is None else body.damped_below
+        asked = np.array(body.twist, dtype=np.float64)
+        if T is not None:
+            asked = _turn(_inverse(T), asked[..., None])[..., 0]
         solved = joint_velocities(
             chain,
             joints,
-            body.twist,
+            asked,
             nullspace=nullspace,
             link=body.link,
             point=body.point,
             damped_below=below,
         )
-        twist = np.array(body.twist) - solved.residual
+        twist = asked - solved.residual
+    if T is not None:
+        twist, solved = _turned_velocities(T, twist, solved)
     return to_json(
         {
             "twist": twist.tolist(),
@@ -154,8 +192,25 @@ def velocity(chain: Chain, body: VelocityRequest) -> bytes:
             "rank": solved.directions.rank.tolist(),
             "singular_values": solved.directions.values.tolist(),
             "damped": _damped_directions(solved),
+            **in_frame(chain, body.frame),
         }
     )
+
+
+def _turned_velocities(
+    T: Array, twist: Array, solved: JointVelocities
+) -> tuple[Array, JointVelocities]:
+    """Twists of the root frame, seen in the frame T_root_frame."""
+    directions = solved.directions
+    seen = JointVelocities(
+        solved.joint_velocities,
+        _turn(T, solved.residual[..., None])[..., 0],
+        solved.gains,
+        SingularDirections(
+            directions.values, _turn(T, directions.twists), directions.motions, directions.rank
+        ),
+    )
+    return _turn(T, twist[..., None])[..., 0], seen
 
 
 def _check_rows(joints: Array, others: Array, name: str) -> None:

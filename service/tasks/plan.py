@@ -19,12 +19,22 @@ from planning.limits import MotionLimits
 from planning.proof.certificate import certify, has_solids
 from planning.result import Failure, Plan
 from service.schemas.plan import Collisions, PlanRequest, ValidateRequest
+from service.storage import worker_cache
 from service.storage.cache_key import Reference
-from service.tasks.answer import reports_cache_miss
+from service.tasks.answer import in_frame, reports_cache_miss
 from service.tasks.attached_objects import RobotInScene, robot_in_scene
 from service.tasks.result import CacheMiss, PlanOutcome, TaskProblem
 from service.translate import certificates, problems, timings, trajectories
 from service.translate.constraints import constraint_set
+from service.translate.frames import (
+    Frames,
+    constraints_in_root_frame,
+    first_configuration,
+    names_frame,
+    plan_in_root_frame,
+    tool_motions_in_root_frame,
+)
+from service.translate.states import with_states
 from service.version import VERSION
 from service.workers import current
 from service.workers.task import GRACE, task
@@ -60,7 +70,13 @@ def plan(
         ArmwrightError: The request is at fault.
     """
     body = PlanRequest.model_validate_json(content)
-    cell = _collision_cell(robot_in_scene(robot, scene, body), body.collisions)
+    geometry = worker_cache.robot(robot).geometry
+    body = with_states(body, geometry.states)
+    start = first_configuration(geometry.chain, body.start.joints)
+    around = robot_in_scene(robot, scene, body, start)
+    if names_frame(content):
+        body = plan_in_root_frame(body, geometry.chain)
+    cell = _collision_cell(around, body.collisions)
     arm = cell.robot
     problem = problems.problem(body, arm, cell.scene)
     deadline = current.deadline()
@@ -90,13 +106,17 @@ def validate(
         ArmwrightError: The request is at fault.
     """
     body = ValidateRequest.model_validate_json(content)
-    cell = _collision_cell(robot_in_scene(robot, scene, body), body.collisions)
+    chain = worker_cache.chain(robot)
+    motion, begins = trajectories.trajectory(body.trajectory, chain)
+    around = robot_in_scene(robot, scene, body, motion.start)
+    cell = _collision_cell(around, body.collisions)
     arm = cell.robot
-    motion, begins = trajectories.trajectory(body.trajectory, arm.chain)
+    frames = Frames(chain, motion.start, body.frame)
     limits = MotionLimits(
         timings.limits(body.limits, arm.chain), timings.effort_loads(body, arm.chain)
     )
-    wanted = constraint_set(body.constraints, arm.chain)
+    wanted = constraint_set(constraints_in_root_frame(body.constraints, frames), arm.chain)
+    tool_motions = tool_motions_in_root_frame(body.tool_motions, frames)
     certificate = certify(
         motion,
         arm,
@@ -104,7 +124,7 @@ def validate(
         margin=body.margin,
         limits=limits,
         constraints=wanted,
-        tool_motions=problems.timed_tool_motions(body.tool_motions, arm.chain, motion, begins),
+        tool_motions=problems.timed_tool_motions(tool_motions, arm.chain, motion, begins),
         deadline=current.deadline(),
     )
     violation = certificate.violation
@@ -112,7 +132,7 @@ def validate(
         return _timed_out()
     answer = certificates.certificate_answer(certificate, begins)
     answer["allowed_collisions"] = cell.allowed
-    return to_json(answer, inf_nan_mode="null")
+    return to_json(answer | in_frame(chain), inf_nan_mode="null")
 
 
 def _collision_cell(cell: RobotInScene, collisions: Collisions) -> RobotInScene:
@@ -160,6 +180,7 @@ def _answer(planned: Plan, body: PlanRequest, cell: RobotInScene) -> dict[str, A
     cartesian = planned.fraction is not None
     return {
         "status": "success",
+        **in_frame(cell.robot.chain),
         "planner": planned.planner,
         "stages": problems.stages_answer(planned.stages),
         "path": {"joints": planned.path.waypoints.tolist(), "length": planned.path.length},

@@ -18,6 +18,7 @@ from service.storage.cache_key import Reference
 from service.tasks.answer import reports_cache_miss
 from service.tasks.attached_objects import requested_scene
 from service.tasks.result import CacheMiss
+from service.translate.frames import first_configuration
 from service.workers.task import task
 
 
@@ -36,7 +37,7 @@ def potential(robot: Reference, scene: Reference | None, content: bytes) -> byte
     chain = geometry.chain
     joints = chain.configuration(body.joints)
     goal = chain.configuration(body.goal_joints, "goal_joints")
-    obstacles = requested_scene(scene, body.scene)
+    obstacles = requested_scene(scene, body, chain, first_configuration(chain, body.joints))
     field, where = potential_of(geometry, obstacles, goal, _options(body))
     answers = [_value(chain, field, where, obstacles.ids, q) for q in joints.reshape(-1, chain.n)]
     if joints.ndim == 1:

@@ -5,6 +5,7 @@ import dataclasses
 from pydantic_core import to_json
 
 from service.schemas.simulation import SimulateRequest
+from service.storage import worker_cache
 from service.storage.cache_key import Reference
 from service.tasks.answer import reports_cache_miss
 from service.tasks.attached_objects import robot_in_scene
@@ -35,9 +36,9 @@ def simulate(
         ArmwrightError: The request is at fault.
     """
     body = SimulateRequest.model_validate_json(content)
-    cell = robot_in_scene(robot, scene, body)
+    motion, begins, rest = reference(body, worker_cache.chain(robot))
+    cell = robot_in_scene(robot, scene, body, motion.start)
     geometry = cell.robot
-    motion, begins, rest = reference(body, geometry.chain)
     true, model = simulations.robot_and_model(geometry.chain, body)
     used = controller(body.controller, model, motion)
     q, qd = simulations.initial_state(body.initial_state, true, motion, rest)

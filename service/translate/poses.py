@@ -9,6 +9,7 @@ from kinematics.arrays import Array
 from kinematics.errors import InvalidScene
 from obstacles import mesh, shapes
 from obstacles.moveit import scene_from_moveit
+from obstacles.placement import in_frame
 from obstacles.scene import Obstacle, Scene
 from service.schemas import pose as pose_schema
 from service.schemas import scene as scene_schema
@@ -88,14 +89,22 @@ def scene(body: scene_schema.Scene) -> Scene:
     allowed = frozenset((first, second) for first, second in body.allowed_collisions or ())
     if body.moveit is not None:
         read = scene_from_moveit(body.moveit)
-        return Scene(read.obstacles, read.allowed_collisions | allowed)
-    obstacles = tuple(_obstacle(item) for item in body.obstacles or ())
-    return Scene(obstacles, allowed)
+        made = Scene(read.obstacles, read.allowed_collisions | allowed)
+    else:
+        obstacles = tuple(_obstacle(item) for item in body.obstacles or ())
+        made = Scene(obstacles, allowed)
+    return made if body.frame is None else in_frame(made, body.frame)
 
 
 def _obstacle(item: scene_schema.Obstacle) -> Obstacle:
     try:
-        return Obstacle(item.id, shape(item.shape), transform(item.pose), item.margin or 0.0)
+        return Obstacle(
+            item.id,
+            shape(item.shape),
+            transform(item.pose),
+            item.margin or 0.0,
+            item.pose.frame,
+        )
     except InvalidScene as error:
         if repr(item.id) in error.message:
             raise

@@ -19,6 +19,7 @@ from planning.problem import Goal, JointGoal, PoseGoal, Problem
 from planning.result import StageReport, ToolMotionReport
 from planning.tool_motion import TimedToolMotions
 from service.schemas import cartesian
+from service.schemas import goal as goal_schema
 from service.schemas import plan as schema
 from service.schemas.cartesian import cartesian_options
 from service.translate import poses, timings
@@ -71,7 +72,7 @@ def _rates(given: Sequence[float] | None) -> Array | None:
     return None if given is None else np.array(given, dtype=np.float64)
 
 
-def _goal(body: schema.SingleGoal, chain: Chain, where: str) -> Goal:
+def _goal(body: goal_schema.SingleGoal, chain: Chain, where: str) -> Goal:
     if body.joints is not None:
         q = chain.configuration(body.joints, where)
         return JointGoal(q, _rates(body.velocities), _rates(body.accelerations))

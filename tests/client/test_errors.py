@@ -131,7 +131,7 @@ def test_every_error_and_every_model_is_exported() -> None:
     for kind in classes():
         assert getattr(armwright_client, kind.__name__) is kind
     base = import_module("armwright_client.base")
-    inner = {"Readable", "Request", "Answer", "ArchiveFields", "RobotFields"}
+    inner = {"Readable", "Request", "Answer", "InFrame", "ArchiveFields", "RobotFields"}
     for module in modules():
         for name, value in vars(module).items():
             model = isinstance(value, type) and issubclass(value, base.Readable)

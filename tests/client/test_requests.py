@@ -19,6 +19,7 @@ from service.schemas import certificate as their_certificate
 from service.schemas import check as their_check
 from service.schemas import constraint as their_constraint
 from service.schemas import dynamics as their_dynamics
+from service.schemas import goal as their_goal
 from service.schemas import kinematics as their_kinematics
 from service.schemas import lyapunov as their_lyapunov
 from service.schemas import plan as their_plan
@@ -32,6 +33,7 @@ from service.schemas import shape as their_shape
 
 PAIRS: list[tuple[type[Readable], type[BaseModel]]] = [
     (ours.Pose, their_pose.Pose),
+    (ours.FramedPose, their_pose.FramedPose),
     (ours.PoseForm, their_conversion.PoseForm),
     (ours.PoseMotion, their_conversion.Motion),
     (ours.ConvertPoseRequest, their_conversion.ConvertPoseRequest),
@@ -107,9 +109,9 @@ PAIRS: list[tuple[type[Readable], type[BaseModel]]] = [
     (ours.LimitViolation, their_check.LimitViolation),
     (ours.CheckAnswer, their_check.CheckAnswer),
     (ours.CheckBatch, their_check.CheckAnswer),
-    (ours.Start, their_plan.Start),
-    (ours.SingleGoal, their_plan.SingleGoal),
-    (ours.Goal, their_plan.Goal),
+    (ours.Start, their_goal.Start),
+    (ours.SingleGoal, their_goal.SingleGoal),
+    (ours.Goal, their_goal.Goal),
     (ours.Timing, their_plan.Timing),
     (ours.PlanRequest, their_plan.PlanRequest),
     (ours.Segment, their_plan.Segment),

@@ -54,8 +54,12 @@ def test_frames(mounted: Chain) -> None:
     assert frame_names(mounted) == ["base_link", "stand", "cell", "tool"]
     mount = frame_pose(mounted, "base_link", None, "frame")
     np.testing.assert_allclose(mount[:3, 3], [0, 0, 0.9144])
-    for root in ("stand", "world", "cell"):
+    for root in ("stand", "cell"):
         np.testing.assert_array_equal(frame_pose(mounted, root, None, "frame"), np.eye(4))
+    plain = serial_chain(parse_urdf(MOUNTED))
+    np.testing.assert_array_equal(frame_pose(plain, "world", None, "frame"), np.eye(4))
+    with pytest.raises(InvalidLinkName):
+        frame_pose(mounted, "world", None, "frame")
     tool = frame_pose(mounted, "tool", np.array([0.3]), "frame")
     np.testing.assert_array_equal(tool, forward(mounted, [0.3]))
 

@@ -235,7 +235,7 @@ def test_projections_that_are_refused(client: httpx.Client) -> None:
     problem(client.post("/v1/scenes/nowhere/project", json=body), 404, "NOT_FOUND")
     answer(client.post("/v1/scenes", json={"name": "empty", "obstacles": []}), 201)
     found = answer(client.post("/v1/scenes/empty/project", json=body))
-    assert found == {"projections": [[]]}
+    assert found == {"projections": [[]], "frame": None}
     for points in ([], [[0.0, 0.0]], [[0.0, 0.0, 1e9]]):
         response = client.post("/v1/scenes/empty/project", json={"points": points})
         problem(response, 422, "VALIDATION_ERROR")

@@ -8,8 +8,9 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 from service.problem import ProblemError
 from service.schemas.base import Joints
 from service.schemas.check import CheckRequest
+from service.schemas.goal import Goal
 from service.schemas.kinematics import FkRequest, IkRequest
-from service.schemas.plan import Goal, PlanRequest, TrajectoryBody
+from service.schemas.plan import PlanRequest, TrajectoryBody
 from service.schemas.pose import Pose
 from service.schemas.retime import RetimeRequest
 from service.schemas.robot import RobotBody
@@ -179,7 +180,7 @@ def test_goals_are_exactly_one_thing() -> None:
         ({"timing": {"velocity_scaling": 0}}, "greater than 0"),
         ({"timing": {"velocity_scaling": 1.1}}, "less than"),
         ({"timing": {"method": "magic"}}, "toppra"),
-        ({"start": {}}, "required"),
+        ({"start": {}}, "exactly one of joints, state"),
     ],
 )
 def test_plans_that_cannot_be_asked(change: dict[str, Any], words: str) -> None:

@@ -22,7 +22,7 @@ from service.schemas.plan import PlanRequest, ValidateRequest
 from service.schemas.pose_conversion import ConvertPoseRequest
 from service.schemas.potential import PotentialRequest
 from service.schemas.retime import ConvertRequest, RetimeRequest
-from service.schemas.robot import RobotBody
+from service.schemas.robot import ArchiveFields, RobotBody, RobotChanges
 from service.schemas.scene import NamedScene, ProjectRequest
 from service.schemas.simulation import SimulateRequest
 from service.schemas.validation import validate_as
@@ -58,7 +58,8 @@ OBSTACLES = [
 ]
 SCENE: dict[str, Any] = {
     "name": "table",
-    "obstacles": OBSTACLES,
+    "frame": "base",
+    "obstacles": [*OBSTACLES[:-1], OBSTACLES[-1] | {"pose": POSE | {"frame": "base"}}],
     "allowed_collisions": [["hand", "o0"]],
 }
 ATTACHED: list[dict[str, Any]] = [
@@ -85,6 +86,8 @@ CONSTRAINTS: list[dict[str, Any]] = [
     {"type": "orientation", "quaternion_xyzw": [0.0, 0.0, 0.0, 1.0], "axis_tolerances": 0.1},
     {"type": "look_at", "axis": [0.0, 0.0, 1.0], "target": [0.6, 0.0, 0.1], "angle": 0.05,
      "point": [0.0, 0.0, 0.1]} | _LINK,
+    {"type": "look_at", "axis": [0.0, 0.0, 1.0], "target": [0.6, 0.0, 0.1], "angle": 0.05,
+     "frame": "base"},
     {"type": "clearance", "margin": 0.02},
     {"type": "relative_pose", "pose": POSE, "position_tolerance": 0.01,
      "orientation_tolerance": [0.1, 0.2, 0.3]} | _LINK,
@@ -120,7 +123,8 @@ TOOL_MOTIONS = {
 SMALL_SCENE = {"obstacles": OBSTACLES[1:2]}
 ABOUT: dict[str, Any] = {"attached": ATTACHED[1:], "allowed_collisions": [["hand", "o0"]]}
 PLAN: dict[str, Any] = ABOUT | {
-    "robot": "panda", "scene": SMALL_SCENE, "start": {"joints": [0.0, 0.1]} | RATES,
+    "robot": "panda", "scene": SMALL_SCENE, "frame": "base",
+    "start": {"joints": [0.0, 0.1]} | RATES,
     "goal": {"joints": [0.5, 0.6]} | RATES, "planner": "rrt_connect",
     "planner_options": {"range": 0.5}, "constraints": CONSTRAINTS[:1], "margin": 0.01,
     "collisions": "ignore", "start_state_tolerance": 1e-5, "timing": TIMING, "limits": LIMITS,
@@ -133,7 +137,12 @@ BRIEF: dict[str, Any] = {
     "start": {"joints": [0.0, 0.1]},
     "goal": {"joints": [0.5, 0.6]},
 }
-POSE_GOAL = {"pose": POSE, "position_tolerance": 0.01, "orientation_tolerance": 0.02}
+POSE_GOAL = {
+    "pose": POSE,
+    "frame": "base",
+    "position_tolerance": 0.01,
+    "orientation_tolerance": 0.02,
+}
 SEGMENTS = {
     "joint_names": ["j1", "j2"], "duration": 1.0,
     "segments": [{"t0": 0.0, "t1": 1.0, "coefficients": [[0.0, 1.0], [0.5]]}],
@@ -151,10 +160,19 @@ DH_ROW: dict[str, Any] = {
     "geometry": [{"shape": SHAPES[0], "pose": POSE}],
 }  # fmt: skip
 JOINT_LIMITS = {
-    "joint_1": {"lower": -1.0, "upper": 2.0, "velocity": 1.0, "acceleration": 2.0, "jerk": 3.0}
+    "joint_1": {
+        "lower": -1.0,
+        "upper": 2.0,
+        "velocity": 1.0,
+        "acceleration": 2.0,
+        "jerk": 3.0,
+        "effort": 4.0,
+    },
+    "*": {"jerk": 5.0},
 }
+DEFAULT_LIMITS = {"acceleration": "10 x velocity", "jerk": "10 x acceleration"}
 SIMULATE: dict[str, Any] = ABOUT | {
-    "robot": "panda", "trajectory": SEGMENTS, "scene": "table",
+    "robot": "panda", "trajectory": SEGMENTS, "scene": "table", "frame": "base",
     "model_error": {
         "mass_scale": 1.2, "payload": PAYLOAD, "motor_inertia": 0.1, "viscous_friction": [0.1, 0.2],
         "coulomb_friction": 0.1, "gravity": [0.0, 0.0, -9.0],
@@ -195,7 +213,8 @@ CONTROLLERS: list[dict[str, Any]] = [
 ]  # fmt: skip
 IK: dict[str, Any] = ABOUT | {
     "attached": ATTACHED,
-    "pose": POSE, "link": "hand", "seed_joints": [0.0, 0.1], "method": "gradient",
+    "pose": POSE | {"frame": "tool"}, "frame": "base", "link": "hand", "seed_joints": [0.0, 0.1],
+    "method": "gradient",
     "all_solutions": True, "all_turns": True, "max_solutions": 8, "choice": "limits",
     "parameters": [0.1], "axes": ["x", "rz"], "scene": "table", "constraints": CONSTRAINTS,
     "posture": [0.1, 0.2], "timeout": 5.0, "seed": 3,
@@ -208,15 +227,18 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
     (NamedScene, {"name": "table", "moveit": "name: x"}),
     (ProjectRequest, {"points": [[0.5, 0.0, 0.4]], "engine": "fcl"}),
     (CheckRequest, ABOUT | {"robot": "panda", "scene": SMALL_SCENE,
-                            "joints": [[0.0, 0.1], [0.2, 0.3]], "margin": 0.01, "timeout": 5.0}),
-    (FkRequest, {"joints": [0.0, 0.1], "link": "hand", "orientation": "rpy"}),
+                            "joints": [[0.0, 0.1], [0.2, 0.3]], "margin": 0.01, "timeout": 5.0,
+                            "frame": "base", "depth": False}),
+    (FkRequest, {"joints": [0.0, 0.1], "link": "hand", "orientation": "rpy",
+                 "frame": "base"}),
     (JacobianRequest, {"joints": [0.0, 0.1], "link": "hand", "point": [0.0, 0.0, 0.1],
-                       "kind": "analytic_zyz"}),
+                       "kind": "analytic_zyz", "frame": "tool"}),
     (IkRequest, IK),
     (IkRequest, {"poses": [POSE | orientation for orientation in ORIENTATIONS]}),
     (VelocityRequest, {"joints": [0.0, 0.1], "joint_velocities": [0.1, 0.2]}),
     (VelocityRequest, {"joints": [0.0, 0.1], "twist": [0.1] * 6, "nullspace": [0.1, 0.2],
-                       "link": "hand", "point": [0.0, 0.0, 0.1], "damped_below": 0.01}),
+                       "link": "hand", "point": [0.0, 0.0, 0.1], "damped_below": 0.01,
+                       "frame": "tool"}),
     (WrenchRequest, {"joints": [0.0, 0.1], "wrench": [1.0] * 6, "link": "hand",
                      "point": [0.0, 0.0, 0.1]}),
     (DynamicsRequest, MODEL | RATES | {"joints": [0.0, 0.1], "wrench": [1.0] * 6,
@@ -226,7 +248,7 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
     (RegressorRequest, MODEL | RATES | {"joints": [0.0, 0.1], "motors": True, "known_zeros": True,
                                         "reference_velocities": [0.1, 0.2]}),
     (PotentialRequest, {"joints": [0.0, 0.1], "goal_joints": [0.5, 0.6], "scene": SMALL_SCENE,
-                        "engine": "fcl", "timeout": 5.0,
+                        "engine": "fcl", "timeout": 5.0, "frame": "base",
                         "options": {"attractive_weights": [1.0, 2.0], "attractive_cap": 0.2,
                                     "repulsive_weights": 1e-4, "influence_distance": 0.1,
                                     "least_distance": 1e-3, "preset": "notes",
@@ -234,11 +256,14 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
                                     "joint_weight": 0.1}}),
     (PlanRequest, PLAN),
     (PlanRequest, BRIEF | {"goal": {"any_of": [POSE_GOAL, {"joints": [0.5, 0.6]}]}}),
+    (PlanRequest, BRIEF | {"start": {"state": "home"}, "goal": {"state": "away"}}),
+    (PlanRequest, BRIEF | {"goal": {"any_of": [{"state": "away"}]}}),
     (PlanRequest, BRIEF | {"goal": POSE_GOAL, "planner": "cartesian",
                           "planner_options": {"motions": MOTIONS, "allow_partial": True}}),
     (BatchRequest, PLAN | {"problems": [BRIEF, {"goal": POSE_GOAL}]}),
     (ValidateRequest, ABOUT | {
-        "robot": "panda", "scene": SMALL_SCENE, "trajectory": SAMPLES, "limits": LIMITS,
+        "robot": "panda", "scene": SMALL_SCENE, "frame": "base", "trajectory": SAMPLES,
+        "limits": LIMITS,
         "constraints": CONSTRAINTS[:1], "margin": 0.01, "collisions": "ignore",
         "tool_motions": TOOL_MOTIONS, "torque_limits": True, "payload": PAYLOAD, "tool_speed": 0.5,
         "timeout": 5.0}),
@@ -274,7 +299,11 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
                  "dh": {"convention": "standard", "rows": [DH_ROW], "base": POSE, "tool": POSE,
                         "gravity": [0.0, 0.0, -9.81], "geometry": {"capsules": 0.05}}}),
     (RobotBody, {"name": "arm", "urdf": "<robot/>", "srdf": "<robot/>", "meshes": {"a.stl": "AAAA"},
-                 "joint_limits": JOINT_LIMITS}),
+                 "joint_limits": JOINT_LIMITS, "default_limits": DEFAULT_LIMITS,
+                 "held": {"finger": 0.1}}),
+    (RobotChanges, {"joint_limits": JOINT_LIMITS, "default_limits": DEFAULT_LIMITS}),
+    (ArchiveFields, {"name": "arm", "urdf_path": "a/arm.urdf", "srdf_path": "arm.srdf",
+                     "joint_limits": "joint_limits: {}"}),
 ]  # fmt: skip
 NAMES = [f"{model.__name__}-{i}" for i, (model, _) in enumerate(FULL)]
 

@@ -12,6 +12,7 @@ from service.schemas.batch import BatchRequest
 from service.schemas.cartesian import MAX_MOTIONS, TimedToolMotions
 from service.schemas.check import CheckRequest
 from service.schemas.constraint import MAX_CONSTRAINTS
+from service.schemas.goal import MAX_GOALS
 from service.schemas.kinematics import (
     MAX_PARAMETERS,
     MAX_POSES,
@@ -21,7 +22,7 @@ from service.schemas.kinematics import (
     IkRequest,
     VelocityRequest,
 )
-from service.schemas.plan import MAX_COEFFICIENTS, MAX_GOALS, PlanRequest, ValidateRequest
+from service.schemas.plan import MAX_COEFFICIENTS, PlanRequest, ValidateRequest
 from service.schemas.potential import PotentialRequest
 from service.schemas.retime import MAX_WAYPOINTS, ConvertRequest, RetimeRequest
 from service.schemas.robot import RobotBody

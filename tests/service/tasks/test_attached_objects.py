@@ -12,7 +12,7 @@ from kinematics.forward import forward
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Box, Sphere
 from service.schemas.attached import Attached
-from service.schemas.scene import Scene as SceneBody
+from service.schemas.check import CheckRequest
 from service.storage.cache_key import NotPrepared, Reference
 from service.tasks.attached_objects import RobotInScene, attach, requested_scene
 from tests.planning.scenes import HOME, builtin
@@ -149,11 +149,24 @@ def test_a_pair_names_what_there_is() -> None:
 
 
 def test_the_scene_of_a_request_is_stored_inline_or_empty() -> None:
-    assert requested_scene(None, None).obstacles == ()
-    assert requested_scene(None, "a name that the server has looked up").obstacles == ()
-    inline = SceneBody.model_validate({"obstacles": [{"id": "a", "shape": PART["shape"],
-                                                      "pose": PART["pose"]}]})  # fmt: skip
-    assert requested_scene(None, inline).ids == ("a",)
+    def requested(reference: Reference | None, source: Any, frame: str | None = None) -> Scene:
+        body = CheckRequest.model_validate(
+            {"robot": "panda", "scene": source, "frame": frame, "joints": [0.0] * 7}
+        )
+        return requested_scene(reference, body, ROBOT.chain, np.zeros(7))
+
+    assert requested(None, None).obstacles == ()
+    assert requested(None, "looked-up").obstacles == ()
+    inline = {"obstacles": [{"id": "a", "shape": PART["shape"], "pose": PART["pose"]}]}
+    assert requested(None, inline).ids == ("a",)
     lost = Reference("scene", "lost", "0" * 64, "/nowhere")
     with pytest.raises(NotPrepared):
-        requested_scene(lost, "lost")
+        requested(lost, "lost")
+    tool = forward(ROBOT.chain, np.zeros(7))
+    (there,) = requested(None, inline, "tool").obstacles
+    (here,) = requested(None, inline).obstacles
+    np.testing.assert_allclose(there.T_world_obstacle, tool @ here.T_world_obstacle, atol=1e-12)
+    named = {"frame": "panda_link0", **inline}
+    np.testing.assert_allclose(
+        requested(None, named, "tool").obstacles[0].T_world_obstacle, here.T_world_obstacle
+    )

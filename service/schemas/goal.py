@@ -1,0 +1,76 @@
+"""Starts and goals of motions on the wire."""
+
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from service.schemas.base import Body, Frame, JointVector, Label, Positive, exactly_one
+from service.schemas.kinematics import JOINTS_EXAMPLE
+from service.schemas.pose import FramedPose
+
+MAX_GOALS = 1_000
+
+Tolerance = Annotated[Positive, Field(le=10.0)]
+
+
+class Start(Body):
+    """Start of the motion."""
+
+    joints: JointVector | None = Field(None, examples=[JOINTS_EXAMPLE])
+    state: Label | None = Field(None, description="a named state of the robot", examples=["home"])
+    velocities: JointVector | None = Field(
+        None, description="there, for a motion that is optimised; at rest if left out"
+    )
+    accelerations: JointVector | None = Field(
+        None, description="there, likewise; any that keep the limits if left out"
+    )
+
+    @model_validator(mode="after")
+    def _check_form(self) -> "Start":
+        exactly_one(self, ("joints", "state"))
+        return self
+
+
+class SingleGoal(Body):
+    """A configuration, or a pose of the tip within tolerances."""
+
+    joints: JointVector | None = Field(None, examples=[[0.6, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]])
+    state: Label | None = Field(None, description="a named state of the robot", examples=["home"])
+    pose: FramedPose | None = None
+    frame: Frame | None = None
+    velocities: JointVector | None = Field(
+        None, description="at the joints, for a motion that is optimised; at rest if left out"
+    )
+    accelerations: JointVector | None = Field(
+        None, description="there, likewise; any that keep the limits if left out"
+    )
+    position_tolerance: Tolerance | None = Field(None, description="[m]")
+    orientation_tolerance: Tolerance | None = Field(None, description="[rad]")
+
+    @model_validator(mode="after")
+    def _check_form(self) -> "SingleGoal":
+        exactly_one(self, ("joints", "state", "pose"))
+        self._check_tolerances()
+        return self
+
+    def _check_tolerances(self) -> None:
+        for name in ("position_tolerance", "orientation_tolerance"):
+            if self.pose is None and getattr(self, name) is not None:
+                raise ValueError(f"{name} belongs to a pose")
+        for name in ("velocities", "accelerations"):
+            if self.joints is None and self.state is None and getattr(self, name) is not None:
+                raise ValueError(f"{name} belong to joints")
+        if self.pose is None and self.frame is not None:
+            raise ValueError("frame belongs to a pose")
+
+
+class Goal(SingleGoal):
+    """Goal of the motion: one, or any of several."""
+
+    any_of: Annotated[list[SingleGoal], Field(min_length=1, max_length=MAX_GOALS)] | None = None
+
+    @model_validator(mode="after")
+    def _check_form(self) -> "Goal":
+        exactly_one(self, ("joints", "state", "pose", "any_of"))
+        self._check_tolerances()
+        return self

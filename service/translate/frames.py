@@ -1,0 +1,288 @@
+"""Requests whose poses are in other frames, put into the robot's root frame."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeVar
+
+import numpy as np
+from pydantic import BaseModel
+
+from kinematics.arrays import Array
+from kinematics.chain import Chain
+from kinematics.errors import InvalidGoal
+from kinematics.root_frame import frame_pose
+from service.schemas import constraint as constraints
+from service.schemas.cartesian import TimedToolMotions, ToolMotion
+from service.schemas.goal import Goal, SingleGoal
+from service.schemas.kinematics import IkRequest
+from service.schemas.plan import PlanRequest
+from service.schemas.pose import FramedPose, Pose
+from service.translate import poses
+
+#: Marks a request that names a frame somewhere: others are left alone, to the last bit.
+_MARK = b'"frame"'
+_POINTS = ("point", "via", "center")
+_DIRECTIONS = ("normal",)
+
+_Body = TypeVar("_Body", bound=BaseModel)
+
+
+class Frames:
+    """Poses of the frames that a request names, in the root frame.
+
+    Args:
+        chain: The robot.
+        joints: Where "tool" is meant, shape (n,) [rad or m]; None where nothing says so.
+        default: The frame of the request, for all that names none.
+    """
+
+    def __init__(self, chain: Chain, joints: Array | None, default: str | None) -> None:
+        self._chain = chain
+        self._joints = joints
+        self._default = default
+
+    def transform(self, frame: str | None, where: str) -> Array | None:
+        """T_root_frame, shape (4, 4); None for the root frame itself.
+
+        Raises:
+            InvalidLinkName: There is no such frame, it moves, or nothing says where the tool is.
+        """
+        name = frame or self._default
+        return None if name is None else frame_pose(self._chain, name, self._joints, where)
+
+    def pose(self, pose: Pose, frame: str | None, where: str) -> Pose:
+        """A pose in the root frame; one that names a frame itself is in that.
+
+        Raises:
+            InvalidLinkName: As for ``transform``.
+            InvalidPose: The orientation is no rotation.
+        """
+        named = getattr(pose, "frame", None) or frame
+        T = self.transform(named, f"{where}.frame")
+        return pose if T is None else _moved_pose(T, pose)
+
+
+def names_frame(content: bytes) -> bool:
+    """Whether a request may name a frame."""
+    return _MARK in content
+
+
+def plan_in_root_frame(body: PlanRequest, chain: Chain) -> PlanRequest:
+    """A request for a plan with all that it names in the root frame.
+
+    Args:
+        body: The request, its states looked up.
+        chain: The robot.
+
+    Raises:
+        InvalidLinkName: A frame is unknown, or moves.
+        InvalidGoal: A constraint names two frames.
+    """
+    assert body.start.joints is not None
+    start = chain.configuration(body.start.joints, "start.joints").reshape(chain.n)
+    frames = Frames(chain, start, body.frame)
+    changes: dict[str, Any] = {
+        "goal": _goal(body.goal, frames, "goal"),
+        "constraints": constraints_in_root_frame(body.constraints, frames),
+    }
+    if body.planner_options is not None:
+        changes["planner_options"] = _planner_options(body.planner_options, frames)
+    return body.model_copy(update=changes)
+
+
+def _goal(goal: Goal, frames: Frames, where: str) -> Goal:
+    if goal.any_of is None:
+        return _single_goal(goal, frames, where)
+    items = [_single_goal(g, frames, f"{where}.any_of[{i}]") for i, g in enumerate(goal.any_of)]
+    return goal.model_copy(update={"any_of": items})
+
+
+_Goal = TypeVar("_Goal", bound=SingleGoal)
+
+
+def _single_goal(goal: _Goal, frames: Frames, where: str) -> _Goal:
+    if goal.pose is None:
+        return goal
+    return goal.model_copy(update={"pose": frames.pose(goal.pose, goal.frame, where)})
+
+
+def _planner_options(options: Mapping[str, Any], frames: Frames) -> dict[str, Any]:
+    """Options of the planner cartesian with their motions in the root frame."""
+    changed = dict(options)
+    for name in ("motions", "waypoints"):
+        items = changed.get(name)
+        if isinstance(items, list):
+            changed[name] = [
+                _motion(item, frames, f"planner_options.{name}[{i}]")
+                for i, item in enumerate(items)
+            ]
+    return changed
+
+
+def _motion(item: Any, frames: Frames, where: str) -> Any:
+    if not isinstance(item, dict):
+        return item
+    values = dict(item)
+    named = values.pop("frame", None)
+    pose = values.get("pose")
+    if isinstance(pose, dict):
+        framed = FramedPose.model_validate(pose)
+        named = framed.frame or named
+        values["pose"] = frames.pose(framed, named, where).model_dump(exclude_none=True)
+    T = frames.transform(named, f"{where}.frame")
+    return values if T is None else _moved_fields(values, T)
+
+
+def _moved_fields(values: dict[str, Any], T: Array) -> dict[str, Any]:
+    """Fields with points moved and directions turned by a transform."""
+    moved = dict(values)
+    for names, move in ((_POINTS, _moved_point), (_DIRECTIONS, _turned)):
+        for name in names:
+            if moved.get(name) is not None:
+                moved[name] = move(T, moved[name])
+    return moved
+
+
+def ik_in_root_frame(body: IkRequest, frames: Frames) -> IkRequest:
+    """A request for inverse kinematics with poses and constraints in the root frame.
+
+    Raises:
+        InvalidLinkName: A frame is unknown, or moves.
+        InvalidGoal: A constraint names two frames.
+    """
+    changes: dict[str, Any] = {
+        "constraints": constraints_in_root_frame(body.constraints, frames),
+    }
+    if body.pose is not None:
+        changes["pose"] = frames.pose(body.pose, None, "pose")
+    if body.poses is not None:
+        changes["poses"] = [frames.pose(p, None, f"poses[{i}]") for i, p in enumerate(body.poses)]
+    return body.model_copy(update=changes)
+
+
+def tool_motions_in_root_frame(
+    body: TimedToolMotions | None, frames: Frames
+) -> TimedToolMotions | None:
+    """Motions that a trajectory is held to, in the root frame.
+
+    Raises:
+        InvalidLinkName: A frame is unknown, or moves.
+    """
+    if body is None:
+        return None
+    motions = [
+        _tool_motion(motion, frames, f"tool_motions.motions[{i}]")
+        for i, motion in enumerate(body.motions)
+    ]
+    return body.model_copy(update={"motions": motions})
+
+
+def _tool_motion(motion: ToolMotion, frames: Frames, where: str) -> ToolMotion:
+    T = frames.transform(motion.pose.frame, f"{where}.pose.frame")
+    if T is None:
+        return motion
+    values = {name: getattr(motion, name) for name in (*_POINTS[1:], *_DIRECTIONS)}
+    return motion.model_copy(
+        update={"pose": _moved_pose(T, motion.pose), **_moved_fields(values, T)}
+    )
+
+
+# ------------------------------------------------------------------------------ constraints
+
+
+def constraints_in_root_frame(
+    bodies: Sequence[constraints.Constraint] | None, frames: Frames
+) -> list[constraints.Constraint] | None:
+    """Constraints whose regions and directions are in the root frame.
+
+    One that is seen from another link (``reference_link``) stays as it is.
+
+    Raises:
+        InvalidLinkName: A frame is unknown, or moves.
+        InvalidGoal: A constraint names a frame and a reference link.
+    """
+    if bodies is None:
+        return None
+    return [_constraint(body, frames, f"constraints[{i}]") for i, body in enumerate(bodies)]
+
+
+def _constraint(body: Any, frames: Frames, where: str) -> Any:
+    if not isinstance(body, constraints.OfLink):
+        return body
+    if body.reference_link is not None:
+        if body.frame is not None:
+            raise InvalidGoal(
+                f"{where} names both a frame and a reference_link",
+                hint="frame stands still, reference_link moves: give the one that is meant.",
+            )
+        return body
+    T = frames.transform(body.frame, f"{where}.frame")
+    return body if T is None else _MOVES[type(body)](body, T)
+
+
+def _position(body: constraints.PositionConstraint, T: Array) -> constraints.PositionConstraint:
+    region = body.region
+    changes: dict[str, Any] = {}
+    for name in ("center", "point"):
+        if hasattr(region, name):
+            changes[name] = _moved_point(T, getattr(region, name))
+    for name in ("normal", "direction"):
+        if hasattr(region, name):
+            changes[name] = _turned(T, getattr(region, name))
+    if isinstance(region, constraints.BoxRegion):
+        changes["pose"] = _moved_pose(T, region.pose)
+    return body.model_copy(update={"region": region.model_copy(update=changes)})
+
+
+def _orientation(
+    body: constraints.OrientationConstraint, T: Array
+) -> constraints.OrientationConstraint:
+    if body.direction is not None:
+        return body.model_copy(update={"direction": _turned(T, body.direction)})
+    pose = Pose(position=[0.0, 0.0, 0.0], quaternion_xyzw=body.quaternion_xyzw)
+    turned = _moved_pose(T, pose).quaternion_xyzw
+    return body.model_copy(update={"quaternion_xyzw": turned})
+
+
+def _look_at(body: constraints.LookAtConstraint, T: Array) -> constraints.LookAtConstraint:
+    return body.model_copy(update={"target": _moved_point(T, body.target)})
+
+
+def _relative_pose(
+    body: constraints.RelativePoseConstraint, T: Array
+) -> constraints.RelativePoseConstraint:
+    return body.model_copy(update={"pose": _moved_pose(T, body.pose)})
+
+
+_MOVES: Mapping[type, Callable[[Any, Array], Any]] = {
+    constraints.PositionConstraint: _position,
+    constraints.OrientationConstraint: _orientation,
+    constraints.LookAtConstraint: _look_at,
+    constraints.RelativePoseConstraint: _relative_pose,
+}
+
+
+def _moved_pose(T: Array, pose: Pose) -> Pose:
+    answer = poses.pose_answer(T @ poses.transform(pose))
+    return Pose(position=list(answer.position), quaternion_xyzw=list(answer.quaternion_xyzw))
+
+
+def _moved_point(T: Array, point: Sequence[float]) -> list[float]:
+    moved: list[float] = (T[:3, :3] @ np.asarray(point, dtype=np.float64) + T[:3, 3]).tolist()
+    return moved
+
+
+def _turned(T: Array, direction: Sequence[float]) -> list[float]:
+    turned: list[float] = (T[:3, :3] @ np.asarray(direction, dtype=np.float64)).tolist()
+    return turned
+
+
+def first_configuration(chain: Chain, joints: Any) -> Array | None:
+    """The configuration of a request that has one; None where it has many or none.
+
+    Args:
+        chain: The robot.
+        joints: As the request gives them.
+    """
+    if joints is None or np.ndim(joints) != 1:
+        return None
+    return chain.configuration(joints).reshape(chain.n)

@@ -1,0 +1,45 @@
+"""Named states of robots in requests, looked up."""
+
+from collections.abc import Mapping
+from typing import Any, TypeVar
+
+from kinematics.arrays import Array
+from kinematics.named_states import state
+from service.schemas.goal import SingleGoal, Start
+from service.schemas.plan import PlanRequest
+
+_Part = TypeVar("_Part", Start, SingleGoal)
+
+
+def with_states(body: PlanRequest, states: Mapping[str, Array]) -> PlanRequest:
+    """A request for a plan with the joints of the states that it names.
+
+    Args:
+        body: The request.
+        states: Of the robot, by name.
+
+    Raises:
+        InvalidRobotState: The robot has no such state.
+    """
+    changes: dict[str, Any] = {}
+    if body.start.state is not None:
+        changes["start"] = _looked_up(body.start, states, "start.state")
+    goal = body.goal
+    if goal.state is not None:
+        changes["goal"] = goal.model_copy(update=_joints(goal.state, states, "goal.state"))
+    elif any(item.state is not None for item in goal.any_of or ()):
+        items = [
+            item if item.state is None else _looked_up(item, states, f"goal.any_of[{i}].state")
+            for i, item in enumerate(goal.any_of or ())
+        ]
+        changes["goal"] = goal.model_copy(update={"any_of": items})
+    return body.model_copy(update=changes) if changes else body
+
+
+def _looked_up(part: _Part, states: Mapping[str, Array], where: str) -> _Part:
+    assert part.state is not None
+    return part.model_copy(update=_joints(part.state, states, where))
+
+
+def _joints(name: str, states: Mapping[str, Array], where: str) -> dict[str, Any]:
+    return {"joints": state(states, name, where).tolist(), "state": None}
