@@ -101,7 +101,7 @@ class FramedPose(Pose):
 
 
 #: A pose of a goal, an obstacle or a tool motion, perhaps in a frame of its own.
-AnyPose: TypeAlias = FramedPose | Pose
+AnyPose: TypeAlias = Pose | FramedPose
 
 
 class PoseForm(Pose):

@@ -69,7 +69,7 @@ ATTACHED: list[dict[str, Any]] = [
     },
     {"id": "o1", "grasp_joints": [0.1, 0.2], "link": "hand"},
 ]  # fmt: skip
-_LINK = {"link": "hand", "reference_link": "base", "weight": 1.0}
+_LINK = {"link": "hand", "reference_link": "base", "frame": "base", "weight": 1.0}
 REGIONS: list[dict[str, Any]] = [
     {"type": "box", "pose": POSE, "size": [0.1, 0.0, 0.1]},
     {"type": "sphere", "center": [0.4, 0.0, 0.3], "radius": 0.05},
@@ -86,8 +86,6 @@ CONSTRAINTS: list[dict[str, Any]] = [
     {"type": "orientation", "quaternion_xyzw": [0.0, 0.0, 0.0, 1.0], "axis_tolerances": 0.1},
     {"type": "look_at", "axis": [0.0, 0.0, 1.0], "target": [0.6, 0.0, 0.1], "angle": 0.05,
      "point": [0.0, 0.0, 0.1]} | _LINK,
-    {"type": "look_at", "axis": [0.0, 0.0, 1.0], "target": [0.6, 0.0, 0.1], "angle": 0.05,
-     "frame": "base"},
     {"type": "clearance", "margin": 0.02},
     {"type": "relative_pose", "pose": POSE, "position_tolerance": 0.01,
      "orientation_tolerance": [0.1, 0.2, 0.3]} | _LINK,
@@ -303,7 +301,8 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
                  "held": {"finger": 0.1}}),
     (RobotChanges, {"joint_limits": JOINT_LIMITS, "default_limits": DEFAULT_LIMITS}),
     (ArchiveFields, {"name": "arm", "urdf_path": "a/arm.urdf", "srdf_path": "arm.srdf",
-                     "joint_limits": "joint_limits: {}"}),
+                     "joint_limits": "joint_limits: {}", "default_limits": DEFAULT_LIMITS,
+                     "held": {"finger": 0.1}, "base_link": "base", "tip_link": "tip"}),
 ]  # fmt: skip
 NAMES = [f"{model.__name__}-{i}" for i, (model, _) in enumerate(FULL)]
 
