@@ -57,7 +57,7 @@ def test_a_default_frame_is_for_those_that_name_none() -> None:
 
 def test_checkers_and_proofs_refuse_what_is_not_placed() -> None:
     robot, scene = builtin("panda"), Scene((TOOL,))
-    with pytest.raises(InvalidScene, match="place"):
+    with pytest.raises(InvalidScene, match="root frame"):
         Checker.of(robot, scene).valid(Q)
     problem = Problem(robot, scene, Q, (JointGoal(Q),))
     assert problem.scene.frames == frozenset()
