@@ -37,7 +37,13 @@ class LocalWorkers:
         """Nothing has to end."""
 
     async def submit(
-        self, job: Job[Any], on_progress: Any = None, background: Any = None, *, brief: bool = False
+        self,
+        job: Job[Any],
+        on_progress: Any = None,
+        background: Any = None,
+        *,
+        brief: bool = False,
+        client: str = "",
     ) -> Any:
         """The result of a job.
 
