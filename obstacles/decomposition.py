@@ -10,6 +10,7 @@ distance to all hulls is a distance to the solid; where it does not do, the tria
 import contextlib
 import hashlib
 import tempfile
+from collections.abc import Iterator
 from dataclasses import fields
 from functools import lru_cache
 from pathlib import Path
@@ -44,12 +45,28 @@ _MERGING = 1e-6
 
 
 _directory: Path | None = None
+_written: list[Path] | None = None
 
 
 def keep_decompositions(directory: Path | None) -> None:
-    """Keep decompositions in ``directory`` as well, for other processes and later ones."""
+    """Look for decompositions in ``directory`` as well, see `written_decompositions`."""
     global _directory  # noqa: PLW0603  one cache a process, like the one in memory
     _directory = directory
+
+
+@contextlib.contextmanager
+def written_decompositions() -> Iterator[list[Path]]:
+    """Keep the decompositions that are made meanwhile, for other processes and later ones.
+
+    Yields:
+        The files that were written; whoever has them kept removes them in the end.
+    """
+    global _written  # noqa: PLW0603
+    before, _written = _written, list[Path]()
+    try:
+        yield _written
+    finally:
+        _written = before
 
 
 def convex_pieces(vertices: Array, faces: Faces) -> tuple[ConvexPart, ...]:
@@ -74,9 +91,10 @@ def _stored_pieces(vertices: bytes, faces: bytes) -> tuple[ConvexPart, ...]:
         return stored
     points = np.frombuffer(vertices).reshape(-1, 3)
     parts = _decompose(points, np.frombuffer(faces, dtype=np.int64).reshape(-1, 3))
-    if file is not None:
+    if file is not None and _written is not None:
         with contextlib.suppress(OSError):  # it is computed again where it could not be kept
             _write(file, parts)
+            _written.append(file)
     return parts
 
 

@@ -9,6 +9,7 @@ from fastapi import FastAPI
 from starlette.concurrency import run_in_threadpool
 
 from service.access.authentication import Authenticator
+from service.housekeeping import keep_house
 from service.http import handlers, middleware, openapi
 from service.http.json_route import JsonRoute
 from service.http.metrics import Metrics
@@ -37,8 +38,10 @@ from service.settings import Settings
 from service.storage.recent import Recent
 from service.storage.store import open_store
 from service.storage_watch import watch
+from service.tasks.result import RobotModel
 from service.version import VERSION
 from service.workers.launch import Launched
+from service.workers.recycling import WorkerLimits
 from service.workers.supervisor import WorkerSupervisor
 
 #: Worker processes beyond those that were asked for: a worker that dies is replaced at once, and
@@ -46,6 +49,8 @@ from service.workers.supervisor import WorkerSupervisor
 _SPARES = 1
 #: Models of robots that the server keeps; one is some kilobytes.
 _MODELS = 256
+#: And how much they may be together [byte].
+_MODEL_BYTES = 16 * 2**20
 _ROUTERS = (
     pages.router,
     health.router,
@@ -82,7 +87,7 @@ def create_app(settings: Settings | None = None, launched: Launched | None = Non
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         app.state.store = await run_in_threadpool(open_store, chosen.storage_url, exclusive=True)
-        app.state.models = Recent(_MODELS)
+        app.state.models = Recent(_MODELS, _MODEL_BYTES, _model_bytes)
         app.state.authenticator = Authenticator(app.state.store.keys)
         supervisor = WorkerSupervisor(
             chosen.workers,
@@ -91,16 +96,23 @@ def create_app(settings: Settings | None = None, launched: Launched | None = Non
             recipe=RECIPE,
             launched=launched,
             spares=_SPARES,
+            limits=WorkerLimits(
+                chosen.worker_memory, chosen.worker_growth, chosen.worker_jobs, chosen.worker_age
+            ),
         )
         app.state.supervisor = supervisor
         app.state.jobs = Jobs(app, app.state.store, chosen)
         await supervisor.start()
-        watching = asyncio.create_task(watch(app.state.store.database))
+        chores = [
+            asyncio.create_task(watch(app.state.store.database)),
+            asyncio.create_task(keep_house(chosen)),
+        ]
         try:
             await app.state.jobs.start()
             yield
         finally:
-            watching.cancel()
+            for chore in chores:
+                chore.cancel()
             await app.state.jobs.stop()
             await supervisor.stop()
             await run_in_threadpool(app.state.store.close)
@@ -127,3 +139,7 @@ def create_app(settings: Settings | None = None, launched: Launched | None = Non
     for router in _ROUTERS:
         app.include_router(router)
     return app
+
+
+def _model_bytes(model: RobotModel) -> int:
+    return len(model.answer)

@@ -55,6 +55,21 @@ class Settings(BaseSettings):
     default_timeout: Positive = Field(10.0, description="deadline of a request that names none [s]")
     max_timeout: Positive = Field(300.0, description="longest deadline a request may name [s]")
     kill_grace: Positive = Field(0.1, description="overrun of a deadline before the kill [s]")
+    worker_memory: int = Field(
+        2048 * _MEBIBYTE,
+        ge=64 * _MEBIBYTE,
+        description="memory that a request may take beyond what its worker was forked with [byte]",
+    )
+    worker_growth: int = Field(
+        512 * _MEBIBYTE,
+        ge=16 * _MEBIBYTE,
+        description="memory that a worker may keep between requests; then it is replaced [byte]",
+    )
+    worker_jobs: int = Field(10_000, ge=1, description="jobs after which a worker is replaced")
+    worker_age: Positive = Field(6 * 3600.0, description="age at which a worker is replaced [s]")
+    prepared_storage: int = Field(
+        1024 * _MEBIBYTE, ge=_MEBIBYTE, description="room for prepared robots and scenes [byte]"
+    )
     job_limit: int = Field(256, ge=0, description="jobs that may be queued or running")
     job_deadline: Positive = Field(
         3600.0, description="time within which an accepted job must end [s]"

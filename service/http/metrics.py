@@ -23,6 +23,8 @@ from service.workers.supervisor import WorkerSupervisor
 _SECONDS = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5, 10, 30, 60, 300)
 _METHODS = ("GET", "POST", "PUT", "DELETE", "HEAD", "OPTIONS", "PATCH")
 _OTHER = "other"
+#: What becomes of work that workers are given, and how often workers were replaced after it.
+_OUTCOMES = ("finished", "crashed", "overrun", "cancelled", "rejected", "yielded", "recycled")
 
 
 class Metrics:
@@ -125,7 +127,7 @@ class _State(Collector):
         outcomes = CounterMetricFamily(
             "armwright_work", "Work given to workers, by what became of it", labels=("outcome",)
         )
-        for outcome in ("finished", "crashed", "overrun", "cancelled", "rejected", "yielded"):
+        for outcome in _OUTCOMES:
             outcomes.add_metric([outcome], getattr(counters, outcome))
         yield outcomes
 

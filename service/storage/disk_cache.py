@@ -129,12 +129,21 @@ def read_scene(reference: Reference) -> Scene:
     Raises:
         NotPrepared: There is no usable file.
     """
+    return read_scene_and_size(reference)[0]
+
+
+def read_scene_and_size(reference: Reference) -> tuple[Scene, int]:
+    """The scene of a reference, and how many bytes its pickle has.
+
+    Raises:
+        NotPrepared: There is no usable file.
+    """
     (packed,) = _read_entry(reference)
     try:
         scene: Scene = pickle.loads(packed)
     except Exception:  # noqa: BLE001  written by this version and yet unreadable: built anew
         raise NotPrepared(reference) from None
-    return scene
+    return scene, len(packed)
 
 
 def _read_entry(reference: Reference) -> tuple[bytes, ...]:

@@ -8,17 +8,33 @@ from typing import Any, TypeVar
 _T = TypeVar("_T")
 
 
+def _nothing(value: Any) -> int:  # noqa: ARG001
+    return 0
+
+
 class Recent:
     """The values that were asked for last, by key; any thread may ask.
 
     Args:
         size: How many are kept.
+        limit: How many bytes they may have together; the last one is kept whatever it has.
+        weigh: Gives the bytes of a value.
     """
 
-    def __init__(self, size: int) -> None:
+    def __init__(
+        self, size: int, limit: int | None = None, weigh: Callable[[Any], int] = _nothing
+    ) -> None:
         self._size = size
+        self._limit = limit
+        self._weigh = weigh
         self._lock = threading.Lock()
         self._values: OrderedDict[Any, Any] = OrderedDict()
+        self._weights: dict[Any, int] = {}
+
+    @property
+    def weight(self) -> int:
+        """The bytes of the values that are kept."""
+        return sum(self._weights.values())
 
     def get(self, key: object, make: Callable[[], _T]) -> _T:
         """The value of a key, made if it is not among those kept."""
@@ -33,11 +49,17 @@ class Recent:
 
     def put(self, key: object, value: object) -> None:
         """Keep a value, and drop those that nobody has asked for longest."""
+        weight = self._weigh(value)
         with self._lock:
             self._values[key] = value
             self._values.move_to_end(key)
-            while len(self._values) > self._size:
-                self._values.popitem(last=False)
+            self._weights[key] = weight
+            while len(self._values) > self._size or self._is_too_heavy():
+                dropped, _ = self._values.popitem(last=False)
+                del self._weights[dropped]
+
+    def _is_too_heavy(self) -> bool:
+        return self._limit is not None and len(self._values) > 1 and self.weight > self._limit
 
     def __contains__(self, key: object) -> bool:
         return key in self._values

@@ -10,9 +10,24 @@ from service.storage.disk_cache import PreparedRobot
 from service.storage.recent import Recent
 from service.translate import poses, robots
 
-#: A robot is a few hundred kilobytes; a scene may be megabytes.
-_ROBOTS = Recent(64)
-_SCENES = Recent(16)
+_MEBIBYTE = 2**20
+#: Values take up to this many times the bytes of their pickles: kernels want copies in their order.
+_UNPACKED = 4
+
+
+def _robot_bytes(prepared: PreparedRobot) -> int:
+    packed = len(prepared.packed_chain) + len(prepared.packed_geometry)
+    return len(prepared.answer) + (1 + _UNPACKED) * packed
+
+
+def _scene_bytes(prepared: tuple[Scene, int]) -> int:
+    return _UNPACKED * prepared[1]
+
+
+#: A robot is a few hundred kilobytes, with fine meshes megabytes.
+_ROBOTS = Recent(64, 128 * _MEBIBYTE, _robot_bytes)
+#: Scenes with the bytes of their pickles.
+_SCENES = Recent(16, 256 * _MEBIBYTE, _scene_bytes)
 
 
 def robot(reference: Reference) -> PreparedRobot:
@@ -47,7 +62,7 @@ def scene(source: Reference | scene_schema.Scene | None) -> Scene:
         return Scene()
     if isinstance(source, Reference):
         _keep_decompositions(source)
-        return _SCENES.get(source.hash, lambda: disk_cache.read_scene(source))
+        return _SCENES.get(source.hash, lambda: disk_cache.read_scene_and_size(source))[0]
     return poses.scene(source)
 
 

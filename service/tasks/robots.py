@@ -8,7 +8,7 @@ from kinematics.description import MeshGeometry
 from kinematics.errors import InvalidRobotDescription
 from kinematics.robots import builtin_urdf
 from kinematics.urdf import parse_urdf
-from obstacles.decomposition import keep_decompositions
+from obstacles.decomposition import keep_decompositions, written_decompositions
 from obstacles.scene import Scene
 from service.schemas.robot import RobotBody, RobotChanges
 from service.schemas.scene import NamedScene
@@ -54,10 +54,12 @@ def prepare_scene(document: bytes, folder: str, name: str) -> str:
         InvalidScene: It can't be built; the message names the obstacle.
     """
     keep_decompositions(prepared_files.decompositions(folder))
-    scene: Scene = poses.scene(SceneBody.model_validate_json(document))
-    scene.pieces()
+    with written_decompositions() as written:
+        scene: Scene = poses.scene(SceneBody.model_validate_json(document))
+        scene.pieces()
     reference = Reference("scene", name, prepared_files.document_hash(document), folder)
     disk_cache.write(reference, scene)
+    prepared_files.note_meshes(reference, written)
     return scene.content_hash
 
 
@@ -88,11 +90,13 @@ def prepare_robot(document: bytes, folder: str) -> bytes:
     """
     keep_decompositions(prepared_files.decompositions(folder))
     body = RobotBody.model_validate_json(document)
-    geometry, lint = robots.robot(body)
-    answer = robots.robot_answer(geometry, lint, body.name, is_built_in=False, body=body)
+    with written_decompositions() as written:
+        geometry, lint = robots.robot(body)
+        answer = robots.robot_answer(geometry, lint, body.name, is_built_in=False, body=body)
     made = PreparedRobot.of(geometry, answer.model_dump_json().encode())
     reference = Reference("robot", body.name, prepared_files.document_hash(document), folder)
     disk_cache.write(reference, made)
+    prepared_files.note_meshes(reference, written)
     return made.answer
 
 

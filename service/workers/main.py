@@ -22,6 +22,8 @@ from service.workers.task import Job, registered_task
 #: How long after its deadline a worker ends itself, should the server have failed to do it [s];
 #: longer than the grace of any task.
 _SELF_KILL = 5.0
+#: Code of the problem that a request needs too much memory.
+_OUT_OF_MEMORY = "OUT_OF_MEMORY"
 #: In front of each job: its deadline [s], and whether progress is to be reported.
 HEADER = struct.Struct("!d?")
 
@@ -48,7 +50,11 @@ def main(channel: socket.socket) -> None:
         while True:
             payload = framing.receive(channel)
             _send(channel, Reply.STARTED)
-            _send(channel, *_run(channel, payload))
+            reply = _run(channel, payload)
+            del payload
+            _send(channel, *reply)
+            if reply[:2] == (Reply.FAULT, _OUT_OF_MEMORY):
+                return  # nobody knows what is left undone
 
 
 def _run(channel: socket.socket, payload: bytes) -> tuple[Any, ...]:
@@ -71,6 +77,14 @@ def _reply(content: memoryview) -> tuple[Any, ...]:
     try:
         job: Job[Any] = pickle.loads(content)
         return Reply.RESULT, registered_task(job.task)(*job.args, **job.kwargs)
+    except MemoryError:
+        return (
+            Reply.FAULT,
+            _OUT_OF_MEMORY,
+            "the request needs more memory than one request may have",
+            "Ask for less: fewer configurations, coarser meshes, shorter motions.",
+            {"stage": "worker"},
+        )
     except ArmwrightError as error:
         return Reply.FAULT, error.code, error.message, error.hint, dict(error.details)
     except Exception:  # noqa: BLE001  (whatever it is, it must not take the worker along)

@@ -13,6 +13,7 @@ from service.workers.fork_server import Notice
 from service.workers.launch import Launched, Recipe, launch
 from service.workers.main import Reply
 from service.workers.process import EXIT_TIMEOUT, Worker
+from service.workers.recycling import DEFAULT_LIMITS, WorkerLimits, limit_memory, resident_bytes
 from service.workers.threads import in_thread
 
 _log = logging.getLogger(__name__)
@@ -69,10 +70,16 @@ class WorkerPool:
         owner: Who is told of what happens to them.
         recipe: What the fork server loads.
         launched: A fork server with this recipe that was started already.
+        limits: Of each worker.
     """
 
     def __init__(
-        self, count: int, owner: Owner, recipe: Recipe, launched: Launched | None = None
+        self,
+        count: int,
+        owner: Owner,
+        recipe: Recipe,
+        launched: Launched | None = None,
+        limits: WorkerLimits = DEFAULT_LIMITS,
     ) -> None:
         self.count = count
         self.workers: set[Worker] = set()
@@ -81,6 +88,7 @@ class WorkerPool:
         self._owner = owner
         self._recipe = recipe
         self._launched = launched
+        self._limits = limits
         self._fork_server: ForkServer | None = None
         self._twin: ForkServer | None = None
         self._enriched = asyncio.Event()
@@ -254,6 +262,7 @@ class WorkerPool:
             on_failure.callback(ours.close)
             process = await fork_server.fork(theirs)
             on_failure.callback(process.kill)
+            limit_memory(process.pid, self._limits)
             ours.setblocking(False)
             loop = asyncio.get_running_loop()
             _, worker = await loop.create_unix_connection(
@@ -276,6 +285,7 @@ class WorkerPool:
         if kind == Reply.READY:
             self._failing.discard(slot)
             worker.warm = True
+            worker.resident_at_first = resident_bytes(worker.process.pid)
             if slot not in self._warmed:
                 self._warmed.add(slot)
                 if self.ready:

@@ -101,6 +101,9 @@ class Worker(asyncio.Protocol):
         self.ticket: Ticket | None = None
         self.warm = False
         self.ending = False
+        self.jobs = 0
+        self.born = time.monotonic()
+        self.resident_at_first = 0
         self.gone = asyncio.Event()
         self._on_message = on_message
         self._decoder = framing.FrameDecoder()

@@ -20,6 +20,7 @@ class Counters:
     cancelled: int = 0
     rejected: int = 0
     yielded: int = 0
+    recycled: int = 0
 
 
 class SupervisorState:

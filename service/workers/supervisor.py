@@ -29,6 +29,7 @@ from service.workers.launch import Launched, Recipe
 from service.workers.main import Reply
 from service.workers.pool import WorkerPool
 from service.workers.process import EXIT_TIMEOUT, Background, OnProgress, Ticket, Worker
+from service.workers.recycling import DEFAULT_LIMITS, WorkerLimits, is_worn
 from service.workers.state import SupervisorState
 from service.workers.task import Job
 
@@ -69,6 +70,7 @@ class WorkerSupervisor(SupervisorState):
         launched: A fork server with this recipe that was started already.
         spares: Worker processes beyond that number. They are warm when a worker has to be replaced,
             and take brief jobs while all others have work.
+        limits: Of each worker.
     """
 
     def __init__(
@@ -80,9 +82,11 @@ class WorkerSupervisor(SupervisorState):
         recipe: Recipe,
         launched: Launched | None = None,
         kill_grace: float = 0.1,
+        limits: WorkerLimits = DEFAULT_LIMITS,
     ) -> None:
         super().__init__(count, queue_limit)
-        self._pool = WorkerPool(count + spares, self, recipe, launched)
+        self._pool = WorkerPool(count + spares, self, recipe, launched, limits)
+        self._limits = limits
         self._kill_grace = kill_grace
 
     async def start(self) -> None:
@@ -349,7 +353,11 @@ class WorkerSupervisor(SupervisorState):
                 ticket.on_progress(*values)
         else:
             worker.ticket = None
+            worker.jobs += 1
             self._finish(ticket, kind, values)
+            if is_worn(worker, self._limits):
+                self.counters.recycled += 1
+                worker.kill()
             self._free(worker)
 
     def _finish(self, ticket: Ticket, kind: Reply, values: Sequence[Any]) -> None:

@@ -10,7 +10,12 @@ from scipy.optimize import nnls
 from kinematics.arrays import Array
 from obstacles import decomposition
 from obstacles.convex_cover import ConvexPart
-from obstacles.decomposition import convex_pieces, keep_decompositions, overhang
+from obstacles.decomposition import (
+    convex_pieces,
+    keep_decompositions,
+    overhang,
+    written_decompositions,
+)
 from obstacles.hull import convex_hull
 
 
@@ -235,7 +240,10 @@ def test_pieces_that_were_kept_are_read_back(
     body = ell(0.8)
     keep_decompositions(tmp_path / "cache")
     try:
-        first = pieces_of(body)
+        pieces_of(ell(0.7))
+        assert not (tmp_path / "cache").exists(), "kept only where somebody will remove it"
+        with written_decompositions() as written:
+            first = pieces_of(body)
         decomposition._stored_pieces.cache_clear()
         monkeypatch.setattr(decomposition, "_decompose", None)
         for a, b in zip(first, pieces_of(body), strict=True):
@@ -244,6 +252,7 @@ def test_pieces_that_were_kept_are_read_back(
         monkeypatch.undo()
         decomposition._stored_pieces.cache_clear()
         (file,) = (tmp_path / "cache").iterdir()
+        assert written == [file]
         file.write_bytes(b"cut short")
         assert len(pieces_of(body)) == len(first)
     finally:

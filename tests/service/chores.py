@@ -72,6 +72,16 @@ def burn() -> None:
     sum(itertools.repeat(1, 10**13))
 
 
+_HOARD: list[bytearray] = []
+
+
+@task
+def hoard(size: int) -> int:
+    """Keep memory that is in use [byte]."""
+    _HOARD.append(bytearray(b"x") * size)
+    return os.getpid()
+
+
 @task
 def die(number: int = signal.SIGSEGV) -> None:
     os.kill(os.getpid(), number)

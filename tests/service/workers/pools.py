@@ -6,6 +6,7 @@ from contextlib import asynccontextmanager
 from typing import Any
 
 from service.workers.launch import Recipe
+from service.workers.recycling import DEFAULT_LIMITS, WorkerLimits
 from service.workers.supervisor import WorkerSupervisor
 from service.workers.task import Job
 
@@ -24,10 +25,11 @@ async def supervisor(
     warm: str = "no_warming",
     enrich: str | None = None,
     spares: int = 0,
+    limits: WorkerLimits = DEFAULT_LIMITS,
 ) -> AsyncIterator[WorkerSupervisor]:
     step = None if enrich is None else f"{MODULE}:{enrich}"
     recipe = Recipe((MODULE,), f"{MODULE}:{warm}", step)
-    workers = WorkerSupervisor(count, queue_limit, recipe=recipe, spares=spares)
+    workers = WorkerSupervisor(count, queue_limit, recipe=recipe, spares=spares, limits=limits)
     await workers.start()
     try:
         yield workers

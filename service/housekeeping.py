@@ -1,0 +1,33 @@
+"""Chores of the server: its folder of prepared files stays bounded, and freed memory goes back."""
+
+import asyncio
+import contextlib
+import ctypes
+from collections.abc import Callable
+
+from starlette.concurrency import run_in_threadpool
+
+from service.settings import Settings
+from service.storage import prepared_files
+
+#: How often the chores are done [s].
+_PERIOD = 30.0
+
+
+async def keep_house(settings: Settings) -> None:
+    """Do the chores, for ever."""
+    release = _memory_release()
+    while True:
+        folder, limit = str(settings.prepared_dir), settings.prepared_storage
+        await run_in_threadpool(prepared_files.trim, folder, limit)
+        # Large bodies and answers leave the allocator with memory that it does not give back.
+        await run_in_threadpool(release)
+        await asyncio.sleep(_PERIOD)
+
+
+def _memory_release() -> Callable[[], object]:
+    """The function of the C library that gives freed memory back, where there is one."""
+    with contextlib.suppress(OSError, AttributeError):
+        trim = ctypes.CDLL(None).malloc_trim
+        return lambda: trim(0)
+    return lambda: None
