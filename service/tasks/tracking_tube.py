@@ -178,9 +178,10 @@ def remaining(
 ) -> Remaining:
     """The least clearance that displacements leave of that of some parts of the robot.
 
-    A part that is displaced by little is held against the clearance of all; those that are
-    displaced by much against their own, which may be far larger: a hand moves more than the
-    shoulder that is near the floor.
+    A part that is displaced by little is held against the clearance of its group, at first all;
+    those that are displaced by much become a group of their own, whose clearance may be far
+    larger: a hand moves more than the shoulder that is near the floor. A group of nothing else is
+    cut into halves by displacement.
 
     Args:
         clearance: Of all parts.
@@ -188,22 +189,28 @@ def remaining(
         clearance_of: The clearance of some of the parts; None to take that of all for each.
     """
     worst = Remaining(clearance.distance, clearance.pair, 0.0, None, None, clearance.distance)
-    parts, asked = dict(displacements), set[_Part]()
-    while parts:
-        limit = _LARGE_LOSS * clearance.distance
+    groups = [(clearance, dict(displacements))]
+    while groups:
+        shared, parts = groups.pop()
+        limit = _LARGE_LOSS * shared.distance
         large = {name: item for name, item in parts.items() if item.distance > limit}
-        if clearance_of is None or set(large) == asked:
+        if clearance_of is None or len(parts) == 1:
             large = {}
         settled = {name: item for name, item in parts.items() if name not in large}
         if settled:
             name = max(settled, key=lambda name: settled[name].distance)
-            worst = min(
-                worst, _loss(clearance, name, settled[name]), key=lambda item: item.distance
-            )
-        parts = large
+            worst = min(worst, _loss(shared, name, settled[name]), key=lambda item: item.distance)
         if large and clearance_of is not None:
-            clearance, asked = clearance_of(large), set(large)
+            halves = [large] if settled else _halves(large)
+            groups += [(clearance_of(half), half) for half in halves]
     return worst
+
+
+def _halves(parts: Mapping[_Part, Displacement]) -> list[dict[_Part, Displacement]]:
+    """The parts that are displaced less, and those that are displaced more."""
+    order = sorted(parts, key=lambda name: parts[name].distance)
+    middle = len(order) // 2
+    return [{name: parts[name] for name in half} for half in (order[:middle], order[middle:])]
 
 
 def _loss(clearance: Clearance, part: str | tuple[str, str], moved: Displacement) -> Remaining:

@@ -7,7 +7,6 @@ import pytest
 
 from dynamics.body import scale_masses
 from kinematics.arrays import Array
-from kinematics.forward import joint_frames
 from kinematics.robots import builtin_srdf, builtin_urdf
 from kinematics.serial_chain import serial_chain
 from kinematics.srdf import parse_srdf
@@ -16,6 +15,7 @@ from kinematics.urdf import parse_urdf
 from obstacles.fcl_distance import FclWorld
 from obstacles.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.scene import Scene
+from tests.tracking.corners import corner_displacement
 from tests.tracking.samples import smooth
 from tracking.computed_torque import ComputedTorque
 from tracking.motion_bounds import MotionBounds, bound_step, empty_bounds
@@ -42,22 +42,6 @@ def tracked(robot: RobotGeometry, start: Array, w: float = 15.0) -> SimulationRe
     return simulate(controller, path, OPTIONS, robot=chain)
 
 
-def sphere_distances(robot: RobotGeometry, before: Array, after: Array) -> float:
-    """Largest displacement of any corner of any piece between two configurations."""
-    here, there = joint_frames(robot.chain, before), joint_frames(robot.chain, after)
-    largest = 0.0
-    for piece, joint in zip(robot.pieces, robot.joints, strict=True):
-        if joint < 0:
-            continue
-        R, center = piece.T_owner_piece[:3, :3], piece.T_owner_piece[:3, 3]
-        ends = np.array([[0.0, 0.0, -piece.half_height], [0.0, 0.0, piece.half_height]])
-        p = np.vstack([ends, piece.vertices.reshape(-1, 3)]) @ R.T + center
-        moved = (there[joint] - here[joint])[:3, :3] @ p.T
-        moved = moved + (there[joint] - here[joint])[:3, 3:]
-        largest = max(largest, float(np.linalg.norm(moved, axis=0).max()))
-    return largest
-
-
 @pytest.mark.parametrize("name", ["panda", "ur5e", "scara", "stanford"])
 def test_the_bound_is_within_half_of_the_true_displacement(name: str) -> None:
     robot = geometry(name)
@@ -65,7 +49,7 @@ def test_the_bound_is_within_half_of_the_true_displacement(name: str) -> None:
     result = tracked(robot, start)
     around = tube(robot, result.bounds)
     true = max(
-        sphere_distances(robot, q, wanted)
+        corner_displacement(robot, q, wanted)
         for q, wanted in zip(result.position, result.reference_position, strict=True)
     )
     assert true <= around.displacement <= 1.5 * true
@@ -123,7 +107,7 @@ def test_points_of_random_errors_stay_within(name: str) -> None:
         q = rng.uniform(lower, upper)
         error = rng.uniform(-0.3, 0.3, chain.n)
         around = tube(robot, constant_bounds(robot, q, error))
-        true = sphere_distances(robot, q + error, q)
+        true = corner_displacement(robot, q + error, q)
         assert true <= around.displacement + 1e-12
         np.testing.assert_allclose(around.joint_error, np.abs(error), rtol=1e-12)
 
