@@ -21,6 +21,7 @@ from typing import Any
 
 from service.workers import framing
 from service.workers import main as worker
+from service.workers.file_pages import release_file_pages
 from service.workers.launch import Recipe
 from service.workers.task import load_tasks
 
@@ -127,6 +128,7 @@ class _ForkServer:
         self._enrich(resolve_name(recipe.enrich)())
         gc.freeze()
         self._send(Notice.ENRICHED)
+        release_file_pages()  # half of its memory is code that only loading needs
         while True:
             self._serve(None)
 
