@@ -33,7 +33,6 @@ from armwright_client import (
     RobotUpload,
     Scene,
     Simulation,
-    Trajectory,
 )
 
 Array = NDArray[np.float64]
@@ -258,9 +257,8 @@ def control(client: Client, folder: Path, timed: Retimed) -> dict[str, Simulatio
 
 def lyapunov(client: Client, folder: Path) -> None:
     """Lectures 29 to 32: with an exact model and a reference at rest every V falls."""
-    still = {"t0": 0.0, "t1": 1.5, "coefficients": [[value] for value in GOAL]}
-    rest = Trajectory.model_validate({"segments": [still]})
-    figure, axes = new_axes("Lyapunov functions, exact model", "time [s]", "V(t) / V(0)")
+    rest = {"type": "hold", "joints": list(GOAL), "duration": 1.5}
+    figure, rows = plt.subplots(2, 1, figsize=(6.4, 5.4), sharex=True)
     # Independent joint control ignores the arm, so that its V proves nothing here.
     for name, colour in list(zip(CONTROLLERS, COLOURS, strict=True))[1:]:
         gains = {"type": name, "natural_frequency": 8.0}
@@ -268,12 +266,44 @@ def lyapunov(client: Client, folder: Path) -> None:
             NAME, rest, gains, initial_state={"offset": [0.4, -0.5]}, sample_period=0.01,
             saturate=False,
         )  # fmt: skip
-        V = np.array(result.lyapunov)
-        axes.semilogy(result.time, V / V[0], color=colour, label=CONTROLLERS[name])
+        V, rate = np.array(result.lyapunov), np.array(result.lyapunov_rate)
+        rows[0].semilogy(result.time, V / V[0], color=colour, label=CONTROLLERS[name])
+        rows[1].semilogy(result.time, np.maximum(-rate / V[0], 1e-8), color=colour)
         grows = max((after - before for before, after in pairwise(V)), default=0.0)
         print(f"lyapunov, {CONTROLLERS[name]}: largest growth {max(grows, 0.0) / V[0]:.1e} of V(0)")
-    axes.legend(frameon=False, fontsize=8)
+        print(f"rate, {CONTROLLERS[name]}: at most {rate.max() / V[0]:.1e} of V(0) a second")
+    rows[0].set(title="Lyapunov functions, exact model", ylabel="V(t) / V(0)")
+    rows[1].set(ylabel="−V̇(t) / V(0) [1/s]", xlabel="time [s]")
+    for axes in rows:
+        axes.grid(alpha=0.25)
+    rows[0].legend(frameon=False, fontsize=8)
     save(figure, folder / "7_lyapunov.png")
+
+
+def adaptation(client: Client, folder: Path) -> None:
+    """Lectures 33 and 34: an arm that knows nothing of its masses learns them on a sine."""
+    sine = {"type": "sine", "center": [0.7, 0.0], "amplitude": [0.5, 0.4], "frequency": [0.5, 1.0],
+            "duration": 20.0}  # fmt: skip
+    learner = {"type": "adaptive", "natural_frequency": 10.0, "Gamma": _GAMMA, "known_zeros": True,
+               "estimate": "zero"}  # fmt: skip
+    result = client.simulate(NAME, sine, learner, sample_period=0.05, saturate=False)
+    labels, true = result.controller.parameter_labels, result.true_parameters
+    assert labels is not None
+    assert true is not None
+    t, estimate = np.array(result.time), np.array(result.estimate)
+    figure, rows = plt.subplots(2, 1, figsize=(6.4, 5.4), sharex=True)
+    error = 1e3 * np.linalg.norm(result.tracking_error, axis=1)
+    rows[0].semilogy(t, np.maximum(error, 1e-3), color=COLOURS[4])
+    rows[0].set(title="adaptation from nothing", ylabel="|qʳ − q| [mrad]")
+    for label, value, course, colour in zip(labels, true, estimate.T, COLOURS[1:], strict=True):
+        rows[1].plot(t, course, color=colour, label=label)
+        rows[1].axhline(value, color=colour, ls=":", lw=1.0)
+        print(f"adaptation, {label}: {course[-1]:.4f} learned, {value:.4f} true")
+    rows[1].set(ylabel="Θ̂(t)", xlabel="time [s]")
+    for axes in rows:
+        axes.grid(alpha=0.25)
+    rows[1].legend(frameon=False, fontsize=8, loc="lower right", ncols=2)
+    save(figure, folder / "8_adaptation.png")
 
 
 def run(client: Client, folder: Path) -> None:
@@ -286,6 +316,7 @@ def run(client: Client, folder: Path) -> None:
     timed = spline(client, folder, path)
     control(client, folder, timed)
     lyapunov(client, folder)
+    adaptation(client, folder)
 
 
 def main() -> None:

@@ -13,6 +13,7 @@ from armwright_client import Client
 SOURCE = Path(__file__).parents[2] / "examples/course.py"
 PICTURES = (
     "1_model", "2_ik", "3_gradient", "4_field", "5_spline", "6_control", "7_lyapunov",
+    "8_adaptation",
 )  # fmt: skip
 
 
@@ -49,4 +50,12 @@ def test_the_course_runs_and_tells_what_theory_says(
     assert len(growth) == 4
     for name, text in growth.items():
         assert float(text.split()[2]) < 1e-6, name
+    rates = {name: text for name, text in lines.items() if name.startswith("rate, ")}
+    assert len(rates) == 4
+    for name, text in rates.items():
+        assert float(text.split()[2]) < 1e-6, name
+    for name, text in lines.items():
+        if name.startswith("adaptation, "):
+            learned, _, true, _ = text.split()
+            assert float(learned) == pytest.approx(float(true), abs=3e-3), name
     assert lines["spline"].endswith("limits hold: True")
