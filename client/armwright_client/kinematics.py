@@ -215,16 +215,18 @@ class IkRequest(Request):
 
 
 class ArmSides(Answer):
-    """Sides of an arm, told by its geometry; None where that part is singular.
+    """Sides of an arm, told by its geometry; None where that part is singular or there is none.
 
     Args:
-        shoulder: "right" where joint 2 raises the wrist centre along axis 1.
-        elbow: "up" where the elbow is above the line from shoulder to wrist.
-        wrist: "no flip" where the sine of joint 5 is positive.
+        shoulder: "right" where joint 2 raises the wrist centre along axis 1; of seven joints "no
+            flip" where the sine of joint 2 is positive.
+        elbow: "up" where the elbow is above the line from shoulder to wrist; of a planar arm "left"
+            of it; of seven joints "no flip" where the sine of the bend about axis 4 is positive.
+        wrist: "no flip" where the sine of its middle joint is positive.
     """
 
-    shoulder: Literal["right", "left"] | None = None
-    elbow: Literal["up", "down"] | None = None
+    shoulder: Literal["right", "left", "no flip", "flip"] | None = None
+    elbow: Literal["up", "down", "left", "right", "no flip", "flip"] | None = None
     wrist: Literal["no flip", "flip"] | None = None
 
 

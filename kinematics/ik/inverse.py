@@ -12,7 +12,7 @@ from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
 from kinematics.ik import numeric
 from kinematics.ik.analytic import Branches, branches, closed_form, middle, parameter
-from kinematics.ik.arm_geometry import out_of_reach
+from kinematics.ik.arm_reach import out_of_reach
 from kinematics.ik.numeric import AXES, Axis
 from kinematics.ik.ranking import Ranking, check_ranking, order, whole_turns
 from kinematics.ik.solution import IkResult, IkSolution
@@ -158,7 +158,9 @@ def _search(query: _Query, form: Structure | None, outside: list[IkSolution]) ->
         solutions = [*result.solutions, *solutions]
     if solutions:
         return _best_first(query, solutions, result.starts)
-    return result if not gap else result._replace(advice=_beyond(gap), out_of_reach=gap)
+    if not gap:
+        return result
+    return result._replace(advice=f"{_beyond(gap)} {result.advice}", out_of_reach=gap)
 
 
 def _reach_gap(query: _Query, form: Structure | None) -> float | None:
@@ -166,12 +168,15 @@ def _reach_gap(query: _Query, form: Structure | None) -> float | None:
 
     It is 0 where there is no branch, but how far away one is can't be told from the triangle alone.
     """
-    if form is None or form.redundant or form.miss > EXACT or query.options.method == "numeric":
+    if query.options.method == "numeric" or (form is not None and form.miss > EXACT):
         return None
-    if len(branches(query.chain, query.target, link=query.link, tolerance=CLOSE).joints):
+    gap = out_of_reach(query.chain, query.target, query.link, query.options.axes)
+    if gap is not None and gap > _EDGE:
+        return gap
+    if form is None or form.redundant:
         return None
-    gap = out_of_reach(query.chain, query.target, query.link)
-    return gap if gap is not None and gap > _EDGE else 0.0
+    exists = len(branches(query.chain, query.target, link=query.link, tolerance=CLOSE).joints) > 0
+    return None if exists else 0.0
 
 
 def _beyond(gap: float) -> str:

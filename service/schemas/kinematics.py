@@ -170,16 +170,20 @@ class IkRequest(Body):
 
 
 class ArmSides(Answer):
-    """Sides of an arm, told by its geometry; null where that part is singular."""
+    """Sides of an arm, told by its geometry; null where that part is singular or there is none."""
 
-    shoulder: Literal["right", "left"] | None = Field(
-        description="right where joint 2 raises the wrist centre along axis 1"
+    shoulder: Literal["right", "left", "no flip", "flip"] | None = Field(
+        description="right where joint 2 raises the wrist centre along axis 1; of seven joints no "
+        "flip where the sine of joint 2 is positive"
     )
-    elbow: Literal["up", "down"] | None = Field(
-        description="up where the elbow is above the line from shoulder to wrist, along axis 1"
+    elbow: Literal["up", "down", "left", "right", "no flip", "flip"] | None = Field(
+        description="up where the elbow is above the line from shoulder to wrist, along axis 1; of "
+        "a planar arm left of it, seen against axis 1; of seven joints no flip where the sine of "
+        "the bend about axis 4 is positive"
     )
     wrist: Literal["no flip", "flip"] | None = Field(
-        description="no flip where the sine of joint 5, from axis 4 to axis 6, is positive"
+        description="no flip where the sine of joint 5, from axis 4 to axis 6, is positive; of "
+        "seven joints likewise of joint 6"
     )
 
 

@@ -128,6 +128,7 @@ def test_out_of_reach_has_no_solution_but_a_nearest_attempt(method: Any) -> None
     assert result.solutions == ()
     assert result.nearest.position_error > 7.0
     assert "beyond" in result.advice
+    assert ("out of reach by 8.086 m" in result.advice) == (method != "numeric")
 
 
 # ------------------------------------------------------------------------- several solutions
