@@ -13,6 +13,8 @@ from planning.constraints.row import LOWER, UPPER
 
 #: Share of half a row's width by which it is narrowed, so that corners can be rounded inside it.
 _NARROWING = 0.05
+#: What a row is narrowed by at most [m or rad]: a way with more to spare is found.
+_MOST_NARROWING = 2e-3
 #: Samples of a motion that violates a row, to find where it does most.
 _SAMPLES = 9
 
@@ -24,7 +26,7 @@ class ConstrainedChecker(Checker):
     Args:
         constraints: Hard constraints with m rows, on the model's chain.
         spare: How far start and goal are inside each row, shape (m,) [m or rad]; rows are narrowed
-            by half of it at most.
+            by half of it at most, and by 2 mm or 2 mrad.
     """
 
     constraints: ConstraintSet = field(kw_only=True)
@@ -33,7 +35,8 @@ class ConstrainedChecker(Checker):
     @property
     def rows(self) -> Array:
         """The packed rows, somewhat narrower than asked for, (m, WIDTH)."""
-        return narrow_rows(self.constraints, _NARROWING, 0.5 * self.spare)
+        limit = np.minimum(0.5 * self.spare, _MOST_NARROWING)
+        return narrow_rows(self.constraints, _NARROWING, limit)
 
     def curve(self, b0: Array, b1: Array, b2: Array, b3: Array | None = None) -> Motion:
         """Prove the joint motion b0 + b1 s + b2 s^2 + b3 s^3 over 0 <= s <= 1, each (n,)."""

@@ -1,12 +1,13 @@
 """Why there is no path under constraints: which of them, left out, leaves a way."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from kinematics.arrays import Array
-from obstacles.checker import Checker
+from obstacles.checker import Checker, collision_model
+from obstacles.scene import Scene
 from planning.constrained.checker import ConstrainedChecker
 from planning.constrained.projected_rrt import Manifold, projected_rrt, shortcut_along
 from planning.constraints.constraint_set import ConstraintSet
@@ -14,6 +15,8 @@ from planning.deadline import Deadline
 
 #: Samples of each leg of a path at which residuals are evaluated.
 _SAMPLES = 33
+#: Widening that is not told as a number [m or rad].
+_LITTLE = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,12 +28,15 @@ class Relaxation:
         names: Their names, for a person.
         wider: How much each has to be widened for the path that was found; less may do.
         units: Unit of each of these, "m" or "rad".
+        without_obstacles: Whether a way was found that holds all constraints where no obstacle
+            stands; None where there was no time to look.
     """
 
     constraints: tuple[int, ...]
     names: tuple[str, ...]
     wider: tuple[float, ...]
     units: tuple[str, ...]
+    without_obstacles: bool | None = None
 
     @property
     def details(self) -> dict[str, Any]:
@@ -38,19 +44,26 @@ class Relaxation:
         return {
             "constraints_that_unblock": list(self.constraints),
             "relaxations": list(self.wider),
+            "way_without_obstacles": self.without_obstacles,
         }
 
     @property
     def sentence(self) -> str:
         """The relaxation in one sentence."""
+        known = ""
+        if self.without_obstacles is not None:
+            known = " Without the obstacles there is a way."
+        if self.without_obstacles is False:
+            known = " Without the obstacles no way was found either."
         if not self.constraints:
-            return "Leaving out any one of the constraints did not help in time."
+            return f"Leaving out any one of the constraints did not help in time.{known}"
         named = zip(self.constraints, self.names, self.wider, self.units, strict=True)
         texts = [
-            f"constraint {i} ({name}) is widened by {wider:.4g} {unit}"
+            f"constraint {i} ({name}) is widened by "
+            + (f"{wider:.4g} {unit}" if wider > _LITTLE else "very little")
             for i, name, wider, unit in named
         ]
-        return f"There is a way if {', or '.join(texts)}; less may do."
+        return f"There is a way if {', or '.join(texts)}; less may do.{known}"
 
 
 def find_relaxation(
@@ -68,19 +81,31 @@ def find_relaxation(
     every = checker.constraints
     numbers = sorted({int(i) for i in every.owners})
     helping: list[tuple[int, float, str]] = []
+    alone = _without_obstacles(checker)
+    until = Deadline.after(deadline.remaining / (len(numbers) + 1))
+    clear = alone is None or _find_path(alone, every, start, goals, seed, until) is not None
     for tried, i in enumerate(numbers):
         others = tuple(c for j, c in enumerate(every.constraints) if j != i)
         until = Deadline.after(deadline.remaining / (len(numbers) - tried))
         path = _find_path(checker, ConstraintSet(every.chain, others), start, goals, seed, until)
         if path is not None:
-            alone = ConstraintSet(every.chain, (every.constraints[i],))
-            helping.append((i, *_worst_residual(alone, path)))
+            only = ConstraintSet(every.chain, (every.constraints[i],))
+            helping.append((i, *_worst_residual(only, path)))
     return Relaxation(
         tuple(i for i, _, _ in helping),
         tuple(every.constraints[i].name for i, _, _ in helping),
         tuple(wider for _, wider, _ in helping),
         tuple(unit for _, _, unit in helping),
+        None if alone is None else clear,
     )
+
+
+def _without_obstacles(checker: ConstrainedChecker) -> ConstrainedChecker | None:
+    """The checker of the same robot where nothing stands; None where nothing does anyway."""
+    model = checker.model
+    if not model.obstacles:
+        return None
+    return replace(checker, model=collision_model(model.robot, Scene(())))
 
 
 def _worst_residual(constraint: ConstraintSet, path: Array) -> tuple[float, str]:

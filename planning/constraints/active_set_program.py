@@ -15,13 +15,14 @@ from kinematics.arrays import Array, Indices
 from kinematics.compiled.kernel import kernel
 from kinematics.jacobian import frame_and_jacobian_kernel
 from obstacles.collision_model import CollisionModel, ModelArrays
+from obstacles.piece_set import ANCHOR_STOP, NODE
 from obstacles.proximity import near_pairs
 from planning.constraints.constraint_set import ConstraintSet, RowWork, evaluate_kernel
 from planning.constraints.row import LOWER, UPPER
 from planning.constraints.row_value import covector_kernel, sideways_kernel
 
 #: Pairs farther apart than this do not shape a step [m].
-_NEAR = 0.12
+_NEAR = 0.08
 #: Near pairs that a step has room for; what a cloud has beyond it the exact check sees in the end.
 _MAX_NEAR_PAIRS = 512
 #: Step of the finite difference that the slope of the manipulability is taken by [rad or m].
@@ -94,6 +95,16 @@ def search_arrays(model: CollisionModel, headroom: float = 0.0) -> ModelArrays:
     """A robot in its scene for the kernels, with so much [m] to keep beyond the margins."""
     arrays = model.arrays
     return arrays._replace(margin=arrays.margin + headroom, own_margin=arrays.own_margin + headroom)
+
+
+def without_surfaces(arrays: ModelArrays) -> ModelArrays:
+    """The same with every cover of a part of a mesh as the solid itself; itself where none is."""
+    if not arrays.surfaces.shape[0]:
+        return arrays
+    robot, scene = arrays.robot.copy(), arrays.scene.copy()
+    robot[:, NODE : ANCHOR_STOP + 1] = 0.0
+    scene[:, NODE : ANCHOR_STOP + 1] = 0.0
+    return arrays._replace(robot=robot, scene=scene)
 
 
 class Work(NamedTuple):

@@ -25,6 +25,8 @@ from service.translate import constraints, poses
 _ALL = 16
 #: Time where the request names none [s].
 _TIMEOUT = 5.0
+#: Overlap that is told as touching, not as a length [m].
+_TOUCHING = 1e-6
 #: Share of it for the search; the rest is kept for saying why nothing was found.
 _SHARE = 0.5
 
@@ -66,6 +68,10 @@ def answer(
     content: dict[str, Any] = {
         "solutions": [_solution(chain, body.link, T, wanted, s) for s in solved.solutions]
     }
+    if cell is None:
+        # Own links are apart; of obstacles nothing is known.
+        unknown = {"collision_free": None, "clearance": None}
+        content["solutions"] = [solution | unknown for solution in content["solutions"]]
     if cell is not None and cell.allowed:
         content["allowed_collisions"] = cell.allowed
     return content
@@ -131,6 +137,8 @@ def _refusal(wanted: ConstraintSet, solved: ConstrainedIk, body: IkRequest) -> T
         what = f"has {a!r} and {b!r} closer than they may be by {short:.4g} m"
         details |= {"pair": [a, b], "clearance": solved.nearest.clearance}
         hint = f"Lower the margin by {short:.4g} m, widen the constraints, or move the obstacle."
+        if short < _TOUCHING:
+            what, hint = f"has {a!r} and {b!r} touching", "Widen the constraints."
     else:
         what, hint = "is in collision", "Lower the margin, or widen the constraints."
     return TaskProblem(

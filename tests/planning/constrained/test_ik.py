@@ -1,5 +1,7 @@
 """Configurations under constraints: held by pinocchio's frames, clear by the checker, and best."""
 
+import itertools
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -10,6 +12,7 @@ from kinematics.errors import InvalidGoal, InvalidOption, InvalidRobotState
 from kinematics.forward import forward
 from kinematics.robots import builtin_urdf
 from obstacles.checker import Checker
+from obstacles.scene import Scene
 from planning.constrained.ik import IkOptions, constrained_ik
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.joint import JointConstraint
@@ -38,7 +41,10 @@ def tip_pose(q: Array) -> Array:
 
 
 def draws(seed: int, count: int) -> Array:
-    return np.random.default_rng(seed).uniform(*CHAIN.sampling_bounds(), (count, CHAIN.n))
+    """Random configurations whose own links are apart, shape (count, n)."""
+    random, checker = np.random.default_rng(seed), Checker.of(ROBOT, Scene(()))
+    states = (random.uniform(*CHAIN.sampling_bounds()) for _ in range(100 * count))
+    return np.array(list(itertools.islice(filter(checker.valid, states), count)))
 
 
 def test_upright_at_a_place() -> None:

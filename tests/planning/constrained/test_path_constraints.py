@@ -57,9 +57,9 @@ def test_goals_that_violate_are_left_out_and_the_checker_knows_the_constraints()
     assert isinstance(checker, ConstrainedChecker)
     assert checker.free(START, goal)
     assert not checker.free(START, np.array([0.5, 0.3]))
-    # Of the goal's 5 cm to spare half may be kept back, and a twentieth of the width at most.
-    assert checker.free(START, np.array([0.5, 0.094]))
-    assert not checker.free(START, np.array([0.5, 0.096]))
+    # Of the goal's 5 cm to spare two millimetres are kept back.
+    assert checker.free(START, np.array([0.5, 0.0979]))
+    assert not checker.free(START, np.array([0.5, 0.0981]))
 
 
 def test_start_and_goals_that_violate_say_by_how_much() -> None:

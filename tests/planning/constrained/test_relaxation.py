@@ -36,12 +36,28 @@ def test_the_constraint_that_bars_the_way_is_named_with_what_it_lacks() -> None:
     assert answer.units == ("m",)
     assert "widened" in answer.sentence
     assert answer.details["constraints_that_unblock"] == [0]
+    assert answer.details["way_without_obstacles"] is True
+    assert "Without the obstacles there is a way." in answer.sentence
 
 
 def test_a_constraint_that_the_start_violates_lacks_exactly_that() -> None:
     answer = relaxation(Scene(), JointConstraint("jy", 0.3, 0.1, 0.1), WIDE)
     assert answer.constraints == (0,)
     assert answer.wider[0] == pytest.approx(0.2)
+    assert answer.without_obstacles is None
+
+
+def test_it_says_where_obstacles_are_not_to_blame() -> None:
+    answer = relaxation(WALL, JointConstraint("jy", 0.6, 0.1, 0.1), WIDE, seconds=2.0)
+    assert answer.constraints == (0,)
+    assert answer.without_obstacles is False
+    assert "Without the obstacles no way was found either." in answer.sentence
+
+
+def test_widening_by_nothing_is_not_told_as_a_number() -> None:
+    answer = Relaxation((1,), ("joint",), (0.0,), ("m",))
+    assert "widened by very little" in answer.sentence
+    assert "0 m" not in answer.sentence
 
 
 def test_where_no_constraint_helps_it_says_so() -> None:
