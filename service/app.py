@@ -11,6 +11,7 @@ from starlette.concurrency import run_in_threadpool
 from service.access.authentication import Authenticator
 from service.housekeeping import keep_house
 from service.http import handlers, middleware, openapi
+from service.http.admission import Admission
 from service.http.json_route import JsonRoute
 from service.http.metrics import Metrics
 from service.jobs.deferral import defer
@@ -101,6 +102,7 @@ def create_app(settings: Settings | None = None, launched: Launched | None = Non
             ),
         )
         app.state.supervisor = supervisor
+        app.state.admission = Admission(supervisor, chosen)
         app.state.jobs = Jobs(app, app.state.store, chosen)
         await supervisor.start()
         chores = [

@@ -7,6 +7,8 @@ from typing import TypeVar
 from fastapi import Request
 
 from planning.deadline import Deadline
+from service.access.caller import caller_of
+from service.http.admission import Admission
 from service.http.body_limit import ARRIVAL
 from service.http.job_context import end_dry_run, job_context
 from service.http.state import settings_of, supervisor_of
@@ -66,6 +68,8 @@ async def compute(
     if context is not None:
         background = Background(seconds, context.on_start)
         return await supervisor.submit(job, on_progress or context.on_progress, background)
+    admission: Admission = request.app.state.admission
+    admission.note(request.method, request.url.path, job.task)
     timed = job.with_deadline(deadline_of(request, seconds))
     submitted = supervisor.submit(timed, client=client_of(request))
     working = asyncio.ensure_future(submitted)
@@ -100,7 +104,10 @@ def deadline_of(request: Request, seconds: float) -> Deadline:
 
 
 def client_of(request: Request) -> str:
-    """The client of a request, as far as clients take turns: its address."""
+    """The client of a request, as far as clients take turns: its key, or else its address."""
+    key = caller_of(request.scope).api_key
+    if key is not None:
+        return key
     return "" if request.client is None else request.client.host
 
 

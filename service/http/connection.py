@@ -10,12 +10,15 @@ from typing import Any
 import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
+from service.http.admission import Admission
 from service.http.errors import PROBLEM_MEDIA_TYPE, document, status_of
 from service.http.security_headers import SECURITY_HEADERS
 from service.problem import ProblemError
 
 #: Descriptors that are left for the storage, the workers and files.
 _RESERVED_DESCRIPTORS = 128
+#: Pause before a request is refused that would be too late [s].
+_REFUSAL_PAUSE = 0.02
 _REASONS = {400: b"Bad Request", 408: b"Request Timeout", 503: b"Service Unavailable"}
 
 
@@ -65,6 +68,7 @@ class Connection(H11Protocol):
         super().__init__(**arguments)
         self._limits = limits
         self._head_timer: asyncio.TimerHandle | None = None
+        self._held: bytes | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Begin to wait for a request, or refuse the connection where there are too many."""
@@ -91,7 +95,7 @@ class Connection(H11Protocol):
 
     def data_received(self, data: bytes) -> None:
         """Take what arrived; a head that has begun must end in time."""
-        if self.transport.is_closing():
+        if self.transport.is_closing() or self._refuse_early(data):
             return
         super().data_received(data)
         self._watch_head()
@@ -101,6 +105,39 @@ class Connection(H11Protocol):
         super().on_response_complete()
         if self.conn.trailing_data[0]:
             self._watch_head()
+
+    def _refuse_early(self, data: bytes) -> bool:
+        """Refuse a request that would be too late, before it is parsed; whether that was done."""
+        if self._held is not None:
+            self._held += data
+            return True
+        state = getattr(self.config.app, "state", None)
+        admission: Admission | None = getattr(state, "admission", None)
+        idle = self.conn.our_state is h11.IDLE and self.conn.trailing_data == (b"", False)
+        if admission is None or not idle or self._limits.count < len(self.connections):
+            return False
+        client = "" if self.client is None else self.client[0]
+        content = admission.refusal(data, client)
+        if content is None:
+            return False
+        self._unset_keepalive_if_required()
+        self._stop_timer()
+        self._held = b""
+        # Whoever asks again at once is slowed down: refusals must not use up what workers need.
+        self.loop.call_later(_REFUSAL_PAUSE, self._answer_early, content)
+        return True
+
+    def _answer_early(self, content: bytes) -> None:
+        data, self._held = self._held, None
+        if self.transport.is_closing():
+            return
+        self.transport.write(content)
+        if data:
+            self.data_received(data)
+        else:
+            self.timeout_keep_alive_task = self.loop.call_later(
+                self.timeout_keep_alive, self.timeout_keep_alive_handler
+            )
 
     def send_400_response(self, msg: str) -> None:
         """Refuse what is no HTTP."""

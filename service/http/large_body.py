@@ -4,11 +4,10 @@ Parsing 30 MB of JSON and validating it takes seconds in which nobody else would
 thread as well, since it never lets go of the interpreter.
 """
 
-import re
-
 from fastapi import Request
 from pydantic import BaseModel
 
+from service.http.admission import named_timeout
 from service.http.compute import client_of, deadline_of
 from service.http.job_context import job_context
 from service.http.state import settings_of, supervisor_of
@@ -18,8 +17,6 @@ from service.settings import Settings
 from service.task_references import outline
 from service.tasks.result import TaskProblem
 
-#: A timeout, wherever in a body it stands.
-_TIMEOUT = re.compile(rb'"timeout"\s*:\s*(\d+(?:\.\d+)?(?:[eE][+-]?\d+)?)')
 #: Bodies up to this are parsed and validated within milliseconds [byte].
 INLINE_BYTES = 32 * 1024
 
@@ -47,8 +44,7 @@ async def validated_by_worker(
 
 
 def _time_to_validate(model: type[BaseModel], content: bytes, settings: Settings) -> float:
-    """Time that a body names as its timeout, the longest one where there are several [s]."""
+    """Time that a body may take to be validated: that of its request, if it may name one [s]."""
     if "timeout" not in model.model_fields:
         return settings.max_timeout
-    named = [float(match[1]) for match in _TIMEOUT.finditer(content)]
-    return min(max(named, default=settings.default_timeout), settings.max_timeout)
+    return named_timeout(content, settings)

@@ -1,13 +1,21 @@
 """The state of a supervisor, as others may read it."""
 
+import math
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 from service.workers.fair_queue import FairQueue
+from service.workers.faults import QueueFull
 from service.workers.load import BackgroundShare, Durations
 from service.workers.pool import Progress, WorkerPool
 from service.workers.process import Ticket, Worker
+
+#: Waits are taken for so many times what durations tell: a job that is begun in vain costs more
+#: than one that is refused.
+_CAUTION = 1.25
+#: Longest time after which a refused request is told to ask again [s].
+_MAX_RETRY = 60
 
 
 @dataclass(slots=True)
@@ -120,7 +128,29 @@ class SupervisorState:
         A job that can begin at once is never too late: it may be quicker than others were.
         """
         wait = self.expected_wait(client)
-        return wait + self.durations.mean(task) - seconds if wait > 0.0 else 0.0
+        late = _CAUTION * wait + self.durations.mean(task) - seconds
+        return late if wait > 0.0 else 0.0
+
+    def refusal(self, task: str, seconds: float, client: str = "") -> QueueFull | None:
+        """The problem of a job that has no chance; None where it has one.
+
+        Args:
+            task: Its name.
+            seconds: Time until its deadline [s].
+            client: Whom it is for.
+        """
+        if self._can_begin():
+            return None
+        late, wait = self.lateness(task, seconds, client), None
+        if self.waiting >= self._queue_limit:
+            everything = self.durations.remaining(self._running(), self._waiting)
+            late = everything / self._count / max(self.waiting, 1)
+        elif late > 0.0:
+            wait = self.expected_wait(client)
+        else:
+            return None
+        self.counters.rejected += 1
+        return QueueFull(self.waiting, _retry_after(late), wait)
 
     def _running(self) -> Iterator[Ticket]:
         """The jobs that run and for which somebody waits, brief ones left out."""
@@ -146,3 +176,7 @@ class SupervisorState:
 def has_long_job(worker: Worker) -> bool:
     """Whether a worker has a job that is not brief."""
     return worker.ticket is not None and not worker.ticket.brief and not worker.ending
+
+
+def _retry_after(seconds: float) -> int:
+    return max(1, min(_MAX_RETRY, math.ceil(seconds)))

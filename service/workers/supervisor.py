@@ -40,8 +40,6 @@ _log = logging.getLogger(__name__)
 #: A worker that dies before a job has reached it is not the job's fault; but a job that can't even
 #: be received must not go round for ever.
 _MAX_ATTEMPTS = 3
-#: Longest time after which a refused request is told to ask again [s].
-_MAX_RETRY = 60
 #: A request that has waited so long takes the worker of a background job [s]: longer than most
 #: requests need, shorter than a person notices.
 _YIELD_AFTER = 0.05
@@ -170,16 +168,13 @@ class WorkerSupervisor(SupervisorState):
         Raises:
             QueueFull: It has none.
         """
-        if self._can_begin("brief" if brief else "waiting"):
-            return
-        if self.waiting >= self._queue_limit:
+        if not brief:
+            problem = self.refusal(job.task, job.deadline.remaining, client)
+            if problem is not None:
+                raise problem
+        elif not self._can_begin("brief") and self.waiting >= self._queue_limit:
             self.counters.rejected += 1
-            wait = self.durations.remaining(self._running(), self._waiting) / self._count
-            raise QueueFull(self.waiting, _retry_after(wait / max(self.waiting, 1)))
-        late = 0.0 if brief else self.lateness(job.task, job.deadline.remaining, client)
-        if late > 0.0:
-            self.counters.rejected += 1
-            raise QueueFull(self.waiting, _retry_after(late), self.expected_wait(client))
+            raise QueueFull(self.waiting, 1)
 
     def _queue(self, ticket: Ticket) -> "deque[Ticket] | FairQueue":
         if ticket.brief:
@@ -381,7 +376,3 @@ class WorkerSupervisor(SupervisorState):
         if not worker.ending:
             self._idle.append(worker)
             self._dispatch()
-
-
-def _retry_after(seconds: float) -> int:
-    return max(1, min(_MAX_RETRY, math.ceil(seconds)))

@@ -53,9 +53,11 @@ def request(
         await asyncio.sleep(leaves_after)
         return {"type": "http.disconnect"}
 
-    state = SimpleNamespace(settings=SETTINGS, supervisor=supervisor)
+    admission = SimpleNamespace(note=lambda *_: None)
+    state = SimpleNamespace(settings=SETTINGS, supervisor=supervisor, admission=admission)
     app = SimpleNamespace(state=state)
-    return Request({"type": "http", "headers": [], "app": app} | (scope or {}), receive)
+    plain = {"type": "http", "headers": [], "app": app, "method": "POST", "path": "/v1/plan"}
+    return Request(plain | (scope or {}), receive)
 
 
 @pytest.mark.parametrize(("timeout", "seconds"), [(None, 7.0), (0.5, 0.5), (20.0, 20.0)])

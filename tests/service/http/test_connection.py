@@ -15,6 +15,7 @@ import pytest
 from service.http.security_headers import SECURITY_HEADERS
 from tests.service.commands import serve
 from tests.service.http.exchange import FIELDS
+from tests.service.robots import bench, stuck
 
 LIMIT = 20
 ORIGIN = "https://cell.example"
@@ -151,6 +152,32 @@ def test_large_bodies_that_are_held_take_no_memory(running: Running) -> None:
                 head + f"Content-Length: {size}\r\n\r\n".encode() + b" " * (size - 1)
             )
         assert resident() - before < 0.25 * count * size / 2**20
+
+
+def test_a_server_with_too_much_work_refuses_before_it_parses(running: Running) -> None:
+    """Plans that take their whole time, of more clients than can be served."""
+    client = running.client
+    assert client.post("/v1/robots", json=bench("busy")).status_code == 201
+    body = json.dumps(stuck("busy", 0.6)).encode()
+    head = f"POST /v1/plan HTTP/1.1\r\nHost: x\r\nContent-Length: {len(body)}\r\n"
+    request = head.encode() + b"Content-Type: application/json\r\n\r\n" + body
+    json_type = {"Content-Type": "application/json"}
+    assert client.post("/v1/plan", content=body, headers=json_type).status_code in (422, 504)
+    with ExitStack() as held:
+        connections = [held.enter_context(running.connect()) for _ in range(8)]
+        for connection in connections:
+            connection.sendall(request)
+            time.sleep(0.01)
+        began = time.monotonic()
+        for connection in connections[2:]:
+            answered = connection.recv(65536)
+            assert answered.startswith(b"HTTP/1.1 429"), answered
+            assert b"\r\nretry-after: " in answered.lower()
+        assert time.monotonic() - began < 0.5
+        # The connection goes on as any other.
+        connections[-1].sendall(b"GET /healthz HTTP/1.1\r\nHost: x\r\n\r\n")
+        assert connections[-1].recv(65536).startswith(b"HTTP/1.1 200")
+        assert connections[0].recv(65536)[9:12] in (b"422", b"504")
 
 
 def test_hosts_and_origins(running: Running) -> None:

@@ -1,0 +1,161 @@
+"""More clients than a server can serve: goodput, refusals and health meanwhile.
+
+``python -m benchmarks.overload --clients 200 --seconds 10`` starts a server of its own. Each client
+asks again as soon as it has an answer. Goodput is what was answered with 2xx, in parts of what the
+same server answers to as many clients as it has workers.
+"""
+
+import argparse
+import asyncio
+import json
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import Any
+
+import httpx
+
+_HOME = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
+_AWAY = [0.6, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]
+#: Requests by name: path and body.
+REQUESTS: dict[str, tuple[str, dict[str, Any]]] = {
+    "plan": (
+        "/v1/plan",
+        {"robot": "panda", "start": {"joints": _HOME}, "goal": {"joints": _AWAY}, "timeout": 2.0},
+    ),
+    "ik": (
+        "/v1/robots/panda/ik",
+        {
+            "poses": [{"position": [0.3 + 0.0002 * i, 0.1, 0.5]} for i in range(300)],
+            "method": "numeric",
+            "timeout": 5.0,
+        },
+    ),
+}
+
+
+@dataclass
+class Figures:
+    """Answers of a run.
+
+    Args:
+        statuses: How often each status was answered.
+        seconds: How long answers of each status took [s].
+        health: How long ``/healthz`` took [s].
+    """
+
+    statuses: Counter[int] = field(default_factory=Counter)
+    seconds: dict[int, list[float]] = field(default_factory=dict)
+    health: list[float] = field(default_factory=list)
+
+
+async def _ask(address: tuple[str, int], content: bytes, stop: float, note: Any) -> None:
+    reader, writer = await asyncio.open_connection(*address)
+    try:
+        while time.monotonic() < stop:
+            began = time.monotonic()
+            writer.write(content)
+            head = await reader.readuntil(b"\r\n\r\n")
+            length = re.search(rb"content-length: (\d+)", head, re.IGNORECASE)
+            if length is not None:
+                await reader.readexactly(int(length[1]))
+            note(int(head[9:12]), time.monotonic() - began)
+    finally:
+        writer.close()
+
+
+def _content(path: str, body: dict[str, Any] | None) -> bytes:
+    method, data = ("GET", b"") if body is None else ("POST", json.dumps(body).encode())
+    head = f"{method} {path} HTTP/1.1\r\nHost: localhost\r\n"
+    if data:
+        head += f"Content-Type: application/json\r\nContent-Length: {len(data)}\r\n"
+    return head.encode() + b"\r\n" + data
+
+
+async def run(address: tuple[str, int], name: str, clients: int, seconds: float) -> Figures:
+    """Have clients ask for some seconds.
+
+    Args:
+        address: Of the server.
+        name: One of `REQUESTS`.
+        clients: How many ask at the same time.
+        seconds: For how long [s].
+    """
+    figures = Figures()
+
+    def note(status: int, took: float) -> None:
+        figures.statuses[status] += 1
+        figures.seconds.setdefault(status, []).append(took)
+
+    stop = time.monotonic() + seconds
+    path, body = REQUESTS[name]
+    asking = [_ask(address, _content(path, body), stop, note) for _ in range(clients)]
+    healthy = _content("/healthz", None)
+
+    async def look() -> None:
+        while time.monotonic() < stop:
+            await _ask(address, healthy, 0.0, None)
+            began = time.monotonic()
+            await _ask(address, healthy, began + 1e-3, lambda _, took: figures.health.append(took))
+            await asyncio.sleep(0.05)
+
+    await asyncio.gather(*asking, look())
+    return figures
+
+
+def percentile(values: list[float], part: float) -> float:
+    """The value that a part of all values does not exceed [ms]."""
+    return 1e3 * sorted(values)[min(int(part * len(values)), len(values) - 1)] if values else 0.0
+
+
+def report(name: str, alone: Figures, crowd: Figures, seconds: float) -> str:
+    """The figures of a run, in words."""
+    best = alone.statuses[200] / seconds
+    good = crowd.statuses[200] / seconds
+    refused = crowd.seconds.get(429, []) + crowd.seconds.get(503, [])
+    return (
+        f"{name}: goodput {100 * good / best:.0f} % ({good:.1f} of {best:.1f} a second), "
+        f"answers {dict(sorted(crowd.statuses.items()))}, refusals p99 "
+        f"{percentile(refused, 0.99):.0f} ms, /healthz p99 {percentile(crowd.health, 0.99):.0f} ms"
+    )
+
+
+def main() -> None:
+    """Start a server, and measure it alone and in a crowd."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--clients", type=int, default=200)
+    parser.add_argument("--seconds", type=float, default=8.0)
+    parser.add_argument("--requests", nargs="*", default=list(REQUESTS))
+    chosen = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "service.cli", "serve", "--port", "0", "--data-dir", folder],
+            env=os.environ | {"ARMWRIGHT_WORKERS": "2"},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+        )
+        try:
+            assert process.stdout is not None
+            url = process.stdout.readline().split()[-1]
+            while httpx.get(f"{url}/readyz").status_code != 200:
+                time.sleep(0.2)
+            host, port = url.removeprefix("http://").split(":")
+            address = host, int(port)
+            for name in chosen.requests:
+                asyncio.run(run(address, name, 2, 1.0))
+                alone = asyncio.run(run(address, name, 2, chosen.seconds))
+                crowd = asyncio.run(run(address, name, chosen.clients, chosen.seconds))
+                print(report(name, alone, crowd, chosen.seconds))
+        finally:
+            process.terminate()
+            process.wait()
+
+
+if __name__ == "__main__":
+    main()
