@@ -74,6 +74,7 @@ if TYPE_CHECKING:
     from tracking.independent_joint import IndependentJoint
     from tracking.passivity import Passivity
     from tracking.pd_gravity import PdGravity
+    from tracking.quadratic_form import quadratic_lyapunov, solve_lyapunov
 
 #: Module that each public name is imported from.
 _MODULES = {
@@ -146,10 +147,12 @@ _MODULES = {
     "plan": "armwright.motion",
     "pose": "armwright.model",
     "release": "obstacles.attachment",
+    "quadratic_lyapunov": "tracking.quadratic_form",
     "retime": "armwright.motion",
     "retime_states": "armwright.motion",
     "scene_from_moveit": "obstacles.moveit",
     "simulate": "armwright.motion",
+    "solve_lyapunov": "tracking.quadratic_form",
 }
 
 __all__ = [
@@ -221,11 +224,13 @@ __all__ = [
     "place",
     "plan",
     "pose",
+    "quadratic_lyapunov",
     "release",
     "retime",
     "retime_states",
     "scene_from_moveit",
     "simulate",
+    "solve_lyapunov",
 ]
 
 

@@ -62,6 +62,12 @@ CALLS: list[tuple[str, Callable[[Any], Any], str, str, dict[str, Any] | None]] =
     ("simulate", lambda c: c.simulate("r", MOTION, {"type": "passivity"}, duration=2.0), "POST",
      "/v1/simulate", {"robot": "r", "trajectory": SENT_MOTION, "controller": {"type": "passivity"},
                       "duration": 2.0}),
+    ("simulate", lambda c: c.simulate(
+        "r", {"type": "hold", "joints": [0.1], "duration": 1.0}, {"type": "passivity"},
+        motors={"inertia": 0.1}, joint_stops={}, coulomb_friction=[0.2]), "POST",
+     "/v1/simulate", {"robot": "r", "reference": {"type": "hold", "joints": [0.1], "duration": 1.0},
+                      "controller": {"type": "passivity"}, "motors": {"inertia": 0.1},
+                      "joint_stops": {}, "coulomb_friction": [0.2]}),
     ("robots.create", lambda c: c.robots.create(ours.RobotUpload(name="a", dh=DH)), "POST",
      "/v1/robots", {"name": "a"}),
     ("robots.get", lambda c: c.robots.get("a b"), "GET", "/v1/robots/a%20b", None),
