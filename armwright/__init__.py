@@ -63,6 +63,7 @@ if TYPE_CHECKING:
     from planning.constraints.relative_pose import RelativePoseConstraint
     from planning.limits import MotionLimits
     from planning.options import Options
+    from planning.preferred_clearance import PreferredClearance
     from planning.problem import JointGoal, PoseGoal, Problem
     from planning.proof.certificate import Certificate
     from planning.result import Failure, Plan
@@ -112,6 +113,7 @@ _MODULES = {
     "MotionLimits": "planning.limits",
     "Obstacle": "obstacles.scene",
     "Options": "planning.options",
+    "PreferredClearance": "planning.preferred_clearance",
     "OrientationConstraint": "planning.constraints.orientation",
     "Passivity": "tracking.passivity",
     "PdGravity": "tracking.pd_gravity",
@@ -198,6 +200,7 @@ __all__ = [
     "PointCloud",
     "PoseGoal",
     "PositionConstraint",
+    "PreferredClearance",
     "Problem",
     "RelativePoseConstraint",
     "Retimed",

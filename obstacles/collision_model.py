@@ -48,13 +48,14 @@ class CollisionModel:
     Args:
         robot: Chain and solids.
         scene: What stands around.
-        margin: To be kept from obstacles, beyond their own [m]; the robot's own links, which may be
-            built close together, only have to stay apart.
+        margin: To be kept from obstacles, beyond their own [m].
+        own_margin: To be kept between the robot's own links [m], which may be built close together.
     """
 
     robot: RobotGeometry
     scene: Scene
     margin: float = 0.0
+    own_margin: float = 0.0
     _arrays: ModelArrays | None = field(default=None, init=False, repr=False)
 
     @property
@@ -76,9 +77,22 @@ class CollisionModel:
     def arrays(self) -> ModelArrays:
         """Arrays of the model for kernels."""
         if self._arrays is None:
-            object.__setattr__(self, "_arrays", _packed(self.robot, self.scene, self.margin))
+            packed = _packed(self.robot, self.scene, self.margin, self.own_margin)
+            object.__setattr__(self, "_arrays", packed)
         assert self._arrays is not None
         return self._arrays
+
+    def with_margins(self, margin: float, own_margin: float) -> "CollisionModel":
+        """Model of this robot and scene with other margins from obstacles and between links [m]."""
+        model = CollisionModel(self.robot, self.scene, margin, own_margin)
+        if self._arrays is not None:  # the margins are two numbers of what is packed
+            arrays = self._arrays._replace(margin=float(margin), own_margin=float(own_margin))
+            object.__setattr__(model, "_arrays", arrays)
+        return model
+
+    def is_own_pair(self, pair: int) -> bool:
+        """Whether a pair is of two of the robot's own links."""
+        return pair >= len(self.links) * len(self.arrays.scene)
 
     @classmethod
     def bare(cls, chain: Chain) -> "CollisionModel":
@@ -99,7 +113,7 @@ class CollisionModel:
         return self.links[pair // m], self.obstacles[owner]
 
 
-def _packed(robot: RobotGeometry, scene: Scene, margin: float) -> ModelArrays:
+def _packed(robot: RobotGeometry, scene: Scene, margin: float, own_margin: float) -> ModelArrays:
     scene.check_placed()
     own, around = _robot_part(robot), _scene_part(scene)
     skipped = skipped_pairs(robot, scene)
@@ -129,7 +143,7 @@ def _packed(robot: RobotGeometry, scene: Scene, margin: float) -> ModelArrays:
         walls=_readonly(around.walls),
         roots=_readonly(_roots(robot, groups, skipped, around)),
         margin=float(margin),
-        own_margin=0.0,
+        own_margin=float(own_margin),
     )
 
 

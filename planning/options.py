@@ -8,6 +8,7 @@ from typing import Any, Literal
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from planning.optimize.options import RefineOptions
+from planning.preferred_clearance import PreferredClearance
 from planning.timing.options import TimingOptions
 
 #: Least deviation of the tool that can be asked for [m], [rad]: inverse kinematics and the bounds
@@ -91,6 +92,7 @@ class Options:
         seed: Of everything random; the same seed gives the same answer.
         observer: Called with the name of each stage as it begins.
         refine: How the motion that was found is optimised; None for not at all.
+        clearance: Distances that paths keep wherever there is room.
 
     Raises:
         InvalidOption: The timeout is not in (0, 600].
@@ -105,6 +107,7 @@ class Options:
     seed: int = 0
     observer: Callable[[str], None] | None = field(default=None, repr=False, compare=False)
     refine: RefineOptions | None = None
+    clearance: PreferredClearance = field(default_factory=PreferredClearance)
 
     def __post_init__(self) -> None:
         if not 0.0 < self.timeout <= MAX_TIMEOUT:

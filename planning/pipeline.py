@@ -12,26 +12,23 @@ from typing import NamedTuple
 from kinematics.arrays import Array
 from kinematics.trajectory import Trajectory
 from obstacles.checker import Checker
-from planning.constrained.checker import ConstrainedChecker
+from planning.clearance_report import clearance_report
 from planning.constrained.path_constraints import apply_path_constraints
-from planning.constrained.projected_rrt import Manifold, shortcut_along
-from planning.constrained.relaxation import Relaxation, find_relaxation
 from planning.deadline import Deadline
-from planning.diagnosis import Diagnosis, diagnose
 from planning.limits import MotionLimits
 from planning.motion_limits import with_limits
 from planning.optimize.options import OPTIMIZE
 from planning.optimize_stage import MOST_OFFERS, OptimizeStage, check_ends, refinement_options
 from planning.options import Options
-from planning.planner import Planner, Query
+from planning.path_search import FoundPath, PathSearch
+from planning.planner import Planner
 from planning.planners import choose_planners
 from planning.preflight.preflight import preflight, start_only
 from planning.problem import Problem
 from planning.proof.certificate import Certificate, certify
 from planning.proof.violation import Violation
 from planning.ready import Ready
-from planning.result import Attempt, Failure, Path, Plan
-from planning.search.shortcut import shortcut
+from planning.result import Failure, Path, Plan
 from planning.stages import Stages
 from planning.timing.choice import chosen_parametrization
 from planning.timing.failure import TimingFailed
@@ -41,14 +38,6 @@ from planning.timing.parametrization import TimeParametrization
 from planning.timing.time_scaling import ScaledTime
 from planning.tool_timing import TimedToolPath, time_tool_path
 
-#: Share of the time that is kept back for shortening, timing and the proof.
-_RESERVED_SHARE = 0.2
-#: Time that is kept back for them at most [s].
-_MAX_RESERVED = 1.0
-#: Time that is spent on finding out why there is no path, at most [s].
-_MAX_DIAGNOSIS = 1.0
-#: Share of the time for a path of the robot in its solids' hulls, before the exact one is tried.
-_HULLS_SHARE = 0.4
 #: Share of the time that is left which optimising may take; the rest is for the proof of its offer.
 _REFINING_SHARE = 0.8
 
@@ -86,15 +75,6 @@ def _time_parametrization(problem: Problem, options: Options) -> TimeParametriza
     return chosen_parametrization(
         options.timing, chain.joint_names, chain.limits, options.limits, chain
     )
-
-
-class _FoundPath(NamedTuple):
-    """A path: the planner that found it, its attempt, and the checker that proved it free."""
-
-    planner: str
-    attempt: Attempt
-    checker: Checker
-    waypoints: Array
 
 
 class _Timed(NamedTuple):
@@ -138,10 +118,17 @@ class _Pipeline:
         ready = self.stages.run("preflight", self._prepare, _describe_ready)
         if isinstance(ready, Failure):
             return ready
-        found = self._find_path(ready)
+        search = PathSearch(
+            problem=self.problem,
+            options=self.options,
+            planners=self.planners,
+            stages=self.stages,
+            deadline=self.deadline,
+        )
+        found = search.find(ready)
         if isinstance(found, Failure):
             return found
-        found = self._shorten(found)
+        found = search.shorten(found)
         try:
             proved = self._time_and_prove(found)
         except TimingFailed as error:
@@ -157,85 +144,9 @@ class _Pipeline:
             return start_only(problem)
         return apply_path_constraints(problem, preflight(problem, seed, self.deadline), seed)
 
-    # ------------------------------------------------------------------------------- the path
-
-    def _find_path(self, ready: Ready) -> _FoundPath | Failure:
-        """Let the planners try in turn; with the robot in its solids' hulls first, if it can be."""
-        reserved = min(_RESERVED_SHARE * self.options.timeout, _MAX_RESERVED)
-        deadline = Deadline(self.deadline.at - reserved)
-        for checker in ready.checkers:
-            share = 1.0 if checker is ready.checkers[-1] else _HULLS_SHARE
-            until = Deadline.after(share * deadline.remaining)
-            query = Query(self.problem, ready, checker, self.options.seed, until)
-            for planner in self.planners:
-                attempt = self.stages.run(
-                    planner.name, partial(planner.plan, query), _describe_attempt
-                )
-                if attempt.waypoints is not None:
-                    return _FoundPath(planner.name, attempt, checker, attempt.waypoints)
-        if attempt.failure is not None:
-            return attempt.failure
-        failure = self._no_path(attempt, deadline)
-        diagnosis = self.stages.run(
-            "diagnosis", partial(self._diagnose, ready), lambda answer: (True, answer.sentence)
-        )
-        return replace(failure, details={**failure.details, **diagnosis.details})
-
-    def _no_path(self, attempt: Attempt, deadline: Deadline) -> Failure:
-        last = self.stages.reports[-1]
-        if deadline.passed:
-            return Failure(
-                code="TIMED_OUT",
-                message=f"no path was found within the timeout of {self.options.timeout:g} s",
-                hint="Allow more time, another seed, or a smaller margin.",
-                stage=last.name,
-                details=attempt.details,
-            )
-        known = None if attempt.explain is None else attempt.explain()
-        return Failure(
-            code="PLANNING_FAILED",
-            message=f"{last.name} found no path: {last.detail}",
-            hint='Ask for planner "auto", or move the start, the goal or the obstacles.'
-            if known is None
-            else known.hint,
-            stage=last.name,
-            details={**attempt.details, **({} if known is None else known.details)},
-        )
-
-    def _diagnose(self, ready: Ready) -> Diagnosis | Relaxation:
-        """Diagnosis of a failed search, within the time reserved for it."""
-        problem, seed = self.problem, self.options.seed
-        until = Deadline.after(min(_MAX_DIAGNOSIS, self.deadline.remaining))
-        exact = ready.checkers[-1]
-        if isinstance(exact, ConstrainedChecker):
-            return find_relaxation(exact, ready.start, ready.goals, seed, until)
-        return diagnose(
-            problem.robot,
-            problem.scene,
-            exact,
-            ready.start,
-            ready.goals,
-            until,
-            margin=problem.margin,
-            seed=seed,
-        )
-
-    def _shorten(self, found: _FoundPath) -> _FoundPath:
-        """The path with fewer waypoints; a tool path, or one to be kept, stays as it is."""
-        waypoints = found.waypoints
-        is_fixed = found.attempt.tool_path is not None or found.attempt.keep_path
-        if is_fixed or len(waypoints) < 3:
-            return found
-        shorter = self.stages.run(
-            "shortcut",
-            lambda: _shortcut(found.checker, waypoints, self.options.seed, self.deadline),
-            lambda short: (True, f"{len(waypoints)} waypoints became {len(short)}."),
-        )
-        return found._replace(waypoints=shorter)
-
     # ------------------------------------------------------------------------------- the motion
 
-    def _time_and_prove(self, found: _FoundPath) -> _Proved | Failure:
+    def _time_and_prove(self, found: FoundPath) -> _Proved | Failure:
         """Time the path and prove it, with ever safer motions until one can be proved."""
         refine = self.options.refine is not None
         for time_motion in self._candidates(found):
@@ -255,7 +166,7 @@ class _Pipeline:
         tool = found.attempt.tool_path is not None
         return _proof_failure(certificate.violation, self.deadline, tool=tool)
 
-    def _candidates(self, found: _FoundPath) -> Iterator[Callable[[], _Timed]]:
+    def _candidates(self, found: FoundPath) -> Iterator[Callable[[], _Timed]]:
         """Ways to time the path, the fastest motion first."""
         tool_path = found.attempt.tool_path
         if tool_path is not None:
@@ -269,7 +180,12 @@ class _Pipeline:
             return
         timing = self.options.timing
         for motion in motions(
-            found.checker, found.waypoints, self.parametrization, timing, self.deadline
+            found.levels[-1],
+            found.waypoints,
+            self.parametrization,
+            timing,
+            self.deadline,
+            found.levels[:-1],
         ):
             yield partial(_time_polyline, motion, self.parametrization.method)
 
@@ -308,12 +224,16 @@ class _Pipeline:
 
     # ------------------------------------------------------------------------------- the answer
 
-    def _assemble(self, ready: Ready, found: _FoundPath, proved: _Proved) -> Plan:
+    def _assemble(self, ready: Ready, found: FoundPath, proved: _Proved) -> Plan:
         attempt, timed = found.attempt, proved.timed
         notes = ready.notes + attempt.notes + timed.notes
         if not self.problem.robot.pieces:
             notes += ("The robot has no collision geometry: nothing is known of collisions.",)
         optimised = proved.waypoints is not None
+        checker = ready.checkers[-1]
+        clearance = clearance_report(
+            checker, timed.trajectory, self.options.clearance, self.problem.margin
+        )
         return Plan(
             planner=OPTIMIZE if optimised else found.planner,
             stages=(),
@@ -326,13 +246,8 @@ class _Pipeline:
             fraction=None if attempt.tool_path is None else attempt.tool_path.fraction,
             tool_motions=() if timed.tool_path is None else timed.tool_path.reports,
             stopped=attempt.stopped,
+            clearance=clearance,
         )
-
-
-def _shortcut(checker: Checker, waypoints: Array, seed: int, deadline: Deadline) -> Array:
-    if isinstance(checker, ConstrainedChecker):
-        return shortcut_along(Manifold(checker), waypoints, seed, deadline)
-    return shortcut(checker, waypoints, deadline)
 
 
 def _time_polyline(motion: Callable[[], ScaledTime], method: TimingMethod) -> _Timed:
@@ -362,10 +277,6 @@ def _describe_ready(answer: Ready | Failure) -> tuple[bool, str]:
     if not answer.goals:
         return True, "The start is valid."
     return True, f"{len(answer.goals)} goal configuration(s)."
-
-
-def _describe_attempt(attempt: Attempt) -> tuple[bool, str]:
-    return attempt.waypoints is not None and attempt.stopped is None, attempt.detail
 
 
 def _describe_timing(timed: _Timed) -> tuple[bool, str]:

@@ -20,6 +20,8 @@ class Query:
         checker: One of the checkers in ``ready``; it proves motions free.
         seed: Seed of everything random.
         deadline: When to stop.
+        max_edges: Edges after which trees stop where a path is only preferred; None for no such
+            bound.
     """
 
     problem: Problem
@@ -27,6 +29,7 @@ class Query:
     checker: Checker
     seed: int
     deadline: Deadline
+    max_edges: int | None = None
 
     @property
     def exact(self) -> bool:

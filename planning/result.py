@@ -9,6 +9,7 @@ import numpy as np
 
 from kinematics.arrays import Array, frozen
 from kinematics.trajectory import Trajectory
+from planning.clearance_report import ClearanceReport
 from planning.proof.certificate import Certificate
 from planning.tool_path import ToolPath
 
@@ -189,6 +190,7 @@ class Plan:
         fraction: How much of the tool's motions was carried out, where these were asked for.
         tool_motions: What became of each.
         stopped: Why it ends early, where it does.
+        clearance: Where the motion is nearer to something than preferred.
     """
 
     planner: str
@@ -202,3 +204,4 @@ class Plan:
     fraction: float | None = None
     tool_motions: tuple[ToolMotionReport, ...] = ()
     stopped: Mapping[str, Any] | None = None
+    clearance: ClearanceReport | None = None

@@ -21,6 +21,7 @@ from armwright_client.check import (
     Collision,
     LimitViolation,
 )
+from armwright_client.clearance import Clearance, ClearanceReport, CloseSpan
 from armwright_client.constraint import (
     BoxRegion,
     ClearanceConstraint,
@@ -202,7 +203,10 @@ __all__ = [
     "CheckOptions",
     "CheckRequest",
     "ChristoffelFormula",
+    "Clearance",
     "ClearanceConstraint",
+    "ClearanceReport",
+    "CloseSpan",
     "Collision",
     "Cone",
     "ConstraintUse",

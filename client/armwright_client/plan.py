@@ -16,6 +16,7 @@ from armwright_client.base import (
 )
 from armwright_client.certificate import Certificate, Collisions, LimitValues
 from armwright_client.check import AttachedObjects
+from armwright_client.clearance import Clearance, ClearanceReport
 from armwright_client.constraint import Constraints
 from armwright_client.dynamics import Payload
 from armwright_client.goal import Goal, Start
@@ -139,6 +140,7 @@ class PlanOptions(TypedDict, total=False):
         attached: Objects that move with a link.
         allowed_collisions: More pairs that may touch.
         margin: Distance to be kept [m].
+        clearance: Distance to be kept wherever there is room.
         collisions: "ignore" looks at no collisions at all, and the certificate says so.
         start_state_tolerance: A start so little outside a limit is moved onto it [rad or m].
         timing: How the path becomes a motion.
@@ -156,6 +158,7 @@ class PlanOptions(TypedDict, total=False):
     attached: AttachedObjects
     allowed_collisions: Pairs
     margin: float
+    clearance: Clearance
     collisions: Collisions
     start_state_tolerance: float
     timing: Timing
@@ -179,6 +182,7 @@ class PlanRequest(Request):
     attached: AttachedObjects | None = None
     allowed_collisions: Pairs | None = None
     margin: NonNegative | None = None
+    clearance: Clearance | None = None
     collisions: Collisions | None = None
     start_state_tolerance: NonNegative | None = None
     timing: Timing | None = None
@@ -258,6 +262,7 @@ class Plan(InFrame):
         notes: What was done to the request, say a start moved onto a limit.
         potential_field: Where it went, if a potential field found the path.
         progress: The shortest paths over time, of planners that improve theirs.
+        clearance: Where it is nearer to something than preferred.
     """
 
     status: str
@@ -273,3 +278,4 @@ class Plan(InFrame):
     notes: list[str] = Field(default_factory=list)
     potential_field: Descent | None = None
     progress: list[Progress] = Field(default_factory=list)
+    clearance: ClearanceReport | None = None

@@ -157,6 +157,7 @@ class RrtConnect:
         ready, max_edges = query.ready, self.max_edges
         if not query.exact:
             max_edges = self.max_edges_in_hulls
+        max_edges = min(max_edges, query.max_edges or max_edges)
         result = rrt_connect(
             query.checker, ready.start, ready.goals, query.seed, query.deadline, max_edges
         )

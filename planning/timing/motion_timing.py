@@ -5,7 +5,7 @@ motion with a stop at each corner comes last. A spline of time leaves the polyli
 waypoints: with more waypoints on the legs it keeps nearer to them.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
 import numpy as np
@@ -36,6 +36,7 @@ def motions(
     parametrization: TimeParametrization,
     timing: TimingOptions,
     deadline: Deadline,
+    preferred: Sequence[Checker] = (),
 ) -> Iterator[Callable[[], ScaledTime]]:
     """Motions to be tried in turn, until one is proved.
 
@@ -45,6 +46,7 @@ def motions(
         parametrization: The method and the limits.
         timing: What else was asked of the timing.
         deadline: When corners are not looked at any more.
+        preferred: Checkers of falling clearance that corners are blended by where they keep it.
 
     Raises:
         InvalidOption: Times were given that do not fit the waypoints, or an interpolation that
@@ -65,7 +67,7 @@ def motions(
             hint="Ask for the method spline, or leave interpolation out.",
         )
     if len(points) > 2:
-        yield partial(_round_corners, checker, points, parametrization, timing, deadline)
+        yield partial(_round_corners, checker, points, parametrization, timing, deadline, preferred)
     none = np.zeros(max(len(points) - 2, 0))
     yield lambda: parametrization.time_polyline(points, none, names)
 
@@ -76,12 +78,15 @@ def _round_corners(
     parametrization: TimeParametrization,
     timing: TimingOptions,
     deadline: Deadline,
+    preferred: Sequence[Checker],
 ) -> ScaledTime:
     """The motion with corners rounded as far as is free and asked for."""
     most = None
     if timing.blend_tolerance is not None:
         most = reach_for_deviation(points, timing.blend_tolerance, parametrization.smooth)
-    reaches = certified_reaches(checker, points, deadline, smooth=parametrization.smooth, most=most)
+    reaches = certified_reaches(
+        checker, points, deadline, smooth=parametrization.smooth, most=most, preferred=preferred
+    )
     return parametrization.time_polyline(points, reaches, checker.model.chain.joint_names)
 
 

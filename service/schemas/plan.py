@@ -32,6 +32,7 @@ from service.schemas.cartesian import (
 )
 from service.schemas.certificate import CertificateAnswer, TrajectoryAnswer
 from service.schemas.check import Margin
+from service.schemas.clearance import Clearance, ClearanceAnswer
 from service.schemas.constraint import Constraints
 from service.schemas.dynamics import Payload
 from service.schemas.goal import Goal, Start
@@ -172,6 +173,7 @@ class PlanRequest(Body):
     attached: AttachedObjects | None = None
     allowed_collisions: AllowedCollisions | None = None
     margin: Margin = 0.0
+    clearance: Clearance | None = None
     collisions: Collisions = "check"
     start_state_tolerance: Annotated[NonNegative, Field(le=0.1)] = 1e-6
     timing: Timing = Field(default_factory=Timing)
@@ -180,9 +182,11 @@ class PlanRequest(Body):
     seed: Seed = 0
 
     @model_validator(mode="after")
-    def _check_planner_options(self) -> "PlanRequest":
+    def _check_options(self) -> "PlanRequest":
         if self.planner.lower() == "cartesian":
             cartesian_options(self.planner_options)
+        if self.clearance is not None:
+            self.clearance.check_margin(self.margin)
         return self
 
 
@@ -340,3 +344,4 @@ class PlanAnswer(InFrame):
     progress: list[ProgressAnswer] = Field(
         default_factory=list, description="shortest paths over time, of planners that improve"
     )
+    clearance: ClearanceAnswer | None = None

@@ -47,6 +47,7 @@ _PROGRESS = {
     "straight_line": 0.1,
     "potential_field": 0.15,
     "shortcut": 0.6,
+    "clearance": 0.65,
     "timing": 0.7,
     "certificate": 0.85,
 }
@@ -198,6 +199,9 @@ def _answer(planned: Plan, body: PlanRequest, cell: RobotInScene) -> dict[str, A
         "stopped": None if planned.stopped is None else problems.plain(planned.stopped),
         "notes": list(planned.notes),
         "potential_field": _descent(planned),
+        "clearance": None
+        if planned.clearance is None
+        else problems.clearance_answer(planned.clearance),
         "progress": [asdict(step) for step in planned.progress],
     }
 

@@ -1,6 +1,7 @@
 """Planning problems and planner options from wire to domain; reports of stages back."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -12,9 +13,11 @@ from kinematics.trajectory import Trajectory
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from planning.cartesian.motions import tool_motions
+from planning.clearance_report import ClearanceReport
 from planning.optimize.options import RefineOptions
 from planning.options import CartesianOptions, Options, ToolMotionOptions
 from planning.planners import PLANNERS
+from planning.preferred_clearance import PreferredClearance
 from planning.problem import Goal, JointGoal, PoseGoal, Problem
 from planning.result import StageReport, ToolMotionReport
 from planning.tool_motion import TimedToolMotions
@@ -60,12 +63,30 @@ def problem(body: schema.PlanRequest, robot: RobotGeometry, scene: Scene) -> Pro
         scene,
         start,
         goals,
-        body.margin,
+        _least_clearance(body),
         body.start_state_tolerance,
         constraints=constraint_set(body.constraints, robot.chain),
         start_velocity=_rates(body.start.velocities),
         start_acceleration=_rates(body.start.accelerations),
     )
+
+
+def _least_clearance(body: schema.PlanRequest) -> float:
+    """The margin that a request asks for by either name [m]."""
+    least = None if body.clearance is None else body.clearance.least
+    return body.margin if least is None else least
+
+
+def clearance_answer(report: ClearanceReport) -> dict[str, Any]:
+    """Preferred distances, and where a motion does not keep them, on the wire."""
+    return {
+        "preferred": report.preferred,
+        "own_links": report.own_links,
+        "least": report.least,
+        "time_below": report.time_below,
+        "period": report.period,
+        "spans": [asdict(span) for span in report.spans],
+    }
 
 
 def _rates(given: Sequence[float] | None) -> Array | None:
@@ -102,6 +123,9 @@ def options(body: schema.PlanRequest, chain: Chain, timeout: float) -> Options:
         timeout=timeout,
         seed=body.seed,
         refine=_refine(body.refine),
+        clearance=PreferredClearance()
+        if body.clearance is None
+        else PreferredClearance(body.clearance.preferred),
     )
 
 

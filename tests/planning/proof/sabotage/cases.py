@@ -26,6 +26,7 @@ from planning.constraints.orientation import ConeConstraint
 from planning.constraints.position import PositionConstraint
 from planning.constraints.region import PlaneRegion
 from planning.options import CartesianOptions, Options
+from planning.preferred_clearance import PreferredClearance
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.timing.options import TimingOptions
 from tests.planning.proof.sabotage.judge import Arm, Residual, Truth
@@ -225,6 +226,7 @@ def _joint_case(
         limits=dict(asked.limits),
         timeout=TIMEOUT,
         seed=asked.seed,
+        clearance=PreferredClearance(0.0),  # motions that graze, so that a lie matters
     )
     torques = how.torque_limits or any(isinstance(c, TorqueConstraint) for c in constraints)
     truth = Truth(

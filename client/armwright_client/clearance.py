@@ -1,0 +1,51 @@
+"""Preferred clearance of plans."""
+
+from armwright_client.base import Answer, NonNegative, Request
+
+
+class Clearance(Request):
+    """Distances from obstacles: one to keep wherever there is room, one to keep always.
+
+    Args:
+        preferred: Kept wherever there is room [m]; 0 prefers no distance.
+        least: Kept always, another name of a plan's `margin` [m].
+    """
+
+    preferred: NonNegative = 0.02
+    least: NonNegative | None = None
+
+
+class CloseSpan(Answer):
+    """A span of a motion that is nearer to something than preferred.
+
+    Args:
+        begins: When it begins [s].
+        ends: When it ends [s].
+        distance: The least in it, margins of obstacles taken off [m].
+        pair: The two bodies that come so near.
+    """
+
+    begins: float
+    ends: float
+    distance: float
+    pair: tuple[str, str]
+
+
+class ClearanceReport(Answer):
+    """Preferred distances, and where a motion does not keep them.
+
+    Args:
+        preferred: From obstacles [m].
+        own_links: Between the robot's own links [m].
+        least: The margin that the certificate proves [m].
+        time_below: Time in which the motion is nearer than preferred [s].
+        period: Between two instants that were looked at [s].
+        spans: Where the motion is nearer, in order.
+    """
+
+    preferred: float
+    own_links: float
+    least: float
+    time_below: float
+    period: float
+    spans: list[CloseSpan]

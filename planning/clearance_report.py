@@ -1,0 +1,113 @@
+"""Spans of a motion in which it comes nearer to something than is preferred."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinematics.arrays import Array
+from kinematics.trajectory import Trajectory
+from obstacles.checker import Checker
+from planning.preferred_clearance import PreferredClearance
+
+#: Instants that are looked at, at least this many and no farther apart than the period [s].
+_LEAST_INSTANTS = 32
+_PERIOD = 0.025
+#: Instants that are looked at, at most: a long motion has them farther apart.
+_MAX_INSTANTS = 512
+
+
+@dataclass(frozen=True, slots=True)
+class CloseSpan:
+    """A span of a motion that is nearer to something than preferred.
+
+    Args:
+        begins: When it begins [s].
+        ends: When it ends [s].
+        distance: The least distance in it, margins of obstacles taken off [m].
+        pair: The bodies that come so near.
+    """
+
+    begins: float
+    ends: float
+    distance: float
+    pair: tuple[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class ClearanceReport:
+    """Preferred distances, and the spans of a motion that do not keep them.
+
+    Args:
+        preferred: From obstacles [m].
+        own_links: Between the robot's own links [m].
+        least: The margin that the certificate proves [m].
+        spans: In order, looked at every ``period``.
+        period: Between two instants that were looked at [s].
+    """
+
+    preferred: float
+    own_links: float
+    least: float
+    spans: tuple[CloseSpan, ...]
+    period: float
+
+    @property
+    def time_below(self) -> float:
+        """Time in which the motion is nearer than preferred [s]."""
+        return sum(span.ends - span.begins for span in self.spans)
+
+
+def clearance_report(
+    checker: Checker, motion: Trajectory, preferred: PreferredClearance, margin: float
+) -> ClearanceReport:
+    """Look at a motion instant by instant for distances below the preferred ones.
+
+    Args:
+        checker: The robot in its scene.
+        motion: The motion, of one second at least looked at every 25 ms.
+        preferred: The distances.
+        margin: The margin that is proved [m]; nothing below it is preferred.
+    """
+    distance, own = max(preferred.obstacles, margin), preferred.own_links
+    model = checker.model.with_margins(distance, own)
+    spacious = Checker(model)
+    count = int(np.ceil(max(motion.duration / _PERIOD, _LEAST_INSTANTS)))
+    count = min(count, _MAX_INSTANTS)
+    times = np.linspace(0.0, motion.duration, count + 1)
+    positions = np.ascontiguousarray(motion.sample(times))
+    close = np.array([not spacious.valid(q) for q in positions])
+    spans = tuple(
+        _span(spacious, times, positions, first, last, (distance, own))
+        for first, last in _runs(close)
+    )
+    return ClearanceReport(distance, own, margin, spans, motion.duration / count)
+
+
+def _runs(close: Array) -> list[tuple[int, int]]:
+    """First and last index of each run of true values."""
+    steps = np.flatnonzero(np.diff(np.concatenate([[False], close, [False]]).astype(np.int8)))
+    return [
+        (int(first), int(last) - 1) for first, last in zip(steps[::2], steps[1::2], strict=True)
+    ]
+
+
+def _span(
+    spacious: Checker,
+    times: Array,
+    positions: Array,
+    first: int,
+    last: int,
+    preferred: tuple[float, float],
+) -> CloseSpan:
+    """The span of the instants from ``first`` to ``last``, out to the next that are not close."""
+    least, nearest = np.inf, ("", "")
+    for q in positions[first : last + 1]:
+        lacking, pair = spacious.clearance(q)
+        if pair is None:
+            continue
+        is_obstacle = pair[1] in spacious.model.obstacles
+        distance = lacking + preferred[0 if is_obstacle else 1]
+        if lacking < 0.0 and distance < least:
+            least, nearest = distance, pair
+    begins, ends = times[max(first - 1, 0)], times[min(last + 1, len(times) - 1)]
+    return CloseSpan(float(begins), float(ends), max(float(least), 0.0), nearest)

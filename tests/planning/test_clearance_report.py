@@ -1,0 +1,54 @@
+"""Spans of a motion nearer than preferred, against FCL at every ten thousandth of it."""
+
+import numpy as np
+
+from kinematics.trajectory import Trajectory
+from obstacles.checker import Checker
+from obstacles.fcl_distance import FclWorld
+from obstacles.scene import Scene
+from planning.clearance_report import clearance_report
+from planning.preferred_clearance import PreferredClearance
+from tests.planning.scenes import box, builtin
+
+#: The arm of two links, bent, turns past a bar and back in four seconds.
+MOTION = Trajectory(
+    ("joint_1", "joint_2"),
+    np.array([0.0, 2.0, 4.0]),
+    np.array([[[-1.2, 1.2], [0.9, 0.0]], [[1.2, -1.2], [0.9, 0.0]]]),
+)
+BAR = Scene((box("bar", (0.1, 1.0, 0.1), (1.88, 0.0, 0.0)),))
+
+
+def test_spans_and_distances_are_those_of_fcl() -> None:
+    robot = builtin("planar_rr")
+    world = FclWorld(robot, BAR)
+    times = np.linspace(0.0, 4.0, 2001)
+    truth = np.array([world.clearance(q).distance for q in MOTION.sample(times)])
+    preferred = truth.min() + 0.03
+    report = clearance_report(
+        Checker.of(robot, BAR), MOTION, PreferredClearance(float(preferred)), 0.0
+    )
+    assert len(report.spans) == 2
+    inside = np.zeros(len(times), dtype=bool)
+    for span in report.spans:
+        here = (times >= span.begins) & (times <= span.ends)
+        inside |= here
+        assert abs(span.distance - truth[here].min()) < 0.02 * preferred + 1e-3
+        assert span.distance >= truth[here].min() - 1e-6
+        assert span.pair[1] == "bar"
+    assert not (truth[~inside] < preferred - 1e-3).any()
+    assert abs(report.time_below - np.mean(truth < preferred) * 4.0) < 4.0 * report.period + 0.01
+
+
+def test_nothing_near_is_no_span() -> None:
+    report = clearance_report(
+        Checker.of(builtin("planar_rr"), Scene()), MOTION, PreferredClearance(), 0.0
+    )
+    assert report.spans == ()
+    assert report.time_below == 0.0
+
+
+def test_the_margin_is_the_least_distance_that_counts() -> None:
+    checker = Checker.of(builtin("planar_rr"), BAR, 0.05)
+    report = clearance_report(checker, MOTION, PreferredClearance(0.0), 0.05)
+    assert (report.preferred, report.least) == (0.05, 0.05)
