@@ -18,7 +18,7 @@ SEEDS ?= 0
 MARGINS ?= 0
 
 .DEFAULT_GOAL := help
-.PHONY: install demo test check bench bench-timing bench-verdict bench-mbm bench-http serve wheels kernel-list \
+.PHONY: install demo test check bench bench-timing bench-arms bench-verdict bench-mbm bench-http serve wheels kernel-list \
 	docker-steps clean help
 
 install: $(INSTALLED) $(TOOLS)  ## Install the app, the client and the developers' tools into .venv
@@ -67,6 +67,9 @@ bench: $(TOOLS)  ## Measure kernels, planning and the service
 
 bench-timing: $(TOOLS)  ## Judge the timing of a thousand random paths
 	$(BIN)/python -m benchmarks.timing_limits 1000
+
+bench-arms: $(TOOLS)  ## Upload the arms of example-robot-data, measure them, write docs/robots.md
+	$(BIN)/python -m benchmarks.arms --write docs/robots.md
 
 bench-verdict: $(TOOLS)  ## Hold a hundred thousand collision verdicts against FCL
 	$(BIN)/python -m benchmarks.verdict

@@ -5,7 +5,7 @@ meshes are read by trimesh, and what lies inside a closed mesh is found by its w
 """
 
 import io
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -169,6 +169,13 @@ class Triangles:
             for b in self.bodies[:i]
             if frozenset((a.name, b.name)) not in allowed and body_of[a.name] != body_of[b.name]
         ]
+
+    def hold(self, positions: Mapping[str, float]) -> None:
+        """Hold joints off the chain at positions [rad or m]."""
+        for name, value in positions.items():
+            joint = self.model.joints[self.model.getJointId(name)]
+            turned = value if joint.nq == 1 else (np.cos(value), np.sin(value))
+            self._rest[joint.idx_q : joint.idx_q + joint.nq] = turned
 
     def place(self, q: Array) -> None:
         """Put the arm into a configuration (n,)."""

@@ -23,24 +23,18 @@ from kinematics.description import (
     SphereGeometry,
 )
 from kinematics.errors import InvalidRobotDescription, InvalidScene
-from kinematics.forward import joint_frames
 from kinematics.mesh_uri import resolve_mesh
 from kinematics.srdf import Semantics
 from obstacles.hull import convex_hull
 from obstacles.mesh import load_mesh, scaled
-from obstacles.mesh_distance import touching
 from obstacles.piece import Piece, PieceArrays, PieceKind
-from obstacles.piece_set import CENTER, POSE, PieceSet
 from obstacles.scene import Obstacle
 from obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
+from obstacles.touching_pairs import always_touching
 
 Meshes: TypeAlias = Mapping[str, bytes] | Callable[[str], bytes]
 Pair: TypeAlias = tuple[str, str]
 
-#: Configurations in which a pair of links must touch, every time, to count as always touching: one
-#: that is apart in a hundredth of them passes with a probability of 0.99^1000 = 4e-5.
-_ALWAYS_SAMPLES = 1000
-_ALWAYS_SEED = 0
 _NO_SOLIDS = "the robot has no collision geometry: only its kinematics are known, it hits nothing"
 
 
@@ -55,9 +49,10 @@ class RobotGeometry:
         joints: Index of the joint that carries each piece, -1 for the base, shape (p,).
         solids: Number of the solid of the description that each piece is a part of, shape (p,).
         allowed: Pairs of names that may touch, sorted, each with the reason: "same body",
-            "adjacent", "always", "srdf" or "attached".
+            "adjacent", "always", "srdf", "attached" or "suspected: ...".
         lint: What is odd, one sentence each.
         states: Named configurations, each of shape (n,) [rad or m].
+        suspected: Pairs that touch where the robot surely may stand, each with the reason.
     """
 
     chain: Chain
@@ -68,6 +63,7 @@ class RobotGeometry:
     allowed: Mapping[Pair, str]
     lint: tuple[str, ...] = ()
     states: Mapping[str, Array] = field(default_factory=dict)
+    suspected: Mapping[Pair, str] = field(default_factory=dict)
     arrays: PieceArrays = field(init=False, repr=False)
     self_pairs: NDArray[np.int64] = field(init=False, repr=False)
     content_hash: str = field(init=False, repr=False)
@@ -92,7 +88,8 @@ class RobotGeometry:
 
     def __reduce__(self) -> tuple[object, ...]:
         values = (self.chain, self.pieces, self.links, self.joints, self.solids)
-        return RobotGeometry, (*values, dict(self.allowed), self.lint, dict(self.states))
+        more = (dict(self.allowed), self.lint, dict(self.states), dict(self.suspected))
+        return RobotGeometry, (*values, *more)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -286,7 +283,7 @@ def _allowed(
         allowed |= dict.fromkeys(semantics.disabled_collisions, "srdf")
     else:
         allowed |= dict.fromkeys(_adjacent(bare, parents), "adjacent")
-        allowed |= dict.fromkeys(_always(bare, allowed), "always")
+        allowed |= dict.fromkeys(always_touching(bare, allowed), "always")
     return allowed | dict.fromkeys(_same_body(bare), "same body")
 
 
@@ -306,37 +303,6 @@ def _adjacent(bare: RobotGeometry, parents: Mapping[str, str]) -> set[Pair]:
         if parent is not None:
             pairs.add(_sorted(name, parent))
     return pairs
-
-
-def _always(bare: RobotGeometry, known: Mapping[Pair, str]) -> set[Pair]:
-    """Pairs of links that touch in every one of many random configurations."""
-    lower, upper = bare.chain.sampling_bounds()
-    candidates: dict[Pair, list[tuple[int, int]]] = {}
-    for i, j in bare.self_pairs:
-        pair = _sorted(bare.links[i], bare.links[j])
-        if pair not in known:
-            candidates.setdefault(pair, []).append((int(i), int(j)))
-    packed = PieceSet.of(bare.pieces)
-    owned = np.tile(np.eye(4), (len(bare.pieces), 1, 1))
-    owned[:, :3] = packed.rows[:, POSE : POSE + 12].reshape(-1, 3, 4)
-    centers = np.ones((len(bare.pieces), 4, 1))
-    centers[:, :3, 0] = packed.rows[:, CENTER : CENTER + 3]
-    random = np.random.default_rng(_ALWAYS_SEED)
-    for _ in range(_ALWAYS_SAMPLES):
-        if not candidates:
-            break
-        frames = np.concatenate(
-            [np.eye(4)[None], joint_frames(bare.chain, random.uniform(lower, upper))]
-        )
-        carried = frames[bare.joints + 1, :3]
-        packed.rows[:, POSE : POSE + 12] = (carried @ owned).reshape(-1, 12)
-        packed.rows[:, CENTER : CENTER + 3] = (carried @ centers)[:, :, 0]
-        candidates = {
-            pair: pieces
-            for pair, pieces in candidates.items()
-            if any(touching(packed, i, j) for i, j in pieces)
-        }
-    return set(candidates)
 
 
 def _self_pairs(geometry: RobotGeometry) -> NDArray[np.int64]:

@@ -147,6 +147,7 @@ from armwright_client.robot import (
     RobotOptions,
     RobotSummary,
     RobotUpload,
+    SuspectedPair,
 )
 from armwright_client.scene import (
     Obstacle,
@@ -342,6 +343,7 @@ __all__ = [
     "SphereRegion",
     "Stage",
     "Start",
+    "SuspectedPair",
     "TimedToolMotions",
     "TimedTrajectory",
     "Timing",

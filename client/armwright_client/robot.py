@@ -119,10 +119,12 @@ class RobotOptions(TypedDict, total=False):
             `joint_limits.yaml`.
         default_limits: Rules for limits that nothing else gives.
         held: Positions of joints off the chain [rad or m].
+        allow_suspected: Let pairs touch that `Robot.suspected_collisions` would tell.
     """
 
     base_link: str
     tip_link: str
+    allow_suspected: bool
     joint_limits: dict[str, JointLimits] | str
     default_limits: DefaultLimits
     held: dict[str, float]
@@ -148,6 +150,7 @@ class RobotFields(Request):
     tip_link: str | None = None
     joint_limits: dict[str, JointLimits] | str | None = None
     default_limits: DefaultLimits | None = None
+    allow_suspected: bool | None = None
     held: dict[str, float] | None = None
 
 
@@ -342,6 +345,13 @@ class RobotList(Answer):
     next: str | None = None
 
 
+class SuspectedPair(Answer):
+    """Two links that touch where the robot surely may stand, and where that is."""
+
+    pair: tuple[str, str]
+    reason: str
+
+
 class Robot(Answer):
     """The model of a robot.
 
@@ -363,6 +373,8 @@ class Robot(Answer):
         wrist: "spherical", "three_parallel" or "none".
         allowed_collisions: Pairs of links that may touch.
         allowed_collision_reasons: For each of these pairs.
+        suspected_collisions: Without an SRDF: pairs that touch in the zero pose, in a named state
+            or nearly always; they are checked unless the upload says `allow_suspected`.
         lint: What is odd in the description.
     """
 
@@ -383,4 +395,5 @@ class Robot(Answer):
     wrist: str
     allowed_collisions: list[list[str]]
     allowed_collision_reasons: list[str] | None = None
+    suspected_collisions: list[SuspectedPair] = Field(default_factory=list)
     lint: list[str]

@@ -41,6 +41,7 @@ _OBJECTS = {
     "joint_limits": '{"joint": {"velocity": 2.0, "acceleration": 5.0}}',
     "default_limits": '{"acceleration": "10 x velocity"}',
     "held": '{"joint": 0.1}',
+    "allow_suspected": "true",
 }
 _BODY = {
     "requestBody": {
@@ -74,6 +75,7 @@ _BODY = {
                         },
                         "default_limits": {"type": "string", "description": "JSON"},
                         "held": {"type": "string", "description": "JSON"},
+                        "allow_suspected": {"type": "string", "description": "true or false"},
                     },
                 }
             },

@@ -181,6 +181,11 @@ class RobotFields(Body):
     default_limits: DefaultLimits | None = Field(
         None, description="rules for limits that neither the description nor joint_limits gives"
     )
+    allow_suspected: bool = Field(
+        False,
+        description="let pairs touch that the answer's suspected_collisions tells; only where no "
+        "SRDF says which may",
+    )
     held: Annotated[dict[Label, Number], Field(max_length=1_000)] | None = Field(
         None,
         description="positions of joints off the chain [rad or m]; 0, or the limit nearest to it, "
@@ -312,6 +317,13 @@ class RobotList(Answer):
     next: str | None = Field(None, description="value of `after` for the next page")
 
 
+class SuspectedPair(Answer):
+    """Two links that touch where the robot surely may stand."""
+
+    pair: list[str]
+    reason: str = Field(examples=["zero pose"])
+
+
 class RobotAnswer(Answer):
     """The model of a robot."""
 
@@ -338,6 +350,11 @@ class RobotAnswer(Answer):
     )
     allowed_collision_reasons: list[str] = Field(
         examples=[["adjacent"]],
-        description="for each of these pairs: same body, adjacent, always or srdf",
+        description="for each of these pairs: same body, adjacent, always, srdf or suspected",
+    )
+    suspected_collisions: list[SuspectedPair] = Field(
+        default_factory=list,
+        description="without an SRDF: pairs that touch in the zero pose, in a named state or "
+        "nearly always, and are checked unless the upload says allow_suspected",
     )
     lint: list[str] = Field(description="what is odd in the description")

@@ -25,6 +25,7 @@ from kinematics.srdf import check_semantics, parse_srdf
 from kinematics.urdf import parse_urdf
 from obstacles.dh_geometry import LinkSolid, dh_robot_geometry
 from obstacles.robot_geometry import RobotGeometry, robot_geometry
+from obstacles.touching_pairs import suspected_pairs
 from service.schemas import robot as schema
 from service.translate import poses, robot_limits
 
@@ -80,7 +81,25 @@ def _from_urdf(body: schema.RobotBody) -> tuple[RobotGeometry, list[str]]:
         states, more = named_states(chain, semantics)
         geometry = dataclasses.replace(geometry, states=states)
         lint += more
+    if semantics is None or not semantics.disabled_collisions:
+        geometry, more = _with_suspects(geometry, body.allow_suspected)
+        lint += more
     return geometry, [*lint, *chosen.lint]
+
+
+def _with_suspects(geometry: RobotGeometry, allow: bool) -> tuple[RobotGeometry, list[str]]:
+    """The robot with the pairs that touch where it surely may stand, allowed or told."""
+    suspected = suspected_pairs(geometry)
+    if not suspected:
+        return geometry, []
+    listed = ", ".join(f"{a} and {b} ({reason})" for (a, b), reason in suspected.items())
+    if allow:
+        reasons = {pair: f"suspected: {reason}" for pair, reason in suspected.items()}
+        allowed = {**geometry.allowed, **reasons}
+        told = f"pairs may touch as allow_suspected asks: {listed}"
+        return dataclasses.replace(geometry, allowed=allowed, suspected=suspected), [told]
+    told = f"links touch where the robot may stand: {listed}; allow_suspected lets them"
+    return dataclasses.replace(geometry, suspected=suspected), [told]
 
 
 def dh_table(body: schema.RobotBody) -> DhTable | None:
@@ -251,6 +270,10 @@ def robot_answer(
         wrist=classify_wrist(chain),
         allowed_collisions=[list(pair) for pair in geometry.allowed],
         allowed_collision_reasons=list(geometry.allowed.values()),
+        suspected_collisions=[
+            schema.SuspectedPair(pair=list(pair), reason=reason)
+            for pair, reason in geometry.suspected.items()
+        ],
         lint=[*lint, *more],
     )
 

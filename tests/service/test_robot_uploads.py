@@ -18,6 +18,10 @@ SIDE = """<link name="flap"/><joint name="hinge" type="revolute">
 SRDF = """<robot name="bench"><group name="arm"><chain base_link="lower" tip_link="tip"/></group>
 <group name="gone"><chain base_link="base" tip_link="nothing"/></group>
 <group_state name="home" group="arm"><joint name="elbow" value="0.5"/></group_state></robot>"""
+#: A ball of the base that the upper link meets where the arm is stretched.
+KNOB = """<link name="knob"><collision><geometry><sphere radius="0.03"/></geometry></collision>
+</link><joint name="knob_joint" type="fixed"><parent link="base"/><child link="knob"/>
+<origin xyz="0 0 0.45"/></joint>"""
 YAML = """joint_limits:
   shoulder: {has_acceleration_limits: true, max_acceleration: 3.5}
   hinge: {has_acceleration_limits: true, max_acceleration: 1.0}
@@ -66,6 +70,22 @@ def test_ends_that_are_equally_likely_are_told(client: httpx.Client) -> None:
     body = bench("open", urdf=urdf(extra=SIDE + EYE))
     refusal = problem(client.post("/v1/robots", json=body), 422, "INVALID_ROBOT_DESCRIPTION")
     assert refusal["details"]["candidates"] == ["tip", "flap", "camera"]
+
+
+def test_pairs_that_touch_in_the_zero_pose_are_told_and_allowed_on_request(
+    client: httpx.Client,
+) -> None:
+    lower = urdf().replace('<link name="base"/>', '<link name="base"/>' + KNOB)
+    model = create(client, "knobbed", urdf=lower)
+    suspect = {"pair": ["knob", "upper"], "reason": "zero pose"}
+    assert suspect in model["suspected_collisions"]
+    assert any("knob and upper" in line and "allow_suspected" in line for line in model["lint"])
+    body = {"joints": [0.0, 0.0]}
+    assert not answer(client.post("/v1/check", json={"robot": "knobbed", **body}))["valid"]
+    model = create(client, "knobbed_free", urdf=lower, allow_suspected=True)
+    where = model["allowed_collisions"].index(["knob", "upper"])
+    assert model["allowed_collision_reasons"][where] == "suspected: zero pose"
+    assert answer(client.post("/v1/check", json={"robot": "knobbed_free", **body}))["valid"]
 
 
 def test_archive_with_several_descriptions(client: httpx.Client) -> None:

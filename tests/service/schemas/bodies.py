@@ -299,11 +299,12 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
                         "gravity": [0.0, 0.0, -9.81], "geometry": {"capsules": 0.05}}}),
     (RobotBody, {"name": "arm", "urdf": "<robot/>", "srdf": "<robot/>", "meshes": {"a.stl": "AAAA"},
                  "joint_limits": JOINT_LIMITS, "default_limits": DEFAULT_LIMITS,
-                 "held": {"finger": 0.1}}),
+                 "held": {"finger": 0.1}, "allow_suspected": True}),
     (RobotChanges, {"joint_limits": JOINT_LIMITS, "default_limits": DEFAULT_LIMITS}),
     (ArchiveFields, {"name": "arm", "urdf_path": "a/arm.urdf", "srdf_path": "arm.srdf",
                      "joint_limits": "joint_limits: {}", "default_limits": DEFAULT_LIMITS,
-                     "held": {"finger": 0.1}, "base_link": "base", "tip_link": "tip"}),
+                     "held": {"finger": 0.1}, "base_link": "base", "tip_link": "tip",
+                     "allow_suspected": True}),
 ]  # fmt: skip
 NAMES = [f"{model.__name__}-{i}" for i, (model, _) in enumerate(FULL)]
 
