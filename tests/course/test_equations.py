@@ -90,6 +90,21 @@ def test_the_table_is_the_one_that_was_given(service: httpx.Client) -> None:
     ]  # fmt: skip
 
 
+def test_a_modified_table_stays_modified(service: httpx.Client) -> None:
+    row = {"type": "revolute", "alpha": 0.0, "d": 0.0, "theta": 0.0}
+    rows = [row | {"a": 0.0}, row | {"a": 0.4}]
+    dh = {"convention": "modified", "rows": rows, "tool": {"position": [0.3, 0.0, 0.0]}}
+    assert service.post("/v1/robots", json={"name": "modified", "dh": dh}).status_code == 201
+    answer = formulas(service, "modified", format="text")
+    assert answer["convention"] == "modified"
+    assert answer["pose"]["position"][0] == "a_2 * c_1 + t_14 * c_12"
+    # Up to another link the table is derived from the axes.
+    other = {"name": "modified_2", "dh": dh, "tip_link": "link_2"}
+    assert service.post("/v1/robots", json=other).status_code == 201
+    answer = formulas(service, "modified_2", format="text")
+    assert (answer["convention"], answer["pose"]["link"]) == ("standard", "link_2")
+
+
 def test_latex_is_the_form_by_default(service: httpx.Client) -> None:
     answer = formulas(service, "notes_planar")
     assert answer["format"] == "latex"

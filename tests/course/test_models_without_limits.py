@@ -45,6 +45,14 @@ def test_the_answer_says_that_the_range_is_unlimited(table: Any, urdf: Any) -> N
         assert any(f"'{joint}'" in note and "unlimited" in note for note in urdf["lint"])
 
 
+def test_joints_that_turn_without_end_are_not_reported(service: httpx.Client) -> None:
+    rows = [ROWS[0] | {"continuous": True}, ROWS[2] | {"lower": 0.0}]
+    body = {"name": "endless", "dh": {"convention": "standard", "rows": rows}}
+    lint = service.post("/v1/robots", json=body).json()["lint"]
+    (note,) = (note for note in lint if "no lower or no upper" in note)
+    assert note.startswith("joint_2 have")
+
+
 @pytest.mark.usefixtures("table")
 def test_forward_kinematics_are_the_product_of_the_rows(service: httpx.Client) -> None:
     answer = ask(

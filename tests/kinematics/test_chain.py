@@ -68,6 +68,15 @@ def test_sampling_bounds_are_the_limits_or_one_turn() -> None:
     np.testing.assert_array_equal(high, [np.pi, 2.0, 3.0, np.pi])
 
 
+def test_a_single_limit_beyond_the_turn_gets_the_turn_next_to_it() -> None:
+    base = random_chain(np.random.default_rng(1), 2)
+    lower, upper = np.array([5.0, -np.inf]), np.array([np.inf, -4.0])
+    limits = replace(base.limits, lower=lower, upper=upper)
+    low, high = replace(base, limits=limits).sampling_bounds()
+    np.testing.assert_allclose(low, [5.0, -4.0 - 2.0 * np.pi])
+    np.testing.assert_allclose(high, [5.0 + 2.0 * np.pi, -4.0])
+
+
 # ------------------------------------------------------------------------------------- links
 
 
