@@ -6,6 +6,7 @@ PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
 	&& echo $$p && break; done)
 VENV := .venv
 BIN := $(VENV)/bin
+AUDIT := $(VENV)-audit/bin
 INSTALLED := $(VENV)/.installed
 TOOLS := $(VENV)/.tools
 APP := -e ".[demo]" -e ./client
@@ -19,7 +20,7 @@ MARGINS ?= 0
 
 .DEFAULT_GOAL := help
 .PHONY: install demo test check bench bench-timing bench-arms bench-verdict bench-mbm bench-http serve wheels kernel-list \
-	docker-steps clean help
+	docker-steps audit clean help
 
 install: $(INSTALLED) $(TOOLS)  ## Install the app, the client and the developers' tools into .venv
 
@@ -93,6 +94,13 @@ kernel-list: $(TOOLS)  ## Write the list of kernels that requests reach, from th
 
 docker-steps: $(TOOLS)  ## Run the Dockerfile's steps without Docker, in a clean folder (minutes)
 	$(BIN)/python scripts/docker_steps.py
+
+# Tools of their own, in a folder of their own: the app's pins are not theirs.
+audit:  ## Look for dangerous code (bandit) and for packages with known faults (pip-audit, wants the network)
+	@test -x $(AUDIT)/pip-audit || { $(PYTHON) -m venv $(VENV)-audit && \
+		$(AUDIT)/pip install -q --disable-pip-version-check bandit==1.9.4 pip-audit==2.10.1; }
+	$(AUDIT)/bandit -q -c pyproject.toml -r armwright kinematics dynamics obstacles planning tracking service client
+	$(AUDIT)/pip-audit -r constraints.txt --no-deps --disable-pip
 
 clean:  ## Remove what was built, compiled and cached; .venv stays
 	rm -rf build dist client/build *.egg-info client/*.egg-info

@@ -61,7 +61,7 @@ def read_yaml(text: str | bytes) -> Node:
                 )
                 mark = event.start_mark
                 raise yaml.YAMLError(f"line {mark.line + 1 if mark else 0}: {problem}")
-        return yaml.load(text, Loader=_Loader)  # a safe loader, made stricter
+        return yaml.load(text, Loader=_Loader)  # nosec B506
     except (yaml.YAMLError, ValueError, TypeError, RecursionError) as error:
         raise UnreadableYaml(f"no readable YAML: {error}") from None
 

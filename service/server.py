@@ -2,7 +2,6 @@
 
 import asyncio
 import ipaddress
-import logging
 import signal
 import socket
 import sys
@@ -13,6 +12,7 @@ import uvicorn
 from fastapi import FastAPI
 from pydantic import ValidationError
 
+from service import logs
 from service.app import create_app
 from service.http.connection import (
     ConnectionLimits,
@@ -81,11 +81,12 @@ def serve(options: Mapping[str, Any], launched: Launched | None = None) -> int:
         return _refuse(str(error))
     except OSError as error:
         return _refuse(f"can't listen on {settings.host} port {settings.port}: {error}")
-    logging.basicConfig(format="%(asctime)s %(levelname)s %(name)s: %(message)s")
+    logs.configure(settings.log_format)
     app = create_app(settings, launched)
     config = uvicorn.Config(
         app,
         log_level=settings.log_level,
+        log_config=None,
         access_log=settings.log_level == "debug",
         timeout_graceful_shutdown=_CUT_OFF,
         server_header=False,

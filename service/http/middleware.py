@@ -1,5 +1,7 @@
 """The layers around every request, from the outermost to the application."""
 
+import logging
+
 from fastapi import FastAPI
 from starlette.middleware.cors import CORSMiddleware
 
@@ -8,6 +10,7 @@ from service.http.body_limit import BodyLimit
 from service.http.handlers import UnexpectedErrors
 from service.http.host_check import HostCheck
 from service.http.metrics import Measured, Metrics
+from service.http.request_log import RequestLog
 from service.http.security_headers import SecurityHeaders
 from service.settings import Settings
 
@@ -51,3 +54,6 @@ def install(app: FastAPI, settings: Settings, metrics: Metrics) -> None:
         )
     app.add_middleware(Measured, metrics=metrics)
     app.add_middleware(SecurityHeaders)
+    level = logging.INFO if settings.log_requests else logging.WARNING
+    logging.getLogger("service.requests").setLevel(level)
+    app.add_middleware(RequestLog)

@@ -58,7 +58,7 @@ def _copy_tables() -> None:
         columns = [column["name"] for column in sa.inspect(op.get_bind()).get_columns(table)]
         names = ", ".join(name for name in columns if name != "tenant")
         op.execute(
-            f"INSERT INTO {table} (tenant, {names}) "
+            f"INSERT INTO {table} (tenant, {names}) "  # nosec B608
             f"SELECT '{DEFAULT_TENANT}', {names} FROM old_{table}"
         )
         op.drop_table(f"old_{table}")
