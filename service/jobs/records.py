@@ -1,5 +1,6 @@
 """Records and answers of jobs that this package makes itself."""
 
+import dataclasses
 import json
 import secrets
 import time
@@ -8,6 +9,9 @@ from service.access.caller import Caller
 from service.http.errors import PROBLEM_MEDIA_TYPE, document
 from service.problem import ProblemError
 from service.storage.job_store import JobAnswer, JobRecord, StoredRequest
+
+#: Servers that may die while they work on a job: after that, it may be what kills them.
+MAX_ATTEMPTS = 2
 
 
 def new_record(request: StoredRequest, caller: Caller) -> JobRecord:
@@ -32,11 +36,23 @@ def problem_answer(problem: ProblemError, instance: str) -> JobAnswer:
     return JobAnswer(PROBLEM_MEDIA_TYPE, content.encode())
 
 
+def next_attempt(record: JobRecord) -> JobRecord:
+    """The record of a job that waits again, since the server died that worked on it."""
+    return dataclasses.replace(
+        record,
+        status="queued",
+        progress=0.0,
+        stage=None,
+        started=None,
+        attempt=record.attempt + 1,
+    )
+
+
 def lost_job() -> ProblemError:
-    """The problem of a job that ran on a server that died."""
+    """The problem of a job that ran each time that a server died."""
     return ProblemError(
         "CRASH",
-        "the service ended while it was working on this job",
+        f"the service died {MAX_ATTEMPTS} times while it was working on this job",
         stage="job",
         hint="Send the request again: nothing of it was kept.",
     )

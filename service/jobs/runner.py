@@ -19,11 +19,10 @@ from starlette.types import ASGIApp
 from service.access.caller import ANYONE, Caller
 from service.http.errors import status_of
 from service.http.job_context import JobContext
-from service.jobs import storage_retry
+from service.jobs import records, storage_retry
 from service.jobs.event_stream import follow_live, follow_stored
 from service.jobs.live_job import LiveJob
 from service.jobs.purge import purge, purge_periodically
-from service.jobs.records import lost_job, new_record, overdue_job, problem_answer
 from service.jobs.replay import Replayed, replay
 from service.jobs.storage_retry import when_possible
 from service.problem import ProblemError, unexpected_fault
@@ -85,7 +84,7 @@ class Jobs:
     # ------------------------------------------------------------------------- life of all
 
     async def start(self) -> None:
-        """Queue the jobs that waited when their server ended; those that ran have failed."""
+        """Queue the jobs that waited or ran when their server ended."""
         await run_in_threadpool(self._servers.register, self._server)
         await self._adopt()
         self._chore(purge_periodically(self._store, self._settings))
@@ -151,7 +150,7 @@ class Jobs:
             ProblemError: As `check_room`; STORAGE_UNAVAILABLE.
         """
         self.check_room(len(request.body), caller)
-        live = LiveJob(new_record(request, caller), self._deadline(), len(request.body))
+        live = LiveJob(records.new_record(request, caller), self._deadline(), len(request.body))
         self._live[live.record.id] = live
         try:
             await run_in_threadpool(self._store.add, live.record, request, told)
@@ -185,7 +184,7 @@ class Jobs:
         """
         if self._stopping:
             raise ShuttingDown
-        live = LiveJob(new_record(request, caller), self._deadline(), 0)
+        live = LiveJob(records.new_record(request, caller), self._deadline(), 0)
         live.start()
         live.end("succeeded", answer, location)
         await run_in_threadpool(self._store.add, live.record, answer, told)
@@ -287,10 +286,10 @@ class Jobs:
             status: Status = "succeeded" if replayed.status < 400 else "failed"
             await self._finish(live, status, replayed.answer, replayed.headers.get("location"))
         except ProblemError as problem:
-            await self._finish(live, "failed", problem_answer(problem, live.record.path))
+            await self._finish(live, "failed", records.problem_answer(problem, live.record.path))
         except Exception:  # noqa: BLE001  (whatever it is, the job must end)
             mishap = unexpected_fault(f"job {live.record.id}")
-            await self._finish(live, "failed", problem_answer(mishap, live.record.path))
+            await self._finish(live, "failed", records.problem_answer(mishap, live.record.path))
         finally:
             self._running[batch] -= 1
             self._start_next(batch)
@@ -310,7 +309,7 @@ class Jobs:
                         return replayed
                     await asyncio.sleep(storage_retry.STORAGE_RETRY)
         except TimeoutError:
-            raise overdue_job(self._settings.job_deadline) from None
+            raise records.overdue_job(self._settings.job_deadline) from None
 
     def _start(self, live: LiveJob) -> None:
         if live.start():
@@ -343,18 +342,23 @@ class Jobs:
     # ------------------------------------------------------------------------ other servers
 
     async def _adopt(self) -> None:
-        """Take over jobs whose server is dead: queue those that waited, end those that ran."""
+        """Queue jobs whose server is dead; one that has now lost its last attempt has failed."""
         room = max(self._settings.job_limit - len(self._live), 0) if self._is_shared else _ALL
         for record in await run_in_threadpool(self._store.adopt, room):
             if record.id in self._live:
                 continue
-            live = LiveJob(record, self._deadline(), 0)
+            ran = record.status == "running"
+            live = LiveJob(records.next_attempt(record) if ran else record, self._deadline(), 0)
             live.stored = True
             self._live[record.id] = live
-            if record.status == "running":
-                await self._finish(live, "failed", problem_answer(lost_job(), record.path))
-            else:
-                self._enqueue(live)
+            if live.record.attempt > records.MAX_ATTEMPTS:
+                await self._finish(
+                    live, "failed", records.problem_answer(records.lost_job(), record.path)
+                )
+                continue
+            if ran:
+                await self._save(live)
+            self._enqueue(live)
 
     async def _share_periodically(self) -> None:
         beaten = time.monotonic()

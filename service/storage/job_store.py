@@ -54,6 +54,7 @@ class JobRecord:
         location: What it created.
         tenant: Whose job it is.
         api_key: Id of the key of its caller, if there was one.
+        attempt: Counts the servers that have had it in work, from 1.
     """
 
     id: str
@@ -69,6 +70,7 @@ class JobRecord:
     location: str | None = None
     tenant: str = DEFAULT_TENANT
     api_key: str | None = None
+    attempt: int = 1
 
 
 @dataclass(frozen=True, slots=True)

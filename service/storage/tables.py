@@ -14,7 +14,7 @@ from sqlalchemy import (
 )
 
 #: Revisions of the schema, the oldest first: the names of the migrations.
-REVISIONS = ("0001", "0002", "0003", "0004")
+REVISIONS = ("0001", "0002", "0003", "0004", "0005")
 METADATA = MetaData()
 #: Whose robots, scenes and jobs those are that came without an API key.
 DEFAULT_TENANT = "default"
@@ -77,6 +77,7 @@ jobs = Table(
     Column("server", Text),
     #: The key of its caller.
     Column("api_key", Text),
+    Column("attempt", Integer, nullable=False, server_default="1"),
 )
 Index("jobs_by_status", jobs.c.status, jobs.c.ended)
 Index("jobs_by_tenant", jobs.c.tenant, jobs.c.id)

@@ -127,20 +127,25 @@ def test_streams_end_when_the_service_does(tmp_path: Path) -> None:
     run(tmp_path, scenario, keep_alive=60.0)
 
 
-def test_what_waited_goes_on_and_what_ran_has_failed(tmp_path: Path) -> None:
+def test_what_waited_or_ran_goes_on_when_its_server_has_died(tmp_path: Path) -> None:
     with opened(tmp_path) as store:
         store.jobs.add(record(1), REQUEST)
-        store.jobs.add(record(2, status="running", started=5.0), REQUEST)
+        store.jobs.add(record(2, status="running", started=5.0, progress=0.7), REQUEST)
+        store.jobs.add(record(3, status="running", started=5.0, attempt=2), REQUEST)
 
     async def scenario(jobs: Jobs, app: App, store: Store) -> None:
+        again, _ = await jobs.get(record(2).id)
+        assert (again.attempt, again.progress) == (2, 0.0)
+        assert store.jobs.get(record(2).id)[0].attempt == 2
         app.open.set()
-        done, _ = await ended(jobs, record(1).id)
-        assert done.status == "succeeded"
-        lost, answer = await jobs.get(record(2).id)
+        for number in (1, 2):
+            assert (await ended(jobs, record(number).id))[0].status == "succeeded"
+        lost, answer = await jobs.get(record(3).id)
         assert lost.status == "failed"
         assert answer is not None
-        assert json.loads(answer.content)["code"] == "CRASH"
-        assert [context.id for context in app.contexts] == [record(1).id]
+        problem = json.loads(answer.content)
+        assert (problem["code"], "2 times" in problem["detail"]) == ("CRASH", True)
+        assert {context.id for context in app.contexts} == {record(1).id, record(2).id}
 
     run(tmp_path, scenario)
 
