@@ -104,8 +104,11 @@ def test_metrics_count_by_what_is_ours(jobs: Served) -> None:
     client = jobs.client
     stuck = submit(client, STUCK)
     began(client, stuck, "rrt_connect")
-    (victim,) = jobs.supervisor.busy_pids
-    os.kill(victim, signal.SIGKILL)
+    (first,) = jobs.supervisor.busy_pids
+    os.kill(first, signal.SIGKILL)  # it is begun once more
+    assert wait_until(lambda: bool(set(jobs.supervisor.busy_pids) - {first}), 10.0)
+    (second,) = jobs.supervisor.busy_pids
+    os.kill(second, signal.SIGKILL)
     assert ended(client, stuck)["error"]["code"] == "CRASH"
     for _ in range(6):
         answer(client.post("/v1/plan", json=EASY))
