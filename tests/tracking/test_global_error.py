@@ -10,14 +10,22 @@ from scipy.linalg import expm
 from dynamics.body import scale_masses
 from kinematics.arrays import Array
 from kinematics.chain import Chain, Inertia, Link
+from kinematics.trajectory import Trajectory
 from tests.dynamics.samples import REVOLUTE, planar_rr, textbook
 from tests.tracking.samples import constant, slider
 from tracking.adaptive import Adaptive
+from tracking.compiled import _loop, _record
 from tracking.computed_torque import ComputedTorque
+from tracking.controller import Controller
+from tracking.explicit import ALL_STAGES, POWERS, Steps
 from tracking.global_error import LOST, add_ellipsoid, map_ellipsoid, multiply
+from tracking.implicit import stages
 from tracking.independent_joint import IndependentJoint
+from tracking.integrate import run_kernel
 from tracking.pd_gravity import PdGravity
+from tracking.record import scratch
 from tracking.references import sine
+from tracking.setup import prepare
 from tracking.simulation import SimulationOptions, simulate
 
 MASS, LENGTH, G = 1.0, 1.0, 9.81
@@ -76,6 +84,49 @@ def test_a_held_loop_stays_within_its_error(h: float) -> None:
         off = max(off, abs(float(position) - float(x[0])))
         x = step @ x
     assert off <= result.bounds.global_error[0, 0]
+
+
+def carried(
+    used: Controller, motion: Trajectory, options: SimulationOptions, first: Array
+) -> Array:
+    """Bounds of a run at rest that begins with an error within an ellipsoid ``first`` (2, 2)."""
+    chain = used.chain
+    setup = prepare(used, motion, options, chain, (None, None), None, None)
+    law = used.compiled_law(chain)
+    assert law is not None
+    tolerances = np.array([1e-13, 1e-13])
+    work = scratch(setup.start, 1, tolerances, has_tube=True)
+    work.errors.P[:] = first
+    record = _record(setup.times, 1, 2, has_tube=True)
+    steps = Steps(np.zeros((ALL_STAGES, 2)), np.zeros((POWERS, 2)), np.zeros(2))
+    x = setup.start.copy()
+    run_kernel(_loop(setup, law), setup.events, steps, stages(2), record, work, 1_000_000, x)
+    return record.bounds.global_error[:, 0]
+
+
+FIRST = 1e-8 * np.array([[2.0, 0.5], [0.5, 1.0]])
+
+
+def test_errors_are_carried_by_the_transition_matrix_of_an_unstable_loop() -> None:
+    kp, kd, duration = 5.0, 0.5, 1.5
+    used = IndependentJoint(pendulum(), np.array([kp]), np.array([kd]), np.zeros(1))
+    found = carried(used, constant(pendulum(), np.zeros(1), duration), OPTIONS, FIRST)
+    inertia = MASS * LENGTH**2
+    A = np.array([[0.0, 1.0], [(MASS * G * LENGTH - kp) / inertia, -kd / inertia]])
+    Phi = expm(A * duration)
+    np.testing.assert_allclose(found, 2.0 * np.sqrt(np.diag(Phi @ FIRST @ Phi.T)), rtol=1e-2)
+
+
+def test_errors_of_a_held_loop_are_fed_back_at_its_calls() -> None:
+    mass, b, Kp, Kd, h, calls = 2.0, 0.5, 60.0, 10.0, 0.45, 5
+    chain = slider(mass, b)
+    used = PdGravity(chain, np.array(Kp), np.array(Kd))
+    options = replace(OPTIONS, control_period=h)
+    found = carried(used, constant(chain, np.zeros(1), calls * h), options, FIRST)
+    block = expm(h * np.array([[0.0, 1.0, 0.0], [0.0, -b / mass, 1.0 / mass], [0.0, 0.0, 0.0]]))
+    step = block[:2, :2] - block[:2, 2:] @ np.array([[Kp, Kd]])
+    Phi = np.linalg.matrix_power(step, calls)
+    np.testing.assert_allclose(found, 2.0 * np.sqrt(np.diag(Phi @ FIRST @ Phi.T)), rtol=1e-2)
 
 
 def test_arms_stay_within_their_error() -> None:
