@@ -2,13 +2,17 @@
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
+from kinematics.forward import forward
 from kinematics.robots import builtin_chain
 from kinematics.trajectory import Trajectory
 from planning.constraints import edge_bounds
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.joint import JointConstraint
 from planning.constraints.limit import ClearanceConstraint
+from planning.constraints.position import PositionConstraint
+from planning.constraints.region import SphereRegion
 from planning.proof.constraints import check_motion
 
 CHAIN = builtin_chain("planar_rr")
@@ -42,7 +46,8 @@ def test_the_earliest_of_several_violations_is_the_one_told() -> None:
     assert violation.kind == "path_constraint"
     assert violation.details["constraint"] == 1
     assert violation.time == pytest.approx(0.6, abs=1e-4)
-    assert [report.residual for report in reports] == pytest.approx([0.2, 0.2], abs=1e-6)
+    for report in reports:
+        assert 0.2 <= report.residual <= 0.2 * 1.01
 
 
 def test_soft_constraints_are_reported_and_refuse_nothing() -> None:
@@ -51,7 +56,33 @@ def test_soft_constraints_are_reported_and_refuse_nothing() -> None:
     assert violation is None
     (report,) = reports
     assert not report.hard
-    assert report.residual == pytest.approx(0.5, abs=1e-6)
+    assert 0.5 <= report.residual <= 0.5 * 1.01
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_violations_begin_when_they_do_and_get_no_worse_than_told(seed: int) -> None:
+    """Cubics of both joints, against residuals at twenty thousand samples."""
+    random = np.random.default_rng(seed)
+    breaks = np.concatenate([[0.0], np.cumsum(random.uniform(0.2, 5.0, 3))])
+    curve = CubicSpline(breaks, random.uniform(-2.0, 2.0, (4, 2)))
+    coefficients = np.ascontiguousarray(curve.c[::-1].transpose(1, 2, 0))
+    motion = Trajectory(CHAIN.joint_names, breaks, coefficients)
+    start = motion.start
+    asked = (
+        JointConstraint(FIRST, float(start[0]), 0.3, 0.3),
+        PositionConstraint(SphereRegion(forward(CHAIN, start)[:3, 3], 0.2)),
+    )
+    times = np.linspace(0.0, motion.duration, 20_001)
+    for constraint in asked:
+        wanted = ConstraintSet(CHAIN, (constraint,))
+        residuals = wanted.residuals(motion.sample(times)).max(axis=1)
+        (report,), violation = check_motion(wanted, motion)
+        assert (violation is None) is bool(residuals.max() <= 1e-6)
+        assert residuals.max() <= report.residual + 1e-12
+        if violation is not None:
+            assert report.residual <= 1.02 * residuals.max() + 1e-5
+            first = times[int(np.argmax(residuals > 1e-6))]
+            assert first - 2.0 * times[1] <= violation.time <= first + 1e-3
 
 
 def test_what_planners_say_of_their_edges_is_not_believed(monkeypatch: pytest.MonkeyPatch) -> None:
