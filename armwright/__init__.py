@@ -66,6 +66,10 @@ if TYPE_CHECKING:
     from planning.preferred_clearance import PreferredClearance
     from planning.problem import JointGoal, PoseGoal, Problem
     from planning.proof.certificate import Certificate
+    from planning.reach.base_placement import BasePlacement, place_base
+    from planning.reach.evaluation import Reach, ReachOptions, reach
+    from planning.reach.grid import PoseGrid
+    from planning.reach.tolerance import Tolerance
     from planning.result import Failure, Plan
     from planning.retime import Retimed
     from planning.timing.options import TimingOptions
@@ -82,6 +86,7 @@ _MODULES = {
     "Adaptive": "tracking.adaptive",
     "ArmwrightError": "kinematics.errors",
     "Attachment": "obstacles.attachment",
+    "BasePlacement": "planning.reach.base_placement",
     "Box": "obstacles.shapes",
     "BoxRegion": "planning.constraints.region",
     "Capsule": "obstacles.shapes",
@@ -113,7 +118,6 @@ _MODULES = {
     "MotionLimits": "planning.limits",
     "Obstacle": "obstacles.scene",
     "Options": "planning.options",
-    "PreferredClearance": "planning.preferred_clearance",
     "OrientationConstraint": "planning.constraints.orientation",
     "Passivity": "tracking.passivity",
     "PdGravity": "tracking.pd_gravity",
@@ -121,8 +125,12 @@ _MODULES = {
     "PlaneRegion": "planning.constraints.region",
     "PointCloud": "obstacles.shapes",
     "PoseGoal": "planning.problem",
+    "PoseGrid": "planning.reach.grid",
     "PositionConstraint": "planning.constraints.position",
+    "PreferredClearance": "planning.preferred_clearance",
     "Problem": "planning.problem",
+    "Reach": "planning.reach.evaluation",
+    "ReachOptions": "planning.reach.evaluation",
     "RelativePoseConstraint": "planning.constraints.relative_pose",
     "Retimed": "planning.retime",
     "RobotGeometry": "obstacles.robot_geometry",
@@ -130,6 +138,7 @@ _MODULES = {
     "Sphere": "obstacles.shapes",
     "SphereRegion": "planning.constraints.region",
     "TimingOptions": "planning.timing.options",
+    "Tolerance": "planning.reach.tolerance",
     "ToolSpeedConstraint": "planning.constraints.limit",
     "TorqueConstraint": "planning.constraints.limit",
     "Trajectory": "kinematics.trajectory",
@@ -146,10 +155,12 @@ _MODULES = {
     "jacobian": "armwright.model",
     "load_robot": "armwright.robot",
     "place": "obstacles.placement",
+    "place_base": "planning.reach.base_placement",
     "plan": "armwright.motion",
     "pose": "armwright.model",
-    "release": "obstacles.attachment",
     "quadratic_lyapunov": "tracking.quadratic_form",
+    "reach": "planning.reach.evaluation",
+    "release": "obstacles.attachment",
     "retime": "armwright.motion",
     "retime_states": "armwright.motion",
     "scene_from_moveit": "obstacles.moveit",
@@ -161,6 +172,7 @@ __all__ = [
     "Adaptive",
     "ArmwrightError",
     "Attachment",
+    "BasePlacement",
     "Box",
     "BoxRegion",
     "Capsule",
@@ -199,9 +211,12 @@ __all__ = [
     "PlaneRegion",
     "PointCloud",
     "PoseGoal",
+    "PoseGrid",
     "PositionConstraint",
     "PreferredClearance",
     "Problem",
+    "Reach",
+    "ReachOptions",
     "RelativePoseConstraint",
     "Retimed",
     "RobotGeometry",
@@ -209,6 +224,7 @@ __all__ = [
     "Sphere",
     "SphereRegion",
     "TimingOptions",
+    "Tolerance",
     "ToolSpeedConstraint",
     "TorqueConstraint",
     "Trajectory",
@@ -225,9 +241,11 @@ __all__ = [
     "jacobian",
     "load_robot",
     "place",
+    "place_base",
     "plan",
     "pose",
     "quadratic_lyapunov",
+    "reach",
     "release",
     "retime",
     "retime_states",

@@ -25,16 +25,17 @@ _NEAR_PAIRS = 64
 @cache
 def _edge_verdict() -> Callable[[ModelArrays, Array, Array, float], int]:
     """``certify_edge`` without the look at its arguments' types, which would cost more than it."""
-    return direct(certify_edge, _any_model(), np.zeros(1), np.zeros(1), 0.0)
+    return direct(certify_edge, any_model(), np.zeros(1), np.zeros(1), 0.0)
 
 
 @cache
 def _state_verdict() -> Callable[[ModelArrays, Array, float], int]:
     """``verdict_on`` likewise."""
-    return direct(verdict_on, _any_model(), np.zeros(1), 0.0)
+    return direct(verdict_on, any_model(), np.zeros(1), 0.0)
 
 
-def _any_model() -> ModelArrays:
+def any_model() -> ModelArrays:
+    """A model that stands for all of them where a kernel is looked up by its arguments' types."""
     limits = Limits.unlimited(1)
     links = (Link("base", -1, np.eye(4)), Link("tip", 0, np.eye(4)))
     turning = np.zeros(1, dtype=np.int64), np.eye(4)[None]

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     import service.tasks.plan
     import service.tasks.poses
     import service.tasks.potential
+    import service.tasks.reach
     import service.tasks.retime
     import service.tasks.robots
     import service.tasks.simulate
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
     validate = service.tasks.plan.validate
     convert_pose = service.tasks.poses.convert_pose
     potential = service.tasks.potential.potential
+    reach = service.tasks.reach.reach_task
     convert = service.tasks.retime.convert
     retime = service.tasks.retime.retime
     change_robot = service.tasks.robots.change_robot
@@ -72,6 +74,7 @@ else:
     validate = TaskReference("service.tasks.plan:validate", GRACE)
     convert_pose = TaskReference("service.tasks.poses:convert_pose")
     potential = TaskReference("service.tasks.potential:potential")
+    reach = TaskReference("service.tasks.reach:reach_task", GRACE)
     convert = TaskReference("service.tasks.retime:convert")
     retime = TaskReference("service.tasks.retime:retime")
     change_robot = TaskReference("service.tasks.robots:change_robot")

@@ -128,6 +128,16 @@ from armwright_client.potential import (
     PotentialSettings,
 )
 from armwright_client.problem import Problem
+from armwright_client.reach import (
+    BaseAnswer,
+    BaseRegion,
+    ReachAnswer,
+    ReachBox,
+    ReachGrid,
+    ReachOptions,
+    ReachRequest,
+    ReachTolerance,
+)
 from armwright_client.retime import JointState, Retimed, RetimePath, RetimeRequest, RetimeTiming
 from armwright_client.robot import (
     ArchiveOptions,
@@ -190,7 +200,9 @@ __all__ = [
     "ArmSides",
     "ArrayLike",
     "Attached",
+    "BaseAnswer",
     "BaseParameter",
+    "BaseRegion",
     "BatchAnswer",
     "BatchProblem",
     "BatchRequest",
@@ -304,6 +316,12 @@ __all__ = [
     "Projection",
     "Proved",
     "QuadraticForm",
+    "ReachAnswer",
+    "ReachBox",
+    "ReachGrid",
+    "ReachOptions",
+    "ReachRequest",
+    "ReachTolerance",
     "Readiness",
     "Refine",
     "RegressorAnswer",

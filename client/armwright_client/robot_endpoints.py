@@ -53,6 +53,7 @@ from armwright_client.potential import (
     PotentialRequest,
     PotentialSettings,
 )
+from armwright_client.reach import ReachAnswer, ReachBox, ReachOptions, ReachRequest
 from armwright_client.robot import (
     DefaultLimits,
     JointLimits,
@@ -296,3 +297,26 @@ class RobotEndpoints:
     def list(self, *, after: str | None = None, limit: int | None = None) -> Call[RobotList]:
         """A page of the robots, built-in ones among them, by name."""
         return Call("GET", path("robots"), RobotList.read, query=page(after, limit))
+
+    @Endpoint
+    def reach(
+        self, robot: str, poses: Sequence[Pose] | ReachBox, **options: Unpack[ReachOptions]
+    ) -> Call[ReachAnswer]:
+        """Reach of task poses, of a list or a grid in a box; see `ReachOptions`."""
+        body = _reach_request(poses, "json", options)
+        return compute(robot, "reach", body, ReachAnswer.read, body.timeout)
+
+    @Endpoint
+    def reach_picture(
+        self, robot: str, box: ReachBox, **options: Unpack[ReachOptions]
+    ) -> Call[str]:
+        """An SVG picture of the reach in a box with one orientation; see `ReachOptions`."""
+        body = _reach_request(box, "svg", options)
+        return compute(robot, "reach", body, bytes.decode, body.timeout)
+
+
+def _reach_request(
+    poses: Sequence[Pose] | ReachBox, form: str, options: ReachOptions
+) -> ReachRequest:
+    target = {"box": poses} if isinstance(poses, ReachBox) else {"poses": poses}
+    return ReachRequest.of(format=form, **target, **options)

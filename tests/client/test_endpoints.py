@@ -107,6 +107,13 @@ CALLS: list[tuple[str, Callable[[Any], Any], str, str, dict[str, Any] | None]] =
      "POST", "/v1/robots/a/forward-dynamics", {"joints": [0.0], "torques": [0.5]}),
     ("robots.forward_dynamics_batch", lambda c: c.robots.forward_dynamics_batch("a", [[0.0]]),
      "POST", "/v1/robots/a/forward-dynamics", {"joints": [[0.0]]}),
+    ("robots.reach", lambda c: c.robots.reach("a", [POSE], margin=0.1), "POST",
+     "/v1/robots/a/reach", {"poses": [AT], "margin": 0.1}),
+    ("robots.reach_picture", lambda c: c.robots.reach_picture(
+        "a", ours.ReachBox(size=[1.0, 1.0, 0.0], pose=POSE, spacing=0.1)), "POST",
+     "/v1/robots/a/reach", {"box": {"size": [1.0, 1.0, 0.0], "pose": AT, "spacing": 0.1,
+                                    "orientations": [[0.0, 0.0, 0.0, 1.0]]},
+                            "format": "svg"}),
     ("robots.potential", lambda c: c.robots.potential("a", [0.0], [1.0], "s", engine="fcl",
                                                       timeout=2.0),
      "POST", "/v1/robots/a/potential", FIELD | {"scene": "s"}),

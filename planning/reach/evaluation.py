@@ -1,0 +1,303 @@
+"""Reach of an arm in a scene, for many task poses at once."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from enum import IntEnum
+from functools import cache
+from typing import Any, Literal, NamedTuple, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kinematics.arrays import Array, frozen
+from kinematics.chain import Chain
+from kinematics.compiled.kernel import direct
+from kinematics.errors import InvalidOption, InvalidPose
+from kinematics.forward import link_number
+from kinematics.ik import numeric
+from kinematics.ik.analytic import TOLERANCE, middle
+from kinematics.ik.batch import shared
+from kinematics.ik.plan import COLUMNS as PLAN_COLUMNS
+from kinematics.ik.plan import Arm
+from kinematics.ik.refine import INSIDE, MORE
+from kinematics.ik.structure import Structure, structure
+from obstacles.checker import any_model
+from obstacles.collision_model import CollisionModel, ModelArrays
+from obstacles.robot_geometry import RobotGeometry
+from obstacles.scene import Scene
+from planning.deadline import Deadline
+from planning.reach import kernel
+from planning.reach.tolerance import Tolerance
+
+Choice = Literal["manipulability", "clearance", "limits"]
+CHOICES: tuple[Choice, ...] = get_args(Choice)
+#: Poses with all their deviations that are worked off between two looks at the clock.
+_CHUNK = 2_000
+#: Rounds of the numeric search, each from other starts.
+_ROUNDS = 4
+#: Starts of each round.
+_STARTS = 30
+#: Values of a redundant arm's parameter that are tried.
+_PARAMETERS = 16
+
+
+_PLAN, _ROW = frozen(np.zeros((1, PLAN_COLUMNS))), frozen([0.0])
+#: Values of the types that all arms and settings have.
+_ARM = Arm(_PLAN, _PLAN, 0, _ROW, _ROW)
+_SETTINGS = kernel.ReachSettings(0.0, 0.0, 0, False, False)
+
+
+class Status(IntEnum):
+    """Outcome of a pose; each one came nearer than those before."""
+
+    OUT_OF_REACH = kernel.OUT_OF_REACH
+    OUTSIDE_LIMITS = kernel.OUTSIDE_LIMITS
+    IN_COLLISION = kernel.IN_COLLISION
+    REACHED = kernel.REACHED
+
+
+@dataclass(frozen=True, slots=True)
+class ReachOptions:
+    """Options of a question about reach.
+
+    Args:
+        tolerance: By how much the tool may deviate from each pose.
+        margin: Distance to be kept from obstacles [m].
+        choice: What makes the best configuration of a pose: the largest product of the Jacobian's
+            singular values, the largest clearance, or the largest distance from the joint limits.
+        clearance: Whether the clearance of the best configurations is measured.
+        seed: Of the numeric search, for arms without a closed form.
+        threads: How many to share the poses among; all processors where not given.
+
+    Raises:
+        InvalidOption: No such choice, or a negative margin.
+    """
+
+    tolerance: Tolerance = field(default_factory=Tolerance)
+    margin: float = 0.0
+    choice: Choice = "manipulability"
+    clearance: bool = True
+    seed: int = 0
+    threads: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.choice not in CHOICES:
+            raise InvalidOption(
+                f"there is no choice {self.choice!r}", hint=f"One of: {', '.join(CHOICES)}."
+            )
+        if not self.margin >= 0.0:
+            raise InvalidOption(f"margin is {self.margin:g} m; it must not be negative")
+
+
+class Reach(NamedTuple):
+    """Reach of m poses; figures are those of the best configuration, NaN where there is none.
+
+    Args:
+        status: `Status` of each pose, shape (m,).
+        branches: Branches of the inverse kinematics that are free of collision, at the deviation
+            that has most of them; of arms without a closed form 1 where one was found. Shape (m,).
+        samples: Deviations at which the pose is reached, shape (m,).
+        joints: Best configuration, shape (m, n) [rad or m].
+        manipulability: Product of the singular values of the Jacobian, shape (m,).
+        clearance: Distance of the closest pair, margins taken off [m], infinite where nothing can
+            collide, NaN where it was not asked for, shape (m,).
+        limit_distance: Share of half its range that is left to the joint nearest to a limit, 1 at
+            the middle of all ranges, shape (m,).
+        completed: How many poses were looked at before the deadline; the others are left out.
+    """
+
+    status: NDArray[np.int64]
+    branches: NDArray[np.int64]
+    samples: NDArray[np.int64]
+    joints: Array
+    manipulability: Array
+    clearance: Array
+    limit_distance: Array
+    completed: int
+
+    @property
+    def is_reached(self) -> NDArray[np.bool_]:
+        """Whether each pose is reached free of collision and inside the limits."""
+        return np.asarray(self.status == Status.REACHED)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Query:
+    """An arm in a scene with all that does not hang on the poses."""
+
+    chain: Chain
+    link: str | None
+    arm: Arm
+    form: Structure | None
+    model: ModelArrays
+    settings: kernel.ReachSettings
+    options: ReachOptions
+
+
+def reach(
+    robot: RobotGeometry,
+    scene: Scene,
+    poses: ArrayLike,
+    options: ReachOptions | None = None,
+    *,
+    link: str | None = None,
+    deadline: Deadline | None = None,
+    report: Callable[[float], None] = lambda _: None,
+) -> Reach:
+    """For each task pose whether and how well the arm takes it, free of collision.
+
+    Every configuration is verified by forward kinematics and by the exact collision check. Arms
+    with a closed form try every branch; of arms with seven joints at 16 values of the parameter.
+    Other arms search from several starts, so that a pose they miss may have a solution.
+
+    Args:
+        robot: The arm with its solids.
+        scene: The obstacles.
+        poses: T_base_link, shape (m, 4, 4).
+        options: How to judge.
+        link: The link to bring there; the tip where none is named.
+        deadline: When to stop; the poses that are left are not answered.
+        report: Called with the share of the poses that is done.
+
+    Raises:
+        InvalidPose: The poses are not finite 4x4 matrices.
+        InvalidLinkName: No such link.
+    """
+    how, chain = options or ReachOptions(), robot.chain
+    T = np.ascontiguousarray(poses, dtype=np.float64)
+    if T.ndim != 3 or T.shape[1:] != (4, 4) or not np.isfinite(T).all():
+        raise InvalidPose("the poses must be finite 4x4 transforms, shape (m, 4, 4)")
+    query = _query(robot, scene, link, how)
+    deviations = how.tolerance.deviations()
+    results = np.zeros((len(T), kernel.COLUMNS))
+    joints = np.full((len(T), chain.n), np.nan)
+    step, completed = max(_CHUNK // len(deviations), 1), 0
+    while completed < len(T) and not (deadline is not None and deadline.passed):
+        part = slice(completed, min(completed + step, len(T)))
+        targets = T[part, None] @ deviations
+        if query.form is not None:
+            _by_closed_form(query, targets, results[part], joints[part])
+        else:
+            _by_search(query, targets, results[part], joints[part])
+        completed = part.stop
+        report(completed / len(T))
+    return _answer(results[:completed], joints[:completed], how)
+
+
+def _query(robot: RobotGeometry, scene: Scene, link: str | None, options: ReachOptions) -> _Query:
+    chain = robot.chain
+    form = structure(chain, link)
+    plan = np.zeros((1, PLAN_COLUMNS)) if form is None else form.plan
+    lower, upper = chain.limits.lower, chain.limits.upper
+    arm = Arm(plan, chain.model, link_number(chain, link or chain.tip_link), lower, upper)
+    model = CollisionModel(robot, scene, options.margin)
+    settings = kernel.ReachSettings(
+        TOLERANCE,
+        0.0,
+        CHOICES.index(options.choice),
+        bool(options.clearance),
+        form is not None and bool(form.redundant),
+    )
+    return _Query(chain, link, arm, form, model.arrays, settings, options)
+
+
+def _by_closed_form(query: _Query, targets: Array, results: Array, joints: Array) -> None:
+    """Reach of a few poses with all their deviations (m, s, 4, 4), by every branch."""
+    form, seed = query.form, middle(query.chain)
+    values = np.array([np.nan])
+    if form is not None and form.redundant:
+        values = _parameters(query.chain, form)
+
+    judge = _closed_form()
+
+    def part(k: slice) -> None:
+        judge(
+            query.arm, query.model, targets[k], seed, values, query.settings, results[k], joints[k]
+        )
+
+    shared(part, len(targets), query.options.threads)
+
+
+def _by_search(query: _Query, targets: Array, results: Array, joints: Array) -> None:
+    """Reach of a few poses with all their deviations (m, s, 4, 4), by the numeric method."""
+    m, s = targets.shape[:2]
+    flat = np.ascontiguousarray(targets.reshape(-1, 4, 4))
+    rows = np.zeros((m, s * _ROUNDS, query.chain.n + MORE))
+    for k in range(_ROUNDS):
+        found = numeric.solve_many(
+            query.chain,
+            flat,
+            numeric.SearchOptions(query.options.seed + k, _STARTS),
+            link=query.link,
+            seed_joints=_start(query.chain, query.options.seed + k),
+            threads=query.options.threads,
+        )
+        part = rows[:, k * s : (k + 1) * s]
+        part[..., : query.chain.n] = found.joints.reshape(m, s, -1)
+        part[..., query.chain.n + INSIDE] = found.solved.reshape(m, s)
+
+    judge = _searched()
+
+    def share(k: slice) -> None:
+        judge(query.arm, query.model, rows[k], query.settings, results[k], joints[k])
+
+    shared(share, m, query.options.threads)
+    # Several rounds find the same configuration: only whether there is one is known.
+    results[:, kernel.BRANCHES] = np.minimum(results[:, kernel.BRANCHES], 1.0)
+    solved = rows[..., query.chain.n + INSIDE].reshape(m, _ROUNDS, s)
+    results[:, kernel.SAMPLES] = np.minimum(results[:, kernel.SAMPLES], solved.any(axis=1).sum(1))
+
+
+def _start(chain: Chain, seed: int) -> Array:
+    """A configuration that a round of the search begins at, the middle of the limits first."""
+    if seed == 0:
+        return middle(chain)
+    low, high = chain.sampling_bounds()
+    return np.asarray(np.random.default_rng(seed).uniform(low, high))
+
+
+def _parameters(chain: Chain, form: Structure) -> Array:
+    """Values of a redundant arm's parameter, all around it."""
+    if form.locked is None:
+        return np.asarray(np.arange(_PARAMETERS) * 2.0 * np.pi / _PARAMETERS - np.pi)
+    low, high = chain.sampling_bounds()
+    return np.linspace(low[form.locked], high[form.locked], _PARAMETERS)
+
+
+def _answer(results: Array, joints: Array, options: ReachOptions) -> Reach:
+    status = results[:, kernel.STATUS].astype(np.int64)
+    missed = status != Status.REACHED
+    figures = results.copy()
+    figures[missed] = np.nan
+    clearance = figures[:, kernel.CLEARANCE]
+    if not options.clearance:
+        clearance = np.full(len(results), np.nan)
+    return Reach(
+        status,
+        results[:, kernel.BRANCHES].astype(np.int64),
+        results[:, kernel.SAMPLES].astype(np.int64),
+        joints,
+        figures[:, kernel.MANIPULABILITY],
+        clearance,
+        figures[:, kernel.LIMIT_DISTANCE],
+        len(results),
+    )
+
+
+@cache
+def _closed_form() -> Any:
+    """``closed_form_reach_kernel`` without a look at its arguments' types."""
+    row, rows = np.zeros(1), np.zeros((1, 1))
+    return direct(
+        kernel.closed_form_reach_kernel, _ARM, any_model(), np.zeros((1, 1, 4, 4)), row, row,
+        _SETTINGS, rows, rows,
+    )  # fmt: skip
+
+
+@cache
+def _searched() -> Any:
+    """``searched_reach_kernel`` likewise."""
+    rows = np.zeros((1, 1))
+    return direct(
+        kernel.searched_reach_kernel, _ARM, any_model(), rows[None], _SETTINGS, rows, rows
+    )

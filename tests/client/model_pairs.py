@@ -1,0 +1,153 @@
+"""Models of the client beside those of the service that they must follow."""
+
+from pydantic import BaseModel
+
+import armwright_client as ours
+from armwright_client.base import Readable
+from armwright_client.robot import ArchiveFields, RobotFields
+from service.schemas import attached as their_attached
+from service.schemas import cartesian as their_cartesian
+from service.schemas import certificate as their_certificate
+from service.schemas import check as their_check
+from service.schemas import constraint as their_constraint
+from service.schemas import dynamics as their_dynamics
+from service.schemas import goal as their_goal
+from service.schemas import kinematics as their_kinematics
+from service.schemas import lyapunov as their_lyapunov
+from service.schemas import plan as their_plan
+from service.schemas import pose as their_pose
+from service.schemas import pose_conversion as their_conversion
+from service.schemas import potential as their_potential
+from service.schemas import reach as their_reach
+from service.schemas import retime as their_retime
+from service.schemas import robot as their_robot
+from service.schemas import scene as their_scene
+from service.schemas import shape as their_shape
+
+REACH = [
+    "ReachTolerance",
+    "ReachBox",
+    "BaseRegion",
+    "ReachRequest",
+    "ReachGrid",
+    "BaseAnswer",
+    "ReachAnswer",
+]
+POTENTIAL = ["PotentialOptions", "PotentialRequest", "ControlPoint", "PotentialAnswer"]
+PAIRS: list[tuple[type[Readable], type[BaseModel]]] = [
+    (ours.Pose, their_pose.Pose),
+    (ours.FramedPose, their_pose.FramedPose),
+    (ours.PoseForm, their_conversion.PoseForm),
+    (ours.PoseMotion, their_conversion.Motion),
+    (ours.ConvertPoseRequest, their_conversion.ConvertPoseRequest),
+    (ours.PoseForms, their_conversion.PoseForms),
+    (ours.SingularForm, their_conversion.SingularFormAnswer),
+    (ours.ConvertedPose, their_conversion.ConvertPoseAnswer),
+    (ours.LyapunovRequest, their_lyapunov.LyapunovRequest),
+    (ours.QuadraticForm, their_lyapunov.FormAnswer),
+    (ours.Pole, their_lyapunov.Pole),
+    (ours.Lyapunov, their_lyapunov.LyapunovAnswer),
+    (ours.Box, their_shape.Box),
+    (ours.Sphere, their_shape.Sphere),
+    (ours.Cylinder, their_shape.Cylinder),
+    (ours.Capsule, their_shape.Capsule),
+    (ours.Cone, their_shape.Cone),
+    (ours.Halfspace, their_shape.Halfspace),
+    (ours.Convex, their_shape.Convex),
+    (ours.Mesh, their_shape.Mesh),
+    (ours.PointCloud, their_shape.PointCloud),
+    (ours.Obstacle, their_scene.Obstacle),
+    (ours.Scene, their_scene.Scene),
+    (ours.SceneSummary, their_scene.SceneSummary),
+    (ours.SceneList, their_scene.SceneList),
+    (ours.ProjectRequest, their_scene.ProjectRequest),
+    (ours.Projection, their_scene.Projection),
+    (ours.ProjectAnswer, their_scene.ProjectAnswer),
+    (ours.DhRow, their_robot.DhRow),
+    (ours.DhTable, their_robot.DhTable),
+    (ours.JointLimits, their_robot.JointLimits),
+    (RobotFields, their_robot.RobotFields),
+    (ArchiveFields, their_robot.ArchiveFields),
+    (ours.RobotChanges, their_robot.RobotChanges),
+    (ours.DefaultLimits, their_robot.DefaultLimits),
+    (ours.RobotUpload, their_robot.RobotBody),
+    (ours.Limits, their_robot.Limits),
+    (ours.DhParameters, their_robot.DhRowAnswer),
+    (ours.DerivedDh, their_robot.DhAnswer),
+    (ours.RobotSummary, their_robot.RobotSummary),
+    (ours.RobotList, their_robot.RobotList),
+    (ours.Robot, their_robot.RobotAnswer),
+    (ours.FkRequest, their_kinematics.FkRequest),
+    (ours.FkAnswer, their_kinematics.FkAnswer),
+    (ours.FkBatch, their_kinematics.FkAnswer),
+    (ours.JacobianRequest, their_kinematics.JacobianRequest),
+    (ours.JacobianAnswer, their_kinematics.JacobianAnswer),
+    (ours.JacobianBatch, their_kinematics.JacobianAnswer),
+    (ours.IkRequest, their_kinematics.IkRequest),
+    (ours.IkSolution, their_kinematics.IkSolution),
+    (ours.IkAnswer, their_kinematics.IkAnswer),
+    (ours.IkBatch, their_kinematics.IkAnswer),
+    (ours.Unsolved, their_kinematics.Unsolved),
+    *(
+        (getattr(ours, name), getattr(their_constraint, name))
+        for name in (
+            "BoxRegion",
+            "ClearanceConstraint",
+            "ConstraintUse",
+            "JointConstraint",
+            "LineRegion",
+            "LookAtConstraint",
+            "OrientationConstraint",
+            "PlaneRegion",
+            "PositionConstraint",
+            "RelativePoseConstraint",
+            "SphereRegion",
+            "ToolSpeedConstraint",
+            "TorqueConstraint",
+        )
+    ),
+    (ours.Attached, their_attached.Attached),
+    (ours.CheckRequest, their_check.CheckRequest),
+    (ours.Collision, their_check.Collision),
+    (ours.LimitViolation, their_check.LimitViolation),
+    (ours.CheckAnswer, their_check.CheckAnswer),
+    (ours.CheckBatch, their_check.CheckAnswer),
+    (ours.Start, their_goal.Start),
+    (ours.SingleGoal, their_goal.SingleGoal),
+    (ours.Goal, their_goal.Goal),
+    (ours.Timing, their_plan.Timing),
+    (ours.PlanRequest, their_plan.PlanRequest),
+    (ours.Segment, their_plan.Segment),
+    (ours.Samples, their_plan.Samples),
+    (ours.Trajectory, their_plan.TrajectoryBody),
+    (ours.LimitValues, their_plan.LimitsBody),
+    (ours.TimedTrajectory, their_certificate.TrajectoryAnswer),
+    (ours.ValidateRequest, their_plan.ValidateRequest),
+    (ours.Stage, their_plan.Stage),
+    (ours.Path, their_plan.PathAnswer),
+    (ours.LimitUse, their_certificate.LimitUse),
+    (ours.LimitUses, their_certificate.LimitUses),
+    (ours.Certificate, their_certificate.CertificateAnswer),
+    (ours.Proved, their_certificate.ProvedAnswer),
+    (ours.TimedToolMotions, their_cartesian.TimedToolMotions),
+    (ours.PathDeviation, their_cartesian.PathDeviationAnswer),
+    (ours.ToolMotion, their_cartesian.ToolMotion),
+    (ours.CartesianOptions, their_cartesian.CartesianOptions),
+    (ours.ToolMotionReport, their_cartesian.ToolMotionAnswer),
+    (ours.Reproducibility, their_plan.Reproducibility),
+    (ours.Plan, their_plan.PlanAnswer),
+    (ours.Descent, their_plan.DescentAnswer),
+    (ours.Progress, their_plan.ProgressAnswer),
+    (ours.ForwardDynamicsRequest, their_dynamics.ForwardDynamicsRequest),
+    (ours.ForwardDynamicsAnswer, their_dynamics.ForwardDynamicsAnswer),
+    (ours.ForwardDynamicsBatch, their_dynamics.ForwardDynamicsAnswer),
+    (ours.PartialJacobian, their_dynamics.PartialJacobian),
+    *((getattr(ours, name), getattr(their_potential, name)) for name in POTENTIAL),
+    (ours.PotentialBatch, their_potential.PotentialAnswer),
+    *((getattr(ours, name), getattr(their_reach, name)) for name in REACH),
+    (ours.JointState, their_retime.JointStateBody),
+    (ours.RetimePath, their_retime.RetimePath),
+    (ours.RetimeTiming, their_retime.RetimeTiming),
+    (ours.RetimeRequest, their_retime.RetimeRequest),
+    (ours.Retimed, their_retime.RetimeAnswer),
+]

@@ -1,0 +1,187 @@
+"""Reach: against forward kinematics, FCL, numpy's singular values and the single solver."""
+
+import numpy as np
+import pytest
+
+from kinematics.errors import InvalidOption, InvalidPose
+from kinematics.forward import forward
+from kinematics.ik.analytic import branches
+from kinematics.jacobian import geometric
+from kinematics.pose import rotation_error, rotation_x, rotation_y, transform
+from obstacles.fcl_distance import FclWorld
+from obstacles.scene import Obstacle, Scene
+from obstacles.shapes import Box, Sphere
+from planning.deadline import Deadline
+from planning.reach.evaluation import Reach, ReachOptions, Status, reach
+from planning.reach.tolerance import Tolerance
+from tests.planning.scenes import builtin
+
+CLOSED = ["kr6_sixx", "ur5e", "panda", "iiwa14"]
+SEARCHED = ["scara", "planar_rr", "stanford"]
+SCENE = Scene(
+    [
+        Obstacle("post", Box(np.array([0.1, 0.1, 1.2])), transform(None, [0.45, 0.1, 0.6])),
+        Obstacle("ball", Sphere(0.15), transform(None, [-0.3, 0.4, 0.5])),
+    ]
+)
+
+
+def poses(name: str, count: int, stretch: float = 1.0) -> np.ndarray:
+    chain = builtin(name).chain
+    q = np.random.default_rng(1).uniform(*chain.sampling_bounds(), (count, chain.n))
+    T = forward(chain, q)
+    T[:, :3, 3] *= stretch
+    return T
+
+
+@pytest.mark.parametrize("name", CLOSED + SEARCHED)
+def test_configurations_take_their_poses_and_touch_nothing(name: str) -> None:
+    robot = builtin(name)
+    T = poses(name, 60)
+    found = reach(robot, SCENE, T, ReachOptions(threads=1))
+    assert found.completed == 60
+    assert found.is_reached.sum() > 15
+    world = FclWorld(robot, SCENE)
+    for k in np.flatnonzero(found.is_reached):
+        q = found.joints[k]
+        assert (q >= robot.chain.limits.lower).all()
+        assert (q <= robot.chain.limits.upper).all()
+        arrived = forward(robot.chain, q)
+        assert arrived[:3, 3] == pytest.approx(T[k, :3, 3], abs=1e-6)
+        assert np.abs(rotation_error(arrived[:3, :3], T[k, :3, :3])).max() < 1e-6
+        assert not world.collisions(q)
+        values = np.linalg.svd(geometric(robot.chain, q), compute_uv=False)
+        assert found.manipulability[k] == pytest.approx(values.prod(), rel=1e-6, abs=1e-9)
+        assert found.clearance[k] > 0.0
+    assert np.isnan(found.joints[~found.is_reached]).all()
+    assert np.isnan(found.manipulability[~found.is_reached]).all()
+
+
+@pytest.mark.parametrize("name", ["kr6_sixx", "ur5e"])
+def test_the_branches_are_those_that_fcl_finds_free(name: str) -> None:
+    robot = builtin(name)
+    T = poses(name, 25)
+    found = reach(robot, SCENE, T, ReachOptions(threads=1, clearance=False))
+    world = FclWorld(robot, SCENE)
+    for k in range(len(T)):
+        every = branches(robot.chain, T[k])
+        free = [
+            q
+            for q, inside in zip(every.joints, every.within_limits, strict=True)
+            if inside and not world.collisions(q)
+        ]
+        assert found.branches[k] == len(free)
+        assert found.is_reached[k] == bool(free)
+        if free:
+            best = max(np.linalg.svd(geometric(robot.chain, q))[1].prod() for q in free)
+            assert found.manipulability[k] == pytest.approx(best, rel=1e-6)
+    assert np.isnan(found.clearance).all()
+
+
+def test_each_choice_is_best_in_what_it_is_chosen_for() -> None:
+    robot, T = builtin("kr6_sixx"), poses("kr6_sixx", 80)
+    by = {
+        choice: reach(robot, SCENE, T, ReachOptions(choice=choice, threads=1))
+        for choice in ("manipulability", "clearance", "limits")
+    }
+    ok = by["limits"].is_reached
+    assert ok.sum() > 40
+    for other in by.values():
+        assert (by["manipulability"].manipulability >= other.manipulability - 1e-12)[ok].all()
+        assert (by["clearance"].clearance >= other.clearance - 1e-12)[ok].all()
+        assert (by["limits"].limit_distance >= other.limit_distance - 1e-12)[ok].all()
+    lower, upper = robot.chain.limits.lower, robot.chain.limits.upper
+    q = by["limits"].joints[ok]
+    share = (np.minimum(q - lower, upper - q) / (0.5 * (upper - lower))).min(axis=1)
+    assert by["limits"].limit_distance[ok] == pytest.approx(share)
+
+
+def test_the_status_says_how_far_a_pose_came() -> None:
+    robot = builtin("kr6_sixx")
+    far = transform(None, [5.0, 0.0, 0.5])
+    inside = forward(robot.chain, np.array([0.0, -1.2, 1.5, 0.0, 0.6, 0.0]))
+    block = Scene([Obstacle("block", Sphere(0.1), transform(None, inside[:3, 3]))])
+    found = reach(robot, block, [far, inside], ReachOptions(threads=1))
+    assert found.status.tolist() == [Status.OUT_OF_REACH, Status.IN_COLLISION]
+    assert reach(robot, Scene(), [inside]).status.tolist() == [Status.REACHED]
+
+
+def test_a_pose_beyond_a_limit_alone_is_outside_the_limits() -> None:
+    robot = builtin("kr6_sixx")
+    # Joint 1 of a KR 6 turns by 170 degrees: what is behind it in the last ten is out of limits
+    # for shoulders to the front, and the elbow's other side is too far back.
+    q = np.array([np.pi, -0.5, 0.6, 0.0, 0.5, 0.0])
+    every = branches(robot.chain, forward(robot.chain, q))
+    found = reach(robot, Scene(), [forward(robot.chain, q)], ReachOptions(threads=1))
+    expected = Status.REACHED if every.within_limits.any() else Status.OUTSIDE_LIMITS
+    assert found.status.tolist() == [expected]
+    assert expected == Status.OUTSIDE_LIMITS
+
+
+def test_a_margin_takes_poses_away_and_clearance_says_so() -> None:
+    robot, T = builtin("ur5e"), poses("ur5e", 200)
+    plain = reach(robot, SCENE, T, ReachOptions(choice="clearance", threads=1))
+    kept = reach(robot, SCENE, T, ReachOptions(margin=0.05, choice="clearance", threads=1))
+    assert kept.is_reached.sum() < plain.is_reached.sum()
+    assert not (kept.is_reached & ~plain.is_reached).any()
+    both = kept.is_reached
+    assert (kept.clearance[both] <= plain.clearance[both] + 1e-9).all()
+
+
+def test_a_free_axis_reaches_what_some_angle_reaches() -> None:
+    robot, T = builtin("kr6_sixx"), poses("kr6_sixx", 40, stretch=1.1)
+    free = reach(robot, SCENE, T, ReachOptions(Tolerance.free("ry", samples=6), threads=1))
+    hits = np.zeros(len(T), dtype=np.int64)
+    for k in range(6):
+        turned = T @ transform(rotation_y(k * np.pi / 3))
+        hits += reach(robot, SCENE, turned, ReachOptions(threads=1)).is_reached
+    assert free.samples.tolist() == hits.tolist()
+    assert free.is_reached.tolist() == (hits > 0).tolist()
+    assert free.is_reached.sum() > reach(robot, SCENE, T, ReachOptions(threads=1)).is_reached.sum()
+
+
+def test_a_redundant_arm_counts_a_branch_once() -> None:
+    for name in ("panda", "iiwa14"):
+        found = reach(builtin(name), Scene(), poses(name, 30), ReachOptions(threads=1))
+        assert found.branches[found.is_reached].min() >= 1
+        assert found.branches.max() <= 8
+
+
+def test_a_planar_arm_reaches_with_the_rotation_that_it_has() -> None:
+    robot = builtin("planar_rr")
+    T = forward(robot.chain, np.array([[0.3, 0.8], [1.0, -0.5]]))
+    assert reach(robot, Scene(), T).is_reached.all()
+    tilted = T @ transform(rotation_x(0.3))
+    assert not reach(robot, Scene(), tilted).is_reached.any()
+
+
+def test_threads_change_nothing() -> None:
+    robot, T = builtin("ur5e"), poses("ur5e", 500)
+    one, two = (reach(robot, SCENE, T, ReachOptions(threads=k)) for k in (1, 2))
+    for a, b in zip(one, two, strict=True):
+        assert np.array_equal(np.asarray(a), np.asarray(b), equal_nan=True)
+
+
+def test_a_deadline_cuts_the_answer_short() -> None:
+    found = reach(builtin("ur5e"), SCENE, poses("ur5e", 50), deadline=Deadline.after(0.0))
+    assert found.completed == 0
+    assert isinstance(found, Reach)
+
+
+def test_progress_is_reported_up_to_one() -> None:
+    shares: list[float] = []
+    reach(builtin("ur5e"), Scene(), poses("ur5e", 4_100), report=shares.append)
+    assert shares == sorted(shares)
+    assert len(shares) == 3
+    assert shares[-1] == 1.0
+
+
+def test_nonsense_is_refused() -> None:
+    with pytest.raises(InvalidPose):
+        reach(builtin("ur5e"), Scene(), np.full((1, 4, 4), np.nan))
+    with pytest.raises(InvalidPose):
+        reach(builtin("ur5e"), Scene(), np.eye(4))
+    with pytest.raises(InvalidOption, match="choice"):
+        ReachOptions(choice="speed")  # type: ignore[arg-type]
+    with pytest.raises(InvalidOption, match="margin"):
+        ReachOptions(margin=-0.1)
