@@ -61,6 +61,7 @@ if TYPE_CHECKING:
     from planning.constraints.position import PositionConstraint
     from planning.constraints.region import BoxRegion, LineRegion, PlaneRegion, SphereRegion
     from planning.constraints.relative_pose import RelativePoseConstraint
+    from planning.goal_costs import GoalCosts
     from planning.limits import MotionLimits
     from planning.options import Options
     from planning.preferred_clearance import PreferredClearance
@@ -117,6 +118,7 @@ _MODULES = {
     "Mesh": "obstacles.shapes",
     "MotionLimits": "planning.limits",
     "Obstacle": "obstacles.scene",
+    "GoalCosts": "planning.goal_costs",
     "Options": "planning.options",
     "OrientationConstraint": "planning.constraints.orientation",
     "Passivity": "tracking.passivity",
@@ -190,6 +192,7 @@ __all__ = [
     "DhTable",
     "Dynamics",
     "Failure",
+    "GoalCosts",
     "HalfSpace",
     "Holding",
     "IkResult",

@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
+from planning.goal_costs import GoalCosts
 from planning.optimize.options import RefineOptions
 from planning.preferred_clearance import PreferredClearance
 from planning.timing.options import TimingOptions
@@ -93,6 +94,7 @@ class Options:
         observer: Called with the name of each stage as it begins.
         refine: How the motion that was found is optimised; None for not at all.
         clearance: Distances that paths keep wherever there is room.
+        goal_costs: Weights by which one of a pose's configurations is chosen.
 
     Raises:
         InvalidOption: The timeout is not in (0, 600].
@@ -108,6 +110,7 @@ class Options:
     observer: Callable[[str], None] | None = field(default=None, repr=False, compare=False)
     refine: RefineOptions | None = None
     clearance: PreferredClearance = field(default_factory=PreferredClearance)
+    goal_costs: GoalCosts = field(default_factory=GoalCosts)
 
     def __post_init__(self) -> None:
         if not 0.0 < self.timeout <= MAX_TIMEOUT:

@@ -34,6 +34,8 @@ _MAX_DIAGNOSIS = 1.0
 _HULLS_SHARE = 0.4
 #: Share of the time for a path that keeps the preferred clearance all along.
 _PREFERRED_SHARE = 0.4
+#: Edges that the cascade's trees may look at for a path to the best goals, before all are tried.
+_MAX_EDGES_TO_BEST = 2000
 #: Edges that the cascade's trees may look at for such a path.
 _MAX_PREFERRED_EDGES = 250
 
@@ -73,12 +75,21 @@ class PathSearch:
         """Let the planners try in turn; with the robot in its solids' hulls first, if it can be."""
         reserved = min(_RESERVED_SHARE * self.options.timeout, _MAX_RESERVED)
         deadline = Deadline(self.deadline.at - reserved)
+        best = replace(ready, goals=ready.goals[: ready.best], best=None)
+        chooses = self.planners is CASCADE and len(best.goals) < len(ready.goals)
         for checker in ready.checkers:
             levels = clearance_levels(checker, self.options.clearance)
             until = Deadline.after(_PREFERRED_SHARE * deadline.remaining)
-            spacious = self._spacious_query(ready, levels, until)
+            spacious = self._spacious_query(best if chooses else ready, levels, until)
             if spacious is not None:
                 found, attempt = self._ask_planners(spacious, levels)
+                if found is not None:
+                    return found
+            if chooses:
+                query = Query(
+                    self.problem, best, checker, self.options.seed, until, _MAX_EDGES_TO_BEST
+                )
+                found, attempt = self._ask_planners(query, levels)
                 if found is not None:
                     return found
             share = 1.0 if checker is ready.checkers[-1] else _HULLS_SHARE

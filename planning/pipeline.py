@@ -142,7 +142,8 @@ class _Pipeline:
         problem, seed = self.problem, self.options.seed
         if not any(planner.needs_goals for planner in self.planners):
             return start_only(problem)
-        return apply_path_constraints(problem, preflight(problem, seed, self.deadline), seed)
+        ready = preflight(problem, seed, self.deadline, self.options.goal_costs)
+        return apply_path_constraints(problem, ready, seed)
 
     # ------------------------------------------------------------------------------- the motion
 

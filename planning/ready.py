@@ -34,14 +34,16 @@ class Ready:
 
     Args:
         start: Inside the limits, shape (n,).
-        goals: Valid goal configurations (n,), nearest to the start first.
+        goals: Valid goal configurations (n,), the best first.
         checkers: Of the scene with its margins, and the slack kept beyond them. The last is of the
             exact robot; one before it, if any, of the robot in its solids' hulls, which is quicker
             to plan with and keeps obstacles out of the robot's pockets.
         notes: What was done to the request.
+        best: How many of the goals, from the first on, are about as good; None for all.
     """
 
     start: Array
     goals: list[Array]
     checkers: tuple[Checker, ...]
     notes: tuple[str, ...]
+    best: int | None = None

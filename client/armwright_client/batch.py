@@ -14,7 +14,7 @@ from armwright_client.base import (
 )
 from armwright_client.certificate import Collisions, LimitValues
 from armwright_client.check import AttachedObjects
-from armwright_client.clearance import Clearance
+from armwright_client.clearance import Clearance, GoalCosts
 from armwright_client.constraint import Constraints
 from armwright_client.goal import Goal, GoalLike, Start, as_goal
 from armwright_client.plan import Plan, PlanRequest, Timing
@@ -37,6 +37,7 @@ class BatchProblem(Request):
     allowed_collisions: Pairs | None = None
     margin: NonNegative | None = None
     clearance: Clearance | None = None
+    goal_costs: GoalCosts | None = None
     collisions: Collisions | None = None
     start_state_tolerance: NonNegative | None = None
     timing: Timing | None = None

@@ -1,4 +1,4 @@
-"""Preferred clearance of plans."""
+"""Preferred clearance of plans, and costs of their goal configurations."""
 
 from armwright_client.base import Answer, NonNegative, Request
 
@@ -13,6 +13,24 @@ class Clearance(Request):
 
     preferred: NonNegative = 0.02
     least: NonNegative | None = None
+
+
+class GoalCosts(Request):
+    """Weights of what one of a pose's configurations costs.
+
+    Args:
+        motion_time: Of the time of the straight joint motion from the start [1/s].
+        joint_limits: Of the nearness to a joint limit.
+        manipulability: Of its lack.
+        clearance: Of the nearness of obstacles.
+        turns: Of each joint that turns by more than half a turn.
+    """
+
+    motion_time: NonNegative = 1.0
+    joint_limits: NonNegative = 0.5
+    manipulability: NonNegative = 0.2
+    clearance: NonNegative = 0.2
+    turns: NonNegative = 0.2
 
 
 class CloseSpan(Answer):

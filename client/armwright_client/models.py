@@ -21,7 +21,7 @@ from armwright_client.check import (
     Collision,
     LimitViolation,
 )
-from armwright_client.clearance import Clearance, ClearanceReport, CloseSpan
+from armwright_client.clearance import Clearance, ClearanceReport, CloseSpan, GoalCosts
 from armwright_client.constraint import (
     BoxRegion,
     ClearanceConstraint,
@@ -250,6 +250,7 @@ __all__ = [
     "ForwardDynamicsRequest",
     "FramedPose",
     "Goal",
+    "GoalCosts",
     "GoalLike",
     "Gradient",
     "GradientTrace",

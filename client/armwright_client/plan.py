@@ -16,7 +16,7 @@ from armwright_client.base import (
 )
 from armwright_client.certificate import Certificate, Collisions, LimitValues
 from armwright_client.check import AttachedObjects
-from armwright_client.clearance import Clearance, ClearanceReport
+from armwright_client.clearance import Clearance, ClearanceReport, GoalCosts
 from armwright_client.constraint import Constraints
 from armwright_client.dynamics import Payload
 from armwright_client.goal import Goal, Start
@@ -141,6 +141,7 @@ class PlanOptions(TypedDict, total=False):
         allowed_collisions: More pairs that may touch.
         margin: Distance to be kept [m].
         clearance: Distance to be kept wherever there is room.
+        goal_costs: Weights by which one of a pose's configurations is chosen.
         collisions: "ignore" looks at no collisions at all, and the certificate says so.
         start_state_tolerance: A start so little outside a limit is moved onto it [rad or m].
         timing: How the path becomes a motion.
@@ -159,6 +160,7 @@ class PlanOptions(TypedDict, total=False):
     allowed_collisions: Pairs
     margin: float
     clearance: Clearance
+    goal_costs: GoalCosts
     collisions: Collisions
     start_state_tolerance: float
     timing: Timing
@@ -183,6 +185,7 @@ class PlanRequest(Request):
     allowed_collisions: Pairs | None = None
     margin: NonNegative | None = None
     clearance: Clearance | None = None
+    goal_costs: GoalCosts | None = None
     collisions: Collisions | None = None
     start_state_tolerance: NonNegative | None = None
     timing: Timing | None = None

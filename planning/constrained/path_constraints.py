@@ -82,7 +82,7 @@ def apply_path_constraints(problem: Problem, ready: Ready | Failure, seed: int) 
         for checker in ready.checkers
         if all(checker.valid(q) for q in goals)
     )
-    return replace(ready, goals=goals, checkers=checkers or ready.checkers[-1:])
+    return replace(ready, goals=goals, best=None, checkers=checkers or ready.checkers[-1:])
 
 
 def _conflict_failure(constraints: ConstraintSet, start: Array, seed: int) -> Failure | None:

@@ -6,10 +6,12 @@ from kinematics.arrays import Array
 from obstacles.checker import Checker, collision_model
 from obstacles.robot_geometry import hulled
 from planning.deadline import Deadline
+from planning.goal_costs import GoalCosts
 from planning.preflight.failures import collision_failure, limit_failure
+from planning.preflight.goal_order import order_goals
 from planning.preflight.goals import find_goals
 from planning.preflight.limits import snap_to_limits
-from planning.problem import JointGoal, Problem
+from planning.problem import JointGoal, PoseGoal, Problem
 from planning.ready import TOUCHING, Ready, ValidStart
 from planning.result import Failure
 
@@ -42,13 +44,19 @@ def start_only(problem: Problem) -> Ready | Failure:
     return Ready(valid.joints, [], (Checker(valid.checker.model, slack),), valid.notes)
 
 
-def preflight(problem: Problem, seed: int, deadline: Deadline | None = None) -> Ready | Failure:
+def preflight(
+    problem: Problem,
+    seed: int,
+    deadline: Deadline | None = None,
+    costs: GoalCosts | None = None,
+) -> Ready | Failure:
     """Check the start and find configurations of the goals, or say why planning has no point.
 
     Args:
         problem: The robot, the scene, start and goals.
         seed: Of inverse kinematics.
         deadline: When to look at no more goals.
+        costs: By which configurations of poses are chosen; the default ones where None.
     """
     hulls = _hulls_checker(problem)
     ready = None if hulls is None else _ready_in_hulls(problem, hulls)
@@ -62,13 +70,21 @@ def preflight(problem: Problem, seed: int, deadline: Deadline | None = None) -> 
     if isinstance(goals, Failure):
         return goals
     slack = min(_SLACK, 0.5 * valid.clearance, 0.5 * max(goal.clearance for goal in goals))
-    clear = _nearest_first([goal.joints for goal in goals if goal.clearance > slack], start)
+    kept = [goal for goal in goals if goal.clearance > slack]
+    clear, best = [goal.joints for goal in kept], None
+    if any(isinstance(goal, PoseGoal) for goal in problem.goals):
+        clearances = [goal.clearance for goal in kept]
+        clear, best = order_goals(
+            problem.robot.chain, start, clear, clearances, costs or GoalCosts()
+        )
+    else:
+        clear = _nearest_first(clear, start)
     checkers = [Checker(valid.checker.model, slack)]
     if hulls is not None:
         quick = Checker(hulls.model, slack)
         if all(quick.valid(q) for q in (start, *clear)):
             checkers.insert(0, quick)
-    return Ready(start, clear, tuple(checkers), valid.notes)
+    return Ready(start, clear, tuple(checkers), valid.notes, best)
 
 
 def _hulls_checker(problem: Problem) -> Checker | None:

@@ -163,7 +163,8 @@ class RrtConnect:
         )
         detail = f"{result.edges} edges checked"
         detail += "." if result.runs == 1 else f" in {result.runs} runs."
-        if result.waypoints is not None or query.deadline.passed or not query.exact:
+        is_short = query.max_edges is not None
+        if result.waypoints is not None or query.deadline.passed or is_short or not query.exact:
             return Attempt(result.waypoints, detail)
         other = self.fallback.plan(query)
         return replace(other, detail=f"{detail} OMPL: {other.detail}")

@@ -36,6 +36,7 @@ from service.schemas.clearance import Clearance, ClearanceAnswer
 from service.schemas.constraint import Constraints
 from service.schemas.dynamics import Payload
 from service.schemas.goal import Goal, Start
+from service.schemas.goal_costs import GoalCosts
 from service.schemas.kinematics import JOINTS_EXAMPLE
 from service.schemas.scene import SceneReference
 
@@ -174,6 +175,7 @@ class PlanRequest(Body):
     allowed_collisions: AllowedCollisions | None = None
     margin: Margin = 0.0
     clearance: Clearance | None = None
+    goal_costs: GoalCosts | None = None
     collisions: Collisions = "check"
     start_state_tolerance: Annotated[NonNegative, Field(le=0.1)] = 1e-6
     timing: Timing = Field(default_factory=Timing)

@@ -14,6 +14,7 @@ from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from planning.cartesian.motions import tool_motions
 from planning.clearance_report import ClearanceReport
+from planning.goal_costs import GoalCosts
 from planning.optimize.options import RefineOptions
 from planning.options import CartesianOptions, Options, ToolMotionOptions
 from planning.planners import PLANNERS
@@ -123,6 +124,9 @@ def options(body: schema.PlanRequest, chain: Chain, timeout: float) -> Options:
         timeout=timeout,
         seed=body.seed,
         refine=_refine(body.refine),
+        goal_costs=GoalCosts()
+        if body.goal_costs is None
+        else GoalCosts(**body.goal_costs.model_dump()),
         clearance=PreferredClearance()
         if body.clearance is None
         else PreferredClearance(body.clearance.preferred),

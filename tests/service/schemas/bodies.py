@@ -126,6 +126,8 @@ PLAN: dict[str, Any] = ABOUT | {
     "goal": {"joints": [0.5, 0.6]} | RATES, "planner": "rrt_connect",
     "planner_options": {"range": 0.5}, "constraints": CONSTRAINTS[:1], "margin": 0.01,
     "clearance": {"preferred": 0.03, "least": 0.01},
+    "goal_costs": {"motion_time": 2.0, "joint_limits": 0.4, "manipulability": 0.3,
+                   "clearance": 0.2, "turns": 0.1},
     "collisions": "ignore", "start_state_tolerance": 1e-5, "timing": TIMING, "limits": LIMITS,
     "timeout": 5.0, "seed": 3,
     "refine": {"objective": {"time": 1.0, "jerk": 1e-6}, "duration": 3.0, "degree": 5,

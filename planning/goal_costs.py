@@ -1,0 +1,37 @@
+"""Costs by which one of several goal configurations is chosen."""
+
+from dataclasses import dataclass, fields
+from math import isfinite
+
+from kinematics.errors import InvalidOption
+
+
+@dataclass(frozen=True, slots=True)
+class GoalCosts:
+    """Weights of what a goal configuration costs.
+
+    Args:
+        motion_time: Of the time of the straight joint motion from the start at the limits of
+            velocity and acceleration [1/s].
+        joint_limits: Of the nearness to a joint limit, 1 at a limit and 0 from 15 % of the range.
+        manipulability: Of its lack, 1 at a singularity and 0 at the best of the configurations.
+        clearance: Of the nearness of obstacles, 1 in contact and 0 from 5 cm.
+        turns: Of each joint that turns by more than half a turn.
+
+    Raises:
+        InvalidOption: A weight is negative or not finite.
+    """
+
+    motion_time: float = 1.0
+    joint_limits: float = 0.5
+    manipulability: float = 0.2
+    clearance: float = 0.2
+    turns: float = 0.2
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if not (isfinite(value) and value >= 0.0):
+                raise InvalidOption(
+                    f"goal_costs.{item.name} is {value}", hint="Weights are finite, 0 or more."
+                )
