@@ -1,19 +1,23 @@
 """Robots by name, from files and from Denavit-Hartenberg rows."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from kinematics.dh import chain_from_dh
 from kinematics.dh_table import Convention, DhRow, DhTable
 from kinematics.errors import InvalidRobotDescription
+from kinematics.joint_limits import apply_rules, limits_of_chain, moveit_joint_limits
+from kinematics.named_states import named_states
 from kinematics.robots import builtin_names, builtin_srdf, builtin_urdf
-from kinematics.serial_chain import serial_chain
+from kinematics.root_frame import root_notes
+from kinematics.serial_chain import select, serial_chain
 from kinematics.srdf import Semantics, check_semantics, parse_srdf
 from kinematics.urdf import parse_urdf
 from obstacles.robot_geometry import RobotGeometry, robot_geometry
+from obstacles.touching_pairs import suspected_pairs
 
 #: Prefix of ROS's mesh names: package://<package>/<path in it>.
 _PACKAGE = "package://"
@@ -25,52 +29,70 @@ def load_robot(
     srdf: str | Path | None = None,
     base_link: str | None = None,
     tip_link: str | None = None,
-    joint_limits: Mapping[str, Mapping[str, float]] | None = None,
+    joint_limits: Mapping[str, Mapping[str, float]] | Path | None = None,
+    default_limits: Mapping[str, str] | None = None,
+    held: Mapping[str, float] | None = None,
     convention: Convention = "standard",
 ) -> RobotGeometry:
     """The robot of a name, a URDF file or a Denavit-Hartenberg table, with its collision geometry.
+
+    Poses are in the frame of the root link. Pairs that are suspected to touch, named states and
+    what is odd are in ``suspected``, ``states`` and ``lint`` of the robot.
 
     Args:
         source: Name of a built-in robot (``builtin_names``), path of a URDF file, DH table, or
             its rows (``DhRow`` or mappings of its fields). Mesh files are found relative to the
             URDF's folder; for ``package://name/path`` also in the folder ``name`` above it.
         srdf: Path of the SRDF that belongs to a URDF.
-        base_link: First link of the chain; may be left out where there is one choice.
-        tip_link: Last link of the chain, likewise.
-        joint_limits: By joint, then by quantity (velocity, acceleration, jerk, ...), in place of
-            those of the URDF [rad, m, s].
+        base_link: Link that the chain begins at; may be left out.
+        tip_link: Last link of the chain; the likely tip if left out.
+        joint_limits: By joint ("*" for all of them), then by quantity (velocity, acceleration,
+            jerk, ...), in place of those of the URDF [rad, m, s]; or the path of a MoveIt
+            ``joint_limits.yaml``.
+        default_limits: Rules for limits that nothing else gives: {"acceleration": "10 x velocity"}.
+        held: Positions of joints off the chain [rad or m].
         convention: How DH rows are read, "standard" or "modified".
 
     Raises:
         InvalidRobotDescription: The file, the table or a mesh is not valid, or there is neither
             a built-in robot nor a file of that name.
     """
-    if isinstance(source, DhTable):
-        return robot_geometry(chain_from_dh("robot", source))
     if isinstance(source, str | Path):
-        if isinstance(source, str) and source in builtin_names() and not Path(source).is_file():
-            return _from_urdf(
-                builtin_urdf(source),
-                source,
-                None,
-                parse_srdf(builtin_srdf(source)),
-                (base_link, tip_link),
-                joint_limits,
-            )
-        path = _require_file(Path(source))
-        semantics = (
-            None if srdf is None else parse_srdf(_require_file(Path(srdf)).read_text("utf-8"))
-        )
-        return _from_urdf(
-            path.read_text("utf-8"),
-            path.stem,
-            path.parent,
-            semantics,
-            (base_link, tip_link),
-            joint_limits,
-        )
-    rows = tuple(row if isinstance(row, DhRow) else DhRow(**row) for row in source)
-    return robot_geometry(chain_from_dh("robot", DhTable(convention, rows)))
+        asked = _Asked(base_link, tip_link, joint_limits, held or {})
+        robot = _of_file(source, srdf, asked)
+    else:
+        table = source if isinstance(source, DhTable) else _table(source, convention)
+        robot = robot_geometry(chain_from_dh("robot", table))
+    if not default_limits:
+        return robot
+    limits, _ = apply_rules(robot.chain.limits, default_limits, robot.chain.joint_names)
+    return replace(robot, chain=replace(robot.chain, limits=limits))
+
+
+class _Asked(NamedTuple):
+    """Fields of ``load_robot`` that choose the chain of a URDF and its limits."""
+
+    base_link: str | None
+    tip_link: str | None
+    joint_limits: Mapping[str, Mapping[str, float]] | Path | None
+    held: Mapping[str, float]
+
+
+def _table(rows: Sequence[DhRow | Mapping[str, Any]], convention: Convention) -> DhTable:
+    return DhTable(
+        convention, tuple(row if isinstance(row, DhRow) else DhRow(**row) for row in rows)
+    )
+
+
+def _of_file(source: str | Path, srdf: str | Path | None, asked: _Asked) -> RobotGeometry:
+    """The robot of a built-in name or of a URDF file."""
+    if isinstance(source, str) and source in builtin_names() and not Path(source).is_file():
+        semantics = parse_srdf(builtin_srdf(source))
+        return _from_urdf(builtin_urdf(source), source, None, semantics, asked)
+    path = _require_file(Path(source))
+    text = None if srdf is None else _require_file(Path(srdf)).read_text("utf-8")
+    semantics_of_file = None if text is None else parse_srdf(text)
+    return _from_urdf(path.read_text("utf-8"), path.stem, path.parent, semantics_of_file, asked)
 
 
 def _from_urdf(
@@ -78,20 +100,41 @@ def _from_urdf(
     name: str,
     folder: Path | None,
     semantics: Semantics | None,
-    ends: tuple[str | None, str | None],
-    joint_limits: Mapping[str, Mapping[str, float]] | None,
+    asked: _Asked,
 ) -> RobotGeometry:
     description = parse_urdf(urdf)
+    lint = list(description.lint)
     if semantics is not None:
-        check_semantics(semantics, description)
+        lint += check_semantics(semantics, description)
+    ends = (asked.base_link, asked.tip_link)
+    chosen = select(description, *ends, held=asked.held, semantics=semantics)
+    limits, unused = _joint_limits(asked.joint_limits, chosen.joints, description.joints)
     chain = serial_chain(
-        description, *ends, joint_limits=dict(joint_limits or {}), semantics=semantics
+        description, *ends, held=asked.held, joint_limits=limits, semantics=semantics
     )
 
     def mesh(uri: str) -> bytes:
         return _mesh(uri, folder)
 
-    return robot_geometry(replace(chain, name=name), description, mesh, semantics)
+    robot = robot_geometry(replace(chain, name=name), description, mesh, semantics)
+    if semantics is not None:
+        states, partial = named_states(chain, semantics)
+        robot = replace(robot, states=states)
+        lint += partial
+    if semantics is None or not semantics.disabled_collisions:
+        robot = replace(robot, suspected=suspected_pairs(robot))
+    return replace(robot, lint=(*lint, *chosen.lint, *unused, *root_notes(chain), *robot.lint))
+
+
+def _joint_limits(
+    source: Mapping[str, Mapping[str, float]] | Path | None,
+    joints: Collection[str],
+    known: Collection[str],
+) -> tuple[Mapping[str, Mapping[str, float]], list[str]]:
+    """Limits of the joints of a chain, and a note on those of a file that are not used."""
+    if isinstance(source, Path):
+        return limits_of_chain(moveit_joint_limits(source.read_text("utf-8")), joints, known)
+    return source or {}, []
 
 
 def _require_file(path: Path) -> Path:
@@ -121,7 +164,7 @@ def _mesh_paths(uri: str, folder: Path | None) -> list[Path]:
     if folder is None:
         return []
     if uri.startswith(_PACKAGE):
-        package, _, rest = uri.removeprefix(_PACKAGE).partition("/")
+        package, _, rest = uri.removeprefix(_PACKAGE).lstrip("/").partition("/")
         return [
             *(parent / package / rest for parent in (folder, *folder.resolve().parents)),
             *(parent / rest for parent in folder.resolve().parents if parent.name == package),

@@ -70,7 +70,7 @@ UPLOADS = {
     "TIAGo Dual, left": ("tiago_description/robots/tiago_dual.urdf", "hand_left_tool_link"),
     "TIAGo Pro, left": ("tiago_pro_description/robots/tiago_pro.urdf", "arm_left_tool_link"),
     "Talos, left arm": ("talos_data/robots/talos_left_arm.urdf", None),
-    "Talos, right": ("talos_data/robots/talos_reduced.urdf", "gripper_right_motor_double_link"),
+    "Talos, right": ("talos_data/robots/talos_reduced.urdf", "arm_right_7_link"),
     "PR2, left": ("pr2_description/urdf/pr2.urdf", "l_gripper_tool_frame"),
     "PR2, right": ("pr2_description/urdf/pr2.urdf", "r_gripper_tool_frame"),
     "Baxter, left": ("baxter_description/urdf/baxter.urdf", "left_gripper"),

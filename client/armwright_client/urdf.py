@@ -97,7 +97,8 @@ def _candidates(uri: str, folder: Path, package_dirs: Sequence[Path]) -> Iterato
         for start in (folder, *package_dirs):
             yield start / unquote(uri)
         return
-    path = unquote(uri.removeprefix(_PACKAGE))
+    # Three slashes are a common slip: the path is never one from the root of this machine.
+    path = unquote(uri.removeprefix(_PACKAGE)).lstrip("/")
     package, _, rest = path.partition("/")
     for start in package_dirs:
         yield start / path

@@ -84,3 +84,45 @@ def test_a_missing_mesh_is_named(tmp_path: Path) -> None:
     (tmp_path / "arm.urdf").write_text(ONE_LINK.format(mesh="meshes/none.stl"))
     with pytest.raises(aw.ArmwrightError, match=r"meshes/none\.stl"):
         aw.load_robot(tmp_path / "arm.urdf")
+
+
+def test_three_slashes_name_the_same_mesh(tmp_path: Path) -> None:
+    (tmp_path / "box_arm/meshes").mkdir(parents=True)
+    box = trimesh.creation.box((0.1, 0.2, 0.3)).export(file_type="stl")
+    (tmp_path / "box_arm/meshes/box.stl").write_bytes(box)
+    text = ONE_LINK.format(mesh="package:///box_arm/meshes/box.stl")
+    (tmp_path / "box_arm/arm.urdf").write_text(text)
+    assert len(aw.load_robot(tmp_path / "box_arm/arm.urdf").pieces) == 1
+
+
+def test_limits_of_a_file_and_by_rule(tmp_path: Path) -> None:
+    (tmp_path / "panda.urdf").write_text(builtin_urdf("panda"))
+    (tmp_path / "panda.srdf").write_text(builtin_srdf("panda"))
+    (tmp_path / "joint_limits.yaml").write_text(
+        "joint_limits:\n  panda_joint1: {has_velocity_limits: true, max_velocity: 0.5}\n"
+        "  panda_finger_joint1: {has_velocity_limits: true, max_velocity: 0.1}\n"
+    )
+    robot = aw.load_robot(
+        tmp_path / "panda.urdf",
+        srdf=tmp_path / "panda.srdf",
+        joint_limits=tmp_path / "joint_limits.yaml",
+    )
+    assert robot.chain.limits.velocity[0] == 0.5
+    assert any("panda_finger_joint1" in line for line in robot.lint)
+    assert set(robot.states) >= {"home"}
+    ruled = aw.load_robot(TWO_ROWS, default_limits={"acceleration": "10 x velocity"})
+    assert np.isnan(ruled.chain.limits.acceleration).all()
+    rows = [row | {"velocity": 2.0} for row in TWO_ROWS]
+    ruled = aw.load_robot(rows, default_limits={"acceleration": "10 x velocity"})
+    np.testing.assert_array_equal(ruled.chain.limits.acceleration, [20.0, 20.0])
+
+
+def test_an_obstacle_in_the_frame_of_the_tool() -> None:
+    robot = aw.load_robot("panda")
+    q = robot.states["home"]
+    ball = aw.Obstacle("ball", aw.Sphere(0.05), aw.pose([0.0, 0.0, 0.02]), frame="tool")
+    assert not aw.check(robot, aw.Scene([ball]), q).valid
+    placed = aw.place(aw.Scene([ball]), robot.chain, q).obstacles[0]
+    np.testing.assert_allclose(
+        placed.T_world_obstacle, aw.fk(robot, q) @ aw.pose([0.0, 0.0, 0.02]), atol=1e-12
+    )

@@ -137,3 +137,10 @@ def test_an_archive_is_named_by_its_file(tmp_path: Path) -> None:
         "joint_limits": '{"j": {"jerk": 2.0}}',
     }
     assert RobotArchive.from_file(path, name="other").fields() == {"name": "other"}
+
+
+def test_three_slashes_name_the_same_mesh(tmp_path: Path) -> None:
+    package = tmp_path / "arm_description"
+    content = mesh(package / "meshes" / "a.stl")
+    uri = "package:///arm_description/meshes/a.stl"
+    assert_sent(RobotUpload.from_urdf(write(package / "urdf" / "arm.urdf", uri)), content)

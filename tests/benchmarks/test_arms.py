@@ -1,0 +1,46 @@
+"""The table of arms: every upload is there, and rows become lines of the page."""
+
+from pathlib import Path
+
+import pytest
+
+from benchmarks import arms
+from benchmarks.example_arms import package
+from kinematics.likely_tip import likely_tip
+from kinematics.urdf import parse_urdf
+
+ROW = arms.Row("UR3", 6, "tool0", 38937, 2.64, 0.7, (6, 6), (0.01, 0.4), (30, 30), (0, 198))
+
+
+def test_a_row_is_a_line_of_markdown() -> None:
+    head, _, line = arms.table([ROW]).splitlines()
+    assert head.count("|") == line.count("|")
+    assert "| 38,937 | 2.6 s | 70% | 6 of 6 | 0.01, 0.40 s | 30 of 30 | 0 of 198 |" in line
+
+
+def test_the_page_is_rewritten_between_its_marks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page = tmp_path / "page.md"
+    page.write_text(f"before\n{arms.BEGIN}\nold\n{arms.END}\nafter\n")
+    monkeypatch.setattr(arms, "measure", lambda _: ROW)
+    monkeypatch.setattr("sys.argv", ["arms", "--arms", "UR3", "--write", str(page)])
+    arms.main()
+    text = page.read_text()
+    assert text.startswith("before\n")
+    assert text.endswith("after\n")
+    assert "old" not in text
+    assert "| UR3 | 6 |" in text
+
+
+@pytest.mark.parametrize("name", arms.UPLOADS)
+def test_tips_are_what_an_upload_chooses_or_a_refusal_names(name: str) -> None:
+    urdf, tip = arms.UPLOADS[name]
+    description = parse_urdf((package() / urdf).read_text())
+    choice = likely_tip(description, description.root)
+    ends = [link for link in description.links if not description.children(link)]
+    if tip is None:
+        assert choice.tip is not None or len(ends) == 1
+    else:
+        assert choice.tip is None
+        assert tip in choice.candidates[:5]
