@@ -179,12 +179,11 @@ def set_feedback(loop: Loop, carrier: ErrorCarrier, t: float, x: Array) -> None:
         for i in range(N):
             drive[i, k] = 1.0 if i == k and i >= 2 * n else 0.0
     for k in range(n):
-        kept = loop.command[k]
-        step = max(1.0, abs(kept)) * _DIFFERENCE
-        loop.command[k] = kept + step
-        step = loop.command[k] - kept
+        torque = loop.command[k]
+        loop.command[k] = torque + max(1.0, abs(torque)) * _DIFFERENCE
+        step = loop.command[k] - torque
         rate_kernel(loop, t, x, rate)
-        loop.command[k] = kept
+        loop.command[k] = torque
         for i in range(n, 2 * n):
             drive[i, n + k] = (rate[i] - base[i]) / step
     # The first n torques drive the velocities; what follows is the rate of the estimate itself.
@@ -287,11 +286,11 @@ def carry_errors(
             Phi = np.eye(N)
             is_known = is_known and _advance(carrier, h, parts, Phi, False)
             map_ellipsoid(Phi, carrier.D, carrier.work[0])
-    own = carrier.work[2]
+    added = carrier.work[2]
     for i in range(N):
         for j in range(N):
-            own[i, j] = allowed[i] ** 2 if i == j else 0.0
-    add_ellipsoid(carrier.D, own, weights)
+            added[i, j] = allowed[i] ** 2 if i == j else 0.0
+    add_ellipsoid(carrier.D, added, weights)
     if not is_held:
         _merge(carrier, weights)
     now = carrier.work[1]

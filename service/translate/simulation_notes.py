@@ -45,15 +45,16 @@ def request_notes(body: SimulateRequest, used: Controller) -> list[str]:
 
 
 def _independent_notes(body: SimulateRequest) -> list[str]:
-    """Model errors that independent joint control does not read, and what it leaves out."""
-    error, given = body.model_error, []
-    if error is not None:
-        names = ("mass_scale", "inertias", "gravity", "coulomb_friction")
-        given = [name for name in names if getattr(error, name) is not None]
-    if not given:
+    """Model errors that independent joint control does not read."""
+    error = body.model_error
+    if error is None:
+        return []
+    names = ("mass_scale", "inertias", "gravity", "coulomb_friction")
+    unread = [name for name in names if getattr(error, name) is not None]
+    if not unread:
         return []
     note = (
-        f"model_error: {', '.join(given)} does not enter the torque of independent joint control, "
+        f"model_error: {', '.join(unread)} does not enter the torque of independent joint control, "
         "which reads inertias at most for its gains and J"
     )
     return [note]

@@ -111,16 +111,18 @@ def request_motors(chain: Chain, body: schema.SimulateRequest) -> tuple[Motor, .
     Raises:
         InvalidOption: They are given twice, or a value is out of its range.
     """
-    inner = getattr(body.controller, "motors", None)
-    given = body.motors if not isinstance(inner, list) else inner
-    if isinstance(inner, list) and body.motors is not None:
+    of_controller = getattr(body.controller, "motors", None)
+    # Of an adaptive controller `motors` says whether these are learned.
+    of_controller = of_controller if isinstance(of_controller, list) else None
+    if of_controller is not None and body.motors is not None:
         raise InvalidOption(
             "motors: they are given beside the controller's own motors",
             hint="Give them once, as motors of the request.",
         )
-    if given is None:
+    motors = body.motors if of_controller is None else of_controller
+    if motors is None:
         return None
-    listed = given if isinstance(given, list) else [given] * chain.n
+    listed = motors if isinstance(motors, list) else [motors] * chain.n
     return tuple(Motor(**motor.model_dump()) for motor in listed)
 
 
