@@ -119,7 +119,7 @@ class ModelOptions(TypedDict, total=False):
     """Changes of the robot's model: payload, motors, friction, gravity.
 
     Args:
-        gravity: In the base frame [m/s²].
+        gravity: In the root frame [m/s²].
         payload: A load in addition.
         motor_inertia: J, one number or one a joint [kg m² or kg].
         viscous_friction: B, one number or one a joint [N m s/rad or N s/m].
@@ -139,7 +139,7 @@ class DynamicsOptions(ModelOptions, Generic[V], total=False):
     Args:
         velocities: One row a configuration [rad/s or m/s]; at rest if left out.
         accelerations: One row a configuration [rad/s² or m/s²]; 0 if left out.
-        wrench: (force, moment) that the tip exerts, in the base frame [N, N m].
+        wrench: (force, moment) that the tip exerts, in the root frame [N, N m].
         christoffel_symbols: Answer c_ijk too.
         partial_jacobians: Answer J_v and J_w of every body too.
     """
@@ -157,7 +157,7 @@ class ForwardDynamicsOptions(ModelOptions, Generic[V], total=False):
     Args:
         velocities: One row a configuration [rad/s or m/s]; at rest if left out.
         torques: One row a configuration [N m or N]; 0 if left out.
-        wrench: (force, moment) that the tip exerts, in the base frame [N, N m].
+        wrench: (force, moment) that the tip exerts, in the root frame [N, N m].
     """
 
     velocities: V | None
@@ -192,7 +192,7 @@ class RegressorOptions(ModelOptions, total=False):
 
 
 class WrenchRequest(Request):
-    """A wrench (force [N], moment [N m]) that a link exerts, in the base frame."""
+    """A wrench (force [N], moment [N m]) that a link exerts, in the root frame."""
 
     joints: Vector | Rows
     wrench: Vector6

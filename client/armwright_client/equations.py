@@ -43,7 +43,7 @@ class Abbreviation(Answer):
 
 
 class PoseFormulas(Answer):
-    """The pose of a link in the base frame.
+    """The pose of a link in the root frame.
 
     Args:
         link: The link.

@@ -51,7 +51,7 @@ class Pose(Request):
 
     @classmethod
     def at(cls, x: float, y: float, z: float) -> Self:
-        """The pose at a position [m] with the axes of the base frame."""
+        """The pose at a position [m] with the axes of the root frame."""
         return cls(position=[x, y, z])
 
     @classmethod

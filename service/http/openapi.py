@@ -13,7 +13,7 @@ DESCRIPTION = """\
 Robot, scene, start and goal in; a certified, timed trajectory out.
 
 * JSON in UTF-8; metre, radian, second, kilogram, newton.
-* Quaternions are `[x, y, z, w]`. Frames are the robot's base frame unless `frame` says otherwise.
+* Quaternions are `[x, y, z, w]`. Frames are the robot's root frame unless `frame` says otherwise.
 * Joint vectors are in the order of the robot's `joint_names`.
 * NaN, infinity, unknown fields and wrong lengths are refused.
 * Every error is a problem document (RFC 9457) with `code`, `stage`, `hint` and `details`.

@@ -35,7 +35,7 @@ _BRIEF_STATES = 10
 
 @router.post("/wrench", summary="Torques that hold a wrench", response_model=WrenchAnswer)
 async def wrench(name: str, body: WrenchRequest, request: Request) -> Response:
-    """τ = Jᵀ F for a wrench F = [f; n] that a link exerts, in the base frame."""
+    """τ = Jᵀ F for a wrench F = [f; n] that a link exerts, in the root frame."""
     if count(body.joints) <= _BRIEF_STATES:
         return await at_once(request, name, wrench_task)
     return await in_worker(request, name, wrench_task)

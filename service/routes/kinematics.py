@@ -34,13 +34,13 @@ _BRIEF_TWISTS = 10
 
 @router.post("/fk", summary="Poses of the links", response_model=FkAnswer)
 async def fk(name: str, body: FkRequest, request: Request) -> Response:
-    """The pose of one link, the tip if none is named, and of all links, in the base frame."""
+    """The pose of one link, the tip if none is named, and of all links."""
     return await _frames(request, name, fk_task, body.joints)
 
 
 @router.post("/jacobian", summary="Jacobians", response_model=JacobianAnswer)
 async def jacobian(name: str, body: JacobianRequest, request: Request) -> Response:
-    """The Jacobian of a link or of a point on it, linear rows first, in the base frame."""
+    """The Jacobian of a link or of a point on it, linear rows first, in the frame asked for."""
     return await _frames(request, name, jacobian_task, body.joints)
 
 

@@ -41,7 +41,7 @@ class Model(Body):
     """Changes of the robot's model: payload, motors, friction, gravity."""
 
     gravity: Vector3 | None = Field(
-        None, description="in the base frame [m/s²]; the robot's own if left out"
+        None, description="in the root frame [m/s²]; the robot's own if left out"
     )
     payload: Payload | None = None
     motor_inertia: NonNegative | list[NonNegative] | None = Field(
@@ -56,7 +56,7 @@ class Model(Body):
 
 
 class WrenchRequest(Body):
-    """A wrench that the tip exerts on its surroundings, in the base frame."""
+    """A wrench that the tip exerts on its surroundings, in the root frame."""
 
     joints: Joints = Field(examples=[JOINTS_EXAMPLE])
     wrench: Wrenches = Field(
@@ -81,7 +81,7 @@ class DynamicsRequest(Model):
         None, description="0 if left out", examples=[RATES_EXAMPLE]
     )
     wrench: Wrenches | None = Field(
-        None, description="that the tip exerts on its surroundings, in the base frame [N, N m]"
+        None, description="that the tip exerts on its surroundings, in the root frame [N, N m]"
     )
     christoffel_symbols: bool = Field(False, description="answer c_ijk too")
     partial_jacobians: bool = Field(False, description="answer J_v and J_ω of every body too")
@@ -92,7 +92,7 @@ class PartialJacobian(Answer):
 
     joint: str
     linear: Matrix | list[Matrix] = Field(
-        description="J_v of the body's centre of mass, 3 x n, in the base frame"
+        description="J_v of the body's centre of mass, 3 x n, in the root frame"
     )
     angular: Matrix | list[Matrix] = Field(description="J_ω of the body, 3 x n")
 
@@ -131,7 +131,7 @@ class ForwardDynamicsRequest(Model):
         None, description="τ of the joints; 0 if left out [N m or N]", examples=[RATES_EXAMPLE]
     )
     wrench: Wrenches | None = Field(
-        None, description="that the tip exerts on its surroundings, in the base frame [N, N m]"
+        None, description="that the tip exerts on its surroundings, in the root frame [N, N m]"
     )
 
 

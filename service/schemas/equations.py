@@ -35,7 +35,7 @@ class Abbreviation(Answer):
 
 
 class PoseFormulas(Answer):
-    """The pose of a link in the base frame."""
+    """The pose of a link in the root frame."""
 
     link: str
     position: list[Formula]

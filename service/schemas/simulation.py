@@ -70,7 +70,7 @@ class Disturbance(Body):
     torque: Number | JointVector = Field(0.0, description="constant [N m or N]")
     amplitude: Number | JointVector = Field(0.0, description="[N m or N]")
     frequency: NonNegative = Field(0.0, description="[Hz]")
-    wrench: Vector6 | None = Field(None, description="on the tip, in the base frame [N, N m]")
+    wrench: Vector6 | None = Field(None, description="on the tip, in the root frame [N, N m]")
     start: NonNegative | None = Field(
         None,
         description="[s] in the trajectory's time, as `time` of the answer; its start if left out",

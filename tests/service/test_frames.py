@@ -127,6 +127,26 @@ def test_scenes_mean_the_root_unless_they_say_otherwise(client: httpx.Client, to
     assert wrong["valid"]
 
 
+def test_point_clouds_and_taken_objects_are_in_their_frames(
+    client: httpx.Client, tool: Array
+) -> None:
+    cloud = {"type": "point_cloud", "points": [[0.0, 0.0, 0.03], [0.0, 0.0, 0.04]], "radius": 0.05}
+    obstacle = {"id": "ball", "shape": cloud, "pose": {"position": [0, 0, 0], "frame": "tool"}}
+    seen = ask(client, "/v1/check", joints=Q, scene={"obstacles": [obstacle]})
+    root = {**obstacle, "pose": posed(tool)}
+    expected = ask(client, "/v1/check", joints=Q, scene={"obstacles": [root]})
+    assert seen["clearance"] == pytest.approx(expected["clearance"], abs=1e-9)
+    taken = {"id": "ball", "link": "tool0", "grasp_joints": Q, "touch_links": ["wrist_3_link"]}
+    there = (np.linalg.inv(MOUNT) @ tool @ [0.0, 0.0, 0.1, 1.0])[:3].tolist()
+    turned = [*Q[:5], Q[5] + 1.0]
+    ways = [
+        {"scene": at(there), "frame": "base"},
+        {"scene": at((MOUNT @ [*there, 1])[:3].tolist())},
+    ]
+    held = [ask(client, "/v1/check", joints=turned, attached=[taken], **way) for way in ways]
+    assert held[0]["clearance"] == pytest.approx(held[1]["clearance"], abs=1e-9)
+
+
 def test_stored_scenes_keep_their_frame(client: httpx.Client, tool: Array) -> None:
     there = (np.linalg.inv(MOUNT) @ tool @ [0.0, 0.0, 0.2, 1.0])[:3].tolist()
     stored = {"name": "in_base", "frame": "base", **at(there)}
