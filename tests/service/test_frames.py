@@ -139,7 +139,7 @@ def test_point_clouds_and_taken_objects_are_in_their_frames(
     taken = {"id": "ball", "link": "tool0", "grasp_joints": Q, "touch_links": ["wrist_3_link"]}
     there = (np.linalg.inv(MOUNT) @ tool @ [0.0, 0.0, 0.1, 1.0])[:3].tolist()
     turned = [*Q[:5], Q[5] + 1.0]
-    ways = [
+    ways: list[dict[str, Any]] = [
         {"scene": at(there), "frame": "base"},
         {"scene": at((MOUNT @ [*there, 1])[:3].tolist())},
     ]
