@@ -11,11 +11,14 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple
 
-from dynamics.equations.polynomial import Polynomial
+from dynamics.equations.polynomial import Polynomial, TooManyTerms
 from dynamics.equations.table import SymbolicTable
 
 #: Coefficients are exact integers over powers of two; what is below is zero.
 _ZERO = 1e-12
+#: Products of cosines and sines that the terms of one formula expand to, before they cancel. The
+#: poses of the Panda take 90,000; ten times that takes a minute for a whole pose.
+MAX_PRODUCTS = 200_000
 
 
 class Function(Enum):
@@ -92,6 +95,9 @@ def formula(table: SymbolicTable, value: Polynomial, collect: Collect) -> Sum:
         table: The robot, which knows the angles that add.
         value: The polynomial.
         collect: The factors that are taken out of sums.
+
+    Raises:
+        TooManyTerms: The formula would be too long to be read.
     """
     return _nest(real_terms(table, value), collect)
 
@@ -142,12 +148,19 @@ def real_terms(table: SymbolicTable, value: Polynomial, *, pair: bool = True) ->
         value: The polynomial.
         pair: Write cos u + cos v as a product where that is shorter. Without it the products are
             linearly independent functions.
+
+    Raises:
+        TooManyTerms: The formula would be too long to be read.
     """
+    count = 0
     sums: dict[tuple[Powers, tuple[Angle, ...]], float]
     sums = defaultdict(float)
     for key, coefficient in value.terms.items():
         exponents = table.variables.exponents(key)
         symbols, groups = _split(table, exponents)
+        count += 2 ** len(groups)
+        if count > MAX_PRODUCTS:
+            raise TooManyTerms
         for angles, factor in _tensor(groups):
             sums[symbols, angles] += (coefficient * factor).real
     by_symbols: dict[Powers, dict[tuple[Angle, ...], float]]

@@ -20,6 +20,9 @@ _BASE = 1 << _BITS
 _HALF = _BASE // 2
 #: More terms than this are no readable formula.
 MAX_TERMS = 20_000
+#: Products of terms that one product of polynomials takes. Those of arms of six joints with a
+#: spherical wrist take 6,000; a hundred times that takes minutes for the whole arm.
+MAX_PRODUCTS = 50_000
 
 #: An array of polynomials; numpy's sums and products call theirs.
 Polynomials = NDArray[np.object_]
@@ -56,8 +59,11 @@ class Polynomial:
 
     def __mul__(self, other: "Polynomial | float") -> "Polynomial":
         total: dict[int, complex] = {}
+        factors = _terms(other)
+        if len(self.terms) * len(factors) > MAX_PRODUCTS:
+            raise TooManyTerms
         for key, value in self.terms.items():
-            for key_2, value_2 in _terms(other).items():
+            for key_2, value_2 in factors.items():
                 at = key + key_2
                 total[at] = total.get(at, 0.0) + value * value_2
         return _clean(total)

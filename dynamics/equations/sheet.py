@@ -17,7 +17,7 @@ from dynamics.equations.motion import (
     tool_jacobian,
 )
 from dynamics.equations.parameters import Parameter
-from dynamics.equations.polynomial import MAX_TERMS, Polynomials, TooManyTerms
+from dynamics.equations.polynomial import Polynomials, TooManyTerms
 from dynamics.equations.regressor import symbolic_regressor
 from dynamics.equations.table import SymbolicTable, symbolic_table
 from dynamics.equations.writing import Notation, Writer
@@ -122,9 +122,9 @@ def write_sheet(table: DhTable, notation: Notation) -> Sheet:
         return _write(symbolic_table(table), notation)
     except TooManyTerms:
         raise InvalidOption(
-            f"the formulas of an arm of {len(table.rows)} joints have more than {MAX_TERMS} terms",
-            hint="Formulas are for arms of up to about seven joints; fk, jacobian and dynamics "
-            "answer values for all.",
+            f"the formulas of this arm of {len(table.rows)} joints are too long to be read",
+            hint="Formulas are for arms of up to about seven joints whose axes are parallel or at "
+            "right angles; fk, jacobian and dynamics answer values for all.",
             joints=len(table.rows),
         ) from None
 
@@ -183,12 +183,16 @@ def _friction_functions(table: SymbolicTable, writer: Writer) -> Iterator[tuple[
 def _motion(pen: _Pen) -> tuple[Motion | None, tuple[str, ...]]:
     if all(body is None for body in pen.table.bodies):
         return None, (_NO_MASSES,)
+    short = pen.table.n <= MAX_REGRESSOR_JOINTS
     try:
-        motion = equations_of_motion(pen.table)
+        motion = _write_motion(pen, equations_of_motion(pen.table), short)
     except TooManyTerms:
         return None, (_TOO_LONG,)
-    short = pen.table.n <= MAX_REGRESSOR_JOINTS
-    notes = () if short else (_NO_REGRESSOR,)
+    return motion, () if short else (_NO_REGRESSOR,)
+
+
+def _write_motion(pen: _Pen, motion: SymbolicMotion, short: bool) -> Motion:
+    """The equations of motion, written; of a short arm with Christoffel symbols and regressor."""
     return Motion(
         _equation(pen),
         pen.matrix(motion.mass_matrix, Collect.MASSES),
@@ -197,7 +201,7 @@ def _motion(pen: _Pen) -> tuple[Motion | None, tuple[str, ...]]:
         pen.vector(np.array([motion.potential_energy]), Collect.MASSES)[0],
         pen.vector(motion.gravity, Collect.ANGLES),
         _regressor(pen, motion) if short else None,
-    ), notes
+    )
 
 
 def _equation(pen: _Pen) -> str:

@@ -88,3 +88,11 @@ def test_formulas_that_nobody_reads_are_refused(monkeypatch: pytest.MonkeyPatch)
     cu, cv = V.rotation("u")[0], V.rotation("v")[0]
     with pytest.raises(TooManyTerms):
         cu * cv
+
+
+def test_products_that_take_too_long_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(polynomial, "MAX_PRODUCTS", 3)
+    cu, cv = V.rotation("u")[0], V.rotation("v")[0]
+    assert V.symbol("m") * cu
+    with pytest.raises(TooManyTerms):
+        cu * cv

@@ -134,3 +134,10 @@ def test_the_page_holds_every_formula() -> None:
     latex = write_page(write_sheet(planar_arm(), Notation.LATEX))
     assert r"\[ D(q) \ddot{q} + C(q, \dot{q}) \dot{q} + G(q) = \tau \]" in latex
     assert latex.count(r"\begin{bmatrix}") == latex.count(r"\end{bmatrix}") == 10
+
+
+def test_long_formulas_are_refused_soon() -> None:
+    """Five joints at odd angles: their poses expand to millions of products."""
+    row = DhRow("revolute", a=0.3, alpha=0.4, d=0.2, theta=0.1, mass=1.0)
+    with pytest.raises(InvalidOption, match="too long to be read"):
+        text_sheet(DhTable("standard", (row,) * 5))
