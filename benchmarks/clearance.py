@@ -1,7 +1,9 @@
 """Preferred clearance on MotionBenchMaker's problems: ``python -m benchmarks.clearance``.
 
     python -m benchmarks.clearance ../data/mbm/panda [--every 5] [--preferred 0.02]
+    python -m benchmarks.clearance --arm ur5e
 
+With ``--arm`` a built-in arm goes between random configurations past four random boxes instead.
 Plans each problem with and without the preferred clearance and prints the time integral of the
 distance that lacks to it, the time of the motions and the computing time, by kind of scene.
 Distances are looked at every 5 ms, from obstacles alone.
@@ -10,18 +12,23 @@ Distances are looked at every 5 ms, from obstacles alone.
 import argparse
 import time
 from collections import defaultdict
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from armwright.robot import load_robot
 from benchmarks.mbm_problems import cases, panda
+from kinematics.pose import transform
 from kinematics.trajectory import Trajectory
 from obstacles.checker import Checker
+from obstacles.scene import Obstacle, Scene
+from obstacles.shapes import Box
 from planning.options import Options
 from planning.pipeline import plan
 from planning.preferred_clearance import PreferredClearance
-from planning.problem import Problem
+from planning.problem import JointGoal, Problem
 from planning.result import Failure
 
 #: Between two looks at a motion [s].
@@ -66,6 +73,23 @@ def result(problem: Problem, clearance: float, preferred: float) -> Result | Non
     return Result(quickest, answer.trajectory.duration, short)
 
 
+def random_problems(arm: str, count: int) -> Iterator[Problem]:
+    """Problems of a built-in arm: four boxes, a start and a goal 2 cm from them at least."""
+    robot, random = load_robot(arm), np.random.default_rng(0)
+    low, high = robot.chain.sampling_bounds()
+    while count:
+        boxes = tuple(
+            Obstacle(f"box{k}", Box(random.uniform(0.1, 0.3, 3)), transform(None, place))
+            for k, place in enumerate(random.uniform([-0.7, -0.7, 0.0], [0.7, 0.7, 0.9], (4, 3)))
+        )
+        scene = Scene(boxes)
+        checker = Checker.of(robot, scene, PreferredClearance().obstacles)
+        ends = [q for q in random.uniform(low, high, (40, robot.chain.n)) if checker.valid(q)]
+        if len(ends) >= 2 and not checker.free(ends[0], ends[1]):
+            yield Problem(robot, scene, ends[0], (JointGoal(ends[1]),))
+            count -= 1
+
+
 def report(kind: str, pairs: list[tuple[Result, Result]]) -> None:
     """Print one row."""
     values = np.array(pairs)
@@ -78,22 +102,33 @@ def report(kind: str, pairs: list[tuple[Result, Result]]) -> None:
     )
 
 
+def _problems(asked: argparse.Namespace) -> Iterator[tuple[str, Problem]]:
+    """Problems as the command line asks for them, with their kinds."""
+    if asked.arm:
+        for problem in random_problems(asked.arm, asked.count):
+            yield asked.arm, problem
+        return
+    robot = panda(asked.problems.parent.parent / "panda")
+    for case in cases(asked.problems, robot.chain.joint_names, asked.every):
+        yield case.kind, case.problem(robot, 0.0)
+
+
 def main() -> None:
     """Run the benchmark from the command line."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("problems", type=Path)
+    parser.add_argument("problems", type=Path, nargs="?")
+    parser.add_argument("--arm", help="a built-in arm past random boxes, instead of problems")
+    parser.add_argument("--count", type=int, default=40, help="problems of the arm")
     parser.add_argument("--every", type=int, default=5, help="take every n-th problem of a kind")
     parser.add_argument("--preferred", type=float, default=0.02, help="[m]")
     asked = parser.parse_args()
-    robot = panda(asked.problems.parent.parent / "panda")
     kinds: defaultdict[str, list[tuple[Result, Result]]] = defaultdict(list)
-    for case in cases(asked.problems, robot.chain.joint_names, asked.every):
-        problem = case.problem(robot, 0.0)
+    for kind, problem in _problems(asked):
         off, on = (result(problem, c, asked.preferred) for c in (0.0, asked.preferred))
         if off is None or on is None:
-            print(f"{case.name}: no plan {'without' if off is None else 'with'} the clearance")
+            print(f"{kind}: no plan {'without' if off is None else 'with'} the clearance")
             continue
-        kinds[case.kind].append((off, on))
+        kinds[kind].append((off, on))
     for kind, pairs in sorted(kinds.items()):
         report(kind, pairs)
     report("all", [pair for pairs in kinds.values() for pair in pairs])

@@ -49,11 +49,13 @@ class ClientOptions(TypedDict, total=False):
         timeout: Longest wait for an answer [s], 60 if left out. A request with a `timeout` of its
             own is waited for as long as that allows, and some seconds more.
         retry: When to ask again.
+        compress: Whether answers may come compressed: for slow networks.
     """
 
     token: str | None
     timeout: float
     retry: Retry
+    compress: bool
 
 
 class Wire:
@@ -71,6 +73,7 @@ class Wire:
         self._base_url = _valid_url(base_url)
         self._headers = {
             "Accept": "application/json, application/problem+json",
+            "Accept-Encoding": "gzip" if options.get("compress", False) else "identity",
             "User-Agent": f"armwright-client/{VERSION}",
         }
         token = options.get("token")
