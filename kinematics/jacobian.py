@@ -12,6 +12,7 @@ from kinematics.chain import Chain
 from kinematics.compiled.kernel import direct, kernel
 from kinematics.compiled.simd import LANES, on_stack
 from kinematics.compiled.simd_frames import COLUMN, jacobians_lanes_kernel
+from kinematics.compiled.simd_transpose import aligned_kernel
 from kinematics.errors import InvalidOption, InvalidRobotState
 from kinematics.forward import fits_kernel, frames_kernel, link_number
 from kinematics.frame import IDENTITY, Frame, compose_kernel, move_kernel, store_kernel
@@ -104,7 +105,7 @@ def jacobian_batch_kernel(model: Array, q: Array, link: int, point: Array, J: Ar
         m = 0
     if m > 0:
         size, columns = n * LANES, n * COLUMN * LANES
-        room = np.empty(3 * size + 2 * columns)
+        room = aligned_kernel(3 * size + 2 * columns)
         rows = J.reshape(J.size)
         for k in range(0, m, LANES):
             at = k * COLUMN * n

@@ -107,7 +107,11 @@ def jacobians_lanes_kernel(model: Array, q: Array, link: int, J: Array, room: Ar
         store(rows, at + 3 * size, column[3])
         store(rows, at + 4 * size, column[4])
         store(rows, at + 5 * size, column[5])
-    scatter_kernel(rows, J)
+    # By way of the axes, which are read no more: a batch that is too large for the cache is written
+    # from the first to the last byte, which memory likes better than eight places in turn.
+    scatter_kernel(rows, axes)
+    for at in range(0, columns, LANES):
+        store(J, at, load(axes, at))
 
 
 @kernel(inline="code")

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from kinematics.compiled.kernel import kernel
 from kinematics.compiled.simd import LANES, load, store
 from kinematics.compiled.simd_transpose import (
+    aligned_kernel,
     gather_kernel,
     load_few,
     load_rows_kernel,
@@ -69,3 +70,13 @@ def test_rows_lie_a_stride_apart() -> None:
     strided_kernel(values, out)
     for k in range(1, LANES):
         np.testing.assert_array_equal(out[1 + 9 * k : 9 + 9 * k], values[2 + 10 * k : 10 + 10 * k])
+
+
+@pytest.mark.parametrize("count", [1, 8, 77, 1000])
+def test_room_begins_at_a_cache_line(count: int) -> None:
+    rooms = [aligned_kernel(count) for _ in range(20)]
+    assert {room.ctypes.data % (8 * LANES) for room in rooms} == {0}
+    for number, room in enumerate(rooms):
+        room[:] = number
+    assert [room.shape for room in rooms] == [(count,)] * 20
+    assert [set(room) for room in rooms] == [{number} for number in range(20)]
