@@ -70,6 +70,15 @@ def _tell_of_jobs(operation: dict[str, Any], method: str) -> None:
     operation["responses"]["202"] = _ACCEPTED
 
 
+def _bound_timeouts(schemas: dict[str, Any], longest: float) -> None:
+    """Publish the longest timeout that this service allows [s]."""
+    for schema in schemas.values():
+        timeout = schema.get("properties", {}).get("timeout", {})
+        for form in (timeout, *timeout.get("anyOf", ())):
+            if "maximum" in form:
+                form["maximum"] = min(form["maximum"], longest)
+
+
 def install(app: FastAPI) -> None:
     """Have the application publish its document with the schema of problems in it."""
 
@@ -89,6 +98,7 @@ def install(app: FastAPI) -> None:
             # Bodies that routes read by themselves, because they come in more than one form.
             robot = RobotBody.model_json_schema(ref_template="#/components/schemas/{model}")
             schemas |= {**robot.pop("$defs"), "RobotBody": robot} | schemas
+            _bound_timeouts(schemas, app.state.settings.max_timeout)
             for path in schema["paths"].values():
                 for method in _COMPUTING & path.keys():
                     _tell_of_jobs(path[method], method)

@@ -23,7 +23,8 @@ _STREAM = {
         "description": "Server-sent events",
         "content": {
             "text/event-stream": {
-                "schema": {"type": "string"},
+                # A stream, not one value: OpenAPI 3.1 has no schema for that.
+                "schema": {"description": "events as the HTML standard has them"},
                 "example": "id: 4\nevent: stage\ndata: "
                 '{"id":"0199…","status":"running","progress":0.2,"stage":"rrt_connect"}\n\n',
             }

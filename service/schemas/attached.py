@@ -1,6 +1,6 @@
 """Attached objects and allowed collisions on the wire."""
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field, model_validator
 
@@ -15,6 +15,8 @@ MAX_ALLOWED = 10_000
 
 class Attached(Body):
     """An object that moves with a link; one that stands in the scene is out of it meanwhile."""
+
+    one_of: ClassVar[tuple[str, ...]] = ("pose", "grasp_joints")
 
     id: Label = Field(examples=["workpiece"])
     shape: Shape | None = Field(
@@ -43,7 +45,7 @@ class Attached(Body):
 
     @model_validator(mode="after")
     def _check_form(self) -> "Attached":
-        exactly_one(self, ("pose", "grasp_joints"))
+        exactly_one(self, self.one_of)
         if self.mass is None and (self.center_of_mass is not None or self.inertia is not None):
             raise ValueError("center_of_mass and inertia need mass")
         return self

@@ -2,9 +2,21 @@
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, ClassVar, TypeVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, JsonValue, Tag
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    Field,
+    GetJsonSchemaHandler,
+    JsonValue,
+    Tag,
+)
+from pydantic.config import JsonDict
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
 
 #: A megametre: nothing an arm can reach is farther, and squares of it stay exact enough.
 MAX_COORDINATE = 1e6
@@ -22,6 +34,19 @@ class Body(BaseModel):
     """A request: unknown fields, coerced types, NaN and infinity are refused."""
 
     model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False, frozen=True)
+
+    #: Fields of which exactly one is given, in the published schema as well.
+    one_of: ClassVar[tuple[str, ...]] = ()
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        """The JSON schema, with the rule that one of several fields is given."""
+        schema = handler(core_schema)
+        if cls.one_of:
+            handler.resolve_ref_schema(schema)["oneOf"] = [is_given(name) for name in cls.one_of]
+        return schema
 
 
 class Answer(BaseModel):
@@ -101,6 +126,11 @@ def _finite(value: _T) -> _T:
 
 #: An object whose fields only the domain knows.
 FreeForm = Annotated[dict[str, JsonValue], Field(max_length=64), AfterValidator(_finite)]
+
+
+def is_given(name: str) -> JsonDict:
+    """The JSON schema of objects in which a field is given, and not as null."""
+    return {"required": [name], "properties": {name: {"not": {"type": "null"}}}}
 
 
 def exactly_one(body: BaseModel, names: Sequence[str]) -> None:

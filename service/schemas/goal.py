@@ -1,6 +1,6 @@
 """Starts and goals of motions on the wire."""
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field, model_validator
 
@@ -16,6 +16,8 @@ Tolerance = Annotated[Positive, Field(le=10.0)]
 class Start(Body):
     """Start of the motion."""
 
+    one_of: ClassVar[tuple[str, ...]] = ("joints", "state")
+
     joints: JointVector | None = Field(None, examples=[JOINTS_EXAMPLE])
     state: Label | None = Field(None, description="a named state of the robot", examples=["home"])
     velocities: JointVector | None = Field(
@@ -27,12 +29,14 @@ class Start(Body):
 
     @model_validator(mode="after")
     def _check_form(self) -> "Start":
-        exactly_one(self, ("joints", "state"))
+        exactly_one(self, self.one_of)
         return self
 
 
 class SingleGoal(Body):
     """A configuration, or a pose of the tip within tolerances."""
+
+    one_of: ClassVar[tuple[str, ...]] = ("joints", "state", "pose")
 
     joints: JointVector | None = Field(None, examples=[[0.6, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]])
     state: Label | None = Field(None, description="a named state of the robot", examples=["home"])
@@ -49,7 +53,7 @@ class SingleGoal(Body):
 
     @model_validator(mode="after")
     def _check_form(self) -> "SingleGoal":
-        exactly_one(self, ("joints", "state", "pose"))
+        exactly_one(self, self.one_of)
         self._check_tolerances()
         return self
 
@@ -67,10 +71,12 @@ class SingleGoal(Body):
 class Goal(SingleGoal):
     """Goal of the motion: one, or any of several."""
 
+    one_of: ClassVar[tuple[str, ...]] = ("joints", "state", "pose", "any_of")
+
     any_of: Annotated[list[SingleGoal], Field(min_length=1, max_length=MAX_GOALS)] | None = None
 
     @model_validator(mode="after")
     def _check_form(self) -> "Goal":
-        exactly_one(self, ("joints", "state", "pose", "any_of"))
+        exactly_one(self, self.one_of)
         self._check_tolerances()
         return self

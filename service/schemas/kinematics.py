@@ -1,8 +1,8 @@
 """Forward and inverse kinematics and Jacobians on the wire."""
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
 from service.schemas.attached import AllowedCollisions, AttachedObjects
 from service.schemas.base import (
@@ -22,6 +22,7 @@ from service.schemas.base import (
     Timeout,
     Vector6,
     exactly_one,
+    is_given,
 )
 from service.schemas.constraint import Constraints, ConstraintUse
 from service.schemas.pose import FramedPose, Orientation, OrientedPoseAnswer
@@ -114,6 +115,10 @@ class GradientOptions(Body):
 
 class IkRequest(Body):
     """A pose to be reached, or many of them, each for itself."""
+
+    model_config = ConfigDict(
+        json_schema_extra={"anyOf": [is_given(name) for name in ("pose", "poses", "constraints")]}
+    )
 
     pose: FramedPose | None = None
     frame: Frame | None = None
@@ -250,6 +255,8 @@ class IkAnswer(InFrame):
 class VelocityRequest(Body):
     """Joint velocities, or the twist (linear, angular) that they are to cause."""
 
+    one_of: ClassVar[tuple[str, ...]] = ("joint_velocities", "twist")
+
     joints: Joints = Field(examples=[JOINTS_EXAMPLE])
     joint_velocities: Joints | None = Field(None, examples=[[0.1] * 7])
     twist: Vector6 | Annotated[list[Vector6], Field(min_length=1, max_length=MAX_TWISTS)] | None = (
@@ -267,7 +274,7 @@ class VelocityRequest(Body):
 
     @model_validator(mode="after")
     def _one_of_two(self) -> Self:
-        exactly_one(self, ("joint_velocities", "twist"))
+        exactly_one(self, self.one_of)
         if self.twist is None and (self.nullspace is not None or self.damped_below is not None):
             raise ValueError("nullspace and damped_below need twist")
         return self

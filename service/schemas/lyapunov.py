@@ -1,6 +1,6 @@
 """Quadratic Lyapunov functions of linear systems on the wire."""
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 from pydantic.config import JsonDict
@@ -23,6 +23,8 @@ _EXAMPLE: JsonDict = {
 class LyapunovRequest(Body):
     """A linear system dx/dt = A x, with P of V = xᵀ P x or with Q of dV/dt = −xᵀ Q x."""
 
+    one_of: ClassVar[tuple[str, ...]] = ("P", "Q")
+
     model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
 
     A: SquareMatrix = Field(description="rows")
@@ -38,7 +40,7 @@ class LyapunovRequest(Body):
 
     @model_validator(mode="after")
     def _check_form(self) -> "LyapunovRequest":
-        exactly_one(self, ("P", "Q"))
+        exactly_one(self, self.one_of)
         return self
 
 

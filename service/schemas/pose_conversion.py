@@ -1,6 +1,6 @@
 """Conversion and composition of poses on the wire."""
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 from pydantic.config import JsonDict
@@ -53,6 +53,8 @@ class Motion(PoseForm):
 class ConvertPoseRequest(Body):
     """A pose, or motions to be composed, to be answered in every form."""
 
+    one_of: ClassVar[tuple[str, ...]] = ("pose", "motions")
+
     model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
 
     pose: PoseForm | None = None
@@ -66,7 +68,7 @@ class ConvertPoseRequest(Body):
 
     @model_validator(mode="after")
     def _check_form(self) -> "ConvertPoseRequest":
-        exactly_one(self, ("pose", "motions"))
+        exactly_one(self, self.one_of)
         return self
 
 

@@ -1,6 +1,6 @@
 """Robots on the wire."""
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import ConfigDict, Discriminator, Field, Tag, field_validator, model_validator
 from pydantic.config import JsonDict
@@ -224,6 +224,8 @@ class ArchiveFields(RobotFields):
 class RobotBody(RobotFields):
     """A robot as URDF or as a Denavit-Hartenberg table."""
 
+    one_of: ClassVar[tuple[str, ...]] = ("urdf", "dh")
+
     model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
 
     urdf: Xml | None = None
@@ -245,7 +247,7 @@ class RobotBody(RobotFields):
 
     @model_validator(mode="after")
     def _check_form(self) -> "RobotBody":
-        exactly_one(self, ("urdf", "dh"))
+        exactly_one(self, self.one_of)
         if self.dh is not None:
             for name in ("srdf", "meshes", "held"):
                 if getattr(self, name) is not None:

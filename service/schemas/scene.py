@@ -1,6 +1,6 @@
 """Scenes on the wire."""
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import ConfigDict, Discriminator, Field, Tag, field_validator, model_validator
 from pydantic.config import JsonDict
@@ -56,6 +56,8 @@ class Obstacle(Body):
 class Scene(Body):
     """Obstacles, or the text of a MoveIt planning scene."""
 
+    one_of: ClassVar[tuple[str, ...]] = ("obstacles", "moveit")
+
     model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
 
     name: Name | None = None
@@ -76,7 +78,7 @@ class Scene(Body):
 
     @model_validator(mode="after")
     def _check_form(self) -> "Scene":
-        exactly_one(self, ("obstacles", "moveit"))
+        exactly_one(self, self.one_of)
         return self
 
 

@@ -1,6 +1,6 @@
 """Closed loops on the wire: controllers, what is wrong with their models, and what came of it."""
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 from pydantic.config import JsonDict
@@ -128,6 +128,8 @@ _EXAMPLE: JsonDict = {
 class SimulateRequest(Body):
     """A motion to be followed under a controller."""
 
+    one_of: ClassVar[tuple[str, ...]] = ("trajectory", "reference")
+
     model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
 
     robot: Name = Field(examples=["panda"])
@@ -187,7 +189,7 @@ class SimulateRequest(Body):
 
     @model_validator(mode="after")
     def _check_form(self) -> "SimulateRequest":
-        exactly_one(self, ("trajectory", "reference"))
+        exactly_one(self, self.one_of)
         return self
 
 

@@ -7,6 +7,7 @@ import os
 import pickle
 import signal
 import socket
+import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -20,8 +21,17 @@ from service.workers.threads import in_thread
 
 _log = logging.getLogger(__name__)
 
+#: Place of a process's state among the fields of ``/proc/<pid>/stat`` behind its name.
+_STATE = 0
+#: Place of its exit status.
+_EXIT_STATUS = 49
+_GONE = ("gone",)
+#: State of a process that has ended and whose exit code nobody has asked for.
+_DEAD = "Z"
 #: States of processes that a signal or a debugger has stopped.
 _STOPPED = ("T", "t")
+#: How often the system is asked for the exit code of a process that is dying [s].
+_LOOK_PERIOD = 0.02
 
 
 class ForkServerLost(Exception):
@@ -49,17 +59,29 @@ class WorkerProcess:
     @property
     def is_stopped(self) -> bool:
         """Whether a signal or a debugger has stopped the process."""
-        try:
-            status = Path(f"/proc/{self.pid}/stat").read_text()
-        except OSError:
-            return False
-        return status.rpartition(")")[2].split()[0] in _STOPPED
+        return (self._status() or _GONE)[_STATE] in _STOPPED
 
     async def exit_code(self, seconds: float) -> int | None:
-        """The exit code of a process that is dying; None if it is not known within `seconds`."""
-        with contextlib.suppress(TimeoutError):
-            return await asyncio.wait_for(asyncio.shield(self.exited), seconds)
-        return None
+        """The exit code of a process that is dying; None if it is not known within `seconds`.
+
+        The fork server tells it; while that is busy, the system does, until it is told.
+        """
+        end = time.monotonic() + seconds
+        while not self.exited.done() and time.monotonic() < end:
+            status = self._status()
+            if status is not None and status[_STATE] == _DEAD:
+                return os.waitstatus_to_exitcode(int(status[_EXIT_STATUS]))
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(asyncio.shield(self.exited), _LOOK_PERIOD)
+        return self.exited.result() if self.exited.done() else None
+
+    def _status(self) -> list[str] | None:
+        """The fields of the process in ``/proc`` from its state on; None if it is not there."""
+        try:
+            text = Path(f"/proc/{self.pid}/stat").read_text()
+        except OSError:
+            return None
+        return text.rpartition(")")[2].split()
 
 
 class Twin(NamedTuple):

@@ -13,6 +13,7 @@ import pickle
 import select
 import signal
 import socket
+import struct
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from enum import Enum, StrEnum
@@ -169,8 +170,16 @@ class _ForkServer:
 
     def _fork_twin(self, channel: int) -> None:
         """Fork a fork server that has prepared what this one has, and goes on as it does."""
-        pid = os.fork()
-        if pid == 0:
+        # By a process between the two, so that it is no child of this one: its workers alone are.
+        told, tells = os.pipe()
+        between = os.fork()
+        if between == 0:
+            twin = os.fork()
+            if twin != 0:
+                os.write(tells, struct.pack("=q", twin))
+                os._exit(0)
+            os.close(told)
+            os.close(tells)
             for inherited in (self._control, self._wakeups, self._wakes):
                 inherited.close()
             self._control = socket.socket(fileno=channel)
@@ -178,6 +187,10 @@ class _ForkServer:
             self._send(Notice.WARM)
             return
         os.close(channel)
+        os.close(tells)
+        (pid,) = struct.unpack("=q", os.read(told, 8))
+        os.close(told)
+        os.waitpid(between, 0)
         self._send(Notice.FORKED, pid)
 
     def _fork(self, channel: int) -> None:

@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import logging
+import math
 import socket
 import time
 from collections.abc import Sequence
@@ -28,6 +29,8 @@ _FORK_SERVER_PAUSE = 1.0
 _FAILURES = 3
 #: How often the log says how far preparing has come [s].
 _LOG_PERIOD = 5.0
+#: Time in which a worker is replaced [s]: without one for longer, the service is not ready.
+_REPLACEMENT_TIME = 0.5
 #: How often workers that are to be renewed are looked at [s].
 _RENEWAL_PERIOD = 0.05
 
@@ -100,12 +103,17 @@ class WorkerPool:
         self._failing: set[int] = set()
         self._began = time.monotonic()
         self._logged = 0.0
+        self._last_worked = -math.inf
 
     @property
     def ready(self) -> bool:
         """Whether every worker has been warm once, none fails to start and one can work now."""
         works = any(worker.warm and not worker.ending for worker in self.workers)
-        return works and len(self._warmed) == self.count and not self._failing and not self._unfit
+        if works:
+            self._last_worked = time.monotonic()
+        elif time.monotonic() - self._last_worked > _REPLACEMENT_TIME:
+            return False
+        return len(self._warmed) == self.count and not self._failing and not self._unfit
 
     @property
     def unfit(self) -> bool:
@@ -245,6 +253,8 @@ class WorkerPool:
                     await self._owner.worker_lost(worker)
                     worker.ticket = None
                     self.workers.discard(worker)
+                    if was_warm:
+                        self._last_worked = max(self._last_worked, worker.lost_at)
             except ForkServerLost:
                 continue
             except Exception:  # noqa: BLE001  (whatever it is, the next attempt may succeed)

@@ -20,7 +20,7 @@ _log = logging.getLogger(__name__)
 OnProgress = Callable[[float, str], None]
 
 #: Longest wait for the exit code of a process that is dying [s].
-EXIT_TIMEOUT = 2.0
+EXIT_TIMEOUT = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +104,7 @@ class Worker(asyncio.Protocol):
         self.jobs = 0
         self.born = time.monotonic()
         self.resident_at_first = 0
+        self.lost_at = 0.0
         self.gone = asyncio.Event()
         self._on_message = on_message
         self._decoder = framing.FrameDecoder()
@@ -126,6 +127,7 @@ class Worker(asyncio.Protocol):
     def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002
         """Note that the process is dead or about to be."""
         self.ending = True
+        self.lost_at = time.monotonic()
         self.gone.set()
 
     def send(self, ticket: Ticket) -> None:

@@ -158,3 +158,19 @@ def test_a_stopped_worker_has_no_grace() -> None:
             assert await workers.submit(chore("add", 1, 2)) == 3
 
     asyncio.run(run())
+
+
+def test_the_cause_of_a_death_is_known_while_the_fork_server_is_busy() -> None:
+    async def run() -> None:
+        async with supervisor(1) as workers:
+            await ready(workers)
+            parent = (await workers.submit(chore("surroundings")))["parent"]
+            os.kill(parent, signal.SIGSTOP)
+            try:
+                with pytest.raises(WorkerCrashed, match="SIGSEGV"):
+                    await workers.submit(chore("die"))
+            finally:
+                os.kill(parent, signal.SIGCONT)
+            assert await workers.submit(chore("add", 1, 2)) == 3
+
+    asyncio.run(run())
