@@ -29,7 +29,9 @@ class Settings(BaseSettings):
         description="folder of the database",
     )
     database_url: Annotated[str, StringConstraints(min_length=1)] | None = Field(
-        None, description="where robots and scenes are kept; sqlite:///<data_dir>/armwright.db"
+        None,
+        description="where all is kept: sqlite:///<path> or postgresql+psycopg://...; "
+        "sqlite:///<data_dir>/armwright.db if left out",
     )
     workers: int = Field(
         default_factory=lambda: os.cpu_count() or 1, ge=1, le=256, description="worker processes"
