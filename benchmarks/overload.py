@@ -130,6 +130,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--clients", type=int, default=200)
     parser.add_argument("--seconds", type=float, default=8.0)
+    parser.add_argument("--settle", type=float, default=15.0, help="workers are renewed meanwhile")
     parser.add_argument("--requests", nargs="*", default=list(REQUESTS))
     chosen = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
@@ -145,6 +146,7 @@ def main() -> None:
             url = process.stdout.readline().split()[-1]
             while httpx.get(f"{url}/readyz").status_code != 200:
                 time.sleep(0.2)
+            time.sleep(chosen.settle)
             host, port = url.removeprefix("http://").split(":")
             address = host, int(port)
             for name in chosen.requests:
