@@ -219,7 +219,7 @@ class _Search:
         starts, spare, since = 0, _EXTRA_STARTS, 0
         if self.how.solver != "ipopt":
             for q in self._starts():
-                model = self._searched(q, starts)
+                model = self._solids_for(q, starts)
                 starts, count = starts + 1, len(self.found)
                 self._judge(self._descend(model, q), "descent")
                 since = since + 1 if self.found and len(self.found) == count else 0
@@ -242,8 +242,8 @@ class _Search:
         for _ in range(self.how.starts - 1):
             yield random.uniform(low, high)
 
-    def _searched(self, start: Array, number: int) -> ModelArrays | None:
-        """What start ``number`` is to keep apart: covers, or triangles where those do not do."""
+    def _solids_for(self, start: Array, number: int) -> ModelArrays | None:
+        """Solids that start ``number`` keeps apart: covers, or triangles where those do not do."""
         if self.checker is None or self.covers is self.exact:
             return self.exact
         in_turn = number % _EXACT_STARTS == _EXACT_STARTS - 1

@@ -98,7 +98,7 @@ def search_arrays(model: CollisionModel, headroom: float = 0.0) -> ModelArrays:
 
 
 def without_surfaces(arrays: ModelArrays) -> ModelArrays:
-    """The same with every cover of a part of a mesh as the solid itself; itself where none is."""
+    """Arrays of a model whose covers of meshes are solids; the model itself where it has none."""
     if not arrays.surfaces.shape[0]:
         return arrays
     robot, scene = arrays.robot.copy(), arrays.scene.copy()
