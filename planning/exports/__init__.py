@@ -1,0 +1,1 @@
+"""Programs and messages for robot controllers, each with a proof of its own."""

@@ -1,0 +1,50 @@
+"""The tracking error of all joints that a clearance covers."""
+
+import math
+
+import numpy as np
+
+from kinematics.arrays import Array
+from kinematics.chain import JointType
+from obstacles.robot_geometry import RobotGeometry
+
+
+def joint_tolerance(robot: RobotGeometry, clearance: float) -> float | None:
+    """A tolerance d: where each joint is off by less than d, nothing moves by the clearance.
+
+    With R_k the farthest that any point carried by joint k can be from its axis in any
+    configuration, joints that are off by d move no point by more than d sum_k R_k (R_k = 1 for a
+    slide). So d = clearance / sum_k R_k. The joints are put off one by one, the base's first: the
+    links beyond each then stand as in the motion itself, within their limits.
+
+    Args:
+        robot: The arm with its geometry; what it holds is part of it.
+        clearance: Least distance of any pair [m].
+
+    Returns:
+        The tolerance [rad or m]; None where nothing can collide or a slide has no stops.
+    """
+    weights = lever_arms(robot)
+    total = float(weights.sum())
+    if not math.isfinite(clearance) or clearance <= 0.0 or not math.isfinite(total):
+        return None
+    return clearance / total if total > 0.0 else None
+
+
+def lever_arms(robot: RobotGeometry) -> Array:
+    """R_k of each joint, shape (n,): [m], 1 for a slide; infinite before a slide without stops."""
+    chain = robot.chain
+    solids = np.zeros(chain.n)
+    for piece, joint in zip(robot.pieces, robot.joints.tolist(), strict=True):
+        if joint >= 0:
+            center, radius = piece.bounding_sphere()
+            solids[joint] = max(solids[joint], float(np.linalg.norm(center)) + radius)
+    arms = np.zeros(chain.n)
+    reach = 0.0
+    for k in range(chain.n - 1, -1, -1):
+        arms[k] = reach = max(reach, float(solids[k]))
+        reach += float(np.linalg.norm(chain.offsets[k][:3, 3]))
+        if chain.joint_types[k] == JointType.PRISMATIC:
+            stroke = max(abs(float(chain.limits.lower[k])), abs(float(chain.limits.upper[k])))
+            arms[k], reach = 1.0, reach + stroke
+    return arms

@@ -1,0 +1,108 @@
+"""Options of an export: format, points, and what a program says."""
+
+import re
+from dataclasses import dataclass
+from enum import StrEnum
+
+from kinematics.errors import InvalidOption
+
+
+class ExportFormat(StrEnum):
+    """Files that controllers read."""
+
+    JOINT_TRAJECTORY_JSON = "joint_trajectory_json"
+    JOINT_TRAJECTORY_YAML = "joint_trajectory_yaml"
+    ROS2_CONTROL = "ros2_control"
+    CSV = "csv"
+    URSCRIPT_SERVOJ = "urscript_servoj"
+    URSCRIPT_MOVEJ = "urscript_movej"
+    RAPID = "rapid"
+    KRL = "krl"
+
+
+class Rule(StrEnum):
+    """Interpolation between two exported points."""
+
+    QUINTIC = "quintic"
+    CUBIC = "cubic"
+    LINEAR = "linear"
+    STRAIGHT_LEGS = "straight_legs"
+
+
+#: Formats that give the points of a path; the controller times them itself.
+PATH_FORMATS = frozenset({ExportFormat.URSCRIPT_MOVEJ, ExportFormat.RAPID, ExportFormat.KRL})
+#: Formats whose reader interpolates by what is given of each point.
+SPLINE_FORMATS = frozenset(
+    {
+        ExportFormat.JOINT_TRAJECTORY_JSON,
+        ExportFormat.JOINT_TRAJECTORY_YAML,
+        ExportFormat.ROS2_CONTROL,
+        ExportFormat.CSV,
+    }
+)
+#: Names that URScript, RAPID and KRL all take (KRL has up to 24 characters).
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,23}")
+
+
+@dataclass(frozen=True, slots=True)
+class ExportOptions:
+    """Options of an export.
+
+    Args:
+        format: The file to write.
+        sample_period: Time between points; a path is chosen among points this far apart [s].
+        interpolation: "quintic", "cubic" or "linear", for messages and tables. None takes
+            "quintic" where the acceleration is continuous, "cubic" elsewhere.
+        path_tolerance: Distance of the motion from the legs of a path at most [rad or m].
+        blend: How far from a point of a path the controller may cut the corner: [m] for URScript,
+            [mm] for RAPID, [%] for KRL. 0 stops at each point.
+        speed: Share of the joints' velocity limits, for paths.
+        name: Of the program.
+        frame_id: Of the header of a message.
+
+    Raises:
+        InvalidOption: A value is out of its range, or does not belong to the format.
+    """
+
+    format: ExportFormat
+    sample_period: float = 0.01
+    interpolation: str | None = None
+    path_tolerance: float = 1e-3
+    blend: float = 0.0
+    speed: float = 0.1
+    name: str = "armwright"
+    frame_id: str = ""
+
+    def __post_init__(self) -> None:
+        if not _NAME.fullmatch(self.name):
+            raise InvalidOption(
+                f"name: {self.name!r} is no name of a program",
+                hint="Begin with a letter; letters, digits and _, at most 24 in all.",
+            )
+        if self.blend < 0.0 or (self.blend and not self.is_path):
+            raise InvalidOption(
+                f"blend: {self.blend:g} does not fit the format {self.format.value!r}",
+                hint="Only urscript_movej, rapid and krl blend; 0 stops at each point.",
+            )
+        if self.interpolation is not None:
+            self._check_interpolation(self.interpolation)
+        for quantity in ("sample_period", "path_tolerance", "speed"):
+            if not getattr(self, quantity) > 0.0:
+                raise InvalidOption(f"{quantity}: must be positive")
+
+    @property
+    def is_path(self) -> bool:
+        """Whether the file holds a path that the controller times."""
+        return self.format in PATH_FORMATS
+
+    def _check_interpolation(self, interpolation: str) -> None:
+        if self.format not in SPLINE_FORMATS:
+            raise InvalidOption(
+                f"interpolation: the format {self.format.value!r} has its own",
+                hint="Leave interpolation out.",
+            )
+        if interpolation not in (Rule.QUINTIC, Rule.CUBIC, Rule.LINEAR):
+            raise InvalidOption(
+                f"interpolation: there is no {interpolation!r} here",
+                hint="Choose quintic, cubic or linear.",
+            )

@@ -1,0 +1,124 @@
+"""Points of a motion as a file has them, digits that the file drops included."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from kinematics.arrays import Array, Indices
+from kinematics.errors import InvalidOption
+from kinematics.trajectory import Trajectory
+from planning.exports.options import ExportFormat, ExportOptions, Rule
+from planning.limits import JERK_JUMP
+
+#: Points of one file: at half a kilobyte each, fifty megabytes.
+MAX_POINTS = 100_000
+#: A message counts time in these [1/s].
+NANOSECONDS = 1_000_000_000
+
+
+class ExportPoints(NamedTuple):
+    """Points with what a file gives of them.
+
+    Args:
+        rule: The interpolation between them.
+        ticks: Times, strictly increasing from 0, shape (p,) [ns].
+        derivatives: Positions, and as the rule needs them velocities and accelerations, each of
+            shape (p, n).
+    """
+
+    rule: Rule
+    ticks: Indices
+    derivatives: tuple[Array, ...]
+
+    @property
+    def times(self) -> Array:
+        """Times of the points, shape (p,) [s]."""
+        return self.ticks / NANOSECONDS
+
+    @property
+    def positions(self) -> Array:
+        """Positions, shape (p, n) [rad or m]."""
+        return self.derivatives[0]
+
+
+def export_points(trajectory: Trajectory, options: ExportOptions) -> ExportPoints:
+    """The points that a format gives of a motion.
+
+    Args:
+        trajectory: The motion.
+        options: Format, period and tolerance.
+
+    Raises:
+        InvalidOption: The period gives too many points.
+    """
+    period = options.sample_period
+    if trajectory.duration / period > MAX_POINTS:
+        raise InvalidOption(
+            f"sample_period: {period:g} s over {trajectory.duration:g} s gives more than "
+            f"{MAX_POINTS} points",
+            hint=f"Give at least {trajectory.duration / MAX_POINTS:.3g} s.",
+        )
+    times, rule = trajectory.uniform_samples(period), _rule(trajectory, options)
+    if rule == Rule.STRAIGHT_LEGS:
+        positions = trajectory.sample(times)
+        times = times[corners(positions, options.path_tolerance)]
+    count = {Rule.QUINTIC: 3, Rule.CUBIC: 2}.get(rule, 1)
+    rows = tuple(trajectory.sample(times, order) for order in range(count))
+    if options.format in (ExportFormat.RAPID, ExportFormat.KRL):
+        rows = (np.deg2rad(single_degrees(rows[0]).astype(np.float64)),)
+    return ExportPoints(rule, _ticks(times), rows)
+
+
+def single_degrees(positions: Array) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
+    """Angles [rad] in degrees as numbers of single precision, which RAPID and KRL compute with."""
+    return np.rad2deg(positions).astype(np.float32)
+
+
+def corners(positions: Array, tolerance: float) -> Indices:
+    """Indices of the points that a polyline needs to stay near all others (Douglas and Peucker).
+
+    Args:
+        positions: In their order, shape (p, n).
+        tolerance: Largest distance of any point from its leg, Euclidean in joint space.
+    """
+    chosen = {0, len(positions) - 1}
+    spans = [(0, len(positions) - 1)]
+    while spans:
+        first, last = spans.pop()
+        if last - first < 2:
+            continue
+        distances = _distances(positions[first + 1 : last], positions[first], positions[last])
+        farthest = int(np.argmax(distances))
+        if distances[farthest] > tolerance:
+            at = first + 1 + farthest
+            chosen.add(at)
+            spans += [(first, at), (at, last)]
+    return np.array(sorted(chosen), dtype=np.int64)
+
+
+def _distances(points: Array, start: Array, end: Array) -> Array:
+    """Distances of points (p, n) from the leg between two others."""
+    along = end - start
+    square = float(along @ along)
+    shares = (
+        np.clip((points - start) @ along / square, 0.0, 1.0) if square else np.zeros(len(points))
+    )
+    return np.asarray(np.linalg.norm(points - start - shares[:, None] * along, axis=1))
+
+
+def _rule(trajectory: Trajectory, options: ExportOptions) -> Rule:
+    if options.is_path:
+        return Rule.STRAIGHT_LEGS
+    if options.format == ExportFormat.URSCRIPT_SERVOJ:
+        return Rule.LINEAR
+    if options.interpolation is not None:
+        return Rule(options.interpolation)
+    smooth = trajectory.continuity().acceleration <= JERK_JUMP
+    return Rule.QUINTIC if smooth else Rule.CUBIC
+
+
+def _ticks(times: Array) -> Indices:
+    """Times in whole nanoseconds, each after the one before."""
+    ticks = np.floor(times * NANOSECONDS + 0.5).astype(np.int64)
+    numbers = np.arange(len(ticks))
+    return np.asarray(np.maximum.accumulate(ticks - numbers) + numbers, dtype=np.int64)

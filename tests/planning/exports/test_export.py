@@ -1,0 +1,210 @@
+"""Exported files read back, and the controller's motion between their points sampled densely."""
+
+import csv
+import io
+import json
+import re
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import yaml
+from scipy.interpolate import BPoly, PPoly
+
+from kinematics.arrays import Array
+from kinematics.errors import InvalidOption
+from kinematics.interpolation import interpolate
+from kinematics.trajectory import Trajectory
+from obstacles.fcl_distance import FclWorld
+from planning.exports.export import Export, export
+from planning.exports.options import PATH_FORMATS, ExportFormat, ExportOptions
+from planning.exports.statement import _plain
+from tests.planning.scenes import builtin, pillar
+
+FORMATS = list(ExportFormat)
+UR = builtin("ur5e")
+START = np.array([0.0, -1.4, 1.2, -1.0, 0.3, 0.1])
+END = np.array([1.3, -1.1, 0.7, -1.6, -0.4, 0.9])
+SCENE = pillar(-1.2, 0.6)
+
+
+def rest_to_rest(duration: float = 2.0) -> Trajectory:
+    """The quintic from START to END that begins and ends at rest without acceleration."""
+    step = END - START
+    powers = [START, 0 * step, 0 * step, 10 * step, -15 * step, 6 * step]
+    rows = [row / duration**k for k, row in enumerate(powers)]
+    return Trajectory(UR.chain.joint_names, np.array([0.0, duration]), np.stack(rows, -1)[None])
+
+
+def curved(duration: float = 3.0) -> Trajectory:
+    """One quintic after another, the first joint ahead of the others: no straight path."""
+    motion = rest_to_rest(duration)
+    c = motion.coefficients.copy()
+    c[0, 0, 3:] = 0.0
+    c[0, 0, :4] = [START[0], 0.0, 3.0 * (END - START)[0] / duration**2, 0.0]
+    c[0, 0, 3] = -2.0 * (END - START)[0] / duration**3
+    return Trajectory(motion.joint_names, motion.breaks, c)
+
+
+def write(format_: ExportFormat, motion: Trajectory | None = None, **options: object) -> Export:
+    wanted = ExportOptions(format_, **{"sample_period": 0.05} | options)  # type: ignore[arg-type]
+    return export(motion or curved(), UR, SCENE, wanted)
+
+
+def lists(text: str, pattern: str) -> Array:
+    """Numbers of every match of a pattern with one group."""
+    return np.array([[float(x) for x in m.split(",")] for m in re.findall(pattern, text)])
+
+
+def points_of(made: Export, format_: ExportFormat) -> tuple[Array | None, list[Array]]:
+    """Times and derivatives as parsers that were not written here read them."""
+    if format_ == ExportFormat.CSV:
+        body = [line for line in made.text.splitlines() if not line.startswith("#")]
+        rows = np.array(list(csv.reader(io.StringIO("\n".join(body))))[1:], dtype=float)
+        return rows[:, 0], np.split(rows[:, 1:], rows.shape[1] // 6, axis=1)
+    if format_ == ExportFormat.URSCRIPT_SERVOJ:
+        first = lists(made.text, r"q_start = \[(.*?)\]")
+        rows = lists(made.text, r"servoj\(\[(.*?)\]")
+        steps = [float(t) for t in re.findall(r", t=(.*?),", made.text)]
+        return np.cumsum([0.0, *steps]), [np.vstack([first, rows])]
+    if format_ == ExportFormat.URSCRIPT_MOVEJ:
+        first, rows = (lists(made.text, p) for p in (r"q_start = \[(.*?)\]", r"movej\(\[(.*?)\]"))
+        return None, [np.vstack([first, rows])]
+    if format_ == ExportFormat.RAPID:
+        return None, [np.deg2rad(lists(made.text, r"MoveAbsJ \[\[(.*?)\], "))]
+    if format_ == ExportFormat.KRL:
+        degrees = [re.findall(r"A\d (\S+?)[,}]", line) for line in made.text.splitlines()]
+        return None, [np.deg2rad(np.array([row for row in degrees if row], dtype=float))]
+    read = json.loads if format_ == ExportFormat.JOINT_TRAJECTORY_JSON else yaml.safe_load
+    message = read(made.text)
+    message = message.get("trajectory", message)
+    assert message["joint_names"] == list(UR.chain.joint_names)
+    stamps = [p["time_from_start"] for p in message["points"]]
+    kinds = [k for k in ("positions", "velocities", "accelerations") if message["points"][0].get(k)]
+    read_rows = [np.array([p[kind] for p in message["points"]], dtype=float) for kind in kinds]
+    return np.array([s["sec"] + s["nanosec"] / 1e9 for s in stamps]), read_rows
+
+
+def interpolated(times: Array | None, rows: list[Array], count: int) -> Array:
+    """Configurations between points by scipy's Hermite polynomials; legs where there is no time."""
+    if times is None:
+        shares = np.linspace(0.0, 1.0, max(2, count // len(rows[0])))[:, None]
+        return np.vstack([a + shares * (b - a) for a, b in pairwise(rows[0])])
+    curve = PPoly.from_bernstein_basis(BPoly.from_derivatives(times, np.stack(rows, axis=1)))
+    return np.asarray(curve(np.linspace(0.0, times[-1], count)))
+
+
+@pytest.mark.parametrize("format_", FORMATS)
+def test_the_interpolation_of_what_is_read_back_is_as_clear_as_proved(
+    format_: ExportFormat,
+) -> None:
+    made = write(format_)
+    assert made.proved, made.certificate.violation
+    times, rows = points_of(made, format_)
+    assert len(rows[0]) == made.point_count
+    world = FclWorld(UR, SCENE)
+    dense = interpolated(times, rows, 300)
+    least = min(world.clearance(q).distance for q in dense)
+    assert made.certificate.min_clearance <= least + 1e-7
+    if times is not None:
+        apart = np.abs(dense - curved().sample(np.linspace(0.0, times[-1], 300))).max(axis=0)
+        assert made.joint_deviation is not None
+        assert (apart <= made.joint_deviation + 1e-9).all()
+        assert (made.joint_deviation <= apart + 1e-4).all()
+        np.testing.assert_allclose(
+            dense, made.motion.sample(np.linspace(0, times[-1], 300)), atol=1e-9
+        )
+
+
+@pytest.mark.parametrize("format_", sorted(PATH_FORMATS))
+def test_a_path_stays_within_its_tolerance(format_: ExportFormat) -> None:
+    made = write(format_, path_tolerance=0.01)
+    _, rows = points_of(made, format_)
+    legs = interpolated(None, rows, 4000)
+    for q in curved().sample(np.linspace(0.0, 3.0, 61)):
+        assert np.linalg.norm(legs - q, axis=1).min() <= 0.01 + 2e-3
+    assert made.point_count < 20
+    assert write(format_, rest_to_rest()).point_count == 2  # a straight line needs no more
+
+
+def test_quintics_through_a_quintic_change_nothing() -> None:
+    made = write(ExportFormat.CSV, rest_to_rest())
+    assert made.rule == "quintic"
+    assert made.joint_deviation is not None
+    assert made.joint_deviation.max() < 1e-9
+    assert made.certificate.verified
+
+
+def test_lines_between_few_points_are_proved_as_such() -> None:
+    motion = curved()
+    coarse = write(ExportFormat.CSV, motion, interpolation="linear", sample_period=1.0)
+    fine = write(ExportFormat.CSV, motion, interpolation="linear", sample_period=0.01)
+    assert coarse.joint_deviation is not None
+    assert fine.joint_deviation is not None
+    assert coarse.joint_deviation.max() > 100.0 * fine.joint_deviation.max()
+    assert any("velocity jumps" in reason for reason in coarse.unproved)
+
+
+def test_an_interpolation_that_cuts_into_an_obstacle_is_not_proved() -> None:
+    """The motion goes around a pillar, the straight line between two exported points through it."""
+    start, end = (
+        np.array([-0.8, -0.4, 0.3, 0.0, 0.0, 0.0]),
+        np.array([0.8, -0.4, 0.3, 0.0, 0.0, 0.0]),
+    )
+    over = np.array([0.0, -2.2, 2.0, 0.0, 0.0, 0.0])
+    q, names = np.array([start, over, end]), UR.chain.joint_names
+    motion = interpolate(names, [0.0, 2.0, 4.0], q, "quintic", np.zeros((3, 6)), np.zeros((3, 6)))
+    for period, is_free in ((0.02, True), (4.0, False)):
+        options = ExportOptions(ExportFormat.CSV, period, "linear")
+        made = export(motion, UR, pillar(0.0, -0.8), options)
+        assert made.proved == is_free
+        assert made.text.splitlines()[2].startswith("# PROVED" if is_free else "# NOT PROVED")
+        _, rows = points_of(made, ExportFormat.CSV)
+        legs = interpolated(None, rows[:1], 400)
+        world = FclWorld(UR, pillar(0.0, -0.8))
+        assert (min(world.clearance(at).distance for at in legs) > 0.0) == is_free
+
+
+@pytest.mark.parametrize("format_", sorted(PATH_FORMATS))
+def test_blended_corners_are_said_to_be_unproved(format_: ExportFormat) -> None:
+    made = write(format_, blend=20.0)
+    assert not made.proved
+    assert made.certificate.proved.collisions  # of the legs
+    assert "NOT PROVED free of collisions." in made.text
+    assert "Not covered: The corners that the controller cuts" in made.text
+
+
+def test_joints_within_the_tolerance_touch_nothing() -> None:
+    made = write(ExportFormat.ROS2_CONTROL)
+    assert made.tolerance is not None
+    goal = yaml.safe_load(made.text)
+    assert [row["position"] for row in goal["path_tolerance"]] == [made.tolerance] * 6
+    world, random = FclWorld(UR, SCENE), np.random.default_rng(5)
+    for q in curved().sample(np.linspace(0.0, 3.0, 40)):
+        off = q + made.tolerance * random.choice([-1.0, 1.0], 6)
+        assert world.clearance(off).distance > 0.0
+
+
+@pytest.mark.parametrize(
+    ("robot", "options", "words"),
+    [
+        ("panda", {"format": ExportFormat.URSCRIPT_SERVOJ}, "moves 6 joints"),
+        ("scara", {"format": ExportFormat.KRL}, "slides"),
+        ("ur5e", {"format": ExportFormat.CSV, "blend": 1.0}, "blend"),
+        ("ur5e", {"format": ExportFormat.RAPID, "interpolation": "cubic"}, "has its own"),
+        ("ur5e", {"format": ExportFormat.CSV, "interpolation": "spline"}, "there is no"),
+        ("ur5e", {"format": ExportFormat.KRL, "name": "a b"}, "no name of a program"),
+        ("ur5e", {"format": ExportFormat.CSV, "sample_period": 1e-6}, "more than"),
+        ("ur5e", {"format": ExportFormat.CSV, "sample_period": 0.0}, "positive"),
+    ],
+)
+def test_what_does_not_fit_is_refused(robot: str, options: dict[str, object], words: str) -> None:
+    arm = builtin(robot)
+    n = arm.chain.n
+    motion = Trajectory(arm.chain.joint_names, np.array([0.0, 1.0]), np.zeros((1, n, 2)))
+    with pytest.raises(InvalidOption, match=words):
+        export(motion, arm, SCENE, ExportOptions(**options))  # type: ignore[arg-type]
+
+
+def test_names_can_not_break_out_of_comments() -> None:
+    assert _plain("a\nmovej([0])\r\x85é") == "a?movej([0])???"
