@@ -37,6 +37,14 @@ from armwright_client.constraint import (
     ToolSpeedConstraint,
     TorqueConstraint,
 )
+from armwright_client.dh_table import (
+    DerivedDh,
+    DhParameters,
+    DhRow,
+    DhTable,
+    LinkCapsules,
+    LinkSolid,
+)
 from armwright_client.dynamics import (
     BaseParameter,
     DampedDirection,
@@ -95,6 +103,7 @@ from armwright_client.kinematics import (
     Unsolved,
 )
 from armwright_client.lyapunov import Lyapunov, LyapunovRequest, Pole, QuadraticForm
+from armwright_client.motor import Motor
 from armwright_client.plan import (
     CartesianOptions,
     Descent,
@@ -142,14 +151,8 @@ from armwright_client.retime import JointState, Retimed, RetimePath, RetimeReque
 from armwright_client.robot import (
     ArchiveOptions,
     DefaultLimits,
-    DerivedDh,
-    DhParameters,
-    DhRow,
-    DhTable,
     JointLimits,
     Limits,
-    LinkCapsules,
-    LinkSolid,
     Robot,
     RobotArchive,
     RobotChanges,
@@ -286,6 +289,7 @@ __all__ = [
     "Mesh",
     "ModelOptions",
     "MotionFormulas",
+    "Motor",
     "Obstacle",
     "OrientationConstraint",
     "ParameterSymbol",

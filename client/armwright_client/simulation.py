@@ -21,7 +21,8 @@ class SimulateOptions(TypedDict, total=False):
     """Options of a simulation: model errors, disturbances, integration.
 
     Args:
-        motors: Motors of all joints or of each: inertia, gear_ratio, torque_constant, ...
+        motors: Motors of all joints or of each: inertia, gear_ratio, torque_constant, ...; the
+            robot's own if left out.
         motor_inertia: J of the robot, in place of its own [kg m² or kg].
         viscous_friction: B of the robot, in place of its own [N m s/rad or N s/m].
         coulomb_friction: Dry friction of the robot, in place of its own [N m or N].
@@ -203,7 +204,8 @@ class Simulation(Answer):
         velocity: q̇ at each time.
         reference: The reference that the controller follows.
         torque: At each time, after saturation [N m or N].
-        voltage: Of the motors of the request, at each time [V].
+        voltage: Of the motors, at each time [V]; None where neither the request nor the robot has
+            any.
         saturated: Whether any joint wanted more than its limit.
         tracking_error: At each time.
         lyapunov: V(t).

@@ -41,6 +41,7 @@ _OBJECTS = {
     "joint_limits": '{"joint": {"velocity": 2.0, "acceleration": 5.0}}',
     "default_limits": '{"acceleration": "10 x velocity"}',
     "held": '{"joint": 0.1}',
+    "motors": '{"*": {"inertia": 1e-4, "gear_ratio": 100}}',
     "allow_suspected": "true",
 }
 _BODY = {
@@ -75,6 +76,7 @@ _BODY = {
                         },
                         "default_limits": {"type": "string", "description": "JSON"},
                         "held": {"type": "string", "description": "JSON"},
+                        "motors": {"type": "string", "description": "JSON"},
                         "allow_suspected": {"type": "string", "description": "true or false"},
                     },
                 }

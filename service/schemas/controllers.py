@@ -1,10 +1,11 @@
-"""Controllers and motors on the wire."""
+"""Controllers on the wire."""
 
 from typing import Annotated, Literal
 
 from pydantic import AliasChoices, ConfigDict, Field
 
-from service.schemas.base import MAX_JOINTS, Body, JointVector, Label, NonNegative, Number, Positive
+from service.schemas.base import MAX_JOINTS, Body, JointVector, Label, Number, Positive
+from service.schemas.motor import Motor
 
 #: Base parameters: thirteen a joint at most.
 MAX_PARAMETERS = 13 * MAX_JOINTS
@@ -21,21 +22,6 @@ Damping = Annotated[
         "passivity and adaptive, whose gains it does not enter"
     ),
 ]
-
-
-class Motor(Body):
-    """A direct current motor behind a gear, seen from the joint as J q̈ + B q̇ = u − load."""
-
-    inertia: NonNegative = Field(description="J_m of the rotor [kg m²]")
-    friction: NonNegative = Field(0.0, description="B_m at the rotor [N m s/rad]")
-    torque_constant: Positive = Field(1.0, description="k_m [N m/A]")
-    back_emf: NonNegative = Field(0.0, description="k_b [V s/rad]")
-    resistance: Positive = Field(1.0, description="R [ohm]")
-    gear_ratio: Positive = Field(1.0, description="turns of the motor for one of the joint")
-    voltage_limit: Positive | None = Field(
-        None,
-        description="largest |V| at its terminals [V]: with `saturate` torques are cut off there",
-    )
 
 
 class ControllerBody(Body):

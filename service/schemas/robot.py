@@ -21,6 +21,7 @@ from service.schemas.base import (
     Vector3,
     exactly_one,
 )
+from service.schemas.motor import Motor
 from service.schemas.pose import Pose, PoseAnswer
 from service.schemas.shape import Shape, check_base64
 
@@ -79,6 +80,11 @@ class DhRow(Body):
     motor_inertia: NonNegative | None = None
     viscous_friction: NonNegative | None = None
     coulomb_friction: NonNegative | None = Field(None, description="dry friction [N m or N]")
+    motor: Motor | None = Field(
+        None,
+        description="what drives the joint, in place of motor_inertia and viscous_friction; every "
+        "row has one, or none has",
+    )
     beta: Number = Field(
         0.0, description="about y, behind alpha [rad]; 0 but for nearly parallel axes"
     )
@@ -93,6 +99,10 @@ class DhRow(Body):
             raise ValueError("a continuous joint has neither lower nor upper")
         if self.lower is not None and self.upper is not None and self.lower >= self.upper:
             raise ValueError(f"lower ({self.lower:g}) must be less than upper ({self.upper:g})")
+        drive = (self.motor_inertia, self.viscous_friction)
+        if self.motor is not None and drive != (None, None):
+            raise ValueError("motor has an inertia and a friction: leave out motor_inertia and "
+                             "viscous_friction, or motor")  # fmt: skip
         return self
 
 
@@ -191,6 +201,12 @@ class RobotFields(Body):
         description="positions of joints off the chain [rad or m]; 0, or the limit nearest to it, "
         "for those left out",
     )
+    motors: Annotated[dict[Label, Motor], Field(max_length=1_000)] | None = Field(
+        None,
+        description='of a URDF by joint, "*" is every other joint of the chain: they give its '
+        "joints their motor inertias, and frictions in place of its damping; all joints have one, "
+        "or none has. Rows of a dh table have a `motor` each",
+    )
 
 
 class RobotChanges(Body):
@@ -249,7 +265,7 @@ class RobotBody(RobotFields):
     def _check_form(self) -> "RobotBody":
         exactly_one(self, self.one_of)
         if self.dh is not None:
-            for name in ("srdf", "meshes", "held"):
+            for name in ("srdf", "meshes", "held", "motors"):
                 if getattr(self, name) is not None:
                     raise ValueError(f"{name} belongs to a URDF, not to a dh table")
         return self
@@ -285,9 +301,10 @@ class DhRowAnswer(Answer):
     inertia: list[list[float]] | None = Field(
         None, description="about the centre of mass in the axes of frame i [kg m²]"
     )
-    motor_inertia: float | None = None
-    viscous_friction: float | None = None
+    motor_inertia: float | None = Field(None, description="null where there is a `motor`")
+    viscous_friction: float | None = Field(None, description="null where there is a `motor`")
     coulomb_friction: float | None = None
+    motor: Motor | None = Field(None, description="what drives the joint, as it was given")
     beta: float = Field(0.0, description="about y, behind alpha; 0 but for nearly parallel axes")
     continuous: bool = Field(False, description="without end: no lower and no upper limit")
     geometry: list[LinkSolid] | None = Field(None, description="as it was given")
@@ -345,6 +362,9 @@ class RobotAnswer(Answer):
     )
     default_limits: DefaultLimits | None = Field(None, description="of the request")
     held: dict[str, float] | None = Field(None, description="of the request")
+    motors: dict[str, Motor] | None = Field(
+        None, description="by joint, of a table's rows or of the request; null where it has none"
+    )
     dh: DhAnswer | None = None
     wrist: Literal["spherical", "three_parallel", "none"]
     allowed_collisions: list[list[str]] = Field(

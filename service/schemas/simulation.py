@@ -22,8 +22,9 @@ from service.schemas.base import (
     Vector6,
     exactly_one,
 )
-from service.schemas.controllers import Controller, Gain, Motor
+from service.schemas.controllers import Controller, Gain
 from service.schemas.dynamics import Payload, Tensor
+from service.schemas.motor import Motor
 from service.schemas.plan import TrajectoryBody
 from service.schemas.reference import NamedReference
 from service.schemas.scene import SceneReference
@@ -140,8 +141,8 @@ class SimulateRequest(Body):
     controller: Controller
     motors: Motor | list[Motor] | None = Field(
         None,
-        description="one for all joints or one a joint, in place of the robot's motor inertias and "
-        "viscous frictions, under any controller; the answer then has voltages",
+        description="one for all joints or one a joint, in place of the robot's motors, motor "
+        "inertias and viscous frictions, under any controller; the robot's own motors if left out",
     )
     motor_inertia: Each | None = Field(
         None,
@@ -280,7 +281,9 @@ class SimulateAnswer(Answer):
     reference: ReferenceAnswer
     torque: Matrix = Field(description="after saturation [N m or N]")
     voltage: Matrix | None = Field(
-        None, description="V of the motors of the request, after saturation [V]"
+        None,
+        description="V of the motors, after saturation [V]; null where neither the request nor the "
+        "robot has motors",
     )
     saturated: list[bool] = Field(description="whether any joint wanted more than its limit")
     tracking_error: Matrix = Field(description="qʳ − q")

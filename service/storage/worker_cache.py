@@ -1,5 +1,6 @@
 """Robots and scenes loaded in this process, so that a request does not build them again."""
 
+from dynamics.motor import Motor
 from kinematics.chain import Chain
 from obstacles.decomposition import keep_decompositions
 from obstacles.scene import Scene
@@ -9,6 +10,7 @@ from service.storage.cache_key import Reference
 from service.storage.disk_cache import PreparedRobot
 from service.storage.recent import Recent
 from service.translate import poses, robots
+from service.translate.motors import answered_motors
 
 _MEBIBYTE = 2**20
 #: Values take up to this many times the bytes of their pickles: kernels want copies in their order.
@@ -49,6 +51,15 @@ def chain(reference: Reference) -> Chain:
         NotPrepared: Its document has to be prepared first.
     """
     return robot(reference).chain
+
+
+def motors(reference: Reference) -> tuple[Motor, ...] | None:
+    """The motors of a robot, one for each joint; None where it has none.
+
+    Raises:
+        NotPrepared: Its document has to be prepared first.
+    """
+    return answered_motors(robot(reference).answer)
 
 
 def scene(source: Reference | scene_schema.Scene | None) -> Scene:

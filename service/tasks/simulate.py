@@ -39,7 +39,8 @@ def simulate(
     motion, begins, rest = reference(body, worker_cache.chain(robot))
     cell = robot_in_scene(robot, scene, body, motion.start)
     geometry = cell.robot
-    true, model = simulations.robot_and_model(geometry.chain, body)
+    own = worker_cache.motors(robot)
+    true, model = simulations.robot_and_model(geometry.chain, body, own)
     used = controller(body.controller, model, motion)
     q, qd = simulations.initial_state(body.initial_state, true, motion, rest)
     options = simulations.options(body, motion)
@@ -54,7 +55,8 @@ def simulate(
         disturbance=simulations.disturbance(body.disturbance, begins, duration),
         noise=simulations.noise(body),
     )
-    motors = simulations.request_motors(true, body)
+    requested = simulations.request_motors(true, body)
+    motors = own if requested is None else requested
     answer = simulations.simulation_answer(result, used, true, begins, motors)
     answer["notes"] = request_notes(body, used) + simulation_notes(
         motion, true, used, result, begins, has_stops=options.stops is not None

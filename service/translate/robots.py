@@ -3,6 +3,7 @@
 import base64
 import dataclasses
 import math
+from collections.abc import Sequence
 from functools import partial
 from typing import Any, Literal
 
@@ -27,7 +28,9 @@ from obstacles.dh_geometry import LinkSolid, dh_robot_geometry
 from obstacles.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.touching_pairs import suspected_pairs
 from service.schemas import robot as schema
+from service.schemas.motor import Motor
 from service.translate import poses, robot_limits
+from service.translate.motors import reflected, robot_motors, with_robot_motors
 
 _NEEDED_TO_TIME = ("velocity", "acceleration")
 
@@ -74,6 +77,7 @@ def _from_urdf(body: schema.RobotBody) -> tuple[RobotGeometry, list[str]]:
     chain, more = robot_limits.with_rules(
         dataclasses.replace(chain, name=body.name), body.default_limits
     )
+    chain = with_robot_motors(chain, body)
     lint += [*more, *root_notes(chain)]
     files = {uri: base64.b64decode(text) for uri, text in (body.meshes or {}).items()}
     geometry = robot_geometry(chain, description, partial(resolve_mesh, uploaded=files), semantics)
@@ -106,12 +110,14 @@ def dh_table(body: schema.RobotBody) -> DhTable | None:
     """The table a robot was given as; None for one that came as URDF.
 
     Raises:
-        InvalidRobotDescription: The table is not valid, or joint_limits names an unknown joint.
+        InvalidRobotDescription: The table is not valid, joint_limits names an unknown joint, or
+            only some rows have a motor.
     """
     dh = body.dh
     if dh is None:
         return None
     names = [f"joint_{i}" for i in range(1, len(dh.rows) + 1)]
+    robot_motors(body, names)
     limits, _ = robot_limits.joint_limits(body.joint_limits, names, names)
     for name in limits:
         if name not in (*names, ALL_JOINTS):
@@ -148,7 +154,9 @@ def joint_names(body: schema.RobotBody) -> tuple[str, ...]:
 
 def _row_values(row: schema.DhRow) -> dict[str, Any]:
     """Arguments of a row of the domain's table."""
-    values = row.model_dump(exclude={"geometry", "continuous"})
+    values = row.model_dump(exclude={"geometry", "continuous", "motor"})
+    if row.motor is not None:
+        values |= reflected(row.motor)
     return values | {"lower": -math.inf, "upper": math.inf} if row.continuous else values
 
 
@@ -247,7 +255,8 @@ def robot_answer(
         body: The request that stored it.
     """
     chain = geometry.chain
-    dh, more = _dh_answer(chain, body)
+    motors = None if body is None else robot_motors(body, chain.joint_names)
+    dh, more = _dh_answer(chain, body, list((motors or {}).values()))
     limits = {
         item.name: [_finite(value) for value in getattr(chain.limits, item.name)]
         for item in dataclasses.fields(chain.limits)
@@ -266,6 +275,7 @@ def robot_answer(
         states={name: q.tolist() for name, q in geometry.states.items()},
         default_limits=None if body is None else body.default_limits,
         held=None if body is None else body.held,
+        motors=motors,
         dh=dh,
         wrist=classify_wrist(chain),
         allowed_collisions=[list(pair) for pair in geometry.allowed],
@@ -279,15 +289,23 @@ def robot_answer(
 
 
 def _dh_answer(
-    chain: Chain, body: schema.RobotBody | None
+    chain: Chain, body: schema.RobotBody | None, motors: Sequence[Motor]
 ) -> tuple[schema.DhAnswer | None, list[str]]:
+    """The table of a robot as answers give it, and why there is none.
+
+    Args:
+        chain: The robot.
+        body: The request that stored it.
+        motors: One for each joint, or none.
+    """
     given = None if body is None else body.dh
     try:
         table = (None if body is None else dh_table(body)) or dh_from_chain(chain)
     except InvalidRobotDescription as error:
         return None, [f"no DH table: {error.message}"]
     solids = [None] * len(table.rows) if given is None else [row.geometry for row in given.rows]
-    rows = [_row_answer(row, geometry) for row, geometry in zip(table.rows, solids, strict=True)]
+    drives: list[Motor | None] = [*motors] or [None] * len(table.rows)
+    rows = [_row_answer(*parts) for parts in zip(table.rows, solids, drives, strict=True)]
     answer = schema.DhAnswer(
         convention=table.convention,
         rows=rows,
@@ -299,8 +317,16 @@ def _dh_answer(
     return answer, []
 
 
-def _row_answer(row: DhRow, geometry: list[schema.LinkSolid] | None) -> schema.DhRowAnswer:
-    """A row as answers give it, which a request may send as it is."""
+def _row_answer(
+    row: DhRow, geometry: list[schema.LinkSolid] | None, motor: Motor | None
+) -> schema.DhRowAnswer:
+    """A row as answers give it, which a request may send as it is.
+
+    Args:
+        row: The row; with a motor its motor_inertia and viscous_friction are the motor's.
+        geometry: Solids of the link behind the joint.
+        motor: What drives the joint.
+    """
     optional = ("lower", "upper", "velocity", "acceleration", "jerk", "effort")
     values = {name: getattr(row, name) for name in optional}
     center, inertia = (
@@ -318,8 +344,9 @@ def _row_answer(row: DhRow, geometry: list[schema.LinkSolid] | None) -> schema.D
         mass=row.mass,
         center_of_mass=center,
         inertia=inertia,
-        motor_inertia=row.motor_inertia,
-        viscous_friction=row.viscous_friction,
+        motor_inertia=row.motor_inertia if motor is None else None,
+        viscous_friction=row.viscous_friction if motor is None else None,
+        motor=motor,
         coulomb_friction=row.coulomb_friction,
         continuous=row.lower == -math.inf and row.upper == math.inf,
         geometry=geometry,

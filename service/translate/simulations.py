@@ -17,6 +17,7 @@ from kinematics.errors import InvalidOption
 from kinematics.trajectory import Trajectory
 from service.schemas import simulation as schema
 from service.translate.controllers import controller_answer
+from service.translate.motors import domain_motors
 from service.translate.payload import loaded_chain
 from tracking.adaptive import Adaptive
 from tracking.controller import Controller
@@ -43,14 +44,21 @@ _OUTCOMES: Mapping[SimulationOutcome, str] = {
 }
 
 
-def robot_and_model(chain: Chain, body: schema.SimulateRequest) -> tuple[Chain, Chain]:
+def robot_and_model(
+    chain: Chain, body: schema.SimulateRequest, own: Sequence[Motor] | None = None
+) -> tuple[Chain, Chain]:
     """The robot that is simulated, and the model that its controller believes in.
+
+    Args:
+        chain: The robot.
+        body: The request.
+        own: The robot's own motors, one for each joint; None where it has none.
 
     Raises:
         InvalidOption: A value is out of its range.
         InvalidLinkName: A link is unknown.
     """
-    chain = driven_robot(chain, body)
+    chain = driven_robot(chain, body, own)
     error = body.model_error
     if error is None:
         return chain, chain
@@ -69,24 +77,46 @@ def robot_and_model(chain: Chain, body: schema.SimulateRequest) -> tuple[Chain, 
     return (chain if error.payload is None else loaded_chain(chain, error.payload)), model
 
 
-def driven_robot(chain: Chain, body: schema.SimulateRequest) -> Chain:
+def driven_robot(
+    chain: Chain, body: schema.SimulateRequest, own: Sequence[Motor] | None = None
+) -> Chain:
     """The robot with the motors, frictions and limits of a request in place of its own.
+
+    Args:
+        chain: The robot; inertias and frictions of its own motors are part of it.
+        body: The request.
+        own: The robot's own motors, one for each joint; None where it has none.
 
     Raises:
         InvalidOption: A value is out of its range, contradicts another or has no effect.
     """
-    motors = request_motors(chain, body)
-    if motors is not None:
+    requested = request_motors(chain, body)
+    if requested is not None:
         if body.motor_inertia is not None or body.viscous_friction is not None:
             raise InvalidOption(
                 "motors have an inertia and a friction, and motor_inertia or viscous_friction is "
                 "given as well",
                 hint="Give either motors, or what they come to at the joints.",
             )
-        chain = attach_motors(chain, motors)
+        chain = attach_motors(chain, requested)
     joints = body.motor_inertia, body.viscous_friction, body.coulomb_friction
     if any(value is not None for value in joints):
         chain = with_motors(chain, *joints)
+    is_limited = requested is not None and any(
+        motor.voltage_limit is not None for motor in requested
+    )
+    if not body.saturate and (is_limited or body.effort_limits is not None):
+        raise InvalidOption(
+            "effort_limits and voltage_limit have no effect without saturation",
+            hint="Leave them out, or leave saturate true.",
+        )
+    return _with_effort_limits(chain, body, own if requested is None else requested)
+
+
+def _with_effort_limits(
+    chain: Chain, body: schema.SimulateRequest, motors: Sequence[Motor] | None
+) -> Chain:
+    """The robot with the effort limits of a request, and those that its motors' voltages set."""
     if motors is None and body.effort_limits is None:
         return chain
     effort = chain.limits.effort
@@ -96,12 +126,6 @@ def driven_robot(chain: Chain, body: schema.SimulateRequest) -> Chain:
         drive = np.array([motor.torque_limit for motor in motors])
         # A limit that is not known stays so where the motor has none.
         effort = np.where(np.isinf(drive), effort, np.fmin(effort, drive))
-    is_limited = motors is not None and any(motor.voltage_limit is not None for motor in motors)
-    if not body.saturate and (is_limited or body.effort_limits is not None):
-        raise InvalidOption(
-            "effort_limits and voltage_limit have no effect without saturation",
-            hint="Leave them out, or leave saturate true.",
-        )
     return dataclasses.replace(chain, limits=dataclasses.replace(chain.limits, effort=effort))
 
 
@@ -123,7 +147,7 @@ def request_motors(chain: Chain, body: schema.SimulateRequest) -> tuple[Motor, .
     if motors is None:
         return None
     listed = motors if isinstance(motors, list) else [motors] * chain.n
-    return tuple(Motor(**motor.model_dump()) for motor in listed)
+    return domain_motors(listed)
 
 
 def initial_state(
@@ -266,7 +290,7 @@ def simulation_answer(
         used: The controller.
         robot: The simulated robot.
         begins: When the reference begins, in the request's time [s].
-        motors: The motors of the request, one for each joint.
+        motors: The motors that drive the robot, one for each joint.
     """
     adaptive = used if isinstance(used, Adaptive) else None
     settling = result.settling_time

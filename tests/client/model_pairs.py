@@ -14,6 +14,7 @@ from service.schemas import dynamics as their_dynamics
 from service.schemas import goal as their_goal
 from service.schemas import kinematics as their_kinematics
 from service.schemas import lyapunov as their_lyapunov
+from service.schemas import motor as their_motor
 from service.schemas import plan as their_plan
 from service.schemas import pose as their_pose
 from service.schemas import pose_conversion as their_conversion
@@ -56,6 +57,7 @@ PAIRS: list[tuple[type[Readable], type[BaseModel]]] = [
     (ours.Convex, their_shape.Convex),
     (ours.Mesh, their_shape.Mesh),
     (ours.PointCloud, their_shape.PointCloud),
+    (ours.Motor, their_motor.Motor),
     (ours.Obstacle, their_scene.Obstacle),
     (ours.Scene, their_scene.Scene),
     (ours.SceneSummary, their_scene.SceneSummary),

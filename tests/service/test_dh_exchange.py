@@ -15,7 +15,7 @@ ROW: dict[str, Any] = {
     "effort": 80.0, "mass": 2.5, "center_of_mass": [0.1, 0.02, -0.03],
     "inertia": [[0.02, 0.001, 0.0], [0.001, 0.03, 0.0], [0.0, 0.0, 0.04]],
     "motor_inertia": 0.1, "viscous_friction": 0.2, "coulomb_friction": 0.3,
-    "continuous": False, "geometry": None,
+    "continuous": False, "geometry": None, "motor": None,
 }  # fmt: skip
 TURN = [np.sin(0.2), 0.0, 0.0, np.cos(0.2)]
 TABLE: dict[str, Any] = {

@@ -21,6 +21,7 @@ from service.schemas.lyapunov import LyapunovRequest
 from service.schemas.plan import PlanRequest, ValidateRequest
 from service.schemas.pose_conversion import ConvertPoseRequest
 from service.schemas.potential import PotentialRequest
+from service.schemas.reach import ReachRequest
 from service.schemas.retime import ConvertRequest, RetimeRequest
 from service.schemas.robot import ArchiveFields, RobotBody, RobotChanges
 from service.schemas.scene import NamedScene, ProjectRequest
@@ -160,6 +161,13 @@ DH_ROW: dict[str, Any] = {
     "viscous_friction": 0.2, "coulomb_friction": 0.1, "beta": 0.0, "continuous": False,
     "geometry": [{"shape": SHAPES[0], "pose": POSE}],
 }  # fmt: skip
+_MOTOR = {
+    "inertia": 1e-4, "friction": 1e-5, "torque_constant": 0.1, "back_emf": 0.1, "resistance": 1.0,
+    "gear_ratio": 100.0, "voltage_limit": 24.0,
+}  # fmt: skip
+DRIVEN_ROW: dict[str, Any] = {
+    "type": "revolute", "a": 0.5, "alpha": 0.0, "d": 0.0, "theta": 0.0, "motor": _MOTOR,
+}  # fmt: skip
 JOINT_LIMITS = {
     "joint_1": {
         "lower": -1.0,
@@ -199,10 +207,6 @@ REFERENCES: list[dict[str, Any]] = [
      "interpolation": "natural_spline"},
 ]  # fmt: skip
 _GAINS = {"natural_frequency": 10.0, "damping": 1.0}
-_MOTOR = {
-    "inertia": 1e-4, "friction": 1e-5, "torque_constant": 0.1, "back_emf": 0.1, "resistance": 1.0,
-    "gear_ratio": 100.0, "voltage_limit": 24.0,
-}  # fmt: skip
 CONTROLLERS: list[dict[str, Any]] = [
     {"type": "independent_joint", "Kp": 1.0, "Kd": [1.0, 2.0], "inertia": 0.1,
      "motors": [_MOTOR]} | _GAINS,
@@ -281,6 +285,19 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
         "timeout": 5.0}),
     (ConvertPoseRequest, {"pose": {"transform": np.eye(4).tolist()}, "inverse": True,
                           "angular_velocity": [0.0, 0.1, 0.2]}),
+    (ReachRequest, ABOUT | {
+        "poses": [POSE], "link": "tip", "scene": "table", "margin": 0.01, "choice": "clearance",
+        "clearance": False, "joints": True, "bases": [POSE], "format": "json", "timeout": 5.0,
+        "seed": 3, "tolerance": {"free": ["rz"], "x": [-0.1, 0.1], "y": [0.0, 0.1],
+                                 "z": [0.0, 0.1], "rx": [-0.1, 0.1], "ry": [0.0, 0.1],
+                                 "samples": 5}}),
+    (ReachRequest, {
+        "box": {"size": [1.0, 1.0, 0.0], "pose": POSE, "spacing": 0.1,
+                "orientations": [[1.0, 0.0, 0.0, 0.0]]},
+        "frame": "base", "tolerance": {"rz": [-0.1, 0.1]}}),
+    (ReachRequest, {
+        "poses": [POSE], "base_region": {"x": [-0.5, 0.5], "y": [-0.5, 0.5], "z": 0.1,
+                                         "spacing": 0.2, "yaws": 4}}),
     (ConvertPoseRequest, {"motions": [POSE | orientation | {"about": "fixed"}
                                       for orientation in ORIENTATIONS]}),
     (ConvertPoseRequest, {"motions": [{"transform": np.eye(4).tolist()}]}),
@@ -299,14 +316,15 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
                  "tip_link": "tip",
                  "dh": {"convention": "standard", "rows": [DH_ROW], "base": POSE, "tool": POSE,
                         "gravity": [0.0, 0.0, -9.81], "geometry": {"capsules": 0.05}}}),
+    (RobotBody, {"name": "arm", "dh": {"convention": "modified", "rows": [DRIVEN_ROW]}}),
     (RobotBody, {"name": "arm", "urdf": "<robot/>", "srdf": "<robot/>", "meshes": {"a.stl": "AAAA"},
                  "joint_limits": JOINT_LIMITS, "default_limits": DEFAULT_LIMITS,
-                 "held": {"finger": 0.1}, "allow_suspected": True}),
+                 "held": {"finger": 0.1}, "allow_suspected": True, "motors": {"*": _MOTOR}}),
     (RobotChanges, {"joint_limits": JOINT_LIMITS, "default_limits": DEFAULT_LIMITS}),
     (ArchiveFields, {"name": "arm", "urdf_path": "a/arm.urdf", "srdf_path": "arm.srdf",
                      "joint_limits": "joint_limits: {}", "default_limits": DEFAULT_LIMITS,
                      "held": {"finger": 0.1}, "base_link": "base", "tip_link": "tip",
-                     "allow_suspected": True}),
+                     "allow_suspected": True, "motors": {"joint_1": _MOTOR}}),
 ]  # fmt: skip
 NAMES = [f"{model.__name__}-{i}" for i, (model, _) in enumerate(FULL)]
 

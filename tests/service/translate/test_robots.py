@@ -212,6 +212,14 @@ def test_massless_links_are_told_where_a_later_one_has_mass() -> None:
     heavy = ROW | {"mass": 1.0}
     _, lint = robot(table(ROW, heavy))
     assert "the links of joint_1 have no inertia: they are massless in the dynamics" in lint
-    for rows in ((heavy, heavy), (ROW, ROW), (heavy, ROW)):
+    for rows in ((heavy, heavy), (ROW, ROW)):
         _, lint = robot(table(*rows))
         assert not any("massless" in line for line in lint)
+
+
+def test_joints_that_carry_no_inertia_are_told() -> None:
+    heavy = ROW | {"mass": 1.0}
+    _, lint = robot(table(heavy, ROW))
+    assert any(line.startswith("nothing at or beyond joint_2 has an inertia") for line in lint)
+    _, lint = robot(table(heavy, ROW | {"motor_inertia": 0.1}))
+    assert not any("nothing at or beyond" in line for line in lint)
