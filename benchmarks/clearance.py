@@ -92,6 +92,9 @@ def random_problems(arm: str, count: int) -> Iterator[Problem]:
 
 def report(kind: str, pairs: list[tuple[Result, Result]]) -> None:
     """Print one row."""
+    if not pairs:
+        print(f"{kind:24}    0 | no plan without the clearance")
+        return
     values = np.array(pairs)
     off, on = values[:, 0].sum(axis=0), values[:, 1].sum(axis=0)
     middle = np.median(values, axis=0)

@@ -24,11 +24,10 @@ import numpy as np
 import pinocchio
 
 from benchmarks.fcl_judge import FclJudge
-from benchmarks.mbm_problems import cases, panda
+from benchmarks.mbm_problems import cases, panda, scene_at_root
 from kinematics.arrays import Array
 from kinematics.forward import forward
 from obstacles.checker import Checker
-from obstacles.moveit import scene_from_moveit
 from obstacles.piece import Piece, PieceKind
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
@@ -247,7 +246,7 @@ def main() -> None:
     robot = panda(folder)
     names = robot.chain.joint_names
     texts = [case.text for case in cases(asked.problems, names, 10) if "shelf" in case.kind]
-    scenes = [scene_from_moveit(text) for text in texts]
+    scenes = [scene_at_root(text) for text in texts]
     if asked.write is not None:
         asked.write.write_text(json.dumps(exported_problems(robot, scenes, asked.count)))
         return

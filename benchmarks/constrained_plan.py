@@ -24,12 +24,11 @@ from pathlib import Path
 import numpy as np
 import pinocchio
 
-from benchmarks.mbm_problems import ACCELERATION, Case, cases, panda
+from benchmarks.mbm_problems import ACCELERATION, Case, cases, panda, scene_at_root
 from benchmarks.recheck import Recheck
 from kinematics.arrays import Array
 from kinematics.forward import forward
 from kinematics.trajectory import Trajectory
-from obstacles.moveit import scene_from_moveit
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from planning.constrained.ik import IkOptions, constrained_ik
@@ -162,7 +161,7 @@ class Bench:
         tallies: dict[str, Tally] = {}
         for case in cases(self._folder, self._robot.chain.joint_names, self._asked.every):
             tally = tallies.setdefault(case.kind, Tally())
-            scene = scene_from_moveit(case.text)
+            scene = scene_at_root(case.text)
             found = constrained_problem(self._asked.kind, self._robot, scene, case.start, case.goal)
             if found is None:
                 print(f"  {case.name}: no start or goal", flush=True)

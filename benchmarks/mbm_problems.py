@@ -13,6 +13,7 @@ from kinematics.srdf import parse_srdf
 from kinematics.urdf import parse_urdf
 from obstacles.moveit import scene_from_moveit
 from obstacles.robot_geometry import RobotGeometry, robot_geometry
+from obstacles.scene import Obstacle, Scene
 from planning.problem import JointGoal, Problem
 
 #: The URDF gives no accelerations: those of the manufacturer's data sheet [rad/s^2].
@@ -42,8 +43,18 @@ class Case:
 
     def problem(self, robot: RobotGeometry, margin: float) -> Problem:
         """The same for the planner; the scene is parsed anew each time."""
-        scene = scene_from_moveit(self.text)
+        scene = scene_at_root(self.text)
         return Problem(robot, scene, self.start, (JointGoal(self.goal),), margin=margin)
+
+
+def scene_at_root(text: str) -> Scene:
+    """The scene of a problem with its obstacles in the root frame of whichever arm it is put to.
+
+    The files name the Panda's first link, which is its root; other arms stand in the same place.
+    """
+    read = scene_from_moveit(text)
+    obstacles = (Obstacle(o.id, o.shape, o.T_world_obstacle, o.margin) for o in read.obstacles)
+    return Scene(obstacles, read.allowed_collisions)
 
 
 def panda(folder: Path) -> RobotGeometry:

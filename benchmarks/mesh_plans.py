@@ -18,13 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.example_arms import ARMS
-from benchmarks.mbm_problems import Case, cases, panda
+from benchmarks.mbm_problems import Case, cases, panda, scene_at_root
 from benchmarks.triangles import Body, Triangles, scenery
 from kinematics.forward import link_poses
 from kinematics.ik import numeric
 from kinematics.pose import from_rpy, transform
 from kinematics.trajectory import Trajectory
-from obstacles.moveit import scene_from_moveit
 from obstacles.robot_geometry import RobotGeometry
 from planning.options import Options
 from planning.pipeline import plan
@@ -119,7 +118,7 @@ def run(name: str, folder: Path, every: int, timeout: float) -> None:
     count = reached = solved = wrong = looked = 0
     least = np.inf
     for case in cases(folder, hand.chain.joint_names, every):
-        scene = scene_from_moveit(case.text)
+        scene = scene_at_root(case.text)
         bodies = scenery(scene)
         ends = start_and_goal(case, hand, robot, truth, bodies)
         if ends is None:

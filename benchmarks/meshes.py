@@ -19,12 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.example_arms import ARMS
+from benchmarks.mbm_problems import scene_at_root
 from benchmarks.mesh_scenes import own_scenes, reach_of
 from benchmarks.triangles import Triangles, scenery
 from kinematics.forward import link_poses
 from kinematics.trajectory import Trajectory
 from obstacles.checker import Checker
-from obstacles.moveit import scene_from_moveit
 from obstacles.robot_geometry import RobotGeometry, hulled
 from obstacles.scene import Scene
 from planning.proof.certificate import certify
@@ -109,7 +109,7 @@ def main() -> None:
         )
         if given.problems is not None:
             files = sorted(given.problems.glob("*/scene*.yaml"))[:: max(1, 350 // 70)]
-            scenes = [scene_from_moveit(file.read_text()) for file in files]
+            scenes = [scene_at_root(file.read_text()) for file in files]
             compare("MotionBenchMaker's obstacles", robot, truth, scenes, given.count)
 
 

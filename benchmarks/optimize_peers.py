@@ -26,12 +26,11 @@ import toppra
 from toppra import algorithm, constraint
 
 from benchmarks.constrained_ik import solid
-from benchmarks.mbm_problems import ACCELERATION, Case, cases, panda
+from benchmarks.mbm_problems import ACCELERATION, Case, cases, panda, scene_at_root
 from benchmarks.peers import peer
 from benchmarks.recheck import STEP, Recheck, Scenery
 from kinematics.arrays import Array
 from kinematics.trajectory import Trajectory
-from obstacles.moveit import scene_from_moveit
 from obstacles.robot_geometry import RobotGeometry
 from planning.options import Options
 from planning.pipeline import plan
@@ -124,7 +123,7 @@ def write_problem(
     folder: Path, number: int, case: Case, robot: RobotGeometry, known: Trajectory
 ) -> None:
     """What drake needs of a problem."""
-    scene = scene_from_moveit(case.text)
+    scene = scene_at_root(case.text)
     links = [int(joint) + 1 for joint in robot.joints]
     bodies = zip(links, robot.pieces, strict=True)
     times = np.linspace(0.0, known.duration, 200)

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.fcl_judge import FclJudge
-from benchmarks.mbm_problems import cases
+from benchmarks.mbm_problems import cases, scene_at_root
 from benchmarks.mbm_problems import panda as mesh_panda
 from benchmarks.scale import certify_all, cheapest
 from kinematics.arrays import Array
@@ -28,7 +28,6 @@ from kinematics.srdf import parse_srdf
 from kinematics.urdf import parse_urdf
 from obstacles.checker import Checker
 from obstacles.edge_check import COLLIDING, FREE
-from obstacles.moveit import scene_from_moveit
 from obstacles.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Box, Capsule, Cone, Convex, Cylinder, HalfSpace, PointCloud, Sphere
@@ -86,7 +85,7 @@ def pairs(problems: Path | None) -> Iterator[tuple[str, RobotGeometry, Scene, Ar
         arm = mesh_panda(problems.parent.parent / "panda")
         for case in cases(problems, arm.chain.joint_names, _EVERY):
             ends = np.array([case.start, case.goal])
-            yield case.name, arm, scene_from_moveit(case.text), ends
+            yield case.name, arm, scene_at_root(case.text), ends
 
 
 def judge(checker: Checker, states: Array) -> Array:

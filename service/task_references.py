@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     validate = service.tasks.plan.validate
     convert_pose = service.tasks.poses.convert_pose
     potential = service.tasks.potential.potential
-    reach = service.tasks.reach.reach_task
+    reach = service.tasks.reach.reach
     convert = service.tasks.retime.convert
     retime = service.tasks.retime.retime
     change_robot = service.tasks.robots.change_robot
@@ -74,7 +74,7 @@ else:
     validate = TaskReference("service.tasks.plan:validate", GRACE)
     convert_pose = TaskReference("service.tasks.poses:convert_pose")
     potential = TaskReference("service.tasks.potential:potential")
-    reach = TaskReference("service.tasks.reach:reach_task", GRACE)
+    reach = TaskReference("service.tasks.reach:reach", GRACE)
     convert = TaskReference("service.tasks.retime:convert")
     retime = TaskReference("service.tasks.retime:retime")
     change_robot = TaskReference("service.tasks.robots:change_robot")

@@ -9,8 +9,9 @@ from kinematics import pose as rotation
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.root_frame import frame_pose
+from planning.reach import evaluation
 from planning.reach.base_placement import BasePlacement, place_base
-from planning.reach.evaluation import Reach, ReachOptions, Status, reach
+from planning.reach.evaluation import Reach, ReachOptions, Status
 from planning.reach.grid import PoseGrid
 from planning.reach.tolerance import Axis, Tolerance
 from service.schemas.reach import JOINTS_UP_TO, MAX_BASES, BaseRegion, ReachRequest
@@ -32,7 +33,7 @@ _DIGITS = 6
 
 @task(grace=GRACE)
 @reports_cache_miss
-def reach_task(
+def reach(
     robot: Reference, scene: Reference | None, content: bytes
 ) -> bytes | TaskProblem | CacheMiss:
     """Answer a request for the reach of an arm.
@@ -58,7 +59,7 @@ def reach_task(
     candidates = _bases(body)
     placements: list[BasePlacement] | None = None
     if candidates is None:
-        found = reach(
+        found = evaluation.reach(
             cell.robot, cell.scene, tasks, options,
             link=link, deadline=current.deadline(), report=_report,
         )  # fmt: skip

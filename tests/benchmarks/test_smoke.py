@@ -27,7 +27,7 @@ WITHOUT_MAIN = {
     "ratios", "recheck", "triangles",
 }  # fmt: skip
 #: Has tests of its own, with a service of its own.
-ELSEWHERE = {"http"}
+ELSEWHERE = {"http", "overload"}
 #: Runs all others.
 ALL = {"__main__"}
 
@@ -51,6 +51,8 @@ SMALL: Mapping[str, tuple[list[str], Mapping[str, Any]]] = {
     "optimize_peers": (["PROBLEMS", "--timeout", "10"], {}),
     "peers": (["PROBLEMS", "--timeout", "5"], {}),
     "projection": (["--points", "3"], {"SOLIDS": 1}),
+    "arms": (["--arms", "UR3"], {"SCENES": 1, "PROBLEMS": 1, "ROUND_TRIPS": 2, "VERDICTS": 5}),
+    "clearance": (["--arm", "ur5e", "--count", "1"], {}),
     "reach": (["--poses", "200", "--robots", "kr6_sixx"], {"_ONE_BY_ONE": 2}),
     "scale": (["--obstacles", "5", "--points", "50"], {"_STATES": 8, "_REPEATS": 1, "_PLANS": 1}),
     "startup": (["--runs", "1", "--workers", "1"], {"_WARM_UPS": 0, "_SETTLED": 0.2}),
