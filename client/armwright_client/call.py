@@ -57,7 +57,7 @@ class Call(Generic[A]):
     path: str
     read: Callable[[bytes], A]
     body: Request | RobotArchive | None = None
-    query: Mapping[str, str | int] = field(default_factory=dict)
+    query: Mapping[str, str | int | float] = field(default_factory=dict)
     key: str | None = None
     headers: Mapping[str, str] = field(default_factory=dict)
     deadline: float | None = None

@@ -139,11 +139,24 @@ class RobotEndpoints:
 
     @Endpoint
     def equations(
-        self, name: str, notation: Literal["latex", "text"] = "latex"
+        self,
+        name: str,
+        notation: Literal["latex", "text"] = "latex",
+        *,
+        timeout: float | None = None,
     ) -> Call[EquationsAnswer]:
-        """Kinematics and dynamics of a robot as formulas, in LaTeX or plain text."""
-        query = {"format": notation}
-        return Call("GET", path("robots", name, "equations"), EquationsAnswer.read, query=query)
+        """Kinematics and dynamics of a robot as formulas, in LaTeX or plain text.
+
+        Args:
+            name: The robot.
+            notation: How formulas are written.
+            timeout: [s]; the service's default if left out.
+        """
+        query: dict[str, str | float] = {"format": notation}
+        if timeout is not None:
+            query["timeout"] = timeout
+        where = path("robots", name, "equations")
+        return Call("GET", where, EquationsAnswer.read, query=query, deadline=timeout)
 
     @Endpoint
     def delete(self, name: str) -> Call[None]:

@@ -8,6 +8,7 @@ from service.http import answers
 from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES
 from service.routes.configurations import at_once, count, in_worker, json_answer
+from service.schemas.base import Timeout
 from service.schemas.dynamics import (
     DynamicsAnswer,
     DynamicsRequest,
@@ -83,14 +84,21 @@ async def equations(
         Literal["latex", "text"],
         Query(alias="format", description="LaTeX, or plain text that Python evaluates"),
     ] = "latex",
+    timeout: Annotated[
+        Timeout | None, Query(description="[s]; the service's `default_timeout` if left out")
+    ] = None,
 ) -> Response:
     """Forward kinematics, Jacobian, D, C, G and the regressor of a robot as readable formulas.
 
     Symbols are named as in textbooks: q_1, c_12, m_2, l_1, l_c2, I_2. Their values are answered
     too. The dynamics of long arms are left out where nobody could read them; `notes` says so.
+    Slow arms take some seconds. A GET never becomes a job: `Prefer: respond-async` has no effect.
     """
     document = await answers.robot_document(request, name)
     content = await answers.answer(
-        request, lambda robot, _: equations_task.job(robot, document, notation), name
+        request,
+        lambda robot, _: equations_task.job(robot, document, notation),
+        name,
+        timeout=timeout,
     )
     return json_answer(content)

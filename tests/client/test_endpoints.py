@@ -78,6 +78,8 @@ CALLS: list[tuple[str, Callable[[Any], Any], str, str, dict[str, Any] | None]] =
     ("robots.urdf", lambda c: c.robots.urdf("a"), "GET", "/v1/robots/a/urdf", None),
     ("robots.equations", lambda c: c.robots.equations("a", "text"), "GET",
      "/v1/robots/a/equations?format=text", None),
+    ("robots.equations", lambda c: c.robots.equations("a", timeout=20.0), "GET",
+     "/v1/robots/a/equations?format=latex&timeout=20.0", None),
     ("robots.delete", lambda c: c.robots.delete("a"), "DELETE", "/v1/robots/a", None),
     ("robots.list", lambda c: c.robots.list(after="x y", limit=3), "GET",
      "/v1/robots?after=x+y&limit=3", None),
