@@ -1,4 +1,4 @@
-"""The whole course on one arm: model, inverse kinematics, field, spline, control, errors.
+"""The whole course on one arm: model, formulas, inverse kinematics, field, spline, control, errors.
 
     make serve                      # in another terminal
     python examples/course.py [--url http://127.0.0.1:8000] [--output docs/pictures/course]
@@ -133,6 +133,31 @@ def model(client: Client, folder: Path) -> None:
     print(f"model: {len(robot.joint_names)} joints, links {', '.join(robot.links)}")
 
 
+def equations(client: Client, folder: Path) -> None:
+    """Lectures 9 and 25 to 27: forward kinematics and the equations of motion as formulas."""
+    lines = {}
+    for notation in ("text", "latex"):
+        answer = client.robots.equations(NAME, notation)
+        assert answer.dynamics is not None
+        matrices = {"D": answer.dynamics.mass_matrix, "C": answer.dynamics.coriolis_matrix}
+        lines[notation] = [
+            *zip("xyz", answer.pose.position, strict=True),
+            *((f"{name}_{i}{j}", entry) for name, matrix in matrices.items()
+              for i, row in enumerate(matrix, 1) for j, entry in enumerate(row, 1)),
+            *((f"G_{i}", entry) for i, entry in enumerate(answer.dynamics.gravity, 1)),
+        ]  # fmt: skip
+    for name, formula in lines["text"]:
+        print(f"equations, {name}: {formula}")
+    figure, axes = plt.subplots(figsize=(6.4, 4.4))
+    axes.set(title="position of the tip, and D(q) q̈ + C(q, q̇) q̇ + G(q) = τ",
+             ylim=(len(lines["latex"]), -1))  # fmt: skip
+    axes.axis("off")
+    for i, (name, formula) in enumerate(lines["latex"]):
+        symbol = name.replace("_", "_{") + ("}" if "_" in name else "")
+        axes.text(0.0, i, f"${symbol} = {formula}$", fontsize=12, va="center")
+    save(figure, folder / "2_equations.png")
+
+
 def inverse_kinematics(client: Client, folder: Path) -> None:
     """Lectures 10 and 11: the tip at one position, elbow on either side."""
     target = np.array(client.robots.fk(NAME, [0.4, 1.1]).pose.position)
@@ -150,7 +175,7 @@ def inverse_kinematics(client: Client, folder: Path) -> None:
         print(f"ik, {label}: q = {np.round(found.joints, 4)}, error {error:.1e} m")
     axes.plot(*target[:2], "kx", ms=10)
     axes.legend(frameon=False, fontsize=8)
-    save(figure, folder / "2_ik.png")
+    save(figure, folder / "3_ik.png")
 
 
 def gradient(client: Client, folder: Path) -> None:
@@ -170,7 +195,7 @@ def gradient(client: Client, folder: Path) -> None:
         print(f"gradient, {rule}: {len(errors) - 1} steps, last error {errors[-1]:.1e} m")
     axes.set(xlim=(0.0, 40.0))
     axes.legend(frameon=False, fontsize=8)
-    save(figure, folder / "3_gradient.png")
+    save(figure, folder / "4_gradient.png")
 
 
 def field(client: Client, folder: Path) -> Array:
@@ -197,7 +222,7 @@ def field(client: Client, folder: Path) -> Array:
     axes.plot(*GOAL, "s", color="#bb2255", label="goal")
     axes.set(xlim=(first[0], first[-1]), ylim=(second[0], second[-1]))
     axes.legend(frameon=False, fontsize=8, loc="lower left")
-    save(figure, folder / "4_field.png")
+    save(figure, folder / "5_field.png")
     U_path = np.array(plan.potential_field.potentials)
     print(f"field: {len(path)} configurations, U from {U_path[0]:.3f} to {U_path[-1]:.5f} J")
     print(f"field: clearance {plan.certificate.min_obstacle_clearance:.3f} m, proved")
@@ -224,7 +249,7 @@ def spline(client: Client, folder: Path, path: Array) -> Retimed:
     rows[0].plot(times, chosen, "k.", ms=6)
     rows[0].set(title="a natural cubic spline through six waypoints")
     rows[-1].set(xlabel="time [s]")
-    save(figure, folder / "5_spline.png")
+    save(figure, folder / "6_spline.png")
     ends = np.abs(np.array(samples.acceleration))[[0, -1]].max()
     print(f"spline: acceleration at the ends {ends:.1e} rad/s², limits hold: "
           f"{timed.certificate.proved.limits}")  # fmt: skip
@@ -251,7 +276,7 @@ def control(client: Client, folder: Path, timed: Retimed) -> dict[str, Simulatio
             f"{1e3 * result.max_tracking_error:.2f} mrad"
         )
     axes.legend(frameon=False, fontsize=8)
-    save(figure, folder / "6_control.png")
+    save(figure, folder / "7_control.png")
     return results
 
 
@@ -277,7 +302,7 @@ def lyapunov(client: Client, folder: Path) -> None:
     for axes in rows:
         axes.grid(alpha=0.25)
     rows[0].legend(frameon=False, fontsize=8)
-    save(figure, folder / "7_lyapunov.png")
+    save(figure, folder / "8_lyapunov.png")
 
 
 def adaptation(client: Client, folder: Path) -> None:
@@ -303,13 +328,14 @@ def adaptation(client: Client, folder: Path) -> None:
     for axes in rows:
         axes.grid(alpha=0.25)
     rows[1].legend(frameon=False, fontsize=8, loc="lower right", ncols=2)
-    save(figure, folder / "8_adaptation.png")
+    save(figure, folder / "9_adaptation.png")
 
 
 def run(client: Client, folder: Path) -> None:
     """All steps in order; pictures go to a folder."""
     folder.mkdir(parents=True, exist_ok=True)
     model(client, folder)
+    equations(client, folder)
     inverse_kinematics(client, folder)
     gradient(client, folder)
     path = field(client, folder)
