@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     import service.tasks.check
     import service.tasks.dynamics
     import service.tasks.equations
+    import service.tasks.export
     import service.tasks.inverse_kinematics
     import service.tasks.kinematics
     import service.tasks.large_body
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     regressor = service.tasks.dynamics.regressor_task
     wrench = service.tasks.dynamics.wrench_task
     equations = service.tasks.equations.equations
+    export = service.tasks.export.export
     ik = service.tasks.inverse_kinematics.ik
     fk = service.tasks.kinematics.fk_task
     jacobian = service.tasks.kinematics.jacobian_task
@@ -64,6 +66,7 @@ else:
     regressor = TaskReference("service.tasks.dynamics:regressor")
     wrench = TaskReference("service.tasks.dynamics:wrench")
     equations = TaskReference("service.tasks.equations:equations")
+    export = TaskReference("service.tasks.export:export", GRACE)
     ik = TaskReference("service.tasks.inverse_kinematics:ik")
     fk = TaskReference("service.tasks.kinematics:fk")
     jacobian = TaskReference("service.tasks.kinematics:jacobian")

@@ -21,6 +21,7 @@ from armwright_client.certificate import (
     ValidateRequest,
 )
 from armwright_client.check import CheckAnswer, CheckBatch, CheckOptions, CheckRequest
+from armwright_client.export import Export, ExportFormat, ExportOptions, ExportRequest
 from armwright_client.goal import GoalLike, Start, as_goal
 from armwright_client.health import Health, Readiness
 from armwright_client.job import Job, JobList
@@ -189,6 +190,18 @@ class ServiceEndpoints:
         """The proof that a motion is valid, or its first violation; see `ValidateOptions`."""
         body = ValidateRequest.of(robot=robot, trajectory=trajectory, **options)
         return Call("POST", path("validate"), Certificate.read, body, deadline=body.timeout)
+
+    @Endpoint
+    def export(
+        self,
+        robot: str,
+        trajectory: Trajectory,
+        file_format: ExportFormat,
+        **options: Unpack[ExportOptions],
+    ) -> Call[Export]:
+        """A motion as a file for a controller, proved as the controller interpolates it."""
+        body = ExportRequest.of(robot=robot, trajectory=trajectory, format=file_format, **options)
+        return Call("POST", path("export"), Export.read, body, deadline=body.timeout)
 
     @Endpoint
     def convert_pose(

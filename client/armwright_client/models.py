@@ -80,6 +80,7 @@ from armwright_client.equations import (
     PoseFormulas,
     RegressorFormulas,
 )
+from armwright_client.export import Export, ExportOptions, ExportRequest
 from armwright_client.goal import Goal, GoalLike, SingleGoal, Start
 from armwright_client.health import Health, Readiness
 from armwright_client.job import Job, JobEvent, JobList
@@ -243,6 +244,9 @@ __all__ = [
     "DynamicsOptions",
     "DynamicsRequest",
     "EquationsAnswer",
+    "Export",
+    "ExportOptions",
+    "ExportRequest",
     "FkAnswer",
     "FkBatch",
     "FkOptions",

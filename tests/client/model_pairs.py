@@ -11,6 +11,7 @@ from service.schemas import certificate as their_certificate
 from service.schemas import check as their_check
 from service.schemas import constraint as their_constraint
 from service.schemas import dynamics as their_dynamics
+from service.schemas import export as their_export
 from service.schemas import goal as their_goal
 from service.schemas import kinematics as their_kinematics
 from service.schemas import lyapunov as their_lyapunov
@@ -147,6 +148,8 @@ PAIRS: list[tuple[type[Readable], type[BaseModel]]] = [
     *((getattr(ours, name), getattr(their_potential, name)) for name in POTENTIAL),
     (ours.PotentialBatch, their_potential.PotentialAnswer),
     *((getattr(ours, name), getattr(their_reach, name)) for name in REACH),
+    (ours.ExportRequest, their_export.ExportRequest),
+    (ours.Export, their_export.ExportAnswer),
     (ours.JointState, their_retime.JointStateBody),
     (ours.RetimePath, their_retime.RetimePath),
     (ours.RetimeTiming, their_retime.RetimeTiming),

@@ -1,0 +1,97 @@
+"""Exports over HTTP: the answer is that of the library, read back and sampled by other code."""
+
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+import yaml
+from scipy.interpolate import BPoly
+
+from obstacles.fcl_distance import FclWorld
+from service.schemas.export import ExportAnswer
+from service.schemas.scene import Scene
+from service.storage import worker_cache
+from service.storage.cache_key import builtin_reference
+from service.translate import poses
+from tests.service.robots import ASIDE, FLOOR, HOME, answer, problem, scene
+
+STEP = np.array(ASIDE) - np.array(HOME)
+ROWS = np.stack([HOME, 0 * STEP, 0 * STEP, 10 * STEP, -15 * STEP, 6 * STEP], axis=-1)
+MOTION = {
+    "segments": [{"t0": 0.0, "t1": 3.0, "coefficients": (ROWS / 3.0 ** np.arange(6)).tolist()}]
+}
+BODY: dict[str, Any] = {"robot": "panda", "scene": scene(FLOOR), "trajectory": MOTION}
+
+
+def export(client: httpx.Client, **more: Any) -> dict[str, Any]:
+    given = answer(client.post("/v1/export", json=BODY | more))
+    ExportAnswer.model_validate(given)
+    return given
+
+
+def test_a_goal_for_ros2_control_is_as_clear_as_proved(client: httpx.Client) -> None:
+    given = export(client, format="ros2_control", sample_period=0.25, interpolation="cubic")
+    assert given["proved"]
+    assert given["file_name"] == "armwright.yaml"
+    goal = yaml.safe_load(given["content"])
+    points = goal["trajectory"]["points"]
+    assert len(points) == given["point_count"] == 13
+    times = [p["time_from_start"]["sec"] + p["time_from_start"]["nanosec"] / 1e9 for p in points]
+    rows = [[p["positions"], p["velocities"]] for p in points]
+    curve = BPoly.from_derivatives(times, np.array(rows))
+    instants = np.linspace(0.0, 3.0, 400)
+    dense = curve(instants)
+    exact = np.array([np.polynomial.Polynomial(row)(instants / 3.0) for row in ROWS]).T
+    apart = np.abs(dense - exact).max(axis=0)
+    bound = np.array(given["joint_deviation"])
+    assert (apart <= bound + 1e-12).all()
+    assert (bound <= apart + 1e-5).all()
+    assert bound.max() > 1e-5
+    geometry = worker_cache.robot(builtin_reference("panda")).geometry
+    world = FclWorld(geometry, poses.scene(Scene.model_validate(BODY["scene"])))
+    least = min(world.clearance(q).distance for q in dense[::8])
+    assert 0.0 < given["certificate"]["min_clearance"] <= least + 1e-7
+    assert {row["position"] for row in goal["path_tolerance"]} == {given["joint_tolerance"]}
+
+
+def test_a_program_says_what_is_not_proved(client: httpx.Client) -> None:
+    given = export(client, format="rapid", blend=5.0)
+    assert given["interpolation"] == "straight_legs"
+    assert given["proved"] is False
+    assert "! NOT PROVED" in given["content"]
+    for sentence in given["unproved"]:
+        assert f"! Not covered: {sentence}" in given["content"]
+    assert given["joint_deviation"] is None
+
+
+def test_an_export_that_collides_is_not_proved(client: httpx.Client) -> None:
+    high = FLOOR | {"shape": {"type": "halfspace", "normal": [0, 0, 1], "offset": 0.55}}
+    given = export(client, format="csv", scene=scene(high))
+    assert given["proved"] is False
+    assert given["certificate"]["violation"]["kind"] == "collision"
+    assert given["joint_tolerance"] is None
+    assert "# NOT PROVED free of collisions." in given["content"]
+
+
+@pytest.mark.parametrize(
+    ("more", "code", "words"),
+    [
+        ({"format": "xml"}, "VALIDATION_ERROR", "format"),
+        ({"format": "csv", "sample_period": 0.0}, "VALIDATION_ERROR", "sample_period"),
+        ({"format": "krl", "name": "x;y"}, "VALIDATION_ERROR", "name"),
+        ({"format": "urscript_movej"}, None, "moves 6 joints, robot 'panda' has 7"),
+        ({"format": "csv", "blend": 1.0}, None, "blend"),
+        ({"format": "rapid", "interpolation": "cubic"}, None, "interpolation"),
+    ],
+)
+def test_bad_requests(
+    client: httpx.Client, more: dict[str, Any], code: str | None, words: str
+) -> None:
+    response = client.post("/v1/export", json=BODY | more)
+    assert response.status_code == 422, response.text
+    told = response.json()
+    assert code in (None, told["code"])
+    assert words in told["detail"]
+    assert told["hint"]
+    problem(response, 422, told["code"])
