@@ -61,6 +61,8 @@ if TYPE_CHECKING:
     from planning.constraints.position import PositionConstraint
     from planning.constraints.region import BoxRegion, LineRegion, PlaneRegion, SphereRegion
     from planning.constraints.relative_pose import RelativePoseConstraint
+    from planning.exports.export import Export, export
+    from planning.exports.options import ExportFormat, ExportOptions
     from planning.goal_costs import GoalCosts
     from planning.limits import MotionLimits
     from planning.options import Options
@@ -104,6 +106,9 @@ _MODULES = {
     "DhRow": "kinematics.dh_table",
     "DhTable": "kinematics.dh_table",
     "Dynamics": "armwright.model",
+    "Export": "planning.exports.export",
+    "ExportFormat": "planning.exports.options",
+    "ExportOptions": "planning.exports.options",
     "Failure": "planning.result",
     "HalfSpace": "obstacles.shapes",
     "Holding": "obstacles.attachment",
@@ -149,6 +154,7 @@ _MODULES = {
     "check": "armwright.configuration",
     "dynamics": "armwright.model",
     "equations": "armwright.model",
+    "export": "planning.exports.export",
     "fk": "armwright.model",
     "grasp": "obstacles.attachment",
     "hold": "obstacles.attachment",
@@ -191,6 +197,9 @@ __all__ = [
     "DhRow",
     "DhTable",
     "Dynamics",
+    "Export",
+    "ExportFormat",
+    "ExportOptions",
     "Failure",
     "GoalCosts",
     "HalfSpace",
@@ -236,6 +245,7 @@ __all__ = [
     "check",
     "dynamics",
     "equations",
+    "export",
     "fk",
     "grasp",
     "hold",

@@ -50,7 +50,8 @@ class ExportOptions:
 
     Args:
         format: The file to write.
-        sample_period: Time between points; a path is chosen among points this far apart [s].
+        sample_period: Time between points; quintics and cubics have points where the acceleration
+            jumps as well. A path is chosen among points this far apart [s].
         interpolation: "quintic", "cubic" or "linear", for messages and tables. None takes
             "quintic" where the acceleration is continuous, "cubic" elsewhere.
         path_tolerance: Distance of the motion from the legs of a path at most [rad or m].

@@ -12,6 +12,8 @@ from planning.limits import JERK_JUMP
 
 #: Points of one file: at half a kilobyte each, fifty megabytes.
 MAX_POINTS = 100_000
+#: A point this near to a jump of the acceleration gives way to it, a share of the period.
+_SAME_POINT = 0.1
 #: A message counts time in these [1/s].
 NANOSECONDS = 1_000_000_000
 
@@ -62,6 +64,8 @@ def export_points(trajectory: Trajectory, options: ExportOptions) -> ExportPoint
     if rule == Rule.STRAIGHT_LEGS:
         positions = trajectory.sample(times)
         times = times[corners(positions, options.path_tolerance)]
+    elif rule in (Rule.QUINTIC, Rule.CUBIC):
+        times = _with_jumps(trajectory, times, period)
     count = {Rule.QUINTIC: 3, Rule.CUBIC: 2}.get(rule, 1)
     rows = tuple(trajectory.sample(times, order) for order in range(count))
     if options.format in (ExportFormat.RAPID, ExportFormat.KRL):
@@ -104,6 +108,17 @@ def _distances(points: Array, start: Array, end: Array) -> Array:
         np.clip((points - start) @ along / square, 0.0, 1.0) if square else np.zeros(len(points))
     )
     return np.asarray(np.linalg.norm(points - start - shares[:, None] * along, axis=1))
+
+
+def _with_jumps(trajectory: Trajectory, times: Array, period: float) -> Array:
+    """Times, and those at which the acceleration jumps: polynomials across a jump overshoot it."""
+    jumps = np.abs(trajectory.jumps(2)).max(axis=1, initial=0.0) > JERK_JUMP
+    breaks = trajectory.breaks[1:-1][jumps]
+    if not len(breaks):
+        return times
+    gaps = np.abs(times[1:-1, None] - breaks).min(axis=1)
+    inner = times[1:-1][gaps > _SAME_POINT * period]
+    return np.unique(np.concatenate([times[:1], inner, breaks, times[-1:]]))
 
 
 def _rule(trajectory: Trajectory, options: ExportOptions) -> Rule:

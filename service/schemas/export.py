@@ -53,7 +53,9 @@ class ExportRequest(Body):
     trajectory: TrajectoryBody
     format: Format = Field(description="the file to write", examples=["ros2_control"])
     sample_period: Annotated[Number, Field(ge=1e-4, le=60.0)] = Field(
-        0.01, description="time between points; those of a path are chosen among such points [s]"
+        0.01,
+        description="time between points; quintic and cubic have points where the acceleration "
+        "jumps as well; those of a path are chosen among such points [s]",
     )
     interpolation: Literal["quintic", "cubic", "linear"] | None = Field(
         None,

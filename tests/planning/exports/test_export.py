@@ -135,6 +135,22 @@ def test_quintics_through_a_quintic_change_nothing() -> None:
     assert made.certificate.verified
 
 
+def test_points_at_jumps_of_the_acceleration_keep_its_limit() -> None:
+    """Bang-bang motions, as the fastest timing has them, are cubics between their jumps."""
+    half = 0.5 * (END - START)
+    c = np.zeros((2, 6, 3))
+    c[0, :, 0], c[0, :, 2] = START, half / 1.3**2
+    c[1, :, 0], c[1, :, 1], c[1, :, 2] = START + half, 2.0 * half / 1.3, -half / 1.3**2
+    motion = Trajectory(UR.chain.joint_names, np.array([0.0, 1.3, 2.6]), c)
+    for period in (0.5, 0.51, 1.2999):
+        made = write(ExportFormat.JOINT_TRAJECTORY_YAML, motion, sample_period=period)
+        assert made.rule == "cubic"
+        assert made.joint_deviation is not None
+        assert made.joint_deviation.max() < 1e-9
+        peaks = made.motion.peaks(2).value
+        np.testing.assert_allclose(peaks, np.abs(c[0, :, 2]) * 2.0, rtol=1e-6)
+
+
 def test_lines_between_few_points_are_proved_as_such() -> None:
     motion = curved()
     coarse = write(ExportFormat.CSV, motion, interpolation="linear", sample_period=1.0)
