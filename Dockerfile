@@ -14,6 +14,7 @@ RUN rm -rf /opt/venv/lib/python*/site-packages/casadi/{include,*.a,liblacemodeli
     && /opt/venv/bin/python -c "import casadi; x = casadi.SX.sym('x'); casadi.nlpsol('s', 'ipopt', {'x': x, 'f': x**2}, {'ipopt.print_level': 0, 'print_time': False})(x0=1)"
 COPY README.md LICENSE ./
 COPY armwright ./armwright
+COPY command_line ./command_line
 COPY kinematics ./kinematics
 COPY dynamics ./dynamics
 COPY obstacles ./obstacles

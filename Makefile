@@ -99,7 +99,7 @@ docker-steps: $(TOOLS)  ## Run the Dockerfile's steps without Docker, in a clean
 audit:  ## Look for dangerous code (bandit) and for packages with known faults (pip-audit, wants the network)
 	@test -x $(AUDIT)/pip-audit || { $(PYTHON) -m venv $(VENV)-audit && \
 		$(AUDIT)/pip install -q --disable-pip-version-check bandit==1.9.4 pip-audit==2.10.1; }
-	$(AUDIT)/bandit -q -c pyproject.toml -r armwright kinematics dynamics obstacles planning tracking service client
+	$(AUDIT)/bandit -q -c pyproject.toml -r armwright command_line kinematics dynamics obstacles planning tracking service client
 	$(AUDIT)/pip-audit -r constraints.txt --no-deps --disable-pip
 
 clean:  ## Remove what was built, compiled and cached; .venv stays

@@ -114,7 +114,7 @@ def _from_urdf(
     )
 
     def mesh(uri: str) -> bytes:
-        return _mesh(uri, folder)
+        return read_mesh(uri, folder)
 
     robot = robot_geometry(replace(chain, name=name), description, mesh, semantics)
     if semantics is not None:
@@ -147,7 +147,16 @@ def _require_file(path: Path) -> Path:
 
 
 @lru_cache(maxsize=64)
-def _mesh(uri: str, folder: Path | None) -> bytes:
+def read_mesh(uri: str, folder: Path | None) -> bytes:
+    """The bytes of a mesh file of a URDF.
+
+    Args:
+        uri: The name that the URDF gives it.
+        folder: Folder of the URDF; None where there is no file.
+
+    Raises:
+        InvalidRobotDescription: There is no such file.
+    """
     for path in _mesh_paths(uri, folder):
         if path.is_file():
             return path.read_bytes()

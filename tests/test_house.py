@@ -17,7 +17,16 @@ from packaging.utils import canonicalize_name
 from packaging.version import Version
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = ("armwright", "kinematics", "dynamics", "obstacles", "planning", "tracking", "service")
+PACKAGES = (
+    "armwright",
+    "command_line",
+    "kinematics",
+    "dynamics",
+    "obstacles",
+    "planning",
+    "tracking",
+    "service",
+)
 CONFIGURATION = (
     "pyproject.toml",
     "client/pyproject.toml",
@@ -107,6 +116,7 @@ def test_configuration_has_no_addresses_and_no_paths_of_one_machine(path: str) -
 def test_layers_stand_in_order() -> None:
     contracts = {contract["id"]: contract for contract in APP["tool"]["importlinter"]["contracts"]}
     assert contracts["layers"]["layers"] == [
+        "command_line",
         "service | armwright",
         "planning | tracking",
         "dynamics | obstacles",

@@ -8,7 +8,16 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-PRODUCT = ("armwright", "kinematics", "dynamics", "obstacles", "planning", "tracking", "service")
+PRODUCT = (
+    "armwright",
+    "command_line",
+    "kinematics",
+    "dynamics",
+    "obstacles",
+    "planning",
+    "tracking",
+    "service",
+)
 FOLDERS = (*PRODUCT, "client/armwright_client", "tests", "benchmarks", "examples", "scripts")
 MODULES = sorted(path for name in FOLDERS for path in (ROOT / name).rglob("*.py"))
 

@@ -1,0 +1,1 @@
+"""The command ``armwright``: planning, checking and serving from a shell."""

@@ -1,0 +1,90 @@
+"""The commands that typer parses: all but those of the server."""
+
+from collections.abc import Callable, Sequence
+from typing import Annotated
+
+import typer
+
+from command_line.doctor import doctor
+from command_line.exit_codes import ExitCode
+from command_line.kinematics import fk, ik
+from command_line.motions import check, convert, plan, retime, simulate, validate
+from command_line.output import print_line
+from command_line.reach import reach
+from command_line.robots import robots, scenes
+
+#: Help of the commands that `service.cli` parses, before typer is imported.
+_SERVER = {
+    "serve": "Answer requests over HTTP until SIGTERM.",
+    "warm": "Compile all kernels into their cache on disk.",
+    "keys": "Make, list and revoke API keys.",
+    "audit": "Show who changed robots, scenes and keys.",
+}
+#: Every word behind a command of the server is for its own parser.
+_PASSED_ON = {"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []}
+_COMMANDS: tuple[Callable[..., None], ...] = (
+    plan,
+    ik,
+    fk,
+    check,
+    validate,
+    retime,
+    simulate,
+    reach,
+    convert,
+    robots,
+    scenes,
+    doctor,
+)
+
+
+def run(words: Sequence[str]) -> int:
+    """Run a command and give the exit code.
+
+    Args:
+        words: Arguments of the command line.
+    """
+    try:
+        _app()(args=list(words), prog_name="armwright")
+    except SystemExit as end:
+        return end.code if isinstance(end.code, int) else ExitCode.SUCCESS
+    return ExitCode.SUCCESS
+
+
+def _app() -> typer.Typer:
+    app = typer.Typer(
+        help="Certified motion planning for robot arms.",
+        no_args_is_help=True,
+        pretty_exceptions_enable=False,
+        rich_markup_mode=None,
+    )
+    app.callback()(_options)
+    for function in _COMMANDS:
+        app.command()(function)
+    for name, text in _SERVER.items():
+        app.command(name, help=text, rich_help_panel="Server", context_settings=_PASSED_ON)(_serve)
+    return app
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        from service.version import VERSION  # noqa: PLC0415
+
+        print_line(f"armwright {VERSION}")
+        raise typer.Exit
+
+
+def _options(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_show_version, is_eager=True, help="Print the version."),
+    ] = False,
+) -> None:
+    """Certified motion planning for robot arms."""
+
+
+def _serve(context: typer.Context) -> None:
+    """Hand a command of the server to its own parser."""
+    from service.cli import main  # noqa: PLC0415
+
+    raise typer.Exit(main([str(context.info_name), *context.args]))

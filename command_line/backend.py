@@ -1,0 +1,55 @@
+"""Backends of commands: this process, or a service at a URL."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, Protocol
+
+from command_line.endpoints import Endpoint
+from command_line.parameters import Connection, RobotSource
+
+
+class Backend(Protocol):
+    """Robots, and answers to requests, of this process or of a service."""
+
+    def robot_name(self, source: RobotSource) -> str:
+        """The name that requests call a robot by."""
+
+    def robot_model(self, name: str) -> dict[str, Any]:
+        """The model of a robot, as ``GET /v1/robots/{name}`` answers it."""
+
+    def robot_names(self) -> list[dict[str, Any]]:
+        """Summaries of all robots: name, whether it is built in, number of joints."""
+
+    def scenes(self) -> list[dict[str, Any]]:
+        """Summaries of the stored scenes."""
+
+    def answer(self, endpoint: Endpoint, robot: str | None, body: dict[str, Any]) -> bytes:
+        """The answer to a request."""
+
+    def close(self) -> None:
+        """Remove what was made for this command alone."""
+
+
+@contextmanager
+def connect(connection: Connection) -> Iterator[Backend]:
+    """The backend of a command, closed behind it.
+
+    Args:
+        connection: Where to compute.
+
+    Raises:
+        CommandProblem: The client of the service is not installed.
+    """
+    backend: Backend
+    if connection.url is None:
+        from command_line.local import LocalBackend  # noqa: PLC0415
+
+        backend = LocalBackend()
+    else:
+        from command_line.remote import remote_backend  # noqa: PLC0415
+
+        backend = remote_backend(connection.url, connection.token)
+    try:
+        yield backend
+    finally:
+        backend.close()

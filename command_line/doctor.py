@@ -1,0 +1,156 @@
+"""The command ``armwright doctor``: what is installed, compiled and reachable."""
+
+import os
+import platform
+from importlib.metadata import PackageNotFoundError, requires, version
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+from packaging.requirements import Requirement
+from rich.console import Console
+
+from command_line.output import print_json, print_table
+from command_line.parameters import Connection, command
+from command_line.problems import CommandProblem, negative
+
+#: Where Linux says which processor it runs on.
+_PROCESSORS = Path("/proc/cpuinfo")
+_OPTIONAL = ("armwright-client", "httpx", "matplotlib")
+
+
+class Finding(NamedTuple):
+    """One thing that the doctor looked at.
+
+    Args:
+        part: Of the installation.
+        state: "fault" where commands can't work, "warning" where they are slow or lack a part.
+        detail: What was found.
+        cure: What to do about it; empty where there is nothing to do.
+    """
+
+    part: str
+    state: Literal["ok", "warning", "fault"]
+    detail: str
+    cure: str = ""
+
+
+@command
+def doctor(connection: Connection) -> None:
+    """Show what is installed, compiled and reachable; exit with 1 where something is broken."""
+    with Console(stderr=True).status("looking"):
+        findings = [
+            *_machine(),
+            *_packages(),
+            _kernels(),
+            _data_folder(),
+            *([] if connection.url is None else [_service(connection.url, connection.token)]),
+        ]
+    if connection.as_json:
+        print_json({"findings": [finding._asdict() for finding in findings]})
+    else:
+        print_table("Installation", Finding._fields, findings)
+    if any(finding.state == "fault" for finding in findings):
+        raise negative()
+
+
+def _machine() -> list[Finding]:
+    from kinematics.compiled.kernel_target import usual  # noqa: PLC0415
+    from service.version import VERSION  # noqa: PLC0415
+
+    chosen = os.environ.get("ARMWRIGHT_KERNEL_TARGET", usual())
+    cores = len(os.sched_getaffinity(0))
+    return [
+        Finding("armwright", "ok", f"{VERSION} in {Path(__file__).parents[1]}"),
+        Finding("python", "ok", f"{platform.python_version()} on {platform.platform()}"),
+        Finding("processor", "ok", f"{_processor()}, {cores} cores"),
+        Finding("kernel target", "ok", chosen),
+    ]
+
+
+def _processor() -> str:
+    lines = _PROCESSORS.read_text("utf-8").splitlines() if _PROCESSORS.is_file() else []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.machine()
+
+
+def _packages() -> list[Finding]:
+    """Findings on the packages that Armwright needs, and on the optional ones."""
+    findings = []
+    for requirement in _requirements():
+        there = _version(requirement.name)
+        if there is None:
+            findings.append(
+                Finding(requirement.name, "fault", "not installed", f"pip install '{requirement}'")
+            )
+        elif not requirement.specifier.contains(there, prereleases=True):
+            detail = f"{there}, needed is {requirement.specifier}"
+            findings.append(
+                Finding(requirement.name, "fault", detail, f"pip install '{requirement}'")
+            )
+        else:
+            findings.append(Finding(requirement.name, "ok", there))
+    for name in _OPTIONAL:
+        there = _version(name)
+        findings.append(
+            Finding(name, "warning", "not installed (optional)", f"pip install {name}")
+            if there is None
+            else Finding(name, "ok", f"{there} (optional)")
+        )
+    return findings
+
+
+def _requirements() -> list[Requirement]:
+    try:
+        declared = [Requirement(text) for text in requires("armwright") or ()]
+    except PackageNotFoundError:
+        return []
+    return [item for item in declared if item.marker is None or item.marker.evaluate({"extra": ""})]
+
+
+def _version(name: str) -> str | None:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return None
+
+
+def _kernels() -> Finding:
+    from kinematics.compiled import kernel_build, kernel_list, kernel_store  # noqa: PLC0415
+    from service.kernels import LIST  # noqa: PLC0415
+
+    entries, outdated = kernel_list.read(LIST)
+    missing = len(kernel_build.missing_entries(entries))
+    folders = " and ".join(map(str, kernel_store.layers()))
+    detail = f"{len(entries) - missing} of {len(entries)} compiled, in {folders}"
+    if missing:
+        return Finding("kernels", "warning", f"{detail}; {missing} missing", "armwright warm")
+    if outdated:
+        return Finding("kernels", "warning", f"{detail}; the list is out of date: {outdated[0]}")
+    return Finding("kernels", "ok", detail)
+
+
+def _data_folder() -> Finding:
+    from service.settings import Settings  # noqa: PLC0415
+
+    folder = Settings().data_dir.absolute()
+    existing = next(path for path in (folder, *folder.parents) if path.exists())
+    if not existing.is_dir() or not os.access(existing, os.W_OK):
+        cure = "choose another one with ARMWRIGHT_DATA_DIR"
+        return Finding("data folder", "fault", f"{folder} can't be written", cure)
+    database = folder / "armwright.db"
+    size = f"database of {database.stat().st_size} bytes" if database.is_file() else "empty"
+    return Finding("data folder", "ok", f"{folder}: {size}")
+
+
+def _service(url: str, token: str | None) -> Finding:
+    from command_line.remote import remote_backend  # noqa: PLC0415
+
+    try:
+        backend = remote_backend(url, token)
+        try:
+            detail = backend.readiness()
+        finally:
+            backend.close()
+    except CommandProblem as problem:
+        return Finding("service", "fault", str(problem), str(problem.document["hint"] or ""))
+    return Finding("service", "ok", f"{url}: {detail}")

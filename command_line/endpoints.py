@@ -1,0 +1,62 @@
+"""Endpoints of the API that commands ask, here or at a service."""
+
+from typing import NamedTuple
+
+
+class Endpoint(NamedTuple):
+    """One endpoint: where a service has it, and what answers it in this process.
+
+    Args:
+        path: Of the URL, with ``{robot}`` for the name of a robot.
+        model: Schema of the request, ``"module:class"``.
+        task: The task that answers it, ``"module:function"``.
+        takes_robot: Whether the task takes a robot.
+        takes_scene: Whether the task takes a stored scene too.
+    """
+
+    path: str
+    model: str
+    task: str
+    takes_robot: bool = True
+    takes_scene: bool = True
+
+
+FK = Endpoint(
+    "/v1/robots/{robot}/fk",
+    "service.schemas.kinematics:FkRequest",
+    "service.tasks.kinematics:fk_task",
+    takes_scene=False,
+)
+IK = Endpoint(
+    "/v1/robots/{robot}/ik",
+    "service.schemas.kinematics:IkRequest",
+    "service.tasks.inverse_kinematics:ik",
+)
+CHECK = Endpoint("/v1/check", "service.schemas.check:CheckRequest", "service.tasks.check:check")
+PLAN = Endpoint("/v1/plan", "service.schemas.plan:PlanRequest", "service.tasks.plan:plan")
+VALIDATE = Endpoint(
+    "/v1/validate", "service.schemas.plan:ValidateRequest", "service.tasks.plan:validate"
+)
+RETIME = Endpoint(
+    "/v1/retime",
+    "service.schemas.retime:RetimeRequest",
+    "service.tasks.retime:retime",
+    takes_scene=False,
+)
+SIMULATE = Endpoint(
+    "/v1/simulate",
+    "service.schemas.simulation:SimulateRequest",
+    "service.tasks.simulate:simulate",
+)
+REACH = Endpoint(
+    "/v1/robots/{robot}/reach",
+    "service.schemas.reach:ReachRequest",
+    "service.tasks.reach:reach_task",
+)
+CONVERT = Endpoint(
+    "/v1/convert",
+    "service.schemas.retime:ConvertRequest",
+    "service.tasks.retime:convert",
+    takes_robot=False,
+    takes_scene=False,
+)

@@ -1,0 +1,160 @@
+"""Answers computed in this process, by the tasks that a service's workers run."""
+
+import json
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import platformdirs
+from rich.console import Console
+
+from command_line.endpoints import Endpoint
+from command_line.parameters import RobotSource
+from command_line.robot_files import is_file, robot_document
+from kinematics.robots import builtin_names
+from planning.deadline import Deadline
+from service.problem import ProblemError, from_fields
+from service.schemas.robot import RobotBody
+from service.schemas.validation import validate_as
+from service.settings import Settings
+from service.storage import prepared_files
+from service.storage.cache_key import Reference, builtin_reference
+from service.storage.store import open_store
+from service.tasks.result import CacheMiss, PlanOutcome, TaskProblem
+from service.workers import current
+
+#: Prepared robots of files take up to this many bytes of the user's cache.
+_CACHE_BYTES = 512 * 2**20
+#: The first attempt may find that a robot is not prepared.
+_ATTEMPTS = 2
+#: Scenes that are listed at most.
+_MAX_SCENES = 1_000
+
+
+def cache_folder() -> Path:
+    """Folder of the robots that commands prepared from files."""
+    return platformdirs.user_cache_path("armwright") / "command_line"
+
+
+class LocalBackend:
+    """This process: robots by name or from files, answers by the tasks of `service.tasks`."""
+
+    def __init__(self) -> None:
+        self._folder = cache_folder()
+        self._references: dict[str, Reference] = {}
+        self._documents: dict[str, bytes] = {}
+
+    def robot_name(self, source: RobotSource) -> str:
+        """The name that requests call a robot by.
+
+        Raises:
+            ProblemError: There is no such robot or file, or the file is malformed.
+        """
+        if source.robot in builtin_names():
+            return source.robot
+        if not is_file(source):
+            raise ProblemError(
+                "NOT_FOUND",
+                f"there is neither a built-in robot nor a file {source.robot!r}",
+                hint=f"Built in are: {', '.join(builtin_names())}.",
+            )
+        body = validate_as(RobotBody, robot_document(source))
+        document = body.model_dump_json(exclude_none=True).encode()
+        digest = prepared_files.document_hash(document)
+        self._folder.mkdir(parents=True, exist_ok=True)
+        self._references[body.name] = Reference("robot", body.name, digest, str(self._folder))
+        self._documents[body.name] = document
+        return body.name
+
+    def robot_model(self, name: str) -> dict[str, Any]:
+        """The model of a robot, as ``GET /v1/robots/{name}`` answers it."""
+        from service.tasks.robots import robot_model  # noqa: PLC0415
+
+        model = self._run(robot_model, [self._reference(name)])
+        return dict(json.loads(model.answer))
+
+    def robot_names(self) -> list[dict[str, Any]]:
+        """Summaries of the built-in robots."""
+        models = (self.robot_model(name) for name in builtin_names())
+        return [
+            {"name": model["name"], "built_in": True, "joints": len(model["joint_names"])}
+            for model in models
+        ]
+
+    def scenes(self) -> list[dict[str, Any]]:
+        """Summaries of the scenes in the data folder of this user's service."""
+        settings = Settings()
+        if settings.database_url is None and not (settings.data_dir / "armwright.db").is_file():
+            return []
+        store = open_store(settings.storage_url)
+        try:
+            records = store.documents.list("scene", "", _MAX_SCENES)
+        finally:
+            store.close()
+        return [
+            {"name": record.name, "version": record.version, "hash": record.hash}
+            for record in records
+        ]
+
+    def answer(self, endpoint: Endpoint, robot: str | None, body: dict[str, Any]) -> bytes:
+        """The answer to a request, computed here.
+
+        Args:
+            endpoint: What is asked.
+            robot: Name of the robot, if there is one.
+            body: The request.
+
+        Raises:
+            ProblemError: The request does not have the right form, or has no answer.
+            ArmwrightError: The request is at fault.
+        """
+        validate_as(_load(endpoint.model), body)
+        if isinstance(body.get("scene"), str):
+            raise ProblemError(
+                "NOT_FOUND",
+                f"there is no scene file {body['scene']!r}",
+                hint="Give a JSON or MoveIt YAML file; names are those of a service (--url).",
+            )
+        arguments: list[Any] = []
+        if endpoint.takes_robot:
+            arguments.append(None if robot is None else self._reference(robot))
+        if endpoint.takes_scene:
+            arguments.append(None)
+        arguments.append(json.dumps(body).encode())
+        seconds = body.get("timeout") or Settings.model_fields["default_timeout"].default
+        task = _load(endpoint.task)
+        with Console(stderr=True).status("starting") as status:
+            current.begin(Deadline.after(seconds), lambda _, stage: status.update(stage))
+            try:
+                result = self._run(task, arguments)
+            finally:
+                current.end()
+        return result.content if isinstance(result, PlanOutcome) else bytes(result)
+
+    def close(self) -> None:
+        """Keep the cache of prepared robots small."""
+        if self._references:
+            prepared_files.trim(str(self._folder), _CACHE_BYTES)
+
+    def _reference(self, name: str) -> Reference:
+        return self._references.get(name) or builtin_reference(name)
+
+    def _run(self, task: Any, arguments: list[Any]) -> Any:
+        """The result of a task, once the robot that it names is prepared."""
+        from service.tasks.robots import prepare_robot  # noqa: PLC0415
+
+        for _ in range(_ATTEMPTS):
+            result = task(*arguments)
+            if isinstance(result, TaskProblem):
+                raise from_fields(result.code, result.message, result.hint, result.details)
+            if not isinstance(result, CacheMiss):
+                return result
+            reference = result.reference
+            prepare_robot(self._documents[reference.name], reference.folder)
+        raise ProblemError("CRASH", f"the robot {reference.name!r} can't be prepared")
+
+
+def _load(name: str) -> Any:
+    """The object of a name ``"module:attribute"``."""
+    module, _, attribute = name.partition(":")
+    return getattr(import_module(module), attribute)

@@ -1,0 +1,30 @@
+"""The entry point of the command ``armwright``.
+
+Commands of the server start as quickly as before: nothing that they do not need is imported.
+"""
+
+import sys
+from collections.abc import Sequence
+
+#: Commands that `service.cli` parses.
+SERVER_COMMANDS = ("serve", "warm", "keys", "audit")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command and give the exit code.
+
+    Args:
+        arguments: Those of the command line, without the program's name.
+    """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    if words and words[0] in SERVER_COMMANDS:
+        from service.cli import main as server_main  # noqa: PLC0415
+
+        return server_main(words)
+    from command_line.app import run  # noqa: PLC0415
+
+    return run(words)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

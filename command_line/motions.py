@@ -1,0 +1,250 @@
+"""The commands that plan, check, prove, time, simulate and convert motions."""
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from command_line import values
+from command_line.backend import connect
+from command_line.endpoints import (
+    CHECK,
+    CONVERT,
+    PLAN,
+    RETIME,
+    SIMULATE,
+    VALIDATE,
+    Endpoint,
+)
+from command_line.kinematics import Joints
+from command_line.output import print_json, print_line, print_table, save, word
+from command_line.parameters import Connection, Margin, Request, RobotSource, Scene, command
+from command_line.problems import negative
+from command_line.robot_files import read_json
+
+#: Poles of the error dynamics at 20 rad/s, critically damped: a tenth of a second to settle.
+_CONTROLLER = '{"type": "computed_torque", "natural_frequency": 20.0, "damping": 1.0}'
+
+Motion = Annotated[
+    Path, typer.Argument(help="JSON file of a trajectory, or of an answer that holds one.")
+]
+
+
+def _ask(
+    connection: Connection,
+    endpoint: Endpoint,
+    robot: RobotSource | None,
+    request: Request,
+    body: dict[str, Any],
+) -> bytes:
+    """The answer to a request, printed as JSON or written to a file where that is asked for.
+
+    Args:
+        connection: Where to compute.
+        endpoint: What to ask.
+        robot: The robot, if there is one.
+        request: Deadline, further fields and the file to write.
+        body: Fields of the request; those that are None are left out.
+    """
+    further = {} if request.fields is None else read_json(request.fields)
+    given = body | {"timeout": request.timeout}
+    fields = further | {name: value for name, value in given.items() if value is not None}
+    with connect(connection) as backend:
+        name = None if robot is None else backend.robot_name(robot)
+        if name is not None and "{robot}" not in endpoint.path:
+            fields["robot"] = name
+        answer = backend.answer(endpoint, name, fields)
+    if request.output is not None:
+        save(request.output, answer)
+    if connection.as_json:
+        print_json(answer)
+    return answer
+
+
+@command
+def plan(
+    connection: Connection,
+    robot: RobotSource,
+    start: Annotated[str, typer.Option(help="Joints between commas, or a named state.")],
+    goal: Annotated[
+        str, typer.Option(help="Joints, a named state, a pose as JSON, or the API's own JSON.")
+    ],
+    request: Request,
+    scene: Scene = None,
+    margin: Margin = 0.0,
+    planner: Annotated[str, typer.Option(help="As the API names them.")] = "auto",
+) -> None:
+    """Plan a timed motion that is proved free of collision and inside all limits."""
+    body = {
+        "start": values.goal("--start", start),
+        "goal": values.goal("--goal", goal),
+        "scene": values.scene(scene),
+        "margin": margin,
+        "planner": planner,
+    }
+    answer = json.loads(_ask(connection, PLAN, robot, request, body))
+    if connection.as_json:
+        return
+    print_table(
+        f"Plan found by {answer['planner']}",
+        ("stage", "outcome", "time [ms]"),
+        ((stage["name"], stage["outcome"], stage["milliseconds"]) for stage in answer["stages"]),
+    )
+    print_line(f"duration {answer['trajectory']['duration']:.4f} s")
+    _show_certificate(answer["certificate"])
+    for note in answer["notes"]:
+        print_line(f"note: {note}", "yellow")
+
+
+@command
+def check(
+    connection: Connection,
+    robot: RobotSource,
+    joints: Joints,
+    request: Request,
+    scene: Scene = None,
+    margin: Margin = 0.0,
+) -> None:
+    """Check one configuration for limits and collisions; exit with 1 where it is not valid."""
+    with connect(connection) as backend:
+        states = backend.robot_model(backend.robot_name(robot))["states"]
+    body = {
+        "joints": values.configuration("--joints", joints, states),
+        "scene": values.scene(scene),
+        "margin": margin,
+    }
+    answer = json.loads(_ask(connection, CHECK, robot, request, body))
+    if not connection.as_json:
+        _show_check(answer)
+    if not answer["valid"]:
+        raise negative()
+
+
+def _show_check(answer: dict[str, Any]) -> None:
+    pair = " and ".join(answer["clearance_pair"] or ("nothing",))
+    print_line("valid" if answer["valid"] else "not valid", "bold")
+    print_line(f"clearance {word(answer['clearance'])} m, between {pair}")
+    rows = [("collision", *item["pair"], item["depth"]) for item in answer["collisions"]]
+    rows += [
+        ("limit", item["joint"], f"limit {word(item['limit'])}", item["value"])
+        for item in answer["limit_violations"]
+    ]
+    if rows:
+        print_table("Violations", ("kind", "of", "with", "depth [m] or value"), rows)
+
+
+@command
+def validate(
+    connection: Connection,
+    robot: RobotSource,
+    motion: Motion,
+    request: Request,
+    scene: Scene = None,
+    margin: Margin = 0.0,
+) -> None:
+    """Prove a motion for every instant; exit with 1 where it is not proved."""
+    body = {
+        "trajectory": values.motion(motion),
+        "scene": values.scene(scene),
+        "margin": margin,
+    }
+    certificate = json.loads(_ask(connection, VALIDATE, robot, request, body))
+    if not connection.as_json:
+        _show_certificate(certificate)
+    if not certificate["verified"]:
+        raise negative()
+
+
+def _show_certificate(certificate: dict[str, Any]) -> None:
+    verified = certificate["verified"]
+    print_line("proved" if verified else "not proved", "bold green" if verified else "bold red")
+    clearance = certificate["min_clearance"]
+    if clearance is not None:
+        pair = " and ".join(certificate["clearance_pair"] or ())
+        print_line(f"clearance at least {clearance:.4f} m at every instant, between {pair}")
+    for reason in certificate["proved"]["reasons"]:
+        print_line(f"not proved: {reason}", "yellow")
+    violation = certificate["violation"]
+    if violation is not None:
+        rows = ((name, json.dumps(value)) for name, value in violation.items())
+        print_table("First violation", ("field", "value"), rows)
+
+
+@command
+def retime(
+    connection: Connection,
+    robot: RobotSource,
+    path: Annotated[
+        Path, typer.Argument(help='JSON file with {"joints": [[...], ...]}, or a plan.')
+    ],
+    request: Request,
+    method: Annotated[str, typer.Option(help="toppra, spline or jerk_limited.")] = "toppra",
+    scaling: Annotated[
+        float, typer.Option(help="Share of the velocity limits that is used.", min=0.001, max=1.0)
+    ] = 1.0,
+) -> None:
+    """Time a path of waypoints within the robot's limits; collisions are not looked at."""
+    document = read_json(path)
+    waypoints = {"joints": document["path"]["joints"]} if "path" in document else document
+    body = {"path": waypoints, "timing": {"method": method, "velocity_scaling": scaling}}
+    answer = json.loads(_ask(connection, RETIME, robot, request, body))
+    if connection.as_json:
+        return
+    print_line(f"duration {answer['trajectory']['duration']:.4f} s")
+    print_table("Largest values of each joint", ("of", "joints"), answer["peaks"].items())
+    for note in answer["notes"]:
+        print_line(f"note: {note}", "yellow")
+
+
+@command
+def simulate(
+    connection: Connection,
+    robot: RobotSource,
+    motion: Motion,
+    request: Request,
+    scene: Scene = None,
+    controller: Annotated[
+        str, typer.Option(help="Controller with its gains, JSON or a file.")
+    ] = _CONTROLLER,
+) -> None:
+    """Follow a motion with a controller; with a scene, say what tracking leaves of clearance."""
+    value = values.read_value("--controller", controller)
+    body = {
+        "trajectory": values.motion(motion),
+        "controller": {"type": value} if isinstance(value, str) else value,
+        "scene": values.scene(scene),
+    }
+    answer = json.loads(_ask(connection, SIMULATE, robot, request, body))
+    if connection.as_json:
+        return
+    print_line(f"{answer['outcome']}: {answer['advice']}", "bold")
+    print_line(f"largest tracking error {answer['max_tracking_error']:.3g} rad or m")
+    print_table(
+        "Largest tracking errors",
+        ("joint", "error [rad or m]"),
+        ((i + 1, f"{error:.3g}") for i, error in enumerate(answer["max_joint_errors"])),
+    )
+    for note in answer["notes"]:
+        print_line(f"note: {note}", "yellow")
+
+
+@command
+def convert(
+    connection: Connection,
+    motion: Motion,
+    request: Request,
+    form: Annotated[
+        str, typer.Option("--format", help="joint_trajectory (ROS, JSON) or csv.")
+    ] = "joint_trajectory",
+    sample_period: Annotated[float, typer.Option(help="Time between rows [s].")] = 0.01,
+) -> None:
+    """Convert a motion to trajectory_msgs/JointTrajectory or CSV, on standard output."""
+    body = {
+        "trajectory": values.motion(motion),
+        "format": form,
+        "sample_period": sample_period,
+    }
+    answer = _ask(connection, CONVERT, None, request, body)
+    if request.output is None and not connection.as_json:
+        print_json(answer)

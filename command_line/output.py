@@ -1,0 +1,81 @@
+"""Answers for people, as tables, and for programs, as JSON."""
+
+import json
+import sys
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+#: Digits after the point of lengths [m] and angles [rad].
+_DIGITS = 4
+
+
+def console() -> Console:
+    """The console that people read; made anew since tests replace standard output."""
+    return Console(highlight=False, soft_wrap=True)
+
+
+def print_json(answer: bytes | Any) -> None:
+    """Print an answer as JSON.
+
+    Args:
+        answer: The answer of the API, or a value.
+    """
+    text = answer.decode() if isinstance(answer, bytes) else json.dumps(answer)
+    sys.stdout.write(text.rstrip("\n") + "\n")
+
+
+def print_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
+    """Print a table.
+
+    Args:
+        title: Above it.
+        columns: Their names.
+        rows: Their values; numbers are rounded.
+    """
+    table = Table(title=title, title_justify="left")
+    for column in columns:
+        table.add_column(Text(column), overflow="fold")
+    for row in rows:
+        table.add_row(*(Text(word(value)) for value in row))
+    # As wide as the table needs where no terminal limits it: pipes get whole words.
+    wide = Console(highlight=False, width=None if sys.stdout.isatty() else 240)
+    wide.print(table)
+
+
+def print_line(text: str, style: str = "") -> None:
+    """Print a line that is not broken.
+
+    Args:
+        text: The line.
+        style: Color and weight, as rich names them.
+    """
+    console().print(Text(text, style=style))
+
+
+def word(value: Any) -> str:
+    """A value in a table: numbers rounded, lists with commas, "-" for nothing."""
+    if value is None:
+        return "-"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:.{_DIGITS}f}"
+    if isinstance(value, list | tuple):
+        return ", ".join(word(item) for item in value)
+    return str(value)
+
+
+def save(path: Path, answer: bytes) -> None:
+    """Write an answer to a file.
+
+    Args:
+        path: Of the file.
+        answer: The answer of the API.
+    """
+    path.write_bytes(answer)
+    Console(stderr=True, highlight=False).print(Text(f"written to {path}"))

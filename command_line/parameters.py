@@ -1,0 +1,112 @@
+"""Parameters that commands share, as groups that a command's signature names once."""
+
+import inspect
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple, get_type_hints
+
+import typer
+
+from command_line.problems import shows_problems
+
+
+class Connection(NamedTuple):
+    """Place of the computation and form of the answer."""
+
+    url: Annotated[
+        str | None,
+        typer.Option(
+            envvar="ARMWRIGHT_URL", help="Address of a service; computed here if left out."
+        ),
+    ] = None
+    token: Annotated[
+        str | None, typer.Option(envvar="ARMWRIGHT_TOKEN", help="API key of that service.")
+    ] = None
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the answer of the API instead of tables.")
+    ] = False
+
+
+class RobotSource(NamedTuple):
+    """The robot of a command, and what its description leaves open."""
+
+    robot: Annotated[
+        str,
+        typer.Argument(
+            help="Name of a robot, or path of a URDF, a folder with one, a .zip, or the JSON of an "
+            "upload."
+        ),
+    ]
+    srdf: Annotated[Path | None, typer.Option(help="SRDF file that belongs to the URDF.")] = None
+    base_link: Annotated[str | None, typer.Option(help="Link that the chain begins at.")] = None
+    tip_link: Annotated[str | None, typer.Option(help="Last link of the chain.")] = None
+    joint_limits: Annotated[
+        Path | None, typer.Option(help="Limits by joint, JSON or MoveIt's joint_limits.yaml.")
+    ] = None
+
+
+class Request(NamedTuple):
+    """Deadline of a request, and any further fields of it."""
+
+    timeout: Annotated[
+        float | None, typer.Option(help="Deadline [s]; 10 if left out.", min=0.001)
+    ] = None
+    fields: Annotated[
+        Path | None,
+        typer.Option(help="JSON file with further fields of the request, as the API has them."),
+    ] = None
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Write the answer to this file.")
+    ] = None
+
+
+Scene = Annotated[
+    str | None, typer.Option(help="JSON or MoveIt YAML file; with --url also a stored scene.")
+]
+Margin = Annotated[float, typer.Option(help="Distance to keep from obstacles [m].", min=0.0)]
+
+
+def command(function: Callable[..., None]) -> Callable[..., None]:
+    """A command whose parameter groups are spread out, and whose problems are shown.
+
+    Args:
+        function: Takes values and groups (named tuples of annotated fields), `Connection` among
+            them.
+    """
+    hints = get_type_hints(function, include_extras=True)
+    groups: dict[str, Any] = {}
+    parameters: list[inspect.Parameter] = []
+    for parameter in inspect.signature(function).parameters.values():
+        kind = hints[parameter.name]
+        if hasattr(kind, "_fields"):
+            groups[parameter.name] = kind
+            parameters += _fields(kind)
+        else:
+            parameters.append(parameter.replace(kind=parameter.KEYWORD_ONLY, annotation=kind))
+
+    def run(**values: Any) -> None:
+        arguments = dict(values)
+        for name, kind in groups.items():
+            arguments[name] = kind(**{field: arguments.pop(field) for field in kind._fields})
+        with shows_problems(values["as_json"]):
+            function(**arguments)
+
+    run.__name__ = function.__name__
+    run.__doc__ = inspect.getdoc(function)
+    run.__annotations__ = {item.name: item.annotation for item in parameters}
+    run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    return run
+
+
+def _fields(kind: Any) -> list[inspect.Parameter]:
+    """Fields of a group as parameters."""
+    hints = get_type_hints(kind, include_extras=True)
+    return [
+        inspect.Parameter(
+            name,
+            inspect.Parameter.KEYWORD_ONLY,
+            default=kind._field_defaults.get(name, inspect.Parameter.empty),
+            annotation=hints[name],
+        )
+        for name in kind._fields
+    ]

@@ -1,0 +1,99 @@
+"""Problems of commands: title, detail and hint for people, the problem document for programs."""
+
+import json
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+
+import typer
+from rich.console import Console
+from rich.text import Text
+
+from command_line.exit_codes import UNREACHABLE, ExitCode, exit_code
+from kinematics.errors import ArmwrightError
+from service.http.errors import document, from_domain
+from service.problem import ProblemError
+
+#: Title of the one problem that no service answers.
+_UNREACHABLE_TITLE = "The service can't be reached"
+#: Fields of a problem document beside those that a service's answer has, which say more.
+_INSTANCE = "command line"
+
+
+class CommandProblem(Exception):
+    """A problem that ends a command.
+
+    Args:
+        document: The problem document (RFC 9457).
+    """
+
+    def __init__(self, document: Mapping[str, Any]) -> None:
+        super().__init__(str(document["detail"]))
+        self.document = dict(document)
+
+
+def unreachable(detail: str, hint: str) -> CommandProblem:
+    """The problem of a service that does not answer.
+
+    Args:
+        detail: The address and what happened.
+        hint: What to do about it.
+    """
+    problem = document(ProblemError(UNREACHABLE, detail, hint=hint), _INSTANCE)
+    return CommandProblem(problem | {"title": _UNREACHABLE_TITLE, "status": 503})
+
+
+def invalid_value(name: str, detail: str, hint: str | None = None) -> ProblemError:
+    """The problem of an option or file that can't be read.
+
+    Args:
+        name: The option or the path.
+        detail: What is wrong with it.
+        hint: What to do about it.
+    """
+    return ProblemError("VALIDATION_ERROR", f"{name}: {detail}", hint=hint, stage="command line")
+
+
+@contextmanager
+def shows_problems(as_json: bool) -> Iterator[None]:
+    """Show a problem that ends the block, and exit with the code of its class.
+
+    Args:
+        as_json: Whether to print the problem document, on standard output.
+
+    Raises:
+        typer.Exit: The block ended with a problem.
+    """
+    try:
+        yield
+    except (ArmwrightError, ProblemError, CommandProblem, OSError) as error:
+        problem = _document(error)
+        if as_json:
+            sys.stdout.write(json.dumps(problem) + "\n")
+        else:
+            _show(problem)
+        raise typer.Exit(exit_code(problem["code"])) from None
+
+
+def _document(error: Exception) -> dict[str, Any]:
+    if isinstance(error, CommandProblem):
+        return error.document
+    if isinstance(error, ArmwrightError):
+        return document(from_domain(error), _INSTANCE)
+    if isinstance(error, ProblemError):
+        return document(error, _INSTANCE)
+    return document(ProblemError("INVALID_REQUEST", str(error), stage="command line"), _INSTANCE)
+
+
+def _show(problem: Mapping[str, Any]) -> None:
+    console = Console(stderr=True, highlight=False)
+    console.print(Text(f"{problem['title']} ({problem['code']})", style="bold red"))
+    console.print(Text(str(problem["detail"])), soft_wrap=True)
+    if problem.get("hint"):
+        console.print(Text(f"Hint: {problem['hint']}", style="yellow"), soft_wrap=True)
+
+
+def negative() -> typer.Exit:
+    """The end of a command that answered no."""
+    return typer.Exit(ExitCode.NEGATIVE)

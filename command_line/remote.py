@@ -1,0 +1,169 @@
+"""Answers of a service at a URL, asked through the client package."""
+
+import hashlib
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from command_line.endpoints import Endpoint
+from command_line.parameters import RobotSource
+from command_line.problems import CommandProblem, unreachable
+from command_line.robot_files import is_file, robot_document
+
+if TYPE_CHECKING:
+    from armwright_client import Client
+
+#: Digits of a digest in the name of an uploaded robot.
+_DIGITS = 16
+
+
+def remote_backend(url: str, token: str | None) -> "RemoteBackend":
+    """The backend of a service.
+
+    Args:
+        url: Its address.
+        token: API key.
+
+    Raises:
+        CommandProblem: The client package is not installed, or the address is malformed.
+    """
+    try:
+        from armwright_client import Client, ClientOptions  # noqa: PLC0415
+    except ImportError as error:
+        raise unreachable(
+            f"the client of a service can't be imported: {error}",
+            "Install armwright-client (pip install ./client), or leave --url out.",
+        ) from None
+    options: ClientOptions = {} if token is None else {"token": token}
+    with _problems(url):
+        return RemoteBackend(url, Client(url, **options))
+
+
+class RemoteBackend:
+    """A service at a URL.
+
+    Args:
+        url: Its address.
+        client: Connected to it.
+    """
+
+    def __init__(self, url: str, client: "Client") -> None:
+        self._url = url
+        self._client = client
+        self._uploaded: list[str] = []
+
+    def robot_name(self, source: RobotSource) -> str:
+        """The name that requests call a robot by; one of a file is uploaded for this command.
+
+        Raises:
+            ProblemError: The file is malformed.
+            CommandProblem: The service refuses it.
+        """
+        if not is_file(source):
+            return source.robot
+        from armwright_client import Conflict, RobotUpload  # noqa: PLC0415
+
+        document = robot_document(source)
+        digest = hashlib.sha256(json.dumps(document, sort_keys=True).encode()).hexdigest()
+        name = f"file-{digest[:_DIGITS]}"
+        with _problems(self._url):
+            try:
+                self._client.robots.create(RobotUpload.of(**document | {"name": name}))
+                self._uploaded.append(name)
+            except Conflict:  # the same content is there already
+                pass
+        return name
+
+    def robot_model(self, name: str) -> dict[str, Any]:
+        """The model of a robot."""
+        with _problems(self._url):
+            return self._client.robots.get(name).model_dump(mode="json")
+
+    def robot_names(self) -> list[dict[str, Any]]:
+        """Summaries of all robots."""
+        return self._pages(self._client.robots.list, "robots")
+
+    def scenes(self) -> list[dict[str, Any]]:
+        """Summaries of the stored scenes."""
+        return self._pages(self._client.scenes.list, "scenes")
+
+    def answer(self, endpoint: Endpoint, robot: str | None, body: dict[str, Any]) -> bytes:
+        """The answer to a request.
+
+        Args:
+            endpoint: What is asked.
+            robot: Name of the robot, if there is one.
+            body: The request.
+
+        Raises:
+            CommandProblem: The service answers a problem, or not at all.
+        """
+        from armwright_client.call import Call  # noqa: PLC0415
+
+        call = Call(
+            "POST",
+            endpoint.path.format(robot=robot),
+            bytes,
+            _open_request(body),
+            deadline=body.get("timeout"),
+        )
+        with _problems(self._url):
+            return self._client._sender.send(call)
+
+    def readiness(self) -> str:
+        """The state of its workers, in words.
+
+        Raises:
+            CommandProblem: It does not answer, or is not ready.
+        """
+        with _problems(self._url):
+            ready = self._client.readyz()
+        return f"ready, {ready.workers} workers"
+
+    def close(self) -> None:
+        """Remove the robots that this command uploaded, and close the connection."""
+        try:
+            with _problems(self._url):
+                for name in self._uploaded:
+                    self._client.robots.delete(name)
+        finally:
+            self._client.close()
+
+    def _pages(self, read: Any, field: str) -> list[dict[str, Any]]:
+        items: list[dict[str, Any]] = []
+        after: str | None = None
+        with _problems(self._url):
+            while True:
+                page = read(after=after).model_dump(mode="json")
+                items += page[field]
+                after = page.get("next")
+                if after is None:
+                    return items
+
+
+def _open_request(body: dict[str, Any]) -> Any:
+    """A request of any fields: the service, not the client, says what is wrong with it."""
+    from pydantic import ConfigDict  # noqa: PLC0415
+
+    from armwright_client.base import Request  # noqa: PLC0415
+
+    class OpenRequest(Request):
+        model_config = ConfigDict(extra="allow")
+
+    return OpenRequest.model_validate(body)
+
+
+@contextmanager
+def _problems(url: str) -> Iterator[None]:
+    """Problems of the client as problems of the command."""
+    from armwright_client import ApiError, ArmwrightError  # noqa: PLC0415
+
+    try:
+        yield
+    except ApiError as error:
+        raise CommandProblem(error.problem.model_dump(mode="json")) from None
+    except ArmwrightError as error:
+        raise unreachable(
+            f"{url}: {error}", "Start one with `armwright serve`, or leave --url out."
+        ) from None

@@ -1,0 +1,128 @@
+"""Values of options: configurations, poses, goals, scenes and motions."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from command_line.problems import invalid_value
+from command_line.robot_files import read_json
+
+#: Fields of a goal; an object without any of them is a pose.
+_GOAL_FIELDS = {"joints", "state", "pose", "any_of"}
+_POSE_HINT = (
+    'Give JSON {"position": [x, y, z], "quaternion_xyzw": [x, y, z, w]}, a file with it, or the '
+    "numbers x,y,z,roll,pitch,yaw or x,y,z,qx,qy,qz,qw."
+)
+_MOVEIT_FILES = (".yaml", ".yml")
+
+
+def read_value(name: str, text: str) -> Any:
+    """The value of an option: JSON, numbers between commas, a JSON file, or a word.
+
+    Args:
+        name: The option.
+        text: Its text.
+
+    Raises:
+        ProblemError: It looks like JSON, and is not.
+    """
+    if text.lstrip().startswith(("{", "[")):
+        try:
+            return json.loads(text)
+        except ValueError as error:
+            raise invalid_value(name, f"it is not JSON: {error}") from None
+    numbers = _numbers(text)
+    if numbers is not None:
+        return numbers
+    if Path(text).suffix == ".json":
+        return read_json(Path(text))
+    return text
+
+
+def configuration(name: str, text: str, states: Mapping[str, list[float]]) -> list[float]:
+    """The joint positions of an option [rad or m].
+
+    Args:
+        name: The option.
+        text: Numbers, or the name of a state.
+        states: Named states of the robot.
+
+    Raises:
+        ProblemError: It is neither.
+    """
+    value = read_value(name, text)
+    if isinstance(value, list):
+        return value
+    if isinstance(value, str) and value in states:
+        return states[value]
+    names = f"one of the states {', '.join(states)}" if states else "the robot has no named states"
+    raise invalid_value(
+        name, f"{text!r} is no configuration", f"Give numbers between commas; {names}."
+    )
+
+
+def pose(name: str, text: str) -> dict[str, Any]:
+    """The pose of an option.
+
+    Raises:
+        ProblemError: It is none.
+    """
+    value = read_value(name, text)
+    if isinstance(value, dict):
+        return dict(value.get("pose", value))
+    if isinstance(value, list) and len(value) in (3, 6, 7):
+        rest = {6: "rpy", 7: "quaternion_xyzw"}.get(len(value))
+        return {"position": value[:3]} | ({} if rest is None else {rest: value[3:]})
+    raise invalid_value(name, f"{text!r} is no pose", _POSE_HINT)
+
+
+def goal(name: str, text: str) -> dict[str, Any]:
+    """The start or goal of an option: joints, a pose, a named state, or the API's own JSON.
+
+    Raises:
+        ProblemError: It looks like JSON, and is not.
+    """
+    value = read_value(name, text)
+    if isinstance(value, list):
+        return {"joints": value}
+    if isinstance(value, str):
+        return {"state": value}
+    return value if _GOAL_FIELDS & set(value) else {"pose": value}
+
+
+def scene(text: str | None) -> dict[str, Any] | str | None:
+    """The scene of an option: that of a file, or the name of a stored one.
+
+    Args:
+        text: A JSON file, a MoveIt planning scene (YAML), JSON, or a name; None for none.
+
+    Raises:
+        ProblemError: The file is not there or is not JSON.
+    """
+    if text is None:
+        return None
+    path = Path(text)
+    if path.suffix in _MOVEIT_FILES:
+        return {"moveit": path.read_text("utf-8")}
+    value = read_value("--scene", text)
+    if isinstance(value, list):
+        raise invalid_value("--scene", "a JSON object is needed")
+    return value if isinstance(value, str) else dict(value)
+
+
+def motion(path: Path) -> dict[str, Any]:
+    """The trajectory of a file: one, or the answer that holds it.
+
+    Raises:
+        ProblemError: The file is not JSON.
+    """
+    document = read_json(path)
+    return dict(document.get("trajectory", document))
+
+
+def _numbers(text: str) -> list[float] | None:
+    try:
+        return [float(word) for word in text.split(",")]
+    except ValueError:
+        return None

@@ -1,0 +1,93 @@
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from command_line.exit_codes import ExitCode
+from command_line.main import SERVER_COMMANDS, main
+from service.version import VERSION
+from tests.command_line.commands import Run
+
+COMMANDS = (
+    "plan",
+    "ik",
+    "fk",
+    "check",
+    "validate",
+    "retime",
+    "simulate",
+    "reach",
+    "convert",
+    "robots",
+    "scenes",
+    "doctor",
+)
+ROOT = Path(__file__).parents[2]
+
+
+def test_version_and_help(run: Run) -> None:
+    assert run("--version") == (0, f"armwright {VERSION}\n", "")
+    assert run()[0] == 2
+    text = run("--help").out
+    for name in (*COMMANDS, *SERVER_COMMANDS):
+        assert f"  {name} " in text
+
+
+@pytest.mark.parametrize("words", [("dance",), ("fk",), ("fk", "panda", "--joint", "1")])
+def test_wrong_usage_has_its_own_exit_code(run: Run, words: tuple[str, ...]) -> None:
+    answer = run(*words)
+    assert answer.code == 2
+    assert "Usage: armwright" in answer.err
+
+
+def test_commands_of_the_server_keep_their_flags_and_exit_codes(
+    run: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = str(tmp_path / "keys")
+    assert run("serve", "--data-dir", folder, "--port", "70000").code == 1
+    made = run("keys", "create", "--name", "mine", "--data-dir", folder)
+    assert made.code == 0
+    assert made.out.startswith("aw_")
+    assert "mine" in run("keys", "list", "--data-dir", folder).out
+    assert run("audit", "--limit", "5", "--data-dir", folder).code == 0
+    with pytest.raises(SystemExit) as end:
+        main(["serve", "--help"])
+    assert end.value.code == 0
+    assert "--insecure" in capsys.readouterr().out
+
+
+def test_the_server_starts_without_what_commands_for_people_need() -> None:
+    program = (
+        "import sys; from command_line.main import main; main(['serve', '--port', '70000']); "
+        "print({'typer', 'rich', 'numba'} & set(sys.modules))"
+    )
+    answer = subprocess.run(
+        [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert answer.stdout == "set()\n"
+
+
+def test_every_command_is_documented() -> None:
+    page = (ROOT / "docs/command_line.md").read_text("utf-8")
+    for name in (*COMMANDS, *SERVER_COMMANDS):
+        assert f"| `{name}" in page, name
+    for code in ExitCode:
+        assert f"| {int(code)} |" in page, code
+
+
+def test_a_shell_gets_completions() -> None:
+    answer = subprocess.run(
+        [sys.executable, "-c", "from command_line.main import main; main()"],
+        cwd=ROOT,
+        env={
+            "_ARMWRIGHT_COMPLETE": "complete_bash",
+            "COMP_WORDS": "armwright ro",
+            "COMP_CWORD": "1",
+            "PYTHONPATH": f"{ROOT}:{ROOT / 'client'}",
+        },
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert answer.stdout.split() == ["robots"], answer.stderr

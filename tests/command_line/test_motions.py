@@ -1,0 +1,111 @@
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.command_line.commands import Run
+from tests.service.robots import ASIDE, POST
+
+GOAL = ",".join(map(str, ASIDE))
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> str:
+    path = tmp_path / "scene.json"
+    path.write_text(json.dumps({"obstacles": [POST]}))
+    return str(path)
+
+
+@pytest.fixture
+def plan(run: Run, scene: str, tmp_path: Path) -> Path:
+    """A plan around the post, in a file."""
+    path = tmp_path / "plan.json"
+    words = ("--start", "home", "--goal", GOAL, "--scene", scene, "--timeout", "60")
+    answer = run("plan", "panda", *words, "--output", str(path))
+    assert answer.code == 0, answer.err
+    assert "\nproved\n" in answer.out
+    assert "certificate" in answer.out
+    return path
+
+
+def test_a_plan_is_proved_timed_followed_and_converted(run: Run, scene: str, plan: Path) -> None:
+    motion = json.loads(plan.read_text())
+    np.testing.assert_allclose(motion["path"]["joints"][-1], ASIDE, atol=1e-9)
+    duration = motion["trajectory"]["duration"]
+
+    proof = run("validate", "panda", str(plan), "--scene", scene, "--json")
+    assert (proof.code, proof.json["verified"]) == (0, True)
+    assert proof.json["min_clearance"] == pytest.approx(motion["certificate"]["min_clearance"])
+    refused = run("validate", "panda", str(plan), "--scene", scene, "--margin", "0.1")
+    assert refused.code == 1
+    assert "not proved" in refused.out
+    assert "post" in refused.out
+
+    half = run("retime", "panda", str(plan), "--scaling", "0.5", "--json").json
+    assert half["trajectory"]["duration"] > 1.5 * duration
+    assert max(half["peaks"]["velocity"]) <= 0.5 * 2.61 + 1e-9
+    assert "duration" in run("retime", "panda", str(plan)).out
+
+    tracked = run("simulate", "panda", str(plan), "--json").json
+    assert tracked["outcome"] == "completed"
+    assert tracked["max_tracking_error"] < 1e-3
+    assert "completed" in run("simulate", "panda", str(plan)).out
+
+    lines = run("convert", str(plan), "--format", "csv", "--sample-period", "0.1").out.splitlines()
+    assert lines[0].startswith("time,position.panda_joint1")
+    np.testing.assert_allclose(float(lines[-1].split(",")[0]), duration)
+    message = run("convert", str(plan)).json
+    np.testing.assert_allclose(message["points"][0]["positions"], motion["path"]["joints"][0])
+
+
+def test_a_check_answers_by_its_exit_code(run: Run, tmp_path: Path) -> None:
+    free = run("check", "panda", "-q", "home")
+    assert free.code == 0
+    assert free.out.startswith("valid\n")
+    box = {"type": "box", "size": [0.2, 0.2, 0.2]}
+    tip = run("fk", "panda", "-q", "home", "--json").json["pose"]
+    scene = tmp_path / "box.json"
+    scene.write_text(json.dumps({"obstacles": [{"id": "box", "shape": box, "pose": tip}]}))
+    hit = run("check", "panda", "-q", "home", "--scene", str(scene))
+    assert hit.code == 1
+    assert hit.out.startswith("not valid\n")
+    assert "box" in hit.out
+    beyond = run("check", "panda", "-q", "3,-0.785,0,-2.356,0,1.571,0.785", "--json")
+    assert beyond.code == 1
+    assert beyond.json["limit_violations"][0]["joint"] == "panda_joint1"
+
+
+def test_further_fields_come_from_a_file(run: Run, tmp_path: Path) -> None:
+    fields = tmp_path / "fields.json"
+    fields.write_text('{"depth": false}')
+    answer = run("check", "panda", "-q", "home", "--fields", str(fields), "--json")
+    assert answer.json["clearance"] is None
+    fields.write_text('{"depht": false}')
+    answer = run("check", "panda", "-q", "home", "--fields", str(fields))
+    assert answer.code == 3
+    assert "depht: unknown field" in answer.err
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "said"),
+    [
+        (("plan", "panda", "--start", "home", "--goal", "away"), 3, "home"),
+        (("plan", "panda", "--start", "home", "--goal", "0,0,0,0,0,0,0"), 4, "panda_joint4"),
+        (("plan", "panda", "--start", "home", "--goal", "home", "--planner", "luck"), 3, "luck"),
+        (("validate", "panda", "nowhere.json"), 3, "nowhere.json"),
+        (("simulate", "panda", "nowhere.json"), 3, "nowhere.json"),
+        (("convert", "nowhere.json"), 3, "nowhere.json"),
+    ],
+)
+def test_faults_are_told_by_class(run: Run, words: tuple[str, ...], code: int, said: str) -> None:
+    answer = run(*words)
+    assert answer.code == code, answer.err
+    assert said in answer.err
+    assert "Traceback" not in answer.err
+
+
+def test_a_deadline_has_its_exit_code(run: Run, scene: str) -> None:
+    words = ("--start", "home", "--goal", GOAL, "--scene", scene, "--timeout", "0.001")
+    answer = run("plan", "panda", *words, "--json")
+    assert (answer.code, answer.json["code"]) == (5, "TIMED_OUT")

@@ -1,0 +1,101 @@
+import json
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from kinematics.robots import builtin_names
+from tests.command_line.commands import Run
+from tests.service.robots import BOX_OBJ, FLOOR, POST, urdf
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder with a URDF and its mesh."""
+    path = tmp_path / "bench"
+    (path / "meshes").mkdir(parents=True)
+    (path / "arm.urdf").write_text(urdf("meshes/box.obj"))
+    (path / "meshes" / "box.obj").write_text(BOX_OBJ)
+    return path
+
+
+def archive(folder: Path) -> Path:
+    path = folder.with_suffix(".zip")
+    with zipfile.ZipFile(path, "w") as file:
+        for name in ("arm.urdf", "meshes/box.obj"):
+            file.write(folder / name, name)
+    return path
+
+
+def test_all_built_in_robots_are_listed(run: Run) -> None:
+    rows = run("robots", "--json").json["robots"]
+    assert [row["name"] for row in rows] == list(builtin_names())
+    assert next(row["joints"] for row in rows if row["name"] == "panda") == 7
+    assert "planar_rr" in run("robots").out
+
+
+def test_one_robot_is_shown_with_limits_and_states(run: Run) -> None:
+    text = run("robots", "panda").out
+    assert "panda_joint4" in text
+    assert "-3.0718" in text
+    assert "home" in text
+    assert run("robots", "panda", "--json").json["tip_link"] == "panda_hand_tcp"
+
+
+def test_a_robot_is_read_from_a_file_a_folder_an_archive_and_an_upload(
+    run: Run, folder: Path, tmp_path: Path
+) -> None:
+    upload = tmp_path / "upload.json"
+    upload.write_text(json.dumps({"urdf": urdf().replace("package://meshes/box.obj", "box.obj")}))
+    hashes = set()
+    for source in (folder / "arm.urdf", folder, archive(folder)):
+        model = run("robots", str(source), "--json").json
+        assert model["joint_names"] == ["shoulder", "elbow"]
+        hashes.add(model["hash"])
+    assert len(hashes) <= 2, "the name is part of the hash, the way it was read is not"
+    answer = run("robots", str(upload), "--json")
+    assert answer.code == 3
+    assert answer.json["code"] == "INVALID_ROBOT_DESCRIPTION"
+    assert "box.obj" in answer.json["detail"]
+
+
+@pytest.mark.parametrize(
+    ("source", "code"),
+    [
+        ("pandaa", "NOT_FOUND"),
+        ("./none.urdf", "VALIDATION_ERROR"),
+        ("{folder}/meshes/box.obj", "VALIDATION_ERROR"),
+        ("{folder}/meshes", "VALIDATION_ERROR"),
+    ],
+)
+def test_what_is_no_robot_is_refused(run: Run, folder: Path, source: str, code: str) -> None:
+    source = source.format(folder=folder)
+    answer = run("robots", source, "--json")
+    assert (answer.code, answer.json["code"]) == (3, code)
+    shown = run("robots", source)
+    assert "Hint: " in shown.err
+    assert "Traceback" not in shown.err
+    assert shown.out == ""
+
+
+def test_obstacles_of_scene_files_are_shown(run: Run, tmp_path: Path) -> None:
+    path = tmp_path / "scene.json"
+    path.write_text(json.dumps({"obstacles": [POST, FLOOR]}))
+    rows: list[dict[str, Any]] = run("scenes", str(path), "--json").json["obstacles"]
+    assert [row["id"] for row in rows] == ["post", "floor"]
+    assert rows[0]["position"] == [0.42, 0.28, 0.6]
+    moveit = tmp_path / "scene.yaml"
+    moveit.write_text(
+        "world:\n  collision_objects:\n    - id: shelf\n      primitives:\n"
+        "        - {type: box, dimensions: [0.1, 0.2, 0.3]}\n      primitive_poses:\n"
+        "        - {position: [1, 0, 0.5], orientation: [0, 0, 0, 1]}\n"
+    )
+    assert "shelf" in run("scenes", str(moveit)).out
+    path.write_text('{"obstacles": [{"id": 3}]}')
+    assert run("scenes", str(path)).code == 3
+
+
+def test_no_scenes_are_stored_at_first(run: Run, tmp_path: Path) -> None:
+    assert run("scenes", "--json").json == {"scenes": []}
+    assert not (tmp_path / "data").exists(), "listing makes no database"
