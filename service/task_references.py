@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     prepare_robot = service.tasks.robots.prepare_robot
     prepare_scene = service.tasks.robots.prepare_scene
     robot_model = service.tasks.robots.robot_model
+    robot_srdf = service.tasks.robots.robot_srdf
     robot_urdf = service.tasks.robots.robot_urdf
     unpack_robot = service.tasks.robots.unpack_robot
     simulate = service.tasks.simulate.simulate
@@ -86,6 +87,7 @@ else:
     prepare_robot = TaskReference("service.tasks.robots:prepare_robot")
     prepare_scene = TaskReference("service.tasks.robots:prepare_scene")
     robot_model = TaskReference("service.tasks.robots:robot_model")
+    robot_srdf = TaskReference("service.tasks.robots:robot_srdf")
     robot_urdf = TaskReference("service.tasks.robots:robot_urdf")
     unpack_robot = TaskReference("service.tasks.robots:unpack_robot")
     simulate = TaskReference("service.tasks.simulate:simulate", GRACE)

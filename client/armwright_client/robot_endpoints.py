@@ -133,9 +133,15 @@ class RobotEndpoints:
         return Call("PATCH", path("robots", name), Robot.read, body, deadline=_STORE_TIMEOUT)
 
     @Endpoint
-    def urdf(self, name: str) -> Call[str]:
-        """The URDF that a robot came as, or one written of its table."""
-        return Call("GET", path("robots", name, "urdf"), read_text)
+    def urdf(self, name: str, *, merge_limits: bool = False) -> Call[str]:
+        """The URDF that a robot came as, or one written of its table; with all known limits."""
+        query = {"joint_limits": "merged"} if merge_limits else {}
+        return Call("GET", path("robots", name, "urdf"), read_text, query=query)
+
+    @Endpoint
+    def srdf(self, name: str) -> Call[str]:
+        """An SRDF with the robot's chain, its named states and the pairs that may touch."""
+        return Call("GET", path("robots", name, "srdf"), read_text)
 
     @Endpoint
     def equations(

@@ -1,6 +1,6 @@
 """Robots by name, built-in ones among them."""
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Query, Request, Response
 from pydantic import ValidationError
@@ -30,7 +30,7 @@ from service.storage.document_store import Record
 from service.storage.idempotency_store import KeptAnswer
 from service.storage.robot_repository import is_built_in
 from service.task_references import change_robot as change_task
-from service.task_references import make_robot, robot_urdf, unpack_robot
+from service.task_references import make_robot, robot_srdf, robot_urdf, unpack_robot
 
 router = APIRouter(prefix="/v1/robots", tags=["robots"], route_class=JsonRoute, responses=RESPONSES)
 
@@ -138,14 +138,39 @@ async def get_robot(name: str, request: Request) -> Response:
     response_class=Response,
     responses={200: {"content": {"application/xml": {}}, "description": "The URDF."}},
 )
-async def get_urdf(name: str, request: Request) -> Response:
+async def get_urdf(
+    name: str,
+    request: Request,
+    joint_limits: Annotated[
+        Literal["original", "merged"],
+        Query(description="merged writes the robot's limits, given beside the URDF, into it"),
+    ] = "original",
+) -> Response:
     """The URDF that a robot came as, or one written of its Denavit-Hartenberg table.
 
     Of a table gravity, motor inertias and solids other than spheres, capsules and cylinders are
     named in comments at the head of the file.
     """
     document = await answers.robot_document(request, name)
-    content = await answers.answer(request, lambda robot, _: robot_urdf.job(robot, document), name)
+    merge = joint_limits == "merged"
+    content = await answers.answer(
+        request, lambda robot, _: robot_urdf.job(robot, document, merge), name
+    )
+    return Response(content, media_type="application/xml")
+
+
+@router.get(
+    "/{name}/srdf",
+    summary="The SRDF of a robot",
+    response_class=Response,
+    responses={200: {"content": {"application/xml": {}}, "description": "The SRDF."}},
+)
+async def get_srdf(name: str, request: Request) -> Response:
+    """An SRDF written of a robot: its chain, its named states and the pairs that may touch.
+
+    Where the robot came without an SRDF, the pairs are those that were found when it was stored.
+    """
+    content = await answers.answer(request, lambda robot, _: robot_srdf.job(robot), name)
     return Response(content, media_type="application/xml")
 
 

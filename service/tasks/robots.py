@@ -7,7 +7,9 @@ from pydantic import ValidationError
 from kinematics.description import MeshGeometry
 from kinematics.errors import InvalidRobotDescription
 from kinematics.robots import builtin_urdf
+from kinematics.srdf_writer import srdf_text
 from kinematics.urdf import parse_urdf
+from kinematics.urdf_limits import with_limits
 from obstacles.decomposition import keep_decompositions, written_decompositions
 from obstacles.scene import Scene
 from service.schemas.robot import RobotBody, RobotChanges
@@ -132,19 +134,33 @@ def robot_model(robot: Reference) -> RobotModel | CacheMiss:
 
 @task
 @reports_cache_miss
-def robot_urdf(robot: Reference, document: bytes | None) -> bytes | CacheMiss:
+def robot_urdf(
+    robot: Reference, document: bytes | None, merge_limits: bool = False
+) -> bytes | CacheMiss:
     """The URDF of a robot: as it came, or written of its table.
 
     Args:
         robot: The robot.
         document: Its stored document; None for a built-in one.
+        merge_limits: Whether limits that were given beside the URDF are written into it.
     """
     if document is None:
-        return builtin_urdf(robot.name).encode()
-    urdf = RobotBody.model_validate_json(document).urdf
-    if urdf is not None:
-        return urdf.encode()
-    return table_urdf(worker_cache.robot(robot).geometry).encode()
+        urdf: str | None = builtin_urdf(robot.name)
+    else:
+        urdf = RobotBody.model_validate_json(document).urdf
+    if urdf is None:  # its limits are the table's
+        return table_urdf(worker_cache.robot(robot).geometry).encode()
+    if merge_limits:
+        urdf = with_limits(urdf, worker_cache.chain(robot))
+    return urdf.encode()
+
+
+@task
+@reports_cache_miss
+def robot_srdf(robot: Reference) -> bytes | CacheMiss:
+    """The SRDF of a robot: its chain, its named states and the pairs that may touch."""
+    geometry = worker_cache.robot(robot).geometry
+    return srdf_text(geometry.chain, geometry.states, geometry.allowed).encode()
 
 
 @task
