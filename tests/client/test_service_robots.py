@@ -45,6 +45,17 @@ def test_a_table_becomes_a_robot(client: Client) -> None:
         client.robots.fk("mine", (0.3, 0.4))
 
 
+def test_motors_of_a_table_come_back(client: Client) -> None:
+    motor = ours.Motor(inertia=1e-4, gear_ratio=50.0, torque_constant=0.05, voltage_limit=24.0)
+    row = ours.DhRow(type="revolute", a=0.5, alpha=0.0, d=0.0, theta=0.0, motor=motor)
+    table = ours.DhTable(convention="standard", rows=[row])
+    robot = client.robots.create(ours.RobotUpload.from_dh("with_motor", table))
+    assert robot.motors == {"joint_1": motor}
+    assert robot.dh is not None
+    again = client.robots.create(ours.RobotUpload.from_dh("with_motor_too", robot.dh.table()))
+    assert (again.motors, again.dh) == (robot.motors, robot.dh)
+
+
 URDF = """<robot name="pendulum">
   <link name="base"/>
   <link name="arm">

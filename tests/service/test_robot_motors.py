@@ -1,5 +1,6 @@
 """Robots that have motors of their own, and closed loops that are driven by them."""
 
+import json
 from typing import Any
 
 import httpx
@@ -8,6 +9,7 @@ import pytest
 
 from kinematics.robots import builtin_urdf
 from tests.service.robots import answer, problem
+from tests.service.test_robots import archive
 
 MOTORS: list[dict[str, Any]] = [
     {"inertia": 1.2e-4, "friction": 2e-5, "torque_constant": 0.05, "back_emf": 0.002,
@@ -84,6 +86,15 @@ def test_motors_of_a_request_replace_the_robots(
     assert np.abs(free["voltage"]).max() > 5.0
 
 
+def test_friction_of_a_request_replaces_that_of_the_robots_motors(
+    client: httpx.Client, driven: dict[str, Any]
+) -> None:
+    bare = {"motor_inertia": 0.2, "viscous_friction": [0.5, 0.6]}
+    own = simulate(client, driven["name"], "computed_torque", **bare)
+    assert (own["motor_inertia"], own["viscous_friction"]) == ([0.2, 0.2], [0.5, 0.6])
+    assert np.abs(own["voltage"]).max() == pytest.approx(5.0)
+
+
 def test_the_mass_matrix_is_that_of_the_links_and_the_motors(
     client: httpx.Client, driven: dict[str, Any]
 ) -> None:
@@ -130,6 +141,18 @@ def test_motors_beside_a_urdf_drive_it_and_its_table(client: httpx.Client) -> No
     answer(client.post("/v1/robots", json={"name": "driven_table", "dh": model["dh"]}), 201)
     copy = simulate(client, "driven_table", "computed_torque")
     np.testing.assert_allclose(copy["voltage"], own["voltage"], rtol=0, atol=1e-6)
+
+
+def test_motors_beside_an_archive_are_a_field_of_its_form(client: httpx.Client) -> None:
+    file = {"file": ("driven_archive.zip", archive({"arm.urdf": builtin_urdf("planar_rr")}))}
+    form = {"motors": json.dumps({"*": MOTORS[0]})}
+    model = answer(client.post("/v1/robots", files=file, data=form), 201)
+    assert list(model["motors"].values()) == [MOTORS[0]] * 2
+    document = problem(
+        client.post("/v1/robots", files=file, data={"name": "x", "motors": '{"knee": {}}'}),
+        422, "VALIDATION_ERROR",
+    )  # fmt: skip
+    assert "motors.knee.inertia" in document["detail"]
 
 
 @pytest.mark.parametrize(
