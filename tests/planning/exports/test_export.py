@@ -56,6 +56,11 @@ def lists(text: str, pattern: str) -> Array:
     return np.array([[float(x) for x in m.split(",")] for m in re.findall(pattern, text)])
 
 
+def single(degrees: Array) -> Array:
+    """Radians of degrees that a controller reads as numbers of single precision."""
+    return np.asarray(np.deg2rad(degrees.astype(np.float32).astype(np.float64)))
+
+
 def points_of(made: Export, format_: ExportFormat) -> tuple[Array | None, list[Array]]:
     """Times and derivatives as parsers that were not written here read them."""
     if format_ == ExportFormat.CSV:
@@ -71,10 +76,10 @@ def points_of(made: Export, format_: ExportFormat) -> tuple[Array | None, list[A
         first, rows = (lists(made.text, p) for p in (r"q_start = \[(.*?)\]", r"movej\(\[(.*?)\]"))
         return None, [np.vstack([first, rows])]
     if format_ == ExportFormat.RAPID:
-        return None, [np.deg2rad(lists(made.text, r"MoveAbsJ \[\[(.*?)\], "))]
+        return None, [single(lists(made.text, r"MoveAbsJ \[\[(.*?)\], "))]
     if format_ == ExportFormat.KRL:
         degrees = [re.findall(r"A\d (\S+?)[,}]", line) for line in made.text.splitlines()]
-        return None, [np.deg2rad(np.array([row for row in degrees if row], dtype=float))]
+        return None, [single(np.array([row for row in degrees if row], dtype=float))]
     read = json.loads if format_ == ExportFormat.JOINT_TRAJECTORY_JSON else yaml.safe_load
     message = read(made.text)
     message = message.get("trajectory", message)
@@ -102,6 +107,7 @@ def test_the_interpolation_of_what_is_read_back_is_as_clear_as_proved(
     assert made.proved, made.certificate.violation
     times, rows = points_of(made, format_)
     assert len(rows[0]) == made.point_count
+    np.testing.assert_array_equal(made.motion.coefficients[:, :, 0], rows[0][:-1])
     world = FclWorld(UR, SCENE)
     dense = interpolated(times, rows, 300)
     least = min(world.clearance(q).distance for q in dense)
