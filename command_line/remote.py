@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from command_line.endpoints import Endpoint
 from command_line.parameters import RobotSource
-from command_line.problems import CommandProblem, unreachable
+from command_line.problems import CommandProblem, invalid_value, unreachable
 from command_line.robot_files import is_file, robot_document
 
 if TYPE_CHECKING:
@@ -26,7 +26,8 @@ def remote_backend(url: str, token: str | None) -> "RemoteBackend":
         token: API key.
 
     Raises:
-        CommandProblem: The client package is not installed, or the address is malformed.
+        CommandProblem: The client package is not installed.
+        ProblemError: The address or the key is malformed.
     """
     try:
         from armwright_client import Client, ClientOptions  # noqa: PLC0415
@@ -77,8 +78,9 @@ class RemoteBackend:
 
     def robot_model(self, name: str) -> dict[str, Any]:
         """The model of a robot."""
-        with _problems(self._url):
-            return self._client.robots.get(name).model_dump(mode="json")
+        from armwright_client.call import path  # noqa: PLC0415
+
+        return dict(json.loads(self._send("GET", path("robots", name))))
 
     def robot_names(self) -> list[dict[str, Any]]:
         """Summaries of all robots."""
@@ -99,17 +101,7 @@ class RemoteBackend:
         Raises:
             CommandProblem: The service answers a problem, or not at all.
         """
-        from armwright_client.call import Call  # noqa: PLC0415
-
-        call = Call(
-            "POST",
-            endpoint.path.format(robot=robot),
-            bytes,
-            _open_request(body),
-            deadline=body.get("timeout"),
-        )
-        with _problems(self._url):
-            return self._client._sender.send(call)
+        return self._send("POST", endpoint.path.format(robot=robot), body)
 
     def readiness(self) -> str:
         """The state of its workers, in words.
@@ -129,6 +121,16 @@ class RemoteBackend:
                     self._client.robots.delete(name)
         finally:
             self._client.close()
+
+    def _send(self, method: str, path: str, body: dict[str, Any] | None = None) -> bytes:
+        """The content of an answer, unread: the command prints it as the service wrote it."""
+        from armwright_client.call import Call  # noqa: PLC0415
+
+        request = None if body is None else _open_request(body)
+        deadline = None if body is None else body.get("timeout")
+        call = Call(method, path, bytes, request, deadline=deadline)
+        with _problems(self._url):
+            return self._client._sender.send(call)
 
     def _pages(self, read: Any, field: str) -> list[dict[str, Any]]:
         items: list[dict[str, Any]] = []
@@ -157,12 +159,14 @@ def _open_request(body: dict[str, Any]) -> Any:
 @contextmanager
 def _problems(url: str) -> Iterator[None]:
     """Problems of the client as problems of the command."""
-    from armwright_client import ApiError, ArmwrightError  # noqa: PLC0415
+    from armwright_client import ApiError, ArmwrightError, InvalidArgument  # noqa: PLC0415
 
     try:
         yield
     except ApiError as error:
         raise CommandProblem(error.problem.model_dump(mode="json")) from None
+    except InvalidArgument as error:
+        raise invalid_value("--url or --token", str(error)) from None
     except ArmwrightError as error:
         raise unreachable(
             f"{url}: {error}", "Start one with `armwright serve`, or leave --url out."

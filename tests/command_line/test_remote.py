@@ -1,0 +1,91 @@
+"""Commands that ask a service: the same answers as in process, and its refusals."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+
+from service.app import create_app
+from service.settings import Settings
+from tests.command_line.commands import Run
+from tests.service.robots import ASIDE, BOX_OBJ, POST, urdf
+from tests.service.server import serving
+
+
+@pytest.fixture(scope="module")
+def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx.Client]:
+    app = create_app(Settings(data_dir=tmp_path_factory.mktemp("remote"), workers=1))
+    with serving(app) as client:
+        yield client
+
+
+@pytest.fixture
+def url(client: httpx.Client) -> str:
+    return str(client.base_url)
+
+
+def test_a_service_answers_as_this_process_does(run: Run, url: str) -> None:
+    for words in (
+        ("fk", "panda", "-q", "home", "--json"),
+        ("ik", "ur5e", "--pose", "0.4,0.1,0.5,3.14159,0,0", "--json"),
+        ("check", "panda", "-q", "home", "--json"),
+        ("robots", "panda", "--json"),
+    ):
+        there, here = run(*words, "--url", url), run(*words)
+        assert there.code == here.code == 0, there.err
+        for name, value in there.json.items():
+            assert here.json[name] == value, name
+
+
+def test_a_stored_scene_is_named(run: Run, client: httpx.Client, url: str, tmp_path: Path) -> None:
+    assert client.post("/v1/scenes", json={"name": "posts", "obstacles": [POST]}).is_success
+    assert "posts" in run("scenes", "--url", url).out
+    goal = ",".join(map(str, ASIDE))
+    words = ("--start", "home", "--goal", goal, "--scene", "posts", "--url", url)
+    plan = tmp_path / "plan.json"
+    answer = run("plan", "panda", *words, "-o", str(plan), "--timeout", "30")
+    assert answer.code == 0, answer.err
+    assert "\nproved\n" in answer.out
+    there = run("validate", "panda", str(plan), "--scene", "posts", "--url", url)
+    assert there.code == 0
+    assert run("convert", str(plan), "--format", "csv", "--url", url).out.startswith("time,")
+
+
+def test_a_robot_of_a_file_is_uploaded_for_one_command(
+    run: Run, client: httpx.Client, url: str, tmp_path: Path
+) -> None:
+    (tmp_path / "box.obj").write_text(BOX_OBJ)
+    path = tmp_path / "arm.urdf"
+    path.write_text(urdf("box.obj"))
+    before = client.get("/v1/robots").json()
+    words = ("fk", str(path), "-q", "0.3,0.4", "--json")
+    there, here = run(*words, "--url", url), run(*words)
+    assert there.code == 0, there.out
+    assert there.json["pose"] == here.json["pose"]
+    assert client.get("/v1/robots").json() == before
+
+
+def test_problems_of_a_service_are_shown_as_those_of_this_process(run: Run, url: str) -> None:
+    for words in (("fk", "panda", "-q", "0,0"), ("ik", "panda", "--pose", "5,0,0,0,0,0")):
+        there, here = run(*words, "--url", url), run(*words)
+        assert there.code == here.code
+        assert there.err == here.err
+    unknown = run("fk", "nobody", "-q", "0", "--json", "--url", url)
+    assert (unknown.code, json.loads(unknown.out)["code"]) == (3, "NOT_FOUND")
+
+
+def test_a_service_is_looked_at_by_the_doctor(run: Run, url: str) -> None:
+    answer = run("doctor", "--json", "--url", url)
+    service = next(item for item in answer.json["findings"] if item["part"] == "service")
+    assert service["state"] == "ok"
+    assert "1 workers" in service["detail"]
+
+
+def test_a_service_that_is_not_there_has_its_exit_code(run: Run) -> None:
+    answer = run("fk", "panda", "-q", "home", "--url", "http://127.0.0.1:9")
+    assert answer.code == 7
+    assert "http://127.0.0.1:9" in answer.err
+    assert "Traceback" not in answer.err
+    assert run("fk", "panda", "-q", "home", "--url", "nonsense").code == 3
