@@ -30,6 +30,7 @@ from benchmarks.recheck import Recheck
 from obstacles.robot_geometry import RobotGeometry
 from planning.options import Options
 from planning.pipeline import plan
+from planning.preferred_clearance import DEFAULT_PREFERRED, PreferredClearance
 from planning.result import Failure, Plan
 
 #: Stages after the path is found.
@@ -176,6 +177,7 @@ def main() -> None:
     parser.add_argument("problems", type=Path)
     parser.add_argument("--seeds", type=int, nargs="+", default=[0])
     parser.add_argument("--margins", type=float, nargs="+", default=[0.0], help="[m]")
+    parser.add_argument("--preferred", type=float, default=DEFAULT_PREFERRED, help="[m]")
     parser.add_argument("--every", type=int, default=1, help="take every n-th problem of a kind")
     parser.add_argument("--timeout", type=float, default=5.0, help="[s]")
     parser.add_argument("--beside-ompl", action="store_true")
@@ -190,7 +192,9 @@ def main() -> None:
     recheck = Recheck(robot_folder)
     for margin, seed in itertools.product(asked.margins, asked.seeds):
         print(f"margin {1e3 * margin:g} mm, seed {seed}", flush=True)
-        options = Options(timeout=asked.timeout, seed=seed)
+        options = Options(
+            timeout=asked.timeout, seed=seed, clearance=PreferredClearance(asked.preferred)
+        )
         report(run(chosen, robot, recheck, options, margin, asked.beside_ompl))
 
 
