@@ -1,6 +1,7 @@
 """Problems of commands: title, detail and hint for people, the problem document for programs."""
 
 import json
+import os
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -17,8 +18,10 @@ from service.problem import ProblemError
 
 #: Title of the one problem that no service answers.
 _UNREACHABLE_TITLE = "The service can't be reached"
-#: Fields of a problem document beside those that a service's answer has, which say more.
+#: In place of the path of a request, in problem documents of this process.
 _INSTANCE = "command line"
+#: Variable of the environment that has unexpected faults end with their traceback.
+_DEBUG = "ARMWRIGHT_DEBUG"
 
 
 class CommandProblem(Exception):
@@ -52,7 +55,7 @@ def invalid_value(name: str, detail: str, hint: str | None = None) -> ProblemErr
         detail: What is wrong with it.
         hint: What to do about it.
     """
-    return ProblemError("VALIDATION_ERROR", f"{name}: {detail}", hint=hint, stage="command line")
+    return ProblemError("VALIDATION_ERROR", f"{name}: {detail}", hint=hint, stage=_INSTANCE)
 
 
 @contextmanager
@@ -67,7 +70,11 @@ def shows_problems(as_json: bool) -> Iterator[None]:
     """
     try:
         yield
-    except (ArmwrightError, ProblemError, CommandProblem, OSError) as error:
+    except (typer.Exit, typer.Abort):
+        raise
+    except Exception as error:
+        if os.environ.get(_DEBUG):
+            raise
         problem = _document(error)
         if as_json:
             sys.stdout.write(json.dumps(problem) + "\n")
@@ -83,7 +90,11 @@ def _document(error: Exception) -> dict[str, Any]:
         return document(from_domain(error), _INSTANCE)
     if isinstance(error, ProblemError):
         return document(error, _INSTANCE)
-    return document(ProblemError("INVALID_REQUEST", str(error), stage="command line"), _INSTANCE)
+    if isinstance(error, OSError):
+        return document(ProblemError("INVALID_REQUEST", str(error), stage=_INSTANCE), _INSTANCE)
+    hint = f"This is a fault of Armwright. With {_DEBUG}=1 the command shows where; report that."
+    detail = f"{type(error).__name__}: {error}"
+    return document(ProblemError("CRASH", detail, hint=hint), _INSTANCE)
 
 
 def _show(problem: Mapping[str, Any]) -> None:

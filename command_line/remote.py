@@ -5,6 +5,7 @@ import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
 
 from command_line.endpoints import Endpoint
 from command_line.parameters import RobotSource
@@ -101,7 +102,7 @@ class RemoteBackend:
         Raises:
             CommandProblem: The service answers a problem, or not at all.
         """
-        return self._send("POST", endpoint.path.format(robot=robot), body)
+        return self._send("POST", endpoint.path.format(robot=quote(robot or "", safe="")), body)
 
     def readiness(self) -> str:
         """The state of its workers, in words.
