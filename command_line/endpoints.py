@@ -51,7 +51,7 @@ SIMULATE = Endpoint(
 REACH = Endpoint(
     "/v1/robots/{robot}/reach",
     "service.schemas.reach:ReachRequest",
-    "service.tasks.reach:reach_task",
+    "service.tasks.reach:reach",
 )
 CONVERT = Endpoint(
     "/v1/convert",

@@ -1,6 +1,7 @@
 """A database, SQLite or PostgreSQL: opened, checked and shared by threads."""
 
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +17,7 @@ from sqlalchemy.exc import (
     SQLAlchemyError,
 )
 from sqlalchemy.exc import TimeoutError as PoolTimeout
+from sqlalchemy.pool import QueuePool
 
 from service.problem import ProblemError
 from service.storage.file_lock import FileLock, FileLocked
@@ -25,6 +27,9 @@ from service.storage.schema import DURABILITY, DamagedFile, NewerSchema, migrate
 _CONNECTIONS = 5
 #: Longest wait for a connection of the pool, and for the turn to write [s].
 _TURN_TIMEOUT = 5.0
+#: Longest wait for transactions when a database is closed, and the time between two looks [s].
+_CLOSING_TIME = 1.0
+_CLOSING_PERIOD = 0.005
 #: Longest wait for a lock that another process holds [s].
 _LOCK_TIMEOUT = 2.0
 #: Longest wait for PostgreSQL to accept a connection [s], to answer a statement [ms], and for sent
@@ -136,7 +141,13 @@ class Database:
             connection.execute(text("UPDATE alembic_version SET version_num = version_num"))
 
     def close(self) -> None:
-        """Close all connections; SQLite writes its log back."""
+        """Close all connections; SQLite writes its log back.
+
+        Threads whose callers were cancelled may be in a transaction still: they are waited for.
+        """
+        end = time.monotonic() + _CLOSING_TIME
+        while _in_use(self._engine) and time.monotonic() < end:
+            time.sleep(_CLOSING_PERIOD)
         self._engine.dispose()
         self._unlock()
 
@@ -236,6 +247,11 @@ def _sqlite_engine(url: URL) -> Engine:
     )
     event.listen(engine, "begin", _begin)
     return engine
+
+
+def _in_use(engine: Engine) -> bool:
+    """Whether a connection is in a thread's hands."""
+    return isinstance(engine.pool, QueuePool) and engine.pool.checkedout() > 0
 
 
 def _begin(connection: Connection) -> None:

@@ -84,7 +84,8 @@ def test_as_many_jobs_run_as_there_are_workers_in_the_order_they_came(tmp_path: 
         accepted = [await jobs.accept(REQUEST) for _ in range(5)]
         await until(lambda: len(app.contexts) == 2)
         await asyncio.sleep(0.03)
-        assert [context.id for context in app.contexts] == [job.id for job in accepted[:2]]
+        # The first two begin at the same time.
+        assert {context.id for context in app.contexts} == {job.id for job in accepted[:2]}
         await jobs.cancel(accepted[2].id)
         app.open.set()
         await until(lambda: jobs.unfinished_count == 0)

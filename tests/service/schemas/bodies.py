@@ -16,6 +16,7 @@ from service.schemas.dynamics import (
     RegressorRequest,
     WrenchRequest,
 )
+from service.schemas.export import ExportRequest
 from service.schemas.kinematics import FkRequest, IkRequest, JacobianRequest, VelocityRequest
 from service.schemas.lyapunov import LyapunovRequest
 from service.schemas.plan import PlanRequest, ValidateRequest
@@ -252,6 +253,11 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
                                       "torques": [0.1, 0.2], "wrench": [1.0] * 6}),
     (RegressorRequest, MODEL | RATES | {"joints": [0.0, 0.1], "motors": True, "known_zeros": True,
                                         "reference_velocities": [0.1, 0.2]}),
+    (ExportRequest, ABOUT | {"robot": "panda", "trajectory": SEGMENTS, "scene": "table",
+                             "frame": "base", "format": "csv", "sample_period": 0.01,
+                             "interpolation": "cubic", "path_tolerance": 0.01, "blend": 0.1,
+                             "speed": 0.5, "name": "moves", "frame_id": "world", "margin": 0.01,
+                             "timeout": 5.0}),
     (ReachRequest, ABOUT | {"poses": [POSE], "link": "hand", "frame": "base", "margin": 0.01,
                             "tolerance": {"free": ["rz"], "rx": [-0.1, 0.1], "ry": [0.0, 0.1],
                                           "x": [0.0, 0.1], "y": [0.0, 0.1], "z": [0.0, 0.1],

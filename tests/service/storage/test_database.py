@@ -2,6 +2,7 @@
 
 import sqlite3
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -251,3 +252,23 @@ def test_a_postgresql_that_is_not_there_is_told_without_the_password() -> None:
     with pytest.raises(StoreError, match=r"Check that PostgreSQL runs") as error:
         Database("postgresql+psycopg://u:secret@127.0.0.1:1/x")
     assert "secret" not in str(error.value)
+
+
+def test_closing_waits_for_a_transaction_whose_caller_left(tmp_path: Path) -> None:
+    database = Database(f"sqlite:///{tmp_path / 'a.sqlite'}")
+    inside, leave = threading.Event(), threading.Event()
+
+    def work() -> None:
+        with database.transaction() as connection:
+            inside.set()
+            leave.wait(5.0)
+            connection.execute(text("SELECT 1"))
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    assert inside.wait(5.0)
+    threading.Timer(0.1, leave.set).start()
+    began = time.monotonic()
+    database.close()
+    assert time.monotonic() - began >= 0.09
+    thread.join()
