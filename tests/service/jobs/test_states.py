@@ -101,7 +101,8 @@ def test_batches_have_a_queue_of_their_own(tmp_path: Path) -> None:
         plan = await jobs.accept(REQUEST)
         await until(lambda: len(app.contexts) == 3)
         await asyncio.sleep(0.03)
-        assert [c.id for c in app.contexts] == [batches[0].id, batches[1].id, plan.id]
+        # Jobs that begin at the same time come in any order.
+        assert {c.id for c in app.contexts} == {batches[0].id, batches[1].id, plan.id}
         app.open.set()
         await until(lambda: jobs.unfinished_count == 0)
 
