@@ -210,6 +210,16 @@ class Trajectory:
         powers = np.power(float(factor), -np.arange(self.degree + 1.0))
         return Trajectory(self.joint_names, self.breaks * factor, self.coefficients * powers)
 
+    def reverse(self) -> "Trajectory":
+        """Trajectory run backwards, q(T - t): velocities change their signs."""
+        signs = np.where(np.arange(self.degree + 1) % 2 == 0, 1.0, -1.0)
+        shifted = np.empty_like(self.coefficients)
+        for i, length in enumerate(np.diff(self.breaks)):
+            for joint in range(self.n):
+                shift_kernel(self.coefficients[i, joint], length, shifted[i, joint])
+        breaks = self.duration - self.breaks[::-1]
+        return Trajectory(self.joint_names, breaks, (shifted * signs)[::-1])
+
     def split(self, time: float) -> tuple["Trajectory", "Trajectory"]:
         """Parts before and after ``time``, each starting at its own time 0.
 

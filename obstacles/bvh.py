@@ -35,6 +35,35 @@ class Tree(NamedTuple):
     items: Indices
 
 
+@kernel(allocates=False)
+def _sort_by_middles(
+    low: Array, high: Array, axis: int, items: Indices, spare: Indices, first: int, last: int
+) -> None:
+    """Sort items[first:last] by the middles of their boxes; equal ones keep their order.
+
+    Runs of sorted items are merged pairwise into the spare array (m,), and copied back.
+    """
+    width = 1
+    while width < last - first:
+        for begin in range(first, last, 2 * width):
+            half, end = min(begin + width, last), min(begin + 2 * width, last)
+            left, right = begin, half
+            for at in range(begin, end):
+                takes_left = right == end
+                if left < half and right < end:
+                    a, b = items[left], items[right]
+                    takes_left = low[a, axis] + high[a, axis] <= low[b, axis] + high[b, axis]
+                if takes_left:
+                    spare[at] = items[left]
+                    left += 1
+                else:
+                    spare[at] = items[right]
+                    right += 1
+        for at in range(first, last):
+            items[at] = spare[at]
+        width *= 2
+
+
 @kernel
 def _grow(
     low: Array, high: Array, items: Indices, boxes: Array, skips: Indices, spans: Indices, most: int
@@ -43,6 +72,7 @@ def _grow(
     m = items.shape[0]
     stack = np.empty((128, 2), dtype=np.int64)
     stack[0, 0], stack[0, 1] = 0, m
+    least, largest, spare = np.empty(3), np.empty(3), np.empty(m, dtype=np.int64)
     top, made = 1, 0
     while top > 0:
         top -= 1
@@ -50,8 +80,8 @@ def _grow(
         node = made
         made += 1
         spans[node, 0], spans[node, 1] = first, last
-        least, largest = np.full(3, np.inf), np.full(3, -np.inf)
         for axis in range(3):
+            least[axis], largest[axis] = np.inf, -np.inf
             boxes[node, axis], boxes[node, 3 + axis] = np.inf, -np.inf
         for entry in range(first, last):
             k = items[entry]
@@ -62,11 +92,11 @@ def _grow(
                 least[axis], largest[axis] = min(least[axis], middle), max(largest[axis], middle)
         if last - first <= most:
             continue
-        axis = int(np.argmax(largest - least))
-        own = items[first:last].copy()
-        middles = low[own, axis] + high[own, axis]
-        order = np.argsort(middles, kind="mergesort")
-        items[first:last] = own[order]
+        longest = 0
+        for axis in range(1, 3):
+            if largest[axis] - least[axis] > largest[longest] - least[longest]:
+                longest = axis
+        _sort_by_middles(low, high, longest, items, spare, first, last)
         half = (first + last) // 2
         stack[top, 0], stack[top, 1] = half, last
         stack[top + 1, 0], stack[top + 1, 1] = first, half
@@ -79,7 +109,7 @@ def _grow(
         skips[node] = after
     for node in range(made):
         if spans[node, 1] - spans[node, 0] > most:
-            spans[node] = -1
+            spans[node, 0], spans[node, 1] = -1, -1
     return made
 
 

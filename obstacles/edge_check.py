@@ -293,8 +293,7 @@ def certify_in(
     entries = _Entries(roots, work.hints[2])
     spans, lists = work.spans[0], work.lists[0]
     spans[0, 0], spans[0, 1], lists[0, 0], lists[0, 1] = 0.0, 1.0, 0, roots.shape[0]
-    visits, open_spans = 0, 1
-    tally = work.tally
+    visits, open_spans, tally = 0, 1, work.tally
     tally[_CLEARANCE], tally[_LOOKS] = np.inf, 0.0
     outcome[0], outcome[1] = 0.0, -1.0
     for level in range(_MAX_DEPTH):
@@ -321,7 +320,10 @@ def certify_in(
                     break
                 room = 2 * left.pairs.shape[0]
                 more = _Entries(np.empty((room, 2), dtype=np.int64), np.empty((room, 3)))
-                more.pairs[:begin], more.axes[:begin] = left.pairs[:begin], left.axes[:begin]
+                for at in range(begin):
+                    more.pairs[at, 0], more.pairs[at, 1] = left.pairs[at, 0], left.pairs[at, 1]
+                    for axis in range(3):
+                        more.axes[at, axis] = left.axes[at, axis]
                 left = more
             spent = visits + int(tally[_LOOKS] / _LOOKS_AN_INTERVAL)
             outcome[2] = spent

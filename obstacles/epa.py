@@ -318,7 +318,8 @@ def _on_face(corners: Array, face: Indices, plane: Array) -> Vector:
     """The point of piece j where the origin falls onto a face."""
     S = np.empty((3, 3))
     for k in range(3):
-        S[k] = corners[face[k], :3]
+        for axis in range(3):
+            S[k, axis] = corners[face[k], axis]
     v = (plane[0] * plane[3], plane[1] * plane[3], plane[2] * plane[3])
     weights = _weights(S, 3, v)
     x, y, z = 0.0, 0.0, 0.0

@@ -26,6 +26,7 @@ from obstacles.convex_distance import proved_distance
 from obstacles.fcl_solid import FclSolid, fcl_solid, separation
 from obstacles.mesh_depth import mesh_depth
 from obstacles.mesh_distance import mesh_distance
+from obstacles.nearest_points import NearestPoints, between, on_plane
 from obstacles.piece import Piece, PieceArrays, PieceKind
 from obstacles.piece_set import CENTER, GROUP, GROUP_STOP, KIND, POSE, CoreKind, PieceSet
 from obstacles.robot_geometry import RobotGeometry
@@ -193,6 +194,34 @@ class FclWorld:
             InvalidRobotState: Wrong length or not finite.
         """
         self.set_configuration(q)
+        best, closest = self._closest()
+        if best <= 0.0:
+            deepest = self._touching()[0]
+            return Clearance(-deepest.depth, deepest.pair)
+        names = (self._name(closest[0]), self._name(closest[1])) if closest[0] >= 0 else None
+        return Clearance(best, names)
+
+    def nearest_points(self, q: ArrayLike) -> NearestPoints:
+        """The closest pair in a configuration (n,), and its nearest points where they are known.
+
+        Raises:
+            InvalidRobotState: Wrong length or not finite.
+        """
+        self.set_configuration(q)
+        distance, (i, j) = self._closest()
+        if distance <= 0.0 or i < 0:
+            deepest = self._touching()[0] if i >= 0 else Collision(("", ""), -np.inf)
+            return NearestPoints(-deepest.depth, deepest.pair if i >= 0 else None)
+        names = self._name(i), self._name(j)
+        if self._is_mesh(i, j):
+            return NearestPoints(distance, names)
+        first, second = self._piece(i), self._piece(j)
+        if second.kind == PieceKind.HALFSPACE:
+            return NearestPoints(distance, names, on_plane(first, self._poses[i], self._poses[j]))
+        return NearestPoints(distance, names, between(self._current(i), self._current(j)))
+
+    def _closest(self) -> tuple[float, tuple[int, int]]:
+        """The smallest distance where the robot is now [m], and its pair, (-1, -1) without one."""
         best, closest, reach = np.inf, (-1, -1), _NEAR
         while closest[0] < 0 and reach < np.inf:
             reach = reach * 10.0 if reach < _FAR else np.inf
@@ -204,11 +233,7 @@ class FclWorld:
                     best, closest = distance, (i, j)
             if best > reach:
                 closest, best = (-1, -1), np.inf
-        if best <= 0.0:
-            deepest = self._touching()[0]
-            return Clearance(-deepest.depth, deepest.pair)
-        names = (self._name(closest[0]), self._name(closest[1])) if closest[0] >= 0 else None
-        return Clearance(best, names)
+        return best, closest
 
     def distance_between(self, q: ArrayLike, names: tuple[str, str]) -> float:
         """Distance of two named bodies in a configuration (n,), margins taken off [m].

@@ -1,7 +1,18 @@
 """One monotonic deadline that every stage of a plan is held to."""
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+
+@dataclass(slots=True)
+class Interruptions:
+    """Record of the work that time, or memory, ended early.
+
+    Args:
+        occurred: Whether any was. What came of the work then depends on the speed of the machine.
+    """
+
+    occurred: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -10,14 +21,20 @@ class Deadline:
 
     Args:
         at: ``time.monotonic()`` when time is up [s].
+        interruptions: Set as soon as anybody learns that time is up; shared with earlier deadlines.
     """
 
     at: float
+    interruptions: Interruptions = field(default_factory=Interruptions, compare=False, repr=False)
 
     @classmethod
     def after(cls, seconds: float) -> "Deadline":
         """The deadline that many seconds from now."""
         return cls(time.monotonic() + seconds)
+
+    def within(self, seconds: float) -> "Deadline":
+        """The deadline that many seconds from now, for a part of this one's work."""
+        return Deadline(time.monotonic() + seconds, self.interruptions)
 
     @property
     def remaining(self) -> float:
@@ -27,4 +44,11 @@ class Deadline:
     @property
     def passed(self) -> bool:
         """Whether time is up."""
-        return time.monotonic() >= self.at
+        return self.sooner_than(0.0)
+
+    def sooner_than(self, seconds: float) -> bool:
+        """Whether at most that much time remains [s]."""
+        if time.monotonic() < self.at - seconds:
+            return False
+        self.interruptions.occurred = True
+        return True

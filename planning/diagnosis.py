@@ -133,7 +133,7 @@ def diagnose(
         seed: Of the motions that are drawn; the same seed gives the same answer, time permitting.
     """
     random = np.random.default_rng(seed)
-    checking = Deadline.after(_CHECKING_SHARE * deadline.remaining)
+    checking = deadline.within(_CHECKING_SHARE * deadline.remaining)
     at_start, at_goals, between = _Tally(), _Tally(), _Tally()
     chain = checker.model.chain
     for k in range(_MOTIONS):
@@ -196,7 +196,7 @@ def _try_without(
     for name in suspects:
         if deadline.passed:
             break
-        until = Deadline.after(_SEARCH_SHARE * deadline.remaining)
+        until = deadline.within(_SEARCH_SHARE * deadline.remaining)
         others = tuple(obstacle for obstacle in scene.obstacles if obstacle.id != name)
         checker = Checker.of(robot, replace(scene, obstacles=others), margin)
         if _has_path(robot.chain, checker, start, list(goals), until, seed):

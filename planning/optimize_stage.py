@@ -101,7 +101,7 @@ class OptimizeStage:
         self._skip_reason = (
             "The robot stays where it is." if self._stays else "There is too little time."
         )
-        if self._stays or deadline.remaining < _LEAST_TIME:
+        if self._stays or deadline.sooner_than(_LEAST_TIME):
             return None
         self._skip_reason = ""
         if self._work is None:

@@ -10,11 +10,14 @@ from kinematics.errors import InvalidOption
 from planning.goal_costs import GoalCosts
 from planning.optimize.options import RefineOptions
 from planning.preferred_clearance import PreferredClearance
+from planning.seam_options import SeamOptions
 from planning.timing.options import TimingOptions
 
 #: Least deviation of the tool that can be asked for [m], [rad]: inverse kinematics and the bounds
 #: have three digits to spare below it.
 LEAST_DEVIATION = 1e-7
+#: Widest blend of a corner [m].
+MAX_BLEND = 10.0
 #: Longest a single plan may take [s].
 MAX_TIMEOUT = 600.0
 
@@ -29,6 +32,8 @@ class ToolMotionOptions:
         via: Point on an arc, shape (3,) [m].
         center: Of an arc, shape (3,) [m].
         normal: Axis that the arc turns about by the right hand, with ``center``, shape (3,).
+        blend: Distance from its end at which the tool may leave it for the next one [m]; None for
+            that of all motions.
     """
 
     kind: Literal["lin", "circ"]
@@ -36,6 +41,7 @@ class ToolMotionOptions:
     via: Sequence[float] | None = None
     center: Sequence[float] | None = None
     normal: Sequence[float] | None = None
+    blend: float | None = None
 
     def __post_init__(self) -> None:
         if self.kind == "lin" and not (self.via is self.center is self.normal is None):
@@ -47,6 +53,16 @@ class ToolMotionOptions:
             )
         if self.normal is not None and self.center is None:
             raise InvalidOption("normal needs center: via says which way round")
+        if self.blend is not None:
+            _check_blend(self.blend)
+
+
+def _check_blend(blend: float) -> None:
+    if not 0.0 <= blend <= MAX_BLEND:
+        raise InvalidOption(
+            f"blend is {blend:g} m; it must be from 0 to {MAX_BLEND:g}",
+            hint="Give the distance from the corner at which the tool may leave its motion.",
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,9 +75,12 @@ class CartesianOptions:
         max_orientation_deviation: Of its orientation from that at the same place [rad].
         orientation: "slerp" about an axis that keeps still, or "free": only the origin is led.
         allow_partial: Whether a motion that ends early is an answer too.
+        blend: Distance from corners at which the tool may leave one motion for the next [m]; 0 for
+            a rest at every corner.
+        seam: Waypoints with tolerances to be followed in place of motions; None for none.
 
     Raises:
-        InvalidOption: A deviation is out of its range.
+        InvalidOption: A deviation or the blend is out of its range.
     """
 
     motions: tuple[ToolMotionOptions, ...] = ()
@@ -69,8 +88,13 @@ class CartesianOptions:
     max_orientation_deviation: float = 1e-3
     orientation: Literal["slerp", "free"] = "slerp"
     allow_partial: bool = False
+    blend: float = 0.0
+    seam: SeamOptions | None = None
 
     def __post_init__(self) -> None:
+        _check_blend(self.blend)
+        if self.seam is not None and self.motions:
+            raise InvalidOption("give motions or waypoints, not both")
         for name in ("max_deviation", "max_orientation_deviation"):
             if not LEAST_DEVIATION <= getattr(self, name) <= 1.0:
                 raise InvalidOption(

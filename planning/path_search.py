@@ -74,12 +74,12 @@ class PathSearch:
     def find(self, ready: Ready) -> FoundPath | Failure:
         """Let the planners try in turn; with the robot in its solids' hulls first, if it can be."""
         reserved = min(_RESERVED_SHARE * self.options.timeout, _MAX_RESERVED)
-        deadline = Deadline(self.deadline.at - reserved)
+        deadline = replace(self.deadline, at=self.deadline.at - reserved)
         best = replace(ready, goals=ready.goals[: ready.best], best=None)
         chooses = self.planners is CASCADE and len(best.goals) < len(ready.goals)
         for checker in ready.checkers:
             levels = clearance_levels(checker, self.options.clearance)
-            until = Deadline.after(_PREFERRED_SHARE * deadline.remaining)
+            until = deadline.within(_PREFERRED_SHARE * deadline.remaining)
             spacious = self._spacious_query(best if chooses else ready, levels, until)
             if spacious is not None:
                 found, attempt = self._ask_planners(spacious, levels)
@@ -93,7 +93,7 @@ class PathSearch:
                 if found is not None:
                     return found
             share = 1.0 if checker is ready.checkers[-1] else _HULLS_SHARE
-            until = Deadline.after(share * deadline.remaining)
+            until = deadline.within(share * deadline.remaining)
             query = Query(self.problem, ready, checker, self.options.seed, until)
             found, attempt = self._ask_planners(query, levels)
             if found is not None:
@@ -156,7 +156,7 @@ class PathSearch:
     def _diagnose(self, ready: Ready) -> Diagnosis | Relaxation:
         """Diagnosis of a failed search, within the time reserved for it."""
         problem, seed = self.problem, self.options.seed
-        until = Deadline.after(min(_MAX_DIAGNOSIS, self.deadline.remaining))
+        until = self.deadline.within(min(_MAX_DIAGNOSIS, self.deadline.remaining))
         exact = ready.checkers[-1]
         if isinstance(exact, ConstrainedChecker):
             return find_relaxation(exact, ready.start, ready.goals, seed, until)

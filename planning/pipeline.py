@@ -13,6 +13,7 @@ from kinematics.arrays import Array
 from kinematics.trajectory import Trajectory
 from obstacles.checker import Checker
 from planning.clearance_report import clearance_report
+from planning.constrained.checker import ConstrainedChecker
 from planning.constrained.path_constraints import apply_path_constraints
 from planning.deadline import Deadline
 from planning.limits import MotionLimits
@@ -34,20 +35,26 @@ from planning.timing.choice import chosen_parametrization
 from planning.timing.failure import TimingFailed
 from planning.timing.method import TimingMethod
 from planning.timing.motion_timing import motions
+from planning.timing.options import Solver
 from planning.timing.parametrization import TimeParametrization
+from planning.timing.report import timing_report
 from planning.timing.time_scaling import ScaledTime
+from planning.tool_path import ToolPath
 from planning.tool_timing import TimedToolPath, time_tool_path
 
 #: Share of the time that is left which optimising may take; the rest is for the proof of its offer.
 _REFINING_SHARE = 0.8
 
 
-def plan(problem: Problem, options: Options) -> Plan | Failure:
+def plan(
+    problem: Problem, options: Options, planners: tuple[Planner, ...] | None = None
+) -> Plan | Failure:
     """Find, shorten, time and prove a motion, all before one deadline.
 
     Args:
         problem: The robot, the scene, start and goal.
         options: Planner, timing, timeout, seed.
+        planners: Tried in turn, in place of those that the options name.
 
     Returns:
         A plan whose trajectory is proved, or a failure that says what to try.
@@ -59,14 +66,14 @@ def plan(problem: Problem, options: Options) -> Plan | Failure:
     """
     deadline = Deadline.after(options.timeout)
     options = refinement_options(options, problem)
-    planners = choose_planners(problem, options)
+    chosen = choose_planners(problem, options) if planners is None else planners
     options = with_limits(options, problem.constraints)
     parametrization = _time_parametrization(problem, options)
     wrong = check_ends(problem, parametrization)
     if wrong is not None:
         return wrong
     stages = Stages(options.observer)
-    answer = _Pipeline(problem, options, planners, parametrization, stages, deadline).run()
+    answer = _Pipeline(problem, options, chosen, parametrization, stages, deadline).run()
     return replace(answer, stages=tuple(stages.reports))
 
 
@@ -78,11 +85,15 @@ def _time_parametrization(problem: Problem, options: Options) -> TimeParametriza
 
 
 class _Timed(NamedTuple):
-    """A motion in time, with notes about the timing; of a tool path also its parts."""
+    """A motion in time, with notes about the timing; of a tool path also its parts.
+
+    ``solver`` is the name of the solver that found the speeds, where the method has several.
+    """
 
     trajectory: Trajectory
     tool_path: TimedToolPath | None = None
     notes: tuple[str, ...] = ()
+    solver: Solver | None = None
 
 
 class _Proved(NamedTuple):
@@ -171,13 +182,7 @@ class _Pipeline:
         """Ways to time the path, the fastest motion first."""
         tool_path = found.attempt.tool_path
         if tool_path is not None:
-            chain = self.problem.robot.chain
-
-            def time_tool() -> _Timed:
-                timed = time_tool_path(chain, tool_path, self.parametrization)
-                return _Timed(timed.trajectory(chain), timed, timed.notes)
-
-            yield time_tool
+            yield from self._tool_candidates(found, tool_path)
             return
         timing = self.options.timing
         for motion in motions(
@@ -187,8 +192,29 @@ class _Pipeline:
             timing,
             self.deadline,
             found.levels[:-1],
+            keep_path=found.attempt.keep_path or isinstance(found.checker, ConstrainedChecker),
         ):
             yield partial(_time_polyline, motion, self.parametrization.method)
+
+    def _tool_candidates(
+        self, found: FoundPath, tool_path: ToolPath
+    ) -> Iterator[Callable[[], _Timed]]:
+        """Ways to time a tool path, with the fastest motion to its start first."""
+        chain = self.problem.robot.chain
+
+        def time_tool(transit: Callable[[], ScaledTime] | None = None) -> _Timed:
+            before = None if transit is None else transit().trajectory
+            timed = time_tool_path(chain, tool_path, self.parametrization, before)
+            return _Timed(timed.trajectory(chain), timed, timed.notes)
+
+        if tool_path.transit is None:
+            yield time_tool
+            return
+        for motion in motions(
+            found.levels[-1], tool_path.transit, self.parametrization, self.options.timing,
+            self.deadline,
+        ):  # fmt: skip
+            yield partial(time_tool, motion)
 
     def _prove(self, timed: _Timed) -> Certificate:
         return self.stages.run("certificate", partial(self._certify, timed), _describe_certificate)
@@ -211,7 +237,7 @@ class _Pipeline:
         """Optimise a motion and prove the result; None where the motion itself is to be taken."""
         work = OptimizeStage(self.problem, checker, self.options, self.parametrization, known)
         for _ in range(MOST_OFFERS):
-            until = Deadline.after(_REFINING_SHARE * self.deadline.remaining)
+            until = self.deadline.within(_REFINING_SHARE * self.deadline.remaining)
             offer = self.stages.run(OPTIMIZE, partial(work.offer, until), work.report)
             if offer is None:
                 break
@@ -235,6 +261,7 @@ class _Pipeline:
         clearance = clearance_report(
             checker, timed.trajectory, self.options.clearance, self.problem.margin
         )
+        timing = timing_report(self.parametrization, timed.solver)
         return Plan(
             planner=OPTIMIZE if optimised else found.planner,
             stages=(),
@@ -248,12 +275,14 @@ class _Pipeline:
             tool_motions=() if timed.tool_path is None else timed.tool_path.reports,
             stopped=attempt.stopped,
             clearance=clearance,
+            timing=replace(timing, solver=None) if optimised else timing,
+            deterministic=not self.deadline.interruptions.occurred,
         )
 
 
 def _time_polyline(motion: Callable[[], ScaledTime], method: TimingMethod) -> _Timed:
     scaled = motion()
-    return _Timed(scaled.trajectory, notes=method.notes((scaled,)))
+    return _Timed(scaled.trajectory, notes=method.notes((scaled,)), solver=scaled.solver)
 
 
 def _proof_failure(violation: Violation, deadline: Deadline, *, tool: bool) -> Failure:

@@ -11,7 +11,10 @@ from kinematics.arrays import Array, frozen
 from kinematics.trajectory import Trajectory
 from planning.clearance_report import ClearanceReport
 from planning.proof.certificate import Certificate
+from planning.timing.report import TimingReport
+from planning.tool_motion import ToolMotion
 from planning.tool_path import ToolPath
+from planning.tool_run import PartName
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +66,11 @@ class ToolMotionReport:
         fraction: How far it was carried out.
         begins: When [s].
         ends: When [s].
+        asked: Index of the motion of the request that it is a part of.
+        motion: The motion itself.
+        asked: Index of the motion of the request that it is a part of.
+        blends: Whether it rounds the corner at the end of that motion.
+        part: Of what it is a part.
     """
 
     kind: str
@@ -71,6 +79,10 @@ class ToolMotionReport:
     fraction: float
     begins: float
     ends: float
+    motion: ToolMotion
+    asked: int = 0
+    blends: bool = False
+    part: PartName = "motion"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -191,6 +203,9 @@ class Plan:
         tool_motions: What became of each.
         stopped: Why it ends early, where it does.
         clearance: Where the motion is nearer to something than preferred.
+        timing: Method and limits that the motion was timed by.
+        deterministic: Whether the same request gives the same plan again: neither time nor memory
+            ended a search.
     """
 
     planner: str
@@ -205,3 +220,5 @@ class Plan:
     tool_motions: tuple[ToolMotionReport, ...] = ()
     stopped: Mapping[str, Any] | None = None
     clearance: ClearanceReport | None = None
+    timing: TimingReport | None = None
+    deterministic: bool = True

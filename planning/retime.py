@@ -17,6 +17,7 @@ from planning.timing.method import JerkUse, timing_method
 from planning.timing.options import Interpolation, TimingOptions
 from planning.timing.parametrization import TimeParametrization
 from planning.timing.path import JointPath
+from planning.timing.report import TimingReport, timing_report
 from planning.timing.spline import Ends, chord_knots, spline_path
 from planning.timing.time_scaling import ScaledTime
 
@@ -52,6 +53,7 @@ class Retimed:
             where it does.
         notes: What is special about the path: waypoints left out, stops.
         begins: Time at which the motion begins, the first of given times [s].
+        timing: Method and limits that it was timed by.
     """
 
     trajectory: Trajectory
@@ -60,6 +62,7 @@ class Retimed:
     needed_factor: float
     notes: tuple[str, ...]
     begins: float = 0.0
+    timing: TimingReport | None = None
 
     @property
     def peaks(self) -> dict[str, Array]:
@@ -91,6 +94,9 @@ def retime(
         TimingFailed: There is no such motion, or none was found.
     """
     names, n = path.joint_names, len(path.joint_names)
+    if chain is None and "jerk" not in overrides:
+        # All limits are the caller's: what is not among them is not limited.
+        timing = _with_method(timing)
     points = _points(path)
     method = timing_method(timing.method, timing.solver)
     limits = Limits.unlimited(n) if chain is None else chain.limits
@@ -130,6 +136,13 @@ def retime(
     return _certify_retimed(timed, parametrization, limits, notes, begins)
 
 
+def _with_method(timing: TimingOptions) -> TimingOptions:
+    """The options with the least time as the method, where neither method nor solver is named."""
+    if timing.method is None and timing.solver is None:
+        return replace(timing, method="toppra")
+    return timing
+
+
 def _usual(timing: TimingOptions) -> Interpolation:
     return "natural_spline" if timing.method == "spline" else "linear"
 
@@ -153,6 +166,7 @@ def _linear(
             hint="Ask for interpolation natural_spline or clamped_spline, or leave knots out.",
         )
     reaches = reach_for_deviation(merged, timing.blend_tolerance or 0.0, parametrization.smooth)
+    reaches = parametrization.widest_reaches(merged, reaches)
     return parametrization.time_polyline(merged, reaches, path.joint_names)
 
 
@@ -211,7 +225,8 @@ def _certify_retimed(
         unproved = replace(certificate.proved, limits=False, reasons=reasons)
         certificate = replace(certificate, verified=False, proved=unproved)
     needed = 1.0 if certificate.verified else parametrization.needed_factor(timed.trajectory)
-    return Retimed(timed.trajectory, certificate, timed.factor, needed, notes, begins)
+    report = timing_report(parametrization, timed.solver)
+    return Retimed(timed.trajectory, certificate, timed.factor, needed, notes, begins, report)
 
 
 def _notes(points: Array, interpolation: Interpolation, timing: TimingOptions) -> tuple[str, ...]:

@@ -14,6 +14,7 @@ from planning.retime import Retimed
 from planning.timing.choice import chosen_parametrization, require_limits, required_limits
 from planning.timing.method import timing_method
 from planning.timing.options import TimingOptions
+from planning.timing.report import TimingReport
 from planning.timing.state_to_state import JointState, Synchronization, state_to_state
 
 # A motion counts as straight where it leaves the line by less than this part of its way [-].
@@ -57,7 +58,8 @@ def time_states(
     notes: tuple[str, ...] = ()
     if synchronization == "phase" and not _is_straight(motion, states):
         notes = ("The states allow no straight line: the joints arrive together, on a curve.",)
-    return Retimed(motion, certificate, 1.0, 1.0, notes)
+    report = TimingReport("jerk_limited", None, parametrization.bounds, parametrization.ruled)
+    return Retimed(motion, certificate, 1.0, 1.0, notes, timing=report)
 
 
 def _check_position(label: str, names: Sequence[str], state: JointState, limits: Limits) -> None:

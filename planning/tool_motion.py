@@ -15,7 +15,8 @@ from numpy.typing import ArrayLike
 
 from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidGoal
-from kinematics.pose import from_axis_angle, rotation_error, transform
+from kinematics.pose import from_axis_angle, rotation_error, skew, transform
+from planning.tool_tolerance import ToolTolerance
 
 Kind = Literal["lin", "circ"]
 
@@ -116,6 +117,27 @@ class ToolMotion:
         spoke = from_axis_angle(self.normal, s * self.sweep) @ (start - self.center)
         return transform(R, self.center + spoke)
 
+    def direction(self, s: float) -> Array:
+        """Unit tangent of the path at a place from 0 to 1, shape (3,)."""
+        if self.kind == "lin":
+            way = self.T_end[:3, 3] - self.T_start[:3, 3]
+            return np.asarray(way / np.linalg.norm(way))
+        spoke = self.T_start[:3, 3] - self.center
+        tangent = np.cross(self.normal, spoke) / self.radius
+        return np.asarray(from_axis_angle(self.normal, s * self.sweep) @ tangent)
+
+    def poses(self, places: Array) -> Array:
+        """T_base_tool at places from 0 to 1 (k,), shape (k, 4, 4)."""
+        s, T = np.asarray(places, dtype=np.float64), np.tile(np.eye(4), (len(places), 1, 1))
+        T[:, :3, :3] = _turns(self.turn, s) @ self.T_start[:3, :3]
+        start = self.T_start[:3, 3]
+        if self.kind == "lin":
+            T[:, :3, 3] = start + s[:, None] * (self.T_end[:3, 3] - start)
+        else:
+            spoke = start - self.center
+            T[:, :3, 3] = self.center + _turns(self.sweep * self.normal, s) @ spoke
+        return T
+
     @property
     def numbers(self) -> Array:
         """Motion packed for kernels, shape (SIZE,)."""
@@ -136,6 +158,21 @@ class ToolMotion:
         return m
 
 
+@dataclass(frozen=True, slots=True)
+class SpeedBand:
+    """Speeds that the tool is to keep to at times.
+
+    Args:
+        low: Least speed [m/s].
+        high: Largest speed [m/s].
+        spans: When they are asked for: pairs of times [s].
+    """
+
+    low: float
+    high: float
+    spans: tuple[tuple[float, float], ...]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class TimedToolMotions:
     """Motions of the tool in turn, when each is carried out, and how far the tool may be off.
@@ -145,6 +182,9 @@ class TimedToolMotions:
         times: When each begins, and the last one ends, shape (k + 1,) [s].
         max_position: How far the tool's origin may be off [m].
         max_orientation: How far its orientation may be off [rad]; None where it is free.
+        tolerances: Of each motion the box that the tool may be in, to which the two deviations are
+            added on all sides; None where they alone count. Empty where they do for all motions.
+        speed: Speeds to be kept: the largest is a limit, of the least it is told where it holds.
 
     Raises:
         InvalidGoal: The times are not as many as that, or they descend.
@@ -154,6 +194,8 @@ class TimedToolMotions:
     times: Array
     max_position: float
     max_orientation: float | None = None
+    tolerances: tuple[ToolTolerance | None, ...] = ()
+    speed: SpeedBand | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "times", frozen(self.times))
@@ -163,6 +205,22 @@ class TimedToolMotions:
                 "that do not descend",
                 hint="Give when each motion begins, and when the last one ends.",
             )
+
+    @property
+    def exact(self) -> list[tuple[ToolMotion, float, float]]:
+        """Motions without a tolerance of their own, with the times when they begin and end [s]."""
+        return [row[:3] for row in self._rows if row[3] is None]
+
+    @property
+    def tolerant(self) -> list[tuple[ToolMotion, float, float, ToolTolerance]]:
+        """Motions with a tolerance of their own, likewise."""
+        return [(*row[:3], row[3]) for row in self._rows if row[3] is not None]
+
+    @property
+    def _rows(self) -> list[tuple[ToolMotion, float, float, ToolTolerance | None]]:
+        times = self.times.tolist()
+        boxes = self.tolerances or (None,) * len(self.motions)
+        return list(zip(self.motions, times[:-1], times[1:], boxes, strict=True))
 
 
 def line(T_start: Array, T_end: Array) -> ToolMotion:
@@ -253,6 +311,16 @@ def arc_about(
             **told,
         )
     return ToolMotion("circ", T_start, T_end, c, axis, _sweep(p, r, c, axis))
+
+
+def _turns(turn: Array, shares: Array) -> Array:
+    """Rotations exp(s [turn]) for shares s (k,) of a rotation vector (3,), shape (k, 3, 3)."""
+    angle = float(np.linalg.norm(turn))
+    if angle <= _NO_ANGLE:
+        return np.tile(np.eye(3), (len(shares), 1, 1))
+    K = skew(turn / angle)
+    sine, cosine = np.sin(shares * angle)[:, None, None], np.cos(shares * angle)[:, None, None]
+    return np.asarray(np.eye(3) + sine * K + (1.0 - cosine) * (K @ K))
 
 
 def _sweep(start: Array, end: Array, center: Array, normal: Array) -> float:

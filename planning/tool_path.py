@@ -8,6 +8,7 @@ import numpy as np
 from kinematics.arrays import Array
 from planning.timing.path import JointPath
 from planning.tool_motion import ToolMotion
+from planning.tool_run import ToolRun, run_of
 
 Reason = Literal["limit", "singularity", "unreachable", "branch", "collision", "deviation", "time"]
 
@@ -83,31 +84,44 @@ class ToolPath:
     """Joint paths that lead the tool along its motions.
 
     Args:
-        motions: Motions that were begun.
+        motions: Motions, or runs of several without a rest, that were begun.
         segments: The joint path of each.
         fraction: How much of all motions asked for was carried out: those that were completed,
             and the share of the one that was not, over their number.
         stop: Why it ends early; None where it does not.
         tolerances: How far the tool may be off its motions.
+        transit: Waypoints of the free motion to where the first one begins, shape (k, n); None
+            where the robot is there.
+        speed_band: Least and largest speed of the tool in motions with a tolerance [m/s]; None
+            where none is asked for.
     """
 
-    motions: tuple[ToolMotion, ...]
+    motions: tuple[ToolMotion | ToolRun, ...]
     segments: tuple[ToolSegment, ...]
     fraction: float
     stop: Stop | None
     tolerances: Tolerances
+    transit: Array | None = None
+    speed_band: tuple[float, float] | None = None
 
     @property
     def waypoints(self) -> Array:
         """The configurations that the curves go through, shape (k, n)."""
         rows = [self.segments[0].start]
+        if self.transit is not None:
+            rows = list(self.transit)
         for item in self.segments:
             if item.path is not None:
                 rows += [*item.path.coefficients[1:, :, 0], item.end]
         return np.array(rows)
 
     @property
-    def moving(self) -> list[tuple[ToolMotion, JointPath]]:
+    def runs(self) -> tuple[ToolRun, ...]:
+        """The motions as runs from rest to rest."""
+        return tuple(run_of(motion, k) for k, motion in enumerate(self.motions))
+
+    @property
+    def moving(self) -> list[tuple[ToolMotion | ToolRun, JointPath]]:
         """The motions in which the joints move, with their joint paths."""
         pairs = zip(self.motions, self.segments, strict=True)
         return [(motion, segment.path) for motion, segment in pairs if segment.path is not None]

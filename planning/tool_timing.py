@@ -7,13 +7,15 @@ import numpy as np
 from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.trajectory import Trajectory, concatenate, stay
+from planning.passing_times import passing_times
 from planning.result import ToolMotionReport
+from planning.run_deviation import pieces_within
 from planning.timing.parametrization import TimeParametrization
 from planning.timing.path import JointPath
 from planning.timing.time_scaling import ScaledTime
-from planning.tool_deviation import piece_deviations
-from planning.tool_motion import TimedToolMotions, ToolMotion
+from planning.tool_motion import SpeedBand, TimedToolMotions, ToolMotion
 from planning.tool_path import Tolerances, ToolPath
+from planning.tool_run import RunPart, ToolRun, run_of
 
 #: How often a spline of time is given twice as many waypoints to keep nearer to its motion.
 _MAX_DOUBLINGS = 6
@@ -26,40 +28,55 @@ class TimedToolPath:
     Args:
         path: The joint paths with the motions of the tool.
         parts: One trajectory for each motion in which the joints move.
+        reports: Times of each motion, and the share of it that is carried out.
         notes: About the timing.
+        transit: The motion to the start of the tool path; None where it begins at once.
     """
 
     path: ToolPath
     parts: tuple[Trajectory, ...]
+    reports: tuple[ToolMotionReport, ...]
     notes: tuple[str, ...] = ()
+    transit: Trajectory | None = None
 
     @property
-    def reports(self) -> tuple[ToolMotionReport, ...]:
-        """Times of each motion, and the share of it that is carried out."""
-        parts = iter(self.parts)
-        reports, now = [], 0.0
-        for motion, segment in zip(self.path.motions, self.path.segments, strict=True):
-            then = now + (0.0 if segment.path is None else next(parts).duration)
-            fraction = 1.0 if segment.stop is None else segment.reached
-            reports.append(
-                ToolMotionReport(motion.kind, motion.length, motion.angle, fraction, now, then)
-            )
-            now = then
-        return tuple(reports)
+    def begins(self) -> float:
+        """Time at which the first tool motion begins [s]."""
+        return 0.0 if self.transit is None else self.transit.duration
 
     @property
     def tool_motions(self) -> TimedToolMotions:
         """The motions with their times, as the proof asks for them."""
-        times = [0.0, *(report.ends for report in self.reports)]
+        times = [self.begins, *(report.ends for report in self.reports)]
         tolerances = self.path.tolerances
+        parts = _begun_parts(self.path)
         return TimedToolMotions(
-            self.path.motions, np.array(times), tolerances.position, tolerances.orientation
+            tuple(part.motion for part in parts),
+            np.array(times),
+            tolerances.position,
+            tolerances.orientation,
+            tuple(part.tolerance for part in parts),
+            self._speed_band(),
         )
+
+    def _speed_band(self) -> SpeedBand | None:
+        """The speed to be kept, and when."""
+        band = self.path.speed_band
+        if band is None:
+            return None
+        parts = _begun_parts(self.path)
+        spans = [
+            (report.begins, report.ends)
+            for report, part in zip(self.reports, parts, strict=True)
+            if part.tolerance is not None
+        ]
+        return SpeedBand(*band, _joined(spans))
 
     def trajectory(self, chain: Chain) -> Trajectory:
         """The parts one after the other; a short stay where there are none."""
-        if self.parts:
-            return concatenate(self.parts)
+        parts = self.parts if self.transit is None else (self.transit, *self.parts)
+        if parts:
+            return concatenate(parts)
         return stay(chain.joint_names, self.path.segments[0].start)
 
     def bounds(self, parametrization: TimeParametrization) -> dict[str, Array]:
@@ -71,7 +88,10 @@ class TimedToolPath:
 
 
 def time_tool_path(
-    chain: Chain, path: ToolPath, parametrization: TimeParametrization
+    chain: Chain,
+    path: ToolPath,
+    parametrization: TimeParametrization,
+    transit: Trajectory | None = None,
 ) -> TimedToolPath:
     """Time every motion of a tool path, from rest to rest.
 
@@ -79,31 +99,79 @@ def time_tool_path(
         chain: The robot; its tip is the tool.
         path: The joint paths.
         parametrization: The method and the limits.
+        transit: The motion to the start of the path, at rest at both ends.
 
     Raises:
         TimingFailed: No motion within the limits was found.
     """
     scaled = [_time_motion(chain, *pair, path.tolerances, parametrization) for pair in path.moving]
     parts = tuple(part.trajectory for part in scaled)
-    return TimedToolPath(path, parts, parametrization.method.notes(scaled))
+    begins = 0.0 if transit is None else transit.duration
+    reports = _reports(chain, path, parts, begins)
+    return TimedToolPath(path, parts, reports, parametrization.method.notes(scaled), transit)
+
+
+def _begun_parts(path: ToolPath) -> list[RunPart]:
+    """Motions that were begun, in order."""
+    return [
+        part
+        for run, segment in zip(path.runs, path.segments, strict=True)
+        for part in run.parts_until(1.0 if segment.stop is None else segment.reached)
+    ]
+
+
+def _joined(spans: list[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
+    """Spans of time, those joined that follow each other at once."""
+    joined: list[tuple[float, float]] = []
+    for begins, ends in spans:
+        follows = bool(joined) and joined[-1][1] == begins
+        joined.append((joined.pop()[0] if follows else begins, ends))
+    return tuple(joined)
+
+
+def _reports(
+    chain: Chain, path: ToolPath, trajectories: tuple[Trajectory, ...], begins: float
+) -> tuple[ToolMotionReport, ...]:
+    """Times of each motion of a tool path that begins at a time [s]."""
+    remaining = iter(trajectories)
+    reports: list[ToolMotionReport] = []
+    now = then = begins
+    for run, segment in zip(path.runs, path.segments, strict=True):
+        reached = 1.0 if segment.stop is None else segment.reached
+        parts = run.parts_until(reached)
+        ends = [0.0] * len(parts)
+        if segment.path is not None:
+            ends = passing_times(chain, segment.path, next(remaining), parts)
+        for part, end in zip(parts, ends, strict=True):
+            motion, share = part.motion, (reached - part.begin) / (part.end - part.begin)
+            reports.append(
+                ToolMotionReport(
+                    motion.kind, motion.length, motion.angle, min(share, 1.0), then,
+                    now + end, motion, part.asked, part.blends, run.name,
+                )
+            )  # fmt: skip
+            then = now + end
+        now = then
+    return tuple(reports)
 
 
 def _time_motion(
     chain: Chain,
-    motion: ToolMotion,
+    motion: ToolMotion | ToolRun,
     path: JointPath,
     tolerances: Tolerances,
     parametrization: TimeParametrization,
 ) -> ScaledTime:
+    run = run_of(motion)
+    if run.tool_speed is not None:
+        parametrization = parametrization.at_tool_speed(chain, run.tool_speed)
     if parametrization.method.follows_path:
         return parametrization.time(path, chain.joint_names)
     knots = path.breaks
     for _ in range(_MAX_DOUBLINGS):
         timed = parametrization.time_spline(path.sample(knots), None, "clamped", chain.joint_names)
         spline = timed.trajectory
-        _, fine, _ = piece_deviations(
-            chain, spline.breaks, spline.coefficients, motion, tolerances.pair
-        )
+        fine = pieces_within(chain, run, knots, spline.breaks, spline.coefficients, tolerances.pair)
         if fine.all():
             break
         knots = np.sort(np.concatenate([knots, 0.5 * (knots[1:] + knots[:-1])]))

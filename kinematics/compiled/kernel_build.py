@@ -1,6 +1,7 @@
 """Compilation of a list of kernels in several processes, those first that others call."""
 
 import ctypes
+import gc
 import multiprocessing
 import os
 import signal
@@ -189,6 +190,7 @@ def _answering(crew: Sequence[_Worker]) -> Iterator[_Worker]:
 
 def _work(pipe: Connection, other: Connection, entries: Sequence[Entry]) -> None:
     ctypes.CDLL(None).prctl(_SET_PARENT_DEATH_SIGNAL, signal.SIGKILL)
+    gc.freeze()  # what was imported stays, and need not be looked through for garbage
     other.close()  # so that the end of the first process is noticed where it came before that
     try:
         while True:

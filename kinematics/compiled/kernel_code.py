@@ -205,12 +205,20 @@ class _Kernel(compiler.Compiler):
     name = ""
 
     def compile_extra(self, function: Any) -> Any:
-        self.state.targetctx = self.state.targetctx.subtarget(mangler=kernel_symbol.mangled)
+        self.state.targetctx = self.state.targetctx.subtarget(
+            mangler=kernel_symbol.mangled, get_abi_sizeof=_size
+        )
         self.state.func_id = FunctionIdentity.from_function(function)
         kernel_symbol.rename(self.state.func_id, self.name)
         ExtractByteCode().run_pass(self.state)
         self.state.lifted, self.state.lifted_from = (), None
         return self._compile_bytecode()
+
+
+@cache
+def _size(kind: Any) -> int:
+    """The size of a type of LLVM [bytes]; numba asks for each variable, by parsing a module."""
+    return int(kind.get_abi_size(cpu_target.target_context.target_data))
 
 
 @cache

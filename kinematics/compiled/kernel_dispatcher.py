@@ -21,6 +21,7 @@ from numba.core.targetconfig import ConfigStack
 from kinematics.compiled import kernel_code
 from kinematics.compiled.kernel_code import Code
 from kinematics.compiled.kernel_fingerprint import describe, settled_fingerprint
+from kinematics.compiled.kernel_flags import Flags
 from kinematics.compiled.kernel_symbol import name_by_content
 from kinematics.compiled.kernel_target import target
 from kinematics.compiled.kernel_writes import Use, writable
@@ -158,7 +159,7 @@ class Kernel(CPUDispatcher):
         )  # fmt: skip
 
     def _flags(self) -> Any:
-        flags = _Flags()
+        flags = Flags()
         with ConfigStack().enter(compiler.Flags()):  # of the caller's, nothing is inherited
             self.targetdescr.options.parse_as_flags(flags, self.targetoptions)
         flags.no_compile = flags.no_cpython_wrapper = flags.no_cfunc_wrapper = True
@@ -189,23 +190,6 @@ def _expect_none_missing(name: str, kinds: Any) -> None:
             f"{kernel} was not compiled for ({signature}) before, and {FROZEN} forbids to do it "
             "now. If a request calls it, `make kernel-list` adds it to the list of kernels."
         )
-
-
-class _Flags(compiler.Flags):
-    """Numba's settings of a compilation, compared in a tenth of the time.
-
-    They are part of a key that is looked up for every call of a library function.
-    """
-
-    _hash = hash(compiler.Flags())
-
-    def __hash__(self) -> int:
-        return self._hash
-
-    def __eq__(self, other: object) -> bool:
-        if isinstance(other, compiler.Flags) and self._values == other._values:
-            return True
-        return bool(super().__eq__(other))
 
 
 class Definition:

@@ -26,6 +26,14 @@ class Part(JITCodeLibrary):
         self._finalize_dynamic_globals()
         self._finalized = True
 
+    def _optimize_functions(self, ll_module: Any) -> None:
+        # As numba does, but for functions that have no body here: passes are set up for each one.
+        ll_module.data_layout = self._codegen._data_layout
+        for function in ll_module.functions:
+            if not function.is_declaration:
+                passes, builder = self._codegen._function_pass_manager()
+                passes.run(function, builder)
+
     def get_pointer_to_function(self, name: str) -> int:  # noqa: ARG002  numba's signature
         """No address: nothing calls a part from outside."""
         self._ensure_finalized()

@@ -11,6 +11,7 @@ from planning.cartesian.tool_following import follow
 from planning.deadline import Deadline
 from planning.tool_motion import ToolMotion
 from planning.tool_path import Stop, Tolerances, ToolPath, ToolSegment
+from planning.tool_run import ToolRun, run_of
 
 #: Bisections of the stretch on which a motion meets something, to come near to it.
 _BISECTIONS = 12
@@ -20,7 +21,7 @@ def lead_tool(
     chain: Chain,
     checker: Checker,
     start: Array,
-    motions: Sequence[ToolMotion],
+    motions: Sequence[ToolMotion | ToolRun],
     tolerances: Tolerances,
     deadline: Deadline,
 ) -> ToolPath:
@@ -34,25 +35,34 @@ def lead_tool(
         chain: The robot; its tip is the tool.
         checker: The robot in its scene.
         start: Free and inside the limits, shape (n,).
-        motions: Lines and arcs, at least one.
+        motions: Lines and arcs, at least one, or runs of them without a rest.
         tolerances: How far the tool may be off them.
         deadline: When to give up.
     """
     segments: list[ToolSegment] = []
     q = start
     for motion in motions:
-        segment = _free_part(checker, follow(chain, motion, q, tolerances, deadline))
+        segment = free_part(checker, follow(chain, motion, q, tolerances, deadline))
         segments.append(segment)
         q = segment.end
         if segment.stop is not None:
             break
     last = segments[-1]
-    done = len(segments) - 1 + (1.0 if last.stop is None else last.reached)
+    counts = [len(run_of(motion).motions) for motion in motions]
+    done = sum(counts[: len(segments) - 1]) + _completed(run_of(motions[len(segments) - 1]), last)
     begun = tuple(motions[: len(segments)])
-    return ToolPath(begun, tuple(segments), done / len(motions), last.stop, tolerances)
+    return ToolPath(begun, tuple(segments), done / sum(counts), last.stop, tolerances)
 
 
-def _free_part(checker: Checker, segment: ToolSegment) -> ToolSegment:
+def _completed(run: ToolRun, segment: ToolSegment) -> float:
+    """Number of motions of a run that were carried out, with the share of one that was begun."""
+    if segment.stop is None:
+        return float(len(run.motions))
+    *before, last = run.parts_until(segment.reached)
+    return len(before) + min((segment.reached - last.begin) / (last.end - last.begin), 1.0)
+
+
+def free_part(checker: Checker, segment: ToolSegment) -> ToolSegment:
     """The part of a joint path that is proved free, from its start on."""
     path = segment.path
     if path is None:

@@ -1,8 +1,8 @@
 """The planner of straight and circular motions of the tool.
 
-Each motion is followed in one branch of inverse kinematics and proved free; the arm rests between
-them, so that corners are met exactly. Where the tool can't be led to the end, the attempt says how
-far it comes and what is in the way.
+Each motion is followed in one branch of inverse kinematics and proved free. The arm rests between
+them, so that corners are met exactly, or runs through corners that are rounded by arcs. Where the
+tool can't be led to the end, the attempt says how far it comes and what is in the way.
 """
 
 from dataclasses import dataclass
@@ -15,8 +15,10 @@ from kinematics.chain import Chain
 from kinematics.errors import InvalidGoal, InvalidOption
 from kinematics.forward import forward
 from kinematics.pose import rotation_error, to_quaternion
+from planning.cartesian.blending import runs
 from planning.cartesian.leading import lead_tool
 from planning.cartesian.motions import tool_motions
+from planning.cartesian.seam_planner import plan_seam
 from planning.constrained.path_constraints import end_violation
 from planning.options import CartesianOptions, Options
 from planning.planner import Query
@@ -69,6 +71,9 @@ class Cartesian:
             InvalidOption: Timing options that do not go with it.
         """
         _check_timing(options.timing)
+        if options.cartesian.seam is not None:
+            _check_seam(problem, options.timing)
+            return cls(options.cartesian)
         if len(problem.goals) != 1:
             raise InvalidGoal(
                 "the planner cartesian goes to one goal, not to any of several",
@@ -92,10 +97,13 @@ class Cartesian:
         Raises:
             InvalidGoal: Motions that name no circle.
         """
+        if self.options.seam is not None:
+            return plan_seam(query, self.options, self.tolerances)
         problem, start = query.problem, query.ready.start
         chain = problem.robot.chain
         motions = tool_motions(forward(chain, start), self.options, _target(problem))
-        tool_path = lead_tool(chain, query.checker, start, motions, self.tolerances, query.deadline)
+        led = runs(motions, self._blends(len(motions)))
+        tool_path = lead_tool(chain, query.checker, start, led, self.tolerances, query.deadline)
         failure = self._failure(problem, tool_path) or _constraint_failure(problem, tool_path)
         if failure is not None:
             detail = f"{failure.message}." if tool_path.stop is None else _describe(tool_path)
@@ -109,6 +117,13 @@ class Cartesian:
             tool_path=tool_path,
             stopped=_stop_details(chain, tool_path, tool_path.stop),
         )
+
+    def _blends(self, count: int) -> list[float]:
+        """Distance from the end of each motion at which the tool may leave it [m]."""
+        if not self.options.motions:
+            return [self.options.blend] * count
+        asked = [motion.blend for motion in self.options.motions]
+        return [self.options.blend if blend is None else blend for blend in asked]
 
     def _failure(self, problem: Problem, tool_path: ToolPath) -> Failure | None:
         """Why a tool path is no answer, if it is none."""
@@ -130,7 +145,8 @@ def _describe(tool_path: ToolPath) -> str:
     """Sentence about the part of the tool's motions that was followed."""
     if tool_path.stop is None:
         count = len(tool_path.waypoints)
-        return f"{len(tool_path.motions)} motion(s), {count} configurations."
+        asked = tool_path.runs[-1].asked[-1] + 1
+        return f"{asked} motion(s), {count} configurations."
     return f"{100.0 * tool_path.fraction:.4g} % of the way: {tool_path.stop.message}."
 
 
@@ -145,6 +161,19 @@ def _check_timing(timing: TimingOptions) -> None:
             "timing.interpolation and blend_tolerance do not apply to the planner cartesian: "
             "the tool's motion is kept, and stops at its corners",
             hint="Leave them out.",
+        )
+
+
+def _check_seam(problem: Problem, timing: TimingOptions) -> None:
+    if timing.method == "spline":
+        raise InvalidOption(
+            "a seam can't be timed by the method spline, which leaves its path",
+            hint="Ask for toppra or jerk_limited.",
+        )
+    if problem.constraints:
+        raise InvalidOption(
+            "path constraints do not go with waypoints of the planner cartesian",
+            hint="Say in the tolerance what the tool may do.",
         )
 
 
@@ -200,6 +229,8 @@ def _constraint_failure(problem: Problem, tool_path: ToolPath) -> Failure | None
 def _end_details(chain: Chain, tool_path: ToolPath) -> dict[str, Any]:
     """Progress of the tool, as values."""
     segment = tool_path.segments[-1]
+    reached = 1.0 if segment.stop is None else segment.reached
+    last = tool_path.runs[-1].parts_until(reached)[-1]
     T = forward(chain, segment.end)
     pose = {
         "position": T[:3, 3].tolist(),
@@ -207,8 +238,8 @@ def _end_details(chain: Chain, tool_path: ToolPath) -> dict[str, Any]:
     }
     return {
         "fraction": tool_path.fraction,
-        "motion": len(tool_path.segments) - 1,
-        "motion_fraction": 1.0 if segment.stop is None else segment.reached,
+        "motion": last.asked,
+        "motion_fraction": min((reached - last.begin) / (last.end - last.begin), 1.0),
         "nearest": {"joints": segment.end.tolist(), "pose": pose},
     }
 

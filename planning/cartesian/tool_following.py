@@ -21,10 +21,11 @@ from kinematics.jacobian import pose_and_jacobian
 from kinematics.pose import rotation_error
 from kinematics.trajectory import Trajectory
 from planning.deadline import Deadline
+from planning.run_deviation import pieces_within
 from planning.timing.path import JointPath
-from planning.tool_deviation import piece_deviations
 from planning.tool_motion import ToolMotion
 from planning.tool_path import Stop, Tolerances, ToolSegment
+from planning.tool_run import ToolRun, run_of
 
 #: Longest first step along a motion [m].
 _STEP_LENGTH = 0.04
@@ -57,18 +58,22 @@ _NOTHING = 1e-9
 
 
 def follow(
-    chain: Chain, motion: ToolMotion, start: Array, tolerances: Tolerances, deadline: Deadline
+    chain: Chain,
+    motion: ToolMotion | ToolRun,
+    start: Array,
+    tolerances: Tolerances,
+    deadline: Deadline,
 ) -> ToolSegment:
     """Follow a motion of the tool from a configuration whose tool is where it begins.
 
     Args:
         chain: The robot; its tip is the tool.
-        motion: The motion.
+        motion: The motion, or several that are run through without a rest.
         start: Inside the limits, shape (n,).
         tolerances: How far the tool may be off it, between the configurations too.
         deadline: When to give up.
     """
-    following = _Following(chain, motion, start, tolerances, deadline)
+    following = _Following(chain, run_of(motion), start, tolerances, deadline)
     stop = following.march()
     while True:
         places, joints = following.places, following.joints
@@ -88,13 +93,14 @@ class _Following:
     def __init__(
         self,
         chain: Chain,
-        motion: ToolMotion,
+        run: ToolRun,
         start: Array,
         tolerances: Tolerances,
         deadline: Deadline,
     ) -> None:
         self.places, self.joints = [0.0], [start]
-        self._chain, self._motion, self._deadline = chain, motion, deadline
+        self._chain, self._run, self._deadline = chain, run, deadline
+        self._ends = run.breaks[1:]
         self._tolerances = tolerances
         self._narrow = replace(chain, limits=_narrow_limits(chain.limits, start))
 
@@ -105,7 +111,8 @@ class _Following:
         while self.places[-1] < 1.0:
             at = self.places[-1] + step
             # A last step of rounding would be one too many.
-            at = 1.0 if 1.0 - at < _LEAST_STEP else at
+            end = float(self._ends[np.searchsorted(self._ends, self.places[-1], side="right")])
+            at = end if end - at < _LEAST_STEP else at
             q = self._solve_inside(at, self._predict(at))
             if q is not None and np.abs(q - self.joints[-1]).max() <= _JUMP:
                 self.places.append(at)
@@ -118,17 +125,17 @@ class _Following:
         return None
 
     def _usual_step(self) -> float:
-        motion, (position, orientation) = self._motion, self._tolerances.pair
-        if motion.length < position and motion.angle < orientation:
+        run, (position, orientation) = self._run, self._tolerances.pair
+        if run.length < position and run.angle < orientation:
             return 1.0
-        steps = max(motion.length / _STEP_LENGTH, motion.angle / _STEP_ANGLE, _LEAST_STEPS)
+        steps = max(run.length / _STEP_LENGTH, run.angle / _STEP_ANGLE, _LEAST_STEPS)
         return 1.0 / float(np.ceil(steps))
 
     def _predict(self, at: float) -> Array:
         """The joints after the least motion that moves the tool as asked, to first order."""
         q = self.joints[-1]
         T, J = pose_and_jacobian(self._chain, q)
-        target = self._motion.pose(at)
+        target = self._run.pose(at)
         error = target[:3, 3] - T[:3, 3]
         if self._tolerances.orientation is None:
             J = J[:3]
@@ -151,7 +158,7 @@ class _Following:
             orientation_tolerance=orientation,
             axes=_axes(self._tolerances),
         )
-        result = numeric.solve(chain, self._motion.pose(at), options, seed_joints=seed)
+        result = numeric.solve(chain, self._run.pose(at), options, seed_joints=seed)
         return result.solutions[0].joints if result.solutions else None
 
     def deviating_pieces(self, path: JointPath) -> list[int]:
@@ -159,7 +166,9 @@ class _Following:
         chain, breaks = self._chain, path.breaks
         position, orientation = self._tolerances.pair
         share = (_SHARE * position, _SHARE * orientation)
-        _, fine, _ = piece_deviations(chain, breaks, path.coefficients, self._motion, share)
+        fine = pieces_within(
+            chain, self._run, np.array(self.places), breaks, path.coefficients, share
+        )
         low, high = Trajectory(chain.joint_names, breaks, path.coefficients).piece_extrema()
         outside = np.any((low < chain.limits.lower) | (high > chain.limits.upper), axis=1)
         return [int(i) for i in np.flatnonzero(outside | ~fine)]
@@ -196,7 +205,7 @@ class _Following:
         values = self._singular_values(q)
         details: dict[str, Any] = {"smallest_singular_value": float(values[-1])}
         options = numeric.SearchOptions(starts=_SEARCH, axes=_axes(self._tolerances))
-        other = numeric.solve(self._chain, self._motion.pose(at), options, seed_joints=q)
+        other = numeric.solve(self._chain, self._run.pose(at), options, seed_joints=q)
         if not other.solutions:
             nearest = other.nearest
             details["position_error"] = nearest.position_error

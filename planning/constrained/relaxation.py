@@ -82,11 +82,11 @@ def find_relaxation(
     numbers = sorted({int(i) for i in every.owners})
     helping: list[tuple[int, float, str]] = []
     alone = _without_obstacles(checker)
-    until = Deadline.after(deadline.remaining / (len(numbers) + 1))
+    until = deadline.within(deadline.remaining / (len(numbers) + 1))
     clear = alone is None or _find_path(alone, every, start, goals, seed, until) is not None
     for tried, i in enumerate(numbers):
         others = tuple(c for j, c in enumerate(every.constraints) if j != i)
-        until = Deadline.after(deadline.remaining / (len(numbers) - tried))
+        until = deadline.within(deadline.remaining / (len(numbers) - tried))
         path = _find_path(checker, ConstraintSet(every.chain, others), start, goals, seed, until)
         if path is not None:
             only = ConstraintSet(every.chain, (every.constraints[i],))

@@ -154,7 +154,7 @@ class PotentialField:
     def plan(self, query: Query) -> Attempt:
         """Descend to the first goal that can be reached so."""
         problem, ready = query.problem, query.ready
-        deadline = Deadline.after(self.share * query.deadline.remaining)
+        deadline = query.deadline.within(self.share * query.deadline.remaining)
         result = potential_field(
             problem.robot,
             query.checker,

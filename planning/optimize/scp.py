@@ -124,7 +124,7 @@ class Descent:
         """Go on until rounds no longer gain, or the rounds or the time are used up."""
         self.deadline = deadline
         longest = _FIRST * self.look_time
-        while self.rounds < self.most_rounds and deadline.remaining > longest:
+        while self.rounds < self.most_rounds and not deadline.sooner_than(longest):
             self.rounds += 1
             began = time.monotonic()
             if not self._run_round():

@@ -26,7 +26,9 @@ from planning.proof.constraint_limits import constrained_efforts, constrained_ma
 from planning.proof.constraints import ConstraintReport, check_motion
 from planning.proof.limits import LimitReport, check_continuity, check_limits
 from planning.proof.sweep_state import OBSTACLE, OWN
+from planning.proof.tool_box import BoxUse, check_tool_boxes
 from planning.proof.tool_deviation import PathDeviation, check_tool_motions
+from planning.proof.tool_speed_band import SpeedUse, check_speed_band
 from planning.proof.violation import Violation
 from planning.tool_motion import TimedToolMotions
 
@@ -70,6 +72,8 @@ class Certificate:
         proved: Which parts were proved, and why others were not.
         obstacle_pair: The pair with the least clearance of those with an obstacle.
         self_pair: The same of the robot's own links and what it holds.
+        tool_box: How much the tool uses of the tolerances of its motions, where they have some.
+        tool_speed: How well it keeps to its band of speed, where it has one.
     """
 
     verified: bool
@@ -87,6 +91,8 @@ class Certificate:
     proved: Proved = Proved(False, False)
     obstacle_pair: tuple[str, str] | None = None
     self_pair: tuple[str, str] | None = None
+    tool_box: BoxUse | None = None
+    tool_speed: SpeedUse | None = None
 
     @property
     def path_constraint_residual(self) -> float | None:
@@ -140,10 +146,12 @@ def certify(
         check_motion(constraints, trajectory) if constraints is not None else ((), None)
     )
     wrong += [violated] if violated else []
-    deviation = None
+    deviation, box, speed = None, None, None
     if tool_motions is not None:
         deviation, off = check_tool_motions(robot.chain, trajectory, tool_motions)
-        wrong += [off] if off else []
+        box, outside = check_tool_boxes(robot.chain, trajectory, tool_motions)
+        speed, fast = check_speed_band(robot.chain, trajectory, tool_motions.speed)
+        wrong += [violation for violation in (off, outside, fast) if violation]
     within = not wrong
     margin = constrained_margin(margin, constraints)
     proof = CollisionProof(trajectory, robot, scene, margin, deadline)
@@ -172,6 +180,8 @@ def certify(
         proved=Proved(within, free, _reasons(wrong, None if solid else _no_solids(robot))),
         obstacle_pair=proof.closest(OBSTACLE),
         self_pair=proof.closest(OWN),
+        tool_box=box,
+        tool_speed=speed,
     )
 
 

@@ -44,9 +44,9 @@ from planning.proof.sweep_state import (
 #: A pair that moves less than this in an interval [m] is decided by its distance alone.
 RESOLUTION = 1e-7
 #: The clearance told is at least this share of the true one, where that is less than _ENOUGH.
-_SHARP_SHARE = 0.8
+_SHARP_SHARE = 0.91
 #: Clearance beyond which a sharper bound is of no interest [m].
-_ENOUGH = 0.05
+_ENOUGH = 0.18
 #: Where the covers of parts of meshes are this far apart [m], that is told for the parts' distance.
 COVERED = 0.001
 #: Covers are opened only when they move less than this [m]: before, halving time parts them sooner

@@ -24,6 +24,8 @@ JUMP_TOLERANCE = 1e-9
 #: Roots with less of an imaginary part than this share of their size are real: two that have met
 #: are told apart by half the digits.
 _REAL = 1e-7
+#: Share of the largest coefficient below which a leading one changes no value on a piece.
+_NEGLIGIBLE = 1e-17
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,12 +149,17 @@ def _first_excess(
 def _leaves(coefficients: Array, order: int, length: float, bounds: tuple[float, float]) -> float:
     """First time in [0, length] at which a polynomial's derivative leaves its bounds."""
     value = np.polynomial.Polynomial(coefficients).deriv(order)
+    # In parts of the length, where terms that add nothing can be told and left out: a leading
+    # coefficient next to 0 has roots beyond all numbers.
+    terms = np.asarray(value.coef, dtype=np.float64)
+    scaled = np.polynomial.Polynomial(terms * length ** np.arange(len(terms)))
     crossings = [0.0, length]
     for bound in bounds:
         if np.isfinite(bound):
-            roots = (value - bound).trim().roots()
+            excess = scaled - bound
+            roots = excess.trim(_NEGLIGIBLE * float(np.abs(excess.coef).max())).roots()
             real = roots.real[np.abs(roots.imag) <= _REAL * (1.0 + np.abs(roots))]
-            crossings += [float(t) for t in real if 0.0 < t < length]
+            crossings += [length * float(part) for part in real if 0.0 < part < 1.0]
     crossings.sort()
     for a, b in pairwise(crossings):
         if not bounds[0] <= value(0.5 * (a + b)) <= bounds[1]:

@@ -9,7 +9,7 @@ from kinematics.vec3 import Vector, cross, dot, scale, subtract
 from planning.proof.relative_motion import RelativeMotion
 
 #: Angles that may change by more than this in an interval are not judged there [rad].
-_MAX_TURN = 0.5
+MAX_TURN = 0.5
 
 # Entries of a motion as the kernels here read it; vectors by the first of three.
 #: 0 for a line, 1 for an arc.
@@ -85,9 +85,9 @@ def line_deviation(
     if m[TURN] == 0.0:
         return True, 0.0, 0.0, 0.0
     # A turn on the spot: the place that fits best, at the pace that does.
-    if spread.turned > _MAX_TURN:
+    if spread.turned > MAX_TURN:
         return False, 0.0, 0.0, 0.0
-    angle = _follow(_turn_about(m, T), place)
+    angle = follow_angle(_turn_about(m, T), place)
     return True, angle / m[TURN], dot(vector_at(m, AXIS), spread.turn_rate) / m[TURN], 0.0
 
 
@@ -110,9 +110,9 @@ def arc_deviation(
     across = (a * vb - b * va) / (distance * distance)
     faster = (spread.acceleration + 2.0 * fastest * fastest / nearest) / nearest
     travel = min(abs(across) * half + 0.5 * faster * half * half, spread.moved / nearest)
-    if travel > _MAX_TURN:
+    if travel > MAX_TURN:
         return False, 0.0, 0.0, 0.0
-    phi = _follow(math.atan2(b, a), place)
+    phi = follow_angle(math.atan2(b, a), place)
     now[0] = math.hypot(math.hypot(distance - radius, z), radius * max(0.0, -phi, phi - sweep))
     e, rate = (distance - radius, z, 0.0), ((a * va + b * vb) / distance, vz, 0.0)
     curved = 0.5 * (fastest * fastest / nearest) * half * half + spread.bend
@@ -122,7 +122,7 @@ def arc_deviation(
 
 
 @kernel
-def _follow(angle: float, place: Array) -> float:
+def follow_angle(angle: float, place: Array) -> float:
     """The angle with as many whole turns as bring it nearest to the one followed so far."""
     turns = math.floor((place[2] - angle) / (2.0 * math.pi) + 0.5)
     place[2] = angle + 2.0 * math.pi * turns
@@ -156,3 +156,14 @@ def angle_to_nominal(m: Array, s: float, T: Array) -> float:
             nominal = c * x[i] + v * turned[i] + along * a[i]
             square += (nominal - T[i, column]) ** 2
     return 2.0 * math.asin(min(1.0, math.sqrt(square / 8.0)))
+
+
+@kernel
+def nominal_rotation(m: Array, s: float, N: Array) -> None:
+    """Write the motion's orientation exp(s theta [a]) R_0 at place s into N (3, 3)."""
+    c, v, a = math.cos(s * m[TURN]), math.sin(s * m[TURN]), vector_at(m, AXIS)
+    for column in range(3):
+        x = (m[ROTATION + column], m[ROTATION + 3 + column], m[ROTATION + 6 + column])
+        turned, along = cross(a, x), dot(a, x) * (1.0 - c)
+        for i in range(3):
+            N[i, column] = c * x[i] + v * turned[i] + along * a[i]

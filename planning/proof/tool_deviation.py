@@ -139,9 +139,9 @@ def path_deviation(chain: Chain, trajectory: Trajectory, asked: TimedToolMotions
     allowed = np.array([asked.max_position, np.inf if is_free else asked.max_orientation])
     arm = Arm(chain.joint_types, chain.offsets, chain.tip.T_joint_link, chain.tip.joint)
     worst, verified, time, highest = np.zeros(2), True, 0.0, -1.0
-    for motion, begin, end in zip(asked.motions, asked.times[:-1], asked.times[1:], strict=True):
-        numbers, angle = _pack_motion(motion), 0.0
-        for piece, low, high in _parts(trajectory, float(begin), float(end)):
+    for motion, begin, end in asked.exact:
+        numbers, angle = pack_motion(motion), 0.0
+        for piece, low, high in pieces_between(trajectory, float(begin), float(end)):
             part = Worst(np.zeros(2), np.array([-1.0, 0.0, angle]))
             fine = deviation_kernel(
                 arm, trajectory.coefficients[piece], np.array([low, high]), numbers, allowed, part
@@ -163,7 +163,9 @@ def path_deviation(chain: Chain, trajectory: Trajectory, asked: TimedToolMotions
     )
 
 
-def _parts(trajectory: Trajectory, begin: float, end: float) -> list[tuple[int, float, float]]:
+def pieces_between(
+    trajectory: Trajectory, begin: float, end: float
+) -> list[tuple[int, float, float]]:
     """The pieces between two times, and the part of each in its own time."""
     breaks, slack = trajectory.breaks, _TIME_ROUNDING * trajectory.duration
     first = int(np.searchsorted(breaks, begin + slack, side="right")) - 1
@@ -179,7 +181,7 @@ def _parts(trajectory: Trajectory, begin: float, end: float) -> list[tuple[int, 
     return parts
 
 
-def _pack_motion(motion: ToolMotion) -> Array:
+def pack_motion(motion: ToolMotion) -> Array:
     """A motion as the kernels read it, shape (WIDTH,)."""
     m, start = np.zeros(WIDTH), motion.T_start[:3, 3]
     turn = motion.turn
@@ -259,7 +261,7 @@ def _bound(
 ) -> bool:
     """Write deviations in the middle of an interval and bounds all over it; False if not judged."""
     now, upper, T = found
-    _tip(arm, frames, T)
+    tip_kernel(arm, frames, T)
     p = (T[0, 3], T[1, 3], T[2, 3])
     spread = relative_motion(arm.types, frames, p, arm.joint, -1, joints, half)
     lengths = reach(arm.types, arm.offsets, joints) + math.sqrt(dot(p, p))
@@ -285,7 +287,7 @@ def _bound(
 
 
 @kernel
-def _tip(arm: Arm, frames: Array, T: Array) -> None:
+def tip_kernel(arm: Arm, frames: Array, T: Array) -> None:
     """Write the tip's pose into T (3, 4)."""
     for row in range(3):
         for column in range(4):

@@ -206,7 +206,7 @@ def _by_closed_form(query: _Query, targets: Array, results: Array, joints: Array
     form, seed = query.form, middle(query.chain)
     values = np.array([np.nan])
     if form is not None and form.redundant:
-        values = _parameters(query.chain, form)
+        values = parameter_values(query.chain, form)
 
     judge = _closed_form()
 
@@ -256,8 +256,8 @@ def _start(chain: Chain, seed: int) -> Array:
     return np.asarray(np.random.default_rng(seed).uniform(low, high))
 
 
-def _parameters(chain: Chain, form: Structure) -> Array:
-    """Values of a redundant arm's parameter, all around it."""
+def parameter_values(chain: Chain, form: Structure) -> Array:
+    """Values of a redundant arm's parameter, all around it, shape (v,) [rad or m]."""
     if form.locked is None:
         return np.asarray(np.arange(_PARAMETERS) * 2.0 * np.pi / _PARAMETERS - np.pi)
     low, high = chain.sampling_bounds()

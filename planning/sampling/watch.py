@@ -90,4 +90,7 @@ class Watch:
         if not self.progress and (self.edges() >= self.share or self.iterations >= self.turn):
             return "share"
         full = self.iterations % _LOOK_EVERY == 0 and resident() - self.memory > MAX_MEMORY
-        return "memory" if full else None
+        if full:
+            self.deadline.interruptions.occurred = True
+            return "memory"
+        return None

@@ -43,3 +43,40 @@ def solve_banded_kernel(band: Array, right: Array) -> bool:
             value -= band[i + 2, 2] * right[i + 2]
         right[i] = value / band[i, 0]
     return True
+
+
+@kernel
+def solve_wide_band_kernel(band: Array, right: Array) -> bool:
+    """Solve A X = B in place by Cholesky's factors; False where A is not positive definite.
+
+    Args:
+        band: The symmetric A with w - 1 diagonals on either side, shape (N, w): ``band[i, k]`` is
+            the entry in row i, column i - k. Its factors take its place.
+        right: B, and the answer X, shape (N, n).
+    """
+    size, width = band.shape
+    for i in range(size):
+        for k in range(min(width - 1, i), -1, -1):
+            column = i - k
+            value = band[i, k]
+            for m in range(max(0, i - width + 1, column - width + 1), column):
+                value -= band[i, i - m] * band[column, column - m]
+            if k > 0:
+                band[i, k] = value / band[column, 0]
+                continue
+            if not value > 0.0:
+                return False
+            band[i, 0] = math.sqrt(value)
+    for i in range(size):
+        for j in range(right.shape[1]):
+            value = right[i, j]
+            for m in range(max(0, i - width + 1), i):
+                value -= band[i, i - m] * right[m, j]
+            right[i, j] = value / band[i, 0]
+    for i in range(size - 1, -1, -1):
+        for j in range(right.shape[1]):
+            value = right[i, j]
+            for m in range(i + 1, min(size, i + width)):
+                value -= band[m, m - i] * right[m, j]
+            right[i, j] = value / band[i, 0]
+    return True

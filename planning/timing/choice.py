@@ -15,6 +15,11 @@ from planning.timing.parametrization import TimeParametrization
 
 # Limits that every method must know.
 _REQUIRED = ("velocity", "acceleration")
+# Jerk limit by rule, as a multiple of the acceleration limit [1/s]: full acceleration in 0.1 s,
+# which drives of industrial arms follow and their gears and mounts bear.
+_JERK_FACTOR = 10.0
+#: Rule for jerk limits that are not known, where no method of timing is named.
+JERK_RULE = f"{_JERK_FACTOR:g} x acceleration"
 
 
 def chosen_parametrization(
@@ -48,6 +53,11 @@ def chosen_parametrization(
         chosen["jerk"] = np.where(np.isnan(limits.jerk), np.inf, limits.jerk)
     if method.jerk is not JerkUse.UNUSED and "jerk" in overrides:
         chosen["jerk"] = overrides["jerk"]
+    ruled: tuple[str, ...] = ()
+    if method.jerk is JerkUse.RULED and "jerk" not in chosen:
+        missing = np.isnan(limits.jerk)
+        chosen["jerk"] = np.where(missing, _JERK_FACTOR * chosen["acceleration"], limits.jerk)
+        ruled = tuple(name for name, is_ruled in zip(joint_names, missing, strict=True) if is_ruled)
     scaled = {name: values * getattr(timing, f"{name}_scaling") for name, values in chosen.items()}
     return TimeParametrization(
         method,
@@ -57,6 +67,7 @@ def chosen_parametrization(
         _loads(timing, joint_names, overrides, chain),
         _velocity(timing.start_velocity, "start_velocity", joint_names),
         _velocity(timing.end_velocity, "end_velocity", joint_names),
+        ruled,
     )
 
 

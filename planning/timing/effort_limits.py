@@ -141,7 +141,7 @@ def slow_down(loads: EffortLimits, dilated: ScaledTime) -> ScaledTime:
     Raises:
         TimingFailed: No slowing down does.
     """
-    trajectory, factor = dilated
+    trajectory, factor, _ = dilated
     for _ in range(_MAX_DILATIONS):
         needed = _slow_down_factor(loads, trajectory)
         if needed <= 1.0:

@@ -12,7 +12,7 @@ from planning.timing.effort_limits import effort_rows, slow_down
 from planning.timing.failure import TimingFailed
 from planning.timing.jerk_limited import time_path_with_jerk
 from planning.timing.minimum_time import time_path
-from planning.timing.options import Method, Solver
+from planning.timing.options import TOPPRA_SOLVERS, Method, Solver
 from planning.timing.path import JointPath
 from planning.timing.time_scaling import ScaledTime
 
@@ -28,6 +28,7 @@ class JerkUse(Enum):
     """Use that a method makes of jerk limits."""
 
     REQUIRED = "required"
+    RULED = "where known, else by rule"
     WHERE_KNOWN = "where known"
     UNUSED = "unused"
 
@@ -71,6 +72,18 @@ class TimingMethod(Protocol):
     def follows_path(self) -> bool:
         """Whether the motion keeps exactly to the path."""
 
+    @property
+    def even_corners(self) -> bool:
+        """Whether rounded corners are passed at constant speed, in few pieces."""
+
+    @property
+    def near_path(self) -> bool:
+        """Whether a spline near the path is tried where it is proved free."""
+
+    @property
+    def solver(self) -> Solver | None:
+        """Who finds the speeds, where there is a choice."""
+
     def time(
         self,
         path: JointPath,
@@ -109,6 +122,8 @@ class TimeOptimal:
     jerk: JerkUse = JerkUse.UNUSED
     smooth: bool = False
     follows_path: bool = True
+    even_corners: bool = False
+    near_path: bool = False
 
     def time(
         self,
@@ -143,12 +158,30 @@ class TimeOptimal:
 
 @dataclass(frozen=True, slots=True)
 class JerkLimited:
-    """Little more than the least time within limits of velocity, acceleration and jerk."""
+    """Limits of velocity, acceleration and jerk.
+
+    Args:
+        solver: "interior_point" for little more than the least time, "double_s" for few pieces,
+            or "quintic_spline" for fewer.
+        jerk: Use of jerk limits: required, or by rule where they are not known.
+    """
+
+    solver: Solver = "interior_point"
+    jerk: JerkUse = JerkUse.REQUIRED
 
     name: Method = "jerk_limited"
-    jerk: JerkUse = JerkUse.REQUIRED
     smooth: bool = True
     follows_path: bool = True
+
+    @property
+    def even_corners(self) -> bool:
+        """Whether rounded corners are passed at constant speed, in few pieces."""
+        return self.solver != "interior_point"
+
+    @property
+    def near_path(self) -> bool:
+        """Whether a spline near the path is tried where it is proved free."""
+        return self.solver == "quintic_spline"
 
     def time(
         self,
@@ -191,6 +224,9 @@ class SplineInTime:
     jerk: JerkUse = JerkUse.WHERE_KNOWN
     smooth: bool = False
     follows_path: bool = False
+    even_corners: bool = False
+    near_path: bool = False
+    solver: Solver | None = None
 
     def time(
         self,
@@ -214,13 +250,15 @@ class SplineInTime:
         return ()
 
 
-def timing_method(name: Method, solver: Solver | None = None) -> TimingMethod:
+def timing_method(name: Method | None, solver: Solver | None = None) -> TimingMethod:
     """The method of a name.
 
     Args:
         name: As in ``TimingOptions.method``.
-        solver: For "toppra": who finds the speeds; ours where None.
+        solver: As in ``TimingOptions.solver``.
     """
-    if name == "toppra":
+    if name == "toppra" or solver in TOPPRA_SOLVERS:
         return TimeOptimal(solver or "reachability")
-    return JerkLimited() if name == "jerk_limited" else SplineInTime()
+    if name is None:
+        return JerkLimited(solver or "quintic_spline", JerkUse.RULED)
+    return JerkLimited(solver or "interior_point") if name == "jerk_limited" else SplineInTime()

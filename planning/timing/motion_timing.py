@@ -6,17 +6,18 @@ waypoints: with more waypoints on the legs it keeps nearer to them.
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
-from kinematics.trajectory import stay
+from kinematics.trajectory import Trajectory, stay
 from obstacles.checker import Checker
 from planning.deadline import Deadline
 from planning.limits import RATIO_TOLERANCE
-from planning.timing.blend import merge, reach_for_deviation
+from planning.timing.blend import largest_reaches, merge, reach_for_deviation
 from planning.timing.corner_blending import certified_reaches
 from planning.timing.failure import TimingFailed
 from planning.timing.options import TimingOptions
@@ -26,6 +27,10 @@ from planning.timing.time_scaling import ScaledTime
 
 # Velocity at an end that still counts as rest [rad/s or m/s].
 _REST = 1e-9
+# Share of a preferred clearance that a spline has to keep: it rounds corners by a millimetre more.
+_SHARE_KEPT = 0.9
+# Instants of a piece of a spline at which its clearance is looked at before it is proved.
+_INSTANTS = 3
 #: How often the legs of a path are halved to bring a spline nearer to them.
 _HALVINGS = 5
 
@@ -37,6 +42,8 @@ def motions(
     timing: TimingOptions,
     deadline: Deadline,
     preferred: Sequence[Checker] = (),
+    *,
+    keep_path: bool = False,
 ) -> Iterator[Callable[[], ScaledTime]]:
     """Motions to be tried in turn, until one is proved.
 
@@ -47,6 +54,7 @@ def motions(
         timing: What else was asked of the timing.
         deadline: When corners are not looked at any more.
         preferred: Checkers of falling clearance that corners are blended by where they keep it.
+        keep_path: Whether the motion keeps to the polyline but for its rounded corners.
 
     Raises:
         InvalidOption: Times were given that do not fit the waypoints, or an interpolation that
@@ -67,27 +75,92 @@ def motions(
             hint="Ask for the method spline, or leave interpolation out.",
         )
     if len(points) > 2:
-        yield partial(_round_corners, checker, points, parametrization, timing, deadline, preferred)
+        leaves = timing.blend_tolerance is None and not keep_path
+        rounded = _RoundedMotion(checker, points, parametrization, timing, deadline, preferred)
+        if leaves:
+            yield rounded.smooth
+        if not leaves or rounded.left_path:
+            yield rounded.time_on_path
     none = np.zeros(max(len(points) - 2, 0))
     yield lambda: parametrization.time_polyline(points, none, names)
 
 
-def _round_corners(
-    checker: Checker,
-    points: Array,
-    parametrization: TimeParametrization,
-    timing: TimingOptions,
-    deadline: Deadline,
-    preferred: Sequence[Checker],
-) -> ScaledTime:
-    """The motion with corners rounded as far as is free and asked for."""
-    most = None
-    if timing.blend_tolerance is not None:
-        most = reach_for_deviation(points, timing.blend_tolerance, parametrization.smooth)
-    reaches = certified_reaches(
-        checker, points, deadline, smooth=parametrization.smooth, most=most, preferred=preferred
-    )
-    return parametrization.time_polyline(points, reaches, checker.model.chain.joint_names)
+@dataclass(slots=True)
+class _RoundedMotion:
+    """The motion with corners rounded as far as is free and asked for, and the spline near it.
+
+    Args:
+        checker: The robot in its scene.
+        points: A polyline proved free, merged, shape (k, n), k >= 3.
+        parametrization: The method and the limits.
+        timing: What else was asked of the timing.
+        deadline: When corners are not looked at any more.
+        preferred: Checkers of falling clearance.
+    """
+
+    checker: Checker
+    points: Array
+    parametrization: TimeParametrization
+    timing: TimingOptions
+    deadline: Deadline
+    preferred: Sequence[Checker]
+    left_path: bool = field(default=False, init=False)
+    _rounded: ScaledTime | None = field(default=None, init=False)
+
+    def time_on_path(self) -> ScaledTime:
+        """The motion with rounded corners, timed once."""
+        if self._rounded is None:
+            reaches, names = self._reaches(), self.checker.model.chain.joint_names
+            self._rounded = self.parametrization.time_polyline(self.points, reaches, names)
+        return self._rounded
+
+    def smooth(self) -> ScaledTime:
+        """The spline near the motion where it is as far from everything, else the motion itself."""
+        rounded = self.time_on_path()
+        for spline in self.parametrization.splines_near(rounded, self.points):
+            if self._keeps_clear(spline.trajectory):
+                self.left_path = True
+                return spline
+        return rounded
+
+    def _reaches(self) -> Array:
+        parametrization, timing = self.parametrization, self.timing
+        largest = largest_reaches(self.points)
+        if timing.blend_tolerance is not None:
+            tolerance = timing.blend_tolerance
+            largest = reach_for_deviation(self.points, tolerance, parametrization.smooth)
+        return certified_reaches(
+            self.checker,
+            self.points,
+            self.deadline,
+            smooth=parametrization.smooth,
+            most=parametrization.widest_reaches(self.points, largest),
+            preferred=self.preferred,
+        )
+
+    def _keeps_clear(self, motion: Trajectory) -> bool:
+        """Whether a motion keeps most of the clearance that the one with rounded corners keeps."""
+        rounded = self.time_on_path().trajectory
+        count = _INSTANTS * motion.pieces
+        for level in (*(_lower(level) for level in self.preferred), self.checker):
+            if _is_clear(level, motion, count):
+                return True
+            if _is_clear(level, rounded, count):
+                return False
+        return False
+
+
+def _lower(level: Checker) -> Checker:
+    """The checker of a preferred clearance with a little less of it."""
+    model = level.model
+    margins = _SHARE_KEPT * model.margin, _SHARE_KEPT * model.own_margin
+    return replace(level, model=model.with_margins(*margins))
+
+
+def _is_clear(level: Checker, motion: Trajectory, count: int) -> bool:
+    """Whether a checker finds instants of a motion free, evenly spaced between its ends."""
+    times = np.linspace(0.0, motion.duration, count + 2)[1:-1]
+    return all(level.valid(q) for q in np.ascontiguousarray(motion.sample(times)))
 
 
 def _splines(

@@ -9,9 +9,15 @@ from kinematics.errors import InvalidOption
 Method = Literal["toppra", "spline", "jerk_limited"]
 METHODS: tuple[Method, ...] = ("toppra", "spline", "jerk_limited")
 
-#: Who finds the speeds of the method "toppra": our compiled kernels, or the toppra package.
-Solver = Literal["reachability", "toppra"]
-SOLVERS: tuple[Solver, ...] = ("reachability", "toppra")
+#: Method of timing where none is named.
+DEFAULT_METHOD: Method = "jerk_limited"
+
+#: Who finds the speeds: for "toppra" our compiled kernels or the toppra package; for
+#: "jerk_limited" a spline with few pieces, closed forms between corners, or the optimum on a grid.
+Solver = Literal["reachability", "toppra", "quintic_spline", "double_s", "interior_point"]
+TOPPRA_SOLVERS: tuple[Solver, ...] = ("reachability", "toppra")
+JERK_SOLVERS: tuple[Solver, ...] = ("quintic_spline", "double_s", "interior_point")
+SOLVERS: tuple[Solver, ...] = (*TOPPRA_SOLVERS, *JERK_SOLVERS)
 
 Interpolation = Literal["linear", "natural_spline", "clamped_spline"]
 INTERPOLATIONS: tuple[Interpolation, ...] = ("linear", "natural_spline", "clamped_spline")
@@ -39,8 +45,12 @@ class TimingOptions:
     """Options of the timing.
 
     Args:
-        method: "toppra", "spline" or "jerk_limited".
-        solver: For "toppra": "reachability" (ours) or "toppra" (the package); ours where None.
+        method: "toppra", "spline" or "jerk_limited"; None for jerk_limited where jerk limits that
+            are not known follow ``planning.timing.choice.JERK_RULE``.
+        solver: For "toppra": "reachability" (ours) or "toppra" (the package); ours where None. For
+            "jerk_limited": "quintic_spline" (fewest pieces, near the path), "double_s" (few pieces,
+            on the path) or "interior_point" (nearly the least time); the first where neither
+            method nor solver is named, else the last.
         velocity_scaling: Share of the velocity limits to use, in (0, 1].
         acceleration_scaling: Share of the acceleration limits to use, in (0, 1].
         jerk_scaling: Share of the jerk limits to use, in (0, 1].
@@ -61,7 +71,7 @@ class TimingOptions:
             that does not go with the method.
     """
 
-    method: Method = "toppra"
+    method: Method | None = None
     solver: Solver | None = field(default=None, kw_only=True)
     velocity_scaling: float = 1.0
     acceleration_scaling: float = 1.0
@@ -81,7 +91,7 @@ class TimingOptions:
             if not 0.0 < getattr(self, name) <= 1.0:
                 raise InvalidOption(f"timing.{name} must be in (0, 1]")
         for name, choices in (
-            ("method", METHODS),
+            ("method", (None, *METHODS)),
             ("solver", (None, *SOLVERS)),
             ("interpolation", (None, *INTERPOLATIONS)),
         ):
@@ -91,10 +101,11 @@ class TimingOptions:
                     f"there is no timing.{name} {getattr(self, name)!r}",
                     hint=f"Choose one of: {', '.join(known)}.",
                 )
-        if self.solver is not None and self.method != "toppra":
+        solved = "toppra" if self.solver in TOPPRA_SOLVERS else "jerk_limited"
+        if self.solver is not None and self.method not in {None, solved}:
             raise InvalidOption(
-                f"timing.solver belongs to the method toppra, not {self.method}",
-                hint="Ask for the method toppra, or leave solver out.",
+                f"timing.solver {self.solver} belongs to the method {solved}, not {self.method}",
+                hint=f"Ask for the method {solved}, or leave solver out.",
             )
         spline = self.method == "spline"
         if spline and self.interpolation == "linear":
@@ -105,6 +116,7 @@ class TimingOptions:
         for name, given in (("times", self.times is not None), ("scale_times", self.scale_times)):
             if given and not spline:
                 raise InvalidOption(
-                    f"timing.{name} belongs to the method spline, not {self.method}",
+                    f"timing.{name} belongs to the method spline, not "
+                    f"{self.method or DEFAULT_METHOD}",
                     hint="Ask for the method spline, or leave it out.",
                 )

@@ -1,24 +1,29 @@
 """Time parametrization: the method and all the limits that a path is timed by."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.arrays import Array
+from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
 from kinematics.trajectory import Trajectory
 from planning.effort_limits import EffortLimits
 from planning.timing.blend import blend, merge
 from planning.timing.effort_limits import slow_down
+from planning.timing.even_corners import fastest_reaches, time_even_corners
 from planning.timing.method import PathLimits, TimingMethod
 from planning.timing.path import JointPath
+from planning.timing.quintic_fit import SPAN_RATES, fit_quintic
 from planning.timing.spline import Ends, chord_knots, spline_trajectory
 from planning.timing.time_scaling import ScaledTime, dilate, fit, fitting_factor
 
 # Boundary velocities may miss the path's direction by this part.
 _ALONG = 1e-6
+# A spline that takes longer than this part of the motion that it is near to is not worth it.
+_WORTH = 1.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,6 +38,7 @@ class TimeParametrization:
         loads: Limits of torque and tool speed.
         start_velocity: At the start, along the path, shape (n,); at rest where none is given.
         end_velocity: At the end, likewise.
+        ruled: Names of joints whose jerk limit is not known but made by a rule.
     """
 
     method: TimingMethod
@@ -42,6 +48,7 @@ class TimeParametrization:
     loads: EffortLimits | None = None
     start_velocity: Array | None = None
     end_velocity: Array | None = None
+    ruled: tuple[str, ...] = ()
 
     @property
     def smooth(self) -> bool:
@@ -49,10 +56,55 @@ class TimeParametrization:
         return self.method.smooth
 
     @property
+    def even_corners(self) -> bool:
+        """Whether rounded corners are passed at constant speed: at rest at the ends, no loads."""
+        moving = any(v is not None and v.any() for v in (self.start_velocity, self.end_velocity))
+        return self.method.even_corners and self.loads is None and not moving
+
+    def splines_near(self, rounded: ScaledTime, waypoints: Array) -> Iterator[ScaledTime]:
+        """Splines of few pieces near a motion, ever nearer; none that take far longer than it.
+
+        Args:
+            rounded: The motion with rounded corners.
+            waypoints: Of its path, merged, shape (k, n).
+        """
+        motion = rounded.trajectory
+        if not (self.method.near_path and self.even_corners and len(waypoints) > 2):
+            return
+        limits, legs = self._jerk_bounds, len(waypoints) - 1
+        for rate in SPAN_RATES:
+            spline = fit_quintic(motion, motion.joint_names, limits, legs, rate)
+            if spline.trajectory.duration <= _WORTH * motion.duration:
+                yield spline
+
+    def widest_reaches(self, waypoints: Array, largest: Array) -> Array:
+        """Reaches of a polyline's corners that are worth being proved free, shape (k - 2,).
+
+        Args:
+            waypoints: Merged, shape (k, n), k >= 3.
+            largest: Reaches at most, shape (k - 2,).
+        """
+        if not self.even_corners or len(waypoints) < 3:
+            return largest
+        return fastest_reaches(waypoints, self._jerk_bounds, largest)
+
+    @property
+    def _jerk_bounds(self) -> Array:
+        """Limits of velocity, acceleration and jerk, shape (3, n)."""
+        assert self.jerk is not None
+        return np.stack([self.velocity, self.acceleration, self.jerk])
+
+    @property
     def bounds(self) -> dict[str, Array]:
         """The limits that a motion with this timing is held to, by quantity."""
         bounds = {"velocity": self.velocity, "acceleration": self.acceleration}
         return bounds if self.jerk is None else bounds | {"jerk": self.jerk}
+
+    def at_tool_speed(self, chain: Chain, speed: float) -> "TimeParametrization":
+        """Parametrization with the tool no faster than a speed [m/s]."""
+        loads = self.loads or EffortLimits(chain)
+        slowest = speed if loads.tool_speed is None else min(speed, loads.tool_speed)
+        return replace(self, loads=replace(loads, tool_speed=slowest))
 
     def time(self, path: JointPath, joint_names: Sequence[str]) -> ScaledTime:
         """The path run through as fast as the limits allow; not for splines of time.
@@ -78,7 +130,10 @@ class TimeParametrization:
             InvalidOption: As ``time``.
             TimingFailed: As ``time``.
         """
-        rounded = self.time(blend(waypoints, reaches, smooth=self.smooth), joint_names)
+        path = blend(waypoints, reaches, smooth=self.smooth)
+        if self.even_corners:
+            return time_even_corners(path, joint_names, self._jerk_bounds)
+        rounded = self.time(path, joint_names)
         if not (self.smooth and reaches.any()):
             return rounded
         # Under low jerk limits a narrow curve may take longer than a stop.

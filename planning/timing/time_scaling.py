@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.trajectory import Trajectory
+from planning.timing.options import Solver
 
 # Aimed at below each limit, so that whoever evaluates the polynomials in another order of
 # operations still finds them inside; it costs a trillionth of the duration.
@@ -20,10 +21,17 @@ _NEAR = 0.999
 
 
 class ScaledTime(NamedTuple):
-    """A trajectory within its limits, and how many times as long it had to be made for that."""
+    """A trajectory within its limits, and how many times as long it had to be made for that.
+
+    Args:
+        trajectory: The motion.
+        factor: By which its time was stretched.
+        solver: Name of the solver that found it, where the method has several.
+    """
 
     trajectory: Trajectory
     factor: float
+    solver: Solver | None = None
 
 
 def peak_ratios(trajectory: Trajectory, limits: Array, derivative: int) -> Array:

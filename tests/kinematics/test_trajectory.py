@@ -209,6 +209,18 @@ def test_split_and_concatenate_give_the_same_motion() -> None:
             trajectory.split(bad)
 
 
+def test_reversing_runs_the_same_motion_backwards() -> None:
+    trajectory = random_trajectory(np.random.default_rng(11), 6, 3, 5)
+    back = trajectory.reverse()
+    assert back.duration == trajectory.duration
+    times = np.linspace(0.0, trajectory.duration, 301)
+    times = times[np.abs(times[:, None] - trajectory.breaks).min(axis=1) > 1e-9]
+    for order in range(4):
+        expected = (-1.0) ** order * trajectory.sample(times, order)
+        actual = back.sample(trajectory.duration - times, order)
+        np.testing.assert_allclose(actual, expected, rtol=1e-9, atol=1e-9)
+
+
 def test_concatenation_pads_degrees_and_refuses_other_joints() -> None:
     first = piece(np.array([0.0, 1.0]), 1.0)
     second = piece(np.array([1.0, 1.0, 3.0]), 2.0)

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
-from kinematics.arrays import Array
+from kinematics.arrays import Array, Indices
 from obstacles.bvh import EXTENT, FIRST, LAST, NODE_WIDTH, SKIP, Tree, gap, tree
 from tests.properties import numbers
 
@@ -43,6 +43,24 @@ def nearest(built: Tree, points: Array, p: Array) -> tuple[int, int]:
                     best, square = k, away
         node += 1
     return best, opened
+
+
+def leaf_order(low: Array, high: Array, items: Indices, most: int) -> list[int]:
+    """Items halved at the median along the longest side of their middles, sorted by numpy."""
+    if len(items) <= most:
+        return [int(k) for k in items]
+    middles = low[items] + high[items]
+    along = middles[:, int(np.argmax(np.ptp(middles, axis=0)))]
+    items = items[np.argsort(along, kind="stable")]
+    half = len(items) // 2
+    return leaf_order(low, high, items[:half], most) + leaf_order(low, high, items[half:], most)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 7, 64, 301])
+def test_equal_middles_keep_their_order(count: int) -> None:
+    low, high = boxes(count, 5)
+    low, high = np.round(low), np.round(low) + 1.0  # many of them equal
+    assert tree(low, high, 2).items.tolist() == leaf_order(low, high, np.arange(count), 2)
 
 
 @pytest.mark.parametrize("most", [1, 2, 5])

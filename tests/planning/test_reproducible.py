@@ -7,6 +7,7 @@ import sys
 import numpy as np
 
 from kinematics.arrays import Array
+from planning.optimize.options import RefineOptions
 from planning.options import Options
 from planning.pipeline import plan
 from planning.problem import JointGoal, Problem
@@ -53,3 +54,33 @@ def test_same_bytes_again_and_in_a_fresh_process() -> None:
         [sys.executable, "-c", program], check=True, capture_output=True, text=True
     )
     assert fresh.stdout.split() == first
+
+
+def around_the_post() -> Problem:
+    """A problem whose straight motion is not free."""
+    post = pillar(angle=0.0, distance=0.4)
+    return Problem(builtin("panda"), post, turned(-0.9), (JointGoal(turned(0.9)),))
+
+
+def test_a_search_that_time_ended_is_not_deterministic() -> None:
+    problem = around_the_post()
+    # A search for ever shorter paths ends with the deadline; one with a budget does not.
+    endless = plan(problem, Options(planner="bit_star", timeout=0.5))
+    counted = plan(
+        problem,
+        Options(planner="bit_star", timeout=_TIMEOUT, planner_options={"max_edges": 500}),
+    )
+    assert isinstance(endless, Plan)
+    assert isinstance(counted, Plan)
+    assert not endless.deterministic
+    assert counted.deterministic
+
+
+def test_an_optimisation_that_time_ended_is_not_deterministic() -> None:
+    problem = around_the_post()
+    refine = RefineOptions(rounds=1)
+    counted = plan(problem, Options(timeout=_TIMEOUT, refine=refine))
+    hurried = plan(problem, Options(timeout=0.06, refine=refine))
+    assert isinstance(counted, Plan)
+    assert counted.deterministic
+    assert not isinstance(hurried, Plan) or not hurried.deterministic

@@ -17,7 +17,7 @@ from planning.timing.options import TimingOptions
 from planning.timing.parametrization import TimeParametrization
 from planning.timing.path import JointPath
 from planning.tool_deviation import piece_deviations
-from planning.tool_motion import line
+from planning.tool_motion import ToolMotion, line
 from planning.tool_path import Stop, Tolerances, ToolPath, ToolSegment
 from planning.tool_timing import time_tool_path
 from tests.planning.pinocchio_panda import PinocchioPanda
@@ -127,6 +127,7 @@ def test_a_spline_of_time_gets_more_waypoints_until_it_keeps_to_its_line() -> No
     tight = replace(corner(), tolerances=Tolerances(2e-6, 2e-5))
     timed = time_tool_path(CHAIN, tight, parametrization("spline"))
     for (motion, path), part in zip(tight.moving, timed.parts, strict=True):
+        assert isinstance(motion, ToolMotion)
         assert part.pieces >= 2 * len(path.lengths)
         _, fine, _ = piece_deviations(
             CHAIN, part.breaks, part.coefficients, motion, tight.tolerances.pair

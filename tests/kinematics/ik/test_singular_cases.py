@@ -1,4 +1,4 @@
-"""The table of singular and limit cases in docs/kinematics.md, row by row."""
+"""The table of singular and limit cases in docs/singular_cases.md, row by row."""
 
 from dataclasses import replace
 

@@ -245,7 +245,7 @@ def test_torques_with_a_payload_are_kept(method: Any) -> None:
 
 
 def test_tool_speed_is_kept() -> None:
-    asked, timing = problem("panda", HOME, ASIDE), TimingOptions(tool_speed=0.4)
+    asked, timing = problem("panda", HOME, ASIDE), TimingOptions("toppra", tool_speed=0.4)
     better = solved(asked, options(timing))
     assert better.planner == "optimize"
     assert better.certificate.limits["tool_speed"].worst_ratio <= 1.0

@@ -45,7 +45,7 @@ def test_clearance_is_a_sharp_lower_bound(name: str) -> None:
         if certificate.violation is None or certificate.violation.kind != "collision":
             proved += 1
             assert 0.0 < certificate.min_clearance <= dense + 1e-7
-            assert certificate.min_clearance >= min(0.79 * dense, 0.049)
+            assert certificate.min_clearance >= min(0.9 * dense, 0.179)
         else:
             refused += 1
             at = trajectory.sample([certificate.violation.time])[0]

@@ -17,6 +17,7 @@ ALLOWED = {
     "planning.effort_limits",
     "planning.limits",
     "planning.tool_motion",
+    "planning.tool_tolerance",
     "obstacles.bvh",
     "obstacles.containment",
     "obstacles.convex_distance",

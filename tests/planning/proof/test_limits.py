@@ -133,3 +133,13 @@ def test_torque_and_tool_speed_are_reported_and_refused() -> None:
         reports, wrong = check_limits(turn, chain.limits, MotionLimits({}, loads))
         assert reports["tool_speed"].worst_ratio == pytest.approx(1.0 / share, rel=1.1e-3)
         assert [violation.kind == "tool_speed" for violation in wrong] == [True] * is_wrong
+
+
+@pytest.mark.parametrize("length", [2.2e-311, 1e-200, 1e-12, 1.0])
+def test_huge_motions_in_no_time_are_refused_with_a_time_inside(length: float) -> None:
+    rows = np.array([[8.8e11, -4.0e11, 1.2e-38, -9.6e11], [0.0, -1.1e-308, 8.0e11, 1e-310]])
+    names = ("joint_1", "joint_2")
+    motion = Trajectory(names, np.array([0.0, length]), rows[None])
+    _, wrong = check_limits(motion, limits(), MotionLimits({}))
+    assert wrong[0].kind == "position"
+    assert 0.0 <= wrong[0].time <= length

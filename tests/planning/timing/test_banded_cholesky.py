@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.linalg import solveh_banded
 
-from planning.timing.banded_cholesky import solve_banded_kernel
+from planning.timing.banded_cholesky import solve_banded_kernel, solve_wide_band_kernel
 
 
 def test_solutions_are_those_of_scipy() -> None:
@@ -29,3 +29,21 @@ def test_a_matrix_that_is_not_positive_definite_is_told() -> None:
     band = np.array([[1.0, 0.0, 0.0], [1.0, 2.0, 0.0]])
     assert not solve_banded_kernel(band, np.ones(2))
     assert not solve_banded_kernel(np.array([[0.0, 0.0, 0.0]]), np.ones(1))
+
+
+def test_wide_bands_with_several_right_hand_sides_are_solved_as_by_scipy() -> None:
+    rng = np.random.default_rng(1)
+    for size, width in ((1, 6), (3, 6), (40, 6), (40, 2)):
+        band = np.zeros((size, width))
+        band[:, 0] = rng.uniform(6.0, 8.0, size)
+        for k in range(1, min(width, size)):
+            band[k:, k] = rng.uniform(-0.6, 0.6, size - k)
+        right = rng.normal(size=(size, 3))
+        lower = np.zeros((min(width, size), size))
+        for k in range(min(width, size)):
+            lower[k, : size - k] = band[k:, k]
+        expected = solveh_banded(lower, right, lower=True)
+        answer = right.copy()
+        assert solve_wide_band_kernel(band.copy(), answer)
+        np.testing.assert_allclose(answer, expected, rtol=1e-12, atol=1e-13)
+    assert not solve_wide_band_kernel(np.array([[1.0, 0.0], [1.0, 2.0]]) * [1, 2], np.ones((2, 1)))

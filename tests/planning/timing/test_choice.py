@@ -1,12 +1,19 @@
 """The parametrization that options choose: which limits count, and which are missed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from kinematics.chain import Limits
 from kinematics.errors import InvalidOption, MissingLimit
 from kinematics.robots import builtin_chain
-from planning.timing.choice import chosen_parametrization, require_limits, required_limits
+from planning.timing.choice import (
+    JERK_RULE,
+    chosen_parametrization,
+    require_limits,
+    required_limits,
+)
 from planning.timing.method import timing_method
 from planning.timing.options import Method, Payload, TimingOptions
 
@@ -89,3 +96,32 @@ def test_boundary_velocities_of_the_wrong_form_are_refused() -> None:
             chosen_parametrization(
                 TimingOptions(end_velocity=values), NAMES, Limits.unlimited(2), GIVEN
             )
+
+
+def test_jerk_limits_that_are_not_known_follow_the_rule_where_no_method_is_named() -> None:
+    some = replace(Limits.unlimited(2), jerk=np.array([7.0, np.nan]))
+    chosen = chosen_parametrization(TimingOptions(jerk_scaling=0.5), NAMES, some, GIVEN)
+    assert chosen.method.name == "jerk_limited"
+    assert JERK_RULE == "10 x acceleration"
+    np.testing.assert_allclose(chosen.bounds["jerk"], [3.5, 20.0])
+    assert chosen.ruled == ("b",)
+    given = chosen_parametrization(TimingOptions(), NAMES, some, GIVEN | JERK)
+    np.testing.assert_array_equal(given.bounds["jerk"], JERK["jerk"])
+    assert given.ruled == ()
+    with pytest.raises(MissingLimit, match="jerk"):
+        chosen_parametrization(TimingOptions("jerk_limited"), NAMES, some, GIVEN)
+
+
+def test_a_solver_without_a_method_names_its_method() -> None:
+    for solver, name, even in (
+        ("toppra", "toppra", False),
+        ("interior_point", "jerk_limited", False),
+        ("double_s", "jerk_limited", True),
+    ):
+        timing = TimingOptions(solver=solver)  # type: ignore[arg-type]
+        chosen = chosen_parametrization(timing, NAMES, Limits.unlimited(2), GIVEN)
+        assert (chosen.method.name, chosen.even_corners) == (name, even)
+    with pytest.raises(InvalidOption, match="belongs to the method toppra"):
+        TimingOptions("jerk_limited", solver="reachability")
+    with pytest.raises(InvalidOption, match="belongs to the method jerk_limited"):
+        TimingOptions("toppra", solver="double_s")

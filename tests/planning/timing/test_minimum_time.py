@@ -11,7 +11,7 @@ from planning.timing import reachability
 from planning.timing.blend import blend, largest_reaches
 from planning.timing.constraints import cells
 from planning.timing.minimum_time import RESOLUTION, time_path
-from planning.timing.options import SOLVERS, Solver
+from planning.timing.options import TOPPRA_SOLVERS, Solver
 from planning.timing.profile import timed_pieces
 from planning.timing.spline import chord_knots, spline_path
 from planning.timing.time_scaling import dilate
@@ -87,7 +87,7 @@ def test_the_independent_ratio_agrees_with_numpys_roots() -> None:
         assert worst_ratio(trajectory, np.ones(3), order) == pytest.approx(worst, rel=1e-12)
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("solver", TOPPRA_SOLVERS)
 @pytest.mark.parametrize("n", [1, 2, 7, 20])
 def test_straight_lines_take_the_bang_bang_time(solver: Solver, n: int) -> None:
     rng = np.random.default_rng(n)

@@ -9,7 +9,7 @@ from kinematics.errors import InvalidOption, InvalidTrajectory
 from planning.timing.blend import blend, largest_reaches
 from planning.timing.failure import TimingFailed
 from planning.timing.minimum_time import MAX_RESOLUTION, time_path
-from planning.timing.options import SOLVERS, Solver
+from planning.timing.options import TOPPRA_SOLVERS, Solver
 from planning.timing.path import JointPath
 from planning.timing.spline import chord_knots, spline_path
 from tests.planning.timing.timed_paths import (
@@ -40,7 +40,7 @@ def distance_to_path(path: JointPath, points: Array) -> Array:
     return best
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("solver", TOPPRA_SOLVERS)
 def test_the_path_is_followed_exactly_and_smoothly(solver: Solver) -> None:
     rng = np.random.default_rng(9)
     for _ in range(10):
@@ -68,7 +68,7 @@ def test_a_finer_grid_gains_little() -> None:
     assert max(losses) < 2e-3
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("solver", TOPPRA_SOLVERS)
 def test_splines_are_timed_without_changing_their_curve(solver: Solver) -> None:
     rng = np.random.default_rng(13)
     for kind in ("natural", "clamped"):
@@ -96,7 +96,7 @@ def test_splines_are_timed_without_changing_their_curve(solver: Solver) -> None:
             assert trajectory.duration < 0.999 * other
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("solver", TOPPRA_SOLVERS)
 @pytest.mark.parametrize("size", [1e-9, 1e-6, 1e-3, 1e3])
 def test_the_scale_of_a_path_does_not_matter(solver: Solver, size: float) -> None:
     waypoints = np.random.default_rng(14).uniform(-1.0, 1.0, (5, 4))
@@ -109,7 +109,7 @@ def test_the_scale_of_a_path_does_not_matter(solver: Solver, size: float) -> Non
     assert (scaled.peaks(2).value <= a / size).all()
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("solver", TOPPRA_SOLVERS)
 def test_odd_paths_are_timed(solver: Solver) -> None:
     rng = np.random.default_rng(15)
     v, a = np.array([1e-3, 1e3, 1.0, np.inf]), np.array([1e4, 1e-2, 1.0, 5.0])
@@ -145,7 +145,7 @@ def test_without_velocity_limits_the_acceleration_alone_decides() -> None:
     assert trajectory.duration == pytest.approx(2.0 * np.sqrt(4.0), rel=1e-11)
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("solver", TOPPRA_SOLVERS)
 @pytest.mark.parametrize(
     ("v", "a", "match"),
     [
@@ -174,7 +174,7 @@ def test_malformed_options_are_refused() -> None:
         time_path(path, ["a", "b"], [1.0], [1.0])
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("solver", TOPPRA_SOLVERS)
 def test_a_solver_that_fails_says_so_by_name(
     solver: Solver, caplog: pytest.LogCaptureFixture
 ) -> None:

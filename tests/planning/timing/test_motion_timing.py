@@ -1,6 +1,7 @@
 """Plans timed by every method: certified, within limits, at rest at both ends."""
 
 import itertools
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -8,16 +9,23 @@ import pytest
 
 from benchmarks.ratios import worst_ratio
 from kinematics.errors import InvalidOption, MissingLimit
-from obstacles.checker import Checker
+from kinematics.trajectory import Trajectory
+from obstacles.checker import Checker, Motion
 from obstacles.scene import Scene
+from planning import pipeline
 from planning.deadline import Deadline
 from planning.optimize.options import RefineOptions
 from planning.options import Options
 from planning.pipeline import plan
 from planning.problem import JointGoal, Problem
+from planning.proof import certificate
+from planning.proof.certificate import Certificate
+from planning.proof.violation import Violation
 from planning.result import Failure, Plan
 from planning.timing.blend import largest_reaches, reach_for_deviation
+from planning.timing.choice import chosen_parametrization
 from planning.timing.corner_blending import certified_reaches
+from planning.timing.motion_timing import motions
 from planning.timing.options import Payload, TimingOptions
 from tests.planning.scenes import HOME, builtin, pillar, shelf
 
@@ -53,7 +61,7 @@ def test_every_method_gives_certified_motions(method: str) -> None:
 
 
 def test_the_toppra_package_times_plans_and_tells_what_that_cost() -> None:
-    ours, package = planned(POST), planned(POST, solver="toppra")
+    ours, package = planned(POST, method="toppra"), planned(POST, solver="toppra")
     assert isinstance(ours, Plan)
     assert isinstance(package, Plan)
     assert package.certificate.verified
@@ -168,3 +176,81 @@ def test_cubic_motions_are_proved_or_not_like_their_samples() -> None:
             assert sampled
         verdicts.append(proved)
     assert 5 < sum(verdicts) < 55
+
+
+def test_a_plan_is_a_smooth_spline_of_few_pieces_where_nothing_is_asked_of_its_timing() -> None:
+    limits = builtin("panda").chain.limits
+    jerk = 10.0 * limits.acceleration
+    answer = planned(POST, {"jerk": jerk})
+    assert isinstance(answer, Plan)
+    assert answer.timing is not None
+    assert (answer.timing.method, answer.timing.solver) == ("jerk_limited", "quintic_spline")
+    assert answer.trajectory.pieces <= 20
+    assert answer.certificate.verified
+    assert answer.certificate.limits["jerk"].worst_ratio <= 1.0 + 1e-9
+    bounds = (limits.velocity, limits.acceleration, jerk)
+    for order, bound in enumerate(bounds, 1):
+        assert worst_ratio(answer.trajectory, bound, order) <= 1.0 + 1e-9
+    assert answer.trajectory.continuity().acceleration < 1e-7
+
+
+def test_a_spline_that_is_not_proved_gives_way_to_the_motion_on_the_path(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def certify(motion: Trajectory, *given: Any, **more: Any) -> Certificate:
+        answer = true(motion, *given, **more)
+        if motion.degree < 5:
+            return answer
+        violation = Violation("collision", 0.1, "refused", {})
+        return replace(answer, verified=False, violation=violation)
+
+    true = certificate.certify
+    monkeypatch.setattr(pipeline, "certify", certify)
+    answer = planned(POST, {"jerk": 10.0 * builtin("panda").chain.limits.acceleration})
+    assert isinstance(answer, Plan)
+    assert answer.timing is not None
+    assert answer.timing.solver == "double_s"
+    assert [stage.name for stage in answer.stages].count("certificate") == 2
+
+
+@dataclass
+class _NotAt:
+    """A clearance that is kept everywhere but where it is asked for at one time."""
+
+    times: int
+    model: Any
+
+    def valid(self, _: np.ndarray) -> bool:
+        """Whether this is another time."""
+        self.times -= 1
+        return self.times != 0
+
+    def curve(self, *_: np.ndarray) -> Motion:
+        """Every curve is free."""
+        return Motion(True, False, 1.0, None, 1.0, 1)
+
+
+def test_a_spline_that_comes_nearer_than_its_waypoints_is_not_offered() -> None:
+    checker = Checker.of(builtin("panda"), Scene())
+    points = np.array([HOME, 0.5 * (HOME + ASIDE) + 0.2, ASIDE])
+    chain = builtin("panda").chain
+    timing = TimingOptions()
+    parametrization = chosen_parametrization(timing, chain.joint_names, chain.limits)
+    deadline = Deadline.after(10.0)
+
+    def solvers(level: Any) -> list[str | None]:
+        ways = motions(checker, points, parametrization, timing, deadline, [level])
+        return [way().solver for way in ways]
+
+    assert solvers(checker) == ["quintic_spline", "double_s", "double_s"]
+    # Asked for at the corner first, then at the instants of the spline, then of the other motion.
+    assert solvers(_NotAt(2, checker.model)) == ["double_s", "double_s"]
+
+
+@pytest.mark.parametrize("timing", [{"blend_tolerance": 0.1}, {"solver": "double_s"}])
+def test_motions_stay_on_the_path_where_that_is_asked_for(timing: dict[str, Any]) -> None:
+    answer = planned(POST, **timing)
+    assert isinstance(answer, Plan)
+    assert answer.timing is not None
+    assert answer.timing.solver == "double_s"
+    assert answer.trajectory.degree == 3

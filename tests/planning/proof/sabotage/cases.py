@@ -217,7 +217,11 @@ def _joint_case(
     goal: Array,
     asked: _Request = _PLAIN,
 ) -> Case:
-    how, constraints, margin = asked.timing or TimingOptions(), asked.constraints, asked.margin
+    how, constraints, margin = (
+        asked.timing or TimingOptions("toppra"),
+        asked.constraints,
+        asked.margin,
+    )
     wanted = ConstraintSet(robot.chain, constraints) if constraints else None
     problem = Problem(robot, scene, start, (JointGoal(goal),), margin=margin, constraints=wanted)
     options = Options(
@@ -336,7 +340,7 @@ _CASES: dict[str, Callable[[], Case]] = {
     ),
     "ur5e with weak joints": _of(
         "ur5e", Scene(), _UR_START, _UR_LOWER,
-        timing=TimingOptions(torque_limits=True),
+        timing=TimingOptions("toppra", torque_limits=True),
         limits={"effort": np.array([9.0, 60.0, 25.0, 5.0, 5.0, 5.0])},
     ),
     "ur5e with weak joints, by splines": _of(
@@ -345,7 +349,7 @@ _CASES: dict[str, Callable[[], Case]] = {
         limits={"effort": np.array([6.0, 60.0, 25.0, 5.0, 5.0, 5.0])},
     ),
     "ur5e with a slow tool": _of(
-        "ur5e", Scene(), _UR_START, _UR_GOAL, timing=TimingOptions(tool_speed=_SPEED)
+        "ur5e", Scene(), _UR_START, _UR_GOAL, timing=TimingOptions("toppra", tool_speed=_SPEED)
     ),
     "panda with a slow tool, jerk limited": _of(
         "panda", Scene(), HOME, _ASIDE, timing=TimingOptions("jerk_limited", tool_speed=_SPEED)
@@ -362,12 +366,12 @@ _CASES: dict[str, Callable[[], Case]] = {
     ),
     "panda along a blocked line": lambda: _line_case(
         HOME, (0.05, 0.35, -0.2), Scene((box("brick", (0.1, 0.1, 0.1), (0.35, 0.2, 0.4)),)),
-        TimingOptions(),
+        TimingOptions("toppra"),
     ),
     "panda starting in a box": _of("panda", _BRICK, HOME, _ASIDE, planner="straight_line"),
     "panda ending in a box": _of("panda", _BRICK, _ASIDE, HOME, planner="straight_line"),
     "panda along a line": lambda: _line_case(
-        HOME, (0.05, 0.35, -0.2), Scene(), TimingOptions()
+        HOME, (0.05, 0.35, -0.2), Scene(), TimingOptions("toppra")
     ),
     "panda along a line, by splines": lambda: _line_case(
         HOME, (0.05, 0.35, -0.2), Scene(), TimingOptions("spline")

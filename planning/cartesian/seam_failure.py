@@ -1,0 +1,258 @@
+"""Reasons why a seam can't be followed: where, by how much, and which tolerance would help."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from kinematics.chain import Chain
+from kinematics.ik import numeric
+from kinematics.jacobian import geometric
+from planning.cartesian.seam_path import SeamPlaces, pack_tolerance
+from planning.cartesian.seam_search import SeamGraph, SeamSearch
+from planning.deadline import Deadline
+from planning.result import Failure
+from planning.tool_path import Reason, Stop
+from planning.tool_tolerance import RX, RZ, ToolTolerance
+
+#: Name of the planner.
+_NAME = "cartesian"
+#: Share of the time that is left which is spent on tolerances that would help.
+_SHARE = 0.5
+#: Time that is spent on that at most [s].
+_MAX_TIME = 3.0
+#: Tilts that are tried [rad].
+_TILTS = tuple(math.radians(angle) for angle in (5.0, 15.0, 30.0, 45.0))
+#: Ranges of position that are tried, on either side [m].
+_POSITIONS = (0.005, 0.02)
+#: Configurations whose depth in obstacles is looked at.
+_MAX_DEPTHS = 60
+#: Least singular value, as part of the largest, below which an arm counts as singular.
+_SINGULAR = 2e-2
+#: Starts of the search for the nearest pose.
+_STARTS = 60
+
+#: What to try, by the reason.
+_HINTS: dict[Reason, str] = {
+    "limit": "Widen the tolerance as would_help says, or move the work or the robot's base.",
+    "singularity": "Widen the tolerance as would_help says, or move the work off the singularity.",
+    "unreachable": "Bring the waypoint nearer, or widen the tolerance as would_help says.",
+    "branch": "Split the seam where the longest part ends, or widen the tolerance as would_help "
+    "says.",
+    "collision": "Move what is in the way, or widen the tolerance as would_help says.",
+    "deviation": "Allow a larger max_deviation, or waypoints farther apart.",
+    "time": "Allow more time.",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class _Reason:
+    """Reason why no way leads to a layer.
+
+    Args:
+        reason: In a word.
+        message: One sentence.
+        details: By how much.
+    """
+
+    reason: Reason
+    message: str
+    details: dict[str, Any]
+
+
+def explain_search(search: SeamSearch, graph: SeamGraph) -> Failure:
+    """Reason why the layers of a seam have no continuous way that is free.
+
+    Args:
+        search: That found none.
+        graph: What it knows of the layers.
+    """
+    if search.deadline.passed:
+        return Failure("TIMED_OUT", "time was up before a way along the seam was found",
+                       _HINTS["time"], _NAME)  # fmt: skip
+    search.check_all(graph)
+    search.solve(graph)
+    places, layers = search.places, graph.layers
+    failing = _first_unreached(graph)
+    reason = _reason(search, graph, failing)
+    first, last, _ = graph.longest()
+    place = layers[failing]
+    before = layers[max(failing - 1, 0)]
+    waypoint = int(places.waypoint[place])
+    details = {
+        "reason": reason.reason,
+        "waypoint": waypoint,
+        "fraction": float(places.along[before] / places.length),
+        "longest": {
+            "from_waypoint": int(places.waypoint[layers[first]]),
+            "to_waypoint": int(places.waypoint[layers[last]]),
+            "fraction": float((places.along[layers[last]] - places.along[layers[first]])
+                              / places.length),
+        },
+        **reason.details,
+        "would_help": list(_helpful_tolerances(search)),
+    }  # fmt: skip
+    message = f"the seam can't be followed beyond waypoints[{waypoint}]: {reason.message}"
+    return Failure("PLANNING_FAILED", message, _HINTS[reason.reason], _NAME, details=details)
+
+
+def explain_stop(places: SeamPlaces, number: int, stop: Stop) -> Failure:
+    """Failure of a joint path that stops on one of the runs of a seam.
+
+    Args:
+        places: Of the seam.
+        number: Index of the run.
+        stop: Where and why.
+    """
+    run = places.runs[number]
+    part = run.parts_until(max(stop.at, 1e-9))[-1]
+    before = sum(other.length for other in places.runs[:number])
+    fraction = (before + stop.at * run.length) / places.length
+    waypoint = part.asked + 1
+    return Failure(
+        "TIMED_OUT" if stop.reason == "time" else "PLANNING_FAILED",
+        f"the seam can't be followed to waypoints[{waypoint}]: {stop.message}",
+        _HINTS[stop.reason],
+        _NAME,
+        details={"reason": stop.reason, "waypoint": waypoint, "fraction": fraction, **stop.details},
+    )
+
+
+def _first_unreached(graph: SeamGraph) -> int:
+    """The first layer that no way from the first layer leads to."""
+    firsts = graph.nodes.firsts
+    for layer in range(len(graph.layers)):
+        mine = slice(firsts[layer], firsts[layer + 1])
+        if not (np.isfinite(graph.best[mine]) & (graph.origin[mine] == 0)).any():
+            return layer
+    return len(graph.layers) - 1
+
+
+def _reason(search: SeamSearch, graph: SeamGraph, layer: int) -> _Reason:
+    """Reason why no way leads to a layer."""
+    firsts = graph.nodes.firsts
+    mine = np.arange(firsts[layer], firsts[layer + 1])
+    if not mine.size:
+        return _out_of_reach(search, graph, layer)
+    if np.isfinite(graph.costs[mine]).any():
+        return _discontinuous(search, graph, layer)
+    colliding = mine[graph.collided[mine]]
+    if not colliding.size:
+        return _Reason("limit", "all configurations there are at a joint limit", {})
+    best, pair = -np.inf, ("", "")
+    for node in colliding[:: max(1, len(colliding) // _MAX_DEPTHS)]:
+        near = search.checker.gradient(graph.nodes.joints[node], 0.0)
+        if near.distances.size and near.distances.min() > best:
+            best = float(near.distances.min())
+            pair = search.checker.model.pair_name(int(near.pairs[np.argmin(near.distances)]))
+    depth = -best if np.isfinite(best) else 0.0
+    text = f"all configurations collide, at best {pair[0]!r} with {pair[1]!r} by {depth:.4g} m"
+    return _Reason("collision", text, {"pair": list(pair), "depth": depth})
+
+
+def _out_of_reach(search: SeamSearch, graph: SeamGraph, layer: int) -> _Reason:
+    """Reason why inverse kinematics has nothing for a layer."""
+    chain, target = search.chain, search.places.nominal[graph.layers[layer]]
+    options = numeric.SearchOptions(starts=_STARTS)
+    found = numeric.solve(chain, target, options, seed_joints=search.start)
+    if graph.nodes.outside[layer]:
+        n, limits = chain.n, chain.limits
+        endless = replace(limits, lower=np.full(n, -np.inf), upper=np.full(n, np.inf))
+        free = numeric.solve(replace(chain, limits=endless), target, options,
+                             seed_joints=search.start)  # fmt: skip
+        if free.solutions:
+            return _limit_reason(chain, free.solutions[0].joints)
+    if found.solutions:
+        return _Reason("limit", "the closed form has no solution inside the limits there", {})
+    nearest = found.nearest
+    text = (
+        f"the arm comes no nearer than {nearest.position_error:.4g} m and "
+        f"{nearest.orientation_error:.4g} rad"
+    )
+    details = {
+        "position_error": nearest.position_error,
+        "orientation_error": nearest.orientation_error,
+    }
+    return _Reason("unreachable", text, details)
+
+
+def _limit_reason(chain: Chain, q: np.ndarray) -> _Reason:
+    """The joint that is farthest beyond its limits at a configuration."""
+    limits = chain.limits
+    turns = np.where(chain.joint_types == 0, 2.0 * np.pi, np.inf)
+    middle = (
+        np.where(np.isfinite(limits.lower + limits.upper), limits.lower + limits.upper, 0.0) / 2
+    )
+    q = np.where(np.isfinite(turns), q - 2.0 * np.pi * np.round((q - middle) / (2.0 * np.pi)), q)
+    beyond = np.maximum(limits.lower - q, q - limits.upper)
+    j = int(np.argmax(beyond))
+    limit = float(limits.lower[j] if limits.lower[j] > q[j] else limits.upper[j])
+    name, excess = chain.joint_names[j], max(float(beyond[j]), 0.0)
+    text = f"joint {name!r} would have to go {excess:.4g} beyond its limit {limit:.6g}"
+    details = {"joint": name, "limit": limit, "value": float(q[j]), "excess": excess}
+    return _Reason("limit", text, details)
+
+
+def _discontinuous(search: SeamSearch, graph: SeamGraph, layer: int) -> _Reason:
+    """Reason why configurations of a layer can't be reached from those before."""
+    firsts = graph.nodes.firsts
+    before = np.arange(firsts[max(layer - 1, 0)], firsts[max(layer, 1)])
+    reached = before[np.isfinite(graph.best[before]) & (graph.origin[before] == 0)]
+    sharpest = 0.0
+    for node in reached[:: max(1, len(reached) // _MAX_DEPTHS)]:
+        J = geometric(search.chain, graph.nodes.joints[node])
+        values = np.linalg.svd(J[np.linalg.norm(J, axis=1) > 1e-9], compute_uv=False)
+        sharpest = max(sharpest, float(values[-1] / values[0]))
+    details = {"smallest_singular_value": sharpest}
+    if reached.size and sharpest < _SINGULAR:
+        return _Reason("singularity", "all ways there come to a singularity", details)
+    return _Reason(
+        "branch", "the arm could only go on in another branch of its inverse kinematics", details
+    )
+
+
+def _helpful_tolerances(search: SeamSearch) -> Iterator[dict[str, Any]]:
+    """Wider tolerances with which the seam has a way, the least of each kind."""
+    deadline = Deadline.after(min(_SHARE * search.deadline.remaining, _MAX_TIME))
+    kinds = (
+        [({"free": ["rz"]}, _with_free_spin)],
+        [({"tilt": tilt}, lambda t, tilt=tilt: _with_tilt(t, tilt)) for tilt in _TILTS],
+        [({"position": size}, lambda t, size=size: _with_position(t, size)) for size in _POSITIONS],
+    )
+    for kind in kinds:
+        for change, widen in kind:
+            if deadline.passed:
+                return
+            wide = {id(t): widen(t) for t in set(search.places.tolerances)}
+            if all(wide[id(t)] is t for t in search.places.tolerances):
+                continue
+            tolerances = tuple(wide[id(t)] for t in search.places.tolerances)
+            boxes = np.array([pack_tolerance(tolerance) for tolerance in tolerances])
+            places = replace(search.places, tolerances=tolerances, boxes=boxes)
+            if replace(search, places=places, deadline=deadline).run().joints is not None:
+                yield change
+                break
+
+
+def _with_free_spin(tolerance: ToolTolerance) -> ToolTolerance:
+    lower, upper = tolerance.lower.copy(), tolerance.upper.copy()
+    if not np.isfinite(lower[RZ]):
+        return tolerance
+    lower[RZ], upper[RZ] = -np.inf, np.inf
+    return replace(tolerance, lower=lower, upper=upper)
+
+
+def _with_tilt(tolerance: ToolTolerance, tilt: float) -> ToolTolerance:
+    lower, upper = tolerance.lower.copy(), tolerance.upper.copy()
+    if not (np.isfinite(lower[RX:RZ]).all() and np.abs([lower[RX:RZ], upper[RX:RZ]]).max() < tilt):
+        return tolerance
+    lower[RX:RZ], upper[RX:RZ] = -tilt, tilt
+    return replace(tolerance, lower=lower, upper=upper, tilt=tilt)
+
+
+def _with_position(tolerance: ToolTolerance, size: float) -> ToolTolerance:
+    lower, upper = tolerance.lower.copy(), tolerance.upper.copy()
+    lower[:RX], upper[:RX] = np.minimum(lower[:RX], -size), np.maximum(upper[:RX], size)
+    return replace(tolerance, lower=lower, upper=upper)

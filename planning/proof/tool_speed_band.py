@@ -1,0 +1,143 @@
+"""Share of a tool's path on which its speed is proved to be within a band.
+
+On an interval of half length h the speed is within |v| +- a h, with v the velocity of the tool in
+its middle and a the largest acceleration, from ``relative_motion``. Intervals are halved until that
+lies inside the band or outside, or they are shorter than a share of the whole; those that are left
+count as outside.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinematics.arrays import Array
+from kinematics.chain import Chain
+from kinematics.compiled.kernel import kernel
+from kinematics.trajectory import Trajectory
+from kinematics.vec3 import dot
+from planning.proof.joint_frames import forward_kernel
+from planning.proof.motion_bounds import JOINT_COLUMNS, VALUE, enclose
+from planning.proof.relative_motion import relative_motion
+from planning.proof.tool_deviation import Arm, pieces_between, tip_kernel
+from planning.proof.violation import Violation
+from planning.tool_motion import SpeedBand
+
+#: Halvings of an interval: what is undecided then is a thousandth of a piece.
+_MAX_DEPTH = 10
+#: Change of the speed within an interval up to which its length counts as known, as part of it.
+_SHARP = 0.02
+#: The upper end of the band counts as kept up to this part more: timing aims at the end itself.
+_ROUNDING = 1e-9
+# Entries of the totals.
+#: Length of path that is proved to be within the band, at least [m].
+_WITHIN = 0
+#: Length of path, at most [m].
+_LENGTH = 1
+#: Least speed found [m/s].
+_LEAST = 2
+#: Bound of the largest speed [m/s].
+_MOST = 3
+#: Time of the first interval that is proved to be above the band [s].
+_ABOVE = 4
+_TOTALS = 5
+
+
+@dataclass(frozen=True, slots=True)
+class SpeedUse:
+    """Speed of the tool along the parts of its path that have a band of speed.
+
+    Args:
+        share: Of the path's length, on which the speed is proved to be within the band.
+        least: Least speed found in the middle of an interval, starts and stops left out [m/s].
+        most: Largest speed, a bound for all t [m/s].
+        low: Least speed asked for [m/s].
+        high: Largest speed asked for [m/s].
+        verified: Whether the speed is proved to be below the upper end of the band at all t.
+    """
+
+    share: float
+    least: float
+    most: float
+    low: float
+    high: float
+    verified: bool
+
+
+def check_speed_band(
+    chain: Chain, trajectory: Trajectory, band: SpeedBand | None
+) -> tuple[SpeedUse | None, Violation | None]:
+    """Prove that the tool is nowhere faster than its band, and where it is within it.
+
+    Args:
+        chain: The robot; its tip is the tool.
+        trajectory: Of all its joints, in its order.
+        band: Speeds, and when they are asked for; None where they are not.
+    """
+    if band is None:
+        return None, None
+    arm = Arm(chain.joint_types, chain.offsets, chain.tip.T_joint_link, chain.tip.joint)
+    totals = np.array([0.0, 0.0, np.inf, 0.0, np.inf])
+    speeds = np.array([band.low, band.high * (1.0 + _ROUNDING)])
+    for begin, end in band.spans:
+        for piece, low, high in pieces_between(trajectory, begin, end):
+            before = totals[_ABOVE]
+            ends = np.array([low, high])
+            speed_kernel(arm, trajectory.coefficients[piece], ends, speeds, totals)
+            if totals[_ABOVE] < before:
+                totals[_ABOVE] += trajectory.breaks[piece]
+                break
+    is_slow = bool(totals[_MOST] <= speeds[1])
+    share = float(totals[_WITHIN] / totals[_LENGTH]) if totals[_LENGTH] > 0.0 else 1.0
+    least = float(totals[_LEAST]) if totals[_LEAST] < np.inf else 0.0
+    use = SpeedUse(share, least, float(totals[_MOST]), band.low, band.high, is_slow)
+    if is_slow:
+        return use, None
+    time = float(totals[_ABOVE]) if totals[_ABOVE] < np.inf else float(band.spans[0][0])
+    message = f"the tool moves at up to {use.most:.6g} m/s, above its {band.high:.6g} m/s"
+    return use, Violation("tool_speed", time, message, {"speed": use.most, "limit": band.high})
+
+
+@kernel
+def speed_kernel(arm: Arm, coefficients: Array, ends: Array, speeds: Array, totals: Array) -> None:
+    """Bring the totals up to date by a part of one piece.
+
+    Args:
+        arm: The robot.
+        coefficients: Of the piece, shape (n, k).
+        ends: Of the part in the piece's own time, shape (2,) [s].
+        speeds: The band, shape (2,) [m/s].
+        totals: Shape (5,).
+    """
+    n, size = coefficients.shape
+    joints, shift = np.empty((n, JOINT_COLUMNS)), np.empty((2, size))
+    frames, T = np.empty((n, 4, 4)), np.empty((3, 4))
+    stack, top = np.zeros((_MAX_DEPTH + 2, 3)), 1
+    stack[0, 0], stack[0, 1] = ends[0], ends[1]
+    while top > 0:
+        top -= 1
+        low, high, depth = stack[top, 0], stack[top, 1], stack[top, 2]
+        middle = 0.5 * (low + high)
+        half = max(high - middle, middle - low) * (1.0 + 4e-16)
+        enclose(coefficients, middle, half, shift, joints)
+        forward_kernel(arm.types, arm.offsets, joints[:, VALUE], frames)
+        tip_kernel(arm, frames, T)
+        p = (T[0, 3], T[1, 3], T[2, 3])
+        motion = relative_motion(arm.types, frames, p, arm.joint, -1, joints, half)
+        speed, change = math.sqrt(dot(motion.velocity, motion.velocity)), motion.acceleration * half
+        is_sharp = change <= _SHARP * speed
+        is_within = is_sharp and speed - change >= speeds[0] and speed + change <= speeds[1]
+        is_outside = is_sharp and speed + change < speeds[0]
+        is_above = is_sharp and speed - change > speeds[1]
+        if is_above:
+            totals[_ABOVE] = min(totals[_ABOVE], middle)
+        if is_within or is_outside or is_above or depth >= _MAX_DEPTH:
+            totals[_LENGTH] += 2.0 * half * (speed + 0.5 * change)
+            totals[_MOST] = max(totals[_MOST], speed + change)
+            totals[_LEAST] = min(totals[_LEAST], speed)
+            if is_within:
+                totals[_WITHIN] += 2.0 * half * (speed - 0.5 * change)
+            continue
+        stack[top, 0], stack[top, 1], stack[top, 2] = middle, high, depth + 1.0
+        stack[top + 1, 0], stack[top + 1, 1], stack[top + 1, 2] = low, middle, depth + 1.0
+        top += 2

@@ -1,0 +1,83 @@
+"""Seams: paths of the tool through waypoints, with tolerances and a speed."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from kinematics.arrays import Array, frozen
+from kinematics.errors import InvalidOption
+from planning.tool_tolerance import ToolTolerance
+
+#: Band of speed that is reported where none is asked for, as part of the speed.
+SPEED_BAND = 0.1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SeamWaypoint:
+    """A pose on a seam, and the way to it from the waypoint before.
+
+    Args:
+        T_base_tip: Pose of the tool without deviation, shape (4, 4).
+        via: Point on the arc from the waypoint before, shape (3,) [m]; None for a line.
+        tolerance: On the way to it and there; None for that of the seam.
+        blend: Distance from it at which the tool may leave the way [m]; None for that of all.
+    """
+
+    T_base_tip: Array
+    via: Array | None = None
+    tolerance: ToolTolerance | None = None
+    blend: float | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "T_base_tip", frozen(self.T_base_tip))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StraightOffset:
+    """A straight motion towards a seam or away from it.
+
+    Args:
+        direction: Of the motion, of any length, shape (3,).
+        distance: Its length [m].
+        frame: Whose axes the direction is along: those of the tool at the seam, or the base.
+    """
+
+    direction: Array
+    distance: float
+    frame: Literal["tool", "base"] = "tool"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "direction", frozen(self.direction))
+        if not self.direction.any():
+            raise InvalidOption("the direction of an approach or a retreat is zero")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SeamOptions:
+    """A seam to be followed in one branch of inverse kinematics.
+
+    Args:
+        waypoints: In order, two at least.
+        tolerance: By how much the tool may deviate from the path through them.
+        tool_speed: Speed to be kept along the seam [m/s]; None for the largest the limits allow.
+        speed_band: Largest difference from it, as part of it.
+        approach: Motion that ends at the seam's start; None for none.
+        retreat: Motion that begins at its end; None for none.
+
+    Raises:
+        InvalidOption: There are too few waypoints, or a speed is out of its range.
+    """
+
+    waypoints: tuple[SeamWaypoint, ...]
+    tolerance: ToolTolerance
+    tool_speed: float | None = None
+    speed_band: float = SPEED_BAND
+    approach: StraightOffset | None = None
+    retreat: StraightOffset | None = None
+
+    def __post_init__(self) -> None:
+        if len(self.waypoints) < 2:
+            raise InvalidOption("a seam needs two waypoints at least")
+        if self.tool_speed is not None and not self.tool_speed > 0.0:
+            raise InvalidOption("tool_speed must be positive [m/s]")
+        if not 0.0 < self.speed_band <= 1.0:
+            raise InvalidOption("speed_band must be above 0 and at most 1")

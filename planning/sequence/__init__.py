@@ -1,0 +1,1 @@
+"""Sequences of stages: pick and place as one question with one proved answer."""

@@ -1,0 +1,33 @@
+"""Least times of motions from rest to rest, which the search is led by."""
+
+import numpy as np
+
+from kinematics.arrays import Array
+from kinematics.chain import Chain
+
+#: Speed of a joint whose limit is not known [rad/s or m/s].
+_ANY_SPEED = 1.0
+
+
+def travel_times(chain: Chain, start: Array, ends: Array) -> Array:
+    """Least time of the slowest joint from rest to rest, for many ends [s].
+
+    A joint that goes d takes d/v + v/a, or 2 sqrt(d/a) where it does not get to its speed v.
+
+    Args:
+        chain: The robot.
+        start: Shape (n,) [rad or m].
+        ends: Shape (k, n) [rad or m].
+
+    Returns:
+        Shape (k,).
+    """
+    d = np.abs(ends - start)
+    v, a = chain.limits.velocity, chain.limits.acceleration
+    v = np.where(np.isfinite(v) & (v > 0.0), v, _ANY_SPEED)
+    a = np.where(np.isfinite(a) & (a > 0.0), a, np.inf)
+    with np.errstate(invalid="ignore"):
+        ramp = np.where(np.isinf(a), 0.0, v / a)
+        quick = np.where(np.isinf(a), 0.0, 2.0 * np.sqrt(d / a))
+    times: Array = np.where(d >= v * ramp, d / v + ramp, quick).max(axis=-1, initial=0.0)
+    return times

@@ -1,0 +1,225 @@
+"""Motions of single stages: free, straight, or none; each proved in its own cell."""
+
+from dataclasses import dataclass, replace
+from functools import partial
+from math import comb
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from kinematics.arrays import Array
+from kinematics.chain import Chain
+from kinematics.forward import forward
+from kinematics.pose import transform
+from kinematics.trajectory import Trajectory, stay
+from obstacles.checker import Checker
+from planning import pipeline
+from planning.cartesian.leading import lead_tool
+from planning.constraints.constraint_set import ConstraintSet
+from planning.deadline import Deadline
+from planning.options import Options
+from planning.planner import Query
+from planning.problem import JointGoal, Problem
+from planning.proof.certificate import Certificate, certify
+from planning.result import Attempt, Failure, Plan
+from planning.sequence.stage import StageSettings, Straight
+from planning.sequence.world import Cell
+from planning.timing.path import JointPath
+from planning.tool_motion import ToolMotion, line
+from planning.tool_path import Stop, Tolerances, ToolPath, ToolSegment
+
+#: Slack of straight motions where their end has twice as much to spare [m].
+_SLACK = 1e-4
+#: A straight motion that meets something ends this much earlier, if it may [m].
+_BACK_OFF = 0.005
+#: Least time for one plan [s].
+_LEAST_TIMEOUT = 1e-3
+
+
+class Line(NamedTuple):
+    """A straight motion of the tool as a joint path, before it is timed.
+
+    Args:
+        path: From its start to its end.
+        start: Shape (n,).
+        end: Shape (n,).
+        distance: How far the tool goes [m].
+    """
+
+    path: ToolPath
+    start: Array
+    end: Array
+    distance: float
+
+
+class LineStopped(NamedTuple):
+    """A straight motion that is shorter than it has to be.
+
+    Args:
+        distance: How far the tool comes [m].
+        stop: The reason.
+    """
+
+    distance: float
+    stop: Stop
+
+
+@dataclass(frozen=True, slots=True)
+class FoundLine:
+    """The planner of a line that is known by then.
+
+    Args:
+        path: The line.
+    """
+
+    path: ToolPath
+    name: ClassVar[str] = "cartesian"
+    needs_goals: ClassVar[bool] = False
+
+    def plan(self, query: Query) -> Attempt:  # noqa: ARG002
+        """The line."""
+        detail = f"{self.path.motions[0].length:.4g} m, {len(self.path.waypoints)} configurations."
+        return Attempt(self.path.waypoints, detail, tool_path=self.path)
+
+
+def lead_straight(cell: Cell, stage: Straight, q: Array, deadline: Deadline) -> Line | LineStopped:
+    """The longest straight motion that a stage allows, proved free.
+
+    Args:
+        cell: The robot in its surroundings.
+        stage: The direction and the distances.
+        q: Where the motion begins; where it ends, of an approach. Shape (n,).
+        deadline: When to give up.
+    """
+    chain = cell.robot.chain
+    T = forward(chain, q)
+    along = T[:3, :3] @ stage.direction if stage.frame == "tool" else np.array(stage.direction)
+    backwards = stage.kind == "approach"
+    if backwards:
+        along = -along
+    options = stage.settings.options.cartesian
+    free = options.orientation == "free"
+    orientation = None if free else options.max_orientation_deviation
+    tolerances = Tolerances(options.max_deviation, orientation)
+    slack = min(_SLACK, 0.5 * max(cell.checker.clearance(q)[0], 0.0))
+    lead = partial(_lead, chain, Checker(cell.checker.model, slack), q, T, tolerances, deadline)
+    path = lead(along, stage.most)
+    if path.stop is not None:
+        reached = path.segments[0].reached * stage.most
+        if reached < stage.least:
+            return LineStopped(reached, path.stop)
+        path = lead(along, max(stage.least, reached - _BACK_OFF))
+        if path.stop is not None:
+            return LineStopped(reached, path.stop)
+    if backwards:
+        path = reverse(path)
+    segment = path.segments[0]
+    return Line(path, segment.start, segment.end, path.motions[0].length)
+
+
+def _lead(
+    chain: Chain, checker: Checker, q: Array, T: Array, tolerances: Tolerances,
+    deadline: Deadline, along: Array, distance: float,
+) -> ToolPath:  # fmt: skip
+    end = transform(T[:3, :3], T[:3, 3] + distance * along)
+    return lead_tool(chain, checker, q, [line(T, end)], tolerances, deadline)
+
+
+def reverse(path: ToolPath) -> ToolPath:
+    """A tool path of one completed line, backwards."""
+    motion, segment = path.motions[0], path.segments[0]
+    assert isinstance(motion, ToolMotion)
+    back = ToolMotion(
+        motion.kind, motion.T_end, motion.T_start, motion.center, motion.normal, motion.sweep
+    )
+    turned = None if segment.path is None else reverse_joint_path(segment.path)
+    last = ToolSegment(turned, segment.end, segment.start, 1.0, None)
+    return ToolPath((back,), (last,), 1.0, None, path.tolerances)
+
+
+def reverse_joint_path(path: JointPath) -> JointPath:
+    """A joint path backwards: q(l - u) on each piece, the last piece first."""
+    coefficients, lengths = path.coefficients[::-1], path.lengths[::-1]
+    power = coefficients.shape[2]
+    turned = np.zeros_like(coefficients)
+    for k in range(power):
+        for j in range(k, power):
+            factor = comb(j, k) * (-1.0) ** k * lengths ** (j - k)
+            turned[:, :, k] += factor[:, None] * coefficients[:, :, j]
+    return JointPath(turned, lengths)
+
+
+def plan_free(
+    cell: Cell, settings: StageSettings, start: Array, end: Array, timeout: float, seed: int
+) -> Plan | Failure:
+    """A free motion between two configurations, proved.
+
+    Args:
+        cell: The robot in its surroundings.
+        settings: Planner, timing, margin and constraints.
+        start: Shape (n,) [rad or m].
+        end: Shape (n,) [rad or m].
+        timeout: Longest time it may take [s].
+        seed: Of everything random.
+    """
+    options = _options(settings.options, timeout, seed)
+    return pipeline.plan(_problem(cell, settings, start, end), options)
+
+
+def plan_line(
+    cell: Cell, settings: StageSettings, found: Line, timeout: float, seed: int
+) -> Plan | Failure:
+    """A straight motion in time, proved.
+
+    Args:
+        cell: The robot in its surroundings.
+        settings: Timing, margin and constraints.
+        found: The line.
+        timeout: Longest time it may take [s].
+        seed: Of everything random.
+    """
+    options = _options(settings.options, timeout, seed)
+    problem = _problem(cell, settings, found.start, found.end)
+    return pipeline.plan(problem, options, (FoundLine(found.path),))
+
+
+def _problem(cell: Cell, settings: StageSettings, start: Array, end: Array) -> Problem:
+    return Problem(
+        cell.robot,
+        cell.scene,
+        start,
+        (JointGoal(end),),
+        settings.margin,
+        constraints=_constraint_set(cell, settings),
+    )
+
+
+def _options(options: Options, timeout: float, seed: int) -> Options:
+    longest = min(options.timeout, max(timeout, _LEAST_TIMEOUT))
+    return replace(options, timeout=longest, seed=seed)
+
+
+def _constraint_set(cell: Cell, settings: StageSettings) -> ConstraintSet | None:
+    if not settings.constraints:
+        return None
+    return ConstraintSet(cell.robot.chain, settings.constraints)
+
+
+def stand_still(
+    cell: Cell, settings: StageSettings, q: Array, duration: float, deadline: Deadline
+) -> tuple[Trajectory, Certificate]:
+    """The arm standing still, with the proof that it may.
+
+    Args:
+        cell: The robot in its surroundings.
+        settings: Margin and constraints.
+        q: Shape (n,) [rad or m].
+        duration: [s].
+        deadline: When to give up.
+    """
+    motion = stay(cell.robot.chain.joint_names, q, duration)
+    certificate = certify(
+        motion, cell.robot, cell.scene, margin=settings.margin,
+        constraints=_constraint_set(cell, settings), deadline=deadline,
+    )  # fmt: skip
+    return motion, certificate

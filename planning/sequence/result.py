@@ -1,0 +1,119 @@
+"""Results of a task: a certified plan of every stage, or why there is none, and what was tried."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from kinematics.arrays import Array
+from kinematics.trajectory import Trajectory
+from planning.proof.certificate import Certificate
+from planning.result import Plan
+from planning.sequence.stage import Pair
+from planning.sequence.world import World
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StagePlan:
+    """One stage with its motion and the proof.
+
+    Args:
+        index: Number of the stage.
+        kind: Its kind on the wire.
+        name: Its name; empty for none.
+        trajectory: Its motion; a short stay where the arm does not move.
+        certificate: The proof, with what is held and what may touch in this stage.
+        after: The world after it.
+        allowed: Pairs that the proof lets touch.
+        target: Number of the alternative that was chosen, of a stage that has some.
+        plan: The plan of its motion; None where the arm stands still.
+        milliseconds: Time spent on it [ms].
+    """
+
+    index: int
+    kind: str
+    name: str
+    trajectory: Trajectory
+    certificate: Certificate
+    after: World
+    allowed: tuple[Pair, ...]
+    target: int | None
+    plan: Plan | None
+    milliseconds: float
+
+
+@dataclass(frozen=True, slots=True)
+class Improvement:
+    """A certified answer that was the best so far.
+
+    Args:
+        milliseconds: Since the search began [ms].
+        duration: Of all stages together [s].
+    """
+
+    milliseconds: float
+    duration: float
+
+
+@dataclass(slots=True)
+class Trial:
+    """One alternative of one stage under the choices before it, and what came of it.
+
+    Args:
+        choices: Numbers of the alternatives chosen in each stage that has some, up to this one.
+        stage: Number of the stage.
+        outcome: "solved", "failed", "in_collision", "outside_limits", "out_of_reach", or "open"
+            where the search did not come to it.
+        reasons: Reasons for failures, each with how many configurations had it.
+    """
+
+    choices: tuple[int, ...]
+    stage: int
+    outcome: str
+    reasons: dict[str, int]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SequencePlan:
+    """All stages of a task, each with a motion that is proved.
+
+    Args:
+        stages: In order; each begins where the one before ends, at rest.
+        duration: Of all of them [s].
+        trials: The alternatives that were looked at.
+        improvements: Certified answers in the order they were found, the last one is answered.
+        exhausted: Whether every combination was tried or can't be shorter by its estimate.
+        complete: Whether these are all stages; not where only the first ones could be done.
+        failure: Why the later stages could not be done; None where all are.
+    """
+
+    stages: tuple[StagePlan, ...]
+    duration: float
+    trials: tuple[Trial, ...]
+    improvements: tuple[Improvement, ...]
+    exhausted: bool
+    complete: bool = True
+    failure: "SequenceFailure | None" = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SequenceFailure:
+    """No certified motion of all stages, and why.
+
+    Args:
+        code: MoveIt's name of the error where one exists.
+        message: What went wrong.
+        hint: What to try.
+        stage: Number of the stage that the search never got past.
+        details: Values a program can use.
+        trials: The alternatives that were looked at.
+        prefix: Proved stages of the combination that came farthest.
+        nearest: Where the arm would stand before the stage, shape (n,); None where unknown.
+    """
+
+    code: str
+    message: str
+    hint: str
+    stage: int
+    details: dict[str, Any]
+    trials: tuple[Trial, ...]
+    prefix: tuple[StagePlan, ...] = ()
+    nearest: Array | None = None

@@ -1,0 +1,392 @@
+"""The search for the stages of a task: grasps, configurations and places, then their motions.
+
+A tree of choices, one level for each stage with alternatives. What is cheap comes first: inverse
+kinematics, collisions of configurations, and for a grasp the collisions of the held object at every
+place; then straight motions; free motions are planned last, for combinations of which all the rest
+is known. Combinations that promise the least time are tried first; one that failed makes its
+relatives wait. After the first proved answer the search goes on for a shorter one and leaves out
+what can't be shorter by the least times of its motions.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from heapq import heapify, heappop, heappush
+from itertools import count
+from typing import NamedTuple
+
+from kinematics.arrays import Array
+from planning.deadline import Deadline
+from planning.result import Failure
+from planning.sequence.motion import LineStopped
+from planning.sequence.node import (
+    Node,
+    child_node,
+    next_place,
+    onward_steps,
+    target_world,
+)
+from planning.sequence.record import Record
+from planning.sequence.result import Improvement, SequenceFailure, SequencePlan, StagePlan
+from planning.sequence.stage import Grasp, Stage, describe_stage
+from planning.sequence.step import Step, plan_step
+from planning.sequence.target import Target
+from planning.sequence.target_finder import TargetFinder
+from planning.sequence.task import Segment, Task
+from planning.sequence.world import Cells, World
+
+#: Seconds by which each segment that is done makes a node more promising, before the first answer.
+_DEPTH_BONUS = 5.0
+#: Share of the time of the best answer's later segments that others will take likewise.
+_LIKELY_REST = 0.7
+#: Longest time for a free motion, by how often it was tried [s].
+_FREE_TIMEOUTS = (0.3, 1.2, 5.0)
+#: Seconds by which a node whose free motion took too long counts as longer.
+_LATE_PENALTY = 2.0
+#: Share of the time for the search where the first stages are an answer too: these need a proof.
+_SEARCH_SHARE = 0.8
+#: Configurations of one target that are tried.
+_MAX_CONFIGURATIONS = 24
+
+
+@dataclass(frozen=True, slots=True)
+class TaskOptions:
+    """Options of the search.
+
+    Args:
+        timeout: Seconds for everything.
+        improve: Seconds to look for a shorter answer after the first one.
+        allow_partial: Whether the first stages are an answer where not all can be done.
+        observer: Called with the share of the work that is done, from 0 to 1, and the stage.
+    """
+
+    timeout: float = 5.0
+    improve: float = 0.0
+    allow_partial: bool = False
+    observer: Callable[[float, str], None] | None = field(default=None, repr=False, compare=False)
+
+
+class _Best(NamedTuple):
+    """The shortest proved answer so far."""
+
+    node: Node
+    stages: tuple[StagePlan, ...]
+    duration: float
+
+
+def plan_task(task: Task, options: TaskOptions) -> SequencePlan | SequenceFailure:
+    """Find, time and prove the motions of all stages, before one deadline.
+
+    Args:
+        task: The robot, the scene, the start and the stages.
+        options: Timeout and time to improve.
+
+    Returns:
+        The stages whose trajectories join at rest, each proved; or where the search got stuck.
+
+    Raises:
+        InvalidOption: An unknown planner or option of a stage.
+        InvalidObjectName: A stage lets an unknown name touch something.
+        MissingLimit: A velocity or acceleration limit is not known.
+    """
+    return _Search(task, options).run()
+
+
+class _Search:
+    """One search."""
+
+    def __init__(self, task: Task, options: TaskOptions) -> None:
+        self._task, self._options = task, options
+        self._deadline = Deadline.after(options.timeout)
+        self._began = time.perf_counter()
+        self._cells, self._record = Cells(), Record()
+        self._numbers = count()
+        self._open: list[tuple[float, int, Node]] = []
+        self._finder = TargetFinder(task, self._cells)
+        self._best: _Best | None = None
+        self._prefix: tuple[StagePlan, ...] = ()
+        self._improvements: list[Improvement] = []
+        self._farthest: Node | None = None
+        self._until = self._deadline
+        if options.allow_partial:
+            self._until = Deadline.after(_SEARCH_SHARE * options.timeout)
+
+    def run(self) -> SequencePlan | SequenceFailure:
+        """Search until nothing is left or time is up."""
+        root = Node(None, 0, self._task.world, self._task.start, {})
+        self._push(root, 0.0)
+        while self._open and not self._until.passed:
+            _, _, node = heappop(self._open)
+            if node.is_dead or self._is_longer(node):
+                continue
+            if self._is_complete(node):
+                self._realise(node)
+            else:
+                self._advance(node)
+        return self._answer()
+
+    # --------------------------------------------------------------------- the tree of choices
+
+    def _advance(self, node: Node) -> None:
+        """Take the most promising next choice of a node."""
+        if not node.expanded:
+            node.expanded = True
+            if not self._expand(node):
+                self._kill(node)
+                return
+            if node.depth + 1 == len(self._task.segments) and self._is_trailing(node.depth):
+                self._push(node, 0.0)
+                return
+        taken = node.next_child()
+        if taken is not None:
+            estimate, target, joints = taken
+            self._add_child(node, target, joints)
+            if node.children:
+                self._push(node, max(estimate, node.children[0][0]))
+                return
+        if self._load(node):
+            self._push(node, node.children[0][0])
+
+    def _expand(self, node: Node) -> bool:
+        """Find out what follows from a node's choices: steps without a choice, next targets."""
+        segment = self._task.segments[node.depth]
+        stopped = onward_steps(self._task, self._cells, node, segment, self._until)
+        if stopped is not None:
+            k, led = stopped
+            self._record.note_failure(node, k, _describe_stop(led))
+            return False
+        return segment.target is None or self._load(node)
+
+    def _load(self, node: Node) -> bool:
+        """Put the next batch of targets that has any valid configuration among the children."""
+        k = self._task.segments[node.depth].target
+        if k is None:
+            return False
+        assert node.onward_world is not None
+        world = node.onward_world.after_motion(free=True)
+        for batch in range(node.batches, self._finder.batches(k)):
+            node.batches = batch + 1
+            candidates = self._finder.find(k, world, batch, node.history, self._until)
+            self._record.note_candidates(node.choices, k, candidates)
+            node.add_children(candidates.targets, candidates.joints, _MAX_CONFIGURATIONS)
+            if node.children or self._until.passed:
+                break
+        return bool(node.children)
+
+    def _add_child(self, node: Node, target: Target, joints: Array) -> None:
+        segment = self._task.segments[node.depth]
+        assert segment.target is not None
+        if not self._leads_to_place(node, segment, target, joints):
+            node.children = _without(node, target)
+            return
+        child = child_node(self._task, self._cells, node, segment, (target, joints), self._until)
+        if isinstance(child, Node):
+            self._push(child, 0.0)
+            return
+        k, led = child
+        self._record.note_child(node, target.number, (segment.target, k), _describe_stop(led))
+        node.blame(target)
+
+    def _leads_to_place(self, node: Node, segment: Segment, target: Target, q: Array) -> bool:
+        """Whether with a grasp some place of the object has a valid configuration."""
+        stage = self._task.stages[segment.end - 1]
+        if not isinstance(stage, Grasp):
+            return True
+        assert node.onward_world is not None
+        world = target_world(node.onward_world.after_motion(free=True), stage, target)
+        place = next_place(self._task, segment.end, world, q)
+        choices = (*node.choices, target.number)
+        if place is None or self._has_place(choices, *place):
+            return True
+        reason = "no place can be reached with this grasp"
+        self._record.note_child(node, target.number, (segment.end - 1, place[0]), reason)
+        return False
+
+    def _has_place(self, choices: tuple[int, ...], k: int, world: World) -> bool:
+        """Whether some place of the held object has a valid configuration, before any path."""
+        for batch in range(self._finder.batches(k)):
+            candidates = self._finder.find(k, world, batch, {}, self._until)
+            if len(candidates.joints) or self._until.passed:
+                return True
+            self._record.note_candidates(choices, k, candidates)
+        return False
+
+    def _push(self, node: Node, estimate: float) -> None:
+        """Put a node among the open ones; ``estimate`` is the least time of its next motion."""
+        steps = len(node.all_steps)
+        if self._farthest is None or steps > len(self._farthest.all_steps):
+            self._farthest = node
+        rest = -_DEPTH_BONUS * node.depth
+        if self._best is not None:
+            rest = _LIKELY_REST * _rest_of(self._best, steps)
+        late = _LATE_PENALTY * node.attempts
+        priority = node.bound + estimate + rest + node.penalty + late
+        heappush(self._open, (priority, next(self._numbers), node))
+
+    def _is_trailing(self, depth: int) -> bool:
+        return self._task.segments[depth].target is None
+
+    def _is_complete(self, node: Node) -> bool:
+        segments = self._task.segments
+        if node.depth == len(segments):
+            return True
+        last = node.depth + 1 == len(segments) and self._is_trailing(node.depth)
+        return last and node.expanded
+
+    def _is_longer(self, node: Node) -> bool:
+        return self._best is not None and node.bound >= self._best.duration
+
+    def _kill(self, node: Node) -> None:
+        node.dead = True
+        if node.parent is not None:
+            node.parent.blame(node.target)
+
+    # ---------------------------------------------------------------------------- the motions
+
+    def _realise(self, leaf: Node) -> None:
+        """Plan and prove the motions of a combination, those that have no choice first."""
+        for free in (False, True):
+            for node in leaf.path:
+                for step in (*node.steps, *node.onward):
+                    if step.plan is None and (step.motion == "free") is free:
+                        failure = self._plan(node, step)
+                        if failure is not None:
+                            self._note_failure(leaf, node, step, failure)
+                            return
+                        if self._is_longer(leaf):
+                            return
+        stages = tuple(step.plan for step in leaf.all_steps if step.plan is not None)
+        duration = sum(stage.trajectory.duration for stage in stages)
+        if self._best is None or duration < self._best.duration:
+            self._improve(leaf, stages, duration)
+
+    def _plan(self, node: Node, step: Step) -> Failure | None:
+        timeout = _FREE_TIMEOUTS[min(node.attempts, len(_FREE_TIMEOUTS) - 1)]
+        self._report(step)
+        planned = plan_step(self._cells, step, timeout, self._until, self._task.seed)
+        if isinstance(planned, Failure):
+            return planned
+        step.plan = planned
+        return None
+
+    def _note_failure(self, leaf: Node, node: Node, step: Step, failure: Failure) -> None:
+        self._keep_prefix(leaf)
+        if self._until.passed and self._until is self._deadline:
+            return
+        self._record.note_failure(node, step.index, failure.message)
+        node.attempts += 1
+        again = failure.code == "TIMED_OUT" and node.attempts < len(_FREE_TIMEOUTS)
+        if node.parent is not None:
+            node.parent.blame(node.target)
+        if again and step.motion == "free":
+            self._push(leaf, 0.0)
+        else:
+            node.dead = True
+
+    def _keep_prefix(self, leaf: Node) -> None:
+        """Keep the proved stages up to the first that is not, if they are more than before."""
+        stages: list[StagePlan] = []
+        for step in leaf.all_steps:
+            if step.plan is None:
+                break
+            stages.append(step.plan)
+        if len(stages) > len(self._prefix):
+            self._prefix = tuple(stages)
+
+    def _improve(self, leaf: Node, stages: tuple[StagePlan, ...], duration: float) -> None:
+        if self._best is None:
+            end = time.monotonic() + self._options.improve
+            self._until = Deadline(min(end, self._deadline.at))
+        self._best = _Best(leaf, stages, duration)
+        milliseconds = 1e3 * (time.perf_counter() - self._began)
+        self._improvements.append(Improvement(milliseconds, duration))
+        self._record.note_solution(leaf)
+
+    def _report(self, step: Step) -> None:
+        observer = self._options.observer
+        if observer is None:
+            return
+        share = 0.9 * step.index / len(self._task.stages)
+        if self._best is not None:
+            share = 0.95
+        observer(share, describe_stage(self._task.stages, step.index))
+
+    # ------------------------------------------------------------------------------ the answer
+
+    def _answer(self) -> SequencePlan | SequenceFailure:
+        if self._best is not None:
+            return SequencePlan(
+                self._best.stages,
+                self._best.duration,
+                self._record.trials,
+                tuple(self._improvements),
+                exhausted=not self._open,
+            )
+        failure = self._failure()
+        if self._options.allow_partial and len(self._prefix) < len(self._task.stages):
+            self._prove_farthest()
+        if self._options.allow_partial and self._prefix:
+            duration = sum(stage.trajectory.duration for stage in self._prefix)
+            return SequencePlan(
+                self._prefix, duration, failure.trials, (), False, complete=False, failure=failure
+            )
+        return failure
+
+    def _prove_farthest(self) -> None:
+        """Plan the stages of the combination that came farthest, as many as can be done."""
+        self._until = self._deadline
+        if self._farthest is None:
+            return
+        for node in self._farthest.path:
+            for step in (*node.steps, *node.onward):
+                if step.plan is None and self._plan(node, step) is not None:
+                    self._keep_prefix(self._farthest)
+                    return
+        self._keep_prefix(self._farthest)
+
+    def _failure(self) -> SequenceFailure:
+        farthest = self._record.farthest()
+        k, reason, times = farthest if farthest is not None else (0, "time was up", 1)
+        what = describe_stage(self._task.stages, k)
+        hint = _hint(self._task.stages[k], reason)
+        details = {"index": k, "reason": reason, "count": times}
+        if self._until.passed:
+            code = "TIMED_OUT"
+            message = (
+                f"no proved answer within the timeout of {self._options.timeout:g} s; the search "
+                f"came to {what}: {reason} ({times} times)"
+            )
+            hint = f"Allow more time. {hint}"
+        else:
+            code = "PLANNING_FAILED"
+            message = f"no combination can be done: {what} fails: {reason} ({times} times)"
+        return SequenceFailure(code, message, hint, k, details, self._record.trials, self._prefix)
+
+
+def _describe_stop(led: LineStopped) -> str:
+    return f"the tool comes {led.distance:.3g} m straight: {led.stop.message}"
+
+
+def _hint(stage: Stage, reason: str) -> str:
+    if "out_of_reach" in reason or "outside_limits" in reason:
+        return "Bring what it aims at nearer to the robot, or give more alternatives."
+    if "collision" in reason or "too near" in reason:
+        return (
+            "Give more alternatives, move what is in the way, or name the pairs that may touch in "
+            "touch_links, support or allowed_collisions."
+        )
+    if isinstance(stage, Grasp):
+        return "Give more grasps, or more places."
+    return "Give more alternatives, shorter distances, or a smaller margin."
+
+
+def _rest_of(best: _Best, steps: int) -> float:
+    """Time of the best answer's stages after the first ones [s]."""
+    return sum(stage.trajectory.duration for stage in best.stages[steps:])
+
+
+def _without(node: Node, target: Target) -> list[tuple[float, int, Target, Array]]:
+    """The children of a node but those of one target, a heap."""
+    children = [child for child in node.children if child[2].number != target.number]
+    heapify(children)
+    return children

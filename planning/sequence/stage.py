@@ -1,0 +1,294 @@
+"""Stages of a task: the motions, choices and changes of what the robot holds, as values."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dynamics.payload import with_payload
+from kinematics.arrays import Array, frozen
+from kinematics.chain import Chain
+from kinematics.errors import InvalidOption, InvalidPose
+from obstacles.robot_geometry import RobotGeometry
+from planning.constraints.constraint import Constraint
+from planning.options import Options
+from planning.problem import Goal
+
+Pair = tuple[str, str]
+#: Frames of a straight motion's direction: the tool's where the stage begins or ends, or the root.
+DirectionFrame = Literal["tool", "root"]
+
+#: Duration of a stage in which the gripper opens or closes, unless told otherwise [s].
+GRIPPER_DURATION = 0.5
+#: Most candidates of one stage.
+MAX_TARGETS = 10_000
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StageSettings:
+    """StageSettings that every stage has.
+
+    Args:
+        name: By which later stages refer to it; empty for none.
+        margin: Distance to keep from obstacles beyond their own margins [m].
+        allowed: Pairs of names that may touch during this stage.
+        constraints: To be held during this stage.
+        options: Planner, timing and limits of its motion; its timeout is the longest one plan of
+            this stage may take.
+    """
+
+    name: str = ""
+    margin: float = 0.0
+    allowed: tuple[Pair, ...] = ()
+    constraints: tuple[Constraint, ...] = ()
+    options: Options = field(default_factory=Options)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Move:
+    """A free motion.
+
+    Args:
+        goals: Any one of these is to be reached; none for the place where the next stage begins.
+        to_end_of: Number of an earlier stage, in place of goals: its last configuration.
+        settings: StageSettings of the stage.
+    """
+
+    goals: tuple[Goal, ...] = ()
+    to_end_of: int | None = None
+    settings: StageSettings = field(default_factory=StageSettings)
+
+    @property
+    def connects(self) -> bool:
+        """Whether the motion goes to where the next stage begins."""
+        return not self.goals and self.to_end_of is None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Straight:
+    """A straight motion of the tool.
+
+    Args:
+        kind: "approach" ends at the target of the next stage; "retreat" and "lift" begin where the
+            tool is.
+        direction: Of the motion, shape (3,); its length does not count.
+        frame: Frame of the direction: "tool" where the tool is at the target, or "root".
+        least: Shortest way [m].
+        most: Longest way, which is tried first [m].
+        settings: StageSettings of the stage.
+
+    Raises:
+        InvalidOption: The direction is zero, or the distances are not 0 < least <= most.
+    """
+
+    kind: Literal["approach", "retreat", "lift"]
+    direction: Array
+    frame: DirectionFrame
+    least: float
+    most: float
+    settings: StageSettings = field(default_factory=StageSettings)
+
+    if TYPE_CHECKING:  # the constructor takes whatever makes an array
+
+        def __init__(
+            self,
+            kind: Literal["approach", "retreat", "lift"],
+            direction: ArrayLike,
+            frame: DirectionFrame,
+            least: float,
+            most: float,
+            settings: StageSettings = ...,
+        ) -> None: ...
+
+    def __post_init__(self) -> None:
+        direction = np.asarray(self.direction, dtype=np.float64).reshape(3)
+        length = float(np.linalg.norm(direction))
+        if not (np.isfinite(length) and length > 0.0):
+            raise InvalidOption("direction has no length", hint="Give a vector such as [0, 0, 1].")
+        object.__setattr__(self, "direction", frozen(direction / length))
+        if not 0.0 < self.least <= self.most:
+            raise InvalidOption(
+                f"distance is from {self.least:g} to {self.most:g} m",
+                hint="Give the shortest and the longest way, both positive, in this order.",
+            )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Grasp:
+    """A choice among grasps of an object: the tool goes to one of them.
+
+    Args:
+        object: Name of the obstacle.
+        frames: T_object_tool of each grasp, shape (k, 4, 4).
+        touches: Links that may touch the object from here on until it is attached, and while it is
+            held.
+        support: Obstacle that the object stands on, which it may touch from the attachment to the
+            end of the next straight motion.
+        settings: StageSettings of the stage.
+    """
+
+    object: str
+    frames: Array
+    touches: tuple[str, ...] = ()
+    support: str | None = None
+    settings: StageSettings = field(default_factory=StageSettings)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "frames", _poses(self.frames, "grasps"))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Place:
+    """A choice among poses of a held object: the tool brings it to one of them.
+
+    Args:
+        object: Name of the held object; None where only one thing is held.
+        poses: T_reference_object of each place, shape (k, 4, 4).
+        reference: Obstacle in whose frame, as it then stands, the poses are; None for the root.
+        support: Obstacle that it may touch from the approach to the detachment.
+        settings: StageSettings of the stage.
+    """
+
+    object: str | None
+    poses: Array
+    reference: str | None = None
+    support: str | None = None
+    settings: StageSettings = field(default_factory=StageSettings)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "poses", _poses(self.poses, "places"))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Load:
+    """Mass of an object.
+
+    Args:
+        mass: [kg].
+        center_of_mass: In the object's frame, shape (3,) [m].
+        tensor: About it, in the object's axes, shape (3, 3) [kg m^2]; None for a point.
+    """
+
+    mass: float
+    center_of_mass: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    tensor: Array | None = None
+
+    def added_to(self, chain: Chain, link: str, T_link_object: Array) -> Chain:
+        """The chain with this load at a link.
+
+        Args:
+            chain: The robot.
+            link: The link that holds the object.
+            T_link_object: Pose of the object in the link's frame, shape (4, 4).
+        """
+        R, p = T_link_object[:3, :3], T_link_object[:3, 3]
+        center = R @ np.array(self.center_of_mass) + p
+        tensor = None if self.tensor is None else R @ self.tensor @ R.T
+        return with_payload(chain, self.mass, center, tensor, link=link)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Attach:
+    """The object becomes a part of the robot, where it stands.
+
+    Args:
+        object: Name of the obstacle.
+        link: The link that holds it; None for the tip.
+        touches: Links, obstacles and held objects that it may touch from now on.
+        load: Its mass; None where it weighs nothing.
+        settings: StageSettings of the stage.
+    """
+
+    object: str
+    link: str | None = None
+    touches: tuple[str, ...] = ()
+    load: Load | None = None
+    settings: StageSettings = field(default_factory=StageSettings)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Detach:
+    """The object becomes an obstacle, where it is held.
+
+    Args:
+        object: Name of the held object; None where only one thing is held.
+        touches: Links that may touch it until the next free motion, beside those of its grasp.
+        settings: StageSettings of the stage.
+    """
+
+    object: str | None = None
+    touches: tuple[str, ...] = ()
+    settings: StageSettings = field(default_factory=StageSettings)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Wait:
+    """The arm stands still.
+
+    Args:
+        duration: [s].
+        settings: StageSettings of the stage.
+    """
+
+    duration: float
+    settings: StageSettings = field(default_factory=StageSettings)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Gripper:
+    """The gripper opens or closes while the arm stands still.
+
+    Args:
+        kind: "open" or "close".
+        robot: The robot with its gripper in the new state; None where the model has no joints of
+            the gripper.
+        between: The robot with its gripper on the way there, in order.
+        duration: [s].
+        settings: StageSettings of the stage.
+    """
+
+    kind: Literal["open", "close"]
+    robot: RobotGeometry | None = None
+    between: tuple[RobotGeometry, ...] = ()
+    duration: float = GRIPPER_DURATION
+    settings: StageSettings = field(default_factory=StageSettings)
+
+
+Stage = Move | Straight | Grasp | Place | Attach | Detach | Wait | Gripper
+
+
+def stage_kind(stage: Stage) -> str:
+    """Name of the stage's kind on the wire."""
+    if isinstance(stage, Straight | Gripper):
+        return stage.kind
+    return type(stage).__name__.lower()
+
+
+def is_target(stage: Stage) -> bool:
+    """Whether the stage says where the tool has to be: a choice that the search makes."""
+    return isinstance(stage, Grasp | Place) or (isinstance(stage, Move) and not stage.connects)
+
+
+def describe_stage(stages: Sequence[Stage], k: int) -> str:
+    """Name of a stage in messages.
+
+    Args:
+        stages: All stages.
+        k: Number of the stage.
+    """
+    name = stages[k].settings.name
+    return f"stage {k} ({stage_kind(stages[k])}{f' {name!r}' if name else ''})"
+
+
+def _poses(poses: ArrayLike, what: str) -> Array:
+    T = np.asarray(poses, dtype=np.float64)
+    if T.ndim != 3 or T.shape[1:] != (4, 4) or not np.isfinite(T).all():
+        raise InvalidPose(f"{what} must be finite 4x4 transforms, shape (k, 4, 4)")
+    if not 0 < len(T) <= MAX_TARGETS:
+        raise InvalidOption(
+            f"there are {len(T)} {what}",
+            hint=f"Give 1 to {MAX_TARGETS}.",
+        )
+    return frozen(T)

@@ -1,0 +1,132 @@
+"""Steps: stages with the world and the configurations they begin and end with, before any proof."""
+
+import time
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from kinematics.arrays import Array
+from kinematics.trajectory import REST
+from planning.deadline import Deadline
+from planning.result import Failure
+from planning.sequence.estimate import travel_times
+from planning.sequence.motion import Line, plan_free, plan_line, stand_still
+from planning.sequence.result import StagePlan
+from planning.sequence.stage import Gripper, Pair, Stage, Wait, stage_kind
+from planning.sequence.world import Cell, Cells, World
+
+
+@dataclass(slots=True, eq=False)
+class Step:
+    """One stage under the choices made so far.
+
+    Args:
+        index: Number of the stage.
+        stage: The stage.
+        motion: Whether the arm moves freely, straight or not at all.
+        world: The world during it.
+        after: The world after it.
+        allowed: Pairs that may touch during it, beside those of its world.
+        start: Configuration before it, shape (n,).
+        end: Configuration after it, shape (n,).
+        line: Its straight motion.
+        target: Number of the alternative that was chosen.
+        bound: Least time that it takes [s].
+        plan: Its plan, once there is one.
+    """
+
+    index: int
+    stage: Stage
+    motion: Literal["free", "straight", "none"]
+    world: World
+    after: World
+    allowed: tuple[Pair, ...]
+    start: Array
+    end: Array
+    line: Line | None = None
+    target: int | None = None
+    bound: float = 0.0
+    plan: StagePlan | None = None
+
+    @property
+    def least_time(self) -> float:
+        """Time that it takes, or at least takes where it has no plan [s]."""
+        return self.bound if self.plan is None else self.plan.trajectory.duration
+
+
+def still_time(stage: Stage) -> float:
+    """Duration of a stage in which the arm stands still [s]."""
+    if isinstance(stage, Wait | Gripper):
+        return max(stage.duration, REST)
+    return REST
+
+
+def least_travel(world: World, start: Array, end: Array) -> float:
+    """Least time between two configurations (n,) [s]."""
+    return float(travel_times(world.robot.chain, start, np.atleast_2d(end))[0])
+
+
+def plan_step(
+    cells: Cells, step: Step, timeout: float, deadline: Deadline, seed: int
+) -> StagePlan | Failure:
+    """The proved motion of a step.
+
+    Args:
+        cells: Cells that were put together.
+        step: The stage with its ends.
+        timeout: Longest time for a free motion [s].
+        deadline: The end of everything.
+        seed: Of everything random.
+    """
+    began = time.perf_counter()
+    settings = step.stage.settings
+    cell = cells.cell(step.world, step.allowed, settings.margin)
+    remaining = deadline.remaining
+    if step.motion == "none":
+        return _plan_still(step, cell, deadline, began)
+    if step.motion == "straight":
+        assert step.line is not None
+        plan = plan_line(cell, settings, step.line, remaining, seed)
+    else:
+        plan = plan_free(cell, settings, step.start, step.end, min(timeout, remaining), seed)
+    if isinstance(plan, Failure):
+        return plan
+    return StagePlan(
+        index=step.index,
+        kind=stage_kind(step.stage),
+        name=settings.name,
+        trajectory=plan.trajectory,
+        certificate=plan.certificate,
+        after=step.after,
+        allowed=tuple(sorted(cell.scene.allowed_collisions)),
+        target=step.target,
+        plan=plan,
+        milliseconds=1e3 * (time.perf_counter() - began),
+    )
+
+
+def _plan_still(step: Step, cell: Cell, deadline: Deadline, began: float) -> StagePlan | Failure:
+    stage = step.stage
+    motion, certificate = stand_still(cell, stage.settings, step.start, still_time(stage), deadline)
+    if certificate.violation is not None:
+        violation = certificate.violation
+        return Failure(
+            "TIMED_OUT" if violation.kind == "time" else "INVALID_MOTION_PLAN",
+            violation.message,
+            "Name the pairs that may touch in touch_links, support or allowed_collisions.",
+            "certificate",
+            details={"kind": violation.kind, **violation.details},
+        )
+    return StagePlan(
+        index=step.index,
+        kind=stage_kind(stage),
+        name=stage.settings.name,
+        trajectory=motion,
+        certificate=certificate,
+        after=step.after,
+        allowed=tuple(sorted(cell.scene.allowed_collisions)),
+        target=step.target,
+        plan=None,
+        milliseconds=1e3 * (time.perf_counter() - began),
+    )

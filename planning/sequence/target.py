@@ -1,0 +1,228 @@
+"""Configurations in which the tool is at a target, free of collision and inside the limits."""
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import NamedTuple
+
+import numpy as np
+
+from kinematics.arrays import Array
+from kinematics.chain import Chain
+from kinematics.ik import numeric
+from kinematics.ik.analytic import branches, middle
+from kinematics.ik.inverse import CLOSE
+from kinematics.ik.structure import Structure, structure
+from kinematics.pose import inverse
+from obstacles.checker import Checker
+from planning.deadline import Deadline
+from planning.problem import JointGoal
+from planning.ready import TOUCHING
+from planning.sequence.stage import Grasp, Move, Place, Stage
+from planning.sequence.world import Contact, World
+
+#: Values of a redundant arm's parameter that are tried.
+_PARAMETERS = 12
+#: Poses whose branches are tabulated at once.
+_CHUNK = 64
+#: Rounds of the numeric search for arms without a closed form, each from other starts.
+_ROUNDS = 4
+#: Starts of each round.
+_STARTS = 30
+#: Configurations nearer than this to another one are the same [rad or m].
+_SAME = 1e-3
+#: Slack that configurations keep where any of their target does [m]: paths end there.
+_SLACK = 2e-4
+
+
+class Outcome(StrEnum):
+    """Outcome of a target; each one came nearer than those before."""
+
+    OUT_OF_REACH = "out_of_reach"
+    OUTSIDE_LIMITS = "outside_limits"
+    IN_COLLISION = "in_collision"
+    REACHED = "reached"
+
+
+class Target(NamedTuple):
+    """One of a stage's alternatives.
+
+    Args:
+        number: Its place in the stage's list.
+        T: T_root_tool, shape (4, 4); None where the joints are given.
+        joints: Shape (n,), where they are given.
+        contact: What it says of the tool and an object.
+    """
+
+    number: int
+    T: Array | None
+    joints: Array | None
+    contact: Contact | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Candidates:
+    """Valid configurations of some targets.
+
+    Args:
+        targets: Of each configuration, its target; length k.
+        joints: Shape (k, n) [rad or m].
+        outcomes: Of each target that was looked at: by its number, what came of it, and the pair
+            that collides where all of its configurations do.
+        complete: Whether all targets were looked at before the deadline.
+    """
+
+    targets: tuple[Target, ...]
+    joints: Array
+    outcomes: dict[int, tuple[Outcome, tuple[str, str] | None]] = field(default_factory=dict)
+    complete: bool = True
+
+
+def stage_targets(stage: Stage, world: World, history: dict[int, Array]) -> list[Target]:
+    """The alternatives of a stage, as poses of the tool or configurations.
+
+    Args:
+        stage: A stage that says where the tool has to be.
+        world: The world before it.
+        history: Configuration at the end of each earlier stage, by number.
+    """
+    if isinstance(stage, Grasp):
+        T_object = world.scene.obstacle(stage.object).T_world_obstacle
+        tools = T_object @ stage.frames
+        return [
+            Target(i, T, None, Contact(stage.object, frame, stage.support))
+            for i, (T, frame) in enumerate(zip(tools, stage.frames, strict=True))
+        ]
+    if isinstance(stage, Place):
+        assert stage.object is not None
+        places = stage.poses
+        if stage.reference is not None:
+            places = world.scene.obstacle(stage.reference).T_world_obstacle @ places
+        tools = places @ inverse(world.T_tool_object(stage.object))
+        return [
+            Target(i, T, None, Contact(stage.object, place, stage.support))
+            for i, (T, place) in enumerate(zip(tools, places, strict=True))
+        ]
+    assert isinstance(stage, Move)
+    if stage.to_end_of is not None:
+        return [Target(0, None, history[stage.to_end_of], None)]
+    return [
+        Target(i, None, np.array(goal.joints), None)
+        if isinstance(goal, JointGoal)
+        else Target(i, np.array(goal.T_base_tip), None, None)
+        for i, goal in enumerate(stage.goals)
+    ]
+
+
+def target_count(stage: Stage) -> int:
+    """Number of a stage's alternatives."""
+    if isinstance(stage, Grasp):
+        return len(stage.frames)
+    if isinstance(stage, Place):
+        return len(stage.poses)
+    return max(len(stage.goals), 1) if isinstance(stage, Move) else 0
+
+
+def find_candidates(
+    chain: Chain, targets: list[Target], checker: Checker, deadline: Deadline, seed: int
+) -> Candidates:
+    """Valid configurations of targets: every branch of the closed form, or those of a search.
+
+    Args:
+        chain: The robot.
+        targets: The alternatives.
+        checker: Of the robot with what it holds, in its scene.
+        deadline: When to look at no more targets.
+        seed: Of the numeric search.
+    """
+    rows: list[Array] = []
+    owners: list[Target] = []
+    outcomes: dict[int, tuple[Outcome, tuple[str, str] | None]] = {}
+    form = structure(chain)
+    for first in range(0, len(targets), _CHUNK):
+        if deadline.passed:
+            break
+        part = targets[first : first + _CHUNK]
+        for target, (reached, joints) in zip(
+            part, _solutions(chain, form, part, seed), strict=True
+        ):
+            valid, outcome = _assess(checker, reached, joints)
+            outcomes[target.number] = outcome
+            rows += valid
+            owners += [target] * len(valid)
+    joints = np.array(rows).reshape(-1, chain.n)
+    return Candidates(tuple(owners), joints, outcomes, len(outcomes) == len(targets))
+
+
+def _solutions(
+    chain: Chain, form: Structure | None, targets: list[Target], seed: int
+) -> list[tuple[bool, Array]]:
+    """For each target whether some branch reaches it, and the configurations inside the limits."""
+    answers: list[tuple[bool, Array]] = [
+        (True, _inside(chain, np.atleast_2d(np.asarray(target.joints, dtype=np.float64))))
+        if target.joints is not None
+        else (False, np.zeros((0, chain.n)))
+        for target in targets
+    ]
+    posed = [k for k, target in enumerate(targets) if target.T is not None]
+    if posed:
+        T = np.array([targets[k].T for k in posed])
+        solved = _by_search(chain, T, seed) if form is None else _by_closed_form(chain, form, T)
+        for k, answer in zip(posed, solved, strict=True):
+            answers[k] = answer
+    return answers
+
+
+def _by_closed_form(chain: Chain, form: Structure, T: Array) -> list[tuple[bool, Array]]:
+    values = _parameters(chain, form) if form.redundant else None
+    table = branches(chain, T, parameters=values, tolerance=CLOSE, threads=1)
+    assert table.counts is not None
+    answers = []
+    for k, count in enumerate(table.counts):
+        rows = table.table[k, :count]
+        inside = rows[table.within_limits[k, :count], : chain.n]
+        answers.append((count > 0, inside))
+    return answers
+
+
+def _by_search(chain: Chain, T: Array, seed: int) -> list[tuple[bool, Array]]:
+    low, high = chain.sampling_bounds()
+    random = np.random.default_rng(seed)
+    found: list[list[Array]] = [[] for _ in T]
+    for k in range(_ROUNDS):
+        begin = middle(chain) if k == 0 else random.uniform(low, high)
+        batch = numeric.solve_many(
+            chain, T, numeric.SearchOptions(seed + k, _STARTS), seed_joints=begin, threads=1
+        )
+        for i in np.flatnonzero(batch.solved):
+            q = batch.joints[i]
+            if all(np.abs(q - other).max() > _SAME for other in found[i]):
+                found[i].append(q)
+    return [(bool(rows), np.array(rows).reshape(-1, chain.n)) for rows in found]
+
+
+def _parameters(chain: Chain, form: Structure) -> Array:
+    """Values of a redundant arm's parameter, all around it."""
+    if form.locked is None:
+        return np.asarray(np.arange(_PARAMETERS) * 2.0 * np.pi / _PARAMETERS - np.pi)
+    low, high = chain.sampling_bounds()
+    return np.linspace(low[form.locked], high[form.locked], _PARAMETERS + 2)[1:-1]
+
+
+def _inside(chain: Chain, joints: Array) -> Array:
+    limits = chain.limits
+    inside = ((joints >= limits.lower) & (joints <= limits.upper)).all(axis=1)
+    return np.asarray(joints[inside])
+
+
+def _assess(
+    checker: Checker, reached: bool, joints: Array
+) -> tuple[list[Array], tuple[Outcome, tuple[str, str] | None]]:
+    """The valid configurations of a target, and what came of it."""
+    if not len(joints):
+        outcome = Outcome.OUTSIDE_LIMITS if reached else Outcome.OUT_OF_REACH
+        return [], (outcome, None)
+    touching, spacious = Checker(checker.model, TOUCHING), Checker(checker.model, _SLACK)
+    valid = [q for q in joints if touching.valid(q)]
+    if not valid:
+        return [], (Outcome.IN_COLLISION, checker.clearance(joints[0])[1])
+    return [q for q in valid if spacious.valid(q)] or valid, (Outcome.REACHED, None)

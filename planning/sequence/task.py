@@ -1,0 +1,262 @@
+"""Tasks: a robot, a scene, a start and the stages in order, checked for contradictions."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+from kinematics.arrays import Array, frozen
+from kinematics.errors import (
+    ArmwrightError,
+    InvalidLinkName,
+    InvalidObjectName,
+    InvalidOption,
+)
+from planning.sequence.stage import (
+    Attach,
+    Detach,
+    Grasp,
+    Gripper,
+    Move,
+    Place,
+    Stage,
+    Straight,
+    describe_stage,
+    is_target,
+    stage_kind,
+)
+from planning.sequence.world import World
+
+
+class Segment(NamedTuple):
+    """Stages from one target to the next.
+
+    Args:
+        first: Number of the first stage.
+        target: Number of the stage that ends it with a choice; None for what comes after the last.
+        approach: Number of the straight motion that ends at the target; None where there is none.
+        free: Number of the stage whose motion is free; None for the last segment.
+        end: Number of the stage after the last one.
+    """
+
+    first: int
+    target: int | None
+    approach: int | None
+    free: int | None
+    end: int
+
+    @property
+    def forward(self) -> range:
+        """Numbers of the stages before the free motion: what they do follows from where it is."""
+        return range(self.first, self.end if self.free is None else self.free)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Task:
+    """A sequence of stages to be planned.
+
+    Args:
+        world: The robot and the scene at the start, with what the robot holds by then.
+        start: Where the arm stands, shape (n,) [rad or m].
+        stages: In order; names of objects that were left out are put in.
+        seed: Of everything random.
+        segments: The stages from target to target.
+
+    Raises:
+        InvalidOption: The stages contradict each other; the message says which, and what to do.
+        InvalidObjectName: A stage names an object that there is not.
+        InvalidLinkName: A stage names a link that the robot does not have.
+        InvalidRobotState: The start has the wrong length or is not finite.
+    """
+
+    world: World
+    start: Array
+    stages: tuple[Stage, ...]
+    seed: int = 0
+    segments: tuple[Segment, ...] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        chain = self.world.robot.chain
+        start = chain.configuration(self.start, "start.joints").reshape(chain.n)
+        object.__setattr__(self, "start", frozen(start))
+        object.__setattr__(self, "stages", _check_objects(self.world, self.stages))
+        _check_names(self.world, self.stages)
+        object.__setattr__(self, "segments", segments(self.stages))
+
+
+def segments(stages: Sequence[Stage]) -> tuple[Segment, ...]:
+    """The stages from target to target.
+
+    Raises:
+        InvalidOption: An approach leads to no target, or nothing leads to an approach.
+    """
+    parts: list[Segment] = []
+    first = 0
+    for k, stage in enumerate(stages):
+        if isinstance(stage, Straight) and stage.kind == "approach":
+            _check_approach(stages, k)
+        if isinstance(stage, Move) and stage.connects:
+            _check_connection(stages, k)
+        if not is_target(stage):
+            continue
+        before = stages[k - 1] if k else None
+        approached = isinstance(before, Straight) and before.kind == "approach"
+        approach = k - 1 if approached else None
+        parts.append(Segment(first, k, approach, k - 2 if approached else k, k + 1))
+        first = k + 1
+    if first < len(stages):
+        parts.append(Segment(first, None, None, None, len(stages)))
+    return tuple(parts)
+
+
+def _check_approach(stages: Sequence[Stage], k: int) -> None:
+    if k + 1 == len(stages) or not is_target(stages[k + 1]):
+        raise _fault(
+            stages, k, "leads to nothing",
+            "Put a stage grasp, place or move with a goal right after it.",
+        )  # fmt: skip
+    before = stages[k - 1] if k else None
+    if not (isinstance(before, Move) and before.connects):
+        raise _fault(
+            stages, k, "begins away from where the stage before it ends",
+            'Put {"kind": "move"} without a goal right before it: it goes there.',
+        )  # fmt: skip
+
+
+def _check_connection(stages: Sequence[Stage], k: int) -> None:
+    after = stages[k + 1] if k + 1 < len(stages) else None
+    if not (isinstance(after, Straight) and after.kind == "approach"):
+        raise _fault(
+            stages, k, "has no goal and no approach follows it",
+            "Give it a goal, or put an approach right after it.",
+        )  # fmt: skip
+
+
+def _check_objects(world: World, stages: Sequence[Stage]) -> tuple[Stage, ...]:
+    """The stages with the objects that they left out, checked for what is held when."""
+    held = [item.name for item in world.held]
+    named: dict[str, int] = {}
+    checked: list[Stage] = []
+    if not stages:
+        raise InvalidOption("there are no stages", hint="Give one at least.")
+    for k, stage in enumerate(stages):
+        if stage.settings.name:
+            if stage.settings.name in named:
+                raise _fault(stages, k, f"has the name of stage {named[stage.settings.name]}",
+                             "Give each stage a name of its own.")  # fmt: skip
+            named[stage.settings.name] = k
+        new = _with_object(stages, k, held)
+        if isinstance(new, Attach):
+            held.append(new.object)
+        elif isinstance(new, Detach):
+            held.remove(str(new.object))
+        if isinstance(new, Move) and new.to_end_of is not None and not 0 <= new.to_end_of < k:
+            raise _fault(stages, k, f"refers to stage {new.to_end_of}", "Name an earlier stage.")
+        checked.append(new)
+    return tuple(checked)
+
+
+def _with_object(stages: Sequence[Stage], k: int, held: list[str]) -> Stage:
+    """The stage with the object it is about, checked for whether that is held."""
+    stage = stages[k]
+    if isinstance(stage, Grasp | Attach):
+        if stage.object in held:
+            raise _fault(
+                stages, k, f"takes {stage.object!r}, which is held by then",
+                "Put a stage detach before it.",
+            )  # fmt: skip
+    elif isinstance(stage, Place | Detach):
+        name = stage.object
+        if name is None:
+            if len(held) != 1:
+                what = "nothing is" if not held else f"{', '.join(map(repr, held))} are"
+                raise _fault(
+                    stages, k, f"names no object, and {what} held by then",
+                    "Put grasp and attach before it." if not held else "Name the object.",
+                )  # fmt: skip
+            return replace(stage, object=held[0])
+        if name not in held:
+            raise _fault(
+                stages, k, f"needs {name!r} to be held, and it is not by then",
+                "Put grasp and attach of it before this stage.",
+            )  # fmt: skip
+    return stage
+
+
+def _check_names(world: World, stages: Sequence[Stage]) -> None:
+    chain = world.robot.chain
+    objects = {*world.scene.ids, *(item.name for item in world.held)}
+    known = objects | {*chain.index, *world.robot.names}
+    tip = chain.link(chain.tip_link)
+    for k, stage in enumerate(stages):
+        for where, name in _object_names(stage):
+            if name not in objects:
+                raise _unknown(InvalidObjectName, stages, k, (where, name), objects)
+        for where, name in _link_names(stage):
+            if name not in chain.index and name not in world.robot.names:
+                raise _unknown(InvalidLinkName, stages, k, (where, name), set(chain.index))
+        named = [name for pair in stage.settings.allowed for name in pair]
+        named += stage.touches if isinstance(stage, Attach) else ()
+        for name in named:
+            if name not in known:
+                raise _unknown(InvalidObjectName, stages, k, ("allowed_collisions", name), known)
+        if isinstance(stage, Attach) and stage.link is not None:
+            holder = chain.link(stage.link)
+            if holder.joint != tip.joint:
+                raise _fault(
+                    stages, k, f"attaches to {stage.link!r}, which does not move with the tip",
+                    f"Take the tip {chain.tip_link!r} or a link that is fixed to it.",
+                )  # fmt: skip
+        if isinstance(stage, Place) and stage.object in (stage.reference, stage.support):
+            raise _fault(stages, k, f"places {stage.object!r} on itself", "Name another object.")
+        if isinstance(stage, Gripper) and stage.robot is not None:
+            assert stage.robot.chain.n == chain.n
+
+
+def _object_names(stage: Stage) -> list[tuple[str, str]]:
+    """Names of objects in a stage, each with its field."""
+    fields = ("object", "reference", "support")
+    pairs = [(name, getattr(stage, name, None)) for name in fields]
+    return [(name, str(value)) for name, value in pairs if value is not None]
+
+
+def _link_names(stage: Stage) -> list[tuple[str, str]]:
+    """Names of links in a stage, each with its field."""
+    names = []
+    if isinstance(stage, Grasp | Detach):
+        names += [("touch_links", name) for name in stage.touches]
+    if isinstance(stage, Attach) and stage.link is not None:
+        names.append(("link", stage.link))
+    return names
+
+
+#: Names that an error tells.
+_MAX_NAMES = 60
+
+
+def _unknown(
+    error: type[ArmwrightError],
+    stages: Sequence[Stage],
+    k: int,
+    entry: tuple[str, str],
+    known: set[str],
+) -> ArmwrightError:
+    where, name = entry
+    some = sorted(known)
+    listed = ", ".join(some[:_MAX_NAMES]) + (", …" if len(some) > _MAX_NAMES else "")
+    return error(
+        f"{describe_stage(stages, k)}: {where} names {name!r}, which there is not",
+        hint=f"There are: {listed or 'none'}.",
+        index=k,
+        kind=stage_kind(stages[k]),
+        name=name,
+    )
+
+
+def _fault(stages: Sequence[Stage], k: int, message: str, hint: str) -> InvalidOption:
+    return InvalidOption(
+        f"{describe_stage(stages, k)} {message}",
+        hint=hint,
+        index=k,
+        kind=stage_kind(stages[k]),
+        name=stages[k].settings.name or None,
+    )

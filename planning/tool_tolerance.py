@@ -1,0 +1,206 @@
+"""Tolerance of the tool on its path: a box of position and orientation about the pose asked for.
+
+With N the pose asked for at a place of the path and T the tool's, the deviation is
+
+    e = A^T (p_T - p_N),   D = A^T R_T R_N^T A = Rx(rx) Ry(ry) Rz(rz)         (fixed axes A)
+    e = R_N^T (p_T - p_N), D = R_N^T R_T = Rx(rx) Ry(ry) Rz(rz)               (the tool's own axes)
+
+and its tilt is the angle between the axes z of D and of no deviation.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+
+from kinematics.arrays import Array, frozen
+from kinematics.errors import InvalidOption
+
+Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
+AXES: tuple[Axis, ...] = get_args(Axis)
+#: Angles that orientations have, of which rx and rz are not defined at a right angle of ry.
+ROTATIONS: tuple[Axis, ...] = ("rx", "ry", "rz")
+#: Largest bound of ry where not all rotations are free [rad].
+MAX_RY = 1.4
+#: Largest deviation of position that can be asked for [m].
+MAX_POSITION = 1.0
+#: Rounds in which angles are scaled down to a tilt.
+_TILT_ROUNDS = 6
+# Columns of deviations.
+#: Deviation of position along three axes, the first of three columns [m].
+POSITION = 0
+#: Angle about x [rad].
+RX = 3
+#: Angle about y [rad].
+RY = 4
+#: Angle about z [rad].
+RZ = 5
+SIZE = 6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ToolTolerance:
+    """Ranges of the tool's deviation from the pose asked for.
+
+    Args:
+        lower: Least deviation along x, y, z [m] and about rx, ry, rz [rad], shape (6,); minus
+            infinity where a rotation is free.
+        upper: Largest deviation, likewise.
+        tilt: Largest angle between the tool's axis z and that of the pose [rad]; infinite where the
+            box alone counts.
+        axes: Fixed axes in the base frame that deviations are along and about, shape (3, 3); None
+            for the axes of the pose itself.
+
+    Raises:
+        InvalidOption: A range is empty, or beyond what can be asked for.
+    """
+
+    lower: Array
+    upper: Array
+    tilt: float = math.inf
+    axes: Array | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("lower", "upper"):
+            object.__setattr__(self, name, frozen(getattr(self, name)))
+        if self.axes is not None:
+            object.__setattr__(self, "axes", frozen(self.axes))
+        for axis, low, high in zip(AXES, self.lower, self.upper, strict=True):
+            if not low <= high:
+                raise InvalidOption(
+                    f"tolerance of {axis}: {low:g} is above {high:g}",
+                    hint="Give [least, largest] deviation.",
+                )
+        if np.abs([self.lower[:RX], self.upper[:RX]]).max() > MAX_POSITION:
+            raise InvalidOption(f"a tolerance of position is at most {MAX_POSITION:g} m")
+        if not self.tilt > 0.0:
+            raise InvalidOption("tilt must be positive", hint="Leave it out for no tilt at all.")
+        angles = max(abs(self.lower[RY]), abs(self.upper[RY]))
+        bounded = np.isfinite([self.lower[RX:], self.upper[RX:]]).any()
+        if angles > MAX_RY and (bounded or self.tilt < math.pi):
+            raise InvalidOption(
+                f"tolerance of ry: beyond {MAX_RY:g} rad, where rx and rz are not defined",
+                hint="Keep ry within it, or free all of rx, ry and rz.",
+            )
+
+    @classmethod
+    def of(
+        cls,
+        ranges: Mapping[Axis, tuple[float, float]],
+        free: tuple[Axis, ...] = (),
+        tilt: float | None = None,
+        axes: Array | None = None,
+    ) -> "ToolTolerance":
+        """A tolerance from what is named; axes that are not named are exact.
+
+        Args:
+            ranges: Least and largest deviation by axis [m], [rad].
+            free: Rotations of which any angle will do.
+            tilt: Largest angle between the tool's z and that of the pose, about any axis [rad].
+            axes: Fixed axes, shape (3, 3); None for those of the pose.
+
+        Raises:
+            InvalidOption: As the constructor; or a translation is called free.
+        """
+        lower, upper = np.zeros(SIZE), np.zeros(SIZE)
+        if tilt is not None:
+            lower[RX:RZ], upper[RX:RZ] = -tilt, tilt
+        for axis, (low, high) in ranges.items():
+            lower[AXES.index(axis)], upper[AXES.index(axis)] = low, high
+        for axis in free:
+            if axis not in ROTATIONS:
+                raise InvalidOption(
+                    f"{axis!r} can't be free", hint="Give its range in metres, as [least, largest]."
+                )
+            lower[AXES.index(axis)], upper[AXES.index(axis)] = -np.inf, np.inf
+        return cls(lower, upper, math.inf if tilt is None else tilt, axes)
+
+    def widened(self, position: float, orientation: float) -> "ToolTolerance":
+        """The tolerance with ranges and tilt wider by deviations [m], [rad] on either side."""
+        more = np.array([position] * 3 + [orientation] * 3)
+        return ToolTolerance(
+            self.lower - more,
+            self.upper + more,
+            self.tilt + orientation,
+            self.axes,
+        )
+
+    def deviations(self, nominal: Array, poses: Array) -> Array:
+        """Deviations x, y, z, rx, ry, rz of poses from those asked for.
+
+        Args:
+            nominal: Poses asked for, shape (k, 4, 4).
+            poses: Poses of the tool, shape (k, 4, 4).
+
+        Returns:
+            Shape (k, 6) [m], [rad].
+        """
+        R, A = nominal[:, :3, :3], self._axes(nominal)
+        e = np.einsum("kji,kj->ki", A, poses[:, :3, 3] - nominal[:, :3, 3])
+        relative = np.einsum("kil,kjl->kij", poses[:, :3, :3], R)
+        D = np.einsum("kji,kjl,klm->kim", A, relative, A)
+        angles = [
+            np.arctan2(-D[:, 1, 2], D[:, 2, 2]),
+            np.arcsin(np.clip(D[:, 0, 2], -1.0, 1.0)),
+            np.arctan2(-D[:, 0, 1], D[:, 0, 0]),
+        ]
+        return np.column_stack([e, *angles])
+
+    def poses(self, nominal: Array, deviations: Array) -> Array:
+        """Poses (k, 4, 4) that deviate from those asked for (k, 4, 4) by deviations (k, 6)."""
+        A = self._axes(nominal)
+        T = np.tile(np.eye(4), (len(deviations), 1, 1))
+        T[:, :3, 3] = nominal[:, :3, 3] + np.einsum("kij,kj->ki", A, deviations[:, :RX])
+        D = rotations(deviations[:, RX:])
+        turned = np.einsum("kij,kjl,kml->kim", A, D, A)
+        T[:, :3, :3] = turned @ nominal[:, :3, :3]
+        return T
+
+    def clip(self, deviations: Array) -> Array:
+        """The nearest deviations within the box, and within the tilt by turning less, (k, 6)."""
+        d = deviations.copy()
+        for column in (RX, RY, RZ):
+            if np.isfinite(self.lower[column]):
+                middle = 0.5 * (self.lower[column] + self.upper[column])
+                # Angles count by the turn that is nearest to the middle of their range.
+                turns = np.round((d[:, column] - middle) / (2.0 * np.pi))
+                d[:, column] -= 2.0 * np.pi * turns
+        d = np.clip(d, self.lower, self.upper)
+        if np.isfinite(self.tilt):
+            # The tilt is not quite proportional to both angles: a few rounds bring it there.
+            for _ in range(_TILT_ROUNDS):
+                share = np.minimum(1.0, self.tilt / np.maximum(tilts(d), 1e-12))
+                d[:, RX:RZ] *= share[:, None]
+        return np.asarray(d)
+
+    def excess(self, deviations: Array) -> Array:
+        """Largest excess of deviations (k, 6) in position [m] and angle [rad], shape (k, 2)."""
+        over = np.abs(deviations - self.clip(deviations))
+        over[:, RX:] %= 2.0 * np.pi
+        over[:, RX:] = np.minimum(over[:, RX:], 2.0 * np.pi - over[:, RX:])
+        return np.column_stack([over[:, :RX].max(axis=1), over[:, RX:].max(axis=1)])
+
+    def _axes(self, nominal: Array) -> Array:
+        if self.axes is None:
+            return nominal[:, :3, :3]
+        return np.broadcast_to(self.axes, (len(nominal), 3, 3))
+
+
+def rotations(angles: Array) -> Array:
+    """Rotations Rx(rx) Ry(ry) Rz(rz), shape (k, 3, 3), of angles (k, 3) [rad]."""
+    (ca, cb, cc), (sa, sb, sc) = np.cos(angles).T, np.sin(angles).T
+    rows = [
+        [cb * cc, -cb * sc, sb],
+        [ca * sc + sa * sb * cc, ca * cc - sa * sb * sc, -sa * cb],
+        [sa * sc - ca * sb * cc, sa * cc + ca * sb * sc, ca * cb],
+    ]
+    return np.asarray(np.moveaxis(np.array(rows), 2, 0))
+
+
+def tilts(deviations: Array) -> Array:
+    """Angle of the axis z of deviations (k, 6) from no deviation, shape (k,) [rad]."""
+    return np.asarray(
+        np.arccos(np.clip(np.cos(deviations[:, RX]) * np.cos(deviations[:, RY]), -1, 1))
+    )

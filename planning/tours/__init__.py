@@ -1,0 +1,1 @@
+"""Tours: many goals visited in the best order, every leg proved."""

@@ -1,0 +1,157 @@
+"""Configurations of the goals of a tour: every branch that is free, or why there is none."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from kinematics.arrays import Array
+from kinematics.ik import numeric
+from kinematics.ik.analytic import branches
+from kinematics.ik.structure import structure
+from obstacles.checker import Checker
+from planning.deadline import Deadline
+from planning.preflight.goals import find_goals
+from planning.preflight.limits import snap_to_limits
+from planning.problem import JointGoal, PoseGoal, Problem
+from planning.reach.evaluation import parameter_values
+from planning.ready import TOUCHING
+from planning.result import Failure
+from planning.tours.problem import MAX_CONFIGURATIONS, TourGoal, TourProblem
+
+#: Configurations of one goal: more hardly shorten a tour.
+_MAX_OF_GOAL = 32
+#: Configurations looked for at each deviation from a pose, of arms without a closed form.
+_SEARCHED = 8
+#: Starts of inverse kinematics spent on them.
+_STARTS = 60
+#: Deviations from a pose that such arms try: each takes milliseconds.
+_SEARCHED_DEVIATIONS = 4
+#: Configurations taken of those that are found with the obstacles in sight.
+_MAX_SEARCHED = 4
+#: Configurations nearer than this in every joint are the same [rad or m].
+_SAME = 1e-6
+
+
+class Configurations(NamedTuple):
+    """Free configurations of one goal.
+
+    Args:
+        joints: Shape (k, n) [rad or m].
+        alternatives: Which alternative each of them reaches, k numbers.
+    """
+
+    joints: Array
+    alternatives: tuple[int, ...]
+
+
+def find_configurations(
+    problem: TourProblem, goal: TourGoal, checker: Checker, near: Array, seed: int,
+    deadline: Deadline,
+) -> Configurations | Failure:  # fmt: skip
+    """Free configurations of a goal, or why there is none.
+
+    Args:
+        problem: The tour.
+        goal: One of its goals.
+        checker: The exact robot in the scene with its margins.
+        near: Configuration that whole turns are to be near, shape (n,).
+        seed: Of inverse kinematics.
+        deadline: When to look at no more alternatives.
+    """
+    rows: list[Array] = []
+    alternatives: list[int] = []
+    for number, alternative in enumerate(goal.alternatives):
+        if isinstance(alternative, JointGoal):
+            q, violation = snap_to_limits(
+                problem.robot.chain, alternative.joints, problem.start_state_tolerance
+            )
+            candidates = [q] if violation is None else []
+        else:
+            candidates = _of_pose(problem, goal, alternative, near, seed)
+        for q in candidates:
+            if all(np.abs(q - other).max() > _SAME for other in rows) and _is_free(checker, q):
+                rows.append(q)
+                alternatives.append(number)
+    most = max(min(_MAX_OF_GOAL, MAX_CONFIGURATIONS // len(problem.goals)), 1)
+    if rows:
+        chosen = _spread(np.array(rows), near, most)
+        return Configurations(
+            np.array([rows[k] for k in chosen]), tuple(alternatives[k] for k in chosen)
+        )
+    return _search_around_obstacles(problem, goal, checker, near, seed, deadline)
+
+
+def _search_around_obstacles(
+    problem: TourProblem, goal: TourGoal, checker: Checker, near: Array, seed: int,
+    deadline: Deadline,
+) -> Configurations | Failure:  # fmt: skip
+    """Configurations of a goal found with the obstacles in sight, or why there is none."""
+    rows: list[Array] = []
+    numbers: list[int] = []
+    failures: list[Failure] = []
+    for number, alternative in enumerate(goal.alternatives):
+        single = Problem(
+            problem.robot, problem.scene, near, (alternative,), problem.margin,
+            problem.start_state_tolerance,
+        )  # fmt: skip
+        answer = find_goals(single, checker, near, seed, deadline)
+        if isinstance(answer, Failure):
+            failures.append(answer)
+        else:
+            rows += [candidate.joints for candidate in answer[:_MAX_SEARCHED]]
+            numbers += [number] * len(answer[:_MAX_SEARCHED])
+    if not rows:
+        return failures[0]
+    return Configurations(np.array(rows), tuple(numbers))
+
+
+def _is_free(checker: Checker, q: Array) -> bool:
+    return checker.clearance(q)[0] > TOUCHING
+
+
+def _of_pose(
+    problem: TourProblem, goal: TourGoal, pose: PoseGoal, near: Array, seed: int
+) -> list[Array]:
+    """Configurations of a pose with all its deviations, inside the limits."""
+    chain = problem.robot.chain
+    targets = pose.T_base_tip @ goal.tolerance.deviations()
+    form = structure(chain)
+    if form is not None:
+        values = parameter_values(chain, form) if form.redundant else None
+        answer = branches(chain, targets, seed_joints=near, parameters=values, threads=1)
+        assert answer.counts is not None
+        return [
+            np.array(answer.joints[i, k])
+            for i, count in enumerate(answer.counts)
+            for k in range(count)
+            if answer.within_limits[i, k]
+        ]
+    options = numeric.SearchOptions(seed=seed, starts=_STARTS)
+    step = max(len(targets) // _SEARCHED_DEVIATIONS, 1)
+    return [
+        np.array(solution.joints)
+        for T in targets[::step][:_SEARCHED_DEVIATIONS]
+        for solution in numeric.solve(
+            chain, T, options, seed_joints=near, solutions=_SEARCHED
+        ).solutions
+    ]
+
+
+def _spread(joints: Array, near: Array, most: int) -> list[int]:
+    """Numbers of configurations that stand for all of them, the nearest one to ``near`` first.
+
+    Each next one is the farthest from those chosen already.
+
+    Args:
+        joints: Shape (k, n).
+        near: Shape (n,).
+        most: How many at most.
+    """
+    if len(joints) <= most:
+        return list(range(len(joints)))
+    chosen = [int(np.abs(joints - near).max(axis=1).argmin())]
+    distance = np.abs(joints - joints[chosen[0]]).max(axis=1)
+    while len(chosen) < most:
+        chosen.append(int(distance.argmax()))
+        distance = np.minimum(distance, np.abs(joints - joints[chosen[-1]]).max(axis=1))
+    return sorted(chosen)

@@ -1,0 +1,161 @@
+"""Legs between configurations: times that are known so far, checks of straight motions, proofs."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from kinematics.arrays import Array, Indices
+from kinematics.trajectory import Trajectory
+from obstacles.checker import Checker
+from planning import pipeline
+from planning.deadline import Deadline
+from planning.limits import MotionLimits
+from planning.options import Options
+from planning.problem import JointGoal, Problem
+from planning.proof.certificate import certify
+from planning.result import Failure
+from planning.timing.parametrization import TimeParametrization
+from planning.tours.problem import TourProblem
+from planning.tours.rest_to_rest import Times, rest_to_rest_kernel
+from planning.tours.result import Leg
+
+#: Straight motions keep this much more than the margin, where their ends do: as plans do [m].
+_SLACK = 1e-3
+#: Time of a leg that was planned in vain: no tour takes it that has another choice [s].
+IMPOSSIBLE = 2e4
+#: Time added between groups, so that a tour leaves each group only once: more than moves of the
+#: search can save [s].
+_BETWEEN_GROUPS = 500.0
+#: A straight motion that is blocked is expected to take this many times as long, and so much more
+#: [s], until it is planned.
+_DETOUR, _DETOUR_TIME = 1.5, 0.1
+#: Times that differ by less are equal [s].
+SAME_TIME = 1e-5
+
+Pair = tuple[int, int]
+
+
+@dataclass(slots=True, eq=False)
+class LegTable:
+    """Legs between the configurations of all stops.
+
+    Args:
+        problem: The tour.
+        options: Of planning, for each leg.
+        parametrization: The limits and the method of timing.
+        checker: The exact robot in the scene with its margins.
+        joints: Configurations of all stops, shape (m, n) [rad or m].
+        clearance: Of each of them, margins taken off, shape (m,) [m].
+        group: Number of the group of each configuration, shape (m,).
+        grouped: Whether goals are in groups.
+        real: Whether each of them is one; a free end has a row of zeros, shape (m,).
+        times: As known so far, with those between groups, shape (m, m) [s].
+        free: Straight motions that are free, the smaller number first.
+        blocked: Those that something is in the way of.
+        legs: Proved legs.
+        failures: Legs that were planned in vain.
+    """
+
+    problem: TourProblem
+    options: Options
+    parametrization: TimeParametrization
+    checker: Checker
+    joints: Array
+    clearance: Array
+    group: Indices
+    real: Array
+    grouped: bool
+    times: Times = field(init=False)
+    free: set[Pair] = field(default_factory=set)
+    blocked: set[Pair] = field(default_factory=set)
+    legs: dict[Pair, Leg] = field(default_factory=dict)
+    failures: dict[Pair, Failure] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.times = self.least_times(straight=True)
+        if self.grouped:
+            self.times += np.float32(_BETWEEN_GROUPS) * (self.group[:, None] != self.group[None])
+
+    def least_times(self, *, straight: bool) -> Times:
+        """Times of straight motions, or bounds of those of all motions, shape (m, m) [s]."""
+        limits = self.parametrization
+        jerk = np.full(len(limits.velocity), np.inf) if limits.jerk is None else limits.jerk
+        m = len(self.joints)
+        times: Times = np.empty((m, m), dtype=np.float32)
+        velocity, acceleration = np.array(limits.velocity), np.array(limits.acceleration)
+        rest_to_rest_kernel(self.joints, velocity, acceleration, np.array(jerk), straight, times)
+        times[~self.real.astype(bool)] = 0.0
+        times[:, ~self.real.astype(bool)] = 0.0
+        return times
+
+    def time(self, a: int, b: int) -> float:
+        """Time of the leg between two configurations, as known so far [s]."""
+        return float(self.times[a, b]) - self._between(a, b)
+
+    def set_time(self, a: int, b: int, seconds: float) -> None:
+        """Note the time of the leg between two configurations, either way [s]."""
+        self.times[a, b] = self.times[b, a] = seconds + self._between(a, b)
+
+    def _between(self, a: int, b: int) -> float:
+        return _BETWEEN_GROUPS if self.grouped and self.group[a] != self.group[b] else 0.0
+
+    def check(self, a: int, b: int) -> bool:
+        """Whether the straight motion is free; looked at once, its time made longer if not."""
+        pair = (min(a, b), max(a, b))
+        if pair in self.free or (a, b) in self.legs:
+            return True
+        if pair in self.blocked:
+            return False
+        slack = min(_SLACK, 0.5 * float(min(self.clearance[a], self.clearance[b])))
+        if Checker(self.checker.model, slack).free(self.joints[a], self.joints[b]):
+            self.free.add(pair)
+            return True
+        self.blocked.add(pair)
+        self.set_time(a, b, _DETOUR * self.time(a, b) + _DETOUR_TIME)
+        return False
+
+    def plan(self, a: int, b: int, timeout: float) -> Leg | Failure:
+        """The proved leg from one configuration to another; its time is known then.
+
+        Args:
+            a: Number of the first configuration.
+            b: Number of the second.
+            timeout: How long it may take [s].
+        """
+        known = self.legs.get((a, b)) or self.failures.get((a, b))
+        if known is not None:
+            return known
+        back = self.legs.get((b, a))
+        if back is not None:
+            leg = self._reverse(back, Deadline.after(timeout))
+            if leg is not None:
+                self.legs[a, b] = leg
+                return leg
+        goal = JointGoal(self.joints[b])
+        problem = Problem(
+            self.problem.robot, self.problem.scene, self.joints[a], (goal,), self.problem.margin
+        )
+        plan = pipeline.plan(problem, replace(self.options, timeout=timeout, observer=None))
+        if isinstance(plan, Failure):
+            self.failures[a, b] = plan
+            self.set_time(a, b, IMPOSSIBLE)
+            return plan
+        leg = Leg(plan.planner, plan.path.waypoints, plan.trajectory, plan.certificate)
+        self.legs[a, b] = leg
+        self.set_time(a, b, leg.trajectory.duration)
+        return leg
+
+    def _reverse(self, leg: Leg, deadline: Deadline) -> Leg | None:
+        """A leg run backwards, proved anew; None where it is not proved."""
+        motion: Trajectory = leg.trajectory.reverse()
+        certificate = certify(
+            motion,
+            self.problem.robot,
+            self.problem.scene,
+            margin=self.problem.margin,
+            limits=MotionLimits(self.parametrization.bounds, self.parametrization.loads),
+            deadline=deadline,
+        )
+        if not certificate.verified:
+            return None
+        return Leg(leg.planner, leg.waypoints[::-1], motion, certificate)

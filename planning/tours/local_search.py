@@ -1,0 +1,315 @@
+"""Local search over order and configurations: shifts of segments, reversals, short layers.
+
+Moves are those of Or and of 2-opt between near stops; a stop that is moved alone takes the
+configuration that suits its new place, and the stops around a move choose theirs anew by dynamic
+programming. Kicks that swap two neighbouring blocks lead out of local optima.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinematics.arrays import Array, Indices
+from kinematics.compiled.kernel import kernel
+from planning.tours.layers import choose_configurations
+from planning.tours.moves import may_reverse, may_swap, reverse, swap_blocks, time_kernel
+from planning.tours.network import Network, TourState
+
+#: Gains below this are rounding of single precision [s].
+_GAIN = 1e-6
+#: Stops that are moved together.
+_SEGMENT = 3
+#: Stops on either side of a move that choose their configurations anew.
+_WINDOW = 2
+#: Longest block that a kick swaps.
+_BLOCK = 40
+
+
+class SearchWork(NamedTuple):
+    """Memory of the local search.
+
+    Args:
+        queue: Stops to be looked at, a ring, shape (s + 1,).
+        waiting: Whether each stop is in the queue, shape (s,).
+        ends: Where the queue begins and ends, shape (2,).
+        block: For moves of blocks, shape (s,).
+        value: Of dynamic programming, shape (m,).
+        back: Likewise, shape (m,).
+        random: State of the random generator, shape (1,).
+    """
+
+    queue: Indices
+    waiting: NDArray[np.bool_]
+    ends: Indices
+    block: Indices
+    value: Array
+    back: Indices
+    random: NDArray[np.uint64]
+
+
+def search_work(network: Network, seed: int) -> SearchWork:
+    """Memory for a search, its random generator seeded."""
+    stops, configurations = len(network.least), len(network.times)
+    return SearchWork(
+        np.zeros(stops + 1, np.int64),
+        np.zeros(stops, np.bool_),
+        np.zeros(2, np.int64),
+        np.zeros(stops, np.int64),
+        np.zeros(configurations),
+        np.zeros(configurations, np.int64),
+        np.array([seed], np.uint64),
+    )
+
+
+@kernel
+def draw(random: NDArray[np.uint64], count: int) -> int:
+    """A random number from 0 to below ``count``, by splitmix64."""
+    random[0] += np.uint64(0x9E3779B97F4A7C15)
+    z = random[0]
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    z ^= z >> np.uint64(31)
+    return int((z >> np.uint64(11)) % np.uint64(count))
+
+
+@kernel
+def enqueue(work: SearchWork, stop: int) -> None:
+    """Have a stop looked at."""
+    if not work.waiting[stop]:
+        work.waiting[stop] = True
+        work.queue[work.ends[1]] = stop
+        work.ends[1] = (work.ends[1] + 1) % work.queue.shape[0]
+
+
+@kernel
+def enqueue_around(work: SearchWork, state: TourState, position: int) -> None:
+    """Have the stop at a position and those beside it looked at."""
+    for k in range(max(position - 1, 0), min(position + 2, state.order.shape[0])):
+        enqueue(work, state.order[k])
+
+
+@kernel
+def shift_gain(
+    network: Network, state: TourState, low: int, high: int, left: int, backwards: bool
+) -> tuple[float, int]:
+    """Time saved by moving a segment, and the configuration that a single stop takes then.
+
+    Args:
+        network: The stops and times.
+        state: The tour.
+        low: First position of the segment.
+        high: Last position of it.
+        left: Position behind which the segment is put.
+        backwards: Whether it is visited the other way round.
+    """
+    order, choice, times = state.order, state.choice, network.times
+    before, behind = choice[order[low - 1]], choice[order[high + 1]]
+    x, y = choice[order[left]], choice[order[left + 1]]
+    head, tail = choice[order[low]], choice[order[high]]
+    gain = np.float64(times[before, head]) + np.float64(times[tail, behind])
+    gain += np.float64(times[x, y]) - np.float64(times[before, behind])
+    if low == high:
+        stop = order[low]
+        best, chosen = np.inf, head
+        for v in range(network.first[stop], network.first[stop + 1]):
+            added = np.float64(times[x, v]) + np.float64(times[v, y])
+            if added < best:
+                best, chosen = added, v
+        return gain - best, chosen
+    if backwards:
+        head, tail = tail, head
+    return gain - np.float64(times[x, head]) - np.float64(times[tail, y]), -1
+
+
+@kernel
+def may_shift(
+    network: Network, state: TourState, low: int, high: int, left: int, backwards: bool
+) -> bool:
+    """Whether a segment may be put behind the stop at position ``left``."""
+    if backwards and not may_reverse(network, state, low, high):
+        return False
+    if left > high:
+        return may_swap(network, state, low, high + 1, left)
+    return may_swap(network, state, left + 1, low, high)
+
+
+@kernel
+def shift(state: TourState, low: int, high: int, left: int, backwards: bool, block: Indices) -> int:
+    """Put a segment behind the stop at position ``left``; its new first position."""
+    if backwards:
+        reverse(state, low, high)
+    if left > high:
+        swap_blocks(state, low, high + 1, left, block)
+        return left - (high - low)
+    swap_blocks(state, left + 1, low, high, block)
+    return left + 1
+
+
+@kernel
+def improve_by_shift(network: Network, state: TourState, stop: int, work: SearchWork) -> float:
+    """Make the best move of a segment that begins or ends with a stop; the time saved."""
+    count = state.order.shape[0]
+    place = state.position[stop]
+    best = _GAIN
+    best_low = best_high = best_left = best_choice = -1
+    best_backwards = False
+    for length in range(1, _SEGMENT + 1):
+        for side in range(2 if length > 1 else 1):
+            low = place if side == 0 else place - length + 1
+            high = low + length - 1
+            if low < 1 or high > count - 2:
+                continue
+            freed = time_kernel(
+                network, state, state.order[low - 1], state.order[low]
+            ) + time_kernel(network, state, state.order[high], state.order[high + 1])
+            for k in range(network.near.shape[1]):
+                other = network.near[stop, k]
+                if network.least[stop, other] >= freed:
+                    break
+                at = state.position[other]
+                for behind in range(2):
+                    left = at if behind == 0 else at - 1
+                    if left < 0 or left > count - 2 or low - 1 <= left <= high:
+                        continue
+                    backwards = length > 1 and (side == 0) == (behind == 1)
+                    gain, chosen = shift_gain(network, state, low, high, left, backwards)
+                    if gain > best and may_shift(network, state, low, high, left, backwards):
+                        best, best_low, best_high, best_left = gain, low, high, left
+                        best_backwards, best_choice = backwards, chosen
+    if best_low < 0:
+        return 0.0
+    enqueue_around(work, state, best_low - 1)
+    enqueue_around(work, state, best_high + 1)
+    enqueue_around(work, state, best_left)
+    if best_choice >= 0:
+        state.choice[stop] = best_choice
+    low = shift(state, best_low, best_high, best_left, best_backwards, work.block)
+    enqueue_around(work, state, low)
+    enqueue_around(work, state, low + best_high - best_low)
+    return best
+
+
+@kernel
+def improve_by_reversal(network: Network, state: TourState, stop: int, work: SearchWork) -> float:
+    """Make the best reversal that brings a stop next to a near one; the time saved."""
+    count = state.order.shape[0]
+    place = state.position[stop]
+    best = _GAIN
+    best_low = best_high = -1
+    for side in range(2):
+        beside = place + 1 if side == 0 else place - 1
+        if beside < 0 or beside > count - 1:
+            continue
+        neighbour = state.order[beside]
+        freed = time_kernel(network, state, stop, neighbour)
+        for k in range(network.near.shape[1]):
+            other = network.near[stop, k]
+            if network.least[stop, other] >= freed:
+                break
+            at = state.position[other]
+            next_at = at + 1 if side == 0 else at - 1
+            if next_at < 0 or next_at > count - 1:
+                continue
+            following = state.order[next_at]
+            gain = (
+                freed
+                + time_kernel(network, state, other, following)
+                - time_kernel(network, state, stop, other)
+                - time_kernel(network, state, neighbour, following)
+            )
+            low = min(beside, next_at) if side == 0 else min(place, at)
+            high = max(place, at) if side == 0 else max(beside, next_at)
+            if gain > best and may_reverse(network, state, low, high):
+                best, best_low, best_high = gain, low, high
+    if best_low < 0:
+        return 0.0
+    reverse(state, best_low, best_high)
+    enqueue_around(work, state, best_low)
+    enqueue_around(work, state, best_high)
+    return best
+
+
+@kernel
+def improve(network: Network, state: TourState, work: SearchWork) -> float:
+    """Improve a tour until no move from a stop in the queue does; the time saved."""
+    count = state.order.shape[0]
+    saved = 0.0
+    while work.ends[0] != work.ends[1]:
+        stop = work.queue[work.ends[0]]
+        work.ends[0] = (work.ends[0] + 1) % work.queue.shape[0]
+        work.waiting[stop] = False
+        gain = improve_by_shift(network, state, stop, work)
+        if gain == 0.0:
+            gain = improve_by_reversal(network, state, stop, work)
+        place = state.position[stop]
+        low, high = max(place - _WINDOW, 1), min(place + _WINDOW, count - 2)
+        chosen = -choose_configurations(network, state, low, high, work.value, work.back)
+        if gain + chosen > 0.0:
+            enqueue_around(work, state, place)
+            saved += gain + chosen
+    return saved
+
+
+@kernel
+def tour_time(network: Network, state: TourState) -> float:
+    """Time of all legs of a tour [s]."""
+    total = 0.0
+    for k in range(state.order.shape[0] - 1):
+        total += time_kernel(network, state, state.order[k], state.order[k + 1])
+    return total
+
+
+@kernel
+def search_kernel(network: Network, state: TourState, work: SearchWork, kicks: int) -> float:
+    """Improve a tour by local search with kicks.
+
+    Args:
+        network: The stops and times.
+        state: The tour, changed where a shorter one is found.
+        work: Memory; stops in the queue are looked at first.
+        kicks: How many kicks.
+
+    Returns:
+        Time of the tour [s].
+    """
+    count = state.order.shape[0]
+    improve(network, state, work)
+    choose_configurations(network, state, 1, count - 2, work.value, work.back)
+    goals = count - 2
+    order, choice = state.order.copy(), state.choice.copy()
+    for _ in range(kicks if goals > 2 else 0):
+        longest = min(_BLOCK, goals // 2)
+        first = 1 + draw(work.random, longest)
+        second = 1 + draw(work.random, longest)
+        low = 1 + draw(work.random, goals - first - second + 1)
+        middle, high = low + first, low + first + second - 1
+        if not may_swap(network, state, low, middle, high):
+            continue
+        change = -ends_time(network, state, low, middle, high)
+        swap_blocks(state, low, middle, high, work.block)
+        middle = low + second
+        change += ends_time(network, state, low, middle, high)
+        enqueue_around(work, state, low)
+        enqueue_around(work, state, middle)
+        enqueue_around(work, state, high)
+        change -= improve(network, state, work)
+        if change > _GAIN:
+            state.order[:] = order
+            state.choice[:] = choice
+            for k in range(count):
+                state.position[order[k]] = k
+        else:
+            order[:] = state.order
+            choice[:] = state.choice
+    choose_configurations(network, state, 1, count - 2, work.value, work.back)
+    return tour_time(network, state)
+
+
+@kernel
+def ends_time(network: Network, state: TourState, low: int, middle: int, high: int) -> float:
+    """Time of the legs before, between and behind two neighbouring blocks [s]."""
+    total = 0.0
+    for k in (low, middle, high + 1):
+        total += time_kernel(network, state, state.order[k - 1], state.order[k])
+    return total

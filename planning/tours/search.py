@@ -1,0 +1,329 @@
+"""Rounds of search and proof: an order by known times, its legs checked and planned, again."""
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from kinematics.arrays import Indices
+from planning.deadline import Deadline
+from planning.result import Failure
+from planning.tours.construction import nearest_neighbour_tour
+from planning.tours.legs import SAME_TIME, LegTable, Pair
+from planning.tours.local_search import SearchWork, enqueue, search_kernel, search_work
+from planning.tours.lower_bound import lower_bound
+from planning.tours.network import Network, TourState, make_network, set_state
+from planning.tours.order import goal_pairs, group_numbers, precedence_table
+from planning.tours.problem import TourOptions, TourProblem
+from planning.tours.result import (
+    Leg,
+    SearchReport,
+    Tour,
+    TourImprovement,
+    Unvisited,
+    Visit,
+)
+
+#: Near stops that moves of the search look at.
+_NEIGHBOURS = 10
+#: Kicks for each goal before the first legs are planned and in each round.
+_KICKS = 30
+#: Kicks for each goal after legs got longer.
+_REPAIR_KICKS = 3
+#: Kicks between two looks at the clock.
+_KICKS_AT_ONCE = 1_000
+#: Rounds without a shorter tour after which the search ends.
+_PATIENCE = 3
+#: Searches in one round at most, for straight motions that are blocked, and for legs that took
+#: longer than expected.
+_MAX_CHECKS, _MAX_REPAIRS = 60, 20
+#: Legs to a goal that are planned in vain before it is given up, where none was proved.
+_MAX_VAIN = 3
+
+
+class Stops(NamedTuple):
+    """Stops of a tour: goals, then the start and the end.
+
+    Args:
+        goals: Numbers of the goals.
+        first: First configuration of each stop, and their number, shape (s + 1,).
+        alternatives: Which alternative each configuration of each goal reaches.
+    """
+
+    goals: tuple[int, ...]
+    first: Indices
+    alternatives: tuple[tuple[int, ...], ...]
+
+    def groups(self, problem: TourProblem) -> Indices:
+        """Number of each stop's group, without the two ends."""
+        return group_numbers([problem.goals[i].group for i in self.goals])
+
+    def pairs(self, problem: TourProblem) -> list[tuple[int, int]]:
+        """Stops of which the first comes before the second."""
+        stop = {goal: k for k, goal in enumerate(self.goals)}
+        pairs = goal_pairs(problem.names, problem.groups, problem.precedence)
+        return [(stop[a], stop[b]) for a, b in pairs if a in stop and b in stop]
+
+
+class Vain(NamedTuple):
+    """A goal that no leg was found to.
+
+    Args:
+        goal: Its number.
+        failure: Why.
+    """
+
+    goal: int
+    failure: Failure
+
+
+@dataclass(slots=True, eq=False)
+class TourSearch:
+    """The search for a tour, round by round.
+
+    Args:
+        problem: The tour.
+        options: Options of planning.
+        stops: Goals that have configurations.
+        legs: Legs between these.
+        deadline: The end.
+        report: Called with progress.
+        network: Stops and times as the kernels take them.
+        state: The tour that is being searched.
+        work: Memory of the kernels.
+        best: The shortest proved tour.
+        best_time: Its time, stays not counted [s].
+        improvements: Proved tours that were the shortest so far.
+        bound: A time that no tour beats, stays not counted [s].
+    """
+
+    problem: TourProblem
+    options: TourOptions
+    stops: Stops
+    legs: LegTable
+    deadline: Deadline
+    report: Callable[[float, str], None]
+    network: Network = field(init=False)
+    state: TourState = field(init=False)
+    work: SearchWork = field(init=False)
+    best: TourState | None = None
+    best_time: float = np.inf
+    improvements: list[TourImprovement] = field(default_factory=list)
+    bound: float = 0.0
+
+    def __post_init__(self) -> None:
+        pairs = self.stops.pairs(self.problem)
+        precedence = precedence_table(pairs, len(self.stops.goals) + 2)
+        self.network = make_network(self.legs.times, self.stops.first, precedence, _NEIGHBOURS)
+        groups = self.stops.groups(self.problem)
+        self.state = nearest_neighbour_tour(self.network, groups, pairs)
+        self.work = search_work(self.network, self.options.planning.seed)
+
+    # ----------------------------------------------------------------------------------- rounds
+
+    def run(self) -> Tour | Vain | Failure:
+        """Search and prove until the rounds or the time are over, or nothing gets better."""
+        self._improve(range(len(self.stops.goals) + 2), _KICKS)
+        least = self.legs.least_times(straight=False)
+        self.bound = lower_bound(least, self.stops.first, self._expected_time())
+        rounds, since, stopped = 0, 0, "finished"
+        while True:
+            since = 0 if self._settle(rounds) else since + 1
+            if self.deadline.passed:
+                stopped = "deadline"
+                break
+            vain = self._vain(given_up=self.best is None and since >= _PATIENCE)
+            if vain is not None:
+                return vain
+            if self.best is not None and since >= _PATIENCE:
+                break
+            if self.best is not None and rounds >= self.options.rounds:
+                stopped = "rounds"
+                break
+            rounds += 1
+            self.report(0.5 + 0.5 * rounds / (rounds + _PATIENCE), "improve")
+            if self.best is not None:
+                set_state(self.state, self.best)
+            self._improve((), _KICKS)
+        if self.best is None:
+            return self._timed_out(rounds)
+        set_state(self.state, self.best)
+        return self._tour(rounds, stopped)
+
+    def _settle(self, round_number: int) -> bool:
+        """Plan the legs of the tour and search again until all take as long as expected.
+
+        Returns:
+            Whether a proved tour shorter than all before was found.
+        """
+        shorter = False
+        for _ in range(_MAX_REPAIRS):
+            self._check_straight_legs()
+            changed = self._plan_legs()
+            shorter |= self._record(round_number)
+            if not changed or self.deadline.passed:
+                break
+            self._improve(changed, _REPAIR_KICKS)
+        return shorter
+
+    def _check_straight_legs(self) -> None:
+        """Check straight legs until the tour takes none that is not known."""
+        for _ in range(_MAX_CHECKS):
+            blocked: list[int] = []
+            for before, after in pairwise(self._visited()):
+                known = len(self.legs.blocked)
+                free = self.legs.check(self._configuration(before), self._configuration(after))
+                if not free and len(self.legs.blocked) > known:
+                    blocked += [before, after]
+            if not blocked or self.deadline.passed:
+                return
+            self._improve(blocked, 0)
+
+    def _plan_legs(self) -> list[int]:
+        """Plan the legs of the tour; stops of those that take another time than expected."""
+        changed: list[int] = []
+        visited = self._visited()
+        for k, (before, after) in enumerate(pairwise(visited)):
+            if self.deadline.passed:
+                break
+            a, b = self._configuration(before), self._configuration(after)
+            expected = self.legs.time(a, b)
+            self.legs.plan(a, b, min(self.options.leg_timeout, self.deadline.remaining))
+            if abs(self.legs.time(a, b) - expected) > SAME_TIME:
+                changed += [before, after]
+            if self.best is None:
+                self.report(0.2 + 0.3 * k / len(visited), "prove")
+        return changed
+
+    def _record(self, round_number: int) -> bool:
+        """Keep the tour if it is proved and the shortest so far."""
+        legs = [self.legs.legs.get(pair) for pair in self._pairs()]
+        if not all(legs) or not self._keeps_groups():
+            return False
+        time = sum(leg.trajectory.duration for leg in legs if leg is not None)
+        if time >= self.best_time - SAME_TIME:
+            return False
+        self.best, self.best_time = self.state.copy(), time
+        self.improvements.append(TourImprovement(round_number, time + self._dwell()))
+        return True
+
+    def _improve(self, stops: Iterable[int], kicks: int) -> None:
+        """Search on from the tour, at these stops first."""
+        for stop in stops:
+            enqueue(self.work, stop)
+        left = kicks * len(self.stops.goals)
+        while True:
+            search_kernel(self.network, self.state, self.work, min(left, _KICKS_AT_ONCE))
+            left -= _KICKS_AT_ONCE
+            if left <= 0 or self.deadline.passed:
+                return
+
+    # ------------------------------------------------------------------------- the tour so far
+
+    def _visited(self) -> list[int]:
+        """Stops in their order, without an end where any will do."""
+        real, choice = self.legs.real, self.state.choice
+        return [int(stop) for stop in self.state.order if real[choice[stop]]]
+
+    def _configuration(self, stop: int) -> int:
+        return int(self.state.choice[stop])
+
+    def _pairs(self) -> list[Pair]:
+        """Configurations at the two ends of each leg."""
+        return list(pairwise(self._configuration(stop) for stop in self._visited()))
+
+    def _expected_time(self) -> float:
+        return sum(self.legs.time(a, b) for a, b in self._pairs())
+
+    def _dwell(self) -> float:
+        return sum(self.problem.goals[i].dwell for i in self.stops.goals)
+
+    def _keeps_groups(self) -> bool:
+        """Whether the goals of each group are visited one after another."""
+        groups = self.stops.groups(self.problem)
+        order = [int(groups[stop]) for stop in self._visited() if stop < len(groups)]
+        return sum(int(a != b) for a, b in pairwise(order)) == len(set(order)) - 1
+
+    # ------------------------------------------------------------------------------- outcomes
+
+    def _vain(self, *, given_up: bool) -> Vain | None:
+        """A goal that no leg leads to, and why; None where there is hope for all."""
+        goals = len(self.stops.goals)
+        owner = np.searchsorted(self.stops.first, np.arange(len(self.legs.joints)), "right") - 1
+        proved = {int(owner[k]) for pair in self.legs.legs for k in pair}
+        counts = Counter(int(owner[k]) for pair in self.legs.failures for k in pair)
+        for pair, failure in self.legs.failures.items():
+            for stop in (int(owner[pair[1]]), int(owner[pair[0]])):
+                if stop < goals and stop not in proved and counts[stop] >= _MAX_VAIN:
+                    return Vain(self.stops.goals[stop], failure)
+        if given_up:
+            for pair in self._pairs():
+                stops = [int(owner[k]) for k in pair[::-1] if owner[k] < goals]
+                if pair in self.legs.failures and stops:
+                    return Vain(self.stops.goals[stops[0]], self.legs.failures[pair])
+        return None
+
+    def _timed_out(self, rounds: int) -> Tour | Failure:
+        """The proved beginning of the tour where a partial one will do, else a failure."""
+        pairs = self._pairs()
+        proved = next((k for k, p in enumerate(pairs) if p not in self.legs.legs), len(pairs))
+        if proved > 0 and self.options.allow_partial:
+            return self._tour(rounds, "deadline", proved)
+        return Failure(
+            "TIMED_OUT",
+            f"time was up when {proved} of the {len(pairs)} legs of a tour were proved in order",
+            "Allow more time, or ask for a partial tour: allow_partial.",
+            "search",
+            details={"proved_legs": proved, "legs": len(pairs)},
+        )
+
+    def _tour(self, rounds: int, stopped: str, proved: int | None = None) -> Tour:
+        """The answer: the tour, or the first legs of it."""
+        pairs, visited = self._pairs()[:proved], self._visited()
+        legs = tuple(self.legs.legs[pair] for pair in pairs)
+        shown = visited[: len(legs) + 1]
+        visits, time = self._visits(shown, legs)
+        late = [stop for stop in visited[len(legs) + 1 :] if stop < len(self.stops.goals)]
+        message = "time was up before a motion to it was proved"
+        unvisited = [
+            Unvisited(i, self.problem.goals[i].id, "TIMED_OUT", message)
+            for i in (self.stops.goals[stop] for stop in late)
+        ]
+        dwell = sum(visit.departure - visit.arrival for visit in visits)
+        return Tour(
+            visits=visits,
+            legs=legs,
+            unvisited=tuple(unvisited),
+            time=time,
+            dwell=dwell,
+            lower_bound=0.0 if unvisited else self.bound + dwell,
+            search=SearchReport(
+                configurations=int(self.stops.first[-3]),
+                checked=len(self.legs.free) + len(self.legs.blocked),
+                blocked=len(self.legs.blocked),
+                planned=len(self.legs.legs),
+                rounds=rounds,
+                improvements=tuple(self.improvements),
+                stopped=stopped,
+            ),
+        )
+
+    def _visits(self, shown: Sequence[int], legs: Sequence[Leg]) -> tuple[tuple[Visit, ...], float]:
+        """The goals with their times, and the time of the whole tour [s]."""
+        visits: list[Visit] = []
+        clock = 0.0
+        for k, stop in enumerate(shown):
+            clock += legs[k - 1].trajectory.duration if k > 0 else 0.0
+            if stop < len(self.stops.goals):
+                index, configuration = self.stops.goals[stop], self._configuration(stop)
+                leaves = clock + self.problem.goals[index].dwell
+                alternative = self.stops.alternatives[stop][
+                    configuration - int(self.stops.first[stop])
+                ]
+                joints = self.legs.joints[configuration]
+                visits.append(Visit(index, alternative, joints, clock, leaves))
+                clock = leaves
+        return tuple(visits), clock

@@ -1,0 +1,208 @@
+"""Seams: plans with free and tolerant axes against dense samples of pinocchio's kinematics."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from kinematics.errors import InvalidGoal, InvalidOption
+from kinematics.forward import forward
+from kinematics.pose import from_axis_angle, transform
+from obstacles.scene import Scene
+from planning.options import CartesianOptions, Options
+from planning.pipeline import plan
+from planning.problem import PoseGoal, Problem
+from planning.result import Failure, Plan
+from planning.seam_options import SeamOptions, SeamWaypoint, StraightOffset
+from planning.timing.options import TimingOptions
+from planning.tool_tolerance import ToolTolerance
+from tests.planning.pinocchio_panda import PinocchioPanda
+from tests.planning.scenes import HOME, box, builtin
+
+SPEED = 0.1
+SPIN = ToolTolerance.of({}, ("rz",), tilt=0.2)
+UP, DOWN = np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, -1.0])
+
+
+def on_cylinder(count: int = 60, reach: float = 1.0) -> tuple[SeamWaypoint, ...]:
+    """Waypoints on the near side of an upright cylinder, with the tool's z into it."""
+    center, radius = np.array([0.75, 0.0, 0.4]), 0.3
+    rows = []
+    for angle in np.linspace(-reach, reach, count):
+        out = np.array([-math.cos(angle), math.sin(angle), 0.0])
+        p = center + radius * out + [0.0, 0.0, 0.08 * math.sin(2.0 * angle)]
+        R = np.column_stack([UP, np.cross(-out, UP), -out])
+        rows.append(SeamWaypoint(transform(R, p)))
+    return tuple(rows)
+
+
+def ask(
+    waypoints: tuple[SeamWaypoint, ...],
+    tolerance: ToolTolerance = SPIN,
+    scene: Scene | None = None,
+    start: Any = HOME,
+    **more: Any,
+) -> Plan | Failure:
+    seam = SeamOptions(waypoints, tolerance, tool_speed=SPEED, **more)
+    goal = PoseGoal(waypoints[-1].T_base_tip)
+    problem = Problem(builtin("panda"), scene or Scene(), start, (goal,))
+    how = CartesianOptions(seam=seam)
+    return plan(problem, Options(planner="cartesian", cartesian=how, timeout=20.0))
+
+
+def followed(answer: Plan | Failure) -> Plan:
+    assert isinstance(answer, Plan), answer
+    assert answer.certificate.verified
+    return answer
+
+
+def deviations(answer: Plan, count: int = 1500) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Distance [m], tilt and spin [rad] of the tool from a seam's polyline, by pinocchio."""
+    oracle = PinocchioPanda()
+    parts = [report for report in answer.tool_motions if report.part == "seam"]
+    rows = []
+    for time in np.linspace(parts[0].begins, parts[-1].ends, count):
+        T = oracle.pose(answer.trajectory.sample([min(time, answer.trajectory.duration)])[0])
+        best = (np.inf, 0.0, 0.0)
+        for report in parts:
+            a, b = report.motion.T_start, report.motion.T_end
+            way = b[:3, 3] - a[:3, 3]
+            s = float(np.clip((T[:3, 3] - a[:3, 3]) @ way / (way @ way), 0.0, 1.0))
+            away = float(np.linalg.norm(T[:3, 3] - a[:3, 3] - s * way))
+            if away < best[0]:
+                turn = Rotation.from_matrix(b[:3, :3] @ a[:3, :3].T).as_rotvec()
+                N = Rotation.from_rotvec(s * turn).as_matrix() @ a[:3, :3]
+                D = N.T @ T[:3, :3]
+                best = (away, math.acos(min(1.0, D[2, 2])), math.atan2(-D[0, 1], D[0, 0]))
+        rows.append(best)
+    away, tilt, spin = np.array(rows).T
+    return away, tilt, spin
+
+
+def test_a_seam_with_a_free_spin_and_a_tilt_is_followed_at_its_speed() -> None:
+    answer = followed(ask(on_cylinder()))
+    away, tilt, spin = deviations(answer, 300)
+    assert away.max() <= 1.1e-4
+    assert tilt.max() <= 0.2 + 1.1e-3
+    assert np.ptp(spin) > 0.05
+    speed = answer.certificate.tool_speed
+    assert speed is not None
+    assert speed.share > 0.9
+    assert speed.most <= speed.high
+    use = answer.certificate.tool_box
+    assert use is not None
+    assert 0.0 < use.share <= 1.0
+
+
+def test_exact_waypoints_keep_their_orientation() -> None:
+    answer = followed(ask(on_cylinder(30, 0.6), ToolTolerance.of({})))
+    away, tilt, spin = deviations(answer, 200)
+    assert away.max() <= 1.1e-4
+    assert max(tilt.max(), np.abs(spin).max()) <= 1.1e-3
+
+
+def test_approach_and_retreat_are_straight_and_the_way_there_is_free() -> None:
+    offset = StraightOffset(UP, 0.05), StraightOffset(DOWN, 0.08)
+    answer = followed(ask(on_cylinder(), approach=offset[0], retreat=offset[1]))
+    first, *seam, last = answer.tool_motions
+    assert (first.part, last.part) == ("approach", "retreat")
+    assert {report.part for report in seam} == {"seam"}
+    assert (first.length, last.length) == pytest.approx((0.05, 0.08))
+    assert first.begins > 0.0
+    assert last.ends == pytest.approx(answer.trajectory.duration)
+    chain, motion = builtin("panda").chain, answer.trajectory
+    np.testing.assert_allclose(motion.start, HOME)
+    T = forward(chain, motion.sample([first.begins, first.ends]))
+    np.testing.assert_allclose(T[1, :3, 3] - T[0, :3, 3], 0.05 * T[1, :3, 2], atol=2e-4)
+    for time in (first.begins, first.ends, last.begins):
+        np.testing.assert_allclose(motion.sample([time], 1), 0.0, atol=1e-6)
+
+
+def test_sharp_corners_are_rests_or_blends() -> None:
+    R = from_axis_angle([1.0, 0.0, 0.0], math.pi)
+    corners = [[0.4, -0.1, 0.4], [0.4, 0.1, 0.4], [0.55, 0.1, 0.4]]
+    points = tuple(SeamWaypoint(transform(R, p)) for p in corners)
+    still = followed(ask(points))
+    rounded = followed(ask((points[0], SeamWaypoint(points[1].T_base_tip, blend=0.03), points[2])))
+    assert [report.blends for report in still.tool_motions] == [False, False]
+    assert [report.blends for report in rounded.tool_motions] == [False, True, True, False]
+    rest = still.tool_motions[0].ends
+    np.testing.assert_allclose(still.trajectory.sample([rest], 1), 0.0, atol=1e-6)
+    oracle, corner, h = PinocchioPanda(), rounded.tool_motions[1].ends, 1e-5
+    a, b = (oracle.pose(rounded.trajectory.sample([t])[0])[:3, 3] for t in (corner, corner + h))
+    assert 0.9 * SPEED <= np.linalg.norm(b - a) / h <= 1.1 * SPEED
+
+
+def test_a_box_in_fixed_axes_bounds_the_tool_there() -> None:
+    yaw = ToolTolerance.of({"rz": (-0.4, 0.4)}, axes=np.eye(3))
+    answer = followed(ask(on_cylinder(30, 0.6), yaw))
+    oracle = PinocchioPanda()
+    for report in answer.tool_motions[1:]:
+        T = oracle.pose(answer.trajectory.sample([report.begins])[0])
+        turn = T[:3, :3] @ report.motion.T_start[:3, :3].T
+        assert abs(turn[2, 2] - 1.0) < 1e-5
+        assert abs(math.atan2(turn[1, 0], turn[0, 0])) <= 0.4 + 1.1e-3
+
+
+def test_what_is_in_the_way_is_named_with_its_depth_and_the_waypoint() -> None:
+    points = on_cylinder(30)
+    wall = box("wall", (0.1, 0.02, 0.1), tuple(points[20].T_base_tip[:3, 3]))
+    answer = ask(points, scene=Scene((wall,)))
+    assert isinstance(answer, Failure)
+    details = answer.details
+    assert (answer.code, details["reason"]) == ("PLANNING_FAILED", "collision")
+    assert 15 <= details["waypoint"] <= 22
+    assert details["depth"] > 0.0
+    assert 0.4 < details["fraction"] < 0.8
+    assert details["longest"]["from_waypoint"] == 0
+
+
+def test_waypoints_out_of_reach_say_by_how_much() -> None:
+    R = from_axis_angle([1.0, 0.0, 0.0], math.pi)
+    points = tuple(SeamWaypoint(transform(R, [x, 0.0, 0.4])) for x in np.linspace(0.5, 1.2, 15))
+    answer = ask(points)
+    assert isinstance(answer, Failure)
+    details = answer.details
+    assert details["reason"] in {"unreachable", "branch", "limit"}
+    assert 3 <= details["waypoint"] <= 12
+    assert 0.2 < details["longest"]["fraction"] < 0.8
+
+
+def test_a_tolerance_that_would_help_is_named() -> None:
+    R = from_axis_angle([1.0, 0.0, 0.0], math.pi)
+    turns = [from_axis_angle(UP, angle) @ R for angle in np.linspace(0.0, 6.0, 40)]
+    places = [[0.45, y, 0.4] for y in np.linspace(-0.2, 0.2, 40)]
+    points = tuple(SeamWaypoint(transform(T, p)) for T, p in zip(turns, places, strict=True))
+    answer = ask(points, ToolTolerance.of({}))
+    assert isinstance(answer, Failure)
+    assert {"free": ["rz"]} in answer.details["would_help"]
+    followed(ask(points, ToolTolerance.of({}, ("rz",))))
+
+
+def test_seams_that_make_no_sense_are_refused() -> None:
+    points = on_cylinder(4)
+    with pytest.raises(InvalidGoal, match=r"waypoints\[1\] is at the place of waypoints\[0\]"):
+        ask((points[0], points[0], points[1]))
+    with pytest.raises(InvalidOption, match="two waypoints"):
+        SeamOptions(points[:1], SPIN)
+    with pytest.raises(InvalidOption, match="spline"):
+        plan(
+            Problem(builtin("panda"), Scene(), HOME, (PoseGoal(points[-1].T_base_tip),)),
+            Options(
+                planner="cartesian",
+                cartesian=CartesianOptions(seam=SeamOptions(points, SPIN)),
+                timing=TimingOptions("spline"),
+            ),
+        )
+
+
+def test_deadlines_end_the_search() -> None:
+    seam = SeamOptions(on_cylinder(200), SPIN, tool_speed=SPEED)
+    goal = PoseGoal(seam.waypoints[-1].T_base_tip)
+    problem = Problem(builtin("panda"), Scene(), HOME, (goal,))
+    how = Options(planner="cartesian", cartesian=CartesianOptions(seam=seam), timeout=0.01)
+    answer = plan(problem, how)
+    assert isinstance(answer, Failure)
+    assert answer.code == "TIMED_OUT"

@@ -1,0 +1,206 @@
+"""The whole task: joined, proved, with what is held and where the crate stands after each stage."""
+
+import fcl
+import numpy as np
+import pytest
+
+import armwright as aw
+from kinematics.forward import forward
+from planning.problem import JointGoal, PoseGoal
+from planning.sequence.result import SequenceFailure, SequencePlan
+from planning.sequence.search import TaskOptions, plan_task
+from planning.sequence.stage import Detach, Grasp, Gripper, Move, StageSettings, Straight, Wait
+from planning.sequence.task import Task
+from tests.planning.sequence import crate
+
+TIME = TaskOptions(30.0)
+
+
+def test_every_stage_is_proved_and_joins_the_next_at_rest() -> None:
+    plan = crate.plan()
+    assert [stage.index for stage in plan.stages] == list(range(13))
+    np.testing.assert_allclose(plan.stages[0].trajectory.start, crate.HOME, atol=1e-12)
+    np.testing.assert_allclose(plan.stages[-1].trajectory.end, crate.HOME, atol=1e-12)
+    for stage in plan.stages:
+        motion = stage.trajectory
+        assert stage.certificate.verified
+        ends = motion.sample([0.0, motion.duration], 1)
+        np.testing.assert_allclose(ends, 0.0, atol=1e-9)
+    for before, after in zip(plan.stages, plan.stages[1:], strict=False):
+        np.testing.assert_allclose(before.trajectory.end, after.trajectory.start, atol=1e-12)
+    assert plan.duration == pytest.approx(sum(s.trajectory.duration for s in plan.stages))
+
+
+def test_the_crate_is_held_from_attach_to_detach_and_ends_at_the_place_chosen() -> None:
+    plan = crate.plan()
+    held = [[item.name for item in stage.after.held] for stage in plan.stages]
+    assert held == [[]] * 4 + [["crate"]] * 6 + [[]] * 3
+    assert all("crate" in stage.after.scene.ids for stage in plan.stages[:4])
+    chosen = plan.stages[8].target
+    assert chosen is not None
+    T = plan.stages[-1].after.scene.obstacle("crate").T_world_obstacle
+    np.testing.assert_allclose(T, crate.places()[chosen], atol=1e-12)
+
+
+def test_the_tool_is_at_the_grasp_chosen_and_keeps_the_crate() -> None:
+    plan = crate.plan()
+    chosen = plan.stages[2].target
+    assert chosen is not None
+    chain = crate.panda().chain
+    stands = crate.scene().obstacle("crate").T_world_obstacle
+    tool = forward(chain, plan.stages[2].trajectory.end)
+    np.testing.assert_allclose(tool, stands @ crate.grasps()[chosen], atol=1e-6)
+    # Held without slip: T_tool_object is the inverse of the grasp all along.
+    for stage in plan.stages[5:9]:
+        carried = forward(chain, stage.trajectory.end) @ np.linalg.inv(crate.grasps()[chosen])
+        attached = stage.after.held[0].attachment
+        by_link = forward(chain, stage.trajectory.end, attached.link)
+        np.testing.assert_allclose(carried, by_link @ attached.held.T_world_obstacle, atol=1e-9)
+
+
+def test_fcl_finds_the_held_crate_clear_of_the_wall_and_of_the_table_but_where_it_stands() -> None:
+    plan = crate.plan()
+    chain, grip = crate.panda().chain, crate.grasps()[plan.stages[2].target or 0]
+    box = fcl.Box(0.05, 0.05, 0.1)
+    others = {"wall": ((0.4, 0.03, 0.15), (0.6, 0.0, 0.175)),
+              "table": ((0.6, 1.0, 0.04), (0.6, 0.0, 0.08))}  # fmt: skip
+    for stage in plan.stages[5:9]:
+        times = np.linspace(0.0, stage.trajectory.duration, 50)
+        for name, (size, at) in others.items():
+            # The table holds it up where it is taken and where it is put.
+            touches = ("crate", name) in stage.allowed
+            assert touches == (name == "table" and stage.index != 6)
+            solid = fcl.CollisionObject(fcl.Box(*size), fcl.Transform(np.array(at)))
+            for q in stage.trajectory.sample(times):
+                T = forward(chain, q) @ np.linalg.inv(grip)
+                held = fcl.CollisionObject(box, fcl.Transform(T[:3, :3], T[:3, 3]))
+                distance = fcl.distance(held, solid, fcl.DistanceRequest(), fcl.DistanceResult())
+                assert distance > 0.0 or touches
+
+
+def test_straight_stages_are_straight_and_as_long_as_asked() -> None:
+    plan = crate.plan()
+    chain = crate.panda().chain
+    for k, along in ((1, None), (5, [0, 0, 1]), (7, [0, 0, -1])):
+        stage = plan.stages[k]
+        assert stage.certificate.path_deviation is not None
+        assert stage.certificate.path_deviation.position <= 1e-4
+        first, last = (forward(chain, q) for q in (stage.trajectory.start, stage.trajectory.end))
+        way = last[:3, 3] - first[:3, 3]
+        assert 0.05 - 1e-4 <= np.linalg.norm(way) <= 0.15 + 1e-4
+        direction = first[:3, 2] if along is None else np.array(along)
+        np.testing.assert_allclose(way / np.linalg.norm(way), direction, atol=1e-3)
+
+
+def test_the_same_task_has_the_same_answer() -> None:
+    again = plan_task(Task(crate.world(), crate.HOME, crate.stages()), TIME)
+    assert isinstance(again, SequencePlan)
+    for one, other in zip(crate.plan().stages, again.stages, strict=True):
+        assert np.array_equal(one.trajectory.coefficients, other.trajectory.coefficients)
+
+
+def test_a_place_that_is_blocked_is_told_before_any_path_is_planned() -> None:
+    lid = aw.Obstacle("lid", aw.Box((0.3, 0.3, 0.02)), aw.pose([*crate.PLACE, 0.2]))
+    answer = plan_task(Task(crate.world(lid), crate.HOME, crate.stages()), TIME)
+    assert isinstance(answer, SequenceFailure)
+    assert (answer.code, answer.stage) == ("PLANNING_FAILED", 8)
+    assert not answer.prefix
+    reasons = {reason for trial in answer.trials for reason in trial.reasons}
+    assert any("lid" in reason for reason in reasons)
+    places = [trial for trial in answer.trials if trial.stage == 8]
+    assert places
+    assert all(trial.outcome in ("in_collision", "outside_limits", "out_of_reach", "failed")
+               for trial in places)  # fmt: skip
+
+
+def test_grasps_that_do_not_serve_are_left_for_one_that_does() -> None:
+    # From below, from far away, and from above: only the last can be done.
+    below = aw.pose([0.0, 0.0, -0.04])
+    far = aw.pose([0.0, 0.0, 2.0])
+    grips = np.array([below, far, crate.grasps()[3]])
+    answer = plan_task(Task(crate.world(), crate.HOME, crate.stages(grips)), TIME)
+    assert isinstance(answer, SequencePlan)
+    assert answer.stages[2].target == 2
+    outcomes = {t.choices[0]: t.outcome for t in answer.trials if t.stage == 2}
+    assert outcomes == {0: "in_collision", 1: "out_of_reach", 2: "solved"}
+
+
+def test_the_scene_after_a_task_begins_the_next_one() -> None:
+    plan = crate.plan()
+    back = crate.scene().obstacle("crate").T_world_obstacle[None]
+    after = plan.stages[-1].after
+    answer = plan_task(Task(after, crate.HOME, crate.stages(poses=back)), TIME)
+    assert isinstance(answer, SequencePlan)
+    T = answer.stages[-1].after.scene.obstacle("crate").T_world_obstacle
+    np.testing.assert_allclose(T, back[0], atol=1e-12)
+
+
+def test_a_move_goes_back_to_the_end_of_an_earlier_stage() -> None:
+    goal = np.array([0.3, -0.5, 0.0, -2.0, 0.0, 1.6, 0.8])
+    above = PoseGoal(aw.pose([0.5, 0.2, 0.5]) @ crate.DOWN)
+    there = Move((JointGoal(goal),), settings=StageSettings("there"))
+    tasks = (there, Wait(0.25), Move((above,)), Move(to_end_of=0))
+    answer = plan_task(Task(crate.world(), crate.HOME, tasks), TIME)
+    assert isinstance(answer, SequencePlan)
+    np.testing.assert_allclose(answer.stages[3].trajectory.end, goal, atol=1e-12)
+    assert answer.stages[1].trajectory.duration == 0.25
+
+
+def test_an_object_that_is_left_in_the_air_stands_where_it_was_let_go() -> None:
+    above = (*crate.stages()[:6], Detach(), Gripper("open"))
+    answer = plan_task(Task(crate.world(), crate.HOME, above), TIME)
+    assert isinstance(answer, SequencePlan)
+    lifted = answer.stages[-1].after.scene.obstacle("crate").T_world_obstacle
+    way = answer.stages[5].plan
+    assert way is not None
+    assert lifted[2, 3] == pytest.approx(0.15 + way.tool_motions[0].length, abs=1e-4)
+
+
+def test_what_touches_must_be_allowed() -> None:
+    # The crate stands on the table: without support its attachment is refused, with the pair.
+    bare = [*crate.stages()]
+    bare[2] = Grasp("crate", crate.grasps(2), ("panda_hand",))
+    answer = plan_task(Task(crate.world(), crate.HOME, tuple(bare)), TaskOptions(5.0))
+    assert isinstance(answer, SequenceFailure)
+    assert "table" in answer.message
+    assert "crate" in answer.message
+    assert "support" in answer.hint
+
+
+def test_first_stages_are_an_answer_only_where_that_is_asked_for() -> None:
+    first = crate.stages(crate.grasps(2))[:5]
+    stages = (*first, Straight("lift", [0, 0, 1], "root", 2.0, 2.0))
+    task = Task(crate.world(), crate.HOME, stages)
+    refused = plan_task(task, TIME)
+    assert isinstance(refused, SequenceFailure)
+    assert (refused.code, refused.stage) == ("PLANNING_FAILED", 5)
+    partial = plan_task(task, TaskOptions(30.0, allow_partial=True))
+    assert isinstance(partial, SequencePlan)
+    assert not partial.complete
+    assert partial.failure is not None
+    assert partial.failure.stage == 5
+    assert [stage.index for stage in partial.stages] == [0, 1, 2, 3, 4]
+    assert all(stage.certificate.verified for stage in partial.stages)
+
+
+def test_time_that_is_up_is_told() -> None:
+    answer = plan_task(Task(crate.world(), crate.HOME, crate.stages()), TaskOptions(1e-4))
+    assert isinstance(answer, SequenceFailure)
+    assert answer.code == "TIMED_OUT"
+
+
+def test_ten_thousand_grasps_keep_the_deadline() -> None:
+    many = np.tile(crate.grasps(), (556, 1, 1))[:10_000].copy()
+    many[:, 2, 3] += 3.0
+    answer = plan_task(Task(crate.world(), crate.HOME, crate.stages(many)), TaskOptions(1.0))
+    assert isinstance(answer, SequenceFailure)
+    assert len(answer.trials) <= 10_000
+
+
+def test_a_shorter_answer_replaces_the_first() -> None:
+    task = Task(crate.world(), crate.HOME, crate.stages())
+    answer = plan_task(task, TaskOptions(30.0, improve=0.5))
+    assert isinstance(answer, SequencePlan)
+    durations = [step.duration for step in answer.improvements]
+    assert durations == sorted(durations, reverse=True)
+    assert answer.duration == durations[-1] <= crate.plan().duration

@@ -1,0 +1,227 @@
+"""Tours of arms: every leg proved once more, order and times recomputed, goals that can't be."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import armwright as aw
+from kinematics.errors import InvalidGoal
+from planning.options import Options
+from planning.problem import JointGoal, PoseGoal
+from planning.proof.certificate import certify
+from planning.reach.tolerance import Tolerance
+from planning.result import Failure
+from planning.tours.planner import plan_tour
+from planning.tours.problem import TourGoal, TourOptions, TourProblem
+from planning.tours.result import Tour
+
+START = np.array([0.0, -1.44, 2.5, 0.0, -1.07, 0.0])
+DOWN = np.diag([1.0, -1.0, -1.0])
+
+
+def pose(x: float, y: float, z: float) -> PoseGoal:
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = DOWN, (x, y, z)
+    return PoseGoal(T)
+
+
+@pytest.fixture(scope="module")
+def problem() -> TourProblem:
+    """Twelve spots beside a post, some with a free spin, some with two places."""
+    robot = aw.load_robot("kr6_sixx")
+    post = aw.Obstacle("post", aw.Box((0.06, 0.06, 0.8)), aw.pose([0.5, 0.0, 0.4]))
+    goals = [
+        TourGoal(
+            f"spot_{i}",
+            (pose(0.35 + 0.06 * (i % 3), 0.09 * i - 0.5, 0.3 + 0.04 * (i % 2)),),
+            Tolerance.free("rz", samples=4) if i % 4 == 0 else Tolerance(),
+            dwell=0.1 * (i % 3),
+        )
+        for i in range(12)
+    ]
+    goals[5] = replace(goals[5], alternatives=(pose(0.4, -0.2, 0.5), pose(0.4, -0.1, 0.5)))
+    return TourProblem(robot, aw.Scene([post]), tuple(goals), START, "start")
+
+
+def planned(problem: TourProblem, **options: object) -> Tour:
+    answer = plan_tour(problem, TourOptions(Options(timeout=60.0), **options))  # type: ignore[arg-type]
+    assert isinstance(answer, Tour), answer
+    return answer
+
+
+@pytest.fixture(scope="module")
+def tour(problem: TourProblem) -> Tour:
+    return planned(problem, rounds=4)
+
+
+def test_every_leg_is_proved_and_joins_the_next(problem: TourProblem, tour: Tour) -> None:
+    assert sorted(tour.order) == list(range(12))
+    assert len(tour.legs) == 13
+    for leg in tour.legs:
+        assert certify(leg.trajectory, problem.robot, problem.scene).verified
+        ends = leg.trajectory.sample([0.0, leg.trajectory.duration], 1)
+        assert np.abs(ends).max() < 1e-6
+    for before, after in pairwise(tour.legs):
+        assert np.abs(before.trajectory.end - after.trajectory.start).max() < 1e-9
+    assert np.abs(tour.legs[0].trajectory.start - START).max() < 1e-9
+    assert np.abs(tour.legs[-1].trajectory.end - START).max() < 1e-9
+
+
+def test_visits_take_the_poses_within_their_tolerance(problem: TourProblem, tour: Tour) -> None:
+    for visit in tour.visits:
+        goal = problem.goals[visit.index]
+        alternative = goal.alternatives[visit.alternative]
+        assert isinstance(alternative, PoseGoal)
+        T = np.linalg.inv(alternative.T_base_tip) @ aw.fk(problem.robot, visit.joints)
+        assert np.abs(T[:3, 3]).max() < 1e-6
+        free = T[2, 2] if goal.tolerance.ranges else (np.trace(T[:3, :3]) - 1.0) / 2.0
+        assert free == pytest.approx(1.0, abs=1e-9)
+
+
+def test_times_add_up(problem: TourProblem, tour: Tour) -> None:
+    dwell = sum(goal.dwell for goal in problem.goals)
+    motion = sum(leg.trajectory.duration for leg in tour.legs)
+    assert tour.dwell == pytest.approx(dwell)
+    assert tour.time == pytest.approx(motion + dwell)
+    assert tour.trajectory.duration == pytest.approx(tour.time)
+    assert tour.trajectory.continuity().position < 1e-9
+    clock = 0.0
+    for leg, visit in zip(tour.legs, tour.visits, strict=False):
+        clock += leg.trajectory.duration
+        assert visit.arrival == pytest.approx(clock)
+        clock = visit.departure
+        assert visit.departure - visit.arrival == pytest.approx(problem.goals[visit.index].dwell)
+    assert dwell < tour.lower_bound <= tour.time
+    assert tour.gap == pytest.approx(tour.time / tour.lower_bound - 1.0)
+    times = [step.time for step in tour.search.improvements]
+    assert times == sorted(times, reverse=True)
+    assert times[-1] == pytest.approx(tour.time)
+
+
+def test_the_tour_is_shorter_than_the_order_given(problem: TourProblem, tour: Tour) -> None:
+    shuffled = tuple(problem.goals[k] for k in np.random.default_rng(0).permutation(12))
+    given = tuple(pairwise(goal.id for goal in shuffled))
+    ordered = planned(replace(problem, precedence=given), rounds=0)
+    assert [problem.goals[k].id for k in ordered.order] == [goal.id for goal in shuffled]
+    assert tour.time < ordered.time
+
+
+def test_the_same_seed_gives_the_same_tour(problem: TourProblem, tour: Tour) -> None:
+    again = planned(problem, rounds=4)
+    assert again.order == tour.order
+    assert [leg.trajectory for leg in again.legs] == [leg.trajectory for leg in tour.legs]
+    assert again.search == tour.search
+
+
+def test_groups_and_precedence_are_kept(problem: TourProblem) -> None:
+    goals = tuple(
+        replace(goal, group=("left", "right", None)[i % 3]) for i, goal in enumerate(problem.goals)
+    )
+    rules = (("right", "left"), ("spot_9", "spot_0"), ("spot_2", "right"))
+    answer = planned(replace(problem, goals=goals, precedence=rules, end="any"), rounds=1)
+    place = {k: i for i, k in enumerate(answer.order)}
+    for group in (0, 1):
+        places = sorted(place[k] for k in range(group, 12, 3))
+        assert places == list(range(places[0], places[0] + 4))
+    assert max(place[k] for k in (1, 4, 7, 10)) < min(place[k] for k in (0, 3, 6, 9))
+    assert place[9] < place[0]
+    assert place[2] < min(place[k] for k in (1, 4, 7, 10))
+    assert len(answer.legs) == 12
+
+
+def test_any_start_and_a_given_end(problem: TourProblem) -> None:
+    end = START + 0.5 * np.eye(6)[0]
+    answer = planned(replace(problem, start=None, end=end, goals=problem.goals[:4]), rounds=0)
+    assert len(answer.legs) == 4
+    assert answer.visits[0].arrival == 0.0
+    assert np.abs(answer.legs[-1].trajectory.end - end).max() < 1e-9
+    assert answer.trajectory.duration == pytest.approx(answer.time)
+
+
+def test_goals_out_of_reach_are_named(problem: TourProblem) -> None:
+    goals = list(problem.goals[:6])
+    goals[1] = replace(goals[1], alternatives=(pose(3.0, 0.0, 0.3),))
+    goals[4] = replace(goals[4], alternatives=(pose(0.5, 0.0, 0.2), pose(0.5, 0.0, 0.3)))
+    blocked = replace(problem, goals=tuple(goals), precedence=(("spot_4", "spot_5"),))
+    failure = plan_tour(blocked, TourOptions())
+    assert isinstance(failure, Failure)
+    assert "2 of 6 goals" in failure.message
+    named = {one["index"]: one["code"] for one in failure.details["unvisited"]}
+    assert named == {1: "NO_IK_SOLUTION", 4: "GOAL_IN_COLLISION"}
+    partial = planned(blocked, allow_partial=True, rounds=0)
+    assert sorted(partial.order) == [0, 2, 3]
+    codes = {one.index: one.code for one in partial.unvisited}
+    assert codes == {1: "NO_IK_SOLUTION", 4: "GOAL_IN_COLLISION", 5: "PREDECESSOR_LEFT_OUT"}
+
+
+def test_a_goal_without_a_way_to_it_is_left_out(problem: TourProblem) -> None:
+    """Shoulder and elbow move so little that the arm can't go round a wall in front of it."""
+    chain = problem.robot.chain
+    lower, upper = np.array(chain.limits.lower), np.array(chain.limits.upper)
+    lower[:3], upper[:3] = [-1.5, -1.7, 1.3], [1.5, -1.3, 1.9]
+    chain = replace(chain, limits=replace(chain.limits, lower=lower, upper=upper))
+    wall = aw.Obstacle("wall", aw.Box((1.2, 0.02, 3.0)), aw.pose([0.9, 0.0, 1.5]))
+    places = [np.array([turn, -1.5, 1.5, 0.0, 0.5, 0.0]) for turn in (-0.8, -0.9, -0.6, -0.7, 0.8)]
+    shut = replace(
+        problem,
+        robot=replace(problem.robot, chain=chain),
+        scene=aw.Scene([wall]),
+        start=places[0],
+        goals=tuple(TourGoal(str(k), (JointGoal(q),)) for k, q in enumerate(places[1:])),
+    )
+    options = TourOptions(Options(timeout=60.0), rounds=0, leg_timeout=0.3, allow_partial=True)
+    answer = plan_tour(shut, options)
+    assert isinstance(answer, Tour), answer
+    assert sorted(answer.order) == [0, 1, 2]
+    assert [one.index for one in answer.unvisited] == [3]
+    assert "no motion to it was found" in answer.unvisited[0].message
+    failure = plan_tour(shut, replace(options, allow_partial=False))
+    assert isinstance(failure, Failure)
+    assert "goals[3]" in failure.message
+
+
+def test_the_deadline_is_kept(problem: TourProblem) -> None:
+    failure = plan_tour(problem, TourOptions(Options(timeout=1e-4)))
+    assert isinstance(failure, Failure)
+    assert failure.code == "TIMED_OUT"
+
+
+def test_a_start_in_collision_is_told(problem: TourProblem) -> None:
+    ball = aw.Obstacle("ball", aw.Sphere(0.2), aw.pose([0.0, 0.0, 0.8]))
+    failure = plan_tour(replace(problem, scene=aw.Scene([ball])))
+    assert isinstance(failure, Failure)
+    assert failure.code == "START_STATE_IN_COLLISION"
+    high = np.array(problem.robot.chain.limits.upper + 1.0)
+    failure = plan_tour(replace(problem, end=high))
+    assert isinstance(failure, Failure)
+    assert (failure.code, failure.stage) == ("GOAL_STATE_INVALID", "end")
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"goals": ()}, "2 to 500"),
+        ({"goals": tuple(TourGoal(str(i), (JointGoal(START),)) for i in range(501))}, "501 goal"),
+        ({"start": None}, "no start is given"),
+    ],
+)
+def test_bad_problems_are_refused(
+    problem: TourProblem, change: dict[str, object], words: str
+) -> None:
+    with pytest.raises(InvalidGoal) as refusal:
+        replace(problem, **change)  # type: ignore[arg-type]
+    assert words in refusal.value.message
+
+
+def test_goals_of_configurations_are_taken_as_they_are(problem: TourProblem) -> None:
+    goals = tuple(
+        TourGoal(f"q{i}", (JointGoal(START - 0.05 * i * np.eye(6)[(1, 0)[i % 2]]),))
+        for i in range(1, 5)
+    )
+    answer = planned(replace(problem, goals=goals), rounds=0)
+    for visit in answer.visits:
+        wanted = goals[visit.index].alternatives[0]
+        assert isinstance(wanted, JointGoal)
+        assert (visit.joints == wanted.joints).all()

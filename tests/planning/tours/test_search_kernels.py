@@ -1,0 +1,132 @@
+"""Local search, layers and bound beside all orders tried one by one."""
+
+from itertools import pairwise, permutations, product
+
+import numpy as np
+import pytest
+
+from kinematics.arrays import Indices
+from planning.tours.construction import nearest_neighbour_tour
+from planning.tours.layers import choose_configurations
+from planning.tours.local_search import enqueue, search_kernel, search_work, tour_time
+from planning.tours.lower_bound import lower_bound
+from planning.tours.network import Network, make_network, tour_state
+from planning.tours.order import group_numbers, precedence_table
+from planning.tours.rest_to_rest import Times
+
+GOALS, BRANCHES = 6, 3
+
+
+def instance(seed: int, goals: int = GOALS, branches: int = BRANCHES) -> tuple[Times, Indices]:
+    """Distances of random points, the start and the end one point each, and first rows."""
+    random = np.random.default_rng(seed)
+    points = random.uniform(0.0, 1.0, (goals * branches + 2, 2))
+    times = np.linalg.norm(points[:, None] - points[None], axis=2).astype(np.float32)
+    first = np.concatenate([np.arange(goals + 1) * branches, goals * branches + np.array([1, 2])])
+    return times, first.astype(np.int64)
+
+
+def best_by_enumeration(
+    times: Times, pairs: list[tuple[int, int]], groups: list[str | None]
+) -> float:
+    best = np.inf
+    for order in permutations(range(GOALS)):
+        if any(order.index(a) > order.index(b) for a, b in pairs):
+            continue
+        numbers = [groups[k] or k for k in order]
+        if sum(a != b for a, b in pairwise(numbers)) > len(set(numbers)) - 1:
+            continue
+        value = times[-2, [BRANCHES * order[0] + k for k in range(BRANCHES)]].astype(float)
+        for a, b in pairwise(order):
+            block = times[BRANCHES * a : BRANCHES * (a + 1), BRANCHES * b : BRANCHES * (b + 1)]
+            value = (value[:, None] + block).min(axis=0)
+        last = BRANCHES * order[-1]
+        best = min(best, float((value + times[last : last + BRANCHES, -1]).min()))
+    return best
+
+
+def search(network: Network, pairs: list[tuple[int, int]], groups: list[str | None], seed: int = 0,
+           kicks: int = 300) -> tuple[float, list[int]]:  # fmt: skip
+    state = nearest_neighbour_tour(network, group_numbers(groups), pairs)
+    work = search_work(network, seed)
+    for stop in range(len(state.order)):
+        enqueue(work, stop)
+    before = tour_time(network, state)
+    total = search_kernel(network, state, work, kicks)
+    assert total <= before + 1e-9
+    assert total == pytest.approx(tour_time(network, state))
+    assert (state.position[state.order] == np.arange(len(state.order))).all()
+    assert ((network.first[:-1] <= state.choice) & (state.choice < network.first[1:])).all()
+    assert state.order[0] == len(groups)
+    assert state.order[-1] == len(groups) + 1
+    return total, [int(k) for k in state.order]
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("rules", [0, 1, 2])
+def test_the_search_finds_the_best_tour_of_a_few_goals(seed: int, rules: int) -> None:
+    times, first = instance(seed)
+    pairs = [(0, 1), (2, 1), (4, 0)] if rules == 1 else []
+    groups: list[str | None] = ["g", None, "g", "h", "g", "h"] if rules == 2 else [None] * GOALS
+    numbers = np.concatenate([group_numbers(groups), [-1, -2]])
+    rows = np.repeat(numbers, np.diff(first))
+    apart = np.float32(100.0) * (rows[:, None] != rows[None])
+    shown = times + apart if rules == 2 else times
+    network = make_network(shown.astype(np.float32), first, precedence_table(pairs, GOALS + 2), 10)
+    total, order = search(network, pairs, groups)
+    for a, b in pairs:
+        assert order.index(a) < order.index(b)
+    borders = 100.0 * len({*groups, None} - {None}) + 200.0 if rules == 2 else 0.0
+    wanted = best_by_enumeration(times, pairs, groups)
+    assert total - borders == pytest.approx(wanted, abs=1e-4)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_layers_choose_the_best_configurations(seed: int) -> None:
+    times, first = instance(seed, goals=5)
+    network = make_network(times, first, precedence_table([], 7), 3)
+    state = tour_state(np.array([5, 3, 1, 0, 2, 4, 6]), first[:-1].copy())
+    before = tour_time(network, state)
+    value, back = np.zeros(len(times)), np.zeros(len(times), np.int64)
+    change = choose_configurations(network, state, 1, 5, value, back)
+    after = tour_time(network, state)
+    assert after - before == pytest.approx(change, abs=1e-6)
+    rows = [first[k] + np.arange(BRANCHES) for k in (3, 1, 0, 2, 4)]
+    wanted = min(
+        sum(float(times[a, b]) for a, b in pairwise([15, *choice, 16])) for choice in product(*rows)
+    )
+    assert after == pytest.approx(wanted)
+
+
+def test_a_window_leaves_the_other_stops_alone() -> None:
+    times, first = instance(1, goals=5)
+    network = make_network(times, first, precedence_table([], 7), 3)
+    state = tour_state(np.array([5, 3, 1, 0, 2, 4, 6]), first[:-1].copy())
+    value, back = np.zeros(len(times)), np.zeros(len(times), np.int64)
+    choose_configurations(network, state, 2, 3, value, back)
+    assert [int(state.choice[k]) for k in (5, 3, 2, 4, 6)] == [15, 9, 6, 12, 16]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_bound_is_below_the_best_tour(seed: int) -> None:
+    times, first = instance(seed)
+    best = best_by_enumeration(times, [], [None] * GOALS)
+    bound = lower_bound(times, first, 1.1 * best)
+    assert 0.6 * best <= bound <= best
+
+
+def test_the_bound_of_single_configurations_is_tight() -> None:
+    """Held and Karp: within a percent of the best tour on random points."""
+    times, first = instance(0, goals=40, branches=1)
+    network = make_network(times, first, precedence_table([], 42), 10)
+    total, _ = search(network, [], [None] * 40, kicks=3000)
+    assert 0.97 * total <= lower_bound(times, first, total) <= total
+
+
+def test_the_same_seed_gives_the_same_tour() -> None:
+    times, first = instance(7, goals=30)
+    network = make_network(times, first, precedence_table([], 32), 10)
+    groups: list[str | None] = [None] * 30
+    assert search(network, [], groups, 5) == search(network, [], groups, 5)
+    totals = [search(network, [], groups, seed, 2000)[0] for seed in range(3)]
+    assert max(totals) <= 1.02 * min(totals)
