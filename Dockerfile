@@ -5,9 +5,9 @@ FROM python:${PYTHON_VERSION}-slim AS builder
 SHELL ["/bin/bash", "-o", "pipefail", "-c"]
 WORKDIR /src
 RUN python -m venv /opt/venv
-# Dependencies first: this layer changes only when they do.
+# Dependencies and PostgreSQL's driver first: this layer changes only when they do.
 COPY pyproject.toml constraints.txt ./
-RUN python -c "import tomllib; print(*tomllib.load(open('pyproject.toml', 'rb'))['project']['dependencies'], sep='\n')" > requirements.txt \
+RUN python -c "import tomllib; p = tomllib.load(open('pyproject.toml', 'rb'))['project']; print(*p['dependencies'], *p['optional-dependencies']['agents'], sep='\n')" > requirements.txt \
     && /opt/venv/bin/pip install --no-cache-dir --quiet -c constraints.txt -r requirements.txt
 # CasADi's C++ headers and static libraries, and plugins for file formats that are not read here.
 RUN rm -rf /opt/venv/lib/python*/site-packages/casadi/{include,*.a,liblacemodelica*,libcasadi_graphmodel_onnx*} \

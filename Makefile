@@ -7,6 +7,7 @@ PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
 VENV := .venv
 BIN := $(VENV)/bin
 AUDIT := $(VENV)-audit/bin
+SITE := $(VENV)-site/bin
 INSTALLED := $(VENV)/.installed
 TOOLS := $(VENV)/.tools
 APP := -e ".[demo]" -e ./client
@@ -19,18 +20,18 @@ SEEDS ?= 0
 MARGINS ?= 0
 
 .DEFAULT_GOAL := help
-.PHONY: install demo test check bench bench-timing bench-arms bench-verdict bench-mbm bench-http serve wheels kernel-list \
+.PHONY: install demo test check bench bench-timing bench-arms bench-verdict bench-mbm bench-http serve clients site wheels kernel-list \
 	docker-steps audit clean help
 
 install: $(INSTALLED) $(TOOLS)  ## Install the app, the client and the developers' tools into .venv
 
-# With uv where it is there or can be had (seconds), else with pip (minutes). Byte code is compiled here, as pip
-# does: some packages warn while they are compiled, and the tests take warnings for errors.
+# With uv where it is there or can be had (seconds; it does not stay), else with pip (minutes). Byte code is
+# compiled here, as pip does: some packages warn while they are compiled, and the tests take warnings for errors.
 define packages
 	@$(BIN)/python -m pip --version > /dev/null 2>&1 || $(PYTHON) -m venv $(VENV)
-	@command -v uv > /dev/null || test -x $(BIN)/uv || $(BIN)/python -m pip install -qq \
-		--disable-pip-version-check -c constraints.txt uv || echo "uv can't be had; pip installs"
-	@UV=$$(command -v uv || echo $(BIN)/uv); \
+	@UV_DIR=$$(mktemp -d); trap 'rm -rf "$$UV_DIR"' EXIT; \
+	UV=$$(command -v uv) || { UV=$$UV_DIR/bin/uv; $(BIN)/python -m pip install -qq --target "$$UV_DIR" \
+		--disable-pip-version-check -c constraints.txt uv || echo "uv can't be had; pip installs"; }; \
 	"$$UV" pip install -q --compile-bytecode --python $(BIN)/python -c constraints.txt $(1) 2> /dev/null || \
 	$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt $(1)
 endef
@@ -48,6 +49,8 @@ $(INSTALLED): pyproject.toml client/pyproject.toml constraints.txt
 $(TOOLS): $(INSTALLED)
 	@echo "Installing the developers' tools into $(VENV) ..."
 	$(call packages,$(APP_AND_TOOLS))
+# It asks for an older typer than the commands use, and runs with this one: the rest of what it needs is in `dev`.
+	$(call packages,--no-deps openapi-python-client)
 	@touch $@
 
 demo: $(INSTALLED)  ## Plan, certify and draw a motion from start to end
@@ -69,8 +72,8 @@ bench: $(TOOLS)  ## Measure kernels, planning and the service
 bench-timing: $(TOOLS)  ## Judge the timing of a thousand random paths
 	$(BIN)/python -m benchmarks.timing_limits 1000
 
-bench-arms: $(TOOLS)  ## Upload the arms of example-robot-data, measure them, write docs/robots.md
-	$(BIN)/python -m benchmarks.arms --write docs/robots.md
+bench-arms: $(TOOLS)  ## Upload the arms of example-robot-data, measure them, write docs/arms.md
+	$(BIN)/python -m benchmarks.arms --write docs/arms.md
 
 bench-verdict: $(TOOLS)  ## Hold a hundred thousand collision verdicts against FCL
 	$(BIN)/python -m benchmarks.verdict
@@ -85,6 +88,15 @@ bench-http: $(TOOLS)  ## Measure what HTTP costs on some of them: make bench-htt
 
 serve: $(INSTALLED)  ## Serve the API on HOST:PORT (127.0.0.1:8000)
 	$(BIN)/armwright serve --host $(HOST) --port $(PORT)
+
+clients: $(TOOLS)  ## Generate clients of the API in Python and TypeScript into build/clients (wants the network)
+	$(BIN)/python scripts/generated_clients.py
+
+# In a folder of its own, so that the app's stays small.
+site:  ## Build the documentation as a site into build/site (wants the network once)
+	@test -x $(SITE)/zensical || { $(PYTHON) -m venv $(VENV)-site && $(SITE)/pip install -q --disable-pip-version-check \
+		zensical==0.0.73 mkdocs==1.6.1 mkdocstrings==1.0.8 mkdocstrings-python==2.0.11; }
+	$(SITE)/python scripts/site.py
 
 wheels: $(INSTALLED)  ## Build wheels into dist/: one with the kernels for this Python, one without
 	$(BIN)/python scripts/wheels.py

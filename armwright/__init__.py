@@ -63,6 +63,7 @@ if TYPE_CHECKING:
     from planning.constraints.relative_pose import RelativePoseConstraint
     from planning.exports.export import Export, export
     from planning.exports.options import ExportFormat, ExportOptions
+    from planning.exports.swept_volume import SweptVolume, swept_volume
     from planning.goal_costs import GoalCosts
     from planning.limits import MotionLimits
     from planning.options import Options
@@ -75,8 +76,28 @@ if TYPE_CHECKING:
     from planning.reach.tolerance import Tolerance
     from planning.result import Failure, Plan
     from planning.retime import Retimed
+    from planning.sequence.region import grasp_region, place_region
+    from planning.sequence.result import SequenceFailure, SequencePlan, StagePlan
+    from planning.sequence.search import TaskOptions, plan_task
+    from planning.sequence.stage import (
+        Attach,
+        Detach,
+        Grasp,
+        Gripper,
+        Load,
+        Move,
+        Place,
+        StageSettings,
+        Straight,
+        Wait,
+    )
+    from planning.sequence.task import Task
+    from planning.sequence.world import Held, World
     from planning.timing.options import TimingOptions
     from planning.timing.state_to_state import JointState
+    from planning.tours.planner import plan_tour
+    from planning.tours.problem import TourGoal, TourOptions, TourProblem
+    from planning.tours.result import Tour
     from tracking.adaptive import Adaptive
     from tracking.computed_torque import ComputedTorque
     from tracking.independent_joint import IndependentJoint
@@ -88,6 +109,7 @@ if TYPE_CHECKING:
 _MODULES = {
     "Adaptive": "tracking.adaptive",
     "ArmwrightError": "kinematics.errors",
+    "Attach": "planning.sequence.stage",
     "Attachment": "obstacles.attachment",
     "BasePlacement": "planning.reach.base_placement",
     "Box": "obstacles.shapes",
@@ -103,6 +125,7 @@ _MODULES = {
     "ConfigurationReport": "planning.configuration_check",
     "Convex": "obstacles.shapes",
     "Cylinder": "obstacles.shapes",
+    "Detach": "planning.sequence.stage",
     "DhRow": "kinematics.dh_table",
     "DhTable": "kinematics.dh_table",
     "Dynamics": "armwright.model",
@@ -110,7 +133,11 @@ _MODULES = {
     "ExportFormat": "planning.exports.options",
     "ExportOptions": "planning.exports.options",
     "Failure": "planning.result",
+    "GoalCosts": "planning.goal_costs",
+    "Grasp": "planning.sequence.stage",
+    "Gripper": "planning.sequence.stage",
     "HalfSpace": "obstacles.shapes",
+    "Held": "planning.sequence.world",
     "Holding": "obstacles.attachment",
     "IkResult": "kinematics.ik.solution",
     "IkSolution": "kinematics.ik.solution",
@@ -119,15 +146,17 @@ _MODULES = {
     "JointGoal": "planning.problem",
     "JointState": "planning.timing.state_to_state",
     "LineRegion": "planning.constraints.region",
+    "Load": "planning.sequence.stage",
     "LookAtConstraint": "planning.constraints.look_at",
     "Mesh": "obstacles.shapes",
     "MotionLimits": "planning.limits",
+    "Move": "planning.sequence.stage",
     "Obstacle": "obstacles.scene",
-    "GoalCosts": "planning.goal_costs",
     "Options": "planning.options",
     "OrientationConstraint": "planning.constraints.orientation",
     "Passivity": "tracking.passivity",
     "PdGravity": "tracking.pd_gravity",
+    "Place": "planning.sequence.stage",
     "Plan": "planning.result",
     "PlaneRegion": "planning.constraints.region",
     "PointCloud": "obstacles.shapes",
@@ -142,13 +171,27 @@ _MODULES = {
     "Retimed": "planning.retime",
     "RobotGeometry": "obstacles.robot_geometry",
     "Scene": "obstacles.scene",
+    "SequenceFailure": "planning.sequence.result",
+    "SequencePlan": "planning.sequence.result",
     "Sphere": "obstacles.shapes",
     "SphereRegion": "planning.constraints.region",
+    "StagePlan": "planning.sequence.result",
+    "StageSettings": "planning.sequence.stage",
+    "Straight": "planning.sequence.stage",
+    "SweptVolume": "planning.exports.swept_volume",
+    "Task": "planning.sequence.task",
+    "TaskOptions": "planning.sequence.search",
     "TimingOptions": "planning.timing.options",
     "Tolerance": "planning.reach.tolerance",
     "ToolSpeedConstraint": "planning.constraints.limit",
     "TorqueConstraint": "planning.constraints.limit",
+    "Tour": "planning.tours.result",
+    "TourGoal": "planning.tours.problem",
+    "TourOptions": "planning.tours.problem",
+    "TourProblem": "planning.tours.problem",
     "Trajectory": "kinematics.trajectory",
+    "Wait": "planning.sequence.stage",
+    "World": "planning.sequence.world",
     "builtin_names": "kinematics.robots",
     "certify": "armwright.motion",
     "check": "armwright.configuration",
@@ -157,6 +200,7 @@ _MODULES = {
     "export": "planning.exports.export",
     "fk": "armwright.model",
     "grasp": "obstacles.attachment",
+    "grasp_region": "planning.sequence.region",
     "hold": "obstacles.attachment",
     "ik": "armwright.configuration",
     "inverse_dynamics": "armwright.model",
@@ -164,7 +208,10 @@ _MODULES = {
     "load_robot": "armwright.robot",
     "place": "obstacles.placement",
     "place_base": "planning.reach.base_placement",
+    "place_region": "planning.sequence.region",
     "plan": "armwright.motion",
+    "plan_task": "planning.sequence.search",
+    "plan_tour": "planning.tours.planner",
     "pose": "armwright.model",
     "quadratic_lyapunov": "tracking.quadratic_form",
     "reach": "planning.reach.evaluation",
@@ -174,11 +221,13 @@ _MODULES = {
     "scene_from_moveit": "obstacles.moveit",
     "simulate": "armwright.motion",
     "solve_lyapunov": "tracking.quadratic_form",
+    "swept_volume": "planning.exports.swept_volume",
 }
 
 __all__ = [
     "Adaptive",
     "ArmwrightError",
+    "Attach",
     "Attachment",
     "BasePlacement",
     "Box",
@@ -194,6 +243,7 @@ __all__ = [
     "ConfigurationReport",
     "Convex",
     "Cylinder",
+    "Detach",
     "DhRow",
     "DhTable",
     "Dynamics",
@@ -202,7 +252,10 @@ __all__ = [
     "ExportOptions",
     "Failure",
     "GoalCosts",
+    "Grasp",
+    "Gripper",
     "HalfSpace",
+    "Held",
     "Holding",
     "IkResult",
     "IkSolution",
@@ -211,14 +264,17 @@ __all__ = [
     "JointGoal",
     "JointState",
     "LineRegion",
+    "Load",
     "LookAtConstraint",
     "Mesh",
     "MotionLimits",
+    "Move",
     "Obstacle",
     "Options",
     "OrientationConstraint",
     "Passivity",
     "PdGravity",
+    "Place",
     "Plan",
     "PlaneRegion",
     "PointCloud",
@@ -233,13 +289,27 @@ __all__ = [
     "Retimed",
     "RobotGeometry",
     "Scene",
+    "SequenceFailure",
+    "SequencePlan",
     "Sphere",
     "SphereRegion",
+    "StagePlan",
+    "StageSettings",
+    "Straight",
+    "SweptVolume",
+    "Task",
+    "TaskOptions",
     "TimingOptions",
     "Tolerance",
     "ToolSpeedConstraint",
     "TorqueConstraint",
+    "Tour",
+    "TourGoal",
+    "TourOptions",
+    "TourProblem",
     "Trajectory",
+    "Wait",
+    "World",
     "builtin_names",
     "certify",
     "check",
@@ -248,6 +318,7 @@ __all__ = [
     "export",
     "fk",
     "grasp",
+    "grasp_region",
     "hold",
     "ik",
     "inverse_dynamics",
@@ -255,7 +326,10 @@ __all__ = [
     "load_robot",
     "place",
     "place_base",
+    "place_region",
     "plan",
+    "plan_task",
+    "plan_tour",
     "pose",
     "quadratic_lyapunov",
     "reach",
@@ -265,6 +339,7 @@ __all__ = [
     "scene_from_moveit",
     "simulate",
     "solve_lyapunov",
+    "swept_volume",
 ]
 
 

@@ -14,6 +14,7 @@ from service.http import handlers, middleware, openapi
 from service.http.admission import Admission
 from service.http.json_route import JsonRoute
 from service.http.metrics import Metrics
+from service.jobs.agent_jobs import AgentJobs
 from service.jobs.deferral import defer
 from service.jobs.runner import Jobs
 from service.recipe import RECIPE
@@ -28,6 +29,7 @@ from service.routes import (
     lyapunov,
     pages,
     plan,
+    plans,
     poses,
     potential,
     problems,
@@ -35,11 +37,13 @@ from service.routes import (
     retime,
     robots,
     scenes,
+    sequence,
     simulate,
+    tours,
 )
 from service.settings import Settings
 from service.storage.recent import Recent
-from service.storage.store import open_store
+from service.storage.store import Store, open_store
 from service.storage_watch import watch
 from service.tasks.result import RobotModel
 from service.version import VERSION
@@ -64,19 +68,24 @@ _ROUTERS = (
     scenes.router,
     check.router,
     plan.router,
+    plans.router,
+    sequence.router,
     potential.router,
     reach.router,
     retime.router,
     export.router,
     dynamics.router,
     simulate.router,
+    tours.router,
     lyapunov.router,
     batch.router,
     jobs.router,
 )
 
 
-def create_app(settings: Settings | None = None, launched: Launched | None = None) -> FastAPI:
+def create_app(
+    settings: Settings | None = None, launched: Launched | None = None, *, is_agent: bool = False
+) -> FastAPI:
     """The service as an ASGI application.
 
     Storage and workers are opened when it starts and closed when it ends; requests find them as
@@ -85,6 +94,7 @@ def create_app(settings: Settings | None = None, launched: Launched | None = Non
     Args:
         settings: Those of the environment if left out.
         launched: A fork server with `RECIPE` that was started already.
+        is_agent: Whether it works on the jobs that a queue carries to agents.
     """
     chosen = settings or Settings()
     logging.getLogger("service").setLevel(chosen.log_level.upper())
@@ -107,11 +117,11 @@ def create_app(settings: Settings | None = None, launched: Launched | None = Non
         )
         app.state.supervisor = supervisor
         app.state.admission = Admission(supervisor, chosen)
-        app.state.jobs = Jobs(app, app.state.store, chosen)
+        app.state.jobs = _jobs(app, chosen, is_agent)
         await supervisor.start()
         chores = [
             asyncio.create_task(watch(app.state.store.database)),
-            asyncio.create_task(keep_house(chosen)),
+            asyncio.create_task(keep_house(chosen, app.state.store.plans)),
         ]
         try:
             await app.state.jobs.start()
@@ -124,7 +134,8 @@ def create_app(settings: Settings | None = None, launched: Launched | None = Non
             await run_in_threadpool(app.state.store.close)
 
     app = FastAPI(
-        title="Armwright",
+        # Generators name their packages by it; armwright_client is ours.
+        title="Armwright API",
         version=VERSION,
         description=openapi.DESCRIPTION,
         license_info={"name": "Apache-2.0", "identifier": "Apache-2.0"},
@@ -132,6 +143,7 @@ def create_app(settings: Settings | None = None, launched: Launched | None = Non
         redirect_slashes=False,
         docs_url=None,
         redoc_url=None,
+        generate_unique_id_function=lambda route: route.name,
     )
     app.state.settings = chosen
     app.state.stopping = False
@@ -145,6 +157,15 @@ def create_app(settings: Settings | None = None, launched: Launched | None = Non
     for router in _ROUTERS:
         app.include_router(router)
     return app
+
+
+def _jobs(app: FastAPI, settings: Settings, is_agent: bool) -> Jobs:
+    """The jobs of an application whose storage and workers are open."""
+    store: Store = app.state.store
+    if settings.jobs == "server" and not is_agent:
+        return Jobs(app, store, settings)
+    is_agent = is_agent or settings.jobs == "both"
+    return AgentJobs(app, store, settings, app.state.supervisor, is_agent=is_agent)
 
 
 def _model_bytes(model: RobotModel) -> int:

@@ -1,10 +1,11 @@
-"""The command line: ``armwright serve``, ``warm``, ``keys`` and ``audit``.
+"""The command line: ``armwright serve``, ``agent``, ``warm``, ``keys`` and ``audit``.
 
 Only what parsing needs is imported at first: no command waits for what another one needs.
 """
 
 import argparse
 import math
+import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -30,10 +31,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if chosen.command == "warm":
         return _warm(chosen.processes, chosen.in_package, chosen.prune)
     given = {name: value for name, value in vars(chosen).items() if value is not None}
-    return _serve({name: given[name] for name in _SERVE_OPTIONS if name in given})
+    options = {name: given[name] for name in _SERVE_OPTIONS if name in given}
+    is_agent = chosen.command == "agent"
+    if is_agent and "ARMWRIGHT_PORT" not in os.environ:
+        options.setdefault("port", AGENT_PORT)
+    return _serve(options, is_agent=is_agent)
 
 
-def _serve(options: dict[str, Any]) -> int:
+def _serve(options: dict[str, Any], *, is_agent: bool) -> int:
     from service.recipe import RECIPE  # noqa: PLC0415
     from service.workers.launch import launch  # noqa: PLC0415
 
@@ -41,12 +46,14 @@ def _serve(options: dict[str, Any]) -> int:
     launched = launch(RECIPE)
     from service.server import serve  # noqa: PLC0415
 
-    code = serve(options, launched)
+    code = serve(options, launched, is_agent=is_agent)
     if launched.process.poll() is None:  # no application took it over
         launched.end()
     return code
 
 
+#: Port of an agent's health and metrics, unless another one is named.
+AGENT_PORT = 8001
 _SERVE_OPTIONS = ("host", "port", "data_dir", "workers", "log_level", "insecure")
 
 
@@ -73,6 +80,19 @@ def _parser() -> argparse.ArgumentParser:
         help="listen beyond this machine though there are no API keys",
     )
     serve.add_argument("--log-level", choices=("debug", "info", "warning", "error"))
+    agent = commands.add_parser(
+        "agent",
+        help="work on jobs of servers that share a database, until SIGTERM",
+        description="Work on the jobs that servers with ARMWRIGHT_JOBS=agents accept, until "
+        "SIGTERM. ARMWRIGHT_DATABASE_URL names the PostgreSQL database of them all; every other "
+        "setting is an environment variable as for serve. The port answers /healthz, /readyz and "
+        "/metrics.",
+    )
+    agent.add_argument("--host", help="address to listen on (127.0.0.1)")
+    agent.add_argument("--port", type=int, help=f"port, 0 for a free one ({AGENT_PORT})")
+    agent.add_argument("--data-dir", type=Path, help="folder of prepared robots and scenes")
+    agent.add_argument("--workers", type=int, help="worker processes (one a core)")
+    agent.add_argument("--log-level", choices=("debug", "info", "warning", "error"))
     warm = commands.add_parser(
         "warm",
         help="compile all kernels into their cache on disk",

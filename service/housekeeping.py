@@ -1,25 +1,31 @@
-"""Chores of the server: its folder of prepared files stays bounded, and freed memory goes back."""
+"""Chores of the server: prepared files and kept plans stay bounded, and freed memory goes back."""
 
 import asyncio
 import contextlib
 import ctypes
+import time
 from collections.abc import Callable
 
 from starlette.concurrency import run_in_threadpool
 
+from service.http.state import retention
 from service.settings import Settings
 from service.storage import prepared_files
+from service.storage.database import StorageUnavailable
+from service.storage.plan_store import PlanStore
 
 #: How often the chores are done [s].
 _PERIOD = 30.0
 
 
-async def keep_house(settings: Settings) -> None:
+async def keep_house(settings: Settings, plans: PlanStore) -> None:
     """Do the chores, for ever."""
     release = _memory_release()
     while True:
         folder, limit = str(settings.prepared_dir), settings.prepared_storage
         await run_in_threadpool(prepared_files.trim, folder, limit)
+        with contextlib.suppress(StorageUnavailable):
+            await run_in_threadpool(plans.purge, time.time(), retention(settings))
         # Large bodies and answers leave the allocator with memory that it does not give back.
         await run_in_threadpool(release)
         await asyncio.sleep(_PERIOD)

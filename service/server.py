@@ -19,6 +19,8 @@ from service.http.connection import (
     connection_class,
     possible_connections,
 )
+from service.http.health_only import HealthOnly
+from service.jobs.engine import require_engine
 from service.settings import Settings
 from service.storage.database import StoreError
 from service.storage.store import open_store
@@ -33,15 +35,15 @@ _CUT_OFF = 4
 class _Server(uvicorn.Server):
     """Says where it listens, and ends within seconds whatever is still going on."""
 
-    def __init__(self, config: uvicorn.Config, app: FastAPI, address: str) -> None:
+    def __init__(self, config: uvicorn.Config, app: FastAPI, greeting: str) -> None:
         super().__init__(config)
         self._application = app
-        self._address = address
+        self._greeting = greeting
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         await super().startup(sockets)
         if self.started:
-            print(f"Armwright serves on {self._address}", flush=True)  # noqa: T201
+            print(self._greeting, flush=True)  # noqa: T201
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         supervisor = self._application.state.supervisor
@@ -52,15 +54,20 @@ class _Server(uvicorn.Server):
         await super().shutdown(sockets)
 
 
-def serve(options: Mapping[str, Any], launched: Launched | None = None) -> int:
+def serve(
+    options: Mapping[str, Any], launched: Launched | None = None, *, is_agent: bool = False
+) -> int:
     """Serve until SIGTERM or SIGINT and give the exit code.
 
     Args:
         options: Settings that win over those of the environment.
         launched: A fork server for `create_app` that was started already.
+        is_agent: Whether to work on jobs for agents, and to answer for health and metrics only.
     """
     try:
         settings = Settings(**options)
+        if is_agent or settings.jobs != "server":
+            require_engine(settings.storage_url)
         # Storage that can't be used is reported here in a sentence, not by the framework.
         store = open_store(settings.storage_url, exclusive=True)
         try:
@@ -68,7 +75,8 @@ def serve(options: Mapping[str, Any], launched: Launched | None = None) -> int:
         finally:
             store.close()
         listener = _listen(settings.host, settings.port)
-        if not (has_keys or settings.insecure or _is_local(listener)):
+        is_safe = is_agent or settings.insecure or _is_local(listener)
+        if not (has_keys or is_safe):
             listener.close()
             return _refuse(
                 f"without API keys anybody who reaches {settings.host} port {settings.port} may "
@@ -82,9 +90,9 @@ def serve(options: Mapping[str, Any], launched: Launched | None = None) -> int:
     except OSError as error:
         return _refuse(f"can't listen on {settings.host} port {settings.port}: {error}")
     logs.configure(settings.log_format)
-    app = create_app(settings, launched)
+    app = create_app(settings, launched, is_agent=is_agent)
     config = uvicorn.Config(
-        app,
+        HealthOnly(app) if is_agent else app,
         log_level=settings.log_level,
         log_config=None,
         access_log=settings.log_level == "debug",
@@ -96,8 +104,11 @@ def serve(options: Mapping[str, Any], launched: Launched | None = None) -> int:
     # Raised once more by uvicorn after a graceful end, which is no failure.
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: sys.exit(0))
-    _Server(config, app, _address(listener)).run([listener])
-    return 0
+    serves = "works on jobs; its health and metrics are" if is_agent else "serves"
+    server = _Server(config, app, f"Armwright {serves} on {_address(listener)}")
+    server.run([listener])
+    # The log says why it could not start; whatever started it may try again.
+    return 0 if server.started else 1
 
 
 def _protocol(settings: Settings) -> Any:

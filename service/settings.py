@@ -72,6 +72,11 @@ class Settings(BaseSettings):
     prepared_storage: int = Field(
         1024 * _MEBIBYTE, ge=_MEBIBYTE, description="room for prepared robots and scenes [byte]"
     )
+    jobs: Literal["server", "agents", "both"] = Field(
+        "server",
+        description="who works on the jobs that this server accepts: itself, agents, or agents and "
+        "itself as one of them; agents need PostgreSQL",
+    )
     job_limit: int = Field(256, ge=0, description="jobs that may be queued or running")
     job_deadline: Positive = Field(
         3600.0, description="time within which an accepted job must end [s]"
@@ -83,6 +88,13 @@ class Settings(BaseSettings):
         ge=_MEBIBYTE,
         description="room for requests and for answers of jobs [byte]",
     )
+    plan_lifetime: Positive = Field(7 * 24 * 3600.0, description="how long kept plans are kept [s]")
+    plan_count: int = Field(1000, ge=1, description="how many kept plans are kept")
+    plan_storage: int = Field(
+        1024 * _MEBIBYTE,
+        ge=_MEBIBYTE,
+        description="room for kept plans, and as much for their robots and scenes [byte]",
+    )
     batch_limit: int = Field(1000, ge=1, le=100_000, description="problems in one batch")
     keep_alive: Positive = Field(15.0, description="longest silence of an event stream [s]")
     insecure: bool = Field(
@@ -92,7 +104,9 @@ class Settings(BaseSettings):
     public_metrics: bool = Field(False, description="whether metrics are told without an API key")
     log_format: Literal["text", "json"] = Field("text", description="lines for people or JSON")
     log_requests: bool = Field(False, description="whether each request has a line in the log")
-    log_level: Literal["debug", "info", "warning", "error"] = "info"
+    log_level: Literal["debug", "info", "warning", "error"] = Field(
+        "info", description="least severity that is logged"
+    )
 
     @model_validator(mode="after")
     def _check_timeouts(self) -> "Settings":

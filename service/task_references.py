@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     import service.tasks.dynamics
     import service.tasks.equations
     import service.tasks.export
+    import service.tasks.geometry
     import service.tasks.inverse_kinematics
     import service.tasks.kinematics
     import service.tasks.large_body
@@ -24,8 +25,12 @@ if TYPE_CHECKING:
     import service.tasks.reach
     import service.tasks.retime
     import service.tasks.robots
+    import service.tasks.sequence
     import service.tasks.simulate
+    import service.tasks.tours
+    import service.tasks.view
 
+    cut = service.tasks.batch.cut
     split = service.tasks.batch.split
     check = service.tasks.check.check
     project = service.tasks.check.project
@@ -35,6 +40,7 @@ if TYPE_CHECKING:
     wrench = service.tasks.dynamics.wrench_task
     equations = service.tasks.equations.equations
     export = service.tasks.export.export
+    robot_geometry = service.tasks.geometry.robot_geometry
     ik = service.tasks.inverse_kinematics.ik
     fk = service.tasks.kinematics.fk_task
     jacobian = service.tasks.kinematics.jacobian_task
@@ -57,8 +63,12 @@ if TYPE_CHECKING:
     robot_srdf = service.tasks.robots.robot_srdf
     robot_urdf = service.tasks.robots.robot_urdf
     unpack_robot = service.tasks.robots.unpack_robot
+    plan_sequence = service.tasks.sequence.plan_sequence
     simulate = service.tasks.simulate.simulate
+    view = service.tasks.view.view
+    tour = service.tasks.tours.tour
 else:
+    cut = TaskReference("service.tasks.batch:cut")
     split = TaskReference("service.tasks.batch:split")
     check = TaskReference("service.tasks.check:check")
     project = TaskReference("service.tasks.check:project")
@@ -68,6 +78,7 @@ else:
     wrench = TaskReference("service.tasks.dynamics:wrench")
     equations = TaskReference("service.tasks.equations:equations")
     export = TaskReference("service.tasks.export:export", GRACE)
+    robot_geometry = TaskReference("service.tasks.geometry:robot_geometry")
     ik = TaskReference("service.tasks.inverse_kinematics:ik")
     fk = TaskReference("service.tasks.kinematics:fk")
     jacobian = TaskReference("service.tasks.kinematics:jacobian")
@@ -90,4 +101,7 @@ else:
     robot_srdf = TaskReference("service.tasks.robots:robot_srdf")
     robot_urdf = TaskReference("service.tasks.robots:robot_urdf")
     unpack_robot = TaskReference("service.tasks.robots:unpack_robot")
+    plan_sequence = TaskReference("service.tasks.sequence:plan_sequence", GRACE)
     simulate = TaskReference("service.tasks.simulate:simulate", GRACE)
+    view = TaskReference("service.tasks.view:view")
+    tour = TaskReference("service.tasks.tours:tour", GRACE)

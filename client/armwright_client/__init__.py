@@ -4,17 +4,19 @@
 `armwright_client.models` lists requests and answers.
 """
 
-from armwright_client import models
+from armwright_client import geometry, models, seam, task, tour
 from armwright_client.client import (
     DEFAULT_URL,
     AsyncClient,
     AsyncJobs,
     AsyncLater,
+    AsyncPlans,
     AsyncRobots,
     AsyncScenes,
     Client,
     Jobs,
     Later,
+    Plans,
     Robots,
     Scenes,
 )
@@ -71,10 +73,17 @@ from armwright_client.errors import (
     ValidationFailed,
     WorkerCrashed,
 )
+from armwright_client.geometry import *  # noqa: F403 (likewise)
+from armwright_client.kept_plan import *  # noqa: F403 (mypy does not follow the list of models)
 from armwright_client.models import *  # noqa: F403 (its `__all__` is the list)
 from armwright_client.pending import AsyncPending, Pending
 from armwright_client.retry import Retry
+from armwright_client.seam import *  # noqa: F403 (likewise)
 from armwright_client.session import ClientOptions
+from armwright_client.task import *  # noqa: F403 (likewise)
+from armwright_client.task_stage import *  # noqa: F403 (likewise)
+from armwright_client.timing import RuledLimits, TimingReport
+from armwright_client.tour import *  # noqa: F403 (likewise)
 from armwright_client.version import VERSION
 
 __version__ = VERSION
@@ -88,6 +97,7 @@ __all__ = [
     "AsyncJobs",
     "AsyncLater",
     "AsyncPending",
+    "AsyncPlans",
     "AsyncRobots",
     "AsyncScenes",
     "Client",
@@ -125,18 +135,21 @@ __all__ = [
     "PayloadTooLarge",
     "Pending",
     "PlanningFailed",
+    "Plans",
     "PreconditionFailed",
     "Preempted",
     "QuotaExceeded",
     "RequestTimeout",
     "Retry",
     "Robots",
+    "RuledLimits",
     "Scenes",
     "StartStateInCollision",
     "StartStateInvalid",
     "StartStateViolatesPathConstraints",
     "StorageUnavailable",
     "TimedOut",
+    "TimingReport",
     "TransportError",
     "TransportTimeout",
     "Unauthenticated",
@@ -149,3 +162,7 @@ __all__ = [
     "__version__",
 ]
 __all__ += models.__all__
+__all__ += geometry.__all__
+__all__ += task.__all__
+__all__ += seam.__all__
+__all__ += tour.__all__

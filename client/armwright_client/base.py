@@ -17,6 +17,9 @@ class ArrayLike(Protocol):
 class Readable(BaseModel):
     """A model that can be read from an answer, whatever a newer service adds to it."""
 
+    # What checks a model is built when it is needed: an import takes half the time.
+    model_config = ConfigDict(defer_build=True)
+
     @classmethod
     def read(cls, content: bytes) -> Self:
         """Read the JSON of an answer; fields that are not known here are passed over.

@@ -18,6 +18,7 @@ from armwright_client.clearance import Clearance, GoalCosts
 from armwright_client.constraint import Constraints
 from armwright_client.goal import Goal, GoalLike, Start, as_goal
 from armwright_client.plan import Plan, PlanRequest, Timing
+from armwright_client.planner import PlannerName
 from armwright_client.problem import Problem
 from armwright_client.scene import SceneReference
 
@@ -30,7 +31,7 @@ class BatchProblem(Request):
     goal: Goal | None = None
     scene: SceneReference | None = None
     frame: str | None = None
-    planner: str | None = None
+    planner: PlannerName | None = None
     planner_options: Options | None = None
     constraints: Constraints | None = None
     attached: AttachedObjects | None = None

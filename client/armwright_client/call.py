@@ -6,7 +6,8 @@ method that answers where the client is synchronous, and one to be awaited where
 
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import wraps
+from functools import cache, wraps
+from inspect import Signature, signature
 from typing import (
     TYPE_CHECKING,
     Any,
@@ -14,8 +15,8 @@ from typing import (
     Generic,
     ParamSpec,
     Protocol,
-    Self,
     TypeVar,
+    get_args,
     overload,
 )
 from urllib.parse import quote
@@ -129,7 +130,7 @@ class Endpoint(Generic[P, A]):
         self.__doc__ = build.__doc__
 
     @overload
-    def __get__(self, group: None, kind: type) -> Self: ...
+    def __get__(self, group: None, kind: type) -> Callable[..., Any]: ...
     @overload
     def __get__(self, group: LaterGroup, kind: type) -> Callable[P, "Pending[A]"]: ...
     @overload
@@ -141,10 +142,8 @@ class Endpoint(Generic[P, A]):
     @overload
     def __get__(self, group: AsyncGroup, kind: type) -> Callable[P, Awaitable[A]]: ...
     def __get__(self, group: Group | AsyncGroup | None, kind: type) -> Any:
-        if group is None:
-            return self
-        later = isinstance(group, LaterGroup | AsyncLaterGroup)
-        return _bind(self._build, group, "postpone" if later else "send")
+        later = issubclass(kind, LaterGroup | AsyncLaterGroup)
+        return _bind(self._build, group, kind, "postpone" if later else "send")
 
 
 class JobEndpoint(Generic[P, A]):
@@ -155,7 +154,7 @@ class JobEndpoint(Generic[P, A]):
         self.__doc__ = build.__doc__
 
     @overload
-    def __get__(self, group: None, kind: type) -> Self: ...
+    def __get__(self, group: None, kind: type) -> Callable[..., Any]: ...
     @overload
     def __get__(self, group: Group, kind: type) -> Callable[P, "Pending[A]"]: ...
     @overload
@@ -163,7 +162,7 @@ class JobEndpoint(Generic[P, A]):
         self, group: AsyncGroup, kind: type
     ) -> Callable[P, Awaitable["AsyncPending[A]"]]: ...
     def __get__(self, group: Group | AsyncGroup | None, kind: type) -> Any:
-        return self if group is None else _bind(self._build, group, "postpone")
+        return _bind(self._build, group, kind, "postpone")
 
 
 class EventEndpoint(Generic[P]):
@@ -174,16 +173,26 @@ class EventEndpoint(Generic[P]):
         self.__doc__ = build.__doc__
 
     @overload
-    def __get__(self, group: None, kind: type) -> Self: ...
+    def __get__(self, group: None, kind: type) -> Callable[..., Any]: ...
     @overload
     def __get__(self, group: Group, kind: type) -> Callable[P, Iterator[JobEvent]]: ...
     @overload
     def __get__(self, group: AsyncGroup, kind: type) -> Callable[P, AsyncIterator[JobEvent]]: ...
     def __get__(self, group: Group | AsyncGroup | None, kind: type) -> Any:
-        return self if group is None else _bind(self._build, group, "stream")
+        return _bind(self._build, group, kind, "stream")
 
 
-def _bind(build: Callable[..., Any], group: Group | AsyncGroup, action: str) -> Any:
+def _bind(build: Callable[..., Any], group: Any, kind: type, action: str) -> Any:
+    """The method of a group, or of its class where there is no group."""
+    shown = _signature(build, issubclass(kind, AsyncGroup), action)
+    if group is None:
+
+        @wraps(build)
+        def of_class(group: Any, *args: Any, **kwargs: Any) -> Any:
+            return getattr(group, build.__name__)(*args, **kwargs)
+
+        of_class.__signature__ = shown  # type: ignore[attr-defined]
+        return of_class
     bound = build.__get__(group)
     perform = getattr(group._sender, action)
 
@@ -195,7 +204,29 @@ def _bind(build: Callable[..., Any], group: Group | AsyncGroup, action: str) -> 
             raise InvalidArgument(_refusal(error)) from error
         return perform(call)
 
+    method.__signature__ = _without_first(shown)  # type: ignore[attr-defined]
     return method
+
+
+@cache
+def _signature(build: Callable[..., Any], awaited: bool, action: str) -> Signature:
+    """The signature that users see: what comes back, not the call that is sent."""
+    from armwright_client.pending import AsyncPending, Pending  # noqa: PLC0415  (imports this)
+
+    shown = signature(build)
+    answer = next(iter(get_args(shown.return_annotation)), None)
+    if action == "stream":
+        answer = AsyncIterator[JobEvent] if awaited else Iterator[JobEvent]
+    elif action == "postpone":
+        answer = Awaitable[AsyncPending[answer]] if awaited else Pending[answer]  # type: ignore[valid-type]
+    elif awaited:
+        answer = Awaitable[answer]  # type: ignore[valid-type]
+    return shown.replace(return_annotation=answer)
+
+
+@cache
+def _without_first(shown: Signature) -> Signature:
+    return shown.replace(parameters=list(shown.parameters.values())[1:])
 
 
 def _refusal(error: ValidationError) -> str:

@@ -17,6 +17,7 @@ from armwright_client.check import AttachedObjects
 from armwright_client.constraint import Constraints, ConstraintUse
 from armwright_client.dynamics import Payload
 from armwright_client.scene import SceneReference
+from armwright_client.seam import ToolSpeed, ToolToleranceUse
 from armwright_client.tool_motion import TimedToolMotions
 from armwright_client.trajectory import Trajectory
 
@@ -96,9 +97,12 @@ class Certificate(InFrame):
         path_constraint_residual: Bound of the largest violation of hard path constraints.
         path_constraints: Each with the bound of its residual over all t.
         path_deviation: Of the tool from the motions of the planner "cartesian".
+        tool_tolerance: Use of the tolerances of the planner "cartesian".
+        tool_speed: The tool's speed along waypoints of that planner.
         cells: Intervals of time that were looked at.
         violation: The first one, with its time, where it was not proved.
         allowed_collisions: Of the request: pairs that were not looked at.
+        plan_id: Of the kept plan, if it was kept.
     """
 
     verified: bool
@@ -113,9 +117,12 @@ class Certificate(InFrame):
     path_constraint_residual: float | None = None
     path_constraints: list[ConstraintUse] = Field(default_factory=list)
     path_deviation: PathDeviation | None = None
+    tool_tolerance: ToolToleranceUse | None = None
+    tool_speed: ToolSpeed | None = None
     cells: int | None = None
     violation: dict[str, Any] | None = None
     allowed_collisions: list[tuple[str, str]] = Field(default_factory=list)
+    plan_id: str | None = None
 
 
 class LimitValues(Request):
@@ -144,6 +151,7 @@ class ValidateOptions(TypedDict, total=False):
         payload: What the tip carries, for torques.
         tool_speed: Largest speed of the tip [m/s].
         timeout: [s].
+        keep: Whether request and answer are kept as a plan, see `Client.plans`.
     """
 
     scene: SceneReference
@@ -159,6 +167,7 @@ class ValidateOptions(TypedDict, total=False):
     payload: Payload
     tool_speed: float
     timeout: float
+    keep: bool
 
 
 class ValidateRequest(Request):
@@ -179,3 +188,4 @@ class ValidateRequest(Request):
     payload: Payload | None = None
     tool_speed: Positive | None = None
     timeout: Positive | None = None
+    keep: bool | None = None

@@ -76,6 +76,7 @@ class CheckOptions(TypedDict, total=False):
         frame: Of an inline scene that names none: a link that stands still, or "tool".
         depth: False leaves depths and clearance out, and nearly all of the time.
         timeout: [s].
+        keep: Whether request and answer are kept as a plan, see `Client.plans`.
     """
 
     scene: SceneReference
@@ -85,6 +86,7 @@ class CheckOptions(TypedDict, total=False):
     allowed_collisions: Pairs
     margin: float
     timeout: float
+    keep: bool
 
 
 class CheckRequest(Request):
@@ -99,6 +101,7 @@ class CheckRequest(Request):
     frame: str | None = None
     depth: bool | None = None
     timeout: float | None = None
+    keep: bool | None = None
 
 
 class Collision(Answer):
@@ -126,6 +129,7 @@ class CheckAnswer(InFrame):
         collisions: All pairs that penetrate each other; without depths one of them.
         limit_violations: All joints outside their limits.
         allowed_collisions: Of the request, as they were obeyed.
+        plan_id: Of the kept plan, if it was kept.
     """
 
     valid: bool
@@ -134,6 +138,7 @@ class CheckAnswer(InFrame):
     collisions: list[Collision]
     limit_violations: list[LimitViolation] = Field(default_factory=list)
     allowed_collisions: list[tuple[str, str]] = Field(default_factory=list)
+    plan_id: str | None = None
 
 
 class CheckBatch(InFrame):
@@ -145,3 +150,4 @@ class CheckBatch(InFrame):
     collisions: list[list[Collision]]
     limit_violations: list[list[LimitViolation]] = Field(default_factory=list)
     allowed_collisions: list[tuple[str, str]] = Field(default_factory=list)
+    plan_id: str | None = None

@@ -1,5 +1,6 @@
 """The clients: `Client` waits for its answers, `AsyncClient` lets others run meanwhile."""
 
+from collections.abc import AsyncIterator, Iterator
 from typing import Self, Unpack
 
 import httpx
@@ -7,12 +8,17 @@ import httpx
 from armwright_client.call import AsyncGroup, AsyncLaterGroup, Group, LaterGroup
 from armwright_client.endpoints import (
     JobEndpoints,
+    PlanEndpoints,
     RobotEndpoints,
     SceneEndpoints,
     ServiceEndpoints,
 )
 from armwright_client.job import Job
+from armwright_client.kept_plan import KeptPlanSummary
+from armwright_client.pages import items, items_async
 from armwright_client.pending import ended_async, wait_until_ended
+from armwright_client.robot import RobotSummary
+from armwright_client.scene import SceneSummary
 from armwright_client.session import AsyncSession, ClientOptions, Session, Wire
 
 #: Where the service listens unless it is told otherwise.
@@ -22,21 +28,41 @@ DEFAULT_URL = "http://127.0.0.1:8000"
 class Robots(RobotEndpoints, Group):
     """Robots: stored models, and what is computed of one of them."""
 
+    def iterate(self) -> Iterator[RobotSummary]:
+        """All robots by name, page after page."""
+        return items(lambda after: self.list(after=after), lambda page: page.robots)
+
 
 class AsyncRobots(RobotEndpoints, AsyncGroup):
     """`Robots` to be awaited."""
+
+    def iterate(self) -> AsyncIterator[RobotSummary]:
+        """All robots by name, page after page."""
+        return items_async(lambda after: self.list(after=after), lambda page: page.robots)
 
 
 class Scenes(SceneEndpoints, Group):
     """Scenes: stored obstacles, and projections onto them."""
 
+    def iterate(self) -> Iterator[SceneSummary]:
+        """All stored scenes by name, page after page."""
+        return items(lambda after: self.list(after=after), lambda page: page.scenes)
+
 
 class AsyncScenes(SceneEndpoints, AsyncGroup):
     """`Scenes` to be awaited."""
 
+    def iterate(self) -> AsyncIterator[SceneSummary]:
+        """All stored scenes by name, page after page."""
+        return items_async(lambda after: self.list(after=after), lambda page: page.scenes)
+
 
 class Jobs(JobEndpoints, Group):
     """Jobs: work that goes on after it was accepted."""
+
+    def iterate(self, status: str | None = None) -> Iterator[Job]:
+        """All jobs, newest first, page after page, perhaps only those of a status."""
+        return items(lambda after: self.list(after=after, status=status), lambda page: page.jobs)
 
     def wait(self, job: str, timeout: float | None = None) -> Job:
         """A job once it has ended, whatever became of it.
@@ -54,9 +80,33 @@ class Jobs(JobEndpoints, Group):
 class AsyncJobs(JobEndpoints, AsyncGroup):
     """`Jobs` to be awaited."""
 
+    def iterate(self, status: str | None = None) -> AsyncIterator[Job]:
+        """All jobs, newest first, page after page, perhaps only those of a status."""
+        return items_async(
+            lambda after: self.list(after=after, status=status), lambda page: page.jobs
+        )
+
     async def wait(self, job: str, timeout: float | None = None) -> Job:
         """A job once it has ended, whatever became of it; see `Jobs.wait`."""
         return await ended_async(self._sender, job, timeout)
+
+
+class Plans(PlanEndpoints, Group):
+    """Kept plans: what was asked with `keep`, with its answer or problem."""
+
+    def iterate(self, robot: str | None = None) -> Iterator[KeptPlanSummary]:
+        """All kept plans, newest first, page after page, perhaps only those of a robot."""
+        return items(lambda after: self.list(after=after, robot=robot), lambda page: page.plans)
+
+
+class AsyncPlans(PlanEndpoints, AsyncGroup):
+    """`Plans` to be awaited."""
+
+    def iterate(self, robot: str | None = None) -> AsyncIterator[KeptPlanSummary]:
+        """All kept plans, newest first, page after page, perhaps only those of a robot."""
+        return items_async(
+            lambda after: self.list(after=after, robot=robot), lambda page: page.plans
+        )
 
 
 class LaterRobots(RobotEndpoints, LaterGroup):
@@ -117,6 +167,7 @@ class Client(ServiceEndpoints, Group):
         self.robots = Robots(self._session)
         self.scenes = Scenes(self._session)
         self.jobs = Jobs(self._session)
+        self.plans = Plans(self._session)
         self.later = Later(self._session)
 
     def close(self) -> None:
@@ -145,6 +196,7 @@ class AsyncClient(ServiceEndpoints, AsyncGroup):
         self.robots = AsyncRobots(self._session)
         self.scenes = AsyncScenes(self._session)
         self.jobs = AsyncJobs(self._session)
+        self.plans = AsyncPlans(self._session)
         self.later = AsyncLater(self._session)
 
     async def close(self) -> None:

@@ -1,7 +1,7 @@
 """The interface of the service: each request is made here and nowhere else."""
 
 from collections.abc import Sequence
-from typing import Unpack
+from typing import Literal, Unpack
 
 from armwright_client.base import Options, RowsLike, VectorLike
 from armwright_client.batch import BatchAnswer, BatchProblem, BatchRequest
@@ -25,6 +25,14 @@ from armwright_client.export import Export, ExportFormat, ExportOptions, ExportR
 from armwright_client.goal import GoalLike, Start, as_goal
 from armwright_client.health import Health, Readiness
 from armwright_client.job import Job, JobList
+from armwright_client.kept_plan import (
+    Bundle,
+    KeptPlan,
+    KeptPlanSummary,
+    PlanList,
+    ReplayAnswer,
+    ReplayRequest,
+)
 from armwright_client.lyapunov import Lyapunov, LyapunovRequest
 from armwright_client.pending import cancel_call, events_call, job_call
 from armwright_client.plan import Plan, PlanOptions, PlanRequest
@@ -40,9 +48,12 @@ from armwright_client.scene import (
     SceneSummary,
 )
 from armwright_client.simulation import SimulateOptions, SimulateRequest, Simulation
+from armwright_client.task import TaskOptions, TaskPlan, TaskRequest
+from armwright_client.task_stage import TaskStage
+from armwright_client.tour import Tour, TourGoal, TourOptions, TourRequest, as_tour_goal
 from armwright_client.trajectory import Trajectory
 
-__all__ = ["JobEndpoints", "RobotEndpoints", "SceneEndpoints", "ServiceEndpoints"]
+__all__ = ["JobEndpoints", "PlanEndpoints", "RobotEndpoints", "SceneEndpoints", "ServiceEndpoints"]
 
 
 class SceneEndpoints:
@@ -119,6 +130,52 @@ class JobEndpoints:
         return Call("GET", path("jobs"), JobList.read, query=query)
 
 
+class PlanEndpoints:
+    """Kept plans: what was asked with `keep`, with its answer or problem."""
+
+    @Endpoint
+    def get(self, plan: str) -> Call[KeptPlan]:
+        """A kept plan with its request and its answer or problem."""
+        return Call("GET", path("plans", plan), KeptPlan.read)
+
+    @Endpoint
+    def delete(self, plan: str) -> Call[None]:
+        """Forget a kept plan."""
+        return Call("DELETE", path("plans", plan), read_nothing)
+
+    @Endpoint
+    def replay(
+        self,
+        plan: str,
+        changes: Options | None = None,
+        *,
+        documents: Literal["kept", "current"] = "kept",
+        keep_replay: bool | None = None,
+    ) -> Call[ReplayAnswer]:
+        """Compute a kept plan again, perhaps with changes; see `ReplayRequest`."""
+        body = ReplayRequest.of(changes=changes, documents=documents, keep_replay=keep_replay)
+        return Call("POST", path("plans", plan, "replay"), ReplayAnswer.read, body)
+
+    @Endpoint
+    def bundle(self, plan: str) -> Call[Bundle]:
+        """A kept plan as a file, with its robot and scene; `import_bundle` takes it."""
+        return Call("GET", path("plans", plan, "bundle"), Bundle.read)
+
+    @Endpoint
+    def import_bundle(self, bundle: Bundle) -> Call[KeptPlanSummary]:
+        """Keep the plan of a bundle of another installation."""
+        return Call("POST", path("plans"), KeptPlanSummary.read, bundle, repeatable=False)
+
+    # Last, since it hides the built-in type from what follows.
+    @Endpoint
+    def list(
+        self, *, robot: str | None = None, after: str | None = None, limit: int | None = None
+    ) -> Call[PlanList]:
+        """A page of the kept plans, newest first, perhaps only those of a robot."""
+        query = dict(page(after, limit)) | ({} if robot is None else {"robot": robot})
+        return Call("GET", path("plans"), PlanList.read, query=query)
+
+
 class ServiceEndpoints:
     """Requests to the service as a whole."""
 
@@ -182,6 +239,28 @@ class ServiceEndpoints:
             key=idempotency_key,
             repeatable=False,
         )
+
+    @Endpoint
+    def plan_task(
+        self,
+        robot: str,
+        start: VectorLike | Start,
+        stages: Sequence[TaskStage],
+        **options: Unpack[TaskOptions],
+    ) -> Call[TaskPlan]:
+        """The motions of all stages of a task, each certified; see `TaskOptions`."""
+        begin = start if isinstance(start, Start) else Start.of(joints=start)
+        body = TaskRequest.of(robot=robot, start=begin, stages=[*stages], **options)
+        return Call("POST", path("tasks"), TaskPlan.read, body, deadline=body.timeout)
+
+    @Endpoint
+    def plan_tour(
+        self, robot: str, goals: Sequence[TourGoal | GoalLike], **options: Unpack[TourOptions]
+    ) -> Call[Tour]:
+        """Many goals in the order that takes the least time, legs certified; see `TourOptions`."""
+        stops = [g if isinstance(g, TourGoal) else as_tour_goal(g) for g in goals]
+        body = TourRequest.of(robot=robot, goals=stops, **options)
+        return Call("POST", path("tours"), Tour.read, body, deadline=body.timeout)
 
     @Endpoint
     def validate(

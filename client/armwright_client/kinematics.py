@@ -167,6 +167,7 @@ class IkOptions(TypedDict, total=False):
         posture: With constraints: what is nearest; the seed if left out.
         timeout: [s].
         seed: Of the random generator.
+        keep: Whether request and answer are kept as a plan, see `Client.plans`.
     """
 
     link: str
@@ -187,6 +188,7 @@ class IkOptions(TypedDict, total=False):
     posture: VectorLike
     timeout: float
     seed: int
+    keep: bool
 
 
 class IkRequest(Request):
@@ -212,6 +214,7 @@ class IkRequest(Request):
     posture: Vector | None = None
     timeout: float | None = None
     seed: int = 0
+    keep: bool | None = None
 
 
 class ArmSides(Answer):
@@ -303,6 +306,7 @@ class IkAnswer(InFrame):
     unsolved: list[Unsolved] = Field(default_factory=list)
     trace: GradientTrace | None = None
     allowed_collisions: list[tuple[str, str]] = Field(default_factory=list)
+    plan_id: str | None = None
 
 
 class IkBatch(InFrame):
@@ -312,9 +316,11 @@ class IkBatch(InFrame):
         solutions: Of each pose, best first; empty where there is none.
         unsolved: The poses that have none, and why.
         allowed_collisions: Pairs that may touch.
+        plan_id: Of the kept plan, if it was kept.
     """
 
     solutions: list[list[IkSolution]]
     unsolved: list[Unsolved] = Field(default_factory=list)
     trace: GradientTrace | None = None
     allowed_collisions: list[tuple[str, str]] = Field(default_factory=list)
+    plan_id: str | None = None

@@ -1,5 +1,6 @@
 """Every request and answer: what `armwright_client` exports beside clients and errors."""
 
+from armwright_client import kept_plan
 from armwright_client.base import ArrayLike, RowsLike, VectorLike
 from armwright_client.batch import BatchAnswer, BatchProblem, BatchRequest
 from armwright_client.certificate import (
@@ -84,6 +85,7 @@ from armwright_client.export import Export, ExportOptions, ExportRequest
 from armwright_client.goal import Goal, GoalLike, SingleGoal, Start
 from armwright_client.health import Health, Readiness
 from armwright_client.job import Job, JobEvent, JobList
+from armwright_client.kept_plan import *  # noqa: F403 (its `__all__` is the list)
 from armwright_client.kinematics import (
     ArmSides,
     FkAnswer,
@@ -108,7 +110,7 @@ from armwright_client.motor import Motor
 from armwright_client.plan import (
     CartesianOptions,
     Descent,
-    Path,
+    JointPath,
     Plan,
     PlanOptions,
     PlanRequest,
@@ -119,6 +121,7 @@ from armwright_client.plan import (
     Timing,
     ToolMotionReport,
 )
+from armwright_client.planner import PlannerName
 from armwright_client.pose import (
     ConvertedPose,
     ConvertPoseRequest,
@@ -277,6 +280,7 @@ __all__ = [
     "JobList",
     "JointConstraint",
     "JointLimits",
+    "JointPath",
     "JointState",
     "JointSymbol",
     "LimitUse",
@@ -298,13 +302,13 @@ __all__ = [
     "OrientationConstraint",
     "ParameterSymbol",
     "PartialJacobian",
-    "Path",
     "PathDeviation",
     "Payload",
     "Plan",
     "PlanOptions",
     "PlanRequest",
     "PlaneRegion",
+    "PlannerName",
     "PointCloud",
     "Pole",
     "Pose",
@@ -393,3 +397,4 @@ __all__ = [
     "WrenchOptions",
     "WrenchRequest",
 ]
+__all__ += kept_plan.__all__

@@ -20,20 +20,25 @@ from armwright_client.clearance import Clearance, ClearanceReport, GoalCosts
 from armwright_client.constraint import Constraints
 from armwright_client.dynamics import Payload
 from armwright_client.goal import Goal, Start
+from armwright_client.planner import PlannerName
+from armwright_client.pose import Pose
 from armwright_client.scene import SceneReference
+from armwright_client.seam import StraightOffset, ToolTolerance, Waypoint
+from armwright_client.timing import TimingReport
 from armwright_client.tool_motion import ToolMotion
 from armwright_client.trajectory import TimedTrajectory
 
 TimingMethod = Literal["toppra", "spline", "jerk_limited"]
-TimingSolver = Literal["reachability", "toppra"]
+TimingSolver = Literal["reachability", "toppra", "quintic_spline", "double_s", "interior_point"]
 
 
 class Timing(Request):
     """Options of the timing.
 
     Args:
-        method: Of timing.
-        solver: Of the method "toppra": "reachability" if left out, or "toppra", the package.
+        method: Of timing; bounded jerk if left out, "toppra" for the least time.
+        solver: Of the method "toppra": "reachability" if left out, or "toppra", the package. Of
+            "jerk_limited": "quintic_spline", "double_s" or "interior_point".
         velocity_scaling: Share of the velocity limits to use, up to 1.
         acceleration_scaling: Share of the acceleration limits to use, up to 1.
         jerk_scaling: Share of the jerk limits to use, up to 1.
@@ -47,7 +52,7 @@ class Timing(Request):
         sample_period: Samples are answered at this period [s], else none.
     """
 
-    method: TimingMethod = "toppra"
+    method: TimingMethod | None = None
     solver: TimingSolver | None = None
     velocity_scaling: Positive | None = None
     acceleration_scaling: Positive | None = None
@@ -71,6 +76,14 @@ class CartesianOptions(Request):
         max_orientation_deviation: Of its orientation from that at the same place [rad].
         orientation: "slerp" about an axis that keeps still, or "free": only the origin is led.
         allow_partial: Whether a motion that ends early is an answer too.
+        blend: Distance from corners at which the tool may leave one motion for the next [m]; 0 for
+            a rest at every corner.
+        waypoints: Of a seam, in place of motions.
+        tolerance: Of all waypoints: by how much the tool may deviate; exact if left out.
+        tool_speed: To be kept along the waypoints [m/s].
+        speed_band: Largest difference from it, as part of it.
+        approach: Motion to the first waypoint.
+        retreat: Motion from the last waypoint.
     """
 
     motions: list[ToolMotion] | None = None
@@ -78,6 +91,13 @@ class CartesianOptions(Request):
     max_orientation_deviation: Positive = 1e-3
     orientation: Literal["slerp", "free"] = "slerp"
     allow_partial: bool = False
+    blend: NonNegative = 0.0
+    waypoints: list[Waypoint] | None = None
+    tolerance: ToolTolerance | None = None
+    tool_speed: Positive | None = None
+    speed_band: Positive = 0.1
+    approach: StraightOffset | None = None
+    retreat: StraightOffset | None = None
 
     def as_options(self) -> dict[str, Any]:
         """The mapping that a plan's `planner_options` take."""
@@ -94,6 +114,13 @@ class ToolMotionReport(Answer):
         fraction: How far it was carried out.
         begins: When [s].
         ends: When [s].
+        motion: Index of the motion of the request that it is a part of; of a seam, of the waypoint
+            that it leaves.
+        part: "motion", or "approach", "seam" and "retreat" of waypoints.
+        blend: Whether it rounds the corner at the end of that motion.
+        pose: Of the tip where it ends, carried out in full.
+        center: Of an arc [m].
+        normal: Axis that an arc turns about.
     """
 
     type: str
@@ -102,6 +129,19 @@ class ToolMotionReport(Answer):
     fraction: float
     begins: float
     ends: float
+    motion: int
+    part: str
+    blend: bool
+    pose: Pose
+    center: list[float] | None
+    normal: list[float] | None
+
+    @property
+    def as_motion(self) -> ToolMotion:
+        """The motion as a request has it, to have a trajectory held to it."""
+        if self.center is None:
+            return ToolMotion.lin(self.pose)
+        return ToolMotion.circ(self.pose, center=self.center, normal=self.normal)
 
 
 Objective = Literal["time", "jerk", "energy", "path_length"]
@@ -148,11 +188,12 @@ class PlanOptions(TypedDict, total=False):
         limits: Of the joints, in place of the robot's.
         timeout: For all stages together [s].
         seed: Of the random generators.
+        keep: Whether request and answer are kept as a plan, see `Client.plans`.
     """
 
     scene: SceneReference
     frame: str
-    planner: str
+    planner: PlannerName
     planner_options: Options
     refine: bool | Refine
     constraints: Constraints
@@ -167,6 +208,7 @@ class PlanOptions(TypedDict, total=False):
     limits: LimitValues
     timeout: float
     seed: int
+    keep: bool
 
 
 class PlanRequest(Request):
@@ -177,7 +219,7 @@ class PlanRequest(Request):
     goal: Goal
     scene: SceneReference | None = None
     frame: str | None = None
-    planner: str = "auto"
+    planner: PlannerName = "auto"
     planner_options: Options | None = None
     refine: bool | Refine | None = None
     constraints: Constraints | None = None
@@ -192,6 +234,7 @@ class PlanRequest(Request):
     limits: LimitValues | None = None
     timeout: Positive | None = None
     seed: int = 0
+    keep: bool | None = None
 
 
 class Stage(Answer):
@@ -203,7 +246,7 @@ class Stage(Answer):
     detail: str | None = None
 
 
-class Path(Answer):
+class JointPath(Answer):
     """The corners of a path in joint space, and its length there."""
 
     joints: list[list[float]]
@@ -211,9 +254,14 @@ class Path(Answer):
 
 
 class Reproducibility(Answer):
-    """Seed, hashes and versions that reproduce the answer."""
+    """Seed, hashes and versions that reproduce the answer.
+
+    Args:
+        deterministic: Whether the same request gives the same answer: no search was ended by time.
+    """
 
     seed: int
+    deterministic: bool = True
     robot_hash: str
     scene_hash: str
     request_hash: str
@@ -266,12 +314,14 @@ class Plan(InFrame):
         potential_field: Where it went, if a potential field found the path.
         progress: The shortest paths over time, of planners that improve theirs.
         clearance: Where it is nearer to something than preferred.
+        plan_id: Of the kept plan, if it was kept.
+        timing: Method and limits that it was timed by.
     """
 
     status: str
     planner: str
     stages: list[Stage]
-    path: Path
+    path: JointPath
     trajectory: TimedTrajectory
     certificate: Certificate
     reproducibility: Reproducibility
@@ -282,3 +332,5 @@ class Plan(InFrame):
     potential_field: Descent | None = None
     progress: list[Progress] = Field(default_factory=list)
     clearance: ClearanceReport | None = None
+    plan_id: str | None = None
+    timing: TimingReport | None = None

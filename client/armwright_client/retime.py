@@ -11,6 +11,7 @@ from armwright_client.base import (
 )
 from armwright_client.certificate import Certificate, LimitValues
 from armwright_client.plan import Timing
+from armwright_client.timing import TimingReport
 from armwright_client.trajectory import TimedTrajectory
 
 
@@ -73,6 +74,7 @@ class Retimed(Answer):
         certificate: Of its limits alone; not verified where times that were given break them.
         factor: Times that were given were stretched by this.
         needed_factor: Times have to be stretched by this for all limits to hold; 1 if they do.
+        timing: Method and limits that it was timed by.
         notes: What is special about the path.
         peaks: Exact largest |velocity|, |acceleration| and |jerk| of each joint.
     """
@@ -82,5 +84,6 @@ class Retimed(Answer):
     certificate: Certificate
     factor: float
     needed_factor: float
+    timing: TimingReport | None = None
     notes: list[str] = Field(default_factory=list)
     peaks: dict[str, list[float]] = Field(default_factory=dict)

@@ -32,6 +32,7 @@ from armwright_client.dynamics import (
     WrenchRequest,
 )
 from armwright_client.equations import EquationsAnswer
+from armwright_client.geometry import GeometryAnswer
 from armwright_client.kinematics import (
     FkAnswer,
     FkBatch,
@@ -142,6 +143,11 @@ class RobotEndpoints:
     def srdf(self, name: str) -> Call[str]:
         """An SRDF with the robot's chain, its named states and the pairs that may touch."""
         return Call("GET", path("robots", name, "srdf"), read_text)
+
+    @Endpoint
+    def geometry(self, name: str) -> Call[GeometryAnswer]:
+        """The collision geometry of a robot as triangles, in the frames of its links."""
+        return Call("GET", path("robots", name, "geometry"), GeometryAnswer.read)
 
     @Endpoint
     def equations(

@@ -2,7 +2,7 @@
 
 from typing import Literal, Self
 
-from armwright_client.base import Positive, Request, Vector, Vector3, VectorLike
+from armwright_client.base import NonNegative, Positive, Request, Vector, Vector3, VectorLike
 from armwright_client.pose import AnyPose, Pose
 
 
@@ -16,6 +16,8 @@ class ToolMotion(Request):
         center: Of the arc.
         normal: With the centre: axis to turn about by the right hand, up to a whole turn; the
             shorter arc if left out.
+        blend: Distance from its end at which the tool may leave it for the next one [m]; that of
+            the options if left out.
     """
 
     type: Literal["lin", "circ"]
@@ -23,11 +25,12 @@ class ToolMotion(Request):
     via: Vector3 | None = None
     center: Vector3 | None = None
     normal: Vector3 | None = None
+    blend: NonNegative | None = None
 
     @classmethod
-    def lin(cls, pose: Pose) -> Self:
+    def lin(cls, pose: Pose, *, blend: float | None = None) -> Self:
         """A line to a pose."""
-        return cls(type="lin", pose=pose)
+        return cls(type="lin", pose=pose, blend=blend)
 
     @classmethod
     def circ(
@@ -37,9 +40,10 @@ class ToolMotion(Request):
         via: VectorLike | None = None,
         center: VectorLike | None = None,
         normal: VectorLike | None = None,
+        blend: float | None = None,
     ) -> Self:
         """An arc to a pose, through a point or about a centre."""
-        return cls.of(type="circ", pose=pose, via=via, center=center, normal=normal)
+        return cls.of(type="circ", pose=pose, via=via, center=center, normal=normal, blend=blend)
 
 
 class TimedToolMotions(Request):

@@ -7,7 +7,7 @@ from fastapi import Request
 from starlette.concurrency import run_in_threadpool
 
 from service.http.compute import compute, compute_at_once
-from service.http.state import models_of, repository_of, settings_of
+from service.http.state import models_of, note_reference, repository_of, settings_of
 from service.problem import ProblemError, from_fields
 from service.schemas.scene import Scene
 from service.storage.cache_key import Reference
@@ -31,9 +31,13 @@ async def robot(request: Request, name: str) -> Reference:
     Raises:
         ProblemError: NOT_FOUND.
     """
+    repository = repository_of(request)
     if is_built_in(name):  # nothing that blocks
-        return repository_of(request).robot(name)
-    return await run_in_threadpool(repository_of(request).robot, name)
+        reference = repository.robot(name)
+    else:
+        reference = await run_in_threadpool(repository.robot, name)
+    note_reference(request, reference)
+    return reference
 
 
 async def scene(request: Request, source: str | Scene | None) -> Reference | None:
@@ -44,7 +48,9 @@ async def scene(request: Request, source: str | Scene | None) -> Reference | Non
     """
     if not isinstance(source, str):
         return None
-    return await run_in_threadpool(repository_of(request).scene, source)
+    reference = await run_in_threadpool(repository_of(request).scene, source)
+    note_reference(request, reference)
+    return reference
 
 
 async def model(request: Request, name: str) -> RobotModel:

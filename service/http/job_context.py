@@ -27,6 +27,7 @@ class JobContext:
         on_start: Called when a worker begins with it.
         on_progress: Called with the progress, from 0 to 1, and the stage that a worker reports.
         caller: Whose job it is.
+        first: Index of its first problem in the batch that it is a chunk of.
     """
 
     id: str
@@ -34,6 +35,7 @@ class JobContext:
     on_start: Callable[[], None]
     on_progress: Callable[[float, str], None]
     caller: Caller = ANYONE
+    first: int = 0
 
 
 def job_context(request: Request) -> JobContext | None:

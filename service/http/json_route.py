@@ -11,6 +11,7 @@ from pydantic import BaseModel
 
 from service.http.idempotency import answer_once
 from service.http.job_context import job_context
+from service.http.keeping import answer_and_keep, takes_keep
 from service.http.large_body import INLINE_BYTES, validated_by_worker
 from service.problem import ProblemError
 from service.schemas.strict_json import parse_json
@@ -82,6 +83,8 @@ class JsonRoute(APIRoute):
             # The framework would hide what is wrong with the JSON behind a message of its own.
             if takes_json and await request.body():
                 await request.json()
+            if takes_keep(model):
+                return await answer_and_keep(request, handle)
             return await handle(request)
 
         async def handle_checked(request: Request) -> Response:

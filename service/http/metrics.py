@@ -85,14 +85,15 @@ class Metrics:
         for name, seconds in stages:
             self._stages.labels(name).observe(seconds)
 
-    def text(self, jobs: Mapping[Status, int]) -> bytes:
+    def text(self, jobs: Mapping[Status, int], waiting: int | None = None) -> bytes:
         """Everything in the text format.
 
         Args:
             jobs: How many there are of each status.
+            waiting: Jobs and chunks of batches that wait for an agent; None without agents.
         """
         counts = CollectorRegistry()
-        counts.register(_Jobs(jobs))
+        counts.register(_Jobs(jobs, waiting))
         return generate_latest(self.registry) + generate_latest(counts)
 
 
@@ -135,14 +136,21 @@ class _State(Collector):
 class _Jobs(Collector):
     """Jobs by status."""
 
-    def __init__(self, counts: Mapping[Status, int]) -> None:
+    def __init__(self, counts: Mapping[Status, int], waiting: int | None) -> None:
         self._counts = counts
+        self._waiting = waiting
 
     def collect(self) -> Iterator[Metric]:
         family = GaugeMetricFamily("armwright_jobs", "Jobs that are kept", labels=("status",))
         for status in STATUSES:
             family.add_metric([status], self._counts[status])
         yield family
+        if self._waiting is not None:
+            yield GaugeMetricFamily(
+                "armwright_agent_queue_length",
+                "Jobs and chunks of batches that wait for an agent",
+                self._waiting,
+            )
 
 
 class Measured:

@@ -5,6 +5,7 @@ from typing import Any
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 
+from service.http import openapi_examples, openapi_fields, openapi_problems
 from service.http.errors import KINDS, PROBLEM_MEDIA_TYPE
 from service.schemas.problem import Problem
 from service.schemas.robot import RobotBody
@@ -29,8 +30,8 @@ _PROBLEM = {
 }
 #: To be given to every router: any error is a problem document.
 RESPONSES: dict[int | str, dict[str, Any]] = {
-    "4XX": {"description": "The request can't be answered as it is", **_PROBLEM},
-    "5XX": {"description": "The service could not answer", **_PROBLEM},
+    "4XX": {"description": "Any other fault of the request", **_PROBLEM},
+    "5XX": {"description": "Any other fault of the service", **_PROBLEM},
 }
 
 
@@ -51,7 +52,8 @@ _PREFER = {
 _KEY = {
     "name": "Idempotency-Key",
     "in": "header",
-    "schema": {"type": "string", "maxLength": 255},
+    # Printable ASCII, spaces too.
+    "schema": {"type": "string", "minLength": 1, "maxLength": 255, "pattern": "^[ -~]+$"},
     "description": "the same key with the same request gives the answer again that created "
     "something or accepted a job",
 }
@@ -68,15 +70,6 @@ def _tell_of_jobs(operation: dict[str, Any], method: str) -> None:
     if method == "post":
         parameters.append(_KEY)
     operation["responses"]["202"] = _ACCEPTED
-
-
-def _bound_timeouts(schemas: dict[str, Any], longest: float) -> None:
-    """Publish the longest timeout that this service allows [s]."""
-    for schema in schemas.values():
-        timeout = schema.get("properties", {}).get("timeout", {})
-        for form in (timeout, *timeout.get("anyOf", ())):
-            if "maximum" in form:
-                form["maximum"] = min(form["maximum"], longest)
 
 
 def install(app: FastAPI) -> None:
@@ -98,10 +91,14 @@ def install(app: FastAPI) -> None:
             # Bodies that routes read by themselves, because they come in more than one form.
             robot = RobotBody.model_json_schema(ref_template="#/components/schemas/{model}")
             schemas |= {**robot.pop("$defs"), "RobotBody": robot} | schemas
-            _bound_timeouts(schemas, app.state.settings.max_timeout)
+            openapi_fields.describe_fields(schemas)
+            openapi_fields.bound_timeouts(schemas, app.state.settings.max_timeout)
+            openapi_fields.describe_parameters(schema["paths"])
             for path in schema["paths"].values():
                 for method in _COMPUTING & path.keys():
                     _tell_of_jobs(path[method], method)
+            openapi_problems.add_problems(schema)
+            openapi_examples.add_examples(schema["paths"])
             schema["components"]["securitySchemes"] = _SECURITY_SCHEMES
             # Needed only where the service has keys.
             schema["security"] = [{}, *({name: []} for name in _SECURITY_SCHEMES)]

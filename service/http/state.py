@@ -1,15 +1,48 @@
 """The parts of the running application that requests use, typed."""
 
+from dataclasses import dataclass
+
 from fastapi import Request
 
 from service.access.caller import caller_of
 from service.settings import Settings
 from service.storage.audit_store import Actor
+from service.storage.cache_key import Reference
 from service.storage.document_store import DocumentStore
+from service.storage.kept_documents import KeptDocuments
+from service.storage.plan_store import Retention
 from service.storage.recent import Recent
 from service.storage.robot_repository import RobotRepository
 from service.storage.store import Store
 from service.workers.supervisor import WorkerSupervisor
+
+#: Key in the scope of a request, with the references that it was answered for, by their kind.
+USED_REFERENCES = "armwright.used_references"
+#: Key in the scope of a replayed request, with its `Replay`.
+REPLAY = "armwright.replay"
+
+
+@dataclass(frozen=True, slots=True)
+class Replay:
+    """The replay that a request is part of.
+
+    Args:
+        plan_id: The kept plan.
+        pinned: Robot and scene as they were kept; a name that is not among them is looked up.
+    """
+
+    plan_id: str
+    pinned: tuple[Reference, ...] = ()
+
+
+def note_reference(request: Request, reference: Reference) -> None:
+    """Note which robot or scene a request is answered for."""
+    request.scope.setdefault(USED_REFERENCES, {})[reference.kind] = reference
+
+
+def retention(settings: Settings) -> Retention:
+    """Bounds of the kept plans."""
+    return Retention(settings.plan_lifetime, settings.plan_count, settings.plan_storage)
 
 
 def settings_of(request: Request) -> Settings:
@@ -33,7 +66,13 @@ def documents_of(request: Request) -> DocumentStore:
 
 def repository_of(request: Request) -> RobotRepository:
     """Robots and scenes by name."""
-    return RobotRepository(documents_of(request), prepared_folder(request))
+    replay: Replay | None = request.scope.get(REPLAY)
+    documents = documents_of(request)
+    if replay is None:
+        return RobotRepository(documents, prepared_folder(request))
+    tenant = caller_of(request.scope).tenant
+    kept = KeptDocuments(documents, store_of(request).plans, tenant, replay.pinned)
+    return RobotRepository(kept, prepared_folder(request))
 
 
 def models_of(request: Request) -> Recent:

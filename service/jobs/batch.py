@@ -113,7 +113,7 @@ class Batch:
 
     def _note(self, index: int, problem: ProblemError) -> None:
         self._failed += 1
-        instance = f"{self._request.url.path}#/problems/{index}"
+        instance = f"{self._request.url.path}#/problems/{self._context.first + index}"
         self._results[index] = to_json(document(problem, instance))
 
     def _report(self) -> None:

@@ -28,7 +28,7 @@ async def defer(request: Request, handle: Handler) -> Response:
         await request.body(),
     )
     caller = caller_of(request.scope)
-    jobs.check_room(len(stored.body), caller)
+    await jobs.check_room(len(stored.body), caller)
     preferred = prefers_async(request.headers.getlist("prefer"))
 
     def accepted(record: JobRecord) -> Response:

@@ -11,6 +11,7 @@ from service.http.json_route import JsonRoute
 from service.http.metrics import Metrics
 from service.http.openapi import RESPONSES
 from service.http.state import store_of, supervisor_of
+from service.jobs.runner import Jobs
 from service.problem import ProblemError
 from service.schemas.base import Answer
 from service.storage.database import StorageUnavailable
@@ -26,8 +27,8 @@ router = APIRouter(tags=["health"], route_class=JsonRoute, responses=RESPONSES)
 class Health(Answer):
     """The state of the service."""
 
-    status: str = Field(examples=["ok"])
-    version: str = Field(examples=["0.1.0"])
+    status: str = Field(examples=["ok"], description="`ok`, or `ready` where work can be sent")
+    version: str = Field(examples=["0.1.0"], description="of the service")
 
 
 class Readiness(Health):
@@ -56,6 +57,9 @@ async def readyz(request: Request) -> Readiness:
     fault = store_of(request).database.fault
     if fault is not None:
         raise StorageUnavailable(fault)
+    jobs: Jobs = request.app.state.jobs
+    if not jobs.is_connected:
+        raise StorageUnavailable("the queue of jobs can't be reached")
     return Readiness(
         status="ready",
         version=VERSION,
@@ -75,8 +79,10 @@ async def metrics(request: Request) -> Response:
     """Requests, workers, queues, jobs, plans and stages in Prometheus's text format."""
     state = request.app.state
     jobs = await run_in_threadpool(state.store.jobs.counts)
+    held: Jobs = state.jobs
+    waiting = await held.waiting_messages()
     counted: Metrics = state.metrics
-    return Response(counted.text(jobs), media_type=CONTENT_TYPE_PLAIN_0_0_4)
+    return Response(counted.text(jobs, waiting), media_type=CONTENT_TYPE_PLAIN_0_0_4)
 
 
 def _not_ready(supervisor: WorkerSupervisor) -> ProblemError:

@@ -3,6 +3,7 @@
 from fastapi import APIRouter
 from pydantic import Field
 
+from service.http.cures import CURES
 from service.http.errors import KINDS
 from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES
@@ -17,15 +18,19 @@ router = APIRouter(
 class ProblemKind(Answer):
     """One kind of problem."""
 
-    code: str = Field(examples=["GOAL_IN_COLLISION"])
+    code: str = Field(examples=["GOAL_IN_COLLISION"], description="of the problem")
     status: int = Field(examples=[422], description="the usual HTTP status")
-    title: str = Field(examples=["The goal configuration is in collision"])
+    title: str = Field(
+        examples=["The goal configuration is in collision"],
+        description="the kind of problem in words",
+    )
+    cure: str = Field(description="what can be done about it, beside the hint of the occurrence")
 
 
 class ProblemKinds(Answer):
     """All kinds of problems."""
 
-    problems: list[ProblemKind]
+    problems: list[ProblemKind] = Field(description="all there are")
 
 
 @router.get("", summary="All kinds of problems")
@@ -47,4 +52,5 @@ async def get_problem(code: str) -> ProblemKind:
 
 
 def _kind(code: str) -> ProblemKind:
-    return ProblemKind(code=code, status=KINDS[code].status, title=KINDS[code].title)
+    kind = KINDS[code]
+    return ProblemKind(code=code, status=kind.status, title=kind.title, cure=CURES[code])

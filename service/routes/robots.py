@@ -15,6 +15,7 @@ from service.http.openapi import RESPONSES
 from service.http.state import documents_of, prepared_folder
 from service.problem import ProblemError
 from service.routes.paging import page
+from service.schemas.geometry import GeometryAnswer
 from service.schemas.robot import (
     ArchiveFields,
     RobotAnswer,
@@ -30,7 +31,7 @@ from service.storage.document_store import Record
 from service.storage.idempotency_store import KeptAnswer
 from service.storage.robot_repository import is_built_in
 from service.task_references import change_robot as change_task
-from service.task_references import make_robot, robot_srdf, robot_urdf, unpack_robot
+from service.task_references import make_robot, robot_geometry, robot_srdf, robot_urdf, unpack_robot
 
 router = APIRouter(prefix="/v1/robots", tags=["robots"], route_class=JsonRoute, responses=RESPONSES)
 
@@ -172,6 +173,18 @@ async def get_srdf(name: str, request: Request) -> Response:
     """
     content = await answers.answer(request, lambda robot, _: robot_srdf.job(robot), name)
     return Response(content, media_type="application/xml")
+
+
+@router.get(
+    "/{name}/geometry", summary="Collision geometry of a robot", response_model=GeometryAnswer
+)
+async def get_geometry(name: str, request: Request) -> Response:
+    """The surfaces of all links as triangles, in the frames that forward kinematics answers.
+
+    Fine meshes are drawn by their hulls where the answer would grow beyond some megabytes.
+    """
+    content = await answers.answer(request, lambda robot, _: robot_geometry.job(robot, name), name)
+    return Response(content, media_type="application/json")
 
 
 @router.patch("/{name}", summary="Change limits of a robot", response_model=RobotAnswer)

@@ -1,7 +1,8 @@
 """Scenes by name."""
 
 from datetime import UTC, datetime
-from typing import Annotated
+from functools import partial
+from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
 from starlette.concurrency import run_in_threadpool
@@ -32,6 +33,9 @@ from service.task_references import project as project_task
 router = APIRouter(prefix="/v1/scenes", tags=["scenes"], route_class=JsonRoute, responses=RESPONSES)
 
 _KIND = "scene"
+_CREATED: dict[int | str, dict[str, Any]] = {
+    201: {"model": SceneSummary, "description": "Stored as a new scene"}
+}
 
 
 @router.post(
@@ -80,7 +84,7 @@ async def get_scene(name: str, request: Request) -> Response:
     return Response(document.content, headers=headers, media_type="application/json")
 
 
-@router.put("/{name}", summary="Store or replace a scene")
+@router.put("/{name}", summary="Store or replace a scene", responses=_CREATED)
 async def put_scene(name: str, body: Scene, request: Request, response: Response) -> SceneSummary:
     """Checks the scene and stores it under the name in the path; 201 if there was none."""
     if body.name not in (None, name):
@@ -94,8 +98,11 @@ async def put_scene(name: str, body: Scene, request: Request, response: Response
     check_precondition(request, _hash(await _prepared_reference(request, name)))
     content = await _build_document(request, name)
     before = await _prepared_reference(request, name)
-    check_precondition(request, _hash(before))  # it may have been replaced meanwhile
-    record = await run_in_threadpool(documents_of(request).replace, _KIND, name, content)
+    # Asked once more in the transaction that stores it: it may have been replaced meanwhile.
+    precondition = partial(check_precondition, request)
+    record = await run_in_threadpool(
+        documents_of(request).replace, _KIND, name, content, precondition
+    )
     if before is not None and before.hash != record.hash:
         await run_in_threadpool(prepared_files.forget, before)
     if record.version == 1:
@@ -108,9 +115,8 @@ async def put_scene(name: str, body: Scene, request: Request, response: Response
 async def delete_scene(name: str, request: Request) -> None:
     """Forgets the scene."""
     before = await _prepared_reference(request, name)
-    if before is not None:
-        check_precondition(request, before.hash)
-    await run_in_threadpool(documents_of(request).delete, _KIND, name)
+    precondition = partial(check_precondition, request)
+    await run_in_threadpool(documents_of(request).delete, _KIND, name, precondition)
     if before is not None:
         await run_in_threadpool(prepared_files.forget, before)
 

@@ -18,7 +18,10 @@ class Attached(Body):
 
     one_of: ClassVar[tuple[str, ...]] = ("pose", "grasp_joints")
 
-    id: Label = Field(examples=["workpiece"])
+    id: Label = Field(
+        examples=["workpiece"],
+        description="name of the object; that of an obstacle takes it out of the scene",
+    )
     shape: Shape | None = Field(
         None, description="may be left out where the scene has an obstacle of this id"
     )
@@ -28,7 +31,7 @@ class Attached(Body):
         description="in place of pose: the configuration in which the link closed on the object "
         "where it stands in the scene",
     )
-    link: Label = Field(examples=["panda_hand"])
+    link: Label = Field(examples=["panda_hand"], description="link that holds the object")
     touch_links: Annotated[list[Label], Field(max_length=100)] = Field(
         default_factory=list,
         description="what it may touch: links, obstacles, other attached objects",
@@ -51,7 +54,10 @@ class Attached(Body):
         return self
 
 
-AttachedObjects = Annotated[list[Attached], Field(max_length=MAX_ATTACHED)]
+AttachedObjects = Annotated[
+    list[Attached],
+    Field(max_length=MAX_ATTACHED, description="objects that the robot holds"),
+]
 AllowedCollisions = Annotated[
     list[Pair],
     Field(

@@ -42,10 +42,15 @@ class Body(BaseModel):
     def __get_pydantic_json_schema__(
         cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> JsonSchemaValue:
-        """The JSON schema, with the rule that one of several fields is given."""
+        """The JSON schema, with the rule that one of several fields is given.
+
+        The rule stands inside of an allOf: generators of clients take an object beside a oneOf for
+        one without fields.
+        """
         schema = handler(core_schema)
         if cls.one_of:
-            handler.resolve_ref_schema(schema)["oneOf"] = [is_given(name) for name in cls.one_of]
+            rule = {"oneOf": [is_given(name) for name in cls.one_of]}
+            handler.resolve_ref_schema(schema)["allOf"] = [rule]
         return schema
 
 
@@ -71,9 +76,19 @@ NonNegative = Annotated[float, Field(ge=0.0, le=MAX_NUMBER)]
 Length = Annotated[float, Field(ge=1e-9, le=MAX_COORDINATE)]
 Coordinate = Annotated[float, Field(ge=-MAX_COORDINATE, le=MAX_COORDINATE)]
 Ratio = Annotated[float, Field(gt=0.0, le=1.0)]
-Timeout = Annotated[float, Field(gt=0.0, le=86_400.0)]
+Timeout = Annotated[
+    float,
+    Field(
+        gt=0.0,
+        le=86_400.0,
+        description="longest time for the whole request [s]; the service's default if left out",
+    ),
+]
 #: Random generators of the planners are seeded with 32 bits.
-Seed = Annotated[int, Field(ge=0, le=2**32 - 1)]
+Seed = Annotated[
+    int,
+    Field(ge=0, le=2**32 - 1, description="of all random choices: the same seed, the same answer"),
+]
 
 Vector3 = Annotated[list[Number], Field(min_length=3, max_length=3)]
 Vector6 = Annotated[list[Number], Field(min_length=6, max_length=6)]
@@ -96,7 +111,14 @@ Frame = Annotated[
     ),
 ]
 
-JointVector = Annotated[list[Number], Field(min_length=1, max_length=MAX_JOINTS)]
+JointVector = Annotated[
+    list[Number],
+    Field(
+        min_length=1,
+        max_length=MAX_JOINTS,
+        description="one number for each joint, in the order of `joint_names`",
+    ),
+]
 
 
 def _one_or_many(value: Any) -> str:
@@ -108,6 +130,10 @@ Joints = Annotated[
     Annotated[JointVector, Tag("one")]
     | Annotated[list[JointVector], Field(min_length=1, max_length=MAX_BATCH), Tag("many")],
     Discriminator(_one_or_many),
+    Field(
+        description="one configuration, or a list of them: a number for each joint, in the order "
+        "of `joint_names` [rad or m]"
+    ),
 ]
 
 
@@ -128,9 +154,15 @@ def _finite(value: _T) -> _T:
 FreeForm = Annotated[dict[str, JsonValue], Field(max_length=64), AfterValidator(_finite)]
 
 
-def is_given(name: str) -> JsonDict:
-    """The JSON schema of objects in which a field is given, and not as null."""
-    return {"required": [name], "properties": {name: {"not": {"type": "null"}}}}
+def is_given(*names: str) -> JsonDict:
+    """The JSON schema of objects in which fields are given, and not as null."""
+    fields: JsonDict = {name: {"not": {"type": "null"}} for name in names}
+    return {"required": [*names], "properties": fields}
+
+
+def any_given(*forms: tuple[str, ...]) -> JsonDict:
+    """The addition to a schema that asks for one of several groups of fields."""
+    return {"allOf": [{"anyOf": [is_given(*names) for names in forms]}]}
 
 
 def exactly_one(body: BaseModel, names: Sequence[str]) -> None:

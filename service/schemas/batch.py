@@ -18,7 +18,9 @@ _NEEDED = ("robot", "start", "goal")
 
 
 class _Needs(Body):
-    robot: Name | None = Field(None, examples=["panda"])
+    robot: Name | None = Field(
+        None, examples=["panda"], description="name of a stored or built-in robot"
+    )
     scene: SceneReference | None = Field(None, examples=["table"])
     start: Start | None = None
     goal: Goal | None = None
@@ -33,12 +35,14 @@ def _optional(field: FieldInfo) -> tuple[Any, FieldInfo]:
     return left_out.annotation, left_out
 
 
+#: Answers of batches are kept as jobs, not one by one as plans.
+_NOT_KEPT = "keep"
 # Types that are named before they are there are looked up now.
 PlanRequest.model_rebuild()
 _FIELDS: dict[str, Any] = {
     name: _optional(field)
     for name, field in PlanRequest.model_fields.items()
-    if name not in _Needs.model_fields
+    if name not in _Needs.model_fields and name != _NOT_KEPT
 }
 
 #: Whatever a plan takes, nothing of it required.
@@ -71,7 +75,9 @@ class BatchRequest(PartialPlan):
         }
     )
 
-    problems: list[PartialPlan] = Field(min_length=1)
+    problems: list[PartialPlan] = Field(
+        min_length=1, description="the motions to be planned, in the order of the answer"
+    )
 
     @model_validator(mode="after")
     def _check_complete(self) -> "BatchRequest":
@@ -94,7 +100,7 @@ def _fields(part: Body) -> dict[str, Any]:
     return {
         name: value
         for name in PlanRequest.model_fields
-        if (value := getattr(part, name)) is not None
+        if name != _NOT_KEPT and (value := getattr(part, name)) is not None
     }
 
 
@@ -105,5 +111,5 @@ class BatchAnswer(Answer):
         description='the plan, whose status is "success", or the problem document, whose status is '
         "a number"
     )
-    succeeded: int
-    failed: int
+    succeeded: int = Field(description="number of problems that were answered with a plan")
+    failed: int = Field(description="number of problems that were answered with a problem document")

@@ -5,7 +5,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError, model_validator
 
 from service.schemas.base import Answer, Body, NonNegative, Point, Vector3
-from service.schemas.pose import FramedPose
+from service.schemas.pose import FramedPose, PoseAnswer
+from service.schemas.seam import MAX_WAYPOINTS, Blend, StraightOffset, ToolTolerance, Waypoint
 
 MAX_MOTIONS = 200
 
@@ -15,7 +16,7 @@ Deviation = Annotated[float, Field(ge=1e-7, le=1.0)]
 class ToolMotion(Body):
     """A line, or an arc through a point or about a centre, from where the tool is."""
 
-    type: Literal["lin", "circ"] = Field(examples=["lin"])
+    type: Literal["lin", "circ"] = Field(examples=["lin"], description="line or arc")
     pose: FramedPose = Field(description="of the tip where the motion ends")
     via: Point | None = Field(None, description="point on the arc")
     center: Point | None = Field(None, description="of the arc")
@@ -23,6 +24,11 @@ class ToolMotion(Body):
         None,
         description="with center: axis to turn about by the right hand, up to a whole turn; the "
         "shorter arc if left out",
+    )
+    blend: Blend | None = Field(
+        None,
+        description="distance from its end at which the tool may leave it for the next one, half "
+        "of either motion at most; that of the options if left out [m]",
     )
 
     @model_validator(mode="after")
@@ -53,12 +59,43 @@ class CartesianOptions(Body):
         "slerp", description="about an axis that keeps still, or only the origin is led"
     )
     allow_partial: bool = Field(False, description="a motion that ends early is an answer too")
+    blend: Blend = Field(
+        0.0,
+        description="corners are rounded by arcs that begin and end at most so far from them, and "
+        "the tool runs through; it rests at corners if 0 [m]",
+    )
+
+    waypoints: Annotated[list[Waypoint], Field(min_length=2, max_length=MAX_WAYPOINTS)] | None = (
+        Field(None, description="of a seam, in place of motions; the goal may be left out then")
+    )
+    tolerance: ToolTolerance | None = Field(
+        None, description="of all waypoints: by how much the tool may deviate; exact if left out"
+    )
+    tool_speed: Annotated[float, Field(gt=0.0, le=100.0)] | None = Field(
+        None, description="to be kept along the waypoints [m/s]"
+    )
+    speed_band: Annotated[float, Field(gt=0.0, le=1.0)] = Field(
+        0.1, description="largest difference from tool_speed, as part of it"
+    )
+    approach: StraightOffset | None = Field(None, description="to the first waypoint")
+    retreat: StraightOffset | None = Field(None, description="from the last waypoint")
+
+    @model_validator(mode="after")
+    def _check_seam(self) -> "CartesianOptions":
+        if self.waypoints is not None and self.motions is not None:
+            raise ValueError("give motions or waypoints, not both")
+        for name in ("tolerance", "tool_speed", "approach", "retreat"):
+            if self.waypoints is None and getattr(self, name) is not None:
+                raise ValueError(f"{name} belongs to waypoints")
+        return self
 
 
 class TimedToolMotions(Body):
     """Motions of the tool that a trajectory is held to, in turn."""
 
-    motions: Annotated[list[ToolMotion], Field(min_length=1, max_length=MAX_MOTIONS)]
+    motions: Annotated[list[ToolMotion], Field(min_length=1, max_length=MAX_MOTIONS)] = Field(
+        description="lines and arcs, in their order"
+    )
     ends: Annotated[list[NonNegative], Field(min_length=1, max_length=MAX_MOTIONS)] | None = Field(
         None,
         description="when each motion ends [s], as tool_motions of a plan tell it; the end of the "
@@ -81,6 +118,8 @@ class TimedToolMotions(Body):
             raise ValueError("ends needs as many times as there are motions")
         if self.ends is not None and sorted(self.ends) != self.ends:
             raise ValueError("ends must not descend")
+        if any(motion.blend for motion in self.motions):
+            raise ValueError("blend belongs to plans: give the arcs that tool_motions of one tell")
         return self
 
 
@@ -102,12 +141,23 @@ def cartesian_options(given: dict[str, Any] | None) -> CartesianOptions:
 class ToolMotionAnswer(Answer):
     """Result of one tool motion."""
 
-    type: Literal["lin", "circ"]
+    type: Literal["lin", "circ"] = Field(description="line or arc")
     length: float = Field(description="of the whole of it [m]")
     angle: float = Field(description="how far the tool turns in the whole of it [rad]")
     fraction: float = Field(description="how far it was carried out")
     begins: float = Field(description="[s]")
     ends: float = Field(description="[s]")
+    motion: int = Field(
+        description="index of the motion of the request that it is a part of; of "
+        "a seam, of the waypoint that it leaves"
+    )
+    part: Literal["motion", "approach", "seam", "retreat"] = Field(
+        description="a motion of the request, or the way to, along or from a seam"
+    )
+    blend: bool = Field(description="it rounds the corner at the end of that motion")
+    pose: PoseAnswer = Field(description="of the tip where it ends, carried out in full")
+    center: list[float] | None = Field(description="of an arc [m]")
+    normal: list[float] | None = Field(description="axis that an arc turns about")
 
 
 class PathDeviationAnswer(Answer):

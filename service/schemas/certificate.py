@@ -7,35 +7,35 @@ from pydantic import Field
 from service.schemas.base import (
     Answer,
 )
-from service.schemas.cartesian import (
-    PathDeviationAnswer,
-)
+from service.schemas.cartesian import PathDeviationAnswer
 from service.schemas.constraint import ConstraintUse
+from service.schemas.keep import PlanId
+from service.schemas.seam import ToolSpeedAnswer, ToolToleranceAnswer
 
 
 class SegmentAnswer(Answer):
     """A polynomial piece, see `Segment`."""
 
-    t0: float
-    t1: float
-    coefficients: list[list[float]]
+    t0: float = Field(description="when the piece begins [s]")
+    t1: float = Field(description="when the piece ends [s]")
+    coefficients: list[list[float]] = Field(description="[joint][power of t − t0]")
 
 
 class SamplesAnswer(Answer):
     """The motion at regular times."""
 
-    time: list[float]
-    position: list[list[float]]
-    velocity: list[list[float]]
-    acceleration: list[list[float]]
+    time: list[float] = Field(description="of each row, increasing [s]")
+    position: list[list[float]] = Field(description="of the joints [rad or m]")
+    velocity: list[list[float]] = Field(description="of the joints [rad/s or m/s]")
+    acceleration: list[list[float]] = Field(description="of the joints [rad/s² or m/s²]")
 
 
 class TrajectoryAnswer(Answer):
     """A timed motion."""
 
-    joint_names: list[str]
-    duration: float
-    segments: list[SegmentAnswer]
+    joint_names: list[str] = Field(description="order of the joints")
+    duration: float = Field(description="of the motion [s]")
+    segments: list[SegmentAnswer] = Field(description="polynomial pieces, which are the motion")
     samples: SamplesAnswer | None = None
 
 
@@ -43,8 +43,8 @@ class LimitUse(Answer):
     """Use of a limit by a motion, from the exact extrema of its polynomials."""
 
     worst_ratio: float | None = Field(description="1 is the limit itself; null beyond a limit of 0")
-    joint: str
-    time: float
+    joint: str = Field(description="the joint that comes nearest to its limit")
+    time: float = Field(description="when it does [s]")
 
 
 class LimitUses(Answer):
@@ -62,7 +62,7 @@ class ProvedAnswer(Answer):
     """Parts of a proof that were carried out and hold."""
 
     limits: bool = Field(description="limits, continuity, constraints and tool motions")
-    collisions: bool
+    collisions: bool = Field(description="nothing collides")
     reasons: list[str] = Field(description="why a part is not proved")
 
 
@@ -74,7 +74,7 @@ class CertificateAnswer(Answer):
     min_clearance: float | None = Field(
         description="a lower bound for every t [m]; null with nothing to hit"
     )
-    clearance_pair: list[str] | None = None
+    clearance_pair: list[str] | None = Field(None, description="the two bodies that come nearest")
     min_obstacle_clearance: float | None = Field(
         None, description="the same from obstacles alone; null without any"
     )
@@ -82,9 +82,12 @@ class CertificateAnswer(Answer):
         None,
         description="the same among the robot's own links and what it holds; no margin is kept",
     )
-    method: str
+    method: str = Field(description="how motions were proved free of collision")
     limits: LimitUses | None = None
-    continuity: Any = None
+    continuity: Any = Field(
+        None,
+        description="largest jumps of position and velocity between pieces",
+    )
     path_constraint_residual: float | None = Field(
         None,
         description="the worst violation of the hard path constraints over all t [m or rad], "
@@ -96,6 +99,12 @@ class CertificateAnswer(Answer):
     path_deviation: PathDeviationAnswer | None = Field(
         None, description="of the tool from the motions of the planner cartesian"
     )
+    tool_tolerance: ToolToleranceAnswer | None = Field(
+        None, description="use of the tolerances of the planner cartesian"
+    )
+    tool_speed: ToolSpeedAnswer | None = Field(
+        None, description="the tool's speed along waypoints of the planner cartesian"
+    )
     cells: int = Field(0, description="intervals of time that were looked at")
     violation: dict[str, Any] | None = Field(None, description="the first, with its time")
     frame: str | None = Field(None, description="of an answer to validate: that poses are in")
@@ -105,3 +114,4 @@ class CertificateAnswer(Answer):
     allowed_collisions: list[list[str]] = Field(
         default_factory=list, description="of the request: pairs that were not looked at"
     )
+    plan_id: PlanId = None

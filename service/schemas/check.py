@@ -5,7 +5,8 @@ from typing import Annotated
 from pydantic import Field
 
 from service.schemas.attached import AllowedCollisions, AttachedObjects
-from service.schemas.base import Answer, Body, Frame, InFrame, Joints, Name, NonNegative, Timeout
+from service.schemas.base import Answer, Frame, InFrame, Joints, Name, NonNegative, Timeout
+from service.schemas.keep import Keepable, PlanId
 from service.schemas.kinematics import JOINTS_EXAMPLE
 from service.schemas.scene import SceneReference
 
@@ -15,10 +16,10 @@ Margin = Annotated[
 ]
 
 
-class CheckRequest(Body):
+class CheckRequest(Keepable):
     """Configurations to be checked against limits, themselves and a scene."""
 
-    robot: Name = Field(examples=["panda"])
+    robot: Name = Field(examples=["panda"], description="name of a stored or built-in robot")
     scene: SceneReference | None = Field(None, examples=["table"])
     frame: Frame | None = None
     joints: Joints = Field(examples=[JOINTS_EXAMPLE])
@@ -35,7 +36,9 @@ class CheckRequest(Body):
 class Collision(Answer):
     """Two bodies that penetrate each other."""
 
-    pair: list[str] = Field(examples=[["panda_hand", "table_top"]])
+    pair: list[str] = Field(
+        examples=[["panda_hand", "table_top"]], description="names of the two bodies"
+    )
     depth: float | None = Field(
         examples=[0.012], description="[m]; null where depths were not asked for"
     )
@@ -44,7 +47,7 @@ class Collision(Answer):
 class LimitViolation(Answer):
     """A joint outside its limits."""
 
-    joint: str = Field(examples=["panda_joint4"])
+    joint: str = Field(examples=["panda_joint4"], description="name of the joint")
     value: float = Field(examples=[0.1], description="[rad] or [m]")
     limit: float = Field(examples=[-0.0698], description="[rad] or [m]")
 
@@ -62,8 +65,13 @@ class CheckAnswer(InFrame):
     clearance_pair: list[str] | list[list[str] | None] | None = Field(
         examples=[["panda_hand", "table_top"]], description="between whom that is"
     )
-    collisions: list[Collision] | list[list[Collision]]
-    limit_violations: list[LimitViolation] | list[list[LimitViolation]]
+    collisions: list[Collision] | list[list[Collision]] = Field(
+        description="pairs of bodies that touch"
+    )
+    limit_violations: list[LimitViolation] | list[list[LimitViolation]] = Field(
+        description="joints outside their limits"
+    )
     allowed_collisions: list[list[str]] = Field(
         default_factory=list, description="of the request, as they were obeyed"
     )
+    plan_id: PlanId = None

@@ -46,4 +46,6 @@ class ClearanceAnswer(Answer):
     least: float = Field(description="the margin that the certificate proves [m]")
     time_below: float = Field(description="time in which the motion is nearer than preferred [s]")
     period: float = Field(description="between two instants that were looked at [s]")
-    spans: list[CloseSpanAnswer]
+    spans: list[CloseSpanAnswer] = Field(
+        description="spans of time nearer than preferred, in their order"
+    )

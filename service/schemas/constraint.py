@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
 from service.schemas.base import (
     MAX_JOINTS,
@@ -16,6 +16,7 @@ from service.schemas.base import (
     Point,
     Positive,
     Vector3,
+    any_given,
 )
 from service.schemas.pose import Pose, Quaternion
 
@@ -44,10 +45,14 @@ class JointConstraint(_Weighed):
     """position − tolerance_below ≤ q ≤ position + tolerance_above [rad or m]."""
 
     type: Literal["joint"]
-    joint: Label = Field(examples=["panda_joint1"])
-    position: Number = Field(examples=[0.0])
-    tolerance_above: NonNegative = Field(0.0, examples=[0.3])
-    tolerance_below: NonNegative = Field(0.0, examples=[0.3])
+    joint: Label = Field(examples=["panda_joint1"], description="name of the joint")
+    position: Number = Field(examples=[0.0], description="value to stay near [rad or m]")
+    tolerance_above: NonNegative = Field(
+        0.0, examples=[0.3], description="how far above it may go [rad or m]"
+    )
+    tolerance_below: NonNegative = Field(
+        0.0, examples=[0.3], description="how far below it may go [rad or m]"
+    )
 
 
 class BoxRegion(Body):
@@ -56,7 +61,7 @@ class BoxRegion(Body):
     type: Literal["box"]
     pose: Pose
     size: Annotated[list[NonNegative], Field(min_length=3, max_length=3)] = Field(
-        examples=[[0.1, 0.4, 0.2]]
+        examples=[[0.1, 0.4, 0.2]], description="edge lengths along x, y, z [m]"
     )
 
 
@@ -64,26 +69,34 @@ class SphereRegion(Body):
     """All points within a radius of a centre [m]."""
 
     type: Literal["sphere"]
-    center: Point = Field(examples=[[0.4, 0.0, 0.4]])
-    radius: NonNegative = Field(examples=[0.05])
+    center: Point = Field(examples=[[0.4, 0.0, 0.4]], description="of the sphere [m]")
+    radius: NonNegative = Field(examples=[0.05], description="of the sphere [m]")
 
 
 class PlaneRegion(Body):
     """All points within a tolerance of a plane [m]."""
 
     type: Literal["plane"]
-    point: Point = Field(examples=[[0.4, 0.0, 0.4]])
-    normal: Vector3 = Field(examples=[[0.0, 0.0, 1.0]])
-    tolerance: NonNegative = Field(examples=[0.002])
+    point: Point = Field(examples=[[0.4, 0.0, 0.4]], description="on the plane [m]")
+    normal: Vector3 = Field(
+        examples=[[0.0, 0.0, 1.0]], description="of the plane, of any length but 0"
+    )
+    tolerance: NonNegative = Field(
+        examples=[0.002], description="largest distance from the plane [m]"
+    )
 
 
 class LineRegion(Body):
     """All points within a tolerance of a line [m]."""
 
     type: Literal["line"]
-    point: Point = Field(examples=[[0.4, 0.0, 0.4]])
-    direction: Vector3 = Field(examples=[[0.0, 1.0, 0.0]])
-    tolerance: NonNegative = Field(examples=[0.002])
+    point: Point = Field(examples=[[0.4, 0.0, 0.4]], description="on the line [m]")
+    direction: Vector3 = Field(
+        examples=[[0.0, 1.0, 0.0]], description="of the line, of any length but 0"
+    )
+    tolerance: NonNegative = Field(
+        examples=[0.002], description="largest distance from the line [m]"
+    )
     length: Length | None = Field(None, description="within half of it of the point, along it")
 
 
@@ -95,19 +108,27 @@ class PositionConstraint(OfLink):
 
     type: Literal["position"]
     point: Point = Field(default_factory=lambda: [0.0, 0.0, 0.0], description="in its frame [m]")
-    region: Region
+    region: Region = Field(description="where the point stays")
 
 
 class OrientationConstraint(OfLink):
     """An axis of a link within a cone about a direction, or an orientation within tolerances."""
 
+    model_config = ConfigDict(
+        json_schema_extra=any_given(
+            ("axis", "direction", "cone_angle"), ("quaternion_xyzw", "axis_tolerances")
+        )
+    )
+
     type: Literal["orientation"]
     axis: Vector3 | None = Field(None, examples=[[0.0, 0.0, 1.0]], description="of the link")
-    direction: Vector3 | None = Field(None, examples=[[0.0, 0.0, -1.0]])
+    direction: Vector3 | None = Field(
+        None, examples=[[0.0, 0.0, -1.0]], description="of the cone's axis"
+    )
     cone_angle: Angle | None = Field(
         None, examples=[0.1745], description="from the cone's axis to its side [rad]"
     )
-    quaternion_xyzw: Quaternion | None = None
+    quaternion_xyzw: Quaternion | None = Field(None, description="orientation to stay near")
     axis_tolerances: Tolerances | None = Field(
         None, description="about its x, y, z [rad]; π or more leaves an axis free"
     )
@@ -128,8 +149,8 @@ class LookAtConstraint(OfLink):
     """An axis of a link, from a point on it, points at a target within an angle."""
 
     type: Literal["look_at"]
-    axis: Vector3 = Field(examples=[[0.0, 0.0, 1.0]])
-    target: Point = Field(examples=[[0.6, 0.0, 0.1]])
+    axis: Vector3 = Field(examples=[[0.0, 0.0, 1.0]], description="of the link")
+    target: Point = Field(examples=[[0.6, 0.0, 0.1]], description="to look at [m]")
     angle: Angle = Field(examples=[0.05], description="[rad]")
     point: Point = Field(default_factory=lambda: [0.0, 0.0, 0.0], description="in its frame [m]")
 
@@ -138,7 +159,9 @@ class ClearanceConstraint(Body):
     """Every obstacle stays at least so far away, beyond its own margin [m]."""
 
     type: Literal["clearance"]
-    margin: NonNegative = Field(examples=[0.02])
+    margin: NonNegative = Field(
+        examples=[0.02], description="least distance from every obstacle [m]"
+    )
 
 
 class RelativePoseConstraint(OfLink):
@@ -154,14 +177,16 @@ class ToolSpeedConstraint(Body):
     """The tip moves at most so fast [m/s]; of motions only."""
 
     type: Literal["tool_speed"]
-    limit: Positive = Field(examples=[0.25])
+    limit: Positive = Field(examples=[0.25], description="largest speed [m/s]")
 
 
 class TorqueConstraint(Body):
     """Joint torques stay within limits [N m or N], the robot's if left out; of motions only."""
 
     type: Literal["torque"]
-    limits: Annotated[list[Positive], Field(min_length=1, max_length=MAX_JOINTS)] | None = None
+    limits: Annotated[list[Positive], Field(min_length=1, max_length=MAX_JOINTS)] | None = Field(
+        None, description="largest torque of each joint [N m or N]; the robot's if left out"
+    )
 
 
 Constraint = Annotated[
@@ -179,6 +204,7 @@ Constraints = Annotated[
     list[Constraint],
     Field(
         max_length=MAX_CONSTRAINTS,
+        description="what holds during the whole motion, or of a configuration",
         examples=[
             [
                 {
@@ -198,8 +224,8 @@ class ConstraintUse(Answer):
     """Residual of a constraint, positive where it is violated."""
 
     constraint: int = Field(description="its number in the request")
-    name: str
+    name: str = Field(description="kind of constraint")
     residual: float = Field(description="[unit]; negative by what is to spare")
-    unit: str = Field(examples=["rad"])
-    hard: bool
+    unit: str = Field(examples=["rad"], description="of the residual")
+    hard: bool = Field(description="false for one with a weight")
     time: float | None = Field(None, description="about when it is worst [s], of a motion")

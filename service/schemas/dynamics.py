@@ -90,7 +90,7 @@ class DynamicsRequest(Model):
 class PartialJacobian(Answer):
     """Jacobians of the body that moves with a joint; with many configurations each is a list."""
 
-    joint: str
+    joint: str = Field(description="joint that moves the body")
     linear: Matrix | list[Matrix] = Field(
         description="J_v of the body's centre of mass, 3 x n, in the root frame"
     )
@@ -165,8 +165,10 @@ class RegressorRequest(Model):
 class BaseParameter(Answer):
     """A combination of parameters that motion can tell from all others."""
 
-    name: str = Field(examples=["Izz1 + Iyy2 + 0.25 m2"])
-    value: float
+    name: str = Field(
+        examples=["Izz1 + Iyy2 + 0.25 m2"], description="the combination, as a formula"
+    )
+    value: float = Field(description="of this robot, in SI units")
     column: int = Field(description="the column of the regressor that it is multiplied with")
 
 
@@ -177,7 +179,9 @@ class RegressorAnswer(Answer):
     parameters: list[float] = Field(
         description="Θ: ten a joint (m, m c, inertia about the joint frame's origin), then motors"
     )
-    parameter_names: list[str] = Field(examples=[["m1", "mx1", "my1", "mz1", "Ixx1"]])
+    parameter_names: list[str] = Field(
+        examples=[["m1", "mx1", "my1", "mz1", "Ixx1"]], description="of Θ, in its order"
+    )
     base_parameters: list[BaseParameter] = Field(description="β, the fewest there can be")
     base_regressor: Matrix | list[Matrix] = Field(description="Y_b: the columns of Y for β")
     torques: list[float] | Matrix = Field(description="Y Θ, n [N m or N]")

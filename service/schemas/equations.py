@@ -13,42 +13,46 @@ FormulaMatrix = list[list[Formula]]
 class JointSymbol(Answer):
     """The variable of a joint."""
 
-    joint: str
-    symbol: Formula = Field(examples=["q_{1}"])
-    type: Literal["revolute", "prismatic"]
+    joint: str = Field(description="name of the joint")
+    symbol: Formula = Field(examples=["q_{1}"], description="of its variable")
+    type: Literal["revolute", "prismatic"] = Field(description="kind of joint")
 
 
 class ParameterSymbol(Answer):
     """A number of the robot that the formulas call by a symbol."""
 
-    symbol: Formula = Field(examples=["l_{c2}"])
-    value: float
-    unit: str = Field(examples=["m"])
-    meaning: str = Field(examples=["from axis 2 to the centre of mass of link 2"])
+    symbol: Formula = Field(examples=["l_{c2}"], description="in the formulas")
+    value: float = Field(description="of this robot")
+    unit: str = Field(examples=["m"], description="of the value")
+    meaning: str = Field(
+        examples=["from axis 2 to the centre of mass of link 2"], description="of the symbol"
+    )
 
 
 class Abbreviation(Answer):
     """A function that the formulas call by a short name."""
 
-    symbol: Formula = Field(examples=["c_{12}"])
-    formula: Formula = Field(examples=[r"\cos\left(q_{1} + q_{2}\right)"])
+    symbol: Formula = Field(examples=["c_{12}"], description="short name in the formulas")
+    formula: Formula = Field(
+        examples=[r"\cos\left(q_{1} + q_{2}\right)"], description="what it stands for"
+    )
 
 
 class PoseFormulas(Answer):
     """The pose of a link in the root frame."""
 
-    link: str
-    position: list[Formula]
-    rotation_matrix: FormulaMatrix
+    link: str = Field(description="the link meant")
+    position: list[Formula] = Field(description="of its origin, x, y, z [m]")
+    rotation_matrix: FormulaMatrix = Field(description="of its frame, rows")
 
 
 class ChristoffelFormula(Answer):
     """A Christoffel symbol c_ijk = c_jik that is not 0."""
 
-    i: int
-    j: int
-    k: int
-    formula: Formula
+    i: int = Field(description="first joint, counted from 1")
+    j: int = Field(description="second joint")
+    k: int = Field(description="joint whose equation the symbol stands in")
+    formula: Formula = Field(description="c_ijk of the joint variables")
 
 
 class RegressorFormulas(Answer):
@@ -81,11 +85,15 @@ class EquationsAnswer(Answer):
     Plain text is an expression that Python and sympy evaluate.
     """
 
-    format: Literal["latex", "text"]
-    convention: Literal["standard", "modified"]
-    joints: list[JointSymbol]
-    parameters: list[ParameterSymbol]
-    abbreviations: list[Abbreviation]
+    format: Literal["latex", "text"] = Field(description="of all formulas")
+    convention: Literal["standard", "modified"] = Field(
+        description="of the table whose frames the formulas use"
+    )
+    joints: list[JointSymbol] = Field(description="the joint variables, in their order")
+    parameters: list[ParameterSymbol] = Field(description="symbols for numbers of the robot")
+    abbreviations: list[Abbreviation] = Field(
+        description="short names for functions that come often"
+    )
     transformations: list[FormulaMatrix] = Field(description="H_i of frame i in frame i − 1, 4 x 4")
     pose: PoseFormulas
     jacobian: FormulaMatrix = Field(

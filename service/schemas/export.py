@@ -47,7 +47,7 @@ class ExportRequest(Body):
 
     model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
 
-    robot: Name = Field(examples=["panda"])
+    robot: Name = Field(examples=["panda"], description="name of a stored or built-in robot")
     scene: SceneReference | None = Field(None, examples=["table"])
     frame: Frame | None = None
     trajectory: TrajectoryBody
@@ -90,8 +90,8 @@ class ExportRequest(Body):
 class ExportAnswer(Answer):
     """A file for a controller, and what is proved of the motion that the controller makes of it."""
 
-    format: Format
-    file_name: str = Field(examples=["armwright.yaml"])
+    format: Format = Field(description="kind of file")
+    file_name: str = Field(examples=["armwright.yaml"], description="under which to save it")
     content: str = Field(description="the text of the file")
     point_count: int = Field(description="points in the file")
     interpolation: Literal["quintic", "cubic", "linear", "straight_legs"] = Field(

@@ -73,7 +73,9 @@ class Goal(SingleGoal):
 
     one_of: ClassVar[tuple[str, ...]] = ("joints", "state", "pose", "any_of")
 
-    any_of: Annotated[list[SingleGoal], Field(min_length=1, max_length=MAX_GOALS)] | None = None
+    any_of: Annotated[list[SingleGoal], Field(min_length=1, max_length=MAX_GOALS)] | None = Field(
+        None, description="goals of which one is to be reached"
+    )
 
     @model_validator(mode="after")
     def _check_form(self) -> "Goal":

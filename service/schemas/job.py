@@ -32,10 +32,12 @@ class JobSummary(Answer):
         }
     )
 
-    id: str = Field(examples=[_ID])
+    id: str = Field(examples=[_ID], description="name of the job in `/v1/jobs/{id}`")
     operation: str = Field(examples=["POST /v1/plan"], description="the request that it answers")
-    status: Literal["queued", "running", "succeeded", "failed", "cancelled"]
-    progress: float = Field(ge=0.0, le=1.0)
+    status: Literal["queued", "running", "succeeded", "failed", "cancelled"] = Field(
+        description="where it stands"
+    )
+    progress: float = Field(ge=0.0, le=1.0, description="share that is done, 0 … 1")
     stage: str | None = Field(None, examples=["rrt_connect"], description="what is being done")
     created: str = Field(description="when it was accepted")
     started: str | None = Field(None, description="when a worker began with it")
@@ -54,5 +56,5 @@ class JobAnswer(JobSummary):
 class JobList(Answer):
     """Jobs, newest first."""
 
-    jobs: list[JobSummary]
+    jobs: list[JobSummary] = Field(description="without their answers")
     next: str | None = Field(description="give it as `after` for the next page")

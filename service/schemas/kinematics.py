@@ -21,10 +21,11 @@ from service.schemas.base import (
     Seed,
     Timeout,
     Vector6,
+    any_given,
     exactly_one,
-    is_given,
 )
 from service.schemas.constraint import Constraints, ConstraintUse
+from service.schemas.keep import Keepable, PlanId
 from service.schemas.pose import FramedPose, Orientation, OrientedPoseAnswer
 from service.schemas.scene import SceneReference
 
@@ -51,7 +52,9 @@ class FkAnswer(InFrame):
     """Poses in the frame that is told; with many configurations each pose is a list."""
 
     pose: OrientedPoseAnswer | list[OrientedPoseAnswer]
-    links: dict[str, OrientedPoseAnswer | list[OrientedPoseAnswer]]
+    links: dict[str, OrientedPoseAnswer | list[OrientedPoseAnswer]] = Field(
+        description="pose of each link by name"
+    )
 
 
 class JacobianRequest(Body):
@@ -60,17 +63,20 @@ class JacobianRequest(Body):
     joints: Joints = Field(examples=[JOINTS_EXAMPLE])
     link: Label | None = Field(None, description="the tip if left out")
     point: Point | None = Field(None, description="a point fixed to the link, in its frame [m]")
-    kind: Literal["geometric", "analytic_zyz"] = "geometric"
+    kind: Literal["geometric", "analytic_zyz"] = Field(
+        "geometric",
+        description="rows of the angular velocity, or of the rates of the ZYZ Euler angles",
+    )
     frame: Frame | None = None
 
 
 class JacobianAnswer(InFrame):
     """6 x n, linear rows first; with many configurations each field is a list."""
 
-    jacobian: Matrix | list[Matrix]
-    rank: int | list[int]
-    singular_values: list[float] | list[list[float]]
-    manipulability: float | list[float]
+    jacobian: Matrix | list[Matrix] = Field(description="J, 6 x n: J q̇ = [v; ω]")
+    rank: int | list[int] = Field(description="of J")
+    singular_values: list[float] | list[list[float]] = Field(description="of J, largest first")
+    manipulability: float | list[float] = Field(description="product of the singular values")
 
 
 Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
@@ -113,12 +119,10 @@ class GradientOptions(Body):
     )
 
 
-class IkRequest(Body):
+class IkRequest(Keepable):
     """A pose to be reached, or many of them, each for itself."""
 
-    model_config = ConfigDict(
-        json_schema_extra={"anyOf": [is_given(name) for name in ("pose", "poses", "constraints")]}
-    )
+    model_config = ConfigDict(json_schema_extra=any_given(("pose",), ("poses",), ("constraints",)))
 
     pose: FramedPose | None = None
     frame: Frame | None = None
@@ -126,7 +130,11 @@ class IkRequest(Body):
         None, description="many poses instead of one: solutions then holds a list for each"
     )
     link: Label | None = Field(None, description="the tip if left out")
-    seed_joints: JointVector | None = Field(None, examples=[JOINTS_EXAMPLE])
+    seed_joints: JointVector | None = Field(
+        None,
+        examples=[JOINTS_EXAMPLE],
+        description="where to search from; the middle of the ranges if left out",
+    )
     method: Literal["auto", "analytic", "numeric", "gradient", "constrained"] = Field(
         "auto", description="auto: the closed form where the arm has one, else numeric"
     )
@@ -136,7 +144,9 @@ class IkRequest(Body):
     all_turns: bool = Field(
         False, description="also copies by whole turns of joints inside the limits"
     )
-    max_solutions: Annotated[int, Field(ge=1, le=MAX_SOLUTIONS)] | None = None
+    max_solutions: Annotated[int, Field(ge=1, le=MAX_SOLUTIONS)] | None = Field(
+        None, description="largest number of solutions to answer; all if left out"
+    )
     choice: Literal["nearest", "limits", "manipulability"] = Field(
         "nearest",
         description="what is best: nearest to the seed, farthest from limits, most manipulable",
@@ -195,8 +205,11 @@ class ArmSides(Answer):
 class IkSolution(Answer):
     """A configuration that reaches the pose, and how well."""
 
-    joints: list[float] = Field(examples=[JOINTS_EXAMPLE])
-    branch: str | None = None
+    joints: list[float] = Field(
+        examples=[JOINTS_EXAMPLE],
+        description="the configuration, in the order of `joint_names` [rad or m]",
+    )
+    branch: str | None = Field(None, description="name of the closed form's branch")
     sides: ArmSides | None = Field(
         None, description="of arms with six joints, axes 2 and 3 parallel and a closed form"
     )
@@ -205,9 +218,13 @@ class IkSolution(Answer):
     )
     position_error: float | None = Field(description="[m]; null where no pose was asked for")
     orientation_error: float | None = Field(description="[rad]")
-    within_limits: bool
-    collision_free: bool | None = None
-    rejected_because: str | None = None
+    within_limits: bool = Field(description="no joint is outside its limits")
+    collision_free: bool | None = Field(
+        None, description="nothing touches; null where that was not asked for"
+    )
+    rejected_because: str | None = Field(
+        None, description="why it is no solution; null where it is one"
+    )
     clearance: float | None = Field(
         None, description="with constraints: from the closest pair, margins taken off [m]"
     )
@@ -220,7 +237,7 @@ class GradientTrace(Answer):
     """Course of a gradient method from the start."""
 
     time: list[float] = Field(description="of the flow [s]; of steps their number")
-    joints: Matrix
+    joints: Matrix = Field(description="configuration at each time")
     axes: list[Axis] = Field(description="those that count, columns of error")
     error: Matrix = Field(
         description="e(t) of these axes [m, rad]; where all three of position or rotation count in "
@@ -233,16 +250,18 @@ class GradientTrace(Answer):
 class Unsolved(Answer):
     """One of many poses that has no solution, and the problem it would be alone."""
 
-    index: int
-    code: str
-    detail: str
-    hint: str | None
+    index: int = Field(description="of the pose in the request, from 0")
+    code: str = Field(description="of the problem")
+    detail: str = Field(description="what is wrong, and where")
+    hint: str | None = Field(description="what to do about it")
 
 
 class IkAnswer(InFrame):
     """Solutions, best first; with many poses a list for each, empty where there is none."""
 
-    solutions: list[IkSolution] | list[list[IkSolution]]
+    solutions: list[IkSolution] | list[list[IkSolution]] = Field(
+        description="configurations that reach the pose, best first"
+    )
     unsolved: list[Unsolved] = Field(
         default_factory=list, description="with many poses: those without a solution, and why"
     )
@@ -250,6 +269,7 @@ class IkAnswer(InFrame):
     allowed_collisions: list[list[str]] = Field(
         default_factory=list, description="of the request, as they were obeyed"
     )
+    plan_id: PlanId = None
 
 
 class VelocityRequest(Body):
@@ -283,7 +303,7 @@ class VelocityRequest(Body):
 class DampedDirection(Answer):
     """A direction in which the joints were kept from racing."""
 
-    singular_value: float
+    singular_value: float = Field(description="of the Jacobian in this direction")
     gain: float = Field(description="what of the twist along it is still followed, 0 … 1")
     twist: list[float] = Field(description="the direction, of length 1")
     joint_velocities: list[float] = Field(description="the joints' part in it, of length 1")
@@ -292,9 +312,11 @@ class DampedDirection(Answer):
 class VelocityAnswer(InFrame):
     """Twist and joint velocities; with many configurations each field is a list."""
 
-    twist: list[float] | Matrix
-    joint_velocities: list[float] | Matrix
+    twist: list[float] | Matrix = Field(description="[v; ω] of the link [m/s, rad/s]")
+    joint_velocities: list[float] | Matrix = Field(description="of the joints [rad/s or m/s]")
     residual: list[float] | Matrix = Field(description="what of the twist is not followed")
-    rank: int | list[int]
-    singular_values: list[float] | Matrix
-    damped: list[DampedDirection] | list[list[DampedDirection]]
+    rank: int | list[int] = Field(description="of the Jacobian")
+    singular_values: list[float] | Matrix = Field(description="of the Jacobian, largest first")
+    damped: list[DampedDirection] | list[list[DampedDirection]] = Field(
+        description="directions in which the joints were slowed down"
+    )

@@ -65,8 +65,8 @@ class FormAnswer(Answer):
 class Pole(Answer):
     """An eigenvalue of A."""
 
-    real: float
-    imaginary: float
+    real: float = Field(description="part")
+    imaginary: float = Field(description="part")
 
 
 class LyapunovAnswer(Answer):

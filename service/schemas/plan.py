@@ -21,9 +21,9 @@ from service.schemas.base import (
     NonNegative,
     Number,
     Positive,
-    Ratio,
     Seed,
     Timeout,
+    any_given,
 )
 from service.schemas.cartesian import (
     TimedToolMotions,
@@ -37,8 +37,10 @@ from service.schemas.constraint import Constraints
 from service.schemas.dynamics import Payload
 from service.schemas.goal import Goal, Start
 from service.schemas.goal_costs import GoalCosts
+from service.schemas.keep import Keepable, PlanId
 from service.schemas.kinematics import JOINTS_EXAMPLE
 from service.schemas.scene import SceneReference
+from service.schemas.timing import Timing, TimingAnswer
 
 MAX_SAMPLES = 100_000
 #: Quintics are the highest that any timing here makes; other people's may be higher.
@@ -54,39 +56,6 @@ Collisions = Annotated[
     ),
 ]
 JointRow = Annotated[list[Number], Field(max_length=MAX_JOINTS)]
-
-
-class Timing(Body):
-    """Options of the timing."""
-
-    method: Literal["toppra", "spline", "jerk_limited"] = "toppra"
-    solver: Literal["reachability", "toppra"] | None = Field(
-        None,
-        description="of the method toppra: reachability (ours) if left out; toppra runs the "
-        "package of that name, slows its answer down until all limits hold between its grid "
-        "points too, and tells in the notes what that costs",
-    )
-    velocity_scaling: Ratio | None = None
-    acceleration_scaling: Ratio | None = None
-    jerk_scaling: Ratio | None = None
-    times: Annotated[list[NonNegative], Field(min_length=2, max_length=MAX_SAMPLES)] | None = Field(
-        None, description="at the waypoints, for the method spline; from 0, increasing [s]"
-    )
-    scale_times: bool | None = Field(
-        None, description="stretch the times by the least factor that keeps all limits"
-    )
-    interpolation: Literal["linear", "natural_spline", "clamped_spline"] | None = Field(
-        None, description="between waypoints: straight lines, or a cubic spline kept exactly"
-    )
-    blend_tolerance: NonNegative | None = Field(
-        None, description="how far straight lines' corners may be cut, Euclidean in joint space"
-    )
-    torque_limits: bool | None = Field(None, description="keep the robot's effort limits too")
-    payload: Payload | None = Field(None, description="what the tip carries, for torques")
-    tool_speed: Positive | None = Field(None, description="largest speed of the tip [m/s]")
-    sample_period: Annotated[float, Field(ge=1e-4, le=60.0)] | None = Field(
-        None, description="samples are answered at this period [s], else none"
-    )
 
 
 Objective = Literal["time", "jerk", "energy", "path_length"]
@@ -143,17 +112,19 @@ _CARTESIAN: JsonDict = {
 PLANNERS = ("auto", "straight_line", "potential_field", *SAMPLING, "optimize", "cartesian")
 _OPTIONS = (
     "Of the planner that is named.\n"
-    "* `cartesian`: motions [{type: lin | circ, pose, via, center, normal}], max_deviation, "
-    "max_orientation_deviation, orientation, allow_partial\n"
+    "* `cartesian`: motions [{type: lin | circ, pose, via, center, normal, blend}], max_deviation, "
+    "max_orientation_deviation, orientation, allow_partial, blend; or waypoints [{pose | point, "
+    "normal, direction; via, tolerance, blend}], tolerance {x, y, z, rx, ry, rz, free, tilt, "
+    "frame}, tool_speed, speed_band, approach, retreat {direction, distance, frame}\n"
 ) + "\n".join(f"* `{name}`: {describe_options(name)}" for name in SAMPLING)
 
 
-class PlanRequest(Body):
+class PlanRequest(Keepable):
     """A motion to be planned."""
 
     model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE, _CARTESIAN]})
 
-    robot: Name = Field(examples=["panda"])
+    robot: Name = Field(examples=["panda"], description="name of a stored or built-in robot")
     scene: SceneReference | None = Field(None, examples=["table"])
     frame: Frame | None = None
     start: Start
@@ -177,11 +148,28 @@ class PlanRequest(Body):
     clearance: Clearance | None = None
     goal_costs: GoalCosts | None = None
     collisions: Collisions = "check"
-    start_state_tolerance: Annotated[NonNegative, Field(le=0.1)] = 1e-6
+    start_state_tolerance: Annotated[NonNegative, Field(le=0.1)] = Field(
+        1e-6,
+        description="a start outside a limit by no more is moved onto it [rad or m]",
+    )
     timing: Timing = Field(default_factory=Timing)
     limits: "LimitsBody | None" = None
     timeout: Timeout | None = Field(None, description="for all stages together [s]")
     seed: Seed = 0
+
+    @model_validator(mode="before")
+    @classmethod
+    def _goal_of_waypoints(cls, values: Any) -> Any:
+        """With waypoints the last one is the goal where none is given."""
+        if not isinstance(values, dict) or "goal" in values:
+            return values
+        options = values.get("planner_options")
+        waypoints = options.get("waypoints") if isinstance(options, dict) else None
+        last = waypoints[-1] if isinstance(waypoints, list) and waypoints else None
+        if not isinstance(last, dict) or str(values.get("planner")).lower() != "cartesian":
+            return values
+        pose = last.get("pose") or {"position": last.get("point")}
+        return {**values, "goal": {"pose": pose}}
 
     @model_validator(mode="after")
     def _check_options(self) -> "PlanRequest":
@@ -195,12 +183,12 @@ class PlanRequest(Body):
 class Segment(Body):
     """A polynomial piece: q_j(t) = Σ_k coefficients[j][k] (t − t0)^k for t0 ≤ t ≤ t1."""
 
-    t0: Number
-    t1: Number
+    t0: Number = Field(description="when the piece begins [s]")
+    t1: Number = Field(description="when the piece ends [s]")
     coefficients: Annotated[
         list[Annotated[list[Number], Field(min_length=1, max_length=MAX_COEFFICIENTS)]],
         Field(min_length=1, max_length=MAX_JOINTS),
-    ]
+    ] = Field(description="[joint][power of t − t0]")
 
     @model_validator(mode="after")
     def _check_times(self) -> "Segment":
@@ -212,10 +200,12 @@ class Segment(Body):
 class Samples(Body):
     """Points of a motion, one row of joint values for each time."""
 
-    time: Annotated[list[Number], Field(min_length=1, max_length=MAX_SAMPLES)]
-    position: Rows
-    velocity: Rows | None = None
-    acceleration: Rows | None = None
+    time: Annotated[list[Number], Field(min_length=1, max_length=MAX_SAMPLES)] = Field(
+        description="of each row, increasing [s]"
+    )
+    position: Rows = Field(description="of the joints [rad or m]")
+    velocity: Rows | None = Field(None, description="of the joints [rad/s or m/s]")
+    acceleration: Rows | None = Field(None, description="of the joints [rad/s² or m/s²]")
 
     @model_validator(mode="after")
     def _check_lengths(self) -> "Samples":
@@ -229,11 +219,19 @@ class Samples(Body):
 class TrajectoryBody(Body):
     """Anybody's motion: polynomial pieces, or samples and how to read between them."""
 
-    joint_names: Annotated[list[Label], Field(min_length=1, max_length=MAX_JOINTS)] | None = None
+    model_config = ConfigDict(
+        json_schema_extra=any_given(("segments",), ("samples", "interpolation"))
+    )
+
+    joint_names: Annotated[list[Label], Field(min_length=1, max_length=MAX_JOINTS)] | None = Field(
+        None, description="order of the joints; the robot's if left out"
+    )
     duration: NonNegative | None = Field(
         None, description="for people: the motion lasts as long as its segments or samples do [s]"
     )
-    segments: Annotated[list[Segment], Field(min_length=1, max_length=MAX_SAMPLES)] | None = None
+    segments: Annotated[list[Segment], Field(min_length=1, max_length=MAX_SAMPLES)] | None = Field(
+        None, description="polynomial pieces, in the order of time"
+    )
     samples: Samples | None = None
     interpolation: Annotated[str, Field(pattern=r"^[a-z_]{1,32}$")] | None = Field(
         None, description="how to read between samples: linear, cubic, quintic, natural_spline, …"
@@ -252,16 +250,20 @@ class TrajectoryBody(Body):
 class LimitsBody(Body):
     """Limits in the order of the joints, in place of the robot's."""
 
-    velocity: JointRow | None = None
-    acceleration: JointRow | None = None
-    jerk: JointRow | None = None
+    velocity: JointRow | None = Field(
+        None, description="largest speed of each joint [rad/s or m/s]"
+    )
+    acceleration: JointRow | None = Field(
+        None, description="largest acceleration of each joint [rad/s² or m/s²]"
+    )
+    jerk: JointRow | None = Field(None, description="largest jerk of each joint [rad/s³ or m/s³]")
     effort: JointRow | None = Field(None, description="of torques, where these are limited")
 
 
-class ValidateRequest(Body):
+class ValidateRequest(Keepable):
     """A motion to be proved valid, whoever made it."""
 
-    robot: Name = Field(examples=["panda"])
+    robot: Name = Field(examples=["panda"], description="name of a stored or built-in robot")
     scene: SceneReference | None = Field(None, examples=["table"])
     frame: Frame | None = None
     trajectory: TrajectoryBody
@@ -283,33 +285,38 @@ class ValidateRequest(Body):
 class Stage(Answer):
     """One stage of planning: outcome and time."""
 
-    name: str = Field(examples=["rrt_connect"])
-    outcome: str = Field(examples=["succeeded"])
-    milliseconds: float
-    detail: str | None = None
+    name: str = Field(examples=["rrt_connect"], description="of the stage")
+    outcome: str = Field(examples=["succeeded"], description="succeeded, or how it failed")
+    milliseconds: float = Field(description="that it took")
+    detail: str | None = Field(None, description="of the outcome, in words")
 
 
 class PathAnswer(Answer):
     """The corners of the path in joint space."""
 
-    joints: list[list[float]]
-    length: float
+    joints: list[list[float]] = Field(description="corners, from the start to the goal")
+    length: float = Field(description="Euclidean, in joint space")
 
 
 class Reproducibility(Answer):
     """Seed, hashes and versions that reproduce the answer."""
 
-    seed: int
-    robot_hash: str
-    scene_hash: str
-    request_hash: str
-    versions: dict[str, str]
+    seed: int = Field(description="of the random choices")
+    deterministic: bool = Field(
+        True,
+        description="whether the same request gives the same answer; false where time or memory "
+        "ended a search, so that the answer depends on the speed of the machine",
+    )
+    robot_hash: str = Field(description="content hash of the robot")
+    scene_hash: str = Field(description="content hash of the scene")
+    request_hash: str = Field(description="content hash of the request")
+    versions: dict[str, str] = Field(description="of Armwright and of the libraries that computed")
 
 
 class DescentAnswer(Answer):
     """Course of a potential field's descent before the path was shortened."""
 
-    joints: list[list[float]]
+    joints: list[list[float]] = Field(description="configurations on the way")
     potentials: list[float] = Field(description="U at each configuration [J]")
     iterations: int = Field(description="steps taken")
 
@@ -325,9 +332,9 @@ class ProgressAnswer(Answer):
 class PlanAnswer(InFrame):
     """A certified motion."""
 
-    status: Literal["success"]
+    status: Literal["success"] = Field(description="success; a problem document has a number here")
     planner: str = Field(description="the stage that found it")
-    stages: list[Stage]
+    stages: list[Stage] = Field(description="steps of planning, in their order")
     path: PathAnswer
     trajectory: TrajectoryAnswer
     certificate: CertificateAnswer
@@ -347,3 +354,5 @@ class PlanAnswer(InFrame):
         default_factory=list, description="shortest paths over time, of planners that improve"
     )
     clearance: ClearanceAnswer | None = None
+    plan_id: PlanId = None
+    timing: TimingAnswer | None = Field(None, description="method and limits of its timing")

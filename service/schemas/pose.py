@@ -32,7 +32,7 @@ ORIENTATIONS = ("quaternion_xyzw", "rotation_matrix", "euler_zyz", "rpy", "axis_
 class Pose(Body):
     """A position [m] and at most one orientation; no orientation means the identity."""
 
-    position: Point = Field(examples=[[0.4, 0.0, 0.3]])
+    position: Point = Field(examples=[[0.4, 0.0, 0.3]], description="x, y, z [m]")
     quaternion_xyzw: Quaternion | None = Field(
         None,
         examples=[[0.0, 0.0, 0.0, 1.0]],
@@ -107,15 +107,19 @@ Orientation = Literal["quaternion_xyzw", "rotation_matrix", "euler_zyz", "rpy", 
 class PoseAnswer(Answer):
     """A pose in the robot's root frame."""
 
-    position: list[Coordinate] = Field(examples=[[0.4, 0.0, 0.3]])
-    quaternion_xyzw: list[float] = Field(examples=[[0.0, 0.0, 0.0, 1.0]])
+    position: list[Coordinate] = Field(examples=[[0.4, 0.0, 0.3]], description="x, y, z [m]")
+    quaternion_xyzw: list[float] = Field(
+        examples=[[0.0, 0.0, 0.0, 1.0]], description="orientation as x, y, z, w"
+    )
 
 
 class OrientedPoseAnswer(Answer):
     """A pose with its orientation in the form that was asked for."""
 
-    position: list[Coordinate] = Field(examples=[[0.4, 0.0, 0.3]])
-    quaternion_xyzw: list[float] | None = Field(None, examples=[[0.0, 0.0, 0.0, 1.0]])
+    position: list[float] = Field(examples=[[0.4, 0.0, 0.3]], description="x, y, z [m]")
+    quaternion_xyzw: list[float] | None = Field(
+        None, examples=[[0.0, 0.0, 0.0, 1.0]], description="orientation as x, y, z, w"
+    )
     rotation_matrix: list[list[float]] | None = Field(None, description="rows")
     euler_zyz: list[float] | None = Field(
         None, description="[phi, theta, psi] [rad], theta in [0, pi]; psi = 0 where sin(theta) = 0"

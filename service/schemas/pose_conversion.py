@@ -27,7 +27,7 @@ _EXAMPLE: JsonDict = {
 class PoseForm(Pose):
     """A pose in any form; a position that is left out is the origin."""
 
-    position: Point = Field([0.0, 0.0, 0.0], examples=[[0.4, 0.0, 0.3]])
+    position: Point = Field([0.0, 0.0, 0.0], examples=[[0.4, 0.0, 0.3]], description="x, y, z [m]")
     transform: Matrix4 | None = Field(
         None, description="rows of [[R, p], [0, 0, 0, 1]], in place of all other forms"
     )
@@ -75,7 +75,7 @@ class ConvertPoseRequest(Body):
 class PoseForms(Answer):
     """A pose in every form."""
 
-    position: list[float]
+    position: list[float] = Field(description="x, y, z [m]")
     quaternion_xyzw: list[float] = Field(description="with w >= 0; its negative means the same")
     rotation_matrix: list[list[float]] = Field(description="rows")
     euler_zyz: list[float] = Field(description="[phi, theta, psi] [rad], theta in [0, pi]")
@@ -95,8 +95,11 @@ class PoseForms(Answer):
 class SingularFormAnswer(Answer):
     """A form of the orientation that does not determine all of its numbers."""
 
-    form: Literal["euler_zyz", "rpy", "axis_angle"]
-    determined: str = Field(examples=["theta = 0: only phi + psi is determined"])
+    form: Literal["euler_zyz", "rpy", "axis_angle"] = Field(description="of the orientation")
+    determined: str = Field(
+        examples=["theta = 0: only phi + psi is determined"],
+        description="what the rotation determines",
+    )
     choice: str = Field(description="made for the rest", examples=["psi = 0"])
 
 
@@ -105,7 +108,9 @@ class ConvertPoseAnswer(Answer):
 
     pose: PoseForms
     inverse: PoseForms
-    singular: list[SingularFormAnswer]
+    singular: list[SingularFormAnswer] = Field(
+        description="forms that do not determine all of their numbers"
+    )
     poses: list[list[list[float]]] | None = Field(
         None, description="of motions: the 4x4 transform after each"
     )

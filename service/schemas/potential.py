@@ -73,7 +73,10 @@ class PotentialRequest(Body):
     """Configurations on the way to a goal, and what is in the way."""
 
     joints: Joints = Field(examples=[JOINTS_EXAMPLE])
-    goal_joints: JointVector = Field(examples=[[0.6, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]])
+    goal_joints: JointVector = Field(
+        examples=[[0.6, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]],
+        description="configuration that the field pulls to [rad or m]",
+    )
     scene: SceneReference | None = Field(None, examples=["table"])
     frame: Frame | None = Field(None, description="of an inline scene that names none")
     options: PotentialOptions | None = None
@@ -111,4 +114,6 @@ class PotentialAnswer(Answer):
     potential: float | list[float] = Field(description="U(q) [J]")
     gradient: list[float] | Matrix = Field(description="∇_q U [N m or N]")
     joint_force: list[float] | Matrix = Field(description="−∇_q U, what the descent follows")
-    control_points: list[ControlPoint] | list[list[ControlPoint]]
+    control_points: list[ControlPoint] | list[list[ControlPoint]] = Field(
+        description="points that are pulled and pushed, from the base on"
+    )

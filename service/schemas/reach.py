@@ -1,7 +1,7 @@
 """Reach of an arm on the wire."""
 
 import math
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
@@ -103,7 +103,11 @@ class BaseRegion(Body):
 class ReachRequest(Body):
     """Task poses and what stands around; with candidates for the base also where to stand."""
 
-    poses: Annotated[list[Pose], Field(min_length=1, max_length=MAX_POSES)] | None = None
+    one_of: ClassVar[tuple[str, ...]] = ("poses", "box")
+
+    poses: Annotated[list[Pose], Field(min_length=1, max_length=MAX_POSES)] | None = Field(
+        None, description="task poses of the link"
+    )
     box: ReachBox | None = Field(None, description="a grid of poses in place of a list")
     frame: Frame | None = None
     link: Label | None = Field(None, description="the tip if left out")
@@ -134,7 +138,7 @@ class ReachRequest(Body):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        exactly_one(self, ("poses", "box"))
+        exactly_one(self, self.one_of)
         if self.bases is not None and self.base_region is not None:
             raise ValueError("give bases or base_region, not both")
         if self.frame is not None and (self.bases or self.base_region):
@@ -160,18 +164,22 @@ class BaseAnswer(Answer):
     pose: PoseAnswer
     reached: int = Field(description="how many of the poses")
     clearance: float | None = Field(description="[m]; null where nothing can collide")
-    manipulability: float | None
-    limit_distance: float | None
+    manipulability: float | None = Field(
+        description="product of the Jacobian's singular values; null where nothing is reached"
+    )
+    limit_distance: float | None = Field(
+        description="share of half its range left to the joint nearest to a limit; null likewise"
+    )
     unreached: list[int] = Field(description="numbers of the first poses that are not reached")
 
 
 class ReachAnswer(InFrame):
     """Reach of the poses in their order; with candidates for the base that from the best one."""
 
-    count: int
+    count: int = Field(description="number of poses")
     reached: int = Field(description="how many of them are reached")
     statuses: list[str] = Field(description="names of the numbers in status")
-    status: list[int]
+    status: list[int] = Field(description="of each pose: a place in `statuses`")
     branches: list[int] = Field(
         description="branches of inverse kinematics that are free of collision"
     )
@@ -187,7 +195,9 @@ class ReachAnswer(InFrame):
         description="share of half its range left to the joint nearest to a limit, 0 … 1"
     )
     joints: list[list[float] | None] | None = Field(description="the best configurations")
-    joint_names: list[str]
+    joint_names: list[str] = Field(description="order of the configurations")
     grid: ReachGrid | None = None
     bases: list[BaseAnswer] | None = Field(None, description="best first")
-    allowed_collisions: list[list[str]] = Field(default_factory=list)
+    allowed_collisions: list[list[str]] = Field(
+        default_factory=list, description="of the request, as they were obeyed"
+    )

@@ -15,9 +15,11 @@ from service.schemas.base import (
     NonNegative,
     Number,
     Timeout,
+    any_given,
 )
 from service.schemas.certificate import CertificateAnswer, TrajectoryAnswer
-from service.schemas.plan import LimitsBody, Timing, TrajectoryBody
+from service.schemas.plan import LimitsBody, TrajectoryBody
+from service.schemas.timing import Timing, TimingAnswer
 
 #: A path of so many waypoints takes some seconds.
 MAX_WAYPOINTS = 5_000
@@ -56,7 +58,7 @@ _STATE_TIMING = {
 class RetimePath(Body):
     """Waypoints in joint space, and what a spline through them is to have for knots."""
 
-    joints: Waypoints
+    joints: Waypoints = Field(description="waypoints in their order [rad or m]")
     knots: Annotated[list[Number], Field(min_length=2, max_length=MAX_WAYPOINTS)] | None = Field(
         None, description="of a spline, strictly increasing; times for the method spline [s]"
     )
@@ -90,7 +92,12 @@ class JointStateBody(Body):
 class RetimeRequest(Body):
     """A path, or two states, to be timed within a robot's limits or those given."""
 
-    model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE, _TOPPRA, _STATES]})
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [_EXAMPLE, _TOPPRA, _STATES],
+            **any_given(("path",), ("from", "to")),
+        }
+    )
 
     path: RetimePath | None = None
     start: JointStateBody | None = Field(
@@ -107,7 +114,11 @@ class RetimeRequest(Body):
         description="of the joints between two states: phase (if left out) for a straight line "
         "where the states allow one, time for arriving together only",
     )
-    robot: Name | None = Field(None, examples=["panda"])
+    robot: Name | None = Field(
+        None,
+        examples=["panda"],
+        description="name of a stored or built-in robot, whose limits hold where none are given",
+    )
     limits: LimitsBody | None = None
     timing: RetimeTiming = Field(default_factory=RetimeTiming)
     timeout: Timeout | None = None
@@ -134,7 +145,7 @@ class RetimeRequest(Body):
 class RetimeAnswer(Answer):
     """A timed path, and what was proved of its limits."""
 
-    status: Literal["success"]
+    status: Literal["success"] = Field(description="success; a problem document has a number here")
     trajectory: TrajectoryAnswer
     certificate: CertificateAnswer = Field(
         description="of the limits alone; not verified where times that were given break them"
@@ -143,6 +154,7 @@ class RetimeAnswer(Answer):
     needed_factor: float = Field(
         description="times have to be stretched by this for all limits to hold; 1 if they do"
     )
+    timing: TimingAnswer | None = Field(None, description="method and limits of its timing")
     notes: list[str] = Field(default_factory=list, description="what is special about the path")
     peaks: dict[str, list[float]] = Field(
         default_factory=dict,
@@ -155,9 +167,16 @@ class ConvertRequest(Body):
     """A motion to be told in another shape."""
 
     trajectory: TrajectoryBody
-    sample_period: Annotated[NonNegative, Field(ge=1e-4, le=60.0)] = Field(examples=[0.01])
-    format: Literal["joint_trajectory", "csv"] = "joint_trajectory"
-    frame_id: Annotated[str, Field(max_length=256)] = ""
+    sample_period: Annotated[NonNegative, Field(ge=1e-4, le=60.0)] = Field(
+        examples=[0.01], description="time between samples [s]"
+    )
+    format: Literal["joint_trajectory", "csv"] = Field(
+        "joint_trajectory",
+        description="the message trajectory_msgs/JointTrajectory as JSON, or a table",
+    )
+    frame_id: Annotated[str, Field(max_length=256)] = Field(
+        "", description="of the message's header"
+    )
 
     @model_validator(mode="after")
     def _check_form(self) -> "ConvertRequest":
@@ -169,6 +188,8 @@ class ConvertRequest(Body):
 class JointTrajectoryAnswer(Answer):
     """The message trajectory_msgs/JointTrajectory."""
 
-    header: dict[str, Any]
-    joint_names: list[str]
-    points: list[dict[str, Any]]
+    header: dict[str, Any] = Field(description="with `stamp` and `frame_id`")
+    joint_names: list[str] = Field(description="names of the columns")
+    points: list[dict[str, Any]] = Field(
+        description="positions, velocities and accelerations with `time_from_start`"
+    )

@@ -6,30 +6,22 @@ from pydantic import ConfigDict, Discriminator, Field, Tag, field_validator, mod
 from pydantic.config import JsonDict
 
 from service.schemas.base import (
-    MAX_JOINTS,
     Answer,
     Body,
-    Coordinate,
     Label,
-    Length,
-    Matrix3,
     Name,
-    NonNegative,
     Number,
-    Point,
     Positive,
-    Vector3,
+    any_given,
     exactly_one,
 )
+from service.schemas.dh import DhAnswer, DhTable
 from service.schemas.motor import Motor
-from service.schemas.pose import Pose, PoseAnswer
-from service.schemas.shape import Shape, check_base64
+from service.schemas.shape import check_base64
 
 _MAX_XML = 16 * 1024 * 1024
 _MAX_MESHES = 1_000
 _MAX_URI = 1_024
-#: Solids of one link.
-_MAX_SOLIDS = 100
 
 #: Text of a joint_limits.yaml: a kilobyte a joint.
 _MAX_LIMITS = 1_000_000
@@ -40,101 +32,24 @@ Xml = Annotated[str, Field(min_length=1, max_length=_MAX_XML)]
 Uri = Annotated[str, Field(min_length=1, max_length=_MAX_URI)]
 
 
-class LinkSolid(Body):
-    """A shape that a link carries."""
-
-    shape: Shape
-    pose: Pose | None = Field(
-        None, description="in the link's frame, which is frame i of row i; the frame itself if null"
-    )
-
-
-class LinkCapsules(Body):
-    """Capsules about the segments a and d of every row."""
-
-    capsules: Length = Field(description="their radius [m]", examples=[0.06])
-
-
-class DhRow(Body):
-    """One joint of a Denavit-Hartenberg table, with what is known of the link behind it.
-
-    For a revolute joint `theta` is the offset of the joint variable, for a prismatic one `d` is.
-    """
-
-    type: Literal["revolute", "prismatic"]
-    a: Coordinate = Field(description="[m]")
-    alpha: Number = Field(description="[rad]")
-    d: Coordinate = Field(description="[m]")
-    theta: Number = Field(description="[rad]")
-    lower: Number | None = Field(None, description="[rad] or [m]")
-    upper: Number | None = Field(None, description="[rad] or [m]")
-    velocity: Positive | None = None
-    acceleration: Positive | None = None
-    jerk: Positive | None = None
-    effort: Positive | None = None
-    mass: NonNegative | None = Field(None, description="[kg]")
-    center_of_mass: Point | None = Field(None, description="in the link frame [m]")
-    inertia: Matrix3 | None = Field(
-        None, description="about the centre of mass in the link frame [kg m²]"
-    )
-    motor_inertia: NonNegative | None = None
-    viscous_friction: NonNegative | None = None
-    coulomb_friction: NonNegative | None = Field(None, description="dry friction [N m or N]")
-    motor: Motor | None = Field(
-        None,
-        description="what drives the joint, in place of motor_inertia and viscous_friction; every "
-        "row has one, or none has",
-    )
-    beta: Number = Field(
-        0.0, description="about y, behind alpha [rad]; 0 but for nearly parallel axes"
-    )
-    continuous: bool = Field(False, description="without end: lower and upper are left out or null")
-    geometry: Annotated[list[LinkSolid], Field(max_length=_MAX_SOLIDS)] | None = Field(
-        None, description="solids of the link behind the joint"
-    )
-
-    @model_validator(mode="after")
-    def _check_limits(self) -> "DhRow":
-        if self.continuous and not (self.lower is None and self.upper is None):
-            raise ValueError("a continuous joint has neither lower nor upper")
-        if self.lower is not None and self.upper is not None and self.lower >= self.upper:
-            raise ValueError(f"lower ({self.lower:g}) must be less than upper ({self.upper:g})")
-        drive = (self.motor_inertia, self.viscous_friction)
-        if self.motor is not None and drive != (None, None):
-            raise ValueError("motor has an inertia and a friction: leave out motor_inertia and "
-                             "viscous_friction, or motor")  # fmt: skip
-        return self
-
-
-class DhTable(Body):
-    """A robot by its Denavit-Hartenberg parameters."""
-
-    convention: Literal["standard", "modified"]
-    rows: Annotated[list[DhRow], Field(min_length=1, max_length=MAX_JOINTS)]
-    base: Pose | None = None
-    tool: Pose | None = None
-    gravity: Vector3 | None = Field(None, description="in the root frame [m/s²]")
-    geometry: LinkCapsules | None = Field(
-        None, description="solids of all links, beside those of the rows"
-    )
-
-
 class JointLimits(Body):
     """Limits that a description leaves out or that are to be tightened."""
 
     lower: Number | None = Field(None, description="[rad] or [m]")
     upper: Number | None = Field(None, description="[rad] or [m]")
-    velocity: Positive | None = None
-    acceleration: Positive | None = None
-    jerk: Positive | None = None
+    velocity: Positive | None = Field(None, description="largest speed [rad/s or m/s]")
+    acceleration: Positive | None = Field(None, description="largest acceleration [rad/s² or m/s²]")
+    jerk: Positive | None = Field(None, description="largest jerk [rad/s³ or m/s³]")
     effort: Positive | None = Field(None, description="[N m] or [N]")
 
 
 class DefaultLimits(Body):
     """Rules for limits that are known nowhere else: a number times another limit."""
 
-    acceleration: Rule | None = Field(None, examples=["10 x velocity"])
-    jerk: Rule | None = Field(None, examples=["10 x acceleration"])
+    acceleration: Rule | None = Field(
+        None, examples=["10 x velocity"], description="rule for accelerations"
+    )
+    jerk: Rule | None = Field(None, examples=["10 x acceleration"], description="rule for jerks")
 
 
 def _by_form(value: object) -> str:
@@ -180,7 +95,7 @@ _EXAMPLE: JsonDict = {
 class RobotFields(Body):
     """Fields of a robot beside its description."""
 
-    name: Name
+    name: Name = Field(description="under which the robot is stored")
     base_link: Label | None = Field(
         None, description="where the chain begins; poses are in the root frame all the same"
     )
@@ -213,7 +128,10 @@ class RobotChanges(Body):
     """Limits of a stored robot that change; those of other joints and quantities stay."""
 
     model_config = ConfigDict(
-        json_schema_extra={"examples": [{"joint_limits": {"*": {"acceleration": 4.0}}}]}
+        json_schema_extra={
+            "examples": [{"joint_limits": {"*": {"acceleration": 4.0}}}],
+            **any_given(("joint_limits",), ("default_limits",)),
+        }
     )
 
     joint_limits: LimitsOfJoints | None = None
@@ -244,8 +162,8 @@ class RobotBody(RobotFields):
 
     model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
 
-    urdf: Xml | None = None
-    srdf: Xml | None = None
+    urdf: Xml | None = Field(None, description="text of the URDF")
+    srdf: Xml | None = Field(None, description="text of the SRDF that belongs to it")
     dh: DhTable | None = None
     meshes: Annotated[dict[Uri, str], Field(max_length=_MAX_MESHES)] | None = Field(
         None, description="package:// or relative URI of the URDF → file in base64"
@@ -274,88 +192,49 @@ class RobotBody(RobotFields):
 class Limits(Answer):
     """Limits in the order of the joints; null where there is none."""
 
-    lower: list[float | None]
-    upper: list[float | None]
-    velocity: list[float | None]
-    acceleration: list[float | None]
-    jerk: list[float | None]
-    effort: list[float | None]
-
-
-class DhRowAnswer(Answer):
-    """One row of the table that was given, or that is derived from the joint axes."""
-
-    type: Literal["revolute", "prismatic"]
-    a: float
-    alpha: float
-    d: float
-    theta: float
-    lower: float | None = Field(None, description="[rad] or [m]; null where there is none")
-    upper: float | None = None
-    velocity: float | None = None
-    acceleration: float | None = None
-    jerk: float | None = None
-    effort: float | None = None
-    mass: float | None = Field(None, description="of all that moves with the joint [kg]")
-    center_of_mass: list[float] | None = Field(None, description="in frame i [m]")
-    inertia: list[list[float]] | None = Field(
-        None, description="about the centre of mass in the axes of frame i [kg m²]"
-    )
-    motor_inertia: float | None = Field(None, description="null where there is a `motor`")
-    viscous_friction: float | None = Field(None, description="null where there is a `motor`")
-    coulomb_friction: float | None = None
-    motor: Motor | None = Field(None, description="what drives the joint, as it was given")
-    beta: float = Field(0.0, description="about y, behind alpha; 0 but for nearly parallel axes")
-    continuous: bool = Field(False, description="without end: no lower and no upper limit")
-    geometry: list[LinkSolid] | None = Field(None, description="as it was given")
-
-
-class DhAnswer(Answer):
-    """The Denavit-Hartenberg table of a robot: the tool's pose is base H_1 … H_n tool."""
-
-    convention: Literal["standard", "modified"]
-    rows: list[DhRowAnswer]
-    base: PoseAnswer = Field(description="frame 0 in the root frame")
-    tool: PoseAnswer = Field(description="the tip in frame n")
-    gravity: list[float] | None = Field(None, description="in the root frame [m/s²]")
-    geometry: LinkCapsules | None = Field(None, description="as it was given")
+    lower: list[float | None] = Field(description="least position [rad or m]")
+    upper: list[float | None] = Field(description="largest position [rad or m]")
+    velocity: list[float | None] = Field(description="largest speed [rad/s or m/s]")
+    acceleration: list[float | None] = Field(description="largest acceleration [rad/s² or m/s²]")
+    jerk: list[float | None] = Field(description="largest jerk [rad/s³ or m/s³]")
+    effort: list[float | None] = Field(description="largest torque or force [N m or N]")
 
 
 class RobotSummary(Answer):
     """A robot in the list."""
 
-    name: str = Field(examples=["panda"])
-    built_in: bool
-    joints: int = Field(examples=[7])
+    name: str = Field(examples=["panda"], description="of the robot")
+    built_in: bool = Field(description="it is always there and can't be deleted")
+    joints: int = Field(examples=[7], description="number of joints of its chain")
 
 
 class RobotList(Answer):
     """All robots by name, built-in ones among them."""
 
-    robots: list[RobotSummary]
+    robots: list[RobotSummary] = Field(description="by name")
     next: str | None = Field(None, description="value of `after` for the next page")
 
 
 class SuspectedPair(Answer):
     """Two links that touch where the robot surely may stand."""
 
-    pair: list[str]
-    reason: str = Field(examples=["zero pose"])
+    pair: list[str] = Field(description="names of the two links")
+    reason: str = Field(examples=["zero pose"], description="where they touch")
 
 
 class RobotAnswer(Answer):
     """The model of a robot."""
 
-    name: str = Field(examples=["panda"])
-    built_in: bool
+    name: str = Field(examples=["panda"], description="under which it is stored")
+    built_in: bool = Field(description="it is always there and can't be deleted")
     hash: str = Field(description="of the model with its solids, as answers to plans give it")
-    joint_names: list[str]
-    joint_types: list[Literal["revolute", "prismatic"]]
+    joint_names: list[str] = Field(description="order of all joint vectors")
+    joint_types: list[Literal["revolute", "prismatic"]] = Field(description="kind of each joint")
     limits: Limits
-    links: list[str]
+    links: list[str] = Field(description="from the root on")
     frame: str = Field(description="the root link, in whose frame all poses are")
     base_link: str = Field(description="where the chain begins")
-    tip_link: str
+    tip_link: str = Field(description="where the chain ends")
     states: dict[str, list[float]] = Field(
         default_factory=dict,
         description="named states of the SRDF for the joints of the chain [rad or m]",
@@ -366,7 +245,9 @@ class RobotAnswer(Answer):
         None, description="by joint, of a table's rows or of the request; null where it has none"
     )
     dh: DhAnswer | None = None
-    wrist: Literal["spherical", "three_parallel", "none"]
+    wrist: Literal["spherical", "three_parallel", "none"] = Field(
+        description="kind of inverse kinematics in closed form"
+    )
     allowed_collisions: list[list[str]] = Field(
         examples=[[["panda_link0", "panda_link1"]]], description="pairs of links that may touch"
     )

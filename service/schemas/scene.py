@@ -47,10 +47,14 @@ _EXAMPLE: JsonDict = {
 class Obstacle(Body):
     """A shape at a pose, to be kept away from by its margin [m]."""
 
-    id: Label = Field(examples=["table_top"])
-    shape: Shape
+    id: Label = Field(
+        examples=["table_top"], description="name of the obstacle, unique in its scene"
+    )
+    shape: Shape = Field(description="in the obstacle's own frame")
     pose: FramedPose
-    margin: Annotated[NonNegative, Field(le=10.0)] | None = None
+    margin: Annotated[NonNegative, Field(le=10.0)] | None = Field(
+        None, description="distance to be kept from it [m]; 0 if left out"
+    )
 
 
 class Scene(Body):
@@ -60,9 +64,11 @@ class Scene(Body):
 
     model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
 
-    name: Name | None = None
+    name: Name | None = Field(None, description="under which it is stored, where it is")
     frame: Frame | None = None
-    obstacles: Annotated[list[Obstacle], Field(max_length=MAX_OBSTACLES)] | None = None
+    obstacles: Annotated[list[Obstacle], Field(max_length=MAX_OBSTACLES)] | None = Field(
+        None, description="shapes to keep away from"
+    )
     moveit: Annotated[str, Field(min_length=1, max_length=_MAX_YAML)] | None = Field(
         None, description="planning-scene YAML"
     )
@@ -85,7 +91,7 @@ class Scene(Body):
 class NamedScene(Scene):
     """A scene to be stored."""
 
-    name: Name = Field(examples=["table"])
+    name: Name = Field(examples=["table"], description="under which it is stored")
 
 
 def _by_name(value: object) -> str:
@@ -94,24 +100,30 @@ def _by_name(value: object) -> str:
 
 #: A stored scene by its name, or a scene.
 SceneReference = Annotated[
-    Annotated[Name, Tag("name")] | Annotated[Scene, Tag("inline")], Discriminator(_by_name)
+    Annotated[Name, Tag("name")] | Annotated[Scene, Tag("inline")],
+    Discriminator(_by_name),
+    Field(description="name of a stored scene, or a scene; no obstacles if left out"),
 ]
 
 
 class SceneSummary(Answer):
     """Summary of a stored scene, without its obstacles."""
 
-    name: str = Field(examples=["table"])
+    name: str = Field(examples=["table"], description="of the scene")
     hash: str = Field(description="SHA-256 of the stored document")
     version: int = Field(examples=[1], description="counts the replacements")
-    created: str = Field(examples=["2026-11-21T09:30:00+00:00"])
-    updated: str = Field(examples=["2026-11-21T09:30:00+00:00"])
+    created: str = Field(
+        examples=["2026-11-21T09:30:00+00:00"], description="when it was stored first"
+    )
+    updated: str = Field(
+        examples=["2026-11-21T09:30:00+00:00"], description="when it was stored last"
+    )
 
 
 class SceneList(Answer):
     """Stored scenes by name; `next` continues the list, if there are more."""
 
-    scenes: list[SceneSummary]
+    scenes: list[SceneSummary] = Field(description="by name")
     next: str | None = Field(None, description="value of `after` for the next page")
 
 
@@ -123,7 +135,7 @@ class ProjectRequest(Body):
     """Points to be projected onto every obstacle of a scene."""
 
     points: Annotated[list[Point], Field(min_length=1, max_length=MAX_POINTS)] = Field(
-        examples=[[[0.5, 0.0, 0.4]]]
+        examples=[[[0.5, 0.0, 0.4]]], description="to be projected [m]"
     )
     engine: Engine = Field(
         "exact",
@@ -136,7 +148,7 @@ class ProjectRequest(Body):
 class Projection(Answer):
     """The orthogonal projection of a point onto one obstacle."""
 
-    obstacle: str = Field(examples=["table_top"])
+    obstacle: str = Field(examples=["table_top"], description="its name")
     projection: list[float] = Field(
         examples=[[0.5, 0.0, 0.22]], description="the nearest point of the obstacle's surface [m]"
     )
@@ -146,7 +158,7 @@ class Projection(Answer):
 class ProjectAnswer(Answer):
     """For each point its projection onto every obstacle."""
 
-    projections: list[list[Projection]]
+    projections: list[list[Projection]] = Field(description="for each point one for each obstacle")
     frame: str | None = Field(
         None, description="of the scene, which points and projections are in; the root if null"
     )

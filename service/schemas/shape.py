@@ -4,9 +4,9 @@ import base64
 import binascii
 from typing import Annotated, Literal
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import ConfigDict, Field, field_validator, model_validator
 
-from service.schemas.base import Body, Coordinate, Length, Point, Vector3
+from service.schemas.base import Body, Coordinate, Length, Point, Vector3, any_given
 
 #: Caps on what one shape may consist of.
 MAX_VERTICES = 200_000
@@ -26,7 +26,7 @@ class Box(Body):
 
     type: Literal["box"]
     size: Annotated[list[Length], Field(min_length=3, max_length=3)] = Field(
-        examples=[[0.2, 0.3, 0.5]]
+        examples=[[0.2, 0.3, 0.5]], description="edge lengths along x, y, z [m]"
     )
 
 
@@ -34,39 +34,45 @@ class Sphere(Body):
     """A sphere centred in its frame."""
 
     type: Literal["sphere"]
-    radius: Length = Field(examples=[0.1])
+    radius: Length = Field(examples=[0.1], description="[m]")
 
 
 class Cylinder(Body):
     """A cylinder centred in its frame, along z."""
 
     type: Literal["cylinder"]
-    radius: Length = Field(examples=[0.05])
-    height: Length = Field(examples=[0.4])
+    radius: Length = Field(examples=[0.05], description="about z [m]")
+    height: Length = Field(examples=[0.4], description="along z [m]")
 
 
 class Capsule(Body):
     """A cylinder of the given height along z with a half sphere at each end, centred."""
 
     type: Literal["capsule"]
-    radius: Length = Field(examples=[0.05])
-    height: Length = Field(examples=[0.4])
+    radius: Length = Field(examples=[0.05], description="of the cylinder and of its ends [m]")
+    height: Length = Field(examples=[0.4], description="of the cylinder without its ends [m]")
 
 
 class Cone(Body):
     """A cone along z, centred at half its height, its tip at +z."""
 
     type: Literal["cone"]
-    radius: Length = Field(examples=[0.05])
-    height: Length = Field(examples=[0.4])
+    radius: Length = Field(examples=[0.05], description="of the base [m]")
+    height: Length = Field(examples=[0.4], description="from the base to the tip [m]")
 
 
 class Halfspace(Body):
     """All points p with normal · p ≤ offset; both are divided by the length of the normal."""
 
     type: Literal["halfspace"]
-    normal: Vector3 = Field(examples=[[0.0, 0.0, 1.0]])
-    offset: Coordinate = Field(examples=[0.0])
+    normal: Vector3 = Field(
+        examples=[[0.0, 0.0, 1.0]],
+        description="outward direction of the plane, of any length but 0",
+    )
+    offset: Coordinate = Field(
+        examples=[0.0],
+        description="distance of the plane from the origin along the normal, times its length [m]",
+    )
 
     @field_validator("normal")
     @classmethod
@@ -81,15 +87,20 @@ class Convex(Body):
 
     type: Literal["convex"]
     vertices: Annotated[_Vertices, Field(min_length=4)] = Field(
-        examples=[[[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]]]
+        examples=[[[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]]],
+        description="points whose convex hull is meant [m]",
     )
 
 
 class Mesh(Body):
     """A triangle mesh: vertices and faces, or an STL file in base64."""
 
+    model_config = ConfigDict(json_schema_extra=any_given(("vertices", "faces"), ("stl_base64",)))
+
     type: Literal["mesh"]
-    vertices: Annotated[_Vertices, Field(min_length=3)] | None = None
+    vertices: Annotated[_Vertices, Field(min_length=3)] | None = Field(
+        None, description="corners of the triangles [m]"
+    )
     faces: Annotated[list[_Face], Field(min_length=1, max_length=MAX_FACES)] | None = Field(
         None, description="three vertex numbers each, counted from 0"
     )
@@ -122,9 +133,9 @@ class PointCloud(Body):
 
     type: Literal["point_cloud"]
     points: Annotated[list[Point], Field(min_length=1, max_length=MAX_POINTS)] = Field(
-        examples=[[[0.5, 0.0, 0.2], [0.5, 0.01, 0.2]]]
+        examples=[[[0.5, 0.0, 0.2], [0.5, 0.01, 0.2]]], description="centres of the spheres [m]"
     )
-    radius: Length = Field(examples=[0.01])
+    radius: Length = Field(examples=[0.01], description="of each sphere [m]")
 
 
 Shape = Annotated[

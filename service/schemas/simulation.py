@@ -133,12 +133,12 @@ class SimulateRequest(Body):
 
     model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
 
-    robot: Name = Field(examples=["panda"])
+    robot: Name = Field(examples=["panda"], description="name of a stored or built-in robot")
     trajectory: TrajectoryBody | None = None
     reference: NamedReference | None = Field(
         None, description="hold, step, sine or spline, in place of a trajectory"
     )
-    controller: Controller
+    controller: Controller = Field(description="control law with its gains")
     motors: Motor | list[Motor] | None = Field(
         None,
         description="one for all joints or one a joint, in place of the robot's motors, motor "
@@ -175,8 +175,13 @@ class SimulateRequest(Body):
         True, description="cut torques off at the effort limits and the motors' voltage limits"
     )
     settling_tolerance: Positive = Field(1e-3, description="[rad or m]")
-    relative_tolerance: Annotated[float, Field(ge=1e-13, le=1e-2)] = 1e-8
-    absolute_tolerance: Annotated[float, Field(ge=1e-13, le=1e-2)] = 1e-10
+    relative_tolerance: Annotated[float, Field(ge=1e-13, le=1e-2)] = Field(
+        1e-8, description="error that each step of the integrator may make, relative to the state"
+    )
+    absolute_tolerance: Annotated[float, Field(ge=1e-13, le=1e-2)] = Field(
+        1e-10,
+        description="error that each step of the integrator may make [rad or m, and per second]",
+    )
     scene: SceneReference | None = Field(
         None,
         description="with one, the tracking tube is answered; an empty one will do. Tolerances are "
@@ -217,7 +222,7 @@ class LimitUseAnswer(Answer):
         description="largest |value| / limit; for positions of the distance from the middle of the "
         "range to half the range; above 1 the limit is broken"
     )
-    joint: str
+    joint: str = Field(description="the joint that uses most of its limit")
 
 
 class TubeAnswer(Answer):
@@ -254,15 +259,17 @@ class TubeAnswer(Answer):
 class ReferenceAnswer(Answer):
     """Reference that the controller follows."""
 
-    position: Matrix
-    velocity: Matrix
+    position: Matrix = Field(description="of the joints at each time [rad or m]")
+    velocity: Matrix = Field(description="of the joints at each time [rad/s or m/s]")
 
 
 class ControllerAnswer(Answer):
     """The controller with the gains that were used."""
 
-    type: str
-    gains: dict[str, list[float] | Matrix]
+    type: str = Field(description="kind of controller")
+    gains: dict[str, list[float] | Matrix] = Field(
+        description="by name: one number a joint, or rows of a matrix"
+    )
     parameter_names: list[str] | None = Field(None, description="of the estimate, if adaptive")
     parameter_labels: list[str] | None = Field(
         None, description="as textbooks write them, with units", examples=[["m2·lc2 [kg m]"]]
@@ -273,11 +280,13 @@ class ControllerAnswer(Answer):
 class SimulateAnswer(Answer):
     """Course of a simulation; rows belong to the times."""
 
-    outcome: Literal["completed", "ran_away", "exhausted"]
+    outcome: Literal["completed", "ran_away", "exhausted"] = Field(
+        description="whether the simulation reached its end, and if not why"
+    )
     advice: str = Field(description="what the outcome means and what to try")
-    time: list[float]
-    position: Matrix
-    velocity: Matrix
+    time: list[float] = Field(description="of each row [s]")
+    position: Matrix = Field(description="q of the robot [rad or m]")
+    velocity: Matrix = Field(description="q̇ of the robot [rad/s or m/s]")
     reference: ReferenceAnswer
     torque: Matrix = Field(description="after saturation [N m or N]")
     voltage: Matrix | None = Field(
@@ -301,8 +310,10 @@ class SimulateAnswer(Answer):
         "[rad or m]"
     )
     max_joint_errors: list[float] = Field(description="the same of each joint")
-    settled: bool
-    settling_time: float | None = None
+    settled: bool = Field(description="the error stays within settling_tolerance until the end")
+    settling_time: float | None = Field(
+        None, description="since when it does [s]; null where it does not"
+    )
     controller: ControllerAnswer
     motor_inertia: list[float] = Field(description="J of the simulated robot, M = D + J")
     viscous_friction: list[float] = Field(description="B of the simulated robot")

@@ -269,15 +269,21 @@ def _postgresql_engine(url: URL) -> Engine:
         "options": f"-c statement_timeout={_STATEMENT_TIMEOUT}"
         f" -c lock_timeout={int(1000 * _LOCK_TIMEOUT)}",
     }
-    return create_engine(
-        url,
-        connect_args=arguments,
-        pool_size=_CONNECTIONS,
-        max_overflow=_CONNECTIONS,
-        pool_timeout=_TURN_TIMEOUT,
-        hide_parameters=True,
-        pool_pre_ping=True,
-    )
+    try:
+        return create_engine(
+            url,
+            connect_args=arguments,
+            pool_size=_CONNECTIONS,
+            max_overflow=_CONNECTIONS,
+            pool_timeout=_TURN_TIMEOUT,
+            hide_parameters=True,
+            pool_pre_ping=True,
+        )
+    except ImportError as error:
+        raise StoreError(
+            f"the driver for PostgreSQL can't be loaded ({error}). Install it: "
+            "pip install 'armwright[postgres]'"
+        ) from None
 
 
 def _reason(error: Exception) -> str:

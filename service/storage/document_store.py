@@ -2,6 +2,7 @@
 
 import hashlib
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from sqlalchemy import Connection, bindparam, delete, func, insert, select, update
@@ -43,6 +44,9 @@ class Document:
     content: bytes
 
 
+#: Raises where a change is not meant for the document that there is, told by its hash or None.
+Precondition = Callable[[str | None], None]
+
 #: Whoever uses a service without keys.
 _ANYBODY = Actor(DEFAULT_TENANT)
 _IS_DOCUMENT = (
@@ -59,6 +63,8 @@ _RECORD = (
     func.length(documents.c.content),
 )
 _FIND = select(*_RECORD).where(_IS_DOCUMENT)
+# Locked until the transaction ends; SQLite knows no locks of rows, its writers wait for each other.
+_LOCK = select(documents.c.hash).where(_IS_DOCUMENT).with_for_update()
 _GET = select(*_RECORD, documents.c.content).where(_IS_DOCUMENT)
 _LIST = (
     select(*_RECORD)
@@ -131,16 +137,24 @@ class DocumentStore:
                 name=name,
             ) from None
 
-    def replace(self, kind: str, name: str, content: bytes) -> Record:
+    def replace(
+        self, kind: str, name: str, content: bytes, precondition: Precondition | None = None
+    ) -> Record:
         """Keep a document, new or in place of the one of that name.
 
+        Args:
+            kind: Of document.
+            name: Of the document.
+            content: Of the document.
+            precondition: Asked in the transaction that stores the document.
+
         Raises:
-            ProblemError: QUOTA_EXCEEDED.
+            ProblemError: QUOTA_EXCEEDED; or what the precondition raises.
         """
         try:
-            return self._replace(kind, name, content)
+            return self._replace(kind, name, content, precondition)
         except IntegrityError:  # another server created it between the two statements
-            return self._replace(kind, name, content)
+            return self._replace(kind, name, content, precondition)
 
     def record(self, kind: str, name: str) -> Record:
         """Metadata of the document of a name.
@@ -176,13 +190,21 @@ class DocumentStore:
             rows = connection.execute(_LIST, bounds).all()
         return [Record(*row) for row in rows]
 
-    def delete(self, kind: str, name: str) -> None:
+    def delete(self, kind: str, name: str, precondition: Precondition | None = None) -> None:
         """Forget a document.
 
+        Args:
+            kind: Of document.
+            name: Of the document.
+            precondition: Asked in the transaction that deletes the document, if there is one.
+
         Raises:
-            ProblemError: NOT_FOUND.
+            ProblemError: NOT_FOUND; or what the precondition raises.
         """
         with self._database.transaction() as connection:
+            current = self._lock(connection, kind, name)
+            if precondition is not None and current is not None:
+                precondition(current)
             gone = connection.execute(_DELETE, self._parameters(kind, name)).rowcount
             if gone:
                 note(connection, self._actor, "delete", f"{kind} {name}")
@@ -213,13 +235,22 @@ class DocumentStore:
         note(connection, self._actor, "create", f"{kind} {name}")
         return Record(*row)
 
-    def _replace(self, kind: str, name: str, content: bytes) -> Record:
+    def _lock(self, connection: Connection, kind: str, name: str) -> str | None:
+        """Hash of a document that nobody else can change until the transaction ends."""
+        return connection.execute(_LOCK, self._parameters(kind, name)).scalar_one_or_none()
+
+    def _replace(
+        self, kind: str, name: str, content: bytes, precondition: Precondition | None
+    ) -> Record:
         values = {
             "new_content": content,
             "new_hash": hashlib.sha256(content).hexdigest(),
             "now": time.time(),
         }
         with self._database.transaction() as connection:
+            current = self._lock(connection, kind, name)
+            if precondition is not None:
+                precondition(current)
             parameters = self._parameters(kind, name) | values
             row = connection.execute(_REPLACE, parameters).one_or_none()
             if row is None:

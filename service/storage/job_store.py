@@ -10,6 +10,7 @@ from sqlalchemy import bindparam, delete, func, insert, select, update
 from service.problem import ProblemError
 from service.storage.database import Database
 from service.storage.idempotency_store import KeptAnswer, keep_answer
+from service.storage.messages import JOB_PRIORITY, add_messages
 from service.storage.server_store import is_abandoned
 from service.storage.tables import DEFAULT_TENANT, jobs
 
@@ -55,6 +56,10 @@ class JobRecord:
         tenant: Whose job it is.
         api_key: Id of the key of its caller, if there was one.
         attempt: Counts the servers that have had it in work, from 1.
+        carrier: "agents" if agents work on it, None if servers do.
+        parent: Of a chunk, the batch that it is a part of.
+        first: Of a chunk, the index of its first problem in the batch.
+        size: Problems of a chunk, or of a batch that was cut into chunks.
     """
 
     id: str
@@ -71,6 +76,10 @@ class JobRecord:
     tenant: str = DEFAULT_TENANT
     api_key: str | None = None
     attempt: int = 1
+    carrier: str | None = None
+    parent: str | None = None
+    first: int | None = None
+    size: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,26 +90,30 @@ class JobAnswer:
     content: bytes
 
 
-_RECORD = tuple(jobs.c[field.name] for field in dataclasses.fields(JobRecord))
+#: Columns of a `JobRecord`.
+RECORD = tuple(jobs.c[field.name] for field in dataclasses.fields(JobRecord))
 _INSERT = insert(jobs)
-_GET = select(*_RECORD, jobs.c.answer_type, jobs.c.answer).where(jobs.c.id == bindparam("of_id"))
+_GET = select(*RECORD, jobs.c.answer_type, jobs.c.answer).where(jobs.c.id == bindparam("of_id"))
 _REQUEST = select(jobs.c.method, jobs.c.path, jobs.c.content_type, jobs.c.request).where(
     jobs.c.id == bindparam("of_id"), jobs.c.request.is_not(None)
 )
-_WITH_STATUS = select(*_RECORD).where(jobs.c.status == bindparam("of_status")).order_by(jobs.c.id)
-_COUNTS = select(jobs.c.status, func.count()).group_by(jobs.c.status)
-_HAS_ENDED = jobs.c.status.in_(ENDED)
+_WITH_STATUS = select(*RECORD).where(jobs.c.status == bindparam("of_status")).order_by(jobs.c.id)
+_IS_CHUNK = jobs.c.parent.is_not(None)
+_COUNTS = select(jobs.c.status, func.count()).where(~_IS_CHUNK).group_by(jobs.c.status)
+#: Whether nothing comes after the status of a row.
+HAS_ENDED = jobs.c.status.in_(ENDED)
 # Late answers of a server that was taken for dead, or of a job that was cancelled, change nothing.
 _UPDATE = update(jobs).where(
-    jobs.c.id == bindparam("of_id"), jobs.c.server == bindparam("of_server"), ~_HAS_ENDED
+    jobs.c.id == bindparam("of_id"), jobs.c.server == bindparam("of_server"), ~HAS_ENDED
 )
 _CANCEL = (
     update(jobs)
-    .where(jobs.c.id == bindparam("of_id"), ~_HAS_ENDED)
+    .where(jobs.c.id == bindparam("of_id"), ~HAS_ENDED)
     .values(status="cancelled", ended=bindparam("now"), event=jobs.c.event + 1, request=None)
-    .returning(*_RECORD)
+    .returning(*RECORD)
 )
-_OUTDATED = delete(jobs).where(_HAS_ENDED, jobs.c.ended < bindparam("oldest"))
+_CANCEL_CHUNKS = delete(jobs).where(jobs.c.parent == bindparam("of_id"))
+_OUTDATED = delete(jobs).where(HAS_ENDED, ~_IS_CHUNK, jobs.c.ended < bindparam("oldest"))
 
 
 class JobStore:
@@ -130,7 +143,7 @@ class JobStore:
             told: What the idempotency key of the request stands for from then on.
         """
         values = dataclasses.asdict(record)
-        values["server"] = self._server
+        values["server"] = None if record.carrier else self._server
         if isinstance(content, StoredRequest):
             values |= {"content_type": content.content_type, "request": content.body}
         else:
@@ -138,6 +151,8 @@ class JobStore:
             values["answer"] = content.content
         with self._database.transaction() as connection:
             connection.execute(_INSERT, values)
+            if record.carrier and record.status not in ENDED:
+                add_messages(connection, [record.id], JOB_PRIORITY)
             if told is not None:
                 keep_answer(connection, told.key, told.of(record))
 
@@ -189,6 +204,7 @@ class JobStore:
         """End a job, whichever server works on it; None if it has ended already."""
         with self._database.transaction() as connection:
             row = connection.execute(_CANCEL, {"of_id": job_id, "now": ended}).one_or_none()
+            connection.execute(_CANCEL_CHUNKS, {"of_id": job_id})
         return None if row is None else JobRecord(*row)
 
     def adopt(self, limit: int) -> list[JobRecord]:
@@ -199,20 +215,20 @@ class JobStore:
         """
         abandoned = (
             select(jobs.c.id)
-            .where(~_HAS_ENDED, self._is_abandoned)
+            .where(~HAS_ENDED, jobs.c.carrier.is_(None), self._is_abandoned)
             .order_by(jobs.c.id)
             .limit(limit)
             .with_for_update(skip_locked=True)
         )
         adopted = update(jobs).where(jobs.c.id.in_(abandoned)).values(server=self._server)
         with self._database.transaction(durable=False) as connection:
-            rows = connection.execute(adopted.returning(*_RECORD)).all()
+            rows = connection.execute(adopted.returning(*RECORD)).all()
         return sorted((JobRecord(*row) for row in rows), key=lambda record: record.id)
 
     def taken_away(self, ids: Sequence[str]) -> set[str]:
         """Those of some jobs that have ended by another's hand, or that another server has."""
         mine = select(jobs.c.id).where(
-            jobs.c.id.in_(ids), ~_HAS_ENDED, jobs.c.server == self._server
+            jobs.c.id.in_(ids), ~HAS_ENDED, jobs.c.server == self._server
         )
         with self._database.reading() as connection:
             return set(ids) - set(connection.execute(mine).scalars())
@@ -236,7 +252,7 @@ class JobStore:
             limit: How many at most.
             tenant: Only those of one; all if left out.
         """
-        chosen = select(*_RECORD).order_by(jobs.c.id.desc()).limit(limit)
+        chosen = select(*RECORD).where(~_IS_CHUNK).order_by(jobs.c.id.desc()).limit(limit)
         if before:
             chosen = chosen.where(jobs.c.id < before.partition("\0")[0])
         if status is not None:
@@ -269,7 +285,7 @@ class JobStore:
                 func.row_number().over(order_by=newest).label("rank"),
                 func.sum(func.length(jobs.c.answer)).over(order_by=newest).label("total"),
             )
-            .where(_HAS_ENDED)
+            .where(HAS_ENDED, ~_IS_CHUNK)
             .subquery()
         )
         # The newest one stays, however large it is: somebody is about to ask for it.

@@ -1,9 +1,21 @@
 """Robots and scenes by name: where their documents are, and under which keys they are prepared."""
 
+from typing import Protocol
+
 from kinematics.robot_names import builtin_names
 from service.problem import ProblemError
 from service.storage.cache_key import Reference, builtin_reference
-from service.storage.document_store import DocumentStore
+from service.storage.document_store import Document, Record
+
+
+class Documents(Protocol):
+    """Stored documents of robots and scenes, by kind and name."""
+
+    def record(self, kind: str, name: str) -> Record:
+        """Metadata of a document; raises `ProblemError` where there is none."""
+
+    def get(self, kind: str, name: str) -> Document:
+        """A document; raises `ProblemError` where there is none."""
 
 
 class RobotRepository:
@@ -14,7 +26,7 @@ class RobotRepository:
         folder: Where prepared robots and scenes are kept.
     """
 
-    def __init__(self, documents: DocumentStore, folder: str) -> None:
+    def __init__(self, documents: Documents, folder: str) -> None:
         self._documents = documents
         self._folder = folder
 

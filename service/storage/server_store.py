@@ -56,14 +56,26 @@ class ServerStore:
         self._is_dead = servers.c.seen <= self._now - LIFETIME
         self._seen = update_table(servers).where(servers.c.id == bindparam("of_id"))
 
-    def register(self, server: str) -> None:
-        """Note a server that has started; the only one of a file puts an end to those before."""
+    def register(self, server: str, capacity: int = 0) -> None:
+        """Note a server that has started; the only one of a file puts an end to those before.
+
+        Args:
+            server: Its name.
+            capacity: Jobs for agents that it works on at a time.
+        """
         with self._database.transaction(durable=False) as connection:
             outdated = delete(servers)
             connection.execute(
                 outdated if self._database.is_file else outdated.where(self._is_dead)
             )
-            connection.execute(insert(servers).values(id=server, started=self._now, seen=self._now))
+            times = {"started": self._now, "seen": self._now}
+            connection.execute(insert(servers).values(id=server, capacity=capacity, **times))
+
+    def capacity(self) -> int:
+        """Jobs for agents that all living servers work on at a time."""
+        living = select(func.sum(servers.c.capacity)).where(~self._is_dead)
+        with self._database.reading() as connection:
+            return int(connection.execute(living).scalar() or 0)
 
     def beat(self, server: str) -> bool:
         """Show that a server is alive; false if others took it for dead and forgot it."""

@@ -1,4 +1,4 @@
-"""All that the service keeps: robots, scenes, jobs, answers of idempotency keys, API keys."""
+"""All that the service keeps: robots, scenes, jobs, plans, answers of idempotency keys, keys."""
 
 import secrets
 
@@ -7,6 +7,8 @@ from service.storage.document_store import DocumentStore
 from service.storage.idempotency_store import IdempotencyStore
 from service.storage.job_store import JobStore
 from service.storage.key_store import KeyStore
+from service.storage.plan_store import PlanStore
+from service.storage.queue_store import QueueStore
 from service.storage.server_store import ServerStore
 
 
@@ -24,6 +26,8 @@ class Store:
         self.documents = DocumentStore(database)
         self.answers = IdempotencyStore(database, self.server)
         self.jobs = JobStore(database, self.server)
+        self.plans = PlanStore(database)
+        self.queue = QueueStore(database, self.server)
         self.servers = ServerStore(database)
         self.keys = KeyStore(database)
 

@@ -14,7 +14,7 @@ from sqlalchemy import (
 )
 
 #: Revisions of the schema, the oldest first: the names of the migrations.
-REVISIONS = ("0001", "0002", "0003", "0004", "0005")
+REVISIONS = ("0001", "0002", "0003", "0004", "0005", "0006", "0007")
 METADATA = MetaData()
 #: Whose robots, scenes and jobs those are that came without an API key.
 DEFAULT_TENANT = "default"
@@ -78,9 +78,53 @@ jobs = Table(
     #: The key of its caller.
     Column("api_key", Text),
     Column("attempt", Integer, nullable=False, server_default="1"),
+    #: "agents" if a queue carries it to agents; servers that accepted it run it otherwise.
+    Column("carrier", Text),
+    #: Of a chunk: the batch that it is a part of, and the index of its first problem there.
+    Column("parent", SORTED_TEXT),
+    Column("first", Integer),
+    #: Problems of a chunk, or of a batch that was cut into chunks.
+    Column("size", Integer),
 )
 Index("jobs_by_status", jobs.c.status, jobs.c.ended)
 Index("jobs_by_tenant", jobs.c.tenant, jobs.c.id)
+Index("jobs_by_parent", jobs.c.parent)
+
+#: Kept requests with their answers or problems, see `plan_store.PlanRecord`.
+plans = Table(
+    "plans",
+    METADATA,
+    Column("id", SORTED_TEXT, primary_key=True),
+    Column("tenant", Text, nullable=False),
+    Column("api_key", Text),
+    Column("method", Text, nullable=False),
+    Column("path", Text, nullable=False),
+    Column("request", LargeBinary, nullable=False),
+    Column("status", Integer, nullable=False),
+    Column("code", Text),
+    Column("answer", LargeBinary, nullable=False),
+    Column("robot", Text),
+    Column("robot_hash", Text),
+    Column("scene", Text),
+    Column("scene_hash", Text),
+    Column("seed", BigInteger),
+    Column("version", Text, nullable=False),
+    Column("digest", Text, nullable=False),
+    Column("created", Double, nullable=False),
+    Column("job", Text),
+    Column("replay_of", Text),
+)
+Index("plans_by_tenant", plans.c.tenant, plans.c.id)
+
+#: Documents of robots and scenes that kept plans refer to, by content hash.
+plan_documents = Table(
+    "plan_documents",
+    METADATA,
+    Column("tenant", Text, nullable=False),
+    Column("hash", Text, nullable=False),
+    Column("content", LargeBinary, nullable=False),
+    PrimaryKeyConstraint("tenant", "hash"),
+)
 
 #: Servers that share the database.
 servers = Table(
@@ -89,6 +133,8 @@ servers = Table(
     Column("id", Text, primary_key=True),
     Column("started", Double, nullable=False),
     Column("seen", Double, nullable=False),
+    #: Jobs of agents that it works on at a time; 0 for a server that leaves them to others.
+    Column("capacity", Integer, nullable=False, server_default="0"),
 )
 
 #: Keys that callers show; of the secret part only a digest is kept.

@@ -137,17 +137,29 @@ def attach(
     echoed = [sorted(pair) for pair in pairs]
     if not attached and not pairs:
         return RobotInScene(robot, scene, echoed)
-    objects = [(item, _attachment(robot, scene, item)) for item in attached or ()]
-    grasped = hold(robot, scene, [attachment for _, attachment in objects], pairs)
+    objects = [(item, attachment(robot, scene, item)) for item in attached or ()]
+    grasped = hold(robot, scene, [held for _, held in objects], pairs)
     chain = robot.chain
-    for item, attachment in objects:
+    for item, held in objects:
         if item.mass is not None:
-            chain = _with_mass(chain, item, attachment.held.T_world_obstacle)
+            chain = _with_mass(chain, item, held.held.T_world_obstacle)
     loaded = grasped.robot if chain is robot.chain else replace(grasped.robot, chain=chain)
     return RobotInScene(loaded, grasped.scene, echoed)
 
 
-def _attachment(robot: RobotGeometry, scene: Scene, item: Attached) -> Attachment:
+def attachment(robot: RobotGeometry, scene: Scene, item: Attached) -> Attachment:
+    """An attached object of a request, in the frame of its link.
+
+    Args:
+        robot: The robot alone.
+        scene: The scene with the object still in it, if it is an obstacle.
+        item: The object.
+
+    Raises:
+        InvalidScene: The object has no shape.
+        InvalidLinkName: There is no such link.
+        InvalidObjectName: Nothing of that name is there to be grasped.
+    """
     link_number(robot.chain, item.link)
     in_scene = item.id in scene.ids
     if item.shape is None and not in_scene:

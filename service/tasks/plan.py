@@ -189,10 +189,11 @@ def _answer(planned: Plan, body: PlanRequest, cell: RobotInScene) -> dict[str, A
         "certificate": certificate,
         "reproducibility": {
             "seed": body.seed,
+            "deterministic": planned.deterministic,
             "robot_hash": cell.robot.content_hash,
             "scene_hash": cell.scene.content_hash,
             "request_hash": hashlib.sha256(body.model_dump_json().encode()).hexdigest(),
-            "versions": _versions(),
+            "versions": versions(),
         },
         "fraction": planned.fraction,
         "tool_motions": (problems.tool_motions_answer(planned.tool_motions) if cartesian else None),
@@ -202,6 +203,7 @@ def _answer(planned: Plan, body: PlanRequest, cell: RobotInScene) -> dict[str, A
         "clearance": None
         if planned.clearance is None
         else problems.clearance_answer(planned.clearance),
+        "timing": timings.timing_answer(planned.timing),
         "progress": [asdict(step) for step in planned.progress],
     }
 
@@ -217,11 +219,12 @@ def _descent(planned: Plan) -> dict[str, Any] | None:
 
 
 @cache
-def _versions() -> dict[str, str]:
-    versions = {"armwright": VERSION, "python": platform.python_version()}
+def versions() -> dict[str, str]:
+    """Versions of everything that an answer depends on."""
+    answer = {"armwright": VERSION, "python": platform.python_version()}
     for package in _PACKAGES:
         try:
-            versions[package] = version(package)
+            answer[package] = version(package)
         except PackageNotFoundError:
-            versions[package] = "unknown"
-    return versions
+            answer[package] = "unknown"
+    return answer

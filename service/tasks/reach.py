@@ -13,13 +13,13 @@ from planning.reach import evaluation
 from planning.reach.base_placement import BasePlacement, place_base
 from planning.reach.evaluation import Reach, ReachOptions, Status
 from planning.reach.grid import PoseGrid
-from planning.reach.tolerance import Axis, Tolerance
 from service.schemas.reach import JOINTS_UP_TO, MAX_BASES, BaseRegion, ReachRequest
 from service.storage.cache_key import Reference
 from service.tasks.answer import in_frame, reports_cache_miss
 from service.tasks.attached_objects import RobotInScene, robot_in_scene
 from service.tasks.result import CacheMiss, TaskProblem
 from service.translate import poses, reach_picture
+from service.translate.sequences import reach_tolerance
 from service.workers import current
 from service.workers.task import GRACE, task
 
@@ -52,7 +52,12 @@ def reach(
         raise InvalidOption("a picture shows one orientation", hint='Ask for "format": "json".')
     tasks = _poses(body) if grid is None else grid.poses()
     options = ReachOptions(
-        _tolerance(body), body.margin, body.choice, body.clearance, body.seed, threads=1
+        reach_tolerance(body.tolerance),
+        body.margin,
+        body.choice,
+        body.clearance,
+        body.seed,
+        threads=1,
     )
     if body.frame is not None:
         tasks = frame_pose(cell.robot.chain, body.frame, None, "frame") @ tasks
@@ -92,19 +97,6 @@ def _grid(body: ReachRequest) -> PoseGrid:
     assert box is not None
     rotations = np.array([rotation.from_quaternion(item) for item in box.orientations])
     return PoseGrid(np.array(box.size), box.spacing, poses.transform(box.pose), rotations)
-
-
-def _tolerance(body: ReachRequest) -> Tolerance:
-    given = body.tolerance
-    if given is None:
-        return Tolerance()
-    ranges: dict[Axis, tuple[float, float]] = dict.fromkeys(given.free, (-np.pi, np.pi))
-    axes: tuple[Axis, ...] = ("x", "y", "z", "rx", "ry", "rz")
-    for axis in axes:
-        limits = getattr(given, axis)
-        if limits is not None:
-            ranges[axis] = (limits[0], limits[1])
-    return Tolerance(ranges, given.samples)
 
 
 def _bases(body: ReachRequest) -> Array | None:

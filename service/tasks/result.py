@@ -65,6 +65,21 @@ class RobotModel:
 
 
 @dataclass(frozen=True, slots=True)
+class BatchPart:
+    """Neighbouring problems of a batch, as a batch of their own.
+
+    Args:
+        first: Index of the first one in the whole batch.
+        size: How many they are.
+        content: Their request, JSON.
+    """
+
+    first: int
+    size: int
+    content: bytes
+
+
+@dataclass(frozen=True, slots=True)
 class BatchItem:
     """One problem of a batch.
 

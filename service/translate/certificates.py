@@ -54,6 +54,12 @@ def certificate_answer(certificate: Certificate, begins: float = 0.0) -> dict[st
             "max_position": deviation.max_position,
             "max_orientation": deviation.max_orientation,
         }
+    box, speed = certificate.tool_box, certificate.tool_speed
+    if box is not None:
+        answer["tool_tolerance"] = {"share": box.share, "time": box.time + begins}
+    if speed is not None:
+        names = ("share", "least", "most", "low", "high")
+        answer["tool_speed"] = {name: getattr(speed, name) for name in names}
     violation = certificate.violation
     if violation is not None:
         answer["violation"] = {

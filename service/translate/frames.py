@@ -21,7 +21,7 @@ from service.translate import poses
 #: Marks a request that names a frame somewhere: others are left alone, to the last bit.
 _MARK = b'"frame"'
 _POINTS = ("point", "via", "center")
-_DIRECTIONS = ("normal",)
+_DIRECTIONS = ("normal", "direction")
 
 _Body = TypeVar("_Body", bound=BaseModel)
 
@@ -91,15 +91,28 @@ def plan_in_root_frame(body: PlanRequest, chain: Chain) -> PlanRequest:
 
 def _goal(goal: Goal, frames: Frames, where: str) -> Goal:
     if goal.any_of is None:
-        return _single_goal(goal, frames, where)
-    items = [_single_goal(g, frames, f"{where}.any_of[{i}]") for i, g in enumerate(goal.any_of)]
+        return single_goal_in_root_frame(goal, frames, where)
+    items = [
+        single_goal_in_root_frame(g, frames, f"{where}.any_of[{i}]")
+        for i, g in enumerate(goal.any_of)
+    ]
     return goal.model_copy(update={"any_of": items})
 
 
 _Goal = TypeVar("_Goal", bound=SingleGoal)
 
 
-def _single_goal(goal: _Goal, frames: Frames, where: str) -> _Goal:
+def single_goal_in_root_frame(goal: _Goal, frames: Frames, where: str) -> _Goal:
+    """A goal with its pose in the root frame.
+
+    Args:
+        goal: A configuration or a pose.
+        frames: The frames that the request names.
+        where: Its place in the request, for messages.
+
+    Raises:
+        InvalidLinkName: A frame is unknown, or moves.
+    """
     if goal.pose is None:
         return goal
     return goal.model_copy(update={"pose": frames.pose(goal.pose, goal.frame, where)})
@@ -180,7 +193,7 @@ def _tool_motion(motion: ToolMotion, frames: Frames, where: str) -> ToolMotion:
     T = frames.transform(motion.pose.frame, f"{where}.pose.frame")
     if T is None:
         return motion
-    values = {name: getattr(motion, name) for name in (*_POINTS[1:], *_DIRECTIONS)}
+    values = {name: getattr(motion, name) for name in ("via", "center", "normal")}
     return motion.model_copy(
         update={"pose": _moved_pose(T, motion.pose), **_moved_fields(values, T)}
     )

@@ -21,13 +21,14 @@ from planning.planners import PLANNERS
 from planning.preferred_clearance import PreferredClearance
 from planning.problem import Goal, JointGoal, PoseGoal, Problem
 from planning.result import StageReport, ToolMotionReport
-from planning.tool_motion import TimedToolMotions
+from planning.tool_motion import TimedToolMotions, ToolMotion
 from service.schemas import cartesian
 from service.schemas import goal as goal_schema
 from service.schemas import plan as schema
 from service.schemas.cartesian import cartesian_options
 from service.translate import poses, timings
 from service.translate.constraints import constraint_set
+from service.translate.seams import seam_options
 
 
 def planner_name(name: str) -> str:
@@ -51,10 +52,10 @@ def problem(body: schema.PlanRequest, robot: RobotGeometry, scene: Scene) -> Pro
     """
     goal = body.goal
     goals = (
-        (_goal(goal, robot.chain, "goal.joints"),)
+        (single_goal(goal, robot.chain, "goal.joints"),)
         if goal.any_of is None
         else tuple(
-            _goal(item, robot.chain, f"goal.any_of[{i}].joints")
+            single_goal(item, robot.chain, f"goal.any_of[{i}].joints")
             for i, item in enumerate(goal.any_of)
         )
     )
@@ -94,7 +95,18 @@ def _rates(given: Sequence[float] | None) -> Array | None:
     return None if given is None else np.array(given, dtype=np.float64)
 
 
-def _goal(body: goal_schema.SingleGoal, chain: Chain, where: str) -> Goal:
+def single_goal(body: goal_schema.SingleGoal, chain: Chain, where: str) -> Goal:
+    """The domain's goal: a configuration or a pose.
+
+    Args:
+        body: The goal, its state looked up and its pose in the root frame.
+        chain: The robot.
+        where: Place of its joints in the request, for messages.
+
+    Raises:
+        InvalidRobotState: The joint vector has the wrong length.
+        InvalidGoal: The goal is malformed.
+    """
     if body.joints is not None:
         q = chain.configuration(body.joints, where)
         return JointGoal(q, _rates(body.velocities), _rates(body.accelerations))
@@ -118,7 +130,7 @@ def options(body: schema.PlanRequest, chain: Chain, timeout: float) -> Options:
     return Options(
         planner=name,
         planner_options={} if cartesian else dict(body.planner_options or {}),
-        cartesian=_cartesian(body) if cartesian else CartesianOptions(),
+        cartesian=_cartesian(body, chain) if cartesian else CartesianOptions(),
         timing=timings.timing_options(body.timing),
         limits=timings.given_limits(body.limits, chain.joint_names),
         timeout=timeout,
@@ -133,7 +145,7 @@ def options(body: schema.PlanRequest, chain: Chain, timeout: float) -> Options:
     )
 
 
-def _cartesian(body: schema.PlanRequest) -> CartesianOptions:
+def _cartesian(body: schema.PlanRequest, chain: Chain) -> CartesianOptions:
     given = cartesian_options(body.planner_options)
     return CartesianOptions(
         _motions(given.motions or ()),
@@ -141,12 +153,16 @@ def _cartesian(body: schema.PlanRequest) -> CartesianOptions:
         given.max_orientation_deviation,
         given.orientation,
         given.allow_partial,
+        given.blend,
+        None if given.waypoints is None else seam_options(given, chain),
     )
 
 
 def _motions(items: Sequence[cartesian.ToolMotion]) -> tuple[ToolMotionOptions, ...]:
     return tuple(
-        ToolMotionOptions(item.type, poses.transform(item.pose), item.via, item.center, item.normal)
+        ToolMotionOptions(
+            item.type, poses.transform(item.pose), item.via, item.center, item.normal, item.blend
+        )
         for item in items
     )
 
@@ -197,9 +213,21 @@ def tool_motions_answer(reports: Sequence[ToolMotionReport]) -> list[dict[str, A
             "fraction": report.fraction,
             "begins": report.begins,
             "ends": report.ends,
+            "motion": report.asked,
+            "part": report.part,
+            "blend": report.blends,
+            "pose": poses.pose_answer(report.motion.T_end).model_dump(),
+            **_arc_answer(report.motion),
         }
         for report in reports
     ]
+
+
+def _arc_answer(motion: ToolMotion) -> dict[str, Any]:
+    """Centre and normal of an arc on the wire; nothing of a line."""
+    if motion.kind == "lin":
+        return {"center": None, "normal": None}
+    return {"center": motion.center.tolist(), "normal": motion.normal.tolist()}
 
 
 def stages_answer(stages: Sequence[StageReport]) -> list[dict[str, Any]]:

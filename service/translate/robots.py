@@ -27,6 +27,7 @@ from kinematics.urdf import parse_urdf
 from obstacles.dh_geometry import LinkSolid, dh_robot_geometry
 from obstacles.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.touching_pairs import suspected_pairs
+from service.schemas import dh as dh_schema
 from service.schemas import robot as schema
 from service.schemas.motor import Motor
 from service.translate import poses, robot_limits
@@ -152,7 +153,7 @@ def joint_names(body: schema.RobotBody) -> tuple[str, ...]:
     return select(parse_urdf(body.urdf or ""), *ends, semantics=semantics).joints
 
 
-def _row_values(row: schema.DhRow) -> dict[str, Any]:
+def _row_values(row: dh_schema.DhRow) -> dict[str, Any]:
     """Arguments of a row of the domain's table."""
     values = row.model_dump(exclude={"geometry", "continuous", "motor"})
     if row.motor is not None:
@@ -177,7 +178,7 @@ def _from_dh(body: schema.RobotBody, table: DhTable) -> tuple[RobotGeometry, lis
     return dataclasses.replace(geometry, chain=chain), [*_range_lint(dh, chain), *lint]
 
 
-def _range_lint(dh: schema.DhTable, chain: Chain) -> list[str]:
+def _range_lint(dh: dh_schema.DhTable, chain: Chain) -> list[str]:
     """Joints of a table that lack a position limit and are not said to turn without end."""
     limits = chain.limits
     open_ended = np.isinf(limits.lower) | np.isinf(limits.upper)
@@ -189,7 +190,7 @@ def _range_lint(dh: schema.DhTable, chain: Chain) -> list[str]:
     return [f"{joints} have no lower or no upper limit: give them where the range is not unlimited"]
 
 
-def _solids(dh: schema.DhTable) -> list[list[LinkSolid]]:
+def _solids(dh: dh_schema.DhTable) -> list[list[LinkSolid]]:
     """The solids that each row of a table names."""
     return [
         [_solid(solid, f"dh.rows[{i}].geometry[{k}]") for k, solid in enumerate(row.geometry or ())]
@@ -197,7 +198,7 @@ def _solids(dh: schema.DhTable) -> list[list[LinkSolid]]:
     ]
 
 
-def _solid(body: schema.LinkSolid, where: str) -> LinkSolid:
+def _solid(body: dh_schema.LinkSolid, where: str) -> LinkSolid:
     try:
         shape = poses.shape(body.shape)
     except InvalidScene as error:
@@ -290,7 +291,7 @@ def robot_answer(
 
 def _dh_answer(
     chain: Chain, body: schema.RobotBody | None, motors: Sequence[Motor]
-) -> tuple[schema.DhAnswer | None, list[str]]:
+) -> tuple[dh_schema.DhAnswer | None, list[str]]:
     """The table of a robot as answers give it, and why there is none.
 
     Args:
@@ -306,7 +307,7 @@ def _dh_answer(
     solids = [None] * len(table.rows) if given is None else [row.geometry for row in given.rows]
     drives: list[Motor | None] = [*motors] or [None] * len(table.rows)
     rows = [_row_answer(*parts) for parts in zip(table.rows, solids, drives, strict=True)]
-    answer = schema.DhAnswer(
+    answer = dh_schema.DhAnswer(
         convention=table.convention,
         rows=rows,
         base=poses.pose_answer(table.base),
@@ -318,8 +319,8 @@ def _dh_answer(
 
 
 def _row_answer(
-    row: DhRow, geometry: list[schema.LinkSolid] | None, motor: Motor | None
-) -> schema.DhRowAnswer:
+    row: DhRow, geometry: list[dh_schema.LinkSolid] | None, motor: Motor | None
+) -> dh_schema.DhRowAnswer:
     """A row as answers give it, which a request may send as it is.
 
     Args:
@@ -333,7 +334,7 @@ def _row_answer(
         None if rows is None else np.asarray(rows).tolist()
         for rows in (row.center_of_mass, row.inertia)
     )
-    return schema.DhRowAnswer(
+    return dh_schema.DhRowAnswer(
         type=row.type,
         a=row.a,
         alpha=row.alpha,

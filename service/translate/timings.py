@@ -11,15 +11,18 @@ from kinematics.chain import Chain
 from kinematics.errors import InvalidOption, InvalidTrajectory
 from planning.effort_limits import EffortLimits
 from planning.retime import PathToTime, Retimed
+from planning.timing.choice import JERK_RULE
 from planning.timing.options import Payload, TimingOptions
+from planning.timing.report import TimingReport
 from planning.timing.state_to_state import JointState
 from service.schemas import plan as schema
 from service.schemas import retime as retime_schema
+from service.schemas.timing import Timing
 
 _QUANTITIES = ("velocity", "acceleration", "jerk", "effort")
 
 
-def timing_options(timing: schema.Timing) -> TimingOptions:
+def timing_options(timing: Timing) -> TimingOptions:
     """Options of the timing.
 
     Raises:
@@ -189,6 +192,19 @@ def joint_state(body: retime_schema.JointStateBody | None, label: str) -> JointS
     return JointState(np.array(body.position, dtype=np.float64), **rows)
 
 
+def timing_answer(report: TimingReport | None) -> dict[str, Any] | None:
+    """Method and limits of a motion's timing as answers give them."""
+    if report is None:
+        return None
+    ruled = {"jerk": {"rule": JERK_RULE, "joints": list(report.ruled_jerk)}}
+    return {
+        "method": report.method,
+        "solver": report.solver,
+        "limits": {name: row.tolist() for name, row in report.limits.items()},
+        "ruled": ruled if report.ruled_jerk else {},
+    }
+
+
 def retimed_answer(
     found: Retimed, trajectory: dict[str, Any], certificate: dict[str, Any]
 ) -> dict[str, Any]:
@@ -199,6 +215,7 @@ def retimed_answer(
         "certificate": certificate,
         "factor": found.factor,
         "needed_factor": found.needed_factor,
+        "timing": timing_answer(found.timing),
         "notes": list(found.notes),
         "peaks": {name: row.tolist() for name, row in found.peaks.items()},
     }

@@ -10,9 +10,11 @@ from service.schemas import cartesian as their_cartesian
 from service.schemas import certificate as their_certificate
 from service.schemas import check as their_check
 from service.schemas import constraint as their_constraint
+from service.schemas import dh as their_dh
 from service.schemas import dynamics as their_dynamics
 from service.schemas import export as their_export
 from service.schemas import goal as their_goal
+from service.schemas import kept_plan as their_kept_plan
 from service.schemas import kinematics as their_kinematics
 from service.schemas import lyapunov as their_lyapunov
 from service.schemas import motor as their_motor
@@ -24,7 +26,12 @@ from service.schemas import reach as their_reach
 from service.schemas import retime as their_retime
 from service.schemas import robot as their_robot
 from service.schemas import scene as their_scene
+from service.schemas import seam as their_seam
+from service.schemas import sequence as their_sequence
+from service.schemas import sequence_answer as their_sequence_answer
 from service.schemas import shape as their_shape
+from service.schemas import timing as their_timing
+from service.schemas import tour as their_tour
 
 REACH = [
     "ReachTolerance",
@@ -34,6 +41,32 @@ REACH = [
     "ReachGrid",
     "BaseAnswer",
     "ReachAnswer",
+]
+TASKS = (
+    "ApproachStage",
+    "AttachStage",
+    "CloseStage",
+    "DetachStage",
+    "GraspRegion",
+    "GraspStage",
+    "LiftStage",
+    "MoveStage",
+    "MovedObject",
+    "OpenStage",
+    "PlaceRegion",
+    "PlaceStage",
+    "RetreatStage",
+    "TaskRequest",
+    "WaitStage",
+)
+KEPT_PLANS = [
+    "DocumentName",
+    "KeptPlanSummary",
+    "KeptPlan",
+    "PlanList",
+    "ReplayRequest",
+    "ReplayAnswer",
+    "Bundle",
 ]
 POTENTIAL = ["PotentialOptions", "PotentialRequest", "ControlPoint", "PotentialAnswer"]
 PAIRS: list[tuple[type[Readable], type[BaseModel]]] = [
@@ -66,8 +99,8 @@ PAIRS: list[tuple[type[Readable], type[BaseModel]]] = [
     (ours.ProjectRequest, their_scene.ProjectRequest),
     (ours.Projection, their_scene.Projection),
     (ours.ProjectAnswer, their_scene.ProjectAnswer),
-    (ours.DhRow, their_robot.DhRow),
-    (ours.DhTable, their_robot.DhTable),
+    (ours.DhRow, their_dh.DhRow),
+    (ours.DhTable, their_dh.DhTable),
     (ours.JointLimits, their_robot.JointLimits),
     (RobotFields, their_robot.RobotFields),
     (ArchiveFields, their_robot.ArchiveFields),
@@ -75,8 +108,8 @@ PAIRS: list[tuple[type[Readable], type[BaseModel]]] = [
     (ours.DefaultLimits, their_robot.DefaultLimits),
     (ours.RobotUpload, their_robot.RobotBody),
     (ours.Limits, their_robot.Limits),
-    (ours.DhParameters, their_robot.DhRowAnswer),
-    (ours.DerivedDh, their_robot.DhAnswer),
+    (ours.DhParameters, their_dh.DhRowAnswer),
+    (ours.DerivedDh, their_dh.DhAnswer),
     (ours.RobotSummary, their_robot.RobotSummary),
     (ours.RobotList, their_robot.RobotList),
     (ours.Robot, their_robot.RobotAnswer),
@@ -118,7 +151,7 @@ PAIRS: list[tuple[type[Readable], type[BaseModel]]] = [
     (ours.Start, their_goal.Start),
     (ours.SingleGoal, their_goal.SingleGoal),
     (ours.Goal, their_goal.Goal),
-    (ours.Timing, their_plan.Timing),
+    (ours.Timing, their_timing.Timing),
     (ours.PlanRequest, their_plan.PlanRequest),
     (ours.Segment, their_plan.Segment),
     (ours.Samples, their_plan.Samples),
@@ -127,7 +160,7 @@ PAIRS: list[tuple[type[Readable], type[BaseModel]]] = [
     (ours.TimedTrajectory, their_certificate.TrajectoryAnswer),
     (ours.ValidateRequest, their_plan.ValidateRequest),
     (ours.Stage, their_plan.Stage),
-    (ours.Path, their_plan.PathAnswer),
+    (ours.JointPath, their_plan.PathAnswer),
     (ours.LimitUse, their_certificate.LimitUse),
     (ours.LimitUses, their_certificate.LimitUses),
     (ours.Certificate, their_certificate.CertificateAnswer),
@@ -136,6 +169,11 @@ PAIRS: list[tuple[type[Readable], type[BaseModel]]] = [
     (ours.PathDeviation, their_cartesian.PathDeviationAnswer),
     (ours.ToolMotion, their_cartesian.ToolMotion),
     (ours.CartesianOptions, their_cartesian.CartesianOptions),
+    (ours.ToolTolerance, their_seam.ToolTolerance),
+    (ours.Waypoint, their_seam.Waypoint),
+    (ours.StraightOffset, their_seam.StraightOffset),
+    (ours.ToolSpeed, their_seam.ToolSpeedAnswer),
+    (ours.ToolToleranceUse, their_seam.ToolToleranceAnswer),
     (ours.ToolMotionReport, their_cartesian.ToolMotionAnswer),
     (ours.Reproducibility, their_plan.Reproducibility),
     (ours.Plan, their_plan.PlanAnswer),
@@ -148,6 +186,23 @@ PAIRS: list[tuple[type[Readable], type[BaseModel]]] = [
     *((getattr(ours, name), getattr(their_potential, name)) for name in POTENTIAL),
     (ours.PotentialBatch, their_potential.PotentialAnswer),
     *((getattr(ours, name), getattr(their_reach, name)) for name in REACH),
+    *((getattr(ours, name), getattr(their_kept_plan, name)) for name in KEPT_PLANS),
+    *((getattr(ours, name), getattr(their_sequence, name)) for name in TASKS),
+    (ours.PlacedObject, their_sequence_answer.PlacedObject),
+    (ours.HeldObject, their_sequence_answer.HeldObject),
+    (ours.TaskWorld, their_sequence_answer.WorldAnswer),
+    (ours.TaskStageReport, their_sequence_answer.TaskStageAnswer),
+    (ours.Trial, their_sequence_answer.TrialAnswer),
+    (ours.Improvement, their_sequence_answer.ImprovementAnswer),
+    (ours.TaskPlan, their_sequence_answer.TaskAnswer),
+    (ours.TourGoal, their_tour.TourGoal),
+    (ours.TourRequest, their_tour.TourRequest),
+    (ours.Visit, their_tour.VisitAnswer),
+    (ours.Leg, their_tour.LegAnswer),
+    (ours.Unvisited, their_tour.UnvisitedAnswer),
+    (ours.TourImprovement, their_tour.TourImprovementAnswer),
+    (ours.TourSearch, their_tour.TourSearchAnswer),
+    (ours.Tour, their_tour.TourAnswer),
     (ours.ExportRequest, their_export.ExportRequest),
     (ours.Export, their_export.ExportAnswer),
     (ours.JointState, their_retime.JointStateBody),

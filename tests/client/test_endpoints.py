@@ -26,6 +26,7 @@ EQUATIONS = {"velocities": [0.1], "accelerations": [0.2], "gravity": [0.0, 0.0, 
 
 #: Name of the method; how it is called; HTTP method, path with query, and fields of the body that
 #: must be there as they are (None for no body).
+TASK_STAGES = [ours.MoveStage(), ours.WaitStage(duration=1.0, name="rest")]
 CALLS: list[tuple[str, Callable[[Any], Any], str, str, dict[str, Any] | None]] = [
     ("healthz", lambda c: c.healthz(), "GET", "/healthz", None),
     ("readyz", lambda c: c.readyz(), "GET", "/readyz", None),
@@ -44,6 +45,12 @@ CALLS: list[tuple[str, Callable[[Any], Any], str, str, dict[str, Any] | None]] =
       "problems": [{"goal": {"joints": [1.0]}}]}),
     ("validate", lambda c: c.validate("r", MOTION, tool_speed=0.5), "POST", "/v1/validate",
      {"robot": "r", "trajectory": SENT_MOTION, "tool_speed": 0.5}),
+    ("plan_tour", lambda c: c.plan_tour(
+        "r", [POSE, [1.0], ours.TourGoal(id="z", state="home", dwell=1.0)], end="start",
+        precedence=[("0", "z")], rounds=2, timeout=3.0), "POST", "/v1/tours",
+     {"robot": "r", "end": "start", "precedence": [["0", "z"]], "rounds": 2, "goals": [
+         {"pose": AT, "dwell": 0.0}, {"joints": [1.0], "dwell": 0.0},
+         {"id": "z", "state": "home", "dwell": 1.0}]}),
     ("export", lambda c: c.export("r", MOTION, "krl", blend=10.0, name="pick"), "POST",
      "/v1/export", {"robot": "r", "trajectory": SENT_MOTION, "format": "krl", "blend": 10.0,
                     "name": "pick"}),
@@ -82,6 +89,7 @@ CALLS: list[tuple[str, Callable[[Any], Any], str, str, dict[str, Any] | None]] =
     ("robots.urdf", lambda c: c.robots.urdf("a", merge_limits=True), "GET",
      "/v1/robots/a/urdf?joint_limits=merged", None),
     ("robots.srdf", lambda c: c.robots.srdf("a"), "GET", "/v1/robots/a/srdf", None),
+    ("robots.geometry", lambda c: c.robots.geometry("a"), "GET", "/v1/robots/a/geometry", None),
     ("robots.equations", lambda c: c.robots.equations("a", "text"), "GET",
      "/v1/robots/a/equations?format=text", None),
     ("robots.equations", lambda c: c.robots.equations("a", timeout=20.0), "GET",
@@ -133,6 +141,11 @@ CALLS: list[tuple[str, Callable[[Any], Any], str, str, dict[str, Any] | None]] =
     ("robots.regressor", lambda c: c.robots.regressor("a", [0.0], [0.1], [0.2], motors=True),
      "POST", "/v1/robots/a/regressor",
      {"joints": [0.0], "velocities": [0.1], "accelerations": [0.2], "motors": True}),
+    ("plan_task", lambda c: c.plan_task("a", [0.0], TASK_STAGES, improve=0.5, timeout=2.0), "POST",
+     "/v1/tasks", {"robot": "a", "start": {"joints": [0.0]}, "improve": 0.5, "timeout": 2.0,
+                   "margin": 0.0, "allow_partial": False, "seed": 0, "stages": [
+                       {"kind": "move", "planner": "auto"},
+                       {"kind": "wait", "duration": 1.0, "name": "rest"}]}),
     ("scenes.create", lambda c: c.scenes.create(SCENE), "POST", "/v1/scenes",
      {"name": "s", "obstacles": []}),
     ("scenes.get", lambda c: c.scenes.get("s/1"), "GET", "/v1/scenes/s%2F1", None),
@@ -219,6 +232,7 @@ def test_what_computes_can_be_asked_for_later(
 
 def test_every_method_is_in_the_table() -> None:
     listed = {call[0] for call in CALLS} | {"jobs.events", "jobs.wait"}
+    listed |= {f"{group}.iterate" for group in ("robots", "scenes", "jobs")}
     with Client(URL) as client:
         groups = {"": client, "robots.": client.robots, "scenes.": client.scenes,
                   "jobs.": client.jobs}  # fmt: skip

@@ -207,7 +207,7 @@ def test_both_clients_have_the_same_methods() -> None:
         names = [name for name in dir(group) if not name.startswith("_") and name != "close"]
         found = {name: getattr(group, name) for name in names}
         return {
-            name: str(inspect.signature(method))
+            name: str(list(inspect.signature(method).parameters.values()))
             for name, method in found.items()
             if callable(method)
         }

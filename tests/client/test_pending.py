@@ -2,7 +2,6 @@
 
 import asyncio
 import json
-import time
 from itertools import pairwise
 from typing import Any
 
@@ -11,6 +10,8 @@ import pytest
 
 import armwright_client as ours
 from armwright_client import AsyncClient, Client
+from armwright_client import pending as pending_module
+from tests.client.pauses import noted_pauses
 from tests.client.scripted import Answer, Scripted, problem
 
 URL = "http://robots.example"
@@ -28,15 +29,7 @@ def job(status: str, http: int = 200, **more: Any) -> httpx.Response:
 @pytest.fixture
 def pauses(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     """The pauses that were made: the clock goes on by them, and nobody waits."""
-    made: list[float] = []
-    monkeypatch.setattr(time, "sleep", made.append)
-    monkeypatch.setattr(time, "monotonic", lambda: 1000.0 + sum(made))
-
-    async def note(seconds: float) -> None:
-        made.append(seconds)
-
-    monkeypatch.setattr(asyncio, "sleep", note)
-    return made
+    return noted_pauses(monkeypatch, pending_module)
 
 
 def pending(answers: list[Answer]) -> tuple[ours.Pending[ours.Certificate], Scripted]:

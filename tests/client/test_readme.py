@@ -2,7 +2,6 @@
 
 import re
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -14,12 +13,21 @@ pytestmark = pytest.mark.timeout(300)
 README = (Path(__file__).parents[2] / "client" / "README.md").read_text(encoding="utf-8")
 
 
-def test_the_example_runs(url: str, capsys: pytest.CaptureFixture[str]) -> None:
-    example = re.findall(r"```python\n(.*?)```", README, re.DOTALL)[0]
-    names: dict[str, Any] = {}
-    exec(compile(example.replace("http://127.0.0.1:8000", url), "README.md", "exec"), names)
-    assert names["plan"].certificate.verified
-    assert len(capsys.readouterr().out.splitlines()) == 3
+BLOCKS = re.findall(r"```python\n(.*?)```(?:\s*prints\s*```\n(.*?)```)?", README, re.DOTALL)
+
+
+@pytest.mark.parametrize(("code", "printed"), BLOCKS, ids=range(len(BLOCKS)))
+def test_each_block_runs_as_pasted(
+    url: str, capsys: pytest.CaptureFixture[str], code: str, printed: str
+) -> None:
+    exec(compile(code.replace("http://127.0.0.1:8000", url), "README.md", "exec"), {})
+    out = capsys.readouterr().out
+    assert out == (printed or out)
+    assert out.strip()
+
+
+def test_the_blocks_are_all_here() -> None:
+    assert len(BLOCKS) == README.count("```python") >= 5
 
 
 def test_every_method_is_named() -> None:

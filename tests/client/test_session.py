@@ -1,7 +1,6 @@
 """What goes over the wire, and what becomes of what comes back or does not."""
 
 import asyncio
-import time
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from email.utils import format_datetime
@@ -11,8 +10,9 @@ import httpx
 import pytest
 
 import armwright_client as ours
-from armwright_client import Client, Retry
+from armwright_client import Client, Retry, session
 from tests.client.calls import URL, asked_async, once
+from tests.client.pauses import noted_pauses
 from tests.client.scripted import Answer, Scripted, health, problem
 
 SCENE = ours.Scene(name="s", obstacles=[])
@@ -155,14 +155,7 @@ def test_every_deadline_is_heeded(ask: Callable[[Client], Any]) -> None:
 @pytest.fixture
 def pauses(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     """The pauses that were made, without making them."""
-    made: list[float] = []
-
-    async def note(seconds: float) -> None:
-        made.append(seconds)
-
-    monkeypatch.setattr(time, "sleep", made.append)
-    monkeypatch.setattr(asyncio, "sleep", note)
-    return made
+    return noted_pauses(monkeypatch, session)
 
 
 def busy(after: str | None = "2", status: int = 429) -> httpx.Response:

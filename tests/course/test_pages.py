@@ -11,7 +11,9 @@ import pytest
 ROOT = Path(__file__).parents[2]
 PAGES = sorted((ROOT / "docs/course").glob("[0-9]*.md"))
 #: Pages beside the course that have requests and answers.
-OTHERS = [ROOT / "docs" / f"{name}.md" for name in ("dynamics", "reach", "tracking")]
+OTHERS = [
+    ROOT / "docs" / f"{name}.md" for name in ("dynamics", "reach", "tasks", "tours", "tracking")
+]
 #: A request block and the first answer block after it.
 PAIR = re.compile(
     r"```http\n(GET|POST) (\S+)\n(.*?)```\n(?:(?!```).)*```(json|xml)\n(.*?)```", re.DOTALL

@@ -178,3 +178,38 @@ def test_what_breaks_a_constraint_on_the_way_is_told(client: httpx.Client) -> No
     document = problem(response, 422, "INVALID_MOTION_PLAN")
     assert document["details"]["kind"] == "path_constraint"
     assert "constraint" in document["hint"]
+
+
+def test_rounded_corners_are_answered_as_motions_that_validation_takes(
+    client: httpx.Client,
+) -> None:
+    ways = [pose(0.0, 0.1, 0.0), pose(0.0, 0.1, -0.1)]
+    asked = ClientOptions(
+        motions=[ToolMotion.lin(ClientPose.model_validate(way)) for way in ways], blend=0.02
+    )
+    found = plan(
+        client, goal={"pose": ways[-1]}, planner_options=asked.as_options(),
+        timing={"tool_speed": 0.1},
+    )  # fmt: skip
+    reports = ClientPlan.model_validate(found).tool_motions
+    assert reports is not None
+    assert [(report.motion, report.blend) for report in reports] == [
+        (0, False), (0, True), (0, True), (1, False)]  # fmt: skip
+    assert reports[1].center is not None
+    np.testing.assert_allclose(reports[1].center, TIP[:3, 3] + [0.0, 0.08, -0.02], atol=1e-9)
+    body = {
+        "robot": "panda",
+        "trajectory": found["trajectory"],
+        "tool_motions": {
+            "motions": [report.as_motion.model_dump(exclude_none=True) for report in reports],
+            "ends": [report.ends for report in reports],
+        },
+    }
+    certificate = answer(client.post("/v1/validate", json=body))
+    assert certificate["verified"]
+    deviation = certificate["path_deviation"]
+    assert deviation["position"] == pytest.approx(
+        found["certificate"]["path_deviation"]["position"], rel=0.3
+    )
+    refused = client.post("/v1/plan", json=BODY | {"planner_options": {"blend": -1.0}})
+    assert "blend" in problem(refused, 422, "VALIDATION_ERROR")["detail"]

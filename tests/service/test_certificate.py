@@ -28,6 +28,7 @@ THROUGH: dict[str, Any] = {
     "robot": "lines",
     "start": {"joints": [-0.5, 0.0]},
     "goal": {"joints": [0.5, 0.0]},
+    "timing": {"method": "toppra"},
     "timeout": 20.0,
 }
 
@@ -163,3 +164,28 @@ def test_a_timed_path_has_its_limits_proved_and_nothing_else(client: httpx.Clien
     assert certificate["proved"] == {
         "limits": True, "collisions": False, "reasons": ["nothing is known of collisions"]
     }  # fmt: skip
+
+
+def test_a_robot_without_jerk_limits_moves_by_the_rule_which_the_answer_tells(
+    client: httpx.Client,
+) -> None:
+    lines(client)
+    timing = {"acceleration_scaling": 0.5}
+    told = answer(client.post("/v1/plan", json=THROUGH | {"timing": timing}))
+    names = told["trajectory"]["joint_names"]
+    assert told["timing"]["method"] == "jerk_limited"
+    assert told["timing"]["ruled"] == {"jerk": {"rule": "10 x acceleration", "joints": names}}
+    limits = told["timing"]["limits"]
+    assert limits == {"velocity": [2.0] * 2, "acceleration": [2.5] * 2, "jerk": [50.0] * 2}
+    worst = told["certificate"]["limits"]["jerk"]["worst_ratio"]
+    assert 0.99 < worst <= 1.0 + 1e-9
+    # The motion again, held to the limits that the answer names.
+    body = {"robot": "lines", "trajectory": told["trajectory"], "limits": limits}
+    proved = answer(client.post("/v1/validate", json=body))
+    assert proved["limits"]["jerk"]["worst_ratio"] == worst
+    refused = problem(
+        client.post("/v1/plan", json=THROUGH | {"timing": {"method": "jerk_limited"}}),
+        422,
+        "MISSING_LIMIT",
+    )
+    assert names[0] in refused["detail"]

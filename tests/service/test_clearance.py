@@ -17,10 +17,14 @@ def test_a_post_with_room_beside_it_is_passed_at_the_preferred_distance(
     for preferred in (0.0, 0.02):
         found = plan(client, clearance={"preferred": preferred})
         rows = positions(found["trajectory"])
+        # The arm's own links may be nearer than the post at all times: then it is far enough.
         nearest[preferred] = min(
-            near.distance
-            for near in (exact.clearance(q) for q in rows)
-            if near.pair is not None and near.pair[1] == "post"
+            (
+                near.distance
+                for near in (exact.clearance(q) for q in rows)
+                if near.pair is not None and near.pair[1] == "post"
+            ),
+            default=np.inf,
         )
         told = found["clearance"]
         assert (told["preferred"], told["least"]) == (preferred, 0.0)

@@ -200,7 +200,7 @@ def test_a_killed_worker_is_replaced(client: httpx.Client, app: FastAPI) -> None
 
 def test_the_published_document(client: httpx.Client) -> None:
     document = client.get("/openapi.json").json()
-    assert document["info"]["title"] == "Armwright"
+    assert document["info"]["title"] == "Armwright API"
     assert document["info"]["version"] == VERSION
     assert set(document["components"]["schemas"]["Problem"]["properties"]) == FIELDS
     assert "HTTPValidationError" not in json.dumps(document)

@@ -1,5 +1,6 @@
 """The published schema says what is refused: one of several fields, the longest timeout, events."""
 
+import re
 from typing import Any
 
 import httpx
@@ -29,7 +30,7 @@ def holds(rule: dict[str, Any], body: dict[str, Any]) -> bool:
 
 @pytest.mark.parametrize("model", ITEMS)
 def test_one_of_several_fields_is_a_rule_of_the_schema_as_of_the_model(model: type[Body]) -> None:
-    rules = model.model_json_schema()["oneOf"]
+    ((_, rules),) = model.model_json_schema()["allOf"][0].items()
     rest: dict[str, Any] = {} if model is Scene else {"joints": [0.0] * 7}
     first, second = ITEMS[model].items()
     for fields in ([], [first], [second], [first, second], [(first[0], None), second]):
@@ -46,7 +47,7 @@ def test_the_rule_is_published_for_every_model_that_has_it(client: httpx.Client)
     schemas = client.get("/openapi.json").json()["components"]["schemas"]
     models: tuple[type[Body], ...] = (*ITEMS, Attached)
     for model in models:
-        names = [rule["required"] for rule in schemas[model.__name__]["oneOf"]]
+        names = [rule["required"] for rule in schemas[model.__name__]["allOf"][0]["oneOf"]]
         assert names == [[name] for name in model.one_of]
 
 
@@ -63,3 +64,40 @@ def test_events_are_no_text(client: httpx.Client) -> None:
     operation = client.get("/openapi.json").json()["paths"]["/v1/jobs/{id}/events"]["get"]
     schema = operation["responses"]["200"]["content"]["text/event-stream"]["schema"]
     assert "type" not in schema
+
+
+def test_every_field_says_what_it_is(client: httpx.Client) -> None:
+    schemas = client.get("/openapi.json").json()["components"]["schemas"]
+    silent = [
+        f"{name}.{field}"
+        for name, schema in schemas.items()
+        for field, form in schema.get("properties", {}).items()
+        if not form.get("description")
+    ]
+    assert silent == []
+    assert sum(len(schema.get("properties", {})) for schema in schemas.values()) > 1_000
+
+
+def test_operations_are_named_by_their_functions_and_say_what_they_do(client: httpx.Client) -> None:
+    paths = client.get("/openapi.json").json()["paths"]
+    operations = [operation for methods in paths.values() for operation in methods.values()]
+    names = [operation["operationId"] for operation in operations]
+    assert len(set(names)) == len(names)
+    assert all(re.fullmatch(r"[a-z]+(_[a-z]+)*", name) for name in names)
+    for operation in operations:
+        assert operation["summary"], operation["operationId"]
+        assert operation["description"], operation["operationId"]
+        for parameter in operation.get("parameters", ()):
+            assert parameter.get("description"), (operation["operationId"], parameter["name"])
+
+
+def test_options_name_the_methods_that_the_document_has(client: httpx.Client) -> None:
+    document = client.get("/openapi.json").json()
+    for path, methods in document["paths"].items():
+        named = client.options(path.replace("{", "").replace("}", "")).headers["Allow"]
+        assert set(named.split(", ")) == {method.upper() for method in methods}, path
+
+
+def test_a_scene_may_be_new_where_it_is_put(client: httpx.Client) -> None:
+    responses = client.get("/openapi.json").json()["paths"]["/v1/scenes/{name}"]["put"]["responses"]
+    assert {"200", "201"} <= set(responses)

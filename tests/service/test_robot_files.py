@@ -75,4 +75,4 @@ def test_bad_requests(client: httpx.Client) -> None:
 
 def test_the_page_shows_the_real_srdf(client: httpx.Client) -> None:
     text = client.get("/v1/robots/planar_rr/srdf").text
-    assert f"```xml\n{text}```" in (DOCS / "robots.md").read_text("utf-8")
+    assert f"```xml\n{text}```" in (DOCS / "dh_robots.md").read_text("utf-8")

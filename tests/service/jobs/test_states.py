@@ -126,16 +126,16 @@ def test_waiting_requests_have_so_much_room_together(tmp_path: Path) -> None:
     mebibyte = 1024 * 1024
 
     async def scenario(jobs: Jobs, app: App, store: Store) -> None:
-        jobs.check_room(100 * mebibyte)  # alone, even a larger one is taken
+        await jobs.check_room(100 * mebibyte)  # alone, even a larger one is taken
         half = StoredRequest("POST", "/v1/plan", "application/json", b" " * (mebibyte // 2))
         first = await jobs.accept(half)
         await jobs.accept(half)
         with pytest.raises(JobsFull):
-            jobs.check_room(1)
+            await jobs.check_room(1)
         await jobs.cancel(first.id)
-        jobs.check_room(mebibyte // 2)
+        await jobs.check_room(mebibyte // 2)
         with pytest.raises(JobsFull):
-            jobs.check_room(mebibyte // 2 + 1)
+            await jobs.check_room(mebibyte // 2 + 1)
 
     run(tmp_path, scenario, job_storage=mebibyte)
 

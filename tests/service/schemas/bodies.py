@@ -28,6 +28,9 @@ from service.schemas.robot import ArchiveFields, RobotBody, RobotChanges
 from service.schemas.scene import NamedScene, ProjectRequest
 from service.schemas.simulation import SimulateRequest
 from service.schemas.validation import validate_as
+from tests.service.schemas.kept_bodies import KEPT_PLANS
+from tests.service.schemas.task_stages import tasks
+from tests.service.schemas.tour_bodies import TOURS
 
 #: Steps from a body to a value in it.
 Path = tuple[str | int, ...]
@@ -111,7 +114,7 @@ TIMING: dict[str, Any] = {
 LIMITS = {name: [1.0, 2.0] for name in ("velocity", "acceleration", "jerk", "effort")}
 RATES = {"velocities": [0.1, 0.2], "accelerations": [0.3, 0.4]}
 MOTIONS: list[dict[str, Any]] = [
-    {"type": "lin", "pose": POSE},
+    {"type": "lin", "pose": POSE, "blend": 0.0},
     {"type": "circ", "pose": POSE, "via": [0.4, 0.1, 0.3]},
     {"type": "circ", "pose": POSE, "center": [0.4, 0.1, 0.3], "normal": [0.0, 0.0, 1.0]},
 ]
@@ -127,7 +130,7 @@ PLAN: dict[str, Any] = ABOUT | {
     "start": {"joints": [0.0, 0.1]} | RATES,
     "goal": {"joints": [0.5, 0.6]} | RATES, "planner": "rrt_connect",
     "planner_options": {"range": 0.5}, "constraints": CONSTRAINTS[:1], "margin": 0.01,
-    "clearance": {"preferred": 0.03, "least": 0.01},
+    "keep": False, "clearance": {"preferred": 0.03, "least": 0.01},
     "goal_costs": {"motion_time": 2.0, "joint_limits": 0.4, "manipulability": 0.3,
                    "clearance": 0.2, "turns": 0.1},
     "collisions": "ignore", "start_state_tolerance": 1e-5, "timing": TIMING, "limits": LIMITS,
@@ -217,13 +220,14 @@ CONTROLLERS: list[dict[str, Any]] = [
     {"type": "adaptive", "Lambda": 1.0, "K": 2.0, "Gamma": 0.5, "estimate": [0.1, 0.2],
      "motors": True, "known_zeros": True, "parameters": ["m1"]} | _GAINS,
 ]  # fmt: skip
+BATCH = {name: value for name, value in PLAN.items() if name != "keep"}
 IK: dict[str, Any] = ABOUT | {
     "attached": ATTACHED,
     "pose": POSE | {"frame": "tool"}, "frame": "base", "link": "hand", "seed_joints": [0.0, 0.1],
     "method": "gradient",
     "all_solutions": True, "all_turns": True, "max_solutions": 8, "choice": "limits",
     "parameters": [0.1], "axes": ["x", "rz"], "scene": "table", "constraints": CONSTRAINTS,
-    "posture": [0.1, 0.2], "timeout": 5.0, "seed": 3,
+    "posture": [0.1, 0.2], "timeout": 5.0, "seed": 3, "keep": True,
     "gradient": {"rule": "transpose", "coordinates": "zyz", "gain": 0.5, "steps": 100,
                  "form": "flow", "trace": True, "trace_points": 50},
 }  # fmt: skip
@@ -232,7 +236,7 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
     (NamedScene, SCENE),
     (NamedScene, {"name": "table", "moveit": "name: x"}),
     (ProjectRequest, {"points": [[0.5, 0.0, 0.4]], "engine": "fcl"}),
-    (CheckRequest, ABOUT | {"robot": "panda", "scene": SMALL_SCENE,
+    (CheckRequest, ABOUT | {"robot": "panda", "scene": SMALL_SCENE, "keep": True,
                             "joints": [[0.0, 0.1], [0.2, 0.3]], "margin": 0.01, "timeout": 5.0,
                             "frame": "base", "depth": False}),
     (FkRequest, {"joints": [0.0, 0.1], "link": "hand", "orientation": "rpy",
@@ -258,6 +262,8 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
                              "interpolation": "cubic", "path_tolerance": 0.01, "blend": 0.1,
                              "speed": 0.5, "name": "moves", "frame_id": "world", "margin": 0.01,
                              "timeout": 5.0}),
+    *KEPT_PLANS,
+    *tasks(POSE, CONSTRAINTS[:1]), *TOURS,
     (ReachRequest, ABOUT | {"poses": [POSE], "link": "hand", "frame": "base", "margin": 0.01,
                             "tolerance": {"free": ["rz"], "rx": [-0.1, 0.1], "ry": [0.0, 0.1],
                                           "x": [0.0, 0.1], "y": [0.0, 0.1], "z": [0.0, 0.1],
@@ -283,10 +289,10 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
     (PlanRequest, BRIEF | {"goal": {"any_of": [{"state": "away"}]}}),
     (PlanRequest, BRIEF | {"goal": POSE_GOAL, "planner": "cartesian",
                           "planner_options": {"motions": MOTIONS, "allow_partial": True}}),
-    (BatchRequest, PLAN | {"problems": [BRIEF, {"goal": POSE_GOAL}]}),
+    (BatchRequest, BATCH | {"problems": [BRIEF, {"goal": POSE_GOAL}]}),
     (ValidateRequest, ABOUT | {
         "robot": "panda", "scene": SMALL_SCENE, "frame": "base", "trajectory": SAMPLES,
-        "limits": LIMITS,
+        "limits": LIMITS, "keep": True,
         "constraints": CONSTRAINTS[:1], "margin": 0.01, "collisions": "ignore",
         "tool_motions": TOOL_MOTIONS, "torque_limits": True, "payload": PAYLOAD, "tool_speed": 0.5,
         "timeout": 5.0}),
@@ -330,8 +336,7 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
     *((SimulateRequest, {"robot": "panda", "reference": reference, "controller": CONTROLLERS[1],
                          "motors": _MOTOR})
       for reference in REFERENCES),
-    (RobotBody, {"name": "arm", "joint_limits": JOINT_LIMITS, "base_link": "base",
-                 "tip_link": "tip",
+    (RobotBody, {"name": "arm", "joint_limits": JOINT_LIMITS, "base_link": "base", "tip_link": "t",
                  "dh": {"convention": "standard", "rows": [DH_ROW], "base": POSE, "tool": POSE,
                         "gravity": [0.0, 0.0, -9.81], "geometry": {"capsules": 0.05}}}),
     (RobotBody, {"name": "arm", "dh": {"convention": "modified", "rows": [DRIVEN_ROW]}}),

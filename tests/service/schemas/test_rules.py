@@ -124,6 +124,7 @@ def test_timed_tool_motions_have_an_end_each() -> None:
     reject(TimedToolMotions, {"motions": [LINE, ARC]}, "as many times as there are motions")
     reject(TimedToolMotions, {"motions": [LINE], "ends": [1.0, 2.0]}, "as many times")
     reject(TimedToolMotions, {"motions": [LINE, ARC], "ends": [2.0, 1.0]}, "must not descend")
+    reject(TimedToolMotions, {"motions": [LINE | {"blend": 0.1}]}, "blend belongs to plans")
 
 
 def test_options_of_the_cartesian_planner_are_checked_where_they_are_given() -> None:

@@ -1,6 +1,7 @@
 """The database: transactions, locks, faults, and files that are not ours."""
 
 import sqlite3
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -250,6 +251,17 @@ def test_urls_of_other_kinds_are_refused(url: str) -> None:
 
 def test_a_postgresql_that_is_not_there_is_told_without_the_password() -> None:
     with pytest.raises(StoreError, match=r"Check that PostgreSQL runs") as error:
+        Database("postgresql+psycopg://u:secret@127.0.0.1:1/x")
+    assert "secret" not in str(error.value)
+
+
+def test_a_missing_driver_is_told_with_the_extra_that_has_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(sys.modules, "psycopg", None)
+    with pytest.raises(
+        StoreError, match=r"Install it: pip install 'armwright\[postgres\]'"
+    ) as error:
         Database("postgresql+psycopg://u:secret@127.0.0.1:1/x")
     assert "secret" not in str(error.value)
 

@@ -151,3 +151,58 @@ def test_threads_do_not_get_in_each_others_way(documents: DocumentStore) -> None
     assert len(documents.list("scene", "", 1000)) == 6 * 20 + 20 + 1
     assert documents.record("scene", "replaced_by_all").version == 6 * 20
     assert conflicts == ["CONFLICT"] * 100
+
+
+def test_a_precondition_is_asked_in_the_transaction_that_stores(documents: DocumentStore) -> None:
+    """Writers that each replace the version they have read lose no update between them."""
+    documents.create("scene", "counter", b"0")
+    writers, rounds = 4, 10
+
+    class OtherVersionError(Exception):
+        pass
+
+    def count() -> None:
+        done = 0
+        while done < rounds:
+            document = documents.get("scene", "counter")
+
+            def unchanged(current: str | None, expected: str = document.record.hash) -> None:
+                if current != expected:
+                    raise OtherVersionError
+
+            following = str(int(document.content) + 1).encode()
+            try:
+                documents.replace("scene", "counter", following, unchanged)
+            except OtherVersionError:
+                continue
+            done += 1
+
+    threads = [threading.Thread(target=count) for _ in range(writers)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(60.0)
+    counted = documents.get("scene", "counter")
+    assert counted.content == str(writers * rounds).encode()
+    assert counted.record.version == writers * rounds + 1
+
+
+def test_a_precondition_that_fails_changes_nothing(documents: DocumentStore) -> None:
+    seen: list[str | None] = []
+
+    def refuse(current: str | None) -> None:
+        seen.append(current)
+        raise ProblemError("PRECONDITION_FAILED", "no", stage="storage", hint="-")
+
+    with pytest.raises(ProblemError, match="no"):
+        documents.replace("scene", "new", b"content", refuse)
+    record = documents.create("scene", "a", b"one")
+    with pytest.raises(ProblemError, match="no"):
+        documents.replace("scene", "a", b"two", refuse)
+    with pytest.raises(ProblemError, match="no"):
+        documents.delete("scene", "a", refuse)
+    with pytest.raises(ProblemError, match="there is no scene"):
+        documents.delete("scene", "b", refuse)
+    assert seen == [None, record.hash, record.hash]
+    assert [document.name for document in documents.list("scene", "", 10)] == ["a"]
+    assert documents.get("scene", "a").content == b"one"

@@ -13,8 +13,10 @@ from kinematics.robots import builtin_chain
 from kinematics.trajectory import Trajectory
 from planning.retime import Retimed
 from planning.timing.options import TimingOptions
-from service.schemas.plan import LimitsBody, Timing, ValidateRequest
+from planning.timing.report import TimingReport
+from service.schemas.plan import LimitsBody, ValidateRequest
 from service.schemas.retime import RetimePath, RetimeTiming
+from service.schemas.timing import Timing
 from service.translate.timings import (
     effort_loads,
     given_limit,
@@ -22,6 +24,7 @@ from service.translate.timings import (
     limits,
     path_to_time,
     retimed_answer,
+    timing_answer,
     timing_options,
 )
 
@@ -217,6 +220,21 @@ def test_a_timed_path_is_answered_with_how_far_it_was_stretched() -> None:
     answer = retimed_answer(retimed, {"duration": 3.0}, {"verified": True})
     assert answer == {
         "status": "success", "trajectory": {"duration": 3.0}, "certificate": {"verified": True},
-        "factor": 1.5, "needed_factor": 2.5, "notes": ["slow"],
+        "factor": 1.5, "needed_factor": 2.5, "notes": ["slow"], "timing": None,
         "peaks": {"velocity": [20.0], "acceleration": [30.0], "jerk": [24.0]},
     }  # fmt: skip
+
+
+def test_the_account_of_a_timing_names_limits_and_the_rule() -> None:
+    limits = {"velocity": np.array([1.0, np.inf]), "jerk": np.array([20.0, 30.0])}
+    report = TimingReport("jerk_limited", "double_s", limits, ("b",))
+    assert timing_answer(report) == {
+        "method": "jerk_limited",
+        "solver": "double_s",
+        "limits": {"velocity": [1.0, np.inf], "jerk": [20.0, 30.0]},
+        "ruled": {"jerk": {"rule": "10 x acceleration", "joints": ["b"]}},
+    }
+    known = timing_answer(TimingReport("toppra", "reachability", {}))
+    assert known is not None
+    assert known["ruled"] == {}
+    assert timing_answer(None) is None

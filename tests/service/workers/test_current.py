@@ -1,10 +1,11 @@
 """The job that a process works on, as its task sees it: deadline and progress."""
 
-import time
 from collections.abc import Iterator
+from types import SimpleNamespace
 
 import pytest
 
+from planning import deadline
 from planning.deadline import Deadline
 from service.workers import current
 from service.workers.task import NEVER
@@ -19,7 +20,9 @@ class Clock:
 @pytest.fixture(autouse=True)
 def clock(monkeypatch: pytest.MonkeyPatch) -> Iterator[Clock]:
     made = Clock()
-    monkeypatch.setattr(time, "monotonic", lambda: made.now)
+    # Of these two modules only: servers of other tests may run in threads of this process.
+    for module in (current, deadline):
+        monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: made.now))
     yield made
     current.end()
 

@@ -1,0 +1,1 @@
+"""Kept plans: their documents, bundles and replays."""

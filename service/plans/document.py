@@ -1,0 +1,83 @@
+"""Kept plans as they are answered: summaries, documents and bundles."""
+
+import json
+from datetime import UTC, datetime
+from http import HTTPStatus
+
+from starlette.concurrency import run_in_threadpool
+
+from service.schemas.kept_plan import Bundle, DocumentName, KeptPlanSummary
+from service.storage.plan_store import PlanContent, PlanRecord, PlanStore
+
+
+def plan_summary(record: PlanRecord, lifetime: float) -> KeptPlanSummary:
+    """A kept plan without its content; it is kept for a lifetime [s]."""
+    return KeptPlanSummary(
+        id=record.id,
+        operation=f"{record.method} {record.path}",
+        status="succeeded" if _succeeded(record) else "failed",
+        code=record.code,
+        robot=_name(record.robot, record.robot_hash),
+        scene=_name(record.scene, record.scene_hash),
+        seed=record.seed,
+        version=record.version,
+        digest=record.digest,
+        created=_iso_time(record.created),
+        expires=_iso_time(record.created + lifetime),
+        job=record.job,
+        replay_of=record.replay_of,
+    )
+
+
+def plan_document(record: PlanRecord, content: PlanContent, lifetime: float) -> bytes:
+    """The JSON of a kept plan; request and answer go in as they are."""
+    head = plan_summary(record, lifetime).model_dump_json().encode()[:-1]
+    answer, problem = (content.answer, b"null") if _succeeded(record) else (b"null", content.answer)
+    parts = (head, b',"request":', content.request, b',"answer":', answer)
+    return b"".join((*parts, b',"problem":', problem, b"}"))
+
+
+async def bundle(plans: PlanStore, record: PlanRecord, content: PlanContent) -> Bundle:
+    """A kept plan with its documents, for another installation."""
+    robot = await _document(plans, record.robot_hash, record.tenant)
+    scene = await _document(plans, record.scene_hash, record.tenant)
+    return Bundle(
+        armwright_bundle=1,
+        operation=f"{record.method} {record.path}",
+        version=record.version,
+        status="succeeded" if _succeeded(record) else "failed",
+        seed=record.seed,
+        digest=record.digest,
+        robot=record.robot,
+        robot_document=robot,
+        scene=record.scene,
+        scene_document=scene,
+        request=content.request.decode(),
+        answer=content.answer.decode(),
+    )
+
+
+def problem_code(answer: str) -> str | None:
+    """The code of a problem document, if it is one."""
+    value = json.loads(answer)
+    code = value.get("code") if isinstance(value, dict) else None
+    return code if isinstance(code, str) else None
+
+
+async def _document(plans: PlanStore, digest: str | None, tenant: str) -> str | None:
+    if digest is None:
+        return None
+    content = await run_in_threadpool(plans.document, digest, tenant)
+    return None if content is None else content.decode()
+
+
+def _succeeded(record: PlanRecord) -> bool:
+    return record.status < HTTPStatus.BAD_REQUEST
+
+
+def _name(name: str | None, digest: str | None) -> DocumentName | None:
+    return None if name is None else DocumentName(name=name, hash=digest)
+
+
+def _iso_time(seconds: float) -> str:
+    return datetime.fromtimestamp(seconds, UTC).isoformat()

@@ -1,0 +1,129 @@
+"""Replays of kept plans: the request once more, perhaps changed, through the same endpoint."""
+
+import json
+from dataclasses import dataclass
+from typing import Any
+
+from fastapi import Request
+from starlette.types import Message
+
+from kinematics.errors import ArmwrightError
+from service.http.errors import document, from_domain, status_of
+from service.http.keeping import KEPT_PLAN
+from service.http.state import REPLAY, USED_REFERENCES, Replay, prepared_folder
+from service.problem import ProblemError
+from service.storage.cache_key import Reference
+from service.storage.plan_store import PlanContent, PlanRecord
+
+#: Keys of a scope that belong to the request around the replay.
+_OUTER = ("route", "endpoint", "path_params", "starlette.exception_handlers", "router", KEPT_PLAN)
+#: Statuses of problems that answer a request; all others end the replay.
+_ANSWERING = (422, 504)
+
+
+@dataclass(frozen=True, slots=True)
+class Replayed:
+    """Result of a replay.
+
+    Args:
+        content: The answer or problem, JSON.
+        succeeded: Whether it is an answer.
+        plan_id: The kept plan that it became, if it was kept.
+    """
+
+    content: bytes
+    succeeded: bool
+    plan_id: str | None
+
+
+def merge(value: Any, patch: Any) -> Any:
+    """A JSON value with a merge patch (RFC 7396) applied."""
+    if not isinstance(patch, dict):
+        return patch
+    merged = dict(value) if isinstance(value, dict) else {}
+    for name, change in patch.items():
+        if change is None:
+            merged.pop(name, None)
+        else:
+            merged[name] = merge(merged.get(name), change)
+    return merged
+
+
+def replayed_body(content: PlanContent, changes: dict[str, Any] | None, keep: bool | None) -> bytes:
+    """The body of a kept request for its replay; without changes, its own bytes as far as can be.
+
+    Args:
+        content: Of the kept plan.
+        changes: A merge patch.
+        keep: Whether the replay is to be kept; None to leave that to the endpoint.
+    """
+    body = {**json.loads(content.request)}
+    body.pop("keep", None)
+    body = merge(body, changes or {})
+    if keep is not None:
+        body["keep"] = keep
+    return json.dumps(body, ensure_ascii=False, separators=(",", ":")).encode()
+
+
+def pinned_references(request: Request, record: PlanRecord) -> tuple[Reference, ...]:
+    """Robot and scene of a kept plan, by the hashes that they had."""
+    folder = prepared_folder(request)
+    references = []
+    if record.robot is not None and record.robot_hash is not None:
+        references.append(Reference("robot", record.robot, record.robot_hash, folder))
+    if record.scene is not None and record.scene_hash is not None:
+        references.append(Reference("scene", record.scene, record.scene_hash, folder))
+    return tuple(references)
+
+
+async def replay_plan(
+    request: Request, record: PlanRecord, body: bytes, pinned: tuple[Reference, ...]
+) -> Replayed:
+    """Answer a kept request once more.
+
+    Args:
+        request: That asks for the replay: its client, job and caller are those of the replay.
+        record: The kept plan.
+        body: The request, JSON.
+        pinned: Robot and scene that stay as they were.
+
+    Raises:
+        ProblemError: Nothing was computed: a name is unknown, a change malformed, the service busy.
+        fastapi.exceptions.RequestValidationError: A change does not follow the schema.
+    """
+    sent = _Sent()
+    scope = {name: value for name, value in request.scope.items() if name not in _OUTER}
+    scope[REPLAY] = Replay(record.id, pinned)
+    scope[USED_REFERENCES] = {}
+    scope |= {"path": record.path, "raw_path": record.path.encode(), "query_string": b""}
+    scope["headers"] = [
+        (b"content-type", b"application/json"),
+        (b"content-length", str(len(body)).encode()),
+    ]
+    unread = [body]
+
+    async def receive() -> Message:
+        if unread:
+            return {"type": "http.request", "body": unread.pop(), "more_body": False}
+        return await request.receive()
+
+    try:
+        await request.app.router(scope, receive, sent)
+    except (ProblemError, ArmwrightError) as error:
+        problem = from_domain(error) if isinstance(error, ArmwrightError) else error
+        if status_of(problem) not in _ANSWERING or problem.code == "VALIDATION_ERROR":
+            raise
+        content = json.dumps(document(problem, record.path), ensure_ascii=False).encode()
+        return Replayed(content, succeeded=False, plan_id=scope.get(KEPT_PLAN))
+    return Replayed(bytes(sent.body), succeeded=True, plan_id=scope.get(KEPT_PLAN))
+
+
+class _Sent:
+    """Collects the body of an answer."""
+
+    def __init__(self) -> None:
+        self.body = bytearray()
+
+    async def __call__(self, message: Message) -> None:
+        if message["type"] == "http.response.body":
+            self.body += message.get("body", b"")

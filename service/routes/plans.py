@@ -1,0 +1,214 @@
+"""Kept plans: requests with their answers, to be looked at, replayed and taken elsewhere."""
+
+import time
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Request, Response
+from fastapi.responses import HTMLResponse
+from pydantic_core import to_json
+from starlette.concurrency import run_in_threadpool
+
+from service.access.caller import caller_of
+from service.http import answers
+from service.http.answer_digest import answer_digest, differences
+from service.http.json_route import JsonRoute
+from service.http.keeping import new_plan_id
+from service.http.openapi import RESPONSES
+from service.http.state import REPLAY, Replay, retention, settings_of, store_of
+from service.plans.document import bundle, plan_document, plan_summary, problem_code
+from service.plans.replay import pinned_references, replay_plan, replayed_body
+from service.problem import ProblemError
+from service.routes.paging import page
+from service.schemas.kept_plan import (
+    MAX_DIFFERENCES,
+    Bundle,
+    KeptPlan,
+    KeptPlanSummary,
+    PlanList,
+    ReplayAnswer,
+    ReplayRequest,
+)
+from service.schemas.strict_json import parse_json
+from service.storage.plan_store import PlanContent, PlanRecord, document_hash
+from service.task_references import view as view_task
+from service.viewer.page import content_security_policy
+
+router = APIRouter(
+    prefix="/v1/plans", tags=["kept plans"], route_class=JsonRoute, responses=RESPONSES
+)
+
+_PAGE = {200: {"description": "A page that needs nothing else", "content": {"text/html": {}}}}
+#: Time for a page: clearances are measured at up to 151 instants [s].
+_VIEW_TIMEOUT = 60.0
+#: Status of a kept problem whose own is not known: an imported one.
+_FAILED = 422
+_SUCCEEDED = 200
+
+
+@router.get("", summary="List kept plans")
+async def list_plans(
+    request: Request,
+    robot: Annotated[
+        str | None, Query(max_length=128, description="only those of this robot")
+    ] = None,
+    after: Annotated[str, Query(max_length=64, description="plans older than this one")] = "",
+    limit: Annotated[int, Query(ge=1, le=1000)] = 100,
+) -> PlanList:
+    """Kept plans without their content, newest first, page by page."""
+    tenant = caller_of(request.scope).tenant
+    plans = store_of(request).plans
+    stored = await run_in_threadpool(plans.list, after, limit + 1, tenant, robot=robot)
+    records, following = page(stored, limit, lambda record: record.id)
+    lifetime = settings_of(request).plan_lifetime
+    return PlanList(plans=[plan_summary(item, lifetime) for item in records], next=following)
+
+
+@router.post("", status_code=201, summary="Import a kept plan", response_model=KeptPlanSummary)
+async def import_plan(body: Bundle, request: Request) -> Response:
+    """Keeps the plan of a bundle, with its robot and scene, so that it can be replayed here."""
+    # The outline of a large body has its texts cut.
+    whole = Bundle.model_validate(parse_json(await request.body()))
+    _check_content(whole)
+    path = body.operation.removeprefix("POST ")
+    documents = [whole.robot_document, whole.scene_document]
+    contents = [None if text is None else text.encode() for text in documents]
+    robot_hash, scene_hash = (None if c is None else document_hash(c) for c in contents)
+    caller = caller_of(request.scope)
+    record = PlanRecord(
+        id=new_plan_id(),
+        method="POST",
+        path=path,
+        status=_SUCCEEDED if whole.status == "succeeded" else _FAILED,
+        code=None if whole.status == "succeeded" else problem_code(whole.answer),
+        robot=whole.robot,
+        robot_hash=robot_hash,
+        scene=whole.scene,
+        scene_hash=scene_hash,
+        seed=whole.seed,
+        version=whole.version,
+        digest=whole.digest,
+        created=time.time(),
+        tenant=caller.tenant,
+        api_key=caller.api_key,
+    )
+    content = PlanContent(whole.request.encode(), whole.answer.encode())
+    given = {document_hash(c): c for c in contents if c is not None}
+    plans, settings = store_of(request).plans, settings_of(request)
+    await run_in_threadpool(plans.import_plan, record, content, given)
+    await run_in_threadpool(plans.purge, time.time(), retention(settings))
+    summary = plan_summary(record, settings.plan_lifetime)
+    headers = {"Location": f"/v1/plans/{record.id}"}
+    return Response(summary.model_dump_json(), 201, headers, "application/json")
+
+
+@router.get("/{id}", summary="Get a kept plan", response_model=KeptPlan)
+async def get_plan(id: str, request: Request) -> Response:  # noqa: A002  (its name in the path)
+    """The request, robot and scene by content hash, version, seed, and the answer or problem."""
+    record, content = await _plan(id, request)
+    document = plan_document(record, content, settings_of(request).plan_lifetime)
+    return Response(document, media_type="application/json")
+
+
+@router.delete("/{id}", status_code=204, summary="Forget a kept plan")
+async def delete_plan(id: str, request: Request) -> Response:  # noqa: A002
+    """Forgets the plan, and the robot and scene that were kept for it alone."""
+    tenant = caller_of(request.scope).tenant
+    await run_in_threadpool(store_of(request).plans.delete, id, tenant)
+    return Response(status_code=204)
+
+
+@router.get("/{id}/bundle", summary="Get a kept plan as a file", response_model=Bundle)
+async def get_bundle(id: str, request: Request) -> Response:  # noqa: A002
+    """One file with request, robot, scene and answer: POST it to /v1/plans of another service."""
+    record, content = await _plan(id, request)
+    whole = await bundle(store_of(request).plans, record, content)
+    headers = {"Content-Disposition": f'attachment; filename="armwright-plan-{record.id}.json"'}
+    return Response(whole.model_dump_json(), headers=headers, media_type="application/json")
+
+
+@router.get(
+    "/{id}/view",
+    summary="See a kept plan",
+    response_class=HTMLResponse,
+    responses={
+        200: {"description": "A page that needs nothing else", "content": {"text/html": {}}}
+    },
+)
+async def view_plan(id: str, request: Request) -> Response:  # noqa: A002
+    """One HTML file that shows robot, scene, motion, curves and proof, or why there is no motion.
+
+    It opens from disk too, and asks no host for anything.
+    """
+    record, content = await _plan(id, request)
+    document = plan_document(record, content, settings_of(request).plan_lifetime)
+    request.scope[REPLAY] = Replay(record.id, pinned_references(request, record))
+    result = await answers.answer(
+        request,
+        lambda robot, scene: view_task.job(robot, scene, document),
+        record.robot or "",
+        record.scene,
+        timeout=_VIEW_TIMEOUT,
+    )
+    return HTMLResponse(result, headers={"Content-Security-Policy": content_security_policy()})
+
+
+@router.post("/{id}/replay", summary="Replay a kept plan", response_model=ReplayAnswer)
+async def replay(id: str, body: ReplayRequest, request: Request) -> Response:  # noqa: A002
+    """The kept request answered once more, perhaps with changes, and compared with what was kept.
+
+    Robot and scene are those that were kept unless the request says otherwise or changes name
+    others. A problem is an answer too: the status is 200 where something was computed.
+    """
+    record, content = await _plan(id, request)
+    pinned = pinned_references(request, record) if body.documents == "kept" else ()
+    again = replayed_body(content, body.changes, body.keep_replay)
+    result = await replay_plan(request, record, again, pinned)
+    digest = await run_in_threadpool(answer_digest, result.content)
+    same = digest == record.digest
+    found = (
+        []
+        if same
+        else await run_in_threadpool(differences, content.answer, result.content, MAX_DIFFERENCES)
+    )
+    head = to_json(
+        {"same": same, "differences": found, "digest": digest, "plan_id": result.plan_id}
+    )
+    field = b"answer" if result.succeeded else b"problem"
+    answer = head[:-1] + b',"%s":' % field + result.content + b"}"
+    return Response(answer, media_type="application/json")
+
+
+async def _plan(plan_id: str, request: Request) -> tuple[PlanRecord, PlanContent]:
+    tenant = caller_of(request.scope).tenant
+    return await run_in_threadpool(store_of(request).plans.get, plan_id, tenant)
+
+
+def _check_content(body: Bundle) -> None:
+    """Refuse a bundle whose parts are no JSON objects, do not fit its status, or were changed.
+
+    Raises:
+        ProblemError: VALIDATION_ERROR.
+    """
+    for field in ("request", "answer"):
+        if not _is_object(getattr(body, field)):
+            raise _broken(f"{field}: this is no JSON object")
+    if (problem_code(body.answer) is None) is (body.status == "failed"):
+        raise _broken("answer: a problem belongs to the status failed, and to no other")
+    if answer_digest(body.answer.encode()) != body.digest:
+        raise _broken("digest: it is not that of the answer")
+
+
+def _is_object(text: str) -> bool:
+    try:
+        return isinstance(parse_json(text.encode()), dict)
+    except ProblemError:
+        return False
+
+
+def _broken(detail: str) -> ProblemError:
+    return ProblemError(
+        "VALIDATION_ERROR",
+        detail,
+        stage="request",
+        hint="The bundle was changed. Fetch it again from GET /v1/plans/{id}/bundle.",
+    )

@@ -1,0 +1,30 @@
+"""Tours over many goals."""
+
+from fastapi import APIRouter, Request, Response
+
+from service.http import answers
+from service.http.json_route import JsonRoute
+from service.http.openapi import RESPONSES
+from service.schemas.tour import TourAnswer, TourRequest
+from service.task_references import tour as tour_task
+
+router = APIRouter(prefix="/v1", tags=["planning"], route_class=JsonRoute, responses=RESPONSES)
+
+
+@router.post("/tours", summary="Visit many goals in the best order", response_model=TourAnswer)
+async def tour(body: TourRequest, request: Request) -> Response:
+    """Order, configurations and proved motions of a tour over 2 to 500 goals.
+
+    The search goes by the times of straight motions; only legs that a tour takes are planned and
+    proved, and where one takes longer the order is searched again. The shortest tour proved before
+    the deadline is answered, with a bound that no tour beats.
+    """
+    content = await request.body()
+    result = await answers.answer(
+        request,
+        lambda robot, scene: tour_task.job(robot, scene, content),
+        body.robot,
+        body.scene,
+        timeout=body.timeout,
+    )
+    return Response(result, media_type="application/json")

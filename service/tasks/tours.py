@@ -1,0 +1,78 @@
+"""Tours as requests ask for them, in workers."""
+
+import hashlib
+from typing import Any
+
+from pydantic_core import to_json
+
+from planning.result import Failure
+from planning.tours.planner import plan_tour
+from service.schemas.tour import TourRequest
+from service.storage import worker_cache
+from service.storage.cache_key import Reference
+from service.tasks.answer import in_frame, reports_cache_miss
+from service.tasks.attached_objects import RobotInScene, robot_in_scene
+from service.tasks.plan import versions
+from service.tasks.result import CacheMiss, TaskProblem
+from service.translate import problems
+from service.translate.tours import configuration, tour_answer, tour_options, tour_problem
+from service.workers import current
+from service.workers.task import GRACE, task
+
+
+@task(grace=GRACE)
+@reports_cache_miss
+def tour(
+    robot: Reference, scene: Reference | None, content: bytes
+) -> bytes | TaskProblem | CacheMiss:
+    """Answer a request for a tour.
+
+    Args:
+        robot: The robot.
+        scene: The scene, where the request names a stored one.
+        content: The request.
+
+    Raises:
+        ArmwrightError: The request is at fault.
+    """
+    body = TourRequest.model_validate_json(content)
+    geometry = worker_cache.robot(robot).geometry
+    start = configuration(body.start, geometry.chain, geometry.states, "start")
+    cell = robot_in_scene(robot, scene, body, start)
+    problem = tour_problem(body, cell.robot, cell.scene, start)
+    deadline = current.deadline()
+    if deadline.passed:
+        return TaskProblem(
+            "TIMED_OUT",
+            "the deadline passed before the tour was begun",
+            "Allow more time with the field timeout.",
+            {"stage": "configurations"},
+        )
+    options = tour_options(body, cell.robot.chain, deadline.remaining)
+    outcome = plan_tour(problem, options, current.report)
+    if isinstance(outcome, Failure):
+        return _refusal(outcome)
+    answer = tour_answer(outcome, problem, body.timing.sample_period)
+    return to_json(answer | _surroundings(body, cell), inf_nan_mode="null")
+
+
+def _refusal(failure: Failure) -> TaskProblem:
+    details: dict[str, Any] = problems.plain(failure.details)
+    return TaskProblem(
+        failure.code, failure.message, failure.hint, details | {"stage": failure.stage}
+    )
+
+
+def _surroundings(body: TourRequest, cell: RobotInScene) -> dict[str, Any]:
+    """Fields of the answer that say what it is about."""
+    return {
+        **in_frame(cell.robot.chain),
+        "allowed_collisions": cell.allowed,
+        "reproducibility": {
+            "seed": body.seed,
+            "robot_hash": cell.robot.content_hash,
+            "scene_hash": cell.scene.content_hash,
+            "request_hash": hashlib.sha256(body.model_dump_json().encode()).hexdigest(),
+            "versions": versions(),
+        },
+    }

@@ -1,0 +1,285 @@
+"""The page of a kept plan, in a worker."""
+
+import json
+import re
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+
+from kinematics.errors import ArmwrightError, InvalidOption
+from kinematics.trajectory import Trajectory
+from service.schemas.check import CheckRequest
+from service.schemas.goal import SingleGoal
+from service.schemas.kinematics import IkRequest
+from service.schemas.plan import PlanRequest, TrajectoryBody, ValidateRequest
+from service.storage import worker_cache
+from service.storage.cache_key import Reference
+from service.tasks.answer import reports_cache_miss
+from service.tasks.attached_objects import RobotInScene, robot_in_scene
+from service.tasks.inverse_kinematics import ik
+from service.tasks.result import CacheMiss, TaskProblem
+from service.translate import trajectories
+from service.translate.frames import first_configuration
+from service.translate.states import with_states
+from service.viewer.document import Configuration, motion_document, rejected, robot_document
+from service.viewer.page import page
+from service.viewer.words import certificate_sentences, problem_sentences
+from service.workers.task import task
+
+#: Configurations that one page shows.
+_MAX_CONFIGURATIONS = 64
+#: Candidates of one goal among them, the best first.
+_MAX_CANDIDATES = 24
+_IK = re.compile(r"POST /v1/robots/[^/]+/ik")
+
+
+class _Kept(NamedTuple):
+    """A kept plan whose page is made.
+
+    Args:
+        request: The body.
+        answer: The answer; empty where there is a problem.
+        problem: The problem document; empty where there is an answer.
+        robot: Reference of the robot.
+        scene: Reference of the stored scene, if the request names one.
+    """
+
+    request: dict[str, Any]
+    answer: dict[str, Any]
+    problem: dict[str, Any]
+    robot: Reference
+    scene: Reference | None
+
+
+class _Shown(NamedTuple):
+    """Parts of a page that depend on the operation.
+
+    Args:
+        cell: Robot and scene.
+        motion: If there is one.
+        configurations: Shown by themselves.
+        sentences: The certificate, or what else is to be said.
+        extra: More fields of the document.
+    """
+
+    cell: RobotInScene
+    motion: Trajectory | None
+    configurations: list[Configuration]
+    sentences: list[str]
+    extra: dict[str, Any]
+
+
+@task
+@reports_cache_miss
+def view(robot: Reference, scene: Reference | None, content: bytes) -> bytes | CacheMiss:
+    """The HTML page of a kept plan.
+
+    Args:
+        robot: The robot.
+        scene: The scene, where the request names a stored one.
+        content: The kept plan as ``GET /v1/plans/{id}`` answers it.
+
+    Raises:
+        ArmwrightError: The request is at fault, so that nothing of it can be drawn.
+    """
+    whole = json.loads(content)
+    kept = _Kept(
+        whole["request"], whole.get("answer") or {}, whole.get("problem") or {}, robot, scene
+    )
+    operation = whole["operation"]
+    try:
+        shown = _parts(operation)(kept)
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+        # Bundles may hold anything; what was kept here was an answer of this service.
+        raise InvalidOption(
+            "the kept request and its answer do not belong together: nothing can be drawn",
+            hint="Replay the plan, and see the answer to that.",
+        ) from error
+    arm, place = shown.cell.robot, shown.cell.scene
+    limit = kept.request.get("tool_speed") or (kept.request.get("timing") or {}).get("tool_speed")
+    motion = None if shown.motion is None else motion_document(shown.motion, arm, place, limit)
+    return page(
+        {
+            "title": f"{operation} · {arm.chain.name}",
+            "id": whole.get("id"),
+            "operation": operation,
+            "failed": bool(kept.problem),
+            "created": whole.get("created"),
+            "version": whole.get("version"),
+            "seed": whole.get("seed"),
+            "digest": whole.get("digest"),
+            **robot_document(arm, place),
+            "motion": motion,
+            "configurations": [
+                item._asdict() for item in shown.configurations[:_MAX_CONFIGURATIONS]
+            ],
+            "sentences": [*problem_sentences(kept.problem), *shown.sentences]
+            if kept.problem
+            else shown.sentences,
+            "request": kept.request,
+            **shown.extra,
+        }
+    )
+
+
+def _parts(operation: str) -> Callable[[_Kept], _Shown]:
+    if _IK.fullmatch(operation):
+        return _of_ik
+    makers = {
+        "POST /v1/check": _of_check,
+        "POST /v1/validate": _of_validate,
+        "POST /v1/plan": _of_plan,
+    }
+    if operation not in makers:
+        raise InvalidOption(
+            f"answers of {operation} have no page",
+            hint='Prove a stage\'s trajectory with POST /v1/validate and "keep": true to see it.',
+        )
+    return makers[operation]
+
+
+def _of_plan(kept: _Kept) -> _Shown:
+    geometry = worker_cache.robot(kept.robot).geometry
+    body = with_states(PlanRequest.model_validate(kept.request), geometry.states)
+    chain = geometry.chain
+    start = first_configuration(chain, body.start.joints)
+    cell = robot_in_scene(kept.robot, kept.scene, body, start)
+    if kept.answer:
+        motion = _motion(kept.answer["trajectory"], cell)
+        sentences = [
+            f"Planned by {kept.answer['planner']}: {motion.duration:.3f} s.",
+            *certificate_sentences(kept.answer["certificate"]),
+            *(f"Note: {note}" for note in kept.answer.get("notes") or ()),
+        ]
+        return _Shown(cell, motion, [], sentences, {"path": kept.answer["path"]["joints"]})
+    return _Shown(cell, None, [*_failed_configurations(kept, body)], [], {})
+
+
+def _failed_configurations(kept: _Kept, body: PlanRequest) -> Iterator[Configuration]:
+    """Start, goals, their IK candidates, and the configurations that the problem names."""
+    stage, details = kept.problem.get("stage"), kept.problem.get("details") or {}
+    detail = str(kept.problem["detail"])
+    if body.start.joints is not None:
+        yield _end("start", body.start.joints, detail if stage == "start" else None)
+    goals = body.goal.any_of or [body.goal]
+    alone = len(goals) == 1
+    for number, goal in enumerate(goals, 1):
+        name = "goal" if alone else f"goal {number}"
+        if goal.joints is not None:
+            yield _end(name, goal.joints, detail if stage == "goal" and alone else None)
+        elif goal.pose is not None:
+            yield from _candidates(kept, body, goal, name)
+    if details.get("nearest_joints"):
+        yield rejected("nearest configuration", details["nearest_joints"], detail)
+    nearest = details.get("nearest_valid")
+    if nearest:
+        words = f"moves the tip by {1000.0 * nearest['tip_distance']:.1f} mm"
+        yield Configuration("nearest valid configuration", nearest["joints"], "valid", words)
+
+
+def _end(label: str, joints: list[float], reason: str | None) -> Configuration:
+    """Start or goal of a problem, rejected where there is a reason."""
+    if reason is None:
+        return Configuration(label, joints, "asked")
+    return rejected(label, joints, reason)
+
+
+def _candidates(kept: _Kept, body: PlanRequest, goal: Any, name: str) -> Iterator[Configuration]:
+    """All inverse-kinematics solutions of a goal's pose, with the reasons of the rejected ones."""
+    fields = {
+        name: kept.request[name]
+        for name in ("attached", "allowed_collisions", "frame")
+        if kept.request.get(name) is not None
+    }
+    fields |= {"pose": goal.pose.model_dump(exclude_none=True), "all_solutions": True}
+    if isinstance(goal, SingleGoal) and goal.frame is not None:
+        fields["frame"] = goal.frame
+    if body.scene is not None:
+        fields["scene"] = kept.request["scene"]
+    fields["seed_joints"] = body.start.joints
+    try:
+        found = ik(kept.robot, kept.scene, json.dumps(fields).encode())
+    except ArmwrightError:
+        return
+    if isinstance(found, TaskProblem):
+        solutions = cast(list[dict[str, Any]], found.details.get("rejected") or [])
+    elif isinstance(found, bytes):
+        solutions = json.loads(found)["solutions"]
+    else:
+        solutions = []
+    yield from _solutions(solutions[:_MAX_CANDIDATES], f"{name}, IK solution")
+
+
+def _of_validate(kept: _Kept) -> _Shown:
+    body = ValidateRequest.model_validate(kept.request)
+    chain = worker_cache.chain(kept.robot)
+    motion, _ = trajectories.trajectory(body.trajectory, chain)
+    cell = robot_in_scene(kept.robot, kept.scene, body, motion.start)
+    sentences = certificate_sentences(kept.answer) if kept.answer else []
+    return _Shown(cell, motion, [], sentences, {})
+
+
+def _of_check(kept: _Kept) -> _Shown:
+    body = CheckRequest.model_validate(kept.request)
+    chain = worker_cache.chain(kept.robot)
+    cell = robot_in_scene(kept.robot, kept.scene, body, first_configuration(chain, body.joints))
+    rows = np.atleast_2d(np.array(body.joints)).tolist()
+    shown = [
+        _configuration_of(f"configuration {i + 1}", row, _verdict(kept.answer, i))
+        for i, row in enumerate(rows)
+    ]
+    count = sum(item.verdict == "valid" for item in shown)
+    return _Shown(cell, None, shown, [f"{count} of {len(shown)} configurations are valid."], {})
+
+
+def _verdict(answer: Mapping[str, Any], i: int) -> Mapping[str, Any]:
+    """The verdict on configuration i of an answer about one or many."""
+    if not isinstance(answer["valid"], list):
+        return answer
+    names = ("valid", "clearance", "clearance_pair", "collisions", "limit_violations")
+    return {name: answer[name][i] for name in names}
+
+
+def _configuration_of(label: str, joints: list[float], verdict: Mapping[str, Any]) -> Configuration:
+    pair = verdict["clearance_pair"]
+    if verdict["valid"]:
+        clearance = verdict["clearance"]
+        words = "" if clearance is None else f"clearance {1000.0 * clearance:.1f} mm"
+        return Configuration(label, joints, "valid", words, pair)
+    hits = verdict["collisions"]
+    reasons = [f"'{hit['pair'][0]}' and '{hit['pair'][1]}' collide" for hit in hits]
+    reasons += [f"{item['joint']} is outside its limit" for item in verdict["limit_violations"]]
+    if not reasons and pair is not None:
+        reasons = [f"'{pair[0]}' and '{pair[1]}' are nearer than the margin"]
+    return rejected(label, joints, "; ".join(reasons))
+
+
+def _of_ik(kept: _Kept) -> _Shown:
+    body = IkRequest.model_validate(kept.request)
+    chain = worker_cache.chain(kept.robot)
+    seed = None if body.seed_joints is None else first_configuration(chain, body.seed_joints)
+    cell = robot_in_scene(kept.robot, kept.scene, body, seed)
+    details = kept.problem.get("details") or {}
+    given = kept.answer.get("solutions") or details.get("rejected") or []
+    flat = [item for row in given for item in (row if isinstance(row, list) else [row])]
+    shown = [*_solutions(flat, "solution")]
+    if details.get("nearest_joints"):
+        shown.append(rejected("nearest", details["nearest_joints"], kept.problem["detail"]))
+    count = sum(item.verdict == "valid" for item in shown)
+    return _Shown(cell, None, shown, [f"{count} of {len(shown)} solutions are valid."], {})
+
+
+def _solutions(answers: list[dict[str, Any]], label: str) -> Iterator[Configuration]:
+    for number, answer in enumerate(answers, 1):
+        why = answer.get("rejected_because")
+        name = f"{label} {number}" + (f" ({answer['branch']})" if answer.get("branch") else "")
+        if why is None:
+            yield Configuration(name, answer["joints"], "valid")
+        else:
+            yield rejected(name, answer["joints"], why)
+
+
+def _motion(trajectory: dict[str, Any], cell: RobotInScene) -> Trajectory:
+    fields = {name: trajectory[name] for name in ("joint_names", "segments")}
+    return trajectories.trajectory(TrajectoryBody.model_validate(fields), cell.robot.chain)[0]

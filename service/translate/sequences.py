@@ -1,0 +1,248 @@
+"""Tasks of several stages from wire to domain."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+from kinematics.arrays import Array
+from kinematics.errors import ArmwrightError, InvalidOption
+from kinematics.named_states import state
+from obstacles.robot_geometry import RobotGeometry
+from planning.options import CartesianOptions, Options
+from planning.problem import Goal, JointGoal, PoseGoal
+from planning.reach.tolerance import Axis, Tolerance
+from planning.sequence.region import grasp_region, place_region
+from planning.sequence.stage import (
+    Attach,
+    Detach,
+    Grasp,
+    Gripper,
+    Load,
+    Move,
+    Place,
+    Stage,
+    StageSettings,
+    Straight,
+)
+from planning.sequence.stage import Wait as WaitStage
+from service.schemas import sequence as schema
+from service.schemas.goal import SingleGoal
+from service.schemas.reach import ReachTolerance
+from service.translate import poses, timings
+from service.translate.constraints import constraint
+from service.translate.frames import Frames, constraints_in_root_frame
+from service.translate.problems import planner_name
+
+#: Frame and direction of straight motions that name none.
+_DIRECTIONS: Mapping[str, tuple[Literal["tool", "root"], tuple[float, float, float]]] = {
+    "approach": ("tool", (0.0, 0.0, 1.0)),
+    "retreat": ("tool", (0.0, 0.0, -1.0)),
+    "lift": ("root", (0.0, 0.0, 1.0)),
+}
+
+
+def stages(
+    body: schema.TaskRequest, robot: RobotGeometry, start: Array, timeout: float
+) -> tuple[Stage, ...]:
+    """The stages of a request, all poses in the root frame.
+
+    Args:
+        body: The request.
+        robot: The robot alone.
+        start: Where it stands, shape (n,) [rad or m].
+        timeout: For all stages together [s].
+
+    Raises:
+        ArmwrightError: A stage is malformed; the message and the details say which.
+    """
+    frames = Frames(robot.chain, start, body.frame)
+    translator = _Translator(body, robot, frames, timeout)
+    return tuple(translator.stage(k) for k in range(len(body.stages)))
+
+
+class _Translator:
+    """Translates the stages of one request."""
+
+    def __init__(
+        self, body: schema.TaskRequest, robot: RobotGeometry, frames: Frames, timeout: float
+    ) -> None:
+        self._body, self._robot, self._frames = body, robot, frames
+        self._timeout = timeout
+        self._names = {s.name: k for k, s in enumerate(body.stages) if s.name is not None}
+
+    def stage(self, k: int) -> Stage:
+        """Stage ``k``, its faults told with its number."""
+        body = self._body.stages[k]
+        try:
+            return self._stage(k, body)
+        except ArmwrightError as error:
+            details = dict(error.details) | {"index": k, "kind": body.kind, "name": body.name}
+            message = f"stages[{k}] ({body.kind}): {error.message}"
+            raise type(error)(message, hint=error.hint, **details) from None
+
+    def _stage(self, k: int, body: schema.StageUnion) -> Stage:
+        settings = self._settings(body)
+        match body:
+            case schema.MoveStage():
+                return self._move(body, settings)
+            case schema.ApproachStage() | schema.RetreatStage() | schema.LiftStage():
+                return _straight(body, settings)
+            case schema.GraspStage():
+                grips = _grasps(body)
+                return Grasp(body.object, grips, tuple(body.touch_links), body.support, settings)
+            case schema.PlaceStage():
+                return Place(
+                    body.object, self._places(body, k), body.relative_to, body.support, settings
+                )
+            case schema.AttachStage():
+                touches = tuple(body.touch_links)
+                return Attach(body.object, body.link, touches, _load(body), settings)
+            case schema.DetachStage():
+                return Detach(body.object, tuple(body.touch_links), settings)
+            case schema.WaitStage():
+                return WaitStage(body.duration, settings)
+            case _:
+                return Gripper(body.kind, None, (), body.duration, settings)
+
+    def _settings(self, body: schema.StageUnion) -> StageSettings:
+        task = self._body
+        timing = body.timing or task.timing
+        chain = self._robot.chain
+        wanted = constraints_in_root_frame(body.constraints, self._frames)
+        pairs = [*(task.allowed_collisions or ()), *(body.allowed_collisions or ())]
+        planner = planner_name(body.planner) if isinstance(body, schema.MoveStage) else "auto"
+        deviations = CartesianOptions()
+        if isinstance(body, schema.StraightStage):
+            deviations = CartesianOptions(
+                max_deviation=body.max_deviation,
+                max_orientation_deviation=body.max_orientation_deviation,
+            )
+        return StageSettings(
+            name=body.name or "",
+            margin=task.margin if body.margin is None else body.margin,
+            allowed=tuple((pair[0], pair[1]) for pair in pairs),
+            constraints=tuple(constraint(item) for item in wanted or ()),
+            options=Options(
+                planner=planner,
+                timing=timings.timing_options(timing),
+                limits=timings.given_limits(body.limits or task.limits, chain.joint_names),
+                cartesian=deviations,
+                timeout=self._timeout,
+                seed=task.seed,
+            ),
+        )
+
+    def _move(self, body: schema.MoveStage, settings: StageSettings) -> Move:
+        if body.end_of is not None:
+            if body.end_of not in self._names:
+                raise InvalidOption(
+                    f"end_of names {body.end_of!r}, and no stage has that name",
+                    hint=f"Names are: {', '.join(self._names) or 'none'}.",
+                )
+            return Move((), self._names[body.end_of], settings)
+        if body.goal is None:
+            return Move(settings=settings)
+        items: Sequence[SingleGoal] = body.goal.any_of or [body.goal]
+        goals = [self._goal(item, i) for i, item in enumerate(items)]
+        if body.tolerance is not None:
+            goals = [near for goal in goals for near in _around(goal, body.tolerance)]
+        if len(goals) > schema.MAX_TARGETS:
+            raise InvalidOption(
+                f"goal and tolerance make {len(goals)} poses, at most {schema.MAX_TARGETS}",
+                hint="Take fewer samples.",
+            )
+        return Move(tuple(goals), None, settings)
+
+    def _goal(self, item: SingleGoal, i: int) -> Goal:
+        chain = self._robot.chain
+        if item.velocities is not None or item.accelerations is not None:
+            raise InvalidOption("stages end at rest: a goal has no velocities or accelerations")
+        if item.state is not None:
+            return JointGoal(state(self._robot.states, item.state, f"goal.any_of[{i}].state"))
+        if item.joints is not None:
+            return JointGoal(chain.configuration(item.joints, f"goal.any_of[{i}].joints"))
+        assert item.pose is not None
+        pose = self._frames.pose(item.pose, item.frame, f"goal.any_of[{i}]")
+        return PoseGoal(poses.transform(pose))
+
+    def _places(self, body: schema.PlaceStage, k: int) -> Array:
+        where = f"stages[{k}]"
+        region = body.region
+        given = body.poses if region is None else [region.pose]
+        assert given is not None
+        named = [pose.frame for pose in given if pose.frame is not None]
+        if body.relative_to is not None:
+            if named:
+                raise InvalidOption(
+                    f"poses are relative to {body.relative_to!r} and name the frame {named[0]!r}",
+                    hint="Give relative_to or frame, not both.",
+                )
+            matrices = [poses.transform(pose) for pose in given]
+        else:
+            rooted = [self._frames.pose(pose, None, where) for pose in given]
+            matrices = [poses.transform(pose) for pose in rooted]
+        if region is None:
+            return np.array(matrices)
+        return place_region(
+            matrices[0],
+            (region.size[0], region.size[1]),
+            (region.angles[0], region.angles[1]),
+            (region.samples[0], region.samples[1], region.angle_samples),
+        )
+
+
+def _straight(
+    body: schema.ApproachStage | schema.RetreatStage | schema.LiftStage, settings: StageSettings
+) -> Straight:
+    frame, direction = _DIRECTIONS[body.kind]
+    return Straight(
+        body.kind,
+        direction if body.direction is None else body.direction,
+        body.frame or frame,
+        body.distance[0],
+        body.distance[1],
+        settings,
+    )
+
+
+def _grasps(body: schema.GraspStage) -> Array:
+    region = body.region
+    if region is None:
+        return np.array([poses.transform(pose) for pose in body.grasps or ()])
+    return grasp_region(
+        poses.transform(region.pose),
+        region.axis,
+        (region.angles[0], region.angles[1]),
+        (region.offsets[0], region.offsets[1]),
+        (region.angle_samples, region.offset_samples),
+    )
+
+
+def _load(body: schema.AttachStage) -> Load | None:
+    if body.mass is None:
+        return None
+    x, y, z = body.center_of_mass or (0.0, 0.0, 0.0)
+    inertia = None if body.inertia is None else np.array(body.inertia)
+    return Load(body.mass, (x, y, z), inertia)
+
+
+def reach_tolerance(given: ReachTolerance | None) -> Tolerance:
+    """A region about poses; none at all where it is left out."""
+    if given is None:
+        return Tolerance()
+    ranges: dict[Axis, tuple[float, float]] = dict.fromkeys(given.free, (-np.pi, np.pi))
+    axes: tuple[Axis, ...] = ("x", "y", "z", "rx", "ry", "rz")
+    for axis in axes:
+        limits = getattr(given, axis)
+        if limits is not None:
+            ranges[axis] = (limits[0], limits[1])
+    return Tolerance(ranges, given.samples)
+
+
+def _around(goal: Goal, tolerance: ReachTolerance) -> list[Goal]:
+    if isinstance(goal, JointGoal):
+        return [goal]
+    deviations = reach_tolerance(tolerance).deviations()
+    return [replace(goal, T_base_tip=goal.T_base_tip @ T) for T in deviations]

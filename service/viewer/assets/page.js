@@ -1,0 +1,161 @@
+// The page: time, switches, words and keys around the view and the curves.
+const data = JSON.parse(document.getElementById("data").textContent);
+const byId = (id) => document.getElementById(id);
+const GHOSTS = 9, PATH_POINTS = 300, STEP = 0.02;
+const LINK = [0.78, 0.8, 0.83], HELD = [0.95, 0.72, 0.2], OBSTACLE = [0.45, 0.56, 0.68], CLOSE = [0.86, 0.42, 0.1];
+// Colour and sign of a configuration by its verdict, and by the reason where it was rejected.
+const VERDICTS = {
+  valid: [[0.15, 0.5, 0.75], "✓ valid"], asked: [[0.3, 0.32, 0.36], "• asked for"],
+  collision: [[0.78, 0.2, 0.1], "✗ collides"], limits: [[0.5, 0.2, 0.65], "⊘ outside limits"], other: [[0.6, 0.45, 0.1], "✗ rejected"],
+};
+const arm = new Arm(data);
+const motion = data.motion ? new Motion(data.motion) : null;
+const state = { time: 0, playing: false, speed: 1, shown: { ghosts: false, path: true, nearest: true, others: true, obstacles: true }, chosen: 0, changed: true };
+const view = new View(byId("view"), data);
+const plot = new Plot(byId("plot"), byId("legend"));
+const curves = motion ? curvesOf(data, motion) : [];
+const path = motion ? Array.from({ length: PATH_POINTS }, (_, i) => Matrix.origin(arm.tip(motion.at((motion.duration * i) / (PATH_POINTS - 1))))) : [];
+const ghosts = motion ? Array.from({ length: GHOSTS }, (_, i) => arm.frames(motion.at((motion.duration * i) / (GHOSTS - 1)))) : [];
+const singles = data.configurations.map((item) => arm.frames(item.joints));
+const rest = arm.frames(data.joints.map(() => 0));
+
+function nearestAt(time) {
+  const clearance = data.motion.clearance;
+  if (!clearance.values.length) return null;
+  const [i, share] = interval(clearance.times, time), k = share > 0.5 ? i + 1 : i;
+  return clearance.values[k] === null ? null : { distance: clearance.values[k], pair: clearance.pairs[k], points: clearance.points[k] };
+}
+function draw() {
+  const shown = state.shown, item = data.configurations[state.chosen];
+  const frames = motion ? arm.frames(motion.at(state.time)) : singles[state.chosen] || rest;
+  const near = motion && shown.nearest ? nearestAt(state.time) : null;
+  const pair = motion ? (near && near.pair) || [] : (item && item.pair) || [];
+  view.begin();
+  const color = (body) => (pair.includes(body.name) ? CLOSE : body.kind === "obstacle" ? OBSTACLE : body.kind === "held" ? HELD : !motion && item ? mixed(VERDICTS[item.cause || item.verdict][0]) : LINK);
+  const striped = (body) => pair.includes(body.name);
+  view.draw(frames, { only: (body) => body.kind !== "obstacle" || shown.obstacles, color, striped });
+  if (shown.path) view.lines(path, [0.1, 0.35, 0.7]);
+  if (near && near.points) view.lines(near.points, [0.8, 0.1, 0.05]);
+  const moves = (body) => body.kind !== "obstacle" && body.joint >= 0;
+  if (shown.ghosts) for (const ghost of ghosts) view.draw(ghost, { only: moves, color: () => [0.3, 0.5, 0.8], alpha: 0.12 });
+  if (!motion && shown.others) singles.forEach((single, i) => {
+    if (i !== state.chosen) view.draw(single, { only: moves, color: () => VERDICTS[data.configurations[i].cause || data.configurations[i].verdict][0], alpha: 0.15 });
+  });
+  view.lines([[0, 0, 0], [0.15, 0, 0], [0, 0, 0], [0, 0.15, 0], [0, 0, 0], [0, 0, 0.15]], [0.2, 0.2, 0.2], true);
+  if (motion) plot.draw(state.time, motion.duration);
+  tell(near, item);
+}
+function mixed(color) { return color.map((v, i) => 0.5 * v + 0.5 * LINK[i]); }
+function tell(near, item) {
+  const q = motion ? motion.at(state.time) : item ? item.joints : null;
+  const rows = q ? data.joints.map((joint, i) => [joint.name, `${q[i].toFixed(4)} ${joint.slides ? "m" : "rad"}`]) : [];
+  if (q) rows.push([data.tip.name, Matrix.origin(arm.tip(q)).map((v) => v.toFixed(3)).join(", ") + " m"]);
+  if (near) rows.push(["clearance", `${(1000 * near.distance).toFixed(1)} mm${near.pair ? `, ${near.pair.join(" and ")}` : ""}`]);
+  byId("now").replaceChildren(table(rows));
+  if (!motion) return;
+  byId("clock").textContent = `${state.time.toFixed(3)} of ${motion.duration.toFixed(3)} s`;
+  byId("time").value = String(Math.round((1000 * state.time) / Math.max(motion.duration, 1e-9)));
+  byId("time").setAttribute("aria-valuetext", `${state.time.toFixed(3)} seconds`);
+}
+function table(rows) {
+  const made = document.createElement("table");
+  for (const row of rows) {
+    const line = made.insertRow();
+    for (const text of row) line.insertCell().textContent = text;
+  }
+  return made;
+}
+function setTime(time) { if (motion) { state.time = Math.min(Math.max(time, 0), motion.duration); state.changed = true; } }
+function setPlaying(playing) {
+  state.playing = playing && motion !== null;
+  if (state.playing && state.time >= motion.duration) setTime(0);
+  byId("play").textContent = state.playing ? "Pause" : "Play";
+  byId("play").setAttribute("aria-label", state.playing ? "Pause" : "Play");
+}
+function frame(now) {
+  const elapsed = frame.last === undefined ? 0 : (now - frame.last) / 1000;
+  frame.last = now;
+  if (state.playing) {
+    setTime(state.time + elapsed * state.speed);
+    if (state.time >= motion.duration) setPlaying(false);
+  }
+  if (state.changed || view.changed) { state.changed = view.changed = false; draw(); }
+  window.requestAnimationFrame(frame);
+}
+function addSwitch(name, text) {
+  const label = document.createElement("label"), box = document.createElement("input");
+  box.type = "checkbox"; box.checked = state.shown[name]; box.id = `show-${name}`;
+  box.addEventListener("change", () => { state.shown[name] = box.checked; state.changed = true; });
+  label.append(box, ` ${text}`);
+  byId("switches").append(label);
+}
+function choose(i) {
+  state.chosen = i; state.changed = true;
+  byId("list").querySelectorAll("button").forEach((button, k) => button.setAttribute("aria-pressed", String(k === i)));
+}
+function fill() {
+  byId("title").textContent = data.title;
+  byId("verdict").textContent = data.failed ? "✗ No answer: see why below" : data.sentences[0] || "";
+  byId("words-title").textContent = data.failed ? "Why" : "In words";
+  byId("words").replaceChildren(...data.sentences.map((text) => Object.assign(document.createElement("li"), { textContent: text })));
+  if (data.simplified.length) byId("words").append(Object.assign(document.createElement("li"), { textContent: `Drawn by their hulls or thinned out: ${data.simplified.join(", ")}.` }));
+  byId("request").textContent = JSON.stringify(data.request, null, 1);
+  addSwitch("obstacles", "obstacles");
+  if (motion) {
+    addSwitch("path", "path of the tool"); addSwitch("ghosts", `${GHOSTS} configurations on the way`); addSwitch("nearest", "closest pair (striped)");
+    curves.forEach((curve, i) => byId("curve").append(new Option(`${curve.name} [${curve.unit}]`, String(i))));
+    plot.show(curves[0]);
+  } else {
+    byId("bar").hidden = byId("plots").hidden = true;
+    addSwitch("others", "the other configurations");
+    data.configurations.forEach((item, i) => {
+      const button = document.createElement("button");
+      button.type = "button"; button.setAttribute("aria-pressed", "false");
+      button.textContent = `${VERDICTS[item.cause || item.verdict][1]}: ${item.label}${item.reason ? `. ${item.reason}` : ""}`;
+      button.addEventListener("click", () => choose(i));
+      byId("list").append(button);
+    });
+    if (data.configurations.length) choose(Math.max(data.configurations.findIndex((item) => item.verdict === "rejected"), 0));
+  }
+}
+function listen() {
+  byId("play").addEventListener("click", () => setPlaying(!state.playing));
+  byId("back").addEventListener("click", () => setTime(state.time - STEP));
+  byId("forward").addEventListener("click", () => setTime(state.time + STEP));
+  byId("time").addEventListener("input", (event) => { setPlaying(false); setTime((motion.duration * Number(event.target.value)) / 1000); });
+  byId("speed").addEventListener("change", (event) => { state.speed = Number(event.target.value); });
+  byId("curve").addEventListener("change", (event) => { plot.show(curves[Number(event.target.value)]); state.changed = true; });
+  let scrubbing = false;
+  const scrub = (event) => { if (scrubbing && motion) { setPlaying(false); setTime(plot.timeAt(event.clientX, motion.duration)); } };
+  byId("plot").addEventListener("pointerdown", (event) => { scrubbing = true; byId("plot").setPointerCapture(event.pointerId); scrub(event); });
+  byId("plot").addEventListener("pointermove", scrub);
+  byId("plot").addEventListener("pointerup", () => { scrubbing = false; });
+  window.addEventListener("resize", () => { state.changed = true; });
+  document.addEventListener("keydown", (event) => {
+    if (["INPUT", "SELECT", "BUTTON", "SUMMARY"].includes(event.target.tagName)) return;
+    const actions = { " ": () => setPlaying(!state.playing), ArrowLeft: () => setTime(state.time - STEP), ArrowRight: () => setTime(state.time + STEP), Home: () => setTime(0), End: () => setTime(motion ? motion.duration : 0) };
+    if (actions[event.key]) { actions[event.key](); event.preventDefault(); }
+  });
+}
+function frameAll() {
+  // The camera looks at everything that is not a ground.
+  let low = [1e9, 1e9, 1e9], high = [-1e9, -1e9, -1e9];
+  const frames = motion ? arm.frames(motion.at(0)) : singles[state.chosen] || rest;
+  for (const body of view.bodies) {
+    if (body.kind === "obstacle" && Math.max(...minus(body.high, body.low)) > 2.5) continue;
+    const T = frames[body.joint], middle = times(plus(body.low, body.high), 0.5);
+    const radius = 0.5 * Math.sqrt(dot(minus(body.high, body.low), minus(body.high, body.low)));
+    const center = [0, 1, 2].map((i) => T[i] * middle[0] + T[4 + i] * middle[1] + T[8 + i] * middle[2] + T[12 + i]);
+    low = low.map((v, i) => Math.min(v, center[i] - radius));
+    high = high.map((v, i) => Math.max(v, center[i] + radius));
+  }
+  if (low[0] > high[0]) return;
+  const size = minus(high, low);
+  view.target = times(plus(low, high), 0.5);
+  view.distance = Math.max(1.1 * Math.sqrt(dot(size, size)), 0.5);
+}
+fill();
+listen();
+frameAll();
+window.armwrightView = state;
+window.requestAnimationFrame(frame);

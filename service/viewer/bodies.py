@@ -1,0 +1,100 @@
+"""Bodies of a page: links, held objects and obstacles as triangles."""
+
+import base64
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from kinematics.arrays import Array, Indices
+from obstacles.robot_geometry import RobotGeometry
+from obstacles.scene import Obstacle, Scene
+from obstacles.triangles import Triangles, join, piece_triangles
+
+#: All triangles of a page together: with their text they stay below 8 of its 10 MB [byte].
+_BUDGET = 5_500_000
+#: Clouds of more points are drawn with every k-th point.
+_MAX_BALLS = 4000
+
+
+class Body(NamedTuple):
+    """A body to be drawn.
+
+    Args:
+        name: Of the link or obstacle.
+        kind: "link", "held" or "obstacle".
+        joint: Index of the joint that carries it, -1 for what stands still.
+        surface: In the frame of that joint, or the root frame.
+        simplified: Whether hulls stand for the triangles of its mesh, or it is thinned out.
+    """
+
+    name: str
+    kind: str
+    joint: int
+    surface: Triangles
+    simplified: bool = False
+
+
+def bodies(robot: RobotGeometry, scene: Scene) -> list[Body]:
+    """Links with what they hold, and obstacles; fine meshes by their hulls where too much.
+
+    Args:
+        robot: The robot with what it holds.
+        scene: The obstacles.
+    """
+    drawn = [*_links(robot, covers=False), *(_obstacle(item) for item in scene.obstacles)]
+    if sum(_size(body) for body in drawn) <= _BUDGET:
+        return drawn
+    return [
+        *_links(robot, covers=True),
+        *(_obstacle(item, covers=True) for item in scene.obstacles),
+    ]
+
+
+def body_document(body: Body) -> dict[str, Any]:
+    """A body as JSON: single-precision vertices and numbers of corners, little-endian, base64."""
+    vertices, faces = body.surface
+    kind = np.uint16 if len(vertices) < 2**16 else np.uint32
+    return {
+        "name": body.name,
+        "kind": body.kind,
+        "joint": body.joint,
+        "simplified": body.simplified,
+        "vertices": _base64(vertices.astype("<f4")),
+        "faces": _base64(faces.astype(np.dtype(kind).newbyteorder("<"))),
+        "wide": kind is np.uint32,
+    }
+
+
+def _links(robot: RobotGeometry, *, covers: bool) -> list[Body]:
+    """One body for each link and joint, since side branches may move with several."""
+    links = robot.chain.index
+    parts: dict[tuple[str, int], list[int]] = {}
+    for i, (name, joint) in enumerate(zip(robot.links, robot.joints, strict=True)):
+        parts.setdefault((name, int(joint)), []).append(i)
+    drawn = []
+    for (name, joint), numbers in parts.items():
+        pieces = [robot.pieces[i] for i in numbers]
+        surface = join(piece_triangles(piece, covers=covers) for piece in pieces)
+        simplified = covers and any(piece.surface is not None for piece in pieces)
+        drawn.append(Body(name, "link" if name in links else "held", joint, surface, simplified))
+    return drawn
+
+
+def _obstacle(obstacle: Obstacle, *, covers: bool = False) -> Body:
+    count = obstacle.count
+    step = -(-count // _MAX_BALLS) if obstacle.is_cloud else 1
+    pieces = [obstacle.piece(k) for k in range(0, count, step)]
+    surface = join(
+        piece_triangles(piece, covers=covers, coarse=obstacle.is_cloud) for piece in pieces
+    )
+    simplified = step > 1 or (covers and obstacle.is_mesh)
+    return Body(obstacle.id, "obstacle", -1, surface, simplified)
+
+
+def _size(body: Body) -> int:
+    vertices, faces = body.surface
+    return 12 * len(vertices) + (6 if len(vertices) < 2**16 else 12) * len(faces)
+
+
+def _base64(values: Array | Indices) -> str:
+    return base64.b64encode(np.ascontiguousarray(values).tobytes()).decode()

@@ -1,0 +1,118 @@
+"""The robot, its motion and single configurations as the document that a page draws."""
+
+import re
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from kinematics.arrays import Array
+from kinematics.chain import Chain, JointType
+from kinematics.trajectory import Trajectory
+from obstacles.robot_geometry import RobotGeometry
+from obstacles.scene import Scene
+from service.viewer.bodies import bodies, body_document
+from service.viewer.curves import clearance_curve, tool_speed_curve, torque_curve
+
+#: Two bodies in a sentence: 'hand' and 'table' overlap.
+_PAIR = re.compile(r"'([^']+)' and '([^']+)'")
+
+
+class Configuration(NamedTuple):
+    """A configuration that a page shows by itself.
+
+    Args:
+        label: What it is: "start", "IK solution 3".
+        joints: Shape (n,) [rad or m].
+        verdict: "valid", "rejected" or "asked".
+        reason: Why it was rejected, or what else is to be said.
+        pair: The two bodies that collide or come closest there, if that is known.
+        cause: Of a rejection, by which it is coloured: "collision", "limits" or "other".
+    """
+
+    label: str
+    joints: Sequence[float]
+    verdict: str
+    reason: str = ""
+    pair: Sequence[str] | None = None
+    cause: str | None = None
+
+
+def rejected(label: str, joints: Sequence[float], reason: str) -> Configuration:
+    """A configuration that was rejected, with the pair and the cause that its reason names.
+
+    Args:
+        label: What it is.
+        joints: Shape (n,) [rad or m].
+        reason: In words, as the API answers it: bodies stand between quotes.
+    """
+    pair = _PAIR.search(reason)
+    cause = "limits" if "outside" in reason else "collision" if pair else "other"
+    names = None if pair is None else pair.groups()
+    return Configuration(label, joints, "rejected", reason, names, cause)
+
+
+def robot_document(robot: RobotGeometry, scene: Scene) -> dict[str, Any]:
+    """Kinematics and bodies of a robot among obstacles.
+
+    Args:
+        robot: The robot with what it holds.
+        scene: The obstacles.
+    """
+    chain = robot.chain
+    tip = chain.links[chain.index[chain.tip_link]]
+    drawn = bodies(robot, scene)
+    return {
+        "robot": chain.name,
+        "joints": _joints(chain),
+        "offsets": [_flat(A) for A in chain.offsets],
+        "tip": {"name": tip.name, "joint": tip.joint, "frame": _flat(tip.T_joint_link)},
+        "bodies": [body_document(body) for body in drawn],
+        "simplified": [body.name for body in drawn if body.simplified],
+    }
+
+
+def motion_document(
+    motion: Trajectory, robot: RobotGeometry, scene: Scene, tool_speed: float | None
+) -> dict[str, Any]:
+    """A motion: its polynomials, and curves that are sampled here.
+
+    Args:
+        motion: The motion.
+        robot: The robot with what it holds.
+        scene: The obstacles.
+        tool_speed: The limit of the tip's speed, if there is one [m/s].
+    """
+    return {
+        "breaks": motion.breaks.tolist(),
+        "coefficients": motion.coefficients.tolist(),
+        "torque": torque_curve(robot.chain, motion),
+        "tool_speed": tool_speed_curve(robot.chain, motion) | {"limit": tool_speed},
+        "clearance": clearance_curve(robot, scene, motion),
+    }
+
+
+def _joints(chain: Chain) -> list[dict[str, Any]]:
+    limits = chain.limits
+    return [
+        {
+            "name": name,
+            "slides": bool(chain.joint_types[i] == JointType.PRISMATIC),
+            "lower": _finite(limits.lower[i]),
+            "upper": _finite(limits.upper[i]),
+            "velocity": _finite(limits.velocity[i]),
+            "acceleration": _finite(limits.acceleration[i]),
+            "jerk": _finite(limits.jerk[i]),
+            "effort": _finite(limits.effort[i]),
+        }
+        for i, name in enumerate(chain.joint_names)
+    ]
+
+
+def _flat(T: Array) -> list[float]:
+    """A transform by columns, as WebGL has it."""
+    return np.asarray(T).T.reshape(-1).tolist()
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

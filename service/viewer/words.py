@@ -1,0 +1,87 @@
+"""Certificates and problems in words."""
+
+from collections.abc import Mapping
+from typing import Any
+
+#: Names of limits in sentences.
+_LIMITS = {
+    "position": "position limits",
+    "velocity": "velocity limits",
+    "acceleration": "acceleration limits",
+    "jerk": "jerk limits",
+    "torque": "torque limits",
+    "tool_speed": "the limit of the tool's speed",
+}
+#: Above this part of a limit a sentence says that it is not kept.
+_KEPT = 1.0 + 1e-9
+
+
+def certificate_sentences(certificate: Mapping[str, Any]) -> list[str]:
+    """Sentences of a certificate.
+
+    Args:
+        certificate: As the API answers it.
+    """
+    proved = certificate["proved"]
+    sentences = [
+        "Everything that the request names is proved, for every instant of the motion."
+        if certificate["verified"]
+        else "Not everything that the request names is proved."
+    ]
+    if proved["collisions"]:
+        sentences.append("Nothing collides at any instant.")
+    clearance, pair = certificate.get("min_clearance"), certificate.get("clearance_pair")
+    if clearance is not None:
+        between = f", between {pair[0]} and {pair[1]}" if pair else ""
+        sentences.append(f"The clearance is at least {1000.0 * clearance:.1f} mm{between}.")
+    sentences += [_limit(name, use) for name, use in (certificate.get("limits") or {}).items()]
+    sentences += [
+        f"Constraint {item['name'] or item['constraint']}: violated by at most "
+        f"{item['residual']:.3g} {item['unit']}."
+        for item in certificate.get("path_constraints", ())
+    ]
+    sentences += [f"Not proved: {reason}" for reason in proved["reasons"]]
+    violation = certificate.get("violation")
+    if violation is not None:
+        sentences.append(f"First violation, at {violation['time']:.3f} s: {violation['message']}.")
+    if certificate.get("allowed_collisions"):
+        pairs = "; ".join(" and ".join(pair) for pair in certificate["allowed_collisions"])
+        sentences.append(f"The request lets these touch: {pairs}.")
+    return sentences
+
+
+def problem_sentences(problem: Mapping[str, Any]) -> list[str]:
+    """Sentences of a problem document.
+
+    Args:
+        problem: As the API answers it.
+    """
+    sentences = [f"{problem['title']} ({problem['code']}).", _sentence(problem["detail"])]
+    if problem.get("hint"):
+        sentences.append(_sentence(problem["hint"]))
+    details = problem.get("details") or {}
+    sentences += [
+        f"{' and '.join(item['pair'])} overlap by {1000.0 * item['depth']:.1f} mm."
+        for item in details.get("collisions") or ()
+        if item.get("depth") is not None
+    ]
+    sentences += [
+        f"Stage {stage['name']}: {stage['outcome']}, {stage['milliseconds']:.0f} ms."
+        for stage in details.get("stages") or ()
+    ]
+    return sentences
+
+
+def _limit(name: str, use: Mapping[str, Any]) -> str:
+    ratio = use["worst_ratio"]
+    words = _LIMITS.get(name, name)
+    if ratio is None:
+        return f"Of {words} nothing is used."
+    where = f"at {use['time']:.3f} s" + (f" by {use['joint']}" if use.get("joint") else "")
+    if ratio > _KEPT:
+        return f"{words.capitalize()} are not kept: {100.0 * ratio:.1f} %, {where}."
+    return f"At most {100.0 * ratio:.1f} % of {words} is used, {where}."
+
+
+def _sentence(text: str) -> str:
+    return text[:1].upper() + text[1:] + ("" if text.endswith((".", "!", "?")) else ".")

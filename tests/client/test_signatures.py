@@ -1,0 +1,74 @@
+"""Signatures: what comes back, names that shadow nothing, planners that type checkers know."""
+
+import importlib
+import os
+import subprocess
+import sys
+from collections.abc import AsyncIterator, Awaitable, Iterator
+from inspect import signature
+from pathlib import Path
+from typing import Any, get_args
+
+import pytest
+
+import armwright_client
+from armwright_client import AsyncClient, AsyncPending, BatchAnswer, Client, JobEvent, Pending, Plan
+from armwright_client.planner import KnownPlanner
+from service.schemas.plan import PLANNERS
+
+#: Modules whose names people import one by one.
+USUAL = ("builtins", "pathlib", "typing", "dataclasses", "collections", "asyncio", "enum", "json")
+#: Processor time that the import may add to that of httpx and pydantic [s]; a busy machine
+#: counts some of its own.
+IMPORT = 0.3
+
+
+def answer_of(method: Any) -> Any:
+    return signature(method).return_annotation
+
+
+def test_signatures_show_the_answer_and_not_the_call() -> None:
+    with Client() as client:
+        assert answer_of(client.plan) is Plan
+        assert answer_of(client.later.plan) == Pending[Plan]
+        assert answer_of(client.plan_batch) == Pending[BatchAnswer]
+        assert answer_of(client.jobs.events) == Iterator[JobEvent]
+        assert list(signature(client.plan).parameters)[:3] == ["robot", "start", "goal"]
+    many = AsyncClient()
+    assert answer_of(many.plan) == Awaitable[Plan]
+    assert answer_of(many.later.plan) == Awaitable[AsyncPending[Plan]]
+    assert answer_of(many.jobs.events) == AsyncIterator[JobEvent]
+
+
+def test_methods_can_be_looked_at_and_called_on_the_class() -> None:
+    assert answer_of(Client.plan) is Plan
+    assert next(iter(signature(Client.plan).parameters)) == "self"
+    assert Client.plan.__doc__ == Client().plan.__doc__
+    with Client() as client, pytest.raises(armwright_client.InvalidArgument):
+        Client.plan(client, "panda", "nonsense", [0.0])
+
+
+def test_names_shadow_nothing_usual() -> None:
+    for name in USUAL:
+        module = importlib.import_module(name)
+        public = getattr(module, "__all__", [one for one in dir(module) if one[0] != "_"])
+        assert not set(public) & set(armwright_client.__all__), name
+
+
+def test_type_checkers_know_all_planners() -> None:
+    assert set(PLANNERS) <= set(get_args(KnownPlanner))
+    ompl = set(get_args(KnownPlanner)) - set(PLANNERS)
+    assert {"RRTConnect", "PRM"} <= ompl
+    assert all(name[0].isupper() for name in ompl)
+
+
+def test_the_import_is_quick(tmp_path: Path) -> None:
+    environment = os.environ | {"PYTHONPYCACHEPREFIX": str(tmp_path)}
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)
+    code = (
+        "import time, httpx, pydantic.main; begin = time.process_time(); import armwright_client; "
+        "print(time.process_time() - begin)"
+    )
+    command = [sys.executable, "-c", code]
+    _compiling, seconds = (float(subprocess.check_output(command, env=environment)) for _ in "ab")
+    assert seconds < IMPORT

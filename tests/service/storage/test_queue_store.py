@@ -1,0 +1,149 @@
+"""Jobs for agents in the database: claimed by one, cut into chunks and joined, in transactions."""
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+
+import pytest
+
+from service.jobs.engine import engine_schema, require_engine
+from service.storage import messages
+from service.storage.database import StoreError
+from service.storage.job_store import JobAnswer, JobRecord
+from service.storage.queue_store import AGENTS, Chunk, ChunkAnswer, batch_of
+from service.storage.store import Store, open_store
+from tests.service.jobs.stored import REQUEST, record
+from tests.service.postgresql import PostgreSQL
+
+CHUNKS = [Chunk(0, 2, b"[0, 1]"), Chunk(2, 1, b"[2]")]
+DONE = JobAnswer("application/json", b"{}")
+
+
+@pytest.fixture
+def stores(postgresql: PostgreSQL) -> Iterator[tuple[Store, Store]]:
+    """Stores of two agents on one database, with a job in it."""
+    url = postgresql.database()
+    one, other = open_store(url), open_store(url)
+    for store in (one, other):
+        messages.install(store.database, engine_schema())  # the second time it changes nothing
+        store.servers.register(store.server, 2)
+    one.jobs.add(record(1, carrier=AGENTS), REQUEST)
+    yield one, other
+    one.close()
+    other.close()
+
+
+def job() -> str:
+    return record(1).id
+
+
+def test_a_job_is_claimed_by_one_living_agent(stores: tuple[Store, Store]) -> None:
+    one, other = stores
+    assert messages.waiting_messages(one.database) == 1
+    claimed = one.queue.claim(job())
+    assert claimed is not None
+    assert one.queue.claim(job()) == claimed, "its own again"
+    assert other.queue.claim(job()) is None
+    assert other.queue.is_open(job())
+    assert other.jobs.adopt(10) == [], "servers leave it alone"
+    one.servers.remove(one.server)
+    assert other.queue.claim(job()) == claimed
+    ended = dataclasses.replace(claimed, status="succeeded", ended=2000.0)
+    assert not one.jobs.update(ended, DONE), "a late answer"
+    assert other.jobs.update(ended, DONE)
+    assert not one.queue.is_open(job())
+    assert one.queue.claim(job()) is None
+
+
+def test_agents_add_up(stores: tuple[Store, Store]) -> None:
+    one, other = stores
+    assert one.servers.capacity() == 4
+    other.servers.remove(other.server)
+    assert one.servers.capacity() == 2
+
+
+def test_a_batch_that_was_cut_is_worked_on_as_chunks(stores: tuple[Store, Store]) -> None:
+    one, other = stores
+    batch = one.queue.claim(job())
+    assert batch is not None
+    assert not other.queue.cut(batch, CHUNKS), "it is not its own"
+    assert one.queue.cut(batch, CHUNKS)
+    assert not one.queue.cut(batch, CHUNKS)
+    assert one.queue.claim(job()) is None
+    assert not one.queue.is_open(job()), "nothing of it is left but its chunks"
+    parts = [other.queue.claim(f"{job()}-{number}") for number in range(3)]
+    assert [part and (part.parent, part.first, part.size, part.status) for part in parts] == [
+        (job(), 0, 2, "queued"), (job(), 2, 1, "queued"), None,
+    ]  # fmt: skip
+    assert [other.jobs.request(f"{job()}-{n}").body for n in range(2)] == [c.body for c in CHUNKS]
+    assert batch_of(f"{job()}-1") == job()
+    assert batch_of(job()) is None
+    assert messages.waiting_messages(one.database) == 3
+    assert one.jobs.counts()["running"] == 1, "chunks are not counted"
+    one.jobs.purge(0.0, 0, 0)
+    assert other.queue.is_open(f"{job()}-0")
+
+
+def test_chunks_tell_their_progress_and_are_joined_once(stores: tuple[Store, Store]) -> None:
+    one, other = stores
+    batch = one.queue.claim(job())
+    assert batch is not None
+    one.queue.cut(batch, CHUNKS)
+    parts = [other.queue.claim(f"{job()}-{number}") for number in range(2)]
+    seen: list[Sequence[ChunkAnswer]] = []
+
+    def answer(chunks: Sequence[ChunkAnswer]) -> JobAnswer:
+        seen.append(chunks)
+        return DONE
+
+    def end(part: JobRecord | None, status: str, content: bytes) -> None:
+        assert part is not None
+        ended = dataclasses.replace(part, status=status, progress=1.0, ended=2000.0)  # type: ignore[arg-type]
+        assert other.jobs.update(ended, JobAnswer("application/json", content))
+
+    end(parts[1], "failed", b"late")
+    assert not one.queue.join(job(), answer)
+    one.queue.report(job())
+    standing = one.jobs.get(job())[0]
+    assert (standing.status, standing.stage) == ("running", "1 of 3 problems")
+    assert standing.progress == pytest.approx(1.0 / 3.0)
+    one.queue.report(job())
+    assert one.jobs.get(job())[0] == standing, "no event without news"
+    end(parts[0], "succeeded", b"early")
+    assert other.queue.join(job(), answer)
+    assert one.queue.join(job(), answer)
+    assert seen == [[ChunkAnswer(0, 2, True, b"early"), ChunkAnswer(2, 1, False, b"late")]]
+    ended, joined = one.jobs.get(job())
+    assert (ended.status, ended.progress, joined) == ("succeeded", 1.0, DONE)
+    assert one.queue.claim(f"{job()}-0") is None
+
+
+def test_a_batch_that_was_cancelled_has_no_chunks(stores: tuple[Store, Store]) -> None:
+    one, other = stores
+    batch = one.queue.claim(job())
+    assert batch is not None
+    one.queue.cut(batch, CHUNKS)
+    assert other.queue.claim(f"{job()}-0") is not None
+    assert one.jobs.cancel(job(), 3000.0) is not None
+    assert other.jobs.taken_away([f"{job()}-0"]) == {f"{job()}-0"}
+    assert other.queue.claim(f"{job()}-1") is None
+    assert other.queue.join(job(), lambda _: DONE)
+    assert one.jobs.get(job())[0].status == "cancelled"
+
+
+def test_the_load_is_that_of_all_servers(stores: tuple[Store, Store]) -> None:
+    one, other = stores
+    other.jobs.add(record(2, carrier=AGENTS, api_key="cell"), REQUEST)
+    other.jobs.add(record(3), REQUEST)
+    size = len(REQUEST.body)
+    load = one.queue.load("cell")
+    assert (load.count, load.of_key, load.size) == (2, 1, 2 * size)
+    assert one.queue.load(None).of_key == 1
+
+
+def test_agents_need_postgresql(monkeypatch: pytest.MonkeyPatch) -> None:
+    require_engine("postgresql+psycopg://x@/y")
+    with pytest.raises(StoreError, match="need a PostgreSQL database"):
+        require_engine("sqlite:///x.db")
+    monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
+    with pytest.raises(StoreError, match="armwright\\[agents\\]"):
+        require_engine("postgresql+psycopg://x@/y")

@@ -1,0 +1,120 @@
+"""Agents with real workers: batches in chunks answer as they do whole, and the command works."""
+
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from service.app import create_app
+from service.cli import main
+from service.settings import Settings
+from service.storage.job_store import JobRecord
+from service.storage.queue_store import Chunk
+from service.task_references import plan
+from tests.service.conftest import Served
+from tests.service.jobs.requests import EASY, batch, ended, submit
+from tests.service.postgresql import PostgreSQL
+from tests.service.processes import alive, descendants, wait_until
+from tests.service.robots import FLOOR, answer, scene
+from tests.service.server import serving
+
+
+@pytest.fixture(scope="module")
+def both(
+    postgresql: PostgreSQL, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[tuple[Served, str]]:
+    """A server that is an agent too, and the URL of its database."""
+    data, url = tmp_path_factory.mktemp("both"), postgresql.database()
+    app = create_app(Settings(data_dir=data, workers=2, database_url=url, jobs="both"))
+    with serving(app) as client:
+        yield Served(app, client, data), url
+
+
+def without_times(value: Any) -> Any:
+    """An answer without what a clock has measured."""
+    if isinstance(value, dict):
+        timed = ("milliseconds", "seconds", "timings", "stages")
+        return {name: without_times(inner) for name, inner in value.items() if name not in timed}
+    return [without_times(inner) for inner in value] if isinstance(value, list) else value
+
+
+def test_a_batch_in_chunks_answers_as_it_does_whole(
+    both: tuple[Served, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    served, _ = both
+    queue = served.app.state.store.queue
+    sizes: list[int] = []
+    cut = queue.cut
+
+    def note(record: JobRecord, chunks: Sequence[Chunk]) -> bool:
+        sizes.extend(chunk.size for chunk in chunks)
+        return bool(cut(record, chunks))
+
+    monkeypatch.setattr(queue, "cut", note)
+    goals = [[0.2 * n, 0.1] for n in range(5)]
+    problems: list[dict[str, Any]] = [{"goal": {"joints": q}, "seed": 3} for q in goals]
+    problems[1]["scene"] = scene()
+    problems[3]["goal"] = {"joints": [99.0, 0.0]}
+    request = {
+        "robot": "planar_rr", "scene": scene(FLOOR), "start": {"joints": [0.9, 0.9]},
+        "collisions": "ignore", "timeout": 60.0, "problems": problems,
+    }  # fmt: skip
+    whole = batch(served.client, request)
+    assert sizes == []
+    for _ in range(60):  # as if plans took a second each
+        served.supervisor.durations.note(plan.name, 1.0)
+    job = batch(served.client, request)
+    assert job["status"] == "succeeded", job
+    assert sizes == [3, 2]
+    assert without_times(job["result"]) == without_times(whole["result"])
+    assert job["result"]["results"][3]["instance"] == "/v1/plan/batch#/problems/3"
+
+
+def test_jobs_of_any_kind_go_through_the_queue(both: tuple[Served, str]) -> None:
+    served, _ = both
+    job = ended(served.client, submit(served.client, EASY))
+    assert job["status"] == "succeeded"
+    assert job["result"]["certificate"]["verified"]
+    empty = "armwright_agent_queue_length 0.0\n"
+    assert wait_until(lambda: empty in served.client.get("/metrics").text, 5.0)
+
+
+def test_an_agent_answers_for_its_health_and_ends_at_once(
+    both: tuple[Served, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    served, url = both
+    monkeypatch.setenv("ARMWRIGHT_DATABASE_URL", url)
+    monkeypatch.setenv("ARMWRIGHT_PUBLIC_METRICS", "true")
+    command = [sys.executable, "-m", "service.cli", "agent", "--port", "0", "--workers", "1"]
+    with subprocess.Popen(
+        [*command, "--data-dir", str(tmp_path)], stdout=subprocess.PIPE, text=True,
+        cwd=Path(__file__).parents[2],
+    ) as process:  # fmt: skip
+        try:
+            assert process.stdout is not None
+            greeting = process.stdout.readline()
+            assert greeting.startswith("Armwright works on jobs; its health and metrics are on ")
+            with httpx.Client(base_url=greeting.split()[-1], timeout=20.0) as agent:
+                assert wait_until(lambda: agent.get("/readyz").status_code == 200, 60.0)
+                assert "armwright_agent_queue_length" in agent.get("/metrics").text
+                assert answer(agent.post("/v1/plan", json=EASY), 404)["code"] == "NOT_FOUND"
+            job = ended(served.client, submit(served.client, EASY))
+            assert job["status"] == "succeeded"
+            below = descendants(process.pid)
+            process.send_signal(signal.SIGTERM)
+            assert process.wait(15.0) == 0
+            assert wait_until(lambda: not any(alive(pid) for pid in below), 10.0)
+        finally:
+            process.kill()
+
+
+def test_an_agent_without_postgresql_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["agent", "--data-dir", str(tmp_path), "--port", "0"]) == 1
+    assert "agents need a PostgreSQL database" in capsys.readouterr().err

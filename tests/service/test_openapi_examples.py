@@ -1,0 +1,121 @@
+"""Examples of the OpenAPI document: complete, of the right form, as the service answers."""
+
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+from fastapi.routing import APIRoute
+from pydantic import TypeAdapter
+
+from scripts.openapi_examples import cut, send_all
+from service.app import _ROUTERS
+from service.http.errors import KINDS
+from service.http.openapi_examples import Example, examples
+from service.schemas.problem import Problem
+from tests.service.conftest import Served
+
+#: Operations whose whole answer tells what happens to run or to be stored.
+STATE = {
+    "metrics", "job_events", "list_jobs", "list_plans", "list_robots", "list_scenes", "plan_batch",
+}  # fmt: skip
+#: Fields that differ from run to run, or from machine to machine.
+VOLATILE = {
+    "created", "updated", "started", "ended", "expires", "milliseconds", "versions", "id",
+    "version", "workers", "plan_id", "detail", "instance", "request_hash",
+}  # fmt: skip
+Operations = dict[str, dict[str, Any]]
+
+
+@pytest.fixture(scope="module")
+def operations(served: Served) -> Operations:
+    paths = served.client.get("/openapi.json").json()["paths"]
+    return {one["operationId"]: one for methods in paths.values() for one in methods.values()}
+
+
+def same(answer: Any, printed: Any, place: str) -> None:
+    """Fail where an answer differs from an example in more than rounding and in volatile fields."""
+    if isinstance(printed, dict):
+        assert answer.keys() == printed.keys(), place
+        for key in printed.keys() - VOLATILE:
+            same(answer[key], printed[key], f"{place}.{key}")
+    elif isinstance(printed, list):
+        assert len(answer) == len(printed), place
+        for i, item in enumerate(printed):
+            same(answer[i], item, f"{place}[{i}]")
+    elif isinstance(printed, float):
+        assert answer == pytest.approx(printed, rel=1e-6, abs=1e-7), place
+    else:
+        assert answer == printed, place
+
+
+def test_the_service_answers_as_the_examples_say(client: httpx.Client) -> None:
+    wanted = examples()
+    for example, answered in zip(wanted, send_all(client, wanted), strict=True):
+        place = f"{example.operation} ({example.title})"
+        assert answered.status == example.status, place
+        if example.operation not in STATE:
+            same(cut(answered.answer), example.answer, place)
+
+
+def test_every_operation_has_an_example_of_success(operations: Operations) -> None:
+    shown = {one.operation for one in examples() if one.status < httpx.codes.BAD_REQUEST}
+    # What is quick has ended before it is cancelled; a page of 10 MB is no example.
+    assert operations.keys() - shown == {"cancel_job", "view_plan"}
+    assert shown <= operations.keys()
+    for name, operation in operations.items():
+        if "requestBody" in operation:
+            content = operation["requestBody"]["content"]["application/json"]
+            assert content["examples"]["example_1"]["value"], name
+        answers = [
+            media["examples"]
+            for status, response in operation["responses"].items()
+            for media in response.get("content", {}).values()
+            if "examples" in media and status.isdigit()
+        ]
+        assert answers or name == "view_plan" or "204" in operation["responses"], name
+
+
+def test_answers_have_the_published_form() -> None:
+    models = {
+        route.name: TypeAdapter(route.response_model)
+        for router in _ROUTERS
+        for route in router.routes
+        if isinstance(route, APIRoute) and route.response_model is not None
+    }
+    judged = set()
+    for example in examples():
+        if example.status == httpx.codes.OK and example.operation in models:
+            models[example.operation].validate_python(example.answer)
+            judged.add(example.operation)
+        elif example.status >= httpx.codes.BAD_REQUEST:
+            problem = Problem.model_validate(example.answer)
+            assert KINDS[problem.code].status == example.status
+    assert len(judged) > 30
+
+
+def test_problems_of_operations_are_listed_by_status(operations: Operations) -> None:
+    plan = operations["plan"]["responses"]
+    assert {"404", "422", "429", "503", "504"} <= plan.keys()
+    assert "`GOAL_IN_COLLISION`" in plan["422"]["description"]
+    assert "`TIMED_OUT`" in plan["504"]["description"]
+    assert "504" not in operations["healthz"]["responses"]
+    for example in examples():
+        if example.status >= httpx.codes.BAD_REQUEST:
+            response = operations[example.operation]["responses"][str(example.status)]
+            assert f"`{example.answer['code']}`" in response["description"], example.operation
+
+
+def test_long_lists_and_texts_are_cut() -> None:
+    assert cut({"a": [{"b": 1}] * 9, "c": list(range(99))}) == {
+        "a": [{"b": 1}] * 4,
+        "c": list(range(16)),
+    }
+    assert cut("x\n" * 20).endswith("x\n...")
+    assert cut([[0.0] * 7] * 6) == [[0.0] * 7] * 6
+
+
+def test_requests_stand_in_the_file_once() -> None:
+    keys = [(one.operation, one.title) for one in examples()]
+    assert len(set(keys)) == len(keys)
+    assert all(isinstance(one, Example) and Path(one.path).is_absolute() for one in examples())

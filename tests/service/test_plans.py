@@ -1,0 +1,294 @@
+"""Kept plans over HTTP: kept, listed, replayed with changes, and taken to another installation."""
+
+import json
+from collections.abc import Iterator
+from typing import Any
+
+import httpx
+import pytest
+
+from service.app import create_app
+from service.http.answer_digest import answer_digest
+from service.schemas.kept_plan import Bundle, KeptPlan, PlanList, ReplayAnswer
+from service.settings import Settings
+from tests.service.processes import wait_until
+from tests.service.robots import FLOOR, HOME, answer, bench, problem, scene
+from tests.service.schemas.kept_bodies import BUNDLE
+from tests.service.server import serving
+
+ARM = "kept_arm"
+PLAN: dict[str, Any] = {
+    "robot": ARM,
+    "scene": "kept_scene",
+    "start": {"joints": [-1.0, 0.4]},
+    "goal": {"joints": [1.0, -0.4]},
+    "planner": "rrt_connect",
+    "timeout": 20.0,
+    "seed": 5,
+}
+#: In the way of the outstretched arm: the elbow has to bend.
+BAR = {
+    "id": "bar",
+    "shape": {"type": "box", "size": [0.1, 0.4, 0.1]},
+    "pose": {"position": [0.0, 0.0, 0.59]},
+}
+STAGE = {"name": "kept_scene", **scene(FLOOR, BAR)}
+
+
+@pytest.fixture(scope="module")
+def here(client_of_module: httpx.Client) -> httpx.Client:
+    answer(client_of_module.post("/v1/robots", json=bench(ARM)), 201)
+    answer(client_of_module.post("/v1/scenes", json=STAGE), 201)
+    return client_of_module
+
+
+@pytest.fixture(scope="module")
+def client_of_module(served: Any) -> httpx.Client:
+    client: httpx.Client = served.client
+    return client
+
+
+@pytest.fixture(scope="module")
+def elsewhere(tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx.Client]:
+    """Another installation, with neither the robot nor the scene."""
+    data = tmp_path_factory.mktemp("elsewhere")
+    with serving(create_app(Settings(data_dir=data, workers=1))) as client:
+        yield client
+
+
+@pytest.fixture(scope="module")
+def plan(here: httpx.Client) -> dict[str, Any]:
+    """A plan that was kept."""
+    return answer(here.post("/v1/plan", json=PLAN | {"keep": True}))
+
+
+def replay(client: httpx.Client, plan_id: str, **body: Any) -> dict[str, Any]:
+    given = answer(client.post(f"/v1/plans/{plan_id}/replay", json=body))
+    ReplayAnswer.model_validate(given)
+    return given
+
+
+def finished(client: httpx.Client, job: str) -> dict[str, Any]:
+    """A job that has succeeded."""
+    url = f"/v1/jobs/{job}"
+    assert wait_until(lambda: client.get(url).json()["ended"] is not None, 30.0)
+    ended = answer(client.get(url))
+    assert ended["status"] == "succeeded", ended["error"]
+    return ended
+
+
+def stored(client: httpx.Client, plan_id: str) -> dict[str, Any]:
+    given = answer(client.get(f"/v1/plans/{plan_id}"))
+    KeptPlan.model_validate(given)
+    return given
+
+
+def test_an_answer_is_kept_only_where_that_is_asked_for(here: httpx.Client) -> None:
+    check = {"robot": "panda", "joints": HOME}
+    count = len(answer(here.get("/v1/plans"))["plans"])
+    for body in (check, check | {"keep": False}):
+        response = here.post("/v1/check", json=body)
+        assert "plan_id" not in response.json()
+        assert "location" not in response.headers
+    assert len(answer(here.get("/v1/plans"))["plans"]) == count
+    response = here.post("/v1/check", json=check | {"keep": True})
+    assert response.headers["location"] == f"/v1/plans/{response.json()['plan_id']}"
+
+
+def test_a_kept_plan_has_all_that_it_came_from(here: httpx.Client, plan: dict[str, Any]) -> None:
+    kept = stored(here, plan["plan_id"])
+    assert kept["request"] == PLAN | {"keep": True}
+    assert {"plan_id": kept["id"], **kept["answer"]} == plan
+    assert kept["operation"] == "POST /v1/plan"
+    assert kept["status"] == "succeeded"
+    assert kept["seed"] == 5
+    assert kept["version"] == plan["reproducibility"]["versions"]["armwright"]
+    scene_tag = here.get("/v1/scenes/kept_scene").headers["etag"]
+    assert kept["scene"] == {"name": "kept_scene", "hash": scene_tag.strip('"')}
+    assert kept["robot"]["name"] == ARM
+    assert len(kept["robot"]["hash"]) == 64
+    listed = answer(here.get("/v1/plans", params={"robot": ARM}))
+    PlanList.model_validate(listed)
+    assert kept["id"] in [item["id"] for item in listed["plans"]]
+
+
+def test_whether_it_is_kept_changes_no_answer(here: httpx.Client, plan: dict[str, Any]) -> None:
+    unkept = answer(here.post("/v1/plan", json=PLAN))
+    for field in ("path", "trajectory", "reproducibility"):
+        assert unkept[field] == plan[field]
+
+
+def test_inverse_kinematics_and_proofs_are_kept(here: httpx.Client, plan: dict[str, Any]) -> None:
+    body = {"robot": ARM, "trajectory": plan["trajectory"], "keep": True}
+    proof = answer(here.post("/v1/validate", json=body))
+    assert stored(here, proof["plan_id"])["answer"]["verified"]
+    pose = answer(here.post(f"/v1/robots/{ARM}/fk", json={"joints": [0.3, 0.4]}))["pose"]
+    body = {"pose": pose, "axes": ["x", "z"], "keep": True}
+    solved = answer(here.post(f"/v1/robots/{ARM}/ik", json=body))
+    kept = stored(here, solved["plan_id"])
+    assert kept["robot"]["name"] == ARM
+    assert kept["operation"] == f"POST /v1/robots/{ARM}/ik"
+    assert replay(here, kept["id"])["same"]
+
+
+def test_a_task_is_kept_and_has_no_page(here: httpx.Client) -> None:
+    stage = {"kind": "move", "goal": {"joints": [0.5, 0.5]}}
+    body = {"robot": "planar_rr", "start": {"joints": [0.0, 0.0]}, "stages": [stage], "keep": True}
+    task = answer(here.post("/v1/tasks", json=body))
+    kept = stored(here, task["plan_id"])
+    assert kept["operation"] == "POST /v1/tasks"
+    assert kept["answer"]["duration"] == task["duration"]
+    assert replay(here, kept["id"])["same"]
+    refused = here.get(f"/v1/plans/{kept['id']}/view")
+    assert "no page" in problem(refused, 422, "VALIDATION_ERROR")["detail"]
+
+
+def test_a_failure_is_kept_with_its_reason(here: httpx.Client) -> None:
+    body = PLAN | {"keep": True, "start": {"joints": [1.9, 1.9]}, "margin": 0.3}
+    response = here.post("/v1/plan", json=body)
+    refused = problem(response, 422, "START_STATE_IN_COLLISION")
+    plan_id = refused["details"]["plan_id"]
+    assert response.headers["location"] == f"/v1/plans/{plan_id}"
+    kept = stored(here, plan_id)
+    assert kept["status"] == "failed"
+    assert kept["code"] == kept["problem"]["code"] == refused["code"]
+    again = replay(here, plan_id)
+    assert again["same"]
+    assert again["problem"]["code"] == refused["code"]
+
+
+def test_malformed_requests_are_not_kept(here: httpx.Client) -> None:
+    count = len(answer(here.get("/v1/plans"))["plans"])
+    problem(
+        here.post("/v1/plan", json=PLAN | {"keep": True, "timeout": 1e4}), 422, "VALIDATION_ERROR"
+    )
+    problem(here.post("/v1/plan", json=PLAN | {"keep": True, "robot": "nobody"}), 404, "NOT_FOUND")
+    problem(
+        here.post("/v1/plan", json=PLAN | {"keep": True, "unknown": 1}), 422, "VALIDATION_ERROR"
+    )
+    assert len(answer(here.get("/v1/plans"))["plans"]) == count
+
+
+def test_answers_of_jobs_are_kept_unless_refused(here: httpx.Client) -> None:
+    later = {"Prefer": "respond-async"}
+    job = finished(here, answer(here.post("/v1/plan", json=PLAN, headers=later), 202)["id"])
+    plan_id = job["result"]["plan_id"]
+    assert job["location"] == f"/v1/plans/{plan_id}"
+    assert stored(here, plan_id)["job"] == job["id"]
+    body = PLAN | {"keep": False}
+    job = finished(here, answer(here.post("/v1/plan", json=body, headers=later), 202)["id"])
+    assert "plan_id" not in job["result"]
+    url = f"/v1/plans/{plan_id}/replay"
+    job = finished(here, answer(here.post(url, json={}, headers=later), 202)["id"])
+    assert job["result"]["same"]
+    assert stored(here, job["result"]["plan_id"])["replay_of"] == plan_id
+
+
+def test_a_replay_gives_the_same_bytes(here: httpx.Client, plan: dict[str, Any]) -> None:
+    again = replay(here, plan["plan_id"])
+    assert again["same"]
+    assert again["differences"] == []
+    assert again["plan_id"] is None
+    assert again["answer"]["trajectory"] == plan["trajectory"]
+    kept = replay(here, plan["plan_id"], keep_replay=True)
+    assert stored(here, kept["plan_id"])["replay_of"] == plan["plan_id"]
+
+
+def test_changes_are_merged_into_the_request(here: httpx.Client, plan: dict[str, Any]) -> None:
+    changes = {"goal": {"joints": [0.5, -0.4]}, "seed": None, "timing": {"velocity_scaling": 0.5}}
+    again = replay(here, plan["plan_id"], changes=changes)
+    assert not again["same"]
+    assert "/path/joints" in " ".join(again["differences"])
+    assert again["answer"]["path"]["joints"][-1] == [0.5, -0.4]
+    assert again["answer"]["reproducibility"]["seed"] == 0
+    url = f"/v1/plans/{plan['plan_id']}/replay"
+    problem(here.post(url, json={"changes": {"unknown": 1}}), 422, "VALIDATION_ERROR")
+    problem(here.post(url, json={"changes": {"robot": "nobody"}}), 404, "NOT_FOUND")
+
+
+def test_a_replay_has_the_robot_and_scene_of_its_plan(here: httpx.Client) -> None:
+    place = {"name": "moved", **scene(FLOOR)}
+    answer(here.post("/v1/scenes", json=place), 201)
+    plan_id = answer(here.post("/v1/plan", json=PLAN | {"scene": "moved", "keep": True}))["plan_id"]
+    wall = {"id": "wall", "shape": {"type": "box", "size": [2, 2, 2]}}
+    crowded = scene(FLOOR, {**wall, "pose": {"position": [0, 0, 0.9]}})
+    answer(here.put("/v1/scenes/moved", json=crowded))
+    assert replay(here, plan_id)["same"]
+    blocked = replay(here, plan_id, documents="current")
+    assert blocked["problem"]["code"] == "START_STATE_IN_COLLISION"
+    assert here.delete("/v1/scenes/moved").status_code == 204
+    assert replay(here, plan_id)["same"]
+    url = f"/v1/plans/{plan_id}/replay"
+    problem(here.post(url, json={"documents": "current"}), 404, "NOT_FOUND")
+
+
+def test_another_installation_replays_a_bundle_to_the_same_bytes(
+    here: httpx.Client, elsewhere: httpx.Client, plan: dict[str, Any]
+) -> None:
+    response = here.get(f"/v1/plans/{plan['plan_id']}/bundle")
+    assert response.headers["content-disposition"].startswith("attachment")
+    bundle = answer(response)
+    Bundle.model_validate(bundle)
+    imported = elsewhere.post("/v1/plans", json=bundle)
+    summary = answer(imported, 201)
+    assert imported.headers["location"] == f"/v1/plans/{summary['id']}"
+    again = replay(elsewhere, summary["id"])
+    assert again["same"], again["differences"]
+    assert again["digest"] == stored(here, plan["plan_id"])["digest"]
+    assert json.dumps(again["answer"]["trajectory"]) == json.dumps(plan["trajectory"])
+    assert json.dumps(again["answer"]["certificate"]) == json.dumps(plan["certificate"])
+    problem(elsewhere.get(f"/v1/robots/{ARM}"), 404, "NOT_FOUND")
+
+
+def test_a_bundle_that_was_changed_is_refused(here: httpx.Client, plan: dict[str, Any]) -> None:
+    bundle = answer(here.get(f"/v1/plans/{plan['plan_id']}/bundle"))
+    changed = json.dumps(json.loads(bundle["answer"]) | {"planner": "other"})
+    for field, value in [
+        ("answer", changed),
+        ("request", "[]"),
+        ("request", ""),
+        ("answer", ""),
+        ("status", "failed"),
+        ("operation", "POST /v1/robots"),
+        ("operation", "POST /v1/nothing"),
+        ("digest", "0" * 64),
+        ("armwright_bundle", 2),
+    ]:
+        response = here.post("/v1/plans", json=bundle | {field: value})
+        refused = problem(response, 422, "VALIDATION_ERROR")
+        assert field in refused["detail"]
+
+
+def test_bundles_name_the_operations_that_can_be_kept(here: httpx.Client) -> None:
+    document = answer(here.get("/openapi.json"))
+    keepable = set()
+    for path, methods in document["paths"].items():
+        body = methods.get("post", {}).get("requestBody", {}).get("content", {})
+        name = body.get("application/json", {}).get("schema", {}).get("$ref", "").split("/")[-1]
+        if "keep" in document["components"]["schemas"].get(name, {}).get("properties", {}):
+            keepable.add(path.replace("{name}", ARM))
+    bundle = BUNDLE | {"robot": ARM}
+    assert "/v1/plan" in keepable
+    for path in keepable:
+        Bundle.model_validate(bundle | {"operation": f"POST {path}"})
+
+
+def test_a_plan_can_be_forgotten(here: httpx.Client) -> None:
+    check = {"robot": "panda", "joints": HOME, "keep": True}
+    plan_id = answer(here.post("/v1/check", json=check))["plan_id"]
+    assert here.delete(f"/v1/plans/{plan_id}").status_code == 204
+    for path in (f"/v1/plans/{plan_id}", f"/v1/plans/{plan_id}/bundle"):
+        problem(here.get(path), 404, "NOT_FOUND")
+    problem(here.delete(f"/v1/plans/{plan_id}"), 404, "NOT_FOUND")
+    problem(here.post(f"/v1/plans/{plan_id}/replay", json={}), 404, "NOT_FOUND")
+
+
+def test_a_bundle_whose_answer_is_of_something_else_has_no_page(here: httpx.Client) -> None:
+    odd = json.dumps({"joints": [[0.0], [0.0, 1.0]]})
+    for request, content in (("{}", "{}"), (odd, odd)):
+        bundle = BUNDLE | {
+            "operation": "POST /v1/check", "status": "succeeded", "request": request,
+            "answer": content, "digest": answer_digest(content.encode()),
+        }  # fmt: skip
+        kept = answer(here.post("/v1/plans", json=bundle), 201)
+        problem(here.get(f"/v1/plans/{kept['id']}/view"), 422, "VALIDATION_ERROR")

@@ -1,0 +1,110 @@
+"""Seams over HTTP: waypoints with tolerances, what is answered and what is refused."""
+
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+
+from armwright_client import CartesianOptions, StraightOffset, ToolTolerance, Waypoint
+from armwright_client import Plan as ClientPlan
+from kinematics.forward import forward
+from kinematics.robots import builtin_chain
+from service.schemas.plan import PlanAnswer
+from tests.service.robots import HOME, answer, problem
+
+CHAIN = builtin_chain("panda")
+POINTS = [[0.45 + 0.1 * np.sin(5.0 * y), float(y), 0.35] for y in np.linspace(-0.2, 0.2, 20)]
+UP = [0.0, 0.0, 1.0]
+BODY: dict[str, Any] = {
+    "robot": "panda",
+    "start": {"joints": HOME},
+    "planner": "cartesian",
+    "timeout": 20.0,
+}
+
+
+def seam(**changes: Any) -> dict[str, Any]:
+    options = {"waypoints": [{"point": p, "normal": UP} for p in POINTS], "tool_speed": 0.1}
+    return BODY | {"planner_options": options | changes}
+
+
+def test_points_with_normals_are_followed_with_a_free_spin(client: httpx.Client) -> None:
+    options = CartesianOptions(
+        waypoints=[Waypoint.on(p, UP) for p in POINTS],
+        tolerance=ToolTolerance(tilt=0.1),
+        tool_speed=0.1,
+        approach=StraightOffset(direction=UP, distance=0.05),
+        retreat=StraightOffset(direction=UP, distance=0.05, frame="base"),
+    )
+    body = BODY | {"planner_options": options.as_options(), "timing": {"sample_period": 0.01}}
+    found = answer(client.post("/v1/plan", json=body))
+    PlanAnswer.model_validate(found)
+    plan = ClientPlan.model_validate(found)
+    assert plan.certificate.verified
+    assert plan.certificate.tool_tolerance is not None
+    assert plan.certificate.tool_tolerance.share <= 1.0
+    assert plan.certificate.tool_speed is not None
+    assert plan.certificate.tool_speed.most <= plan.certificate.tool_speed.high
+    assert plan.tool_motions is not None
+    assert [plan.tool_motions[0].part, plan.tool_motions[-1].part] == ["approach", "retreat"]
+    times = np.array(found["trajectory"]["samples"]["time"])
+    within = (times >= plan.tool_motions[1].begins) & (times <= plan.tool_motions[-2].ends)
+    T = forward(CHAIN, np.array(found["trajectory"]["samples"]["position"])[within])
+    assert T[:, 2, 2].max() <= -np.cos(0.1 + 1.1e-3)
+    assert np.abs(T[:, 2, 3] - 0.35).max() <= 1.1e-4
+
+
+def test_a_frame_moves_points_and_normals(client: httpx.Client) -> None:
+    waypoints = [
+        {"point": p, "normal": UP, "direction": [1, 0, 0], "frame": "panda_link0"} for p in POINTS
+    ]
+    found = answer(client.post("/v1/plan", json=seam(waypoints=waypoints)))
+    ends = forward(CHAIN, found["path"]["joints"][-1])
+    np.testing.assert_allclose(ends[:3, 3], POINTS[-1], atol=1e-6)
+    np.testing.assert_allclose(ends[:3, 0], [1, 0, 0], atol=1e-3)
+
+
+def test_a_seam_out_of_reach_says_where_and_by_how_much(client: httpx.Client) -> None:
+    far = [{"point": [x, 0.0, 0.4], "normal": UP} for x in np.linspace(0.5, 1.3, 17).tolist()]
+    document = problem(client.post("/v1/plan", json=seam(waypoints=far)), 422, "PLANNING_FAILED")
+    details = document["details"]
+    assert 4 <= details["waypoint"] <= 12
+    assert 0.2 < details["longest"]["fraction"] < 0.8
+    assert details["reason"] in {"unreachable", "limit", "branch"}
+    assert isinstance(details["would_help"], list)
+
+
+@pytest.mark.parametrize(
+    ("changes", "code", "words"),
+    [
+        ({"waypoints": [{"point": POINTS[0], "normal": UP}]}, "VALIDATION_ERROR", "waypoints"),
+        ({"waypoints": [{"point": POINTS[0]}] * 2}, "VALIDATION_ERROR", "point and normal belong"),
+        ({"motions": []}, "VALIDATION_ERROR", "motions"),
+        ({"tolerance": {"x": [0.1, -0.1]}}, "VALIDATION_ERROR", "0.1 is above -0.1"),
+        ({"tolerance": {"rz": [0.0, 0.1], "free": ["rz"]}}, "VALIDATION_ERROR", "rz has a range"),
+        ({"tolerance": {"tilt": 0.0}}, "VALIDATION_ERROR", "tilt"),
+        ({"tolerance": {"frame": "moon"}}, "INVALID_LINK_NAME", "moon"),
+        ({"tolerance": {"frame": "panda_hand"}}, "INVALID_LINK_NAME", "moves with the arm"),
+        ({"tool_speed": 0.0}, "VALIDATION_ERROR", "tool_speed"),
+        (
+            {"waypoints": [{"point": POINTS[0], "normal": UP}] * 2},
+            "INVALID_GOAL_CONSTRAINTS",
+            "waypoints[1] is at the place of waypoints[0]",
+        ),
+        (
+            {"waypoints": [{"point": p, "normal": UP, "direction": UP} for p in POINTS[:2]]},
+            "INVALID_GOAL_CONSTRAINTS",
+            "direction is along the normal",
+        ),
+        ({"approach": {"direction": [0, 0, 0], "distance": 0.1}}, "VALIDATION_ERROR", "no length"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(
+    client: httpx.Client, changes: dict[str, Any], code: str, words: str
+) -> None:
+    response = client.post("/v1/plan", json=seam(**changes))
+    assert response.status_code in (400, 422), response.text
+    document = response.json()
+    assert document["code"] == code, document
+    assert words in document["detail"], document

@@ -1,0 +1,195 @@
+"""Tasks of several stages over HTTP: proved again by validate, chained, refused where wrong."""
+
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+
+from armwright_client import (
+    ApproachStage,
+    AttachStage,
+    Client,
+    DetachStage,
+    Goal,
+    GraspRegion,
+    GraspStage,
+    LiftStage,
+    MoveStage,
+    PlaceStage,
+    Pose,
+    RetreatStage,
+    Scene,
+)
+from service.schemas.sequence import TaskRequest
+from service.schemas.sequence_answer import TaskAnswer
+from tests.service.processes import wait_until
+from tests.service.robots import HOME, answer, problem
+
+EXAMPLE: Any = TaskRequest.model_json_schema()["examples"][0]
+TASK: dict[str, Any] = EXAMPLE | {"improve": 0.0, "timeout": 30.0}
+
+
+def plan(client: httpx.Client, **changes: Any) -> Any:
+    planned = answer(client.post("/v1/tasks", json=TASK | changes))
+    TaskAnswer.model_validate(planned)
+    return planned
+
+
+def stages(*changes: tuple[int, dict[str, Any]]) -> list[dict[str, Any]]:
+    """The stages of the example, some of them changed."""
+    made = [dict(stage) for stage in TASK["stages"]]
+    for k, change in changes:
+        made[k] = {n: v for n, v in (made[k] | change).items() if v is not None}
+    return made
+
+
+def test_every_stage_is_proved_anew_by_validate(client: httpx.Client) -> None:
+    planned = plan(client)
+    assert planned["status"] == "success"
+    objects: list[Any] = []
+    moved = {o["id"]: o for o in TASK["scene"]["obstacles"]}
+    for stage in planned["stages"]:
+        # The certificate is about what is held in the stage: the same is told to validate.
+        held = stage["after"]["attached"]
+        if stage["kind"] == "detach":
+            objects = stage["after"]["objects"]
+        scene = [moved[name] | {"pose": o["pose"]} for o in objects for name in [o["id"]]]
+        names = {o["id"] for o in objects}
+        rest = [o for o in TASK["scene"]["obstacles"] if o["id"] not in names]
+        body = {"robot": "panda", "scene": {"obstacles": rest + scene}, "attached": held,
+                "trajectory": stage["trajectory"],
+                "allowed_collisions": stage["certificate"]["allowed_collisions"]}  # fmt: skip
+        certificate = answer(client.post("/v1/validate", json=body))
+        assert certificate["verified"], (stage["kind"], certificate["violation"])
+        assert certificate["min_clearance"] == pytest.approx(
+            stage["certificate"]["min_clearance"], abs=1e-6
+        )
+    ends = [s["begins"] + s["trajectory"]["duration"] for s in planned["stages"]]
+    assert planned["duration"] == pytest.approx(ends[-1])
+    assert [s["begins"] for s in planned["stages"][1:]] == pytest.approx(ends[:-1])
+
+
+def test_a_task_goes_on_where_the_one_before_ended(client: httpx.Client) -> None:
+    first = plan(client, stages=TASK["stages"][:6])
+    after = first["stages"][-1]["after"]
+    assert [item["id"] for item in after["attached"]] == ["crate"]
+    last = first["stages"][-1]["trajectory"]["segments"][-1]
+    t = last["t1"] - last["t0"]
+    q = [sum(c * t**k for k, c in enumerate(row)) for row in last["coefficients"]]
+    second = plan(client, start={"joints": q}, stages=TASK["stages"][6:], **after)
+    done = second["stages"][-1]["after"]
+    assert done["attached"] == []
+    assert [item["id"] for item in done["objects"]] == ["crate"]
+    at = done["objects"][0]["pose"]["position"]
+    assert np.abs(np.array(at) - [0.5, 0.25, 0.15]).max() <= 0.05 + 1e-9
+
+
+def test_it_is_a_job_with_progress_where_that_is_asked_for(client: httpx.Client) -> None:
+    told = client.post("/v1/tasks", json=TASK, headers={"Prefer": "respond-async"})
+    assert told.status_code == 202
+    at = told.headers["location"]
+    wait_until(lambda: client.get(at).json()["status"] in ("succeeded", "failed"), 30.0)
+    job = client.get(at).json()
+    assert job["status"] == "succeeded"
+    assert len(job["result"]["stages"]) == len(TASK["stages"])
+
+
+@pytest.mark.parametrize(
+    ("changes", "index", "code", "message"),
+    [
+        ({"stages": [{"kind": "detach", "object": "crate"}]}, 0, "VALIDATION_ERROR", "to be held"),
+        ({"stages": stages((4, {"object": "box"}))}, 4, "INVALID_OBJECT_NAME", "'box'"),
+        ({"stages": stages((2, {"touch_links": ["claw"]}))}, 2, "INVALID_LINK_NAME", "'claw'"),
+        ({"stages": stages((8, {"region": None, "poses": [
+            {"position": [0.5, 0.2, 0.2], "frame": "panda_link5"}]}))}, 8, "INVALID_LINK_NAME",
+         "panda_link5"),
+        ({"stages": stages((12, {"goal": None, "end_of": "nowhere"}))}, 12, "VALIDATION_ERROR",
+         "nowhere"),
+        ({"stages": stages((12, {"goal": {"joints": [0.0]}}))}, 12, "INVALID_ROBOT_STATE", "7"),
+        ({"stages": stages((5, {"distance": [0.3, 0.2]}))}, 5, "VALIDATION_ERROR", "distance"),
+        ({"stages": stages((8, {"region": {"pose": {"position": [3.0, 0.0, 0.2]}}}))}, 8,
+         "PLANNING_FAILED", "out_of_reach"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_told_with_stage_and_cure(
+    client: httpx.Client, changes: dict[str, Any], index: int, code: str, message: str
+) -> None:
+    told = problem(client.post("/v1/tasks", json=TASK | changes), 422, code)
+    assert message in told["detail"]
+    assert told["details"]["index"] == index
+    assert told["hint"]
+
+
+@pytest.mark.parametrize(
+    ("change", "where"),
+    [
+        ((2, {"region": None, "grasps": []}), "stages[2].grasps"),
+        ((2, {"region": None, "grasps": [{"position": [0, 0, 0]}] * 10_001}), "stages[2].grasps"),
+        ((2, {"region": None}), "stages[2]"),
+        ((0, {"kind": "fly"}), "stages[0]"),
+        ((5, {"distance": [0.1]}), "stages[5].distance"),
+    ],
+)
+def test_malformed_stages_are_refused_where_they_stand(
+    client: httpx.Client, change: tuple[int, dict[str, Any]], where: str
+) -> None:
+    told = problem(
+        client.post("/v1/tasks", json=TASK | {"stages": stages(change)}), 422, "VALIDATION_ERROR"
+    )
+    assert where in str(told)
+
+
+def test_the_deadline_holds_for_ten_thousand_grasps(client: httpx.Client) -> None:
+    far = [{"position": [0.0, 0.0, 3.0 + 1e-4 * k]} for k in range(10_000)]
+    changed = stages((2, {"region": None, "grasps": far}))
+    asked = TASK | {"stages": changed, "timeout": 20.0}
+    told = problem(client.post("/v1/tasks", json=asked), 422, "PLANNING_FAILED")
+    assert told["details"]["index"] == 2
+    assert told["details"]["trials_omitted"] > 0
+
+
+def test_the_first_stages_are_answered_only_where_that_is_asked_for(client: httpx.Client) -> None:
+    grasp = {"grasps": [{"position": [0, 0, 0.02], "rpy": [np.pi, 0, 0]}], "region": None}
+    changed = stages((2, grasp), (5, {"distance": [2.0, 2.0]}))
+    asked = TASK | {"stages": changed}
+    told = problem(client.post("/v1/tasks", json=asked), 422, "PLANNING_FAILED")
+    assert told["details"]["index"] == 5
+    partial = plan(client, stages=changed, allow_partial=True)
+    assert partial["status"] == "partial"
+    assert [stage["index"] for stage in partial["stages"]] == [0, 1, 2, 3, 4]
+    assert partial["failure"]["index"] == 5
+
+
+def test_the_client_plans_a_task(client: httpx.Client) -> None:
+    top = Pose.from_rpy([0.0, 0.0, 0.02], np.pi, 0.0, 0.0)
+    with Client(str(client.base_url)) as connected:
+        planned = connected.plan_task(
+            "panda",
+            HOME,
+            [
+                MoveStage(),
+                ApproachStage(distance=[0.05, 0.1]),
+                GraspStage(
+                    object="crate",
+                    region=GraspRegion(pose=top, angles=[0.0, 3.0]),
+                    touch_links=["panda_hand"],
+                    support="table",
+                ),
+                AttachStage(object="crate", mass=0.4),
+                LiftStage(distance=[0.05, 0.15], name="up"),
+                MoveStage(),
+                ApproachStage(distance=[0.05, 0.1], direction=[0, 0, -1], frame="root"),
+                PlaceStage(poses=[Pose.at(0.5, 0.25, 0.15)], support="table"),
+                DetachStage(),
+                RetreatStage(distance=[0.05, 0.1]),
+                MoveStage(goal=Goal.at_joints(HOME)),
+            ],
+            scene=Scene.model_validate(TASK["scene"]),
+            timeout=30.0,
+        )
+    assert planned.status == "success"
+    assert all(stage.certificate.verified for stage in planned.stages)
+    (placed,) = planned.stages[-1].after.objects
+    assert placed.pose.position == pytest.approx([0.5, 0.25, 0.15])
+    assert planned.stages[5].after.as_options()["attached"][0].id == "crate"

@@ -1,0 +1,145 @@
+"""Tours over HTTP: order, legs that others prove once more, jobs, and what is refused."""
+
+from itertools import pairwise
+from typing import Any
+
+import httpx
+import pytest
+
+from service.schemas.tour import TourAnswer
+from tests.service.conftest import Served
+from tests.service.processes import wait_until
+from tests.service.robots import FLOOR, POST, answer, problem, scene
+
+DOWN = [1.0, 0.0, 0.0, 0.0]
+START = {"joints": [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]}
+GOALS = [
+    {"id": f"hole_{k}", "pose": {"position": [0.45, y, 0.4], "quaternion_xyzw": DOWN},
+     "tolerance": {"free": ["rz"], "samples": 3}, "dwell": 0.5}
+    for k, y in enumerate((-0.35, 0.08, -0.1, -0.22))
+]  # fmt: skip
+
+
+def body(**fields: Any) -> dict[str, Any]:
+    given = {"robot": "panda", "scene": scene(FLOOR, POST), "start": START, "goals": GOALS,
+             "rounds": 2, "timeout": 60.0}  # fmt: skip
+    return {name: value for name, value in (given | fields).items() if value is not None}
+
+
+@pytest.fixture(scope="module")
+def tour(served: Served) -> dict[str, Any]:
+    found: dict[str, Any] = answer(served.client.post("/v1/tours", json=body(end="start")))
+    TourAnswer.model_validate(found)
+    return found
+
+
+def test_legs_are_valid_for_the_service_that_proves_motions(
+    client: httpx.Client, tour: dict[str, Any]
+) -> None:
+    assert tour["status"] == "complete"
+    assert sorted(tour["order"]) == [goal["id"] for goal in GOALS]
+    assert [leg["target"] for leg in tour["legs"]] == [*tour["order"], None]
+    assert [leg["origin"] for leg in tour["legs"]] == [None, *tour["order"]]
+    for leg in tour["legs"]:
+        motion = {"joint_names": tour["joint_names"], "segments": leg["trajectory"]["segments"]}
+        about = {"robot": "panda", "scene": scene(FLOOR, POST), "trajectory": motion}
+        assert answer(client.post("/v1/validate", json=about))["verified"]
+        assert leg["certificate"]["verified"]
+
+
+def test_times_add_up_and_visits_reach_their_poses(
+    client: httpx.Client, tour: dict[str, Any]
+) -> None:
+    durations = [leg["trajectory"]["duration"] for leg in tour["legs"]]
+    assert tour["dwell_time"] == pytest.approx(2.0)
+    assert tour["time"] == pytest.approx(sum(durations) + 2.0)
+    assert 2.0 < tour["lower_bound"] <= tour["time"]
+    assert tour["gap"] == pytest.approx(tour["time"] / tour["lower_bound"] - 1.0)
+    for leg, visit in zip(tour["legs"], tour["visits"], strict=False):
+        assert visit["arrival"] == pytest.approx(leg["begins"] + leg["trajectory"]["duration"])
+        assert visit["departure"] == pytest.approx(visit["arrival"] + 0.5)
+        assert leg["path"]["joints"][-1] == pytest.approx(visit["joints"], abs=1e-9)
+        reached = answer(client.post("/v1/robots/panda/fk", json={"joints": visit["joints"]}))
+        wanted = GOALS[visit["index"]]["pose"]["position"]
+        assert reached["pose"]["position"] == pytest.approx(wanted, abs=1e-6)
+        x, y, _, _ = reached["pose"]["quaternion_xyzw"]
+        assert x * x + y * y == pytest.approx(1.0, abs=1e-9)  # the tool points down
+    for before, after in pairwise(tour["legs"]):
+        assert after["begins"] == pytest.approx(
+            before["begins"] + before["trajectory"]["duration"] + 0.5
+        )
+
+
+def test_the_same_seed_gives_the_same_bytes(client: httpx.Client) -> None:
+    asked = body(rounds=1)
+    first, second = (client.post("/v1/tours", json=asked).content for _ in range(2))
+    assert first == second
+
+
+def test_groups_and_precedence_are_kept(client: httpx.Client) -> None:
+    goals = [goal | {"group": "ab"[k % 2]} for k, goal in enumerate(GOALS)]
+    rules = [["b", "a"], ["hole_2", "hole_0"]]
+    found = answer(client.post("/v1/tours", json=body(goals=goals, precedence=rules, rounds=0)))
+    assert set(found["order"][:2]) == {"hole_1", "hole_3"}
+    assert found["order"][2:] == ["hole_2", "hole_0"]
+
+
+def test_as_a_job_it_reports_progress_and_the_same(client: httpx.Client) -> None:
+    asked = body(rounds=0)
+    response = client.post("/v1/tours", json=asked, headers={"Prefer": "respond-async"})
+    job = answer(response, 202)["id"]
+    assert wait_until(lambda: client.get(f"/v1/jobs/{job}").json()["status"] == "succeeded", 60.0)
+    result = answer(client.get(f"/v1/jobs/{job}"))["result"]
+    assert result == answer(client.post("/v1/tours", json=asked))
+
+
+def test_what_is_out_of_reach_is_named_or_left_out(client: httpx.Client) -> None:
+    far = {"id": "far", "pose": {"position": [2.0, 0.0, 0.4], "quaternion_xyzw": DOWN}}
+    inside = {"id": "inside", "joints": [*START["joints"][:3], -0.1, *START["joints"][4:]]}
+    goals = [GOALS[0], far, GOALS[1], inside]
+    rules = [["far", "hole_1"]]
+    asked = body(goals=goals, rounds=0, precedence=rules)
+    refusal = problem(client.post("/v1/tours", json=asked), 422, "NO_IK_SOLUTION")
+    assert "goals[1] ('far')" in refusal["detail"]
+    named = {one["index"] for one in refusal["details"]["unvisited"]}
+    assert 1 in named
+    partial = answer(client.post("/v1/tours", json=asked | {"allow_partial": True}))
+    assert partial["status"] == "partial"
+    codes = {one["id"]: one["code"] for one in partial["unvisited"]}
+    assert codes["far"] == "NO_IK_SOLUTION"
+    assert codes["hole_1"] == "PREDECESSOR_LEFT_OUT"
+    assert "hole_0" in partial["order"]
+
+
+@pytest.mark.parametrize(
+    ("fields", "code", "words"),
+    [
+        ({"goals": []}, "VALIDATION_ERROR", "goals"),
+        ({"goals": [GOALS[0]] * 501}, "VALIDATION_ERROR", "500"),
+        ({"goals": [GOALS[0], GOALS[0]]}, "INVALID_GOAL_CONSTRAINTS",
+         "goals[0] and goals[1] have the same id 'hole_0'"),
+        ({"precedence": [["hole_0", "hole_1"], ["hole_1", "hole_2"], ["hole_2", "hole_0"]]},
+         "INVALID_GOAL_CONSTRAINTS", "before hole_0"),
+        ({"precedence": [["hole_0", "nothing"]]}, "INVALID_GOAL_CONSTRAINTS", "'nothing'"),
+        ({"start": None, "end": "start"}, "INVALID_GOAL_CONSTRAINTS", "no start is given"),
+        ({"start": {"joints": [0.0] * 6}}, "INVALID_ROBOT_STATE", "start.joints"),
+        ({"goals": [GOALS[0], {"joints": [0.0] * 3}]}, "INVALID_ROBOT_STATE", "goals[1].joints"),
+        ({"goals": [GOALS[0], {"any_of": [{"joints": [0.0] * 7, "velocities": [1.0] * 7}]}]},
+         "VALIDATION_ERROR", "no velocities"),
+        ({"goals": [GOALS[0], {"state": "ready", "tolerance": {"free": ["rz"]}}]},
+         "VALIDATION_ERROR", "tolerance belongs to a pose"),
+        ({"timing": {"method": "spline", "times": [0.0, 1.0]}}, "VALIDATION_ERROR", "many legs"),
+        ({"start": {"joints": [0.59, 0.3, 0.0, -2.0, 0.0, 2.2, 0.0]}}, "START_STATE_IN_COLLISION",
+         "at the start"),
+    ],
+)  # fmt: skip
+def test_bad_input_is_told_what_is_wrong(
+    client: httpx.Client, fields: dict[str, Any], code: str, words: str
+) -> None:
+    refusal = problem(client.post("/v1/tours", json=body(**fields)), 422, code)
+    assert words in str(refusal)
+
+
+def test_a_deadline_is_kept(client: httpx.Client) -> None:
+    refusal = problem(client.post("/v1/tours", json=body(timeout=0.01)), 504, "TIMED_OUT")
+    assert "allow" in str(refusal["hint"]).lower()

@@ -1,0 +1,207 @@
+"""Pages of kept plans in a real browser, from disk: they draw, move, and ask no host."""
+
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+from playwright.sync_api import Browser, Page
+
+import armwright as aw
+from kinematics.forward import forward
+from service.viewer.page import page as page_of
+from tests.service.conftest import Served
+from tests.service.processes import wait_until
+from tests.service.robots import ASIDE, DETOUR, FLOOR, HOME, POST, scene
+from tests.service.viewer.browser import browsing
+
+#: Largest page [byte].
+_MAX_BYTES = 10_000_000
+BLOCKED = {"goal": {"pose": {"position": [0.42, 0.28, 0.5], "rpy": [3.14, 0.0, 0.0]}}}
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with browsing() as opened:
+        yield opened
+
+
+def fetch(client: httpx.Client, path: str, body: dict[str, Any]) -> bytes:
+    """The page of an answer that was kept."""
+    answer = client.post(path, json=body | {"keep": True}).json()
+    plan_id = answer.get("plan_id") or answer["details"]["plan_id"]
+    response = client.get(f"/v1/plans/{plan_id}/view")
+    assert response.status_code == 200, response.text
+    policy = response.headers["content-security-policy"]
+    assert "default-src 'none'" in policy
+    assert "http" not in policy
+    assert len(response.content) < _MAX_BYTES
+    return response.content
+
+
+@pytest.fixture(scope="module")
+def plan(served: Served) -> bytes:
+    ball = {"type": "sphere", "radius": 0.02}
+    pose = {"position": [0.0, 0.0, 0.15]}
+    held = {"id": "tool", "link": "panda_hand", "shape": ball, "pose": pose}
+    return fetch(served.client, "/v1/plan", DETOUR | {"attached": [held]})
+
+
+def wait(page: Page, condition: str) -> None:
+    """Wait until a condition holds; the page's policy forbids Playwright's own way, which evals."""
+    assert wait_until(lambda: bool(page.evaluate(condition)), 10.0), condition
+
+
+def document(content: bytes) -> dict[str, Any]:
+    found = re.search(rb'type="application/json">(.*?)</script>', content, re.DOTALL)
+    assert found is not None
+    data: dict[str, Any] = json.loads(found[1])
+    return data
+
+
+def show(browser: Browser, content: bytes, folder: Path) -> tuple[Page, list[str]]:
+    """A page opened from disk; the list holds what went wrong and what was asked for."""
+    file = folder / "view.html"
+    file.write_bytes(content)
+    page, events = browser.new_page(viewport={"width": 1000, "height": 800}), []
+    page.on("console", lambda message: events.append(f"console: {message.text}"))
+    page.on("pageerror", lambda error: events.append(f"error: {error}"))
+    page.on("request", lambda request: events.append(request.url))
+    page.goto(file.as_uri())
+    wait(page, "window.armwrightView !== undefined && !window.armwrightView.changed")
+    assert events == [file.as_uri()]
+    return page, events
+
+
+def colours(page: Page) -> int:
+    """How many colours the 3D view shows."""
+    script = """() => {
+      const gl = document.getElementById("view").getContext("webgl");
+      const width = gl.drawingBufferWidth, height = gl.drawingBufferHeight;
+      const pixels = new Uint8Array(4 * width * height);
+      gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+      return new Set(new Uint32Array(pixels.buffer)).size;
+    }"""
+    return int(page.evaluate(script))
+
+
+def test_a_motion_is_drawn_played_and_scrubbed(
+    browser: Browser, plan: bytes, tmp_path: Path
+) -> None:
+    page, events = show(browser, plan, tmp_path)
+    assert colours(page) > 20
+    assert "proved" in page.inner_text("#words")
+    duration = document(plan)["motion"]["breaks"][-1]
+    page.focus("#time")
+    page.evaluate("""() => { const time = document.getElementById("time"); time.value = "500";
+        time.dispatchEvent(new Event("input")); }""")
+    wait(page, "!window.armwrightView.changed")
+    assert page.evaluate("window.armwrightView.time") == pytest.approx(duration / 2)
+    assert f"{duration / 2:.3f} of" in page.inner_text("#clock")
+    before = page.inner_text("#now")
+    page.focus("#view")
+    page.keyboard.press("Space")
+    wait(page, f"window.armwrightView.time > {duration / 2 + 0.02}")
+    page.keyboard.press("Space")
+    assert page.inner_text("#play") == "Play"
+    assert page.inner_text("#now") != before
+    assert len(events) == 1
+
+
+def test_everything_works_by_keyboard(browser: Browser, plan: bytes, tmp_path: Path) -> None:
+    page, _ = show(browser, plan, tmp_path)
+    reached = set()
+    for _ in range(24):
+        page.keyboard.press("Tab")
+        reached.add(page.evaluate("document.activeElement.id"))
+    assert {"view", "play", "time", "speed", "curve", "plot", "show-ghosts"} <= reached
+    page.focus("#plot")
+    page.keyboard.press("End")
+    wait(page, "window.armwrightView.time === motion.duration")
+    page.focus("#view")
+    yaw = page.evaluate("view.yaw")
+    page.keyboard.press("ArrowLeft")
+    assert page.evaluate("view.yaw") == pytest.approx(yaw + 0.1)
+    unnamed = """() => [...document.querySelectorAll("button, input, select, canvas")].filter(
+        (item) => !(item.ariaLabel || item.labels?.length || item.textContent.trim())).length"""
+    assert page.evaluate(unnamed) == 0
+
+
+def test_curves_have_limits_and_differ_without_colour(
+    browser: Browser, plan: bytes, tmp_path: Path
+) -> None:
+    page, _ = show(browser, plan, tmp_path)
+    names = page.evaluate("curves.map((curve) => curve.name)")
+    assert names == [
+        *(f"{name} of joints" for name in ("position", "velocity", "acceleration", "jerk")),
+        "torque of joints", "tool speed", "clearance",
+    ]  # fmt: skip
+    patterns = page.evaluate(
+        """() => [...document.querySelectorAll("#legend line")].map(
+            (line) => line.getAttribute("stroke-dasharray"))"""
+    )
+    assert len(set(patterns)) == len(patterns) == 7
+    page.select_option("#curve", label="clearance [m]")
+    wait(page, "!window.armwrightView.changed")
+    assert "closest pair" in page.inner_text("#legend")
+
+
+def test_the_page_moves_the_arm_as_the_library_does(
+    browser: Browser, plan: bytes, tmp_path: Path
+) -> None:
+    page, _ = show(browser, plan, tmp_path)
+    chain = aw.load_robot("panda").chain
+    for joints in (HOME, [0.3, -0.4, 0.5, -1.6, 0.7, 1.8, -0.9]):
+        drawn = page.evaluate("(q) => arm.tip(q)", joints)
+        assert pytest.approx(forward(chain, joints), abs=1e-12) == np.reshape(drawn, (4, 4)).T
+    rows = document(plan)["motion"]
+    local, piece = 0.4 * rows["breaks"][1], np.array(rows["coefficients"][0])
+    for order in range(4):
+        expected = [np.polynomial.Polynomial(row).deriv(order)(local) for row in piece]
+        drawn = page.evaluate("([t, d]) => motion.at(t, d)", [local, order])
+        assert drawn == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_failure_shows_the_candidates_and_why(
+    served: Served, browser: Browser, tmp_path: Path
+) -> None:
+    content = fetch(served.client, "/v1/plan", DETOUR | BLOCKED)
+    page, _ = show(browser, content, tmp_path)
+    shown = page.inner_text("#list")
+    assert "• asked for: start" in shown
+    assert "✗ collides: goal, IK solution 1" in shown
+    assert "'post'" in shown
+    assert "GOAL_IN_COLLISION" in page.inner_text("#words")
+    chosen = document(content)["configurations"][1]
+    assert chosen["cause"] == "collision"
+    assert "post" in chosen["pair"]
+    assert colours(page) > 20
+
+
+def test_checks_and_inverse_kinematics_have_pages(
+    served: Served, browser: Browser, tmp_path: Path
+) -> None:
+    place = scene(POST, FLOOR)
+    hit = [a + 0.65 * (b - a) for a, b in zip(HOME, ASIDE, strict=True)]
+    body = {"robot": "panda", "scene": place, "joints": [HOME, hit, [9.0, *HOME[1:]]]}
+    page, _ = show(browser, fetch(served.client, "/v1/check", body), tmp_path)
+    shown = page.inner_text("#list")
+    assert "✓ valid: configuration 1" in shown
+    assert "✗ collides: configuration 2" in shown
+    assert "⊘ outside limits: configuration 3" in shown
+    solve = {"pose": {"position": [0.42, 0.28, 0.2], "rpy": [3.14, 0, 0]}, "all_solutions": True}
+    content = fetch(served.client, "/v1/robots/ur5e/ik", solve | {"scene": place})
+    page, _ = show(browser, content, tmp_path)
+    assert len(document(content)["configurations"]) == page.locator("#list button").count() > 1
+
+
+def test_text_of_a_request_can_not_leave_its_place() -> None:
+    nasty = "</script><script>alert(1)</script><!--"
+    content = page_of({"title": nasty, "words": nasty})
+    assert content.count(b"<script") == 2
+    assert content.count(b"</script>") == 2
+    assert b"&lt;/script&gt;" in content
