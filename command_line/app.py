@@ -5,17 +5,24 @@ from typing import Annotated
 
 import typer
 
+from command_line.bench import bench
 from command_line.doctor import doctor
 from command_line.exit_codes import ExitCode
+from command_line.files import export, sweep
 from command_line.kinematics import fk, ik
 from command_line.motions import check, convert, plan, retime, simulate, validate
 from command_line.output import print_line
+from command_line.project import project
 from command_line.reach import reach
 from command_line.robots import robots, scenes
+from command_line.studio import studio
+from command_line.tour import tour
+from command_line.view import view
 
 #: Help of the commands that `service.cli` parses, before typer is imported.
 _SERVER = {
     "serve": "Answer requests over HTTP until SIGTERM.",
+    "agent": "Work on jobs of servers that share a database, until SIGTERM.",
     "warm": "Compile all kernels into their cache on disk.",
     "keys": "Make, list and revoke API keys.",
     "audit": "Show who changed robots, scenes and keys.",
@@ -31,9 +38,16 @@ _COMMANDS: tuple[Callable[..., None], ...] = (
     retime,
     simulate,
     reach,
+    tour,
+    project,
     convert,
+    export,
+    sweep,
+    view,
+    studio,
     robots,
     scenes,
+    bench,
     doctor,
 )
 

@@ -15,7 +15,7 @@ from command_line.problems import CommandProblem, negative
 
 #: Where Linux says which processor it runs on.
 _PROCESSORS = Path("/proc/cpuinfo")
-_OPTIONAL = ("armwright-client", "httpx", "matplotlib")
+_OPTIONAL = ("armwright-client", "httpx", "matplotlib", "viser")
 
 
 class Finding(NamedTuple):

@@ -53,10 +53,14 @@ REACH = Endpoint(
     "service.schemas.reach:ReachRequest",
     "service.tasks.reach:reach",
 )
+TOUR = Endpoint("/v1/tours", "service.schemas.tour:TourRequest", "service.tasks.tours:tour")
 CONVERT = Endpoint(
     "/v1/convert",
     "service.schemas.retime:ConvertRequest",
     "service.tasks.retime:convert",
     takes_robot=False,
     takes_scene=False,
+)
+EXPORT = Endpoint(
+    "/v1/export", "service.schemas.export:ExportRequest", "service.tasks.export:export"
 )

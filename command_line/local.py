@@ -12,12 +12,14 @@ from command_line.endpoints import Endpoint
 from command_line.parameters import RobotSource
 from command_line.robot_files import is_file, robot_document
 from kinematics.robots import builtin_names
+from obstacles.robot_geometry import RobotGeometry
 from planning.deadline import Deadline
 from service.problem import ProblemError, from_fields
 from service.schemas.robot import RobotBody
+from service.schemas.scene import ProjectRequest, Scene
 from service.schemas.validation import validate_as
 from service.settings import Settings
-from service.storage import prepared_files
+from service.storage import prepared_files, worker_cache
 from service.storage.cache_key import Reference, builtin_reference
 from service.storage.store import open_store
 from service.tasks.result import CacheMiss, PlanOutcome, TaskProblem
@@ -27,6 +29,8 @@ from service.workers import current
 _CACHE_BYTES = 512 * 2**20
 #: The first attempt may find that a robot is not prepared.
 _ATTEMPTS = 2
+#: The name of a scene that is prepared for one command.
+_SCENE = "scene"
 #: Scenes that are listed at most.
 _MAX_SCENES = 1_000
 
@@ -59,12 +63,69 @@ class LocalBackend:
                 hint=f"Built in are: {', '.join(builtin_names())}.",
             )
         body = validate_as(RobotBody, robot_document(source))
-        document = body.model_dump_json(exclude_none=True).encode()
+        return self.add_robot(body.name, body.model_dump_json(exclude_none=True).encode())
+
+    def add_robot(self, name: str, document: bytes) -> str:
+        """Take a robot by its document, as services store it.
+
+        Args:
+            name: The name of the robot.
+            document: JSON.
+        """
         digest = prepared_files.document_hash(document)
         self._folder.mkdir(parents=True, exist_ok=True)
-        self._references[body.name] = Reference("robot", body.name, digest, str(self._folder))
-        self._documents[body.name] = document
-        return body.name
+        self._references[name] = Reference("robot", name, digest, str(self._folder))
+        self._documents[name] = document
+        return name
+
+    def geometry(self, robot: str) -> RobotGeometry:
+        """A robot with its collision geometry.
+
+        Args:
+            robot: Its name.
+        """
+        self.robot_model(robot)
+        return worker_cache.robot(self._reference(robot)).geometry
+
+    def projections(self, scene: dict[str, Any], body: dict[str, Any]) -> bytes:
+        """The projections of points onto the obstacles of a scene.
+
+        Args:
+            scene: As the API takes it.
+            body: The request of ``POST /v1/scenes/{name}/project``.
+
+        Raises:
+            ProblemError: The scene or the request does not have the right form.
+            InvalidScene: The scene can't be built.
+        """
+        from service.tasks.check import project  # noqa: PLC0415
+        from service.tasks.robots import make_scene  # noqa: PLC0415
+
+        validate_as(Scene, scene)
+        validate_as(ProjectRequest, body)
+        self._folder.mkdir(parents=True, exist_ok=True)
+        folder = str(self._folder)
+        document = make_scene(json.dumps(scene).encode(), folder, _SCENE)
+        reference = Reference("scene", _SCENE, prepared_files.document_hash(document), folder)
+        try:
+            return bytes(self._run(project, [reference, json.dumps(body).encode()]))
+        finally:
+            prepared_files.forget(reference)
+
+    def page(self, robot: str, plan: dict[str, Any]) -> bytes:
+        """The HTML page of a kept plan.
+
+        Args:
+            robot: The name of the robot.
+            plan: As ``GET /v1/plans/{id}`` answers it, with its scene inside of the request.
+
+        Raises:
+            ArmwrightError: The request is at fault, so that nothing of it can be drawn.
+        """
+        from service.tasks.view import view  # noqa: PLC0415
+
+        content = json.dumps(plan).encode()
+        return bytes(self._run(view, [self._reference(robot), None, content]))
 
     def robot_model(self, name: str) -> dict[str, Any]:
         """The model of a robot, as ``GET /v1/robots/{name}`` answers it."""

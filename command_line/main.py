@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 
 #: Commands that `service.cli` parses.
-SERVER_COMMANDS = ("serve", "warm", "keys", "audit")
+SERVER_COMMANDS = ("serve", "agent", "warm", "keys", "audit")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -179,7 +179,9 @@ def retime(
         Path, typer.Argument(help='JSON file with {"joints": [[...], ...]}, or a plan.')
     ],
     request: Request,
-    method: Annotated[str, typer.Option(help="toppra, spline or jerk_limited.")] = "toppra",
+    method: Annotated[
+        str | None, typer.Option(help="jerk_limited, toppra or spline; left out: bounded jerk.")
+    ] = None,
     scaling: Annotated[
         float, typer.Option(help="Share of the velocity limits that is used.", min=0.001, max=1.0)
     ] = 1.0,

@@ -104,6 +104,37 @@ class RemoteBackend:
         """
         return self._send("POST", endpoint.path.format(robot=quote(robot or "", safe="")), body)
 
+    def projections(self, scene: dict[str, Any] | str, body: dict[str, Any]) -> bytes:
+        """The projections of points onto the obstacles of a scene; that of a file is stored for it.
+
+        Args:
+            scene: As the API takes it, or the name of a stored one.
+            body: The request of ``POST /v1/scenes/{name}/project``.
+
+        Raises:
+            CommandProblem: The service answers a problem, or not at all.
+        """
+        if isinstance(scene, str):
+            return self._send("POST", f"/v1/scenes/{quote(scene, safe='')}/project", body)
+        digest = hashlib.sha256(json.dumps(scene, sort_keys=True).encode()).hexdigest()
+        path = f"/v1/scenes/file-{digest[:_DIGITS]}"
+        self._send("PUT", path, scene)
+        try:
+            return self._send("POST", f"{path}/project", body)
+        finally:
+            self._send("DELETE", path)
+
+    def page(self, plan_id: str) -> bytes:
+        """The HTML page of a kept plan.
+
+        Args:
+            plan_id: Its id.
+
+        Raises:
+            CommandProblem: There is no such plan, or the service does not answer.
+        """
+        return self._send("GET", f"/v1/plans/{quote(plan_id, safe='')}/view")
+
     def readiness(self) -> str:
         """The state of its workers, in words.
 

@@ -1,6 +1,7 @@
 """Commands that ask a service: the same answers as in process, and its refusals."""
 
 import json
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import pytest
 from service.app import create_app
 from service.settings import Settings
 from tests.command_line.commands import Run
-from tests.service.robots import ASIDE, BOX_OBJ, POST, urdf
+from tests.service.robots import ASIDE, BOX_OBJ, FLOOR, POST, bench, urdf
 from tests.service.server import serving
 
 
@@ -89,3 +90,43 @@ def test_a_service_that_is_not_there_has_its_exit_code(run: Run) -> None:
     assert "http://127.0.0.1:9" in answer.err
     assert "Traceback" not in answer.err
     assert run("fk", "panda", "-q", "home", "--url", "nonsense").code == 3
+
+
+def test_pages_come_from_a_service_and_from_its_bundles(
+    run: Run, client: httpx.Client, url: str, tmp_path: Path
+) -> None:
+    place = {"name": "viewed", "obstacles": [FLOOR]}
+    assert client.post("/v1/robots", json=bench("viewed_arm")).is_success
+    assert client.post("/v1/scenes", json=place).is_success
+    body = {"robot": "viewed_arm", "scene": "viewed", "joints": [[0.1, 0.2], [1.9, 1.9]]}
+    plan_id = client.post("/v1/check", json=body | {"keep": True}).json()["plan_id"]
+    file = tmp_path / "service.html"
+    shown = run("view", plan_id, "--url", url, "-o", str(file))
+    assert shown.code == 0, shown.err
+    bundle = tmp_path / "plan.json"
+    bundle.write_bytes(client.get(f"/v1/plans/{plan_id}/bundle").content)
+    shown = run("view", str(bundle))
+    assert shown.code == 0, shown.err
+    pages = [path.read_text() for path in (file, tmp_path / "plan.html")]
+    bodies = [re.search(r'"bodies":\[.*?\]', page) for page in pages]
+    assert bodies[0] is not None
+    assert bodies[1] is not None
+    assert bodies[0][0] == bodies[1][0]
+    assert run("view", "0" * 32, "--url", url).code == 3
+
+
+def test_points_are_projected_by_a_service(
+    run: Run, client: httpx.Client, url: str, tmp_path: Path
+) -> None:
+    place = {"obstacles": [FLOOR]}
+    file = tmp_path / "floor.json"
+    file.write_text(json.dumps(place))
+    assert client.put("/v1/scenes/floor", json=place).is_success
+    answers = [
+        run("project", source, "--points", "0.1,0.2,0.3", "--url", url, "--json")
+        for source in ("floor", str(file))
+    ]
+    here = run("project", str(file), "--points", "0.1,0.2,0.3", "--json")
+    assert [answer.code for answer in answers] == [0, 0], answers[1].err
+    assert answers[0].json == answers[1].json == here.json
+    assert "file-" not in client.get("/v1/scenes").text

@@ -1,0 +1,109 @@
+"""The commands that write motions to files: for robot controllers, and as swept volumes."""
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.text import Text
+
+from command_line import values
+from command_line.backend import connect
+from command_line.endpoints import EXPORT
+from command_line.local import LocalBackend
+from command_line.motions import Motion
+from command_line.output import print_json, print_line, save
+from command_line.parameters import Connection, Margin, Request, RobotSource, Scene, command
+from command_line.problems import invalid_value, negative
+from command_line.robot_files import read_json
+from planning.exports.swept_volume import swept_volume
+from service.schemas.plan import TrajectoryBody
+from service.schemas.validation import validate_as
+
+#: Files of meshes that `sweep` writes, by their suffix.
+_MESH_FILES = (".glb", ".stl")
+
+
+@command
+def export(
+    connection: Connection,
+    robot: RobotSource,
+    motion: Motion,
+    form: Annotated[
+        str,
+        typer.Option(
+            "--format",
+            help="joint_trajectory_json, joint_trajectory_yaml, ros2_control, csv, "
+            "urscript_servoj, urscript_movej, rapid or krl.",
+        ),
+    ],
+    request: Request,
+    scene: Scene = None,
+    margin: Margin = 0.0,
+    sample_period: Annotated[float, typer.Option(help="Time between points [s].")] = 0.01,
+) -> None:
+    """Write a motion for a robot controller, with a proof; exit with 1 where it is not proved."""
+    body: dict[str, Any] = {
+        "trajectory": values.motion(motion),
+        "format": form,
+        "scene": values.scene(scene),
+        "margin": margin,
+        "sample_period": sample_period,
+        "timeout": request.timeout,
+    }
+    fields = {} if request.fields is None else read_json(request.fields)
+    fields |= {name: value for name, value in body.items() if value is not None}
+    with connect(connection) as backend:
+        name = backend.robot_name(robot)
+        content = backend.answer(EXPORT, name, fields | {"robot": name})
+    answer = json.loads(content)
+    if connection.as_json:
+        print_json(content)
+    elif request.output is None:
+        print_line(answer["content"].rstrip("\n"))
+    if request.output is not None:
+        save(request.output, answer["content"].encode())
+    errors = Console(stderr=True, highlight=False)
+    errors.print(Text("proved" if answer["proved"] else "not proved", style="bold"))
+    for sentence in answer["unproved"]:
+        errors.print(Text(f"not covered: {sentence}", style="yellow"), soft_wrap=True)
+    if not answer["proved"]:
+        raise negative()
+
+
+@command
+def sweep(
+    connection: Connection,
+    robot: RobotSource,
+    motion: Motion,
+    output: Annotated[Path, typer.Option("--output", "-o", help="The file, .glb or .stl.")],
+    tolerance: Annotated[
+        float, typer.Option(help="What the hulls may be grown by [m].", min=1e-4, max=1.0)
+    ] = 0.005,
+) -> None:
+    """Write the space that an arm takes up during a motion, as a mesh that holds all of it."""
+    from obstacles.mesh_writer import glb, stl  # noqa: PLC0415
+    from service.translate.trajectories import trajectory  # noqa: PLC0415
+
+    if connection.url is not None:
+        raise invalid_value("--url", "swept volumes are computed here", "Leave it out.")
+    if output.suffix not in _MESH_FILES:
+        raise invalid_value("--output", f"a file {' or '.join(_MESH_FILES)} is written")
+    backend = LocalBackend()
+    try:
+        geometry = backend.geometry(backend.robot_name(robot))
+    finally:
+        backend.close()
+    given = values.motion(motion)
+    fields = {name: given[name] for name in ("joint_names", "segments") if name in given}
+    body = validate_as(TrajectoryBody, fields)
+    swept = swept_volume(trajectory(body, geometry.chain)[0], geometry, tolerance=tolerance)
+    surface = swept.surface()
+    content = glb(surface, "swept volume") if output.suffix == ".glb" else stl(surface)
+    save(output, content)
+    figures = {"hulls": len(swept.hulls), "triangles": len(surface.faces), "bytes": len(content)}
+    if connection.as_json:
+        print_json(figures)
+    else:
+        print_line(", ".join(f"{count} {name}" for name, count in figures.items()))

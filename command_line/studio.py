@@ -1,0 +1,90 @@
+"""The command ``armwright studio``: a page to set up, plan and watch motions."""
+
+import signal
+import webbrowser
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from command_line.output import print_line
+from command_line.parameters import Connection, command
+from command_line.problems import invalid_value, unreachable
+
+#: Packages of the extra `studio`, and the client, by the names that they are imported by.
+_NEEDED = ("armwright_client", "httpx", "viser")
+_INSTALL = 'pip install -e ".[studio]" ./client'
+
+
+@command
+def studio(
+    connection: Connection,
+    robot: Annotated[str, typer.Option(help="Robot to begin with.")] = "panda",
+    port: Annotated[
+        int, typer.Option(help="Port of the page; the next free one if it is taken.", min=0)
+    ] = 8080,
+    data_dir: Annotated[
+        Path | None, typer.Option(help="Folder of the database of the service that is started.")
+    ] = None,
+    show: Annotated[
+        bool, typer.Option("--open/--no-open", help="Open the page in a browser.")
+    ] = True,
+) -> None:
+    """Serve a page on this machine to set up, plan and watch motions."""
+    missing = [name for name in _NEEDED if find_spec(name) is None]
+    if missing:
+        raise invalid_value("studio", f"{', '.join(missing)} can't be imported", f"{_INSTALL}")
+
+    def announce(address: str) -> None:
+        print_line(f"Armwright studio: {address} (Ctrl+C ends it)")
+        if show:
+            webbrowser.open(address)
+
+    # Whoever ends the studio politely ends the service that it started, too.
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        _serve(connection, data_dir, robot, port, announce)
+    except KeyboardInterrupt:
+        print_line("Ended.")
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _serve(
+    connection: Connection,
+    data_dir: Path | None,
+    robot: str,
+    port: int,
+    announce: Callable[[str], None],
+) -> None:
+    from armwright_client import ArmwrightError, Client, ClientOptions  # noqa: PLC0415
+    from studio.page.main import run  # noqa: PLC0415
+
+    options: ClientOptions = {} if connection.token is None else {"token": connection.token}
+    with _service(connection, data_dir) as url:
+        try:
+            with Client(url, **options) as client:
+                run(client, url, robot, port, announce)
+        except ArmwrightError as error:
+            raise unreachable(
+                f"{url}: {error}", "See that it runs, or leave --url out to start one."
+            ) from None
+
+
+@contextmanager
+def _service(connection: Connection, data_dir: Path | None) -> Iterator[str]:
+    """The address of the service at --url, or of one that is started here."""
+    if connection.url is not None:
+        yield connection.url
+        return
+    from studio.own_service import own_service  # noqa: PLC0415
+
+    print_line("Starting a service; the first time kernels are compiled, which takes a minute.")
+    try:
+        with own_service(data_dir) as url:
+            yield url
+    except RuntimeError as error:
+        raise unreachable(str(error), "Start one with `armwright serve` and give --url.") from None

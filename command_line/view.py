@@ -1,0 +1,124 @@
+"""The command ``armwright view``: the page of a plan in a file, or of one that a service keeps."""
+
+import json
+import webbrowser
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from command_line import values
+from command_line.local import LocalBackend
+from command_line.output import print_line, save
+from command_line.parameters import Connection, RobotSource, Scene, command
+from command_line.problems import invalid_value
+from command_line.robot_files import read_json
+
+#: Where a service listens unless it is told otherwise.
+_DEFAULT_URL = "http://127.0.0.1:8000"
+#: Operation of a motion that is drawn with nothing but its certificate.
+_VALIDATE = "POST /v1/validate"
+
+
+@command
+def view(
+    connection: Connection,
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="FILE|ID",
+            help="Bundle or kept plan, answer of plan or validate, or the id of a plan that the "
+            "service at --url keeps.",
+        ),
+    ],
+    robot: Annotated[
+        str | None, typer.Option(help="Robot of a file that does not hold it, as in `plan`.")
+    ] = None,
+    scene: Scene = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="The page; beside the file if left out.")
+    ] = None,
+    show: Annotated[bool, typer.Option("--open", help="Open the page in a browser.")] = False,
+) -> None:
+    """Write one HTML page that shows a plan and its proof, or why there is no motion."""
+    file = Path(source)
+    is_file = file.is_file()
+    if not is_file and file.suffix:
+        raise invalid_value("FILE|ID", f"there is no file {source!r}")
+    content = _of_file(file, robot, scene) if is_file else _of_service(connection, source)
+    page = output or (file.with_suffix(".html") if is_file else Path(f"{source}.html"))
+    save(page, content)
+    if show:
+        webbrowser.open(page.absolute().as_uri())
+    else:
+        print_line(str(page))
+
+
+def _of_service(connection: Connection, plan_id: str) -> bytes:
+    from command_line.remote import remote_backend  # noqa: PLC0415
+
+    backend = remote_backend(connection.url or _DEFAULT_URL, connection.token)
+    try:
+        return backend.page(plan_id)
+    finally:
+        backend.close()
+
+
+def _of_file(file: Path, robot: str | None, scene: str | None) -> bytes:
+    document = read_json(file)
+    backend = LocalBackend()
+    try:
+        if "armwright_bundle" in document:
+            name, plan = _of_bundle(document, backend)
+        else:
+            source = robot or _robot_of(document)
+            if source is None:
+                raise invalid_value(str(file), "it does not say which robot it is of",
+                                    "Name the robot with --robot.")  # fmt: skip
+            name = backend.robot_name(RobotSource(source))
+            plan = _plan(document, name, scene)
+        return backend.page(name, plan)
+    finally:
+        backend.close()
+
+
+def _of_bundle(bundle: dict[str, Any], backend: LocalBackend) -> tuple[str, dict[str, Any]]:
+    """The robot of a bundle and its plan, with the stored scene inside of the request."""
+    name, document = bundle["robot"], bundle["robot_document"]
+    if document is not None:
+        backend.add_robot(name, document.encode())
+    request = json.loads(bundle["request"])
+    if bundle["scene_document"] is not None:
+        stored = json.loads(bundle["scene_document"])
+        stored.pop("name", None)
+        request["scene"] = stored
+    field = "answer" if bundle["status"] == "succeeded" else "problem"
+    fields = {key: bundle[key] for key in ("operation", "version", "seed", "digest")}
+    return name, fields | {"request": request, field: json.loads(bundle["answer"])}
+
+
+def _robot_of(document: dict[str, Any]) -> str | None:
+    """The name of the robot of a kept plan; None where the file does not tell."""
+    named = document.get("robot")
+    return named["name"] if isinstance(named, dict) else None
+
+
+def _plan(document: dict[str, Any], robot: str, scene: str | None) -> dict[str, Any]:
+    """The plan of a file: kept by a service, an answer, or a trajectory alone."""
+    surroundings = values.scene(scene)
+    if "operation" in document:
+        request = dict(document["request"])
+        if surroundings is not None:
+            request["scene"] = surroundings
+        if isinstance(request.get("scene"), str):
+            raise invalid_value("FILE|ID", f"its scene {request['scene']!r} is not in the file",
+                                "Give the scene with --scene, or take the bundle.")  # fmt: skip
+        return document | {"request": request}
+    trajectory = document.get("trajectory", document)
+    if "segments" not in trajectory:
+        raise invalid_value("FILE|ID", "the file holds neither a plan nor a trajectory")
+    request = {"robot": robot, "trajectory": trajectory}
+    request |= {} if surroundings is None else {"scene": surroundings}
+    certificate = document.get("certificate")
+    answer = {} if certificate is None else certificate
+    return {"operation": _VALIDATE, "request": request, "answer": answer}
