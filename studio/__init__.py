@@ -1,0 +1,1 @@
+"""The studio: a page to set up, plan and watch motions, a client of the HTTP service."""

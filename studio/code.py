@@ -1,0 +1,109 @@
+"""Requests as Python and curl that ask the same of the service."""
+
+import json
+import shlex
+from collections.abc import Sequence
+from typing import Any
+
+from pydantic import BaseModel
+
+from armwright_client import IkRequest, PlanRequest
+from armwright_client.base import Request
+
+
+def plan_python(url: str, request: PlanRequest) -> str:
+    """A Python program that plans the same motion with `armwright_client`.
+
+    Args:
+        url: Address of the service.
+        request: The plan request.
+    """
+    fields = _changed_fields(request)
+    robot, start, goal = (fields.pop(name) for name in ("robot", "start", "goal"))
+    arguments = [repr(robot), _code(start.joints), _code(goal)]
+    arguments += [f"{name}={_code(value)}" for name, value in fields.items()]
+    names = sorted({"Client", *_models(goal), *(n for v in fields.values() for n in _models(v))})
+    return "\n".join(
+        [
+            f"from armwright_client import {', '.join(names)}",
+            "",
+            f"with Client({url!r}) as client:",
+            "    plan = client.plan(",
+            *(f"        {argument}," for argument in arguments),
+            "    )",
+            "print(plan.planner, plan.trajectory.duration, plan.certificate.min_clearance)",
+            "",
+        ]
+    )
+
+
+def ik_python(url: str, robot: str, request: IkRequest) -> str:
+    """A Python program that asks for the same inverse kinematics.
+
+    Args:
+        url: Address of the service.
+        robot: Name of the robot.
+        request: The request.
+    """
+    fields = _changed_fields(request)
+    arguments = [repr(robot), _code(fields.pop("pose"))]
+    arguments += [f"{name}={_code(value)}" for name, value in fields.items()]
+    names = sorted({"Client", *_models(request)} - {"IkRequest"})
+    return "\n".join(
+        [
+            f"from armwright_client import {', '.join(names)}",
+            "",
+            f"with Client({url!r}) as client:",
+            "    answer = client.robots.ik(",
+            *(f"        {argument}," for argument in arguments),
+            "    )",
+            "for solution in answer.solutions:",
+            "    print(solution.rejected_because or 'valid', solution.joints)",
+            "",
+        ]
+    )
+
+
+def curl(url: str, path: str, request: Request) -> str:
+    """A shell command that sends the same request.
+
+    Args:
+        url: Address of the service.
+        path: Path of the endpoint, such as "/v1/plan".
+        request: The body.
+    """
+    body = json.dumps(json.loads(request.model_dump_json(exclude_none=True)))
+    return (
+        f"curl -sS {shlex.quote(url.rstrip('/') + path)} \\\n"
+        "  -H 'Content-Type: application/json' \\\n"
+        f"  --data {shlex.quote(body)}"
+    )
+
+
+def _changed_fields(model: BaseModel) -> dict[str, Any]:
+    """Fields that are set to something else than their default, in their order."""
+    return {
+        name: getattr(model, name)
+        for name, field in type(model).model_fields.items()
+        if name in model.model_fields_set and getattr(model, name) != field.default
+    }
+
+
+def _code(value: Any) -> str:
+    """An expression that makes the value."""
+    if isinstance(value, BaseModel):
+        fields = ", ".join(f"{name}={_code(item)}" for name, item in _changed_fields(value).items())
+        return f"{type(value).__name__}({fields})"
+    if isinstance(value, str | bytes) or not isinstance(value, Sequence):
+        return repr(value)
+    return f"[{', '.join(_code(item) for item in value)}]"
+
+
+def _models(value: Any) -> set[str]:
+    """Names of the models in a value."""
+    if isinstance(value, BaseModel):
+        inner = [_models(item) for item in _changed_fields(value).values()]
+        return {type(value).__name__}.union(*inner)
+    if isinstance(value, list | tuple):
+        return set().union(*(_models(item) for item in value))
+    return set()

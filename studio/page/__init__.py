@@ -1,0 +1,1 @@
+"""The studio's page: widgets and drawings in a browser, served by viser."""

@@ -1,0 +1,115 @@
+"""Panel of the goal: a frame to be dragged, and the configurations that reach it."""
+
+import numpy as np
+import viser
+
+from armwright_client import Pose
+from studio.branch import Branch
+from studio.page.panel import Page, on_user_update, put_value
+from studio.pose import pose_of, roll_pitch_yaw, wxyz
+
+#: Length of the handles of the goal's frame [m].
+_HANDLE = 0.25
+
+
+class GoalPanel:
+    """The goal's frame in the scene and the list of branches beside it.
+
+    Args:
+        page: Of the studio.
+    """
+
+    def __init__(self, page: Page) -> None:
+        self._page = page
+        gui = page.server.gui
+        with gui.add_folder("Goal pose"):
+            self._position = gui.add_vector3("Position [m]", (0.0, 0.0, 0.0), step=0.01)
+            self._rpy = gui.add_vector3("Roll, pitch, yaw [rad]", (0.0, 0.0, 0.0), step=0.01)
+            self._text = gui.add_markdown("Drag the frame at the tip, or type a pose.")
+            self._choice = gui.add_dropdown("Take branch", ["–"])
+        on_user_update(self._position, lambda _: self._take_typed())
+        on_user_update(self._rpy, lambda _: self._take_typed())
+        on_user_update(self._choice, self._take_branch)
+        self._handle = page.server.scene.add_transform_controls(
+            "/goal", scale=_HANDLE, depth_test=False
+        )
+
+        @self._handle.on_update
+        def _(event: viser.TransformControlsEvent) -> None:
+            position = np.asarray(event.target.position, dtype=float)
+            pose = pose_of(position, np.asarray(event.target.wxyz, dtype=float))
+            self._move(pose, ended=event.phase == "end")
+
+    def refresh(self, tip: Pose, branches: tuple[Branch, ...]) -> None:
+        """Show the goal's pose and the branches.
+
+        Args:
+            tip: Pose of the tip at the goal.
+            branches: Configurations that reach it.
+        """
+        self._handle.position = np.array(tip.position)
+        self._handle.wxyz = wxyz(tip)
+        self._show_numbers(tip)
+        self._text.content = describe(branches)
+        labels = ["–", *(branch.label for branch in branches)]
+        if tuple(labels) != tuple(self._choice.options):
+            self._choice.options = labels
+        put_value(self._choice, "–")
+
+    def refresh_branches(self, tip: Pose, branches: tuple[Branch, ...]) -> None:
+        """Show the branches, and leave the frame where it is being dragged."""
+        self._show_numbers(tip)
+        self._text.content = describe(branches)
+        self._choice.options = ["–", *(branch.label for branch in branches)]
+
+    def _show_numbers(self, tip: Pose) -> None:
+        x, y, z = tip.position
+        put_value(self._position, (x, y, z))
+        put_value(self._rpy, roll_pitch_yaw(tip))
+
+    def _take_typed(self) -> None:
+        position = [float(value) for value in self._position.value]
+        rpy = [float(value) for value in self._rpy.value]
+        self._move(Pose(position=position, rpy=rpy), ended=True)
+
+    def _take_branch(self, label: str) -> None:
+        number = label.partition(" ")[0]
+        if not number.isdigit():
+            return
+
+        def command() -> None:
+            self._page.workbench.choose_branch(int(number))
+            self._page.refresh()
+
+        self._page.queue.put("branch", command)
+
+    def _move(self, pose: Pose, *, ended: bool) -> None:
+        page = self._page
+
+        def command() -> None:
+            branches = page.workbench.move_goal(pose, "goal pose")
+            page.show_goal()
+            if ended:
+                page.workbench.end_drag()
+                page.refresh()
+            else:
+                self.refresh_branches(pose, branches)
+
+        page.queue.put("goal pose", command)
+
+
+def describe(branches: tuple[Branch, ...]) -> str:
+    """The branches as a list in Markdown.
+
+    Args:
+        branches: Configurations that reach the goal.
+    """
+    if not branches:
+        return "**No configuration reaches this pose.**"
+    valid = sum(not branch.reason for branch in branches)
+    lines = [f"**{valid} of {len(branches)} configurations are valid.**", ""]
+    for branch in branches:
+        detail = f": {branch.reason}" if branch.reason else ""
+        name = f" ({branch.name})" if branch.name else ""
+        lines.append(f"- {branch.label}{name}{detail}")
+    return "\n".join(lines)

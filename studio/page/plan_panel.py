@@ -1,0 +1,154 @@
+"""Panel of planning: settings from the API's schema, the plan, its certificate, or the failure."""
+
+from functools import partial
+from typing import Any
+
+from studio.page.panel import Page, on_user_update
+from studio.result import Failure, Outcome, Planned, compare
+from studio.settings_form import FormField
+
+#: In dropdowns: the service decides.
+_DEFAULT = "default"
+
+
+class PlanPanel:
+    """Settings, the button that plans, and the result in words.
+
+    Args:
+        page: Of the studio.
+    """
+
+    def __init__(self, page: Page) -> None:
+        self._page = page
+        gui = page.server.gui
+        self._widgets: dict[str, Any] = {}
+        self.button = gui.add_button("Plan", color="blue")
+        self.button.on_click(lambda _: page.queue.put("plan", self._plan))
+        history = gui.add_button_group("Changes", ["undo", "redo"])
+        history.on_click(
+            lambda event: page.queue.put("history", partial(self._step, event.target.value))
+        )
+        self._text = gui.add_markdown("")
+        with gui.add_folder("Settings", expand_by_default=False):
+            for field in page.workbench.fields:
+                self._widgets[field.path] = self._widget(field)
+        pin = gui.add_button("Pin to compare", hint="The next plan is drawn and listed beside it.")
+        pin.on_click(lambda _: page.queue.put("pin", self._pin))
+        self._comparison = gui.add_markdown("")
+
+    def refresh(self) -> None:
+        """Show settings and result."""
+        settings = self._page.workbench.state.settings
+        for field in self._page.workbench.fields:
+            value = settings.get(field.path, field.default)
+            widget = self._widgets[field.path]
+            if field.kind in ("choice", "flag"):
+                widget.value = _DEFAULT if field.path not in settings else _word(value)
+            elif value is not None:
+                widget.value = value
+        workbench = self._page.workbench
+        self._text.content = describe(workbench.outcome, workbench.view_url())
+        pinned, outcome = workbench.pinned, workbench.outcome
+        both = pinned is not None and isinstance(outcome, Planned) and outcome is not pinned
+        self._comparison.content = (
+            compare(pinned, outcome)
+            if both and pinned is not None and isinstance(outcome, Planned)
+            else ""
+        )
+
+    def _widget(self, field: FormField) -> Any:
+        gui = self._page.server.gui
+        widget: Any
+        if field.kind in ("choice", "flag"):
+            choices = field.choices or ("yes", "no")
+            widget = gui.add_dropdown(
+                field.path, [_DEFAULT, *choices], hint=field.description or None
+            )
+        else:
+            integer = field.kind == "integer"
+            start = field.default if field.default is not None else 0.0
+            widget = gui.add_number(
+                field.path,
+                int(start) if integer else float(start),
+                min=field.minimum,
+                max=field.maximum,
+                step=1 if integer else 0.01,
+                hint=field.description or None,
+            )
+        on_user_update(widget, partial(self._set, field))
+        return widget
+
+    def _set(self, field: FormField, value: Any) -> None:
+        def command() -> None:
+            self._page.workbench.set_setting(field.path, setting(field, value))
+            self._page.refresh()
+
+        self._page.queue.put(f"setting {field.path}", command)
+
+    def _plan(self) -> None:
+        self._text.content = "Planning …"
+        self.button.disabled = True
+        try:
+            self._page.workbench.plan()
+        finally:
+            self.button.disabled = False
+        self._page.refresh()
+        self._page.show_outcome()
+
+    def _pin(self) -> None:
+        self._page.workbench.pin()
+        self._page.refresh()
+
+    def _step(self, word: str) -> None:
+        workbench = self._page.workbench
+        if word == "undo":
+            workbench.undo()
+        else:
+            workbench.redo()
+        workbench.solve_goal()
+        self._page.show_start()
+        self._page.refresh()
+
+
+def setting(field: FormField, value: Any) -> Any:
+    """The value of a setting for a widget's value; None where the service decides.
+
+    Args:
+        field: Of the form.
+        value: Of the widget.
+    """
+    if field.kind == "flag":
+        return {"yes": True, "no": False}.get(value)
+    if field.kind == "choice":
+        return None if value == _DEFAULT else value
+    if value == field.default or (field.above_minimum and value <= (field.minimum or 0.0)):
+        return None
+    return int(value) if field.kind == "integer" else float(value)
+
+
+def describe(outcome: Outcome | None, view: str | None) -> str:
+    """A result in Markdown.
+
+    Args:
+        outcome: A motion, a failure, or nothing yet.
+        view: Address of its page.
+    """
+    if outcome is None:
+        return "Set start and goal, then plan."
+    link = [] if view is None else ["", f"[Page of this plan]({view})"]
+    if isinstance(outcome, Failure):
+        lines = [f"**✗ {outcome.title}**", "", outcome.detail]
+        if outcome.hint:
+            lines += ["", f"*{outcome.hint}*"]
+        if outcome.pair is not None:
+            lines += ["", f"In collision: **{outcome.pair[0]}** and **{outcome.pair[1]}**"]
+        lines += ["", *(f"- {branch.label}: {branch.reason}" for branch in outcome.candidates)]
+        return "\n".join([*lines, *link])
+    lines = [f"**✓ {outcome.title}**", "", *(f"- {text}" for text in outcome.sentences)]
+    return "\n".join([*lines, *link])
+
+
+def _word(value: Any) -> str:
+    return (
+        {True: "yes", False: "no"}.get(value, str(value)) if isinstance(value, bool) else str(value)
+    )

@@ -1,0 +1,142 @@
+"""Panel of the robot: choice, upload, what is odd in its description, start and goal sliders."""
+
+from functools import partial
+from typing import Any
+
+import viser
+
+from armwright_client import Robot
+from studio.page.panel import Page, on_user_update, put_value
+
+#: Steps of a joint slider over its range.
+_STEPS = 1000
+
+
+class RobotPanel:
+    """Choice and upload of a robot, and its lint.
+
+    Args:
+        page: Of the studio.
+    """
+
+    def __init__(self, page: Page) -> None:
+        self._page = page
+        gui, workbench = page.server.gui, page.workbench
+        self._choice = gui.add_dropdown(
+            "Robot", workbench.robot_names(), initial_value=workbench.state.robot
+        )
+        on_user_update(
+            self._choice, lambda name: page.queue.put("robot", lambda: _choose(page, name))
+        )
+        upload = gui.add_upload_button(
+            "Upload a URDF or .zip", hint="A .zip holds the URDF and its meshes, perhaps an SRDF."
+        )
+
+        @upload.on_upload
+        def _(event: viser.GuiEvent[viser.GuiUploadButtonHandle]) -> None:
+            file = event.target.value
+            page.queue.put("robot", lambda: self._upload(file.name, file.content))
+
+        self._facts = gui.add_markdown("")
+
+    def refresh(self) -> None:
+        """Show the facts of the present robot."""
+        put_value(self._choice, self._page.workbench.state.robot)
+        self._facts.content = facts(self._page.workbench.model)
+
+    def _upload(self, name: str, content: bytes) -> None:
+        workbench = self._page.workbench
+        workbench.upload_robot(name, content)
+        self._choice.options = workbench.robot_names()
+        self._page.rebuild()
+
+
+class JointSliders:
+    """Sliders of a configuration.
+
+    Args:
+        page: Of the studio.
+        which: "start" or "goal".
+    """
+
+    def __init__(self, page: Page, which: str) -> None:
+        self._page = page
+        self._which = which
+        gui, workbench = page.server.gui, page.workbench
+        self._folder = gui.add_folder(f"{which.capitalize()} joints [rad or m]")
+        self._sliders: list[viser.GuiSliderHandle[float]] = []
+        with self._folder:
+            if workbench.model.states:
+                named = gui.add_dropdown("Named state", ["–", *workbench.model.states])
+                on_user_update(named, self._take_state)
+            pairs = zip(workbench.model.joint_names, workbench.joint_ranges(), strict=True)
+            for number, (name, (low, high)) in enumerate(pairs):
+                value = min(max(self._joints()[number], low), high)
+                slider = gui.add_slider(name, low, high, (high - low) / _STEPS, value)
+                on_user_update(slider, partial(self._move, number))
+                self._sliders.append(slider)
+
+    def refresh(self) -> None:
+        """Show the present configuration."""
+        for slider, value in zip(self._sliders, self._joints(), strict=True):
+            put_value(slider, min(max(value, slider.min), slider.max))
+
+    def remove(self) -> None:
+        """Take the sliders from the page."""
+        self._folder.remove()
+
+    def _joints(self) -> tuple[float, ...]:
+        state = self._page.workbench.state
+        return state.start if self._which == "start" else state.goal_joints
+
+    def _take_state(self, name: str) -> None:
+        states = self._page.workbench.model.states
+        if name in states:
+            self._set_joints(states[name], None)
+
+    def _move(self, number: int, value: Any) -> None:
+        joints = list(self._joints())
+        joints[number] = float(value)
+        self._set_joints(joints, f"{self._which} {number}")
+
+    def _set_joints(self, joints: list[float], key: str | None) -> None:
+        page = self._page
+
+        def command() -> None:
+            if self._which == "start":
+                page.workbench.set_start(joints, key)
+                page.show_start()
+            else:
+                page.workbench.set_goal_joints(joints, key)
+                page.workbench.solve_goal()
+            page.refresh()
+
+        page.queue.put(f"joints {self._which}", command)
+
+
+def facts(model: Robot) -> str:
+    """Joints, missing limits, suspected pairs and lint of a robot, in Markdown.
+
+    Args:
+        model: Of the robot.
+    """
+    lines = [f"{len(model.joint_names)} joints, tip `{model.tip_link}`, wrist: {model.wrist}."]
+    for quantity in ("velocity", "acceleration", "jerk"):
+        values = getattr(model.limits, quantity)
+        missing = [
+            name for name, value in zip(model.joint_names, values, strict=True) if value is None
+        ]
+        if missing:
+            lines.append(f"- No {quantity} limit: {', '.join(missing)}")
+    if model.default_limits is not None and model.default_limits.acceleration is not None:
+        lines.append(f"- Missing acceleration limits: {model.default_limits.acceleration}")
+    lines += [f"- {text}" for text in model.lint]
+    lines += [
+        f"- {' and '.join(item.pair)} touch: {item.reason}" for item in model.suspected_collisions
+    ]
+    return "\n".join([lines[0], "", *lines[1:]])
+
+
+def _choose(page: Page, name: str) -> None:
+    page.workbench.choose_robot(name)
+    page.rebuild()

@@ -1,0 +1,179 @@
+"""The studio's page: drawings and panels of one workbench."""
+
+import numpy as np
+import viser
+
+from armwright_client import ApiError, ArmwrightError, Pose
+from studio.motion_frames import MotionFrames, motion_frames
+from studio.page.command_queue import CommandQueue
+from studio.page.goal_panel import GoalPanel
+from studio.page.plan_panel import PlanPanel
+from studio.page.play_panel import PlayPanel
+from studio.page.robot_drawing import GhostDrawing, RobotDrawing, surfaces
+from studio.page.robot_panel import JointSliders, RobotPanel
+from studio.page.scene_panel import ScenePanel
+from studio.result import Failure, Planned
+from studio.workbench import Workbench
+
+#: Robot at the start or in motion, and the pinned motion.
+_ROBOT_COLOR = (90, 110, 140)
+_PINNED_COLOR = (204, 121, 167)
+#: Where the camera begins [m].
+_CAMERA = (1.0, -1.2, 0.9)
+_LOOK_AT = (0.2, 0.0, 0.4)
+
+
+class StudioPage:
+    """The page of one workbench; all browsers that open it show the same.
+
+    Args:
+        server: That serves it.
+        workbench: State and commands.
+    """
+
+    def __init__(self, server: viser.ViserServer, workbench: Workbench) -> None:
+        self.server = server
+        self.workbench = workbench
+        self.queue = CommandQueue(self._report)
+        self._robot: RobotDrawing | None = None
+        self._pinned_robot: RobotDrawing | None = None
+        self._pinned_frames: MotionFrames | None = None
+        self._ghosts: GhostDrawing | None = None
+        self._sliders: list[JointSliders] = []
+        self._set_up_scene()
+        gui = server.gui
+        tabs = gui.add_tab_group()
+        with tabs.add_tab("Plan"):
+            self._plan = PlanPanel(self)
+            self._play = PlayPanel(self, self._show_frame)
+        with tabs.add_tab("Goal"):
+            self._goal = GoalPanel(self)
+            self._goal_sliders = gui.add_folder(None)
+        with tabs.add_tab("Robot"):
+            self._robot_panel = RobotPanel(self)
+            self._start_sliders = gui.add_folder(None)
+        with tabs.add_tab("Scene"):
+            self._scene = ScenePanel(self)
+        with tabs.add_tab("Code"):
+            self._code = gui.add_markdown("")
+        self.rebuild()
+
+    def close(self) -> None:
+        """End the threads and the server."""
+        self._play.close()
+        self.queue.close()
+        self.server.stop()
+
+    def rebuild(self) -> None:
+        """Make robot, sliders and ghosts anew for the present robot."""
+        for drawing in (self._robot, self._pinned_robot):
+            if drawing is not None:
+                drawing.remove()
+        if self._ghosts is not None:
+            self._ghosts.clear()
+        bodies = surfaces(self.workbench.geometry())
+        scene = self.server.scene
+        self._robot = RobotDrawing(scene, "/robot", bodies, _ROBOT_COLOR)
+        self._pinned_robot = RobotDrawing(scene, "/pinned", bodies, _PINNED_COLOR, 0.5)
+        self._pinned_robot.set_visible(False)
+        self._ghosts = GhostDrawing(scene, bodies, self.workbench.model.tip_link)
+        for sliders in self._sliders:
+            sliders.remove()
+        with self._start_sliders:
+            start = JointSliders(self, "start")
+        with self._goal_sliders:
+            goal = JointSliders(self, "goal")
+        self._sliders = [start, goal]
+        self.workbench.solve_goal()
+        self._play.load(None)
+        self.show_start()
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Show the present state everywhere."""
+        with self.server.atomic():
+            for sliders in self._sliders:
+                sliders.refresh()
+            self._robot_panel.refresh()
+            self._scene.refresh()
+            self._plan.refresh()
+            tip = self.workbench.goal_tip()
+            self._goal.refresh(tip, self.workbench.branches)
+            self.show_goal()
+            self._show_code(tip)
+
+    def show_start(self) -> None:
+        """Draw the robot at the start."""
+        if self._robot is not None:
+            self._robot.show(self.workbench.link_poses(self.workbench.state.start))
+
+    def show_goal(self) -> None:
+        """Draw the ghosts that reach the goal."""
+        branches = self.workbench.branches
+        if self._ghosts is None:
+            return
+        if not branches:
+            self._ghosts.clear()
+            return
+        poses = self.workbench.link_poses_of([branch.joints for branch in branches])
+        self._ghosts.show(branches, poses)
+
+    def show_outcome(self) -> None:
+        """Load the motion that was planned, or show the pair of a failure."""
+        outcome, pinned = self.workbench.outcome, self.workbench.pinned
+        if isinstance(outcome, Planned):
+            self._pinned_frames = None if pinned is None else motion_frames(self.workbench, pinned)
+            if self._pinned_robot is not None:
+                self._pinned_robot.set_visible(self._pinned_frames is not None)
+            if self._ghosts is not None:
+                self._ghosts.clear()
+            self._play.load(motion_frames(self.workbench, outcome))
+        elif isinstance(outcome, Failure):
+            self._play.load(None)
+            if outcome.nearest is not None and self._robot is not None:
+                self._robot.show(self.workbench.link_poses(outcome.nearest))
+
+    def _show_frame(self, frames: MotionFrames, number: int) -> None:
+        with self.server.atomic():
+            if self._robot is not None:
+                self._robot.show_frame(frames.links, number)
+            pinned = self._pinned_frames
+            if pinned is not None and self._pinned_robot is not None:
+                self._pinned_robot.show_frame(pinned.links, pinned.at(frames.times[number]))
+            drawings = self._scene.carried()
+            for name, poses in frames.carried.items():
+                if name in drawings:
+                    drawings[name].show_frame(poses, number)
+
+    def _show_code(self, tip: Pose) -> None:
+        try:
+            python, curl = self.workbench.plan_code()
+        except ValueError as error:  # pydantic's: a setting out of its range
+            self._code.content = f"The request is not valid: {error}"
+            return
+        ik = self.workbench.ik_code(tip)
+        self._code.content = (
+            f"The plan:\n\n```python\n{python}```\n\n```sh\n{curl}\n```\n\n"
+            f"The configurations that reach the goal:\n\n```python\n{ik}```"
+        )
+
+    def _set_up_scene(self) -> None:
+        gui, scene = self.server.gui, self.server.scene
+        # The share button would open a tunnel to a host outside of this machine.
+        gui.configure_theme(show_logo=False, show_share_button=False, control_width="large")
+        scene.set_up_direction("+z")
+        scene.add_grid("/grid", width=4.0, height=4.0, cell_size=0.1, section_size=1.0)
+        scene.add_frame("/root", axes_length=0.15, axes_radius=0.004)
+        self.server.initial_camera.position = np.array(_CAMERA)
+        self.server.initial_camera.look_at = np.array(_LOOK_AT)
+
+    def _report(self, error: Exception) -> None:
+        """Show the error of a command on the page."""
+        if isinstance(error, ApiError):
+            title, text = error.problem.title, f"{error.problem.detail} {error.problem.hint or ''}"
+        elif isinstance(error, ArmwrightError | ValueError):
+            title, text = "This did not work", str(error)
+        else:
+            title, text = type(error).__name__, str(error)
+        for client in self.server.get_clients().values():
+            client.add_notification(title, text, color="red")

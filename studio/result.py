@@ -1,0 +1,124 @@
+"""Results of planning: a motion with its certificate in words, or a failure explained."""
+
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+from armwright_client import Plan, Problem
+from service.viewer.words import certificate_sentences, problem_sentences
+from studio.branch import Branch, branches
+from studio.state import StudioState
+
+
+@dataclass(frozen=True, slots=True)
+class Planned:
+    """A certified motion.
+
+    Args:
+        state: That it was planned for.
+        plan: The answer of the service.
+    """
+
+    state: StudioState
+    plan: Plan
+
+    @property
+    def plan_id(self) -> str | None:
+        """Id of the kept plan."""
+        return self.plan.plan_id
+
+    @property
+    def title(self) -> str:
+        """Planner and duration."""
+        return f"Planned by {self.plan.planner}: {self.plan.trajectory.duration:.3f} s."
+
+    @property
+    def sentences(self) -> list[str]:
+        """The certificate and the notes, in words."""
+        certificate = certificate_sentences(_present(self.plan.certificate.model_dump(mode="json")))
+        return [*certificate, *(f"Note: {note}" for note in self.plan.notes)]
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """A plan that there is not, and why.
+
+    Args:
+        state: That was planned for.
+        title: Kind of the problem in words.
+        detail: What is wrong and where.
+        hint: What to do about it; empty where nothing is known.
+        sentences: The whole problem in words.
+        pair: The two bodies that collide, if the problem names them.
+        candidates: Configurations that reach the goal and why they were rejected.
+        nearest: The nearest configuration to an unreachable goal [rad or m].
+        plan_id: Id of the kept request.
+    """
+
+    state: StudioState
+    title: str
+    detail: str
+    hint: str = ""
+    sentences: list[str] = field(default_factory=list)
+    pair: tuple[str, str] | None = None
+    candidates: tuple[Branch, ...] = ()
+    nearest: tuple[float, ...] | None = None
+    plan_id: str | None = None
+
+
+Outcome: TypeAlias = Planned | Failure
+
+
+def failure(state: StudioState, problem: Problem) -> Failure:
+    """The failure that a problem document tells.
+
+    Args:
+        state: That was planned for.
+        problem: Of the service.
+    """
+    details = problem.details
+    pair = details.get("pair")
+    nearest = details.get("nearest_joints")
+    return Failure(
+        state,
+        problem.title,
+        problem.detail,
+        problem.hint or "",
+        problem_sentences(problem.model_dump(mode="json")),
+        None if pair is None else (str(pair[0]), str(pair[1])),
+        branches(details.get("rejected") or []),
+        None if nearest is None else tuple(nearest),
+        details.get("plan_id"),
+    )
+
+
+def compare(first: Planned, second: Planned) -> str:
+    """Two plans side by side, as a table in Markdown.
+
+    Args:
+        first: The plan that was pinned.
+        second: The plan after it.
+    """
+    rows = [
+        ("planner", *(item.plan.planner for item in (first, second))),
+        ("duration", *(f"{item.plan.trajectory.duration:.3f} s" for item in (first, second))),
+        ("length in joint space", *(f"{item.plan.path.length:.3f}" for item in (first, second))),
+        ("clearance proved", *(_clearance(item) for item in (first, second))),
+        ("time of planning", *(_time(item) for item in (first, second))),
+    ]
+    lines = ["| | pinned | present |", "|---|---|---|"]
+    return "\n".join([*lines, *(f"| {a} | {b} | {c} |" for a, b, c in rows)])
+
+
+def _clearance(item: Planned) -> str:
+    clearance = item.plan.certificate.min_clearance
+    return "nothing to hit" if clearance is None else f"{1000.0 * clearance:.1f} mm"
+
+
+def _time(item: Planned) -> str:
+    return f"{sum(stage.milliseconds for stage in item.plan.stages):.0f} ms"
+
+
+def _present(document: dict[str, Any]) -> dict[str, Any]:
+    """The document without limits that were not looked at."""
+    uses = {name: use for name, use in (document["limits"] or {}).items() if use is not None}
+    return document | {"limits": uses}

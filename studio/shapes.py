@@ -1,0 +1,60 @@
+"""New obstacles of the scene editor, their sizes and their scaling."""
+
+from typing import Literal
+
+from armwright_client import Box, Capsule, Cone, Cylinder, Obstacle, Pose, Sphere
+from armwright_client.shape import Shape
+
+ShapeKind = Literal["box", "sphere", "cylinder"]
+
+#: Edge, diameter and height of a new obstacle [m]: a box that a gripper holds.
+_SIZE = 0.1
+
+
+def new_obstacle(
+    kind: ShapeKind, obstacle_id: str, position: tuple[float, float, float]
+) -> Obstacle:
+    """A new obstacle of the usual size.
+
+    Args:
+        kind: Of its shape.
+        obstacle_id: Its id.
+        position: Of its centre in the root frame [m].
+    """
+    shapes: dict[ShapeKind, Shape] = {
+        "box": Box(size=[_SIZE, _SIZE, _SIZE]),
+        "sphere": Sphere(radius=0.5 * _SIZE),
+        "cylinder": Cylinder(radius=0.5 * _SIZE, height=_SIZE),
+    }
+    return Obstacle(id=obstacle_id, shape=shapes[kind], pose=Pose.at(*position))
+
+
+def dimensions(shape: Shape) -> dict[str, float]:
+    """Sizes that the editor changes [m], by name; empty for shapes that it does not scale."""
+    match shape:
+        case Box():
+            return dict(zip("xyz", shape.size, strict=True))
+        case Sphere():
+            return {"radius": shape.radius}
+        case Cylinder() | Capsule() | Cone():
+            return {"radius": shape.radius, "height": shape.height}
+        case _:
+            return {}
+
+
+def with_dimension(obstacle: Obstacle, name: str, value: float) -> Obstacle:
+    """The obstacle with one of its sizes changed.
+
+    Args:
+        obstacle: The obstacle.
+        name: One of `dimensions`.
+        value: The new size [m].
+    """
+    sizes = dimensions(obstacle.shape) | {name: value}
+    shape = obstacle.shape
+    changed: Shape
+    if isinstance(shape, Box):
+        changed = Box(size=[sizes[axis] for axis in "xyz"])
+    else:
+        changed = type(shape).of(**sizes)
+    return obstacle.model_copy(update={"shape": changed})

@@ -1,0 +1,118 @@
+"""State of the studio: what a request is made of, and the changes that undo takes back."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Any
+
+from armwright_client import Obstacle, Pose
+
+#: Changes that can be taken back.
+_MAX_CHANGES = 200
+
+
+@dataclass(frozen=True, slots=True)
+class StudioState:
+    """Robot, start, goal, scene and settings.
+
+    Args:
+        robot: Name of the robot.
+        start: Start configuration [rad or m].
+        goal_joints: Goal configuration; drawn also while the goal is a pose [rad or m].
+        goal_pose: Pose of the tip as the goal, in the root frame; None where `goal_joints` is the
+            goal.
+        obstacles: Of the scene.
+        attached: Link that carries an obstacle, by the obstacle's id.
+        settings: Values of further fields of a plan request, by their path: "timing.method".
+    """
+
+    robot: str
+    start: tuple[float, ...]
+    goal_joints: tuple[float, ...]
+    goal_pose: Pose | None = None
+    obstacles: tuple[Obstacle, ...] = ()
+    attached: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    settings: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+
+    def with_setting(self, path: str, value: Any) -> "StudioState":
+        """The state with a setting changed; None leaves the field to the service."""
+        settings = {name: item for name, item in self.settings.items() if name != path}
+        if value is not None:
+            settings[path] = value
+        return replace(self, settings=MappingProxyType(settings))
+
+    def with_obstacle(self, obstacle: Obstacle) -> "StudioState":
+        """The state with an obstacle added, or put in place of the one of its id."""
+        ids = [item.id for item in self.obstacles]
+        if obstacle.id not in ids:
+            return replace(self, obstacles=(*self.obstacles, obstacle))
+        changed = tuple(obstacle if item.id == obstacle.id else item for item in self.obstacles)
+        return replace(self, obstacles=changed)
+
+    def without_obstacle(self, obstacle_id: str) -> "StudioState":
+        """The state without an obstacle, which nothing carries any more."""
+        rest = tuple(item for item in self.obstacles if item.id != obstacle_id)
+        return replace(self, obstacles=rest).with_attached(obstacle_id, None)
+
+    def with_attached(self, obstacle_id: str, link: str | None) -> "StudioState":
+        """The state with an obstacle carried by a link, or by nothing."""
+        attached = {name: item for name, item in self.attached.items() if name != obstacle_id}
+        if link is not None:
+            attached[obstacle_id] = link
+        return replace(self, attached=MappingProxyType(attached))
+
+    def free_id(self, kind: str) -> str:
+        """An id that no obstacle has: "box_1"."""
+        ids = {item.id for item in self.obstacles}
+        number = 1
+        while f"{kind}_{number}" in ids:
+            number += 1
+        return f"{kind}_{number}"
+
+
+@dataclass(frozen=True, slots=True)
+class History:
+    """The present state, those before it and those that undo took back.
+
+    Args:
+        present: The state shown.
+        past: Earlier states, the latest last.
+        future: States taken back, the next one to come again last.
+        last_key: What the latest change was about; a change of the same replaces it, so that one
+            drag is one change.
+    """
+
+    present: StudioState
+    past: tuple[StudioState, ...] = ()
+    future: tuple[StudioState, ...] = ()
+    last_key: str | None = None
+
+    def change(self, state: StudioState, key: str | None = None) -> "History":
+        """The history with a new present state.
+
+        Args:
+            state: The new state.
+            key: What the change is about, None for a change that stands alone.
+        """
+        if state == self.present:
+            return self
+        if key is not None and key == self.last_key:
+            return replace(self, present=state, future=())
+        past = (*self.past, self.present)[-_MAX_CHANGES:]
+        return History(state, past, (), key)
+
+    def close_change(self) -> "History":
+        """The history whose next change stands alone, whatever it is about."""
+        return replace(self, last_key=None)
+
+    def undo(self) -> "History":
+        """The history one change back; itself where there is none."""
+        if not self.past:
+            return self
+        return History(self.past[-1], self.past[:-1], (*self.future, self.present))
+
+    def redo(self) -> "History":
+        """The history with the change that was taken back last; itself where there is none."""
+        if not self.future:
+            return self
+        return History(self.future[-1], (*self.past, self.present), self.future[:-1])
