@@ -1,4 +1,4 @@
-"""Arms of example-robot-data as they lie: ``python -m benchmarks.arms [--write docs/robots.md]``.
+"""Arms of example-robot-data as they lie: ``python -m benchmarks.arms [--write docs/arms.md]``.
 
 Every URDF is uploaded without an edit: as a request whose only fields beside the files are
 ``default_limits`` and, where a tree has several arms, ``tip_link``: one of the candidates that the

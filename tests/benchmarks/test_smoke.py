@@ -23,11 +23,12 @@ OF_PEERS = {
 }
 #: What other scripts import: nothing to run.
 WITHOUT_MAIN = {
-    "__init__", "example_arms", "fcl_judge", "mbm_ompl", "mbm_problems", "mesh_scenes", "poses",
-    "ratios", "recheck", "triangles",
+    "__init__", "example_arms", "fcl_judge", "machines", "mbm_ompl", "mbm_problems", "mesh_scenes",
+    "poses", "ratios", "recheck", "task_check", "task_problems", "triangles",
 }  # fmt: skip
-#: Has tests of its own, with a service of its own.
-ELSEWHERE = {"http", "overload"}
+#: Have tests of their own, with services of their own: tests/service/jobs/test_agent_jobs.py makes
+#: the faults of `agents`, in one process.
+ELSEWHERE = {"agents", "http", "overload"}
 #: Runs all others.
 ALL = {"__main__"}
 
@@ -53,9 +54,13 @@ SMALL: Mapping[str, tuple[list[str], Mapping[str, Any]]] = {
     "projection": (["--points", "3"], {"SOLIDS": 1}),
     "arms": (["--arms", "UR3"], {"SCENES": 1, "PROBLEMS": 1, "ROUND_TRIPS": 2, "VERDICTS": 5}),
     "clearance": (["--arm", "ur5e", "--count", "1"], {}),
+    "clearance_sharpness": (["--random", "2", "--samples", "20"], {"REPEATS": 1}),
     "reach": (["--poses", "200", "--robots", "kr6_sixx"], {"_ONE_BY_ONE": 2}),
+    "tours": (["--spots", "4", "--timeout", "30"], {}),
+    "seams": (["--seams", "1", "--arms", "ur5e"], {"INSTANTS": 11, "SHAPES": ("line",)}),
     "scale": (["--obstacles", "5", "--points", "50"], {"_STATES": 8, "_REPEATS": 1, "_PLANS": 1}),
     "startup": (["--runs", "1", "--workers", "1"], {"_WARM_UPS": 0, "_SETTLED": 0.2}),
+    "tasks": (["PROBLEMS", "--robots", "panda", "--kinds", "shelf", "--count", "1"], {}),
     "timing": ([], {"PATHS": 1}),
     "timing_limits": (["2"], {}),
     "timing_optimum": (["--cases", "1", "--pieces", "4"], {}),

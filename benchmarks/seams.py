@@ -1,0 +1,231 @@
+"""Seams on lines, arcs, cylinders, spheres and a saddle, followed by four arms and judged densely.
+
+    python -m benchmarks.seams [--seams 13] [--arms panda ur5e kr6_sixx iiwa_rail] [--peer]
+
+For each arm ``--seams`` times five shapes with two tolerances in turn: welding (free spin, tilt of
+5 degrees) and painting (free spin, tilt of 15 degrees), 200 waypoints each, past a post beside the
+work. Beside it, with ``--peer``, a ladder graph as Descartes has it: every waypoint a layer, the
+spin sampled every 15 degrees, joints interpolated straight between waypoints.
+
+The judge is pinocchio's forward kinematics for the tool (distance from the polyline, tilt) and
+python-fcl for collisions, at times that are no multiple of anything.
+"""
+
+import argparse
+import time
+from collections import Counter
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio
+
+from benchmarks.fcl_judge import FclJudge
+from kinematics.arrays import Array
+from kinematics.pose import transform
+from kinematics.robots import builtin_srdf, builtin_urdf
+from kinematics.serial_chain import serial_chain
+from kinematics.srdf import parse_srdf
+from kinematics.urdf import parse_urdf
+from obstacles.checker import Checker
+from obstacles.robot_geometry import RobotGeometry, robot_geometry
+from obstacles.scene import Obstacle, Scene
+from obstacles.shapes import Cylinder
+from planning.cartesian.seam_path import seam_places, seam_runs
+from planning.cartesian.seam_search import SeamSearch
+from planning.deadline import Deadline
+from planning.options import CartesianOptions, Options
+from planning.pipeline import plan
+from planning.problem import PoseGoal, Problem
+from planning.result import Plan
+from planning.seam_options import SeamOptions, SeamWaypoint
+from planning.tool_tolerance import ToolTolerance
+
+#: Waypoints of a seam.
+WAYPOINTS = 200
+#: Speed of the tool [m/s].
+SPEED = 0.1
+#: Instants that the judge looks at.
+INSTANTS = 701
+#: Deviation that the request allows beyond its tolerance [m], [rad].
+POSITION, ORIENTATION = 1e-4, 1e-3
+SHAPES = ("line", "arc", "cylinder", "sphere", "saddle")
+STARTS = {
+    "panda": [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785],
+    "ur5e": [0.2, -1.2, 1.5, -1.9, -1.57, 0.2],
+    "kr6_sixx": [0.1, -1.2, 1.5, 0.1, 1.2, 0.1],
+    "iiwa_rail": [0.0, 0.1, 0.6, 0.0, -1.5, 0.1, 1.0, 0.0],
+}
+_RAIL = """<link name="rail"/><joint name="rail_joint" type="prismatic"><parent link="rail"/>
+<child link="iiwa_link_0"/><axis xyz="0 1 0"/>
+<limit lower="-1" upper="1" velocity="1" effort="1000"/></joint>"""
+
+
+class Arm(NamedTuple):
+    """An arm with pinocchio's model of it."""
+
+    robot: RobotGeometry
+    model: pinocchio.Model
+    data: pinocchio.Data
+    frame: int
+
+
+class Verdict(NamedTuple):
+    """Judgement of one plan: largest distance [m], tilt [rad], and whether it collides."""
+
+    away: float
+    tilt: float
+    collides: bool
+
+
+def load(name: str) -> Arm:
+    """An arm of the benchmark."""
+    urdf = builtin_urdf("iiwa14" if name == "iiwa_rail" else name)
+    semantics, limits = None, None
+    if name == "iiwa_rail":
+        urdf = urdf.replace("</robot>", _RAIL + "</robot>")
+        limits = {"rail_joint": {"acceleration": 2.0, "jerk": 50.0}}
+        for k in range(1, 8):
+            limits[f"iiwa_joint_{k}"] = {"acceleration": 8.0, "jerk": 500.0}
+    else:
+        semantics = parse_srdf(builtin_srdf(name))
+    description = parse_urdf(urdf)
+    chain = serial_chain(description, semantics=semantics, joint_limits=limits)
+    model = pinocchio.buildModelFromXML(urdf)
+    robot = robot_geometry(chain, description, {}, semantics)
+    return Arm(robot, model, model.createData(), model.getFrameId(chain.tip_link))
+
+
+def seam(shape: str, random: np.random.Generator) -> tuple[SeamWaypoint, ...]:
+    """A seam of about 0.5 m in front of an arm, the tool's z into the surface."""
+    s = np.linspace(-1.0, 1.0, WAYPOINTS)
+    x, y, z = 0.42 + random.uniform(0.0, 0.12), random.uniform(-0.12, 0.12), 0.2
+    z += random.uniform(0.0, 0.15)
+    bend = random.uniform(-0.06, 0.06)
+    if shape == "line":
+        points = np.column_stack([x + 0.3 * bend * s, y + 0.25 * s, z + 0 * s])
+        out = np.tile([0.0, 0.0, 1.0], (WAYPOINTS, 1))
+    elif shape == "arc":
+        angle = s * random.uniform(1.0, 2.5)
+        points = np.column_stack([x + 0.1 * np.cos(angle), y + 0.1 * np.sin(angle), z + 0 * s])
+        out = np.tile([0.0, 0.0, 1.0], (WAYPOINTS, 1))
+    elif shape == "cylinder":
+        angle, radius = 0.5 * s, 0.35
+        out = np.column_stack([0 * s, np.sin(angle), np.cos(angle)])
+        points = [x, y, z - radius] + radius * out + np.outer(bend * np.sin(2 * s), [1.0, 0, 0])
+    elif shape == "sphere":
+        a, b, radius = 0.6 * s, 4.0 * bend * np.cos(2.0 * s), 0.3
+        out = np.column_stack([np.sin(b), np.cos(b) * np.sin(a), np.cos(b) * np.cos(a)])
+        points = [x, y, z - radius] + radius * out
+    else:
+        u, v = bend * np.sin(2.0 * s), 0.22 * s
+        points = np.column_stack([x + u, y + v, z + 1.5 * (u**2 - v**2)])
+        out = np.column_stack([-3.0 * u, 3.0 * v, np.ones(WAYPOINTS)])
+        out /= np.linalg.norm(out, axis=1)[:, None]
+    along = np.gradient(points, axis=0)
+    return tuple(_waypoint(p, n, t) for p, n, t in zip(points, out, along, strict=True))
+
+
+def _waypoint(point: Array, out: Array, along: Array) -> SeamWaypoint:
+    x = along - (along @ out) * out
+    x /= np.linalg.norm(x)
+    return SeamWaypoint(transform(np.column_stack([x, np.cross(-out, x), -out]), point))
+
+
+def judge(arm: Arm, scene: Scene, waypoints: tuple[SeamWaypoint, ...], answer: Plan) -> Verdict:
+    """Distance and tilt of the tool along a seam, and collisions of the whole motion."""
+    fcl, motion = FclJudge(arm.robot, scene), answer.trajectory
+    p = np.array([point.T_base_tip for point in waypoints])
+    ways = np.diff(p[:, :3, 3], axis=0)
+    square = (ways**2).sum(axis=1)
+    begins = answer.tool_motions[0].begins
+    away, tilt, collides = 0.0, 0.0, False
+    for t in np.linspace(0.0, motion.duration, INSTANTS):
+        q = motion.sample([t])[0]
+        collides = collides or fcl.collides(q)
+        if t < begins:
+            continue
+        pinocchio.framesForwardKinematics(arm.model, arm.data, q)
+        T = arm.data.oMf[arm.frame]
+        off = T.translation - p[:-1, :3, 3]
+        s = np.clip((off * ways).sum(axis=1) / square, 0.0, 1.0)
+        distances = np.linalg.norm(off - s[:, None] * ways, axis=1)
+        k = int(np.argmin(distances))
+        axis = (1.0 - s[k]) * p[k, :3, 2] + s[k] * p[k + 1, :3, 2]
+        cosine = float(axis @ T.rotation[:, 2]) / float(np.linalg.norm(axis))
+        away, tilt = max(away, float(distances[k])), max(tilt, float(np.arccos(min(1.0, cosine))))
+    return Verdict(away, tilt, collides)
+
+
+def ladder(arm: Arm, scene: Scene, asked: SeamOptions, start: Array) -> tuple[bool, float]:
+    """A ladder graph over every waypoint; whether there is a way, and the time taken [s].
+
+    The spin is sampled, the tilt is not, and nothing is refined or proved.
+    """
+    began = time.perf_counter()
+    exact = SeamOptions(asked.waypoints, ToolTolerance.of({}, ("rz",)), tool_speed=SPEED)
+    places = seam_places(seam_runs(exact, 0.0))
+    checker = Checker.of(arm.robot, scene)
+    search = SeamSearch(checker, places, start, SPEED, Deadline.after(20.0))
+    graph = search.prepare(places.layers(every=True))
+    graph.jump = 0.3
+    search.check_all(graph)
+    search.solve(graph)
+    first, last, _ = graph.longest()
+    return last - first == len(places.s) - 1, time.perf_counter() - began
+
+
+def main() -> None:
+    """Measure."""
+    parser = argparse.ArgumentParser(description="Seams followed by arms.")
+    parser.add_argument("--seams", type=int, default=13)
+    parser.add_argument("--arms", nargs="+", default=list(STARTS), choices=list(STARTS))
+    parser.add_argument("--peer", action="store_true")
+    chosen = parser.parse_args()
+    for name in chosen.arms:
+        _measure(name, chosen.seams, chosen.peer)
+
+
+def _measure(name: str, count: int, peer: bool) -> None:
+    arm, random = load(name), np.random.default_rng(7)
+    start = np.array(STARTS[name])
+    scene = Scene((Obstacle("post", Cylinder(0.03, 0.8), transform(None, [0.45, 0.45, 0.4])),))
+    times, shares, peer_times = [], [], []
+    reasons: Counter[str] = Counter()
+    unclean = peer_solved = 0
+    for k in range(count * len(SHAPES)):
+        waypoints = seam(SHAPES[k % len(SHAPES)], random)
+        tilt = np.radians(5.0 if k % 2 else 15.0)
+        asked = SeamOptions(waypoints, ToolTolerance.of({}, ("rz",), tilt), tool_speed=SPEED)
+        problem = Problem(arm.robot, scene, start, (PoseGoal(waypoints[-1].T_base_tip),))
+        how = CartesianOptions(seam=asked)
+        began, computed = time.perf_counter(), time.process_time()
+        answer = plan(problem, Options(planner="cartesian", cartesian=how, timeout=20.0))
+        taken = time.perf_counter() - began, time.process_time() - computed
+        if peer:
+            solved, seconds = ladder(arm, scene, asked, start)
+            peer_solved += solved
+            peer_times.append(seconds)
+        if not isinstance(answer, Plan):
+            reasons[str(answer.details.get("reason", answer.code))] += 1
+            continue
+        times.append(taken)
+        assert answer.certificate.tool_speed is not None
+        shares.append(answer.certificate.tool_speed.share)
+        verdict = judge(arm, scene, waypoints, answer)
+        wrong = verdict.away > POSITION or verdict.tilt > tilt + ORIENTATION or verdict.collides
+        unclean += wrong
+    total = count * len(SHAPES)
+    print(f"{name}: {len(times)} of {total} followed, {unclean} unclean, failures {dict(reasons)}")
+    if times:
+        wall, processor = 1e3 * np.array(times).T
+        print(
+            f"  answer: median {np.median(wall):.0f} ms, 95 % {np.quantile(wall, 0.95):.0f} ms; "
+            f"processor time: median {np.median(processor):.0f} ms"
+        )
+        print(f"  share within the band: median {np.median(shares):.3f}, least {min(shares):.3f}")
+    if peer:
+        print(f"  ladder: {peer_solved} of {total}, median {1e3 * np.median(peer_times):.0f} ms")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,243 @@
+"""Pick-and-place tasks in MotionBenchMaker's scenes, each with a combination known to be solvable.
+
+The arm of a scene's problem is to go near an object. Here it grasps the object, and puts it down
+elsewhere on what it stands on. One grasp and one place are looked for beforehand until a plan of
+every motion between them exists; they are hidden among seventeen other grasps and eleven other
+places at random, of which nothing is known.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import fcl
+import numpy as np
+
+from benchmarks.example_arms import ARMS
+from benchmarks.mbm_problems import Case, cases, panda, scene_at_root
+from kinematics.arrays import Array
+from kinematics.forward import forward
+from kinematics.pose import from_axis_angle, rotation_z, transform
+from obstacles.checker import Checker
+from obstacles.mesh import load_mesh
+from obstacles.robot_geometry import RobotGeometry
+from obstacles.scene import Obstacle, Scene
+from obstacles.shapes import Box, Cylinder, Mesh
+from planning.options import Options
+from planning.sequence.region import grasp_region
+from planning.sequence.result import SequencePlan
+from planning.sequence.search import TaskOptions, plan_task
+from planning.sequence.stage import (
+    Attach,
+    Detach,
+    Grasp,
+    Gripper,
+    Move,
+    Pair,
+    Place,
+    Stage,
+    StageSettings,
+    Straight,
+)
+from planning.sequence.task import Task
+from planning.sequence.world import World
+
+GRASPS, PLACES = 18, 12
+#: Kinds of scenes that have something to be picked, and somewhere to put it.
+KINDS = ("bookshelf_small", "bookshelf_tall", "bookshelf_thin", "cage", "table_pick",
+         "table_under_pick")  # fmt: skip
+#: From the flange to between the finger tips [m].
+_REACH_OF_HAND = 0.1034
+#: Objects farther than this from between the finger tips are none that the problem is about [m].
+_FAR = 0.1
+#: What is nearer than this to an object holds it up [m].
+_SUPPORTS = 2e-3
+#: The place is at most so far from where the object stands, along x and y [m].
+_SHIFT = 0.3
+#: Random places tried for one task, and time for each [s].
+_ATTEMPTS = 8
+_TIME = 4.0
+#: Acceleration limits of the UR5, whose URDF has none [rad/s^2].
+_UR5_ACCELERATION = 10.0
+_UR5_START = np.array([0.0, -1.9, 1.9, -1.57, -1.57, 0.0])
+#: The Panda's hand on its flange.
+_HAND_TURN = -np.pi / 4.0
+
+
+class Arm(NamedTuple):
+    """An arm with a hand.
+
+    Args:
+        name: "panda" or "ur5".
+        robot: Its geometry.
+        touches: Links that may touch the object.
+        start: Where it begins; None for the problem's own start.
+    """
+
+    name: str
+    robot: RobotGeometry
+    touches: tuple[str, ...]
+    start: Array | None
+
+
+@dataclass(frozen=True)
+class TaskProblem:
+    """One task.
+
+    Args:
+        name: Kind of scene and number.
+        text: Of the scene.
+        task: The stages with all grasps and places.
+        object: Name of the object.
+    """
+
+    name: str
+    text: str
+    task: Task
+    object: str
+
+
+def arm(name: str, folder: Path) -> Arm:
+    """The Panda with its hand, or a UR5 with the same hand.
+
+    Args:
+        name: "panda" or "ur5".
+        folder: Of the Panda's files.
+    """
+    if name == "panda":
+        fingers = ("panda_hand", "panda_leftfinger", "panda_rightfinger")
+        return Arm(name, panda(folder), fingers, None)
+    robot = ARMS["ur5"].geometry({"acceleration": _UR5_ACCELERATION})
+    vertices, faces = load_mesh(hand_mesh(folder).read_bytes(), "obj")
+    hand = Obstacle("hand", Mesh(vertices, faces), transform(rotation_z(_HAND_TURN)))
+    return Arm(name, robot.attach(hand, "tool0"), ("wrist_3_link",), _UR5_START)
+
+
+def hand_mesh(folder: Path) -> Path:
+    """The file of the Panda's hand."""
+    return next(path for path in sorted((folder / "meshes").rglob("hand.obj")))
+
+
+def problems(
+    chosen: Arm, problems_folder: Path, folder: Path, count: int, kinds: Sequence[str] = KINDS
+) -> Iterator[TaskProblem]:
+    """Tasks for an arm, as many as there are of each kind of scene.
+
+    Args:
+        chosen: The arm.
+        problems_folder: MotionBenchMaker's problems for the Panda.
+        folder: Of the Panda's files.
+        count: How many.
+        kinds: Of scenes.
+    """
+    reference = panda(folder)
+    lists = [
+        [case for case in cases(problems_folder, reference.chain.joint_names, 1)
+         if case.kind == f"{kind}_panda"]
+        for kind in kinds
+    ]  # fmt: skip
+    made = 0
+    for row in range(max(map(len, lists))):
+        for some in lists:
+            if row < len(some) and made < count:
+                problem = _problem(chosen, some[row], reference, made)
+                if problem is not None:
+                    made += 1
+                    yield problem
+
+
+def _problem(chosen: Arm, case: Case, reference: RobotGeometry, seed: int) -> TaskProblem | None:
+    """The task of a scene; None where none is found to be solvable."""
+    random = np.random.default_rng(seed)
+    scene = scene_at_root(case.text)
+    T_tool = forward(reference.chain, case.goal)
+    tip = T_tool[:3, 3] + _REACH_OF_HAND * T_tool[:3, 2]
+    about = min(
+        scene.obstacles, key=lambda o: float(np.linalg.norm(o.T_world_obstacle[:3, 3] - tip))
+    )
+    ahead = float((about.T_world_obstacle[:3, 3] - tip) @ T_tool[:3, 2])
+    if np.linalg.norm(about.T_world_obstacle[:3, 3] - tip) > _FAR:
+        return None
+    T_grasp = transform(T_tool[:3, :3], T_tool[:3, 3] + ahead * T_tool[:3, 2])
+    grip = np.linalg.inv(about.T_world_obstacle) @ T_grasp
+    start = case.start if chosen.start is None else chosen.start
+    held = _supports(scene, about)
+    world = World(chosen.robot, scene)
+    if not Checker.of(chosen.robot, scene).valid(start):
+        return None
+    for _ in range(_ATTEMPTS):
+        place = _shifted(about.T_world_obstacle, random)
+        known = _stages(chosen, about.id, grip[None], place[None], held)
+        if not isinstance(plan_task(Task(world, start, known), TaskOptions(_TIME)), SequencePlan):
+            continue
+        grips, places = _hidden(grip, place, about.T_world_obstacle, random)
+        stages = _stages(chosen, about.id, grips, places, held)
+        return TaskProblem(case.name, case.text, Task(world, start, stages), about.id)
+    return None
+
+
+def _shifted(T: Array, random: np.random.Generator) -> Array:
+    """A pose on the same level, turned about the vertical."""
+    shift = [*random.uniform(-_SHIFT, _SHIFT, 2), 0.0]
+    turn = from_axis_angle(np.array([0.0, 0.0, 1.0]), random.uniform(-np.pi, np.pi))
+    return np.asarray(transform(turn @ T[:3, :3], T[:3, 3] + shift))
+
+
+def _hidden(
+    grip: Array, place: Array, T_object: Array, random: np.random.Generator
+) -> tuple[Array, Array]:
+    """All grasps and places, the known ones among them."""
+    others = [
+        grasp_region(grip, (0.0, 0.0, 1.0), (angle, angle), (offset, offset), (1, 1))[0]
+        for angle, offset in zip(
+            random.uniform(-np.pi, np.pi, GRASPS - 1),
+            random.uniform(-0.02, 0.02, GRASPS - 1),
+            strict=True,
+        )
+    ]
+    more = [_shifted(T_object, random) for _ in range(PLACES - 1)]
+    grips, places = np.array([grip, *others]), np.array([place, *more])
+    return grips[random.permutation(GRASPS)], places[random.permutation(PLACES)]
+
+
+def _supports(scene: Scene, about: Obstacle) -> tuple[Pair, ...]:
+    """Pairs of the object and what it stands on."""
+
+    def solid(obstacle: Obstacle) -> "fcl.CollisionObject":
+        shape, T = obstacle.shape, obstacle.T_world_obstacle
+        if isinstance(shape, Box):
+            made = fcl.Box(*shape.size)
+        else:
+            assert isinstance(shape, Cylinder)
+            made = fcl.Cylinder(shape.radius, shape.height)
+        return fcl.CollisionObject(made, fcl.Transform(T[:3, :3], T[:3, 3]))
+
+    one = solid(about)
+    return tuple(
+        (about.id, other.id)
+        for other in scene.obstacles
+        if other.id != about.id and fcl.distance(one, solid(other)) < _SUPPORTS
+    )
+
+
+def _stages(
+    chosen: Arm, name: str, grips: Array, places: Array, supports: tuple[Pair, ...]
+) -> tuple[Stage, ...]:
+    """Pick and place with these grasps and places."""
+    near = StageSettings(allowed=supports, options=Options(timeout=30.0))
+    free = StageSettings(options=Options(timeout=30.0))
+    return (
+        Move(settings=free),
+        Straight("approach", [0, 0, 1], "tool", 0.02, 0.08, free),
+        Grasp(name, grips, chosen.touches, settings=free),
+        Gripper("close", settings=free),
+        Attach(name, settings=near),
+        Straight("lift", [0, 0, 1], "root", 0.01, 0.05, near),
+        Move(settings=free),
+        Straight("approach", [0, 0, -1], "root", 0.01, 0.05, near),
+        Place(None, places, settings=near),
+        Gripper("open", settings=near),
+        Detach(settings=free),
+        Straight("retreat", [0, 0, -1], "tool", 0.02, 0.08, free),
+    )

@@ -1,0 +1,92 @@
+"""Pick and place with 18 grasps and 12 places in MotionBenchMaker's scenes.
+
+    python -m benchmarks.tasks ../data/mbm/panda [--robots panda ur5] [--count 100] [--kinds cage]
+
+Each task is known to be solvable with one of its grasps and one of its places. Told are the share
+that is solved, the time to the first proved answer, and how many motions an independent dense check
+(pinocchio and Coal, the held object included) finds colliding.
+"""
+
+import argparse
+import time
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.example_arms import ARMS, package
+from benchmarks.task_check import DenseCheck
+from benchmarks.task_problems import KINDS, Arm, TaskProblem, arm, hand_mesh, problems
+from planning.sequence.result import SequenceFailure, SequencePlan
+from planning.sequence.search import TaskOptions, plan_task
+
+#: Longest time for one task [s].
+TIMEOUT = 10.0
+
+
+def main() -> None:
+    """Measure."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("problems", type=Path, help="MotionBenchMaker's problems for the Panda")
+    parser.add_argument("--robots", nargs="+", default=["panda", "ur5"])
+    parser.add_argument("--count", type=int, default=100, help="tasks for each robot")
+    parser.add_argument("--kinds", nargs="+", default=list(KINDS), help="of scenes")
+    parser.add_argument("--improve", type=float, default=0.0, help="after the first answer [s]")
+    chosen = parser.parse_args()
+    folder = chosen.problems.parents[1] / "panda"
+    for name in chosen.robots:
+        used = arm(name, folder)
+        tasks = list(problems(used, chosen.problems, folder, chosen.count, chosen.kinds))
+        _measure(used, tasks, _checker(name, folder), chosen.improve)
+
+
+def _checker(name: str, folder: Path) -> DenseCheck:
+    if name == "panda":
+        return DenseCheck(folder / "panda.urdf", folder, folder / "panda.srdf")
+    ur5 = ARMS["ur5"]
+    assert ur5.srdf is not None
+    return DenseCheck(
+        package() / ur5.urdf, package().parents[1], package() / ur5.srdf,
+        (hand_mesh(folder), "tool0", -np.pi / 4.0),
+    )  # fmt: skip
+
+
+def _measure(used: Arm, tasks: list[TaskProblem], check: DenseCheck, improve: float) -> None:
+    if not tasks:
+        print(f"{used.name}: no tasks")
+        return
+    plan_task(tasks[0].task, TaskOptions(TIMEOUT))
+    seconds, processor, solved, unclean = [], [], 0, 0
+    shorter: list[float] = []
+    for problem in tasks:
+        began, computed = time.perf_counter(), time.process_time()
+        answer = plan_task(problem.task, TaskOptions(TIMEOUT, improve))
+        if isinstance(answer, SequenceFailure):
+            print(f"{used.name} {problem.name}: {answer.code} {answer.message}")
+            continue
+        solved += 1
+        seconds.append(1e-3 * answer.improvements[0].milliseconds)
+        processor.append(time.process_time() - computed)
+        shorter.append(answer.duration / answer.improvements[0].duration)
+        assert time.perf_counter() >= began
+        unclean += _is_unclean(used, problem, answer, check)
+    quartiles = 1e3 * np.percentile(seconds, [50, 90, 100])
+    print(
+        f"{used.name}: {solved} of {len(tasks)} solved, first proved answer after "
+        f"{quartiles[0]:.0f} ms (median), {quartiles[1]:.0f} ms (90 %), {quartiles[2]:.0f} ms at "
+        f"most; processor time {1e3 * np.median(processor):.0f} ms (median); {unclean} unclean; "
+        f"improved to {np.mean(shorter):.3f} of the first duration"
+    )
+
+
+def _is_unclean(used: Arm, problem: TaskProblem, answer: SequencePlan, check: DenseCheck) -> bool:
+    """Whether the dense check finds something; told with stage, pair and time."""
+    for stage in answer.stages:
+        hit = check.first_collision(problem.text, stage, used.robot.chain.joint_names)
+        if hit is not None:
+            print(f"{used.name} {problem.name}: stage {stage.index} ({stage.kind}) {hit}")
+            return True
+    return False
+
+
+if __name__ == "__main__":
+    main()
