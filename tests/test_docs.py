@@ -8,27 +8,38 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
+#: Words of a page at most.
+LONGEST = 1_500
+#: Pages of tables, whose rows don't count, beside those of benchmarks and of the reference.
+TABLES = {"examples.md"}
 STATUS = re.compile(
     r"^Status: (accepted|superseded|proposed)[^.]*(\(.*\)[^.]*)*\. Date: \d{4}-\d\d-\d\d\.$"
 )
 
 
+#: A Python block, and what it prints where the page says so.
+BLOCK = re.compile(r"```python\n(.*?)```(?:\s*prints\s*```\n(.*?)```)?", re.DOTALL)
+
+
 def blocks() -> list[Any]:
-    """Python code blocks of the pages below ``docs``, in their order."""
-    found = []
-    for page in PAGES:
-        if page.parent == ROOT:
-            continue
-        codes = re.findall(r"```python\n(.*?)```", page.read_text("utf-8"), re.DOTALL)
-        found += [pytest.param(code, id=f"{page.stem}-{i}") for i, code in enumerate(codes)]
-    return found
+    """Python code blocks of the pages below ``docs``, in their order, with what they print."""
+    return [
+        pytest.param(*block, id=f"{page.stem}-{i}")
+        for page in PAGES
+        if page.parent != ROOT
+        for i, block in enumerate(BLOCK.findall(page.read_text("utf-8")))
+    ]
 
 
 @pytest.mark.timeout(600)
-@pytest.mark.parametrize("code", blocks())
-def test_code_runs_as_it_stands(code: str, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize(("code", "printed"), blocks())
+def test_code_runs_as_it_stands(
+    code: str, printed: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     exec(compile(code, "docs", "exec"), {"__name__": "docs"})
-    assert "Failure" not in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert out == (printed or out)
+    assert "Failure" not in out
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
@@ -54,6 +65,14 @@ def test_every_page_is_in_the_index() -> None:
     index = (ROOT / "docs/README.md").read_text("utf-8")
     for page in (ROOT / "docs").glob("*.md"):
         assert page.name == "README.md" or f"({page.name})" in index, page.name
+
+
+@pytest.mark.parametrize("page", sorted((ROOT / "docs").rglob("*.md")), ids=lambda page: page.stem)
+def test_pages_stay_short(page: Path) -> None:
+    text = page.read_text("utf-8")
+    if page.parent.name == "reference" or page.name in TABLES or page.name.startswith("benchmarks"):
+        text = re.sub(r"```.*?```|^\|.*?$", "", text, flags=re.DOTALL | re.MULTILINE)
+    assert len(text.split()) <= LONGEST, page.name
 
 
 def test_every_decision_is_listed_with_status_and_date() -> None:

@@ -117,6 +117,7 @@ def test_layers_stand_in_order() -> None:
     contracts = {contract["id"]: contract for contract in APP["tool"]["importlinter"]["contracts"]}
     assert contracts["layers"]["layers"] == [
         "command_line",
+        "studio",
         "service | armwright",
         "planning | tracking",
         "dynamics | obstacles",
@@ -150,7 +151,7 @@ def test_every_file_of_data_is_shipped() -> None:
 
 def test_targets_of_the_makefile() -> None:
     wanted = ["install", "demo", "test", "check", "bench", "bench-timing", "bench-arms"]
-    wanted += ["bench-verdict", "bench-mbm", "bench-http", "serve", "wheels"]
+    wanted += ["bench-verdict", "bench-mbm", "bench-http", "serve", "clients", "site", "wheels"]
     wanted += ["kernel-list", "docker-steps", "audit", "clean", "help"]
     dry = ["make", "-n", "PROBLEMS=problems", *wanted]
     # Run by make, make would say more: that it enters a folder, and what it was told.
