@@ -5,6 +5,7 @@
 """
 
 from armwright_client import geometry, models, seam, task, tour
+from armwright_client.arm_models import *  # noqa: F403 (mypy does not follow the list of models)
 from armwright_client.client import (
     DEFAULT_URL,
     AsyncClient,
@@ -74,7 +75,7 @@ from armwright_client.errors import (
     WorkerCrashed,
 )
 from armwright_client.geometry import *  # noqa: F403 (likewise)
-from armwright_client.kept_plan import *  # noqa: F403 (mypy does not follow the list of models)
+from armwright_client.kept_plan import *  # noqa: F403 (likewise)
 from armwright_client.models import *  # noqa: F403 (its `__all__` is the list)
 from armwright_client.pending import AsyncPending, Pending
 from armwright_client.retry import Retry

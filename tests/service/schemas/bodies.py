@@ -1,13 +1,10 @@
-"""Valid bodies of every endpoint, with every field of requests, and ways to change them."""
+"""Valid bodies of every endpoint, with every field of requests."""
 
-import copy
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from pydantic import BaseModel
 
-from service.problem import ProblemError
 from service.schemas.batch import BatchRequest
 from service.schemas.check import CheckRequest
 from service.schemas.dynamics import (
@@ -27,13 +24,10 @@ from service.schemas.retime import ConvertRequest, RetimeRequest
 from service.schemas.robot import ArchiveFields, RobotBody, RobotChanges
 from service.schemas.scene import NamedScene, ProjectRequest
 from service.schemas.simulation import SimulateRequest
-from service.schemas.validation import validate_as
 from tests.service.schemas.kept_bodies import KEPT_PLANS
+from tests.service.schemas.simulation_bodies import CONTROLLERS, MOTOR, REFERENCES, SIMULATE
 from tests.service.schemas.task_stages import tasks
 from tests.service.schemas.tour_bodies import TOURS
-
-#: Steps from a body to a value in it.
-Path = tuple[str | int, ...]
 
 POSE = {"position": [0.4, 0.0, 0.3]}
 IDENTITY = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
@@ -165,12 +159,8 @@ DH_ROW: dict[str, Any] = {
     "viscous_friction": 0.2, "coulomb_friction": 0.1, "beta": 0.0, "continuous": False,
     "geometry": [{"shape": SHAPES[0], "pose": POSE}],
 }  # fmt: skip
-_MOTOR = {
-    "inertia": 1e-4, "friction": 1e-5, "torque_constant": 0.1, "back_emf": 0.1, "resistance": 1.0,
-    "gear_ratio": 100.0, "voltage_limit": 24.0,
-}  # fmt: skip
 DRIVEN_ROW: dict[str, Any] = {
-    "type": "revolute", "a": 0.5, "alpha": 0.0, "d": 0.0, "theta": 0.0, "motor": _MOTOR,
+    "type": "revolute", "a": 0.5, "alpha": 0.0, "d": 0.0, "theta": 0.0, "motor": MOTOR,
 }  # fmt: skip
 JOINT_LIMITS = {
     "joint_1": {
@@ -184,42 +174,6 @@ JOINT_LIMITS = {
     "*": {"jerk": 5.0},
 }
 DEFAULT_LIMITS = {"acceleration": "10 x velocity", "jerk": "10 x acceleration"}
-SIMULATE: dict[str, Any] = ABOUT | {
-    "robot": "panda", "trajectory": SEGMENTS, "scene": "table", "frame": "base",
-    "model_error": {
-        "mass_scale": 1.2, "payload": PAYLOAD, "motor_inertia": 0.1, "viscous_friction": [0.1, 0.2],
-        "coulomb_friction": 0.1, "gravity": [0.0, 0.0, -9.0],
-        "inertias": {"hand": {"mass": 1.0, "center_of_mass": [0.0] * 3, "inertia": IDENTITY}},
-    },
-    "disturbance": {"torque": 1.0, "amplitude": [1.0, 2.0], "frequency": 2.0, "wrench": [1.0] * 6,
-                    "start": 0.1, "end": 0.5},
-    "initial_state": {"joints": [0.1, 0.2], "velocities": [0.1, 0.2], "offset": [0.01, 0.02],
-                      "velocity_offset": [0.01, 0.02]},
-    "noise": {"position": 1e-4, "velocity": 1e-3, "period": 0.001},
-    "control_period": 0.001, "duration": 2.0, "sample_period": 0.01, "saturate": False,
-    "settling_tolerance": 1e-3, "relative_tolerance": 1e-8, "absolute_tolerance": 1e-10,
-    "timeout": 5.0, "seed": 3, "motor_inertia": 0.1, "viscous_friction": [0.1, 0.2],
-    "coulomb_friction": 0.3, "effort_limits": 20.0,
-    "joint_stops": {"stiffness": 1e4, "dissipation": 2.0},
-}  # fmt: skip
-REFERENCES: list[dict[str, Any]] = [
-    {"type": "hold", "joints": [0.1, 0.2], "duration": 2.0},
-    {"type": "step", "from": [0.1, 0.2], "to": [0.3, 0.4], "at": 0.5, "duration": 2.0},
-    {"type": "sine", "center": [0.1, 0.2], "amplitude": 0.3, "frequency": [0.5, 1.0],
-     "phase": 0.1, "duration": 2.0},
-    {"type": "spline", "points": [[0.1, 0.2], [0.3, 0.4]], "times": [0.0, 1.0],
-     "interpolation": "natural_spline"},
-]  # fmt: skip
-_GAINS = {"natural_frequency": 10.0, "damping": 1.0}
-CONTROLLERS: list[dict[str, Any]] = [
-    {"type": "independent_joint", "Kp": 1.0, "Kd": [1.0, 2.0], "inertia": 0.1,
-     "motors": [_MOTOR]} | _GAINS,
-    {"type": "computed_torque", "Kp": 1.0, "Kd": 2.0} | _GAINS,
-    {"type": "pd_gravity", "Kp": [[1.0, 0.0], [0.0, 1.0]], "Kd": 2.0} | _GAINS,
-    {"type": "passivity", "Lambda": 1.0, "K": 2.0} | _GAINS,
-    {"type": "adaptive", "Lambda": 1.0, "K": 2.0, "Gamma": 0.5, "estimate": [0.1, 0.2],
-     "motors": True, "known_zeros": True, "parameters": ["m1"]} | _GAINS,
-]  # fmt: skip
 BATCH = {name: value for name, value in PLAN.items() if name != "keep"}
 IK: dict[str, Any] = ABOUT | {
     "attached": ATTACHED,
@@ -330,11 +284,11 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
     (LyapunovRequest, {"A": [[-1.0]], "Q": [[1.0]], "x": [[1.0], [2.0]]}),
     (ConvertRequest, {"trajectory": SEGMENTS, "sample_period": 0.01, "format": "csv",
                       "frame_id": "base"}),
-    (SimulateRequest, SIMULATE | {"controller": CONTROLLERS[0]}),
+    (SimulateRequest, ABOUT | SIMULATE | {"trajectory": SEGMENTS, "controller": CONTROLLERS[0]}),
     *((SimulateRequest, {"robot": "panda", "trajectory": SEGMENTS, "controller": controller})
       for controller in CONTROLLERS[1:]),
     *((SimulateRequest, {"robot": "panda", "reference": reference, "controller": CONTROLLERS[1],
-                         "motors": _MOTOR})
+                         "motors": MOTOR})
       for reference in REFERENCES),
     (RobotBody, {"name": "arm", "joint_limits": JOINT_LIMITS, "base_link": "base", "tip_link": "t",
                  "dh": {"convention": "standard", "rows": [DH_ROW], "base": POSE, "tool": POSE,
@@ -342,59 +296,11 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
     (RobotBody, {"name": "arm", "dh": {"convention": "modified", "rows": [DRIVEN_ROW]}}),
     (RobotBody, {"name": "arm", "urdf": "<robot/>", "srdf": "<robot/>", "meshes": {"a.stl": "AAAA"},
                  "joint_limits": JOINT_LIMITS, "default_limits": DEFAULT_LIMITS,
-                 "held": {"finger": 0.1}, "allow_suspected": True, "motors": {"*": _MOTOR}}),
+                 "held": {"finger": 0.1}, "allow_suspected": True, "motors": {"*": MOTOR}}),
     (RobotChanges, {"joint_limits": JOINT_LIMITS, "default_limits": DEFAULT_LIMITS}),
     (ArchiveFields, {"name": "arm", "urdf_path": "a/arm.urdf", "srdf_path": "arm.srdf",
                      "joint_limits": "joint_limits: {}", "default_limits": DEFAULT_LIMITS,
                      "held": {"finger": 0.1}, "base_link": "base", "tip_link": "tip",
-                     "allow_suspected": True, "motors": {"joint_1": _MOTOR}}),
+                     "allow_suspected": True, "motors": {"joint_1": MOTOR}}),
 ]  # fmt: skip
 NAMES = [f"{model.__name__}-{i}" for i, (model, _) in enumerate(FULL)]
-
-
-def written(path: Path) -> str:
-    """A path as problem documents write it."""
-    text = ""
-    for step in path:
-        text += f"[{step}]" if isinstance(step, int) else f".{step}" if text else step
-    return text
-
-
-def changed(body: Any, path: Path, value: Any) -> dict[str, Any]:
-    """A copy of a body in which one value is another."""
-    twin: dict[str, Any] = copy.deepcopy(body)
-    place: Any = twin
-    for step in path[:-1]:
-        place = place[step]
-    place[path[-1]] = value
-    return twin
-
-
-def without(body: Any, path: Path) -> dict[str, Any]:
-    """A copy of a body in which one field is missing."""
-    twin: dict[str, Any] = copy.deepcopy(body)
-    place: Any = twin
-    for step in path[:-1]:
-        place = place[step]
-    del place[path[-1]]
-    return twin
-
-
-def values(body: Any, path: Path = ()) -> Iterator[tuple[Path, Any]]:
-    """Every value below the body itself, objects and lists included, with the path to it."""
-    if path:
-        yield path, body
-    if isinstance(body, dict | list):
-        for step, item in body.items() if isinstance(body, dict) else enumerate(body):
-            yield from values(item, (*path, step))
-
-
-def refusals(model: type[BaseModel], body: Any) -> dict[str, str]:
-    """What is wrong with a body, by the paths of its faults; empty where nothing is."""
-    try:
-        validate_as(model, body)
-    except ProblemError as problem:
-        if (problem.code, problem.stage) != ("VALIDATION_ERROR", "request"):
-            raise
-        return {item["path"]: item["problem"] for item in problem.details["errors"]}
-    return {}

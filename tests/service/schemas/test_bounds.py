@@ -38,11 +38,8 @@ from tests.service.schemas.bodies import (
     POSE,
     SEGMENTS,
     TIMING,
-    Path,
-    changed,
-    refusals,
-    written,
 )
+from tests.service.schemas.changes import Path, changed, refusals, written
 
 IK = {"pose": POSE, "gradient": {"gain": 1.0}}
 CHECK = {"robot": "r", "joints": [0.0]}

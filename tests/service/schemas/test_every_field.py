@@ -13,7 +13,8 @@ import service.schemas
 from service.schemas.base import Body
 from service.schemas.robot import RobotFields
 from service.schemas.validation import validate_as
-from tests.service.schemas.bodies import FULL, NAMES, changed, refusals, values, written
+from tests.service.schemas.bodies import FULL, NAMES
+from tests.service.schemas.changes import changed, refusals, values, written
 
 bodies = pytest.mark.parametrize(("model", "body"), FULL, ids=NAMES)
 

@@ -28,8 +28,8 @@ from tests.service.schemas.bodies import (
     POSE,
     SAMPLES,
     SEGMENTS,
-    without,
 )
+from tests.service.schemas.changes import without
 
 LINE, ARC, CIRCLE = MOTIONS
 PART = ATTACHED[0]
