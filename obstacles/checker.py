@@ -6,16 +6,17 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinematics.arrays import Array, Indices
 from kinematics.chain import Chain, Limits, Link
 from kinematics.compiled.kernel import direct
 from obstacles.collision_model import CollisionModel, ModelArrays
 from obstacles.edge_check import COLLIDING, FREE, certify_curve, certify_edge, certify_path
-from obstacles.proximity import closest_pair, near_pairs
+from obstacles.proximity import closest_pair, closest_pairs, near_pairs
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
-from obstacles.state_check import bracket_on, verdict_on
+from obstacles.state_check import bracket_on, first_blocked, verdict_on, verdicts_on
 
 _FLOAT = np.dtype(np.float64)
 #: Near pairs there is room for at first.
@@ -125,6 +126,18 @@ class Checker:
         distance, pair = closest_pair(self.model.arrays, np.ascontiguousarray(q))
         return distance - self.slack, None if pair < 0 else self.model.pair_name(pair)
 
+    def closest(self, states: Array, within: float) -> tuple[Array, list[tuple[str, str] | None]]:
+        """``clearance`` of states (k, n) as far as it is below ``within`` [m].
+
+        Returns:
+            The distances, ``within`` where nothing is closer, shape (k,) [m], and the pairs.
+        """
+        points = np.ascontiguousarray(states, _FLOAT)
+        distances, pairs = np.empty(len(points)), np.empty(len(points), dtype=np.int64)
+        closest_pairs(self.model.arrays, points, float(within + self.slack), distances, pairs)
+        names = [None if pair < 0 else self.model.pair_name(int(pair)) for pair in pairs]
+        return distances - self.slack, names
+
     def gradient(self, q: Array, within: float) -> Proximity:
         """Signed distances of all pairs closer than ``within`` [m], and their gradients.
 
@@ -152,6 +165,19 @@ class Checker:
         """Whether a configuration keeps every pair its margin apart."""
         point = np.ascontiguousarray(q, _FLOAT)
         return _state_verdict()(self.model.arrays, point, float(self.slack)) == FREE
+
+    def all_valid(self, states: Array) -> bool:
+        """Whether all of the configurations (k, n) are ``valid``."""
+        points = np.ascontiguousarray(states, _FLOAT)
+        blocked = first_blocked(self.model.arrays, points, float(self.slack))
+        return bool(blocked == len(points))
+
+    def each_valid(self, states: Array) -> NDArray[np.bool_]:
+        """Which of the configurations (k, n) are ``valid``, shape (k,)."""
+        points = np.ascontiguousarray(states, _FLOAT)
+        verdicts = np.empty(len(points))
+        verdicts_on(self.model.arrays, points, float(self.slack), verdicts)
+        return np.asarray(verdicts == FREE)
 
     def bracket(self, q: Array) -> "Bracket":
         """Verdict of the spheres alone, with the pairs that they leave to the exact test."""

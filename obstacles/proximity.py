@@ -36,11 +36,18 @@ def _stand(model: ModelArrays, q: Array) -> Workspace:
     """A workspace with the robot standing still in ``q``."""
     work = workspace(model)
     work.joints[:] = 0.0
-    work.joints[0] = q
+    _stand_in(model, work, q)
+    return work
+
+
+@kernel(allocates=False)
+def _stand_in(model: ModelArrays, work: Workspace, q: Array) -> None:
+    """Let the robot stand still in ``q`` in a workspace whose joints do not stray."""
+    for joint in range(q.shape[0]):
+        work.joints[0, joint] = q[joint]
     visit(model, work)
     for i in range(model.joints.shape[0]):
         place(model, work, i)
-    return work
 
 
 @kernel(allocates=False)
@@ -126,6 +133,26 @@ def closest_pair(model: ModelArrays, q: Array) -> tuple[float, int]:
         best, closest = _closest(model, work, reach, True)
         reach *= 4.0
     return best, closest
+
+
+@kernel
+def closest_pairs(
+    model: ModelArrays, states: Array, within: float, distances: Array, pairs: Indices
+) -> None:
+    """``closest_pair`` of states (k, n), as far as it is closer than ``within`` [m].
+
+    Args:
+        model: The packed robot and scene.
+        states: Shape (k, n).
+        within: [m].
+        distances: Filled, ``within`` where nothing is closer, shape (k,) [m].
+        pairs: Filled, -1 where nothing is closer, shape (k,).
+    """
+    work = workspace(model)
+    work.joints[:] = 0.0
+    for k in range(states.shape[0]):
+        _stand_in(model, work, states[k])
+        distances[k], pairs[k] = _closest(model, work, within, True)
 
 
 @kernel(allocates=False)

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinematics.arrays import Array
 from kinematics.trajectory import Trajectory
@@ -75,7 +76,7 @@ def clearance_report(
     count = min(count, _MAX_INSTANTS)
     times = np.linspace(0.0, motion.duration, count + 1)
     positions = np.ascontiguousarray(motion.sample(times))
-    close = np.array([not spacious.valid(q) for q in positions])
+    close = ~spacious.each_valid(positions)
     spans = tuple(
         _span(spacious, times, positions, first, last, (distance, own))
         for first, last in _runs(close)
@@ -83,7 +84,7 @@ def clearance_report(
     return ClearanceReport(distance, own, margin, spans, motion.duration / count)
 
 
-def _runs(close: Array) -> list[tuple[int, int]]:
+def _runs(close: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """First and last index of each run of true values."""
     steps = np.flatnonzero(np.diff(np.concatenate([[False], close, [False]]).astype(np.int8)))
     return [
@@ -101,13 +102,13 @@ def _span(
 ) -> CloseSpan:
     """The span of the instants from ``first`` to ``last``, out to the next that are not close."""
     least, nearest = np.inf, ("", "")
-    for q in positions[first : last + 1]:
-        lacking, pair = spacious.clearance(q)
+    below, pairs = spacious.closest(positions[first : last + 1], 0.0)
+    for lacking, pair in zip(below.tolist(), pairs, strict=True):
         if pair is None:
             continue
         is_obstacle = pair[1] in spacious.model.obstacles
         distance = lacking + preferred[0 if is_obstacle else 1]
-        if lacking < 0.0 and distance < least:
+        if distance < least:
             least, nearest = distance, pair
     begins, ends = times[max(first - 1, 0)], times[min(last + 1, len(times) - 1)]
     return CloseSpan(float(begins), float(ends), max(float(least), 0.0), nearest)

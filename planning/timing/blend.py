@@ -17,12 +17,13 @@ and its mirror image: d2q/ds2 grows from 0 to (u_out - u_in) / r in the middle a
 These pass the corner within r |u_out - u_in| / 6.
 """
 
-import itertools
+import math
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.arrays import Array
+from kinematics.arrays import Array, Indices
+from kinematics.compiled.kernel import kernel
 from kinematics.errors import InvalidOption, InvalidTrajectory
 from planning.timing.path import SAME_DIRECTION, JointPath
 
@@ -68,14 +69,12 @@ def largest_reaches(waypoints: ArrayLike) -> Array:
     Raises:
         InvalidTrajectory: As in ``merge``.
     """
-    points = _points(waypoints)
-    kept = _keep(points)
+    return _largest_reaches(_points(waypoints))
+
+
+def _largest_reaches(points: Array) -> Array:
     reaches = np.zeros(max(len(points) - 2, 0))
-    if len(kept) > 2:
-        lengths, directions = _legs(points[kept])
-        half = 0.5 * np.minimum(lengths[:-1], lengths[1:])
-        reversal = np.linalg.norm(directions[1:] + directions[:-1], axis=1) < _REVERSAL
-        reaches[kept[1:-1] - 1] = np.where(reversal, 0.0, half)
+    largest_reaches_kernel(points, _keep(points), reaches)
     return reaches
 
 
@@ -99,7 +98,7 @@ def reach_for_deviation(waypoints: ArrayLike, deviation: float, smooth: bool = F
             f"the blend tolerance is {deviation}", hint="Give a number that is 0 or positive."
         )
     points = _points(waypoints)
-    reaches = largest_reaches(points)
+    reaches = _largest_reaches(points)
     kept = _keep(points)
     if len(kept) > 2:
         _, directions = _legs(points[kept])
@@ -135,54 +134,72 @@ def blend(waypoints: ArrayLike, reaches: ArrayLike, smooth: bool = False) -> Joi
     lengths, directions = _legs(corners)
     least = _LEAST_REACH * np.minimum(lengths[:-1], lengths[1:])
     corner_reaches[corner_reaches < least] = 0.0
-    ends = np.concatenate([[0.0], corner_reaches, [0.0]])
-    return _alternate_pieces(corners, lengths, directions, ends, smooth)
+    ends = np.zeros(len(corners))
+    ends[1:-1] = corner_reaches
+    room = len(lengths) + 2 * len(corner_reaches)
+    coefficients, spans = np.zeros((room, points.shape[1], 4 if smooth else 3)), np.empty(room)
+    used = blend_kernel(corners, lengths, directions, ends, smooth, coefficients, spans)
+    return JointPath(coefficients[:used], spans[:used])
 
 
-def _alternate_pieces(
-    corners: Array, lengths: Array, directions: Array, reaches: Array, smooth: bool
-) -> JointPath:
-    """Legs and curves in turn; ``reaches`` has one value a corner, 0 at the two ends."""
-    zero = np.zeros((corners.shape[1], 2 if smooth else 1))
-    reaches = _usable_reaches(lengths, reaches)
-    coefficients, spans = [], []
-    for i, (length, u) in enumerate(zip(lengths, directions, strict=True)):
+@kernel
+def blend_kernel(
+    corners: Array,
+    lengths: Array,
+    directions: Array,
+    reaches: Array,
+    smooth: bool,
+    coefficients: Array,
+    spans: Array,
+) -> int:
+    """Write legs and curves in turn; the number of pieces.
+
+    Args:
+        corners: Shape (k, n).
+        lengths: Of the legs, shape (k - 1,).
+        directions: Unit vectors along them, shape (k - 1, n).
+        reaches: Of the corners, 0 at the two ends, shape (k,); changed where a leg would be left
+            with next to nothing.
+        smooth: Whether cubics round the corners, or parabolas.
+        coefficients: Of the pieces, come as zeros, shape (>= 3 k - 5, n, 4), (.., 3) for parabolas.
+        spans: Lengths of the pieces, shape (>= 3 k - 5,).
+    """
+    n, used = corners.shape[1], 0
+    for i in range(lengths.shape[0]):
+        straight = lengths[i] - reaches[i] - reaches[i + 1]
+        if _NOTHING * lengths[i] < straight < _LEAST_STRAIGHT * lengths[i]:
+            larger = i if reaches[i] > reaches[i + 1] else i + 1
+            reaches[larger] -= _LEAST_STRAIGHT * lengths[i]
+    for i in range(lengths.shape[0]):
         r = reaches[i]
         if r > 0.0:
-            curve = _cubics if smooth else _parabola
-            for piece, span in curve(corners[i], directions[i - 1], u, float(r)):
-                coefficients.append(piece)
-                spans.append(span)
-        straight = length - r - reaches[i + 1]
-        if straight > _NOTHING * length:
-            coefficients.append(np.column_stack([corners[i] + r * u, u, zero]))
-            spans.append(straight)
-    return JointPath(np.array(coefficients), np.array(spans))
-
-
-def _parabola(corner: Array, u_in: Array, u_out: Array, r: float) -> list[tuple[Array, float]]:
-    start = corner - r * u_in
-    return [(np.column_stack([start, u_in, (u_out - u_in) / (4.0 * r)]), 2.0 * r)]
-
-
-def _cubics(corner: Array, u_in: Array, u_out: Array, r: float) -> list[tuple[Array, float]]:
-    turn, zero = u_out - u_in, np.zeros_like(corner)
-    bend = turn / (6.0 * r * r)
-    first = np.column_stack([corner - r * u_in, u_in, zero, bend])
-    middle, along = corner + r * turn / 6.0, 0.5 * (u_in + u_out)
-    second = np.column_stack([middle, along, turn / (2.0 * r), -bend])
-    return [(first, r), (second, r)]
-
-
-def _usable_reaches(lengths: Array, reaches: Array) -> Array:
-    """Reaches that leave of each leg either nothing or a piece long enough to reckon with."""
-    reaches = reaches.copy()
-    for i, length in enumerate(lengths):
-        straight = length - reaches[i] - reaches[i + 1]
-        if _NOTHING * length < straight < _LEAST_STRAIGHT * length:
-            larger = i if reaches[i] > reaches[i + 1] else i + 1
-            reaches[larger] -= _LEAST_STRAIGHT * length
-    return reaches
+            for joint in range(n):
+                corner = corners[i, joint]
+                before, after = directions[i - 1, joint], directions[i, joint]
+                turn, c = after - before, coefficients[used, joint]
+                c[0], c[1] = corner - r * before, before
+                if not smooth:
+                    c[2] = turn / (4.0 * r)
+                    continue
+                bend = turn / (6.0 * r * r)
+                c[3] = bend
+                c = coefficients[used + 1, joint]
+                c[0], c[1] = corner + r * turn / 6.0, 0.5 * (before + after)
+                c[2], c[3] = turn / (2.0 * r), -bend
+            spans[used] = r if smooth else 2.0 * r
+            used += 1
+            if smooth:
+                spans[used] = r
+                used += 1
+        straight = lengths[i] - r - reaches[i + 1]
+        if straight > _NOTHING * lengths[i]:
+            for joint in range(n):
+                u = directions[i, joint]
+                coefficients[used, joint, 0] = corners[i, joint] + r * u
+                coefficients[used, joint, 1] = u
+            spans[used] = straight
+            used += 1
+    return used
 
 
 def _points(waypoints: ArrayLike) -> Array:
@@ -202,7 +219,7 @@ def _points(waypoints: ArrayLike) -> Array:
 
 
 def _reaches(points: Array, reaches: ArrayLike) -> Array:
-    limits = largest_reaches(points)
+    limits = _largest_reaches(points)
     values = np.array(reaches, dtype=np.float64).reshape(-1)
     if values.shape != limits.shape or not (values >= 0.0).all():
         raise InvalidOption(
@@ -228,25 +245,71 @@ def _legs(corners: Array) -> tuple[Array, Array]:
     return lengths, legs / lengths[:, None]
 
 
-def _keep(points: Array) -> "np.ndarray[tuple[int], np.dtype[np.int64]]":
-    """Indices of the waypoints that stay: ends, and where the direction changes.
+def _keep(points: Array) -> Indices:
+    """Indices of the waypoints that stay: ends, and where the direction changes."""
+    kept = np.empty(len(points), dtype=np.int64)
+    return kept[: keep_kernel(points, kept)]
+
+
+@kernel
+def keep_kernel(points: Array, kept: Indices) -> int:
+    """Write the indices of the waypoints (k, n) that stay into ``kept`` (k,); their number.
 
     A direction is compared with that of the whole leg since the last waypoint that stayed, so a
     slow bend of many small turns is not taken for a straight line.
     """
-    near = _SAME_POINT * max(1.0, float(np.abs(points).max()))
-    distinct = [0]
-    for i in range(1, len(points)):
-        if np.linalg.norm(points[i] - points[distinct[-1]]) > near:
-            distinct.append(i)
-    if len(distinct) > 1:
-        # The very last waypoint stands for those it repeats: the goal is met exactly.
-        distinct[-1] = len(points) - 1
-    kept = distinct[:1]
-    for here, after in itertools.pairwise(distinct[1:]):
-        before = points[here] - points[kept[-1]]
-        ahead = points[after] - points[here]
-        turn = ahead / np.linalg.norm(ahead) - before / np.linalg.norm(before)
-        if np.linalg.norm(turn) > SAME_DIRECTION:
-            kept.append(here)
-    return np.array(kept + distinct[1:][-1:], dtype=np.int64)
+    k, n = points.shape
+    scale = 1.0
+    for i in range(k):
+        for joint in range(n):
+            scale = max(scale, abs(points[i, joint]))
+    distinct = 1
+    kept[0] = 0
+    for i in range(1, k):
+        if _distance(points[i], points[kept[distinct - 1]]) > _SAME_POINT * scale:
+            kept[distinct] = i
+            distinct += 1
+    if distinct == 1:
+        return 1
+    # The very last waypoint stands for those it repeats: the goal is met exactly.
+    kept[distinct - 1] = k - 1
+    used = 1
+    for at in range(1, distinct - 1):
+        last, here, after = kept[used - 1], kept[at], kept[at + 1]
+        before = _distance(points[here], points[last])
+        ahead = _distance(points[after], points[here])
+        square = 0.0
+        for joint in range(n):
+            turn = (points[after, joint] - points[here, joint]) / ahead
+            turn -= (points[here, joint] - points[last, joint]) / before
+            square += turn * turn
+        if math.sqrt(square) > SAME_DIRECTION:
+            kept[used] = here
+            used += 1
+    kept[used] = k - 1
+    return used + 1
+
+
+@kernel
+def largest_reaches_kernel(points: Array, kept: Indices, reaches: Array) -> None:
+    """Write the ``largest_reaches`` of waypoints of which some are ``kept``; zeros come in."""
+    n = points.shape[1]
+    for at in range(1, kept.shape[0] - 1):
+        last, here, after = kept[at - 1], kept[at], kept[at + 1]
+        before = _distance(points[here], points[last])
+        ahead = _distance(points[after], points[here])
+        square = 0.0
+        for joint in range(n):
+            total = (points[after, joint] - points[here, joint]) / ahead
+            total += (points[here, joint] - points[last, joint]) / before
+            square += total * total
+        if math.sqrt(square) >= _REVERSAL:
+            reaches[here - 1] = 0.5 * min(before, ahead)
+
+
+@kernel
+def _distance(a: Array, b: Array) -> float:
+    square = 0.0
+    for joint in range(a.shape[0]):
+        square += (a[joint] - b[joint]) ** 2
+    return math.sqrt(square)

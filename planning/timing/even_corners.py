@@ -1,10 +1,13 @@
 """Rounded polylines timed with bounded jerk in few pieces, each corner at a speed of its own."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinematics.arrays import Array
+from kinematics.compiled.kernel import kernel
 from kinematics.trajectory import Trajectory
 from planning.timing.blend import largest_reaches
 from planning.timing.double_s import (
@@ -35,21 +38,37 @@ def fastest_reaches(waypoints: Array, limits: Array, largest: Array) -> Array:
     Returns:
         Reaches for ``blend``, shape (k - 2,).
     """
-    steps = np.diff(waypoints, axis=0)
-    lengths = np.linalg.norm(steps, axis=1)
-    directions = steps / lengths[:, None]
-    turns = np.abs(np.diff(directions, axis=0))
-    steepest = np.maximum(np.abs(directions[1:]), np.abs(directions[:-1]))
-    with np.errstate(divide="ignore"):
-        legs = Legs(lengths, (limits / np.abs(directions)[:, None]).min(axis=2))
-        corners = CornerLimits(
-            (limits[0] / steepest).min(axis=1),
-            (limits[1] / turns).min(axis=1),
-            (limits[2] / turns).min(axis=1),
-        )
     reaches = np.zeros(len(largest))
-    fastest_reaches_kernel(legs, corners, np.minimum(largest, largest_reaches(waypoints)), reaches)
+    most = np.minimum(largest, largest_reaches(waypoints))
+    corner_reaches_kernel(np.ascontiguousarray(waypoints), limits, most, reaches)
     return reaches
+
+
+@kernel
+def corner_reaches_kernel(waypoints: Array, limits: Array, largest: Array, reaches: Array) -> None:
+    """``fastest_reaches_kernel`` of the polyline through waypoints (k, n)."""
+    legs, n = waypoints.shape[0] - 1, waypoints.shape[1]
+    lengths, directions = np.zeros(legs), np.empty((legs, n))
+    along = np.full((legs, 3), np.inf)
+    at_corners = np.full((3, legs - 1), np.inf)
+    for i in range(legs):
+        for joint in range(n):
+            directions[i, joint] = waypoints[i + 1, joint] - waypoints[i, joint]
+            lengths[i] += directions[i, joint] ** 2
+        lengths[i] = math.sqrt(lengths[i])
+        for joint in range(n):
+            directions[i, joint] /= lengths[i]
+            for row in range(3):
+                along[i, row] = min(along[i, row], limits[row, joint] / abs(directions[i, joint]))
+    for i in range(legs - 1):
+        for joint in range(n):
+            before, after = directions[i, joint], directions[i + 1, joint]
+            steepest, turn = max(abs(before), abs(after)), abs(after - before)
+            for row in range(3):
+                limit = limits[row, joint] / (steepest if row == 0 else turn)
+                at_corners[row, i] = min(at_corners[row, i], limit)
+    corners = CornerLimits(at_corners[0], at_corners[1], at_corners[2])
+    fastest_reaches_kernel(Legs(lengths, along), corners, largest, reaches)
 
 
 def time_even_corners(path: JointPath, joint_names: Sequence[str], limits: Array) -> ScaledTime:
@@ -66,10 +85,10 @@ def time_even_corners(path: JointPath, joint_names: Sequence[str], limits: Array
     Returns:
         The motion, and the factor by which time was stretched for rounding.
     """
-    straight = ~(path.coefficients[:, :, 2:] != 0.0).any(axis=(1, 2))
-    with np.errstate(divide="ignore"):
-        along = (limits / np.abs(path.coefficients[:, None, :, 1])).min(axis=2)
-    speeds = _speeds(path, straight, along, limits)
+    count = len(path.lengths)
+    straight, along = np.empty(count, dtype=np.bool_), np.empty((count, 3))
+    speeds = np.zeros(count + 1)
+    path_speeds_kernel(path.coefficients, path.lengths, limits, straight, along, speeds)
     room = MAX_PHASES * len(path.lengths)
     phases, owners = np.empty((room, 5)), np.empty(room, dtype=np.int64)
     used = polyline_phases_kernel(path.lengths, straight, along, speeds, phases, owners)
@@ -83,37 +102,66 @@ def time_even_corners(path: JointPath, joint_names: Sequence[str], limits: Array
     return dilate(motion, *limits)._replace(solver="double_s")
 
 
-def _speeds(
-    path: JointPath, straight: "np.ndarray[tuple[int], np.dtype[np.bool_]]", along: Array,
+@kernel
+def path_speeds_kernel(
+    coefficients: Array,
+    lengths: Array,
     limits: Array,
-) -> Array:  # fmt: skip
-    """Speeds at the start, between the pieces of a path and at its end, shape (p + 1,)."""
-    count = len(path.lengths)
+    straight: NDArray[np.bool_],
+    along: Array,
+    speeds: Array,
+) -> None:
+    """Write the speeds at the ends of the pieces of a path that begins and ends at rest.
+
+    Args:
+        coefficients: Of the path, cubics, shape (p, n, 4).
+        lengths: Of its pieces, shape (p,).
+        limits: Of velocity, acceleration and jerk, shape (3, n).
+        straight: Filled: which pieces are straight, shape (p,).
+        along: Filled with the limits along the straight ones, shape (p, 3).
+        speeds: Filled, shape (p + 1,).
+    """
+    count, n = coefficients.shape[:2]
+    legs = 0
+    for i in range(count):
+        straight[i] = True
+        for row in range(3):
+            along[i, row] = np.inf
+        for joint in range(n):
+            c = coefficients[i, joint]
+            straight[i] &= c[2] == 0.0 and c[3] == 0.0
+            for row in range(3):
+                along[i, row] = min(along[i, row], limits[row, joint] / abs(c[1]))
+        legs += straight[i]
     # Curves that meet share a speed: each piece that is straight begins a leg after such a run.
-    runs = np.cumsum(straight)
-    caps = np.full(int(runs[-1]) + 1, np.inf)
-    curved = np.flatnonzero(~straight)
-    np.minimum.at(caps, runs[curved], _curve_speeds(path, curved, limits))
-    bare = np.setdiff1d(np.arange(len(caps)), runs[curved])
-    caps[bare] = 0.0
-    caps[[0, -1]] = 0.0
-    lower_speeds_kernel(Legs(path.lengths[straight], along[straight]), caps, CONVERGED)
-    speeds = np.zeros(count + 1)
-    speeds[1:] = caps[runs]
-    return speeds
+    caps, leg_lengths, leg_limits = np.zeros(legs + 1), np.empty(legs), np.empty((legs, 3))
+    run = 0
+    for i in range(count):
+        if straight[i]:
+            leg_lengths[run] = lengths[i]
+            for row in range(3):
+                leg_limits[run, row] = along[i, row]
+            run += 1
+        elif 0 < run < legs:
+            speed = _curve_speed(coefficients[i], lengths[i], limits)
+            caps[run] = speed if caps[run] == 0.0 else min(caps[run], speed)
+    lower_speeds_kernel(Legs(leg_lengths, leg_limits), caps, CONVERGED)
+    run, speeds[0] = 0, 0.0
+    for i in range(count):
+        run += straight[i]
+        speeds[i + 1] = caps[run]
 
 
-def _curve_speeds(
-    path: JointPath, curved: "np.ndarray[tuple[int], np.dtype[np.int64]]", limits: Array
-) -> Array:
-    """Largest constant speed through each cubic piece of a rounded corner, shape (c,)."""
-    c, length = path.coefficients[curved], path.lengths[curved, None]
-    begins, ends = c[:, :, 1], c[:, :, 1] + (2.0 * c[:, :, 2] + 3.0 * c[:, :, 3] * length) * length
-    first = np.maximum(np.abs(begins), np.abs(ends))
-    bends = 2.0 * c[:, :, 2] + 6.0 * c[:, :, 3] * length
-    second = np.maximum(np.abs(2.0 * c[:, :, 2]), np.abs(bends))
-    with np.errstate(divide="ignore"):
-        by_speed = (limits[0] / first).min(axis=1)
-        by_bend = (limits[1] / second).min(axis=1)
-        by_jerk = (limits[2] / np.abs(6.0 * c[:, :, 3])).min(axis=1)
-    return np.asarray(np.minimum(by_speed, np.minimum(np.sqrt(by_bend), np.cbrt(by_jerk))))
+@kernel
+def _curve_speed(c: Array, length: float, limits: Array) -> float:
+    """Largest constant speed through a cubic piece (n, 4) of a rounded corner."""
+    by_speed, by_bend, by_jerk = np.inf, np.inf, np.inf
+    for joint in range(c.shape[0]):
+        bend, jerk = 2.0 * c[joint, 2], 6.0 * c[joint, 3]
+        begins = c[joint, 1]
+        ends = begins + (bend + 0.5 * jerk * length) * length
+        by_speed = min(by_speed, limits[0, joint] / max(abs(begins), abs(ends)))
+        bend = max(abs(bend), abs(bend + jerk * length))
+        by_bend = min(by_bend, limits[1, joint] / bend)
+        by_jerk = min(by_jerk, limits[2, joint] / abs(jerk))
+    return float(min(by_speed, math.sqrt(by_bend), by_jerk ** (1.0 / 3.0)))

@@ -160,7 +160,7 @@ def _lower(level: Checker) -> Checker:
 def _is_clear(level: Checker, motion: Trajectory, count: int) -> bool:
     """Whether a checker finds instants of a motion free, evenly spaced between its ends."""
     times = np.linspace(0.0, motion.duration, count + 2)[1:-1]
-    return all(level.valid(q) for q in np.ascontiguousarray(motion.sample(times)))
+    return level.all_valid(motion.sample(times))
 
 
 def _splines(

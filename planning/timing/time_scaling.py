@@ -8,8 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.arrays import Array
+from kinematics.arrays import Array, frozen
+from kinematics.compiled.kernel import kernel
 from kinematics.errors import InvalidOption
+from kinematics.polynomial import extrema_kernel
 from kinematics.trajectory import Trajectory
 from planning.timing.options import Solver
 
@@ -80,8 +82,12 @@ def fitting_factor(
     Raises:
         InvalidOption: As in ``dilate``.
     """
-    worst = _worst(trajectory, _bounds(trajectory.n, velocity, acceleration, jerk))
-    return max((ratio ** (1.0 / order) for order, ratio in worst.items()), default=0.0)
+    limits = _bounds(trajectory.n, velocity, acceleration, jerk)
+    return _least_factor(_worst(trajectory.breaks, trajectory.coefficients, limits))
+
+
+def _least_factor(worst: Array) -> float:
+    return float(max(worst ** (1.0 / np.arange(1.0, 4.0))))
 
 
 def fit(
@@ -96,7 +102,7 @@ def fit(
         InvalidOption: As in ``dilate``, or no limit given bounds the motion.
     """
     limits = _bounds(trajectory.n, velocity, acceleration, jerk)
-    factor = fitting_factor(trajectory, velocity, acceleration, jerk)
+    factor = _least_factor(_worst(trajectory.breaks, trajectory.coefficients, limits))
     if not factor > 0.0:
         raise InvalidOption(
             "no limit bounds this motion, so there is no fastest one",
@@ -123,38 +129,73 @@ def checked_limits(values: ArrayLike, name: str, n: int) -> Array:
     return limits
 
 
-def _bounds(n: int, *limits: ArrayLike | None) -> dict[int, Array]:
-    """The limits that are given, checked, by the order of the derivative."""
-    names = ("velocity", "acceleration", "jerk")
-    return {
-        order: checked_limits(values, name, n)
-        for order, (values, name) in enumerate(zip(limits, names, strict=True), start=1)
-        if values is not None
-    }
+def _bounds(n: int, *limits: ArrayLike | None) -> Array:
+    """The limits, checked, by the order of the derivative, inf where none is given; (3, n)."""
+    bounds = np.full((3, n), np.inf)
+    for row, (values, name) in enumerate(
+        zip(limits, ("velocity", "acceleration", "jerk"), strict=True)
+    ):
+        if values is not None:
+            bounds[row] = checked_limits(values, name, n)
+    return bounds
 
 
-def _stretch(trajectory: Trajectory, limits: dict[int, Array], factor: float) -> ScaledTime:
-    dilated = trajectory if factor == 1.0 else trajectory.dilate(factor)
-    worst = _worst(dilated, limits)
+def _stretch(trajectory: Trajectory, limits: Array, factor: float) -> ScaledTime:
+    breaks, coefficients = _dilated(trajectory, factor)
+    worst = _worst(breaks, coefficients, limits)
     while (missing := _missing_factor(worst)) > 1.0:
         factor *= missing * (1.0 + _HAIR)
-        dilated = trajectory.dilate(factor)
+        breaks, coefficients = _dilated(trajectory, factor)
         # Looked at again is what comes near its limit: the rest has only become smaller.
-        near = {k: limits[k] for k, r in worst.items() if r > _NEAR * missing**k}
-        worst = _worst(dilated, near)
-    return ScaledTime(dilated, factor)
+        near = worst > _NEAR * missing ** np.arange(1.0, 4.0)
+        worst = _worst(breaks, coefficients, np.where(near[:, None], limits, np.inf))
+    if factor == 1.0:
+        return ScaledTime(trajectory, factor)
+    return ScaledTime(Trajectory(trajectory.joint_names, breaks, coefficients), factor)
 
 
-def _worst(trajectory: Trajectory, limits: dict[int, Array]) -> dict[int, float]:
-    """The worst ratio to the limits of each order."""
-    return {
-        order: float(peak_ratios(trajectory, values, order).max())
-        for order, values in limits.items()
-    }
+def _dilated(trajectory: Trajectory, factor: float) -> tuple[Array, Array]:
+    """Breaks and coefficients of ``Trajectory.dilate``, which are looked at before they are one."""
+    if factor == 1.0:
+        return trajectory.breaks, trajectory.coefficients
+    powers = np.power(float(factor), -np.arange(trajectory.degree + 1.0))
+    return frozen(trajectory.breaks * factor), frozen(trajectory.coefficients * powers)
 
 
-def _missing_factor(worst: dict[int, float]) -> float:
+def _worst(breaks: Array, coefficients: Array, limits: Array) -> Array:
+    """The worst ratio to the limits (3, n) of each order, 0 where there is none, shape (3,)."""
+    worst = np.zeros(3)
+    worst_kernel(breaks, coefficients, limits, worst)
+    return worst
+
+
+@kernel
+def worst_kernel(breaks: Array, coefficients: Array, limits: Array, worst: Array) -> None:
+    """Write the exact worst ratios of velocity, acceleration and jerk to their limits.
+
+    Args:
+        breaks: Shape (m + 1,) [s].
+        coefficients: Shape (m, n, k).
+        limits: inf where there is none, shape (3, n).
+        worst: Comes as zeros, shape (3,).
+    """
+    n, size = coefficients.shape[1:]
+    work, best = np.empty((size + 3, size)), np.empty((n, 4))
+    for row in range(3):
+        least = np.inf
+        for joint in range(n):
+            least = min(least, limits[row, joint])
+        if not least < np.inf:
+            continue
+        extrema_kernel(breaks, coefficients, row + 1, True, work, best)
+        for joint in range(n):
+            peak = max(best[joint, 2], -best[joint, 0])
+            worst[row] = max(worst[row], peak / limits[row, joint])
+
+
+def _missing_factor(worst: Array) -> float:
     """The factor by which time is still too short: the largest ratio^(1 / order), at least 1."""
     # The root of a ratio just above 1 may round to 1.
-    over = (max(r ** (1.0 / k), 1.0 + _HAIR) for k, r in worst.items() if r > 1.0)
+    ratios = enumerate(map(float, worst), start=1)
+    over = (max(r ** (1.0 / k), 1.0 + _HAIR) for k, r in ratios if r > 1.0)
     return max(over, default=1.0)

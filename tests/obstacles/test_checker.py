@@ -80,6 +80,31 @@ def test_all_answers_agree(name: str) -> None:
     assert seen == {True, False}
 
 
+@pytest.mark.parametrize("name", ["scara", "ur5e"])
+def test_many_states_are_answered_as_one_by_one(name: str) -> None:
+    robot, within = builtin(name), 0.05
+    solids = Checker.of(robot, arena(robot, 3), 0.01)
+    hollow = obstacle("cup", mesh_shape(cup()), [0.5, 0.1, 0.2])
+    dented = Scene((hollow,))
+    for model in (solids.model, Checker.of(robot, dented).model):
+        ours = Checker(model, 0.005)
+        many = states(robot, 5, 60)
+        valid = [ours.valid(q) for q in many]
+        assert 0 < sum(valid) < len(many)
+        assert ours.each_valid(many).tolist() == valid
+        assert not ours.all_valid(many)
+        assert ours.all_valid(many[valid])
+        distances, pairs = ours.closest(many, within)
+        for q, distance, pair in zip(many, distances, pairs, strict=True):
+            clearance, nearest = ours.clearance(q)
+            if clearance > 0.0:
+                assert distance == pytest.approx(min(clearance, within), abs=1e-12)
+                assert pair == (nearest if clearance < within else None)
+            else:
+                assert distance <= 0.0
+    assert ours.all_valid(many[:0])
+
+
 def test_clearance_of_a_ball_before_a_wall_is_the_gap() -> None:
     for x in (-1.0, 0.0, 0.5, 0.899):
         gap, pair = checker().clearance(along(x))

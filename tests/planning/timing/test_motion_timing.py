@@ -225,6 +225,10 @@ class _NotAt:
         self.times -= 1
         return self.times != 0
 
+    def all_valid(self, states: np.ndarray) -> bool:
+        """Whether these are other times, up to the first that is not."""
+        return all(self.valid(q) for q in states)
+
     def curve(self, *_: np.ndarray) -> Motion:
         """Every curve is free."""
         return Motion(True, False, 1.0, None, 1.0, 1)
