@@ -1,8 +1,9 @@
 """More clients than a server can serve: goodput, refusals and health meanwhile.
 
-``python -m benchmarks.overload --clients 200 --seconds 10`` starts a server of its own. Each client
-asks again as soon as it has an answer. Goodput is what was answered with 2xx, in parts of what the
-same server answers to as many clients as it has workers.
+``python -m benchmarks.overload --clients 200 --seconds 10`` starts a server of its own, reached
+from this machine only. Each client asks again as soon as it has an answer, or after Retry-After
+where it was refused; with ``--impatient`` at once too. Goodput is what was answered with 2xx, in
+parts of what the same server answers to as many clients as it has workers.
 """
 
 import argparse
@@ -54,7 +55,9 @@ class Figures:
     health: list[float] = field(default_factory=list)
 
 
-async def _ask(address: tuple[str, int], content: bytes, stop: float, note: Any) -> None:
+async def _ask(
+    address: tuple[str, int], content: bytes, stop: float, note: Any, *, patient: bool = False
+) -> None:
     reader, writer = await asyncio.open_connection(*address)
     try:
         while time.monotonic() < stop:
@@ -65,6 +68,9 @@ async def _ask(address: tuple[str, int], content: bytes, stop: float, note: Any)
             if length is not None:
                 await reader.readexactly(int(length[1]))
             note(int(head[9:12]), time.monotonic() - began)
+            after = re.search(rb"retry-after: (\d+)", head, re.IGNORECASE)
+            if patient and after is not None:
+                await asyncio.sleep(min(float(after[1]), max(stop - time.monotonic(), 0.0)))
     finally:
         writer.close()
 
@@ -77,7 +83,9 @@ def _content(path: str, body: dict[str, Any] | None) -> bytes:
     return head.encode() + b"\r\n" + data
 
 
-async def run(address: tuple[str, int], name: str, clients: int, seconds: float) -> Figures:
+async def run(
+    address: tuple[str, int], name: str, clients: int, seconds: float, *, patient: bool = True
+) -> Figures:
     """Have clients ask for some seconds.
 
     Args:
@@ -85,6 +93,7 @@ async def run(address: tuple[str, int], name: str, clients: int, seconds: float)
         name: One of `REQUESTS`.
         clients: How many ask at the same time.
         seconds: For how long [s].
+        patient: Whether they wait as Retry-After says.
     """
     figures = Figures()
 
@@ -94,7 +103,8 @@ async def run(address: tuple[str, int], name: str, clients: int, seconds: float)
 
     stop = time.monotonic() + seconds
     path, body = REQUESTS[name]
-    asking = [_ask(address, _content(path, body), stop, note) for _ in range(clients)]
+    content = _content(path, body)
+    asking = [_ask(address, content, stop, note, patient=patient) for _ in range(clients)]
     healthy = _content("/healthz", None)
 
     async def look() -> None:
@@ -131,6 +141,7 @@ def main() -> None:
     parser.add_argument("--clients", type=int, default=200)
     parser.add_argument("--seconds", type=float, default=8.0)
     parser.add_argument("--settle", type=float, default=15.0, help="workers are renewed meanwhile")
+    parser.add_argument("--impatient", action="store_true", help="do not mind Retry-After")
     parser.add_argument("--requests", nargs="*", default=list(REQUESTS))
     chosen = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
@@ -152,7 +163,10 @@ def main() -> None:
             for name in chosen.requests:
                 asyncio.run(run(address, name, 2, 1.0))
                 alone = asyncio.run(run(address, name, 2, chosen.seconds))
-                crowd = asyncio.run(run(address, name, chosen.clients, chosen.seconds))
+                patient = not chosen.impatient
+                crowd = asyncio.run(
+                    run(address, name, chosen.clients, chosen.seconds, patient=patient)
+                )
                 print(report(name, alone, crowd, chosen.seconds))
         finally:
             process.terminate()

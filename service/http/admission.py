@@ -25,9 +25,13 @@ _NEGOTIATED = re.compile(
 )
 
 
+#: Bodies up to this size are waited for, where they may be refused before they are parsed [byte].
+_AWAITED_BYTES = 64 * 1024
+
+
 @dataclass(frozen=True, slots=True)
 class SimpleRequest:
-    """A POST that arrived in one piece.
+    """A POST of which everything has arrived.
 
     Args:
         path: Its path.
@@ -40,14 +44,21 @@ class SimpleRequest:
 
 def read_simple(data: bytes) -> SimpleRequest | None:
     """The request that some bytes are, if it is simple and complete and nothing follows it."""
+    request, missing = _read(data)
+    return request if missing == 0 else None
+
+
+def _read(data: bytes) -> tuple[SimpleRequest | None, int]:
+    """A request that is simple, and how many bytes of its body are still to come."""
     line = _REQUEST_LINE.match(data)
     if line is None:
-        return None
+        return None, 0
     head, mark, body = data.partition(b"\r\n\r\n")
     lengths = _LENGTH.findall(head + b"\r\n")
-    if not mark or len(lengths) != 1 or int(lengths[0]) != len(body) or _NEGOTIATED.search(head):
-        return None
-    return SimpleRequest(line[1].decode("ascii"), body)
+    if not mark or len(lengths) != 1 or _NEGOTIATED.search(head):
+        return None, 0
+    missing = int(lengths[0]) - len(body)
+    return None if missing < 0 else SimpleRequest(line[1].decode("ascii"), body), missing
 
 
 class Admission:
@@ -68,24 +79,39 @@ class Admission:
         if method == "POST":
             self._tasks[path.rpartition("/")[2]] = task
 
-    def refusal(self, data: bytes, client: str) -> bytes | None:
+    def wants_rest(self, data: bytes) -> bool:
+        """Whether a request may be refused once the rest of its short body is there."""
+        if not self._supervisor.has_work:
+            return False
+        request, missing = _read(data)
+        is_short = request is not None and 0 < missing <= _AWAITED_BYTES - len(request.body)
+        return request is not None and is_short and self._task(request) is not None
+
+    def refusal(self, data: bytes, client: str, carrier: object) -> bytes | None:
         """The answer to a request that would be too late, in full; None for all others.
 
         Args:
             data: Of the request, as they arrived.
             client: Whom it is from.
+            carrier: What carries it, and says by `ended` when it was answered.
         """
-        if self._supervisor.expected_wait(client) <= 0.0:
-            return None
         request = read_simple(data)
-        if request is None:
-            return None
-        task = self._tasks.get(request.path.rpartition("/")[2])
-        if task is None:
+        task = None if request is None else self._task(request)
+        if request is None or task is None:
             return None
         seconds = named_timeout(request.body, self._settings)
-        problem = self._supervisor.refusal(task, seconds, client)
-        return None if problem is None else _answer(problem, request.path)
+        problem = self._supervisor.early_refusal(task, seconds, client)
+        if problem is not None:
+            return _answer(problem, request.path)
+        self._supervisor.coming.note(carrier, task, client)
+        return None
+
+    def ended(self, carrier: object) -> None:
+        """Note that the request of a carrier, if there is one, was answered or given up."""
+        self._supervisor.coming.forget(carrier)
+
+    def _task(self, request: SimpleRequest) -> str | None:
+        return self._tasks.get(request.path.rpartition("/")[2])
 
 
 def named_timeout(content: bytes, settings: Settings) -> float:

@@ -18,7 +18,9 @@ from service.problem import ProblemError
 #: Descriptors that are left for the storage, the workers and files.
 _RESERVED_DESCRIPTORS = 128
 #: Pause before a request is refused that would be too late [s].
-_REFUSAL_PAUSE = 0.02
+_REFUSAL_PAUSE = 0.03
+#: Time in which the rest of a short body is waited for, where it may be refused unread [s].
+_REST_TIME = 0.05
 _REASONS = {400: b"Bad Request", 408: b"Request Timeout", 503: b"Service Unavailable"}
 
 
@@ -69,6 +71,8 @@ class Connection(H11Protocol):
         self._limits = limits
         self._head_timer: asyncio.TimerHandle | None = None
         self._held: bytes | None = None
+        self._begun = b""
+        self._rest_timer: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Begin to wait for a request, or refuse the connection where there are too many."""
@@ -91,33 +95,72 @@ class Connection(H11Protocol):
     def connection_lost(self, exc: Exception | None) -> None:
         """Forget the connection."""
         self._stop_timer()
+        self._take_begun()
+        self._end_request()
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
         """Take what arrived; a head that has begun must end in time."""
-        if self.transport.is_closing() or self._refuse_early(data):
+        if self.transport.is_closing():
             return
+        data = self._take_begun() + data
+        if not self._refuse_early(data):
+            self._pass_on(data)
+
+    def _pass_on(self, data: bytes) -> None:
         super().data_received(data)
         self._watch_head()
 
+    def _take_begun(self) -> bytes:
+        """What has arrived of a request that was waited for."""
+        if self._rest_timer is not None:
+            self._rest_timer.cancel()
+            self._rest_timer = None
+        begun, self._begun = self._begun, b""
+        return begun
+
+    def _stop_waiting(self) -> None:
+        """Have a request read whose rest does not come."""
+        if not self.transport.is_closing():
+            self._pass_on(self._take_begun())
+
     def on_response_complete(self) -> None:
         """Wait for the next request; until something of it arrives, uvicorn's own timer runs."""
+        self._end_request()
         super().on_response_complete()
         if self.conn.trailing_data[0]:
             self._watch_head()
 
+    @property
+    def _admission(self) -> Admission | None:
+        admission: Admission | None = getattr(
+            getattr(self.config.app, "state", None), "admission", None
+        )
+        return admission
+
+    def _end_request(self) -> None:
+        if (admission := self._admission) is not None:
+            admission.ended(self)
+
     def _refuse_early(self, data: bytes) -> bool:
-        """Refuse a request that would be too late, before it is parsed; whether that was done."""
+        """Refuse a request that would be too late, before it is parsed.
+
+        Returns:
+            Whether that was done, or the rest of the request is waited for.
+        """
         if self._held is not None:
             self._held += data
             return True
-        state = getattr(self.config.app, "state", None)
-        admission: Admission | None = getattr(state, "admission", None)
+        admission = self._admission
         idle = self.conn.our_state is h11.IDLE and self.conn.trailing_data == (b"", False)
         if admission is None or not idle or self._limits.count < len(self.connections):
             return False
+        if admission.wants_rest(data):
+            self._begun = data
+            self._rest_timer = self.loop.call_later(_REST_TIME, self._stop_waiting)
+            return True
         client = "" if self.client is None else self.client[0]
-        content = admission.refusal(data, client)
+        content = admission.refusal(data, client, self)
         if content is None:
             return False
         self._unset_keepalive_if_required()

@@ -20,15 +20,22 @@ class Durations:
 
     def __init__(self) -> None:
         self._means: dict[str, float] = {}
+        self._spreads: dict[str, float] = {}
 
     def note(self, task: str, seconds: float) -> None:
         """Note how long a job of a task took [s]."""
         mean = self._means.get(task, seconds)
         self._means[task] = mean + _MEAN_WEIGHT * (seconds - mean)
+        spread = self._spreads.get(task, 0.0)
+        self._spreads[task] = spread + _MEAN_WEIGHT * (abs(seconds - mean) - spread)
 
     def mean(self, task: str) -> float:
         """The mean duration of a task [s]."""
         return self._means.get(task, _FIRST_MEAN)
+
+    def spread(self, task: str) -> float:
+        """The mean deviation of the duration of a task from its mean [s]."""
+        return self._spreads.get(task, 0.0)
 
     def remaining(self, running: Iterable[Ticket], waiting: Iterable[Ticket]) -> float:
         """Time that jobs still need, all together [s]."""

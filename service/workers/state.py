@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from service.workers.coming import ComingRequests
 from service.workers.fair_queue import FairQueue
 from service.workers.faults import QueueFull
 from service.workers.load import BackgroundShare, Durations
@@ -44,6 +45,7 @@ class SupervisorState:
     def __init__(self, count: int, queue_limit: int) -> None:
         self.counters = Counters()
         self.durations = Durations()
+        self.coming = ComingRequests()
         self._count = count
         self._queue_limit = queue_limit
         self._brief: deque[Ticket] = deque()
@@ -77,6 +79,11 @@ class SupervisorState:
     def background_waiting(self) -> int:
         """Background jobs that wait for a worker."""
         return len(self._background)
+
+    @property
+    def has_work(self) -> bool:
+        """Whether somebody waits for a job that runs, waits or is on its way."""
+        return bool(self.coming or self._waiting or self.busy)
 
     @property
     def count(self) -> int:
@@ -127,9 +134,7 @@ class SupervisorState:
 
         A job that can begin at once is never too late: it may be quicker than others were.
         """
-        wait = self.expected_wait(client)
-        late = _CAUTION * wait + self.durations.mean(task) - seconds
-        return late if wait > 0.0 else 0.0
+        return self._lateness(task, seconds, self.expected_wait(client))
 
     def refusal(self, task: str, seconds: float, client: str = "") -> QueueFull | None:
         """The problem of a job that has no chance; None where it has one.
@@ -141,16 +146,43 @@ class SupervisorState:
         """
         if self._can_begin():
             return None
-        late, wait = self.lateness(task, seconds, client), None
-        if self.waiting >= self._queue_limit:
+        return self._refusal(task, seconds, self.expected_wait(client), self.waiting)
+
+    def early_refusal(self, task: str, seconds: float, client: str = "") -> QueueFull | None:
+        """The problem of a request that has just arrived; None where it has a chance.
+
+        Requests that are still being read count as if they waited.
+
+        Args:
+            task: What it asks for.
+            seconds: Time until its deadline [s].
+            client: Whom it is from.
+        """
+        running = sum(1 for _ in self._running())
+        queued = len(self._waiting) + running
+        ahead = self.coming.ahead(client, queued)
+        if self._can_begin() and running + ahead < self._count:
+            return None
+        wait = self.expected_wait(client) + ahead * self.durations.mean(task) / self._count
+        waiting = self.waiting + max(len(self.coming) - queued, 0)
+        return self._refusal(task, seconds, wait, waiting)
+
+    def _lateness(self, task: str, seconds: float, wait: float) -> float:
+        duration = self.durations.mean(task) + self.durations.spread(task)
+        late = _CAUTION * wait + duration - seconds
+        return late if wait > 0.0 else 0.0
+
+    def _refusal(self, task: str, seconds: float, wait: float, waiting: int) -> QueueFull | None:
+        late, told = self._lateness(task, seconds, wait), None
+        if waiting >= self._queue_limit:
             everything = self.durations.remaining(self._running(), self._waiting)
-            late = everything / self._count / max(self.waiting, 1)
+            late = everything / self._count / max(waiting, 1)
         elif late > 0.0:
-            wait = self.expected_wait(client)
+            told = wait
         else:
             return None
         self.counters.rejected += 1
-        return QueueFull(self.waiting, _retry_after(late), wait)
+        return QueueFull(waiting, _retry_after(late), told)
 
     def _running(self) -> Iterator[Ticket]:
         """The jobs that run and for which somebody waits, brief ones left out."""

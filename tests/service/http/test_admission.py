@@ -7,6 +7,7 @@ import pytest
 
 from service.http.admission import Admission, named_timeout, read_simple
 from service.settings import Settings
+from service.workers.coming import ComingRequests
 from service.workers.faults import QueueFull
 
 SETTINGS = Settings(default_timeout=10.0, max_timeout=60.0)
@@ -20,14 +21,14 @@ def post(path: str, body: bytes, *more: str) -> bytes:
 class Supervisor:
     """Workers that have so much to do."""
 
+    has_work = True
+
     def __init__(self, wait: float) -> None:
         self.wait = wait
+        self.coming = ComingRequests()
         self.asked: list[tuple[str, float, str]] = []
 
-    def expected_wait(self, client: str) -> float:
-        return self.wait
-
-    def refusal(self, task: str, seconds: float, client: str) -> QueueFull | None:
+    def early_refusal(self, task: str, seconds: float, client: str) -> QueueFull | None:
         self.asked.append((task, seconds, client))
         return QueueFull(3, 7, self.wait) if self.wait > seconds else None
 
@@ -57,7 +58,7 @@ def test_a_post_in_one_piece_is_simple() -> None:
 )  # fmt: skip
 def test_all_others_take_the_usual_way(data: bytes) -> None:
     assert read_simple(data) is None
-    assert admission(100.0)[0].refusal(data, "c") is None
+    assert admission(100.0)[0].refusal(data, "c", 1) is None
 
 
 @pytest.mark.parametrize(
@@ -72,7 +73,7 @@ def test_the_timeout_is_read_without_parsing(content: bytes, seconds: float) -> 
 
 def test_what_would_be_too_late_is_refused_with_a_problem() -> None:
     gate, supervisor = admission(5.0)
-    answer = gate.refusal(post("/v1/robots/ur5e/ik", b'{"timeout": 2}'), "10.0.0.1")
+    answer = gate.refusal(post("/v1/robots/ur5e/ik", b'{"timeout": 2}'), "10.0.0.1", 1)
     assert answer is not None
     assert supervisor.asked == [("service.tasks:ik", 2.0, "10.0.0.1")]
     head, _, body = answer.partition(b"\r\n\r\n")
@@ -84,11 +85,26 @@ def test_what_would_be_too_late_is_refused_with_a_problem() -> None:
     assert "5.0 s until this one begins" in document["detail"]
 
 
-def test_others_are_not_refused() -> None:
+def test_others_are_let_in_and_count_until_they_are_answered() -> None:
     gate, supervisor = admission(5.0)
-    assert gate.refusal(post("/v1/robots/ur5e/ik", b'{"timeout": 9}'), "c") is None
-    assert gate.refusal(post("/v1/plan", b'{"timeout": 1}'), "c") is None, "not known yet"
-    assert len(supervisor.asked) == 1
-    gate, supervisor = admission(0.0)
-    assert gate.refusal(post("/v1/robots/ur5e/ik", b'{"timeout": 1}'), "c") is None
-    assert supervisor.asked == []
+    assert gate.refusal(post("/v1/robots/ur5e/ik", b'{"timeout": 9}'), "c", 1) is None
+    assert len(supervisor.coming) == 1
+    assert gate.refusal(post("/v1/plan", b'{"timeout": 1}'), "c", 2) is None, "not known yet"
+    assert (len(supervisor.asked), len(supervisor.coming)) == (1, 1)
+    gate.ended(2)
+    gate.ended(1)
+    assert not supervisor.coming
+
+
+def test_the_rest_of_a_short_body_is_waited_for_while_there_is_work() -> None:
+    gate, supervisor = admission(5.0)
+    whole = post("/v1/robots/ur5e/ik", b'{"timeout": 2}')
+    assert gate.wants_rest(whole[:-3])
+    assert gate.wants_rest(whole.partition(b"{")[0])
+    assert not gate.wants_rest(whole), "nothing is missing"
+    assert not gate.wants_rest(whole[:30]), "the head is not complete"
+    assert not gate.wants_rest(post("/v1/plan", b"{}")[:-1]), "not known yet"
+    large = post("/v1/robots/ur5e/ik", b" " * 70_000)
+    assert not gate.wants_rest(large[:-1])
+    supervisor.has_work = False
+    assert not gate.wants_rest(whole[:-3])

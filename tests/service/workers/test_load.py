@@ -17,6 +17,17 @@ def test_the_mean_follows_what_is_measured() -> None:
     assert durations.mean("plan") == pytest.approx(1.0, abs=0.01)
 
 
+def test_the_spread_follows_what_is_measured() -> None:
+    durations = Durations()
+    assert durations.spread("plan") == 0.0
+    for _ in range(20):
+        durations.note("plan", 0.3)
+    assert durations.spread("plan") < 1e-15
+    for number in range(400):
+        durations.note("plan", 0.2 if number % 2 else 0.4)
+    assert abs(durations.spread("plan") - 0.1) < 0.01
+
+
 def test_background_jobs_get_their_share() -> None:
     """Workers that are never idle: what is due is given, and the times add up to the share."""
     share, times = BackgroundShare(), {True: 0.0, False: 0.0}
