@@ -1,4 +1,4 @@
-"""Servers, agents and PostgreSQL as processes of this machine, for `benchmarks.agents`."""
+"""Servers, agents and PostgreSQL as processes of this machine."""
 
 import os
 import signal
@@ -7,7 +7,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -156,3 +156,33 @@ def processes(
         for process in (*started["serve"], *started["agent"]):
             process.wait()
         yield url, started["serve"], started["agent"]
+
+
+@contextmanager
+def local_server(environment: Mapping[str, str]) -> Iterator[tuple[int, str]]:
+    """A server with a folder of its own, reached from this machine only.
+
+    Args:
+        environment: Its settings.
+
+    Yields:
+        Its process and its URL, once it is ready.
+    """
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        subprocess.Popen(
+            [sys.executable, "-m", "service.cli", "serve", "--port", "0", "--data-dir", folder],
+            env=os.environ | environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+        ) as process,
+    ):
+        try:
+            assert process.stdout is not None
+            url = process.stdout.readline().split()[-1]
+            while httpx.get(f"{url}/readyz").status_code != 200:
+                time.sleep(0.2)
+            yield process.pid, url
+        finally:
+            process.terminate()

@@ -9,17 +9,13 @@ parts of what the same server answers to as many clients as it has workers.
 import argparse
 import asyncio
 import json
-import os
 import re
-import subprocess
-import sys
-import tempfile
 import time
 from collections import Counter
 from dataclasses import dataclass, field
 from typing import Any
 
-import httpx
+from benchmarks.machines import local_server
 
 _HOME = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
 _AWAY = [0.6, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]
@@ -125,7 +121,7 @@ def percentile(values: list[float], part: float) -> float:
 
 def report(name: str, alone: Figures, crowd: Figures, seconds: float) -> str:
     """The figures of a run, in words."""
-    best = alone.statuses[200] / seconds
+    best = max(alone.statuses[200], 1) / seconds
     good = crowd.statuses[200] / seconds
     refused = crowd.seconds.get(429, []) + crowd.seconds.get(503, [])
     return (
@@ -144,33 +140,16 @@ def main() -> None:
     parser.add_argument("--impatient", action="store_true", help="do not mind Retry-After")
     parser.add_argument("--requests", nargs="*", default=list(REQUESTS))
     chosen = parser.parse_args()
-    with tempfile.TemporaryDirectory() as folder:
-        process = subprocess.Popen(
-            [sys.executable, "-m", "service.cli", "serve", "--port", "0", "--data-dir", folder],
-            env=os.environ | {"ARMWRIGHT_WORKERS": "2"},
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            text=True,
-        )
-        try:
-            assert process.stdout is not None
-            url = process.stdout.readline().split()[-1]
-            while httpx.get(f"{url}/readyz").status_code != 200:
-                time.sleep(0.2)
-            time.sleep(chosen.settle)
-            host, port = url.removeprefix("http://").split(":")
-            address = host, int(port)
-            for name in chosen.requests:
-                asyncio.run(run(address, name, 2, 1.0))
-                alone = asyncio.run(run(address, name, 2, chosen.seconds))
-                patient = not chosen.impatient
-                crowd = asyncio.run(
-                    run(address, name, chosen.clients, chosen.seconds, patient=patient)
-                )
-                print(report(name, alone, crowd, chosen.seconds))
-        finally:
-            process.terminate()
-            process.wait()
+    with local_server({"ARMWRIGHT_WORKERS": "2"}) as (_, url):
+        time.sleep(chosen.settle)
+        host, port = url.removeprefix("http://").split(":")
+        address = host, int(port)
+        for name in chosen.requests:
+            asyncio.run(run(address, name, 2, min(1.0, chosen.seconds)))
+            alone = asyncio.run(run(address, name, 2, chosen.seconds))
+            patient = not chosen.impatient
+            crowd = asyncio.run(run(address, name, chosen.clients, chosen.seconds, patient=patient))
+            print(report(name, alone, crowd, chosen.seconds))
 
 
 if __name__ == "__main__":

@@ -93,7 +93,7 @@ class Admission:
         Args:
             data: Of the request, as they arrived.
             client: Whom it is from.
-            carrier: What carries it, and says by `ended` when it was answered.
+            carrier: What carries it, and says by `forget` when it was answered.
         """
         request = read_simple(data)
         task = None if request is None else self._task(request)
@@ -106,7 +106,7 @@ class Admission:
         self._supervisor.coming.note(carrier, task, client)
         return None
 
-    def ended(self, carrier: object) -> None:
+    def forget(self, carrier: object) -> None:
         """Note that the request of a carrier, if there is one, was answered or given up."""
         self._supervisor.coming.forget(carrier)
 

@@ -112,7 +112,7 @@ class Connection(H11Protocol):
         self._watch_head()
 
     def _take_begun(self) -> bytes:
-        """What has arrived of a request that was waited for."""
+        """The beginning of a request whose rest was waited for."""
         if self._rest_timer is not None:
             self._rest_timer.cancel()
             self._rest_timer = None
@@ -140,7 +140,7 @@ class Connection(H11Protocol):
 
     def _end_request(self) -> None:
         if (admission := self._admission) is not None:
-            admission.ended(self)
+            admission.forget(self)
 
     def _refuse_early(self, data: bytes) -> bool:
         """Refuse a request that would be too late, before it is parsed.

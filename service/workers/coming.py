@@ -43,7 +43,7 @@ class ComingRequests:
                 del self._clients[request.client]
 
     def ahead(self, client: str, queued: int) -> int:
-        """How many come before a new request of a client, those that reached the queue left out.
+        """Number of those before a new one of a client, those that reached the queue left out.
 
         Args:
             client: Whom it is from; clients take turns.

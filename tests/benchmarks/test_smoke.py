@@ -3,7 +3,8 @@
 import importlib
 import importlib.util
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 import yaml
 
+from benchmarks import machines
 from kinematics.robots import builtin_srdf, builtin_urdf
 
 FOLDER = Path(__file__).parents[2] / "benchmarks"
@@ -28,7 +30,12 @@ WITHOUT_MAIN = {
 }  # fmt: skip
 #: Have tests of their own, with services of their own: tests/service/jobs/test_agent_jobs.py makes
 #: the faults of `agents`, in one process.
-ELSEWHERE = {"agents", "http", "overload"}
+ELSEWHERE = {"agents", "http"}
+#: Arguments of scripts that start a server.
+OF_SERVERS: Mapping[str, list[str]] = {
+    "overload": ["--clients", "4", "--seconds", "0.3", "--settle", "0", "--requests", "plan"],
+    "soak": ["--minutes", "0.02", "--clients", "2", "--rate", "50", "--kill-every", "0.4"],
+}
 #: Runs all others.
 ALL = {"__main__"}
 
@@ -107,7 +114,7 @@ def problems(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_every_script_is_here() -> None:
     scripts = {path.stem for path in FOLDER.glob("*.py")}
-    assert scripts == set(SMALL) | set(OF_PEERS) | WITHOUT_MAIN | ELSEWHERE | ALL
+    assert scripts == set(SMALL) | set(OF_PEERS) | set(OF_SERVERS) | WITHOUT_MAIN | ELSEWHERE | ALL
 
 
 @pytest.mark.parametrize("name", sorted(WITHOUT_MAIN | ELSEWHERE))
@@ -151,6 +158,31 @@ def test_scripts_run_on_tiny_input(
         assert answers.exists()
         return
     assert capsys.readouterr().out.strip()
+
+
+@pytest.fixture(scope="module")
+def local_server() -> Iterator[tuple[int, str]]:
+    """One server for all scripts that start one."""
+    with machines.local_server({"ARMWRIGHT_WORKERS": "1"}) as started:
+        yield started
+
+
+@pytest.mark.parametrize("name", sorted(OF_SERVERS))
+def test_scripts_that_start_a_server_run_for_a_moment(
+    name: str,
+    local_server: tuple[int, str],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    module = importlib.import_module(f"benchmarks.{name}")
+    monkeypatch.setattr(module, "local_server", lambda _environment: nullcontext(local_server))
+    monkeypatch.setattr(sys, "argv", [name, *OF_SERVERS[name]])
+    exits: list[int] = []
+    monkeypatch.setattr(sys, "exit", lambda code=0: exits.append(int(code)))
+    module.main()
+    told = capsys.readouterr().out
+    assert not any(exits), told
+    assert told.strip()
 
 
 def case_of_ik(folder: Path) -> Path:

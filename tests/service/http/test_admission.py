@@ -91,8 +91,8 @@ def test_others_are_let_in_and_count_until_they_are_answered() -> None:
     assert len(supervisor.coming) == 1
     assert gate.refusal(post("/v1/plan", b'{"timeout": 1}'), "c", 2) is None, "not known yet"
     assert (len(supervisor.asked), len(supervisor.coming)) == (1, 1)
-    gate.ended(2)
-    gate.ended(1)
+    gate.forget(2)
+    gate.forget(1)
     assert not supervisor.coming
 
 

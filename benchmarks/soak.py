@@ -1,0 +1,298 @@
+"""Half an hour of mixed work with kills: memory, and whether anything is lost or done twice.
+
+``python -m benchmarks.soak --minutes 30`` starts a server of its own with two workers, reached from
+this machine only. Clients ask at a fixed rate for all kinds of things that workers keep caches of;
+meanwhile busy workers are killed, and now and then the fork server. Every job has an idempotency
+key and is asked for twice. At last each job that was acknowledged is looked for and its plan is
+compared with what was asked.
+"""
+
+import argparse
+import itertools
+import json
+import os
+import random
+import signal
+import sys
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+
+from benchmarks.machines import local_server
+from tests.service.processes import alive, children, descendants
+from tests.service.robots import ASIDE, FLOOR, HOME, POST, bench, scene
+
+#: The part of a run in which caches may fill: memory is judged after it.
+_WARM_UP = 1.0 / 3.0
+#: Between two looks at the memory [s].
+_LOOK = 1.0
+#: Settings of the server; all jobs are kept, to be compared at the end.
+_ENVIRONMENT = {
+    "ARMWRIGHT_WORKERS": "2",
+    "ARMWRIGHT_JOB_COUNT": "1000000",
+    "ARMWRIGHT_JOB_LIMIT": "64",
+    "ARMWRIGHT_LOG_LEVEL": "error",
+}
+_PAGE = os.sysconf("SC_PAGE_SIZE")
+_MEBIBYTE = 2.0**20
+
+
+def _goal(number: int) -> list[float]:
+    return [0.2 + 5e-5 * (number % 10_000), -0.5, 0.1, -2.2, 0.0, 1.7, 0.785]
+
+
+def _plan(number: int) -> dict[str, Any]:
+    start = {"joints": HOME}
+    return {"robot": "panda", "start": start, "goal": {"joints": _goal(number)}, "timeout": 10.0}
+
+
+def _box(number: int) -> dict[str, Any]:
+    place = [0.6, -0.4 + 1e-4 * (number % 1000), 0.2]
+    shape = {"type": "box", "size": [0.1, 0.1, 0.1 + 1e-5 * (number % 1000)]}
+    return {"id": "box", "shape": shape, "pose": {"position": place}}
+
+
+def _detour(number: int) -> dict[str, Any]:
+    goal = {"joints": ASIDE}
+    return _plan(number) | {"goal": goal, "scene": scene(POST, FLOOR, _box(number)), "seed": number}
+
+
+def _upright(number: int) -> dict[str, Any]:
+    """A cone of another angle each time: another program."""
+    return {
+        "type": "orientation", "axis": [0, 0, 1], "direction": [0, 0, -1],
+        "cone_angle": 0.2 + 1e-4 * (number % 1000),
+    }  # fmt: skip
+
+
+def _constrained(number: int) -> dict[str, Any]:
+    pose = {"position": [0.45, 0.1 + 1e-4 * (number % 100), 0.5]}
+    return {
+        "pose": pose, "method": "constrained", "axes": ["x", "y", "z"],
+        "constraints": [_upright(number)], "scene": scene(FLOOR, _box(number)), "timeout": 10.0,
+    }  # fmt: skip
+
+
+def _simulation(number: int) -> dict[str, Any]:
+    hold = {"type": "hold", "joints": [0.3, -0.4 + 1e-4 * (number % 1000)], "duration": 0.3}
+    control = {"type": "computed_torque", "natural_frequency": 10.0}
+    return {"robot": "planar_rr", "saturate": False, "reference": hold, "controller": control}
+
+
+#: Requests by name: path, and the body of each number.
+REQUESTS: dict[str, tuple[str, Callable[[int], dict[str, Any]]]] = {
+    "plan": ("/v1/plan", _plan),
+    "detour": ("/v1/plan", _detour),
+    "constrained": ("/v1/robots/panda/ik", _constrained),
+    "simulate": ("/v1/simulate", _simulation),
+    "check": (
+        "/v1/check",
+        lambda n: {"robot": "ur5e", "joints": [[0.1] * 6], "scene": scene(FLOOR, _box(n))},
+    ),
+    "dynamics": ("/v1/robots/panda/dynamics", lambda n: {"joints": _goal(n)}),
+}
+
+
+@dataclass
+class Soak:
+    """What has happened so far.
+
+    Args:
+        url: Of the server.
+        stop: When clients end, on the clock of `time.monotonic` [s].
+        answers: How often each status was answered, and each code of a failure, by request.
+        faults: Answers that should not have been, in words.
+        jobs: Ids of acknowledged jobs by their numbers.
+        twice: Jobs whose key gave another job the second time.
+    """
+
+    url: str
+    stop: float
+    answers: Counter[tuple[str, int, str]] = field(default_factory=Counter)
+    faults: list[str] = field(default_factory=list)
+    jobs: dict[int, str] = field(default_factory=dict)
+    twice: int = 0
+
+    def ask(self, numbers: Iterator[int], pause: float) -> None:
+        """Ask one thing after the other.
+
+        Args:
+            numbers: Of requests, shared by all clients.
+            pause: Between two of them [s].
+        """
+        names = [*REQUESTS, "robot", "job"]
+        with httpx.Client(base_url=self.url, timeout=60.0) as client:
+            for number in numbers:
+                if time.monotonic() > self.stop:
+                    return
+                name = names[number % len(names)]
+                try:
+                    if name == "robot":
+                        self._upload(client, number)
+                    elif name == "job":
+                        self._job(client, number)
+                    else:
+                        path, body = REQUESTS[name]
+                        self.note(name, client.post(path, json=body(number)))
+                except httpx.HTTPError as error:
+                    self.faults.append(f"{name} {number}: {error!r}")
+                time.sleep(pause)
+
+    def _upload(self, client: httpx.Client, number: int) -> None:
+        """A robot that nobody has seen, asked for once and deleted."""
+        name = f"arm{number}"
+        limits = {joint: {"acceleration": 5.0 + 1e-4 * number} for joint in ("shoulder", "elbow")}
+        self.note("robot", client.post("/v1/robots", json=bench(name, joint_limits=limits)))
+        body = {"robot": name, "start": {"joints": [0.1, 0.2]}, "goal": {"joints": [0.5, 0.4]}}
+        self.note("robot", client.post("/v1/plan", json=body))
+        self.note("robot", client.delete(f"/v1/robots/{name}"))
+
+    def _job(self, client: httpx.Client, number: int) -> None:
+        """A job, asked for twice with one key."""
+        headers = {"Prefer": "respond-async", "Idempotency-Key": f"soak-{number}"}
+        for _ in range(2):
+            answer = client.post("/v1/plan", json=_plan(number), headers=headers)
+            self.note("job", answer)
+            if answer.status_code == 202:
+                job = answer.json()["id"]
+                self.twice += self.jobs.setdefault(number, job) != job
+
+    def note(self, name: str, answer: httpx.Response) -> None:
+        """Count an answer; what is neither good nor by design is a fault."""
+        code = "" if answer.is_success else answer.json()["code"]
+        self.answers[name, answer.status_code, code] += 1
+        # A kill costs the request of that worker, and refusals are the answer to too much work.
+        # The deadline of a robot that was uploaded may pass while its worker is replaced.
+        by_design = code in ("CRASH", "OVERLOADED", "NOT_READY", "TIMED_OUT")
+        missing = name == "robot" and code in ("NOT_FOUND", "")
+        if not (answer.is_success or by_design or missing):
+            self.faults.append(f"{name}: {answer.status_code} {answer.text[:300]}")
+
+    def judge(self) -> str:
+        """Compare all acknowledged jobs with what was asked for, and say what was found."""
+        lost = wrong = crashed = 0
+        with httpx.Client(base_url=self.url, timeout=60.0) as client:
+            for number, job in self.jobs.items():
+                answer = client.get(f"/v1/jobs/{job}")
+                while answer.is_success and answer.json()["status"] in ("queued", "running"):
+                    time.sleep(0.2)
+                    answer = client.get(f"/v1/jobs/{job}")
+                found = answer.json()
+                if not answer.is_success:
+                    lost += 1
+                elif found["status"] == "succeeded":
+                    end = found["result"]["path"]["joints"][-1]
+                    wrong += not np.allclose(end, _goal(number), rtol=0.0, atol=1e-6)
+                elif found["error"]["code"] == "CRASH":
+                    crashed += 1
+                else:
+                    wrong += 1
+        ids = len(set(self.jobs.values()))
+        return (
+            f"jobs {len(self.jobs)}: lost {lost}, wrong {wrong}, "
+            f"doubled {self.twice + len(self.jobs) - ids}, CRASH after two kills {crashed}"
+        )
+
+
+def kill(pid: int, stop: float, every: float, done: Counter[str]) -> None:
+    """Kill busy workers, and in place of every twentieth the fork server.
+
+    Args:
+        pid: Of the server.
+        stop: Until when [s].
+        every: Time between two kills [s].
+        done: Counts them.
+    """
+    while time.monotonic() + every < stop:
+        time.sleep(every)
+        forkers = children(pid)
+        workers = [one for one in descendants(pid) - forkers if alive(one)]
+        kind = "fork server" if (done.total() + 1) % 20 == 0 else "worker"
+        victims = list(forkers) if kind == "fork server" else workers
+        if victims:
+            with suppress(OSError):
+                os.kill(random.choice(victims), signal.SIGKILL)
+                done[kind] += 1
+
+
+def resident(pid: int) -> float:
+    """Memory of a process [MiB]; 0 where it has ended."""
+    with suppress(OSError, IndexError):
+        return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * _PAGE / _MEBIBYTE
+    return 0.0
+
+
+def slope(times: list[float], values: list[float]) -> tuple[float, float]:
+    """Slope of a line through values [MiB/h], and its standard error from ten parts of the time."""
+    if len(times) < 20:
+        return 0.0, 0.0
+    x, y = np.array(times) / 3600.0, np.array(values)
+    rate = float(np.polyfit(x, y, 1)[0])
+    # Neighbouring looks tell the same: means of parts are taken for independent.
+    means = [
+        (a.mean(), b.mean())
+        for a, b in zip(np.array_split(x, 10), np.array_split(y, 10), strict=True)
+    ]
+    at, mean = np.array(means).T
+    line = np.polynomial.Polynomial.fit(at, mean, 1)
+    rest = float(np.sum((mean - line(at)) ** 2)) / (len(at) - 2)
+    return rate, float(np.sqrt(rest / np.sum((at - at.mean()) ** 2)))
+
+
+def main() -> None:
+    """Soak a server, and say how it has taken it; ends with 1 where something was wrong."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--minutes", type=float, default=30.0)
+    parser.add_argument("--rate", type=float, default=8.0, help="requests a second at most")
+    parser.add_argument("--clients", type=int, default=4)
+    parser.add_argument("--kill-every", type=float, default=5.0, help="seconds between two kills")
+    chosen = parser.parse_args()
+    with local_server(_ENVIRONMENT) as (pid, url):
+        began = time.monotonic()
+        soak = Soak(url, began + 60.0 * chosen.minutes)
+        numbers = itertools.count()
+        kills: Counter[str] = Counter()
+        pause = chosen.clients / chosen.rate
+        threads = [
+            threading.Thread(target=soak.ask, args=(numbers, pause)) for _ in range(chosen.clients)
+        ]
+        threads.append(
+            threading.Thread(target=kill, args=(pid, soak.stop, chosen.kill_every, kills))
+        )
+        for thread in threads:
+            thread.start()
+        times: list[float] = []
+        own: list[float] = []
+        largest = 0.0
+        while any(thread.is_alive() for thread in threads):
+            time.sleep(_LOOK)
+            largest = max([largest, *map(resident, descendants(pid))])
+            if time.monotonic() - began > _WARM_UP * 60.0 * chosen.minutes:
+                times.append(time.monotonic() - began)
+                own.append(resident(pid))
+        verdict = soak.judge()
+        rate, error = slope(times, own)
+        counts = {" ".join(map(str, key)).strip(): n for key, n in sorted(soak.answers.items())}
+        print(json.dumps(counts))
+        print(f"kills {dict(kills)}")
+        print(verdict)
+        print(
+            f"server {own[-1] if own else resident(pid):.0f} MiB, {rate:+.1f} +- {error:.1f} MiB/h "
+            f"after the warm-up; largest worker {largest:.0f} MiB"
+        )
+        print(f"faults {len(soak.faults)}")
+        for fault in soak.faults[:20]:
+            print(f"  {fault}")
+    sys.exit(bool(soak.faults or soak.twice or "lost 0, wrong 0, doubled 0" not in verdict))
+
+
+if __name__ == "__main__":
+    main()
