@@ -24,8 +24,14 @@ from obstacles.edge_check import FREE
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from obstacles.state_check import verdict_on
-from planning.constraints.active_set import descend
-from planning.constraints.active_set_program import Goal, make_goal, search_arrays, without_surfaces
+from planning.constrained.descent import Descents
+from planning.constraints.active_set_program import (
+    LEAST_GAIN,
+    Goal,
+    make_goal,
+    search_arrays,
+    without_surfaces,
+)
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.program import PLANES, Planes, program
 from planning.deadline import Deadline
@@ -44,6 +50,9 @@ _EXTRA_STARTS = 2
 _EXACT_STARTS = 4
 #: Starts in a row without another solution after which no more are expected.
 _PATIENCE = 16
+#: Gain of the objective, times 1 and the objective, that ends the descents of which one is chosen
+#: in the end. Only that one is followed to its very end.
+_ROUGH_GAIN = 1e-5
 #: Attempts that IPOPT goes on from.
 _IPOPT_STARTS = 3
 #: Times that IPOPT linearises the distances.
@@ -166,6 +175,11 @@ def constrained_ik(
     return _Search(robot, constraints, scene, how).run()
 
 
+def _by_cost(solution: ConstrainedSolution) -> float:
+    """The cost as far as it counts in an order."""
+    return round(solution.cost, 9)
+
+
 @dataclass(slots=True)
 class _Search:
     """One search: its target as the kernel reads it, and the configurations so far."""
@@ -176,6 +190,7 @@ class _Search:
     how: IkOptions
     chain: Chain = field(init=False)
     goal: Goal = field(init=False)
+    descents: Descents = field(init=False)
     checker: Checker | None = field(init=False)
     exact: ModelArrays | None = field(init=False)
     covers: ModelArrays | None = field(init=False)
@@ -204,6 +219,7 @@ class _Search:
         link = -1 if self.how.objective == "manipulability" else -2
         hard, soft = self.constraints.hard, self.constraints.soft
         self.goal = make_goal(hard, near, metric, soft=soft, link=link)
+        self.descents = Descents(self.goal, self.how.deadline)
         self.hard = np.isinf(self.constraints.weights)
         self.checker, self.exact, self.covers = None, None, None
         if self.scene is not None or len(self.robot.self_pairs):
@@ -217,18 +233,22 @@ class _Search:
     def run(self) -> ConstrainedIk:
         """Search until enough is found, or starts or time are spent."""
         starts, spare, since = 0, _EXTRA_STARTS, 0
+        gain = _ROUGH_GAIN if self.how.most == 1 else LEAST_GAIN
         if self.how.solver != "ipopt":
             for q in self._starts():
                 model = self._solids_for(q, starts)
                 starts, count = starts + 1, len(self.found)
-                self._judge(self._descend(model, q), "descent")
+                self._judge(self.descents.descend(model, q, gain), "descent")
                 since = since + 1 if self.found and len(self.found) == count else 0
                 spare -= len(self.found) >= self.how.most
                 if spare < 0 or since == _PATIENCE or self._time_up():
                     break
-        if not self.found and self.how.solver != "descent":
+        late = bool(self.attempts) and self._time_up()
+        if not self.found and self.how.solver != "descent" and not late:
             self._run_ipopt()
-        self.found.sort(key=lambda solution: round(solution.cost, 9))
+        self.found.sort(key=_by_cost)
+        if self.found and self.found[0].solver == "descent" and gain > LEAST_GAIN:
+            self._finish(self.found[0])
         nearest = min([*self.found, *self.attempts], key=self.violation)
         return ConstrainedIk(tuple(self.found[: self.how.most]), nearest, starts)
 
@@ -255,10 +275,13 @@ class _Search:
             return False
         return verdict_on(self.covers, q, 0.0) != FREE and self.checker.valid(q)
 
-    def _descend(self, model: ModelArrays | None, start: Array) -> Array:
-        q, outcome = np.array(start), np.empty(2)
-        descend(model, self.goal, q, outcome)
-        return q
+    def _finish(self, best: ConstrainedSolution) -> None:
+        """Follow the descent of the best solution to its very end."""
+        q = best.joints
+        model = self.exact if self._in_hollow(q) else self.covers
+        others, self.found = self.found, []
+        self._judge(self.descents.descend(model, np.array(q), LEAST_GAIN), "descent")
+        self.found = sorted([*self.found, *others], key=_by_cost)
 
     def _run_ipopt(self) -> None:
         """Go on from the best attempts, or from fresh starts where there are none."""

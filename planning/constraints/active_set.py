@@ -15,6 +15,10 @@ from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
 from obstacles.model_arrays import ModelArrays
 from planning.constraints.active_set_program import (
+    ENDED,
+    GAIN,
+    LEFT,
+    SHARE,
     Goal,
     Work,
     linearise,
@@ -36,12 +40,15 @@ _BETTER_STEPS = 40
 _CORRECTIONS = 4
 #: How often a step is shortened.
 _SHORTENINGS = 5
-#: A gain of the objective below this is none.
-_GAIN = 1e-10
 #: Damping of least squares, times the sum of squared violations.
 _DAMPING = 0.1
 #: Damping of least squares at least.
 _MIN_DAMPING = 1e-9
+#: Columns of a descent's course: its worst violation, its objective, whether it is inside the
+#: feasible set (1) or over (2), and its steps there.
+WORST, OBJECTIVE, STAGE, TAKEN = range(4)
+COURSE = 4
+_OUTSIDE, _INSIDE, OVER = 0.0, 1.0, 2.0
 
 
 @kernel
@@ -76,9 +83,14 @@ def _shortened_step(goal: Goal, q: Array, dq: Array, share: float, trial: Array)
 def make_feasible(
     model: ModelArrays | None, goal: Goal, q: Array, steps: int, work: Work, trial: Array, dq: Array
 ) -> float:
-    """Bring q (n,) into the feasible set, in place; the worst violation that is left."""
+    """Bring q (n,) into the feasible set, in place; the worst violation that is left.
+
+    ``work.pace`` tells whether another step would be in vain. Without linearisations left it ends
+    in the midst of a step, which is then not taken.
+    """
     zero = np.zeros(q.shape[0])
     count, worst, total = linearise(model, goal, q, work)
+    work.pace[ENDED] = 0.0
     for _ in range(steps):
         if worst <= FEASIBLE:
             break
@@ -87,6 +99,8 @@ def make_feasible(
             damped_step(work, count, total, dq)
         share, better = 1.0, False
         for _ in range(_SHORTENINGS):
+            if work.pace[LEFT] <= 0.0:
+                return worst
             _shortened_step(goal, q, dq, share, trial)
             count, new_worst, new_total = linearise(model, goal, trial, work)
             if new_total < total:
@@ -94,11 +108,13 @@ def make_feasible(
                 break
             share *= 0.3
         if not better:
+            work.pace[ENDED] = 1.0
             break
         stalled = new_total > 0.98 * total
         worst, total = new_worst, new_total
         q[:] = trial
         if stalled:
+            work.pace[ENDED] = 1.0
             break
     return worst
 
@@ -107,12 +123,15 @@ def make_feasible(
 def improve(
     model: ModelArrays | None, goal: Goal, q: Array, steps: int, work: Work, trial: Array, dq: Array
 ) -> float:
-    """Go down the objective inside the feasible set, in place; the worst violation in the end."""
+    """Go down the objective inside the feasible set, in place; the worst violation in the end.
+
+    ``work.pace`` is read and written as by ``make_feasible``, whose corrections it calls for.
+    """
     n = q.shape[0]
     H, best = np.empty((n, n)), q.copy()
     AL = np.empty_like(work.A)
     value = objective_kernel(goal, q, work)
-    share, worst = 1.0, 0.0
+    share, worst, ended = work.pace[SHARE], 0.0, 0.0
     for _ in range(steps):
         slope_kernel(goal, q, work, H)
         # In y = L^T dq the step is a least-distance problem.
@@ -127,6 +146,7 @@ def improve(
                 AL[i, j] = total
         y = np.empty(n)
         if not least_distance(AL, work.b, count, d, y):
+            ended = 1.0
             break
         dq[:] = np.ascontiguousarray(inverse) @ y
         gained, longest = 0.0, 0.0
@@ -139,17 +159,50 @@ def improve(
                 if gained > 0.0:
                     break
             gained = 0.0
+            if work.pace[LEFT] <= 0.0:
+                break
             share *= 0.4
         if gained <= 0.0:
-            q[:] = best
+            ended = 1.0 if work.pace[LEFT] > 0.0 else 0.0
             break
         share = min(1.0, 2.0 * share)
         best[:] = q
         value -= gained
-        if gained < _GAIN * (1.0 + abs(value)) or longest < 1e-9:
+        if gained < work.pace[GAIN] * (1.0 + abs(value)) or longest < 1e-9:
+            ended = 1.0
             break
     q[:] = best
+    work.pace[ENDED], work.pace[SHARE] = ended, share
     return worst
+
+
+@kernel
+def go_on(
+    model: ModelArrays | None, goal: Goal, q: Array, steps: int, work: Work, course: Array
+) -> None:
+    """Take up to ``steps`` more steps of a descent, in place.
+
+    Args:
+        model: The robot in its scene; None where nothing can collide.
+        goal: As in ``Goal``.
+        q: Where the descent is, shape (n,).
+        steps: At least 1.
+        work: From ``make_work``, with linearisations left.
+        course: Zeros at first, shape (COURSE,).
+    """
+    trial, dq = np.empty(q.shape[0]), np.empty(q.shape[0])
+    limit = _FEASIBLE_STEPS if course[STAGE] == _OUTSIDE else _BETTER_STEPS
+    course[TAKEN] += steps
+    if course[STAGE] == _OUTSIDE:
+        course[WORST] = make_feasible(model, goal, q, steps, work, trial, dq)
+        if course[WORST] <= FEASIBLE:
+            course[STAGE], course[TAKEN] = _INSIDE, 0.0
+            work.pace[SHARE], work.pace[ENDED] = 1.0, 0.0
+    else:
+        improve(model, goal, q, steps, work, trial, dq)
+    if work.pace[ENDED] > 0.0 or course[TAKEN] >= limit:
+        course[STAGE] = OVER
+    course[OBJECTIVE] = objective_kernel(goal, q, work)
 
 
 @kernel
@@ -158,9 +211,7 @@ def descend(model: ModelArrays | None, goal: Goal, q: Array, found: Array) -> No
 
     ``found`` (2,) is filled with the worst violation and the objective.
     """
-    work, trial, dq = make_work(model, goal), np.empty(q.shape[0]), np.empty(q.shape[0])
-    worst = make_feasible(model, goal, q, _FEASIBLE_STEPS, work, trial, dq)
-    if worst <= FEASIBLE:
-        improve(model, goal, q, _BETTER_STEPS, work, trial, dq)
-    found[0] = worst
-    found[1] = objective_kernel(goal, q, work)
+    work, course = make_work(model, goal), np.zeros(COURSE)
+    while course[STAGE] != OVER:
+        go_on(model, goal, q, _FEASIBLE_STEPS, work, course)
+    found[0], found[1] = course[WORST], course[OBJECTIVE]

@@ -22,11 +22,16 @@ from planning.constraints.row import LOWER, UPPER
 from planning.constraints.row_value import covector_kernel, sideways_kernel
 
 #: Pairs farther apart than this do not shape a step [m].
-_NEAR = 0.08
+_NEAR = 0.04
 #: Near pairs that a step has room for; what a cloud has beyond it the exact check sees in the end.
 _MAX_NEAR_PAIRS = 512
 #: Step of the finite difference that the slope of the manipulability is taken by [rad or m].
 _DIFFERENCE = 1e-5
+#: Columns of ``Work.pace``: linearisations that are left, whether the last steps ended for good,
+#: the share of a step down the objective that is tried first, and the gain that is none.
+LEFT, ENDED, SHARE, GAIN = range(4)
+#: A gain of the objective below this is none, times 1 and the objective.
+LEAST_GAIN = 1e-10
 
 
 class Goal(NamedTuple):
@@ -108,7 +113,7 @@ def without_surfaces(arrays: ModelArrays) -> ModelArrays:
 
 
 class Work(NamedTuple):
-    """Scratch of a descent (m rows, k pairs)."""
+    """Scratch of a descent (m rows, k pairs), and its ``pace``, shape (4,)."""
 
     rows: RowWork
     pairs: Indices
@@ -118,6 +123,7 @@ class Work(NamedTuple):
     b: Array
     slope: Array
     J: Array
+    pace: Array
 
 
 @kernel
@@ -136,6 +142,7 @@ def make_work(model: ModelArrays | None, goal: Goal) -> Work:
         np.empty(rows),
         np.empty(n),
         np.empty((6, n)),
+        np.array([math.inf, 0.0, 1.0, LEAST_GAIN]),
     )
 
 
@@ -149,6 +156,7 @@ def linearise(
         The number of rows, the worst violation, and the sum of the squares of all.
     """
     n = q.shape[0]
+    work.pace[LEFT] -= 1.0
     evaluate_kernel(goal.chain, goal.hard, q, work.rows)
     A, b = work.A, work.b
     count, worst, total = 0, 0.0, 0.0

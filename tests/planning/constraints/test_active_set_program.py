@@ -128,7 +128,7 @@ def test_near_pairs_have_rows_of_their_distances() -> None:
     checker, asked = Checker(model), goal()
     work = make_work(model.arrays, asked)
     count, worst, _ = linearise(model.arrays, asked, HOME, work)
-    near = checker.gradient(HOME, 0.08)
+    near = checker.gradient(HOME, 0.04)
     assert len(near.distances) > 0
     assert count == len(near.distances) + 14
     order, found = np.argsort(near.distances), np.argsort(work.b[: count - 14])

@@ -1,0 +1,77 @@
+"""Descents of constrained inverse kinematics that end at a deadline, in the midst of a step."""
+
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from kinematics.arrays import Array
+from obstacles.model_arrays import ModelArrays
+from planning.constraints.active_set import COURSE, OVER, STAGE, go_on
+from planning.constraints.active_set_program import GAIN, LEFT, Goal, Work, linearise, make_work
+from planning.deadline import Deadline
+
+#: Steps between two looks at the clock where solids are kept apart.
+_STEPS = 2
+#: Steps where nothing is: these take microseconds.
+_MANY_STEPS = 40
+#: The dearest linearisation that was seen may be exceeded by this factor.
+_DEARER = 2.0
+
+
+@dataclass(slots=True, eq=False)
+class Descents:
+    """Descents towards one goal, before one deadline.
+
+    Args:
+        goal: Constraints and objective, for the kernels.
+        deadline: When to stop; None for never.
+        longest: The longest that a linearisation took on the average of some steps [s].
+    """
+
+    goal: Goal
+    deadline: Deadline | None
+    longest: float = 0.0
+    work: dict[bool, Work] = field(default_factory=dict)
+
+    def descend(self, model: ModelArrays | None, start: Array, gain: float) -> Array:
+        """The configuration (n,) that a descent from ``start`` (n,) comes to in time.
+
+        Args:
+            model: Solids to keep apart; None where there are none.
+            start: Inside the joint limits.
+            gain: Of the objective that is none, times 1 and the objective.
+        """
+        q, course = np.array(start), np.zeros(COURSE)
+        work = self._work(model)
+        work.pace[GAIN] = gain
+        steps = _MANY_STEPS if model is None else _STEPS
+        while course[STAGE] != OVER:
+            allowed = self._allowed(model, q, work)
+            if allowed <= 0.0:
+                break
+            work.pace[LEFT], began = allowed, time.perf_counter()
+            go_on(model, self.goal, q, steps, work, course)
+            if np.isfinite(allowed):
+                taken = time.perf_counter() - began
+                self.longest = max(self.longest, taken / max(allowed - work.pace[LEFT], 1.0))
+        return q
+
+    def _work(self, model: ModelArrays | None) -> Work:
+        """Room for a descent, made once."""
+        alone = model is None
+        if alone not in self.work:
+            self.work[alone] = make_work(model, self.goal)
+        return self.work[alone]
+
+    def _allowed(self, model: ModelArrays | None, q: Array, work: Work) -> float:
+        """Linearisations that the time left is enough for; 0 where it is up."""
+        if self.deadline is None or model is None:
+            return 0.0 if self.deadline is not None and self.deadline.passed else np.inf
+        if self.longest == 0.0:
+            began = time.perf_counter()
+            linearise(model, self.goal, q, work)
+            self.longest = time.perf_counter() - began
+        if self.deadline.passed:
+            return 0.0
+        return max(np.ceil(self.deadline.remaining / (_DEARER * self.longest)), 2.0)

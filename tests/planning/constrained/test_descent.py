@@ -1,0 +1,110 @@
+"""Descents that end at a deadline, told by a clock of processor time."""
+
+import time
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from benchmarks.mesh_scenes import hollow_things
+from kinematics.forward import forward
+from obstacles.checker import Checker, collision_model
+from obstacles.scene import Obstacle, Scene
+from planning import deadline as deadlines
+from planning.constrained import descent
+from planning.constrained.descent import Descents
+from planning.constrained.ik import IkOptions, constrained_ik
+from planning.constraints.active_set import COURSE, FEASIBLE, OVER, STAGE, descend, go_on
+from planning.constraints.active_set_program import (
+    LEAST_GAIN,
+    LEFT,
+    linearise,
+    make_goal,
+    make_work,
+    search_arrays,
+)
+from planning.constraints.constraint_set import ConstraintSet
+from planning.constraints.orientation import ConeConstraint
+from planning.constraints.position import PositionConstraint
+from planning.constraints.region import SphereRegion
+from planning.deadline import Deadline
+from tests.planning.scenes import HOME, builtin, pillar
+
+ROBOT = builtin("panda")
+CHAIN = ROBOT.chain
+TIP = forward(CHAIN, HOME)
+#: Upright in a ball beside a post, nearest to a posture that is elsewhere.
+WANTED = ConstraintSet(
+    CHAIN,
+    (
+        ConeConstraint(TIP[:3, :3].T @ [0.0, 0.0, 1.0], [0.0, 0.0, 1.0], 0.1),
+        PositionConstraint(SphereRegion(TIP[:3, 3], 0.05)),
+    ),
+)
+MODEL = search_arrays(collision_model(ROBOT, pillar(0.45, 0.25)), 1e-6)
+GOAL = make_goal(WANTED, HOME + 0.4, np.ones(7))
+
+
+def starts(count: int) -> list[np.ndarray]:
+    random = np.random.default_rng(0)
+    return list(random.uniform(*CHAIN.sampling_bounds(), (count, 7)))
+
+
+def test_few_steps_at_a_time_lead_where_one_descent_does() -> None:
+    arrived = 0
+    for start in starts(16):
+        whole, found = start.copy(), np.empty(2)
+        descend(MODEL, GOAL, whole, found)
+        sliced = Descents(GOAL, Deadline.after(600.0)).descend(MODEL, start, LEAST_GAIN)
+        arrived += found[0] <= FEASIBLE
+        np.testing.assert_allclose(sliced, whole, atol=1e-4 if found[0] <= FEASIBLE else 0.5)
+    assert arrived >= 3
+
+
+@pytest.mark.parametrize("left", [1.0, 3.0, 7.0])
+def test_a_step_that_is_cut_is_not_taken(left: float) -> None:
+    """However few linearisations are allowed, violation and objective only ever fall."""
+    for start in starts(4):
+        work, q, course = make_work(MODEL, GOAL), start.copy(), np.zeros(COURSE)
+        last = np.array([0.0, np.inf, np.inf])
+        for _ in range(400):
+            work.pace[LEFT] = left
+            go_on(MODEL, GOAL, q, 2, work, course)
+            assert work.pace[LEFT] >= -8.0
+            _, _, violated = linearise(MODEL, GOAL, q, work)
+            stage = min(course[STAGE], 1.0)
+            inside = course[1] if stage else np.inf
+            assert stage >= last[0]
+            assert violated <= max(last[1], FEASIBLE**2 * 1e3)
+            assert inside <= last[2]
+            last = np.array([stage, violated, inside])
+            if course[STAGE] == OVER:
+                break
+
+
+def test_deadlines_are_kept_where_one_descent_takes_longer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Among bowls, pipes and rings of many triangles, all of the start's neighbourhood touching."""
+    clock = SimpleNamespace(monotonic=time.process_time, perf_counter=time.process_time)
+    monkeypatch.setattr(deadlines, "time", clock)
+    monkeypatch.setattr(descent, "time", clock)
+    things = hollow_things(1.0)
+    scene = Scene(
+        tuple(
+            Obstacle(f"thing{k}", things[k % len(things)], place)
+            for k, place in enumerate(forward(CHAIN, q) for q in starts(12))
+        )
+    )
+    Checker.of(ROBOT, scene, 0.0)
+    options = {"most": 30, "starts": 100_000}
+    constrained_ik(ROBOT, WANTED, scene, IkOptions(deadline=Deadline.after(0.01), **options))
+    for allowed in (0.002, 0.05, 0.3):
+        began = time.process_time()
+        found = constrained_ik(
+            ROBOT, WANTED, scene, IkOptions(deadline=Deadline.after(allowed), **options)
+        )
+        taken = time.process_time() - began
+        assert taken < allowed + 0.1
+        assert found.starts >= 1
+        for solution in found.solutions:
+            assert WANTED.residuals(solution.joints).max() <= 1e-6
+            assert Checker.of(ROBOT, scene, 0.0).valid(solution.joints)
