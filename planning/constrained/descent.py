@@ -74,4 +74,4 @@ class Descents:
             self.longest = time.perf_counter() - began
         if self.deadline.passed:
             return 0.0
-        return max(np.ceil(self.deadline.remaining / (_DEARER * self.longest)), 2.0)
+        return max(float(np.ceil(self.deadline.remaining / (_DEARER * self.longest))), 2.0)

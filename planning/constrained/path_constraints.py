@@ -11,12 +11,14 @@ from planning.constrained.pose_goals import goal_configurations
 from planning.constraints.conflict import conflict
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.edge_bounds import TOLERANCE
+from planning.constraints.row import RowKind
 from planning.problem import PoseGoal, Problem
 from planning.ready import TOUCHING, Ready
 from planning.result import Failure
 
 #: Half a row's width along a path is at least this [m or rad]: the motion of a tool along a line
 #: is made of joint motions that leave it, and a set without thickness can be left at no instant.
+#: Bounds of a joint need none: straight joint motions do not leave them, so it may be locked.
 LEAST_TOLERANCE = 1e-4
 
 
@@ -27,7 +29,7 @@ def check_widths(constraints: ConstraintSet) -> None:
         InvalidGoal: A tolerance is below 1e-4 m or rad.
     """
     for i, row in enumerate(constraints.rows):
-        if not np.isinf(constraints.weights[i]):
+        if not np.isinf(constraints.weights[i]) or row.kind == RowKind.JOINT:
             continue
         half = row.width if np.isinf(row.lower) else 0.5 * row.width
         if half < LEAST_TOLERANCE * (1.0 - 1e-9):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks.mesh_scenes import hollow_things
+from kinematics.arrays import Array
 from kinematics.forward import forward
 from obstacles.checker import Checker, collision_model
 from obstacles.scene import Obstacle, Scene
@@ -45,7 +46,7 @@ MODEL = search_arrays(collision_model(ROBOT, pillar(0.45, 0.25)), 1e-6)
 GOAL = make_goal(WANTED, HOME + 0.4, np.ones(7))
 
 
-def starts(count: int) -> list[np.ndarray]:
+def starts(count: int) -> list[Array]:
     random = np.random.default_rng(0)
     return list(random.uniform(*CHAIN.sampling_bounds(), (count, 7)))
 
@@ -91,17 +92,16 @@ def test_deadlines_are_kept_where_one_descent_takes_longer(monkeypatch: pytest.M
     scene = Scene(
         tuple(
             Obstacle(f"thing{k}", things[k % len(things)], place)
-            for k, place in enumerate(forward(CHAIN, q) for q in starts(12))
+            for k, place in enumerate(forward(CHAIN, q) for q in starts(4))
         )
     )
     Checker.of(ROBOT, scene, 0.0)
-    options = {"most": 30, "starts": 100_000}
-    constrained_ik(ROBOT, WANTED, scene, IkOptions(deadline=Deadline.after(0.01), **options))
-    for allowed in (0.002, 0.05, 0.3):
+    # Kernels are loaded and meshes packed before the clock counts.
+    constrained_ik(ROBOT, WANTED, scene, IkOptions(most=2, deadline=Deadline.after(0.01)))
+    for allowed in (0.002, 0.1):
         began = time.process_time()
-        found = constrained_ik(
-            ROBOT, WANTED, scene, IkOptions(deadline=Deadline.after(allowed), **options)
-        )
+        how = IkOptions(most=30, starts=100_000, deadline=Deadline.after(allowed))
+        found = constrained_ik(ROBOT, WANTED, scene, how)
         taken = time.process_time() - began
         assert taken < allowed + 0.1
         assert found.starts >= 1

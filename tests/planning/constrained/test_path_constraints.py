@@ -14,6 +14,8 @@ from planning.constrained.path_constraints import (
 )
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.joint import JointConstraint
+from planning.constraints.position import PositionConstraint
+from planning.constraints.region import PlaneRegion
 from planning.problem import JointGoal, Problem
 from planning.ready import Ready
 from planning.result import Failure
@@ -83,11 +85,18 @@ def test_constraints_that_exclude_each_other_are_a_conflict() -> None:
     assert sorted(answer.details["constraints"]) == [0, 1]
 
 
+def slab(half: float, weight: float | None = None) -> ConstraintSet:
+    """The ball stays within ``half`` of a plane."""
+    plane = PlaneRegion([0.0, 0.0, 0.0], [0.0, 1.0, 0.0], half)
+    return ConstraintSet(CHAIN, (PositionConstraint(plane, weight=weight),))
+
+
 def test_widths() -> None:
-    check_widths(band(0.0, 1e-4))
-    check_widths(band(0.0, 1e-6, weight=1.0))
+    check_widths(slab(1e-4))
+    check_widths(slab(1e-6, weight=1.0))
+    check_widths(band(0.0, 0.0))
     with pytest.raises(InvalidGoal, match="tolerance") as caught:
-        check_widths(band(0.0, 5e-5))
+        check_widths(slab(5e-5))
     assert caught.value.details["relaxation"] == pytest.approx(5e-5)
 
 

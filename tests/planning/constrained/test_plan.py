@@ -23,7 +23,7 @@ from planning.constraints.joint import JointConstraint
 from planning.constraints.limit import ClearanceConstraint, ToolSpeedConstraint, TorqueConstraint
 from planning.constraints.orientation import ConeConstraint, OrientationConstraint
 from planning.constraints.position import PositionConstraint
-from planning.constraints.region import LineRegion, PlaneRegion, SphereRegion
+from planning.constraints.region import BoxRegion, LineRegion, PlaneRegion, SphereRegion
 from planning.deadline import Deadline
 from planning.field.options import FieldOptions
 from planning.field.planner import potential_field
@@ -192,6 +192,48 @@ def test_a_constraint_that_bars_the_way_is_named() -> None:
     wanted = ConstraintSet(CHAIN, (line,))
     problem = Problem(ROBOT, wall, start, (JointGoal(goal),), constraints=wanted)
     assert isinstance(plan(problem, Options(timeout=60.0)), Plan)
+
+
+def test_a_locked_joint_stays_where_it_is_around_a_post() -> None:
+    lock = JointConstraint(CHAIN.joint_names[2], HOME[2])
+    start, goal = HOME.copy(), HOME.copy()
+    start += np.array([-0.8, 0.3, 0.0, 0.2, 0.3, 0.2, 0.3])
+    goal += np.array([1.2, 0.3, 0.0, 0.2, 0.3, 0.2, 0.3])
+    answer = planned(start, goal, pillar(0.0, 0.5), lock)
+    assert answer.planner == "rrt_connect"
+    times = np.linspace(0.0, answer.trajectory.duration, 500)
+    assert np.abs(answer.trajectory.sample(times)[:, 2] - HOME[2]).max() <= 1e-9
+    pose = PoseGoal(forward(CHAIN, goal), 1e-3, 1e-3)
+    locked = ConstraintSet(CHAIN, (lock,))
+    reached = plan(Problem(ROBOT, Scene(), start, (pose,), constraints=locked), Options(timeout=60))
+    assert isinstance(reached, Plan), reached
+    assert abs(reached.trajectory.end[2] - HOME[2]) <= 1e-9
+
+
+def test_a_joint_is_not_locked_elsewhere_than_where_it_is() -> None:
+    answer = failed(HOME, HOME + 0.1, JointConstraint(CHAIN.joint_names[2], HOME[2] + 0.05))
+    assert answer.code == "START_STATE_VIOLATES_PATH_CONSTRAINTS"
+    assert answer.details["residual"] == pytest.approx(0.05)
+
+
+def test_cone_box_and_three_bands_of_joints_at_once_around_a_post() -> None:
+    """All around a way that is known, with 5 mm and 5 mrad to spare."""
+    start, goal = at([0.35, -0.35, 0.4], NARROW), at([0.35, 0.4, 0.35], NARROW)
+    scene, spare = pillar(0.1, 0.5), 5e-3
+    known = planned(start, goal, scene, UPRIGHT).trajectory
+    way = known.sample(np.linspace(0.0, known.duration, 400))
+    places = np.array([forward(CHAIN, q)[:3, 3] for q in way])
+    low, high = places.min(axis=0) - spare, places.max(axis=0) + spare
+    room = PositionConstraint(BoxRegion(transform(None, 0.5 * (low + high)), high - low))
+    bands = []
+    for j in (0, 3, 5):
+        first, last = way[:, j].min() - spare, way[:, j].max() + spare
+        half = 0.5 * (last - first)
+        bands.append(JointConstraint(CHAIN.joint_names[j], 0.5 * (first + last), half, half))
+    answer = planned(start, goal, scene, UPRIGHT, room, *bands)
+    moved = answer.trajectory.sample(np.linspace(0.0, answer.trajectory.duration, 500))
+    assert (moved[:, [0, 3, 5]] >= way[:, [0, 3, 5]].min(axis=0) - spare - 1e-6).all()
+    assert (moved[:, [0, 3, 5]] <= way[:, [0, 3, 5]].max(axis=0) + spare + 1e-6).all()
 
 
 def test_sets_without_thickness_are_refused() -> None:
