@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 from kinematics.dh import chain_from_dh
 from kinematics.dh_table import Convention, DhRow, DhTable
 from kinematics.errors import InvalidRobotDescription
+from kinematics.fingers import fingers
 from kinematics.joint_limits import apply_rules, limits_of_chain, moveit_joint_limits
 from kinematics.named_states import named_states
 from kinematics.robots import builtin_names, builtin_srdf, builtin_urdf
@@ -117,6 +118,7 @@ def _from_urdf(
         return read_mesh(uri, folder)
 
     robot = robot_geometry(replace(chain, name=name), description, mesh, semantics)
+    robot = replace(robot, fingers=fingers(description, chosen, semantics))
     if semantics is not None:
         states, partial = named_states(chain, semantics)
         robot = replace(robot, states=states)

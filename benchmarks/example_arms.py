@@ -2,10 +2,11 @@
 
 import sysconfig
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from kinematics.serial_chain import serial_chain
+from kinematics.fingers import fingers
+from kinematics.serial_chain import select, serial_chain
 from kinematics.srdf import Semantics, parse_srdf
 from kinematics.urdf import parse_urdf
 from obstacles.robot_geometry import RobotGeometry, robot_geometry
@@ -44,7 +45,9 @@ class ExampleArm:
             chain = serial_chain(
                 description, self.base, self.tip, joint_limits=every, semantics=semantics
             )
-        return robot_geometry(chain, description, mesh_bytes, semantics)
+        robot = robot_geometry(chain, description, mesh_bytes, semantics)
+        chosen = select(description, self.base, self.tip, semantics=semantics)
+        return replace(robot, fingers=fingers(description, chosen, semantics))
 
     def semantics(self) -> Semantics | None:
         """What the SRDF says."""

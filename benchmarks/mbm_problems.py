@@ -1,14 +1,15 @@
 """MotionBenchMaker problems for the Panda as values: the robot, and where it is to go in what."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import yaml
 
 from kinematics.arrays import Array
-from kinematics.serial_chain import serial_chain
+from kinematics.fingers import fingers
+from kinematics.serial_chain import select, serial_chain
 from kinematics.srdf import parse_srdf
 from kinematics.urdf import parse_urdf
 from obstacles.moveit import scene_from_moveit
@@ -68,7 +69,9 @@ def panda(folder: Path) -> RobotGeometry:
         f"package://{path.relative_to(folder)}": path.read_bytes()
         for path in sorted((folder / "meshes").rglob("*.obj"))
     }
-    return robot_geometry(chain, description, meshes, semantics)
+    robot = robot_geometry(chain, description, meshes, semantics)
+    chosen = select(description, semantics=semantics)
+    return replace(robot, fingers=fingers(description, chosen, semantics))
 
 
 def cases(folder: Path, names: tuple[str, ...], every: int) -> Iterator[Case]:

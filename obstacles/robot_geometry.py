@@ -23,6 +23,7 @@ from kinematics.description import (
     SphereGeometry,
 )
 from kinematics.errors import InvalidRobotDescription, InvalidScene
+from kinematics.fingers import Fingers
 from kinematics.mesh_uri import resolve_mesh
 from kinematics.srdf import Semantics
 from obstacles.hull import convex_hull
@@ -53,6 +54,7 @@ class RobotGeometry:
         lint: What is odd, one sentence each.
         states: Named configurations, each of shape (n,) [rad or m].
         suspected: Pairs that touch where the robot surely may stand, each with the reason.
+        fingers: Joints off the chain that a gripper moves, and where they stand.
     """
 
     chain: Chain
@@ -64,6 +66,7 @@ class RobotGeometry:
     lint: tuple[str, ...] = ()
     states: Mapping[str, Array] = field(default_factory=dict)
     suspected: Mapping[Pair, str] = field(default_factory=dict)
+    fingers: Fingers = field(default_factory=Fingers)
     arrays: PieceArrays = field(init=False, repr=False)
     self_pairs: NDArray[np.int64] = field(init=False, repr=False)
     content_hash: str = field(init=False, repr=False)
@@ -89,7 +92,7 @@ class RobotGeometry:
     def __reduce__(self) -> tuple[object, ...]:
         values = (self.chain, self.pieces, self.links, self.joints, self.solids)
         more = (dict(self.allowed), self.lint, dict(self.states), dict(self.suspected))
-        return RobotGeometry, (*values, *more)
+        return RobotGeometry, (*values, *more, self.fingers)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -131,6 +134,7 @@ class RobotGeometry:
             allowed,
             self.lint,
             self.states,
+            fingers=self.fingers,
         )
 
 

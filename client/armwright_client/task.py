@@ -1,6 +1,6 @@
 """Tasks of several stages: pick and place as one question."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypedDict
 
 from pydantic import Field
@@ -14,7 +14,7 @@ from armwright_client.plan import JointPath, Reproducibility, Stage, Timing
 from armwright_client.pose import Pose
 from armwright_client.scene import SceneReference
 from armwright_client.task_stage import *  # noqa: F403 (its `__all__` is the list)
-from armwright_client.task_stage import Stages
+from armwright_client.task_stage import FingerPositions, Stages
 from armwright_client.trajectory import TimedTrajectory
 
 __all__ = [
@@ -58,6 +58,7 @@ class TaskOptions(TypedDict, total=False):
         frame: Of what names none: a link that stands still, or "tool" at the start.
         objects: Obstacles that stand elsewhere than the scene says.
         attached: Objects that are held at the start.
+        fingers: Where joints of the gripper stand at the start [rad or m].
         allowed_collisions: Pairs that may touch in all stages.
         margin: Distance to be kept [m].
         timing: How paths become motions.
@@ -73,6 +74,7 @@ class TaskOptions(TypedDict, total=False):
     frame: str
     objects: Sequence[MovedObject]
     attached: Sequence[Attached]
+    fingers: Mapping[str, float]
     allowed_collisions: Pairs
     margin: float
     timing: Timing
@@ -94,6 +96,7 @@ class TaskRequest(Request):
     stages: Stages
     objects: MovedObjects | None = None
     attached: AttachedObjects | None = None
+    fingers: FingerPositions | None = None
     allowed_collisions: Pairs | None = None
     margin: NonNegative = 0.0
     timing: Timing | None = None
@@ -145,19 +148,22 @@ class TaskWorld(Answer):
     Args:
         objects: Obstacles that stand elsewhere than before the task.
         attached: What the robot holds.
+        fingers: Where joints of the gripper stand [rad or m].
     """
 
     objects: list[PlacedObject]
     attached: list[HeldObject]
+    fingers: dict[str, float] = Field(default_factory=dict)
 
     def as_options(self) -> dict[str, Any]:
-        """The options `objects` and `attached` of a task that goes on from here."""
+        """The options `objects`, `attached` and `fingers` of a task that goes on from here."""
         return {
             "objects": [MovedObject(id=item.id, pose=item.pose) for item in self.objects],
             "attached": [
                 Attached(**{name: value for name, value in item if value is not None})
                 for item in self.attached
             ],
+            "fingers": self.fingers,
         }
 
 
@@ -174,6 +180,7 @@ class TaskStageReport(Answer):
         stages: Of planning.
         path: Its waypoints.
         trajectory: Its motion.
+        fingers: Motion of the gripper's joints beside it; None where they stand still.
         certificate: The proof.
         after: The objects after it.
         notes: What was done to the request.
@@ -188,6 +195,7 @@ class TaskStageReport(Answer):
     stages: list[Stage] = Field(default_factory=list)
     path: JointPath | None = None
     trajectory: TimedTrajectory
+    fingers: TimedTrajectory | None = None
     certificate: Certificate
     after: TaskWorld
     notes: list[str] = Field(default_factory=list)

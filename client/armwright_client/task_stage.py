@@ -1,6 +1,6 @@
 """Stages of tasks: motions, choices, and changes of what the robot holds."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 from pydantic import Field
@@ -44,9 +44,11 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
+    FingerPositions: TypeAlias = Mapping[str, float]
     Poses: TypeAlias = Sequence[Pose]
     FramedPoses: TypeAlias = Sequence[AnyPose]
 else:
+    FingerPositions = Annotated[dict[str, float], PLAIN]
     Poses = Annotated[list[Pose], PLAIN]
     FramedPoses = Annotated[list[AnyPose], PLAIN]
 
@@ -249,22 +251,30 @@ class OpenStage(TaskStageRequest):
     """The gripper opens.
 
     Args:
-        duration: [s].
+        joints: Where joints of the gripper go [rad or m]; if left out, its state of the name.
+        state: In place of joints: a state of the gripper.
+        duration: [s]; half a second if left out, or what the fingers' speeds need.
     """
 
     kind: Literal["open"] = "open"
-    duration: Positive = 0.5
+    joints: FingerPositions | None = None
+    state: str | None = None
+    duration: Positive | None = None
 
 
 class CloseStage(TaskStageRequest):
     """The gripper closes.
 
     Args:
-        duration: [s].
+        joints: Where joints of the gripper go [rad or m]; if left out, its state of the name.
+        state: In place of joints: a state of the gripper.
+        duration: [s]; half a second if left out, or what the fingers' speeds need.
     """
 
     kind: Literal["close"] = "close"
-    duration: Positive = 0.5
+    joints: FingerPositions | None = None
+    state: str | None = None
+    duration: Positive | None = None
 
 
 TaskStage: TypeAlias = (

@@ -17,10 +17,12 @@ from planning import pipeline
 from planning.cartesian.leading import lead_tool
 from planning.constraints.constraint_set import ConstraintSet
 from planning.deadline import Deadline
+from planning.finger_motion import FingerMotion
 from planning.options import Options
 from planning.planner import Query
 from planning.problem import JointGoal, Problem
 from planning.proof.certificate import Certificate, certify
+from planning.proof.gripper import certify_gripper
 from planning.result import Attempt, Failure, Plan
 from planning.sequence.stage import StageSettings, Straight
 from planning.sequence.world import Cell
@@ -206,20 +208,29 @@ def _constraint_set(cell: Cell, settings: StageSettings) -> ConstraintSet | None
 
 
 def stand_still(
-    cell: Cell, settings: StageSettings, q: Array, duration: float, deadline: Deadline
+    cell: Cell,
+    settings: StageSettings,
+    still: tuple[Array, float, FingerMotion | None],
+    deadline: Deadline,
 ) -> tuple[Trajectory, Certificate]:
     """The arm standing still, with the proof that it may.
 
     Args:
         cell: The robot in its surroundings.
         settings: Margin and constraints.
-        q: Shape (n,) [rad or m].
-        duration: [s].
+        still: Where it stands, shape (n,) [rad or m], for how long [s], and how its fingers move.
         deadline: When to give up.
     """
+    q, duration, fingers = still
     motion = stay(cell.robot.chain.joint_names, q, duration)
+    constraints = _constraint_set(cell, settings)
+    if fingers is not None:
+        return motion, certify_gripper(
+            fingers, cell.robot, cell.scene, q, margin=settings.margin, constraints=constraints,
+            deadline=deadline,
+        )  # fmt: skip
     certificate = certify(
-        motion, cell.robot, cell.scene, margin=settings.margin,
-        constraints=_constraint_set(cell, settings), deadline=deadline,
+        motion, cell.robot, cell.scene, margin=settings.margin, constraints=constraints,
+        deadline=deadline,
     )  # fmt: skip
     return motion, certificate

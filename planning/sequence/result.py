@@ -5,6 +5,7 @@ from typing import Any
 
 from kinematics.arrays import Array
 from kinematics.trajectory import Trajectory
+from planning.finger_motion import FingerMotion
 from planning.proof.certificate import Certificate
 from planning.result import Plan
 from planning.sequence.stage import Pair
@@ -26,6 +27,7 @@ class StagePlan:
         target: Number of the alternative that was chosen, of a stage that has some.
         plan: The plan of its motion; None where the arm stands still.
         milliseconds: Time spent on it [ms].
+        fingers: Motion of the gripper in it; None where its fingers stand still.
     """
 
     index: int
@@ -38,6 +40,7 @@ class StagePlan:
     target: int | None
     plan: Plan | None
     milliseconds: float
+    fingers: FingerMotion | None = None
 
 
 @dataclass(frozen=True, slots=True)

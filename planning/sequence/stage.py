@@ -11,8 +11,10 @@ from dynamics.payload import with_payload
 from kinematics.arrays import Array, frozen
 from kinematics.chain import Chain
 from kinematics.errors import InvalidOption, InvalidPose
+from kinematics.fingers import Positions
 from obstacles.robot_geometry import RobotGeometry
 from planning.constraints.constraint import Constraint
+from planning.finger_motion import FingerMotion
 from planning.options import Options
 from planning.problem import Goal
 
@@ -242,18 +244,20 @@ class Gripper:
 
     Args:
         kind: "open" or "close".
-        robot: The robot with its gripper in the new state; None where the model has no joints of
-            the gripper.
-        between: The robot with its gripper on the way there, in order.
-        duration: [s].
+        fingers: Positions of joints of the gripper [rad or m]; None for the robot's state of the
+            name "open" or "close", where it has one. The others stay.
+        duration: [s]; None for half a second, or longer where the fingers' speeds need it.
         settings: StageSettings of the stage.
+        motion: Of the fingers; a task puts it in, None where none moves.
+        robot: The robot with its fingers there; a task puts it in, None where none moves.
     """
 
     kind: Literal["open", "close"]
-    robot: RobotGeometry | None = None
-    between: tuple[RobotGeometry, ...] = ()
-    duration: float = GRIPPER_DURATION
+    fingers: Positions | None = None
+    duration: float | None = None
     settings: StageSettings = field(default_factory=StageSettings)
+    motion: FingerMotion | None = None
+    robot: RobotGeometry | None = None
 
 
 Stage = Move | Straight | Grasp | Place | Attach | Detach | Wait | Gripper

@@ -58,7 +58,7 @@ class Step:
 def still_time(stage: Stage) -> float:
     """Duration of a stage in which the arm stands still [s]."""
     if isinstance(stage, Wait | Gripper):
-        return max(stage.duration, REST)
+        return max(stage.duration or REST, REST)
     return REST
 
 
@@ -108,7 +108,9 @@ def plan_step(
 
 def _plan_still(step: Step, cell: Cell, deadline: Deadline, began: float) -> StagePlan | Failure:
     stage = step.stage
-    motion, certificate = stand_still(cell, stage.settings, step.start, still_time(stage), deadline)
+    fingers = stage.motion if isinstance(stage, Gripper) else None
+    still = (step.start, still_time(stage), fingers)
+    motion, certificate = stand_still(cell, stage.settings, still, deadline)
     if certificate.violation is not None:
         violation = certificate.violation
         return Failure(
@@ -129,4 +131,5 @@ def _plan_still(step: Step, cell: Cell, deadline: Deadline, began: float) -> Sta
         target=step.target,
         plan=None,
         milliseconds=1e3 * (time.perf_counter() - began),
+        fingers=fingers,
     )

@@ -11,11 +11,11 @@ from kinematics.errors import (
     InvalidObjectName,
     InvalidOption,
 )
+from planning.sequence.gripper import with_finger_motions
 from planning.sequence.stage import (
     Attach,
     Detach,
     Grasp,
-    Gripper,
     Move,
     Place,
     Stage,
@@ -80,6 +80,9 @@ class Task:
         object.__setattr__(self, "start", frozen(start))
         object.__setattr__(self, "stages", _check_objects(self.world, self.stages))
         _check_names(self.world, self.stages)
+        holders = [item.attachment.link for item in self.world.held]
+        stages = with_finger_motions(self.world.robot, self.stages, holders)
+        object.__setattr__(self, "stages", stages)
         object.__setattr__(self, "segments", segments(self.stages))
 
 
@@ -208,8 +211,6 @@ def _check_names(world: World, stages: Sequence[Stage]) -> None:
                 )  # fmt: skip
         if isinstance(stage, Place) and stage.object in (stage.reference, stage.support):
             raise _fault(stages, k, f"places {stage.object!r} on itself", "Name another object.")
-        if isinstance(stage, Gripper) and stage.robot is not None:
-            assert stage.robot.chain.n == chain.n
 
 
 def _object_names(stage: Stage) -> list[tuple[str, str]]:

@@ -46,6 +46,7 @@ Distance = Annotated[
         min_length=2, max_length=2, description="[least, most] way [m]; the longest is tried first"
     ),
 ]
+FingerPositions = Annotated[dict[Label, Number], Field(max_length=MAX_TOUCHING)]
 Deviation = Annotated[float, Field(ge=1e-7, le=1.0)]
 
 
@@ -241,7 +242,21 @@ class WaitStage(StageBody):
 class GripperStage(StageBody):
     """The gripper opens or closes while the arm stands still."""
 
-    duration: Annotated[Positive, Field(le=3600.0)] = Field(0.5, description="[s]")
+    joints: FingerPositions | None = Field(
+        None,
+        description="where joints of the gripper go [rad or m]; the others stay. If left out, the "
+        "gripper's state of the name open or close, if it has one",
+    )
+    state: Label | None = Field(None, description="in place of joints: a state of the gripper")
+    duration: Annotated[Positive, Field(le=3600.0)] | None = Field(
+        None, description="[s]; half a second if left out, or what the fingers' speeds need"
+    )
+
+    @model_validator(mode="after")
+    def _check_form(self) -> "GripperStage":
+        if self.joints is not None and self.state is not None:
+            raise ValueError("give joints or state, not both")
+        return self
 
 
 class OpenStage(GripperStage):
@@ -351,6 +366,11 @@ class TaskRequest(Keepable):
     )
     attached: AttachedObjects | None = Field(
         None, description="held at the start, as `after.attached` of the task before"
+    )
+    fingers: FingerPositions | None = Field(
+        None,
+        description="where joints of the gripper stand at the start [rad or m], as "
+        "`after.fingers`; the others where the robot holds them",
     )
     allowed_collisions: AllowedCollisions | None = Field(
         None, description="pairs that may touch in all stages"

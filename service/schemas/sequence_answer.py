@@ -33,10 +33,14 @@ class HeldObject(Answer):
 
 
 class WorldAnswer(Answer):
-    """The objects after a stage; a request takes both fields, to go on from here."""
+    """The objects after a stage; a request takes the fields, to go on from here."""
 
     objects: list[PlacedObject] = Field(description="obstacles that stand elsewhere than before")
     attached: list[HeldObject] = Field(description="what the robot holds")
+    fingers: dict[str, float] = Field(
+        default_factory=dict,
+        description="where joints of the gripper stand that can be moved [rad or m]",
+    )
 
 
 class TaskStageAnswer(Answer):
@@ -51,7 +55,12 @@ class TaskStageAnswer(Answer):
     stages: list[Stage] = Field(default_factory=list, description="of planning")
     path: PathAnswer | None = Field(None, description="null where the arm stands still")
     trajectory: TrajectoryAnswer = Field(description="its motion, from its own time 0")
-    certificate: CertificateAnswer = Field(description="the proof, with what is held")
+    fingers: TrajectoryAnswer | None = Field(
+        None, description="motion of the gripper's joints beside it; null where they stand still"
+    )
+    certificate: CertificateAnswer = Field(
+        description="the proof, with what is held and with the motion of the fingers"
+    )
     after: WorldAnswer = Field(description="the objects after it")
     notes: list[str] = Field(default_factory=list, description="what was done to the request")
 

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from kinematics.chain import Chain, Inertia, Limits, Link
 from kinematics.errors import ArmwrightError
+from kinematics.fingers import Finger, Fingers
 from obstacles.piece import Piece
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Obstacle, Scene
@@ -32,9 +33,10 @@ _RETRY_AFTER = 2
 @cache
 def _format() -> str:
     """Changes whenever what is pickled does; files of another format are built anew."""
+    robots = (Chain, Limits, Link, Inertia, RobotGeometry, Finger, Fingers)
     layout = [
         (cls.__name__, [item.name for item in fields(cls)])
-        for cls in (Chain, Limits, Link, Inertia, RobotGeometry, Piece, Scene, Obstacle)
+        for cls in (*robots, Piece, Scene, Obstacle)
     ]
     return hashlib.sha256(repr((_FORMAT, VERSION, layout)).encode()).hexdigest()
 

@@ -11,6 +11,7 @@ from pydantic_core import to_json
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidRobotDescription
 from kinematics.named_states import state
+from obstacles.finger_geometry import with_fingers
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from planning.options import MAX_TIMEOUT
@@ -55,6 +56,7 @@ def plan_sequence(
     geometry = worker_cache.robot(robot).geometry
     start = _start(body, geometry)
     around = requested_scene(scene, body, geometry.chain, start)
+    geometry = with_fingers(geometry, body.fingers or {})
     world = _world(body, geometry, _moved(around, body))
     remaining = min(current.deadline().remaining, MAX_TIMEOUT)
     if not remaining > 0.0:
@@ -188,6 +190,9 @@ def _stage_answer(
         if plan is None
         else {"joints": plan.path.waypoints.tolist(), "length": plan.path.length},
         "trajectory": trajectories.trajectory_answer(stage.trajectory, period),
+        "fingers": None
+        if stage.fingers is None
+        else trajectories.trajectory_answer(stage.fingers.trajectory, period),
         "certificate": certificate,
         "after": _world_answer(stage.after, before),
         "notes": [] if plan is None else list(plan.notes),
@@ -200,7 +205,11 @@ def _world_answer(world: World, before: Mapping[str, Array]) -> dict[str, Any]:
         for o in world.scene.obstacles
         if o.id not in before or not np.array_equal(o.T_world_obstacle, before[o.id])
     ]
-    return {"objects": moved, "attached": [_held_answer(item) for item in world.held]}
+    return {
+        "objects": moved,
+        "attached": [_held_answer(item) for item in world.held],
+        "fingers": dict(world.robot.fingers.positions),
+    }
 
 
 def _held_answer(item: Held) -> dict[str, Any]:

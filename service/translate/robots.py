@@ -15,6 +15,7 @@ from kinematics.chain import Chain, JointType
 from kinematics.dh import dh_from_chain
 from kinematics.dh_table import DhRow, DhTable
 from kinematics.errors import InvalidRobotDescription, InvalidScene
+from kinematics.fingers import fingers
 from kinematics.ik.structure import classify_wrist
 from kinematics.joint_limits import ALL_JOINTS
 from kinematics.mesh_uri import resolve_mesh
@@ -82,6 +83,7 @@ def _from_urdf(body: schema.RobotBody) -> tuple[RobotGeometry, list[str]]:
     lint += [*more, *root_notes(chain)]
     files = {uri: base64.b64decode(text) for uri, text in (body.meshes or {}).items()}
     geometry = robot_geometry(chain, description, partial(resolve_mesh, uploaded=files), semantics)
+    geometry = dataclasses.replace(geometry, fingers=fingers(description, chosen, semantics))
     if semantics is not None:
         states, more = named_states(chain, semantics)
         geometry = dataclasses.replace(geometry, states=states)

@@ -104,7 +104,7 @@ class _Translator:
             case schema.WaitStage():
                 return WaitStage(body.duration, settings)
             case _:
-                return Gripper(body.kind, None, (), body.duration, settings)
+                return Gripper(body.kind, self._fingers(body), body.duration, settings)
 
     def _settings(self, body: schema.StageUnion) -> StageSettings:
         task = self._body
@@ -166,6 +166,17 @@ class _Translator:
         assert item.pose is not None
         pose = self._frames.pose(item.pose, item.frame, f"goal.any_of[{i}]")
         return PoseGoal(poses.transform(pose))
+
+    def _fingers(self, body: schema.OpenStage | schema.CloseStage) -> Mapping[str, float] | None:
+        states = self._robot.fingers.states
+        if body.state is None:
+            return body.joints
+        if body.state not in states:
+            raise InvalidOption(
+                f"the gripper has no state {body.state!r}",
+                hint=f"Its states are: {', '.join(states) or 'none; give joints'}.",
+            )
+        return states[body.state]
 
     def _places(self, body: schema.PlaceStage, k: int) -> Array:
         where = f"stages[{k}]"

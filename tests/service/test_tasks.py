@@ -10,6 +10,7 @@ from armwright_client import (
     ApproachStage,
     AttachStage,
     Client,
+    CloseStage,
     DetachStage,
     Goal,
     GraspRegion,
@@ -23,6 +24,7 @@ from armwright_client import (
 )
 from service.schemas.sequence import TaskRequest
 from service.schemas.sequence_answer import TaskAnswer
+from tests.planning.sequence import fingers
 from tests.service.processes import wait_until
 from tests.service.robots import HOME, answer, problem
 
@@ -193,3 +195,34 @@ def test_the_client_plans_a_task(client: httpx.Client) -> None:
     (placed,) = planned.stages[-1].after.objects
     assert placed.pose.position == pytest.approx([0.5, 0.25, 0.15])
     assert planned.stages[5].after.as_options()["attached"][0].id == "crate"
+
+
+def test_fingers_move_and_the_next_task_begins_where_they_are(client: httpx.Client) -> None:
+    body = {"name": "claws", "urdf": fingers.urdf(), "srdf": fingers.srdf()}
+    assert client.post("/v1/robots", json=body).status_code == 201
+    touches = ["panda_hand", "claw_left_plate", "claw_right_plate"]
+    asked = [{"kind": "open"}, *stages((2, {"touch_links": touches}))[:5]]
+    first = plan(client, robot="claws", stages=asked)
+    assert first["stages"][0]["fingers"]["joint_names"] == ["claw_left", "claw_right"]
+    assert first["stages"][1]["fingers"] is None
+    after = first["stages"][-1]["after"]
+    assert after["fingers"] == {"claw_left": 0.025}
+    last = first["stages"][-1]["trajectory"]["segments"][-1]["coefficients"]
+    joints = [row[0] for row in last]
+    opens = {"kind": "open", "joints": {"claw_left": 0.03}}
+    going = {"robot": "claws", "start": {"joints": joints}}
+    second = plan(client, **going, stages=[opens], allowed_collisions=[["crate", "table"]], **after)
+    (segment,) = second["stages"][0]["fingers"]["segments"]
+    assert [row[0] for row in segment["coefficients"]] == pytest.approx([0.025, 0.025])
+    assert second["stages"][0]["after"]["fingers"] == {"claw_left": 0.03}
+    wide = TASK | going | {"stages": [{"kind": "open", "state": "wide"}]}
+    told = problem(client.post("/v1/tasks", json=wide), 422, "VALIDATION_ERROR")
+    assert told["details"]["index"] == 0
+    assert "open, close" in told["hint"]
+    with Client(str(client.base_url)) as connected:
+        stage = CloseStage(joints={"claw_left": 0.0})
+        closed = connected.plan_task("claws", HOME, [stage], fingers={"claw_left": 0.02})
+    motion = closed.stages[0].fingers
+    assert motion is not None
+    assert motion.sample([0.0])[0] == pytest.approx([0.02, 0.02])
+    assert closed.stages[0].after.as_options()["fingers"] == {"claw_left": 0.0}

@@ -34,7 +34,7 @@ def task_stages(pose: dict[str, Any], constraints: list[dict[str, Any]]) -> list
         {"kind": "approach", **way},
         {"kind": "grasp", "object": "crate", "grasps": [pose], "touch_links": ["hand"],
          "support": "table"},
-        {"kind": "close", "duration": 0.2},
+        {"kind": "close", "joints": {"claw": 0.01}, "duration": 0.2},
         {"kind": "attach", "object": "crate", "link": "hand", "touch_links": ["table"],
          "mass": 0.4, "center_of_mass": [0.0, 0.0, 0.01],
          "inertia": [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]},
@@ -42,13 +42,15 @@ def task_stages(pose: dict[str, Any], constraints: list[dict[str, Any]]) -> list
         {"kind": "move", "goal": {"pose": pose}, "tolerance": {"free": ["rz"]}, "planner": "auto"},
         {"kind": "place", "object": "crate", "poses": [pose | {"frame": "base"}],
          "support": "table"},
-        {"kind": "open", "duration": 0.2},
+        {"kind": "open", "state": "wide", "duration": 0.2},
         {"kind": "detach", "object": "crate", "touch_links": ["hand"]},
         {"kind": "retreat", **way},
         {"kind": "grasp", "object": "crate", "region": turns | {
             "axis": [0.0, 0.0, 1.0], "offsets": [0.0, 0.1], "offset_samples": 2}},
         {"kind": "place", "relative_to": "table", "region": turns | {
             "size": [0.1, 0.1], "samples": [2, 2]}},
+        {"kind": "close", "state": "shut"},
+        {"kind": "open", "joints": {"claw": 0.02}},
         {"kind": "wait", "duration": 1.0},
         {"kind": "move", "end_of": "#1"},
     ]  # fmt: skip
@@ -67,6 +69,7 @@ def tasks(
         "stages": task_stages(pose, constraints),
         "objects": [{"id": "crate", "pose": pose}],
         "attached": [{"id": "held", "link": "hand", "pose": pose}],
+        "fingers": {"claw": 0.02},
         "allowed_collisions": [["hand", "crate"]],
         "margin": 0.01,
         "timing": {"velocity_scaling": 0.5},

@@ -1,0 +1,132 @@
+"""The proof that a gripper's fingers are free for every instant of their motion.
+
+The arm stands still. The way of the fingers is cut into parts; in each part the robot has, in place
+of its fingers, solids that hold all that they sweep in it, and this robot is proved free. Parts
+that are not are halved, until so little is added to the fingers that they are what is in the way.
+"""
+
+from dataclasses import replace
+from functools import reduce
+
+from kinematics.arrays import Array
+from kinematics.trajectory import stay
+from obstacles.finger_geometry import swept_cover
+from obstacles.robot_geometry import RobotGeometry
+from obstacles.scene import Scene
+from planning.constraints.constraint_set import ConstraintSet
+from planning.deadline import Deadline
+from planning.finger_motion import FingerMotion
+from planning.limits import RATIO_TOLERANCE
+from planning.proof.certificate import Certificate, certify
+from planning.proof.violation import Violation
+
+#: Parts in which solids are grown by less are not halved any more [m].
+_LEAST_GROWTH = 1e-4
+_METHOD = "fingers grown by all that they sweep, part by part of their way"
+
+
+def certify_gripper(
+    motion: FingerMotion,
+    robot: RobotGeometry,
+    scene: Scene,
+    q: Array,
+    *,
+    margin: float = 0.0,
+    constraints: ConstraintSet | None = None,
+    deadline: Deadline | None = None,
+) -> Certificate:
+    """Prove that nothing collides while the fingers move and the arm stands still.
+
+    Args:
+        motion: Of the fingers.
+        robot: The arm with its geometry and what it holds, its fingers anywhere.
+        scene: The obstacles.
+        q: Where the arm stands, shape (n,) [rad or m].
+        margin: Distance to keep from obstacles beyond their own margins [m].
+        constraints: What the arm has to hold.
+        deadline: When to give up (which proves nothing).
+    """
+    still = stay(robot.chain.joint_names, q, motion.duration)
+    parts, proved = [(0.0, 1.0)], list[Certificate]()
+    while parts:
+        share = parts.pop()
+        cover, growth = swept_cover(robot, motion.first, motion.last, share)
+        part = certify(
+            still, cover, scene, margin=margin, constraints=constraints, deadline=deadline
+        )
+        if part.violation is None:
+            proved.append(part)
+            continue
+        middle = 0.5 * (share[0] + share[1])
+        if part.violation.kind not in ("collision", "undecided") or growth < _LEAST_GROWTH:
+            wrong = _in_part(part.violation, motion, share)
+            return _with_limits(replace(reduce(_worst, proved, part), violation=wrong), motion)
+        parts += [(middle, share[1]), (share[0], middle)]
+    return _with_limits(reduce(_worst, proved), motion)
+
+
+def _worst(one: Certificate, other: Certificate) -> Certificate:
+    """The certificate of two parts together."""
+    nearer = one if one.min_clearance <= other.min_clearance else other
+    obstacle = one if one.min_obstacle_clearance <= other.min_obstacle_clearance else other
+    own = one if one.min_self_clearance <= other.min_self_clearance else other
+    return replace(
+        one,
+        verified=one.verified and other.verified,
+        min_clearance=nearer.min_clearance,
+        clearance_pair=nearer.clearance_pair,
+        min_obstacle_clearance=obstacle.min_obstacle_clearance,
+        obstacle_pair=obstacle.obstacle_pair,
+        min_self_clearance=own.min_self_clearance,
+        self_pair=own.self_pair,
+        cells=one.cells + other.cells,
+        proved=one.proved if not one.proved.collisions else other.proved,
+    )
+
+
+def _in_part(violation: Violation, motion: FingerMotion, share: tuple[float, float]) -> Violation:
+    """The violation of a part of the way, with its time."""
+    time = motion.time_of(share[0])
+    pair = violation.details.get("pair")
+    if pair is None:
+        return replace(violation, time=time)
+    middle = 0.5 * (share[0] + share[1])
+    message = f"{pair[0]!r} and {pair[1]!r} touch while the gripper moves, {middle:.0%} of its way"
+    details = {key: value for key, value in violation.details.items() if key != "at"}
+    return replace(violation, time=time, message=message, details=details)
+
+
+def _with_limits(certificate: Certificate, motion: FingerMotion) -> Certificate:
+    """The certificate with the limits of the fingers' own positions and speeds checked."""
+    certificate = replace(certificate, method=f"{certificate.method}; {_METHOD}")
+    wrong = _limit_violation(motion)
+    if wrong is None:
+        return certificate
+    proved = replace(
+        certificate.proved, limits=False, reasons=(*certificate.proved.reasons, wrong.message)
+    )
+    first = certificate.violation or wrong
+    return replace(certificate, verified=False, violation=first, proved=proved)
+
+
+def _limit_violation(motion: FingerMotion) -> Violation | None:
+    """The first joint of the gripper that leads and is beyond a limit."""
+    trajectory = motion.trajectory
+    position, speed = trajectory.extrema(0), trajectory.extrema(1)
+    for i, finger in enumerate(motion.fingers.moving(motion.leaders)):
+        joint = finger.joint
+        if finger.leader != joint.name:
+            continue
+        low, high = float(position.minimum[i]), float(position.maximum[i])
+        if low < joint.lower - RATIO_TOLERANCE or high > joint.upper + RATIO_TOLERANCE:
+            time = position.time_of_minimum if low < joint.lower else position.time_of_maximum
+            return _beyond("position", joint.name, float(time[i]), (low, high))
+        fastest = float(max(abs(speed.minimum[i]), abs(speed.maximum[i])))
+        if fastest > joint.velocity * (1.0 + RATIO_TOLERANCE):
+            return _beyond("velocity", joint.name, 0.5 * motion.duration, (fastest, joint.velocity))
+    return None
+
+
+def _beyond(kind: str, joint: str, time: float, values: tuple[float, float]) -> Violation:
+    message = f"joint {joint!r} of the gripper is beyond its limit of {kind}"
+    return Violation(kind, time, message, {"joint": joint, "values": list(values)})
