@@ -9,6 +9,7 @@ from armwright_client.base import Answer, InFrame, NonNegative, Pairs, Positive,
 from armwright_client.certificate import Certificate, LimitValues
 from armwright_client.check import AttachedObjects
 from armwright_client.clearance import Clearance
+from armwright_client.constraint import Constraints
 from armwright_client.goal import GoalLike, SingleGoal, Start, as_goal
 from armwright_client.plan import JointPath, Reproducibility, Timing
 from armwright_client.pose import AnyPose
@@ -76,6 +77,7 @@ class TourOptions(TypedDict, total=False):
         frame: Of what names none: a link that stands still, or "tool" at the start.
         attached: Objects that move with a link.
         allowed_collisions: More pairs that may touch.
+        constraints: What every leg has to hold.
         margin: Distance to be kept [m].
         clearance: Distance to be kept wherever there is room; none if left out.
         start_state_tolerance: A configuration so little outside a limit is moved onto it.
@@ -86,6 +88,7 @@ class TourOptions(TypedDict, total=False):
         allow_partial: Whether a tour that leaves goals out is an answer.
         timeout: For the whole tour [s].
         seed: Of everything random.
+        keep: Whether request and answer are kept as a plan, see `Client.plans`.
     """
 
     start: Start | None
@@ -95,6 +98,7 @@ class TourOptions(TypedDict, total=False):
     frame: str | None
     attached: AttachedObjects | None
     allowed_collisions: Pairs | None
+    constraints: Constraints
     margin: float
     clearance: Clearance | None
     start_state_tolerance: float
@@ -105,6 +109,7 @@ class TourOptions(TypedDict, total=False):
     allow_partial: bool
     timeout: float | None
     seed: int
+    keep: bool
 
 
 class TourRequest(Request):
@@ -119,6 +124,7 @@ class TourRequest(Request):
     frame: str | None = None
     attached: AttachedObjects | None = None
     allowed_collisions: Pairs | None = None
+    constraints: Constraints | None = None
     margin: NonNegative | None = None
     clearance: Clearance | None = None
     start_state_tolerance: NonNegative | None = None
@@ -129,6 +135,7 @@ class TourRequest(Request):
     allow_partial: bool = False
     timeout: Positive | None = None
     seed: int = 0
+    keep: bool | None = None
 
 
 class Visit(Answer):
@@ -243,6 +250,7 @@ class Tour(InFrame):
         notes: What was done to the request.
         allowed_collisions: Of the request, as they were obeyed.
         reproducibility: Seed, hashes and versions that reproduce the answer.
+        plan_id: Of the kept plan, if it was kept.
     """
 
     status: str
@@ -259,3 +267,4 @@ class Tour(InFrame):
     notes: list[str] = Field(default_factory=list)
     allowed_collisions: list[list[str]] = Field(default_factory=list)
     reproducibility: Reproducibility
+    plan_id: str | None = None

@@ -9,6 +9,7 @@ from kinematics.ik import numeric
 from kinematics.ik.analytic import branches
 from kinematics.ik.structure import structure
 from obstacles.checker import Checker
+from planning.constrained.path_constraints import end_violation
 from planning.deadline import Deadline
 from planning.preflight.goals import find_goals
 from planning.preflight.limits import snap_to_limits
@@ -69,6 +70,8 @@ def find_configurations(
         else:
             candidates = _of_pose(problem, goal, alternative, near, seed)
         for q in candidates:
+            if end_violation(problem.constraints, "goal", q) is not None:
+                continue
             if all(np.abs(q - other).max() > _SAME for other in rows) and _is_free(checker, q):
                 rows.append(q)
                 alternatives.append(number)
@@ -97,9 +100,14 @@ def _search_around_obstacles(
         answer = find_goals(single, checker, near, seed, deadline)
         if isinstance(answer, Failure):
             failures.append(answer)
-        else:
-            rows += [candidate.joints for candidate in answer[:_MAX_SEARCHED]]
-            numbers += [number] * len(answer[:_MAX_SEARCHED])
+            continue
+        for candidate in answer[:_MAX_SEARCHED]:
+            violation = end_violation(problem.constraints, "goal", candidate.joints)
+            if violation is not None:
+                failures.append(violation)
+            else:
+                rows.append(candidate.joints)
+                numbers.append(number)
     if not rows:
         return failures[0]
     return Configurations(np.array(rows), tuple(numbers))

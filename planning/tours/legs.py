@@ -5,9 +5,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from kinematics.arrays import Array, Indices
+from kinematics.forward import forward
 from kinematics.trajectory import Trajectory
 from obstacles.checker import Checker
 from planning import pipeline
+from planning.constrained.checker import ConstrainedChecker
 from planning.deadline import Deadline
 from planning.limits import MotionLimits
 from planning.options import Options
@@ -32,7 +34,45 @@ _DETOUR, _DETOUR_TIME = 1.5, 0.1
 #: Times that differ by less are equal [s].
 SAME_TIME = 1e-5
 
+#: Rows of a table between two looks at the clock: milliseconds.
+_ROWS_AT_ONCE = 32
+
 Pair = tuple[int, int]
+
+
+def least_times(
+    limits: TimeParametrization, joints: Array, real: Array, deadline: Deadline, *, straight: bool
+) -> Times | None:
+    """Times of straight motions, or bounds of those of all motions, shape (m, m) [s].
+
+    Args:
+        limits: Of the motions.
+        joints: Configurations, shape (m, n) [rad or m].
+        real: Whether each of them is one; times from and to others are 0, shape (m,).
+        deadline: When to give up.
+        straight: True for the straight joint motion, False for the bound of every motion.
+
+    Returns:
+        The times, or None where time is up before they are known.
+    """
+    jerk = np.full(len(limits.velocity), np.inf) if limits.jerk is None else limits.jerk
+    m = len(joints)
+    times: Times = np.empty((m, m), dtype=np.float32)
+    velocity, acceleration = np.array(limits.velocity), np.array(limits.acceleration)
+    for begin in range(0, m, _ROWS_AT_ONCE):
+        if deadline.passed:
+            return None
+        rows = np.array([begin, min(begin + _ROWS_AT_ONCE, m)])
+        rest_to_rest_kernel(joints, velocity, acceleration, np.array(jerk), straight, rows, times)
+    loads = limits.loads
+    if loads is not None and loads.tool_speed is not None:
+        points = np.array([forward(loads.chain, q)[:3, 3] for q in joints])
+        for k, point in enumerate(points):
+            ways = np.linalg.norm(points - point, axis=1)
+            times[k] = np.maximum(times[k], ways / loads.tool_speed)
+    times[~real.astype(bool)] = 0.0
+    times[:, ~real.astype(bool)] = 0.0
+    return times
 
 
 @dataclass(slots=True, eq=False)
@@ -45,15 +85,16 @@ class LegTable:
         parametrization: The limits and the method of timing.
         checker: The exact robot in the scene with its margins.
         joints: Configurations of all stops, shape (m, n) [rad or m].
-        clearance: Of each of them, margins taken off, shape (m,) [m].
         group: Number of the group of each configuration, shape (m,).
         grouped: Whether goals are in groups.
         real: Whether each of them is one; a free end has a row of zeros, shape (m,).
-        times: As known so far, with those between groups, shape (m, m) [s].
+        times: Of straight motions at first, then as known so far, with those between groups,
+            shape (m, m) [s].
         free: Straight motions that are free, the smaller number first.
         blocked: Those that something is in the way of.
         legs: Proved legs.
         failures: Legs that were planned in vain.
+        clearances: Of configurations that were asked for, margins taken off [m].
     """
 
     problem: TourProblem
@@ -61,32 +102,23 @@ class LegTable:
     parametrization: TimeParametrization
     checker: Checker
     joints: Array
-    clearance: Array
     group: Indices
     real: Array
     grouped: bool
-    times: Times = field(init=False)
+    times: Times
     free: set[Pair] = field(default_factory=set)
     blocked: set[Pair] = field(default_factory=set)
     legs: dict[Pair, Leg] = field(default_factory=dict)
     failures: dict[Pair, Failure] = field(default_factory=dict)
+    clearances: dict[int, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.times = self.least_times(straight=True)
         if self.grouped:
             self.times += np.float32(_BETWEEN_GROUPS) * (self.group[:, None] != self.group[None])
 
-    def least_times(self, *, straight: bool) -> Times:
-        """Times of straight motions, or bounds of those of all motions, shape (m, m) [s]."""
-        limits = self.parametrization
-        jerk = np.full(len(limits.velocity), np.inf) if limits.jerk is None else limits.jerk
-        m = len(self.joints)
-        times: Times = np.empty((m, m), dtype=np.float32)
-        velocity, acceleration = np.array(limits.velocity), np.array(limits.acceleration)
-        rest_to_rest_kernel(self.joints, velocity, acceleration, np.array(jerk), straight, times)
-        times[~self.real.astype(bool)] = 0.0
-        times[:, ~self.real.astype(bool)] = 0.0
-        return times
+    def bounds(self, deadline: Deadline) -> Times | None:
+        """Bounds of the times of all motions, shape (m, m) [s]; None where time is up before."""
+        return least_times(self.parametrization, self.joints, self.real, deadline, straight=False)
 
     def time(self, a: int, b: int) -> float:
         """Time of the leg between two configurations, as known so far [s]."""
@@ -106,13 +138,28 @@ class LegTable:
             return True
         if pair in self.blocked:
             return False
-        slack = min(_SLACK, 0.5 * float(min(self.clearance[a], self.clearance[b])))
-        if Checker(self.checker.model, slack).free(self.joints[a], self.joints[b]):
+        if self._checker(a, b).free(self.joints[a], self.joints[b]):
             self.free.add(pair)
             return True
         self.blocked.add(pair)
         self.set_time(a, b, _DETOUR * self.time(a, b) + _DETOUR_TIME)
         return False
+
+    def _checker(self, a: int, b: int) -> Checker:
+        """The checker of straight motions between two configurations, as plans have it."""
+        model = self.checker.model
+        slack = min(_SLACK, 0.5 * min(self._clearance(a), self._clearance(b)))
+        constraints = self.problem.constraints
+        if constraints is None or not constraints.hard.rows:
+            return Checker(model, slack)
+        hard = constraints.hard
+        spare = -np.max([hard.residuals(self.joints[k]) for k in (a, b)], axis=0)
+        return ConstrainedChecker(model, slack, constraints=hard, spare=spare)
+
+    def _clearance(self, k: int) -> float:
+        if k not in self.clearances:
+            self.clearances[k] = float(self.checker.clearance(self.joints[k])[0])
+        return self.clearances[k]
 
     def plan(self, a: int, b: int, timeout: float) -> Leg | Failure:
         """The proved leg from one configuration to another; its time is known then.
@@ -133,8 +180,9 @@ class LegTable:
                 return leg
         goal = JointGoal(self.joints[b])
         problem = Problem(
-            self.problem.robot, self.problem.scene, self.joints[a], (goal,), self.problem.margin
-        )
+            self.problem.robot, self.problem.scene, self.joints[a], (goal,), self.problem.margin,
+            constraints=self.problem.constraints,
+        )  # fmt: skip
         plan = pipeline.plan(problem, replace(self.options, timeout=timeout, observer=None))
         if isinstance(plan, Failure):
             self.failures[a, b] = plan
@@ -153,6 +201,7 @@ class LegTable:
             self.problem.robot,
             self.problem.scene,
             margin=self.problem.margin,
+            constraints=self.problem.constraints,
             limits=MotionLimits(self.parametrization.bounds, self.parametrization.loads),
             deadline=deadline,
         )

@@ -11,6 +11,7 @@ import numpy as np
 
 from kinematics.arrays import Array, Indices
 from kinematics.compiled.kernel import kernel
+from planning.deadline import Deadline
 from planning.tours.rest_to_rest import Times
 
 #: Rounds without a better bound after which steps are halved.
@@ -80,7 +81,9 @@ def spanning_tree(times: Times, first: Indices, price: Array, ends: Indices, leg
     return total
 
 
-def lower_bound(times: Times, first: Indices, upper: float) -> float:
+def lower_bound(
+    times: Times, first: Indices, upper: float, deadline: Deadline | None = None
+) -> float:
     """A time that no tour of the configurations beats [s].
 
     Args:
@@ -88,6 +91,7 @@ def lower_bound(times: Times, first: Indices, upper: float) -> float:
         first: First configuration of each stop, and m, shape (s + 1,); the last two stops are the
             start and the end.
         upper: Time of a known tour, which sets the steps [s].
+        deadline: When to end with the bound so far, 0 if there is none.
     """
     stops, m = len(first) - 1, len(times)
     ends = np.array([stops - 2, stops - 1])
@@ -96,6 +100,8 @@ def lower_bound(times: Times, first: Indices, upper: float) -> float:
     scale, since = 1.0, 0
     rounds = int(np.clip(_EFFORT / m**2, 10, _MAX_ROUNDS))
     for _ in range(rounds):
+        if deadline is not None and deadline.passed:
+            break
         value = spanning_tree(times, first, price, ends, legs)
         since += 1
         if value > best:

@@ -1,19 +1,21 @@
 """Tours from goals to proved legs: search by straight times, proofs only where the tour goes."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from kinematics.arrays import Array
 from obstacles.checker import Checker
+from planning.constrained.path_constraints import check_widths, end_violation
 from planning.deadline import Deadline
+from planning.motion_limits import with_limits
 from planning.preflight.preflight import check_start
 from planning.problem import JointGoal, Problem
 from planning.result import Failure
 from planning.timing.choice import chosen_parametrization
 from planning.tours.configurations import Configurations, find_configurations
-from planning.tours.legs import LegTable
+from planning.tours.legs import LegTable, least_times
 from planning.tours.order import goal_pairs
 from planning.tours.problem import TourOptions, TourProblem
 from planning.tours.result import Tour, Unvisited
@@ -23,6 +25,11 @@ from planning.tours.search import Stops, TourSearch
 Report = Callable[[float, str], None]
 #: Share of the work that is finding configurations.
 _CONFIGURATIONS_SHARE = 0.2
+#: Codes of what is wrong at the end of a tour, by those of its start.
+_CODES_OF_ENDS: Mapping[str, str] = {
+    "START_STATE_IN_COLLISION": "GOAL_IN_COLLISION",
+    "START_STATE_VIOLATES_PATH_CONSTRAINTS": "GOAL_VIOLATES_PATH_CONSTRAINTS",
+}
 
 
 def plan_tour(
@@ -45,6 +52,7 @@ def plan_tour(
         The shortest proved tour that was found before the deadline, or why there is none.
 
     Raises:
+        InvalidGoal: A constraint is too thin for a motion.
         InvalidOption: An unknown planner or option.
         MissingLimit: A velocity or acceleration limit is not known.
     """
@@ -79,6 +87,8 @@ class _TourPlanner:
 
     def run(self) -> Tour | Failure:
         """Run the stages in order, to the first failure."""
+        if self.problem.constraints is not None:
+            check_widths(self.problem.constraints.hard)
         ends = self._ends()
         if isinstance(ends, Failure):
             return ends
@@ -86,7 +96,10 @@ class _TourPlanner:
         if isinstance(found, Failure):
             return found
         while found:
-            stops, legs = self._tables(found, ends)
+            tables = self._tables(found, ends)
+            if isinstance(tables, Failure):
+                return tables
+            stops, legs = tables
             search = TourSearch(self.problem, self.options, stops, legs, self.deadline, self.report)
             tour = search.run()
             if isinstance(tour, Failure):
@@ -121,8 +134,8 @@ class _TourPlanner:
             return start, start if problem.end == "start" else None
         end = self._valid(problem.end)
         if isinstance(end, Failure):
-            message = end.message.replace("at the start", "at the end of the tour")
-            code = "GOAL_IN_COLLISION" if "COLLISION" in end.code else "GOAL_STATE_INVALID"
+            message = end.message.replace("the start", "the end of the tour")
+            code = _CODES_OF_ENDS.get(end.code, "GOAL_STATE_INVALID")
             return replace(end, code=code, message=message, stage="end")
         return start, end
 
@@ -134,6 +147,9 @@ class _TourPlanner:
         valid = check_start(single)
         if isinstance(valid, Failure):
             return valid
+        violation = end_violation(self.problem.constraints, "start", valid.joints)
+        if violation is not None:
+            return violation
         self.notes += [note for note in valid.notes if note not in self.notes]
         return valid.joints
 
@@ -185,8 +201,8 @@ class _TourPlanner:
 
     def _tables(
         self, found: dict[int, Configurations], ends: Sequence[Array | None]
-    ) -> tuple[Stops, LegTable]:
-        """Stops and the legs between them."""
+    ) -> tuple[Stops, LegTable] | Failure:
+        """Stops and the legs between them; a failure where time is up before."""
         n = self.problem.robot.chain.n
         goals = tuple(found)
         rows = [found[i].joints for i in goals]
@@ -196,21 +212,25 @@ class _TourPlanner:
         joints = np.ascontiguousarray(np.vstack(rows))
         real = np.ones(len(joints))
         real[-2:] = [q is not None for q in ends]
-        clearance = np.array(
-            [self.checker.clearance(q)[0] if is_real else 0.0
-             for q, is_real in zip(joints, real, strict=True)]
-        )  # fmt: skip
         stops = Stops(goals, first, tuple(found[i].alternatives for i in goals))
         groups = np.concatenate([stops.groups(self.problem), [-1, -2]])
-        planning = self.options.planning
+        planning = with_limits(self.options.planning, self.problem.constraints)
         chain = self.problem.robot.chain
         parametrization = chosen_parametrization(
             planning.timing, chain.joint_names, chain.limits, planning.limits, chain
         )
+        times = least_times(parametrization, joints, real, self.deadline, straight=True)
+        if times is None:
+            return Failure(
+                "TIMED_OUT",
+                f"time was up before the times between {len(joints)} configurations were known",
+                "Allow more time, or fewer samples of free axes.",
+                "search",
+            )
         legs = LegTable(
-            self.problem, planning, parametrization, self.checker, joints, clearance,
+            self.problem, planning, parametrization, self.checker, joints,
             np.repeat(groups, counts), real,
-            any(goal.group is not None for goal in self.problem.goals),
+            any(goal.group is not None for goal in self.problem.goals), times,
         )  # fmt: skip
         return stops, legs
 

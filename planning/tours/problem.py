@@ -11,6 +11,7 @@ from kinematics.errors import InvalidGoal
 from obstacles.placement import place
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
+from planning.constraints.constraint_set import ConstraintSet
 from planning.options import Options
 from planning.preferred_clearance import PreferredClearance
 from planning.problem import Goal, JointGoal
@@ -66,6 +67,7 @@ class TourProblem:
         precedence: Pairs of names, of goals or groups: the first is visited before the second.
         margin: Distance to keep from obstacles beyond their own margins [m].
         start_state_tolerance: A start this little outside a limit is snapped onto it [rad or m].
+        constraints: What every leg has to hold at every instant; their clearance raises the margin.
 
     Raises:
         InvalidGoal: Too few or too many goals, two of one name, an unknown name, or an order that
@@ -81,9 +83,12 @@ class TourProblem:
     precedence: tuple[tuple[str, str], ...] = ()
     margin: float = 0.0
     start_state_tolerance: float = 1e-6
+    constraints: ConstraintSet | None = None
 
     def __post_init__(self) -> None:
         chain = self.robot.chain
+        if self.constraints is not None:
+            object.__setattr__(self, "margin", max(self.margin, self.constraints.margin))
         if not 2 <= len(self.goals) <= MAX_GOALS:
             raise InvalidGoal(
                 f"a tour has {len(self.goals)} goal(s); it takes 2 to {MAX_GOALS}",

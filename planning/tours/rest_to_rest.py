@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from kinematics.arrays import Array
+from kinematics.arrays import Array, Indices
 from kinematics.compiled.kernel import kernel
 
 Times = NDArray[np.float32]
@@ -38,9 +38,10 @@ def unit_time_kernel(speed: float, acceleration: float, jerk: float) -> float:
 
 @kernel
 def rest_to_rest_kernel(
-    q: Array, velocity: Array, acceleration: Array, jerk: Array, straight: bool, out: Times
-) -> None:
-    """Write the least times between all pairs of configurations [s].
+    q: Array, velocity: Array, acceleration: Array, jerk: Array, straight: bool, rows: Indices,
+    out: Times,
+) -> None:  # fmt: skip
+    """Write the least times between configurations and all those before them [s].
 
     A straight joint motion keeps all joints in step: its speed is that of the joint with the least
     share of its limit. Without that, the slowest joint alone bounds the time of every motion.
@@ -51,12 +52,13 @@ def rest_to_rest_kernel(
         acceleration: Limits, shape (n,) [rad/s^2 or m/s^2].
         jerk: Limits, infinite where there is none, shape (n,) [rad/s^3 or m/s^3].
         straight: True for the straight joint motion, False for the bound of every motion.
+        rows: The first of these configurations, and the one behind the last, shape (2,).
         out: Times, symmetric, written, shape (m, m).
     """
-    m, n = q.shape
-    for i in range(m):
+    n = q.shape[1]
+    for i in range(rows[0], rows[1]):
         out[i, i] = 0.0
-        for k in range(i + 1, m):
+        for k in range(i):
             v = a = j = time = 0.0
             for joint in range(n):
                 d = abs(q[k, joint] - q[i, joint])

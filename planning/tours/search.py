@@ -34,7 +34,10 @@ _KICKS = 30
 #: Kicks for each goal after legs got longer.
 _REPAIR_KICKS = 3
 #: Kicks between two looks at the clock.
-_KICKS_AT_ONCE = 1_000
+_KICKS_AT_ONCE = 100
+#: Shares of the remaining time, at most, for the first order, for checks of its straight motions
+#: before any leg is planned, and for the bound.
+_ORDER_SHARE, _CHECKS_SHARE, _BOUND_SHARE = 0.15, 0.25, 0.25
 #: Rounds without a shorter tour after which the search ends.
 _PATIENCE = 3
 #: Searches in one round at most, for straight motions that are blocked, and for legs that took
@@ -97,7 +100,7 @@ class TourSearch:
         best: The shortest proved tour.
         best_time: Its time, stays not counted [s].
         improvements: Proved tours that were the shortest so far.
-        bound: A time that no tour beats, stays not counted [s].
+        bound: A time that no tour beats, stays not counted [s]; 0 where none is known.
     """
 
     problem: TourProblem
@@ -112,7 +115,7 @@ class TourSearch:
     best: TourState | None = None
     best_time: float = np.inf
     improvements: list[TourImprovement] = field(default_factory=list)
-    bound: float = 0.0
+    bound: float | None = None
 
     def __post_init__(self) -> None:
         pairs = self.stops.pairs(self.problem)
@@ -126,9 +129,8 @@ class TourSearch:
 
     def run(self) -> Tour | Vain | Failure:
         """Search and prove until the rounds or the time are over, or nothing gets better."""
-        self._improve(range(len(self.stops.goals) + 2), _KICKS)
-        least = self.legs.least_times(straight=False)
-        self.bound = lower_bound(least, self.stops.first, self._expected_time())
+        everywhere = range(len(self.stops.goals) + 2)
+        self._improve(everywhere, _KICKS, self._share(_ORDER_SHARE))
         rounds, since, stopped = 0, 0, "finished"
         while True:
             since = 0 if self._settle(rounds) else since + 1
@@ -161,15 +163,18 @@ class TourSearch:
         """
         shorter = False
         for _ in range(_MAX_REPAIRS):
-            self._check_straight_legs()
+            until = self.deadline if self.legs.legs else self._share(_CHECKS_SHARE)
+            self._check_straight_legs(until)
             changed = self._plan_legs()
             shorter |= self._record(round_number)
+            if self.best is not None and self.bound is None:
+                self.bound = self._lower_bound(self._share(_BOUND_SHARE))
             if not changed or self.deadline.passed:
                 break
             self._improve(changed, _REPAIR_KICKS)
         return shorter
 
-    def _check_straight_legs(self) -> None:
+    def _check_straight_legs(self, until: Deadline) -> None:
         """Check straight legs until the tour takes none that is not known."""
         for _ in range(_MAX_CHECKS):
             blocked: list[int] = []
@@ -178,7 +183,7 @@ class TourSearch:
                 free = self.legs.check(self._configuration(before), self._configuration(after))
                 if not free and len(self.legs.blocked) > known:
                     blocked += [before, after]
-            if not blocked or self.deadline.passed:
+            if not blocked or until.passed:
                 return
             self._improve(blocked, 0)
 
@@ -210,16 +215,27 @@ class TourSearch:
         self.improvements.append(TourImprovement(round_number, time + self._dwell()))
         return True
 
-    def _improve(self, stops: Iterable[int], kicks: int) -> None:
-        """Search on from the tour, at these stops first."""
+    def _improve(self, stops: Iterable[int], kicks: int, until: Deadline | None = None) -> None:
+        """Search on from the tour, at these stops first, until the kicks or the time are over."""
+        until = self.deadline if until is None else until
         for stop in stops:
             enqueue(self.work, stop)
         left = kicks * len(self.stops.goals)
         while True:
             search_kernel(self.network, self.state, self.work, min(left, _KICKS_AT_ONCE))
             left -= _KICKS_AT_ONCE
-            if left <= 0 or self.deadline.passed:
+            if left <= 0 or until.passed:
                 return
+
+    def _share(self, share: float) -> Deadline:
+        """The end of work that may take a share of the remaining time."""
+        return self.deadline.within(share * self.deadline.remaining)
+
+    def _lower_bound(self, until: Deadline) -> float:
+        least = self.legs.bounds(until)
+        if least is None:
+            return 0.0
+        return lower_bound(least, self.stops.first, self.best_time, until)
 
     # ------------------------------------------------------------------------- the tour so far
 
@@ -299,7 +315,7 @@ class TourSearch:
             unvisited=tuple(unvisited),
             time=time,
             dwell=dwell,
-            lower_bound=0.0 if unvisited else self.bound + dwell,
+            lower_bound=0.0 if unvisited or not self.bound else self.bound + dwell,
             search=SearchReport(
                 configurations=int(self.stops.first[-3]),
                 checked=len(self.legs.free) + len(self.legs.blocked),

@@ -20,7 +20,7 @@ Digest = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$", examples=[_DIGEST])]
 Operation = Annotated[
     str,
     Field(
-        pattern=r"^POST /v1/(plan|check|validate|tasks|"
+        pattern=r"^POST /v1/(plan|check|validate|tasks|tours|"
         r"robots/[A-Za-z0-9][A-Za-z0-9_.\-]{0,127}/ik)$",
         examples=["POST /v1/plan"],
     ),

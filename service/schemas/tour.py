@@ -23,7 +23,9 @@ from service.schemas.base import (
 from service.schemas.certificate import CertificateAnswer, TrajectoryAnswer
 from service.schemas.check import Margin
 from service.schemas.clearance import Clearance
+from service.schemas.constraint import Constraints
 from service.schemas.goal import SingleGoal, Start, Tolerance
+from service.schemas.keep import Keepable, PlanId
 from service.schemas.kinematics import JOINTS_EXAMPLE
 from service.schemas.plan import LimitsBody, PathAnswer, Reproducibility
 from service.schemas.pose import FramedPose
@@ -101,7 +103,7 @@ _EXAMPLE: JsonDict = {
 }
 
 
-class TourRequest(Body):
+class TourRequest(Keepable):
     """Goals to be visited in the order that takes the least time."""
 
     model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
@@ -130,6 +132,7 @@ class TourRequest(Body):
     )
     attached: AttachedObjects | None = Field(None, description="objects that the robot holds")
     allowed_collisions: AllowedCollisions | None = None
+    constraints: Constraints | None = None
     margin: Margin = Field(0.0, description="distance to be kept from obstacles [m]")
     clearance: Clearance | None = Field(
         None, description="distance to be kept wherever there is room; none if left out"
@@ -227,8 +230,8 @@ class TourAnswer(InFrame):
     time: float = Field(description="of the whole tour, stays among them [s]")
     dwell_time: float = Field(description="of all stays together [s]")
     lower_bound: float | None = Field(
-        description="no tour over the configurations that were found takes less [s]; null where "
-        "time was up"
+        description="no tour over the configurations that were found takes less [s], whatever "
+        "is in the way; null where time was up"
     )
     gap: float | None = Field(
         description="share of the bound by which the tour may be too long at most"
@@ -243,3 +246,4 @@ class TourAnswer(InFrame):
         default_factory=list, description="of the request, as they were obeyed"
     )
     reproducibility: Reproducibility
+    plan_id: PlanId = None

@@ -18,7 +18,12 @@ from planning.tours.result import Leg, Tour
 from service.schemas import tour as schema
 from service.schemas.goal import SingleGoal, Start
 from service.translate import certificates, problems, timings, trajectories
-from service.translate.frames import Frames, single_goal_in_root_frame
+from service.translate.constraints import constraint_set
+from service.translate.frames import (
+    Frames,
+    constraints_in_root_frame,
+    single_goal_in_root_frame,
+)
 from service.translate.sequences import reach_tolerance
 
 
@@ -46,7 +51,7 @@ def tour_problem(
     """The domain's tour, for a robot with what it holds.
 
     Raises:
-        InvalidGoal: A goal is malformed, or the order contradicts itself.
+        InvalidGoal: A goal or constraint is malformed, or the order contradicts itself.
         InvalidRobotState: A joint vector has the wrong length, or there is no such state.
         InvalidLinkName: A frame is unknown, or moves.
         InvalidOption: A tolerance has no sense.
@@ -80,6 +85,7 @@ def tour_problem(
         tuple((pair[0], pair[1]) for pair in body.precedence),
         body.margin if least is None else least,
         body.start_state_tolerance,
+        constraint_set(constraints_in_root_frame(body.constraints, frames), chain),
     )
 
 

@@ -90,6 +90,7 @@ def test_as_a_job_it_reports_progress_and_the_same(client: httpx.Client) -> None
     job = answer(response, 202)["id"]
     assert wait_until(lambda: client.get(f"/v1/jobs/{job}").json()["status"] == "succeeded", 60.0)
     result = answer(client.get(f"/v1/jobs/{job}"))["result"]
+    assert result.pop("plan_id")  # answers of jobs are kept
     assert result == answer(client.post("/v1/tours", json=asked))
 
 
@@ -138,6 +139,23 @@ def test_bad_input_is_told_what_is_wrong(
 ) -> None:
     refusal = problem(client.post("/v1/tours", json=body(**fields)), 422, code)
     assert words in str(refusal)
+
+
+def test_constraints_hold_on_every_leg_and_the_tour_is_kept(client: httpx.Client) -> None:
+    cone = {"type": "orientation", "axis": [0, 0, 1], "direction": [0, 0, -1], "cone_angle": 0.4}
+    asked = body(start=None, goals=GOALS[:2], constraints=[cone], rounds=0, keep=True)
+    found = answer(client.post("/v1/tours", json=asked))
+    (proved,) = found["legs"][0]["certificate"]["path_constraints"]
+    assert proved["residual"] <= 0.0
+    kept = answer(client.get(f"/v1/plans/{found['plan_id']}"))
+    assert kept["operation"] == "POST /v1/tours"
+    assert kept["answer"]["order"] == found["order"]
+    narrow = cone | {"direction": [1, 0, 0]}
+    refusal = problem(
+        client.post("/v1/tours", json=asked | {"constraints": [narrow]}), 422,
+        "GOAL_VIOLATES_PATH_CONSTRAINTS",
+    )  # fmt: skip
+    assert refusal["details"]["unvisited"][0]["index"] == 0
 
 
 def test_a_deadline_is_kept(client: httpx.Client) -> None:

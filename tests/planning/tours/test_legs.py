@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from planning.result import Failure
 from planning.tours.planner import _TourPlanner
 from planning.tours.problem import TourOptions, TourProblem
 from planning.tours.result import Leg
@@ -12,7 +13,9 @@ def test_a_leg_serves_either_way(problem: TourProblem) -> None:
     planner = _TourPlanner(problem, TourOptions(), lambda _share, _stage: None)
     configurations = planner._configurations(problem.start)
     assert isinstance(configurations, dict)
-    _, legs = planner._tables(configurations, (problem.start, problem.start))
+    tables = planner._tables(configurations, (problem.start, problem.start))
+    assert not isinstance(tables, Failure)
+    _, legs = tables
     there, back = legs.plan(0, 9, 5.0), legs.plan(9, 0, 5.0)
     assert isinstance(there, Leg)
     assert isinstance(back, Leg)

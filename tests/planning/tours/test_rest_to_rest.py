@@ -32,7 +32,7 @@ def test_times_are_those_of_ruckig(jerk: float, straight: bool) -> None:
     limits = random.uniform(0.5, 4.0, (3, 3)) * [[1.0], [3.0], [1.0]]
     limits[2] *= jerk
     out = np.empty((12, 12), dtype=np.float32)
-    rest_to_rest_kernel(q, limits[0], limits[1], limits[2], straight, out)
+    rest_to_rest_kernel(q, limits[0], limits[1], limits[2], straight, np.array([0, 12]), out)
     assert (out == out.T).all()
     assert (np.diag(out) == 0.0).all()
     for a in range(12):
@@ -44,5 +44,7 @@ def test_joints_that_keep_still_and_have_no_limit_take_no_time() -> None:
     q = np.array([[0.0, 1.0], [2.0, 1.0]])
     out = np.empty((2, 2), dtype=np.float32)
     fast = np.array([1.0, np.inf])
-    rest_to_rest_kernel(q, fast, np.array([1.0, np.inf]), np.full(2, np.inf), True, out)
+    rest_to_rest_kernel(
+        q, fast, np.array([1.0, np.inf]), np.full(2, np.inf), True, np.array([0, 2]), out
+    )
     assert out[0, 1] == pytest.approx(3.0)

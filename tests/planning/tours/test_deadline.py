@@ -1,0 +1,75 @@
+"""Deadlines of tours: tables and bounds that stop, and the tour that is known when time is up."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from planning import deadline
+from planning.deadline import Deadline
+from planning.options import Options
+from planning.result import Failure
+from planning.timing.choice import chosen_parametrization
+from planning.tours.legs import least_times
+from planning.tours.lower_bound import lower_bound
+from planning.tours.planner import plan_tour
+from planning.tours.problem import TourOptions, TourProblem
+from planning.tours.result import Tour
+from planning.tours.search import TourSearch
+from tests.planning.tours.test_planner import problem as problem  # noqa: PLC0414
+from tests.planning.tours.test_search_kernels import instance
+
+PASSED = Deadline(-np.inf)
+
+
+def test_a_table_stops_when_time_is_up(problem: TourProblem) -> None:
+    chain = problem.robot.chain
+    limits = chosen_parametrization(
+        Options().timing, chain.joint_names, chain.limits, Options().limits, chain
+    )
+    low, high = chain.sampling_bounds()
+    joints = np.random.default_rng(0).uniform(low, high, (100, chain.n))
+    real = np.ones(100)
+    assert least_times(limits, joints, real, PASSED, straight=True) is None
+    whole = least_times(limits, joints, real, Deadline.after(60.0), straight=True)
+    assert whole is not None
+    assert (whole == whole.T).all()
+    assert (whole[~np.eye(100, dtype=bool)] > 0.0).all()
+    bound = least_times(limits, joints, real, Deadline.after(60.0), straight=False)
+    assert bound is not None
+    assert (bound <= whole + 1e-6).all()
+
+
+def test_a_bound_that_is_stopped_is_a_bound() -> None:
+    times, first = instance(0, goals=40, branches=1)
+    assert lower_bound(times, first, 10.0, PASSED) == 0.0
+    whole = lower_bound(times, first, 10.0)
+    assert lower_bound(times, first, 10.0, Deadline.after(60.0)) == whole > 0.0
+
+
+@pytest.mark.parametrize("recorded", [False, True])
+def test_the_first_proved_tour_is_answered_when_time_is_up(
+    problem: TourProblem, monkeypatch: pytest.MonkeyPatch, recorded: bool
+) -> None:
+    """The clock jumps when the first tour is proved, or just before."""
+    now = [0.0]
+    monkeypatch.setattr(deadline, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    keep = TourSearch._record
+
+    def record(self: TourSearch, round_number: int) -> bool:
+        shorter = keep(self, round_number) if recorded else False
+        now[0] = 1e6
+        return shorter
+
+    monkeypatch.setattr(TourSearch, "_record", record)
+    answer: Any = plan_tour(problem, TourOptions(Options(timeout=60.0)))
+    if recorded:
+        assert isinstance(answer, Tour)
+        assert len(answer.visits) == 12
+        assert answer.search.stopped == "deadline"
+        assert (answer.lower_bound, answer.gap) == (0.0, 0.0)
+    else:
+        assert isinstance(answer, Failure)
+        assert answer.code == "TIMED_OUT"
+        assert answer.details["proved_legs"] == 13
