@@ -16,6 +16,7 @@ from command_line.project import project
 from command_line.reach import reach
 from command_line.robots import robots, scenes
 from command_line.studio import studio
+from command_line.task import task
 from command_line.tour import tour
 from command_line.view import view
 
@@ -38,6 +39,7 @@ _COMMANDS: tuple[Callable[..., None], ...] = (
     retime,
     simulate,
     reach,
+    task,
     tour,
     project,
     convert,

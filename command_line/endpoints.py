@@ -53,6 +53,11 @@ REACH = Endpoint(
     "service.schemas.reach:ReachRequest",
     "service.tasks.reach:reach",
 )
+TASK = Endpoint(
+    "/v1/tasks",
+    "service.schemas.sequence:TaskRequest",
+    "service.tasks.sequence:plan_sequence",
+)
 TOUR = Endpoint("/v1/tours", "service.schemas.tour:TourRequest", "service.tasks.tours:tour")
 CONVERT = Endpoint(
     "/v1/convert",

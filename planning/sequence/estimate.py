@@ -4,12 +4,13 @@ import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.chain import Chain
+from planning.options import Options
 
 #: Speed of a joint whose limit is not known [rad/s or m/s].
 _ANY_SPEED = 1.0
 
 
-def travel_times(chain: Chain, start: Array, ends: Array) -> Array:
+def travel_times(chain: Chain, start: Array, ends: Array, options: Options | None = None) -> Array:
     """Least time of the slowest joint from rest to rest, for many ends [s].
 
     A joint that goes d takes d/v + v/a, or 2 sqrt(d/a) where it does not get to its speed v.
@@ -18,13 +19,19 @@ def travel_times(chain: Chain, start: Array, ends: Array) -> Array:
         chain: The robot.
         start: Shape (n,) [rad or m].
         ends: Shape (k, n) [rad or m].
+        options: Limits in place of the robot's, and the shares of them that a motion uses.
 
     Returns:
         Shape (k,).
     """
     d = np.abs(ends - start)
-    v, a = chain.limits.velocity, chain.limits.acceleration
-    v = np.where(np.isfinite(v) & (v > 0.0), v, _ANY_SPEED)
+    options = options or Options()
+    v, a = (
+        np.asarray(options.limits.get(name, getattr(chain.limits, name)), dtype=np.float64)
+        * getattr(options.timing, f"{name}_scaling")
+        for name in ("velocity", "acceleration")
+    )
+    v = np.where(v > 0.0, v, _ANY_SPEED)
     a = np.where(np.isfinite(a) & (a > 0.0), a, np.inf)
     with np.errstate(invalid="ignore"):
         ramp = np.where(np.isinf(a), 0.0, v / a)

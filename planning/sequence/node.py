@@ -7,6 +7,7 @@ import numpy as np
 
 from kinematics.arrays import Array
 from planning.deadline import Deadline
+from planning.options import Options
 from planning.sequence.estimate import travel_times
 from planning.sequence.motion import LineStopped, lead_straight
 from planning.sequence.stage import (
@@ -108,18 +109,21 @@ class Node:
         """Seconds by which it counts as longer for what failed under it."""
         return _NODE_PENALTY * sum(node.failures for node in self.path)
 
-    def add_children(self, targets: tuple[Target, ...], joints: Array, limit: int) -> None:
+    def add_children(
+        self, targets: tuple[Target, ...], joints: Array, limit: int, options: Options
+    ) -> None:
         """Add configurations of the next target, the quickest to reach first.
 
         Args:
             targets: Of each configuration; length k.
             joints: Shape (k, n).
             limit: Most configurations of one target that are kept.
+            options: Of the free motion there.
         """
         if not len(joints):
             return
         assert self.onward_joints is not None
-        times = travel_times(self.world.robot.chain, self.onward_joints, joints)
+        times = travel_times(self.world.robot.chain, self.onward_joints, joints, options)
         counts: dict[int, int] = {}
         for k in np.argsort(times, kind="stable"):
             index = targets[k].number
@@ -194,7 +198,7 @@ def onward_steps(
             if isinstance(led, LineStopped):
                 return k, led
             after = world.after_motion(free=False)
-            bound = least_travel(world, led.start, led.end)
+            bound = least_travel(world, stage, led.start, led.end)
             node.onward.append(
                 Step(k, stage, "straight", world, after, allowed, q, led.end, led, bound=bound)
             )
@@ -243,15 +247,15 @@ def child_node(
         if isinstance(led, LineStopped):
             return segment.approach, led
         q_free = led.start
-        bound = least_travel(world, led.start, led.end)
+        bound = least_travel(world, approach, led.start, led.end)
         steps = [
             Step(segment.approach, approach, "straight", world, world, allowed, q_free, q, led,
                  bound=bound),
             Step(segment.target, stage, "none", reached, reached, (*stage.settings.allowed, *pairs),
                  q, q, target=target.number, bound=still_time(stage)),
         ]  # fmt: skip
-    bound = least_travel(world, node.onward_joints, q_free)
     free, is_last = task.stages[segment.free], segment.approach is None
+    bound = least_travel(world, free, node.onward_joints, q_free)
     allowed = (*free.settings.allowed, *(pairs if is_last else ()))
     steps.insert(
         0,

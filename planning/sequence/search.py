@@ -109,7 +109,7 @@ class _Search:
         self._farthest: Node | None = None
         self._until = self._deadline
         if options.allow_partial:
-            self._until = Deadline.after(_SEARCH_SHARE * options.timeout)
+            self._until = self._deadline.within(_SEARCH_SHARE * options.timeout)
 
     def run(self) -> SequencePlan | SequenceFailure:
         """Search until nothing is left or time is up."""
@@ -159,16 +159,18 @@ class _Search:
 
     def _load(self, node: Node) -> bool:
         """Put the next batch of targets that has any valid configuration among the children."""
-        k = self._task.segments[node.depth].target
-        if k is None:
+        segment = self._task.segments[node.depth]
+        k, free = segment.target, segment.free
+        if k is None or free is None:
             return False
+        options = self._task.stages[free].settings.options
         assert node.onward_world is not None
         world = node.onward_world.after_motion(free=True)
         for batch in range(node.batches, self._finder.batches(k)):
             node.batches = batch + 1
             candidates = self._finder.find(k, world, batch, node.history, self._until)
             self._record.note_candidates(node.choices, k, candidates)
-            node.add_children(candidates.targets, candidates.joints, _MAX_CONFIGURATIONS)
+            node.add_children(candidates.targets, candidates.joints, _MAX_CONFIGURATIONS, options)
             if node.children or self._until.passed:
                 break
         return bool(node.children)
@@ -295,8 +297,8 @@ class _Search:
 
     def _improve(self, leaf: Node, stages: tuple[StagePlan, ...], duration: float) -> None:
         if self._best is None:
-            end = time.monotonic() + self._options.improve
-            self._until = Deadline(min(end, self._deadline.at))
+            left = min(self._options.improve, self._deadline.remaining)
+            self._until = self._deadline.within(left)
         self._best = _Best(leaf, stages, duration)
         milliseconds = 1e3 * (time.perf_counter() - self._began)
         self._improvements.append(Improvement(milliseconds, duration))

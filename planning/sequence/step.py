@@ -62,9 +62,10 @@ def still_time(stage: Stage) -> float:
     return REST
 
 
-def least_travel(world: World, start: Array, end: Array) -> float:
-    """Least time between two configurations (n,) [s]."""
-    return float(travel_times(world.robot.chain, start, np.atleast_2d(end))[0])
+def least_travel(world: World, stage: Stage, start: Array, end: Array) -> float:
+    """Least time between two configurations (n,) with the limits of a stage [s]."""
+    ends = np.atleast_2d(end)
+    return float(travel_times(world.robot.chain, start, ends, stage.settings.options)[0])
 
 
 def plan_step(

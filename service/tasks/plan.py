@@ -23,7 +23,7 @@ from service.storage import worker_cache
 from service.storage.cache_key import Reference
 from service.tasks.answer import in_frame, reports_cache_miss
 from service.tasks.attached_objects import RobotInScene, robot_in_scene
-from service.tasks.result import CacheMiss, PlanOutcome, TaskProblem
+from service.tasks.result import CacheMiss, PlanOutcome, TaskProblem, timed_out
 from service.translate import certificates, problems, timings, trajectories
 from service.translate.constraints import constraint_set
 from service.translate.frames import (
@@ -82,7 +82,7 @@ def plan(
     problem = problems.problem(body, arm, cell.scene)
     deadline = current.deadline()
     if deadline.passed:
-        return _timed_out()
+        return timed_out("the work was done", "certificate")
     options = problems.options(body, arm.chain, deadline.remaining)
     outcome = pipeline.plan(problem, dataclasses.replace(options, observer=_report_stage))
     if isinstance(outcome, Failure):
@@ -130,7 +130,7 @@ def validate(
     )
     violation = certificate.violation
     if violation is not None and violation.kind == "time":
-        return _timed_out()
+        return timed_out("the work was done", "certificate")
     answer = certificates.certificate_answer(certificate, begins)
     answer["allowed_collisions"] = cell.allowed
     return to_json(answer | in_frame(chain), inf_nan_mode="null")
@@ -156,15 +156,6 @@ def _collision_cell(cell: RobotInScene, collisions: Collisions) -> RobotInScene:
             reason="no_collision_geometry",
         )
     return cell
-
-
-def _timed_out() -> TaskProblem:
-    return TaskProblem(
-        "TIMED_OUT",
-        "the deadline passed before the work was done",
-        "Allow more time with the field timeout.",
-        {"stage": "certificate"},
-    )
 
 
 def _refusal(failure: Failure) -> TaskProblem:

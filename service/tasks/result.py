@@ -30,6 +30,21 @@ class TaskProblem:
     details: dict[str, object]
 
 
+def timed_out(work: str, stage: str) -> TaskProblem:
+    """The problem that the deadline passed before some work was done.
+
+    Args:
+        work: The end of the sentence: "the search began".
+        stage: The step that it would have been.
+    """
+    return TaskProblem(
+        "TIMED_OUT",
+        f"the deadline passed before {work}",
+        "Allow more time with the field timeout.",
+        {"stage": stage},
+    )
+
+
 @dataclass(frozen=True, slots=True)
 class PlanOutcome:
     """A plan as it is answered, with the figures that metrics count.

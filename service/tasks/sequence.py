@@ -28,7 +28,7 @@ from service.storage.cache_key import Reference
 from service.tasks.answer import in_frame, reports_cache_miss
 from service.tasks.attached_objects import attachment, requested_scene
 from service.tasks.plan import versions
-from service.tasks.result import CacheMiss, TaskProblem
+from service.tasks.result import CacheMiss, TaskProblem, timed_out
 from service.translate import certificates, poses, problems, sequences, trajectories
 from service.workers import current
 from service.workers.task import GRACE, task
@@ -60,12 +60,7 @@ def plan_sequence(
     world = _world(body, geometry, _moved(around, body))
     remaining = min(current.deadline().remaining, MAX_TIMEOUT)
     if not remaining > 0.0:
-        return TaskProblem(
-            "TIMED_OUT",
-            "the deadline passed before the search began",
-            "Allow more time with the field timeout.",
-            {"stage": "task"},
-        )
+        return timed_out("the search began", "task")
     stages = sequences.stages(body, geometry, start, remaining)
     asked = Task(world, start, stages, body.seed)
     options = TaskOptions(remaining, body.improve, body.allow_partial, current.report)

@@ -13,7 +13,7 @@ from service.storage.cache_key import Reference
 from service.tasks.answer import in_frame, reports_cache_miss
 from service.tasks.attached_objects import RobotInScene, robot_in_scene
 from service.tasks.plan import versions
-from service.tasks.result import CacheMiss, TaskProblem
+from service.tasks.result import CacheMiss, TaskProblem, timed_out
 from service.translate import problems
 from service.translate.tours import configuration, tour_answer, tour_options, tour_problem
 from service.workers import current
@@ -42,12 +42,7 @@ def tour(
     problem = tour_problem(body, cell.robot, cell.scene, start)
     deadline = current.deadline()
     if deadline.passed:
-        return TaskProblem(
-            "TIMED_OUT",
-            "the deadline passed before the tour was begun",
-            "Allow more time with the field timeout.",
-            {"stage": "configurations"},
-        )
+        return timed_out("the tour was begun", "configurations")
     options = tour_options(body, cell.robot.chain, deadline.remaining)
     outcome = plan_tour(problem, options, current.report)
     if isinstance(outcome, Failure):

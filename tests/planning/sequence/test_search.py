@@ -6,7 +6,9 @@ import pytest
 
 import armwright as aw
 from kinematics.forward import forward
+from planning.options import Options
 from planning.problem import JointGoal, PoseGoal
+from planning.sequence.estimate import travel_times
 from planning.sequence.result import SequenceFailure, SequencePlan
 from planning.sequence.search import TaskOptions, plan_task
 from planning.sequence.stage import Detach, Grasp, Gripper, Move, StageSettings, Straight, Wait
@@ -204,3 +206,18 @@ def test_a_shorter_answer_replaces_the_first() -> None:
     durations = [step.duration for step in answer.improvements]
     assert durations == sorted(durations, reverse=True)
     assert answer.duration == durations[-1] <= crate.plan().duration
+
+
+def test_raised_limits_of_a_stage_raise_what_counts_as_its_least_time() -> None:
+    limits = {name: 4.0 * getattr(crate.panda().chain.limits, name)
+              for name in ("velocity", "acceleration", "jerk")}  # fmt: skip
+    quick = StageSettings(options=Options(limits=limits))
+    goals = tuple(JointGoal(crate.HOME + np.array([turn, 0, 0, 0, 0, 0, 0])) for turn in (0.9, 0.5))
+    task = Task(crate.world(), crate.HOME, (Move(goals, settings=quick), Wait(0.1)))
+    answer = plan_task(task, TaskOptions(30.0, improve=1.0))
+    assert isinstance(answer, SequencePlan)
+    assert answer.exhausted
+    assert answer.stages[0].target == 1
+    (least,) = travel_times(crate.panda().chain, crate.HOME, goals[1].joints[None], quick.options)
+    (slowly,) = travel_times(crate.panda().chain, crate.HOME, goals[1].joints[None])
+    assert least <= answer.stages[0].trajectory.duration < slowly

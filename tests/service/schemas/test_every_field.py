@@ -21,7 +21,7 @@ bodies = pytest.mark.parametrize(("model", "body"), FULL, ids=NAMES)
 #: Fields whose content only the domain knows: they take any JSON.
 FREE = ("planner_options", "changes")
 #: Objects by names of the caller's own: any name is a valid one.
-NAMED = ("meshes", "held", "joint_limits", "inertias")
+NAMED = ("meshes", "held", "joint_limits", "inertias", "fingers", "joints")
 
 
 def is_free(path: tuple[str | int, ...]) -> bool:

@@ -1,0 +1,75 @@
+"""The command ``armwright task``."""
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from command_line import values
+from command_line.backend import connect
+from command_line.endpoints import TASK
+from command_line.output import print_json, print_line, print_table, save
+from command_line.parameters import Connection, Margin, Request, RobotSource, Scene, command
+from command_line.robot_files import read_json
+
+
+@command
+def task(
+    connection: Connection,
+    robot: RobotSource,
+    stages: Annotated[
+        Path, typer.Argument(help='JSON file with {"stages": [...]} and further fields of a task.')
+    ],
+    request: Request,
+    scene: Scene = None,
+    margin: Margin = 0.0,
+    start: Annotated[str | None, typer.Option(help="Joints between commas, or a state.")] = None,
+    improve: Annotated[
+        float | None, typer.Option(help="Time to look for a shorter answer [s].")
+    ] = None,
+) -> None:
+    """Plan the stages of a task as one: grasps, places and motions, every stage proved."""
+    given: dict[str, Any] = {
+        "scene": None if scene is None else values.scene(scene),
+        "margin": margin or None,
+        "start": None if start is None else values.goal("--start", start),
+        "improve": improve,
+        "timeout": request.timeout,
+    }
+    body = read_json(stages) | ({} if request.fields is None else read_json(request.fields))
+    body |= {name: value for name, value in given.items() if value is not None}
+    with connect(connection) as backend:
+        body["robot"] = backend.robot_name(robot)
+        answer = backend.answer(TASK, body["robot"], body)
+    if request.output is not None:
+        save(request.output, answer)
+    if connection.as_json:
+        print_json(answer)
+        return
+    _show(json.loads(answer))
+
+
+def _show(planned: dict[str, Any]) -> None:
+    """Print the stages, the time and what could not be done."""
+    count = len(planned["stages"])
+    stages = "stage" if count == 1 else "stages"
+    print_line(f"{count} {stages} in {planned['duration']:.3f} s, every one proved", "bold")
+    rows = [_row(stage) for stage in planned["stages"]]
+    columns = ("stage", "begins [s]", "lasts [s]", "choice", "holds", "clearance [m]")
+    print_table("Stages", columns, rows)
+    tried = sum(trial["outcome"] != "open" for trial in planned["trials"])
+    told = len(planned["trials"]) + planned["trials_omitted"]
+    print_line(f"{tried} of {told} alternatives decided")
+    failure = planned["failure"]
+    if failure is not None:
+        print_line(f"stage {failure['index']} and what follows it: {failure['message']}", "yellow")
+
+
+def _row(stage: dict[str, Any]) -> tuple[object, ...]:
+    held = ", ".join(item["id"] for item in stage["after"]["attached"])
+    name = stage["kind"] if stage["name"] is None else f"{stage['kind']} {stage['name']}"
+    choice = "" if stage["choice"] is None else stage["choice"]
+    clearance = stage["certificate"]["min_clearance"]
+    shown = "" if clearance is None else clearance
+    return name, stage["begins"], stage["trajectory"]["duration"], choice, held, shown
