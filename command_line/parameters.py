@@ -34,7 +34,7 @@ class RobotSource(NamedTuple):
         str,
         typer.Argument(
             help="Name of a robot, or path of a URDF, a folder with one, a .zip, or the JSON of an "
-            "upload."
+            "upload, or example-robot-data:NAME for a URDF of that package."
         ),
     ]
     srdf: Annotated[Path | None, typer.Option(help="SRDF file that belongs to the URDF.")] = None
@@ -43,6 +43,20 @@ class RobotSource(NamedTuple):
     joint_limits: Annotated[
         Path | None, typer.Option(help="Limits by joint, JSON or MoveIt's joint_limits.yaml.")
     ] = None
+    default_limits: Annotated[
+        str | None,
+        typer.Option(
+            help="Rules for limits that are missing: acceleration=10 x velocity,"
+            "jerk=10 x acceleration."
+        ),
+    ] = None
+    allow_suspected: Annotated[
+        bool,
+        typer.Option(
+            "--allow-suspected",
+            help="Let pairs of links touch that the lint of `armwright robots` suspects.",
+        ),
+    ] = False
 
 
 class Request(NamedTuple):

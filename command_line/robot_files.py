@@ -12,24 +12,31 @@ from command_line.problems import invalid_value
 #: Characters that names of robots do not have.
 _NOT_IN_NAMES = re.compile(r"[^A-Za-z0-9_.-]")
 _ROBOT_HINT = "Give the name of a robot (`armwright robots`), a .urdf, a folder, a .zip or a .json."
+#: What a robot of the package example-robot-data begins with.
+_PACKAGE = "example-robot-data:"
 
 
 def is_file(source: RobotSource) -> bool:
     """Whether the robot is given by a path, and not by a name."""
-    return Path(source.robot).exists() or "/" in source.robot or bool(Path(source.robot).suffix)
+    text = source.robot
+    in_package = text.startswith(_PACKAGE)
+    return in_package or Path(text).exists() or "/" in text or bool(Path(text).suffix)
 
 
 def robot_document(source: RobotSource) -> dict[str, Any]:
     """The upload that describes a robot of a file.
 
     Args:
-        source: A .urdf, a folder that holds one, a .zip or the JSON of an upload.
+        source: A .urdf, a folder that holds one, a .zip, the JSON of an upload, or
+            ``example-robot-data:`` with the name of a URDF of that package.
 
     Raises:
         ProblemError: There is no such file, or it is of another kind.
         InvalidRobotDescription: The archive or a mesh can't be read.
     """
     path = Path(source.robot)
+    if source.robot.startswith(_PACKAGE):
+        path = _of_package(source.robot.removeprefix(_PACKAGE))
     if path.is_dir():
         document = _from_urdf(_only_urdf(path))
     elif not path.is_file():
@@ -61,6 +68,26 @@ def read_json(path: Path) -> dict[str, Any]:
     return value
 
 
+def _of_package(name: str) -> Path:
+    """The URDF of a robot of the installed package example-robot-data."""
+    from importlib.metadata import PackageNotFoundError, distribution  # noqa: PLC0415
+
+    try:
+        files = distribution("example-robot-data").files or []
+    except PackageNotFoundError:
+        raise invalid_value(
+            "robot", "example-robot-data is not installed", "pip install example-robot-data"
+        ) from None
+    urdfs = {file.stem: file for file in files if file.suffix == ".urdf"}
+    if name not in urdfs:
+        raise invalid_value(
+            "robot",
+            f"example-robot-data has no {name}.urdf",
+            f"It has: {', '.join(sorted(urdfs))}.",
+        )
+    return Path(str(urdfs[name].locate())).resolve()
+
+
 def _options(source: RobotSource) -> dict[str, Any]:
     given: dict[str, Any] = {"base_link": source.base_link, "tip_link": source.tip_link}
     if source.srdf is not None:
@@ -68,7 +95,28 @@ def _options(source: RobotSource) -> dict[str, Any]:
     if source.joint_limits is not None:
         path = source.joint_limits
         given["joint_limits"] = read_json(path) if path.suffix == ".json" else path.read_text()
+    if source.allow_suspected:
+        given["allow_suspected"] = True
+    if source.default_limits is not None:
+        given["default_limits"] = _default_limits(source.default_limits)
     return {name: value for name, value in given.items() if value is not None}
+
+
+def _default_limits(text: str) -> Any:
+    """The rules of ``--default-limits``: JSON, or rules between commas."""
+    if text.lstrip().startswith("{"):
+        try:
+            return json.loads(text)
+        except ValueError as error:
+            raise invalid_value("--default-limits", f"it is not JSON: {error}") from None
+    rules = [rule.partition("=") for rule in text.split(",")]
+    if not all(equals for _, equals, _ in rules):
+        raise invalid_value(
+            "--default-limits",
+            f"{text!r} is no rule",
+            "Give rules as acceleration=10 x velocity,jerk=10 x acceleration.",
+        )
+    return {limit.strip(): rule.strip() for limit, _, rule in rules}
 
 
 def _only_urdf(folder: Path) -> Path:

@@ -1,10 +1,13 @@
 import json
 import zipfile
+from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from command_line.parameters import RobotSource
+from command_line.robot_files import robot_document
 from kinematics.robots import builtin_names
 from tests.command_line.commands import Run
 from tests.service.robots import BOX_OBJ, FLOOR, POST, urdf
@@ -77,6 +80,37 @@ def test_what_is_no_robot_is_refused(run: Run, folder: Path, source: str, code: 
     assert "Hint: " in shown.err
     assert "Traceback" not in shown.err
     assert shown.out == ""
+
+
+def test_a_robot_of_example_robot_data_plans_without_an_edit(run: Run) -> None:
+    arm = ("example-robot-data:TwoDofs", "--timeout", "60")
+    free = ("--start", "0,0", "--goal", "0.5,0.3", "--json")
+    missing = run("plan", *arm, *free)
+    assert (missing.code, missing.json["code"]) == (3, "MISSING_LIMIT")
+    rule = ("--default-limits", "acceleration=10 x velocity")
+    answer = run("plan", *arm, *rule, *free)
+    assert answer.code == 0, answer.out
+    assert answer.json["certificate"]["verified"]
+    wrong = run("plan", *arm, "--default-limits", "10 x velocity", *free)
+    assert (wrong.code, wrong.json["code"]) == (3, "VALIDATION_ERROR")
+
+
+def test_names_of_example_robot_data_are_listed(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    answer = run("robots", "example-robot-data:ur6")
+    assert answer.code == 3
+    assert "ur5_robot" in answer.err
+
+    def absent(name: str) -> None:
+        raise PackageNotFoundError(name)
+
+    monkeypatch.setattr("importlib.metadata.distribution", absent)
+    assert "pip install example-robot-data" in run("robots", "example-robot-data:ur5_robot").err
+
+
+def test_pairs_that_seem_to_touch_are_allowed_by_a_flag(run: Run, tmp_path: Path) -> None:
+    source = RobotSource(str(tmp_path / "arm.json"), allow_suspected=True)
+    Path(source.robot).write_text("{}")
+    assert robot_document(source)["allow_suspected"] is True
 
 
 def test_obstacles_of_scene_files_are_shown(run: Run, tmp_path: Path) -> None:

@@ -12,7 +12,19 @@ ROOT = Path(__file__).parents[2]
 PAGES = sorted((ROOT / "docs/course").glob("[0-9]*.md"))
 #: Pages beside the course that have requests and answers.
 OTHERS = [
-    ROOT / "docs" / f"{name}.md" for name in ("dynamics", "reach", "tasks", "tours", "tracking")
+    ROOT / "docs" / f"{name}.md"
+    for name in (
+        "dynamics",
+        "exports",
+        "kinematics",
+        "reach",
+        "robots",
+        "tasks",
+        "timing",
+        "tool_paths",
+        "tours",
+        "tracking",
+    )
 ]
 #: A request block and the first answer block after it.
 PAIR = re.compile(

@@ -5,6 +5,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 
 from kinematics.compiled.kernel_dispatcher import FROZEN
 
@@ -18,9 +19,15 @@ def frozen_kernels() -> Iterator[None]:
     if FROZEN in os.environ:
         yield
         return
-    subprocess.run([sys.executable, "-m", "service.cli", "warm"], check=True)
+    _warm()
     os.environ[FROZEN] = "1"
     try:
         yield
     finally:
         del os.environ[FROZEN]
+
+
+@cache
+def _warm() -> None:
+    """Compile the list, once in a process: files of several folders may come in turns."""
+    subprocess.run([sys.executable, "-m", "service.cli", "warm"], check=True)
