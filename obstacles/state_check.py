@@ -317,6 +317,39 @@ def _place(model: ModelArrays, work: Workspace, i: int) -> None:
         place_row(work.placed, i, model.robot, work.frames, model.joints[i])
 
 
+@kernel(allocates=False)
+def blocked_at(
+    model: ModelArrays, work: Workspace, a: Array, b: Array, margin: float,
+    parts: int, looks: int, asked: Indices,
+) -> float:  # fmt: skip
+    """Share of the straight motion from a to b (n,) at which a state is not free, else -1.
+
+    States cost a tenth of a proof: most motions that collide are refused by them. First comes the
+    end (in one part), then the middle, the quarters and so on.
+
+    Args:
+        model: The packed robot and scene.
+        work: A workspace of the model.
+        a: Where it begins, shape (n,) [rad or m].
+        b: Where it ends, shape (n,).
+        margin: Asked for on top of the pairs' own margins [m].
+        parts: Into which the motion is divided at first, a power of 2; 1 where the end is open.
+        looks: Parts at last.
+        asked: Room, shape (1,).
+    """
+    q = work.joints[1]
+    while parts <= looks:
+        # Of all n / parts those that were not looked at before: odd n, and the end itself.
+        for part in range(1, parts + 1, 2):
+            share = part / parts
+            for joint in range(q.shape[0]):
+                q[joint] = a[joint] + (b[joint] - a[joint]) * share
+            if verdict_in(model, work, q, margin, asked) != FREE:
+                return share
+        parts *= 2
+    return -1.0
+
+
 @kernel
 def verdict_on(model: ModelArrays, q: Array, margin: float) -> int:
     """``verdict_in`` in a workspace of its own."""

@@ -10,6 +10,7 @@ from kinematics.compiled.kernel import kernel
 from obstacles.edge_check import FREE, Cubic, certify_in
 from obstacles.kernel_work import Workspace, workspace
 from obstacles.model_arrays import ModelArrays
+from obstacles.state_check import blocked_at, verdict_in
 from planning.constraints.edge_bounds import EDGE_CELLS, HOLDS, edge_kernel
 from planning.field.field_kernels import (
     FieldModel,
@@ -34,6 +35,8 @@ KINK = 5
 
 #: A step whose proof needs more intervals grazes something all along: it is not taken.
 _MAX_INTERVALS = 800
+#: Parts of the straight line to the goal at whose ends it is looked at before it is proved.
+_LOOKS = 8
 #: An adaptive step that was taken whole may be longer next time by this factor.
 GROWTH = 1.5
 #: An adaptive step is not halved below this: it could not lower the potential by its rounding
@@ -195,6 +198,15 @@ def is_free_kernel(proof: Proof, work: Workspace, a: Array, b: Array, outcome: A
 
 
 @kernel
+def _is_free_state(proof: Proof, work: Workspace, q: Array) -> bool:
+    """``is_free_kernel`` of the motion that stays in q (n,)."""
+    if proof.rows.shape[0] > 0:
+        return is_free_kernel(proof, work, q, q, np.empty(4))
+    asked = np.empty(1, dtype=np.int64)
+    return bool(verdict_in(proof.model, work, q, proof.slack, asked) == FREE)
+
+
+@kernel
 def _reaches_goal(
     proof: Proof, work: Workspace, rules: Rules, field: FieldModel, track: Track
 ) -> bool:
@@ -207,9 +219,14 @@ def _reaches_goal(
     share = track.gauges[LINE_BLOCKED]
     if share >= 0.0:
         # Where the line was blocked a step before, it mostly still is: one state tells it.
-        blocked, outcome = goal + share * (q - goal), np.empty(4)
-        if not is_free_kernel(proof, work, blocked, blocked, outcome):
+        blocked = goal + share * (q - goal)
+        if not _is_free_state(proof, work, blocked):
             return False
+    asked = np.empty(1, dtype=np.int64)
+    blocked_share = blocked_at(proof.model, work, q, goal, proof.slack, 2, _LOOKS, asked)
+    if blocked_share >= 0.0:
+        track.gauges[LINE_BLOCKED] = 1.0 - blocked_share
+        return False
     outcome = np.array([1.0, 0.0, 0.0, 0.0])
     if not is_free_kernel(proof, work, q, goal, outcome):
         track.gauges[LINE_BLOCKED] = 1.0 - outcome[0]

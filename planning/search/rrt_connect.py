@@ -21,9 +21,10 @@ from kinematics.arrays import Array, Indices
 from kinematics.compiled.kernel import kernel
 from kinematics.random import State, uniform_kernel
 from obstacles.checker import Checker
-from obstacles.edge_check import FREE, Cubic, certify_in
+from obstacles.edge_check import COLLIDING, FREE, Cubic, certify_in
 from obstacles.kernel_work import Workspace, workspace
 from obstacles.model_arrays import ModelArrays
+from obstacles.state_check import blocked_at
 from planning.deadline import Deadline
 from planning.planner import Planner, Query
 from planning.result import Attempt
@@ -34,6 +35,8 @@ from planning.search_box import search_box
 _STEPS = (0.5, 0.25, 0.5, 0.1)
 #: A step whose proof needs more intervals grazes something all along: it is not taken.
 _MAX_INTERVALS = 800
+#: States of a step that are looked at before it is proved, its end first: half of them collide.
+_LOOKS = 2
 #: Failed steps in a row after which the larger tree has a turn: it may come by where the smaller
 #: one can't get out at random.
 _PATIENCE = 3
@@ -241,7 +244,7 @@ def grow_kernel(
         step: Longest step [rad or m].
         until: Edges, those of earlier calls counted.
     """
-    work, vectors = workspace(model), np.zeros((3, low.shape[0]))
+    work, vectors = workspace(model), np.zeros((4, low.shape[0]))
     target, failed = vectors[0], 0
     while trees.tally[_EDGES] < until:
         side = 0 if trees.sizes[0] <= trees.sizes[1] else 1
@@ -310,22 +313,26 @@ def _step(
 ) -> int:
     """Add a step from node ``at`` towards ``vectors[0]``; its number, -1 if it is not proved."""
     origin, target = trees.points[side, at], vectors[0]
-    motion, zero = vectors[1], vectors[2]
+    motion, zero, end = vectors[1], vectors[2], vectors[3]
     square, outcome = _square(trees.points[side], at, target), np.empty(4)
+    asked = np.empty(1, dtype=np.int64)
     arrives = square <= step * step
     share = 1.0 if arrives else step / math.sqrt(square)
     for j in range(target.shape[0]):
         motion[j] = share * (target[j] - origin[j])
+        end[j] = target[j] if arrives else origin[j] + motion[j]
     trees.tally[_EDGES] += 1
-    verdict = certify_in(
-        model, work, Cubic(origin, motion, zero, zero), slack, _MAX_INTERVALS, outcome
-    )
+    verdict = COLLIDING
+    if blocked_at(model, work, origin, end, slack, 1, _LOOKS, asked) < 0.0:
+        verdict = certify_in(
+            model, work, Cubic(origin, motion, zero, zero), slack, _MAX_INTERVALS, outcome
+        )
     if verdict != FREE:
         trees.met[side, at] = True
         return -1
     node = trees.sizes[side]
     for j in range(target.shape[0]):
-        trees.points[side, node, j] = target[j] if arrives else origin[j] + motion[j]
+        trees.points[side, node, j] = end[j]
     trees.parents[side, node] = at
     trees.sizes[side] = node + 1
     return int(node)

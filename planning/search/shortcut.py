@@ -19,6 +19,7 @@ from obstacles.checker import Checker
 from obstacles.collision_model import ModelArrays
 from obstacles.edge_check import FREE, Cubic, certify_in
 from obstacles.kernel_work import Workspace, workspace
+from obstacles.state_check import blocked_at
 from planning.deadline import Deadline
 
 #: Rounds after which a path counts as short.
@@ -27,6 +28,8 @@ _ROUNDS = 6
 _MAX_CHECKS = 250
 #: Intervals of a check beyond which it counts as another one.
 _INTERVALS_A_CHECK = 40
+#: States between the ends of a cut that are looked at before it is proved.
+_LOOKS = 8
 #: A cut that needs more intervals is not worth its proof.
 _MAX_INTERVALS = 800
 #: A round that gains less than this share of the length was the last.
@@ -68,6 +71,10 @@ def _free(
     model: ModelArrays, work: Workspace, a: Array, b: Array, slack: float, checks: Indices
 ) -> bool:
     """Whether the straight motion from a to b, both (n,), is proved free."""
+    asked = np.empty(1, dtype=np.int64)
+    if blocked_at(model, work, a, b, slack, 2, _LOOKS, asked) >= 0.0:
+        checks[0] += 1
+        return False
     zero, outcome = np.zeros(a.shape[0]), np.empty(4)
     verdict = certify_in(model, work, Cubic(a, b - a, zero, zero), slack, _MAX_INTERVALS, outcome)
     # A motion that grazes takes thousands of intervals: it counts as many checks.

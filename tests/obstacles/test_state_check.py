@@ -12,8 +12,10 @@ from benchmarks.verdict import builtin, clutter, judge, wrong
 from kinematics.robots import builtin_names
 from obstacles.checker import Checker
 from obstacles.edge_check import COLLIDING, FREE
+from obstacles.kernel_work import workspace
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import PointCloud, Sphere
+from obstacles.state_check import blocked_at
 
 
 @pytest.mark.parametrize("name", builtin_names())
@@ -81,3 +83,23 @@ def test_the_same_motion_has_the_same_bits() -> None:
     first = [Checker.of(robot, scene).segment(a, a + 0.1 * (b - a)) for a, b in ends]
     again = Checker.of(robot, scene)
     assert [again.segment(a, a + 0.1 * (b - a)) for a, b in reversed(ends)][::-1] == first
+
+
+@pytest.mark.parametrize("parts", [1, 2])
+def test_a_motion_is_blocked_at_the_first_state_looked_at_that_is_not_free(parts: int) -> None:
+    robot = builtin("ur5e")
+    random = np.random.default_rng(55)
+    checker = Checker.of(robot, clutter(random, 1.2))
+    arrays, asked = checker.model.arrays, np.empty(1, dtype=np.int64)
+    work = workspace(arrays)
+    lower, upper = robot.chain.sampling_bounds()
+    order = [1.0, 0.5, 0.25, 0.75][parts - 1 :]
+    outcomes = set()
+    for _ in range(60):
+        a, b = random.uniform(lower, upper, (2, robot.chain.n))
+        b = a + 0.3 * (b - a)
+        blocked = [share for share in order if not checker.valid(a + share * (b - a))]
+        found = blocked_at(arrays, work, a, b, 0.0, parts, 4, asked)
+        assert found == (blocked[0] if blocked else -1.0)
+        outcomes.add(found)
+    assert {-1.0, order[0], order[1]} <= outcomes
