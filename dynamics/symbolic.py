@@ -5,7 +5,6 @@ centres of mass, and C by the Christoffel symbols of D's derivatives; the kernel
 values by recursions. A test holds the two equal.
 """
 
-from functools import lru_cache
 from typing import NamedTuple
 
 import casadi
@@ -13,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from dynamics.body import Bodies, bodies
 from dynamics.body_row import COULOMB, SMOOTH_SPEED
+from kinematics.bounded_cache import bounded_cache
 from kinematics.chain import Chain
 from kinematics.symbolic import Expression, symbolic_frames
 
@@ -154,7 +154,7 @@ def symbolic_inverse_dynamics(
     return _torques(packed, frames, forces, arms, qd, qdd)
 
 
-@lru_cache(maxsize=64)
+@bounded_cache(maxsize=64)
 def equations_function(chain: Chain) -> Expression:
     """CasADi function (q, q_dot, q_ddot) -> (D, C, G, T, U, tau) of a robot.
 
@@ -168,7 +168,7 @@ def equations_function(chain: Chain) -> Expression:
     )
 
 
-@lru_cache(maxsize=64)
+@bounded_cache(maxsize=64)
 def inverse_function(chain: Chain) -> Expression:
     """CasADi function (q, q_dot, q_ddot) -> tau of a robot, by the recursion.
 

@@ -5,7 +5,6 @@ a test holds the two equal. Calling a CasADi function with numpy arrays costs te
 microseconds: build expressions with these, evaluate with the kernels.
 """
 
-from functools import lru_cache
 from typing import Any
 
 import casadi
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.arrays import Array
+from kinematics.bounded_cache import bounded_cache
 from kinematics.chain import Chain
 from kinematics.errors import InvalidOption, InvalidRobotState
 
@@ -87,7 +87,7 @@ def symbolic_jacobian(
     return casadi.horzcat(*columns)
 
 
-@lru_cache(maxsize=64)
+@bounded_cache(maxsize=64)
 def forward_function(chain: Chain, link: str | None = None) -> Expression:
     """CasADi function q (n) -> T_base_link (4 x 4) of a link, the tip where none is named.
 
@@ -98,7 +98,7 @@ def forward_function(chain: Chain, link: str | None = None) -> Expression:
     return casadi.Function("forward", [q], [symbolic_pose(chain, q, link)], ["q"], ["T"])
 
 
-@lru_cache(maxsize=64)
+@bounded_cache(maxsize=64)
 def jacobian_function(chain: Chain, link: str | None = None) -> Expression:
     """CasADi function q (n) -> geometric Jacobian (6 x n) of a link's origin, the tip's by default.
 

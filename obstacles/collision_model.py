@@ -2,13 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
 from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.arrays import Array, Indices
+from kinematics.bounded_cache import bounded_cache
 from kinematics.chain import Chain
 from obstacles.brackets import Brackets, brackets
 from obstacles.bvh import Tree, tree
@@ -191,7 +191,7 @@ class _ScenePart(NamedTuple):
     walls: Indices
 
 
-@lru_cache(maxsize=64)
+@bounded_cache(maxsize=64)
 def _robot_part(robot: RobotGeometry) -> _RobotPart:
     order = np.argsort(robot.joints[robot.self_pairs], axis=1, kind="stable")
     pairs = np.take_along_axis(robot.self_pairs, order, axis=1)
@@ -207,7 +207,7 @@ def _robot_part(robot: RobotGeometry) -> _RobotPart:
     return _RobotPart(own, carriers, bodies, _readonly(pairs), grid, brackets(robot))
 
 
-@lru_cache(maxsize=64)
+@bounded_cache(maxsize=64)
 def _own_pairs(
     robot: RobotGeometry, allowed: frozenset[tuple[str, str]]
 ) -> tuple[Indices, PairGrid, Indices]:
@@ -259,7 +259,7 @@ def _bodies(
     return _readonly(bodies.astype(np.int64).reshape(-1, 3)), _readonly(carried)
 
 
-@lru_cache(maxsize=16)
+@bounded_cache(maxsize=16)
 def _scene_part(scene: Scene) -> _ScenePart:
     shaped = [() if obstacle.is_cloud else obstacle.pieces() for obstacle in scene.obstacles]
     packed = PieceSet.of([piece for own in shaped for piece in own])

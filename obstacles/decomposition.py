@@ -12,7 +12,6 @@ import hashlib
 import tempfile
 from collections.abc import Iterator
 from dataclasses import fields
-from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 from zipfile import BadZipFile
@@ -22,6 +21,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from kinematics.arrays import Array, frozen
+from kinematics.bounded_cache import bounded_cache
 from obstacles.closest_point import mesh_distances
 from obstacles.convex_cover import ConvexPart, cut_bodies, hull_part
 from obstacles.hull import Hull, convex_hull
@@ -83,7 +83,7 @@ def convex_pieces(vertices: Array, faces: Faces) -> tuple[ConvexPart, ...]:
     return _stored_pieces(vertices[used].tobytes(), numbers.astype(np.int64).tobytes())
 
 
-@lru_cache(maxsize=256)
+@bounded_cache(maxsize=256)
 def _stored_pieces(vertices: bytes, faces: bytes) -> tuple[ConvexPart, ...]:
     digest = hashlib.sha256(b"4" + len(vertices).to_bytes(8) + vertices + faces).hexdigest()
     file = _directory / f"{digest}.npz" if _directory is not None else None

@@ -7,13 +7,13 @@ not return.
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import NamedTuple
 
 import fcl
 import numpy as np
 
 from kinematics.arrays import Array
+from kinematics.bounded_cache import bounded_cache
 from kinematics.pose import align_z
 from obstacles.hull import convex_hull
 from obstacles.piece import Piece, PieceKind
@@ -99,7 +99,7 @@ def fcl_cube(side: float) -> FclSolid:
     return FclSolid(fcl.CollisionObject(fcl.Box(*([UNITS * side] * 3))), np.eye(4), 0.0)
 
 
-@lru_cache(maxsize=4096)
+@bounded_cache(maxsize=4096)
 def _shape(piece: Piece) -> tuple["fcl.CollisionGeometry", Array, float]:
     """FCL's shape of a piece with its frame and excess; a robot's are asked for in every plan."""
     return _new_shape(piece)

@@ -8,12 +8,12 @@ cell of the grid the distance is at least that in its middle less what the pair 
 import itertools
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
 from kinematics.arrays import Array, Indices
+from kinematics.bounded_cache import bounded_cache
 from kinematics.chain import Chain
 from kinematics.compiled.kernel import kernel
 from kinematics.forward import joint_frames
@@ -200,7 +200,7 @@ def _axes(chain: Chain, first: int, last: int) -> Array | None:
     return axes
 
 
-@lru_cache(maxsize=256)
+@bounded_cache(maxsize=256)
 def _values(chain: Chain, a: Piece, b: Piece, first: int, last: int) -> Array:
     axes = _axes(chain, first, last)
     assert axes is not None

@@ -9,13 +9,13 @@ covers a part of it, and carries the triangles that decide where the cover does 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from enum import IntEnum
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.arrays import Array, frozen
+from kinematics.bounded_cache import bounded_cache
 
 
 class PieceKind(IntEnum):
@@ -114,7 +114,7 @@ class _Core(NamedTuple):
 
 
 #: Obstacles that move from request to request keep their cores.
-@lru_cache(maxsize=4096)
+@bounded_cache(maxsize=4096)
 def _core(kind: int, vertices: bytes, radius: float, half_height: float) -> _Core:
     zero = np.zeros(3)
     if kind == PieceKind.HALFSPACE:

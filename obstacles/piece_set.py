@@ -6,12 +6,12 @@ one kernel to another costs about as much as a distance of two balls.
 
 from collections.abc import Sequence
 from enum import IntEnum
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
 from kinematics.arrays import Array
+from kinematics.bounded_cache import bounded_cache
 from obstacles.bvh import FIRST, LAST, NODE_WIDTH, SKIP, tree
 from obstacles.piece import Piece, PieceKind, Surface
 from obstacles.support_table import LEAST_CORNERS, Lists, support_table
@@ -182,7 +182,7 @@ def _rows(pieces: Sequence[Piece]) -> Array:
 
 
 #: Obstacles that only move from request to request keep all else of their rows.
-@lru_cache(maxsize=4096)
+@bounded_cache(maxsize=4096)
 def _row(kind: int, corners: bytes, radius: float, half_height: float, rounding: float) -> Array:
     """The row of a piece in its own frame, shape (WIDTH,)."""
     vertices = np.frombuffer(corners).reshape(-1, 3)
@@ -213,7 +213,7 @@ def _surface(surface: Surface) -> tuple[Array, Array]:
     return nodes.copy(), triangles
 
 
-@lru_cache(maxsize=1024)
+@bounded_cache(maxsize=1024)
 def _surface_tree(triangles: bytes) -> tuple[Array, Array]:
     corners = np.frombuffer(triangles).reshape(-1, 3, 3)
     grown = tree(corners.min(axis=1), corners.max(axis=1), 1)
@@ -230,6 +230,6 @@ def _shift(nodes: Array, by: int, corners: int) -> None:
     nodes[leaves, FIRST : LAST + 1] += corners
 
 
-@lru_cache(maxsize=1024)
+@bounded_cache(maxsize=1024)
 def _table(corners: bytes) -> Lists:
     return support_table(np.frombuffer(corners).reshape(-1, 3))

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache
 from itertools import groupby
 from typing import NamedTuple
 
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinematics.arrays import Array, Indices, frozen
+from kinematics.bounded_cache import bounded_cache
 from obstacles.hull import Hull, convex_hull, principal_axes
 from obstacles.piece import Piece, PieceArrays, PieceKind
 from obstacles.scene import Obstacle
@@ -217,7 +217,7 @@ def _core(piece: Piece) -> _Core:
 
 
 #: Obstacles that only move from request to request keep their cores.
-@lru_cache(maxsize=4096)
+@bounded_cache(maxsize=4096)
 def _plain(
     kind: PieceKind, corners: bytes, radius: float, half_height: float, rounding: float
 ) -> _Core:

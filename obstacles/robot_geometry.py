@@ -3,7 +3,6 @@
 import hashlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from types import MappingProxyType
 from typing import TypeAlias
 
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.arrays import Array, frozen
+from kinematics.bounded_cache import bounded_cache
 from kinematics.chain import Chain, Link
 from kinematics.description import (
     BoxGeometry,
@@ -205,7 +205,7 @@ def geometry_of_solids(
 
 
 # A few, for requests that hold one thing or another: they are keyed by identity.
-@lru_cache(maxsize=16)
+@bounded_cache(maxsize=16)
 def hulled(robot: RobotGeometry) -> RobotGeometry:
     """Robot with the convex hull of every solid that was cut into pieces, in their place.
 

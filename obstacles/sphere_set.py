@@ -8,11 +8,11 @@ far and at once how much the inner one lacks of it.
 
 import math
 from dataclasses import dataclass, fields
-from functools import lru_cache
 
 import numpy as np
 
 from kinematics.arrays import Array, Indices
+from kinematics.bounded_cache import bounded_cache
 from kinematics.compiled.kernel import kernel
 from kinematics.errors import InvalidScene
 from obstacles.closest_point import nearest_on_cone, nearest_on_cylinder
@@ -90,7 +90,7 @@ def sphere_set(piece: Piece, most: int = MOST, enough: float = ENOUGH) -> Sphere
 
 
 # By content: a robot that holds something, or arrives anew, has the pieces it had.
-@lru_cache(maxsize=1024)
+@bounded_cache(maxsize=1024)
 def _spheres(
     kind: PieceKind, corners: bytes, radius: float, half: float, rounding: float, most: int,
     enough: float,

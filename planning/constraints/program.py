@@ -11,13 +11,13 @@ large-scale nonlinear programming", Mathematical Programming, 2006.
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import casadi
 import numpy as np
 
 from kinematics.arrays import Array
+from kinematics.bounded_cache import bounded_cache
 from kinematics.chain import Chain
 from kinematics.symbolic import Expression, symbolic_frames, symbolic_jacobian
 from planning.constraints.constraint_set import ConstraintSet
@@ -127,7 +127,7 @@ def _shape(rows: tuple[Row, ...]) -> Shape:
     return tuple((row.kind, row.carrier, row.reference, math.isfinite(row.lower)) for row in rows)
 
 
-@lru_cache(maxsize=32)
+@bounded_cache(maxsize=32)
 def _program(chain: Chain, hard: Shape, soft: Shape, manipulability: bool) -> Program:
     n = chain.n
     q, slack = casadi.SX.sym("q", n), casadi.SX.sym("s", len(soft))

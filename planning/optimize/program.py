@@ -11,7 +11,6 @@ nonlinear programming", Mathematical Programming, 2006.
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import casadi
@@ -19,6 +18,7 @@ import numpy as np
 import scipy.sparse
 
 from kinematics.arrays import Array, Indices
+from kinematics.bounded_cache import bounded_cache
 from planning.optimize.quadratic import Quadratic
 from planning.optimize.rows import Rows
 from planning.optimize.spline import SplineSpace
@@ -117,7 +117,7 @@ def _pack_rows(
     return W.ravel(), lower.ravel(), upper.ravel()
 
 
-@lru_cache(maxsize=16)
+@bounded_cache(maxsize=16)
 def _program(
     space: SplineSpace,
     n: int,

@@ -5,7 +5,6 @@ function is kept and called through buffers.
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import casadi
@@ -13,6 +12,7 @@ import numpy as np
 
 from dynamics.symbolic import symbolic_inverse_dynamics
 from kinematics.arrays import Array
+from kinematics.bounded_cache import bounded_cache
 from kinematics.chain import Chain
 from kinematics.symbolic import symbolic_jacobian
 from planning.optimize.iterate import Iterate
@@ -71,14 +71,14 @@ def _response(function: Any, m: int, iterate: Iterate, places: Array) -> Respons
     return Response(values, (J[:, :, :n], by_velocity / T, by_acceleration / T**2), in_time)
 
 
-@lru_cache(maxsize=16)
+@bounded_cache(maxsize=16)
 def _torque_function(chain: Chain) -> Any:
     z = casadi.SX.sym("z", 3 * chain.n)
     q, qd, qdd = casadi.vertsplit(z, chain.n)
     return _function(z, symbolic_inverse_dynamics(chain, q, qd, qdd))
 
 
-@lru_cache(maxsize=16)
+@bounded_cache(maxsize=16)
 def _speed_function(chain: Chain) -> Any:
     z = casadi.SX.sym("z", 3 * chain.n)
     q, qd, _ = casadi.vertsplit(z, chain.n)

@@ -8,13 +8,13 @@ and may be violated by the slack s >= 0 that all of them share.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 import scipy.sparse
 
 from kinematics.arrays import Array, Indices
+from kinematics.bounded_cache import bounded_cache
 from planning.optimize.iterate import Iterate
 from planning.optimize.spline import SplineSpace
 from planning.optimize.task import End, Task
@@ -68,7 +68,7 @@ def limit_rows(task: Task, iterate: Iterate, hair: float) -> list[Rows]:
     return blocks
 
 
-@lru_cache(maxsize=32)
+@bounded_cache(maxsize=32)
 def _scaled_differences(space: SplineSpace, order: int, limits: tuple[float, ...]) -> Any:
     D = sparse.csr_matrix(space.differences[order - 1])
     return sparse.kron(D, sparse.diags(1.0 / np.array(limits)), format="csr")

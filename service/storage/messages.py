@@ -17,13 +17,14 @@ _INSTALLATION_LOCK = 0x41524D51
 
 _ADD = text(
     "SELECT procrastinate_defer_jobs_v1(ARRAY("
-    f"SELECT ROW('{QUEUE}', '{TASK}', CAST(:priority AS integer), NULL, NULL,"
+    "SELECT ROW(CAST(:queue AS varchar), CAST(:task AS varchar), CAST(:priority AS integer),"
+    " NULL, NULL,"
     " jsonb_build_object('job', id), NULL)::procrastinate_job_to_defer_v1"
     " FROM unnest(CAST(:ids AS text[])) WITH ORDINALITY AS listed (id, number) ORDER BY number))"
-)
+).bindparams(queue=QUEUE, task=TASK)
 _WAITING = text(
-    f"SELECT count(*) FROM procrastinate_jobs WHERE queue_name = '{QUEUE}' AND status = 'todo'"
-)
+    "SELECT count(*) FROM procrastinate_jobs WHERE queue_name = :queue AND status = 'todo'"
+).bindparams(queue=QUEUE)
 _IS_INSTALLED = text("SELECT to_regclass('procrastinate_jobs') IS NOT NULL")
 
 

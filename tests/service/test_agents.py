@@ -1,13 +1,16 @@
 """Agents with real workers: batches in chunks answer as they do whole, and the command works."""
 
+import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import httpx
+import numpy as np
 import pytest
 
 from service.app import create_app
@@ -17,10 +20,10 @@ from service.storage.job_store import JobRecord
 from service.storage.queue_store import Chunk
 from service.task_references import plan
 from tests.service.conftest import Served
-from tests.service.jobs.requests import EASY, batch, ended, submit
+from tests.service.jobs.requests import EASY, STUCK, batch, began, ended, submit
 from tests.service.postgresql import PostgreSQL
 from tests.service.processes import alive, descendants, wait_until
-from tests.service.robots import FLOOR, answer, scene
+from tests.service.robots import DETOUR, FLOOR, answer, bench, scene
 from tests.service.server import serving
 
 
@@ -82,6 +85,57 @@ def test_jobs_of_any_kind_go_through_the_queue(both: tuple[Served, str]) -> None
     assert job["result"]["certificate"]["verified"]
     empty = "armwright_agent_queue_length 0.0\n"
     assert wait_until(lambda: empty in served.client.get("/metrics").text, 5.0)
+
+
+def test_a_job_that_kills_two_workers_of_an_agent_tells_both_causes(
+    both: tuple[Served, str],
+) -> None:
+    served, _ = both
+    answer(served.client.post("/v1/robots", json=bench("stuck")), 201)
+    job = submit(served.client, STUCK)
+    victims: list[int] = []
+    for number in (signal.SIGKILL, signal.SIGSEGV):
+        assert wait_until(lambda: served.supervisor.busy_pids not in ([], victims), 10.0)  # noqa: B023
+        began(served.client, job, "rrt_connect")
+        time.sleep(0.3)
+        victims = served.supervisor.busy_pids
+        os.kill(victims[0], number)
+    failed = ended(served.client, job)
+    assert failed["error"]["code"] == "CRASH"
+    first, second = failed["error"]["details"]["causes"]
+    assert ("SIGKILL" in first, "SIGSEGV" in second) == (True, True)
+    assert first in failed["error"]["detail"]
+    assert ended(served.client, submit(served.client, EASY))["status"] == "succeeded"
+
+
+def test_a_batch_whose_workers_are_killed_answers_each_problem_once(
+    both: tuple[Served, str],
+) -> None:
+    served, _ = both
+    for _ in range(60):  # so that it is cut into chunks
+        served.supervisor.durations.note(plan.name, 1.0)
+    goals = [[1.2, -0.3 - 0.01 * n, 0.0, -2.0, 0.0, 1.8, 0.785] for n in range(6)]
+    request = {key: DETOUR[key] for key in ("robot", "scene", "start", "timeout")}
+    request["problems"] = [{"goal": {"joints": goal}} for goal in goals]
+    response = served.client.post("/v1/plan/batch", json=request)
+    answer(response, 202)
+    job, killed = response.headers["location"], 0
+    while killed < 3 and answer(served.client.get(job))["status"] in ("queued", "running"):
+        if busy := served.supervisor.busy_pids:
+            os.kill(busy[0], signal.SIGKILL)
+            killed += 1
+        time.sleep(0.1)
+    assert killed == 3
+    results = ended(served.client, job, 60.0)["result"]["results"]
+    assert len(results) == len(goals)
+    crashed = 0
+    for goal, found in zip(goals, results, strict=True):
+        if found.get("code") == "CRASH":
+            crashed += 1
+            assert len(found["details"]["causes"]) == 2
+        else:
+            np.testing.assert_allclose(found["path"]["joints"][-1], goal, atol=1e-6)
+    assert crashed <= 1, "two of three kills may have met the same problem"
 
 
 def test_an_agent_answers_for_its_health_and_ends_at_once(
