@@ -8,6 +8,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 AUDIT := $(VENV)-audit/bin
 SITE := $(VENV)-site/bin
+CONTRACT := $(VENV)-contract/bin
 INSTALLED := $(VENV)/.installed
 TOOLS := $(VENV)/.tools
 APP := -e ".[demo]" -e ./client
@@ -17,11 +18,12 @@ PORT ?= 8000
 # MotionBenchMaker's problems, where they lie in a folder data/ here or beside.
 PROBLEMS ?= $(firstword $(wildcard data/mbm/panda ../data/mbm/panda ../*/data/mbm/panda))
 SEEDS ?= 0
+SEED ?= 1
 MARGINS ?= 0
 
 .DEFAULT_GOAL := help
 .PHONY: install demo test check bench bench-timing bench-arms bench-verdict bench-mbm bench-http serve clients site wheels kernel-list \
-	docker-steps audit clean help
+	docker-steps audit contract clean help
 
 install: $(INSTALLED) $(TOOLS)  ## Install the app, the client and the developers' tools into .venv
 
@@ -113,6 +115,12 @@ audit:  ## Look for dangerous code (bandit) and for packages with known faults (
 		$(AUDIT)/pip install -q --disable-pip-version-check bandit==1.9.4 pip-audit==2.10.1; }
 	$(AUDIT)/bandit -q -c pyproject.toml -r armwright command_line kinematics dynamics obstacles planning tracking service client
 	$(AUDIT)/pip-audit -r constraints.txt --no-deps --disable-pip
+
+# schemathesis in a folder of its own; the server it asks is this one, on this machine only.
+contract: $(TOOLS)  ## Hold the service against its OpenAPI document: make contract SEED=1 (wants the network)
+	@test -x $(CONTRACT)/schemathesis || { $(PYTHON) -m venv $(VENV)-contract && \
+		$(CONTRACT)/pip install -q --disable-pip-version-check schemathesis==4.32.5; }
+	$(BIN)/python -m scripts.contract.run $(CONTRACT)/schemathesis --seed $(SEED)
 
 clean:  ## Remove what was built, compiled and cached; .venv stays
 	rm -rf build dist client/build *.egg-info client/*.egg-info

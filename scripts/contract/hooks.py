@@ -1,0 +1,72 @@
+"""A check for schemathesis: what follows the schema is answered, or refused for a stated reason.
+
+Schemathesis takes every refusal of a body that follows the schema for a fault of the schema. The
+reasons below are what OpenAPI can't say: what is stored, what a robot has, what several fields
+mean together. Whatever OpenAPI can say (types, names, ranges, lengths) is no reason here, so a
+schema that allows too much is found.
+"""
+
+import re
+
+import schemathesis
+from schemathesis import Case, CheckContext, Response
+
+#: Codes of problems that depend on more than the form of a request, and why.
+REASONS = {
+    "IDEMPOTENCY_KEY_REUSED": "a key stands for the first request that used it",
+    "INVALID_ROBOT_STATE": "how many joints there are depends on the robot",
+    "INVALID_ROBOT_DESCRIPTION": "texts in URDF, SRDF and YAML have grammars of their own",
+    "INVALID_SCENE": "solids must have a volume; texts of MoveIt have a grammar of their own",
+    "INVALID_GOAL_CONSTRAINTS": "links and joints depend on the robot",
+    "INVALID_LINK_NAME": "links depend on the robot",
+    "INVALID_OBJECT_NAME": "objects depend on the scene",
+    "INVALID_GROUP_NAME": "groups depend on the robot",
+    "INVALID_REQUEST": "what can be asked depends on the robot",
+    "INVALID_MOTION_PLAN": "a motion of the caller may not be continuous",
+    "MISSING_LIMIT": "which limits there are depends on the robot",
+    "MISSING_INERTIA": "which inertias there are depends on the robot",
+    "START_STATE_INVALID": "limits depend on the robot",
+    "GOAL_STATE_INVALID": "limits depend on the robot",
+    "START_STATE_IN_COLLISION": "depends on robot and scene",
+    "GOAL_IN_COLLISION": "depends on robot and scene",
+    "START_STATE_VIOLATES_PATH_CONSTRAINTS": "depends on robot and constraints",
+    "GOAL_VIOLATES_PATH_CONSTRAINTS": "depends on robot and constraints",
+    "NO_IK_SOLUTION": "depends on the robot",
+    "PLANNING_FAILED": "there may be no motion",
+    "OUT_OF_MEMORY": "what a request takes is not seen in its form",
+    "PRECONDITION_FAILED": "depends on what is stored",
+    "PAYLOAD_TOO_LARGE": "schemas have no size of a whole",
+    "METHOD_NOT_ALLOWED": "built-in robots are read only",
+    "TIMED_OUT": "the deadline that was asked for passed",
+    "STORAGE_UNAVAILABLE": "not ready for a moment",
+}
+#: What a schema can say. All other words are of rules of several fields, or of the longest deadline
+#: that a server allows.
+_SCHEMA_WORDS = re.compile(
+    r"unknown field|field is required|Input should|at (least|most) \d+ (item|character)"
+    r"|valid (string|number|integer|list|dictionary|boolean)",
+)
+
+
+@schemathesis.check  # type: ignore[untyped-decorator, unused-ignore]
+def refused_for_a_stated_reason(_: CheckContext, response: Response, case: Case) -> None:
+    """A request that follows the schema is answered or refused for one of the reasons."""
+    meta = case.meta
+    if meta is None or not meta.generation.mode.is_positive or response.status_code < 400:
+        return
+    if response.status_code in (401, 403, 404, 409, 429):
+        return
+    problem = response.json()
+    code, detail = problem["code"], problem["detail"]
+    if code in REASONS:
+        return
+    if code == "VALIDATION_ERROR" and not _SCHEMA_WORDS.search(detail):
+        return
+    raise AssertionError(f"{code} is no stated reason to refuse this: {detail}")
+
+
+@schemathesis.check  # type: ignore[untyped-decorator, unused-ignore]
+def faults_of_the_server_are_none(_: CheckContext, response: Response, case: Case) -> None:
+    """No answer is a fault of the server; a deadline that passed (504) and 503 are not."""
+    assert response.status_code < 500 or response.status_code in (503, 504), response.text[:500]
+    assert case is not None
