@@ -27,7 +27,7 @@ import httpx
 import numpy as np
 
 from benchmarks.machines import local_server
-from tests.service.processes import alive, children, descendants
+from tests.service.processes import alive, children
 from tests.service.robots import ASIDE, FLOOR, HOME, POST, bench, scene
 
 #: The part of a run in which caches may fill: memory is judged after it.
@@ -213,14 +213,29 @@ def kill(pid: int, stop: float, every: float, done: Counter[str]) -> None:
     """
     while time.monotonic() + every < stop:
         time.sleep(every)
-        forkers = children(pid)
-        workers = [one for one in descendants(pid) - forkers if alive(one)]
+        parents = {one: bool(children(one)) for one in family(pid)}
         kind = "fork server" if (done.total() + 1) % 20 == 0 else "worker"
-        victims = list(forkers) if kind == "fork server" else workers
+        victims = [one for one, parent in parents.items() if parent == (kind == "fork server")]
         if victims:
             with suppress(OSError):
                 os.kill(random.choice(victims), signal.SIGKILL)
                 done[kind] += 1
+
+
+def family(pid: int) -> list[int]:
+    """The processes of a server, also those whose fork server was killed.
+
+    Args:
+        pid: Of the server; all have its mark in their environment.
+    """
+    mark = f"ARMWRIGHT_MARK={os.getpid()}\0".encode()
+    found = []
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit() and int(entry.name) != pid and alive(int(entry.name)):
+            with suppress(OSError):
+                if mark in (entry / "environ").read_bytes() + b"\0":
+                    found.append(int(entry.name))
+    return found
 
 
 def resident(pid: int) -> float:
@@ -255,7 +270,7 @@ def main() -> None:
     parser.add_argument("--clients", type=int, default=4)
     parser.add_argument("--kill-every", type=float, default=5.0, help="seconds between two kills")
     chosen = parser.parse_args()
-    with local_server(_ENVIRONMENT) as (pid, url):
+    with local_server(_ENVIRONMENT | {"ARMWRIGHT_MARK": str(os.getpid())}) as (pid, url):
         began = time.monotonic()
         soak = Soak(url, began + 60.0 * chosen.minutes)
         numbers = itertools.count()
@@ -274,7 +289,7 @@ def main() -> None:
         largest = 0.0
         while any(thread.is_alive() for thread in threads):
             time.sleep(_LOOK)
-            largest = max([largest, *map(resident, descendants(pid))])
+            largest = max([largest, *map(resident, family(pid))])
             if time.monotonic() - began > _WARM_UP * 60.0 * chosen.minutes:
                 times.append(time.monotonic() - began)
                 own.append(resident(pid))
