@@ -64,6 +64,7 @@ SMALL: Mapping[str, tuple[list[str], Mapping[str, Any]]] = {
     "clearance_sharpness": (["--random", "2", "--samples", "20"], {"REPEATS": 1}),
     "reach": (["--poses", "200", "--robots", "kr6_sixx"], {"_ONE_BY_ONE": 2}),
     "tours": (["--spots", "4", "--timeout", "30"], {}),
+    "tour_peers": (["CASE", "0.1", "nobody"], {}),
     "seams": (["--seams", "1", "--arms", "ur5e"], {"INSTANTS": 11, "SHAPES": ("line",)}),
     "scale": (["--obstacles", "5", "--points", "50"], {"_STATES": 8, "_REPEATS": 1, "_PLANS": 1}),
     "startup": (["--runs", "1", "--workers", "1"], {"_WARM_UPS": 0, "_SETTLED": 0.2}),
@@ -153,7 +154,7 @@ def test_scripts_run_on_tiny_input(
     exits: list[int] = []
     module.main()
     assert not any(exits)
-    if name == "ik_peers":
+    if name in ("ik_peers", "tour_peers"):
         answers = tmp_path / "case.answers.npz"
         assert answers.exists()
         return
