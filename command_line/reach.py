@@ -24,6 +24,10 @@ def reach(
     scene: Scene = None,
     margin: Margin = 0.0,
     timeout: Annotated[float | None, typer.Option(help="Deadline [s]; 10 if left out.")] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="File of a mesh; beside the request if left out."),
+    ] = None,
 ) -> None:
     """Say which poses an arm reaches in a scene, and how well."""
     body: dict[str, Any] = read_json(request) | {"margin": margin}
@@ -32,6 +36,11 @@ def reach(
     with connect(connection) as backend:
         name = backend.robot_name(robot)
         answer = backend.answer(REACH, name, body)
+    if body.get("format") == "glb":
+        file = request.with_suffix(".glb") if output is None else output
+        file.write_bytes(answer)
+        print_line(f"{file} has the mesh of what is reached", "bold")
+        return
     if connection.as_json or body.get("format") == "svg":
         print_json(answer)
         return

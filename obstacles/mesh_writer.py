@@ -4,6 +4,7 @@ import json
 import struct
 
 import numpy as np
+from numpy.typing import NDArray
 
 from obstacles.triangles import Triangles
 
@@ -13,7 +14,7 @@ _STL_HEADER = 80
 _GLTF, _JSON_CHUNK, _BINARY_CHUNK = 0x46546C67, 0x4E4F534A, 0x004E4942
 _GLTF_VERSION = 2
 #: Numbers of glTF: types of components, targets of buffers, and the mode of triangles.
-_FLOAT, _UNSIGNED_INT = 5126, 5125
+_FLOAT, _UNSIGNED_INT, _UNSIGNED_BYTE = 5126, 5125, 5121
 _VERTEX_BUFFER, _INDEX_BUFFER = 34962, 34963
 _TRIANGLES = 4
 
@@ -35,18 +36,27 @@ def stl(surface: Triangles) -> bytes:
     return header + struct.pack("<I", len(rows)) + rows.tobytes()
 
 
-def glb(surface: Triangles, name: str) -> bytes:
+def glb(surface: Triangles, name: str, colours: NDArray[np.uint8] | None = None) -> bytes:
     """A surface as a GLB, in metres, with y up as glTF has it.
 
     Args:
         surface: The triangles.
         name: Of the mesh.
+        colours: Red, green, blue and opacity of each vertex, shape (k, 4); None for none.
     """
     # glTF's y is our z, its z is our -y.
     turned = surface.vertices @ np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
     points = turned.astype("<f4")
     indices = surface.faces.astype("<u4").reshape(-1)
     binary = indices.tobytes() + points.tobytes()
+    attributes, views, accessors = {"POSITION": 1}, [], []
+    if colours is not None:
+        attributes["COLOR_0"] = 2
+        views.append({"buffer": 0, "byteOffset": len(binary), "byteLength": colours.nbytes,
+                      "target": _VERTEX_BUFFER})  # fmt: skip
+        accessors.append({"bufferView": 2, "componentType": _UNSIGNED_BYTE, "normalized": True,
+                          "count": len(colours), "type": "VEC4"})  # fmt: skip
+        binary += colours.tobytes()
     document = {
         "asset": {"version": "2.0", "generator": "Armwright"},
         "scene": 0,
@@ -55,7 +65,7 @@ def glb(surface: Triangles, name: str) -> bytes:
         "meshes": [
             {
                 "name": name,
-                "primitives": [{"attributes": {"POSITION": 1}, "indices": 0, "mode": _TRIANGLES}],
+                "primitives": [{"attributes": attributes, "indices": 0, "mode": _TRIANGLES}],
             }
         ],
         "buffers": [{"byteLength": len(binary)}],
@@ -67,6 +77,7 @@ def glb(surface: Triangles, name: str) -> bytes:
                 "byteLength": points.nbytes,
                 "target": _VERTEX_BUFFER,
             },
+            *views,
         ],
         "accessors": [
             {
@@ -83,6 +94,7 @@ def glb(surface: Triangles, name: str) -> bytes:
                 "min": points.min(axis=0).tolist(),
                 "max": points.max(axis=0).tolist(),
             },
+            *accessors,
         ],
     }
     text = json.dumps(document).encode()

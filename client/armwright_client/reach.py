@@ -141,7 +141,7 @@ class ReachRequest(Request):
         joints: Answer the best configurations.
         bases: Candidates for the base.
         base_region: Candidates on the floor.
-        format: "json", or "svg" for a picture.
+        format: "json", "svg" for a picture, or "glb" for a coloured mesh.
         timeout: Deadline [s].
         seed: Of the numeric search.
     """
@@ -160,7 +160,7 @@ class ReachRequest(Request):
     joints: bool | None = None
     bases: Poses | None = None
     base_region: BaseRegion | None = None
-    format: Literal["json", "svg"] = "json"
+    format: Literal["json", "svg", "glb"] = "json"
     timeout: Positive | None = None
     seed: int = 0
 

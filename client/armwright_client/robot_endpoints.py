@@ -339,6 +339,12 @@ class RobotEndpoints:
         body = _reach_request(box, "svg", options)
         return compute(robot, "reach", body, bytes.decode, body.timeout)
 
+    @Endpoint
+    def reach_mesh(self, robot: str, box: ReachBox, **options: Unpack[ReachOptions]) -> Call[bytes]:
+        """A coloured mesh (GLB) of what is reached in a box with one orientation."""
+        body = _reach_request(box, "glb", options)
+        return compute(robot, "reach", body, bytes, body.timeout)
+
 
 def _reach_request(
     poses: Sequence[Pose] | ReachBox, form: str, options: ReachOptions

@@ -1,5 +1,6 @@
 """Jobs as they are answered."""
 
+from base64 import b64encode
 from datetime import UTC, datetime
 
 from pydantic_core import to_json
@@ -42,7 +43,10 @@ def _embed(answer: JobAnswer) -> bytes:
     media_type = answer.content_type.split(";")[0]
     if media_type.endswith("json"):
         return answer.content or b"null"
-    return to_json(answer.content.decode("utf-8", "replace"))
+    if media_type.startswith("text/") or media_type.endswith("xml"):
+        return to_json(answer.content.decode("utf-8", "replace"))
+    # A file, such as a mesh: as base64, which keeps every byte.
+    return to_json(b64encode(answer.content).decode())
 
 
 def _iso_time(seconds: float | None) -> str | None:

@@ -10,10 +10,15 @@ from service.task_references import reach as reach_task
 
 _RESULT = {
     200: {
-        "description": "Arrays with a number for each pose, or a picture",
+        "description": "Arrays with a number for each pose, a picture or a mesh",
         "model": ReachAnswer,
-        "content": {"image/svg+xml": {}},
+        "content": {"image/svg+xml": {}, "model/gltf-binary": {}},
     }
+}
+_MEDIA_TYPES = {
+    "json": "application/json",
+    "svg": "image/svg+xml",
+    "glb": "model/gltf-binary",
 }
 router = APIRouter(
     prefix="/v1/robots/{name}", tags=["kinematics"], route_class=JsonRoute, responses=RESPONSES
@@ -40,5 +45,4 @@ async def reach(name: str, body: ReachRequest, request: Request) -> Response:
         body.scene,
         timeout=body.timeout,
     )
-    picture = body.format == "svg"
-    return Response(result, media_type="image/svg+xml" if picture else "application/json")
+    return Response(result, media_type=_MEDIA_TYPES[body.format])

@@ -130,8 +130,10 @@ class ReachRequest(Body):
         None, description="candidates for the base; poses and scene are then meant in their frame"
     )
     base_region: BaseRegion | None = Field(None, description="candidates on the floor instead")
-    format: Literal["json", "svg"] = Field(
-        "json", description="arrays, or with box and one orientation a picture of its slices"
+    format: Literal["json", "svg", "glb"] = Field(
+        "json",
+        description="arrays, or with box and one orientation a picture of its slices, or a "
+        "coloured mesh of what is reached (binary glTF)",
     )
     timeout: Timeout | None = None
     seed: Seed = 0
@@ -145,7 +147,7 @@ class ReachRequest(Body):
             raise ValueError(
                 "with candidates for the base all is meant in their frame, not in frame"
             )
-        if self.format == "svg" and self.box is None:
+        if self.format != "json" and self.box is None:
             raise ValueError("a picture needs box")
         return self
 

@@ -18,7 +18,7 @@ from service.storage.cache_key import Reference
 from service.tasks.answer import in_frame, reports_cache_miss
 from service.tasks.attached_objects import RobotInScene, robot_in_scene
 from service.tasks.result import CacheMiss, TaskProblem
-from service.translate import poses, reach_picture
+from service.translate import poses, reach_mesh, reach_picture
 from service.translate.sequences import reach_tolerance
 from service.workers import current
 from service.workers.task import GRACE, task
@@ -48,7 +48,7 @@ def reach(
     cell = robot_in_scene(robot, scene, body)
     link = cell.robot.chain.link(body.link or cell.robot.chain.tip_link).name
     grid = None if body.box is None else _grid(body)
-    if body.format == "svg" and (grid is None or grid.shape[3] != 1):
+    if body.format != "json" and (grid is None or grid.shape[3] != 1):
         raise InvalidOption("a picture shows one orientation", hint='Ask for "format": "json".')
     tasks = _poses(body) if grid is None else grid.poses()
     options = ReachOptions(
@@ -81,6 +81,13 @@ def reach(
         return _timed_out(found.completed, len(tasks), "poses")
     if grid is not None and body.format == "svg":
         return reach_picture.draw(grid, found).encode()
+    if grid is not None and body.format == "glb":
+        if not found.is_reached.any():
+            raise InvalidOption(
+                "no point of the box is reached: there is no mesh of it",
+                hint='Move the box, or ask for "format": "json" to see why.',
+            )
+        return reach_mesh.draw(grid, found)
     return to_json(_answer(found, body, cell, grid, placements), inf_nan_mode="null")
 
 

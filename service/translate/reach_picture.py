@@ -20,7 +20,7 @@ _MISSED = {
     Status.IN_COLLISION: "#4d4d4d",
 }
 #: Ends of the scale of manipulability, dark blue to yellow.
-_LOW, _HIGH = np.array([45.0, 20.0, 110.0]), np.array([250.0, 225.0, 40.0])
+LOW, HIGH = np.array([45.0, 20.0, 110.0]), np.array([250.0, 225.0, 40.0])
 
 
 def draw(grid: PoseGrid, found: Reach) -> str:
@@ -85,5 +85,5 @@ def _slice(status: Array, share: Array, corner: tuple[float, float], cell: float
 def _colour(status: Status, share: float) -> str:
     if status is not Status.REACHED:
         return _MISSED[status]
-    red, green, blue = (_LOW + share * (_HIGH - _LOW)).astype(np.int64)
+    red, green, blue = (LOW + share * (HIGH - LOW)).astype(np.int64)
     return f"#{red:02x}{green:02x}{blue:02x}"

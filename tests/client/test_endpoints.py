@@ -130,6 +130,11 @@ CALLS: list[tuple[str, Callable[[Any], Any], str, str, dict[str, Any] | None]] =
      "/v1/robots/a/reach", {"box": {"size": [1.0, 1.0, 0.0], "pose": AT, "spacing": 0.1,
                                     "orientations": [[0.0, 0.0, 0.0, 1.0]]},
                             "format": "svg"}),
+    ("robots.reach_mesh", lambda c: c.robots.reach_mesh(
+        "a", ours.ReachBox(size=[1.0, 1.0, 0.0], pose=POSE, spacing=0.1)), "POST",
+     "/v1/robots/a/reach", {"box": {"size": [1.0, 1.0, 0.0], "pose": AT, "spacing": 0.1,
+                                    "orientations": [[0.0, 0.0, 0.0, 1.0]]},
+                            "format": "glb"}),
     ("robots.potential", lambda c: c.robots.potential("a", [0.0], [1.0], "s", engine="fcl",
                                                       timeout=2.0),
      "POST", "/v1/robots/a/potential", FIELD | {"scene": "s"}),

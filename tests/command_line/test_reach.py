@@ -27,6 +27,10 @@ def test_a_box_is_counted_and_drawn(run: Run, tmp_path: Path) -> None:
     assert "out_of_reach" in text
     request.write_text(json.dumps(document | {"format": "svg"}))
     assert run("reach", "ur5e", str(request)).out.startswith("<svg")
+    request.write_text(json.dumps(document | {"format": "glb"}))
+    mesh = tmp_path / "reached.glb"
+    assert "reached.glb" in run("reach", "ur5e", str(request), "-o", str(mesh)).out
+    assert mesh.read_bytes().startswith(b"glTF")
 
 
 def test_a_request_without_poses_is_refused(run: Run, tmp_path: Path) -> None:

@@ -1,10 +1,13 @@
 """Reach over HTTP: poses, grids, tolerances, bases, pictures, and what is refused."""
 
+import io
+from base64 import b64decode
 from typing import Any
 from xml.etree import ElementTree
 
 import httpx
 import pytest
+import trimesh
 
 from service.schemas.reach import ReachAnswer
 from tests.service.processes import wait_until
@@ -90,6 +93,24 @@ def test_a_picture_has_a_square_for_each_point(client: httpx.Client) -> None:
     squares = picture.findall("{http://www.w3.org/2000/svg}rect")
     assert len(squares) == 63 + 1
     assert len({square.get("fill") for square in squares}) > 3
+
+
+def test_a_mesh_holds_what_is_reached(client: httpx.Client) -> None:
+    body = {"box": BOX, "format": "glb", "scene": scene(FLOOR, POST)}
+    response = client.post("/v1/robots/panda/reach", json=body)
+    assert response.headers["content-type"] == "model/gltf-binary"
+    mesh = trimesh.load(io.BytesIO(response.content), file_type="glb", force="mesh", process=False)
+    counted = reach(client, "panda", box=BOX, scene=scene(FLOOR, POST))["reached"]
+    assert mesh.volume == pytest.approx(counted * 0.1**3, rel=1e-4)
+    waits = client.post("/v1/robots/panda/reach", json=body, headers={"Prefer": "respond-async"})
+    job = f"/v1/jobs/{answer(waits, 202)['id']}"
+    assert wait_until(lambda: client.get(job).json()["status"] == "succeeded", 20.0)
+    assert b64decode(answer(client.get(job))["result"]) == response.content
+    far = BOX | {"pose": {"position": [9.0, 0.0, 0.0]}}
+    refusal = problem(
+        client.post("/v1/robots/panda/reach", json=body | {"box": far}), 422, "VALIDATION_ERROR"
+    )
+    assert "no point of the box is reached" in refusal["detail"]
 
 
 def test_as_a_job_it_reports_the_same(client: httpx.Client) -> None:

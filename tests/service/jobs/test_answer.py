@@ -70,8 +70,9 @@ def test_an_error_is_there_once_the_job_has_failed() -> None:
         (JobAnswer("application/json", b""), None),
         (JobAnswer("text/csv", b"time,a\n0,1\n"), "time,a\n0,1\n"),
         (JobAnswer("text/csv", b'a"b\\\n'), 'a"b\\\n'),
-        (JobAnswer("application/octet-stream", b"\xff"), "\ufffd"),
+        (JobAnswer("image/svg+xml", b"<svg/>"), "<svg/>"),
+        (JobAnswer("application/octet-stream", b"\xff"), "/w=="),
     ],
 )
-def test_a_result_that_is_not_json_is_told_as_text(answer: JobAnswer, result: object) -> None:
+def test_a_result_that_is_not_json_is_told_as_text_or_base64(answer: JobAnswer, result: object) -> None:
     assert document("succeeded", answer)["result"] == result
