@@ -74,5 +74,5 @@ def test_an_error_is_there_once_the_job_has_failed() -> None:
         (JobAnswer("application/octet-stream", b"\xff"), "/w=="),
     ],
 )
-def test_a_result_that_is_not_json_is_told_as_text_or_base64(answer: JobAnswer, result: object) -> None:
+def test_a_result_that_is_no_json_is_text_or_base64(answer: JobAnswer, result: object) -> None:
     assert document("succeeded", answer)["result"] == result
