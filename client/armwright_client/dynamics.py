@@ -119,7 +119,8 @@ class ModelOptions(TypedDict, total=False):
     """Changes of the robot's model: payload, motors, friction, gravity.
 
     Args:
-        gravity: In the root frame [m/s²].
+        gravity: In the frame [m/s²].
+        frame: A link that stands still, or "tool"; the root frame if left out.
         payload: A load in addition.
         motor_inertia: J, one number or one a joint [kg m² or kg].
         viscous_friction: B, one number or one a joint [N m s/rad or N s/m].
@@ -127,6 +128,7 @@ class ModelOptions(TypedDict, total=False):
     """
 
     gravity: VectorLike
+    frame: str
     payload: Payload
     motor_inertia: float | VectorLike
     viscous_friction: float | VectorLike
@@ -139,7 +141,7 @@ class DynamicsOptions(ModelOptions, Generic[V], total=False):
     Args:
         velocities: One row a configuration [rad/s or m/s]; at rest if left out.
         accelerations: One row a configuration [rad/s² or m/s²]; 0 if left out.
-        wrench: (force, moment) that the tip exerts, in the root frame [N, N m].
+        wrench: (force, moment) that the tip exerts, along the frame's axes [N, N m].
         christoffel_symbols: Answer c_ijk too.
         partial_jacobians: Answer J_v and J_w of every body too.
     """
@@ -157,7 +159,7 @@ class ForwardDynamicsOptions(ModelOptions, Generic[V], total=False):
     Args:
         velocities: One row a configuration [rad/s or m/s]; at rest if left out.
         torques: One row a configuration [N m or N]; 0 if left out.
-        wrench: (force, moment) that the tip exerts, in the root frame [N, N m].
+        wrench: (force, moment) that the tip exerts, along the frame's axes [N, N m].
     """
 
     velocities: V | None
@@ -171,10 +173,13 @@ class WrenchOptions(TypedDict, total=False):
     Args:
         link: The tip if left out.
         point: In the link's frame [m]; its origin if left out.
+        frame: Whose axes the wrench is given along: a link that stands still, or "tool"; the root
+            frame if left out.
     """
 
     link: str
     point: VectorLike
+    frame: str
 
 
 class RegressorOptions(ModelOptions, total=False):
@@ -192,21 +197,22 @@ class RegressorOptions(ModelOptions, total=False):
 
 
 class WrenchRequest(Request):
-    """A wrench (force [N], moment [N m]) that a link exerts, in the root frame."""
+    """A wrench (force [N], moment [N m]) that a link exerts, along the frame's axes."""
 
     joints: Vector | Rows
     wrench: Vector6
     link: str | None = None
     point: Vector3 | None = None
+    frame: str | None = None
 
 
-class WrenchAnswer(Answer):
+class WrenchAnswer(InFrame):
     """Joint torques that balance the wrench: τ = Jᵀ F [N m or N]."""
 
     torques: list[float]
 
 
-class WrenchBatch(Answer):
+class WrenchBatch(InFrame):
     """Joint torques that balance a wrench at many configurations [N m or N]."""
 
     torques: list[list[float]]
@@ -222,6 +228,7 @@ class DynamicsRequest(Request):
     christoffel_symbols: bool | None = None
     partial_jacobians: bool | None = None
     gravity: Vector3 | None = None
+    frame: str | None = None
     payload: Payload | None = None
     motor_inertia: float | Vector | None = None
     viscous_friction: float | Vector | None = None
@@ -236,19 +243,20 @@ class ForwardDynamicsRequest(Request):
     torques: Vector | Rows | None = None
     wrench: Vector6 | None = None
     gravity: Vector3 | None = None
+    frame: str | None = None
     payload: Payload | None = None
     motor_inertia: float | Vector | None = None
     viscous_friction: float | Vector | None = None
     coulomb_friction: float | Vector | None = None
 
 
-class ForwardDynamicsAnswer(Answer):
+class ForwardDynamicsAnswer(InFrame):
     """Accelerations that torques cause, n [rad/s² or m/s²]."""
 
     accelerations: list[float]
 
 
-class ForwardDynamicsBatch(Answer):
+class ForwardDynamicsBatch(InFrame):
     """Accelerations that torques cause in many states [rad/s² or m/s²]."""
 
     accelerations: list[list[float]]
@@ -268,7 +276,7 @@ class PartialJacobian(Answer):
     angular: Matrix | list[Matrix]
 
 
-class DynamicsAnswer(Answer):
+class DynamicsAnswer(InFrame):
     """The equations of motion (D + J) q̈ + C q̇ + B q̇ + G + Jᵀ F = τ.
 
     Args:
@@ -298,7 +306,7 @@ class DynamicsAnswer(Answer):
     partial_jacobians: list[PartialJacobian] | None = None
 
 
-class DynamicsBatch(Answer):
+class DynamicsBatch(InFrame):
     """The equations at many configurations, in their order; see `DynamicsAnswer`."""
 
     mass_matrix: list[Matrix]
@@ -323,6 +331,7 @@ class RegressorRequest(Request):
     motors: bool | None = None
     known_zeros: bool | None = None
     gravity: Vector3 | None = None
+    frame: str | None = None
     payload: Payload | None = None
     motor_inertia: float | Vector | None = None
     viscous_friction: float | Vector | None = None
@@ -343,7 +352,7 @@ class BaseParameter(Answer):
     column: int
 
 
-class RegressorAnswer(Answer):
+class RegressorAnswer(InFrame):
     """The equations of motion, linear in the parameters: τ = Y Θ = Y_b β.
 
     Args:

@@ -43,6 +43,8 @@ _MAX_STRETCH = 2.0
 _MAX_STEPS = 400
 #: Share of half a row's width that projected configurations keep: edges between them bulge.
 _NARROWING = 0.25
+#: What they keep at most [m or rad]: where a row is wide, the way may lead along its bounds.
+_MOST_NARROWING = 3e-3
 #: Iterations of Newton's method on a step.
 _PROJECTIONS = 12
 #: Iterations of Newton's method on a random configuration, which may be far away.
@@ -82,7 +84,7 @@ class Manifold:
 
     def __post_init__(self) -> None:
         chain, constraints = self.checker.model.chain, self.checker.constraints
-        zero, inner = np.zeros(chain.n), narrow_rows(constraints, _NARROWING)
+        zero, inner = np.zeros(chain.n), narrow_rows(constraints, _NARROWING, _MOST_NARROWING)
         goal = make_goal(constraints, zero, zero, rows=inner)
         object.__setattr__(self, "goal", goal)
         object.__setattr__(self, "rows", self.checker.rows)

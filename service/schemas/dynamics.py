@@ -8,6 +8,8 @@ from service.schemas.base import (
     MAX_BATCH,
     Answer,
     Body,
+    Frame,
+    InFrame,
     Joints,
     Label,
     Matrix,
@@ -38,11 +40,13 @@ class Payload(Body):
 
 
 class Model(Body):
-    """Changes of the robot's model: payload, motors, friction, gravity."""
+    """Configurations, and changes of the robot's model: payload, motors, friction, gravity."""
 
+    joints: Joints = Field(examples=[JOINTS_EXAMPLE])
     gravity: Vector3 | None = Field(
-        None, description="in the root frame [m/s²]; the robot's own if left out"
+        None, description="in the frame [m/s²]; the robot's own if left out"
     )
+    frame: Frame | None = None
     payload: Payload | None = None
     motor_inertia: NonNegative | list[NonNegative] | None = Field(
         None, description="J, reflected at the joints [kg m² or kg]; the robot's own if left out"
@@ -56,7 +60,7 @@ class Model(Body):
 
 
 class WrenchRequest(Body):
-    """A wrench that the tip exerts on its surroundings, in the root frame."""
+    """A wrench that the tip exerts on its surroundings, along the axes of the frame."""
 
     joints: Joints = Field(examples=[JOINTS_EXAMPLE])
     wrench: Wrenches = Field(
@@ -64,9 +68,10 @@ class WrenchRequest(Body):
     )
     link: Label | None = Field(None, description="the tip if left out")
     point: Point | None = Field(None, description="where on the link, in its frame [m]")
+    frame: Frame | None = None
 
 
-class WrenchAnswer(Answer):
+class WrenchAnswer(InFrame):
     """τ = Jᵀ F; with many configurations a list of them."""
 
     torques: list[float] | Matrix = Field(description="[N m or N]")
@@ -75,13 +80,12 @@ class WrenchAnswer(Answer):
 class DynamicsRequest(Model):
     """States whose equations of motion are asked for."""
 
-    joints: Joints = Field(examples=[JOINTS_EXAMPLE])
     velocities: Joints | None = Field(None, description="0 if left out", examples=[RATES_EXAMPLE])
     accelerations: Joints | None = Field(
         None, description="0 if left out", examples=[RATES_EXAMPLE]
     )
     wrench: Wrenches | None = Field(
-        None, description="that the tip exerts on its surroundings, in the root frame [N, N m]"
+        None, description="that the tip exerts on its surroundings, along the frame's axes [N, N m]"
     )
     christoffel_symbols: bool = Field(False, description="answer c_ijk too")
     partial_jacobians: bool = Field(False, description="answer J_v and J_ω of every body too")
@@ -92,12 +96,12 @@ class PartialJacobian(Answer):
 
     joint: str = Field(description="joint that moves the body")
     linear: Matrix | list[Matrix] = Field(
-        description="J_v of the body's centre of mass, 3 x n, in the root frame"
+        description="J_v of the body's centre of mass, 3 x n, in the frame"
     )
-    angular: Matrix | list[Matrix] = Field(description="J_ω of the body, 3 x n")
+    angular: Matrix | list[Matrix] = Field(description="J_ω of the body, 3 x n, in the frame")
 
 
-class DynamicsAnswer(Answer):
+class DynamicsAnswer(InFrame):
     """(D + J) q̈ + C q̇ + B q̇ + G + Jᵀ F = τ; with many configurations each field is a list."""
 
     mass_matrix: Matrix | list[Matrix] = Field(description="D of the links, n x n")
@@ -125,17 +129,16 @@ class DynamicsAnswer(Answer):
 class ForwardDynamicsRequest(Model):
     """States and torques whose accelerations are asked for."""
 
-    joints: Joints = Field(examples=[JOINTS_EXAMPLE])
     velocities: Joints | None = Field(None, description="0 if left out", examples=[RATES_EXAMPLE])
     torques: Joints | None = Field(
         None, description="τ of the joints; 0 if left out [N m or N]", examples=[RATES_EXAMPLE]
     )
     wrench: Wrenches | None = Field(
-        None, description="that the tip exerts on its surroundings, in the root frame [N, N m]"
+        None, description="that the tip exerts on its surroundings, along the frame's axes [N, N m]"
     )
 
 
-class ForwardDynamicsAnswer(Answer):
+class ForwardDynamicsAnswer(InFrame):
     """q̈ = (D + J)⁻¹ (τ − C q̇ − B q̇ − G − Jᵀ F); with many states a list of them."""
 
     accelerations: list[float] | Matrix = Field(description="q̈, n [rad/s² or m/s²]")
@@ -144,7 +147,6 @@ class ForwardDynamicsAnswer(Answer):
 class RegressorRequest(Model):
     """States in motion."""
 
-    joints: Joints = Field(examples=[JOINTS_EXAMPLE])
     velocities: Joints = Field(examples=[RATES_EXAMPLE])
     accelerations: Joints = Field(examples=[RATES_EXAMPLE])
     reference_velocities: Joints | None = Field(
@@ -172,7 +174,7 @@ class BaseParameter(Answer):
     column: int = Field(description="the column of the regressor that it is multiplied with")
 
 
-class RegressorAnswer(Answer):
+class RegressorAnswer(InFrame):
     """τ = Y Θ = Y_b β; with many states the regressors are lists."""
 
     regressor: Matrix | list[Matrix] = Field(description="Y, n x p")

@@ -4,10 +4,12 @@ from collections.abc import Callable
 from functools import wraps
 from typing import ParamSpec, TypeVar
 
+from numpy.typing import ArrayLike
 from pydantic import BaseModel
 
+from kinematics.arrays import Array
 from kinematics.chain import Chain
-from kinematics.root_frame import root_notes
+from kinematics.root_frame import frame_pose, root_notes
 from service.storage import worker_cache
 from service.storage.cache_key import NotPrepared, Reference
 from service.tasks.result import CacheMiss, ChainTask
@@ -41,6 +43,23 @@ def in_frame(chain: Chain, frame: str | None = None) -> dict[str, str | None]:
     if "frame_note" not in chain.memo:
         chain.memo["frame_note"] = next(iter(root_notes(chain)), None)
     return {"frame": frame or chain.root_link, "frame_note": chain.memo["frame_note"]}
+
+
+def frame_transform(chain: Chain, joints: ArrayLike, name: str | None) -> Array | None:
+    """T_root_frame of the frame of a request, shape (4, 4); of the tool (..., 4, 4).
+
+    Args:
+        chain: The robot.
+        joints: Of the request, shape (..., n) [rad or m].
+        name: The frame; None for the root frame, which is answered by None.
+
+    Raises:
+        InvalidLinkName: There is no such frame, or it moves.
+        InvalidRobotState: Wrong length.
+    """
+    if name is None:
+        return None
+    return frame_pose(chain, name, chain.configuration(joints), "frame")
 
 
 def chain_task(function: Callable[[Chain, _Body], bytes], model: type[_Body]) -> ChainTask:

@@ -31,22 +31,33 @@ from service.schemas.dynamics import (
 )
 from service.storage import worker_cache
 from service.storage.cache_key import builtin_reference
-from service.tasks.answer import chain_task
+from service.tasks.answer import chain_task, frame_transform, in_frame
 from service.translate.payload import loaded_chain
 
 #: Numbers of Christoffel symbols or partial Jacobians in one answer: some twenty megabytes.
 _MAX_NUMBERS = 1_000_000
 
 
-def model(chain: Chain, body: Model) -> Chain:
+def model(chain: Chain, body: Model, R: Array | None = None) -> Chain:
     """The robot as a request wants it.
 
+    Args:
+        chain: The robot.
+        body: The request.
+        R: R_root_frame of the request's frame, shape (3, 3); None for the root frame.
+
     Raises:
-        InvalidOption: A value is out of its range.
+        InvalidOption: A value is out of its range, or gravity turns with the tool.
         InvalidLinkName: What should carry the payload does not exist.
     """
     if body.gravity is not None:
-        chain = with_gravity(chain, body.gravity)
+        if R is not None and R.ndim > 2:
+            raise InvalidOption(
+                "gravity in the frame of the tool is another one at each configuration",
+                hint="Send one configuration, or name a frame that stands still.",
+            )
+        g = np.array(body.gravity)
+        chain = with_gravity(chain, g if R is None else R @ g)
     drive = body.motor_inertia, body.viscous_friction, body.coulomb_friction
     if any(value is not None for value in drive):
         chain = with_motors(chain, *drive)
@@ -62,8 +73,9 @@ def wrench(chain: Chain, body: WrenchRequest) -> bytes:
     """
     q, F = chain.configuration(body.joints), np.array(body.wrench)
     _check_rows(q, F)
+    F = _in_root(_rotation(chain, body), F)
     torques = holding_torques(chain, q, F, body.link, body.point)
-    return to_json({"torques": torques.tolist()})
+    return to_json({"torques": torques.tolist(), **in_frame(chain, body.frame)})
 
 
 def dynamics(chain: Chain, body: DynamicsRequest) -> bytes:
@@ -73,15 +85,16 @@ def dynamics(chain: Chain, body: DynamicsRequest) -> bytes:
         InvalidRobotState: Wrong length, or numbers of states that differ.
         MissingInertia: The robot lacks an inertia.
     """
-    robot = model(chain, body)
+    R = _rotation(chain, body)
+    robot = model(chain, body, R)
     q = robot.configuration(body.joints)
     zero = np.zeros(robot.n)
     qd = zero if body.velocities is None else body.velocities
     qdd = zero if body.accelerations is None else body.accelerations
-    F = _wrench(body, q)
+    F = _wrench(body, q, R)
     torques = inverse_dynamics(robot, q, qd, qdd, F)
     return to_json(
-        _terms(robot, q, body)
+        _terms(robot, q, body, R)
         | {
             "mass_matrix": mass_matrix(robot, q).tolist(),
             "coriolis_matrix": coriolis_matrix(robot, q, qd).tolist(),
@@ -92,12 +105,13 @@ def dynamics(chain: Chain, body: DynamicsRequest) -> bytes:
             "coulomb_friction": robot.coulomb_friction.tolist(),
             "kinetic_energy": kinetic_energy(robot, q, qd).tolist(),
             "potential_energy": potential_energy(robot, q).tolist(),
+            **in_frame(chain, body.frame),
         }
     )
 
 
-def _terms(robot: Chain, q: Array, body: DynamicsRequest) -> dict[str, Any]:
-    """Christoffel symbols and partial Jacobians, where they are asked for."""
+def _terms(robot: Chain, q: Array, body: DynamicsRequest, R: Array | None) -> dict[str, Any]:
+    """Christoffel symbols and partial Jacobians, where they are asked for; R is R_root_frame."""
     terms: dict[str, Any] = {"christoffel_symbols": None, "partial_jacobians": None}
     numbers = q.size * robot.n * (robot.n if body.christoffel_symbols else 6)
     if (body.christoffel_symbols or body.partial_jacobians) and numbers > _MAX_NUMBERS:
@@ -110,6 +124,9 @@ def _terms(robot: Chain, q: Array, body: DynamicsRequest) -> dict[str, Any]:
         terms["christoffel_symbols"] = christoffel_symbols(robot, q).tolist()
     if body.partial_jacobians:
         linear, angular = partial_jacobians(robot, q)
+        if R is not None:
+            turn = np.swapaxes(R, -1, -2)[..., None, :, :]
+            linear, angular = turn @ linear, turn @ angular
         terms["partial_jacobians"] = [
             {
                 "joint": name,
@@ -121,13 +138,32 @@ def _terms(robot: Chain, q: Array, body: DynamicsRequest) -> dict[str, Any]:
     return terms
 
 
-def _wrench(body: DynamicsRequest | ForwardDynamicsRequest, q: Array) -> Array | None:
-    """The wrench of a request, one for each configuration; None where it has none."""
+def _wrench(
+    body: DynamicsRequest | ForwardDynamicsRequest, q: Array, R: Array | None
+) -> Array | None:
+    """The wrench of a request, one for each configuration; None where it has none.
+
+    R is R_root_frame of the frame that it is given in.
+    """
     if body.wrench is None:
         return None
     F = np.array(body.wrench)
     _check_rows(q, F)
-    return F
+    return _in_root(R, F)
+
+
+def _rotation(chain: Chain, body: Model | WrenchRequest) -> Array | None:
+    """R_root_frame of a request's frame, shape (3, 3), of the tool (..., 3, 3); None for none."""
+    T = frame_transform(chain, body.joints, body.frame)
+    return None if T is None else T[..., :3, :3]
+
+
+def _in_root(R: Array | None, F: Array) -> Array:
+    """Wrenches (..., 6) of a frame's axes along those of the root frame."""
+    if R is None:
+        return F
+    force, moment = (R @ part[..., None] for part in (F[..., :3], F[..., 3:]))
+    return np.concatenate([force, moment], axis=-2)[..., 0]
 
 
 def forward_dynamics(chain: Chain, body: ForwardDynamicsRequest) -> bytes:
@@ -137,14 +173,15 @@ def forward_dynamics(chain: Chain, body: ForwardDynamicsRequest) -> bytes:
         InvalidRobotState: Wrong length, or numbers of states that differ.
         MissingInertia: The robot lacks an inertia.
     """
-    robot = model(chain, body)
+    R = _rotation(chain, body)
+    robot = model(chain, body, R)
     q = robot.configuration(body.joints)
     zero = np.zeros(robot.n)
     qd = zero if body.velocities is None else body.velocities
     torques = zero if body.torques is None else body.torques
-    F = _wrench(body, q)
+    F = _wrench(body, q, R)
     accelerations = forward(robot, q, qd, torques, F)
-    return to_json({"accelerations": accelerations.tolist()})
+    return to_json({"accelerations": accelerations.tolist(), **in_frame(chain, body.frame)})
 
 
 def regressor(chain: Chain, body: RegressorRequest) -> bytes:
@@ -154,7 +191,7 @@ def regressor(chain: Chain, body: RegressorRequest) -> bytes:
         InvalidRobotState: Wrong length, or numbers of states that differ.
         MissingInertia: The robot lacks an inertia.
     """
-    robot = model(chain, body)
+    robot = model(chain, body, _rotation(chain, body))
     motors = body.motors
     if motors is None:
         driven = (robot.motor_inertia, robot.viscous_friction, robot.coulomb_friction)
@@ -175,6 +212,7 @@ def regressor(chain: Chain, body: RegressorRequest) -> bytes:
             ],
             "base_regressor": base.regressor(Y).tolist(),
             "torques": (Y @ Theta).tolist(),
+            **in_frame(chain, body.frame),
         }
     )
 

@@ -15,7 +15,6 @@ from kinematics.errors import InvalidOption
 from kinematics.forward import forward, link_poses
 from kinematics.jacobian import analytic_zyz, geometric
 from kinematics.pose import to_axis_angle, to_quaternions, to_rpy, to_zyz
-from kinematics.root_frame import frame_pose
 from kinematics.velocity import (
     DAMPED_BELOW,
     JointVelocities,
@@ -32,7 +31,7 @@ from service.schemas.kinematics import (
 from service.schemas.pose import Orientation
 from service.storage import worker_cache
 from service.storage.cache_key import builtin_reference
-from service.tasks.answer import chain_task, in_frame
+from service.tasks.answer import chain_task, frame_transform, in_frame
 
 
 def fk(chain: Chain, body: FkRequest) -> bytes:
@@ -44,7 +43,7 @@ def fk(chain: Chain, body: FkRequest) -> bytes:
     """
     wanted = chain.link(body.link or chain.tip_link).name
     poses = link_poses(chain, body.joints)
-    T = _frame(chain, body.joints, body.frame)
+    T = frame_transform(chain, body.joints, body.frame)
     if T is not None:
         poses = _inverse(T)[..., None, :, :] @ poses
     answers = _poses(poses, body.orientation)
@@ -53,13 +52,6 @@ def fk(chain: Chain, body: FkRequest) -> bytes:
         for i, link in enumerate(chain.links)
     }
     return to_json({"pose": links[wanted], "links": links, **in_frame(chain, body.frame)})
-
-
-def _frame(chain: Chain, joints: Any, name: str | None) -> Array | None:
-    """T_root_frame, shape (4, 4), of the tool (..., 4, 4); None for the root frame."""
-    if name is None:
-        return None
-    return frame_pose(chain, name, chain.configuration(joints), "frame")
 
 
 def _inverse(T: Array) -> Array:
@@ -121,7 +113,7 @@ def jacobian(chain: Chain, body: JacobianRequest) -> bytes:
         InvalidOption: The zyz rates do not exist at a configuration.
     """
     J = geometric(chain, body.joints, body.link, body.point)
-    T = _frame(chain, body.joints, body.frame)
+    T = frame_transform(chain, body.joints, body.frame)
     if T is not None:
         J = _turn(T, J)
     if body.kind == "analytic_zyz":
@@ -152,7 +144,7 @@ def velocity(chain: Chain, body: VelocityRequest) -> bytes:
         InvalidOption: Lists of different lengths.
     """
     joints = chain.configuration(body.joints)
-    T = _frame(chain, body.joints, body.frame)
+    T = frame_transform(chain, body.joints, body.frame)
     if body.twist is None:
         assert body.joint_velocities is not None
         rates = chain.configuration(body.joint_velocities, "joint_velocities")
