@@ -202,12 +202,17 @@ class _Pipeline:
         """Ways to time a tool path, with the fastest motion to its start first."""
         chain = self.problem.robot.chain
 
-        def time_tool(transit: Callable[[], ScaledTime] | None = None) -> _Timed:
+        def time_tool(
+            transit: Callable[[], ScaledTime] | None = None, *, near: bool = False
+        ) -> _Timed:
             before = None if transit is None else transit().trajectory
-            timed = time_tool_path(chain, tool_path, self.parametrization, before)
+            timed = time_tool_path(chain, tool_path, self.parametrization, before, near=near)
             return _Timed(timed.trajectory(chain), timed, timed.notes)
 
         if tool_path.transit is None:
+            # Near a path means off it: constraints that the path just holds are left to the path.
+            if self.parametrization.method.near_path and not self.problem.constraints:
+                yield partial(time_tool, near=True)
             yield time_tool
             return
         for motion in motions(

@@ -16,6 +16,7 @@ from planning.timing.time_scaling import ScaledTime
 from planning.tool_motion import SpeedBand, TimedToolMotions, ToolMotion
 from planning.tool_path import Tolerances, ToolPath
 from planning.tool_run import RunPart, ToolRun, run_of
+from planning.tool_spline import spline_near
 
 #: How often a spline of time is given twice as many waypoints to keep nearer to its motion.
 _MAX_DOUBLINGS = 6
@@ -92,6 +93,8 @@ def time_tool_path(
     path: ToolPath,
     parametrization: TimeParametrization,
     transit: Trajectory | None = None,
+    *,
+    near: bool = False,
 ) -> TimedToolPath:
     """Time every motion of a tool path, from rest to rest.
 
@@ -100,11 +103,18 @@ def time_tool_path(
         path: The joint paths.
         parametrization: The method and the limits.
         transit: The motion to the start of the path, at rest at both ends.
+        near: Whether splines of few pieces are taken that keep near the path, not exactly to it.
 
     Raises:
         TimingFailed: No motion within the limits was found.
     """
     scaled = [_time_motion(chain, *pair, path.tolerances, parametrization) for pair in path.moving]
+    if near:
+        runs = [run_of(motion) for motion, _ in path.moving]
+        scaled = [
+            spline_near(chain, *pair, path.tolerances, parametrization)
+            for pair in zip(runs, scaled, strict=True)
+        ]
     parts = tuple(part.trajectory for part in scaled)
     begins = 0.0 if transit is None else transit.duration
     reports = _reports(chain, path, parts, begins)

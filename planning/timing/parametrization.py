@@ -22,8 +22,8 @@ from planning.timing.time_scaling import ScaledTime, dilate, fit, fitting_factor
 
 # Boundary velocities may miss the path's direction by this part.
 _ALONG = 1e-6
-# A spline that takes longer than this part of the motion that it is near to is not worth it.
-_WORTH = 1.1
+#: A spline that takes longer than this part of the motion that it is near to is not worth it.
+WORTH = 1.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,10 +71,10 @@ class TimeParametrization:
         motion = rounded.trajectory
         if not (self.method.near_path and self.even_corners and len(waypoints) > 2):
             return
-        limits, legs = self._jerk_bounds, len(waypoints) - 1
+        limits, legs = self.jerk_bounds, len(waypoints) - 1
         for rate in SPAN_RATES:
             spline = fit_quintic(motion, motion.joint_names, limits, legs, rate)
-            if spline.trajectory.duration <= _WORTH * motion.duration:
+            if spline.trajectory.duration <= WORTH * motion.duration:
                 yield spline
 
     def widest_reaches(self, waypoints: Array, largest: Array) -> Array:
@@ -86,10 +86,10 @@ class TimeParametrization:
         """
         if not self.even_corners or len(waypoints) < 3:
             return largest
-        return fastest_reaches(waypoints, self._jerk_bounds, largest)
+        return fastest_reaches(waypoints, self.jerk_bounds, largest)
 
     @property
-    def _jerk_bounds(self) -> Array:
+    def jerk_bounds(self) -> Array:
         """Limits of velocity, acceleration and jerk, shape (3, n)."""
         assert self.jerk is not None
         return np.stack([self.velocity, self.acceleration, self.jerk])
@@ -132,7 +132,7 @@ class TimeParametrization:
         """
         path = blend(waypoints, reaches, smooth=self.smooth)
         if self.even_corners:
-            return time_even_corners(path, joint_names, self._jerk_bounds)
+            return time_even_corners(path, joint_names, self.jerk_bounds)
         rounded = self.time(path, joint_names)
         if not (self.smooth and reaches.any()):
             return rounded
