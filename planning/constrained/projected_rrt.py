@@ -44,7 +44,7 @@ _MAX_STEPS = 400
 #: Share of half a row's width that projected configurations keep: edges between them bulge.
 _NARROWING = 0.25
 #: What they keep at most [m or rad]: where a row is wide, the way may lead along its bounds.
-_MOST_NARROWING = 3e-3
+_MOST_NARROWING = 1e-2
 #: Iterations of Newton's method on a step.
 _PROJECTIONS = 12
 #: Iterations of Newton's method on a random configuration, which may be far away.
