@@ -5,7 +5,7 @@ used: trajectories, which object is held how, and which pairs may touch.
 """
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import coal
 import numpy as np
@@ -13,10 +13,31 @@ import pinocchio
 import yaml
 
 from kinematics.arrays import Array
-from planning.sequence.result import StagePlan
+from kinematics.trajectory import Trajectory
+from planning.sequence.stage import Pair
+from planning.sequence.world import World
 
 #: Largest joint change between two samples [rad].
 STEP = 5e-3
+
+
+class Stage(Protocol):
+    """What is looked at of a stage."""
+
+    @property
+    def after(self) -> World:
+        """The world after it."""
+        ...
+
+    @property
+    def allowed(self) -> tuple[Pair, ...]:
+        """Pairs that may touch."""
+        ...
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """Its motion."""
+        ...
 
 
 class DenseCheck:
@@ -50,7 +71,7 @@ class DenseCheck:
         self._bare.addAllCollisionPairs()
         pinocchio.removeCollisionPairs(self.model, self._bare, str(srdf))
 
-    def first_collision(self, text: str, stage: StagePlan, names: tuple[str, ...]) -> Any:
+    def first_collision(self, text: str, stage: Stage, names: tuple[str, ...]) -> Any:
         """The first pair that collides in a stage, with its time; None where none does.
 
         Args:
@@ -83,7 +104,7 @@ class DenseCheck:
                         return objects[pair.first].name, objects[pair.second].name, time
         return None
 
-    def _add_pairs(self, geometry: Any, links: int, stage: StagePlan) -> None:
+    def _add_pairs(self, geometry: Any, links: int, stage: Stage) -> None:
         """Pairs of links and held objects with objects, but those that may touch."""
         allowed = {frozenset(pair) for pair in stage.allowed}
         touches = {
@@ -121,7 +142,7 @@ def _se3(T: Array) -> Any:
     return pinocchio.SE3(np.array(T[:3, :3]), np.array(T[:3, 3]))
 
 
-def _samples(stage: StagePlan) -> list[tuple[float, Array]]:
+def _samples(stage: Stage) -> list[tuple[float, Array]]:
     """Times and configurations, each within a step of the one before."""
     motion = stage.trajectory
     speed = float(np.abs(motion.extrema(1).maximum).max())

@@ -2,12 +2,15 @@
 
     python -m benchmarks.tasks ../data/mbm/panda [--robots panda ur5] [--count 100] [--kinds cage]
 
-Each task is known to be solvable with one of its grasps and one of its places. Told are the share
-that is solved, the time to the first proved answer, and how many motions an independent dense check
-(pinocchio and Coal, the held object included) finds colliding.
+Each task is solvable by construction: OMPL and FCL (``task_sampling``) found motions for one of its
+grasps and one of its places, and an independent dense check (pinocchio and Coal, the held object
+included) finds them clean. Told are the share that is solved, the time to the first proved answer,
+and how many answers the dense check finds colliding. With ``--peer`` the same for what found the
+witnesses, with all grasps and places before it.
 """
 
 import argparse
+import json
 import time
 from pathlib import Path
 
@@ -16,11 +19,14 @@ import numpy as np
 from benchmarks.example_arms import ARMS, package
 from benchmarks.task_check import DenseCheck
 from benchmarks.task_problems import KINDS, Arm, TaskProblem, arm, hand_mesh, problems
+from benchmarks.task_sampling import SampledTask
 from planning.sequence.result import SequenceFailure, SequencePlan
 from planning.sequence.search import TaskOptions, plan_task
+from planning.sequence.task import Task
 
-#: Longest time for one task [s].
+#: Longest time for one task, and processor time for a witness of one grasp and one place [s].
 TIMEOUT = 10.0
+WITNESS_TIMEOUT = 3.0
 
 
 def main() -> None:
@@ -31,12 +37,67 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=100, help="tasks for each robot")
     parser.add_argument("--kinds", nargs="+", default=list(KINDS), help="of scenes")
     parser.add_argument("--improve", type=float, default=0.0, help="after the first answer [s]")
+    parser.add_argument("--witnesses", type=Path, help="file that keeps which places have one")
+    parser.add_argument("--peer", action="store_true", help="measure OMPL with FCL beside it")
     chosen = parser.parse_args()
     folder = chosen.problems.parents[1] / "panda"
     for name in chosen.robots:
-        used = arm(name, folder)
-        tasks = list(problems(used, chosen.problems, folder, chosen.count, chosen.kinds))
-        _measure(used, tasks, _checker(name, folder), chosen.improve)
+        used, check = arm(name, folder), _checker(name, folder)
+        known = _Known(chosen.witnesses, name)
+        found = problems(
+            used, (chosen.problems, folder), chosen.count, chosen.kinds, _Witness(check), known
+        )
+        tasks = list(found)
+        _measure(used, tasks, check, chosen.improve)
+        if chosen.peer:
+            _measure_peer(used, tasks, check)
+
+
+class _Known(dict[str, int | None]):
+    """Witnesses of an arm, kept in a file."""
+
+    def __init__(self, path: Path | None, name: str) -> None:
+        self._path = None if path is None else path.with_name(f"{name}-{path.name}")
+        if self._path is not None and self._path.exists():
+            super().update(json.loads(self._path.read_text()))
+
+    def __setitem__(self, name: str, attempt: int | None) -> None:
+        super().__setitem__(name, attempt)
+        if self._path is not None:
+            self._path.write_text(json.dumps(dict(self)))
+
+
+class _Witness:
+    """Finds motions of a task with OMPL and FCL that the dense check finds clean."""
+
+    def __init__(self, check: DenseCheck) -> None:
+        self._check = check
+
+    def __call__(self, task: Task, text: str) -> bool:
+        legs = SampledTask(task, 0, WITNESS_TIMEOUT).solve()
+        names = task.world.robot.chain.joint_names
+        return legs is not None and not any(
+            self._check.first_collision(text, leg, names) for leg in legs
+        )
+
+
+def _measure_peer(used: Arm, tasks: list[TaskProblem], check: DenseCheck) -> None:
+    seconds, solved, unclean = [], 0, 0
+    names = used.robot.chain.joint_names
+    for problem in tasks:
+        began = time.process_time()
+        legs = SampledTask(problem.task, 1, TIMEOUT).solve()
+        if legs is None:
+            continue
+        solved += 1
+        seconds.append(time.process_time() - began)
+        hits = (check.first_collision(problem.text, leg, names) for leg in legs)
+        unclean += any(hit is not None for hit in hits)
+    median = f"{1e3 * np.median(seconds):.0f} ms" if seconds else "none"
+    print(
+        f"{used.name}, OMPL with FCL, untimed and unproved: {solved} of {len(tasks)} solved within "
+        f"{TIMEOUT:g} s of it, first answer's processor time {median} (median); {unclean} unclean"
+    )
 
 
 def _checker(name: str, folder: Path) -> DenseCheck:

@@ -26,7 +26,7 @@ OF_PEERS = {
 #: What other scripts import: nothing to run.
 WITHOUT_MAIN = {
     "__init__", "example_arms", "fcl_judge", "machines", "mbm_ompl", "mbm_problems", "mesh_scenes",
-    "poses", "ratios", "recheck", "task_check", "task_problems", "triangles",
+    "poses", "ratios", "recheck", "task_check", "task_problems", "task_sampling", "triangles",
 }  # fmt: skip
 #: Have tests of their own, with services of their own: tests/service/jobs/test_agent_jobs.py makes
 #: the faults of `agents`, in one process.

@@ -1,0 +1,269 @@
+"""Pick and place as MoveIt's task constructor goes about it, with OMPL and FCL: peer and witness.
+
+Stages propose and stages connect: grasps and places are taken in their order with the branches of
+inverse kinematics, straight motions are led in steps of the tool with a collision check at each,
+and RRT-Connect of OMPL joins what is free. FCL checks configurations, motions at many points.
+Nothing of the search for tasks, its checker, its planners or its proof is used; what it finds is
+neither timed nor proved.
+"""
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from ompl import base, geometric, util
+
+from benchmarks.fcl_judge import FclJudge
+from kinematics.arrays import Array
+from kinematics.chain import Chain
+from kinematics.forward import forward
+from kinematics.ik.analytic import branches
+from kinematics.ik.inverse import CLOSE
+from kinematics.ik.structure import structure
+from kinematics.jacobian import pose_and_jacobian
+from kinematics.pose import inverse
+from kinematics.trajectory import Trajectory
+from planning.sampling.space import joint_space, state_of
+from planning.sequence.stage import Grasp, Pair, Place, Straight
+from planning.sequence.task import Task
+from planning.sequence.world import Cells, Contact, World, sorted_pair
+
+#: Steps of the tool along a line [m], and the largest change of a joint in one [rad].
+_STEP, _JUMP = 5e-3, 0.3
+#: Distance of joints between checks of a free motion [rad], and OMPL's range [rad].
+_RESOLUTION, _RANGE = 0.02, 0.8
+#: Values of a redundant arm's parameter.
+_PARAMETERS = 12
+#: Longest processor time for one free motion [s].
+_CONNECT = 1.0
+#: Speed along the way in the motions that are looked at densely [rad/s].
+_SPEED = 1.0
+
+
+@dataclass(frozen=True)
+class Leg:
+    """One motion of an answer, as the dense check reads a stage.
+
+    Args:
+        after: The world in it.
+        allowed: Pairs that may touch.
+        trajectory: Its way at an even speed.
+        index: Number of the stage.
+        kind: Its kind.
+    """
+
+    after: World
+    allowed: tuple[Pair, ...]
+    trajectory: Trajectory
+    index: int
+    kind: str
+
+
+class _SurfaceJudge(FclJudge):
+    """FCL's own verdict, as MoveIt has it: what is wholly inside a mesh is not found."""
+
+    def _holds(self, a: int, b: int) -> bool:  # noqa: ARG002
+        return False
+
+
+class _Place(NamedTuple):
+    """A world with the pairs that may touch in it, and who judges configurations there."""
+
+    world: World
+    allowed: tuple[Pair, ...]
+    judge: _SurfaceJudge
+
+
+@dataclass
+class SampledTask:
+    """One task: move, approach, grasp, close, attach, lift, move, approach, place, ... retreat.
+
+    Args:
+        task: Its stages in this order, as the benchmark makes them.
+        seed: Of OMPL and of the order of branches.
+        timeout: For everything, of processor time [s].
+    """
+
+    task: Task
+    seed: int
+    timeout: float
+
+    def __post_init__(self) -> None:
+        self._ends = time.thread_time() + self.timeout
+        self._random = np.random.default_rng(self.seed)
+        self._cells = Cells()
+        util.RNG.setSeed(self.seed + 1)
+
+    def solve(self) -> list[Leg] | None:
+        """The motions of the first combination that can be done; None where time was up."""
+        grasp = self.task.stages[2]
+        assert isinstance(grasp, Grasp)
+        world = self.task.world
+        touching = tuple(sorted_pair(link, grasp.object) for link in grasp.touches)
+        near, free = self._place(world, touching), self._place(world, ())
+        T_object = world.scene.obstacle(grasp.object).T_world_obstacle
+        for frame, q in self._candidates(T_object @ grasp.frames, grasp.frames, near):
+            way_in = self._line(near, q, self._straight(1), backwards=True)
+            if way_in is None:
+                continue
+            there = world.after_grasp(Contact(grasp.object, frame), grasp.touches)
+            held = there.after_attach(grasp.object, None, (), None, q)
+            lifting = self._place(held, self.task.stages[5].settings.allowed)
+            up = self._line(lifting, q, self._straight(5))
+            if up is None:
+                continue
+            moves = self._connect(free, self.task.start, way_in[0])
+            if moves is None:
+                continue
+            first = [_leg(free, moves, 0, "move"), _leg(near, way_in, 1, "approach"),
+                     _leg(lifting, up, 5, "lift")]  # fmt: skip
+            rest = self._put(held.after_motion(free=True), up[-1])
+            if rest is not None:
+                return [*first, *rest]
+        return None
+
+    def _put(self, held: World, q_lifted: Array) -> list[Leg] | None:
+        """The motions from the lift on, for the first place that can be done."""
+        place = self.task.stages[8]
+        assert isinstance(place, Place)
+        name = str(place.object)
+        down, carrying = self._place(held, place.settings.allowed), self._place(held, ())
+        tools = place.poses @ inverse(held.T_tool_object(name))
+        for pose, q in self._candidates(tools, place.poses, down):
+            way_in = self._line(down, q, self._straight(7), backwards=True)
+            if way_in is None:
+                continue
+            stands = held.after_place(Contact(name, pose)).after_detach(name, (), q)
+            leaving = self._place(stands, ())
+            out = self._line(leaving, q, self._straight(11))
+            if out is None:
+                continue
+            moves = self._connect(carrying, q_lifted, way_in[0])
+            if moves is not None:
+                return [_leg(carrying, moves, 6, "move"), _leg(down, way_in, 7, "approach"),
+                        _leg(leaving, out, 11, "retreat")]  # fmt: skip
+        return None
+
+    def _straight(self, k: int) -> Straight:
+        stage = self.task.stages[k]
+        assert isinstance(stage, Straight)
+        return stage
+
+    def _place(self, world: World, allowed: tuple[Pair, ...]) -> _Place:
+        cell = self._cells.cell(world, allowed)
+        pairs = tuple(sorted(cell.scene.allowed_collisions))
+        return _Place(world, pairs, _SurfaceJudge(cell.robot, cell.scene))
+
+    def _candidates(
+        self, tools: Array, frames: Array, where: _Place
+    ) -> Iterator[tuple[Array, Array]]:
+        """Frames with configurations whose tool is there and which FCL finds free, in order."""
+        chain = self.task.world.robot.chain
+        for T, frame in zip(tools, frames, strict=True):
+            for q in self._random.permutation(_branches(chain, T)):
+                if time.thread_time() > self._ends:
+                    return
+                if not where.judge.collides(q):
+                    yield frame, q
+
+    def _line(
+        self, where: _Place, q: Array, stage: Straight, *, backwards: bool = False
+    ) -> Array | None:
+        """Configurations along the longest free line, shape (k, n); None where it is too short."""
+        chain, limits = self.task.world.robot.chain, self.task.world.robot.chain.limits
+        T = forward(chain, q)
+        along = T[:3, :3] @ stage.direction if stage.frame == "tool" else stage.direction
+        along = -along if backwards else along
+        rows, count = [q], round(stage.most / _STEP)
+        for k in range(1, count + 1):
+            goal = T.copy()
+            goal[:3, 3] += k * _STEP * along
+            new = _follow(chain, rows[-1], goal)
+            inside = new is not None and bool(((new >= limits.lower) & (new <= limits.upper)).all())
+            if new is None or not inside or where.judge.collides(new):
+                break
+            rows.append(new)
+        if (len(rows) - 1) * _STEP < stage.least:
+            return None
+        return np.array(rows[::-1] if backwards else rows)
+
+    def _connect(self, where: _Place, start: Array, goal: Array) -> Array | None:
+        """A free motion, shape (k, n); None where none is found in time."""
+        chain = self.task.world.robot.chain
+        space = joint_space(chain, [start, goal])
+        setup = geometric.SimpleSetup(space)
+        information = setup.getSpaceInformation()
+        information.setStateValidityChecker(
+            lambda state: not where.judge.collides(np.array(state[0 : chain.n]))
+        )
+        information.setStateValidityCheckingResolution(_RESOLUTION / space.getMaximumExtent())
+        setup.setStartAndGoalStates(state_of(space, start), state_of(space, goal))
+        planner = geometric.RRTConnect(information)
+        planner.setRange(_RANGE)
+        setup.setPlanner(planner)
+        ends = min(time.thread_time() + _CONNECT, self._ends)
+        setup.solve(base.PlannerTerminationCondition(lambda: time.thread_time() > ends))
+        if not setup.haveExactSolutionPath():
+            return None
+        states = setup.getSolutionPath().getStates()
+        return np.array([state[0 : chain.n] for state in states], dtype=np.float64)
+
+
+def with_grips(task: Task, grips: Array, places: Array) -> Task:
+    """The task with other grasps and places.
+
+    Args:
+        task: The task.
+        grips: T_object_tool of each grasp, shape (k, 4, 4).
+        places: Poses of the object, shape (k, 4, 4).
+    """
+    stages = list(task.stages)
+    grasp, place = stages[2], stages[8]
+    assert isinstance(grasp, Grasp)
+    assert isinstance(place, Place)
+    stages[2], stages[8] = replace(grasp, frames=grips), replace(place, poses=places)
+    return Task(task.world, task.start, tuple(stages), task.seed)
+
+
+def _branches(chain: Chain, T: Array) -> Array:
+    """Configurations inside the limits whose tool is at a pose, shape (k, n)."""
+    form = structure(chain)
+    assert form is not None
+    low, high = chain.sampling_bounds()
+    values = None
+    if form.redundant and form.locked is not None:
+        values = np.linspace(low[form.locked], high[form.locked], _PARAMETERS + 2)[1:-1]
+    elif form.redundant:
+        values = np.arange(_PARAMETERS) * 2.0 * np.pi / _PARAMETERS - np.pi
+    table = branches(chain, T[None], parameters=values, tolerance=CLOSE, threads=1)
+    assert table.counts is not None
+    count = int(table.counts[0])
+    rows = table.table[0, :count]
+    return np.asarray(rows[table.within_limits[0, :count], : chain.n])
+
+
+def _follow(chain: Chain, q: Array, goal: Array) -> Array | None:
+    """The configuration near ``q`` whose tool is at a pose, by Newton's method."""
+    new = q.copy()
+    for _ in range(6):
+        T, J = pose_and_jacobian(chain, new)
+        turn = goal[:3, :3] @ T[:3, :3].T
+        twist = 0.5 * np.array(
+            [turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]
+        )
+        error = np.concatenate([goal[:3, 3] - T[:3, 3], twist])
+        if np.abs(error).max() < 1e-6:
+            return new if np.abs(new - q).max() < _JUMP else None
+        new = new + np.linalg.pinv(J, rcond=1e-4) @ error
+    return None
+
+
+def _leg(where: _Place, rows: Array, index: int, kind: str) -> Leg:
+    steps = np.maximum(np.linalg.norm(np.diff(rows, axis=0), axis=1), 1e-6) / _SPEED
+    breaks = np.concatenate([[0.0], np.cumsum(steps)])
+    speeds = np.diff(rows, axis=0) / steps[:, None]
+    coefficients = np.stack([rows[:-1], speeds], axis=2)
+    names = where.world.robot.chain.joint_names
+    return Leg(where.world, where.allowed, Trajectory(names, breaks, coefficients), index, kind)

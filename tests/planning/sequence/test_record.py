@@ -1,0 +1,94 @@
+"""The record of a search: outcomes come only nearer, reasons are counted, the latest stage told."""
+
+import numpy as np
+
+from planning.sequence.node import Node
+from planning.sequence.record import Record
+from planning.sequence.stage import Grasp, Wait
+from planning.sequence.step import Step
+from planning.sequence.target import Candidates, Outcome, Target
+from tests.planning.sequence import crate
+
+_NONE = np.zeros((0, 7))
+
+
+def _candidates(**outcomes: tuple[Outcome, tuple[str, str] | None]) -> Candidates:
+    found = {int(name.removeprefix("n")): outcome for name, outcome in outcomes.items()}
+    return Candidates((), _NONE, found)
+
+
+def _root() -> Node:
+    return Node(None, 0, crate.world(), crate.HOME, {})
+
+
+def _child(root: Node, number: int, stage: int) -> Node:
+    target = Target(number, None, crate.HOME, None)
+    grasp = Grasp("crate", crate.grasps(2))
+    world = crate.world()
+    step = Step(stage, grasp, "none", world, world, (), crate.HOME, crate.HOME)
+    return Node(root, 1, world, crate.HOME, {}, target, [step])
+
+
+def test_candidates_are_noted_with_their_reasons_and_stay_open_where_they_are_reached() -> None:
+    record = Record()
+    record.note_candidates((), 2, _candidates(
+        n0=(Outcome.REACHED, None), n1=(Outcome.OUT_OF_REACH, None),
+        n2=(Outcome.IN_COLLISION, ("arm", "lid")),
+    ))  # fmt: skip
+    outcomes = {trial.choices: (trial.stage, trial.outcome, trial.reasons)
+                for trial in record.trials}  # fmt: skip
+    assert outcomes == {
+        (0,): (2, "open", {}),
+        (1,): (2, "out_of_reach", {"out_of_reach": 1}),
+        (2,): (2, "in_collision", {"in collision: arm and lid": 1}),
+    }
+
+
+def test_an_outcome_only_comes_nearer_to_a_solution() -> None:
+    record = Record()
+    record.note_candidates((), 2, _candidates(n0=(Outcome.IN_COLLISION, ("arm", "lid"))))
+    record.note_candidates((), 2, _candidates(n0=(Outcome.OUT_OF_REACH, None)))
+    (trial,) = record.trials
+    assert trial.outcome == "in_collision"
+    assert trial.reasons == {"in collision: arm and lid": 1, "out_of_reach": 1}
+
+
+def test_the_latest_stage_and_its_most_frequent_reason_are_the_farthest() -> None:
+    record, root = Record(), _root()
+    assert record.farthest() is None
+    record.note_failure(root, 0, "starts badly")
+    for reason in ("too short", "collides", "collides"):
+        record.note_child(root, 1, (2, 1), reason)
+    assert record.farthest() == (1, "collides", 2)
+    (trial,) = record.trials
+    assert (trial.choices, trial.stage, trial.outcome) == ((1,), 2, "failed")
+    assert trial.reasons == {"too short": 1, "collides": 2}
+
+
+def test_failures_and_solutions_belong_to_the_choices_of_their_node() -> None:
+    record, root = Record(), _root()
+    child = _child(root, 3, 2)
+    record.note_failure(child, 5, "no lift")
+    assert [(t.choices, t.stage, t.outcome) for t in record.trials] == [((3,), 2, "failed")]
+    record.note_solution(child)
+    record.note_failure(child, 5, "no lift")
+    (trial,) = record.trials
+    assert (trial.outcome, trial.reasons) == ("solved", {"no lift": 2})
+
+
+def test_trials_are_in_the_order_of_stages_and_lists() -> None:
+    record = Record()
+    for choices, stage in (((1, 0), 8), ((2,), 2), ((0, 4), 8), ((1,), 2)):
+        number = choices[-1]
+        found = Candidates((), _NONE, {number: (Outcome.REACHED, None)})
+        record.note_candidates(choices[:-1], stage, found)
+    assert [trial.choices for trial in record.trials] == [(1,), (2,), (0, 4), (1, 0)]
+
+
+def test_a_step_that_stands_still_lasts_its_bound_until_it_has_a_plan() -> None:
+    world = crate.world()
+    step = Step(0, Wait(0.4), "none", world, world, (), crate.HOME, crate.HOME, bound=0.4)
+    assert step.least_time == 0.4
+    solved = crate.plan().stages[0]
+    step.plan = solved
+    assert step.least_time == solved.trajectory.duration
