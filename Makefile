@@ -10,8 +10,10 @@ AUDIT := $(VENV)-audit/bin
 SITE := $(VENV)-site/bin
 CONTRACT := $(VENV)-contract/bin
 INSTALLED := $(VENV)/.installed
+STUDIO := $(VENV)/.studio
 TOOLS := $(VENV)/.tools
 APP := -e ".[demo]" -e ./client
+APP_AND_STUDIO := -e ".[demo,studio]" -e ./client
 APP_AND_TOOLS := -e ".[dev,demo]" -e ./client
 HOST ?= 127.0.0.1
 PORT ?= 8000
@@ -22,7 +24,7 @@ SEED ?= 1
 MARGINS ?= 0
 
 .DEFAULT_GOAL := help
-.PHONY: install demo test check bench bench-timing bench-arms bench-verdict bench-mbm bench-http serve clients site wheels kernel-list \
+.PHONY: install demo studio studio-packages test check bench bench-timing bench-arms bench-verdict bench-mbm bench-http serve clients site wheels kernel-list \
 	docker-steps audit contract clean help
 
 install: $(INSTALLED) $(TOOLS)  ## Install the app, the client and the developers' tools into .venv
@@ -57,6 +59,19 @@ $(TOOLS): $(INSTALLED)
 
 demo: $(INSTALLED)  ## Plan, certify and draw a motion from start to end
 	$(BIN)/python examples/demo.py
+
+# The page wants two packages more. On a fresh clone they come with the app's, in one go.
+$(STUDIO): $(INSTALLED)
+	@$(BIN)/python -c "import viser" 2> /dev/null || echo "Installing the studio into $(VENV) ..."
+	@$(BIN)/python -c "import viser" 2> /dev/null || $(MAKE) --no-print-directory studio-packages
+	@touch $@
+
+studio-packages: $(INSTALLED)
+	$(call packages,$(APP_AND_STUDIO))
+
+studio: APP := $(APP_AND_STUDIO)
+studio: $(STUDIO)  ## Open a page to drag a goal, plan and watch the motion
+	$(BIN)/armwright studio
 
 test: $(TOOLS)  ## Run the tests, a process for each core
 	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
