@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from armwright_client import IkRequest, PlanRequest
+from armwright_client import IkRequest, PlanRequest, TaskRequest
 from armwright_client.base import Request
 
 
@@ -32,6 +32,38 @@ def plan_python(url: str, request: PlanRequest) -> str:
             *(f"        {argument}," for argument in arguments),
             "    )",
             "print(plan.planner, plan.trajectory.duration, plan.certificate.min_clearance)",
+            "",
+        ]
+    )
+
+
+def task_python(url: str, request: TaskRequest) -> str:
+    """A Python program that plans the same task with `armwright_client`.
+
+    Args:
+        url: Address of the service.
+        request: The task's request.
+    """
+    fields = _changed_fields(request)
+    robot, start, stages = (fields.pop(name) for name in ("robot", "start", "stages"))
+    arguments = [repr(robot), _code(start.joints)]
+    listed = [f"            {_code(stage)}," for stage in stages]
+    further = [f"        {name}={_code(value)}," for name, value in fields.items()]
+    used = [n for value in (*stages, *fields.values()) for n in _models(value)]
+    return "\n".join(
+        [
+            f"from armwright_client import {', '.join(sorted({'Client', *used}))}",
+            "",
+            f"with Client({url!r}) as client:",
+            "    task = client.plan_task(",
+            *(f"        {argument}," for argument in arguments),
+            "        [",
+            *listed,
+            "        ],",
+            *further,
+            "    )",
+            "for stage in task.stages:",
+            "    print(stage.kind, stage.trajectory.duration, stage.certificate.verified)",
             "",
         ]
     )

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from armwright_client import Pose
+from armwright_client import Obstacle, Pose
 from studio.pose import rotation, wxyz
-from studio.result import Planned
+from studio.result import Planned, TaskPlanned
 from studio.workbench import Workbench
 
 #: Frames each second: what browsers draw without falling behind.
@@ -68,6 +68,62 @@ def motion_frames(workbench: Workbench, planned: Planned) -> MotionFrames:
         for name, link in planned.state.attached.items()
     }
     return MotionFrames(times, joints, links, carried)
+
+
+def task_frames(workbench: Workbench, planned: TaskPlanned) -> MotionFrames:
+    """The frames of all stages of a task, with every object that it moves.
+
+    Args:
+        workbench: That asks for the poses.
+        planned: The task.
+    """
+    stages, duration = planned.plan.stages, planned.plan.duration
+    begins = np.array([stage.begins for stage in stages])
+    times = np.linspace(0.0, duration, min(_MAX_FRAMES, max(2, int(duration * _RATE) + 1)))
+    # Of stages that begin together all but the last take no time.
+    numbers = np.searchsorted(begins, times, side="right") - 1
+    joints: list[list[float]] = []
+    for number in range(len(stages)):
+        own = times[numbers == number] - begins[number]
+        trajectory = stages[number].trajectory
+        joints += trajectory.sample(np.minimum(own, trajectory.duration)) if len(own) else []
+    links = {name: link_poses(poses) for name, poses in workbench.link_poses_of(joints).items()}
+    carried = {}
+    for item in planned.state.obstacles:
+        rows = [_where(item, planned, int(n), links, k) for k, n in enumerate(numbers)]
+        if any(row is not None for row in rows):
+            still = (np.array(item.pose.position, dtype=float), wxyz(item.pose))
+            places = [still if row is None else row for row in rows]
+            carried[item.id] = LinkPoses(
+                np.array([place[0] for place in places]), np.array([place[1] for place in places])
+            )
+    return MotionFrames(times, joints, links, carried)
+
+
+def _where(
+    obstacle: Obstacle,
+    planned: TaskPlanned,
+    number: int,
+    links: Mapping[str, LinkPoses],
+    frame: int,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """Position and quaternion of an obstacle during a stage; None where it still stands."""
+    if number == 0:
+        link = planned.state.attached.get(obstacle.id)
+        if link is None:
+            return None
+        held = _carried(links[link], obstacle.pose)
+        return held.positions[frame], held.wxyz[frame]
+    world = planned.plan.stages[number - 1].after
+    for item in world.attached:
+        if item.id == obstacle.id:
+            turn = Rotation.from_quat(np.roll(links[item.link].wxyz[frame], -1))
+            position = turn.apply(np.array(item.pose.position)) + links[item.link].positions[frame]
+            return position, np.roll((turn * rotation(item.pose)).as_quat(), 1)
+    for placed in world.objects:
+        if placed.id == obstacle.id:
+            return np.array(placed.pose.position, dtype=float), wxyz(placed.pose)
+    return None
 
 
 def link_poses(poses: Sequence[Pose]) -> LinkPoses:

@@ -1,10 +1,15 @@
 """Poses of requests and answers as NumPy and SciPy have them."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from armwright_client import Pose
+
+#: Positions [m] and directions that are equal but for rounding.
+_SAME = 1e-9
 
 
 def rotation(pose: Pose) -> Rotation:
@@ -42,5 +47,23 @@ def pose_of(position: NDArray[np.float64], quaternion_wxyz: NDArray[np.float64])
 
 def roll_pitch_yaw(pose: Pose) -> tuple[float, float, float]:
     """The orientation of a pose as fixed-axis angles of URDF [rad]."""
-    roll, pitch, yaw = rotation(pose).as_euler("xyz").tolist()
+    roll, pitch, yaw = rotation(pose).as_euler("xyz", suppress_warnings=True).tolist()
     return roll, pitch, yaw
+
+
+def stays_in(poses: Sequence[Pose], others: Sequence[Pose]) -> bool:
+    """Whether a body keeps its pose in the frame of another one.
+
+    Args:
+        poses: Of the body, in the root frame.
+        others: Of the other one at the same configurations.
+    """
+    seen = [_seen_from(other, pose) for pose, other in zip(poses, others, strict=True)]
+    return all(np.allclose(item, seen[0], rtol=0.0, atol=_SAME) for item in seen)
+
+
+def _seen_from(frame: Pose, pose: Pose) -> NDArray[np.float64]:
+    """Position and rotation matrix of a pose in a frame, shape (12,)."""
+    back = rotation(frame).inv()
+    position = back.apply(np.array(pose.position, dtype=float) - np.array(frame.position))
+    return np.concatenate([position, (back * rotation(pose)).as_matrix().ravel()])

@@ -1,5 +1,7 @@
-"""Requests of the studio's state: a plan, and the inverse kinematics of its goal."""
+"""Requests of the studio's state: a plan, the inverse kinematics of its goal, and a task."""
 
+import json
+from collections.abc import Sequence
 from typing import Any
 
 from armwright_client import (
@@ -11,6 +13,7 @@ from armwright_client import (
     Pose,
     Scene,
     Start,
+    TaskRequest,
     Timing,
 )
 from studio.state import StudioState
@@ -19,6 +22,8 @@ from studio.state import StudioState
 _LIVE_TIMEOUT = 2.0
 #: Solutions that are drawn at once; more would hide each other.
 MAX_BRANCHES = 8
+#: Settings of a plan that a task takes as well.
+_OF_TASKS = ("margin", "seed", "timeout", "timing")
 #: Models of the settings that are objects.
 _MODELS = {"timing": Timing, "clearance": Clearance}
 
@@ -51,9 +56,55 @@ def plan_request(state: StudioState, *, keep: bool = True) -> PlanRequest:
         goal=goal_of(state),
         scene=scene_of(state),
         attached=_attached(state),
+        constraints=[dict(entry) for entry in state.constraints] or None,
         keep=keep or None,
         **_nested(state.settings),
     )
+
+
+def task_request(state: StudioState, *, keep: bool = True) -> TaskRequest:
+    """The request that plans the stages of the task as one, from the start on.
+
+    Args:
+        state: Of the studio.
+        keep: Whether the service keeps request and answer, for the page that shows them.
+
+    Raises:
+        pydantic.ValidationError: A stage or a setting is not as the API has it.
+    """
+    settings = {
+        path: value for path, value in state.settings.items() if path.partition(".")[0] in _OF_TASKS
+    }
+    # Read from JSON: of what kind a stage is, and that its fields are right, the model finds out.
+    stages = [dict(entry) for entry in state.stages]
+    read = TaskRequest.model_validate_json(
+        json.dumps({"robot": state.robot, "start": {"joints": [*state.start]}, "stages": stages})
+    )
+    return TaskRequest(
+        robot=state.robot,
+        start=read.start,
+        stages=read.stages,
+        scene=scene_of(state),
+        attached=_attached(state),
+        keep=keep or None,
+        **_nested(settings),
+    )
+
+
+def set_fields(request: Any, without: Sequence[str] = ()) -> dict[str, Any]:
+    """Fields of a request that are set, as the client's methods take them.
+
+    Args:
+        request: A model of the client.
+        without: Fields that the method takes by position.
+    """
+    return {
+        name: getattr(request, name)
+        for name in type(request).model_fields
+        if name in request.model_fields_set
+        and name not in without
+        and getattr(request, name) is not None
+    }
 
 
 def ik_request(state: StudioState, pose: Pose) -> IkRequest:

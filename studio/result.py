@@ -1,12 +1,17 @@
 """Results of planning: a motion with its certificate in words, or a failure explained."""
 
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
-from armwright_client import Plan, Problem
+from armwright_client import Plan, Problem, TaskPlan
 from service.viewer.words import certificate_sentences, problem_sentences
 from studio.branch import Branch, branches
 from studio.state import StudioState
+
+#: Two bodies in a sentence: 'hand' and 'table' overlap.
+_PAIR = re.compile(r"'([^']+)' and '([^']+)'")
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +44,43 @@ class Planned:
 
 
 @dataclass(frozen=True, slots=True)
+class TaskPlanned:
+    """Certified motions of all stages of a task.
+
+    Args:
+        state: That they were planned for.
+        plan: The answer of the service.
+    """
+
+    state: StudioState
+    plan: TaskPlan
+
+    @property
+    def plan_id(self) -> str | None:
+        """Id of the kept task."""
+        return self.plan.plan_id
+
+    @property
+    def title(self) -> str:
+        """Number of stages and duration."""
+        return f"{len(self.plan.stages)} stages planned: {self.plan.duration:.3f} s."
+
+    @property
+    def sentences(self) -> list[str]:
+        """Each stage with its duration, what is held in it, and whether it is proved."""
+        return [self._sentence(number) for number in range(len(self.plan.stages))]
+
+    def _sentence(self, number: int) -> str:
+        stage = self.plan.stages[number]
+        name = stage.kind if stage.name is None else f"{stage.name} ({stage.kind})"
+        chosen = "" if stage.choice is None else f", alternative {stage.choice + 1}"
+        held = ", ".join(item.id for item in stage.after.attached)
+        proof = "proved" if stage.certificate.verified else "not proved"
+        holds = f", holds {held}" if held else ""
+        return f"{name}{chosen}: {stage.trajectory.duration:.2f} s, {proof}{holds}"
+
+
+@dataclass(frozen=True, slots=True)
 class Failure:
     """A plan that there is not, and why.
 
@@ -52,6 +94,7 @@ class Failure:
         candidates: Configurations that reach the goal and why they were rejected.
         nearest: The nearest configuration to an unreachable goal [rad or m].
         plan_id: Id of the kept request.
+        shown: The configuration that the failure is about: the pair is drawn there [rad or m].
     """
 
     state: StudioState
@@ -63,9 +106,10 @@ class Failure:
     candidates: tuple[Branch, ...] = ()
     nearest: tuple[float, ...] | None = None
     plan_id: str | None = None
+    shown: tuple[float, ...] | None = None
 
 
-Outcome: TypeAlias = Planned | Failure
+Outcome: TypeAlias = Planned | TaskPlanned | Failure
 
 
 def failure(state: StudioState, problem: Problem) -> Failure:
@@ -76,8 +120,11 @@ def failure(state: StudioState, problem: Problem) -> Failure:
         problem: Of the service.
     """
     details = problem.details
-    pair = details.get("pair")
     nearest = details.get("nearest_joints")
+    candidates = branches(details.get("rejected") or [])
+    reasons = " ".join([problem.detail, *(branch.reason for branch in candidates)])
+    named = _PAIR.search(reasons)
+    pair = details.get("pair") or (None if named is None else named.groups())
     return Failure(
         state,
         problem.title,
@@ -85,10 +132,29 @@ def failure(state: StudioState, problem: Problem) -> Failure:
         problem.hint or "",
         problem_sentences(problem.model_dump(mode="json")),
         None if pair is None else (str(pair[0]), str(pair[1])),
-        branches(details.get("rejected") or []),
+        candidates,
         None if nearest is None else tuple(nearest),
         details.get("plan_id"),
+        _shown(state, problem, candidates, nearest),
     )
+
+
+def _shown(
+    state: StudioState,
+    problem: Problem,
+    candidates: tuple[Branch, ...],
+    nearest: Sequence[float] | None,
+) -> tuple[float, ...] | None:
+    """The configuration that a problem is about, where it is known."""
+    if nearest is not None:
+        return tuple(nearest)
+    if problem.stage == "start":
+        return state.start
+    colliding = [branch.joints for branch in candidates if _PAIR.search(branch.reason)]
+    if colliding:
+        return colliding[0]
+    # Of a pose as the goal, the configuration that reached it last.
+    return state.goal_joints if problem.stage == "goal" else None
 
 
 def compare(first: Planned, second: Planned) -> str:

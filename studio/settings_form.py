@@ -22,13 +22,16 @@ PATHS = (
     "seed",
 )
 
+#: Types of JSON with a widget of their own.
+_SINGLE = ("boolean", "integer", "number", "string")
+
 
 class FormField(NamedTuple):
     """One setting of a plan request.
 
     Args:
         path: In the request, "timing.method".
-        kind: "choice", "number", "integer" or "flag".
+        kind: "choice", "number", "integer", "flag", "text", or "json" for lists and objects.
         description: Of the API.
         default: Used where the field is left out; None where the service decides.
         choices: Of a choice.
@@ -45,6 +48,49 @@ class FormField(NamedTuple):
     minimum: float | None = None
     maximum: float | None = None
     above_minimum: bool = False
+    required: bool = False
+
+
+class EntryForms(NamedTuple):
+    """Forms of the entries of a list, by their kind.
+
+    Args:
+        tag: Field that names the kind.
+        fields: Of each kind, without that field.
+    """
+
+    tag: str
+    fields: Mapping[str, tuple[FormField, ...]]
+
+
+def entry_forms(document: Mapping[str, Any], model: str, name: str) -> EntryForms:
+    """Forms of a list whose entries have one of several kinds.
+
+    Args:
+        document: The OpenAPI document of the service.
+        model: Of the request, "TaskRequest".
+        name: Of the list in it, "stages".
+
+    Raises:
+        KeyError: The document has no such request, or no such list in it.
+    """
+    schemas = document["components"]["schemas"]
+    items = _resolved(schemas, schemas[model]["properties"][name])["items"]
+    discriminator = items["discriminator"]
+    tag = str(discriminator["propertyName"])
+    kinds = {reference: kind for kind, reference in discriminator["mapping"].items()}
+    fields = {}
+    # The mapping is sorted by name; the alternatives stand in the API's own order.
+    for reference in (item["$ref"] for item in items["oneOf"]):
+        kind = kinds[reference]
+        schema = schemas[reference.rpartition("/")[2]]
+        required = schema.get("required", ())
+        fields[kind] = tuple(
+            _form_field(schemas, path, item)._replace(required=path in required)
+            for path, item in schema["properties"].items()
+            if path != tag
+        )
+    return EntryForms(tag, fields)
 
 
 def form_fields(document: Mapping[str, Any]) -> tuple[FormField, ...]:
@@ -69,6 +115,10 @@ def _field(schemas: Mapping[str, Any], path: str) -> FormField | None:
         if name not in properties:
             return None
         schema = properties[name]
+    return _form_field(schemas, path, schema)
+
+
+def _form_field(schemas: Mapping[str, Any], path: str, schema: Mapping[str, Any]) -> FormField:
     description = str(schema.get("description", ""))
     plain = _scalar(schemas, schema)
     choices = tuple(plain.get("enum", ()))
@@ -91,7 +141,8 @@ def _field(schemas: Mapping[str, Any], path: str) -> FormField | None:
 def _kind(schema: Mapping[str, Any], choices: tuple[str, ...]) -> str:
     if choices:
         return "choice"
-    return {"boolean": "flag", "integer": "integer"}.get(str(schema.get("type")), "number")
+    kinds = {"boolean": "flag", "integer": "integer", "number": "number", "string": "text"}
+    return kinds.get(str(schema.get("type")), "json")
 
 
 def _resolved(schemas: Mapping[str, Any], schema: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -108,7 +159,8 @@ def _resolved(schemas: Mapping[str, Any], schema: Mapping[str, Any]) -> Mapping[
 
 
 def _scalar(schemas: Mapping[str, Any], schema: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The first alternative that is a choice, a number or a flag."""
-    alternatives = schema.get("anyOf", [schema])
-    plain = (_resolved(schemas, item) for item in alternatives)
-    return next(item for item in plain if item.get("type") not in ("null", "object"))
+    """The first alternative that is a choice, a number, a flag or a text; else any but null."""
+    plain = [_resolved(schemas, item) for item in schema.get("anyOf", [schema])]
+    present = [item for item in plain if item.get("type") != "null"]
+    single = (item for item in present if item.get("type") in _SINGLE or "enum" in item)
+    return next(single, present[0])

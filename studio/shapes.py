@@ -1,5 +1,6 @@
 """New obstacles of the scene editor, their sizes and their scaling."""
 
+from collections.abc import Sequence
 from typing import Literal
 
 from armwright_client import Box, Capsule, Cone, Cylinder, Obstacle, Pose, Sphere
@@ -58,3 +59,32 @@ def with_dimension(obstacle: Obstacle, name: str, value: float) -> Obstacle:
     else:
         changed = type(shape).of(**sizes)
     return obstacle.model_copy(update={"shape": changed})
+
+
+def corner(shape: Shape) -> tuple[float, float, float] | None:
+    """Where the handle that scales a shape is, in its own frame [m]; None if it has none."""
+    match shape:
+        case Box():
+            x, y, z = shape.size
+            return 0.5 * x, 0.5 * y, 0.5 * z
+        case Sphere():
+            return shape.radius, 0.0, 0.0
+        case Cylinder() | Capsule() | Cone():
+            return shape.radius, 0.0, 0.5 * shape.height
+        case _:
+            return None
+
+
+def with_corner(obstacle: Obstacle, position: Sequence[float], least: float) -> Obstacle:
+    """The obstacle scaled so that its handle is at a place; its centre stays.
+
+    Args:
+        obstacle: The obstacle.
+        position: Of the handle in the obstacle's frame, shape (3,) [m].
+        least: Size below which nothing is scaled [m].
+    """
+    x, y, z = (max(abs(float(value)), 0.5 * least) for value in position)
+    sizes = {"x": 2.0 * x, "y": 2.0 * y, "z": 2.0 * z, "radius": x, "height": 2.0 * z}
+    for name in dimensions(obstacle.shape):
+        obstacle = with_dimension(obstacle, name, sizes[name])
+    return obstacle

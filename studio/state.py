@@ -6,6 +6,7 @@ from types import MappingProxyType
 from typing import Any
 
 from armwright_client import Obstacle, Pose
+from studio.entries import Entries
 
 #: Changes that can be taken back.
 _MAX_CHANGES = 200
@@ -24,6 +25,8 @@ class StudioState:
         obstacles: Of the scene.
         attached: Link that carries an obstacle, by the obstacle's id.
         settings: Values of further fields of a plan request, by their path: "timing.method".
+        constraints: Of a plan, each by its fields as the API has them.
+        stages: Of a task, each by its fields as the API has them.
     """
 
     robot: str
@@ -33,6 +36,8 @@ class StudioState:
     obstacles: tuple[Obstacle, ...] = ()
     attached: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     settings: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+    constraints: Entries = ()
+    stages: Entries = ()
 
     def with_setting(self, path: str, value: Any) -> "StudioState":
         """The state with a setting changed; None leaves the field to the service."""

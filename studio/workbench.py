@@ -1,45 +1,40 @@
 """Commands of the studio: each changes the state or asks the service, and knows no browser."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
-from pydantic import ValidationError
-
 from armwright_client import (
-    ApiError,
-    ArmwrightError,
     Client,
-    DefaultLimits,
     Export,
     NoIkSolution,
     Obstacle,
     Plan,
     Pose,
     Robot,
-    RobotArchive,
-    RobotUpload,
     Scene,
 )
 from armwright_client.call import Call
 from armwright_client.export import ExportFormat
 from armwright_client.geometry import GeometryAnswer
+from studio.attempt import attempt
 from studio.branch import Branch, Verdict, branches
-from studio.code import curl, ik_python, plan_python
-from studio.requests import ik_request, plan_request
-from studio.result import Failure, Outcome, Planned, failure
-from studio.settings_form import FormField, form_fields
+from studio.code import curl, ik_python, plan_python, task_python
+from studio.entries import Entries
+from studio.joint_ranges import home, joint_ranges
+from studio.pose import stays_in
+from studio.requests import ik_request, plan_request, set_fields, task_request
+from studio.result import Outcome, Planned, TaskPlanned
+from studio.scene_files import MOVEIT, listed, read_obstacles
+from studio.settings_form import EntryForms, FormField, entry_forms, form_fields
 from studio.shapes import ShapeKind, new_obstacle
 from studio.state import History, StudioState
+from studio.upload import robot_upload
 
 #: Where new obstacles appear [m]: before most arms, within their reach.
 _NEW_PLACE = (0.4, 0.3, 0.3)
-#: URDF knows no accelerations: without a rule no uploaded robot could be planned for.
-_RULES = DefaultLimits(acceleration="10 x velocity")
-#: Joints without limits are drawn between these positions [rad or m].
-_FREE_RANGE = 3.141592653589793
 
 
 class Workbench:
@@ -57,7 +52,10 @@ class Workbench:
     def __init__(self, client: Client, url: str, robot: str) -> None:
         self.client = client
         self.url = url
-        self.fields: tuple[FormField, ...] = form_fields(self._openapi())
+        document = self._openapi()
+        self.fields: tuple[FormField, ...] = form_fields(document)
+        self.constraint_forms: EntryForms = entry_forms(document, "PlanRequest", "constraints")
+        self.stage_forms: EntryForms = entry_forms(document, "TaskRequest", "stages")
         self.outcome: Outcome | None = None
         self.pinned: Planned | None = None
         self.branches: tuple[Branch, ...] = ()
@@ -88,27 +86,20 @@ class Workbench:
         self.history = History(StudioState(name, joints, joints, obstacles=obstacles))
         self.outcome, self.pinned, self.branches = None, None, ()
 
-    def upload_robot(self, file_name: str, content: bytes) -> None:
+    def upload_robot(self, file_name: str, content: bytes, tip_link: str | None = None) -> None:
         """Store a robot of a URDF or a .zip, and begin with it; its lint is in `model.lint`.
 
         Args:
             file_name: Its stem becomes the robot's name.
             content: Of the file.
+            tip_link: Where the chain ends, for a tree with several arms: a refusal names them.
 
         Raises:
             ApiError: The description is refused.
             ValueError: The file is neither a URDF nor a .zip.
         """
-        stem, _, suffix = file_name.rpartition(".")
-        if suffix.lower() == "zip":
-            robot: RobotUpload | RobotArchive = RobotArchive(
-                stem, content, {"default_limits": _RULES}
-            )
-        elif suffix.lower() in ("urdf", "xml"):
-            robot = RobotUpload(name=stem, urdf=content.decode("utf-8"), default_limits=_RULES)
-        else:
-            raise ValueError(f"{file_name}: give a .urdf, or a .zip with the URDF and its meshes")
-        self.choose_robot(self.client.robots.create(robot).name)
+        upload = robot_upload(file_name, content, tip_link)
+        self.choose_robot(self.client.robots.create(upload).name)
 
     def geometry(self) -> GeometryAnswer:
         """The robot's collision geometry."""
@@ -132,7 +123,7 @@ class Workbench:
 
     def joint_ranges(self) -> list[tuple[float, float]]:
         """Range of each joint's slider [rad or m]."""
-        return _ranges(self.model)
+        return joint_ranges(self.model)
 
     # --------------------------------------------------------------------------- start, goal
 
@@ -180,7 +171,7 @@ class Workbench:
 
     def _solve(self, pose: Pose) -> tuple[Branch, ...]:
         request = ik_request(self.state, pose)
-        options = _fields(request, without=("pose",))
+        options = set_fields(request, without=("pose",))
         try:
             answer = self.client.robots.ik(self.state.robot, pose, **options)
         except NoIkSolution as error:
@@ -216,17 +207,25 @@ class Workbench:
         """
         self._change(self.state.with_attached(obstacle_id, link))
 
-    def import_scene(self, content: bytes) -> None:
-        """Take the obstacles of a scene in JSON, as the API has it.
+    def import_file(self, file_name: str, content: bytes) -> None:
+        """Take the obstacles of a scene (JSON, MoveIt's YAML) in place of all, or add a mesh.
 
         Args:
+            file_name: With its ending.
             content: Of the file.
 
         Raises:
-            pydantic.ValidationError: The JSON is no scene.
-            ValueError: The scene names no obstacles.
+            ValueError: It is none of these, or can't be read.
         """
-        self._take_scene(Scene.model_validate_json(content))
+        obstacles = read_obstacles(file_name, content, self._frame_pose)
+        if file_name.lower().endswith(("json", *MOVEIT)):
+            self._take_obstacles(obstacles)
+            return
+        (mesh,) = obstacles
+        taken = {item.id for item in self.state.obstacles}
+        name = self.state.free_id(mesh.id) if mesh.id in taken else mesh.id
+        placed = mesh.model_copy(update={"id": name, "pose": Pose.at(*_NEW_PLACE)})
+        self._change(self.state.with_obstacle(placed))
 
     def load_scene(self, name: str) -> None:
         """Take the obstacles of a stored scene.
@@ -234,7 +233,7 @@ class Workbench:
         Args:
             name: Of the scene.
         """
-        self._take_scene(self.client.scenes.get(name))
+        self._take_obstacles(listed(self.client.scenes.get(name), self._frame_pose))
 
     def save_scene(self, name: str) -> None:
         """Store the scene under a name, whether there is one or not.
@@ -255,6 +254,22 @@ class Workbench:
         """
         self._change(self.state.with_setting(path, value), f"setting {path}")
 
+    def set_constraints(self, entries: Entries, key: str | None = None) -> None:
+        """Change the constraints of the plan."""
+        self._change(replace(self.state, constraints=entries), key)
+
+    def set_stages(self, entries: Entries, key: str | None = None) -> None:
+        """Change the stages of the task."""
+        self._change(replace(self.state, stages=entries), key)
+
+    def gripper_links(self) -> list[str]:
+        """Links with geometry that do not move in the frame of the tip: they may touch a load."""
+        rows = [self.state.start, [q + 0.1 for q in self.state.start]]
+        poses = self.link_poses_of(rows)
+        tips = poses[self.model.tip_link]
+        bodies = self.geometry().bodies
+        return sorted({body.link for body in bodies if stays_in(poses[body.frame], tips)})
+
     def undo(self) -> None:
         """Take the latest change back."""
         self.history = self.history.undo()
@@ -271,7 +286,12 @@ class Workbench:
 
     def plan(self) -> Outcome:
         """Plan from start to goal; a motion with its certificate, or a failure explained."""
-        self.outcome = self._attempt(self._plan)
+        self.outcome = attempt(self.state, self._plan)
+        return self.outcome
+
+    def plan_task(self) -> Outcome:
+        """Plan the stages of the task as one, from the start on."""
+        self.outcome = attempt(self.state, self._plan_task)
         return self.outcome
 
     def pin(self) -> None:
@@ -294,7 +314,7 @@ class Workbench:
         request = plan_request(self.outcome.state)
         options = {
             name: value
-            for name, value in _fields(request).items()
+            for name, value in set_fields(request).items()
             if name in ("scene", "attached", "margin")
         }
         return self.client.export(
@@ -305,6 +325,11 @@ class Workbench:
         """The present plan request as Python and as curl."""
         request = plan_request(self.state, keep=False)
         return plan_python(self.url, request), curl(self.url, "/v1/plan", request)
+
+    def task_code(self) -> tuple[str, str]:
+        """The request of the task as Python and as curl."""
+        request = task_request(self.state, keep=False)
+        return task_python(self.url, request), curl(self.url, "/v1/tasks", request)
 
     def ik_code(self, tip: Pose) -> str:
         """The inverse kinematics of the goal as Python.
@@ -321,27 +346,33 @@ class Workbench:
 
     def _plan(self) -> Planned:
         request = plan_request(self.state)
-        options = _fields(request, without=("robot", "start", "goal"))
+        options = set_fields(request, without=("robot", "start", "goal"))
         plan: Plan = self.client.plan(request.robot, request.start, request.goal, **options)
         return Planned(self.state, plan)
 
-    def _attempt(self, action: Callable[[], Planned]) -> Outcome:
-        try:
-            return action()
-        except ApiError as error:
-            return failure(self.state, error.problem)
-        except ValidationError as error:
-            first = error.errors(include_url=False)[0]
-            where = ".".join(str(step) for step in first["loc"])
-            return Failure(self.state, "A setting is out of its range", f"{where}: {first['msg']}")
-        except ArmwrightError as error:
-            return Failure(self.state, "The service did not answer", str(error))
+    def _plan_task(self) -> TaskPlanned:
+        request = task_request(self.state)
+        options = set_fields(request, without=("robot", "start", "stages"))
+        task = self.client.plan_task(request.robot, request.start, request.stages, **options)
+        return TaskPlanned(self.state, task)
 
-    def _take_scene(self, scene: Scene) -> None:
-        if scene.obstacles is None:
-            raise ValueError("this scene is MoveIt's text, which the studio does not draw")
-        state = replace(self.state, obstacles=tuple(scene.obstacles), attached=MappingProxyType({}))
-        self._change(state)
+    def _take_obstacles(self, obstacles: Sequence[Obstacle]) -> None:
+        nothing: Mapping[str, str] = MappingProxyType({})
+        self._change(replace(self.state, obstacles=tuple(obstacles), attached=nothing))
+
+    def _frame_pose(self, frame: str) -> Pose:
+        """The pose of a link that stands still, in the root frame.
+
+        Raises:
+            ValueError: The robot has no such link, or it moves.
+        """
+        if frame in (self.model.frame, "world"):
+            return Pose.at(0.0, 0.0, 0.0)
+        poses = self.link_poses_of([self.state.start, [q + 0.1 for q in self.state.start]])
+        origin = [Pose.at(0.0, 0.0, 0.0)] * 2
+        if frame not in poses or not stays_in(poses[frame], origin):
+            raise ValueError(f"frame {frame!r} is no link that stands still")
+        return poses[frame][0]
 
     def _change(self, state: StudioState, key: str | None = None) -> None:
         self.history = self.history.change(state, key)
@@ -351,33 +382,3 @@ class Workbench:
             Call("GET", "/openapi.json", json.loads)
         )
         return document
-
-
-def home(model: Robot) -> tuple[float, ...]:
-    """The first named state of a robot, or the configuration in the middle of its limits.
-
-    Args:
-        model: Of the robot.
-    """
-    if model.states:
-        return tuple(next(iter(model.states.values())))
-    return tuple(0.5 * (low + high) for low, high in _ranges(model))
-
-
-def _ranges(model: Robot) -> list[tuple[float, float]]:
-    limits = zip(model.limits.lower, model.limits.upper, strict=True)
-    return [
-        (-_FREE_RANGE if low is None else low, _FREE_RANGE if high is None else high)
-        for low, high in limits
-    ]
-
-
-def _fields(request: Any, without: Sequence[str] = ()) -> dict[str, Any]:
-    """Fields of a request that are set, as the client's methods take them."""
-    return {
-        name: getattr(request, name)
-        for name in type(request).model_fields
-        if name in request.model_fields_set
-        and name not in without
-        and getattr(request, name) is not None
-    }

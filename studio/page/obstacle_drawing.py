@@ -20,7 +20,9 @@ from armwright_client import (
 )
 from armwright_client.shape import Capsule, Cone
 from studio.motion_frames import LinkPoses
+from studio.page.colors import HIT_COLOR
 from studio.pose import pose_of, wxyz
+from studio.shapes import corner, with_corner
 
 #: Obstacles are grey, those that are held orange.
 _COLOR = (140, 150, 160)
@@ -29,6 +31,9 @@ _HELD_COLOR = (230, 159, 0)
 _GROUND, _PLATE = 3.0, 0.002
 #: Length of the handles [m].
 _HANDLE = 0.18
+_CORNER = 0.1
+#: Least size that handles and numbers give [m].
+MIN_SIZE = 0.005
 #: Corners of a drawn circle, and rings of a drawn ball.
 _CIRCLE = 24
 _RINGS = 8
@@ -41,7 +46,9 @@ class ObstacleDrawing:
         scene: To draw in.
         obstacle: The obstacle.
         held: Whether a link carries it.
-        on_move: Called with the obstacle at its new pose, and whether the drag is over.
+        on_move: Called with the obstacle at its new pose or of its new size, and whether the drag
+            is over.
+        sizing: Whether the handle that scales it is shown.
     """
 
     def __init__(
@@ -50,7 +57,10 @@ class ObstacleDrawing:
         obstacle: Obstacle,
         held: bool,
         on_move: Callable[[Obstacle, bool], None],
+        sizing: bool = False,
     ) -> None:
+        self._scene = scene
+        self._marked = False
         self.obstacle = obstacle
         self.held = held
         self._handle = scene.add_transform_controls(
@@ -58,7 +68,7 @@ class ObstacleDrawing:
         )
         self._body = scene.add_frame(f"/obstacle_bodies/{obstacle.id}", show_axes=False)
         self._place(np.array(obstacle.pose.position, dtype=float), wxyz(obstacle.pose))
-        _draw(scene, f"/obstacle_bodies/{obstacle.id}/shape", obstacle, held)
+        self._shape = _draw(scene, self._name, obstacle, self._color)
         scene.add_label(f"/obstacle_bodies/{obstacle.id}/name", obstacle.id)
 
         @self._handle.on_update
@@ -68,6 +78,65 @@ class ObstacleDrawing:
             self._body.position, self._body.wxyz = position, quaternion
             moved = self.obstacle.model_copy(update={"pose": pose_of(position, quaternion)})
             on_move(moved, event.phase == "end")
+
+        self._corner = self._add_corner(on_move, sizing)
+
+    @property
+    def _name(self) -> str:
+        return f"/obstacle_bodies/{self.obstacle.id}/shape"
+
+    @property
+    def _color(self) -> tuple[int, int, int]:
+        if self._marked:
+            return HIT_COLOR
+        return _HELD_COLOR if self.held else _COLOR
+
+    def _add_corner(
+        self, on_move: Callable[[Obstacle, bool], None], sizing: bool
+    ) -> viser.TransformControlsHandle | None:
+        place = corner(self.obstacle.shape)
+        if place is None:
+            return None
+        handle = self._scene.add_transform_controls(
+            f"/obstacle_bodies/{self.obstacle.id}/corner",
+            scale=_CORNER,
+            disable_rotations=True,
+            disable_sliders=True,
+            depth_test=False,
+            position=place,
+            visible=sizing,
+        )
+
+        @handle.on_update
+        def _(event: viser.TransformControlsEvent) -> None:
+            self.obstacle = with_corner(self.obstacle, event.target.position.tolist(), MIN_SIZE)
+            self._redraw()
+            on_move(self.obstacle, event.phase == "end")
+
+        return handle
+
+    def show_sizing(self, sizing: bool) -> None:
+        """Show or hide the handle that scales it.
+
+        Args:
+            sizing: Whether it is shown.
+        """
+        if self._corner is not None:
+            self._corner.visible = sizing
+
+    def mark(self, marked: bool) -> None:
+        """Draw it in the colour of collisions, or in its own.
+
+        Args:
+            marked: Whether it collides.
+        """
+        if marked != self._marked:
+            self._marked = marked
+            self._redraw()
+
+    def _redraw(self) -> None:
+        self._shape.remove()
+        self._shape = _draw(self._scene, self._name, self.obstacle, self._color)
 
     def show_frame(self, poses: LinkPoses, number: int) -> None:
         """Move the body, not the handles, to a frame of a motion that carries it.
@@ -97,20 +166,21 @@ class ObstacleDrawing:
             node.position, node.wxyz = position, quaternion
 
 
-def _draw(scene: viser.SceneApi, name: str, obstacle: Obstacle, held: bool) -> None:
-    color = _HELD_COLOR if held else _COLOR
+def _draw(
+    scene: viser.SceneApi, name: str, obstacle: Obstacle, color: tuple[int, int, int]
+) -> viser.SceneNodeHandle:
     shape = obstacle.shape
     match shape:
         case Box():
             x, y, z = shape.size
-            scene.add_box(name, dimensions=(x, y, z), color=color)
+            return scene.add_box(name, dimensions=(x, y, z), color=color)
         case Sphere():
-            scene.add_icosphere(name, radius=shape.radius, color=color)
+            return scene.add_icosphere(name, radius=shape.radius, color=color)
         case Cylinder():
-            scene.add_cylinder(name, radius=shape.radius, height=shape.height, color=color)
+            return scene.add_cylinder(name, radius=shape.radius, height=shape.height, color=color)
         case Halfspace():
             position, quaternion = _plane(shape)
-            scene.add_box(
+            return scene.add_box(
                 name,
                 dimensions=(_GROUND, _GROUND, _PLATE),
                 color=color,
@@ -120,16 +190,16 @@ def _draw(scene: viser.SceneApi, name: str, obstacle: Obstacle, held: bool) -> N
             )
         case PointCloud():
             points = np.array(shape.points, dtype=np.float32)
-            scene.add_point_cloud(name, points, color, point_size=2.0 * shape.radius)
+            return scene.add_point_cloud(name, points, color, point_size=2.0 * shape.radius)
         case Mesh() if shape.vertices is None:
-            scene.add_label(name, f"{obstacle.id} (STL)")
+            return scene.add_label(name, f"{obstacle.id} (STL)")
         case Mesh():
             vertices, faces = np.array(shape.vertices), np.array(shape.faces)
-            scene.add_mesh_simple(name, vertices, faces, color=color, side="double")
+            return scene.add_mesh_simple(name, vertices, faces, color=color, side="double")
         case Convex() | Capsule() | Cone():
             corners = _corners(shape)
             hull = ConvexHull(corners).simplices
-            scene.add_mesh_simple(
+            return scene.add_mesh_simple(
                 name, corners, hull, color=color, flat_shading=True, side="double"
             )
 

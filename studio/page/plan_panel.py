@@ -3,6 +3,7 @@
 from functools import partial
 from typing import Any
 
+from studio.page.entries_panel import EntriesPanel
 from studio.page.panel import Page, on_user_update
 from studio.result import Failure, Outcome, Planned, compare
 from studio.settings_form import FormField
@@ -32,6 +33,16 @@ class PlanPanel:
         with gui.add_folder("Settings", expand_by_default=False):
             for field in page.workbench.fields:
                 self._widgets[field.path] = self._widget(field)
+        workbench = page.workbench
+        with gui.add_folder("Constraints", expand_by_default=False):
+            self._constraints = EntriesPanel(
+                page,
+                "constraint",
+                workbench.constraint_forms,
+                lambda: workbench.state.constraints,
+                workbench.set_constraints,
+                lambda kind: {workbench.constraint_forms.tag: kind},
+            )
         pin = gui.add_button("Pin to compare", hint="The next plan is drawn and listed beside it.")
         pin.on_click(lambda _: page.queue.put("pin", self._pin))
         self._comparison = gui.add_markdown("")
@@ -47,6 +58,7 @@ class PlanPanel:
             elif value is not None:
                 widget.value = value
         workbench = self._page.workbench
+        self._constraints.refresh()
         self._text.content = describe(workbench.outcome, workbench.view_url())
         pinned, outcome = workbench.pinned, workbench.outcome
         both = pinned is not None and isinstance(outcome, Planned) and outcome is not pinned

@@ -1,7 +1,7 @@
 """Drawings of the robot: its collision geometry at configurations, and ghosts of it."""
 
 import base64
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -12,12 +12,13 @@ from armwright_client import Pose
 from armwright_client.geometry import GeometryAnswer
 from studio.branch import Branch, Verdict
 from studio.motion_frames import LinkPoses, link_poses
+from studio.page.colors import HIT_COLOR
 from studio.pose import wxyz
 
 #: Colours of ghosts by verdict: blue and orange are told apart without red and green.
 COLORS = {
     Verdict.VALID: (0, 114, 178),
-    Verdict.COLLISION: (213, 94, 0),
+    Verdict.COLLISION: HIT_COLOR,
     Verdict.LIMITS: (230, 159, 0),
     Verdict.OTHER: (120, 120, 120),
 }
@@ -29,11 +30,13 @@ class Surface(NamedTuple):
     """The surface of one body in the frame of a link.
 
     Args:
-        frame: The link.
+        link: That it belongs to.
+        frame: The link in whose frame it is.
         vertices: Shape (k, 3) [m].
         faces: Shape (f, 3).
     """
 
+    link: str
     frame: str
     vertices: NDArray[np.float32]
     faces: NDArray[np.uint32]
@@ -47,6 +50,7 @@ def surfaces(geometry: GeometryAnswer) -> list[Surface]:
     """
     return [
         Surface(
+            body.link,
             body.frame,
             np.frombuffer(base64.b64decode(body.vertices), "<f4").reshape(-1, 3),
             np.frombuffer(base64.b64decode(body.faces), "<u4").reshape(-1, 3),
@@ -79,16 +83,22 @@ class RobotDrawing:
             frame: scene.add_frame(f"{name}/{frame}", show_axes=False)
             for frame in {body.frame for body in bodies}
         }
-        for number, body in enumerate(bodies):
-            scene.add_mesh_simple(
-                f"{name}/{body.frame}/{number}",
-                body.vertices,
-                body.faces,
-                color=color,
-                opacity=None if opacity == 1.0 else opacity,
-                flat_shading=True,
-                side="double",
+        self._color = color
+        self._meshes = [
+            (
+                body.link,
+                scene.add_mesh_simple(
+                    f"{name}/{body.frame}/{number}",
+                    body.vertices,
+                    body.faces,
+                    color=color,
+                    opacity=None if opacity == 1.0 else opacity,
+                    flat_shading=True,
+                    side="double",
+                ),
             )
+            for number, body in enumerate(bodies)
+        ]
 
     def show(self, poses: Mapping[str, Pose]) -> None:
         """Move the links.
@@ -110,6 +120,15 @@ class RobotDrawing:
         for name, frame in self._frames.items():
             frame.position = poses[name].positions[number]
             frame.wxyz = poses[name].wxyz[number]
+
+    def mark(self, links: Collection[str]) -> None:
+        """Draw some links in the colour of collisions, the others in their own.
+
+        Args:
+            links: Names of those to be marked.
+        """
+        for link, mesh in self._meshes:
+            mesh.color = HIT_COLOR if link in links else self._color
 
     def set_visible(self, visible: bool) -> None:
         """Show or hide it."""

@@ -28,6 +28,9 @@ class RobotPanel:
         on_user_update(
             self._choice, lambda name: page.queue.put("robot", lambda: _choose(page, name))
         )
+        self._tip = gui.add_text(
+            "Tip link", "", hint="Of an upload with several arms: where the chain ends."
+        )
         upload = gui.add_upload_button(
             "Upload a URDF or .zip", hint="A .zip holds the URDF and its meshes, perhaps an SRDF."
         )
@@ -46,7 +49,7 @@ class RobotPanel:
 
     def _upload(self, name: str, content: bytes) -> None:
         workbench = self._page.workbench
-        workbench.upload_robot(name, content)
+        workbench.upload_robot(name, content, self._tip.value.strip() or None)
         self._choice.options = workbench.robot_names()
         self._page.rebuild()
 

@@ -6,12 +6,11 @@ from typing import Any
 import viser
 
 from armwright_client import Obstacle
-from studio.page.obstacle_drawing import ObstacleDrawing
+from studio.page.obstacle_drawing import MIN_SIZE, ObstacleDrawing
 from studio.page.panel import Page, on_user_update
 from studio.shapes import dimensions, with_dimension
 
-#: Least and largest size in the editor [m].
-_MIN_SIZE = 0.005
+#: Largest size in the editor [m].
 _MAX_SIZE = 5.0
 
 
@@ -30,13 +29,20 @@ class ScenePanel:
         gui = page.server.gui
         add = gui.add_button_group("Add", ["box", "sphere", "cylinder"])
         add.on_click(lambda event: self._add(event.target.value))
-        upload = gui.add_upload_button("Import a scene", hint="A scene in JSON, as the API has it.")
+        upload = gui.add_upload_button(
+            "Import a scene or mesh",
+            hint="A scene in JSON or MoveIt's YAML replaces the obstacles; a mesh is added.",
+        )
 
         @upload.on_upload
         def _(event: viser.GuiEvent[viser.GuiUploadButtonHandle]) -> None:
             file = event.target.value
-            self._run(partial(page.workbench.import_scene, file.content))
+            self._run(partial(page.workbench.import_file, file.name, file.content))
 
+        self._sizing = gui.add_checkbox(
+            "Size handles", False, hint="A second handle at each obstacle's corner scales it."
+        )
+        on_user_update(self._sizing, self._show_sizing)
         name = gui.add_text("Name", "studio")
         files = gui.add_button_group("Stored scene", ["save", "load"])
 
@@ -63,7 +69,11 @@ class ScenePanel:
                 self._drawings[name].show_pose(obstacle.pose)
             else:
                 self._drawings[name] = ObstacleDrawing(
-                    self._page.server.scene, obstacle, name in state.attached, self._move
+                    self._page.server.scene,
+                    obstacle,
+                    name in state.attached,
+                    self._move,
+                    self._sizing.value,
                 )
         self._list(state.obstacles)
 
@@ -91,7 +101,7 @@ class ScenePanel:
         with folder:
             for name, value in dimensions(obstacle.shape).items():
                 number = gui.add_number(
-                    f"{name} [m]", float(value), min=_MIN_SIZE, max=_MAX_SIZE, step=0.005
+                    f"{name} [m]", float(value), min=MIN_SIZE, max=_MAX_SIZE, step=0.005
                 )
                 on_user_update(number, partial(self._resize, obstacle.id, name))
             carrier = gui.add_dropdown(
@@ -104,6 +114,10 @@ class ScenePanel:
             remove = gui.add_button("Remove", color="red")
             remove.on_click(lambda _: self._run(partial(workbench.remove_obstacle, obstacle.id)))
         return folder
+
+    def _show_sizing(self, sizing: bool) -> None:
+        for drawing in self._drawings.values():
+            drawing.show_sizing(sizing)
 
     def _add(self, kind: Any) -> None:
         self._run(partial(self._page.workbench.add_obstacle, kind))

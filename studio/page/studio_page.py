@@ -4,15 +4,18 @@ import numpy as np
 import viser
 
 from armwright_client import ApiError, ArmwrightError, Pose
-from studio.motion_frames import MotionFrames, motion_frames
+from studio.explain import colliding_pairs
+from studio.motion_frames import MotionFrames, motion_frames, task_frames
 from studio.page.command_queue import CommandQueue
 from studio.page.goal_panel import GoalPanel
+from studio.page.pair_drawing import PairDrawing
 from studio.page.plan_panel import PlanPanel
 from studio.page.play_panel import PlayPanel
 from studio.page.robot_drawing import GhostDrawing, RobotDrawing, surfaces
 from studio.page.robot_panel import JointSliders, RobotPanel
 from studio.page.scene_panel import ScenePanel
-from studio.result import Failure, Planned
+from studio.page.task_panel import TaskPanel
+from studio.result import Failure, Outcome, Planned, TaskPlanned
 from studio.workbench import Workbench
 
 #: Robot at the start or in motion, and the pinned motion.
@@ -40,6 +43,7 @@ class StudioPage:
         self._pinned_frames: MotionFrames | None = None
         self._ghosts: GhostDrawing | None = None
         self._sliders: list[JointSliders] = []
+        self._pair = PairDrawing(server.scene)
         self._set_up_scene()
         gui = server.gui
         tabs = gui.add_tab_group()
@@ -54,6 +58,8 @@ class StudioPage:
             self._start_sliders = gui.add_folder(None)
         with tabs.add_tab("Scene"):
             self._scene = ScenePanel(self)
+        with tabs.add_tab("Task"):
+            self._task = TaskPanel(self)
         with tabs.add_tab("Code"):
             self._code = gui.add_markdown("")
         self.rebuild()
@@ -97,6 +103,7 @@ class StudioPage:
             self._robot_panel.refresh()
             self._scene.refresh()
             self._plan.refresh()
+            self._task.refresh()
             tip = self.workbench.goal_tip()
             self._goal.refresh(tip, self.workbench.branches)
             self.show_goal()
@@ -121,7 +128,15 @@ class StudioPage:
     def show_outcome(self) -> None:
         """Load the motion that was planned, or show the pair of a failure."""
         outcome, pinned = self.workbench.outcome, self.workbench.pinned
-        if isinstance(outcome, Planned):
+        self._mark(outcome)
+        if isinstance(outcome, TaskPlanned):
+            self._pinned_frames = None
+            if self._pinned_robot is not None:
+                self._pinned_robot.set_visible(False)
+            if self._ghosts is not None:
+                self._ghosts.clear()
+            self._play.load(task_frames(self.workbench, outcome))
+        elif isinstance(outcome, Planned):
             self._pinned_frames = None if pinned is None else motion_frames(self.workbench, pinned)
             if self._pinned_robot is not None:
                 self._pinned_robot.set_visible(self._pinned_frames is not None)
@@ -130,8 +145,18 @@ class StudioPage:
             self._play.load(motion_frames(self.workbench, outcome))
         elif isinstance(outcome, Failure):
             self._play.load(None)
-            if outcome.nearest is not None and self._robot is not None:
-                self._robot.show(self.workbench.link_poses(outcome.nearest))
+            if outcome.shown is not None and self._robot is not None:
+                self._robot.show(self.workbench.link_poses(outcome.shown))
+
+    def _mark(self, outcome: Outcome | None) -> None:
+        """Mark what collides where a plan failed; nothing where it did not."""
+        if self._robot is None:
+            return
+        failed = outcome if isinstance(outcome, Failure) else None
+        pairs = [] if failed is None else colliding_pairs(self.workbench, failed)
+        shown = None if failed is None else failed.shown
+        links = self.workbench.link_poses(shown or self.workbench.state.start)
+        self._pair.show(pairs, self._robot, links, self._scene.carried())
 
     def _show_frame(self, frames: MotionFrames, number: int) -> None:
         with self.server.atomic():
@@ -152,8 +177,15 @@ class StudioPage:
             self._code.content = f"The request is not valid: {error}"
             return
         ik = self.workbench.ik_code(tip)
+        task = ""
+        if self.workbench.state.stages:
+            try:
+                stages, _ = self.workbench.task_code()
+                task = f"The task:\n\n```python\n{stages}```\n\n"
+            except ValueError as error:
+                task = f"The task is not valid yet: {error}\n\n"
         self._code.content = (
-            f"The plan:\n\n```python\n{python}```\n\n```sh\n{curl}\n```\n\n"
+            f"{task}The plan:\n\n```python\n{python}```\n\n```sh\n{curl}\n```\n\n"
             f"The configurations that reach the goal:\n\n```python\n{ik}```"
         )
 

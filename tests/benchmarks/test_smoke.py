@@ -29,8 +29,8 @@ WITHOUT_MAIN = {
     "poses", "ratios", "recheck", "task_check", "task_problems", "task_sampling", "triangles",
 }  # fmt: skip
 #: Have tests of their own, with services of their own: tests/service/jobs/test_agent_jobs.py makes
-#: the faults of `agents`, in one process.
-ELSEWHERE = {"agents", "http"}
+#: the faults of `agents`, in one process; tests/studio/test_workbench.py runs `studio_arms`.
+ELSEWHERE = {"agents", "http", "studio_arms"}
 #: Arguments of scripts that start a server.
 OF_SERVERS: Mapping[str, list[str]] = {
     "overload": ["--clients", "4", "--seconds", "0.3", "--settle", "0", "--requests", "plan"],

@@ -7,14 +7,20 @@ from contextlib import redirect_stdout
 
 import numpy as np
 import pytest
+import trimesh
 
-from armwright_client import NotFound, Pose
+from armwright_client import Box, Mesh, NotFound, Pose
+from benchmarks.studio_arms import Row, show, table
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain
 from studio.branch import Verdict
-from studio.motion_frames import motion_frames
+from studio.explain import check, colliding_pairs
+from studio.motion_frames import motion_frames, task_frames
+from studio.page.local_server import serve_page
+from studio.page.studio_page import StudioPage
 from studio.pose import rotation
-from studio.result import Failure, Planned, compare
+from studio.result import Failure, Planned, TaskPlanned, compare
+from studio.stages import pick_stages, place_stages
 from studio.workbench import Workbench
 from tests.service.robots import ASIDE, HOME, urdf
 
@@ -23,6 +29,20 @@ TABLE = {
     "shape": {"type": "box", "size": [0.4, 0.5, 0.1]},
     "pose": {"position": [0.6, 0.0, -0.1]},
 }
+
+MOVEIT = b"""
+name: cell
+world:
+  collision_objects:
+    - id: lid
+      header: {frame_id: panda_link0}
+      primitives: [{type: box, dimensions: [0.1, 0.2, 0.01]}]
+      primitive_poses: [{position: [0.6, 0.1, 0.2], orientation: [0, 0, 0, 1]}]
+    - id: ball
+      pose: {position: [1.0, 0.0, 0.0], orientation: [0, 0, 0.7071067811865476, 0.7071067811865476]}
+      primitives: [{type: sphere, dimensions: [0.05]}]
+      primitive_poses: [{position: [0.5, 0.0, 0.0], orientation: [0, 0, 0, 1]}]
+"""
 
 
 def test_a_motion_is_planned_shown_and_taken_back(workbench: Workbench) -> None:
@@ -111,6 +131,14 @@ def test_obstacles_reject_branches_and_explain_failures(workbench: Workbench) ->
     assert "box_1" in " ".join(outcome.sentences) + outcome.detail
     assert outcome.hint
     assert outcome.plan_id is not None
+    assert outcome.pair is not None
+    assert outcome.shown is not None
+    at_tip = forward(builtin_chain("panda"), np.array(outcome.shown))
+    np.testing.assert_allclose(at_tip[:3, 3], tip.position, atol=1e-5)
+    pairs = colliding_pairs(workbench, outcome)
+    verdict = check(workbench, outcome)
+    assert {frozenset(hit.pair) for hit in verdict.collisions} <= {frozenset(p) for p in pairs}
+    assert any("box_1" in pair for pair in pairs)
     workbench.remove_obstacle("box_1")
     assert isinstance(workbench.plan(), Planned)
 
@@ -134,7 +162,7 @@ def test_a_carried_obstacle_moves_with_its_link(workbench: Workbench) -> None:
 
 
 def test_scenes_are_imported_saved_and_loaded(workbench: Workbench) -> None:
-    workbench.import_scene(json.dumps({"obstacles": [TABLE]}).encode())
+    workbench.import_file("cell.json", json.dumps({"obstacles": [TABLE]}).encode())
     (table,) = workbench.state.obstacles
     assert table.id == "table"
     assert list(table.shape.size) == [0.4, 0.5, 0.1]  # type: ignore[union-attr]
@@ -144,8 +172,118 @@ def test_scenes_are_imported_saved_and_loaded(workbench: Workbench) -> None:
     assert workbench.state.obstacles == (table,)
     with pytest.raises(NotFound):
         workbench.load_scene("nothing")
-    with pytest.raises(ValueError, match="MoveIt"):
-        workbench.import_scene(b'{"moveit": "name: cell"}')
+    with pytest.raises(ValueError, match=r"cell\.txt.*json, yaml"):
+        workbench.import_file("cell.txt", b"")
+
+
+def test_planning_scenes_of_moveit_are_imported(workbench: Workbench) -> None:
+    workbench.import_file("cell.yaml", MOVEIT)
+    lid, ball = workbench.state.obstacles
+    assert (lid.id, ball.id) == ("lid", "ball")
+    # By hand: the object's frame is a quarter turn about z, 1 m along x of the base.
+    np.testing.assert_allclose(ball.pose.position, [1.0, 0.5, 0.0], atol=1e-12)
+    np.testing.assert_allclose(lid.pose.position, [0.6, 0.1, 0.2], atol=1e-12)
+    np.testing.assert_allclose(rotation(lid.pose).as_rotvec(), [0.0, 0.0, 0.0], atol=1e-12)
+    with pytest.raises(ValueError, match="panda_hand"):
+        workbench.import_file("cell.yaml", MOVEIT.replace(b"panda_link0", b"panda_hand"))
+    with pytest.raises(ValueError, match=r"world\.collision_objects\[0\]"):
+        workbench.import_file("cell.yaml", MOVEIT.replace(b"box", b"torus"))
+
+
+def test_meshes_are_added_beside_what_is_there(workbench: Workbench) -> None:
+    workbench.add_obstacle("box")
+    mesh = trimesh.creation.box([0.1, 0.2, 0.3])
+    workbench.import_file("crate.stl", mesh.export(file_type="stl"))
+    workbench.import_file("crate.obj", mesh.export(file_type="obj").encode())
+    names = [item.id for item in workbench.state.obstacles]
+    assert names == ["box_1", "crate", "crate_1"]
+    shape = workbench.state.obstacles[1].shape
+    assert isinstance(shape, Mesh)
+    np.testing.assert_allclose(np.ptp(np.array(shape.vertices), axis=0), [0.1, 0.2, 0.3])
+    assert isinstance(workbench.plan(), Planned), workbench.outcome
+    with pytest.raises(ValueError, match="millimetres"):
+        workbench.import_file("crate.stl", mesh.apply_scale(1000.0).export(file_type="stl"))
+
+
+def test_a_task_is_edited_planned_and_played(workbench: Workbench) -> None:
+    """Pick a box that stands free, and put it where the goal's frame is."""
+    workbench.set_start(HOME)
+    box = workbench.add_obstacle("box")
+    workbench.change_obstacle(
+        box.model_copy(update={"pose": Pose.at(0.5, 0.2, 0.3), "shape": Box(size=[0.04] * 3)})
+    )
+    (crate,) = workbench.state.obstacles
+    links = workbench.gripper_links()
+    assert "panda_hand" in links
+    assert "panda_link5" not in links
+    tip = Pose.from_rpy([0.5, -0.2, 0.3], 3.14159265, 0.0, 0.0)
+    workbench.set_stages((*pick_stages(crate, links), *place_stages(crate, tip)))
+    outcome = workbench.plan_task()
+    assert isinstance(outcome, TaskPlanned), outcome
+    assert all(stage.certificate.verified for stage in outcome.plan.stages)
+    assert workbench.view_url() == f"{workbench.url}/v1/plans/{outcome.plan_id}/view"
+    assert sum("holds box_1" in text for text in outcome.sentences) == 6
+    frames = task_frames(workbench, outcome)
+    held = frames.carried["box_1"].positions
+    np.testing.assert_allclose(held[0], [0.5, 0.2, 0.3], atol=1e-9)
+    np.testing.assert_allclose(held[-1], [0.5, -0.2, 0.3], atol=1e-3)
+    assert np.linalg.norm(np.diff(held, axis=0), axis=1).max() < 0.2
+    chain = builtin_chain("panda")
+    middle = len(frames.times) // 2
+    T = forward(chain, frames.joints[middle])
+    np.testing.assert_allclose(held[middle], T[:3, 3], atol=1e-5)  # grasped at its middle
+    python, curl = workbench.task_code()
+    printed = io.StringIO()
+    with redirect_stdout(printed):
+        exec(compile(python, "shown", "exec"), {})
+    rows = [line.split() for line in printed.getvalue().splitlines()]
+    assert [row[0] for row in rows] == [stage.kind for stage in outcome.plan.stages]
+    assert "/v1/tasks" in curl
+    workbench.undo()
+    assert workbench.state.stages == ()
+
+
+def test_stages_and_constraints_that_do_not_fit_are_failures_in_words(
+    workbench: Workbench,
+) -> None:
+    workbench.set_stages(({"kind": "approach"},))
+    outcome = workbench.plan_task()
+    assert isinstance(outcome, Failure)
+    assert "distance" in outcome.detail
+    workbench.set_constraints(({"type": "orientation", "cone_angle": -1.0},))
+    outcome = workbench.plan()
+    assert isinstance(outcome, Failure)
+    assert "constraints" in outcome.detail
+
+
+def test_constraints_of_the_form_are_held(workbench: Workbench) -> None:
+    forms = workbench.constraint_forms
+    assert forms.tag == "type"
+    assert {"joint", "position", "orientation", "clearance"} <= set(forms.fields)
+    workbench.set_start(HOME)
+    workbench.set_goal_joints([0.3, *HOME[1:]])
+    down = {"type": "orientation", "axis": [0, 0, 1], "direction": [0, 0, -1], "cone_angle": 0.2}
+    workbench.set_constraints((down,))
+    outcome = workbench.plan()
+    assert isinstance(outcome, Planned), outcome
+    (use,) = outcome.plan.certificate.path_constraints
+    assert use.residual <= 0.0
+    assert any("Constraint" in text for text in outcome.sentences)
+
+
+def test_the_stage_forms_are_those_of_the_api(workbench: Workbench) -> None:
+    forms = workbench.stage_forms
+    assert set(forms.fields) == {
+        *("move", "approach", "retreat", "lift", "grasp", "place"),
+        *("attach", "detach", "wait", "open", "close"),
+    }
+    approach = {field.path: field for field in forms.fields["approach"]}
+    assert approach["distance"].required
+    assert approach["distance"].kind == "json"
+    assert approach["frame"].choices == ("tool", "root")
+    assert approach["margin"].kind == "number"
+    assert approach["name"].kind == "text"
+    assert all(field.description for fields in forms.fields.values() for field in fields)
 
 
 def test_an_uploaded_robot_is_shown_with_its_lint(workbench: Workbench) -> None:
@@ -185,3 +323,21 @@ def test_a_motion_is_exported(workbench: Workbench) -> None:
     workbench.set_goal_joints(ASIDE)
     workbench.plan()
     assert workbench.export("csv").content.splitlines()[-1]
+
+
+def test_public_arms_are_shown_and_planned_for(workbench: Workbench) -> None:
+    page = StudioPage(serve_page(0), workbench)
+    try:
+        rows = [show(page, name) for name in ("UR5", "Talos, left arm")]
+    finally:
+        page.close()
+    assert [(row.name, row.joints) for row in rows] == [("UR5", 6), ("Talos, left arm", 6)]
+    for row in rows:
+        assert row.triangles > 1_000
+        assert row.verified, row.failure
+        assert row.frames == pytest.approx(30.0 * row.duration + 1.0, abs=1.0)
+        assert 0 < row.branches[0] <= row.branches[1]
+    assert "2 of 2 arms are shown" in table(rows)
+    failed = Row("Arm", 6, 12, 0.1, 0, (0, 2), failure="no goal was free")
+    assert "no goal was free" in table([failed])
+    assert "0 of 1 arms" in table([failed])

@@ -1,34 +1,33 @@
 """The studio in a real browser: it draws, answers, plans, plays, and asks no other host."""
 
 from collections.abc import Iterator
+from typing import NamedTuple
 from urllib.parse import urlsplit
 
 import httpx
+import numpy as np
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Page, expect
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 from armwright_client import Client
 from studio.page.local_server import is_own, serve_page
 from studio.page.studio_page import StudioPage
+from studio.pose import rotation
+from studio.result import TaskPlanned
 from studio.workbench import Workbench
 from tests.service.processes import wait_until
 from tests.service.viewer.browser import browsing
+from tests.studio.page.mouse import drag, pixel
 
 
 @pytest.fixture(scope="module")
 def studio(url: str) -> Iterator[StudioPage]:
     with Client(url) as client:
-        page = StudioPage(serve_page(0), Workbench(client, url, "panda"))
+        page = StudioPage(serve_page(0), Workbench(client, url, "scara"))
         yield page
         page.close()
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with browsing() as opened:
-        yield opened
 
 
 def address(studio: StudioPage) -> str:
@@ -39,42 +38,83 @@ def colours(page: Page) -> int:
     """Different colours in a picture of the page's canvas, coarsely."""
     from io import BytesIO
 
-    import numpy as np
     from PIL import Image
 
     picture = Image.open(BytesIO(page.locator("canvas").first.screenshot()))
     return len(np.unique(np.asarray(picture.convert("RGB")).reshape(-1, 3) // 16, axis=0))
 
 
-def test_from_a_moved_goal_to_a_motion_that_plays(studio: StudioPage, browser: Browser) -> None:
-    page = browser.new_page(viewport={"width": 800, "height": 420})
-    faults, hosts = [], set()
-    page.on("console", lambda m: faults.append(m.text) if m.type == "error" else None)
-    page.on("pageerror", lambda error: faults.append(str(error)))
-    page.on("request", lambda request: hosts.add(urlsplit(request.url).netloc))
-    page.goto(f"http://{address(studio)}")
+class Shown(NamedTuple):
+    """The page in a browser, what went wrong in it, and whom it asked."""
+
+    page: Page
+    faults: list[str]
+    hosts: set[str]
+
+
+@pytest.fixture(scope="module")
+def shown(studio: StudioPage) -> Iterator[Shown]:
+    with browsing() as browser:
+        page = browser.new_page(viewport={"width": 900, "height": 320})
+        seen = Shown(page, [], set())
+        page.on("console", lambda m: seen.faults.append(m.text) if m.type == "error" else None)
+        page.on("pageerror", lambda error: seen.faults.append(str(error)))
+        page.on("request", lambda request: seen.hosts.add(urlsplit(request.url).netloc))
+        page.goto(f"http://{address(studio)}")
+        yield seen
+
+
+def test_from_a_dragged_goal_to_a_motion_that_plays(studio: StudioPage, shown: Shown) -> None:
+    page = shown.page
     expect(page.get_by_role("button", name="Plan", exact=True)).to_be_visible(timeout=20_000)
     assert wait_until(lambda: colours(page) > 8, 10.0)
 
+    # The mouse takes the goal's frame at the arrow along its x, and drags it by 8 cm.
+    (client,) = studio.server.get_clients().values()
+    goal = studio.workbench.goal_tip()
+    x = rotation(goal).as_matrix()[:, 0]
+    held, let_go = (np.array(goal.position) + along * x for along in (0.15, 0.23))
+    way = 0.08 * x
+
+    def arrived() -> bool:
+        at = np.array(studio.workbench.goal_tip().position)
+        return bool(np.linalg.norm(at - goal.position - way) < 0.01)
+
+    begin, end = (pixel(page, client.camera, point) for point in (held, let_go))
+    assert drag(page, begin, end, arrived), studio.workbench.goal_tip()
+    turned = rotation(studio.workbench.goal_tip()).as_matrix()[:, 0]
+    np.testing.assert_allclose(turned, x, atol=1e-6)
+    assert studio.queue.join(20.0)
     page.get_by_role("tab", name="Goal").click()
-    height = studio.workbench.goal_tip().position[2]
-    field = page.get_by_role("textbox").nth(2)
-    field.fill(f"{height - 0.05:.3f}")
-    field.press("Enter")
-    assert wait_until(lambda: studio.workbench.state.goal_pose is not None, 10.0)
     expect(page.get_by_text("configurations are valid")).to_be_visible()
     assert studio.workbench.branches
 
     page.get_by_role("tab", name="Plan").click()
     page.get_by_role("button", name="Plan", exact=True).click()
     expect(page.get_by_text("Planned by")).to_be_visible(timeout=20_000)
-    shown = page.get_by_text("0.00 of")
-    expect(shown).to_be_visible()
+    clock = page.get_by_text("0.00 of")
+    expect(clock).to_be_visible()
     page.get_by_role("button", name="Play", exact=True).click()
-    expect(shown).not_to_be_visible()
-    assert not faults
-    assert hosts <= {address(studio), ""}
-    page.close()
+    expect(clock).not_to_be_visible()
+    assert not shown.faults
+    assert shown.hosts <= {address(studio), ""}
+
+
+def test_stages_are_added_and_planned_in_the_page(studio: StudioPage, shown: Shown) -> None:
+    page = shown.page
+    page.get_by_role("tab", name="Task").click()
+    page.get_by_role("button", name="Add stage", exact=True).click()
+    expect(page.locator("li", has_text="move")).to_be_visible()
+    page.get_by_role("button", name="Take the goal's frame").click()
+    assert wait_until(lambda: "goal" in (*studio.workbench.state.stages, {})[0], 10.0)
+    page.get_by_role("button", name="Plan the task").click()
+    expect(page.get_by_text("1 stages planned").filter(visible=True)).to_be_visible(timeout=20_000)
+    outcome = studio.workbench.outcome
+    assert isinstance(outcome, TaskPlanned)
+    end = outcome.plan.stages[0].trajectory.sample([outcome.plan.duration])[0]
+    tip = studio.workbench.link_poses(end)[studio.workbench.model.tip_link]
+    np.testing.assert_allclose(tip.position, studio.workbench.goal_tip().position, atol=1e-4)
+    assert not shown.faults
 
 
 def test_foreign_pages_are_refused(studio: StudioPage) -> None:

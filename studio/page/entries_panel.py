@@ -1,0 +1,207 @@
+"""Panel of a list whose entries have forms of the API's schema: stages, constraints."""
+
+import json
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
+
+import viser
+
+from studio.entries import Entries, moved, with_field, without
+from studio.page.panel import Page, on_user_update, put_value
+from studio.settings_form import EntryForms, FormField
+
+#: In dropdowns: the service decides; of entries: none is chosen.
+_DEFAULT = "default"
+_NONE = "–"
+#: Longest text of an entry in the list [characters].
+_MAX_TEXT = 60
+
+Read = Callable[[], Entries]
+Write = Callable[[Entries, str | None], None]
+
+
+class EntriesPanel:
+    """Adds, orders and removes entries, and edits the one that is chosen.
+
+    Args:
+        page: Of the studio.
+        word: An entry in a word: "stage".
+        forms: Fields by the kind of an entry.
+        read: Answers the present entries.
+        write: Changes them; its second argument is the key of the change.
+        make: Makes an entry of a kind.
+    """
+
+    def __init__(
+        self,
+        page: Page,
+        word: str,
+        forms: EntryForms,
+        read: Read,
+        write: Write,
+        make: Callable[[str], dict[str, Any]],
+    ) -> None:
+        self._page, self._word, self._forms = page, word, forms
+        self._read, self._write, self._make = read, write, make
+        self._chosen: int | None = None
+        self._kind: str | None = None
+        self._widgets: dict[str, Any] = {}
+        self._fields: list[viser.GuiFolderHandle] = []
+        gui = page.server.gui
+        kind = gui.add_dropdown(f"Kind of {word}", [*forms.fields])
+        add = gui.add_button(f"Add {word}")
+        add.on_click(lambda _: self._run(partial(self._add, kind.value)))
+        self._text = gui.add_markdown("")
+        self._choice = gui.add_dropdown(f"Edit {word}", [_NONE])
+        on_user_update(self._choice, lambda label: self._run(partial(self._choose, label)))
+        order = gui.add_button_group(f"This {word}", ["earlier", "later", "remove"])
+        order.on_click(lambda event: self._run(partial(self._order, event.target.value)))
+        self._container = gui.add_folder(f"Fields of the {word}")
+
+    @property
+    def chosen(self) -> int | None:
+        """Number of the entry that is edited, from 0."""
+        count = len(self._read())
+        return self._chosen if self._chosen is not None and self._chosen < count else None
+
+    def choose(self, number: int | None) -> None:
+        """Edit an entry, or none.
+
+        Args:
+            number: Of the entry, from 0.
+        """
+        self._chosen = number
+
+    def refresh(self) -> None:
+        """Show the entries, and the fields of the chosen one."""
+        entries = self._read()
+        tag = self._forms.tag
+        self._text.content = describe(entries, tag) or f"No {self._word} yet."
+        labels = [_NONE, *(f"{i + 1} {entry[tag]}" for i, entry in enumerate(entries))]
+        if labels != [*self._choice.options]:
+            self._choice.options = labels
+        chosen = self.chosen
+        put_value(self._choice, labels[0 if chosen is None else chosen + 1])
+        kind = None if chosen is None else str(entries[chosen][tag])
+        if kind != self._kind:
+            self._make_fields(kind)
+        if chosen is not None:
+            for field in self._forms.fields[str(kind)]:
+                put_value(self._widgets[field.path], text_of(field, entries[chosen]))
+
+    def _make_fields(self, kind: str | None) -> None:
+        gui = self._page.server.gui
+        for folder in self._fields:
+            folder.remove()
+        self._fields, self._widgets, self._kind = [], {}, kind
+        if kind is None:
+            return
+        with self._container:
+            self._fields = [gui.add_folder(kind)]
+            with self._fields[0]:
+                for field in self._forms.fields[kind]:
+                    self._widgets[field.path] = self._widget(field)
+
+    def _widget(self, field: FormField) -> Any:
+        gui = self._page.server.gui
+        label = f"{field.path} *" if field.required else field.path
+        hint = field.description or None
+        widget: Any
+        if field.kind in ("choice", "flag"):
+            choices = field.choices or ("yes", "no")
+            widget = gui.add_dropdown(label, [_DEFAULT, *map(str, choices)], hint=hint)
+        else:
+            widget = gui.add_text(label, "", hint=hint)
+        on_user_update(widget, lambda value: self._run(partial(self._set, field, value)))
+        return widget
+
+    def _set(self, field: FormField, text: str) -> None:
+        chosen = self.chosen
+        if chosen is not None:
+            value = value_of(field, text)
+            key = f"{self._word} {chosen} {field.path}"
+            self._write(with_field(self._read(), chosen, field.path, value), key)
+
+    def _add(self, kind: str) -> None:
+        entries = self._read()
+        self._write((*entries, self._make(kind)), None)
+        self._chosen = len(entries)
+
+    def _choose(self, label: str) -> None:
+        number = label.partition(" ")[0]
+        self._chosen = int(number) - 1 if number.isdigit() else None
+
+    def _order(self, word: str) -> None:
+        chosen = self.chosen
+        if chosen is None:
+            raise ValueError(f"choose a {self._word} first")
+        entries = self._read()
+        if word == "remove":
+            self._write(without(entries, chosen), None)
+            self._chosen = None
+            return
+        steps = -1 if word == "earlier" else 1
+        self._write(moved(entries, chosen, steps), None)
+        self._chosen = min(max(chosen + steps, 0), len(entries) - 1)
+
+    def _run(self, action: Callable[[], None]) -> None:
+        def command() -> None:
+            action()
+            self._page.refresh()
+
+        self._page.queue.put(f"{self._word} {id(action)}", command)
+
+
+def describe(entries: Entries, tag: str) -> str:
+    """The entries as a list in Markdown: each by its kind and its fields, shortened.
+
+    Args:
+        entries: In order.
+        tag: Field that names the kind.
+    """
+    lines = []
+    for number, entry in enumerate(entries, 1):
+        rest = ", ".join(f"{k}={json.dumps(v)}" for k, v in entry.items() if k != tag)
+        short = rest if len(rest) <= _MAX_TEXT else f"{rest[:_MAX_TEXT]}…"
+        lines.append(f"{number}. **{entry[tag]}** {f'`{short}`' if short else ''}".rstrip())
+    return "\n".join(lines)
+
+
+def text_of(field: FormField, entry: Mapping[str, Any]) -> str:
+    """The text of a field's widget.
+
+    Args:
+        field: Of the form.
+        entry: That may have the field.
+    """
+    value = entry.get(field.path)
+    if field.kind == "flag":
+        return _DEFAULT if value is None else ("yes" if value else "no")
+    if value is None:
+        return _DEFAULT if field.kind == "choice" else ""
+    return value if isinstance(value, str) else json.dumps(value)
+
+
+def value_of(field: FormField, text: str) -> Any:
+    """The value of a field for its widget's text; None where the service decides.
+
+    Args:
+        field: Of the form.
+        text: Of the widget.
+
+    Raises:
+        ValueError: The text is no such value; the message says what is.
+    """
+    if not text.strip() or (field.kind in ("choice", "flag") and text == _DEFAULT):
+        return None
+    if field.kind == "flag":
+        return text == "yes"
+    if field.kind in ("choice", "text"):
+        return text
+    read: dict[str, Callable[[str], Any]] = {"integer": int, "number": float, "json": json.loads}
+    try:
+        return read[field.kind](text)
+    except ValueError as error:
+        wanted = {"integer": "a whole number", "number": "a number"}.get(field.kind, "JSON")
+        raise ValueError(f"{field.path}: {text!r} is not {wanted} ({error})") from None

@@ -1,0 +1,103 @@
+"""Panel of the task: stages from the API's schema, planned as one."""
+
+from collections.abc import Callable
+from functools import partial
+
+from armwright_client import Obstacle
+from studio.page.entries_panel import EntriesPanel
+from studio.page.panel import Page, put_value
+from studio.page.plan_panel import describe
+from studio.result import Failure, TaskPlanned
+from studio.stages import aimed, new_stage, pick_stages, place_stages
+
+#: In the dropdown of objects: there is none.
+_NONE = "–"
+
+
+class TaskPanel:
+    """The editor of stages, and the button that plans them.
+
+    Args:
+        page: Of the studio.
+    """
+
+    def __init__(self, page: Page) -> None:
+        self._page = page
+        gui, workbench = page.server.gui, page.workbench
+        self.button = gui.add_button("Plan the task", color="blue")
+        self.button.on_click(lambda _: page.queue.put("plan", self._plan))
+        self._text = gui.add_markdown("")
+        with gui.add_folder("Pick and place"):
+            self._object = gui.add_dropdown("Object", [_NONE])
+            ready = gui.add_button_group("Add stages", ["pick", "place at goal"])
+            ready.on_click(lambda event: self._run(partial(self._add_ready, event.target.value)))
+        with gui.add_folder("Stages"):
+            self._stages = EntriesPanel(
+                page,
+                "stage",
+                workbench.stage_forms,
+                lambda: workbench.state.stages,
+                workbench.set_stages,
+                lambda kind: new_stage(kind, workbench.state),
+            )
+            aim = gui.add_button(
+                "Take the goal's frame",
+                hint="As the goal of a move, one more grasp, or one more place of the object.",
+            )
+            aim.on_click(lambda _: self._run(self._aim))
+
+    def refresh(self) -> None:
+        """Show stages and result."""
+        workbench = self._page.workbench
+        names = [item.id for item in workbench.state.obstacles] or [_NONE]
+        if names != [*self._object.options]:
+            self._object.options = names
+            put_value(self._object, names[-1])
+        self._stages.refresh()
+        outcome = workbench.outcome
+        ours = isinstance(outcome, TaskPlanned) or (
+            isinstance(outcome, Failure) and bool(outcome.state.stages)
+        )
+        words = describe(outcome, workbench.view_url()) if ours else "Add stages, then plan them."
+        self._text.content = words
+
+    def _plan(self) -> None:
+        self._text.content = "Planning …"
+        self.button.disabled = True
+        try:
+            self._page.workbench.plan_task()
+        finally:
+            self.button.disabled = False
+        self._page.refresh()
+        self._page.show_outcome()
+
+    def _add_ready(self, word: str) -> None:
+        workbench = self._page.workbench
+        obstacle = self._chosen_object()
+        more = (
+            pick_stages(obstacle, workbench.gripper_links())
+            if word == "pick"
+            else place_stages(obstacle, workbench.goal_tip())
+        )
+        workbench.set_stages((*workbench.state.stages, *more))
+
+    def _aim(self) -> None:
+        workbench, number = self._page.workbench, self._stages.chosen
+        if number is None:
+            raise ValueError("choose a stage first")
+        stages = workbench.state.stages
+        stage = aimed(dict(stages[number]), workbench.state, workbench.goal_tip())
+        workbench.set_stages((*stages[:number], stage, *stages[number + 1 :]))
+
+    def _chosen_object(self) -> Obstacle:
+        for item in self._page.workbench.state.obstacles:
+            if item.id == self._object.value:
+                return item
+        raise ValueError("add an obstacle first: the object to be carried")
+
+    def _run(self, action: Callable[[], None]) -> None:
+        def command() -> None:
+            action()
+            self._page.refresh()
+
+        self._page.queue.put(f"task {id(action)}", command)

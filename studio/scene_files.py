@@ -1,0 +1,147 @@
+"""Obstacles of files: scenes in JSON, planning scenes of MoveIt, and meshes.
+
+The readers are the application's own, so that a file means here what it means to the service.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from armwright_client import (
+    Box,
+    Convex,
+    Cylinder,
+    Halfspace,
+    Mesh,
+    Obstacle,
+    PointCloud,
+    Pose,
+    Scene,
+    Sphere,
+)
+from armwright_client.shape import Capsule, Cone, Shape
+from obstacles.mesh import FILE_TYPES, load_mesh
+from obstacles.moveit import scene_from_moveit
+from studio.pose import rotation
+
+#: Endings of planning scenes of MoveIt.
+MOVEIT = ("yaml", "yml", "scene")
+#: A mesh that is larger than this was meant in millimetres [m].
+_LARGEST = 50.0
+
+_FramePose = Callable[[str], Pose]
+
+
+def read_obstacles(file_name: str, content: bytes, frame_pose: _FramePose) -> list[Obstacle]:
+    """The obstacles of a file.
+
+    Args:
+        file_name: Its ending says what it is, its stem names the obstacle of a mesh.
+        content: Of the file.
+        frame_pose: Answers the pose of a frame that obstacles are in, in the root frame.
+
+    Raises:
+        ValueError: The file is of another kind, or can't be read; the message says what to do.
+    """
+    stem, _, ending = file_name.rpartition(".")
+    kind = ending.lower()
+    try:
+        if kind == "json":
+            return listed(Scene.model_validate_json(content), frame_pose)
+        if kind in MOVEIT:
+            return from_moveit(content, frame_pose)
+        if kind in FILE_TYPES:
+            return [_mesh(stem, content, kind)]
+    except ValueError:
+        raise
+    except Exception as error:
+        # Errors of the application below: their message says where, their hint what to do.
+        hint = getattr(error, "hint", None) or ""
+        raise ValueError(f"{file_name}: {error} {hint}".strip()) from error
+    kinds = ", ".join(("json", *MOVEIT, *FILE_TYPES))
+    raise ValueError(f"{file_name}: files of this kind are not read; give one of {kinds}")
+
+
+def listed(scene: Scene, frame_pose: _FramePose) -> list[Obstacle]:
+    """The obstacles of a scene of the API, those of a MoveIt text among them.
+
+    Args:
+        scene: The scene.
+        frame_pose: Answers the pose of a frame in the root frame.
+    """
+    if scene.obstacles is None:
+        return from_moveit(scene.moveit or "", frame_pose)
+    placed = []
+    for item in scene.obstacles:
+        frame = getattr(item.pose, "frame", None) or scene.frame
+        pose = item.pose if frame is None else _in(frame_pose(frame), item.pose)
+        placed.append(item.model_copy(update={"pose": pose}))
+    return placed
+
+
+def from_moveit(text: str | bytes, frame_pose: _FramePose) -> list[Obstacle]:
+    """The obstacles of a planning scene of MoveIt.
+
+    Args:
+        text: YAML.
+        frame_pose: Answers the pose of a frame in the root frame.
+
+    Raises:
+        ArmwrightError: It is no planning scene, or holds what can't be represented.
+    """
+    obstacles = []
+    for item in scene_from_moveit(text).obstacles:
+        T = item.T_world_obstacle
+        pose = _pose(T[:3, 3], Rotation.from_matrix(T[:3, :3]))
+        if item.frame is not None:
+            pose = _in(frame_pose(item.frame), pose)
+        obstacles.append(
+            Obstacle(id=item.id, shape=_shape(item.shape), pose=pose, margin=item.margin or None)
+        )
+    return obstacles
+
+
+def _mesh(name: str, content: bytes, kind: str) -> Obstacle:
+    vertices, faces = load_mesh(content, kind)
+    size = float(np.ptp(vertices, axis=0).max())
+    if size > _LARGEST:
+        raise ValueError(
+            f"{name}.{kind} is {size:.0f} m large: files are taken in metres. Scale it by 0.001 if "
+            "it is in millimetres."
+        )
+    shape = Mesh(vertices=vertices.tolist(), faces=faces.tolist())
+    return Obstacle(id=name, shape=shape, pose=Pose.at(0.0, 0.0, 0.0))
+
+
+def _shape(shape: Any) -> Shape:
+    """A shape of the application as the client has it: the same name, the same fields."""
+    name = {"HalfSpace": "Halfspace"}.get(type(shape).__name__, type(shape).__name__)
+    fields = {
+        item: value.tolist() if isinstance(value, np.ndarray) else value
+        for item in type(shape).__dataclass_fields__
+        for value in (getattr(shape, item),)
+        if not item.startswith("_")
+    }
+    made: Shape = _SHAPES[name].of(**fields)
+    return made
+
+
+_SHAPES: dict[str, Any] = {
+    kind.__name__: kind
+    for kind in (Box, Sphere, Cylinder, Capsule, Cone, Halfspace, Convex, Mesh, PointCloud)
+}
+
+
+def _in(frame: Pose, pose: Any) -> Pose:
+    """A pose of a frame in the root frame, where the frame's own pose is in it."""
+    turn = rotation(frame)
+    position = turn.apply(np.array(pose.position, dtype=float)) + np.array(frame.position)
+    return _pose(position, turn * rotation(pose))
+
+
+def _pose(position: Any, turn: Any) -> Pose:
+    return Pose(
+        position=[float(value) for value in position], quaternion_xyzw=turn.as_quat().tolist()
+    )

@@ -1,0 +1,67 @@
+"""The mouse on the studio's canvas: places of the scene on the screen, and drags of handles."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import viser
+from numpy.typing import ArrayLike
+from playwright.sync_api import Page
+from scipy.spatial.transform import Rotation
+
+#: Moves of the mouse that make up one drag.
+_STEPS = 3
+#: Software WebGL draws a few frames each second; a handle is hovered only once one is drawn [ms].
+_FRAME = 200
+#: Frames that a drag may take to arrive.
+_FRAMES = 50
+
+
+class Pixel(NamedTuple):
+    """A place on the screen, in pixels from the window's upper left corner."""
+
+    x: float
+    y: float
+
+
+def pixel(page: Page, camera: viser.CameraHandle, point: ArrayLike) -> Pixel:
+    """Where a point of the scene is on the screen: a pinhole camera that looks along its z.
+
+    Args:
+        page: Of the studio.
+        camera: Of the browser, as the server knows it.
+        point: In the root frame, shape (3,) [m].
+    """
+    box = page.locator("canvas").first.bounding_box()
+    assert box is not None
+    looking = Rotation.from_quat(np.roll(camera.wxyz, -1))
+    x, y, z = looking.inv().apply(np.asarray(point, dtype=float) - camera.position)
+    focal = 0.5 * box["height"] / np.tan(0.5 * camera.fov)
+    return Pixel(
+        box["x"] + 0.5 * box["width"] + focal * x / z,
+        box["y"] + 0.5 * box["height"] + focal * y / z,
+    )
+
+
+def drag(page: Page, begin: Pixel, end: Pixel, arrived: Callable[[], bool]) -> bool:
+    """Press the mouse at one place, move it to another, and let it go; whether the drag arrived.
+
+    Args:
+        page: Of the studio.
+        begin: Where a handle is.
+        end: Where it is let go.
+        arrived: Whether the program has heard of it; until then the button stays pressed.
+    """
+    page.mouse.move(*begin)
+    page.wait_for_timeout(_FRAME)
+    page.mouse.down()
+    for part in np.linspace(0.0, 1.0, _STEPS + 1)[1:]:
+        page.mouse.move(*(a + part * (b - a) for a, b in zip(begin, end, strict=True)))
+        page.wait_for_timeout(_FRAME)
+    for _ in range(_FRAMES):
+        if arrived():
+            break
+        page.wait_for_timeout(_FRAME)
+        page.mouse.move(*end)
+    page.mouse.up()
+    return arrived()
