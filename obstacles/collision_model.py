@@ -118,7 +118,7 @@ def _packed(robot: RobotGeometry, scene: Scene, margin: float, own_margin: float
     own, around = _robot_part(robot), _scene_part(scene)
     skipped = skipped_pairs(robot, scene)
     self_pairs, grid, groups = _own_pairs(robot, scene.allowed_collisions)
-    bodies, carried = _bodies(robot, own.bodies, skipped)
+    bodies, carried, moving = _bodies(robot, (~skipped.all(axis=1)).tobytes())
     robot_set = own.pieces.behind(around.pieces)
     return ModelArrays(
         chain=robot.chain.model,
@@ -141,7 +141,7 @@ def _packed(robot: RobotGeometry, scene: Scene, margin: float, own_margin: float
         bodies=bodies,
         carried=carried,
         walls=_readonly(around.walls),
-        roots=_readonly(_roots(robot, groups, skipped, around)),
+        roots=_readonly(_roots(moving, groups, skipped, around)),
         margin=float(margin),
         own_margin=float(own_margin),
     )
@@ -245,18 +245,26 @@ def _groups(robot: RobotGeometry, bodies: Mapping[int, int], self_pairs: Indices
     return np.column_stack([first, last, np.array(rows, dtype=np.int64).reshape(-1, 2)])
 
 
-def _bodies(
-    robot: RobotGeometry, rows: Mapping[int, int], skipped: NDArray[np.bool_]
-) -> tuple[Indices, Indices]:
-    """``ModelArrays.bodies`` and ``carried``."""
-    met = np.flatnonzero((robot.joints >= 0) & ~skipped.all(axis=1))
-    carried = met[np.argsort(-robot.joints[met], kind="stable")]
+#: In scenes that allow the same, and most allow nothing, a robot's are the same.
+@bounded_cache(maxsize=64)
+def _bodies(robot: RobotGeometry, met: bytes) -> tuple[Indices, Indices, Indices]:
+    """``ModelArrays.bodies`` and ``carried``, and the pieces that meet things, outermost first.
+
+    Args:
+        robot: The robot.
+        met: Bytes of a mask (p,): which of its pieces meet anything.
+    """
+    rows = _robot_part(robot).bodies
+    meets = np.frombuffer(met, dtype=np.bool_)
+    outermost = np.argsort(-robot.joints, kind="stable")
+    carried = outermost[(meets & (robot.joints >= 0))[outermost]]
     # All moving bodies, for their balls: some may have no piece that meets anything.
     moving = sorted((joint for joint in rows if joint >= 0), reverse=True)
     last = np.searchsorted(-robot.joints[carried], -np.array(moving, dtype=np.int64), side="right")
     first = np.concatenate([[0], last[:-1]]) if len(last) else last
     bodies = np.column_stack([[rows[joint] for joint in moving], first, last])
-    return _readonly(bodies.astype(np.int64).reshape(-1, 3)), _readonly(carried)
+    bodies = bodies.astype(np.int64).reshape(-1, 3)
+    return _readonly(bodies), _readonly(carried), _readonly(outermost[meets[outermost]])
 
 
 @bounded_cache(maxsize=16)
@@ -308,22 +316,20 @@ def _bounds(rows: Array) -> tuple[Array, Array]:
 
 
 def _roots(
-    robot: RobotGeometry, groups: Indices, skipped: NDArray[np.bool_], around: _ScenePart
+    moving: Indices, groups: Indices, skipped: NDArray[np.bool_], around: _ScenePart
 ) -> Indices:
     # What is carried farthest out meets things first.
-    moving = np.argsort(-robot.joints, kind="stable")
-    moving = moving[~skipped[moving].all(axis=1)] if skipped.size else moving[:0]
-    owners = around.pieces.rows[:, OWNER].astype(np.int64)
     first = moving if len(around.tree.items) else moving[:0]
-    walls = [(int(i), int(k)) for i in moving for k in around.walls if not skipped[i, owners[k]]]
-    bodies = -1 - np.arange(len(groups))
-    return np.concatenate(
-        [
-            np.column_stack([first, np.full(len(first), -1)]),
-            np.array(walls, dtype=np.int64).reshape(-1, 2),
-            np.column_stack([bodies, np.zeros(len(bodies), dtype=np.int64)]),
-        ]
-    )
+    walls = list[tuple[int, int]]()
+    if len(around.walls):
+        owners = around.pieces.rows[:, OWNER].astype(np.int64)
+        walls = [(i, k) for i in moving for k in around.walls if not skipped[i, owners[k]]]
+    roots = np.zeros((len(first) + len(walls) + len(groups), 2), dtype=np.int64)
+    roots[: len(first), 0], roots[: len(first), 1] = first, -1
+    if walls:
+        roots[len(first) : len(first) + len(walls)] = walls
+    roots[len(first) + len(walls) :, 0] = -1 - np.arange(len(groups))
+    return roots
 
 
 def _readonly(array: NDArray[_T]) -> NDArray[_T]:

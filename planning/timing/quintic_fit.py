@@ -229,7 +229,7 @@ def _excess_kernel(coefficients: Array, spans: Array, limits: Array, excess: Arr
     """Write by which factor each span is too short for the limits at some places in it."""
     size, n = coefficients.shape[:2]
     for i in range(size):
-        worst = 0.0
+        velocity, acceleration, jerk = 0.0, 0.0, 0.0
         for place in range(_PLACES):
             t = spans[i] * place / (_PLACES - 1)
             for joint in range(n):
@@ -237,7 +237,7 @@ def _excess_kernel(coefficients: Array, spans: Array, limits: Array, excess: Arr
                 v = c[1] + (2.0 * c[2] + (3.0 * c[3] + (4.0 * c[4] + 5.0 * c[5] * t) * t) * t) * t
                 a = 2.0 * c[2] + (6.0 * c[3] + (12.0 * c[4] + 20.0 * c[5] * t) * t) * t
                 j = 6.0 * c[3] + (24.0 * c[4] + 60.0 * c[5] * t) * t
-                worst = max(worst, abs(v) / limits[0, joint])
-                worst = max(worst, math.sqrt(abs(a) / limits[1, joint]))
-                worst = max(worst, (abs(j) / limits[2, joint]) ** (1.0 / 3.0))
-        excess[i] = worst
+                velocity = max(velocity, abs(v) / limits[0, joint])
+                acceleration = max(acceleration, abs(a) / limits[1, joint])
+                jerk = max(jerk, abs(j) / limits[2, joint])
+        excess[i] = max(velocity, math.sqrt(acceleration), jerk ** (1.0 / 3.0))
