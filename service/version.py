@@ -1,8 +1,3 @@
-"""The version of the installed distribution."""
+"""The version of the service, which `pyproject.toml` reads from here."""
 
-from importlib.metadata import PackageNotFoundError, version
-
-try:
-    VERSION = version("armwright")
-except PackageNotFoundError:  # run from a checkout that was not installed
-    VERSION = "0+unknown"
+VERSION = "0.2.0"

@@ -99,7 +99,9 @@ def test_pins_cover_all_that_is_needed_on(python: str) -> None:
 
 def test_versions_and_pythons_agree() -> None:
     client = importlib.import_module("armwright_client")
-    assert APP["project"]["version"] == CLIENT["project"]["version"] == client.__version__
+    service = importlib.import_module("service.version")
+    assert APP["tool"]["setuptools"]["dynamic"]["version"] == {"attr": "service.version.VERSION"}
+    assert service.VERSION == CLIENT["project"]["version"] == client.__version__
     assert APP["project"]["requires-python"] == CLIENT["project"]["requires-python"]
     named = [text.rsplit(" ", 1)[1] for text in APP["project"]["classifiers"] if ":: 3." in text]
     assert tuple(named) == SUPPORTED

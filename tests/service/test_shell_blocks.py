@@ -25,9 +25,11 @@ CHECKED = {
     "README.md": "an installation, and a server that runs until it is ended",
     "client/README.md": "an installation",
     "docs/agents.md": "an installation; test_agents.py runs agents",
+    "docs/course/README.md": "a server in another terminal; tests/course runs the example",
     "docs/first_plan.md": "a clone and an installation",
     "docs/how_to/generated_clients.md": "npm; tests/client/test_generated.py makes one of both",
-    "docs/pick_and_place.md": "a server in the background; test_attached.py runs the example",
+    "docs/how_to/release.md": "these tests, minutes, and a repository to push to",
+    "docs/pick_and_place.md": "a server in the background; test_example_pick_and_place.py runs it",
     "docs/studio.md": "an installation; tests/command_line/test_studio.py runs the page",
     "docs/tutorials/docker.md": "Docker",
 }
