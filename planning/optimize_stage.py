@@ -27,6 +27,8 @@ from planning.timing.parametrization import TimeParametrization
 _PLACED = frozenset({"collision", "path_constraint"})
 #: Nothing is begun with less than this left [s].
 _LEAST_TIME = 0.05
+#: What braking may take beyond a joint's room for rounding [rad or m].
+_ROUNDING = 1e-9
 #: Motions offered for proof, at most.
 MOST_OFFERS = 3
 
@@ -191,7 +193,29 @@ def check_ends(problem: Problem, parametrization: TimeParametrization) -> Failur
             j = int(np.argmax(np.abs(values) / limits))
             if abs(values[j]) > limits[j]:
                 return _too_fast(problem, which, quantity, j, float(values[j]), float(limits[j]))
-    return None
+    return _unstoppable(problem, parametrization)
+
+
+def _unstoppable(problem: Problem, parametrization: TimeParametrization) -> Failure | None:
+    """The joint that passes its limit however hard it brakes: v^2 / 2a is more than its room."""
+    velocity, chain = problem.start_velocity, problem.robot.chain
+    if velocity is None:
+        return None
+    braking = 0.5 * velocity**2 / parametrization.bounds["acceleration"]
+    above, below = chain.limits.upper - problem.start, problem.start - chain.limits.lower
+    excess = braking - np.where(velocity > 0.0, above, below)
+    j = int(np.argmax(np.where(velocity == 0.0, -np.inf, excess)))
+    if velocity[j] == 0.0 or excess[j] <= _ROUNDING:
+        return None
+    name, v, room = chain.joint_names[j], float(velocity[j]), float(braking[j] - excess[j])
+    return Failure(
+        code="START_STATE_INVALID",
+        message=f"the start can't stop in time: joint {name!r} at velocity {v:.6g} needs "
+        f"{braking[j]:.4g} to brake and has {room:.4g} to its limit",
+        hint="Give a lower velocity at the start, or raise the acceleration limit or its scaling.",
+        stage="start",
+        details={"joint": name, "velocity": v, "needs": float(braking[j]), "room": room},
+    )
 
 
 def _too_fast(

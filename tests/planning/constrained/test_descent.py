@@ -6,7 +6,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from benchmarks.mesh_scenes import hollow_things
 from kinematics.arrays import Array
 from kinematics.forward import forward
 from obstacles.checker import Checker, collision_model
@@ -29,6 +28,8 @@ from planning.constraints.orientation import ConeConstraint
 from planning.constraints.position import PositionConstraint
 from planning.constraints.region import SphereRegion
 from planning.deadline import Deadline
+from tests.obstacles.test_decomposition import ring
+from tests.obstacles.test_mesh_distance import mesh
 from tests.planning.scenes import HOME, builtin, pillar
 
 ROBOT = builtin("panda")
@@ -84,17 +85,13 @@ def test_a_step_that_is_cut_is_not_taken(left: float) -> None:
 
 
 def test_deadlines_are_kept_where_one_descent_takes_longer(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Among bowls, pipes and rings of many triangles, all of the start's neighbourhood touching."""
+    """Among rings of many triangles."""
     clock = SimpleNamespace(monotonic=time.process_time, perf_counter=time.process_time)
     monkeypatch.setattr(deadlines, "time", clock)
     monkeypatch.setattr(descent, "time", clock)
-    things = hollow_things(1.0)
-    scene = Scene(
-        tuple(
-            Obstacle(f"thing{k}", things[k % len(things)], place)
-            for k, place in enumerate(forward(CHAIN, q) for q in starts(4))
-        )
-    )
+    places = [forward(CHAIN, q) for q in starts(4)]
+    rings = tuple(Obstacle(f"ring{k}", mesh(ring()), T) for k, T in enumerate(places))
+    scene = Scene(rings)
     Checker.of(ROBOT, scene, 0.0)
     # Kernels are loaded and meshes packed before the clock counts.
     constrained_ik(ROBOT, WANTED, scene, IkOptions(most=2, deadline=Deadline.after(0.01)))
