@@ -92,7 +92,9 @@ def install(app: FastAPI) -> None:
             robot = RobotBody.model_json_schema(ref_template="#/components/schemas/{model}")
             schemas |= {**robot.pop("$defs"), "RobotBody": robot} | schemas
             openapi_fields.describe_fields(schemas)
-            openapi_fields.bound_timeouts(schemas, app.state.settings.max_timeout)
+            longest = app.state.settings.max_timeout
+            openapi_fields.bound_timeouts(schemas, longest)
+            openapi_fields.bound_timeout_parameters(schema["paths"], longest)
             openapi_fields.describe_parameters(schema["paths"])
             for path in schema["paths"].values():
                 for method in _COMPUTING & path.keys():
@@ -100,6 +102,7 @@ def install(app: FastAPI) -> None:
             openapi_problems.add_problems(schema)
             openapi_examples.add_examples(schema["paths"])
             schema["components"]["securitySchemes"] = _SECURITY_SCHEMES
+            openapi_fields.close_maps(schema)
             # Needed only where the service has keys.
             schema["security"] = [{}, *({name: []} for name in _SECURITY_SCHEMES)]
             app.openapi_schema = schema

@@ -42,6 +42,37 @@ def bound_timeouts(schemas: dict[str, Schema], longest: float) -> None:
                 form["maximum"] = min(form["maximum"], longest)
 
 
+def close_maps(schema: Any) -> None:
+    """Say of maps whose names follow a pattern that they have no other names.
+
+    Args:
+        schema: The document or a part of it, changed in place.
+    """
+    if isinstance(schema, dict):
+        if "patternProperties" in schema:
+            schema.setdefault("additionalProperties", False)
+        for inner in schema.values():
+            close_maps(inner)
+    elif isinstance(schema, list):
+        for inner in schema:
+            close_maps(inner)
+
+
+def bound_timeout_parameters(paths: dict[str, Schema], longest: float) -> None:
+    """Publish the longest timeout that the service allows in parameters.
+
+    Args:
+        paths: Operations by path and method, as the document has them; parameters are changed.
+        longest: The longest timeout [s].
+    """
+    for operations in paths.values():
+        for operation in operations.values():
+            for parameter in operation.get("parameters", ()):
+                if parameter["name"] == "timeout":
+                    form = parameter["schema"]
+                    bound_timeouts({"": {"properties": {"timeout": form}}}, longest)
+
+
 def describe_parameters(paths: dict[str, Schema]) -> None:
     """Say of parameters that say nothing of themselves what they name.
 

@@ -147,7 +147,7 @@ async def view_plan(id: str, request: Request) -> Response:  # noqa: A002
         lambda robot, scene: view_task.job(robot, scene, document),
         record.robot or "",
         record.scene,
-        timeout=_VIEW_TIMEOUT,
+        timeout=min(_VIEW_TIMEOUT, settings_of(request).max_timeout),
     )
     return HTMLResponse(result, headers={"Content-Security-Policy": content_security_policy()})
 

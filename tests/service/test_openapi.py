@@ -1,6 +1,7 @@
 """The published schema says what is refused: one of several fields, the longest timeout, events."""
 
 import re
+from collections.abc import Iterator
 from typing import Any
 
 import httpx
@@ -58,6 +59,36 @@ def test_timeouts_are_published_as_they_are_allowed(client: httpx.Client) -> Non
     body = {"robot": "panda", "joints": [0.0] * 7}
     assert client.post("/v1/check", json=body | {"timeout": longest}).status_code == 200
     assert client.post("/v1/check", json=body | {"timeout": longest + 1}).status_code == 422
+
+
+def test_timeouts_of_parameters_are_published_as_they_are_allowed(client: httpx.Client) -> None:
+    document = client.get("/openapi.json").json()
+    path = "/v1/robots/{name}/equations"
+    parameters = document["paths"][path]["get"]["parameters"]
+    (timeout,) = [one["schema"] for one in parameters if one["name"] == "timeout"]
+    (longest,) = [f["maximum"] for f in (timeout, *timeout.get("anyOf", ())) if "maximum" in f]
+    plan = document["components"]["schemas"]["PlanRequest"]["properties"]["timeout"]
+    assert [form["maximum"] for form in plan["anyOf"] if "maximum" in form] == [longest]
+
+
+def test_maps_have_the_names_that_follow_their_pattern_and_no_others(client: httpx.Client) -> None:
+    def maps(part: Any) -> Iterator[dict[str, Any]]:
+        inner = part.values() if isinstance(part, dict) else part
+        if isinstance(part, dict) and "patternProperties" in part:
+            yield part
+        for one in inner if isinstance(part, dict | list) else ():
+            yield from maps(one)
+
+    document = client.get("/openapi.json").json()
+    found = list(maps(document))
+    assert found
+    assert all(one["additionalProperties"] is False for one in found)
+    robot = document["paths"]["/v1/robots"]["post"]["requestBody"]["content"]
+    assert robot["multipart/form-data"]["schema"]["additionalProperties"] is False
+    body = {"joint_limits": {"elbow\x19": {"acceleration": 1.0}}}
+    assert client.patch("/v1/robots/none", json=body).status_code == 422
+    files = {"file": ("arm.zip", b"PK")}
+    assert client.post("/v1/robots", files=files, data={"other": "x"}).status_code == 422
 
 
 def test_events_are_no_text(client: httpx.Client) -> None:
