@@ -32,6 +32,7 @@ CHECKED = {
     "docs/pick_and_place.md": "a server in the background; test_example_pick_and_place.py runs it",
     "docs/studio.md": "an installation; tests/command_line/test_studio.py runs the page",
     "docs/tutorials/docker.md": "Docker",
+    "docs/tutorials/studio.md": "a clone and an installation; tests/studio opens the page",
 }
 BLOCKS = {
     f"{page.relative_to(ROOT)}-{i}": block
