@@ -1,18 +1,19 @@
 """Machine code of kernels: compiled or read from disk, and loaded with all that it calls."""
 
 import copy
+import io
 import pickle
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from numba import _dynfunc
+from numba import _dynfunc, types
 from numba.core import compiler
 from numba.core.bytecode import FunctionIdentity
 from numba.core.environment import Environment, lookup_environment
 from numba.core.registry import cpu_target
 from numba.core.runtime import rtsys
-from numba.core.serialize import dumps
+from numba.core.serialize import NumbaPickler
 from numba.core.targetconfig import ConfigStack
 from numba.core.untyped_passes import ExtractByteCode
 
@@ -191,12 +192,30 @@ def _code(
 ) -> Code:
     needs = dict.fromkeys(_owners[one] for one in library.called() if one in _owners)
     environments = [lookup_environment(one) for one in library.environments()]
-    used = dumps([one for one in environments if one is not None])
+    used = _dumps([one for one in environments if one is not None])
     machine_code = library.machine_code() if bitcode is None else b""
     return Code(
-        name, symbol, use, tuple(needs), machine_code, bitcode, used, dumps(facts),
+        name, symbol, use, tuple(needs), machine_code, bitcode, used, _dumps(facts),
         not library.has_dynamic_globals,
     )  # fmt: skip
+
+
+class _Pickler(NumbaPickler):
+    """Numba's pickler, for types without the numbers that they have in this process only."""
+
+    def reducer_override(self, one: Any) -> Any:
+        """What a value is made from, where that is not what numba says."""
+        if isinstance(one, types.Type) and "_code" in vars(one):
+            make, (reconstruct, given, state), *more = one.__reduce__()
+            lasting = {name: value for name, value in state.items() if name != "_code"}
+            return make, (reconstruct, given, lasting), *more
+        return super().reducer_override(one)
+
+
+def _dumps(value: Any) -> bytes:
+    file = io.BytesIO()
+    _Pickler(file, protocol=4).dump(value)
+    return file.getvalue()
 
 
 class _Kernel(compiler.Compiler):

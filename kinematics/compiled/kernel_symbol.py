@@ -13,6 +13,7 @@ from typing import Any
 from numba.core import funcdesc, itanium_mangler
 from numba.core.base import BaseContext
 from numba.core.bytecode import FunctionIdentity
+from numba.core.cpu_options import FastMathOptions
 
 from kinematics.compiled.kernel_fingerprint import identity
 
@@ -43,6 +44,12 @@ def name_by_content() -> None:
         return insert(self, module, content, name or digest)
 
     BaseContext.insert_const_bytes = insert_const_bytes
+
+    def encode(self: Any) -> str:
+        # A part of symbols; the order of a set's text differs from process to process.
+        return f"{{{', '.join(map(repr, sorted(self.flags)))}}}" if self.flags else "set()"
+
+    FastMathOptions.encode = encode
 
 
 def without_addresses(function: FunctionType) -> FunctionType:
