@@ -22,6 +22,7 @@ from kinematics.compiled import kernel_code
 from kinematics.compiled.kernel_code import Code
 from kinematics.compiled.kernel_fingerprint import describe, settled_fingerprint
 from kinematics.compiled.kernel_flags import Flags
+from kinematics.compiled.kernel_shortcuts import take_shortcuts
 from kinematics.compiled.kernel_symbol import name_by_content
 from kinematics.compiled.kernel_target import target
 from kinematics.compiled.kernel_writes import Use, writable
@@ -45,6 +46,7 @@ class Kernel(CPUDispatcher):
     def __init__(self, function: Any, options: dict[str, Any], *more: Any) -> None:
         target()
         name_by_content()
+        take_shortcuts()
         super().__init__(function, *more, targetoptions=options)
         self._doors: dict[Any, Any] = {}
         self._choices: dict[Any, Any] = {}

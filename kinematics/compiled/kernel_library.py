@@ -9,6 +9,8 @@ import llvmlite.binding as llvm
 from numba.core.codegen import JITCodeLibrary
 from numba.core.runtime import rtsys
 
+from kinematics.compiled import kernel_shortcuts
+
 #: Globals through which compiled functions reach Python objects.
 _ENVIRONMENT = "_ZN08NumbaEnv"
 _RUNTIME = "NRT_"
@@ -25,6 +27,11 @@ class Part(JITCodeLibrary):
         self._optimize_final_module()
         self._finalize_dynamic_globals()
         self._finalized = True
+
+    def add_ir_module(self, ir_module: Any) -> None:
+        """Take over what was compiled, which nobody looks at afterwards."""
+        super().add_ir_module(ir_module)
+        kernel_shortcuts.forget(ir_module)
 
     def _optimize_functions(self, ll_module: Any) -> None:
         # As numba does, but for functions that have no body here: passes are set up for each one.

@@ -16,7 +16,7 @@ KERNELS = (
 import numpy as np
 from kinematics.compiled.kernel import kernel
 
-@kernel
+@kernel(fastmath=True)
 def small(x):
     return x + 1.0
 
@@ -82,6 +82,12 @@ wanted = {name for entry in entries for name in entry.files}
 print(kernel_store.prune(wanted), kernel_store.prune(wanted))
 """
 )
+#: Numba's compiler as it is.
+WITHOUT_SHORTCUTS = """
+from kinematics.compiled import kernel_dispatcher, kernel_shortcuts
+kernel_dispatcher.take_shortcuts = lambda: None
+kernel_shortcuts.forget = lambda module: None
+"""
 CALL = """
 import numpy as np, chain
 print(chain.top(np.arange(3.0)))
@@ -133,6 +139,12 @@ def test_two_processes_compile_all_of_it_and_the_same_as_one(listed: tuple[Path,
     frozen = python(CALL, folder, "parallel", ARMWRIGHT_KERNELS_FROZEN="1")
     assert frozen == answer
     assert python(BUILD, folder, "parallel").splitlines()[0] == "7 0"
+
+
+def test_shortcuts_and_orders_of_sets_change_no_byte(listed: tuple[Path, str]) -> None:
+    folder, answer = listed
+    assert python(WITHOUT_SHORTCUTS + CALL, folder, "without", PYTHONHASHSEED="1") == answer
+    assert files(folder, "without") == files(folder, "cache")
 
 
 def test_a_run_that_was_killed_goes_on_where_it_stopped(listed: tuple[Path, str]) -> None:
