@@ -204,7 +204,7 @@ class _Pickler(NumbaPickler):
     """Numba's pickler, for types without the numbers that they have in this process only."""
 
     def reducer_override(self, one: Any) -> Any:
-        """What a value is made from, where that is not what numba says."""
+        """Parts of a value that it is made from again."""
         if isinstance(one, types.Type) and "_code" in vars(one):
             make, (reconstruct, given, state), *more = one.__reduce__()
             lasting = {name: value for name, value in state.items() if name != "_code"}
