@@ -19,6 +19,9 @@ Matrix = NDArray[np.float64]
 
 #: Below this value of sin(theta) the two outer zyz angles can't be told apart.
 _SINGULAR_SINE = 1e-12
+#: |R^T R - I| of rotations that only rounding keeps from being exact: those of a singular value
+#: decomposition miss by 17 units in the last place at most, in a million random ones.
+_ROUNDING = 32.0 * np.finfo(np.float64).eps
 
 
 def rotation_x(angle: float) -> Matrix:
@@ -126,12 +129,16 @@ def to_quaternions(rotations: Matrix) -> Matrix:
 def from_matrix(rotation: ArrayLike) -> Matrix:
     """Check that a (3, 3) matrix is a rotation and answer it.
 
+    A matrix that is one to rounding keeps every bit, so that its answer is answered as it is.
+
     Raises:
         InvalidPose: R^T R differs from I by more than 1e-6, or det R is not +1.
     """
     R = _finite(rotation, (3, 3), "rotation_matrix")
     error = float(np.abs(R.T @ R - np.eye(3)).max())
     check_orthonormal(error, float(np.linalg.det(R)))
+    if error <= _ROUNDING:
+        return R.copy()
     # The nearest rotation: what a text with six digits lost is put right.
     u, _, vt = np.linalg.svd(R)
     return np.asarray(u @ vt)

@@ -3,11 +3,13 @@
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from kinematics.arrays import Array
 from kinematics.pose import (
     align_z,
     from_axis_angle,
+    from_matrix,
     from_quaternion,
     from_rpy,
     from_zyz,
@@ -87,3 +89,11 @@ def test_z_is_aligned_by_a_rotation(axis: Array) -> None:
     close(R[:, 2], axis)
     close(R.T @ R, np.eye(3))
     assert np.linalg.det(R) > 0.0
+
+
+def test_a_matrix_that_was_put_right_stays_as_it_is() -> None:
+    rng = np.random.default_rng(0)
+    exact = Rotation.random(2000, random_state=1).as_matrix()
+    for R in exact + 1e-7 * rng.uniform(-1.0, 1.0, exact.shape):
+        once = from_matrix(R)
+        assert np.array_equal(from_matrix(once), once)

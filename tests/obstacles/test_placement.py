@@ -1,9 +1,11 @@
 """Scenes put into the root frame: which obstacles move, and what is refused."""
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from kinematics.errors import InvalidLinkName, InvalidScene
 from kinematics.forward import forward
@@ -63,6 +65,15 @@ def test_checkers_and_proofs_refuse_what_is_not_placed() -> None:
     assert problem.scene.frames == frozenset()
     with pytest.raises(InvalidLinkName, match="'tool'"):
         place(scene, CHAIN)
+
+
+def test_a_scene_is_the_same_whichever_name_of_the_root_it_is_given_in() -> None:
+    rotations = Rotation.random(50, random_state=0).as_matrix()
+    obstacles = [Obstacle(f"{k}", Sphere(0.1), transform(R)) for k, R in enumerate(rotations)]
+    scene = Scene(tuple(obstacles))
+    again = Scene(tuple(replace(obstacle) for obstacle in obstacles))
+    named = place(in_frame(scene, CHAIN.root_link), CHAIN)
+    assert again.content_hash == named.content_hash == scene.content_hash
 
 
 def test_transforms_of_a_moveit_scene_lead_to_a_frame_or_the_root() -> None:
