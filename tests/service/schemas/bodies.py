@@ -106,6 +106,7 @@ TIMING: dict[str, Any] = {
     "sample_period": 0.01,
 }  # fmt: skip
 LIMITS = {name: [1.0, 2.0] for name in ("velocity", "acceleration", "jerk", "effort")}
+FRAME = {"frame": "tool"}
 RATES = {"velocities": [0.1, 0.2], "accelerations": [0.3, 0.4]}
 MOTIONS: list[dict[str, Any]] = [
     {"type": "lin", "pose": POSE, "blend": 0.0},
@@ -204,13 +205,15 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
                        "link": "hand", "point": [0.0, 0.0, 0.1], "damped_below": 0.01,
                        "frame": "tool"}),
     (WrenchRequest, {"joints": [0.0, 0.1], "wrench": [1.0] * 6, "link": "hand",
-                     "point": [0.0, 0.0, 0.1]}),
-    (DynamicsRequest, MODEL | RATES | {"joints": [0.0, 0.1], "wrench": [1.0] * 6,
+                     "point": [0.0, 0.0, 0.1], "frame": "tool"}),
+    (DynamicsRequest, MODEL | FRAME | RATES | {"joints": [0.0, 0.1], "wrench": [1.0] * 6,
                                        "christoffel_symbols": True, "partial_jacobians": True}),
-    (ForwardDynamicsRequest, MODEL | {"joints": [0.0, 0.1], "velocities": [0.1, 0.2],
-                                      "torques": [0.1, 0.2], "wrench": [1.0] * 6}),
-    (RegressorRequest, MODEL | RATES | {"joints": [0.0, 0.1], "motors": True, "known_zeros": True,
-                                        "reference_velocities": [0.1, 0.2]}),
+    (ForwardDynamicsRequest, MODEL | FRAME | {
+        "joints": [0.0, 0.1], "velocities": [0.1, 0.2], "torques": [0.1, 0.2],
+        "wrench": [1.0] * 6}),
+    (RegressorRequest, MODEL | FRAME | RATES | {
+        "joints": [0.0, 0.1], "motors": True, "known_zeros": True,
+        "reference_velocities": [0.1, 0.2]}),
     (ExportRequest, ABOUT | {"robot": "panda", "trajectory": SEGMENTS, "scene": "table",
                              "frame": "base", "format": "csv", "sample_period": 0.01,
                              "interpolation": "cubic", "path_tolerance": 0.01, "blend": 0.1,
