@@ -9,16 +9,27 @@ import numpy as np
 
 from kinematics.errors import ArmwrightError, InvalidOption
 from kinematics.trajectory import Trajectory
+from obstacles.scene import Obstacle
 from service.schemas.check import CheckRequest
 from service.schemas.goal import SingleGoal
 from service.schemas.kinematics import IkRequest
 from service.schemas.plan import PlanRequest, TrajectoryBody, ValidateRequest
+from service.schemas.sequence import TaskRequest
+from service.schemas.tour import TourRequest
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
 from service.tasks.answer import reports_cache_miss
 from service.tasks.attached_objects import RobotInScene, robot_in_scene
 from service.tasks.inverse_kinematics import ik
 from service.tasks.result import CacheMiss, TaskProblem
+from service.tasks.view_stages import (
+    Timeline,
+    task_cell,
+    task_shown,
+    task_start,
+    tour_cell,
+    tour_shown,
+)
 from service.translate import trajectories
 from service.translate.frames import first_configuration
 from service.translate.states import with_states
@@ -61,6 +72,8 @@ class _Shown(NamedTuple):
         configurations: Shown by themselves.
         sentences: The certificate, or what else is to be said.
         extra: More fields of the document.
+        moved: Objects that are carried from one place to another.
+        curves: Of the motion, where it is not that of one robot in one scene.
     """
 
     cell: RobotInScene
@@ -68,6 +81,8 @@ class _Shown(NamedTuple):
     configurations: list[Configuration]
     sentences: list[str]
     extra: dict[str, Any]
+    moved: tuple[Obstacle, ...] = ()
+    curves: dict[str, Any] | None = None
 
 
 @task
@@ -98,7 +113,9 @@ def view(robot: Reference, scene: Reference | None, content: bytes) -> bytes | C
         ) from error
     arm, place = shown.cell.robot, shown.cell.scene
     limit = kept.request.get("tool_speed") or (kept.request.get("timing") or {}).get("tool_speed")
-    motion = None if shown.motion is None else motion_document(shown.motion, arm, place, limit)
+    motion = None
+    if shown.motion is not None:
+        motion = motion_document(shown.motion, arm, place, limit, shown.curves)
     return page(
         {
             "title": f"{operation} · {arm.chain.name}",
@@ -109,7 +126,7 @@ def view(robot: Reference, scene: Reference | None, content: bytes) -> bytes | C
             "version": whole.get("version"),
             "seed": whole.get("seed"),
             "digest": whole.get("digest"),
-            **robot_document(arm, place),
+            **robot_document(arm, place, shown.moved),
             "motion": motion,
             "configurations": [
                 item._asdict() for item in shown.configurations[:_MAX_CONFIGURATIONS]
@@ -130,11 +147,13 @@ def _parts(operation: str) -> Callable[[_Kept], _Shown]:
         "POST /v1/check": _of_check,
         "POST /v1/validate": _of_validate,
         "POST /v1/plan": _of_plan,
+        "POST /v1/tasks": _of_task,
+        "POST /v1/tours": _of_tour,
     }
     if operation not in makers:
         raise InvalidOption(
             f"answers of {operation} have no page",
-            hint='Prove a stage\'s trajectory with POST /v1/validate and "keep": true to see it.',
+            hint='Prove its motion with POST /v1/validate and "keep": true to see it.',
         )
     return makers[operation]
 
@@ -218,6 +237,38 @@ def _of_validate(kept: _Kept) -> _Shown:
     cell = robot_in_scene(kept.robot, kept.scene, body, motion.start)
     sentences = certificate_sentences(kept.answer) if kept.answer else []
     return _Shown(cell, motion, [], sentences, {})
+
+
+def _of_task(kept: _Kept) -> _Shown:
+    if kept.answer:
+        return _of_timeline(task_shown(kept.robot, kept.scene, kept.request, kept.answer))
+    body = TaskRequest.model_validate(kept.request)
+    cell = task_cell(kept.robot, kept.scene, body)
+    stage, detail = kept.problem.get("stage"), str(kept.problem["detail"])
+    start = _end("start", task_start(kept.robot, body), detail if stage == "start" else None)
+    return _Shown(cell, None, [start], [], {})
+
+
+def _of_tour(kept: _Kept) -> _Shown:
+    if kept.answer:
+        return _of_timeline(tour_shown(kept.robot, kept.scene, kept.request, kept.answer))
+    body = TourRequest.model_validate(kept.request)
+    stage, detail = kept.problem.get("stage"), str(kept.problem["detail"])
+    shown = []
+    if body.start is not None and body.start.joints is not None:
+        shown = [_end("start", body.start.joints, detail if stage == "start" else None)]
+    shown += [
+        _end(f"goal {goal.id or number}", goal.joints, None)
+        for number, goal in enumerate(body.goals)
+        if goal.joints is not None
+    ]
+    return _Shown(tour_cell(kept.robot, kept.scene, body), None, shown, [], {})
+
+
+def _of_timeline(whole: Timeline) -> _Shown:
+    return _Shown(
+        whole.cell, whole.motion, [], whole.sentences, whole.extra, whole.moved, whole.curves
+    )
 
 
 def _of_check(kept: _Kept) -> _Shown:

@@ -1,6 +1,8 @@
 """Bodies of a page: links, held objects and obstacles as triangles."""
 
 import base64
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,7 +23,7 @@ class Body(NamedTuple):
 
     Args:
         name: Of the link or obstacle.
-        kind: "link", "held" or "obstacle".
+        kind: "link", "held", "obstacle", or "moved" for what is carried by turns.
         joint: Index of the joint that carries it, -1 for what stands still.
         surface: In the frame of that joint, or the root frame.
         simplified: Whether hulls stand for the triangles of its mesh, or it is thinned out.
@@ -34,19 +36,23 @@ class Body(NamedTuple):
     simplified: bool = False
 
 
-def bodies(robot: RobotGeometry, scene: Scene) -> list[Body]:
+def bodies(robot: RobotGeometry, scene: Scene, moved: Sequence[Obstacle] = ()) -> list[Body]:
     """Links with what they hold, and obstacles; fine meshes by their hulls where too much.
 
     Args:
         robot: The robot with what it holds.
         scene: The obstacles.
+        moved: Objects that are carried from one place to another, each in its own frame.
     """
+    own = [replace(item, T_world_obstacle=np.eye(4)) for item in moved]
     drawn = [*_links(robot, covers=False), *(_obstacle(item) for item in scene.obstacles)]
+    drawn += [_obstacle(item)._replace(kind="moved") for item in own]
     if sum(_size(body) for body in drawn) <= _BUDGET:
         return drawn
     return [
         *_links(robot, covers=True),
         *(_obstacle(item, covers=True) for item in scene.obstacles),
+        *(_obstacle(item, covers=True)._replace(kind="moved") for item in own),
     ]
 
 

@@ -25,14 +25,17 @@ _CLEARANCE_TIME = 3.0
 _DIGITS = 6
 
 
-def torque_curve(chain: Chain, motion: Trajectory) -> dict[str, Any] | None:
+def torque_curve(
+    chain: Chain, motion: Trajectory, *, samples: int = _SAMPLES
+) -> dict[str, Any] | None:
     """Joint torques over time; None for a robot without inertias.
 
     Args:
         chain: The robot with the masses that it holds.
         motion: The motion.
+        samples: Number of instants.
     """
-    times = np.linspace(0.0, motion.duration, _SAMPLES)
+    times = np.linspace(0.0, motion.duration, samples)
     states = (motion.sample(times, derivative) for derivative in range(3))
     try:
         torques = inverse_dynamics(chain, *states)
@@ -41,14 +44,29 @@ def torque_curve(chain: Chain, motion: Trajectory) -> dict[str, Any] | None:
     return {"times": times.tolist(), "values": _rounded(torques)}
 
 
-def tool_speed_curve(chain: Chain, motion: Trajectory) -> dict[str, Any]:
-    """Speed of the tip over time [m/s]."""
-    times = np.linspace(0.0, motion.duration, _SAMPLES)
+def tool_speed_curve(
+    chain: Chain, motion: Trajectory, *, samples: int = _SAMPLES
+) -> dict[str, Any]:
+    """Speed of the tip over time [m/s].
+
+    Args:
+        chain: The robot.
+        motion: The motion.
+        samples: Number of instants.
+    """
+    times = np.linspace(0.0, motion.duration, samples)
     twists = link_twist(chain, motion.sample(times), motion.sample(times, 1))
     return {"times": times.tolist(), "values": _rounded(np.linalg.norm(twists[:, :3], axis=1))}
 
 
-def clearance_curve(robot: RobotGeometry, scene: Scene, motion: Trajectory) -> dict[str, Any]:
+def clearance_curve(
+    robot: RobotGeometry,
+    scene: Scene,
+    motion: Trajectory,
+    *,
+    budget: float = _CLEARANCE_TIME,
+    counts: tuple[int, int] = (_FEWEST, _CLEARANCES),
+) -> dict[str, Any]:
     """Distance of the closest pair over time, with the nearest points where they are known.
 
     Measured by FCL at instants, margins taken off: as many as its time allows. The certificate
@@ -58,14 +76,33 @@ def clearance_curve(robot: RobotGeometry, scene: Scene, motion: Trajectory) -> d
         robot: The robot with what it holds.
         scene: The obstacles.
         motion: The motion.
+        budget: Time that this may take, but for the fewest instants [s].
+        counts: Fewest and most instants.
     """
     world = FclWorld(robot, scene)
     began = time.perf_counter()
     for q in motion.sample(np.linspace(0.0, motion.duration, 3)):
         world.nearest_points(q)
     each = (time.perf_counter() - began) / 3.0
-    count = int(np.clip(_CLEARANCE_TIME / max(each, 1e-6), _FEWEST, _CLEARANCES))
-    times = np.linspace(0.0, motion.duration, count)
+    count = int(np.clip(budget / max(each, 1e-6), *counts))
+    return _clearances(world, motion, np.linspace(0.0, motion.duration, count))
+
+
+def clearance_at(
+    robot: RobotGeometry, scene: Scene, motion: Trajectory, times: Array
+) -> dict[str, Any]:
+    """Distance of the closest pair at some instants of a motion.
+
+    Args:
+        robot: The robot with what it holds.
+        scene: The obstacles.
+        motion: The motion.
+        times: The instants, shape (k,) [s].
+    """
+    return _clearances(FclWorld(robot, scene), motion, times)
+
+
+def _clearances(world: FclWorld, motion: Trajectory, times: Array) -> dict[str, Any]:
     rows = [world.nearest_points(q) for q in motion.sample(times)]
     return {
         "times": times.tolist(),

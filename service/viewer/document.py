@@ -10,7 +10,7 @@ from kinematics.arrays import Array
 from kinematics.chain import Chain, JointType
 from kinematics.trajectory import Trajectory
 from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Scene
+from obstacles.scene import Obstacle, Scene
 from service.viewer.bodies import bodies, body_document
 from service.viewer.curves import clearance_curve, tool_speed_curve, torque_curve
 
@@ -38,6 +38,33 @@ class Configuration(NamedTuple):
     cause: str | None = None
 
 
+class Carrier(NamedTuple):
+    """A link that carries a moved object from a time on, or the ground.
+
+    Args:
+        begins: The time [s].
+        joint: Index of the joint that carries it, -1 where it stands.
+        T_joint_object: Its pose there, shape (4, 4).
+    """
+
+    begins: float
+    joint: int
+    T_joint_object: Array
+
+
+def carrier_document(carrier: Carrier) -> dict[str, Any]:
+    """A carrier as JSON.
+
+    Args:
+        carrier: What carries an object.
+    """
+    return {
+        "begins": carrier.begins,
+        "joint": int(carrier.joint),
+        "frame": _flat(carrier.T_joint_object),
+    }
+
+
 def rejected(label: str, joints: Sequence[float], reason: str) -> Configuration:
     """A configuration that was rejected, with the pair and the cause that its reason names.
 
@@ -52,16 +79,19 @@ def rejected(label: str, joints: Sequence[float], reason: str) -> Configuration:
     return Configuration(label, joints, "rejected", reason, names, cause)
 
 
-def robot_document(robot: RobotGeometry, scene: Scene) -> dict[str, Any]:
+def robot_document(
+    robot: RobotGeometry, scene: Scene, moved: Sequence[Obstacle] = ()
+) -> dict[str, Any]:
     """Kinematics and bodies of a robot among obstacles.
 
     Args:
         robot: The robot with what it holds.
         scene: The obstacles.
+        moved: Objects that are carried from one place to another.
     """
     chain = robot.chain
     tip = chain.links[chain.index[chain.tip_link]]
-    drawn = bodies(robot, scene)
+    drawn = bodies(robot, scene, moved)
     return {
         "robot": chain.name,
         "joints": _joints(chain),
@@ -73,7 +103,11 @@ def robot_document(robot: RobotGeometry, scene: Scene) -> dict[str, Any]:
 
 
 def motion_document(
-    motion: Trajectory, robot: RobotGeometry, scene: Scene, tool_speed: float | None
+    motion: Trajectory,
+    robot: RobotGeometry,
+    scene: Scene,
+    tool_speed: float | None,
+    curves: dict[str, Any] | None = None,
 ) -> dict[str, Any]:
     """A motion: its polynomials, and curves that are sampled here.
 
@@ -82,13 +116,17 @@ def motion_document(
         robot: The robot with what it holds.
         scene: The obstacles.
         tool_speed: The limit of the tip's speed, if there is one [m/s].
+        curves: In place of those of this robot in this scene.
     """
-    return {
-        "breaks": motion.breaks.tolist(),
-        "coefficients": motion.coefficients.tolist(),
+    sampled = curves or {
         "torque": torque_curve(robot.chain, motion),
         "tool_speed": tool_speed_curve(robot.chain, motion) | {"limit": tool_speed},
         "clearance": clearance_curve(robot, scene, motion),
+    }
+    return {
+        "breaks": motion.breaks.tolist(),
+        "coefficients": motion.coefficients.tolist(),
+        **sampled,
     }
 
 

@@ -30,7 +30,7 @@ function curvesOf(data, motion) {
   return found;
 }
 class Plot {
-  constructor(canvas, legend) { this.canvas = canvas; this.legend = legend; this.left = 62; this.right = 12; }
+  constructor(canvas, legend) { this.canvas = canvas; this.legend = legend; this.marks = []; this.left = 62; this.right = 12; }
   show(curve) {
     this.curve = curve;
     this.legend.replaceChildren(...curve.names.map((name, i) => {
@@ -72,6 +72,7 @@ class Plot {
       pen.textAlign = "right"; pen.fillText(value.toPrecision(3), this.left - 6, y(value) + 4);
       pen.textAlign = k === 4 ? "right" : "center"; pen.fillText(`${at.toFixed(2)} s`, x(at), height - 6);
     }
+    for (const mark of this.marks) { pen.beginPath(); pen.moveTo(x(mark), bottom); pen.lineTo(x(mark), bottom + 7); pen.strokeStyle = "#38424f"; pen.stroke(); }
     this.curve.rows.forEach((row, i) => {
       const [color, dashes] = style(i);
       pen.strokeStyle = color;

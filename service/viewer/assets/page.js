@@ -14,8 +14,9 @@ const state = { time: 0, playing: false, speed: 1, shown: { ghosts: false, path:
 const view = new View(byId("view"), data);
 const plot = new Plot(byId("plot"), byId("legend"));
 const curves = motion ? curvesOf(data, motion) : [];
+const stages = data.stages || [], fingers = data.fingers || {};
 const path = motion ? Array.from({ length: PATH_POINTS }, (_, i) => Matrix.origin(arm.tip(motion.at((motion.duration * i) / (PATH_POINTS - 1))))) : [];
-const ghosts = motion ? Array.from({ length: GHOSTS }, (_, i) => arm.frames(motion.at((motion.duration * i) / (GHOSTS - 1)))) : [];
+const ghosts = motion ? Array.from({ length: GHOSTS }, (_, i) => motion.duration * i / (GHOSTS - 1)).map((time) => placed(arm.frames(motion.at(time)), time)) : [];
 const singles = data.configurations.map((item) => arm.frames(item.joints));
 const rest = arm.frames(data.joints.map(() => 0));
 
@@ -25,18 +26,35 @@ function nearestAt(time) {
   const [i, share] = interval(clearance.times, time), k = share > 0.5 ? i + 1 : i;
   return clearance.values[k] === null ? null : { distance: clearance.values[k], pair: clearance.pairs[k], points: clearance.points[k] };
 }
+// Frames of the joints, and places of what is carried by turns.
+function placed(frames, time) {
+  for (const [name, carriers] of Object.entries(data.carriers || {})) {
+    const now = carriers.filter((item) => item.begins <= time + 1e-9).pop() || carriers[0];
+    frames[name] = Matrix.multiply(frames[now.joint], now.frame);
+  }
+  // Fingers move in the frame of the joint that carries their gripper, straight between instants.
+  for (const body of data.bodies) {
+    const track = fingers[body.name];
+    if (!track || body.kind !== "link") continue;
+    const [i, share] = track.times.length > 1 ? interval(track.times, time) : [0, 0], next = Math.min(i + 1, track.times.length - 1);
+    const turn = track.frames[i].map((v, k) => v + share * (track.frames[next][k] - v));
+    frames[`finger ${body.name}`] = Matrix.multiply(frames[body.joint], turn);
+  }
+  return frames;
+}
+function stageAt(time) { return stages.filter((item) => item.begins <= time + 1e-9).pop(); }
 function draw() {
   const shown = state.shown, item = data.configurations[state.chosen];
-  const frames = motion ? arm.frames(motion.at(state.time)) : singles[state.chosen] || rest;
+  const frames = motion ? placed(arm.frames(motion.at(state.time)), state.time) : singles[state.chosen] || rest;
   const near = motion && shown.nearest ? nearestAt(state.time) : null;
   const pair = motion ? (near && near.pair) || [] : (item && item.pair) || [];
   view.begin();
-  const color = (body) => (pair.includes(body.name) ? CLOSE : body.kind === "obstacle" ? OBSTACLE : body.kind === "held" ? HELD : !motion && item ? mixed(VERDICTS[item.cause || item.verdict][0]) : LINK);
+  const color = (body) => (pair.includes(body.name) ? CLOSE : body.kind === "obstacle" ? OBSTACLE : body.kind === "held" || body.kind === "moved" ? HELD : !motion && item ? mixed(VERDICTS[item.cause || item.verdict][0]) : LINK);
   const striped = (body) => pair.includes(body.name);
   view.draw(frames, { only: (body) => body.kind !== "obstacle" || shown.obstacles, color, striped });
   if (shown.path) view.lines(path, [0.1, 0.35, 0.7]);
   if (near && near.points) view.lines(near.points, [0.8, 0.1, 0.05]);
-  const moves = (body) => body.kind !== "obstacle" && body.joint >= 0;
+  const moves = (body) => body.kind !== "obstacle" && body.kind !== "moved" && body.joint >= 0;
   if (shown.ghosts) for (const ghost of ghosts) view.draw(ghost, { only: moves, color: () => [0.3, 0.5, 0.8], alpha: 0.12 });
   if (!motion && shown.others) singles.forEach((single, i) => {
     if (i !== state.chosen) view.draw(single, { only: moves, color: () => VERDICTS[data.configurations[i].cause || data.configurations[i].verdict][0], alpha: 0.15 });
@@ -50,6 +68,11 @@ function tell(near, item) {
   const q = motion ? motion.at(state.time) : item ? item.joints : null;
   const rows = q ? data.joints.map((joint, i) => [joint.name, `${q[i].toFixed(4)} ${joint.slides ? "m" : "rad"}`]) : [];
   if (q) rows.push([data.tip.name, Matrix.origin(arm.tip(q)).map((v) => v.toFixed(3)).join(", ") + " m"]);
+  const stage = stageAt(state.time);
+  if (stage) {
+    rows.unshift(["stage", stage.label]);
+    byId("list").querySelectorAll("button").forEach((button, k) => (stages[k] === stage ? button.setAttribute("aria-current", "step") : button.removeAttribute("aria-current")));
+  }
   if (near) rows.push(["clearance", `${(1000 * near.distance).toFixed(1)} mm${near.pair ? `, ${near.pair.join(" and ")}` : ""}`]);
   byId("now").replaceChildren(table(rows));
   if (!motion) return;
@@ -105,6 +128,13 @@ function fill() {
     addSwitch("path", "path of the tool"); addSwitch("ghosts", `${GHOSTS} configurations on the way`); addSwitch("nearest", "closest pair (striped)");
     curves.forEach((curve, i) => byId("curve").append(new Option(`${curve.name} [${curve.unit}]`, String(i))));
     plot.show(curves[0]);
+    plot.marks = stages.map((item) => item.begins);
+    stages.forEach((item) => {
+      const button = document.createElement("button");
+      button.type = "button"; button.textContent = `${item.label}, from ${item.begins.toFixed(2)} s`;
+      button.addEventListener("click", () => { setPlaying(false); setTime(item.begins); });
+      byId("list").append(button);
+    });
   } else {
     byId("bar").hidden = byId("plots").hidden = true;
     addSwitch("others", "the other configurations");
@@ -140,10 +170,10 @@ function listen() {
 function frameAll() {
   // The camera looks at everything that is not a ground.
   let low = [1e9, 1e9, 1e9], high = [-1e9, -1e9, -1e9];
-  const frames = motion ? arm.frames(motion.at(0)) : singles[state.chosen] || rest;
+  const frames = motion ? placed(arm.frames(motion.at(0)), 0) : singles[state.chosen] || rest;
   for (const body of view.bodies) {
     if (body.kind === "obstacle" && Math.max(...minus(body.high, body.low)) > 2.5) continue;
-    const T = frames[body.joint], middle = times(plus(body.low, body.high), 0.5);
+    const T = frameOf(body, frames), middle = times(plus(body.low, body.high), 0.5);
     const radius = 0.5 * Math.sqrt(dot(minus(body.high, body.low), minus(body.high, body.low)));
     const center = [0, 1, 2].map((i) => T[i] * middle[0] + T[4 + i] * middle[1] + T[8 + i] * middle[2] + T[12 + i]);
     low = low.map((v, i) => Math.min(v, center[i] - radius));

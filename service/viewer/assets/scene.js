@@ -16,6 +16,11 @@ void main() {
   float dark = stripes > 0.5 && fract((place.x + place.y + place.z) * 22.0) < 0.4 ? 0.45 : 1.0;
   gl_FragColor = vec4(color.rgb * mix(1.0, light, lit) * dark, color.a);
 }`;
+// The frame of a body: of its joint, or by its name where it is carried by turns or moves as a finger.
+function frameOf(body, frames) {
+  if (body.kind === "moved") return frames[body.name];
+  return frames[`finger ${body.name}`] || frames[body.joint];
+}
 class View {
   constructor(canvas, data) {
     this.canvas = canvas;
@@ -107,7 +112,7 @@ class View {
     gl.uniform1f(this.at.lit, 1);
     for (const body of this.bodies) {
       if (!only(body)) continue;
-      gl.uniformMatrix4fv(this.at.model, false, frames[body.joint]);
+      gl.uniformMatrix4fv(this.at.model, false, frameOf(body, frames));
       gl.uniform4f(this.at.color, ...color(body), alpha);
       gl.uniform1f(this.at.stripes, striped(body) ? 1 : 0);
       bind(gl, this.program, "point", body.points);

@@ -13,7 +13,9 @@ from playwright.sync_api import Browser, Page
 
 import armwright as aw
 from kinematics.forward import forward
+from service.schemas.sequence import TaskRequest
 from service.viewer.page import page as page_of
+from tests.planning.sequence import fingers
 from tests.service.conftest import Served
 from tests.service.processes import wait_until
 from tests.service.robots import ASIDE, DETOUR, FLOOR, HOME, POST, scene
@@ -197,6 +199,51 @@ def test_checks_and_inverse_kinematics_have_pages(
     content = fetch(served.client, "/v1/robots/ur5e/ik", solve | {"scene": place})
     page, _ = show(browser, content, tmp_path)
     assert len(document(content)["configurations"]) == page.locator("#list button").count() > 1
+
+
+@pytest.fixture(scope="module")
+def task(served: Served) -> bytes:
+    """A gripper opens, grasps a crate, and lifts it."""
+    robot = {"name": "view_claws", "urdf": fingers.urdf(), "srdf": fingers.srdf()}
+    assert served.client.post("/v1/robots", json=robot).status_code == 201
+    example: Any = TaskRequest.model_json_schema()["examples"][0]
+    grasp = example["stages"][2] | {
+        "touch_links": ["panda_hand", "claw_left_plate", "claw_right_plate"]
+    }
+    stages = [{"kind": "open"}, *example["stages"][:2], grasp, *example["stages"][3:6]]
+    changes = {"robot": "view_claws", "stages": stages, "improve": 0.0}
+    return fetch(served.client, "/v1/tasks", example | changes)
+
+
+def test_a_task_plays_stage_by_stage_with_fingers_and_what_they_hold(
+    browser: Browser, task: bytes, tmp_path: Path
+) -> None:
+    page, events = show(browser, task, tmp_path)
+    data = document(task)
+    names = ["open", "move", "approach", "grasp", "close", "attach", "lift"]
+    listed = page.inner_text("#list").splitlines()
+    assert [line.split(",")[0] for line in listed] == [
+        f"{number}: {name}" for number, name in enumerate(names, 1)
+    ]
+    place = "(t) => placed(arm.frames(motion.at(t)), t)"
+    duration, lift = data["motion"]["breaks"][-1], data["stages"][-1]["begins"]
+    end, begin = (page.evaluate(place, t) for t in (duration, lift))
+    assert page.evaluate(place, 0.0)["crate"][12:15] == pytest.approx([0.5, -0.25, 0.15])
+    assert begin["crate"][12:15] == pytest.approx([0.5, -0.25, 0.15], abs=1e-5)
+    assert end["crate"][14] > 0.19
+    # The fingers open in the first second, then close on the crate, and go up with it.
+    closed = np.subtract(end["finger claw_left_plate"], end["finger claw_right_plate"])
+    wide = page.evaluate(place, data["stages"][1]["begins"])
+    opened = np.subtract(wide["finger claw_left_plate"], wide["finger claw_right_plate"])
+    assert np.linalg.norm(opened[12:15]) == pytest.approx(0.11)
+    assert np.linalg.norm(closed[12:15]) == pytest.approx(0.05)
+    page.locator("#list button").last.click()
+    wait(page, "!window.armwrightView.changed")
+    assert page.evaluate("window.armwrightView.time") == pytest.approx(lift)
+    assert page.locator("#list button[aria-current=step]").inner_text() == listed[-1]
+    assert "7: lift" in page.inner_text("#now")
+    assert colours(page) > 20
+    assert len(events) == 1
 
 
 def test_text_of_a_request_can_not_leave_its_place() -> None:

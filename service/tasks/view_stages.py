@@ -1,0 +1,310 @@
+"""Stages of kept tasks and legs of kept tours on one timeline, for their pages."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from kinematics.arrays import Array
+from kinematics.named_states import state
+from kinematics.trajectory import Trajectory
+from obstacles.finger_geometry import with_fingers
+from obstacles.robot_geometry import RobotGeometry
+from obstacles.scene import Obstacle, Scene
+from service.schemas.attached import Attached
+from service.schemas.plan import TrajectoryBody
+from service.schemas.pose import Pose
+from service.schemas.sequence import TaskRequest
+from service.schemas.tour import TourRequest
+from service.storage import worker_cache
+from service.storage.cache_key import Reference
+from service.tasks.attached_objects import (
+    RobotInScene,
+    attach,
+    attachment,
+    requested_scene,
+    robot_in_scene,
+)
+from service.translate import poses, trajectories
+from service.translate.tours import configuration
+from service.viewer.document import Carrier, carrier_document
+from service.viewer.timeline import Part, finger_tracks, joined, joined_curves
+
+
+class Timeline(NamedTuple):
+    """A task or tour as its page shows it.
+
+    Args:
+        cell: The robot, and the obstacles that stand still throughout.
+        motion: Of all parts in turn.
+        curves: Over the whole time, as of a single motion.
+        moved: Objects that are carried.
+        extra: More fields of the document: ``stages`` with labels and times, ``carriers`` of the
+            moved objects, ``fingers``.
+        sentences: About the whole and each part.
+    """
+
+    cell: RobotInScene
+    motion: Trajectory
+    curves: dict[str, Any]
+    moved: tuple[Obstacle, ...]
+    extra: dict[str, Any]
+    sentences: list[str]
+
+
+def task_shown(
+    robot: Reference, scene: Reference | None, request: Mapping[str, Any], answer: Mapping[str, Any]
+) -> Timeline:
+    """The stages of an answered task.
+
+    Args:
+        robot: The robot.
+        scene: The stored scene, where the request names one.
+        request: The body.
+        answer: With the stages.
+    """
+    body = TaskRequest.model_validate(request)
+    geometry = worker_cache.robot(robot).geometry
+    start = np.array(task_start(robot, body))
+    around = _objects(geometry, requested_scene(scene, body, geometry.chain, start), body)
+    stages = answer["stages"]
+    names = {item["id"] for s in stages for item in _things(s["after"])}
+    moved = tuple(item for item in around.obstacles if item.id in names)
+    still = tuple(item for item in around.obstacles if item.id not in names)
+    alone = with_fingers(geometry, body.fingers or {})
+    parts, fingers = [], body.fingers or {}
+    for stage in stages:
+        parts.append(_stage_part(stage, geometry, around, fingers))
+        fingers = stage["after"]["fingers"]
+    extra = {
+        "stages": _marks(parts),
+        "carriers": {item.id: [*_carriers(item, geometry, stages)] for item in moved},
+        "fingers": finger_tracks(alone, parts),
+    }
+    return Timeline(
+        RobotInScene(alone, Scene(still), []),
+        joined(parts, answer["duration"]),
+        joined_curves(parts, body.timing.tool_speed),
+        moved,
+        extra,
+        [*_task_sentences(answer)],
+    )
+
+
+def tour_shown(
+    robot: Reference, scene: Reference | None, request: Mapping[str, Any], answer: Mapping[str, Any]
+) -> Timeline:
+    """The legs of an answered tour, with the stays at its goals between them.
+
+    Args:
+        robot: The robot.
+        scene: The stored scene, where the request names one.
+        request: The body.
+        answer: With the legs.
+    """
+    body = TourRequest.model_validate(request)
+    cell = tour_cell(robot, scene, body)
+    parts = [
+        Part(
+            f"{number}: {leg['origin'] or 'start'} to {leg['target'] or 'end'}",
+            float(leg["begins"]),
+            _motion(leg["trajectory"], cell.robot),
+            cell.robot,
+            cell.scene,
+            None,
+            cell.robot,
+        )
+        for number, leg in enumerate(answer["legs"], 1)
+    ]
+    return Timeline(
+        cell,
+        joined(parts, answer["time"]),
+        joined_curves(parts, body.timing.tool_speed),
+        (),
+        {"stages": _marks(parts)},
+        [*_tour_sentences(answer, parts)],
+    )
+
+
+def tour_cell(robot: Reference, scene: Reference | None, body: TourRequest) -> RobotInScene:
+    """The robot of a tour in its scene.
+
+    Args:
+        robot: The robot.
+        scene: The stored scene, where the request names one.
+        body: The request.
+    """
+    geometry = worker_cache.robot(robot).geometry
+    start = configuration(body.start, geometry.chain, geometry.states, "start")
+    return robot_in_scene(robot, scene, body, start)
+
+
+def task_start(robot: Reference, body: TaskRequest) -> list[float]:
+    """The configuration that a task begins at, n values [rad or m].
+
+    Args:
+        robot: The robot.
+        body: The request.
+    """
+    states = worker_cache.robot(robot).geometry.states
+    if body.start.state is not None:
+        return list(state(states, body.start.state, "start.state"))
+    return list(body.start.joints or [])
+
+
+def task_cell(robot: Reference, scene: Reference | None, body: TaskRequest) -> RobotInScene:
+    """The robot of a task in its scene, as they are at the start.
+
+    Args:
+        robot: The robot.
+        scene: The stored scene, where the request names one.
+        body: The request.
+    """
+    geometry = worker_cache.robot(robot).geometry
+    start = np.array(task_start(robot, body))
+    around = requested_scene(scene, body, geometry.chain, start)
+    arm = with_fingers(geometry, body.fingers or {})
+    return attach(arm, _replaced(around, body), body.attached, body.allowed_collisions)
+
+
+# --------------------------------------------------------------------------------- the objects
+
+
+def _replaced(around: Scene, body: TaskRequest) -> Scene:
+    """The scene with the objects that the request says stand elsewhere."""
+    places = {item.id: poses.transform(item.pose) for item in body.objects or ()}
+    return _with_places(around, places)
+
+
+def _with_places(around: Scene, places: Mapping[str, Array]) -> Scene:
+    obstacles = tuple(
+        replace(item, T_world_obstacle=places[item.id]) if item.id in places else item
+        for item in around.obstacles
+    )
+    return Scene(obstacles, around.allowed_collisions)
+
+
+def _objects(robot: RobotGeometry, around: Scene, body: TaskRequest) -> Scene:
+    """The scene with all objects of a task, those with a shape of their own among them."""
+    scene = _replaced(around, body)
+    own = {
+        item.id: attachment(robot, scene, item).held
+        for item in body.attached or ()
+        if item.shape is not None
+    }
+    left = tuple(item for item in scene.obstacles if item.id not in own)
+    return Scene((*left, *own.values()), scene.allowed_collisions)
+
+
+def _things(world: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
+    yield from world["objects"]
+    yield from world["attached"]
+
+
+def _stage_part(
+    stage: Mapping[str, Any],
+    robot: RobotGeometry,
+    around: Scene,
+    fingers: Mapping[str, float],
+) -> Part:
+    """A stage with what is held in it, which is what is held after it."""
+    after = stage["after"]
+    places = {item["id"]: _transform(item["pose"]) for item in after["objects"]}
+    held = [
+        Attached.model_validate({name: value for name, value in item.items() if value is not None})
+        for item in after["attached"]
+    ]
+    scene, allowed = _with_places(around, places), stage["certificate"]["allowed_collisions"]
+    first, last = (
+        attach(with_fingers(robot, at), scene, held, allowed) for at in (fingers, after["fingers"])
+    )
+    moved = stage.get("fingers")
+    return Part(
+        _label(stage),
+        float(stage["begins"]),
+        _motion(stage["trajectory"], robot),
+        first.robot,
+        first.scene,
+        None if moved is None else trajectories.named_trajectory(_body(moved)),
+        last.robot,
+    )
+
+
+def _carriers(
+    item: Obstacle, robot: RobotGeometry, stages: Sequence[Mapping[str, Any]]
+) -> Iterator[dict[str, Any]]:
+    """Carriers of an object from the beginning of each stage on: a link, or the ground."""
+    chain = robot.chain
+    for stage in stages:
+        joint, T = -1, item.T_world_obstacle
+        for placed in stage["after"]["objects"]:
+            if placed["id"] == item.id:
+                T = _transform(placed["pose"])
+        for held in stage["after"]["attached"]:
+            if held["id"] == item.id:
+                link = chain.link(held["link"])
+                joint, T = link.joint, link.T_joint_link @ _transform(held["pose"])
+        yield carrier_document(Carrier(float(stage["begins"]), joint, T))
+
+
+def _transform(pose: Mapping[str, Any]) -> Array:
+    return poses.transform(Pose.model_validate(pose))
+
+
+def _motion(trajectory: Mapping[str, Any], robot: RobotGeometry) -> Trajectory:
+    return trajectories.trajectory(_body(trajectory), robot.chain)[0]
+
+
+def _body(trajectory: Mapping[str, Any]) -> TrajectoryBody:
+    fields = {name: trajectory[name] for name in ("joint_names", "segments")}
+    return TrajectoryBody.model_validate(fields)
+
+
+# --------------------------------------------------------------------------------- the words
+
+
+def _marks(parts: Sequence[Part]) -> list[dict[str, Any]]:
+    return [{"label": part.label, "begins": part.begins} for part in parts]
+
+
+def _label(stage: Mapping[str, Any]) -> str:
+    name = stage["kind"] if stage.get("name") is None else f"{stage['name']} ({stage['kind']})"
+    return f"{stage['index'] + 1}: {name}"
+
+
+def _task_sentences(answer: Mapping[str, Any]) -> Iterator[str]:
+    stages = answer["stages"]
+    proved = sum(stage["certificate"]["verified"] for stage in stages)
+    yield f"{answer['duration']:.3f} s; stages proved: {proved} of {len(stages)}."
+    if answer["status"] == "partial":
+        yield "The later stages could not be done: this is the beginning only."
+    for stage in stages:
+        words = [f"Stage {_label(stage)}", *_proof(stage["certificate"])]
+        if stage.get("choice") is not None:
+            words.append(f"alternative {stage['choice'] + 1}")
+        held = ", ".join(item["id"] for item in stage["after"]["attached"])
+        if held:
+            words.append(f"the robot holds {held}")
+        yield "; ".join(words) + "."
+
+
+def _tour_sentences(answer: Mapping[str, Any], parts: Sequence[Part]) -> Iterator[str]:
+    legs = answer["legs"]
+    proved = sum(leg["certificate"]["verified"] for leg in legs)
+    yield f"{answer['time']:.3f} s; legs proved: {proved} of {len(legs)}."
+    yield f"Stays take {answer['dwell_time']:.3f} s of that."
+    if answer["gap"] is not None:
+        yield f"No order found could take more than {100.0 * answer['gap']:.1f} % less."
+    for one in answer["unvisited"]:
+        yield f"Goal {one['id']} is left out: {one['message']}."
+    for leg, part in zip(legs, parts, strict=True):
+        yield "; ".join([f"Leg {part.label}", *_proof(leg["certificate"])]) + "."
+
+
+def _proof(certificate: Mapping[str, Any]) -> Iterator[str]:
+    yield "proved" if certificate["verified"] else "not proved"
+    clearance, pair = certificate.get("min_clearance"), certificate.get("clearance_pair")
+    if clearance is not None:
+        between = f" between {pair[0]} and {pair[1]}" if pair else ""
+        yield f"clearance at least {1000.0 * clearance:.1f} mm{between}"
