@@ -33,7 +33,13 @@ from service.tasks.view_stages import (
 from service.translate import trajectories
 from service.translate.frames import first_configuration
 from service.translate.states import with_states
-from service.viewer.document import Configuration, motion_document, rejected, robot_document
+from service.viewer.document import (
+    Configuration,
+    configuration_documents,
+    motion_document,
+    rejected,
+    robot_document,
+)
 from service.viewer.page import page
 from service.viewer.words import certificate_sentences, problem_sentences
 from service.workers.task import task
@@ -128,9 +134,9 @@ def view(robot: Reference, scene: Reference | None, content: bytes) -> bytes | C
             "digest": whole.get("digest"),
             **robot_document(arm, place, shown.moved),
             "motion": motion,
-            "configurations": [
-                item._asdict() for item in shown.configurations[:_MAX_CONFIGURATIONS]
-            ],
+            "configurations": configuration_documents(
+                arm, place, shown.configurations[:_MAX_CONFIGURATIONS]
+            ),
             "sentences": [*problem_sentences(kept.problem), *shown.sentences]
             if kept.problem
             else shown.sentences,
@@ -245,8 +251,13 @@ def _of_task(kept: _Kept) -> _Shown:
     body = TaskRequest.model_validate(kept.request)
     cell = task_cell(kept.robot, kept.scene, body)
     stage, detail = kept.problem.get("stage"), str(kept.problem["detail"])
-    start = _end("start", task_start(kept.robot, body), detail if stage == "start" else None)
-    return _Shown(cell, None, [start], [], {})
+    shown = [_end("start", task_start(kept.robot, body), detail if stage == "start" else None)]
+    shown += [
+        _end(f"goal of stage {number}", item.goal.joints, None)
+        for number, item in enumerate(body.stages, 1)
+        if item.kind == "move" and item.goal is not None and item.goal.joints is not None
+    ]
+    return _Shown(cell, None, shown, [], {})
 
 
 def _of_tour(kept: _Kept) -> _Shown:

@@ -2,6 +2,7 @@
 
 import math
 import time
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -100,6 +101,31 @@ def clearance_at(
         times: The instants, shape (k,) [s].
     """
     return _clearances(FclWorld(robot, scene), motion, times)
+
+
+def nearest(
+    robot: RobotGeometry, scene: Scene, configurations: Sequence[Sequence[float]]
+) -> list[dict[str, Any] | None]:
+    """Distance, pair and, where they are known, points of the closest bodies in configurations.
+
+    Those that collide have a negative distance, by how deep. None where a configuration is of
+    another number of joints.
+
+    Args:
+        robot: The robot with what it holds.
+        scene: The obstacles.
+        configurations: Rows of n values [rad or m].
+    """
+    world, n = FclWorld(robot, scene), robot.chain.n
+    found: list[dict[str, Any] | None] = []
+    for q in configurations:
+        if len(q) != n:
+            found.append(None)
+            continue
+        row = world.nearest_points(q)
+        points = None if row.points is None else _rounded(row.points)
+        found.append({"distance": _finite(row.distance), "pair": row.pair, "points": points})
+    return found
 
 
 def _clearances(world: FclWorld, motion: Trajectory, times: Array) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from kinematics.trajectory import Trajectory
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Obstacle, Scene
 from service.viewer.bodies import bodies, body_document
-from service.viewer.curves import clearance_curve, tool_speed_curve, torque_curve
+from service.viewer.curves import clearance_curve, nearest, tool_speed_curve, torque_curve
 
 #: Two bodies in a sentence: 'hand' and 'table' overlap.
 _PAIR = re.compile(r"'([^']+)' and '([^']+)'")
@@ -77,6 +77,29 @@ def rejected(label: str, joints: Sequence[float], reason: str) -> Configuration:
     cause = "limits" if "outside" in reason else "collision" if pair else "other"
     names = None if pair is None else pair.groups()
     return Configuration(label, joints, "rejected", reason, names, cause)
+
+
+def configuration_documents(
+    robot: RobotGeometry, scene: Scene, items: Sequence[Configuration]
+) -> list[dict[str, Any]]:
+    """Configurations as JSON, each with its closest pair; what was asked for may collide.
+
+    Args:
+        robot: The robot with what it holds.
+        scene: The obstacles.
+        items: The configurations.
+    """
+    found = nearest(robot, scene, [item.joints for item in items])
+    return [_with_pair(item, near) for item, near in zip(items, found, strict=True)]
+
+
+def _with_pair(item: Configuration, near: dict[str, Any] | None) -> dict[str, Any]:
+    if near is None or near["pair"] is None or near["distance"] is None:
+        return item._asdict() | {"near": None}
+    first, second = near["pair"]
+    if item.verdict == "asked" and near["distance"] < 0.0:
+        item = rejected(item.label, item.joints, f"'{first}' and '{second}' collide")
+    return item._asdict() | {"pair": item.pair or near["pair"], "near": near}
 
 
 def robot_document(

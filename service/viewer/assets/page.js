@@ -10,14 +10,14 @@ const VERDICTS = {
 };
 const arm = new Arm(data);
 const motion = data.motion ? new Motion(data.motion) : null;
-const state = { time: 0, playing: false, speed: 1, shown: { ghosts: false, path: true, nearest: true, others: true, obstacles: true }, chosen: 0, changed: true };
+const state = { time: 0, playing: false, speed: 1, shown: { ghosts: false, path: true, nearest: true, others: true, obstacles: true, labels: true }, chosen: 0, changed: true };
 const view = new View(byId("view"), data);
 const plot = new Plot(byId("plot"), byId("legend"));
 const curves = motion ? curvesOf(data, motion) : [];
 const stages = data.stages || [], fingers = data.fingers || {};
 const path = motion ? Array.from({ length: PATH_POINTS }, (_, i) => Matrix.origin(arm.tip(motion.at((motion.duration * i) / (PATH_POINTS - 1))))) : [];
 const ghosts = motion ? Array.from({ length: GHOSTS }, (_, i) => motion.duration * i / (GHOSTS - 1)).map((time) => placed(arm.frames(motion.at(time)), time)) : [];
-const singles = data.configurations.map((item) => arm.frames(item.joints));
+const singles = data.configurations.map((item) => arm.frames(item.joints)), tips = data.configurations.map((item) => arm.tip(item.joints));
 const rest = arm.frames(data.joints.map(() => 0));
 
 function nearestAt(time) {
@@ -46,7 +46,7 @@ function stageAt(time) { return stages.filter((item) => item.begins <= time + 1e
 function draw() {
   const shown = state.shown, item = data.configurations[state.chosen];
   const frames = motion ? placed(arm.frames(motion.at(state.time)), state.time) : singles[state.chosen] || rest;
-  const near = motion && shown.nearest ? nearestAt(state.time) : null;
+  const near = motion ? (shown.nearest ? nearestAt(state.time) : null) : item ? item.near : null;
   const pair = motion ? (near && near.pair) || [] : (item && item.pair) || [];
   view.begin();
   const color = (body) => (pair.includes(body.name) ? CLOSE : body.kind === "obstacle" ? OBSTACLE : body.kind === "held" || body.kind === "moved" ? HELD : !motion && item ? mixed(VERDICTS[item.cause || item.verdict][0]) : LINK);
@@ -61,8 +61,24 @@ function draw() {
   });
   view.lines([[0, 0, 0], [0.15, 0, 0], [0, 0, 0], [0, 0.15, 0], [0, 0, 0], [0, 0, 0.15]], [0.2, 0.2, 0.2], true);
   if (motion) plot.draw(state.time, motion.duration);
+  if (shown.labels) label(frames, pair); else byId("labels").replaceChildren();
   tell(near, item);
 }
+// Names of the closest pair, and the numbers of the configurations at their tips: the list has them too.
+function label(frames, pair) {
+  const texts = view.bodies.filter((body) => pair.includes(body.name)).map((body) => [view.middle(body, frames), body.name]);
+  if (!motion) data.configurations.forEach((item, i) => {
+    if (i === state.chosen || state.shown.others) texts.push([Matrix.origin(tips[i]), `${sign(item)[0]} ${i + 1}`, i === state.chosen]);
+  });
+  byId("labels").replaceChildren(...texts.flatMap(([point, text, chosen]) => {
+    const at = view.project(point);
+    if (!at || at.some((v) => v < 0 || v > 1)) return [];
+    const made = Object.assign(document.createElement("span"), { textContent: text, className: chosen ? "chosen" : "" });
+    made.style.left = `${100 * at[0]}%`; made.style.top = `${100 * at[1]}%`;
+    return [made];
+  }));
+}
+function sign(item) { return VERDICTS[item.cause || item.verdict][1]; }
 function mixed(color) { return color.map((v, i) => 0.5 * v + 0.5 * LINK[i]); }
 function tell(near, item) {
   const q = motion ? motion.at(state.time) : item ? item.joints : null;
@@ -73,7 +89,7 @@ function tell(near, item) {
     rows.unshift(["stage", stage.label]);
     byId("list").querySelectorAll("button").forEach((button, k) => (stages[k] === stage ? button.setAttribute("aria-current", "step") : button.removeAttribute("aria-current")));
   }
-  if (near) rows.push(["clearance", `${(1000 * near.distance).toFixed(1)} mm${near.pair ? `, ${near.pair.join(" and ")}` : ""}`]);
+  if (near) rows.push([near.distance < 0 ? "overlap" : "clearance", `${Math.abs(1000 * near.distance).toFixed(1)} mm${near.pair ? `, ${near.pair.join(" and ")}` : ""}`]);
   byId("now").replaceChildren(table(rows));
   if (!motion) return;
   byId("clock").textContent = `${state.time.toFixed(3)} of ${motion.duration.toFixed(3)} s`;
@@ -123,7 +139,7 @@ function fill() {
   byId("words").replaceChildren(...data.sentences.map((text) => Object.assign(document.createElement("li"), { textContent: text })));
   if (data.simplified.length) byId("words").append(Object.assign(document.createElement("li"), { textContent: `Drawn by their hulls or thinned out: ${data.simplified.join(", ")}.` }));
   byId("request").textContent = JSON.stringify(data.request, null, 1);
-  addSwitch("obstacles", "obstacles");
+  addSwitch("obstacles", "obstacles"); addSwitch("labels", "names in the view");
   if (motion) {
     addSwitch("path", "path of the tool"); addSwitch("ghosts", `${GHOSTS} configurations on the way`); addSwitch("nearest", "closest pair (striped)");
     curves.forEach((curve, i) => byId("curve").append(new Option(`${curve.name} [${curve.unit}]`, String(i))));
@@ -141,7 +157,7 @@ function fill() {
     data.configurations.forEach((item, i) => {
       const button = document.createElement("button");
       button.type = "button"; button.setAttribute("aria-pressed", "false");
-      button.textContent = `${VERDICTS[item.cause || item.verdict][1]}: ${item.label}${item.reason ? `. ${item.reason}` : ""}`;
+      button.textContent = `${i + 1}. ${sign(item)}: ${item.label}${item.reason ? `. ${item.reason}` : ""}`;
       button.addEventListener("click", () => choose(i));
       byId("list").append(button);
     });
@@ -173,9 +189,7 @@ function frameAll() {
   const frames = motion ? placed(arm.frames(motion.at(0)), 0) : singles[state.chosen] || rest;
   for (const body of view.bodies) {
     if (body.kind === "obstacle" && Math.max(...minus(body.high, body.low)) > 2.5) continue;
-    const T = frameOf(body, frames), middle = times(plus(body.low, body.high), 0.5);
-    const radius = 0.5 * Math.sqrt(dot(minus(body.high, body.low), minus(body.high, body.low)));
-    const center = [0, 1, 2].map((i) => T[i] * middle[0] + T[4 + i] * middle[1] + T[8 + i] * middle[2] + T[12 + i]);
+    const center = view.middle(body, frames), radius = 0.5 * Math.sqrt(dot(minus(body.high, body.low), minus(body.high, body.low)));
     low = low.map((v, i) => Math.min(v, center[i] - radius));
     high = high.map((v, i) => Math.max(v, center[i] + radius));
   }

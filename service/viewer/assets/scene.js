@@ -104,6 +104,17 @@ class View {
     const eye = plus(this.target, times(away, this.distance));
     const camera = Matrix.multiply(Matrix.perspective(0.8, width / Math.max(height, 1), 0.02, 100), Matrix.lookAt(eye, this.target, [0, 0, 1]));
     gl.uniformMatrix4fv(this.at.camera, false, camera);
+    this.camera = camera;
+  }
+  // Where a point is seen, as shares of width and height; null behind the camera.
+  project(point) {
+    const row = (i) => this.camera[i] * point[0] + this.camera[4 + i] * point[1] + this.camera[8 + i] * point[2] + this.camera[12 + i];
+    return row(3) > 0 ? [0.5 + row(0) / (2 * row(3)), 0.5 - row(1) / (2 * row(3))] : null;
+  }
+  // The middle of a body where the frames are.
+  middle(body, frames) {
+    const T = frameOf(body, frames), p = times(plus(body.low, body.high), 0.5);
+    return [0, 1, 2].map((i) => T[i] * p[0] + T[4 + i] * p[1] + T[8 + i] * p[2] + T[12 + i]);
   }
   // Draw bodies where the frames of their joints are.
   draw(frames, { only, color, alpha = 1, striped = () => false }) {

@@ -122,8 +122,12 @@ def test_tasks_and_tours_without_an_answer_show_where_they_begin() -> None:
     refused = problem_of(plan_sequence, PANDA, inside)
     problem = {"title": "No", "code": refused.code, "detail": refused.message, "stage": "task"}
     data = document("POST /v1/tasks", PANDA, inside, problem=problem)
-    (start,) = data["configurations"]
+    start, goal = data["configurations"]
     assert (start["label"], start["joints"]) == ("start", HOME)
+    assert (goal["label"], goal["verdict"]) == ("goal of stage 1", "rejected")
+    assert start["cause"] == "collision"
+    assert "rock" in start["near"]["pair"]
+    assert start["near"]["distance"] < 0.0
     assert data["motion"] is None
     assert "panda_hand and rock" in " ".join(data["sentences"])
     body = {"robot": "planar_rr", "start": {"joints": [0.0, 0.0]},

@@ -174,14 +174,30 @@ def test_a_failure_shows_the_candidates_and_why(
     content = fetch(served.client, "/v1/plan", DETOUR | BLOCKED)
     page, _ = show(browser, content, tmp_path)
     shown = page.inner_text("#list")
-    assert "• asked for: start" in shown
-    assert "✗ collides: goal, IK solution 1" in shown
+    assert "1. • asked for: start" in shown
+    assert "2. ✗ collides: goal, IK solution 1" in shown
     assert "'post'" in shown
     assert "GOAL_IN_COLLISION" in page.inner_text("#words")
     chosen = document(content)["configurations"][1]
     assert chosen["cause"] == "collision"
     assert "post" in chosen["pair"]
+    assert chosen["near"]["distance"] < 0.0
     assert colours(page) > 20
+    labels = page.locator("#labels span").all_inner_texts()
+    assert set(chosen["pair"]) <= set(labels)
+    assert {"• 1", "✗ 2"} <= set(labels)
+    assert "overlap" in page.inner_text("#now")
+    # The label of the chosen configuration is where its tip is seen.
+    places = page.evaluate("""() => { const box = document.querySelector("#labels .chosen");
+        return [parseFloat(box.style.left), parseFloat(box.style.top),
+                ...view.project(Matrix.origin(tips[state.chosen])).map((v) => 100 * v)]; }""")
+    assert places[:2] == pytest.approx(places[2:], abs=0.01)
+    # Start and goal are free of each other: a line joins the nearest points.
+    page.locator("#list button").first.click()
+    wait(page, "!window.armwrightView.changed")
+    start = document(content)["configurations"][0]
+    assert start["near"]["distance"] > 0.0
+    assert f"{1000.0 * start['near']['distance']:.1f} mm" in page.inner_text("#now")
 
 
 def test_checks_and_inverse_kinematics_have_pages(
@@ -192,7 +208,7 @@ def test_checks_and_inverse_kinematics_have_pages(
     body = {"robot": "panda", "scene": place, "joints": [HOME, hit, [9.0, *HOME[1:]]]}
     page, _ = show(browser, fetch(served.client, "/v1/check", body), tmp_path)
     shown = page.inner_text("#list")
-    assert "✓ valid: configuration 1" in shown
+    assert "1. ✓ valid: configuration 1" in shown
     assert "✗ collides: configuration 2" in shown
     assert "⊘ outside limits: configuration 3" in shown
     solve = {"pose": {"position": [0.42, 0.28, 0.2], "rpy": [3.14, 0, 0]}, "all_solutions": True}
