@@ -4,6 +4,7 @@ import asyncio
 import logging
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from typing import TYPE_CHECKING
 
 from fastapi import FastAPI
 from starlette.concurrency import run_in_threadpool
@@ -46,10 +47,14 @@ from service.storage.recent import Recent
 from service.storage.store import Store, open_store
 from service.storage_watch import watch
 from service.tasks.result import RobotModel
+from service.tracing.extra import install_tracing, open_tracing
 from service.version import VERSION
 from service.workers.launch import Launched
 from service.workers.recycling import WorkerLimits
 from service.workers.supervisor import WorkerSupervisor
+
+if TYPE_CHECKING:
+    from service.tracing.tracer import Tracing
 
 #: Worker processes beyond those that were asked for: a worker that dies is replaced at once, and
 #: what takes a millisecond is answered while all others plan. It shares nearly all its memory.
@@ -84,7 +89,11 @@ _ROUTERS = (
 
 
 def create_app(
-    settings: Settings | None = None, launched: Launched | None = None, *, is_agent: bool = False
+    settings: Settings | None = None,
+    launched: Launched | None = None,
+    *,
+    is_agent: bool = False,
+    tracing: "Tracing | None" = None,
 ) -> FastAPI:
     """The service as an ASGI application.
 
@@ -95,8 +104,13 @@ def create_app(
         settings: Those of the environment if left out.
         launched: A fork server with `RECIPE` that was started already.
         is_agent: Whether it works on the jobs that a queue carries to agents.
+        tracing: Traces, in place of those that the settings ask for.
+
+    Raises:
+        TelemetryMissing: The settings ask for traces, and the extra `telemetry` is not installed.
     """
     chosen = settings or Settings()
+    tracing = tracing or open_tracing(chosen.traces)
     logging.getLogger("service").setLevel(chosen.log_level.upper())
 
     @asynccontextmanager
@@ -116,6 +130,7 @@ def create_app(
             ),
         )
         app.state.supervisor = supervisor
+        supervisor.watcher = None if tracing is None else tracing.watch
         app.state.admission = Admission(supervisor, chosen)
         app.state.jobs = _jobs(app, chosen, is_agent)
         await supervisor.start()
@@ -132,6 +147,8 @@ def create_app(
             await app.state.jobs.stop()
             await supervisor.stop()
             await run_in_threadpool(app.state.store.close)
+            if tracing is not None:
+                await run_in_threadpool(tracing.close)
 
     app = FastAPI(
         # Generators name their packages by it; armwright_client is ours.
@@ -143,6 +160,8 @@ def create_app(
         redirect_slashes=False,
         docs_url=None,
         redoc_url=None,
+        # `service.tracing` makes the spans; the framework adds none.
+        telemetry={"tracing": False, "metrics": False, "logs": False, "auto_configure": False},
         generate_unique_id_function=lambda route: route.name,
     )
     app.state.settings = chosen
@@ -152,6 +171,8 @@ def create_app(
     app.router.route_class = JsonRoute
     app.state.swagger = pages.swagger_folder()
     middleware.install(app, chosen, app.state.metrics)
+    if tracing is not None:
+        install_tracing(app, tracing)
     handlers.install(app)
     openapi.install(app)
     for router in _ROUTERS:

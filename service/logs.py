@@ -16,8 +16,10 @@ request_id: ContextVar[str | None] = ContextVar("request_id", default=None)
 job_id: ContextVar[str | None] = ContextVar("job_id", default=None)
 #: Id of the key that its caller has shown.
 key_id: ContextVar[str | None] = ContextVar("key_id", default=None)
+#: Id of the trace that it is part of, where there are traces.
+trace_id: ContextVar[str | None] = ContextVar("trace_id", default=None)
 
-_IDS = {"request": request_id, "job": job_id, "key": key_id}
+_IDS = {"request": request_id, "job": job_id, "key": key_id, "trace": trace_id}
 #: Ids of callers that are taken over: what would be dangerous in a log is not in them.
 _SAFE_ID = re.compile(r"[A-Za-z0-9_.\-]{1,64}")
 #: Records of one kind that are written in a period, and the period [s]: a fault that happens with

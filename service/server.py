@@ -24,6 +24,7 @@ from service.jobs.engine import require_engine
 from service.settings import Settings
 from service.storage.database import StoreError
 from service.storage.store import open_store
+from service.tracing.extra import TelemetryMissing, require_telemetry
 from service.workers.launch import Launched
 
 #: After SIGTERM requests may go on for this long, then they are told that the service ends [s].
@@ -68,6 +69,7 @@ def serve(
         settings = Settings(**options)
         if is_agent or settings.jobs != "server":
             require_engine(settings.storage_url)
+        require_telemetry(settings.traces)
         # Storage that can't be used is reported here in a sentence, not by the framework.
         store = open_store(settings.storage_url, exclusive=True)
         try:
@@ -85,7 +87,7 @@ def serve(
             )
     except ValidationError as error:
         return _refuse("; ".join(f"{_name(e['loc'])}: {e['msg']}" for e in error.errors()))
-    except StoreError as error:
+    except (StoreError, TelemetryMissing) as error:
         return _refuse(str(error))
     except OSError as error:
         return _refuse(f"can't listen on {settings.host} port {settings.port}: {error}")

@@ -102,6 +102,11 @@ class Settings(BaseSettings):
     )
     public_health: bool = Field(True, description="whether health is told without an API key")
     public_metrics: bool = Field(False, description="whether metrics are told without an API key")
+    traces: Annotated[str, StringConstraints(pattern=r"^https?://[^/\s]+")] | None = Field(
+        None,
+        description="collector of traces, OTLP over HTTP, such as http://localhost:4318; none are "
+        "written if left out",
+    )
     log_format: Literal["text", "json"] = Field("text", description="lines for people or JSON")
     log_requests: bool = Field(False, description="whether each request has a line in the log")
     log_level: Literal["debug", "info", "warning", "error"] = Field(

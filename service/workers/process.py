@@ -13,6 +13,7 @@ from service.workers import framing
 from service.workers.fork_client import WorkerProcess
 from service.workers.main import HEADER
 from service.workers.task import Job
+from service.workers.watch import Watch
 
 _log = logging.getLogger(__name__)
 
@@ -56,6 +57,7 @@ class Ticket:
         client: Whom it is for: clients take turns.
         has_share: Whether it runs as part of the share of background jobs, and gives way to nobody.
         causes: How the workers died that it was given to.
+        watch: Follows it, where somebody looks.
         begun: When it was accepted or a worker received it, on the clock of `time.monotonic` [s].
     """
 
@@ -74,12 +76,35 @@ class Ticket:
     client: str = ""
     has_share: bool = False
     causes: list[str] = field(default_factory=list)
+    watch: Watch | None = None
     begun: float = field(default_factory=time.monotonic)
 
     @property
     def ends_at(self) -> float:
         """Instant at which the ticket has overrun, on the clock of `time.monotonic` [s]."""
         return self.deadline.at + self.job.grace
+
+    @property
+    def wants_progress(self) -> bool:
+        """Whether the task is to report its progress."""
+        return self.on_progress is not None or self.watch is not None
+
+    @property
+    def outcome(self) -> str:
+        """The end that it has come to: "finished", "cancelled", or the code of the problem."""
+        if not self.result.done() or self.result.cancelled():
+            return "cancelled"
+        fault = self.result.exception()
+        return "finished" if fault is None else str(getattr(fault, "code", "CRASH"))
+
+    def note_progress(self, share: float, stage: str) -> None:
+        """Pass on what the task has reported."""
+        if self.result.done():
+            return
+        if self.watch is not None:
+            self.watch.reaches(stage)
+        if self.on_progress is not None:
+            self.on_progress(share, stage)
 
     def settle(self, outcome: Any) -> None:
         """Give the caller a result, or an exception, unless there was one already."""
@@ -133,7 +158,7 @@ class Worker(asyncio.Protocol):
     def send(self, ticket: Ticket) -> None:
         """Send a job."""
         assert self._transport is not None
-        header = HEADER.pack(ticket.deadline.at, ticket.on_progress is not None)
+        header = HEADER.pack(ticket.deadline.at, ticket.wants_progress)
         # The payload may be tens of megabytes: it is not copied behind its header.
         self._transport.write(framing.prefix(header, ticket.payload) + header)
         self._transport.write(ticket.payload)

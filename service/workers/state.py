@@ -11,6 +11,7 @@ from service.workers.faults import QueueFull
 from service.workers.load import BackgroundShare, Durations
 from service.workers.pool import Progress, WorkerPool
 from service.workers.process import Ticket, Worker
+from service.workers.watch import Watcher
 
 #: Waits are taken for so many times what durations tell: a job that is begun in vain costs more
 #: than one that is refused.
@@ -46,6 +47,7 @@ class SupervisorState:
         self.counters = Counters()
         self.durations = Durations()
         self.coming = ComingRequests()
+        self.watcher: Watcher | None = None
         self._count = count
         self._queue_limit = queue_limit
         self._brief: deque[Ticket] = deque()

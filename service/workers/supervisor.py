@@ -147,6 +147,8 @@ class WorkerSupervisor(SupervisorState):
         ticket = Ticket(
             job, job.deadline, payload, future, on_progress, background, brief, client=client
         )
+        if self.watcher is not None:
+            ticket.watch = self.watcher(job.task)
         self._set_timer(ticket, ticket.ends_at)
         self._queue(ticket).append(ticket)
         self._dispatch()
@@ -252,6 +254,8 @@ class WorkerSupervisor(SupervisorState):
     def _put_back(self, ticket: Ticket) -> None:
         """Have a job wait once more, in front of all others of its kind."""
         ticket.worker, ticket.arrived, ticket.has_share = None, False, False
+        if ticket.watch is not None:
+            ticket.watch.waits()
         if ticket.background is not None:
             self._set_timer(ticket, math.inf)
         self._queue(ticket).appendleft(ticket)
@@ -284,6 +288,8 @@ class WorkerSupervisor(SupervisorState):
             ticket.timer.cancel()
         if ticket.result.cancelled():
             self.counters.cancelled += 1
+        if ticket.watch is not None:
+            ticket.watch.ends(ticket.outcome)
         self._release(ticket)
 
     def _release(self, ticket: Ticket) -> None:
@@ -341,11 +347,12 @@ class WorkerSupervisor(SupervisorState):
             return
         if kind == Reply.STARTED:
             ticket.arrived, ticket.begun = True, time.monotonic()
+            if ticket.watch is not None:
+                ticket.watch.begins()
             if ticket.background is not None:
                 ticket.background.on_start()
         elif kind == Reply.PROGRESS:
-            if ticket.on_progress is not None and not ticket.result.done():
-                ticket.on_progress(*values)
+            ticket.note_progress(*values)
         else:
             worker.ticket = None
             worker.jobs += 1

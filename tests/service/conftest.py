@@ -5,10 +5,12 @@ from pathlib import Path
 import httpx
 import pytest
 from fastapi import FastAPI
+from opentelemetry.sdk.trace.export.in_memory_span_exporter import InMemorySpanExporter
 
 from service.app import create_app
 from service.recipe import RECIPE
 from service.settings import Settings
+from service.tracing.tracer import Tracing
 from service.workers.supervisor import WorkerSupervisor
 from tests.service.http.exchange import LIMIT, add_mishaps
 from tests.service.kernel_store import frozen_kernels
@@ -53,8 +55,14 @@ def client(served: Served) -> httpx.Client:
 
 
 @pytest.fixture(scope="session")
-def faulty_app(tmp_path_factory: pytest.TempPathFactory) -> FastAPI:
-    """An application with one worker, small bodies, and paths that fail in every way."""
+def spans() -> InMemorySpanExporter:
+    """The spans of the application with paths that fail."""
+    return InMemorySpanExporter()
+
+
+@pytest.fixture(scope="session")
+def faulty_app(tmp_path_factory: pytest.TempPathFactory, spans: InMemorySpanExporter) -> FastAPI:
+    """An application with one worker, small bodies, traces, and paths that fail in every way."""
     settings = Settings(
         data_dir=tmp_path_factory.mktemp("faulty"),
         workers=1,
@@ -62,7 +70,7 @@ def faulty_app(tmp_path_factory: pytest.TempPathFactory) -> FastAPI:
         max_body_size=LIMIT,
         body_timeout=0.5,
     )
-    app = create_app(settings)
+    app = create_app(settings, tracing=Tracing(spans, at_once=True))
     add_mishaps(app)
     return app
 

@@ -144,6 +144,54 @@ def test_a_job_whose_worker_is_killed_gets_a_second_attempt() -> None:
     asyncio.run(run())
 
 
+class Notes:
+    """A watch that writes down what it is told."""
+
+    def __init__(self) -> None:
+        self.told: list[str] = []
+
+    def waits(self) -> None:
+        self.told.append("waits")
+
+    def begins(self) -> None:
+        self.told.append("begins")
+
+    def reaches(self, stage: str) -> None:
+        self.told.append(stage)
+
+    def ends(self, outcome: str) -> None:
+        self.told.append(outcome)
+
+
+def test_a_watch_is_told_of_the_whole_way_of_a_job() -> None:
+    notes: dict[str, Notes] = {}
+
+    def watch(task: str) -> Notes:
+        return notes.setdefault(task.rpartition(":")[2], Notes())
+
+    async def run() -> None:
+        async with supervisor(1) as workers:
+            workers.watcher = watch
+            await workers.submit(chore("advance"))
+            nap = asyncio.ensure_future(workers.submit(chore("nap", 0.2), background=background()))
+            await working(workers, 1)
+            os.kill(workers.busy_pids[0], signal.SIGKILL)
+            await nap
+            waiting = asyncio.ensure_future(workers.submit(chore("echo", 1)))
+            await asyncio.sleep(0)
+            waiting.cancel()
+            with pytest.raises(WorkerCrashed):
+                await workers.submit(chore("die"))
+
+    asyncio.run(run())
+    steps = ["step_0", "step_1", "step_2", "step_3"]
+    assert notes["advance"].told == ["begins", *steps, "finished"]
+    assert [word for word in notes["nap"].told if word != "begins"] == ["waits", "finished"]
+    assert notes["nap"].told[-2:] == ["begins", "finished"]
+    assert notes["echo"].told[-1] == "cancelled"
+    assert notes["die"].told == ["begins", "CRASH"]
+
+
 def test_a_stopped_worker_has_no_grace() -> None:
     async def run() -> None:
         async with supervisor(1) as workers:

@@ -1,0 +1,90 @@
+"""Spans by OpenTelemetry, and where they are sent."""
+
+import threading
+from collections import OrderedDict
+
+from opentelemetry.context import Context
+from opentelemetry.exporter.otlp.proto.http.trace_exporter import OTLPSpanExporter
+from opentelemetry.sdk.resources import Resource
+from opentelemetry.sdk.trace import SpanLimits, TracerProvider
+from opentelemetry.sdk.trace.export import (
+    BatchSpanProcessor,
+    SimpleSpanProcessor,
+    SpanExporter,
+)
+from opentelemetry.trace import Span, SpanContext, get_current_span
+
+from service.tracing.job_trace import JobTrace
+from service.version import VERSION
+
+#: Longest time in which a collector must take what it is sent, retries included [s].
+_EXPORT_TIMEOUT = 2.0
+#: Longest wait for the last spans when the service ends [s].
+_CLOSING_TIME = 2.0
+#: Text beyond this is cut: paths are whatever somebody typed.
+_ATTRIBUTE_LENGTH = 256
+#: Jobs of which it is known which request they were made by.
+_JOBS = 4096
+
+
+class Tracing:
+    """The traces of one application.
+
+    The variables ``OTEL_*`` of the environment hold too: the sampler, the name of the service,
+    headers for the collector.
+
+    Args:
+        exporter: Takes the spans.
+        at_once: Whether it is given each span as it ends, in place of batches by a thread.
+    """
+
+    def __init__(self, exporter: SpanExporter, *, at_once: bool = False) -> None:
+        resource = Resource.create({"service.version": VERSION})
+        if str(resource.attributes["service.name"]).startswith("unknown_service"):
+            resource = resource.merge(Resource({"service.name": "armwright"}))
+        limits = SpanLimits(max_attribute_length=_ATTRIBUTE_LENGTH)
+        self._provider = TracerProvider(
+            resource=resource, span_limits=limits, shutdown_on_exit=False
+        )
+        processor = SimpleSpanProcessor(exporter) if at_once else BatchSpanProcessor(exporter)
+        self._provider.add_span_processor(processor)
+        self.tracer = self._provider.get_tracer("armwright", VERSION)
+        self._requests: OrderedDict[str, SpanContext] = OrderedDict()
+
+    def watch(self, task: str) -> JobTrace | None:
+        """The trace of a job that begins to wait, part of the request that is being answered."""
+        request = get_current_span()
+        if request.get_span_context().is_valid and not request.is_recording():
+            return None
+        return JobTrace(self.tracer, task)
+
+    def note_job(self, job_id: str, request: Span) -> None:
+        """Note which request a job was made by."""
+        self._requests[job_id] = request.get_span_context()
+        while len(self._requests) > _JOBS:
+            self._requests.popitem(last=False)
+
+    def link_job(self, job_id: str, span: Span) -> None:
+        """Link the span of a job with that of the request that it was made by, if it is known."""
+        request = self._requests.pop(job_id, None)
+        if request is not None:
+            span.add_link(request)
+
+    def close(self, longest: float = _CLOSING_TIME) -> None:
+        """Send what there is and end.
+
+        Args:
+            longest: Time that a collector has which does not answer [s].
+        """
+        closing = threading.Thread(target=self._provider.shutdown, daemon=True)
+        closing.start()
+        closing.join(longest)
+
+
+def http_exporter(url: str) -> SpanExporter:
+    """An exporter to a collector that speaks OTLP over HTTP."""
+    return OTLPSpanExporter(url, timeout=_EXPORT_TIMEOUT)
+
+
+#: The context of what belongs to no request.
+NO_CONTEXT = Context()
