@@ -1,12 +1,15 @@
 """Reasons why a seam can't be followed: where, by how much, and which tolerance would help."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.ik import numeric
 from kinematics.jacobian import geometric
@@ -62,18 +65,20 @@ class _Reason:
     details: dict[str, Any]
 
 
-def explain_search(search: SeamSearch, graph: SeamGraph) -> Failure:
+def explain_search(search: SeamSearch, graphs: Sequence[SeamGraph]) -> Failure:
     """Reason why the layers of a seam have no continuous way that is free.
 
     Args:
         search: That found none.
-        graph: What it knows of the layers.
+        graphs: What it knows of the layers, look by look; the one that comes farthest tells.
     """
     if search.deadline.passed:
         return Failure("TIMED_OUT", "time was up before a way along the seam was found",
                        _HINTS["time"], _NAME)  # fmt: skip
-    search.check_all(graph)
-    search.solve(graph)
+    for one in graphs:
+        search.check_all(one)
+        search.solve(one)
+    graph = max(graphs, key=lambda one: int(one.layers[max(_first_unreached(one) - 1, 0)]))
     places, layers = search.places, graph.layers
     failing = _first_unreached(graph)
     reason = _reason(search, graph, failing)
@@ -136,19 +141,41 @@ def _reason(search: SeamSearch, graph: SeamGraph, layer: int) -> _Reason:
     mine = np.arange(firsts[layer], firsts[layer + 1])
     if not mine.size:
         return _out_of_reach(search, graph, layer)
-    if np.isfinite(graph.costs[mine]).any():
-        return _discontinuous(search, graph, layer)
     colliding = mine[graph.collided[mine]]
+    if np.isfinite(graph.costs[mine]).any():
+        met = _met_on_the_way(search, graph, mine)
+        if not len(met):
+            return _discontinuous(search, graph, layer)
+        return _collision(search, met, "all ways there collide")
     if not colliding.size:
         return _Reason("limit", "all configurations there are at a joint limit", {})
+    return _collision(search, graph.nodes.joints[colliding], "all configurations collide")
+
+
+def _met_on_the_way(search: SeamSearch, graph: SeamGraph, mine: NDArray[np.int64]) -> Array:
+    """Colliding configurations without which there would be a way to a layer, shape (k, n)."""
+    joints, free = graph.nodes.joints, search.without_collisions(graph)
+    reached = mine[np.isfinite(free.best[mine]) & (free.origin[mine] == 0)]
+    if not reached.size:
+        return np.empty((0, joints.shape[1]))
+    colliding = reached[graph.collided[reached]]
+    if colliding.size:
+        return np.asarray(joints[colliding])
+    way = free.way_to(int(reached[np.argmin(free.best[reached])]))
+    hits = [graph.hits[step] for step in pairwise(way) if step in graph.hits]
+    return np.array([joints[node] for node in way if graph.collided[node]] + hits)
+
+
+def _collision(search: SeamSearch, colliding: Array, words: str) -> _Reason:
+    """The least deep of some collisions, of configurations (k, n)."""
     best, pair = -np.inf, ("", "")
-    for node in colliding[:: max(1, len(colliding) // _MAX_DEPTHS)]:
-        near = search.checker.gradient(graph.nodes.joints[node], 0.0)
+    for q in colliding[:: max(1, len(colliding) // _MAX_DEPTHS)]:
+        near = search.checker.gradient(q, 0.0)
         if near.distances.size and near.distances.min() > best:
             best = float(near.distances.min())
             pair = search.checker.model.pair_name(int(near.pairs[np.argmin(near.distances)]))
     depth = -best if np.isfinite(best) else 0.0
-    text = f"all configurations collide, at best {pair[0]!r} with {pair[1]!r} by {depth:.4g} m"
+    text = f"{words}, at best {pair[0]!r} with {pair[1]!r} by {depth:.4g} m"
     return _Reason("collision", text, {"pair": list(pair), "depth": depth})
 
 

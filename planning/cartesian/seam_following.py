@@ -23,11 +23,16 @@ from planning.timing.path import JointPath
 from planning.tool_path import Tolerances, ToolSegment
 
 #: Rounds of smoothing and projection.
-_REFINEMENTS = 12
-#: Weight of the squared joint rates beside the squared change, in units of squared places.
-_STIFFNESS = 20.0
-#: A round that calms the way by less than this part was the last.
+_REFINEMENTS = 24
+#: Weight of the squared joint rates beside the squared change, in units of squared places: at
+#: first, by what it falls after a round that can't be used, and the least that is tried.
+_STIFFNESS = 1280.0
+_SOFTER = 0.25
+_LEAST_STIFFNESS = 5.0
+#: A round that calms the way by less than this part can't be used.
 _LEAST_GAIN = 0.01
+#: Part of half of a joint's range that calmer ways keep free at either end, where there is room.
+_ROOM = 0.1
 #: Errors that a projection may leave [m], [rad].
 _REACHED = 1e-6
 #: Looks at each piece of a spline.
@@ -57,19 +62,18 @@ def refine(search: SeamSearch, joints: Array) -> Array:
         Shape (k, n), free of collision at all places; the way itself where nothing is gained.
     """
     best, roughness = joints, _roughness(joints)
+    stiffness = _STIFFNESS
     for _ in range(_REFINEMENTS):
-        if search.deadline.passed:
+        if search.deadline.passed or stiffness < _LEAST_STIFFNESS:
             break
-        calmer = _smooth(best)
-        errors = search.project(calmer)
-        if errors.max() > _REACHED:
-            break
+        calmer = _smooth(best, stiffness)
+        is_reached = search.project(calmer, _ROOM).max() <= _REACHED
         rough = _roughness(calmer)
-        if rough > (1.0 - _LEAST_GAIN) * roughness:
-            break
-        if not all(search.checker.valid(q) for q in calmer):
-            break
-        best, roughness = calmer, rough
+        is_calmer = rough <= (1.0 - _LEAST_GAIN) * roughness
+        if is_reached and is_calmer and all(search.checker.valid(q) for q in calmer):
+            best, roughness = calmer, rough
+        else:
+            stiffness *= _SOFTER
     return best
 
 
@@ -79,13 +83,13 @@ def _roughness(joints: Array) -> float:
     return float((steps**2).sum() + (np.diff(steps, axis=0) ** 2).sum())
 
 
-def _smooth(joints: Array) -> Array:
-    """The way x of the least |x - q|^2 + stiffness sum |x_(k+1) - x_k|^2, its start kept."""
+def _smooth(joints: Array, stiffness: float) -> Array:
+    """The way x of the least |x - q|^2 + stiffness sum |x_(k+1) - x_k|^2."""
     k = len(joints)
     bands = np.zeros((2, k))
-    bands[0, 1:] = -_STIFFNESS
-    bands[1] = 1.0 + 2.0 * _STIFFNESS
-    bands[1, 0] = bands[1, -1] = 1.0 + _STIFFNESS
+    bands[0, 1:] = -stiffness
+    bands[1] = 1.0 + 2.0 * stiffness
+    bands[1, 0] = bands[1, -1] = 1.0 + stiffness
     return np.ascontiguousarray(solveh_banded(bands, joints))
 
 

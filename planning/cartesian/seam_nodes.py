@@ -25,14 +25,8 @@ _ANGLE = math.radians(15.0)
 _WIDE = 4e-3
 #: Samples of a free turn of an arm with a parameter of its own.
 _FEW_TURNS = 12
-#: Values of a redundant arm's parameter.
-_PARAMETERS = 12
 #: Values of a joint that carries the arm, such as a rail.
 _CARRIER_VALUES = 7
-#: Parameters of an arm that is carried.
-_FEW_PARAMETERS = 5
-#: Configurations of one place that the search looks at, at most.
-_MAX_NODES = 250
 #: Rounds of the numeric search for arms without a closed form.
 _ROUNDS = 4
 #: Starts of the numeric search in each.
@@ -40,6 +34,26 @@ _STARTS = 20
 _FULL_TURN = 2.0 * math.pi
 #: Range of a joint from which on its turns are chosen at the end of the search [rad].
 TWO_TURNS = 4.0 * math.pi - 1.0
+
+
+class Density(NamedTuple):
+    """Density of the configurations that are looked at.
+
+    Args:
+        most: Configurations of one place at most.
+        parameters: Values of a redundant arm's parameter.
+        carried: Values of that of an arm that is carried.
+    """
+
+    most: int
+    parameters: int
+    carried: int
+
+
+#: Few configurations, for the first look.
+COARSE = Density(250, 12, 5)
+#: More of them, for seams on which few of them are free or are not far enough apart.
+DENSE = Density(1000, 24, 5)
 
 
 class Nodes(NamedTuple):
@@ -94,7 +108,13 @@ def _values(tolerance: ToolTolerance, column: int, step: float, few: bool) -> Ar
     return np.linspace(low, high, count | 1)
 
 
-def nodes(chain: Chain, places: SeamPlaces, layers: NDArray[np.int64], seed: Array) -> Nodes:
+def nodes(
+    chain: Chain,
+    places: SeamPlaces,
+    layers: NDArray[np.int64],
+    seed: Array,
+    density: Density = COARSE,
+) -> Nodes:
     """Configurations inside the limits at some places of a seam.
 
     Args:
@@ -102,6 +122,7 @@ def nodes(chain: Chain, places: SeamPlaces, layers: NDArray[np.int64], seed: Arr
         places: Of the seam.
         layers: Indices of the places.
         seed: Where whole turns are to be near, shape (n,).
+        density: Of the configurations.
     """
     carried = _carried_arm(chain)
     is_redundant = chain.n > 6
@@ -117,16 +138,16 @@ def nodes(chain: Chain, places: SeamPlaces, layers: NDArray[np.int64], seed: Arr
         counts.append(len(grid))
     T = np.ascontiguousarray(np.concatenate(targets))
     if structure(chain) is not None:
-        joints, owner, missed = _closed_form(chain, T, seed, _PARAMETERS)
+        joints, owner, missed = _closed_form(chain, T, seed, density.parameters)
     elif carried is not None:
-        joints, owner, missed = _by_carrier(chain, carried, T, seed)
+        joints, owner, missed = _by_carrier(chain, carried, T, seed, density.carried)
     else:
         joints, owner, missed = _search(chain, T, seed)
     joints, owner = _with_turns(chain, joints, owner)
     layer = np.repeat(np.arange(len(layers)), counts)
     outside = np.zeros(len(layers), dtype=np.bool_)
     outside[layer[missed]] = True
-    return _sorted(joints, layer[owner], len(layers), outside)
+    return _sorted(joints, layer[owner], outside, density.most)
 
 
 def _with_turns(
@@ -148,16 +169,16 @@ def _with_turns(
 
 
 def _sorted(
-    joints: Array, layer: NDArray[np.int64], count: int, outside: NDArray[np.bool_]
+    joints: Array, layer: NDArray[np.int64], outside: NDArray[np.bool_], most: int
 ) -> Nodes:
     """Configurations in the order of their layers, thinned out where there are too many."""
     order = np.argsort(layer, kind="stable")
     joints, layer = joints[order], layer[order]
     pieces, firsts = [], [0]
-    for k in range(count):
+    for k in range(len(outside)):
         mine = joints[np.searchsorted(layer, k) : np.searchsorted(layer, k, side="right")]
-        if len(mine) > _MAX_NODES:
-            mine = mine[np.linspace(0, len(mine) - 1, _MAX_NODES).astype(int)]
+        if len(mine) > most:
+            mine = mine[np.linspace(0, len(mine) - 1, most).astype(int)]
         pieces.append(mine)
         firsts.append(firsts[-1] + len(mine))
         outside[k] &= not len(mine)
@@ -213,7 +234,7 @@ def _carried_arm(chain: Chain) -> Chain | None:
 
 
 def _by_carrier(
-    chain: Chain, arm: Chain, T: Array, seed: Array
+    chain: Chain, arm: Chain, T: Array, seed: Array, parameters: int
 ) -> tuple[Array, NDArray[np.int64], NDArray[np.int64]]:
     """Configurations of a carried arm: the closed form at some values of the first joint."""
     low, high = chain.sampling_bounds()
@@ -222,7 +243,7 @@ def _by_carrier(
     for value in np.append(values, seed[0]):
         T_carrier = chain.offsets[0] @ _moved(chain, float(value))
         seen = np.ascontiguousarray(inverse(T_carrier) @ T)
-        joints, owner, miss = _closed_form(arm, seen, seed[1:], _FEW_PARAMETERS)
+        joints, owner, miss = _closed_form(arm, seen, seed[1:], parameters)
         all_joints.append(np.column_stack([np.full(len(joints), value), joints]))
         owners.append(owner)
         missed.append(miss)

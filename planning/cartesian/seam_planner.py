@@ -12,8 +12,9 @@ from kinematics.pose import transform
 from planning.cartesian.leading import free_part
 from planning.cartesian.seam_failure import explain_search, explain_stop
 from planning.cartesian.seam_following import refine, segments
+from planning.cartesian.seam_nodes import COARSE, DENSE, Density
 from planning.cartesian.seam_path import seam_places, seam_runs
-from planning.cartesian.seam_search import SeamSearch
+from planning.cartesian.seam_search import SeamJoints, SeamSearch
 from planning.cartesian.tool_following import follow
 from planning.options import CartesianOptions
 from planning.planner import Query
@@ -65,12 +66,7 @@ def plan_seam(query: Query, options: CartesianOptions, tolerances: Tolerances) -
     assert seam is not None
     places = seam_places(seam_runs(seam, options.blend))
     search = SeamSearch(query.checker, places, query.ready.start, seam.tool_speed, query.deadline)
-    found = search.run()
-    if found.joints is None and len(places.s) <= _ALL_PLACES and not query.deadline.passed:
-        found = search.run(every=True)
-    if found.joints is None:
-        return _failed(explain_search(search, found.graph))
-    followed = _follow(query, search, found.joints, tolerances)
+    found, followed = _search(query, search, tolerances)
     if isinstance(followed, Failure):
         return _failed(followed)
     ends = _approach_and_retreat(query, seam, followed, tolerances)
@@ -95,6 +91,31 @@ def plan_seam(query: Query, options: CartesianOptions, tolerances: Tolerances) -
         f"{len(found.graph.layers)} layers, {found.tries} way(s)."
     )
     return Attempt(path.waypoints, detail, tool_path=path)
+
+
+def _search(
+    query: Query, search: SeamSearch, tolerances: Tolerances
+) -> tuple[SeamJoints, tuple[ToolSegment, ...] | Failure]:
+    """A way along a seam with the joint paths of its runs: of few configurations, or of more."""
+    looks: list[tuple[bool, Density]] = [(False, COARSE), (False, DENSE)]
+    if len(search.places.s) <= _ALL_PLACES:
+        looks.append((True, COARSE))
+    unfound: list[SeamJoints] = []
+    failure: tuple[SeamJoints, Failure] | None = None
+    for every, density in looks:
+        if query.deadline.passed and (unfound or failure):
+            break
+        found = search.run(every, density)
+        if found.joints is None:
+            unfound.append(found)
+            continue
+        followed = _follow(query, search, found.joints, tolerances)
+        if not isinstance(followed, Failure):
+            return found, followed
+        failure = found, followed
+    if failure is not None:
+        return failure
+    return unfound[-1], explain_search(search, [found.graph for found in unfound])
 
 
 def _failed(failure: Failure) -> Attempt:

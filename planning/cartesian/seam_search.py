@@ -6,7 +6,7 @@ to the next layer, is taken out, and the search goes on.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +16,7 @@ from kinematics.arrays import Array
 from kinematics.chain import Chain, JointType
 from obstacles.checker import Checker
 from planning.cartesian.seam_kernels import Layers, Steps, Ways, layer_kernel, project_kernel
-from planning.cartesian.seam_nodes import TWO_TURNS, Nodes, nodes
+from planning.cartesian.seam_nodes import COARSE, TWO_TURNS, Density, Nodes, nodes
 from planning.cartesian.seam_path import SeamPlaces
 from planning.deadline import Deadline
 
@@ -59,6 +59,7 @@ class SeamGraph:
         origin: Layer where it begins.
         collided: Of each configuration whether it collides.
         blocked: Pairs of configurations that have no continuous way between them.
+        hits: Of these the pairs between which there is a collision, with a configuration in it.
         winds: Whether whole turns of joints with two of them do not count.
         jump: Largest motion of a joint from one layer to the next [rad or m].
     """
@@ -71,6 +72,7 @@ class SeamGraph:
     origin: NDArray[np.int64]
     collided: NDArray[np.bool_]
     blocked: list[tuple[int, int]] = field(default_factory=list)
+    hits: dict[tuple[int, int], Array] = field(default_factory=dict)
     winds: bool = True
     jump: float = _LAYER_JUMP
 
@@ -133,13 +135,14 @@ class SeamSearch:
         """The robot; its tip is the tool."""
         return self.checker.model.chain
 
-    def run(self, every: bool = False) -> SeamJoints:
+    def run(self, every: bool = False, density: Density = COARSE) -> SeamJoints:
         """Look for the cheapest way that is continuous and free at all places.
 
         Args:
             every: Whether all places are layers.
+            density: Of the configurations that are looked at.
         """
-        graph = self.prepare(self.places.layers(every))
+        graph = self.prepare(self.places.layers(every), density)
         graph.jump = _JUMP if every else _LAYER_JUMP
         for tries in range(1, _MAX_TRIES + 1):
             self.solve(graph)
@@ -154,10 +157,10 @@ class SeamSearch:
                     return SeamJoints(joints, graph, tries)
         return SeamJoints(None, graph, tries)
 
-    def prepare(self, layers: NDArray[np.int64]) -> SeamGraph:
+    def prepare(self, layers: NDArray[np.int64], density: Density = COARSE) -> SeamGraph:
         """Layers with their configurations and costs."""
         chain = self.chain
-        found = nodes(chain, self.places, layers, self.start)
+        found = nodes(chain, self.places, layers, self.start, density)
         joints, firsts = found.joints, found.firsts
         lower, upper = _narrow(chain)
         half = 0.5 * (upper - lower)
@@ -186,6 +189,19 @@ class SeamSearch:
             Steps(self._weights(), self._turns() * int(graph.winds), graph.jump, blocked),
             Ways(graph.best, graph.before, graph.origin),
         )
+
+    def without_collisions(self, graph: SeamGraph) -> SeamGraph:
+        """Layers with the ways that there would be if nothing was in the way."""
+        free = replace(
+            graph,
+            costs=np.where(graph.collided, 0.0, graph.costs),
+            best=graph.best.copy(),
+            before=graph.before.copy(),
+            origin=graph.origin.copy(),
+            blocked=[step for step in graph.blocked if step not in graph.hits],
+        )
+        self.solve(free)
+        return free
 
     def check_all(self, graph: SeamGraph) -> None:
         """Check all configurations that are left for collisions."""
@@ -231,21 +247,37 @@ class SeamSearch:
         errors = self.project(joints)
         wrong = errors.max(axis=1) > _REACHED
         wrong[1:] |= (np.abs(np.diff(joints, axis=0)) > _JUMP).any(axis=1)
-        place = int(np.argmax(wrong)) if wrong.any() else -1
+        place, hit = int(np.argmax(wrong)) if wrong.any() else -1, None
         if place < 0:
             colliding = (i for i, q in enumerate(joints) if not self.checker.valid(q))
             place = next(colliding, -1)
-        if place < 0:
-            return joints
+            if place < 0:
+                return joints
+            hit = joints[place]
         layer = min(max(int(np.searchsorted(graph.layers, place)), 1), len(way) - 1)
-        graph.blocked.append((way[layer - 1], way[layer]))
+        step = (way[layer - 1], way[layer])
+        graph.blocked.append(step)
+        if hit is not None:
+            graph.hits[step] = hit
         return None
 
-    def project(self, joints: Array) -> Array:
-        """Move configurations (k, n) into the tolerances; what is left [m], [rad], shape (k, 2)."""
+    def project(self, joints: Array, away_from_limits: float = 0.0) -> Array:
+        """Move configurations (k, n) into the tolerances; what is left [m], [rad], shape (k, 2).
+
+        Args:
+            joints: Moved.
+            away_from_limits: Part of half of a joint's range that is kept free at either end; of a
+                joint that is nearer already, what it keeps free.
+        """
+        lower, upper = _narrow(self.chain)
+        if away_from_limits > 0.0:
+            half = 0.5 * (upper - lower)
+            room = np.where(np.isfinite(half), away_from_limits * half, 0.0)
+            lower = np.maximum(lower, np.minimum(lower + room, joints.min(axis=0)))
+            upper = np.minimum(upper, np.maximum(upper - room, joints.max(axis=0)))
         errors = np.empty((len(joints), 2))
         project_kernel(
-            self.chain.model, self.places.nominal, self.places.boxes, np.array(_narrow(self.chain)),
+            self.chain.model, self.places.nominal, self.places.boxes, np.array([lower, upper]),
             _ROUNDS, joints, errors,
         )  # fmt: skip
         return errors

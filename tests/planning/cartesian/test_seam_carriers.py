@@ -10,7 +10,8 @@ from kinematics.robots import builtin_urdf
 from kinematics.serial_chain import serial_chain
 from kinematics.urdf import parse_urdf
 from obstacles.robot_geometry import RobotGeometry, robot_geometry
-from obstacles.scene import Scene
+from obstacles.scene import Obstacle, Scene
+from obstacles.shapes import Cylinder
 from planning.options import CartesianOptions, Options
 from planning.pipeline import plan
 from planning.problem import PoseGoal, Problem
@@ -40,11 +41,17 @@ def carried(name: str, base: str, carrier: str, dofs: list[str]) -> tuple[RobotG
     return robot_geometry(chain, description, {}, None), urdf
 
 
-def check(robot: RobotGeometry, urdf: str, points: np.ndarray, start: np.ndarray) -> Plan:
+def check(
+    robot: RobotGeometry,
+    urdf: str,
+    points: np.ndarray,
+    start: np.ndarray,
+    scene: Scene | None = None,
+) -> Plan:
     """Follow points with the tool down; every instant is held to them by pinocchio."""
     waypoints = tuple(SeamWaypoint(transform(DOWN, p)) for p in points)
     seam = SeamOptions(waypoints, FREE_SPIN, tool_speed=0.2)
-    problem = Problem(robot, Scene(), start, (PoseGoal(waypoints[-1].T_base_tip),))
+    problem = Problem(robot, scene or Scene(), start, (PoseGoal(waypoints[-1].T_base_tip),))
     how = CartesianOptions(seam=seam)
     answer = plan(problem, Options(planner="cartesian", cartesian=how, timeout=20.0))
     assert isinstance(answer, Plan), answer
@@ -70,6 +77,15 @@ def test_an_arm_on_a_rail_follows_a_seam_that_it_does_not_reach_from_one_place()
     start = np.array([0.0, 0.1, 0.6, 0.0, -1.5, 0.1, 1.0, 0.0])
     answer = check(robot, urdf, points, start)
     assert np.ptp(answer.path.waypoints[:, 0]) > 0.5
+
+
+def test_an_arm_on_a_rail_finds_the_few_free_configurations_there_are() -> None:
+    joints = [f"iiwa_joint_{k}" for k in range(1, 8)]
+    robot, urdf = carried("iiwa14", "iiwa_link_0", RAIL, joints)
+    start = np.array([0.0, 0.1, 0.6, 0.0, -1.5, 0.1, 1.0, 0.0])
+    post = Obstacle("post", Cylinder(0.03, 0.8), transform(None, [0.45, 0.45, 0.4]))
+    points = np.array([[0.46, y, 0.27] for y in np.linspace(-0.14, 0.36, 60)])
+    check(robot, urdf, points, start, Scene((post,)))
 
 
 def test_a_turntable_carries_the_work_under_the_tool() -> None:
