@@ -24,7 +24,7 @@ if TYPE_CHECKING:
         jacobian,
         pose,
     )
-    from armwright.motion import certify, plan, retime, retime_states, simulate
+    from armwright.motion import certify, plan, plan_seam, retime, retime_states, simulate
     from armwright.robot import load_robot
     from kinematics.chain import Chain
     from kinematics.dh_table import DhRow, DhTable
@@ -76,6 +76,7 @@ if TYPE_CHECKING:
     from planning.reach.tolerance import Tolerance
     from planning.result import Failure, Plan
     from planning.retime import Retimed
+    from planning.seam_options import SeamOptions, SeamWaypoint, StraightOffset
     from planning.sequence.region import grasp_region, place_region
     from planning.sequence.result import SequenceFailure, SequencePlan, StagePlan
     from planning.sequence.search import TaskOptions, plan_task
@@ -95,6 +96,7 @@ if TYPE_CHECKING:
     from planning.sequence.world import Held, World
     from planning.timing.options import TimingOptions
     from planning.timing.state_to_state import JointState
+    from planning.tool_tolerance import ToolTolerance
     from planning.tours.planner import plan_tour
     from planning.tours.problem import TourGoal, TourOptions, TourProblem
     from planning.tours.result import Tour
@@ -171,6 +173,8 @@ _MODULES = {
     "Retimed": "planning.retime",
     "RobotGeometry": "obstacles.robot_geometry",
     "Scene": "obstacles.scene",
+    "SeamOptions": "planning.seam_options",
+    "SeamWaypoint": "planning.seam_options",
     "SequenceFailure": "planning.sequence.result",
     "SequencePlan": "planning.sequence.result",
     "Sphere": "obstacles.shapes",
@@ -178,12 +182,14 @@ _MODULES = {
     "StagePlan": "planning.sequence.result",
     "StageSettings": "planning.sequence.stage",
     "Straight": "planning.sequence.stage",
+    "StraightOffset": "planning.seam_options",
     "SweptVolume": "planning.exports.swept_volume",
     "Task": "planning.sequence.task",
     "TaskOptions": "planning.sequence.search",
     "TimingOptions": "planning.timing.options",
     "Tolerance": "planning.reach.tolerance",
     "ToolSpeedConstraint": "planning.constraints.limit",
+    "ToolTolerance": "planning.tool_tolerance",
     "TorqueConstraint": "planning.constraints.limit",
     "Tour": "planning.tours.result",
     "TourGoal": "planning.tours.problem",
@@ -210,6 +216,7 @@ _MODULES = {
     "place_base": "planning.reach.base_placement",
     "place_region": "planning.sequence.region",
     "plan": "armwright.motion",
+    "plan_seam": "armwright.motion",
     "plan_task": "planning.sequence.search",
     "plan_tour": "planning.tours.planner",
     "pose": "armwright.model",
@@ -289,6 +296,8 @@ __all__ = [
     "Retimed",
     "RobotGeometry",
     "Scene",
+    "SeamOptions",
+    "SeamWaypoint",
     "SequenceFailure",
     "SequencePlan",
     "Sphere",
@@ -296,12 +305,14 @@ __all__ = [
     "StagePlan",
     "StageSettings",
     "Straight",
+    "StraightOffset",
     "SweptVolume",
     "Task",
     "TaskOptions",
     "TimingOptions",
     "Tolerance",
     "ToolSpeedConstraint",
+    "ToolTolerance",
     "TorqueConstraint",
     "Tour",
     "TourGoal",
@@ -328,6 +339,7 @@ __all__ = [
     "place_base",
     "place_region",
     "plan",
+    "plan_seam",
     "plan_task",
     "plan_tour",
     "pose",

@@ -1,6 +1,7 @@
 """Motions: planned, proved, timed and tracked."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,12 +20,13 @@ from planning.problem import Goal, JointGoal, PoseGoal, Problem
 from planning.proof.certificate import certify
 from planning.result import Failure, Plan
 from planning.retime import PathToTime, Retimed
+from planning.seam_options import SeamOptions
 from planning.state_motion import time_states
 from planning.timing.options import TimingOptions
 from planning.timing.state_to_state import JointState, Synchronization
 from tracking.simulation import simulate
 
-__all__ = ["certify", "plan", "retime", "retime_states", "simulate"]
+__all__ = ["certify", "plan", "plan_seam", "retime", "retime_states", "simulate"]
 
 
 def plan(
@@ -64,6 +66,41 @@ def plan(
         constraints=ConstraintSet(robot.chain, tuple(constraints)) if constraints else None,
     )
     return pipeline.plan(problem, Options() if options is None else options)
+
+
+def plan_seam(
+    robot: RobotGeometry,
+    scene: Scene,
+    start: ArrayLike,
+    seam: SeamOptions,
+    options: Options | None = None,
+    *,
+    margin: float = 0.0,
+) -> Plan | Failure:
+    """Lead the tool along a seam within its tolerances, and prove it.
+
+    Args:
+        robot: The robot with its geometry; its tip is the tool.
+        scene: The obstacles.
+        start: Configuration to begin at, shape (n,) [rad or m]; a free motion leads to the seam.
+        seam: Waypoints, tolerance, speed, approach and retreat.
+        options: Timing, timeout and seed; deviations and blend in ``cartesian``.
+        margin: Distance to keep from obstacles beyond their own margins [m].
+
+    Returns:
+        The plan, with ``tool_box`` and ``tool_speed`` in its certificate; or the failure, with the
+        waypoint, the reason and what would help in its details.
+
+    Raises:
+        InvalidGoal: Two waypoints are at one place, or an arc names no circle.
+        InvalidRobotState: ``start`` has the wrong length or is not finite.
+        InvalidOption: An option does not go with a seam.
+        MissingLimit: A velocity or acceleration limit is not known.
+    """
+    given = Options() if options is None else options
+    how = replace(given, planner="cartesian", cartesian=replace(given.cartesian, seam=seam))
+    end = PoseGoal(seam.waypoints[-1].T_base_tip)
+    return plan(robot, scene, start, end, how, margin=margin)
 
 
 def _goals(goal: ArrayLike | Goal | Sequence[Goal]) -> tuple[Goal, ...]:

@@ -120,3 +120,22 @@ def test_two_states_are_joined_within_limits() -> None:
     # From rest to rest at the largest jerk alone: x = j T^3 / 32.
     assert timed.trajectory.duration == pytest.approx(0.5, rel=1e-8)
     assert timed.certificate.verified
+
+
+def test_a_seam_is_led_within_its_tolerance_at_its_speed(panda: aw.RobotGeometry) -> None:
+    down = np.diag([1.0, -1.0, -1.0, 1.0])
+    points = [[0.45, y, 0.4] for y in np.linspace(-0.15, 0.15, 20)]
+    waypoints = tuple(aw.SeamWaypoint(aw.pose(p) @ down) for p in points)
+    tolerance = aw.ToolTolerance.of({}, ("rz",), tilt=0.1)
+    retreat = aw.StraightOffset(np.array([0.0, 0.0, 1.0]), 0.05, "base")
+    seam = aw.SeamOptions(waypoints, tolerance, tool_speed=0.1, retreat=retreat)
+    plan = aw.plan_seam(panda, aw.Scene(), START, seam, PATIENT)
+    assert isinstance(plan, aw.Plan)
+    assert plan.certificate.verified
+    along = [report for report in plan.tool_motions if report.part == "seam"]
+    for t in np.linspace(along[0].begins, along[-1].ends, 60):
+        T = aw.fk(panda, plan.trajectory.sample([t])[0])
+        assert np.allclose(T[[0, 2], 3], [0.45, 0.4], atol=1.1e-4)
+        assert -T[2, 2] >= np.cos(0.1 + 1.1e-3)
+    ends = aw.fk(panda, plan.trajectory.end)
+    assert np.allclose(ends[:3, 3], [0.45, 0.15, 0.45], atol=3e-4)
