@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     import service.tasks.robots
     import service.tasks.sequence
     import service.tasks.simulate
+    import service.tasks.swept
     import service.tasks.tours
     import service.tasks.view
 
@@ -65,6 +66,7 @@ if TYPE_CHECKING:
     unpack_robot = service.tasks.robots.unpack_robot
     plan_sequence = service.tasks.sequence.plan_sequence
     simulate = service.tasks.simulate.simulate
+    swept = service.tasks.swept.swept
     view = service.tasks.view.view
     tour = service.tasks.tours.tour
 else:
@@ -103,5 +105,6 @@ else:
     unpack_robot = TaskReference("service.tasks.robots:unpack_robot")
     plan_sequence = TaskReference("service.tasks.sequence:plan_sequence", GRACE)
     simulate = TaskReference("service.tasks.simulate:simulate", GRACE)
+    swept = TaskReference("service.tasks.swept:swept")
     view = TaskReference("service.tasks.view:view")
     tour = TaskReference("service.tasks.tours:tour", GRACE)

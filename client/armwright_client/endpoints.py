@@ -166,6 +166,18 @@ class PlanEndpoints:
         """Keep the plan of a bundle of another installation."""
         return Call("POST", path("plans"), KeptPlanSummary.read, bundle, repeatable=False)
 
+    @Endpoint
+    def swept(
+        self,
+        plan: str,
+        *,
+        format: Literal["glb", "stl"] = "glb",  # noqa: A002  (its name in the API)
+        tolerance: float = 0.005,
+    ) -> Call[bytes]:
+        """A mesh of the space that a kept motion takes up; hulls may grow by the tolerance [m]."""
+        query: dict[str, str | float] = {"format": format, "tolerance": tolerance}
+        return Call("GET", path("plans", plan, "swept"), bytes, query=query)
+
     # Last, since it hides the built-in type from what follows.
     @Endpoint
     def list(

@@ -1,7 +1,7 @@
 """Kept plans: requests with their answers, to be looked at, replayed and taken elsewhere."""
 
 import time
-from typing import Annotated
+from typing import Annotated, Literal
 
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import HTMLResponse
@@ -30,6 +30,7 @@ from service.schemas.kept_plan import (
 )
 from service.schemas.strict_json import parse_json
 from service.storage.plan_store import PlanContent, PlanRecord, document_hash
+from service.task_references import swept as swept_task
 from service.task_references import view as view_task
 from service.viewer.page import content_security_policy
 
@@ -40,6 +41,8 @@ router = APIRouter(
 _PAGE = {200: {"description": "A page that needs nothing else", "content": {"text/html": {}}}}
 #: Time for a page: clearances are measured at up to 151 instants [s].
 _VIEW_TIMEOUT = 60.0
+#: Of meshes: generators of clients know none of theirs.
+_MESH = "application/octet-stream"
 #: Status of a kept problem whose own is not known: an imported one.
 _FAILED = 422
 _SUCCEEDED = 200
@@ -150,6 +153,45 @@ async def view_plan(id: str, request: Request) -> Response:  # noqa: A002
         timeout=min(_VIEW_TIMEOUT, settings_of(request).max_timeout),
     )
     return HTMLResponse(result, headers={"Content-Security-Policy": content_security_policy()})
+
+
+@router.get(
+    "/{id}/swept",
+    summary="Get the space that a kept motion takes up",
+    response_class=Response,
+    responses={
+        200: {
+            "description": "A mesh that holds all of it",
+            "content": {_MESH: {"schema": {"type": "string", "format": "binary"}}},
+        }
+    },
+)
+async def swept_plan(
+    id: str,  # noqa: A002
+    request: Request,
+    format: Annotated[  # noqa: A002
+        Literal["glb", "stl"], Query(description="of the file")
+    ] = "glb",
+    tolerance: Annotated[
+        float, Query(ge=1e-4, le=1.0, description="what the hulls may be grown by [m]")
+    ] = 0.005,
+) -> Response:
+    """A mesh that holds every point of the moving arm, and of what it holds, at every instant.
+
+    For kept plans, proofs, tasks and tours. It is made of convex hulls that overlap.
+    """
+    record, content = await _plan(id, request)
+    document = plan_document(record, content, settings_of(request).plan_lifetime)
+    request.scope[REPLAY] = Replay(record.id, pinned_references(request, record))
+    result = await answers.answer(
+        request,
+        lambda robot, scene: swept_task.job(robot, scene, document, format, tolerance),
+        record.robot or "",
+        record.scene,
+        timeout=min(_VIEW_TIMEOUT, settings_of(request).max_timeout),
+    )
+    name = f'attachment; filename="armwright-swept-{record.id}.{format}"'
+    return Response(result, media_type=_MESH, headers={"Content-Disposition": name})
 
 
 @router.post("/{id}/replay", summary="Replay a kept plan", response_model=ReplayAnswer)

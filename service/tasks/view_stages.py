@@ -73,10 +73,7 @@ def task_shown(
     moved = tuple(item for item in around.obstacles if item.id in names)
     still = tuple(item for item in around.obstacles if item.id not in names)
     alone = with_fingers(geometry, body.fingers or {})
-    parts, fingers = [], body.fingers or {}
-    for stage in stages:
-        parts.append(_stage_part(stage, geometry, around, fingers))
-        fingers = stage["after"]["fingers"]
+    parts = task_parts(robot, scene, request, answer)
     extra = {
         "stages": _marks(parts),
         "carriers": {item.id: [*_carriers(item, geometry, stages)] for item in moved},
@@ -92,6 +89,28 @@ def task_shown(
     )
 
 
+def task_parts(
+    robot: Reference, scene: Reference | None, request: Mapping[str, Any], answer: Mapping[str, Any]
+) -> list[Part]:
+    """The stages of an answered task, each with what is held in it.
+
+    Args:
+        robot: The robot.
+        scene: The stored scene, where the request names one.
+        request: The body.
+        answer: With the stages.
+    """
+    body = TaskRequest.model_validate(request)
+    geometry = worker_cache.robot(robot).geometry
+    start = np.array(task_start(robot, body))
+    around = _objects(geometry, requested_scene(scene, body, geometry.chain, start), body)
+    parts, fingers = [], body.fingers or {}
+    for stage in answer["stages"]:
+        parts.append(_stage_part(stage, geometry, around, fingers))
+        fingers = stage["after"]["fingers"]
+    return parts
+
+
 def tour_shown(
     robot: Reference, scene: Reference | None, request: Mapping[str, Any], answer: Mapping[str, Any]
 ) -> Timeline:
@@ -105,7 +124,33 @@ def tour_shown(
     """
     body = TourRequest.model_validate(request)
     cell = tour_cell(robot, scene, body)
-    parts = [
+    parts = _legs(cell, answer)
+    return Timeline(
+        cell,
+        joined(parts, answer["time"]),
+        joined_curves(parts, body.timing.tool_speed),
+        (),
+        {"stages": _marks(parts)},
+        [*_tour_sentences(answer, parts)],
+    )
+
+
+def tour_parts(
+    robot: Reference, scene: Reference | None, request: Mapping[str, Any], answer: Mapping[str, Any]
+) -> list[Part]:
+    """The legs of an answered tour.
+
+    Args:
+        robot: The robot.
+        scene: The stored scene, where the request names one.
+        request: The body.
+        answer: With the legs.
+    """
+    return _legs(tour_cell(robot, scene, TourRequest.model_validate(request)), answer)
+
+
+def _legs(cell: RobotInScene, answer: Mapping[str, Any]) -> list[Part]:
+    return [
         Part(
             f"{number}: {leg['origin'] or 'start'} to {leg['target'] or 'end'}",
             float(leg["begins"]),
@@ -117,14 +162,6 @@ def tour_shown(
         )
         for number, leg in enumerate(answer["legs"], 1)
     ]
-    return Timeline(
-        cell,
-        joined(parts, answer["time"]),
-        joined_curves(parts, body.timing.tool_speed),
-        (),
-        {"stages": _marks(parts)},
-        [*_tour_sentences(answer, parts)],
-    )
 
 
 def tour_cell(robot: Reference, scene: Reference | None, body: TourRequest) -> RobotInScene:

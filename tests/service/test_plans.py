@@ -7,6 +7,7 @@ from typing import Any
 import httpx
 import pytest
 
+from armwright_client import Client
 from service.app import create_app
 from service.http.answer_digest import answer_digest
 from service.schemas.kept_plan import Bundle, KeptPlan, PlanList, ReplayAnswer
@@ -142,6 +143,25 @@ def test_a_task_is_kept_and_has_a_page(here: httpx.Client) -> None:
     page = here.get(f"/v1/plans/{kept['id']}/view")
     assert page.status_code == 200, page.text
     assert "stages proved: 1 of 1" in page.text
+
+
+def test_the_space_of_a_kept_motion_is_a_mesh(here: httpx.Client, plan: dict[str, Any]) -> None:
+    path = f"/v1/plans/{plan['plan_id']}/swept"
+    with Client(str(here.base_url)) as client:
+        glb = client.plans.swept(plan["plan_id"], tolerance=0.02)
+    assert glb[:4] == b"glTF"
+    response = here.get(path, params={"format": "stl", "tolerance": 0.02})
+    assert response.headers["content-disposition"].endswith('.stl"')
+    assert len(response.content) == 84 + 50 * int.from_bytes(response.content[80:84], "little")
+    proof = {"robot": ARM, "trajectory": plan["trajectory"], "keep": True}
+    validated = answer(here.post("/v1/validate", json=proof))["plan_id"]
+    again = here.get(f"/v1/plans/{validated}/swept", params={"format": "stl", "tolerance": 0.02})
+    assert again.content == response.content
+    problem(here.get(path, params={"format": "obj"}), 422, "VALIDATION_ERROR")
+    checked = {"robot": ARM, "joints": [0.0, 0.0], "keep": True}
+    still = answer(here.post("/v1/check", json=checked))["plan_id"]
+    told = problem(here.get(f"/v1/plans/{still}/swept"), 422, "VALIDATION_ERROR")
+    assert "no motion" in told["detail"]
 
 
 def test_a_failure_is_kept_with_its_reason(here: httpx.Client) -> None:

@@ -7,12 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from kinematics.forward import forward
+from kinematics.errors import InvalidOption
+from kinematics.forward import forward, joint_frames
 from kinematics.robots import builtin_chain
 from service.schemas.sequence import TaskRequest
 from service.schemas.sequence_answer import TaskAnswer
 from service.schemas.tour import TourAnswer
 from service.tasks.sequence import plan_sequence
+from service.tasks.swept import swept
 from service.tasks.tours import tour
 from service.tasks.view import view
 from tests.service.robots import HOME
@@ -135,3 +137,44 @@ def test_tasks_and_tours_without_an_answer_show_where_they_begin() -> None:
     problem = {"title": "No", "code": "X", "detail": "nothing", "stage": "goal"}
     data = document("POST /v1/tours", PLANAR, body, problem=problem)
     assert [item["label"] for item in data["configurations"]] == ["start", "goal a", "goal 1"]
+
+
+def windings(stl: bytes, points: Any) -> Any:
+    """How many closed surfaces of an STL hold each point: solid angles over 4 pi."""
+    record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("end", "<u2")])
+    corners = np.frombuffer(stl, record, offset=84)["corners"].astype(float)
+    found = []
+    for point in points:
+        a, b, c = np.moveaxis(corners - point, 1, 0)
+        x, y, z = (np.linalg.norm(side, axis=1) for side in (a, b, c))
+        volume = np.einsum("ij,ij->i", a, np.cross(b, c))
+        dots = [np.einsum("ij,ij->i", p, q) * r for p, q, r in ((a, b, z), (b, c, x), (c, a, y))]
+        found.append(2.0 * np.arctan2(volume, x * y * z + sum(dots)).sum() / (4.0 * np.pi))
+    return np.array(found)
+
+
+def test_the_swept_space_of_a_task_holds_the_wrist_and_what_is_carried(task: Any) -> None:
+    answer, data = task
+    some = answer | {"stages": [s for s in answer["stages"] if s["kind"] == "lift"]}
+    kept = json.dumps({"operation": "POST /v1/tasks", "request": TASK, "answer": some}).encode()
+    mesh = swept(PANDA, None, kept, "stl", 0.05)
+    assert isinstance(mesh, bytes)
+    points = []
+    for stage in some["stages"]:
+        segment = stage["trajectory"]["segments"][-1]
+        half = 0.5 * (segment["t1"] - segment["t0"])
+        q = [np.polynomial.Polynomial(row)(half) for row in segment["coefficients"]]
+        time = stage["begins"] + segment["t0"] + half
+        points.append(joint_frames(builtin_chain("panda"), q)[-2][:3, 3])
+        if stage["after"]["attached"]:
+            corner = place(data, "crate", time, q) @ [0.024, 0.024, 0.049, 1.0]
+            points.append(corner[:3])
+    inside = windings(mesh, points)
+    assert np.all(inside > 0.99)
+    assert windings(mesh, [[0.0, 0.0, 3.0]]) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_what_has_no_motion_sweeps_nothing() -> None:
+    kept = json.dumps({"operation": "POST /v1/check", "request": {}, "answer": {}}).encode()
+    with pytest.raises(InvalidOption, match="no motion"):
+        swept(PANDA, None, kept, "glb", 0.01)
