@@ -53,6 +53,27 @@ async def scene(request: Request, source: str | Scene | None) -> Reference | Non
     return reference
 
 
+async def _robot_and_scene(
+    request: Request, robot_name: str, scene_source: str | Scene | None
+) -> tuple[Reference, Reference | None]:
+    """The robot and the stored scene of a request, looked up in one turn of a thread.
+
+    Raises:
+        ProblemError: NOT_FOUND.
+    """
+    if is_built_in(robot_name) or not isinstance(scene_source, str):
+        return await robot(request, robot_name), await scene(request, scene_source)
+    repository, scene_name = repository_of(request), scene_source
+
+    def look_up() -> tuple[Reference, Reference]:
+        return repository.robot(robot_name), repository.scene(scene_name)
+
+    found = await run_in_threadpool(look_up)
+    for reference in found:
+        note_reference(request, reference)
+    return found
+
+
 async def model(request: Request, name: str) -> RobotModel:
     """The model of a robot, kept in this process.
 
@@ -96,7 +117,7 @@ async def answer(
     """
 
     async def job() -> Job[_R | TaskProblem | CacheMiss]:
-        return make_job(await robot(request, robot_name), await scene(request, scene_source))
+        return make_job(*await _robot_and_scene(request, robot_name, scene_source))
 
     return await _answer(request, job, timeout, on_progress)
 

@@ -12,6 +12,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from service.http.admission import Admission
 from service.http.errors import PROBLEM_MEDIA_TYPE, document, status_of
+from service.http.joined_writes import JoinedWrites
 from service.http.security_headers import SECURITY_HEADERS
 from service.problem import ProblemError
 
@@ -77,7 +78,7 @@ class Connection(H11Protocol):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Begin to wait for a request, or refuse the connection where there are too many."""
         assert isinstance(transport, asyncio.Transport)
-        super().connection_made(transport)
+        super().connection_made(JoinedWrites(transport))
         if len(self.connections) > self._limits.count:
             self._refuse(
                 ProblemError(

@@ -28,8 +28,8 @@ def _scene_bytes(prepared: tuple[Scene, int]) -> int:
 
 #: A robot is a few hundred kilobytes, with fine meshes megabytes.
 _ROBOTS = Recent(64, 128 * _MEBIBYTE, _robot_bytes)
-#: Scenes with the bytes of their pickles.
-_SCENES = Recent(16, 256 * _MEBIBYTE, _scene_bytes)
+#: Scenes with the bytes of their pickles, which are a few kilobytes as a rule.
+_SCENES = Recent(256, 256 * _MEBIBYTE, _scene_bytes)
 
 
 def robot(reference: Reference) -> PreparedRobot:
