@@ -18,7 +18,7 @@ from numba.core.targetconfig import ConfigStack
 from numba.core.untyped_passes import ExtractByteCode
 
 from kinematics.compiled import kernel_library, kernel_store, kernel_symbol, kernel_writes
-from kinematics.compiled.kernel_library import Copied, Whole
+from kinematics.compiled.kernel_library import Copied, Door, Whole
 from kinematics.compiled.kernel_writes import Use
 
 #: Instructions of machine code beyond which a kernel is called and not copied into its callers.
@@ -131,7 +131,7 @@ def door(name: str, kernel: str, fndesc: Any, flags: Any) -> Code:
     environment = Environment.from_fndesc(fndesc)
     context = compiler._make_subtarget(cpu_target.target_context, flags)
     context = context.subtarget(environment=environment, fndesc=fndesc)
-    library = Whole(_codegen(), name)
+    library = Door(_codegen(), name)
     if _codes[kernel].bitcode is not None:
         library.add_linking_library(copied(kernel))
     with (

@@ -3,6 +3,7 @@
 import contextlib
 import itertools
 from collections.abc import Iterable, Iterator
+from functools import cache
 from typing import Any
 
 import llvmlite.binding as llvm
@@ -118,6 +119,43 @@ class Whole(Part):
         """Whether two kernels call each other, in which case numba leaves an address open."""
         names = (one.name for one in self._final_module.global_variables)
         return any(name.startswith(_UNRESOLVED) for name in names)
+
+
+class Door(Whole):
+    """The code that Python calls: it takes objects apart and calls, which little makes faster.
+
+    A small kernel that is copied into its door is optimised with it, as in any caller.
+    """
+
+    def _optimize_functions(self, ll_module: Any) -> None:
+        ll_module.data_layout = self._codegen._data_layout
+        for function in ll_module.functions:
+            if not function.is_declaration:
+                passes, builder = self._codegen._function_pass_manager(opt=1)
+                passes.run(function, builder)
+
+    def _optimize_final_module(self) -> None:
+        if self._holds_a_kernel():
+            super()._optimize_final_module()
+
+    def machine_code(self) -> bytes:
+        """The code as an object file, written without looking for better code."""
+        if self._holds_a_kernel():
+            return super().machine_code()
+        self._ensure_finalized()
+        return bytes(_plain_machine(self._codegen).emit_object(self._final_module))
+
+    def _holds_a_kernel(self) -> bool:
+        return any(isinstance(one, Copied) for one in self._linking_libraries)
+
+
+@cache
+def _plain_machine(codegen: Any) -> Any:
+    """LLVM's writer of machine code for the same processor, at its lowest level."""
+    options: dict[str, Any] = {}
+    codegen._customize_tm_options(options)
+    target = llvm.Target.from_triple(llvm.get_process_triple())
+    return target.create_target_machine(**options, opt=0)
 
 
 class Copied:

@@ -2,8 +2,9 @@
 
 Half of the time that kernels take to compile is numba's own Python. What is left out here is worked
 out by numba again and again with one result, or never read. None of it changes a byte of what is
-kept; a test compiles with and without and compares. Numba's functions are replaced for the whole
-process, so each one does all that numba's did, for anybody else's functions too.
+kept, but for the text of one error; a test compiles with and without and compares. Numba's
+functions are replaced for the whole process, so each one does all that numba's did, for anybody
+else's functions too.
 """
 
 from functools import cache
@@ -11,8 +12,10 @@ from typing import Any
 
 from llvmlite import ir as text
 from numba import types
-from numba.core import analysis, postproc, transforms
+from numba.core import analysis, base, postproc, transforms, typing
 from numba.core.types.functions import BaseFunction
+from numba.extending import intrinsic
+from numba.np import arrayobj
 
 #: Types of arguments that say by themselves what a function of them answers.
 _PLAIN = (
@@ -31,6 +34,9 @@ def take_shortcuts() -> None:
     _compute_variables_at_entries_when_read()
     _resolve_calls_once()
     _write_text_faster()
+    _refresh_for_news(base.BaseContext)
+    _refresh_for_news(typing.BaseContext)
+    _refuse_shapes_briefly()
 
 
 class _AtEntries(dict[Any, Any]):
@@ -111,6 +117,56 @@ def _write_text_faster() -> None:
 
     text.NamedValue._get_reference = reference
     text.Instruction.descr = describe
+
+
+def _refresh_for_news(kind: Any) -> None:
+    """Look through numba's lists of declarations only when one of them has grown.
+
+    Numba does so for each operation that it has no code for yet, and for each function.
+    """
+    whole = kind.refresh
+    known: dict[int, tuple[Any, int]] = {}
+
+    def refresh(self: Any) -> None:
+        # Held, and so by identity; copies of a context share it.
+        registries = self._registries
+        # Before the lists are read, as reading may make them grow.
+        length = _length(self)
+        if known.get(id(registries)) != (registries, length):
+            whole(self)
+            known[id(registries)] = (registries, length)
+
+    kind.refresh = refresh
+
+
+def _length(context: Any) -> int:
+    """How many declarations there are in all lists that a context knows of."""
+    own = sum(
+        len(getattr(registry, name))
+        for registry, loader in context._registries.items()
+        for name in loader.registry_items
+    )
+    typing_context = getattr(context, "typing_context", None)
+    return own if typing_context is None else own + _length(typing_context)
+
+
+def _refuse_shapes_briefly() -> None:
+    """Raise an error without shapes where an array is assigned to a slice of another shape.
+
+    To say them, numba compiles lists and texts into every kernel that assigns to a slice, which
+    is more than many of these do.
+    """
+
+    @intrinsic  # type: ignore[untyped-decorator]
+    def refuse(typing_context: Any, source: Any, target: Any) -> Any:  # noqa: ARG001
+        def write(context: Any, builder: Any, signature: Any, args: Any) -> Any:  # noqa: ARG001
+            message = "an array is assigned to a slice of another shape"
+            context.call_conv.return_user_exc(builder, ValueError, (message,))
+            return context.get_dummy_value()
+
+        return types.none(source, target), write
+
+    arrayobj.raise_with_shape_context = refuse
 
 
 def forget(module: Any) -> None:

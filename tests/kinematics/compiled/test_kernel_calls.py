@@ -1,6 +1,7 @@
 """Calls among kernels: errors, arrays, tuples, recursion, constants and options."""
 
 import math
+import sys
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -102,6 +103,43 @@ def test_tuples_of_arrays_go_through_doors() -> None:
     assert isinstance(answer, Pair)
     assert np.shares_memory(answer.left, right)
     assert direct(swapped, Pair(left, right))(Pair(right, left)).right.size == 4
+
+
+@kernel
+def mixed(pair: Pair, by: float) -> Pair:
+    left, right = pair.left.copy(), pair.right
+    for i in range(left.size):
+        left[i] += by * np.sin(right[i]) + np.arctan2(right[i], by) - np.sqrt(abs(right[i]))
+        for j in range(i):
+            left[i] += np.exp(-left[j]) * np.tanh(right[j]) + np.log1p(abs(left[j])) * right[i]
+            left[j] -= np.cos(left[i]) * np.hypot(right[j], by) + np.expm1(-abs(left[i]))
+            left[i] *= np.arctan2(np.sinh(left[j]), np.cosh(right[i])) + np.cbrt(left[j] + by)
+            left[j] /= 2.0 + np.tan(left[i]) ** 2 + np.arcsinh(right[j]) ** 2 + abs(left[j])
+        left[i] = max(min(left[i], 2.0 * by), -2.0 * by) if right[i] > 0.0 else left[i] % by
+    if not np.isfinite(left[0]):
+        raise ValueError("not finite")
+    return Pair(right, left)
+
+
+def test_a_door_hands_tuples_numbers_and_errors_to_a_large_kernel_and_back() -> None:
+    pair = Pair(np.array([0.1, 0.4, -0.3]), np.array([0.2, -0.5, 0.9]))
+    expected = mixed.py_func(pair, 0.5).right  # type: ignore[attr-defined]
+    answer = mixed(pair, 0.5)
+    (result,) = mixed.overloads.values()  # type: ignore[attr-defined]
+    code = kernel_code.find(result.entry_point.name)
+    assert code is not None
+    assert code.bitcode is None, "it is small, and copied into its door"
+    np.testing.assert_allclose(answer.right, expected, rtol=1e-14)
+    assert answer.left is pair.right
+    references = [sys.getrefcount(one) for one in pair]
+    for _ in range(100):
+        mixed(pair, 0.5)
+        with pytest.raises(ValueError, match="not finite"):
+            mixed(Pair(pair.left * np.nan, pair.right), 0.5)
+    del answer
+    assert [sys.getrefcount(one) for one in pair] == [references[0], references[1] - 1]
+    with pytest.raises(TypeError):
+        direct(mixed, pair, 0.5)(pair, "half")  # type: ignore[arg-type]
 
 
 @kernel

@@ -1,14 +1,19 @@
 """Shorter ways through numba's compiler; the tests of builds hold that they change no byte."""
 
 import operator
+from collections.abc import Callable
 
 import llvmlite.binding as llvm
+import numpy as np
 import pytest
 from llvmlite import ir
 from numba import types
 from numba.core import compiler, errors
 from numba.core.registry import cpu_target
+from numba.extending import overload
 
+from kinematics.arrays import Array
+from kinematics.compiled.kernel import kernel
 from kinematics.compiled.kernel_shortcuts import forget, take_shortcuts
 
 take_shortcuts()
@@ -84,3 +89,41 @@ def test_variables_at_entries_are_worked_out_when_asked_for() -> None:
     assert len(alive) == 3
     assert not alive[0]
     assert all("y" in one for one in alive[1:])
+
+
+def test_declarations_that_are_made_later_are_found() -> None:
+    def twice(x: float) -> float:
+        return 2.0 * x
+
+    context = cpu_target.target_context
+    context.refresh()
+    with pytest.raises(ValueError, match="Cannot determine Numba type"):
+        context.typing_context.resolve_value_type(twice)
+
+    @overload(twice, strict=False)  # type: ignore[untyped-decorator]
+    def _declared(x: types.Type) -> Callable[[float], float]:
+        return lambda x: x + x
+
+    context.refresh()
+    found = context.typing_context.resolve_value_type(twice)
+    signature = found.get_call_type(context.typing_context, (types.float64,), {})
+    assert signature.return_type == types.float64
+
+
+@kernel
+def put(values: Array, rows: Array) -> None:
+    """Assign rows to the first ones of values."""
+    values[:2] = rows
+
+
+@pytest.mark.usefixtures("_nothing_kept")
+def test_a_slice_takes_arrays_of_its_shape_and_of_fewer_dimensions_only() -> None:
+    values = np.zeros((3, 2))
+    put(values, np.array([[1.0, 2.0], [3.0, 4.0]]))
+    np.testing.assert_array_equal(values, [[1.0, 2.0], [3.0, 4.0], [0.0, 0.0]])
+    put(values, np.array([5.0, 6.0]))
+    np.testing.assert_array_equal(values, [[5.0, 6.0], [5.0, 6.0], [0.0, 0.0]])
+    for wrong in (np.ones((3, 2)), np.ones(3)):
+        with pytest.raises(ValueError, match="assigned to a slice of another shape"):
+            put(values, wrong)
+    np.testing.assert_array_equal(values, [[5.0, 6.0], [5.0, 6.0], [0.0, 0.0]])
