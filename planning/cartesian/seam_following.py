@@ -32,7 +32,7 @@ _LEAST_STIFFNESS = 5.0
 #: A round that calms the way by less than this part can't be used.
 _LEAST_GAIN = 0.01
 #: Part of half of a joint's range that calmer ways keep free at either end, where there is room.
-_ROOM = 0.1
+_ROOM = 0.02
 #: Errors that a projection may leave [m], [rad].
 _REACHED = 1e-6
 #: Looks at each piece of a spline.

@@ -54,7 +54,7 @@ def test_a_calmer_way_comes_no_nearer_to_limits_than_the_way_at_hand() -> None:
     left, calm_left = (
         np.minimum(q - limits.lower, limits.upper - q).min(axis=0) / half for q in (joints, calm)
     )
-    assert (calm_left >= np.minimum(left, 0.1) - 1e-9).all()
+    assert (calm_left >= np.minimum(left, 0.02) - 1e-9).all()
 
 
 def test_a_way_near_a_limit_may_stay_as_near_to_it() -> None:
