@@ -131,7 +131,8 @@ def door(name: str, kernel: str, fndesc: Any, flags: Any) -> Code:
     environment = Environment.from_fndesc(fndesc)
     context = compiler._make_subtarget(cpu_target.target_context, flags)
     context = context.subtarget(environment=environment, fndesc=fndesc)
-    library = Door(_codegen(), name)
+    # Calls that are over so soon that the lock is kept notice a few nanoseconds.
+    library = (Door if flags.release_gil else Whole)(_codegen(), name)
     if _codes[kernel].bitcode is not None:
         library.add_linking_library(copied(kernel))
     with (
