@@ -131,7 +131,10 @@ def _load(item: Attached) -> Load | None:
 
 
 def _answer(outcome: SequencePlan, asked: Task, body: TaskRequest) -> dict[str, Any]:
-    before = {o.id: o.T_world_obstacle for o in asked.world.scene.obstacles}
+    # Objects that the request moved are told even where no stage moves them again.
+    elsewhere = {item.id for item in body.objects or ()}
+    obstacles = asked.world.scene.obstacles
+    before = {o.id: o.T_world_obstacle for o in obstacles if o.id not in elsewhere}
     begins, stages = 0.0, []
     for stage in outcome.stages:
         period = (body.stages[stage.index].timing or body.timing).sample_period

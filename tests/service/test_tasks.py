@@ -87,6 +87,18 @@ def test_a_task_goes_on_where_the_one_before_ended(client: httpx.Client) -> None
     assert np.abs(np.array(at) - [0.5, 0.25, 0.15]).max() <= 0.05 + 1e-9
 
 
+def test_an_object_that_was_moved_before_is_told_though_no_stage_moves_it(
+    client: httpx.Client,
+) -> None:
+    (crate,) = (o for o in TASK["scene"]["obstacles"] if o["id"] == "crate")
+    x, y, z = crate["pose"]["position"]
+    there = {"id": "crate", "pose": {"position": [x, y - 0.1, z]}}
+    waited = plan(client, stages=[{"kind": "wait", "duration": 0.1}], objects=[there])
+    (told,) = waited["stages"][-1]["after"]["objects"]
+    assert told["id"] == "crate"
+    assert told["pose"]["position"] == pytest.approx([x, y - 0.1, z])
+
+
 def test_it_is_a_job_with_progress_where_that_is_asked_for(client: httpx.Client) -> None:
     told = client.post("/v1/tasks", json=TASK, headers={"Prefer": "respond-async"})
     assert told.status_code == 202
