@@ -1,17 +1,15 @@
 """The command ``armwright task``."""
 
-import json
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from command_line import values
-from command_line.backend import connect
 from command_line.endpoints import TASK
-from command_line.output import print_json, print_line, print_table, save
+from command_line.output import print_line, print_table
 from command_line.parameters import Connection, Margin, Request, RobotSource, Scene, command
-from command_line.robot_files import read_json
+from command_line.request_file import FileRequest
 
 
 @command
@@ -37,17 +35,9 @@ def task(
         "improve": improve,
         "timeout": request.timeout,
     }
-    body = read_json(stages) | ({} if request.fields is None else read_json(request.fields))
-    body |= {name: value for name, value in given.items() if value is not None}
-    with connect(connection) as backend:
-        body["robot"] = backend.robot_name(robot)
-        answer = backend.answer(TASK, body["robot"], body)
-    if request.output is not None:
-        save(request.output, answer)
-    if connection.as_json:
-        print_json(answer)
-        return
-    _show(json.loads(answer))
+    answer = FileRequest(TASK, stages, given).answer(connection, robot, request)
+    if answer is not None:
+        _show(answer)
 
 
 def _show(planned: dict[str, Any]) -> None:

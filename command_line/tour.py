@@ -1,17 +1,15 @@
 """The command ``armwright tour``."""
 
-import json
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from command_line import values
-from command_line.backend import connect
 from command_line.endpoints import TOUR
-from command_line.output import print_json, print_line, print_table, save
+from command_line.output import print_line, print_table
 from command_line.parameters import Connection, Margin, Request, RobotSource, Scene, command
-from command_line.robot_files import read_json
+from command_line.request_file import FileRequest
 
 
 @command
@@ -35,17 +33,9 @@ def tour(
         "end": end if end in {None, "any", "start"} else values.goal("--end", str(end)),
         "timeout": request.timeout,
     }
-    body = read_json(goals) | ({} if request.fields is None else read_json(request.fields))
-    body |= {name: value for name, value in given.items() if value is not None}
-    with connect(connection) as backend:
-        body["robot"] = backend.robot_name(robot)
-        answer = backend.answer(TOUR, body["robot"], body)
-    if request.output is not None:
-        save(request.output, answer)
-    if connection.as_json:
-        print_json(answer)
-        return
-    _show(json.loads(answer))
+    answer = FileRequest(TOUR, goals, given).answer(connection, robot, request)
+    if answer is not None:
+        _show(answer)
 
 
 def _show(tour: dict[str, Any]) -> None:

@@ -38,7 +38,6 @@ router = APIRouter(
     prefix="/v1/plans", tags=["kept plans"], route_class=JsonRoute, responses=RESPONSES
 )
 
-_PAGE = {200: {"description": "A page that needs nothing else", "content": {"text/html": {}}}}
 #: Time for a page: clearances are measured at up to 151 instants [s].
 _VIEW_TIMEOUT = 60.0
 #: Of meshes: generators of clients know none of theirs.

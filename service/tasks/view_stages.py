@@ -64,16 +64,13 @@ def task_shown(
         request: The body.
         answer: With the stages.
     """
-    body = TaskRequest.model_validate(request)
-    geometry = worker_cache.robot(robot).geometry
-    start = np.array(task_start(robot, body))
-    around = _objects(geometry, requested_scene(scene, body, geometry.chain, start), body)
+    body, geometry, around = _task_world(robot, scene, request)
     stages = answer["stages"]
     names = {item["id"] for s in stages for item in _things(s["after"])}
     moved = tuple(item for item in around.obstacles if item.id in names)
     still = tuple(item for item in around.obstacles if item.id not in names)
     alone = with_fingers(geometry, body.fingers or {})
-    parts = task_parts(robot, scene, request, answer)
+    parts = _parts(answer, geometry, around, body)
     extra = {
         "stages": _marks(parts),
         "carriers": {item.id: [*_carriers(item, geometry, stages)] for item in moved},
@@ -100,10 +97,25 @@ def task_parts(
         request: The body.
         answer: With the stages.
     """
+    body, geometry, around = _task_world(robot, scene, request)
+    return _parts(answer, geometry, around, body)
+
+
+def _task_world(
+    robot: Reference, scene: Reference | None, request: Mapping[str, Any]
+) -> tuple[TaskRequest, RobotGeometry, Scene]:
+    """The request of a task, its robot, and its scene with what stands elsewhere by now."""
     body = TaskRequest.model_validate(request)
     geometry = worker_cache.robot(robot).geometry
     start = np.array(task_start(robot, body))
-    around = _objects(geometry, requested_scene(scene, body, geometry.chain, start), body)
+    around = requested_scene(scene, body, geometry.chain, start)
+    return body, geometry, _objects(geometry, around, body)
+
+
+def _parts(
+    answer: Mapping[str, Any], geometry: RobotGeometry, around: Scene, body: TaskRequest
+) -> list[Part]:
+    """The stages, each with the fingers where the one before left them."""
     parts, fingers = [], body.fingers or {}
     for stage in answer["stages"]:
         parts.append(_stage_part(stage, geometry, around, fingers))
