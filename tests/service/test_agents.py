@@ -108,24 +108,34 @@ def test_a_job_that_kills_two_workers_of_an_agent_tells_both_causes(
     assert ended(served.client, submit(served.client, EASY))["status"] == "succeeded"
 
 
+def planning_pids(served: Served) -> set[int]:
+    """The process numbers of the workers that plan a problem of a batch."""
+    return {
+        worker.process.pid
+        for worker in served.supervisor._pool.workers
+        if worker.ticket is not None and worker.ticket.job.task == plan.name
+    }
+
+
 def test_a_batch_whose_workers_are_killed_answers_each_problem_once(
     both: tuple[Served, str],
 ) -> None:
     served, _ = both
     for _ in range(60):  # so that it is cut into chunks
         served.supervisor.durations.note(plan.name, 1.0)
-    goals = [[1.2, -0.3 - 0.01 * n, 0.0, -2.0, 0.0, 1.8, 0.785] for n in range(6)]
+    goals = [[1.2, -0.3 - 0.01 * n, 0.0, -2.0, 0.0, 1.8, 0.785] for n in range(12)]
     request = {key: DETOUR[key] for key in ("robot", "scene", "start", "timeout")}
     request["problems"] = [{"goal": {"joints": goal}} for goal in goals]
     response = served.client.post("/v1/plan/batch", json=request)
     answer(response, 202)
-    job, killed = response.headers["location"], 0
-    while killed < 3 and answer(served.client.get(job))["status"] in ("queued", "running"):
-        if busy := served.supervisor.busy_pids:
-            os.kill(busy[0], signal.SIGKILL)
-            killed += 1
-        time.sleep(0.1)
-    assert killed == 3
+    # Both workers die while problems wait, so that the third has some left to do.
+    job, killed = response.headers["location"], set[int]()
+    while len(killed) < 3 and answer(served.client.get(job))["status"] in ("queued", "running"):
+        for pid in planning_pids(served) - killed:
+            os.kill(pid, signal.SIGKILL)
+            killed.add(pid)
+        time.sleep(0.002)
+    assert len(killed) >= 3
     results = ended(served.client, job, 60.0)["result"]["results"]
     assert len(results) == len(goals)
     crashed = 0
@@ -135,7 +145,7 @@ def test_a_batch_whose_workers_are_killed_answers_each_problem_once(
             assert len(found["details"]["causes"]) == 2
         else:
             np.testing.assert_allclose(found["path"]["joints"][-1], goal, atol=1e-6)
-    assert crashed <= 1, "two of three kills may have met the same problem"
+    assert crashed <= len(killed) // 2, "two kills may have met the same problem"
 
 
 def test_an_agent_answers_for_its_health_and_ends_at_once(
