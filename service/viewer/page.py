@@ -10,7 +10,7 @@ from typing import Any
 from pydantic_core import to_json
 
 #: Scripts in the order in which they need each other.
-_SCRIPTS = ("matrix.js", "motion.js", "scene.js", "curves.js", "page.js")
+_SCRIPTS = ("matrix.js", "motion.js", "scene.js", "curves.js", "labels.js", "page.js")
 _ASSETS = "assets"
 
 

@@ -42,7 +42,7 @@ class Plot {
       svg.append(line);
       const [low, high] = curve.limits[i];
       const bounds = low === null && high === null ? "no limit" : `limit ${[low, high].filter((v) => v !== null).map((v) => v.toPrecision(3)).join(" to ")}`;
-      item.append(svg, `${name}, ${bounds}`);
+      item.append(svg, `${curve.names.length > 1 ? `${i + 1}: ` : ""}${name}, ${bounds}`);
       return item;
     }));
   }
@@ -85,9 +85,38 @@ class Plot {
       row.forEach((value, k) => { if (value !== null) pen.lineTo(x(this.curve.times[k]), y(value)); });
       pen.stroke();
     });
-    pen.setLineDash([]); pen.strokeStyle = "#1b2430"; pen.lineWidth = 1.5;
+    pen.setLineDash([]);
+    this.number(pen, x, y, duration);
+    pen.strokeStyle = "#1b2430"; pen.lineWidth = 1.5;
     pen.beginPath(); pen.moveTo(x(time), 4); pen.lineTo(x(time), bottom); pen.stroke();
     pen.textAlign = "left"; pen.fillText(this.curve.unit, this.left + 4, 18);
+  }
+  // Every curve has its number of the legend on it, one beside the other.
+  number(pen, x, y, duration) {
+    const count = this.curve.rows.length;
+    if (count < 2) return;
+    pen.textAlign = "center";
+    this.curve.rows.forEach((row, i) => {
+      const value = this.value(row, (duration * (i + 0.5)) / count);
+      if (value === null) return;
+      const at = [x((duration * (i + 0.5)) / count), y(value)];
+      pen.fillStyle = "#fff"; pen.beginPath(); pen.arc(at[0], at[1], 8.5, 0, 7); pen.fill();
+      pen.strokeStyle = pen.fillStyle = style(i)[0]; pen.lineWidth = 1; pen.stroke();
+      pen.fillText(String(i + 1), at[0], at[1] + 4);
+    });
+    pen.fillStyle = "#38424f";
+  }
+  // The value of a row at a time; null where there is none.
+  value(row, time) {
+    const [i, share] = interval(this.curve.times, time);
+    return row[i] === null || row[i + 1] === null ? null : row[i] + share * (row[i + 1] - row[i]);
+  }
+  // The values at a time in words.
+  words(time) {
+    return this.curve.names.map((name, i) => {
+      const value = this.value(this.curve.rows[i], time);
+      return `${name} ${value === null ? "unknown" : `${value.toPrecision(3)} ${this.curve.unit}`}`;
+    }).join(", ");
   }
   timeAt(clientX, duration) {
     const box = this.canvas.getBoundingClientRect();

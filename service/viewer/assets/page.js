@@ -6,7 +6,7 @@ const LINK = [0.78, 0.8, 0.83], HELD = [0.95, 0.72, 0.2], OBSTACLE = [0.45, 0.56
 // Colour and sign of a configuration by its verdict, and by the reason where it was rejected.
 const VERDICTS = {
   valid: [[0.15, 0.5, 0.75], "✓ valid"], asked: [[0.3, 0.32, 0.36], "• asked for"],
-  collision: [[0.78, 0.2, 0.1], "✗ collides"], limits: [[0.5, 0.2, 0.65], "⊘ outside limits"], other: [[0.6, 0.45, 0.1], "✗ rejected"],
+  collision: [[0.78, 0.2, 0.1], "✗ collides"], limits: [[0.5, 0.2, 0.65], "⊘ outside limits"], other: [[0.6, 0.45, 0.1], "△ rejected"],
 };
 const arm = new Arm(data);
 const motion = data.motion ? new Motion(data.motion) : null;
@@ -66,17 +66,18 @@ function draw() {
 }
 // Names of the closest pair, and the numbers of the configurations at their tips: the list has them too.
 function label(frames, pair) {
-  const texts = view.bodies.filter((body) => pair.includes(body.name)).map((body) => [view.middle(body, frames), body.name]);
-  if (!motion) data.configurations.forEach((item, i) => {
-    if (i === state.chosen || state.shown.others) texts.push([Matrix.origin(tips[i]), `${sign(item)[0]} ${i + 1}`, i === state.chosen]);
-  });
-  byId("labels").replaceChildren(...texts.flatMap(([point, text, chosen]) => {
+  const items = [], marks = [];
+  const add = (list, point, item) => {
     const at = view.project(point);
-    if (!at || at.some((v) => v < 0 || v > 1)) return [];
-    const made = Object.assign(document.createElement("span"), { textContent: text, className: chosen ? "chosen" : "" });
-    made.style.left = `${100 * at[0]}%`; made.style.top = `${100 * at[1]}%`;
-    return [made];
-  }));
+    if (at && !at.some((v) => v < 0 || v > 1)) list.push({ ...item, at });
+  };
+  if (!motion) data.configurations.forEach((item, i) => {
+    const mark = { sign: sign(item)[0], number: i + 1 };
+    if (i === state.chosen) add(items, Matrix.origin(tips[i]), { text: `${mark.sign} ${mark.number}`, chosen: true });
+    else if (state.shown.others) add(marks, Matrix.origin(tips[i]), mark);
+  });
+  for (const body of view.bodies) if (pair.includes(body.name)) add(items, view.middle(body, frames), { text: body.name });
+  showLabels(byId("labels"), [...items, ...gathered(marks)]);
 }
 function sign(item) { return VERDICTS[item.cause || item.verdict][1]; }
 function mixed(color) { return color.map((v, i) => 0.5 * v + 0.5 * LINK[i]); }
@@ -95,12 +96,18 @@ function tell(near, item) {
   byId("clock").textContent = `${state.time.toFixed(3)} of ${motion.duration.toFixed(3)} s`;
   byId("time").value = String(Math.round((1000 * state.time) / Math.max(motion.duration, 1e-9)));
   byId("time").setAttribute("aria-valuetext", `${state.time.toFixed(3)} seconds`);
+  byId("plot").setAttribute("aria-valuenow", state.time.toFixed(3));
+  byId("plot").setAttribute("aria-valuetext", `${state.time.toFixed(3)} seconds: ${plot.words(state.time)}`);
 }
 function table(rows) {
   const made = document.createElement("table");
   for (const row of rows) {
     const line = made.insertRow();
-    for (const text of row) line.insertCell().textContent = text;
+    row.forEach((text, i) => {
+      const cell = document.createElement(i ? "td" : "th");
+      if (!i) cell.scope = "row";
+      cell.textContent = text; line.append(cell);
+    });
   }
   return made;
 }
@@ -144,6 +151,7 @@ function fill() {
     addSwitch("path", "path of the tool"); addSwitch("ghosts", `${GHOSTS} configurations on the way`); addSwitch("nearest", "closest pair (striped)");
     curves.forEach((curve, i) => byId("curve").append(new Option(`${curve.name} [${curve.unit}]`, String(i))));
     plot.show(curves[0]);
+    byId("plot").setAttribute("aria-valuemax", motion.duration.toFixed(3));
     plot.marks = stages.map((item) => item.begins);
     stages.forEach((item) => {
       const button = document.createElement("button");
