@@ -131,8 +131,9 @@ def door(name: str, kernel: str, fndesc: Any, flags: Any) -> Code:
     environment = Environment.from_fndesc(fndesc)
     context = compiler._make_subtarget(cpu_target.target_context, flags)
     context = context.subtarget(environment=environment, fndesc=fndesc)
+    symbol = fndesc.llvm_cpython_wrapper_name
     # Calls that are over so soon that the lock is kept notice a few nanoseconds.
-    library = (Door if flags.release_gil else Whole)(_codegen(), name)
+    library = Door(_codegen(), name, symbol, plain=flags.release_gil)
     if _codes[kernel].bitcode is not None:
         library.add_linking_library(copied(kernel))
     with (
@@ -141,7 +142,7 @@ def door(name: str, kernel: str, fndesc: Any, flags: Any) -> Code:
         context.push_code_library(library),
     ):
         context.create_cpython_wrapper(library, fndesc, environment, None, flags.release_gil)
-    return _code(name, fndesc.llvm_cpython_wrapper_name, _NONE, library, None, fndesc)
+    return _code(name, symbol, _NONE, library, None, fndesc)
 
 
 def entry(code: Code) -> Any:

@@ -145,7 +145,7 @@ def test_processes_that_write_at_once_leave_whole_files(
     assert [path.name for path in tmp_path.iterdir()] == ["x"]
 
 
-#: Kernels that differ in what they close over; too large to be inlined, too small to be called.
+#: Kernels that differ in what they close over, too large to be copied into their callers.
 MAKER = """
 from math import atan2, sqrt
 from kinematics.compiled.kernel import kernel
@@ -159,7 +159,7 @@ LINES
     return inner
 """.replace(
     "LINES",
-    6
+    12
     * """
         y = sqrt(abs(z) + factor) + atan2(y, factor) + sqrt(y * y + z * z)
         z = atan2(z, y) + sqrt(y * y + 3.0) + atan2(factor, z)

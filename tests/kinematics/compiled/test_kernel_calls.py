@@ -5,11 +5,12 @@ import sys
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import llvmlite.binding as llvm
 import numpy as np
 import pytest
 from numba.core.errors import TypingError
 
-from kinematics.compiled import kernel_code
+from kinematics.compiled import kernel_code, kernel_library
 from kinematics.compiled.kernel import direct, kernel
 from kinematics.compiled.kernel_fingerprint import fingerprint
 from tests.kinematics.compiled.programs import BIG_PROGRAM, python, write_big
@@ -215,3 +216,49 @@ def test_options_are_passed_on() -> None:
 def test_fingerprint_tells_kernels_apart_and_repeats() -> None:
     assert fingerprint(ratio) == fingerprint(ratio)
     assert fingerprint(ratio) != fingerprint(total)
+
+
+def difference(left: float, right: float) -> float:
+    return left - right
+
+
+def second(values: Array) -> float:
+    return float(values[1])
+
+
+def product(n: int) -> int:
+    return 1 if n < 2 else n * product_kernel(n - 1)
+
+
+product_kernel = kernel(product)
+
+
+@pytest.mark.parametrize(
+    ("function", "arguments"),
+    [
+        (kernel(difference), (3.0, 2.0)),
+        (kernel(second), (np.array([1.0, 4.0]),)),
+        (kernel(unlocks=False)(second), (np.array([1.0, 4.0]),)),
+        (product_kernel, (4,)),
+    ],
+)
+def test_a_kernel_copied_into_its_door_takes_only_what_it_reads(
+    function: Any, arguments: tuple[Any, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[kernel_library.Door] = []
+    machine_code = kernel_library.Door.machine_code
+
+    def noted(door: kernel_library.Door) -> bytes:
+        made.append(door)
+        return machine_code(door)
+
+    monkeypatch.setattr(kernel_library.Door, "machine_code", noted)
+    assert function(*arguments) == function.py_func(*arguments)
+    (door,) = made
+    functions = [one for one in door._final_module.functions if not one.is_declaration]
+    own = [one.name for one in functions if one.linkage != llvm.Linkage.internal]
+    assert own == [door._symbol]
+    # Where the answer goes and what is read: a number each, or the address of an array's numbers.
+    # Not where an error goes, nor the size, shape, strides and owner of the array.
+    for copy in functions:
+        assert copy.name in own or len(list(copy.arguments)) <= 1 + len(arguments)
