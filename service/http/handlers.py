@@ -45,12 +45,21 @@ def problem_response(problem: ProblemError, instance: str) -> Response:
     )
 
 
+def problem_of(error: ProblemError | ArmwrightError | RequestValidationError) -> ProblemError:
+    """The problem that an error is."""
+    if isinstance(error, ProblemError):
+        return error
+    if isinstance(error, ArmwrightError):
+        return from_domain(error)
+    return validation_problem(error.errors(), error.body)
+
+
 def install(app: FastAPI) -> None:
     """Answer every error that reaches the framework with a problem document."""
 
-    async def on_problem(request: Request, error: Exception) -> Response:
-        assert isinstance(error, ProblemError)
-        return problem_response(error, request.url.path)
+    async def on_fault(request: Request, error: Exception) -> Response:
+        assert isinstance(error, ProblemError | ArmwrightError | RequestValidationError)
+        return problem_response(problem_of(error), request.url.path)
 
     async def on_http(request: Request, error: Exception) -> Response:
         assert isinstance(error, HTTPException)
@@ -58,18 +67,9 @@ def install(app: FastAPI) -> None:
             return Response(None, 204, {"Allow": ", ".join(_possible_methods(request))})
         return problem_response(_from_framework(request, error), request.url.path)
 
-    async def on_domain(request: Request, error: Exception) -> Response:
-        assert isinstance(error, ArmwrightError)
-        return problem_response(from_domain(error), request.url.path)
-
-    async def on_validation(request: Request, error: Exception) -> Response:
-        assert isinstance(error, RequestValidationError)
-        return problem_response(validation_problem(error.errors(), error.body), request.url.path)
-
-    app.add_exception_handler(ProblemError, on_problem)
+    for fault in (ProblemError, ArmwrightError, RequestValidationError):
+        app.add_exception_handler(fault, on_fault)
     app.add_exception_handler(HTTPException, on_http)
-    app.add_exception_handler(ArmwrightError, on_domain)
-    app.add_exception_handler(RequestValidationError, on_validation)
 
 
 def _from_framework(request: Request, error: HTTPException) -> ProblemError:

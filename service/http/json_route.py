@@ -1,10 +1,13 @@
 """Routes that take strict JSON, perhaps to be answered later as a job."""
 
+import inspect
 import re
 from collections.abc import Awaitable, Callable, Coroutine
+from functools import cached_property
 from typing import Any, TypeGuard, TypeVar
 
 from fastapi import Request, Response
+from fastapi.exceptions import RequestValidationError
 from fastapi.params import Form
 from fastapi.routing import APIRoute
 from pydantic import BaseModel
@@ -70,9 +73,41 @@ class JsonRoute(APIRoute):
     #: Whether requests become jobs without asking for that.
     always_deferred = False
 
+    @cached_property
+    def handle_directly(self) -> Handler | None:
+        """The handler without the framework, where all that the route takes is a body.
+
+        Raises:
+            RequestValidationError: As the framework does it.
+        """
+        if not self._takes_body_alone():
+            return None
+        field, endpoint = self.body_field, self.endpoint
+        assert field is not None
+
+        async def handle(request: Request) -> Response:
+            value = await request.json()
+            body, errors = field.validate(value, {}, loc=("body",))
+            if errors:
+                raise RequestValidationError(errors, body=value)
+            response: Response = await endpoint(body=body, request=request)
+            return response
+
+        return self._checked(handle)
+
+    def _takes_body_alone(self) -> bool:
+        if self.body_field is None or isinstance(self.body_field.field_info, Form):
+            return False
+        names = set(inspect.signature(self.endpoint).parameters)
+        is_async = inspect.iscoroutinefunction(self.endpoint)
+        return is_async and names == {"body", "request"} and not self.dependencies
+
     def get_route_handler(self) -> Handler:
         """The handler of the framework behind the checks of the body."""
-        handle = super().get_route_handler()
+        return self._checked(super().get_route_handler())
+
+    def _checked(self, handle: Handler) -> Handler:
+        """A handler behind the checks of the body."""
         annotation = None if self.body_field is None else self.body_field.field_info.annotation
         model = annotation if _is_model(annotation) else None
         takes_json = self.body_field is not None and not isinstance(

@@ -8,6 +8,7 @@ from starlette.middleware.gzip import GZipMiddleware
 
 from service.http.access_check import AccessCheck
 from service.http.body_limit import BodyLimit
+from service.http.direct_routes import DirectRoutes
 from service.http.handlers import UnexpectedErrors
 from service.http.host_check import HostCheck
 from service.http.metrics import Measured, Metrics
@@ -40,6 +41,7 @@ def install(app: FastAPI, settings: Settings, metrics: Metrics) -> None:
         metrics: What counts the requests.
     """
     # The last one added is the outermost.
+    app.add_middleware(DirectRoutes, application=app)
     app.add_middleware(GZipMiddleware, minimum_size=_COMPRESSED_SIZE, compresslevel=_LEVEL)
     app.add_middleware(
         BodyLimit,
