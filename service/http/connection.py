@@ -14,14 +14,17 @@ from service.http.admission import Admission
 from service.http.errors import PROBLEM_MEDIA_TYPE, document, status_of
 from service.http.joined_writes import JoinedWrites
 from service.http.security_headers import SECURITY_HEADERS
+from service.http.simple_cycle import SimpleCycle, SimpleHead, read_head
 from service.problem import ProblemError
 
 #: Descriptors that are left for the storage, the workers and files.
 _RESERVED_DESCRIPTORS = 128
 #: Pause before a request is refused that would be too late [s].
 _REFUSAL_PAUSE = 0.03
-#: Time in which the rest of a short body is waited for, where it may be refused unread [s].
+#: Time in which the rest of a short body is waited for [s]; after it h11 takes over.
 _REST_TIME = 0.05
+#: What comes while a request is being answered is held up to this, then no more is read [byte].
+_HELD_BYTES = 64 * 1024
 _REASONS = {400: b"Bad Request", 408: b"Request Timeout", 503: b"Service Unavailable"}
 
 
@@ -96,7 +99,7 @@ class Connection(H11Protocol):
     def connection_lost(self, exc: Exception | None) -> None:
         """Forget the connection."""
         self._stop_timer()
-        self._take_begun()
+        self._stop_rest_timer()
         self._end_request()
         super().connection_lost(exc)
 
@@ -104,26 +107,91 @@ class Connection(H11Protocol):
         """Take what arrived; a head that has begun must end in time."""
         if self.transport.is_closing():
             return
-        data = self._take_begun() + data
-        if not self._refuse_early(data):
+        data, self._begun = self._begun + data, b""
+        if self._refuse_early(data):
+            return
+        head = read_head(data) if self._is_idle else None
+        missing = 0 if head is None else head.body_at + head.size - len(data)
+        if head is None or missing < 0:
             self._pass_on(data)
+        elif missing > 0:
+            self._wait_for_rest(data)
+        else:
+            self._begin_simple(head, data[head.body_at :])
+
+    @property
+    def _is_idle(self) -> bool:
+        """Whether nothing of a request has been passed on that was not answered."""
+        return self.conn.our_state is h11.IDLE and self.conn.trailing_data == (b"", False)
+
+    def _wait_for_rest(self, data: bytes) -> None:
+        """Wait for the rest of a request, but not longer because some more of it comes."""
+        self._begun = data
+        self._unset_keepalive_if_required()
+        if self._rest_timer is None:
+            self._rest_timer = self.loop.call_later(_REST_TIME, self._stop_waiting)
 
     def _pass_on(self, data: bytes) -> None:
+        self._stop_rest_timer()
         super().data_received(data)
         self._watch_head()
 
-    def _take_begun(self) -> bytes:
-        """The beginning of a request whose rest was waited for."""
+    def _begin_simple(self, head: SimpleHead, body: bytes) -> None:
+        """Have a request answered that has come in whole, and hold what comes meanwhile."""
+        self._unset_keepalive_if_required()
+        self._stop_timer()
+        self._stop_rest_timer()
+        self._held = b""
+        self.headers = head.fields
+        self.scope = {
+            "type": "http",
+            "asgi": {"version": self.asgi_version, "spec_version": "2.3"},
+            "http_version": "1.1",
+            "server": self.server,
+            "client": self.client,
+            "scheme": "http" if self.scheme is None else self.scheme,
+            "method": "POST",
+            "root_path": self.root_path,
+            "path": self.root_path + head.path,
+            "raw_path": (self.root_path + head.path).encode("ascii"),
+            "query_string": b"",
+            "headers": head.fields,
+            "state": self.app_state.copy(),
+        }
+        self.cycle = SimpleCycle(
+            scope=self.scope,
+            conn=self.conn,
+            transport=self.transport,
+            flow=self.flow,
+            logger=self.logger,
+            access_logger=self.access_logger,
+            access_log=self.access_log,
+            default_headers=self.server_state.default_headers,
+            message_event=asyncio.Event(),
+            on_response=self._end_simple,
+        )
+        self.cycle.body = bytearray(body)
+        task = self.loop.create_task(self.cycle.run_asgi(self.app))
+        task.add_done_callback(self.tasks.discard)
+        self.tasks.add(task)
+
+    def _end_simple(self) -> None:
+        """Wait for the next request, and read what of it has come already."""
+        held, self._held = self._held, None
+        self.on_response_complete()
+        if held and not self.transport.is_closing():
+            self.data_received(held)
+
+    def _stop_rest_timer(self) -> None:
         if self._rest_timer is not None:
             self._rest_timer.cancel()
             self._rest_timer = None
-        begun, self._begun = self._begun, b""
-        return begun
 
     def _stop_waiting(self) -> None:
         """Have a request read whose rest does not come."""
+        begun, self._begun = self._begun, b""
         if not self.transport.is_closing():
-            self._pass_on(self._take_begun())
+            self._pass_on(begun)
 
     def on_response_complete(self) -> None:
         """Wait for the next request; until something of it arrives, uvicorn's own timer runs."""
@@ -151,14 +219,14 @@ class Connection(H11Protocol):
         """
         if self._held is not None:
             self._held += data
+            if len(self._held) > _HELD_BYTES:
+                self.flow.pause_reading()
             return True
         admission = self._admission
-        idle = self.conn.our_state is h11.IDLE and self.conn.trailing_data == (b"", False)
-        if admission is None or not idle or self._limits.count < len(self.connections):
+        if admission is None or not self._is_idle or self._limits.count < len(self.connections):
             return False
         if admission.wants_rest(data):
-            self._begun = data
-            self._rest_timer = self.loop.call_later(_REST_TIME, self._stop_waiting)
+            self._wait_for_rest(data)
             return True
         client = "" if self.client is None else self.client[0]
         content = admission.refusal(data, client, self)
@@ -166,6 +234,7 @@ class Connection(H11Protocol):
             return False
         self._unset_keepalive_if_required()
         self._stop_timer()
+        self._stop_rest_timer()
         self._held = b""
         # Whoever asks again at once is slowed down: refusals must not use up what workers need.
         self.loop.call_later(_REFUSAL_PAUSE, self._answer_early, content)
