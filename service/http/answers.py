@@ -32,9 +32,8 @@ async def robot(request: Request, name: str) -> Reference:
         ProblemError: NOT_FOUND.
     """
     repository = repository_of(request)
-    if is_built_in(name):  # nothing that blocks
-        reference = repository.robot(name)
-    else:
+    reference = repository.known("robot", name)
+    if reference is None:
         reference = await run_in_threadpool(repository.robot, name)
     note_reference(request, reference)
     return reference
@@ -48,7 +47,10 @@ async def scene(request: Request, source: str | Scene | None) -> Reference | Non
     """
     if not isinstance(source, str):
         return None
-    reference = await run_in_threadpool(repository_of(request).scene, source)
+    repository = repository_of(request)
+    reference = repository.known("scene", source)
+    if reference is None:
+        reference = await run_in_threadpool(repository.scene, source)
     note_reference(request, reference)
     return reference
 
@@ -56,22 +58,27 @@ async def scene(request: Request, source: str | Scene | None) -> Reference | Non
 async def _robot_and_scene(
     request: Request, robot_name: str, scene_source: str | Scene | None
 ) -> tuple[Reference, Reference | None]:
-    """The robot and the stored scene of a request, looked up in one turn of a thread.
+    """The robot and the stored scene of a request, in one turn of a thread at most.
 
     Raises:
         ProblemError: NOT_FOUND.
     """
-    if is_built_in(robot_name) or not isinstance(scene_source, str):
-        return await robot(request, robot_name), await scene(request, scene_source)
-    repository, scene_name = repository_of(request), scene_source
+    repository = repository_of(request)
+    scene_name = scene_source if isinstance(scene_source, str) else None
 
-    def look_up() -> tuple[Reference, Reference]:
-        return repository.robot(robot_name), repository.scene(scene_name)
+    def look_up() -> tuple[Reference, Reference | None]:
+        found = repository.robot(robot_name)
+        return found, None if scene_name is None else repository.scene(scene_name)
 
-    found = await run_in_threadpool(look_up)
-    for reference in found:
-        note_reference(request, reference)
-    return found
+    arm = repository.known("robot", robot_name)
+    cell = None if scene_name is None else repository.known("scene", scene_name)
+    if arm is None or (scene_name is not None and cell is None):
+        arm, cell = await run_in_threadpool(look_up)
+    assert arm is not None
+    note_reference(request, arm)
+    if cell is not None:
+        note_reference(request, cell)
+    return arm, cell
 
 
 async def model(request: Request, name: str) -> RobotModel:

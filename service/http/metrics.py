@@ -6,6 +6,7 @@ names of stages are ours. Nothing that a caller chooses becomes a label.
 
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import cache
 from typing import Any
 
 from fastapi import FastAPI
@@ -63,12 +64,16 @@ class Metrics:
             registry=self.registry,
         )
         self.registry.register(_State(app))
+        # To look a histogram up by its labels takes as long as to count with it; they are few.
+        self._stage = cache(self._stages.labels)
+        self._route_seconds = cache(self._seconds.labels)
+        self._route_requests = cache(self._requests.labels)
 
     def count_request(self, route: str, method: str, status: int, seconds: float) -> None:
         """Count a request."""
         named = method if method in _METHODS else _OTHER
-        self._requests.labels(route, named, str(status)).inc()
-        self._seconds.labels(route, named).observe(seconds)
+        self._route_requests(route, named, str(status)).inc()
+        self._route_seconds(route, named).observe(seconds)
 
     def count_plan(self, planner: str, stages: Iterable[tuple[str, float]]) -> None:
         """Count a plan, and its stages with their durations [s]."""
@@ -83,7 +88,7 @@ class Metrics:
 
     def _observe(self, stages: Iterable[tuple[str, float]]) -> None:
         for name, seconds in stages:
-            self._stages.labels(name).observe(seconds)
+            self._stage(name).observe(seconds)
 
     def text(self, jobs: Mapping[Status, int], waiting: int | None = None) -> bytes:
         """Everything in the text format.

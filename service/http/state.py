@@ -61,7 +61,8 @@ def documents_of(request: Request) -> DocumentStore:
     """The robots and scenes of the caller's tenant, as documents."""
     caller = caller_of(request.scope)
     actor = Actor(caller.tenant, caller.api_key)
-    return DocumentStore(store_of(request).database, actor, caller.storage_limit)
+    store = store_of(request)
+    return DocumentStore(store.database, actor, caller.storage_limit, store.records)
 
 
 def repository_of(request: Request) -> RobotRepository:

@@ -47,6 +47,14 @@ class Recent:
         self.put(key, value)
         return value
 
+    def find(self, key: object) -> Any:
+        """The value of a key; None if it is not among those kept."""
+        with self._lock:
+            if key not in self._values:
+                return None
+            self._values.move_to_end(key)
+            return self._values[key]
+
     def put(self, key: object, value: object) -> None:
         """Keep a value, and drop those that nobody has asked for longest."""
         weight = self._weigh(value)

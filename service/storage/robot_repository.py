@@ -1,6 +1,6 @@
 """Robots and scenes by name: where their documents are, and under which keys they are prepared."""
 
-from typing import Protocol
+from typing import Literal, Protocol
 
 from kinematics.robot_names import builtin_names
 from service.problem import ProblemError
@@ -11,6 +11,9 @@ from service.storage.document_store import Document, Record
 class Documents(Protocol):
     """Stored documents of robots and scenes, by kind and name."""
 
+    def known(self, kind: str, name: str) -> Record | None:
+        """Metadata of a document, if this process remembers it; never blocks."""
+
     def record(self, kind: str, name: str) -> Record:
         """Metadata of a document; raises `ProblemError` where there is none."""
 
@@ -19,7 +22,7 @@ class Documents(Protocol):
 
 
 class RobotRepository:
-    """The built-in robots, and the robots and scenes of a store. Every method blocks.
+    """The built-in robots, and the robots and scenes of a store. All methods but `known` block.
 
     Args:
         documents: Where their documents are.
@@ -29,6 +32,18 @@ class RobotRepository:
     def __init__(self, documents: Documents, folder: str) -> None:
         self._documents = documents
         self._folder = folder
+
+    def known(self, kind: Literal["robot", "scene"], name: str) -> Reference | None:
+        """The robot or scene of a name, if this process remembers it; never blocks.
+
+        Args:
+            kind: "robot" or "scene".
+            name: Its name.
+        """
+        if kind == "robot" and is_built_in(name):
+            return builtin_reference(name, self._folder)
+        record = self._documents.known(kind, name)
+        return None if record is None else Reference(kind, name, record.hash, self._folder)
 
     def robot(self, name: str) -> Reference:
         """The robot of a name; built-in ones go first.

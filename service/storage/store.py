@@ -3,12 +3,13 @@
 import secrets
 
 from service.storage.database import Database
-from service.storage.document_store import DocumentStore
+from service.storage.document_store import DocumentStore, Record
 from service.storage.idempotency_store import IdempotencyStore
 from service.storage.job_store import JobStore
 from service.storage.key_store import KeyStore
 from service.storage.plan_store import PlanStore
 from service.storage.queue_store import QueueStore
+from service.storage.record_cache import RecordCache
 from service.storage.server_store import ServerStore
 
 
@@ -23,7 +24,9 @@ class Store:
         #: Name of this server among those that share the database.
         self.server = secrets.token_hex(8)
         self.database = database
-        self.documents = DocumentStore(database)
+        #: Records of documents, where this process alone writes them.
+        self.records: RecordCache[Record] | None = RecordCache() if database.is_ours else None
+        self.documents = DocumentStore(database, cache=self.records)
         self.answers = IdempotencyStore(database, self.server)
         self.jobs = JobStore(database, self.server)
         self.plans = PlanStore(database)
