@@ -32,7 +32,7 @@ async def robot(request: Request, name: str) -> Reference:
         ProblemError: NOT_FOUND.
     """
     repository = repository_of(request)
-    reference = repository.known("robot", name)
+    reference = repository.recall("robot", name)
     if reference is None:
         reference = await run_in_threadpool(repository.robot, name)
     note_reference(request, reference)
@@ -48,7 +48,7 @@ async def scene(request: Request, source: str | Scene | None) -> Reference | Non
     if not isinstance(source, str):
         return None
     repository = repository_of(request)
-    reference = repository.known("scene", source)
+    reference = repository.recall("scene", source)
     if reference is None:
         reference = await run_in_threadpool(repository.scene, source)
     note_reference(request, reference)
@@ -70,8 +70,8 @@ async def _robot_and_scene(
         found = repository.robot(robot_name)
         return found, None if scene_name is None else repository.scene(scene_name)
 
-    arm = repository.known("robot", robot_name)
-    cell = None if scene_name is None else repository.known("scene", scene_name)
+    arm = repository.recall("robot", robot_name)
+    cell = None if scene_name is None else repository.recall("scene", scene_name)
     if arm is None or (scene_name is not None and cell is None):
         arm, cell = await run_in_threadpool(look_up)
     assert arm is not None

@@ -93,7 +93,7 @@ class JsonRoute(APIRoute):
             response: Response = await endpoint(body=body, request=request)
             return response
 
-        return self._checked(handle)
+        return self._behind_checks(handle)
 
     def _takes_body_alone(self) -> bool:
         if self.body_field is None or isinstance(self.body_field.field_info, Form):
@@ -104,9 +104,9 @@ class JsonRoute(APIRoute):
 
     def get_route_handler(self) -> Handler:
         """The handler of the framework behind the checks of the body."""
-        return self._checked(super().get_route_handler())
+        return self._behind_checks(super().get_route_handler())
 
-    def _checked(self, handle: Handler) -> Handler:
+    def _behind_checks(self, handle: Handler) -> Handler:
         """A handler behind the checks of the body."""
         annotation = None if self.body_field is None else self.body_field.field_info.annotation
         model = annotation if _is_model(annotation) else None

@@ -161,9 +161,9 @@ class DocumentStore:
         except IntegrityError:  # another server created it between the two statements
             return self._replace(kind, name, content, precondition)
 
-    def known(self, kind: str, name: str) -> Record | None:
+    def recall(self, kind: str, name: str) -> Record | None:
         """Metadata of the document of a name, if this process remembers it; never blocks."""
-        return None if self._cache is None else self._cache.known((self._tenant, kind, name))
+        return None if self._cache is None else self._cache.recall((self._tenant, kind, name))
 
     def record(self, kind: str, name: str) -> Record:
         """Metadata of the document of a name.

@@ -32,9 +32,9 @@ class KeptDocuments:
             (item.kind, item.name): item.hash for item in pinned
         }
 
-    def known(self, kind: str, name: str) -> Record | None:
+    def recall(self, kind: str, name: str) -> Record | None:
         """Metadata of a document, if this process remembers it."""
-        return None if (kind, name) in self._pinned else self._current.known(kind, name)
+        return None if (kind, name) in self._pinned else self._current.recall(kind, name)
 
     def record(self, kind: str, name: str) -> Record:
         """Metadata of a document.

@@ -22,7 +22,7 @@ class RecordCache(Generic[_R]):
         self._records = Recent(_SIZE)
         self._writes = 0
 
-    def known(self, key: object) -> _R | None:
+    def recall(self, key: object) -> _R | None:
         """The record of a key, if it is kept; this never blocks for long."""
         with self._lock:
             kept: _R | None = self._records.find(key)
@@ -30,7 +30,7 @@ class RecordCache(Generic[_R]):
 
     def read(self, key: object, look_up: Callable[[], _R]) -> _R:
         """The record of a key, looked up if it is not kept."""
-        kept = self.known(key)
+        kept = self.recall(key)
         if kept is not None:
             return kept
         writes = self._writes

@@ -11,7 +11,7 @@ from service.storage.document_store import Document, Record
 class Documents(Protocol):
     """Stored documents of robots and scenes, by kind and name."""
 
-    def known(self, kind: str, name: str) -> Record | None:
+    def recall(self, kind: str, name: str) -> Record | None:
         """Metadata of a document, if this process remembers it; never blocks."""
 
     def record(self, kind: str, name: str) -> Record:
@@ -22,7 +22,7 @@ class Documents(Protocol):
 
 
 class RobotRepository:
-    """The built-in robots, and the robots and scenes of a store. All methods but `known` block.
+    """The built-in robots, and the robots and scenes of a store. All methods but `recall` block.
 
     Args:
         documents: Where their documents are.
@@ -33,7 +33,7 @@ class RobotRepository:
         self._documents = documents
         self._folder = folder
 
-    def known(self, kind: Literal["robot", "scene"], name: str) -> Reference | None:
+    def recall(self, kind: Literal["robot", "scene"], name: str) -> Reference | None:
         """The robot or scene of a name, if this process remembers it; never blocks.
 
         Args:
@@ -42,7 +42,7 @@ class RobotRepository:
         """
         if kind == "robot" and is_built_in(name):
             return builtin_reference(name, self._folder)
-        record = self._documents.known(kind, name)
+        record = self._documents.recall(kind, name)
         return None if record is None else Reference(kind, name, record.hash, self._folder)
 
     def robot(self, name: str) -> Reference:

@@ -7,12 +7,12 @@ from service.storage.store import Store
 
 def test_what_was_looked_up_is_known_until_something_is_written() -> None:
     cache: RecordCache[str] = RecordCache()
-    assert cache.known("a") is None
+    assert cache.recall("a") is None
     assert cache.read("a", lambda: "first") == "first"
-    assert cache.known("a") == cache.read("a", lambda: "second") == "first"
+    assert cache.recall("a") == cache.read("a", lambda: "second") == "first"
     cache.forget()
-    assert cache.known("a") is None
-    assert cache.read("a", lambda: "second") == cache.known("a") == "second"
+    assert cache.recall("a") is None
+    assert cache.read("a", lambda: "second") == cache.recall("a") == "second"
 
 
 def test_what_was_read_before_a_write_is_not_kept_after_it() -> None:
@@ -23,24 +23,24 @@ def test_what_was_read_before_a_write_is_not_kept_after_it() -> None:
         return "old"
 
     assert cache.read("a", read_slowly) == "old"
-    assert cache.known("a") is None
+    assert cache.recall("a") is None
 
 
 def test_documents_are_known_as_they_were_written_last(store: Store) -> None:
     documents = DocumentStore(store.database, cache=RecordCache())
     first = documents.create("scene", "a", b"one")
-    assert documents.known("scene", "a") is None
-    assert documents.record("scene", "a") == documents.known("scene", "a") == first
+    assert documents.recall("scene", "a") is None
+    assert documents.record("scene", "a") == documents.recall("scene", "a") == first
     second = documents.replace("scene", "a", b"two")
-    assert documents.known("scene", "a") is None
-    assert documents.record("scene", "a") == documents.known("scene", "a") == second
-    assert documents.known("robot", "a") is None
+    assert documents.recall("scene", "a") is None
+    assert documents.record("scene", "a") == documents.recall("scene", "a") == second
+    assert documents.recall("robot", "a") is None
     documents.delete("scene", "a")
-    assert documents.known("scene", "a") is None
+    assert documents.recall("scene", "a") is None
 
 
 def test_a_store_that_others_share_remembers_nothing(store: Store) -> None:
     assert store.records is None
     store.documents.create("scene", "a", b"one")
     store.documents.record("scene", "a")
-    assert store.documents.known("scene", "a") is None
+    assert store.documents.recall("scene", "a") is None
