@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from kinematics.arrays import Array, frozen
 from kinematics.bounded_cache import bounded_cache
+from kinematics.compiled.kernel import kernel
 
 
 class PieceKind(IntEnum):
@@ -25,6 +26,9 @@ class PieceKind(IntEnum):
     CYLINDER = 1
     CONE = 2
     HALFSPACE = 3
+
+
+_POLYTOPE = int(PieceKind.POLYTOPE)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -214,36 +218,55 @@ class PieceArrays:
     def pack(cls, pieces: Sequence[Piece]) -> "PieceArrays":
         """Put ``pieces`` side by side, in their order."""
         p = len(pieces)
-        counts = [len(piece.vertices) for piece in pieces]
-        starts = np.cumsum([0, *counts])
+        starts = np.zeros(p + 1, dtype=np.int64)
+        np.cumsum([len(piece.vertices) for piece in pieces], out=starts[1:])
         vertices = np.concatenate([piece.vertices for piece in pieces] or [np.zeros((0, 3))])
         sizes = [(piece.radius, piece.half_height, piece.offset_radius) for piece in pieces]
+        all_sizes = np.array(sizes, dtype=np.float64).reshape(p, 3)
         poses = np.array([piece.T_owner_piece for piece in pieces]).reshape(p, 4, 4)
-        kinds = np.array([int(piece.kind) for piece in pieces], dtype=np.int64)
+        kinds = np.array([piece.kind for piece in pieces], dtype=np.int64)
         centers, radii, boxes = np.zeros((p, 3)), np.empty(p), np.empty((p, 6))
-        cornered = np.flatnonzero((kinds == PieceKind.POLYTOPE) & (np.array(counts) > 0))
-        for i in np.flatnonzero(kinds != PieceKind.POLYTOPE).tolist():
-            centers[i], radii[i] = pieces[i].bounding_sphere()
-            boxes[i] = pieces[i].local_box()
-        if len(cornered):
-            # All at once: a scene has many small ones.
-            first = starts[cornered]
-            low = np.minimum.reduceat(vertices, first)
-            high = np.maximum.reduceat(vertices, first)
-            middle = (low + high) / 2.0
-            away = vertices - np.repeat(middle, np.array(counts)[cornered], axis=0)
-            rounding = np.array(sizes)[cornered, 2]
-            radii[cornered] = np.maximum.reduceat(np.linalg.norm(away, axis=1), first) + rounding
-            boxes[cornered] = np.hstack([middle, (high - low) / 2.0 + rounding[:, None]])
-            T = poses[cornered]
-            centers[cornered] = (T[:, :3, :3] @ middle[..., None])[..., 0] + T[:, :3, 3]
+        for i, piece in enumerate(pieces):
+            if piece.kind is not PieceKind.POLYTOPE:
+                centers[i], radii[i] = piece.bounding_sphere()
+                boxes[i] = piece.local_box()
+        # All at once: a scene has many small ones.
+        bound_polytopes(kinds, starts, vertices, all_sizes, poses, centers, radii, boxes)
         return cls(
             kinds=kinds,
-            starts=starts.astype(np.int64),
+            starts=starts,
             vertices=vertices,
-            sizes=np.array(sizes, dtype=np.float64).reshape(p, 3),
+            sizes=all_sizes,
             poses=poses,
             centers=centers,
             radii=radii,
             boxes=boxes,
         )
+
+
+@kernel(allocates=False, unlocks=False)
+def bound_polytopes(
+    kinds: NDArray[np.int64], starts: NDArray[np.int64], vertices: Array, sizes: Array,
+    poses: Array, centers: Array, radii: Array, boxes: Array,
+) -> None:  # fmt: skip
+    """Write ``centers``, ``radii`` and ``boxes`` of the pieces with corners, as ``PieceArrays``."""
+    for k in range(kinds.shape[0]):
+        if kinds[k] != _POLYTOPE or starts[k] == starts[k + 1]:
+            continue
+        rounding, farthest = sizes[k, 2], 0.0
+        for axis in range(3):
+            low, high = np.inf, -np.inf
+            for v in range(starts[k], starts[k + 1]):
+                low, high = min(low, vertices[v, axis]), max(high, vertices[v, axis])
+            boxes[k, axis], boxes[k, 3 + axis] = (low + high) / 2.0, (high - low) / 2.0 + rounding
+        for v in range(starts[k], starts[k + 1]):
+            away = 0.0
+            for axis in range(3):
+                away += (vertices[v, axis] - boxes[k, axis]) ** 2
+            farthest = max(farthest, away)
+        radii[k] = np.sqrt(farthest) + rounding
+        for row in range(3):
+            center = poses[k, row, 3]
+            for axis in range(3):
+                center += poses[k, row, axis] * boxes[k, axis]
+            centers[k, row] = center

@@ -1,5 +1,6 @@
 """Spans of a motion in which it comes nearer to something than is preferred."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,24 +60,28 @@ class ClearanceReport:
 
 
 def clearance_report(
-    checker: Checker, motion: Trajectory, preferred: PreferredClearance, margin: float
+    checkers: Sequence[Checker], motion: Trajectory, preferred: PreferredClearance, margin: float
 ) -> ClearanceReport:
     """Look at a motion instant by instant for distances below the preferred ones.
 
     Args:
-        checker: The robot in its scene.
+        checkers: Of the robot in its scene; before it, if any, of the robot in its solids' hulls,
+            which are as far away at most: the robot itself is only packed where they are close.
         motion: The motion, of one second at least looked at every 25 ms.
         preferred: The distances.
         margin: The margin that is proved [m]; nothing below it is preferred.
     """
     distance, own = max(preferred.obstacles, margin), preferred.own_links
-    model = checker.model.with_margins(distance, own)
-    spacious = Checker(model)
     count = int(np.ceil(max(motion.duration / _PERIOD, _LEAST_INSTANTS)))
     count = min(count, _MAX_INSTANTS)
     times = np.linspace(0.0, motion.duration, count + 1)
     positions = np.ascontiguousarray(motion.sample(times))
-    close = ~spacious.each_valid(positions)
+    close = np.ones(len(times), dtype=np.bool_)
+    for checker in checkers:
+        spacious = Checker(checker.model.with_margins(distance, own))
+        close[close] = ~spacious.each_valid(positions[close])
+        if not close.any():
+            break
     spans = tuple(
         _span(spacious, times, positions, first, last, (distance, own))
         for first, last in _runs(close)

@@ -262,9 +262,8 @@ class _Pipeline:
         if not self.problem.robot.pieces:
             notes += ("The robot has no collision geometry: nothing is known of collisions.",)
         optimised = proved.waypoints is not None
-        checker = ready.checkers[-1]
         clearance = clearance_report(
-            checker, timed.trajectory, self.options.clearance, self.problem.margin
+            ready.checkers, timed.trajectory, self.options.clearance, self.problem.margin
         )
         timing = timing_report(self.parametrization, timed.solver)
         return Plan(

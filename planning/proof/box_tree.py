@@ -8,17 +8,21 @@ or of the solids in its leaf. A tree whose boxes are wrong gets boxes that are r
 import numpy as np
 
 from kinematics.arrays import Array, Indices
+from kinematics.compiled.kernel import kernel
 from obstacles.bvh import BOX, FIRST, LAST, SKIP
 
-_LOW = slice(BOX, BOX + 3)
-_HIGH = slice(BOX + 3, BOX + 6)
+_BOX = slice(BOX, BOX + 6)
+# What is found of leaves.
+_LEAVES_ONCE, _LEAVES_APART, _LEAVES_LACK = 0, 1, 2
+# What is found of nodes.
+_CONTAINED, _WRONG_BOXES, _HANGS_WRONG = 0, 1, 2
 
 
 class BrokenTree(RuntimeError):
     """A tree of boxes lacks a solid or holds one twice: the program is at fault, not the caller."""
 
 
-def leaf_boxes(nodes: Array, items: Indices, low: Array, high: Array) -> tuple[Array, Array]:
+def leaf_boxes(nodes: Array, items: Indices, low: Array, high: Array) -> Array:
     """Boxes of the solids in each leaf of a tree over boxes.
 
     Args:
@@ -28,36 +32,58 @@ def leaf_boxes(nodes: Array, items: Indices, low: Array, high: Array) -> tuple[A
         high: Highest corners, shape (m, 3) [m].
 
     Returns:
-        Lowest and highest corners, shape (t, 3); inf and -inf of nodes that are no leaves.
+        Lowest and highest corners, shape (t, 6); inf and -inf of nodes that are no leaves.
 
     Raises:
         BrokenTree: Some solid is in no leaf, or in several.
     """
-    leaf = np.flatnonzero(nodes[:, FIRST] >= 0.0)
-    first, last = nodes[leaf, FIRST].astype(np.int64), nodes[leaf, LAST].astype(np.int64)
-    joined = np.array_equal(first[1:], last[:-1]) and (first < last).all()
-    if not (joined and len(leaf) and first[0] == 0 and last[-1] == len(low)):
+    boxes, seen = np.empty((len(nodes), 6)), np.zeros(len(low), dtype=np.int64)
+    found = leaf_boxes_kernel(nodes, items, low, high, seen, boxes)
+    if found == _LEAVES_APART:
         raise BrokenTree("the leaves of a tree of boxes do not follow each other")
-    if not np.array_equal(np.sort(items), np.arange(len(low))):
+    if found == _LEAVES_LACK:
         raise BrokenTree("a tree of boxes does not hold every solid once")
-    lowest, highest = np.full((len(nodes), 3), np.inf), np.full((len(nodes), 3), -np.inf)
-    lowest[leaf] = np.minimum.reduceat(low[items], first)
-    highest[leaf] = np.maximum.reduceat(high[items], first)
-    return lowest, highest
+    return boxes
 
 
-def check_nodes(
-    nodes: Array, first: int, roots: Indices, low: Array, high: Array
-) -> tuple[Array, Indices]:
+@kernel(allocates=False, unlocks=False)
+def leaf_boxes_kernel(
+    nodes: Array, items: Indices, low: Array, high: Array, seen: Indices, boxes: Array
+) -> int:
+    """Write ``boxes`` (t, 6) of the leaves; what was found. ``seen`` (m,) holds zeros."""
+    m = low.shape[0]
+    if items.shape[0] != m:
+        return _LEAVES_APART
+    next_item = 0
+    for k in range(nodes.shape[0]):
+        for axis in range(3):
+            boxes[k, axis], boxes[k, 3 + axis] = np.inf, -np.inf
+        if not nodes[k, FIRST] >= 0.0:
+            continue
+        first, last = int(nodes[k, FIRST]), int(nodes[k, LAST])
+        if first != next_item or last <= first or last > m:
+            return _LEAVES_APART
+        next_item = last
+        for entry in range(first, last):
+            item = items[entry]
+            if item < 0 or item >= m or seen[item] != 0:
+                return _LEAVES_LACK
+            seen[item] = 1
+            for axis in range(3):
+                boxes[k, axis] = min(boxes[k, axis], low[item, axis])
+                boxes[k, 3 + axis] = max(boxes[k, 3 + axis], high[item, axis])
+    return _LEAVES_ONCE if next_item == m else _LEAVES_APART
+
+
+def check_nodes(nodes: Array, first: int, roots: Indices, boxes: Array) -> tuple[Array, Indices]:
     """Nodes of one or more trees with boxes that contain everything below them, and their children.
 
     Args:
         nodes: Shape (t, 10), columns as in ``obstacles.bvh``.
         first: What ``SKIP`` of these nodes counts the first of them as.
         roots: Nodes that hang below no other, shape (k,).
-        low: Lowest corners of the boxes of each leaf's solids, shape (t, 3) [m]; those of other
-            nodes are not used.
-        high: Highest corners, shape (t, 3) [m].
+        boxes: Lowest and highest corners of the boxes of each leaf's solids, shape (t, 6) [m];
+            those of other nodes are not used. They are written over.
 
     Returns:
         The nodes, shape (t, 10), and both children of each inner node in turn, numbers of nodes.
@@ -65,34 +91,60 @@ def check_nodes(
     Raises:
         BrokenTree: Some node hangs below none or several.
     """
-    inner = np.flatnonzero(nodes[:, FIRST] < 0.0)
-    one, other = _children(nodes, first, inner)
-    below = np.sort(np.concatenate([roots, one, other]))
-    if not (np.array_equal(below, np.arange(len(nodes))) and (other > inner).all()):
+    hung = np.zeros(len(nodes), dtype=np.int64)
+    children = np.empty(2 * len(nodes), dtype=np.int64)
+    found, count = check_nodes_kernel(nodes, first, roots, hung, boxes, children)
+    if found == _HANGS_WRONG:
         raise BrokenTree("a node of a tree of boxes hangs below none or several")
-    children = np.column_stack((one, other)).reshape(-1)
-    leaf = nodes[:, FIRST] >= 0.0
-    lowest, highest = nodes[:, _LOW], nodes[:, _HIGH]
-    contained = (
-        (lowest[leaf] <= low[leaf]).all()
-        and (highest[leaf] >= high[leaf]).all()
-        and (lowest[inner] <= np.minimum(lowest[one], lowest[other])).all()
-        and (highest[inner] >= np.maximum(highest[one], highest[other])).all()
-    )
-    if contained:
-        return nodes, children
-    right = nodes.copy()
-    right[leaf, _LOW], right[leaf, _HIGH] = low[leaf], high[leaf]
+    if found == _WRONG_BOXES:
+        right = nodes.copy()
+        right[:, _BOX] = boxes
+        nodes = right
+    return nodes, children[:count]
+
+
+@kernel(allocates=False, unlocks=False)
+def check_nodes_kernel(
+    nodes: Array, first: int, roots: Indices, hung: Indices, boxes: Array, children: Indices
+) -> tuple[int, int]:
+    """Write the right ``boxes`` (t, 6) of all nodes and their ``children``.
+
+    ``hung`` (t,) holds zeros; in it is counted below how many nodes each one hangs, roots below
+    one. What was found, and how many children there are.
+    """
+    t, count, contained = nodes.shape[0], 0, True
+    for root in roots:
+        if root < 0 or root >= t:
+            return _HANGS_WRONG, 0
+        hung[root] += 1
+    for k in range(t):
+        if nodes[k, FIRST] >= 0.0:
+            continue
+        if k + 1 >= t:
+            return _HANGS_WRONG, 0
+        other = int(nodes[k + 1, SKIP]) - first
+        if other <= k or other >= t:
+            return _HANGS_WRONG, 0
+        hung[k + 1] += 1
+        hung[other] += 1
+        children[count], children[count + 1] = k + 1, other
+        count += 2
+    for k in range(t):
+        if hung[k] != 1:
+            return _HANGS_WRONG, 0
+    below = count
     # Children come behind their node.
-    for node, a, b in zip(inner[::-1], one[::-1], other[::-1], strict=True):
-        right[node, _LOW] = np.minimum(right[a, _LOW], right[b, _LOW])
-        right[node, _HIGH] = np.maximum(right[a, _HIGH], right[b, _HIGH])
-    return right, children
-
-
-def _children(nodes: Array, first: int, inner: Indices) -> tuple[Indices, Indices]:
-    """First and second child of each inner node."""
-    if not len(inner):
-        return inner, inner
-    other = nodes[np.minimum(inner + 1, len(nodes) - 1), SKIP].astype(np.int64) - first
-    return inner + 1, other
+    for k in range(t - 1, -1, -1):
+        if not nodes[k, FIRST] >= 0.0:
+            below -= 2
+            one, other = children[below], children[below + 1]
+            for axis in range(3):
+                boxes[k, axis] = min(boxes[one, axis], boxes[other, axis])
+                boxes[k, 3 + axis] = max(boxes[one, 3 + axis], boxes[other, 3 + axis])
+        for axis in range(3):
+            if not (
+                nodes[k, BOX + axis] <= boxes[k, axis]
+                and nodes[k, BOX + 3 + axis] >= boxes[k, 3 + axis]
+            ):
+                contained = False
+    return _CONTAINED if contained else _WRONG_BOXES, count

@@ -13,12 +13,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from kinematics.arrays import Array, Indices
-from obstacles.bvh import BOX, FIRST, LAST, SKIP, tree
+from kinematics.arrays import Array, Indices, frozen
+from obstacles.bvh import FIRST, tree
 from obstacles.piece import Piece, PieceArrays, PieceKind
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from planning.proof.box_tree import check_nodes, leaf_boxes
+from planning.proof.element_boxes import (
+    boxes_of_nodes,
+    extents,
+    hold_items,
+    placed_boxes,
+)
 from planning.proof.proposals import (
     FIRST_NODE,
     STOP_NODE,
@@ -29,10 +35,9 @@ from planning.proof.proposals import (
     rows_before,
 )
 
+_HERE = frozen(np.eye(4))
 #: The kind of an element that only holds others; the rest are of ``PieceKind``.
 HOLDER = -1
-#: What rounding may have taken off a box [relative].
-_BOX_ROUNDING = 1e-15
 
 
 class PairArrays(NamedTuple):
@@ -214,7 +219,12 @@ def _arrays(robot: RobotGeometry, scene: Scene, opened: Rows) -> PairArrays:
         centers=everything.centers,
         radii=everything.radii,
         boxes=everything.boxes,
-        extents=np.concatenate([own_extents, _extents(around), _extents(boxed)]),
+        extents=np.concatenate(
+            [
+                own_extents,
+                *(extents(block.boxes, block.poses, block.sizes) for block in (around, boxed)),
+            ]
+        ),
         below=_starts(everything.kid_counts),
         kids=everything.kids,
         parts=everything.parts,
@@ -235,11 +245,21 @@ def _pairs_that_may_touch(robot: RobotGeometry, scene: Scene) -> NDArray[np.bool
     skipped[robot.joints < 0] = True
     if not scene.allowed_collisions:
         return skipped
-    columns = {name: k for k, name in enumerate(scene.ids)}
-    for i, link in enumerate(robot.links):
-        partners = [b if a == link else a for a, b in scene.allowed_collisions if link in {a, b}]
-        skipped[i, [columns[name] for name in partners if name in columns]] = True
+    columns, rows = {name: k for k, name in enumerate(scene.ids)}, _pieces_by_name(robot)
+    for pair in scene.allowed_collisions:
+        for link, name in (pair, pair[::-1]):
+            if link in rows and name in columns:
+                skipped[rows[link], columns[name]] = True
     return skipped
+
+
+@lru_cache(maxsize=8)
+def _pieces_by_name(robot: RobotGeometry) -> dict[str, list[int]]:
+    """Pieces of each link and attached object."""
+    rows: dict[str, list[int]] = {}
+    for row, link in enumerate(robot.links):
+        rows.setdefault(link, []).append(row)
+    return rows
 
 
 @lru_cache(maxsize=8)
@@ -248,7 +268,7 @@ def _own(robot: RobotGeometry, opened: Rows) -> tuple[_Elements, Array, int]:
     packed = packed_pieces(robot, Scene(()), opened)
     own = _solids(robot.arrays, packed, slice(None), slice(None), 0)
     own = own._replace(parts=own.row, margins=np.zeros(len(own.kinds)))
-    return own, _extents(own), len(packed.corners)
+    return own, extents(own.boxes, own.poses, own.sizes), len(packed.corners)
 
 
 def _starts(counts: Indices) -> Indices:
@@ -278,12 +298,12 @@ def _solids(
     leaf = tree_nodes[:, FIRST] >= 0.0
     first = np.where(leaf, tree_nodes[:, FIRST], -1.0).astype(np.int64)
     corners = packed.corners[(first[leaf, None] + np.arange(3)).reshape(-1)]
-    of_leaves = corners.reshape(-1, 3, 3)
-    low, high = np.full((len(leaf), 3), np.inf), np.full((len(leaf), 3), -np.inf)
-    low[leaf], high[leaf] = of_leaves.min(axis=1), of_leaves.max(axis=1)
+    triangles = corners.reshape(-1, 3, 3)
+    of_leaves = np.empty((len(leaf), 6))
+    of_leaves[leaf] = np.hstack([triangles.min(axis=1), triangles.max(axis=1)])
     tops = own[covers, FIRST_NODE].astype(np.int64) - first_node
-    tree_nodes, children = check_nodes(tree_nodes, first_node, tops, low, high)
-    boxes, kids = _boxes(tree_nodes), children + (base + p)
+    tree_nodes, children = check_nodes(tree_nodes, first_node, tops, of_leaves)
+    boxes, kids = boxes_of_nodes(tree_nodes), children + (base + p)
     poses = arrays.poses[owner]
     centers = (poses[:, :3, :3] @ boxes[:, :3, None])[..., 0] + poses[:, :3, 3]
     below = _Elements(
@@ -297,83 +317,53 @@ def _solids(
 def _tree(still: PieceArrays, margins: Array, moving: int, base: int) -> _Elements:
     """A tree over the scene's pieces but half-spaces; its top is element ``base``."""
     solid = np.flatnonzero(still.kinds != PieceKind.HALFSPACE)
-    T, box = still.poses[solid], still.boxes[solid]
-    middle = (T[:, :3, :3] @ box[:, :3, None])[..., 0] + T[:, :3, 3]
-    half = (np.abs(T[:, :3, :3]) @ box[:, 3:, None])[..., 0]
-    low, high = middle - half, middle + half
+    low, high = placed_boxes(still.poses, still.boxes, solid)
     grown = tree(low, high)
     nodes, count = grown.nodes, len(grown.nodes)
     children = np.zeros(0, dtype=np.int64)
     if count:
         of_leaves = leaf_boxes(nodes, grown.items, low, high)
-        nodes, children = check_nodes(nodes, 0, np.zeros(1, dtype=np.int64), *of_leaves)
-    leaf = nodes[:, FIRST] >= 0.0
-    spans = np.where(leaf, nodes[:, LAST] - nodes[:, FIRST], 2.0).astype(np.int64)
-    kids = np.empty(int(spans.sum()), dtype=np.int64)
-    is_item = np.repeat(leaf, spans)
-    # Leaves come in the order of their items.
-    kids[is_item] = moving + solid[grown.items]
-    kids[~is_item] = children + base
-    boxes, none = _boxes(nodes), np.zeros(count, dtype=np.int64)
-    still_poses = np.tile(np.eye(4), (count, 1, 1))
+        nodes, children = check_nodes(nodes, 0, np.zeros(1, dtype=np.int64), of_leaves)
+    items = solid[grown.items]
+    spans, kids, most = hold_items(nodes, moving + items, children + base, margins[items])
+    boxes, none = boxes_of_nodes(nodes), np.zeros(count, dtype=np.int64)
+    still_poses = np.empty((count, 4, 4))
+    still_poses[:] = _HERE
     return _Elements(
         none + HOLDER, none, np.zeros((0, 3)), np.zeros((count, 3)), still_poses,
-
         boxes[:, :3], np.linalg.norm(boxes[:, 3:], axis=1), boxes, spans, kids, none - 1, none,
-        none - 1, _largest_margins(nodes, margins[solid][grown.items]),
+        none - 1, most,
     )  # fmt: skip
-
-
-def _boxes(nodes: Array) -> Array:
-    """Middles and half sizes of nodes' boxes, (t, 6), a hair larger than rounding made them."""
-    low, high = nodes[:, BOX : BOX + 3], nodes[:, BOX + 3 : BOX + 6]
-    half = 0.5 * (high - low) + _BOX_ROUNDING * (np.abs(low) + np.abs(high))
-    return np.hstack([0.5 * (low + high), half])
-
-
-def _largest_margins(nodes: Array, margins: Array) -> Array:
-    """The largest margin of all items below each node; ``margins`` in the order of leaves."""
-    if not len(margins) or margins.min() == margins.max():
-        return np.full(len(nodes), margins.max(initial=0.0))
-    most = np.zeros(len(nodes))
-    for k in range(len(nodes) - 1, -1, -1):
-        first, last = int(nodes[k, FIRST]), int(nodes[k, LAST])
-        below = margins[first:last] if first >= 0 else most[[k + 1, int(nodes[k + 1, SKIP])]]
-        most[k] = below.max()
-    return most
 
 
 def _roots(
     robot: RobotGeometry, scene: Scene, tops: list[int], skipped: NDArray[np.bool_]
 ) -> Indices:
     """Pairs that everything hangs below: robot and scene, and the robot's own."""
-    met = [int(j) for j in np.flatnonzero(~skipped.all(axis=1))] if skipped.size else []
-    rows = [(top, j) for j in met for top in tops]
-    own = [(i, j) if robot.joints[i] <= robot.joints[j] else (j, i) for i, j in _own_pairs(robot)]
-    rows += [(i, j) for i, j in own if not scene.allows(robot.links[i], robot.links[j])]
-    return np.array(rows, dtype=np.int64).reshape(-1, 2)
+    met = np.flatnonzero(~skipped.all(axis=1)) if skipped.size else np.zeros(0, dtype=np.int64)
+    around = np.empty((len(met), len(tops), 2), dtype=np.int64)
+    around[:, :, 0], around[:, :, 1] = tops, met[:, None]
+    own, names = _own_pairs(robot)
+    if not names.isdisjoint(scene.allowed_collisions):
+        links = robot.links
+        own = own[[not scene.allows(links[i], links[j]) for i, j in own.tolist()]]
+    return np.concatenate([around.reshape(-1, 2), own])
 
 
 @lru_cache(maxsize=8)
-def _own_pairs(robot: RobotGeometry) -> tuple[tuple[int, int], ...]:
-    """Pairs of the robot's pieces that must not touch.
+def _own_pairs(robot: RobotGeometry) -> tuple[Indices, frozenset[tuple[str, str]]]:
+    """Pairs of the robot's pieces that must not touch, shape (k, 2), and their names, sorted.
 
     All that move against each other and that it does not allow to touch; written twice on purpose,
-    like ``_pairs_that_may_touch``.
+    like ``_pairs_that_may_touch``. The second of a pair moves against the first.
     """
     allowed = {frozenset(pair) for pair in robot.allowed}
     joints, links = robot.joints.tolist(), robot.links
-    return tuple(
-        (i, j)
+    pairs = [
+        (i, j) if joints[i] <= joints[j] else (j, i)
         for i, j in combinations(range(len(links)), 2)
         if joints[i] != joints[j] and frozenset((links[i], links[j])) not in allowed
-    )
-
-
-def _extents(elements: _Elements) -> Array:
-    """``PairArrays.extents``."""
-    farthest = np.linalg.norm(np.abs(elements.boxes[:, :3]) + elements.boxes[:, 3:], axis=1)
-    # A half-space is but a plane through its frame.
-    farthest[~np.isfinite(farthest)] = 0.0
-    places = np.linalg.norm(elements.poses[:, :3, 3], axis=1)
-    return np.asarray(places + farthest + elements.sizes.sum(axis=1))
+    ]
+    names = ((links[i], links[j]) for i, j in pairs)
+    rows = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+    return rows, frozenset((min(pair), max(pair)) for pair in names)

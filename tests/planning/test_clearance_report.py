@@ -2,12 +2,16 @@
 
 import numpy as np
 
+from kinematics.pose import transform
 from kinematics.trajectory import Trajectory
 from obstacles.checker import Checker
 from obstacles.fcl_distance import FclWorld
-from obstacles.scene import Scene
+from obstacles.robot_geometry import hulled
+from obstacles.scene import Obstacle, Scene
+from obstacles.shapes import Sphere
 from planning.clearance_report import clearance_report
 from planning.preferred_clearance import PreferredClearance
+from tests.obstacles.test_hulled import robot
 from tests.planning.scenes import box, builtin
 
 #: The arm of two links, bent, turns past a bar and back in four seconds.
@@ -26,7 +30,7 @@ def test_spans_and_distances_are_those_of_fcl() -> None:
     truth = np.array([world.clearance(q).distance for q in MOTION.sample(times)])
     preferred = truth.min() + 0.03
     report = clearance_report(
-        Checker.of(robot, BAR), MOTION, PreferredClearance(float(preferred)), 0.0
+        (Checker.of(robot, BAR),), MOTION, PreferredClearance(float(preferred)), 0.0
     )
     assert len(report.spans) == 2
     inside = np.zeros(len(times), dtype=bool)
@@ -42,7 +46,7 @@ def test_spans_and_distances_are_those_of_fcl() -> None:
 
 def test_nothing_near_is_no_span() -> None:
     report = clearance_report(
-        Checker.of(builtin("planar_rr"), Scene()), MOTION, PreferredClearance(), 0.0
+        (Checker.of(builtin("planar_rr"), Scene()),), MOTION, PreferredClearance(), 0.0
     )
     assert report.spans == ()
     assert report.time_below == 0.0
@@ -50,5 +54,21 @@ def test_nothing_near_is_no_span() -> None:
 
 def test_the_margin_is_the_least_distance_that_counts() -> None:
     checker = Checker.of(builtin("planar_rr"), BAR, 0.05)
-    report = clearance_report(checker, MOTION, PreferredClearance(0.0), 0.05)
+    report = clearance_report((checker,), MOTION, PreferredClearance(0.0), 0.05)
     assert (report.preferred, report.least) == (0.05, 0.05)
+
+
+def test_hulls_are_only_a_first_look() -> None:
+    """A ball in the pocket of a hook: close to its hull all along, to the hook itself at times."""
+    exact = robot()
+    ball = Obstacle("ball", Sphere(0.03), transform(None, [0.2, 0.2, 0.05]))
+    scene = Scene((ball,))
+    swing = Trajectory(("turn",), np.array([0.0, 2.0]), np.array([[[-0.45, 0.45]]]))
+    hulls, solids = (Checker.of(r, scene) for r in (hulled(exact), exact))
+    reports = [
+        clearance_report(checkers, swing, PreferredClearance(0.06), 0.0)
+        for checkers in ((solids,), (hulls, solids), (hulls,))
+    ]
+    assert reports[0].spans
+    assert reports[0] == reports[1]
+    assert 0.0 < reports[1].time_below < reports[2].time_below

@@ -22,7 +22,7 @@ def test_a_right_tree_is_taken_as_it_is(m: int) -> None:
     low, high = boxes(m, m)
     grown = tree(low, high)
     of_leaves = leaf_boxes(grown.nodes, grown.items, low, high)
-    assert check_nodes(grown.nodes, 0, ROOT, *of_leaves)[0] is grown.nodes
+    assert check_nodes(grown.nodes, 0, ROOT, of_leaves)[0] is grown.nodes
 
 
 @pytest.mark.parametrize("m", [1, 3, 64])
@@ -36,7 +36,7 @@ def test_wrong_boxes_become_boxes_that_contain_everything(seed: int, m: int) -> 
     lying[k, BOX + 2] += 50.0
     lying[k, BOX + 5] += 50.0
     of_leaves = leaf_boxes(lying, grown.items, low, high)
-    right, _ = check_nodes(lying, 0, ROOT, *of_leaves)
+    right, _ = check_nodes(lying, 0, ROOT, of_leaves)
     assert np.allclose(right[0, BOX : BOX + 3], low.min(axis=0))
     assert np.allclose(right[0, BOX + 3 : BOX + 6], high.max(axis=0))
     assert np.allclose(right[:, BOX : BOX + 6], grown.nodes[:, BOX : BOX + 6])
@@ -61,4 +61,4 @@ def test_a_node_below_none_is_refused() -> None:
     nodes[inner + 1, SKIP] = len(nodes) - 1
     of_leaves = leaf_boxes(nodes, grown.items, low, high)
     with pytest.raises(BrokenTree, match="below none or several"):
-        check_nodes(nodes, 0, ROOT, *of_leaves)
+        check_nodes(nodes, 0, ROOT, of_leaves)
