@@ -6,20 +6,29 @@ import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.chain import Chain
+from kinematics.jacobian import geometric
 from kinematics.trajectory import Trajectory, concatenate, stay
 from planning.passing_times import passing_times
 from planning.result import ToolMotionReport
 from planning.run_deviation import pieces_within
 from planning.timing.parametrization import TimeParametrization
 from planning.timing.path import JointPath
+from planning.timing.steady_speed import time_at_steady_speed
 from planning.timing.time_scaling import ScaledTime
 from planning.tool_motion import SpeedBand, TimedToolMotions, ToolMotion
-from planning.tool_path import Tolerances, ToolPath
+from planning.tool_path import ToolPath
 from planning.tool_run import RunPart, ToolRun, run_of
 from planning.tool_spline import spline_near
 
 #: How often a spline of time is given twice as many waypoints to keep nearer to its motion.
 _MAX_DOUBLINGS = 6
+#: Looks at the tool's speed on each piece of a path, and on a whole motion.
+_LOOKS = 5
+_INSTANTS = 1001
+#: Part of the width of a band of speed by which a steady speed may vary with the path.
+_BAND_SHARE = 0.5
+#: A steady motion that is slowed down for torques by more than this factor is held against another.
+_AS_FAST = 1.02
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -108,7 +117,7 @@ def time_tool_path(
     Raises:
         TimingFailed: No motion within the limits was found.
     """
-    scaled = [_time_motion(chain, *pair, path.tolerances, parametrization) for pair in path.moving]
+    scaled = [_time_motion(chain, path, *pair, parametrization) for pair in path.moving]
     if near:
         runs = [run_of(motion) for motion, _ in path.moving]
         scaled = [
@@ -167,22 +176,67 @@ def _reports(
 
 def _time_motion(
     chain: Chain,
+    tool_path: ToolPath,
     motion: ToolMotion | ToolRun,
     path: JointPath,
-    tolerances: Tolerances,
     parametrization: TimeParametrization,
 ) -> ScaledTime:
     run = run_of(motion)
     if run.tool_speed is not None:
         parametrization = parametrization.at_tool_speed(chain, run.tool_speed)
+        steady = _time_steadily(chain, tool_path, run, path, parametrization)
+        if steady is not None:
+            return steady
     if parametrization.method.follows_path:
         return parametrization.time(path, chain.joint_names)
     knots = path.breaks
     for _ in range(_MAX_DOUBLINGS):
         timed = parametrization.time_spline(path.sample(knots), None, "clamped", chain.joint_names)
         spline = timed.trajectory
-        fine = pieces_within(chain, run, knots, spline.breaks, spline.coefficients, tolerances.pair)
+        fine = pieces_within(
+            chain, run, knots, spline.breaks, spline.coefficients, tool_path.tolerances.pair
+        )
         if fine.all():
             break
         knots = np.sort(np.concatenate([knots, 0.5 * (knots[1:] + knots[:-1])]))
     return timed
+
+
+def _time_steadily(
+    chain: Chain,
+    tool_path: ToolPath,
+    run: ToolRun,
+    path: JointPath,
+    parametrization: TimeParametrization,
+) -> ScaledTime | None:
+    """The motion at a steady speed of the tool; None where another one keeps it as far."""
+    band = tool_path.speed_band
+    if band is None or run.tool_speed is None or path.corners or not parametrization.smooth:
+        return None
+    places = path.breaks[:-1, None] + np.outer(path.lengths, np.linspace(0.0, 1.0, _LOOKS))
+    at = np.minimum(places.ravel(), path.length)
+    along = np.einsum("kij,kj->ki", geometric(chain, path.sample(at))[:, :3], path.sample(at, 1))
+    rates = np.linalg.norm(along, axis=1).reshape(places.shape).max(axis=1)
+    with np.errstate(divide="ignore"):
+        wanted = run.tool_speed / rates
+    variation = _BAND_SHARE * (1.0 - band[0] / run.tool_speed)
+    steady = time_at_steady_speed(
+        path, chain.joint_names, parametrization.jerk_bounds, wanted, variation
+    )
+    if steady is None:
+        return None
+    timed = parametrization.slow_down_for_effort(steady.timed)
+    if len(steady.speeds) == 1 and timed.factor <= _AS_FAST:
+        return timed
+    other = parametrization.time(path, chain.joint_names)
+    shares = [_share_in_band(chain, one.trajectory, band[0]) for one in (timed, other)]
+    return timed if shares[0] >= shares[1] else other
+
+
+def _share_in_band(chain: Chain, motion: Trajectory, low: float) -> float:
+    """Part of the tool's way on which it is no slower than a speed [m/s], about."""
+    times = np.linspace(0.0, motion.duration, _INSTANTS)
+    J = geometric(chain, motion.sample(times))[:, :3]
+    speeds = np.linalg.norm(np.einsum("kij,kj->ki", J, motion.sample(times, 1)), axis=1)
+    total = float(speeds.sum())
+    return float(speeds[speeds >= low].sum()) / total if total > 0.0 else 1.0

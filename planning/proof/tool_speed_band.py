@@ -4,6 +4,12 @@ On an interval of half length h the speed is within |v| +- a h, with v the veloc
 its middle and a the largest acceleration, from ``relative_motion``. Intervals are halved until that
 lies inside the band or outside, or they are shorter than a share of the whole; those that are left
 count as outside.
+
+The way of the tool on an interval is at least what its ends are apart, measured along u = v / |v|.
+The speed across u is at most a |s|, that along it at least |v| - a h, so that the way is longer
+than that by at most
+
+    int (a s)^2 / (2 (|v| - a h)) ds = a^2 h^3 / (3 (|v| - a h)).
 """
 
 import math
@@ -15,7 +21,7 @@ from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.compiled.kernel import kernel
 from kinematics.trajectory import Trajectory
-from kinematics.vec3 import dot
+from kinematics.vec3 import Vector, dot
 from planning.proof.joint_frames import forward_kernel
 from planning.proof.motion_bounds import JOINT_COLUMNS, VALUE, enclose
 from planning.proof.relative_motion import relative_motion
@@ -132,12 +138,42 @@ def speed_kernel(arm: Arm, coefficients: Array, ends: Array, speeds: Array, tota
         if is_above:
             totals[_ABOVE] = min(totals[_ABOVE], middle)
         if is_within or is_outside or is_above or depth >= _MAX_DEPTH:
-            totals[_LENGTH] += 2.0 * half * (speed + 0.5 * change)
             totals[_MOST] = max(totals[_MOST], speed + change)
             totals[_LEAST] = min(totals[_LEAST], speed)
             if is_within:
-                totals[_WITHIN] += 2.0 * half * (speed - 0.5 * change)
+                way = _way(arm, coefficients, (low, high), motion.velocity, joints, frames, T)
+                way /= speed
+                totals[_WITHIN] += (1.0 - _ROUNDING) * way
+                longer = half * change * change / (3.0 * (speed - change))
+                totals[_LENGTH] += (1.0 + _ROUNDING) * way + longer
+            else:
+                totals[_LENGTH] += 2.0 * half * (speed + 0.5 * change)
             continue
         stack[top, 0], stack[top, 1], stack[top, 2] = middle, high, depth + 1.0
         stack[top + 1, 0], stack[top + 1, 1], stack[top + 1, 2] = low, middle, depth + 1.0
         top += 2
+
+
+@kernel
+def _way(
+    arm: Arm,
+    coefficients: Array,
+    ends: tuple[float, float],
+    velocity: Vector,
+    joints: Array,
+    frames: Array,
+    T: Array,
+) -> float:
+    """Way of the tip between two times along a velocity, times its size; the rest is memory."""
+    q, way = joints[:, VALUE], 0.0
+    for end in range(2):
+        for j in range(q.shape[0]):
+            q[j] = 0.0
+            for k in range(coefficients.shape[1] - 1, -1, -1):
+                q[j] = q[j] * ends[end] + coefficients[j, k]
+        forward_kernel(arm.types, arm.offsets, q, frames)
+        tip_kernel(arm, frames, T)
+        sign = -1.0 if end == 0 else 1.0
+        for row in range(3):
+            way += sign * velocity[row] * T[row, 3]
+    return way

@@ -172,11 +172,11 @@ class TimeParametrization:
             knots = chord_knots(points)
             motion = spline_trajectory(joint_names, points, knots, ends, velocities)
             fitted = fit(motion, **self.bounds)
-            return self._slow_down_for_effort(fitted)
+            return self.slow_down_for_effort(fitted)
         motion = spline_trajectory(joint_names, waypoints, times, ends, velocities)
         if not scale:
             return ScaledTime(motion, 1.0)
-        return self._slow_down_for_effort(dilate(motion, **self.bounds))
+        return self.slow_down_for_effort(dilate(motion, **self.bounds))
 
     def needed_factor(self, motion: Trajectory) -> float:
         """Least factor of a motion's duration for all limits to hold; 1 where they hold.
@@ -190,7 +190,12 @@ class TimeParametrization:
         slower = motion.dilate(factor) if factor > 1.0 else motion
         return slow_down(self.loads, ScaledTime(slower, factor)).factor
 
-    def _slow_down_for_effort(self, scaled: ScaledTime) -> ScaledTime:
+    def slow_down_for_effort(self, scaled: ScaledTime) -> ScaledTime:
+        """The motion slowed down until it keeps the limits of torque and tool speed.
+
+        Raises:
+            TimingFailed: No slowing down does.
+        """
         return scaled if self.loads is None else slow_down(self.loads, scaled)
 
     def _spline_velocities(self, ends: Ends, timed: bool) -> tuple[Array, Array] | None:
