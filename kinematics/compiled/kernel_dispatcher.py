@@ -28,7 +28,7 @@ from kinematics.compiled.kernel_target import target
 from kinematics.compiled.kernel_writes import Use, writable
 
 #: Count up with every change of how kernels are compiled that does not show in their functions.
-_REVISION = 10
+_REVISION = 11
 
 #: Set to 1, it forbids to compile: what is called must have been compiled before.
 FROZEN = "ARMWRIGHT_KERNELS_FROZEN"

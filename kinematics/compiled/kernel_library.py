@@ -157,7 +157,8 @@ class Door(Whole):
             return
         for function in self._final_module.functions:
             if not function.is_declaration and function.name != self._symbol:
-                function.linkage = "internal"
+                # Not "internal": LLVM's loader would take such a copy for the kernel in other code.
+                function.linkage = "private"
         super()._optimize_final_module()
 
     def machine_code(self) -> bytes:

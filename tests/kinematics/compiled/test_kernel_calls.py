@@ -256,7 +256,7 @@ def test_a_kernel_copied_into_its_door_takes_only_what_it_reads(
     assert function(*arguments) == function.py_func(*arguments)
     (door,) = made
     functions = [one for one in door._final_module.functions if not one.is_declaration]
-    own = [one.name for one in functions if one.linkage != llvm.Linkage.internal]
+    own = [one.name for one in functions if one.linkage != llvm.Linkage.private]
     assert own == [door._symbol]
     # Where the answer goes and what is read: a number each, or the address of an array's numbers.
     # Not where an error goes, nor the size, shape, strides and owner of the array.
