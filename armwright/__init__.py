@@ -61,6 +61,7 @@ if TYPE_CHECKING:
     from planning.constraints.position import PositionConstraint
     from planning.constraints.region import BoxRegion, LineRegion, PlaneRegion, SphereRegion
     from planning.constraints.relative_pose import RelativePoseConstraint
+    from planning.explored import Explored
     from planning.exports.export import Export, export
     from planning.exports.options import ExportFormat, ExportOptions
     from planning.exports.swept_volume import SweptVolume, swept_volume
@@ -134,6 +135,7 @@ _MODULES = {
     "Export": "planning.exports.export",
     "ExportFormat": "planning.exports.options",
     "ExportOptions": "planning.exports.options",
+    "Explored": "planning.explored",
     "Failure": "planning.result",
     "GoalCosts": "planning.goal_costs",
     "Grasp": "planning.sequence.stage",
@@ -254,6 +256,7 @@ __all__ = [
     "DhRow",
     "DhTable",
     "Dynamics",
+    "Explored",
     "Export",
     "ExportFormat",
     "ExportOptions",

@@ -112,12 +112,13 @@ class LocalBackend:
         finally:
             prepared_files.forget(reference)
 
-    def page(self, robot: str, plan: dict[str, Any]) -> bytes:
+    def page(self, robot: str, plan: dict[str, Any], *, tree: bool = False) -> bytes:
         """The HTML page of a kept plan.
 
         Args:
             robot: The name of the robot.
             plan: As ``GET /v1/plans/{id}`` answers it, with its scene inside of the request.
+            tree: Whether to draw the tree or roadmap of the last planner.
 
         Raises:
             ArmwrightError: The request is at fault, so that nothing of it can be drawn.
@@ -125,7 +126,7 @@ class LocalBackend:
         from service.tasks.view import view  # noqa: PLC0415
 
         content = json.dumps(plan).encode()
-        return bytes(self._run(view, [self._reference(robot), None, content]))
+        return bytes(self._run(view, [self._reference(robot), None, content, tree]))
 
     def robot_model(self, name: str) -> dict[str, Any]:
         """The model of a robot, as ``GET /v1/robots/{name}`` answers it."""

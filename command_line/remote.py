@@ -124,16 +124,18 @@ class RemoteBackend:
         finally:
             self._send("DELETE", path)
 
-    def page(self, plan_id: str) -> bytes:
+    def page(self, plan_id: str, *, tree: bool = False) -> bytes:
         """The HTML page of a kept plan.
 
         Args:
             plan_id: Its id.
+            tree: Whether to draw the tree or roadmap of the last planner.
 
         Raises:
             CommandProblem: There is no such plan, or the service does not answer.
         """
-        return self._send("GET", f"/v1/plans/{quote(plan_id, safe='')}/view")
+        query = "?tree=true" if tree else ""
+        return self._send("GET", f"/v1/plans/{quote(plan_id, safe='')}/view{query}")
 
     def readiness(self) -> str:
         """The state of its workers, in words.

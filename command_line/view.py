@@ -38,6 +38,10 @@ def view(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="The page; beside the file if left out.")
     ] = None,
+    tree: Annotated[
+        bool,
+        typer.Option("--tree", help="Plan once more, and draw the tree of the last planner."),
+    ] = False,
     show: Annotated[bool, typer.Option("--open", help="Open the page in a browser.")] = False,
 ) -> None:
     """Write one HTML page that shows a plan and its proof, or why there is no motion."""
@@ -45,7 +49,10 @@ def view(
     is_file = file.is_file()
     if not is_file and file.suffix:
         raise invalid_value("FILE|ID", f"there is no file {source!r}")
-    content = _of_file(file, robot, scene) if is_file else _of_service(connection, source)
+    if is_file:
+        content = _of_file(file, robot, scene, tree=tree)
+    else:
+        content = _of_service(connection, source, tree=tree)
     page = output or (file.with_suffix(".html") if is_file else Path(f"{source}.html"))
     save(page, content)
     if show:
@@ -54,17 +61,17 @@ def view(
         print_line(str(page))
 
 
-def _of_service(connection: Connection, plan_id: str) -> bytes:
+def _of_service(connection: Connection, plan_id: str, *, tree: bool) -> bytes:
     from command_line.remote import remote_backend  # noqa: PLC0415
 
     backend = remote_backend(connection.url or _DEFAULT_URL, connection.token)
     try:
-        return backend.page(plan_id)
+        return backend.page(plan_id, tree=tree)
     finally:
         backend.close()
 
 
-def _of_file(file: Path, robot: str | None, scene: str | None) -> bytes:
+def _of_file(file: Path, robot: str | None, scene: str | None, *, tree: bool) -> bytes:
     document = read_json(file)
     backend = LocalBackend()
     try:
@@ -77,7 +84,7 @@ def _of_file(file: Path, robot: str | None, scene: str | None) -> bytes:
                                     "Name the robot with --robot.")  # fmt: skip
             name = backend.robot_name(RobotSource(source))
             plan = _plan(document, name, scene)
-        return backend.page(name, plan)
+        return backend.page(name, plan, tree=tree)
     finally:
         backend.close()
 

@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
+from planning.explored import Explored
 from planning.goal_costs import GoalCosts
 from planning.optimize.options import RefineOptions
 from planning.preferred_clearance import PreferredClearance
@@ -119,6 +120,7 @@ class Options:
         refine: How the motion that was found is optimised; None for not at all.
         clearance: Distances that paths keep wherever there is room.
         goal_costs: Weights by which one of a pose's configurations is chosen.
+        explored: Keeps the tree or roadmap of the last planner; None for not at all.
 
     Raises:
         InvalidOption: The timeout is not in (0, 600].
@@ -135,6 +137,7 @@ class Options:
     refine: RefineOptions | None = None
     clearance: PreferredClearance = field(default_factory=PreferredClearance)
     goal_costs: GoalCosts = field(default_factory=GoalCosts)
+    explored: Explored | None = field(default=None, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if not 0.0 < self.timeout <= MAX_TIMEOUT:

@@ -86,15 +86,13 @@ class PathSearch:
                 if found is not None:
                     return found
             if chooses:
-                query = Query(
-                    self.problem, best, checker, self.options.seed, until, _MAX_EDGES_TO_BEST
-                )
+                query = self._query(best, checker, until, _MAX_EDGES_TO_BEST)
                 found, attempt = self._ask_planners(query, levels)
                 if found is not None:
                     return found
             share = 1.0 if checker is ready.checkers[-1] else _HULLS_SHARE
             until = deadline.within(share * deadline.remaining)
-            query = Query(self.problem, ready, checker, self.options.seed, until)
+            query = self._query(ready, checker, until)
             found, attempt = self._ask_planners(query, levels)
             if found is not None:
                 return found
@@ -119,7 +117,13 @@ class PathSearch:
             return None
         level, goals = highest
         kept = replace(ready, goals=goals)
-        return Query(self.problem, kept, level, self.options.seed, until, _MAX_PREFERRED_EDGES)
+        return self._query(kept, level, until, _MAX_PREFERRED_EDGES)
+
+    def _query(
+        self, ready: Ready, checker: Checker, until: Deadline, max_edges: int | None = None
+    ) -> Query:
+        options = self.options
+        return Query(self.problem, ready, checker, options.seed, until, max_edges, options.explored)
 
     def _ask_planners(
         self, query: Query, levels: tuple[Checker, ...]

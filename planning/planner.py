@@ -5,6 +5,7 @@ from typing import Protocol
 
 from obstacles.checker import Checker
 from planning.deadline import Deadline
+from planning.explored import Explored
 from planning.problem import Problem
 from planning.ready import Ready
 from planning.result import Attempt
@@ -22,6 +23,7 @@ class Query:
         deadline: When to stop.
         max_edges: Edges after which trees stop where a path is only preferred; None for no such
             bound.
+        explored: Keeps the edges that trees and roadmaps prove; None for not at all.
     """
 
     problem: Problem
@@ -30,6 +32,7 @@ class Query:
     seed: int
     deadline: Deadline
     max_edges: int | None = None
+    explored: Explored | None = None
 
     @property
     def exact(self) -> bool:

@@ -167,6 +167,12 @@ class PlanEndpoints:
         return Call("POST", path("plans"), KeptPlanSummary.read, bundle, repeatable=False)
 
     @Endpoint
+    def view(self, plan: str, *, tree: bool = False) -> Call[bytes]:
+        """One HTML file that shows it; with the tree of its last planner, planned once more."""
+        query: dict[str, str] = {"tree": "true"} if tree else {}
+        return Call("GET", path("plans", plan, "view"), bytes, query=query)
+
+    @Endpoint
     def swept(
         self,
         plan: str,

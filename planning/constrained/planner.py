@@ -33,6 +33,7 @@ class ProjectedRrt:
             query.seed,
             query.deadline,
             _more_goals(checker, query),
+            query.explored,
         )
         return Attempt(waypoints, f"{extensions} extensions along the constraints.")
 

@@ -27,6 +27,7 @@ from planning.constraints.active_set import FEASIBLE, make_feasible
 from planning.constraints.active_set_program import Goal, make_goal, make_work
 from planning.constraints.edge_bounds import EDGE_CELLS, HOLDS, edge_kernel
 from planning.deadline import Deadline
+from planning.explored import Explored
 from planning.search_box import search_box
 
 #: Longest step of a tree, Euclidean in joint space [rad or m].
@@ -55,6 +56,8 @@ _FIRST_BUDGET = 400
 _BUDGET_GROWTH = 1.6
 #: Between the seeds of one request's trees; neighbouring requests should not share them.
 _SEED_STRIDE = 7_919
+#: Name of the planner, for what it explored.
+_NAME = "rrt_connect"
 #: Cuts that are tried to shorten a path.
 _CUTS = 160
 #: Cuts in a row without any gain after which a path counts as short.
@@ -164,6 +167,10 @@ class _Tree:
             number = self._parents[number]
         return branch
 
+    def keep(self, explored: Explored, part: str) -> None:
+        """Keep the edges as those of one part."""
+        explored.add_tree(self._nodes[: self._size], np.array(self._parents), part)
+
 
 def projected_rrt(
     manifold: Manifold,
@@ -172,6 +179,7 @@ def projected_rrt(
     seed: int,
     deadline: Deadline,
     more_goals: MoreGoals | None = None,
+    explored: Explored | None = None,
 ) -> tuple[Array | None, int]:
     """Grow trees from start and goals until they meet.
 
@@ -182,6 +190,7 @@ def projected_rrt(
         seed: The same seed gives the same path.
         deadline: When to stop.
         more_goals: Finds goals near configurations that were reached; None where goals are points.
+        explored: Keeps the edges of the last pair of trees.
 
     Returns:
         Waypoints (k, n) whose legs hold and are free, None where it found none in time; and how
@@ -191,7 +200,12 @@ def projected_rrt(
     goals = list(goals)
     while not deadline.passed:
         random = np.random.default_rng((seed, pair * _SEED_STRIDE))
-        path, extensions = _grow_pair(manifold, start, goals, random, budget, deadline, more_goals)
+        trees = _Tree([start]), _Tree(goals)
+        path, extensions = _grow_pair(manifold, trees, goals, random, budget, deadline, more_goals)
+        if explored is not None:
+            explored.begin(_NAME)
+            trees[0].keep(explored, "start")
+            trees[1].keep(explored, "goals")
         spent += extensions
         if path is not None:
             return path, spent
@@ -201,15 +215,15 @@ def projected_rrt(
 
 def _grow_pair(
     manifold: Manifold,
-    start: Array,
+    trees: tuple[_Tree, _Tree],
     goals: list[Array],
     random: np.random.Generator,
     budget: int,
     deadline: Deadline,
     more_goals: MoreGoals | None,
 ) -> tuple[Array | None, int]:
-    low, high = search_box(manifold.checker.model.chain, [start, *goals])
-    here, there = _Tree([start]), _Tree(list(goals))
+    here, there = trees
+    low, high = search_box(manifold.checker.model.chain, [here.node(0), *goals])
     forwards, extensions = True, 0
     target: Array | None = goals[0]
     while extensions < budget and not deadline.passed:

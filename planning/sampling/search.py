@@ -12,6 +12,7 @@ from kinematics.arrays import Array
 from kinematics.chain import Chain
 from obstacles.checker import Checker
 from planning.deadline import Deadline
+from planning.explored import Explored
 from planning.planner import Query
 from planning.result import Attempt
 from planning.sampling.parameter import Value
@@ -54,6 +55,7 @@ _STOPPED = {
 class _Search:
     """A request, for every run of its planner."""
 
+    name: str
     planner: Planner
     chain: Chain
     checker: Checker
@@ -61,6 +63,7 @@ class _Search:
     goals: list[Array]
     options: Mapping[str, Value]
     deadline: Deadline
+    explored: Explored | None = None
 
 
 @dataclass(slots=True)
@@ -98,16 +101,24 @@ def sample(
         InvalidOption: An unknown planner or option, or a value out of its range.
     """
     values = complete_options(planner, options)
-    for goal in goals:
+    return _answer(
+        _Search(planner, planner_by_name(planner), chain, checker, start, goals, values, deadline),
+        seed,
+    )
+
+
+def _answer(search: _Search, seed: int) -> Attempt:
+    """Run the planner until it has a path, or has to stop."""
+    start = search.start
+    for goal in search.goals:
         if np.array_equal(start, goal):
             return Attempt(np.array([start, goal]), "The start is a goal.")
-    search = _Search(planner_by_name(planner), chain, checker, start, goals, values, deadline)
     spent = _Account()
     while True:
         # OMPL's generator is one for the process: what is drawn from here on depends on this alone.
         util.RNG.setSeed((seed + spent.runs * _SEED_STRIDE) % _SEEDS + 1)
         waypoints, watch = _run(search, spent)
-        if waypoints is not None or watch.reason not in (None, "share") or deadline.passed:
+        if waypoints is not None or watch.reason not in (None, "share") or search.deadline.passed:
             return _attempt(search, waypoints, watch, spent)
 
 
@@ -136,16 +147,18 @@ class OmplPlanner:
 
     def plan(self, query: Query) -> Attempt:
         """Plan from the start to any of the goals."""
-        return sample(
+        search = _Search(
             self.name,
+            planner_by_name(self.name),
             query.problem.robot.chain,
             query.checker,
             query.ready.start,
             query.ready.goals,
-            self.options,
-            query.seed,
+            complete_options(self.name, self.options),
             query.deadline,
+            query.explored,
         )
+        return _answer(search, query.seed)
 
 
 def _run(search: _Search, spent: _Account) -> tuple[Array | None, Watch]:
@@ -162,6 +175,9 @@ def _run(search: _Search, spent: _Account) -> tuple[Array | None, Watch]:
     information, definition, edges = problem(
         search.chain, search.checker, search.start, goals, search.deadline
     )
+    if search.explored is not None:
+        search.explored.begin(search.name)
+        edges.explored = search.explored
     watch = _watch(search, spent, edges)
     solver = getattr(geometric, planner.ompl)(information)
     # Before anything else: some of OMPL's planners can't even be thrown away without a problem.

@@ -9,6 +9,7 @@ from kinematics.arrays import Array
 from kinematics.chain import Chain
 from obstacles.checker import Checker
 from planning.deadline import Deadline
+from planning.explored import Explored
 from planning.search_box import search_box
 
 util.setLogLevel(util.LogLevel.LOG_NONE)
@@ -51,6 +52,7 @@ class CertifiedEdges(base.MotionValidator):
         self._deadline = deadline
         self.count = 0
         self.proved: list[tuple[Array, Array]] | None = None
+        self.explored: Explored | None = None
 
     def checkMotion(self, a: Any, b: Any) -> bool:
         """Whether the straight motion from a to b is proved free."""
@@ -61,6 +63,8 @@ class CertifiedEdges(base.MotionValidator):
         free = self._checker.free(start, end)
         if free and self.proved is not None:
             self.proved.append((start, end))
+        if free and self.explored is not None:
+            self.explored.add(start, end)
         return free
 
     def state_valid(self, state: Any) -> bool:

@@ -26,6 +26,7 @@ from obstacles.kernel_work import Workspace, workspace
 from obstacles.model_arrays import ModelArrays
 from obstacles.state_check import blocked_at
 from planning.deadline import Deadline
+from planning.explored import Explored
 from planning.planner import Planner, Query
 from planning.result import Attempt
 from planning.search_box import search_box
@@ -108,6 +109,7 @@ def rrt_connect(
     seed: int,
     deadline: Deadline,
     max_edges: int,
+    explored: Explored | None = None,
 ) -> RrtResult:
     """Grow trees from a configuration and from the goals until they meet, and once more.
 
@@ -121,6 +123,7 @@ def rrt_connect(
         seed: The same seed gives the same path.
         deadline: When to stop.
         max_edges: Edges after which to stop; the second pair may take as many again.
+        explored: Keeps the edges of the last pair of trees.
     """
     box = search_box(checker.model.chain, [start, *goals])
     edges, runs, budget = 0, 0, float(_FIRST_BUDGET)
@@ -129,11 +132,13 @@ def rrt_connect(
         trees = _new_trees(start, goals, (seed, runs), share)
         step = _STEPS[runs % len(_STEPS)]
         path = _run(checker, trees, box, step, deadline, share)
+        _keep(trees, explored)
         edges, runs = edges + int(trees.tally[_EDGES]), runs + 1
         budget *= _BUDGET_GROWTH
         if path is not None:
             trees = _new_trees(start, goals, (seed, runs), edges)
             other = _run(checker, trees, box, step, deadline, edges)
+            _keep(trees, explored)
             edges, runs = edges + int(trees.tally[_EDGES]), runs + 1
             return RrtResult(_shorter(path, other), edges, runs)
     return RrtResult(None, edges, runs)
@@ -162,7 +167,13 @@ class RrtConnect:
             max_edges = self.max_edges_in_hulls
         max_edges = min(max_edges, query.max_edges or max_edges)
         result = rrt_connect(
-            query.checker, ready.start, ready.goals, query.seed, query.deadline, max_edges
+            query.checker,
+            ready.start,
+            ready.goals,
+            query.seed,
+            query.deadline,
+            max_edges,
+            query.explored,
         )
         detail = f"{result.edges} edges checked"
         detail += "." if result.runs == 1 else f" in {result.runs} runs."
@@ -176,6 +187,16 @@ class RrtConnect:
 def _shorter(path: Array, other: Array | None) -> Array:
     paths = [path] if other is None else [path, other]
     return min(paths, key=lambda path: float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()))
+
+
+def _keep(trees: Trees, explored: Explored | None) -> None:
+    """Keep the edges of both trees, where somebody asked for them."""
+    if explored is None:
+        return
+    explored.begin(RrtConnect.name)
+    for side, part in enumerate(("start", "goals")):
+        size = int(trees.sizes[side])
+        explored.add_tree(trees.points[side, :size], trees.parents[side, :size], part)
 
 
 def _run(

@@ -136,7 +136,14 @@ async def get_bundle(id: str, request: Request) -> Response:  # noqa: A002
         200: {"description": "A page that needs nothing else", "content": {"text/html": {}}}
     },
 )
-async def view_plan(id: str, request: Request) -> Response:  # noqa: A002
+async def view_plan(
+    id: str,  # noqa: A002
+    request: Request,
+    tree: Annotated[
+        bool,
+        Query(description="plan once more, and draw the tree or roadmap of the last planner"),
+    ] = False,
+) -> Response:
     """One HTML file that shows robot, scene, motion, curves and proof, or why there is no motion.
 
     It opens from disk too, and asks no host for anything.
@@ -146,7 +153,7 @@ async def view_plan(id: str, request: Request) -> Response:  # noqa: A002
     request.scope[REPLAY] = Replay(record.id, pinned_references(request, record))
     result = await answers.answer(
         request,
-        lambda robot, scene: view_task.job(robot, scene, document),
+        lambda robot, scene: view_task.job(robot, scene, document, tree),
         record.robot or "",
         record.scene,
         timeout=min(_VIEW_TIMEOUT, settings_of(request).max_timeout),

@@ -16,6 +16,7 @@ from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from planning import pipeline
 from planning.limits import MotionLimits
+from planning.problem import Problem
 from planning.proof.certificate import certify, has_solids
 from planning.result import Failure, Plan
 from service.schemas.plan import Collisions, PlanRequest, ValidateRequest
@@ -70,6 +71,32 @@ def plan(
     Raises:
         ArmwrightError: The request is at fault.
     """
+    body, cell, problem = question(robot, scene, content)
+    deadline = current.deadline()
+    if deadline.passed:
+        return timed_out("the work was done", "certificate")
+    options = problems.options(body, cell.robot.chain, deadline.remaining)
+    outcome = pipeline.plan(problem, dataclasses.replace(options, observer=_report_stage))
+    if isinstance(outcome, Failure):
+        return _refusal(outcome)
+    content = to_json(_answer(outcome, body, cell), inf_nan_mode="null")
+    stages = tuple((stage.name, 1e-3 * stage.milliseconds) for stage in outcome.stages)
+    return PlanOutcome(content, outcome.planner, stages)
+
+
+def question(
+    robot: Reference, scene: Reference | None, content: bytes
+) -> tuple[PlanRequest, RobotInScene, Problem]:
+    """A request for a plan as a question: its body in the root frame, the cell, and the problem.
+
+    Args:
+        robot: The robot.
+        scene: The scene, where the request names a stored one.
+        content: The request.
+
+    Raises:
+        ArmwrightError: The request is at fault.
+    """
     body = PlanRequest.model_validate_json(content)
     geometry = worker_cache.robot(robot).geometry
     body = with_states(body, geometry.states)
@@ -78,18 +105,7 @@ def plan(
     if names_frame(content):
         body = plan_in_root_frame(body, geometry.chain)
     cell = _collision_cell(around, body.collisions)
-    arm = cell.robot
-    problem = problems.problem(body, arm, cell.scene)
-    deadline = current.deadline()
-    if deadline.passed:
-        return timed_out("the work was done", "certificate")
-    options = problems.options(body, arm.chain, deadline.remaining)
-    outcome = pipeline.plan(problem, dataclasses.replace(options, observer=_report_stage))
-    if isinstance(outcome, Failure):
-        return _refusal(outcome)
-    content = to_json(_answer(outcome, body, cell), inf_nan_mode="null")
-    stages = tuple((stage.name, 1e-3 * stage.milliseconds) for stage in outcome.stages)
-    return PlanOutcome(content, outcome.planner, stages)
+    return body, cell, problems.problem(body, cell.robot, cell.scene)
 
 
 def _report_stage(stage: str) -> None:

@@ -3,6 +3,7 @@
 import json
 import re
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -10,6 +11,8 @@ import numpy as np
 from kinematics.errors import ArmwrightError, InvalidOption
 from kinematics.trajectory import Trajectory
 from obstacles.scene import Obstacle
+from planning.explored import Explored
+from planning.pipeline import plan
 from service.schemas.check import CheckRequest
 from service.schemas.goal import SingleGoal
 from service.schemas.kinematics import IkRequest
@@ -21,6 +24,7 @@ from service.storage.cache_key import Reference
 from service.tasks.answer import reports_cache_miss
 from service.tasks.attached_objects import RobotInScene, robot_in_scene
 from service.tasks.inverse_kinematics import ik
+from service.tasks.plan import question
 from service.tasks.result import CacheMiss, TaskProblem
 from service.tasks.view_stages import (
     Timeline,
@@ -32,6 +36,7 @@ from service.tasks.view_stages import (
 )
 from service.translate import trajectories
 from service.translate.frames import first_configuration
+from service.translate.problems import options
 from service.translate.states import with_states
 from service.viewer.document import (
     Configuration,
@@ -41,13 +46,17 @@ from service.viewer.document import (
     robot_document,
 )
 from service.viewer.page import page
+from service.viewer.tree import tree_document, tree_sentence
 from service.viewer.words import certificate_sentences, problem_sentences
+from service.workers import current
 from service.workers.task import task
 
 #: Configurations that one page shows.
 _MAX_CONFIGURATIONS = 64
 #: Candidates of one goal among them, the best first.
 _MAX_CANDIDATES = 24
+#: Share of the time that is left which planning once more may take; the page needs the rest.
+_TREE_SHARE = 0.7
 _IK = re.compile(r"POST /v1/robots/[^/]+/ik")
 
 
@@ -93,13 +102,16 @@ class _Shown(NamedTuple):
 
 @task
 @reports_cache_miss
-def view(robot: Reference, scene: Reference | None, content: bytes) -> bytes | CacheMiss:
+def view(
+    robot: Reference, scene: Reference | None, content: bytes, tree: bool = False
+) -> bytes | CacheMiss:
     """The HTML page of a kept plan.
 
     Args:
         robot: The robot.
         scene: The scene, where the request names a stored one.
         content: The kept plan as ``GET /v1/plans/{id}`` answers it.
+        tree: Whether to plan once more, and to draw the tree or roadmap of the last planner.
 
     Raises:
         ArmwrightError: The request is at fault, so that nothing of it can be drawn.
@@ -111,6 +123,7 @@ def view(robot: Reference, scene: Reference | None, content: bytes) -> bytes | C
     operation = whole["operation"]
     try:
         shown = _parts(operation)(kept)
+        explored = _explored(kept, operation) if tree else None
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
         # Bundles may hold anything; what was kept here was an answer of this service.
         raise InvalidOption(
@@ -119,6 +132,7 @@ def view(robot: Reference, scene: Reference | None, content: bytes) -> bytes | C
         ) from error
     arm, place = shown.cell.robot, shown.cell.scene
     limit = kept.request.get("tool_speed") or (kept.request.get("timing") or {}).get("tool_speed")
+    said = [] if explored is None else [tree_sentence(explored)]
     motion = None
     if shown.motion is not None:
         motion = motion_document(shown.motion, arm, place, limit, shown.curves)
@@ -137,9 +151,12 @@ def view(robot: Reference, scene: Reference | None, content: bytes) -> bytes | C
             "configurations": configuration_documents(
                 arm, place, shown.configurations[:_MAX_CONFIGURATIONS]
             ),
-            "sentences": [*problem_sentences(kept.problem), *shown.sentences]
-            if kept.problem
-            else shown.sentences,
+            "sentences": [
+                *(problem_sentences(kept.problem) if kept.problem else ()),
+                *shown.sentences,
+                *said,
+            ],
+            "tree": None if explored is None else tree_document(arm.chain, explored),
             "request": kept.request,
             **shown.extra,
         }
@@ -162,6 +179,26 @@ def _parts(operation: str) -> Callable[[_Kept], _Shown]:
             hint='Prove its motion with POST /v1/validate and "keep": true to see it.',
         )
     return makers[operation]
+
+
+def _explored(kept: _Kept, operation: str) -> Explored:
+    """The tree or roadmap of a plan's last planner, planned once more.
+
+    Raises:
+        InvalidOption: It is no plan.
+    """
+    if operation != "POST /v1/plan":
+        raise InvalidOption(
+            f"answers of {operation} have no tree",
+            hint="Leave tree out, or ask for the page of a plan.",
+        )
+    content = json.dumps(kept.request).encode()
+    body, cell, problem = question(kept.robot, kept.scene, content)
+    explored = Explored()
+    left = _TREE_SHARE * current.deadline().remaining
+    seconds = min(body.timeout or left, left)
+    plan(problem, replace(options(body, cell.robot.chain, seconds), explored=explored))
+    return explored
 
 
 def _of_plan(kept: _Kept) -> _Shown:

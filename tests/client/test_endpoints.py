@@ -164,6 +164,18 @@ CALLS: list[tuple[str, Callable[[Any], Any], str, str, dict[str, Any] | None]] =
     ("jobs.cancel", lambda c: c.jobs.cancel("7"), "DELETE", "/v1/jobs/7", None),
     ("jobs.list", lambda c: c.jobs.list(status="running", after="6"), "GET",
      "/v1/jobs?after=6&status=running", None),
+    ("plans.get", lambda c: c.plans.get("7"), "GET", "/v1/plans/7", None),
+    ("plans.delete", lambda c: c.plans.delete("7"), "DELETE", "/v1/plans/7", None),
+    ("plans.list", lambda c: c.plans.list(robot="r", limit=2), "GET",
+     "/v1/plans?limit=2&robot=r", None),
+    ("plans.replay", lambda c: c.plans.replay("7", {"margin": 0.1}, documents="current"), "POST",
+     "/v1/plans/7/replay", {"changes": {"margin": 0.1}, "documents": "current"}),
+    ("plans.bundle", lambda c: c.plans.bundle("7"), "GET", "/v1/plans/7/bundle", None),
+    ("plans.view", lambda c: c.plans.view("7"), "GET", "/v1/plans/7/view", None),
+    ("plans.view", lambda c: c.plans.view("7", tree=True), "GET", "/v1/plans/7/view?tree=true",
+     None),
+    ("plans.swept", lambda c: c.plans.swept("7", format="stl"), "GET",
+     "/v1/plans/7/swept?format=stl&tolerance=0.005", None),
 ]  # fmt: skip
 calls = pytest.mark.parametrize(
     ("name", "ask", "method", "path", "fields"), CALLS, ids=[call[0] for call in CALLS]
@@ -220,8 +232,9 @@ def test_what_computes_can_be_asked_for_later(
 ) -> None:
     transport = refused()
     with Client(URL, transport=transport) as client:
-        if name.startswith("jobs."):
-            assert not hasattr(client.later, "jobs")
+        group = name.partition(".")[0]
+        if group in ("jobs", "plans"):
+            assert not hasattr(client.later, group)
             return
         if method not in ("POST", "PUT"):
             with pytest.raises(ours.InvalidArgument, match="answered at once"):
@@ -237,10 +250,11 @@ def test_what_computes_can_be_asked_for_later(
 
 def test_every_method_is_in_the_table() -> None:
     listed = {call[0] for call in CALLS} | {"jobs.events", "jobs.wait"}
-    listed |= {f"{group}.iterate" for group in ("robots", "scenes", "jobs")}
+    listed |= {"plans.import_bundle"}
+    listed |= {f"{group}.iterate" for group in ("robots", "scenes", "jobs", "plans")}
     with Client(URL) as client:
         groups = {"": client, "robots.": client.robots, "scenes.": client.scenes,
-                  "jobs.": client.jobs}  # fmt: skip
+                  "jobs.": client.jobs, "plans.": client.plans}  # fmt: skip
         methods = {
             prefix + name
             for prefix, group in groups.items()

@@ -18,6 +18,9 @@ def test_an_answer_of_plan_has_a_page(run: Run, tmp_path: Path) -> None:
     page = (tmp_path / "plan.html").read_text()
     assert page.startswith("<!doctype html>")
     assert "POST /v1/validate" in page
+    treeless = run("view", str(motion), "--robot", "panda", "--tree")
+    assert treeless.code == 3
+    assert "POST /v1/validate have no tree" in treeless.err
     refused = run("view", str(motion))
     assert refused.code == 3
     assert "--robot" in refused.err

@@ -10,7 +10,7 @@ const VERDICTS = {
 };
 const arm = new Arm(data);
 const motion = data.motion ? new Motion(data.motion) : null;
-const state = { time: 0, playing: false, speed: 1, shown: { ghosts: false, path: true, nearest: true, others: true, obstacles: true, labels: true }, chosen: 0, changed: true };
+const state = { time: 0, playing: false, speed: 1, shown: { ghosts: false, path: true, nearest: true, tree: true, others: true, obstacles: true, labels: true }, chosen: 0, changed: true };
 const view = new View(byId("view"), data);
 const plot = new Plot(byId("plot"), byId("legend"));
 const curves = motion ? curvesOf(data, motion) : [];
@@ -18,6 +18,8 @@ const stages = data.stages || [], fingers = data.fingers || {};
 const path = motion ? Array.from({ length: PATH_POINTS }, (_, i) => Matrix.origin(arm.tip(motion.at((motion.duration * i) / (PATH_POINTS - 1))))) : [];
 const ghosts = motion ? Array.from({ length: GHOSTS }, (_, i) => motion.duration * i / (GHOSTS - 1)).map((time) => placed(arm.frames(motion.at(time)), time)) : [];
 const singles = data.configurations.map((item) => arm.frames(item.joints)), tips = data.configurations.map((item) => arm.tip(item.joints));
+// The tree that grows from goals is dashed, that of the start is not.
+const trees = (data.tree ? data.tree.parts : []).map((part) => ({ ...view.edges(part.points, part.name === "goals"), color: part.name === "goals" ? [0.55, 0.15, 0.45] : [0.1, 0.4, 0.2] }));
 const rest = arm.frames(data.joints.map(() => 0));
 
 function nearestAt(time) {
@@ -53,6 +55,7 @@ function draw() {
   const striped = (body) => pair.includes(body.name);
   view.draw(frames, { only: (body) => body.kind !== "obstacle" || shown.obstacles, color, striped });
   if (shown.path) view.lines(path, [0.1, 0.35, 0.7]);
+  if (shown.tree) for (const tree of trees) view.strokes(tree.buffer, tree.count, tree.color, true);
   if (near && near.points) view.lines(near.points, [0.8, 0.1, 0.05]);
   const moves = (body) => body.kind !== "obstacle" && body.kind !== "moved" && body.joint >= 0;
   if (shown.ghosts) for (const ghost of ghosts) view.draw(ghost, { only: moves, color: () => [0.3, 0.5, 0.8], alpha: 0.12 });
@@ -147,6 +150,7 @@ function fill() {
   if (data.simplified.length) byId("words").append(Object.assign(document.createElement("li"), { textContent: `Drawn by their hulls or thinned out: ${data.simplified.join(", ")}.` }));
   byId("request").textContent = JSON.stringify(data.request, null, 1);
   addSwitch("obstacles", "obstacles"); addSwitch("labels", "names in the view");
+  if (trees.length) addSwitch("tree", trees.length > 1 ? `trees of ${data.tree.planner} (of the goals: dashed)` : `tree or roadmap of ${data.tree.planner}`);
   if (motion) {
     addSwitch("path", "path of the tool"); addSwitch("ghosts", `${GHOSTS} configurations on the way`); addSwitch("nearest", "closest pair (striped)");
     curves.forEach((curve, i) => byId("curve").append(new Option(`${curve.name} [${curve.unit}]`, String(i))));

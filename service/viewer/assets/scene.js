@@ -137,15 +137,30 @@ class View {
     if (points.length < 2) return;
     gl.bindBuffer(gl.ARRAY_BUFFER, this.line);
     gl.bufferData(gl.ARRAY_BUFFER, new Float32Array(points.flat()), gl.DYNAMIC_DRAW);
+    this.strokes(this.line, points.length, color, closed);
+  }
+  // Lines that stay: pieces of k edges with some points each; dashed ones leave out every second piece.
+  edges(text, dashed) {
+    const points = new Float32Array(decode(text).buffer), ends = [], each = 4;
+    for (let edge = 0; edge < points.length / (3 * each); edge++) {
+      for (let piece = 0; piece + 1 < each; piece += dashed ? 2 : 1) {
+        const at = 3 * (edge * each + piece);
+        ends.push(...points.subarray(at, at + 6));
+      }
+    }
+    return { buffer: buffer(this.gl, new Float32Array(ends)), count: ends.length / 3 };
+  }
+  strokes(line, count, color, closed) {
+    const gl = this.gl;
     gl.uniformMatrix4fv(this.at.model, false, Matrix.identity());
     gl.uniform4f(this.at.color, ...color, 1);
     gl.uniform1f(this.at.lit, 0);
     gl.uniform1f(this.at.stripes, 0);
-    bind(gl, this.program, "point", this.line);
+    bind(gl, this.program, "point", line);
     const normal = gl.getAttribLocation(this.program, "normal");
     gl.disableVertexAttribArray(normal);
     gl.vertexAttrib3f(normal, 0, 0, 1);
-    gl.drawArrays(closed ? gl.LINES : gl.LINE_STRIP, 0, points.length);
+    gl.drawArrays(closed ? gl.LINES : gl.LINE_STRIP, 0, count);
   }
 }
 function program(gl) {

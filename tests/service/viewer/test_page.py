@@ -1,5 +1,6 @@
 """Pages of kept plans in a real browser, from disk: they draw, move, and ask no host."""
 
+import base64
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import armwright as aw
 from kinematics.forward import forward
 from service.viewer.page import page as page_of
 from tests.service.conftest import Served
-from tests.service.robots import ASIDE, FLOOR, HOME, POST, scene
+from tests.service.robots import ASIDE, DETOUR, FLOOR, HOME, POST, scene
 from tests.service.viewer.pages import colours, document, fetch, show, wait
 
 
@@ -169,3 +170,44 @@ def test_text_of_a_request_can_not_leave_its_place() -> None:
     assert content.count(b"<script") == 2
     assert content.count(b"</script>") == 2
     assert b"&lt;/script&gt;" in content
+
+
+def test_the_tree_of_a_planner_is_drawn_on_request(
+    served: Served, browser: Browser, tmp_path: Path
+) -> None:
+    bounds = {"planner": "rrt", "planner_options": {"max_edges": 40}, "timeout": 1.5, "keep": True}
+    problem = served.client.post("/v1/plan", json=DETOUR | bounds).json()
+    assert problem["code"] == "PLANNING_FAILED"
+    view = f"/v1/plans/{problem['details']['plan_id']}/view"
+    assert document(served.client.get(view).content)["tree"] is None
+    content = served.client.get(view, params={"tree": True}).content
+    tree = document(content)["tree"]
+    assert tree["planner"] == "rrt"
+    assert 5 < tree["edges"] <= 40
+    points = np.frombuffer(base64.b64decode(tree["parts"][0]["points"]), "<f4").reshape(-1, 4, 3)
+    assert len(points) == tree["edges"]
+    # The tree hangs together, and begins where the tool is at the start.
+    root = forward(aw.load_robot("panda").chain, HOME)[:3, 3]
+    known = [root]
+    for edge in points:
+        assert min(np.linalg.norm(edge[0] - q) for q in known) < 1e-6
+        known.append(edge[-1])
+    page, _ = show(browser, content, tmp_path)
+    assert f"rrt explored {tree['edges']} edges" in page.inner_text("#words")
+    strokes = "trees.map((tree) => tree.count)"
+    assert page.evaluate(strokes) == [6 * tree["edges"]]
+    green = """(() => { view.begin(); draw(); const gl = view.gl;
+      const size = 4 * gl.drawingBufferWidth * gl.drawingBufferHeight, all = new Uint8Array(size);
+      gl.readPixels(0, 0, gl.drawingBufferWidth, gl.drawingBufferHeight, gl.RGBA,
+                    gl.UNSIGNED_BYTE, all);
+      let count = 0;
+      for (let i = 0; i < size; i += 4) count += all[i + 1] > 1.6 * Math.max(all[i], all[i + 2]);
+      return count; })()"""
+    assert page.evaluate(green) > 50
+    page.uncheck("#show-tree")
+    assert page.evaluate(green) == 0
+    check = {"robot": "panda", "joints": HOME, "keep": True}
+    kept = served.client.post("/v1/check", json=check).json()["plan_id"]
+    refused = served.client.get(f"/v1/plans/{kept}/view", params={"tree": True})
+    assert refused.status_code == 422
+    assert "have no tree" in refused.json()["detail"]
