@@ -4,18 +4,23 @@
 from this machine only. Each client asks again as soon as it has an answer, or after Retry-After
 where it was refused; with ``--impatient`` at once too. Goodput is what was answered with 2xx, in
 parts of what the same server answers to as many clients as it has workers.
+
+The clients take part of the same machine, and so does whatever else runs: the goodput is told also
+by the time of processors that the server and its workers took for a good answer.
 """
 
 import argparse
-import asyncio
 import json
-import re
+import os
 import time
-from collections import Counter
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Iterable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, NamedTuple
 
+from benchmarks.crowd import Figures, crowd
 from benchmarks.machines import local_server
+from tests.service.processes import descendants
 
 _HOME = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
 _AWAY = [0.6, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]
@@ -34,84 +39,84 @@ REQUESTS: dict[str, tuple[str, dict[str, Any]]] = {
         },
     ),
 }
+#: Clients whose goodput is the measure: as many as workers.
+_WORKERS = 2
+_TICK = os.sysconf("SC_CLK_TCK")
+#: Places of the time in user and in kernel mode behind a process's name in ``/proc/<pid>/stat``.
+_TIMES = slice(11, 13)
 
 
-@dataclass
-class Figures:
-    """Answers of a run.
+class Run(NamedTuple):
+    """A run and what it has cost.
 
-    Args:
-        statuses: How often each status was answered.
-        seconds: How long answers of each status took [s].
-        health: How long ``/healthz`` took [s].
+    Attributes:
+        figures: of the clients.
+        seconds: how long it took [s].
+        server: time of a processor that the server's own process took [s].
+        workers: time of a processor that its workers took [s].
     """
 
-    statuses: Counter[int] = field(default_factory=Counter)
-    seconds: dict[int, list[float]] = field(default_factory=dict)
-    health: list[float] = field(default_factory=list)
+    figures: Figures
+    seconds: float
+    server: float
+    workers: float
+
+    @property
+    def goodput(self) -> float:
+        """Good answers in a second [1/s]."""
+        return self.figures.statuses[200] / self.seconds
+
+    @property
+    def cost(self) -> float:
+        """Time of a processor that a good answer took, with all that was refused meanwhile [s]."""
+        answers = self.figures.statuses[200] + self.figures.late
+        return (self.server + self.workers) / max(answers, 1)
+
+    def costs(self) -> str:
+        """Processors in use by each, in words."""
+        parts = {"clients": self.figures.own, "server": self.server, "workers": self.workers}
+        shown = ", ".join(f"{name} {took / self.seconds:.2f}" for name, took in parts.items())
+        return f"{shown} of {_processors()} processors"
 
 
-async def _ask(
-    address: tuple[str, int], content: bytes, stop: float, note: Any, *, patient: bool = False
-) -> None:
-    reader, writer = await asyncio.open_connection(*address)
-    try:
-        while time.monotonic() < stop:
-            began = time.monotonic()
-            writer.write(content)
-            head = await reader.readuntil(b"\r\n\r\n")
-            length = re.search(rb"content-length: (\d+)", head, re.IGNORECASE)
-            if length is not None:
-                await reader.readexactly(int(length[1]))
-            note(int(head[9:12]), time.monotonic() - began)
-            after = re.search(rb"retry-after: (\d+)", head, re.IGNORECASE)
-            if patient and after is not None:
-                await asyncio.sleep(min(float(after[1]), max(stop - time.monotonic(), 0.0)))
-    finally:
-        writer.close()
+def _processors() -> int:
+    return len(os.sched_getaffinity(0))
 
 
-def _content(path: str, body: dict[str, Any] | None) -> bytes:
-    method, data = ("GET", b"") if body is None else ("POST", json.dumps(body).encode())
-    head = f"{method} {path} HTTP/1.1\r\nHost: localhost\r\n"
-    if data:
-        head += f"Content-Type: application/json\r\nContent-Length: {len(data)}\r\n"
-    return head.encode() + b"\r\n" + data
+def spent(pids: Iterable[int]) -> float:
+    """Time of a processor that some processes have taken so far [s]."""
+    ticks = 0
+    for pid in pids:
+        with suppress(OSError):
+            fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+            ticks += sum(map(int, fields[_TIMES]))
+    return ticks / _TICK
 
 
-async def run(
-    address: tuple[str, int], name: str, clients: int, seconds: float, *, patient: bool = True
-) -> Figures:
+def content(path: str, body: dict[str, Any]) -> bytes:
+    """A request as it is sent."""
+    data = json.dumps(body).encode()
+    head = f"POST {path} HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
+    return head.encode() + f"Content-Length: {len(data)}\r\n\r\n".encode() + data
+
+
+def run(pid: int, url: str, name: str, clients: int, seconds: float, *, patient: bool) -> Run:
     """Have clients ask for some seconds.
 
     Args:
-        address: Of the server.
+        pid: Of the server.
+        url: Of the server.
         name: One of `REQUESTS`.
         clients: How many ask at the same time.
         seconds: For how long [s].
         patient: Whether they wait as Retry-After says.
     """
-    figures = Figures()
-
-    def note(status: int, took: float) -> None:
-        figures.statuses[status] += 1
-        figures.seconds.setdefault(status, []).append(took)
-
-    stop = time.monotonic() + seconds
-    path, body = REQUESTS[name]
-    content = _content(path, body)
-    asking = [_ask(address, content, stop, note, patient=patient) for _ in range(clients)]
-    healthy = _content("/healthz", None)
-
-    async def look() -> None:
-        while time.monotonic() < stop:
-            await _ask(address, healthy, 0.0, None)
-            began = time.monotonic()
-            await _ask(address, healthy, began + 1e-3, lambda _, took: figures.health.append(took))
-            await asyncio.sleep(0.05)
-
-    await asyncio.gather(*asking, look())
-    return figures
+    host, port = url.removeprefix("http://").split(":")
+    workers = descendants(pid)
+    server, working = spent([pid]), spent(workers)
+    asked = content(*REQUESTS[name])
+    figures = crowd((host, int(port)), asked, clients, seconds, patient=patient)
+    return Run(figures, seconds, spent([pid]) - server, spent(workers) - working)
 
 
 def percentile(values: list[float], part: float) -> float:
@@ -119,15 +124,17 @@ def percentile(values: list[float], part: float) -> float:
     return 1e3 * sorted(values)[min(int(part * len(values)), len(values) - 1)] if values else 0.0
 
 
-def report(name: str, alone: Figures, crowd: Figures, seconds: float) -> str:
+def report(name: str, alone: Run, many: Run) -> str:
     """The figures of a run, in words."""
-    best = max(alone.statuses[200], 1) / seconds
-    good = crowd.statuses[200] / seconds
-    refused = crowd.seconds.get(429, []) + crowd.seconds.get(503, [])
+    best, good, crowded = max(alone.goodput, 1e-9), many.goodput, many.figures
+    refused = crowded.seconds.get(429, []) + crowded.seconds.get(503, [])
     return (
         f"{name}: goodput {100 * good / best:.0f} % ({good:.1f} of {best:.1f} a second), "
-        f"answers {dict(sorted(crowd.statuses.items()))}, refusals p99 "
-        f"{percentile(refused, 0.99):.0f} ms, /healthz p99 {percentile(crowd.health, 0.99):.0f} ms"
+        f"{100 * alone.cost / max(many.cost, 1e-9):.0f} % by the server's time of processors; "
+        f"answers {dict(sorted(crowded.statuses.items()))}, "
+        f"refusals p99 {percentile(refused, 0.99):.0f} ms, "
+        f"/healthz p99 {percentile(crowded.health, 0.99):.0f} ms\n"
+        f"  alone: {alone.costs()}; crowd: {many.costs()}"
     )
 
 
@@ -140,16 +147,14 @@ def main() -> None:
     parser.add_argument("--impatient", action="store_true", help="do not mind Retry-After")
     parser.add_argument("--requests", nargs="*", default=list(REQUESTS))
     chosen = parser.parse_args()
-    with local_server({"ARMWRIGHT_WORKERS": "2"}) as (_, url):
+    with local_server({"ARMWRIGHT_WORKERS": str(_WORKERS)}) as server:
         time.sleep(chosen.settle)
-        host, port = url.removeprefix("http://").split(":")
-        address = host, int(port)
         for name in chosen.requests:
-            asyncio.run(run(address, name, 2, min(1.0, chosen.seconds)))
-            alone = asyncio.run(run(address, name, 2, chosen.seconds))
+            run(*server, name, _WORKERS, min(1.0, chosen.seconds), patient=False)
+            alone = run(*server, name, _WORKERS, chosen.seconds, patient=False)
             patient = not chosen.impatient
-            crowd = asyncio.run(run(address, name, chosen.clients, chosen.seconds, patient=patient))
-            print(report(name, alone, crowd, chosen.seconds))
+            many = run(*server, name, chosen.clients, chosen.seconds, patient=patient)
+            print(report(name, alone, many), flush=True)
 
 
 if __name__ == "__main__":

@@ -9,6 +9,8 @@ import re
 from dataclasses import dataclass
 
 from service.http.errors import PROBLEM_MEDIA_TYPE, document, headers_of
+from service.http.intake import Intake
+from service.http.refusals import Refusals
 from service.http.security_headers import SECURITY_HEADERS
 from service.settings import Settings
 from service.workers.faults import QueueFull
@@ -25,6 +27,8 @@ _NEGOTIATED = re.compile(
 )
 
 
+#: Refusals that are kept as they are sent: most of a crowd get the same.
+_KEPT_ANSWERS = 256
 #: Bodies up to this size are waited for, where they may be refused before they are parsed [byte].
 _AWAITED_BYTES = 64 * 1024
 
@@ -67,12 +71,19 @@ class Admission:
     Args:
         supervisor: Of the workers.
         settings: With the timeout of a request that names none.
+
+    Attributes:
+        intake: where requests that were let in wait for their turn to be parsed.
+        refusals: answers to those that were not.
     """
 
     def __init__(self, supervisor: WorkerSupervisor, settings: Settings) -> None:
         self._supervisor = supervisor
         self._settings = settings
+        self.intake = Intake()
+        self.refusals = Refusals()
         self._tasks: dict[str, str] = {}
+        self._answers: dict[tuple[str, int | None, str], bytes] = {}
 
     def note(self, method: str, path: str, task: str) -> None:
         """Note which task a request was for; of POST the last part of a path is never a name."""
@@ -102,13 +113,22 @@ class Admission:
         seconds = named_timeout(request.body, self._settings)
         problem = self._supervisor.early_refusal(task, seconds, client)
         if problem is not None:
-            return _answer(problem, request.path)
+            return self._answer(problem, request.path)
         self._supervisor.coming.note(carrier, task, client)
         return None
 
     def forget(self, carrier: object) -> None:
         """Note that the request of a carrier, if there is one, was answered or given up."""
         self._supervisor.coming.forget(carrier)
+
+    def _answer(self, problem: QueueFull, path: str) -> bytes:
+        key = problem.detail, problem.retry_after, path
+        answer = self._answers.get(key)
+        if answer is None:
+            if len(self._answers) >= _KEPT_ANSWERS:
+                self._answers.clear()
+            answer = self._answers[key] = _answer(problem, path)
+        return answer
 
     def _task(self, request: SimpleRequest) -> str | None:
         return self._tasks.get(request.path.rpartition("/")[2])

@@ -3,14 +3,17 @@
 import asyncio
 import json
 import resource
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import h11
-from uvicorn.protocols.http.h11_impl import H11Protocol
+from uvicorn.protocols.http.h11_impl import H11Protocol, RequestResponseCycle
 
 from service.http.admission import Admission
+from service.http.body_limit import ARRIVAL
 from service.http.errors import PROBLEM_MEDIA_TYPE, document, status_of
 from service.http.joined_writes import JoinedWrites
 from service.http.security_headers import SECURITY_HEADERS
@@ -19,8 +22,6 @@ from service.problem import ProblemError
 
 #: Descriptors that are left for the storage, the workers and files.
 _RESERVED_DESCRIPTORS = 128
-#: Pause before a request is refused that would be too late [s].
-_REFUSAL_PAUSE = 0.03
 #: Time in which the rest of a short body is waited for [s]; after it h11 takes over.
 _REST_TIME = 0.05
 #: What comes while a request is being answered is held up to this, then no more is read [byte].
@@ -81,7 +82,8 @@ class Connection(H11Protocol):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Begin to wait for a request, or refuse the connection where there are too many."""
         assert isinstance(transport, asyncio.Transport)
-        super().connection_made(JoinedWrites(transport))
+        self._joined = JoinedWrites(transport)
+        super().connection_made(self._joined)
         if len(self.connections) > self._limits.count:
             self._refuse(
                 ProblemError(
@@ -171,7 +173,15 @@ class Connection(H11Protocol):
             on_response=self._end_simple,
         )
         self.cycle.body = bytearray(body)
-        task = self.loop.create_task(self.cycle.run_asgi(self.app))
+        # The time of a request begins now, not with its turn.
+        self.scope[ARRIVAL] = time.monotonic()  # type: ignore[literal-required]
+        if (admission := self._admission) is None:
+            self._start(self.cycle)
+        else:
+            admission.intake.take(partial(self._start, self.cycle))
+
+    def _start(self, cycle: RequestResponseCycle) -> None:
+        task = self.loop.create_task(cycle.run_asgi(self.app))
         task.add_done_callback(self.tasks.discard)
         self.tasks.add(task)
 
@@ -236,15 +246,14 @@ class Connection(H11Protocol):
         self._stop_timer()
         self._stop_rest_timer()
         self._held = b""
-        # Whoever asks again at once is slowed down: refusals must not use up what workers need.
-        self.loop.call_later(_REFUSAL_PAUSE, self._answer_early, content)
+        admission.refusals.add(partial(self._answer_early, content))
         return True
 
     def _answer_early(self, content: bytes) -> None:
         data, self._held = self._held, None
         if self.transport.is_closing():
             return
-        self.transport.write(content)
+        self._joined.write_whole(content)
         if data:
             self.data_received(data)
         else:

@@ -36,6 +36,11 @@ class JoinedWrites(asyncio.Transport):
             self._held = bytes(data)
             asyncio.get_running_loop().call_soon(self._flush)
 
+    def write_whole(self, data: bytes) -> None:
+        """Send a whole answer at once: nothing is going to follow it."""
+        held, self._held = self._held, b""
+        self._transport.write(held + data if held else data)
+
     def _flush(self) -> None:
         held, self._held = self._held, b""
         if held:

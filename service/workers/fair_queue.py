@@ -11,18 +11,24 @@ class FairQueue:
     """Tickets by the client that they belong to; clients take turns, each in its own order.
 
     A client with a hundred requests delays one with a single request by one, not by a hundred.
+
+    Attributes:
+        changes: counts what came and what went.
     """
 
     def __init__(self) -> None:
+        self.changes = 0
         self._tickets: OrderedDict[str, deque[Ticket]] = OrderedDict()
 
     def append(self, ticket: Ticket) -> None:
         """Have a ticket wait behind all others of its client."""
         self._tickets.setdefault(ticket.client, deque()).append(ticket)
+        self.changes += 1
 
     def appendleft(self, ticket: Ticket) -> None:
         """Have a ticket wait in front of all others."""
         self._tickets.setdefault(ticket.client, deque()).appendleft(ticket)
+        self.changes += 1
         self._tickets.move_to_end(ticket.client, last=False)
 
     def popleft(self) -> Ticket:
@@ -32,6 +38,7 @@ class FairQueue:
             KeyError: There is none.
         """
         client, tickets = self._tickets.popitem(last=False)
+        self.changes += 1
         ticket = tickets.popleft()
         if tickets:
             self._tickets[client] = tickets
@@ -46,6 +53,7 @@ class FairQueue:
         """
         tickets = self._tickets[ticket.client]
         tickets.remove(ticket)
+        self.changes += 1
         if not tickets:
             del self._tickets[ticket.client]
 

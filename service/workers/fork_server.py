@@ -29,6 +29,10 @@ from service.workers.task import load_tasks
 #: Told how many of how many things are done, and how long the rest may take [s], if that is known.
 Report = Callable[[int, int, float | None], None]
 
+#: How much workers leave processors to others, above all to the server, which must answer at once
+#: while all of them compute. Where nobody else wants a processor, it changes nothing.
+_NICENESS = 5
+
 
 class Notice(StrEnum):
     """The kinds of messages a fork server sends."""
@@ -207,6 +211,7 @@ class _ForkServer:
             for inherited in (self._control, self._wakeups, self._wakes):
                 inherited.close()
             gc.enable()
+            os.nice(_NICENESS)
             worker.main(socket.socket(fileno=channel))
         except BaseException:  # noqa: BLE001  (a worker never goes on as a fork server)
             traceback.print_exc()

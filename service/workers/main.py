@@ -9,6 +9,7 @@ import pickle
 import signal
 import socket
 import struct
+import time
 import traceback
 from enum import StrEnum
 from functools import partial
@@ -34,9 +35,11 @@ class Reply(StrEnum):
     READY = "ready"  # warm, waiting for the first job
     STARTED = "started"  # the job has arrived
     PROGRESS = "progress"  # (fraction, stage)
-    RESULT = "result"  # (value)
-    FAULT = "fault"  # (code, message, hint, details) the caller's
-    BUG = "bug"  # (trace) ours
+    # The last three begin with how long the worker has had the job [s]. A server that is late to
+    # read them would take that for the work of the job.
+    RESULT = "result"  # (seconds, value)
+    FAULT = "fault"  # (seconds, code, message, hint, details) the caller's
+    BUG = "bug"  # (seconds, trace) ours
 
 
 def main(channel: socket.socket) -> None:
@@ -49,11 +52,12 @@ def main(channel: socket.socket) -> None:
         _send(channel, Reply.READY)
         while True:
             payload = framing.receive(channel)
+            began = time.monotonic()
             _send(channel, Reply.STARTED)
-            reply = _run(channel, payload)
+            kind, *values = _run(channel, payload)
             del payload
-            _send(channel, *reply)
-            if reply[:2] == (Reply.FAULT, _OUT_OF_MEMORY):
+            _send(channel, kind, time.monotonic() - began, *values)
+            if kind == Reply.FAULT and values[0] == _OUT_OF_MEMORY:
                 return  # nobody knows what is left undone
 
 
@@ -95,5 +99,5 @@ def _send(channel: socket.socket, kind: Reply, *values: Any) -> None:
     try:
         payload = pickle.dumps((kind.value, *values), pickle.HIGHEST_PROTOCOL)
     except Exception:  # noqa: BLE001  (details of a fault may be anything)
-        payload = pickle.dumps((Reply.BUG.value, traceback.format_exc()))
+        payload = pickle.dumps((Reply.BUG.value, 0.0, traceback.format_exc()))
     channel.sendall(framing.encode(payload))

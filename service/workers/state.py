@@ -1,8 +1,9 @@
 """The state of a supervisor, as others may read it."""
 
 import math
+import time
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from service.workers.coming import ComingRequests
@@ -18,6 +19,9 @@ from service.workers.watch import Watcher
 _CAUTION = 1.25
 #: Longest time after which a refused request is told to ask again [s].
 _MAX_RETRY = 60
+#: An estimate of what is still to be done is good for this long while the queue is the same [s]:
+#: adding it up anew would be most of what a refusal costs.
+_GOOD_FOR = 0.01
 
 
 @dataclass(slots=True)
@@ -56,6 +60,8 @@ class SupervisorState:
         self._share = BackgroundShare()
         self._idle: list[Worker] = []
         self._accepting = False
+        self._estimates: dict[str | None, float] = {}
+        self._estimated = (-math.inf, -1)
 
     @property
     def ready(self) -> bool:
@@ -129,7 +135,7 @@ class SupervisorState:
         """Time until a new job of a client would begin, as far as durations tell [s]."""
         if self._can_begin():
             return 0.0
-        return self.durations.remaining(self._running(), self._waiting.ahead(client)) / self._count
+        return self._work(client)
 
     def lateness(self, task: str, seconds: float, client: str = "") -> float:
         """Delay of a job beyond the `seconds` within which it is to be done [s].
@@ -177,14 +183,29 @@ class SupervisorState:
     def _refusal(self, task: str, seconds: float, wait: float, waiting: int) -> QueueFull | None:
         late, told = self._lateness(task, seconds, wait), None
         if waiting >= self._queue_limit:
-            everything = self.durations.remaining(self._running(), self._waiting)
-            late = everything / self._count / max(waiting, 1)
+            late = self._work(None) / max(waiting, 1)
         elif late > 0.0:
             told = wait
         else:
             return None
         self.counters.rejected += 1
         return QueueFull(waiting, _retry_after(late), told)
+
+    def _work(self, client: str | None) -> float:
+        """Time that workers need for what is before a new job of a client, or for all [s]."""
+        now, changes = time.monotonic(), self._waiting.changes
+        until, known = self._estimated
+        if now > until or changes != known:
+            self._estimates.clear()
+            self._estimated = (now + _GOOD_FOR, changes)
+        found = self._estimates.get(client)
+        if found is None:
+            waiting: Iterable[Ticket] = self._waiting
+            if client is not None:
+                waiting = self._waiting.ahead(client)
+            found = self.durations.remaining(self._running(), waiting) / self._count
+            self._estimates[client] = found
+        return found
 
     def _running(self) -> Iterator[Ticket]:
         """The jobs that run and for which somebody waits, brief ones left out."""

@@ -279,7 +279,7 @@ class WorkerSupervisor(SupervisorState):
         self.counters.overrun += 1
         where = "waiting for a worker" if ticket.worker is None else "being computed"
         if ticket.worker is not None:
-            self._note_duration(ticket)
+            self._note_duration(ticket, time.monotonic() - ticket.begun)
         ticket.settle(DeadlineExceeded(ticket.job.task, where))
         self._release(ticket)
 
@@ -363,17 +363,17 @@ class WorkerSupervisor(SupervisorState):
             self._free(worker)
 
     def _finish(self, ticket: Ticket, kind: Reply, values: Sequence[Any]) -> None:
-        self._note_duration(ticket)
+        seconds, *outcome = values
+        self._note_duration(ticket, seconds)
         self.counters.finished += 1
         if kind == Reply.RESULT:
-            ticket.settle(values[0])
+            ticket.settle(outcome[0])
         elif kind == Reply.FAULT:
-            ticket.settle(from_fields(*values))
+            ticket.settle(from_fields(*outcome))
         else:
-            ticket.settle(unexpected_fault(ticket.job.task, values[0]))
+            ticket.settle(unexpected_fault(ticket.job.task, outcome[0]))
 
-    def _note_duration(self, ticket: Ticket) -> None:
-        seconds = time.monotonic() - ticket.begun
+    def _note_duration(self, ticket: Ticket, seconds: float) -> None:
         if not ticket.brief:
             self.durations.note(ticket.job.task, seconds)
         if self._background or ticket.background is not None:

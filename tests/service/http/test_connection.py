@@ -180,6 +180,34 @@ def test_a_server_with_too_much_work_refuses_before_it_parses(running: Running) 
         assert connections[0].recv(65536)[9:12] in (b"422", b"504")
 
 
+def test_a_crowd_that_arrives_at_once_is_answered_each_in_its_order(running: Running) -> None:
+    """Two requests a connection, the second sent while the first waits for its turn."""
+
+    def asked(joint: float) -> bytes:
+        body = json.dumps({"joints": [joint] * 6}).encode()
+        head = f"POST /v1/robots/ur5e/fk HTTP/1.1\r\nHost: x\r\nContent-Length: {len(body)}\r\n"
+        return head.encode() + b"Content-Type: application/json\r\n\r\n" + body
+
+    with ExitStack() as held:
+        connections = [held.enter_context(running.connect()) for _ in range(12)]
+        for connection in connections:
+            connection.sendall(asked(0.0))
+            connection.sendall(asked(0.5)[:40])
+        for connection in connections:
+            connection.sendall(asked(0.5)[40:] + asked(1.0)[:10])
+        expected = [
+            running.client.post("/v1/robots/ur5e/fk", json={"joints": [joint] * 6}).content
+            for joint in (0.0, 0.5)
+        ]
+        assert expected[0] != expected[1]
+        for connection in connections:
+            answer = b""
+            while answer.count(b"HTTP/1.1 ") < 2 or not answer.endswith(expected[1]):
+                answer += connection.recv(65536)
+            assert answer.count(b"HTTP/1.1 200 OK") == 2
+            assert answer.index(expected[0]) < answer.index(expected[1])
+
+
 def test_hosts_and_origins(running: Running) -> None:
     client = running.client
     for host in ("arm.example", "cell.arms.example:443", "localhost"):

@@ -60,10 +60,19 @@ def test_workers_are_forked_and_their_ends_are_told() -> None:
         with one, other:
             send(other, chores.add.job(1, 2))
             assert receive(other) == (Reply.STARTED,)
-            assert receive(other) == (Reply.RESULT, 3)
+            assert receive(other)[2] == 3
             os.kill(first, signal.SIGSEGV)
             assert receive(server.control) == (Notice.EXITED, first, -signal.SIGSEGV)
         assert receive(server.control) == (Notice.EXITED, second, 0), "its channel was closed"
+
+
+def test_workers_leave_processors_to_the_server() -> None:
+    with launched() as server:
+        receive(server.control)
+        worker, channel = fork(server)
+        with channel:
+            own = os.getpriority(os.PRIO_PROCESS, server.process.pid)
+            assert os.getpriority(os.PRIO_PROCESS, worker) == min(own + 5, 19)
 
 
 def test_a_signal_to_the_whole_group_ends_neither_fork_server_nor_workers() -> None:

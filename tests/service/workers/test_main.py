@@ -5,6 +5,7 @@ import multiprocessing
 import pickle
 import signal
 import socket
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from multiprocessing.context import SpawnProcess
@@ -50,18 +51,30 @@ def test_jobs_are_answered_until_the_channel_closes() -> None:
         for _ in range(2):
             send(channel, chores.add.job(2, b=3))
             assert receive(channel) == (Reply.STARTED,)
-            assert receive(channel) == (Reply.RESULT, 5)
+            kind, seconds, result = receive(channel)
+            assert (kind, result) == (Reply.RESULT, 5)
+            assert 0.0 < seconds < 5.0
         send(channel, chores.remaining.job().with_timeout(30.0))
         assert receive(channel) == (Reply.STARTED,)
-        kind, left = receive(channel)
+        kind, _, left = receive(channel)
         assert kind == Reply.RESULT
         assert 25.0 < left <= 30.0
         send(channel, chores.remaining.job())
         receive(channel)
-        assert receive(channel) == (Reply.RESULT, math.inf), "a deadline ends with its job"
+        assert receive(channel)[2] == math.inf, "a deadline ends with its job"
         channel.close()
         process.join(10.0)
         assert process.exitcode == 0
+
+
+def test_a_worker_tells_how_long_it_had_a_job() -> None:
+    with worker() as (_, channel):
+        receive(channel)
+        send(channel, chores.nap.job(0.2))
+        time.sleep(0.5)  # whoever reads late learns the same
+        receive(channel)
+        _, seconds, _ = receive(channel)
+        assert 0.2 <= seconds < 0.45
 
 
 def test_faults_bugs_and_unknown_tasks_cost_no_worker() -> None:
@@ -78,7 +91,7 @@ def test_faults_bugs_and_unknown_tasks_cost_no_worker() -> None:
             assert receive(channel) == (Reply.STARTED,)
             reply = receive(channel)
             assert reply[0] == kind
-            assert text in str(reply[1])
+            assert text in str(reply[2])
         assert process.is_alive()
 
 
@@ -92,7 +105,7 @@ def test_progress_is_sent_only_where_it_is_wanted() -> None:
             while replies[-1][0] == Reply.PROGRESS:
                 replies.append(receive(channel))
             assert len(replies) == expected + 1
-            assert replies[-1] == (Reply.RESULT, "done")
+            assert replies[-1][2] == "done"
             assert all(stage == f"step_{i}" for i, (_, _, stage) in enumerate(replies[:-1]))
 
 
