@@ -1,14 +1,14 @@
 """Pick and place as MoveIt's task constructor goes about it, with OMPL and FCL: peer and witness.
 
-Stages propose and stages connect: grasps and places are taken in their order with the branches of
-inverse kinematics, straight motions are led in steps of the tool with a collision check at each,
-and RRT-Connect of OMPL joins what is free. FCL checks configurations, motions at many points.
+Stages propose and stages connect: grasps are taken in their order with the branches of inverse
+kinematics, straight motions are led in steps of the tool with a collision check at each, for the
+place before the first free motion is looked for. RRT-Connect of OMPL joins what is free, what is
+near before what is far. FCL checks configurations, motions at many points.
 Nothing of the search for tasks, its checker, its planners or its proof is used; what it finds is
 neither timed nor proved.
 """
 
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -36,6 +36,8 @@ _STEP, _JUMP = 5e-3, 0.3
 _RESOLUTION, _RANGE = 0.02, 0.8
 #: Values of a redundant arm's parameter.
 _PARAMETERS = 12
+#: Ways to put the object down at one place.
+_PUTS = 4
 #: Longest processor time for one free motion [s].
 _CONNECT = 1.0
 #: Speed along the way in the motions that are looked at densely [rad/s].
@@ -76,13 +78,29 @@ class _Place(NamedTuple):
     judge: _SurfaceJudge
 
 
+class _Put(NamedTuple):
+    """A way to put the object down, and to leave it.
+
+    Args:
+        down: Where it is put down.
+        way_in: The way there, shape (k, n).
+        leaving: Where it stands.
+        out: The way away from it, shape (k, n).
+    """
+
+    down: _Place
+    way_in: Array
+    leaving: _Place
+    out: Array
+
+
 @dataclass
 class SampledTask:
     """One task: move, approach, grasp, close, attach, lift, move, approach, place, ... retreat.
 
     Args:
         task: Its stages in this order, as the benchmark makes them.
-        seed: Of OMPL and of the order of branches.
+        seed: Of OMPL.
         timeout: For everything, of processor time [s].
     """
 
@@ -92,7 +110,6 @@ class SampledTask:
 
     def __post_init__(self) -> None:
         self._ends = time.thread_time() + self.timeout
-        self._random = np.random.default_rng(self.seed)
         self._cells = Cells()
         util.RNG.setSeed(self.seed + 1)
 
@@ -100,51 +117,65 @@ class SampledTask:
         """The motions of the first combination that can be done; None where time was up."""
         grasp = self.task.stages[2]
         assert isinstance(grasp, Grasp)
-        world = self.task.world
-        touching = tuple(sorted_pair(link, grasp.object) for link in grasp.touches)
-        near, free = self._place(world, touching), self._place(world, ())
-        T_object = world.scene.obstacle(grasp.object).T_world_obstacle
-        for frame, q in self._candidates(T_object @ grasp.frames, grasp.frames, near):
-            way_in = self._line(near, q, self._straight(1), backwards=True)
-            if way_in is None:
+        world, name = self.task.world, grasp.object
+        free = self._place(world, ())
+        near = self._place(world, tuple(sorted_pair(link, name) for link in grasp.touches))
+        T_object = world.scene.obstacle(name).T_world_obstacle
+        for frame in grasp.frames:
+            goals = self._candidates(T_object @ frame, near, self.task.start)
+            if not goals:
                 continue
-            there = world.after_grasp(Contact(grasp.object, frame), grasp.touches)
-            held = there.after_attach(grasp.object, None, (), None, q)
+            there = world.after_grasp(Contact(name, frame), grasp.touches)
+            held = there.after_attach(name, None, (), None, goals[0])
             lifting = self._place(held, self.task.stages[5].settings.allowed)
-            up = self._line(lifting, q, self._straight(5))
-            if up is None:
-                continue
-            moves = self._connect(free, self.task.start, way_in[0])
-            if moves is None:
-                continue
-            first = [_leg(free, moves, 0, "move"), _leg(near, way_in, 1, "approach"),
-                     _leg(lifting, up, 5, "lift")]  # fmt: skip
-            rest = self._put(held.after_motion(free=True), up[-1])
-            if rest is not None:
-                return [*first, *rest]
+            puts: list[_Put] | None = None
+            for q in goals:
+                way_in = self._line(near, q, self._straight(1), backwards=True)
+                up = None if way_in is None else self._line(lifting, q, self._straight(5))
+                if way_in is None or up is None:
+                    continue
+                carried = held.after_motion(free=True)
+                puts = self._puts(carried, up[-1]) if puts is None else puts
+                moves = self._connect(free, self.task.start, way_in[0]) if puts else None
+                last = None if moves is None else self._carry(carried, up[-1], puts)
+                if moves is not None and last is not None:
+                    return [_leg(free, moves, 0, "move"), _leg(near, way_in, 1, "approach"),
+                            _leg(lifting, up, 5, "lift"), *last]  # fmt: skip
+                if not puts or time.thread_time() > self._ends:
+                    break
         return None
 
-    def _put(self, held: World, q_lifted: Array) -> list[Leg] | None:
-        """The motions from the lift on, for the first place that can be done."""
+    def _carry(self, held: World, q_lifted: Array, puts: list["_Put"]) -> list[Leg] | None:
+        """The motions from the lift on, to the first way to put it down that is reached."""
+        carrying = self._place(held, ())
+        for put in sorted(puts, key=lambda put: _distance(q_lifted, put.way_in[0])):
+            moves = self._connect(carrying, q_lifted, put.way_in[0])
+            if moves is not None:
+                return [_leg(carrying, moves, 6, "move"), _leg(put.down, put.way_in, 7, "approach"),
+                        _leg(put.leaving, put.out, 11, "retreat")]  # fmt: skip
+        return None
+
+    def _puts(self, held: World, q_lifted: Array) -> list["_Put"]:
+        """Ways to put the object down and to leave it, few of each place."""
         place = self.task.stages[8]
         assert isinstance(place, Place)
-        name = str(place.object)
-        down, carrying = self._place(held, place.settings.allowed), self._place(held, ())
+        name, puts = str(place.object), []
+        down = self._place(held, place.settings.allowed)
         tools = place.poses @ inverse(held.T_tool_object(name))
-        for pose, q in self._candidates(tools, place.poses, down):
-            way_in = self._line(down, q, self._straight(7), backwards=True)
-            if way_in is None:
-                continue
-            stands = held.after_place(Contact(name, pose)).after_detach(name, (), q)
-            leaving = self._place(stands, ())
-            out = self._line(leaving, q, self._straight(11))
-            if out is None:
-                continue
-            moves = self._connect(carrying, q_lifted, way_in[0])
-            if moves is not None:
-                return [_leg(carrying, moves, 6, "move"), _leg(down, way_in, 7, "approach"),
-                        _leg(leaving, out, 11, "retreat")]  # fmt: skip
-        return None
+        for T, pose in zip(tools, place.poses, strict=True):
+            leaving, count = None, 0
+            for q in self._candidates(T, down, q_lifted):
+                way_in = self._line(down, q, self._straight(7), backwards=True)
+                if way_in is None or count == _PUTS:
+                    continue
+                if leaving is None:
+                    stands = held.after_place(Contact(name, pose)).after_detach(name, (), q)
+                    leaving = self._place(stands, ())
+                out = self._line(leaving, q, self._straight(11))
+                if out is not None:
+                    count += 1
+                    puts.append(_Put(down, way_in, leaving, out))
+        return puts
 
     def _straight(self, k: int) -> Straight:
         stage = self.task.stages[k]
@@ -156,17 +187,10 @@ class SampledTask:
         pairs = tuple(sorted(cell.scene.allowed_collisions))
         return _Place(world, pairs, _SurfaceJudge(cell.robot, cell.scene))
 
-    def _candidates(
-        self, tools: Array, frames: Array, where: _Place
-    ) -> Iterator[tuple[Array, Array]]:
-        """Frames with configurations whose tool is there and which FCL finds free, in order."""
-        chain = self.task.world.robot.chain
-        for T, frame in zip(tools, frames, strict=True):
-            for q in self._random.permutation(_branches(chain, T)):
-                if time.thread_time() > self._ends:
-                    return
-                if not where.judge.collides(q):
-                    yield frame, q
+    def _candidates(self, T: Array, where: _Place, near: Array) -> list[Array]:
+        """Configurations whose tool is at a pose and which FCL finds free, the nearest first."""
+        rows = sorted(_branches(self.task.world.robot.chain, T), key=lambda q: _distance(near, q))
+        return [q for q in rows if time.thread_time() < self._ends and not where.judge.collides(q)]
 
     def _line(
         self, where: _Place, q: Array, stage: Straight, *, backwards: bool = False
@@ -258,6 +282,11 @@ def _follow(chain: Chain, q: Array, goal: Array) -> Array | None:
             return new if np.abs(new - q).max() < _JUMP else None
         new = new + np.linalg.pinv(J, rcond=1e-4) @ error
     return None
+
+
+def _distance(a: Array, b: Array) -> float:
+    """Largest change of a joint."""
+    return float(np.abs(a - b).max())
 
 
 def _leg(where: _Place, rows: Array, index: int, kind: str) -> Leg:
