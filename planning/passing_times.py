@@ -80,7 +80,7 @@ def _approaches(path: JointPath, motion: Trajectory, parts: tuple[RunPart, ...])
     corners, tangents = path.sample(places), path.sample(places, 1)
     near, chosen, now = [], [], 0
     for k, place in enumerate(places):
-        now = _first_approach(joints, corners[k], now)
+        now = first_approach(joints, corners[k], now)
         if np.abs(wanted - place).min() <= _SAME_PLACE:
             near.append(now)
             chosen.append(k)
@@ -104,7 +104,7 @@ def _bisect(off: Callable[[Array], Array], low: Array, high: Array) -> list[floa
     return [float(time) for time in times]
 
 
-def _first_approach(joints: Array, q: Array, first: int) -> int:
+def first_approach(joints: Array, q: Array, first: int) -> int:
     """Index from ``first`` on at which the distance of joints (k, n) from q (n,) stops falling."""
     distance = np.linalg.norm(joints[first:] - q, axis=1)
     rises = np.flatnonzero(np.diff(distance) > 0.0)

@@ -182,6 +182,7 @@ class TaskStageReport(Answer):
         trajectory: Its motion.
         fingers: Motion of the gripper's joints beside it; None where they stand still.
         certificate: The proof.
+        passes: Whether the arm passes its end without resting.
         after: The objects after it.
         notes: What was done to the request.
     """
@@ -197,6 +198,7 @@ class TaskStageReport(Answer):
     trajectory: TimedTrajectory
     fingers: TimedTrajectory | None = None
     certificate: Certificate
+    passes: bool = False
     after: TaskWorld
     notes: list[str] = Field(default_factory=list)
 

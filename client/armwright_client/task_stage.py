@@ -81,6 +81,7 @@ class MoveStage(TaskStageRequest):
         tolerance: Region about the goal's poses.
         end_of: Name of an earlier stage, in place of the goal.
         planner: One of those of a plan.
+        blend: Pass the goal without resting, at most so far from it in joint space [rad or m].
     """
 
     kind: Literal["move"] = "move"
@@ -88,6 +89,7 @@ class MoveStage(TaskStageRequest):
     tolerance: ReachTolerance | None = None
     end_of: str | None = None
     planner: PlannerName = "auto"
+    blend: Positive | None = None
 
 
 class StraightStage(TaskStageRequest):

@@ -192,7 +192,7 @@ def _problem(cell: Cell, settings: StageSettings, start: Array, end: Array) -> P
         start,
         (JointGoal(end),),
         settings.margin,
-        constraints=_constraint_set(cell, settings),
+        constraints=constraint_set(cell, settings),
     )
 
 
@@ -201,7 +201,8 @@ def _options(options: Options, timeout: float, seed: int) -> Options:
     return replace(options, timeout=longest, seed=seed)
 
 
-def _constraint_set(cell: Cell, settings: StageSettings) -> ConstraintSet | None:
+def constraint_set(cell: Cell, settings: StageSettings) -> ConstraintSet | None:
+    """The constraints of a stage for its robot; None where it has none."""
     if not settings.constraints:
         return None
     return ConstraintSet(cell.robot.chain, settings.constraints)
@@ -223,7 +224,7 @@ def stand_still(
     """
     q, duration, fingers = still
     motion = stay(cell.robot.chain.joint_names, q, duration)
-    constraints = _constraint_set(cell, settings)
+    constraints = constraint_set(cell, settings)
     if fingers is not None:
         return motion, certify_gripper(
             fingers, cell.robot, cell.scene, q, margin=settings.margin, constraints=constraints,

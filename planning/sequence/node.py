@@ -21,7 +21,7 @@ from planning.sequence.stage import (
     Stage,
     Straight,
 )
-from planning.sequence.step import Step, least_travel, still_time
+from planning.sequence.step import Step, least_passing, least_travel, still_time
 from planning.sequence.target import Target
 from planning.sequence.task import Segment, Task
 from planning.sequence.world import Cells, World, sorted_pair
@@ -255,13 +255,16 @@ def child_node(
                  q, q, target=target.number, bound=still_time(stage)),
         ]  # fmt: skip
     free, is_last = task.stages[segment.free], segment.approach is None
-    bound = least_travel(world, free, node.onward_joints, q_free)
+    ends = (node.onward_joints, q_free)
+    passing = least_passing(world, task.stages, segment.free, ends)
+    bound = least_travel(world, free, *ends) if passing is None else passing
     allowed = (*free.settings.allowed, *(pairs if is_last else ()))
     steps.insert(
         0,
         Step(
             segment.free, free, "free", world, reached if is_last else world, allowed,
-            node.onward_joints, q_free, target=target.number if is_last else None, bound=bound,
+            *ends, target=target.number if is_last else None, bound=bound,
+            passes=passing is not None,
         ),
     )  # fmt: skip
     history = {**node.history, **{step.index: step.end for step in steps}}

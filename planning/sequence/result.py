@@ -28,6 +28,7 @@ class StagePlan:
         plan: The plan of its motion; None where the arm stands still.
         milliseconds: Time spent on it [ms].
         fingers: Motion of the gripper in it; None where its fingers stand still.
+        passes: Whether the arm passes its end without resting, as the next stage goes on.
     """
 
     index: int
@@ -41,6 +42,7 @@ class StagePlan:
     plan: Plan | None
     milliseconds: float
     fingers: FingerMotion | None = None
+    passes: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +81,7 @@ class SequencePlan:
     """All stages of a task, each with a motion that is proved.
 
     Args:
-        stages: In order; each begins where the one before ends, at rest.
+        stages: In order; each begins where the one before ends, at rest or as fast.
         duration: Of all of them [s].
         trials: The alternatives that were looked at.
         improvements: Certified answers in the order they were found, the last one is answered.

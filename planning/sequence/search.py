@@ -26,6 +26,7 @@ from planning.sequence.node import (
     onward_steps,
     target_world,
 )
+from planning.sequence.passing import pass_ends
 from planning.sequence.record import Record
 from planning.sequence.result import Improvement, SequenceFailure, SequencePlan, StagePlan
 from planning.sequence.stage import Grasp, Stage, describe_stage
@@ -257,7 +258,7 @@ class _Search:
                             return
                         if self._is_longer(leaf):
                             return
-        stages = tuple(step.plan for step in leaf.all_steps if step.plan is not None)
+        stages = pass_ends(self._cells, leaf.all_steps, self._until)
         duration = sum(stage.trajectory.duration for stage in stages)
         if self._best is None or duration < self._best.duration:
             self._improve(leaf, stages, duration)

@@ -56,11 +56,14 @@ class Move:
         goals: Any one of these is to be reached; none for the place where the next stage begins.
         to_end_of: Number of an earlier stage, in place of goals: its last configuration.
         settings: StageSettings of the stage.
+        blend: How far from its goal the arm may pass it without resting, Euclidean in joint space
+            [rad or m]; None to rest there. The next stage is a free motion then.
     """
 
     goals: tuple[Goal, ...] = ()
     to_end_of: int | None = None
     settings: StageSettings = field(default_factory=StageSettings)
+    blend: float | None = None
 
     @property
     def connects(self) -> bool:
@@ -273,6 +276,11 @@ def stage_kind(stage: Stage) -> str:
 def is_target(stage: Stage) -> bool:
     """Whether the stage says where the tool has to be: a choice that the search makes."""
     return isinstance(stage, Grasp | Place) or (isinstance(stage, Move) and not stage.connects)
+
+
+def passing_distance(stage: Stage) -> float | None:
+    """Distance within which a stage passes its end [rad or m]; None where the arm rests there."""
+    return stage.blend if isinstance(stage, Move) else None
 
 
 def describe_stage(stages: Sequence[Stage], k: int) -> str:

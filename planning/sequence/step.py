@@ -1,6 +1,7 @@
 """Steps: stages with the world and the configurations they begin and end with, before any proof."""
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -10,10 +11,17 @@ from kinematics.arrays import Array
 from kinematics.trajectory import REST
 from planning.deadline import Deadline
 from planning.result import Failure
-from planning.sequence.estimate import travel_times
+from planning.sequence.estimate import passing_time, travel_times
 from planning.sequence.motion import Line, plan_free, plan_line, stand_still
 from planning.sequence.result import StagePlan
-from planning.sequence.stage import Gripper, Pair, Stage, Wait, stage_kind
+from planning.sequence.stage import (
+    Gripper,
+    Pair,
+    Stage,
+    Wait,
+    passing_distance,
+    stage_kind,
+)
 from planning.sequence.world import Cell, Cells, World
 
 
@@ -33,7 +41,8 @@ class Step:
         line: Its straight motion.
         target: Number of the alternative that was chosen.
         bound: Least time that it takes [s].
-        plan: Its plan, once there is one.
+        plan: Its plan from rest to rest, once there is one.
+        passes: Whether it may begin or end without rest, and be quicker than its plan.
     """
 
     index: int
@@ -48,11 +57,14 @@ class Step:
     target: int | None = None
     bound: float = 0.0
     plan: StagePlan | None = None
+    passes: bool = False
 
     @property
     def least_time(self) -> float:
         """Time that it takes, or at least takes where it has no plan [s]."""
-        return self.bound if self.plan is None else self.plan.trajectory.duration
+        if self.plan is None or self.passes:
+            return self.bound
+        return self.plan.trajectory.duration
 
 
 def still_time(stage: Stage) -> float:
@@ -66,6 +78,24 @@ def least_travel(world: World, stage: Stage, start: Array, end: Array) -> float:
     """Least time between two configurations (n,) with the limits of a stage [s]."""
     ends = np.atleast_2d(end)
     return float(travel_times(world.robot.chain, start, ends, stage.settings.options)[0])
+
+
+def least_passing(
+    world: World, stages: Sequence[Stage], k: int, ends: tuple[Array, Array]
+) -> float | None:
+    """Least time of a free motion that begins or ends without rest [s]; None where it does not.
+
+    Args:
+        world: The world during it.
+        stages: All stages.
+        k: Number of the stage.
+        ends: Configurations before and after it, each of shape (n,).
+    """
+    around = [passing_distance(stage) for stage in stages[max(k - 1, 0) : k + 1]]
+    if all(blend is None for blend in around):
+        return None
+    slack = sum(blend or 0.0 for blend in around)
+    return passing_time(world.robot.chain, *ends, stages[k].settings.options, slack)
 
 
 def plan_step(

@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
+import numpy as np
+
 from kinematics.arrays import Array, frozen
 from kinematics.errors import (
     ArmwrightError,
@@ -22,9 +24,11 @@ from planning.sequence.stage import (
     Straight,
     describe_stage,
     is_target,
+    passing_distance,
     stage_kind,
 )
 from planning.sequence.world import World
+from planning.timing.method import timing_method
 
 
 class Segment(NamedTuple):
@@ -99,6 +103,8 @@ def segments(stages: Sequence[Stage]) -> tuple[Segment, ...]:
             _check_approach(stages, k)
         if isinstance(stage, Move) and stage.connects:
             _check_connection(stages, k)
+        if passing_distance(stage) is not None:
+            _check_passing(stages, k)
         if not is_target(stage):
             continue
         before = stages[k - 1] if k else None
@@ -132,6 +138,32 @@ def _check_connection(stages: Sequence[Stage], k: int) -> None:
             stages, k, "has no goal and no approach follows it",
             "Give it a goal, or put an approach right after it.",
         )  # fmt: skip
+
+
+def _check_passing(stages: Sequence[Stage], k: int) -> None:
+    """Check that a stage can pass its end: the next one is a free motion of the same kind."""
+    after = stages[k + 1] if k + 1 < len(stages) else None
+    here, there = stages[k], after
+    if isinstance(here, Move) and here.connects:
+        raise _fault(stages, k, "has a blend and ends where an approach begins, at rest",
+                     "Leave blend out, or give the stage a goal of its own.")  # fmt: skip
+    if there is None or not (isinstance(there, Move) or is_target(there)):
+        raise _fault(stages, k, "has a blend, and no free motion follows it",
+                     "Leave blend out, or put a stage move right after it.")  # fmt: skip
+    blend = passing_distance(here)
+    if blend is None or not (np.isfinite(blend) and blend > 0.0):
+        raise _fault(stages, k, f"has a blend of {blend}", "Give a positive distance.")
+    one, other = here.settings.options, there.settings.options
+    for options in (one, other):
+        method = timing_method(options.timing.method, options.timing.solver)
+        if options.refine is not None or options.planner == "optimize" or not method.follows_path:
+            raise _fault(stages, k, "has a blend, and a motion that does not follow its path",
+                         "Leave blend out, or take another planner and timing.method."
+                         )  # fmt: skip
+    same = repr(one.timing) == repr(other.timing) and one.limits.keys() == other.limits.keys()
+    if not (same and all(np.array_equal(one.limits[x], other.limits[x]) for x in one.limits)):
+        raise _fault(stages, k, "has a blend, and the stage after it other timing or limits",
+                     "Give both the same timing and limits, or leave blend out.")  # fmt: skip
 
 
 def _check_objects(world: World, stages: Sequence[Stage]) -> tuple[Stage, ...]:

@@ -79,6 +79,11 @@ class MoveStage(StageBody):
     planner: Annotated[str, Field(pattern=r"^[A-Za-z0-9_]{1,64}$")] = Field(
         "auto", description="one of those of a plan, but not cartesian"
     )
+    blend: Annotated[Positive, Field(le=10.0)] | None = Field(
+        None,
+        description="pass the goal without resting, at most so far from it, Euclidean in joint "
+        "space [rad or m]; a free motion with the same timing and limits follows",
+    )
 
     @model_validator(mode="after")
     def _check_form(self) -> "MoveStage":
@@ -86,6 +91,8 @@ class MoveStage(StageBody):
             raise ValueError("give goal or end_of, not both")
         if self.tolerance is not None and self.goal is None:
             raise ValueError("tolerance needs goal")
+        if self.blend is not None and self.goal is None and self.end_of is None:
+            raise ValueError("blend needs goal or end_of: without, the stage ends at an approach")
         if self.planner.lower() == "cartesian":
             raise ValueError("planner cartesian: ask for an approach, retreat or lift")
         return self

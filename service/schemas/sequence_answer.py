@@ -61,6 +61,9 @@ class TaskStageAnswer(Answer):
     certificate: CertificateAnswer = Field(
         description="the proof, with what is held and with the motion of the fingers"
     )
+    passes: bool = Field(
+        False, description="the arm passes its end without resting, within its blend"
+    )
     after: WorldAnswer = Field(description="the objects after it")
     notes: list[str] = Field(default_factory=list, description="what was done to the request")
 

@@ -192,6 +192,7 @@ def _stage_answer(
         if stage.fingers is None
         else trajectories.trajectory_answer(stage.fingers.trajectory, period),
         "certificate": certificate,
+        "passes": stage.passes,
         "after": _world_answer(stage.after, before),
         "notes": [] if plan is None else list(plan.notes),
     }

@@ -141,7 +141,7 @@ class _Translator:
                     f"end_of names {body.end_of!r}, and no stage has that name",
                     hint=f"Names are: {', '.join(self._names) or 'none'}.",
                 )
-            return Move((), self._names[body.end_of], settings)
+            return Move((), self._names[body.end_of], settings, body.blend)
         if body.goal is None:
             return Move(settings=settings)
         items: Sequence[SingleGoal] = body.goal.any_of or [body.goal]
@@ -153,7 +153,7 @@ class _Translator:
                 f"goal and tolerance make {len(goals)} poses, at most {schema.MAX_TARGETS}",
                 hint="Take fewer samples.",
             )
-        return Move(tuple(goals), None, settings)
+        return Move(tuple(goals), None, settings, body.blend)
 
     def _goal(self, item: SingleGoal, i: int) -> Goal:
         chain = self._robot.chain

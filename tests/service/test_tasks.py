@@ -122,6 +122,8 @@ def test_it_is_a_job_with_progress_where_that_is_asked_for(client: httpx.Client)
          "nowhere"),
         ({"stages": stages((12, {"goal": {"joints": [0.0]}}))}, 12, "INVALID_ROBOT_STATE", "7"),
         ({"stages": stages((5, {"distance": [0.3, 0.2]}))}, 5, "VALIDATION_ERROR", "distance"),
+        ({"stages": [{"kind": "move", "goal": {"joints": [*HOME]}, "blend": 0.1}]}, 0,
+         "VALIDATION_ERROR", "no free motion follows"),
         ({"stages": stages((8, {"region": {"pose": {"position": [3.0, 0.0, 0.2]}}}))}, 8,
          "PLANNING_FAILED", "out_of_reach"),
     ],
@@ -143,6 +145,8 @@ def test_what_is_wrong_is_told_with_stage_and_cure(
         ((2, {"region": None}), "stages[2]"),
         ((0, {"kind": "fly"}), "stages[0]"),
         ((5, {"distance": [0.1]}), "stages[5].distance"),
+        ((0, {"blend": 0.1}), "stages[0]"),
+        ((12, {"blend": 0.0}), "stages[12].blend"),
     ],
 )
 def test_malformed_stages_are_refused_where_they_stand(
@@ -207,6 +211,25 @@ def test_the_client_plans_a_task(client: httpx.Client) -> None:
     (placed,) = planned.stages[-1].after.objects
     assert placed.pose.position == pytest.approx([0.5, 0.25, 0.15])
     assert planned.stages[5].after.as_options()["attached"][0].id == "crate"
+
+
+def test_a_goal_that_is_passed_joins_two_motions_in_speed(client: httpx.Client) -> None:
+    there = Goal.at_joints([0.6, -0.5, 0.2, -2.2, 0.1, 1.8, 0.6])
+    on = Goal.at_joints([-0.6, -0.4, 0.0, -2.0, 0.3, 1.7, 0.9])
+    with Client(str(client.base_url)) as connected:
+        asked = [MoveStage(goal=there, blend=0.3), MoveStage(goal=on)]
+        planned = connected.plan_task("panda", HOME, asked)
+    assert [stage.passes for stage in planned.stages] == [True, False]
+    assert all(stage.certificate.verified for stage in planned.stages)
+    before, after = (stage.trajectory.segments for stage in planned.stages)
+    t = before[-1].t1 - before[-1].t0
+    end = [np.polynomial.polynomial.Polynomial(row) for row in before[-1].coefficients]
+    start = [np.polynomial.polynomial.Polynomial(row) for row in after[0].coefficients]
+    for order in range(3):
+        left = [p.deriv(order)(t) if order else p(t) for p in end]
+        right = [p.deriv(order)(0.0) if order else p(0.0) for p in start]
+        np.testing.assert_allclose(left, right, atol=1e-9)
+    assert max(abs(p.deriv()(0.0)) for p in start) > 0.05
 
 
 def test_fingers_move_and_the_next_task_begins_where_they_are(client: httpx.Client) -> None:

@@ -1,5 +1,7 @@
 """Contradictions among stages, told by stage and cure."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from kinematics.errors import (
     InvalidOption,
     InvalidRobotState,
 )
+from planning.options import Options
 from planning.problem import JointGoal
 from planning.sequence.stage import (
     Attach,
@@ -23,11 +26,18 @@ from planning.sequence.stage import (
     Wait,
 )
 from planning.sequence.task import Task, segments
+from planning.timing.options import TimingOptions
 from tests.planning.sequence import crate
 
 GRIPS, POSES = crate.grasps(2), crate.places(2)
 HOME = Move((JointGoal(crate.HOME),))
+SLOW = TimingOptions(velocity_scaling=0.5)
 APPROACH = Straight("approach", [0, 0, 1], "tool", 0.05, 0.1)
+
+
+def _via(blend: float | None, **options: Any) -> Move:
+    settings = StageSettings(options=Options(**options))
+    return Move((JointGoal(crate.HOME + 0.1),), settings=settings, blend=blend)
 
 
 @pytest.mark.parametrize(
@@ -51,6 +61,15 @@ APPROACH = Straight("approach", [0, 0, 1], "tool", 0.05, 0.1)
         ),
         ((Attach("crate", "panda_link0"),), 0, "does not move with the tip", "panda_hand_tcp"),
         ((), None, "there are no stages", "Give one"),
+        ((_via(0.1),), 0, "no free motion follows", "stage move right after"),
+        ((_via(0.1), Wait(1.0), HOME), 0, "no free motion follows", "Leave blend out"),
+        ((_via(-0.1), HOME), 0, "a blend of -0.1", "positive"),
+        ((_via(np.nan), HOME), 0, "a blend of nan", "positive"),
+        ((Move(blend=0.1), APPROACH, Grasp("crate", GRIPS)), 0, "an approach begins", "own"),
+        ((HOME, _via(0.1, timing=SLOW), HOME), 1, "other timing or limits", "the same"),
+        ((_via(0.1, limits={"velocity": np.ones(7)}), HOME), 0, "other timing", "the same"),
+        ((_via(0.1, timing=TimingOptions("spline")), HOME), 0, "follow its path", "timing.method"),
+        ((_via(0.1), _via(None, planner="optimize")), 0, "follow its path", "planner"),
     ],
 )
 def test_contradictions_name_the_stage_and_the_cure(
