@@ -218,6 +218,48 @@ def test_fingerprint_tells_kernels_apart_and_repeats() -> None:
     assert fingerprint(ratio) != fingerprint(total)
 
 
+@kernel
+def winding(first: Array, unread: Array, second: Array) -> float:
+    y = z = float(first[0])
+    for i in range(first.size):
+        y = math.sqrt(abs(z) + first[i]) + math.atan2(y, second[i]) + math.sqrt(y * y + z * z)
+        z = math.atan2(z, y) + math.sqrt(y * y + 3.0) + math.atan2(second[i], z)
+        y += math.sqrt(abs(z) + second[i]) + math.atan2(y, z) + math.sqrt(y * y + z * z)
+        z -= math.atan2(z, y) + math.sqrt(y * y + 2.0) + math.atan2(first[i], z)
+        y += math.hypot(z, first[i]) + math.atan2(second[i], y) + math.sqrt(y * y + 5.0)
+        z -= math.hypot(y, second[i]) + math.sqrt(z * z + 7.0) + math.atan2(first[i], y)
+        y -= math.sqrt(z * z + y * y) + math.hypot(y, z) + math.atan2(second[i], first[i])
+    return y + z
+
+
+@kernel
+def wound_twice(first: Array, unread: Array, second: Array) -> float:
+    once, again = winding(first, unread, second), winding(second, unread, first)
+    smaller = larger = 0.0
+    for i in range(first.size):
+        smaller = min(smaller, math.hypot(first[i], once) - math.tanh(again) * math.sinh(second[i]))
+        larger = max(larger, math.hypot(second[i], again) - math.sinh(once) * math.tanh(first[i]))
+        smaller -= math.cosh(larger) - math.expm1(-abs(smaller)) + math.log1p(abs(larger))
+        larger += math.cosh(smaller) + math.expm1(-abs(larger)) + math.log1p(abs(smaller))
+        smaller -= math.hypot(larger, once) + math.atan2(smaller, again) * math.atan2(larger, once)
+        larger += math.hypot(smaller, again) + math.atan2(larger, once) * math.atan2(smaller, again)
+    return once + again if smaller <= larger else math.nan
+
+
+def test_kernels_do_not_call_the_copy_in_a_door() -> None:
+    first, second = np.array([1.0, 2.0]), np.array([3.0, 4.0])
+    once = winding(first, np.zeros(1), second)
+    again = winding(second, np.zeros(1), first)
+    assert wound_twice(first, np.zeros(1), second) == once + again
+    sizes = {"winding": False, "wound_twice": True}
+    for name, is_large in sizes.items():
+        (result,) = globals()[name].overloads.values()
+        code = kernel_code.find(result.entry_point.name)
+        assert code is not None
+        assert (code.bitcode is None) == is_large, f"the size of {name} has changed"
+        assert b"7windingB" in (code.machine_code or code.bitcode or b"")
+
+
 def difference(left: float, right: float) -> float:
     return left - right
 
