@@ -54,6 +54,7 @@ SMALL: Mapping[str, tuple[list[str], Mapping[str, Any]]] = {
     # The arm with the fewest triangles; its meshes are decomposed once for both.
     "mesh_plans": (["PROBLEMS", "--robots", "ur3", "--timeout", "10"], {}),
     "meshes": (["--robots", "ur3", "--count", "2"], {"SCENES": 2}),
+    "new_scenes": (["--arms", "ur5e", "--scenes", "1", "--boxes", "3"], {"_WARM_UP": 1}),
     "optimize": (["PROBLEMS"], {}),
     # Without --judge it leaves out drake, which has an interpreter of its own.
     "optimize_peers": (["PROBLEMS", "--timeout", "10"], {}),
