@@ -20,7 +20,7 @@ MAX_OBSTACLES = 10_000
 MAX_NAME = 256
 #: All pieces of a scene, whose each is, and its margin.
 Packed: TypeAlias = tuple[PieceArrays, NDArray[np.int64], Array]
-_LAST_ROW = np.array([0.0, 0.0, 0.0, 1.0])
+_LAST_ROW = [0.0, 0.0, 0.0, 1.0]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -283,12 +283,12 @@ def _restored(
 def _rigid(T: Array, name: str) -> Array:
     try:
         matrix = frozen(T)
-        if matrix.shape != (4, 4) or not np.array_equal(matrix[3], _LAST_ROW):
+        if matrix.shape != (4, 4) or matrix[3].tolist() != _LAST_ROW:
             raise InvalidPose("it is no 4x4 matrix whose last row is [0, 0, 0, 1]")
         rotation = from_matrix(matrix[:3, :3])
     except (TypeError, ValueError, InvalidPose) as error:
         raise InvalidScene(f"obstacle {name!r}: its pose is not a rigid motion: {error}") from None
-    if not np.abs(matrix[:3, 3]).max() <= MAX_SIZE:
+    if not all(abs(x) <= MAX_SIZE for x in matrix[:3, 3].tolist()):
         raise InvalidScene(f"obstacle {name!r}: its position must lie within {MAX_SIZE:g} m")
     return frozen(transform(rotation, matrix[:3, 3]))
 

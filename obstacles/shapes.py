@@ -1,5 +1,6 @@
 """The shapes obstacles are made of: frozen, validated values that answer their convex pieces."""
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
@@ -64,8 +65,8 @@ class Box(Shape):
 
     def __post_init__(self) -> None:
         size = _finite(self.size, (3,), "box size")
-        for axis, value in zip("xyz", size, strict=True):
-            _length(float(value), f"box size along {axis}")
+        for axis, value in zip("xyz", size.tolist(), strict=True):
+            _length(value, f"box size along {axis}")
         object.__setattr__(self, "size", size)
 
     def pieces(self) -> tuple[Piece, ...]:
@@ -313,7 +314,9 @@ def _covering(part: ConvexPart, place: int, filled: int) -> Piece:
 
 
 def _length(value: float, name: str) -> float:
-    number = float(_finite(value, (), name))
+    number = value if type(value) is float else float(_finite(value, (), name))
+    if not math.isfinite(number):
+        raise InvalidScene(f"{name}: not finite")
     if not MIN_SIZE <= number <= MAX_SIZE:
         raise InvalidScene(
             f"{name} is {number:.6g} m",
