@@ -66,9 +66,10 @@ def problems(
         drawn = random.uniform(low, high, (_TRIES, robot.chain.n))
         ends = drawn[checker.each_valid(drawn)][:2]
         if len(ends) == 2:
-            # Moved by a micrometre it is a scene that nothing is kept of.
+            # Moved and shrunk by a micrometre, it has nothing that was seen here.
             for obstacle in body["obstacles"]:
                 obstacle["pose"]["position"][0] += 1e-6
+                obstacle["shape"]["size"] = [x - 4e-6 for x in obstacle["shape"]["size"]]
             yield body, ends[0], ends[1]
             count -= 1
 

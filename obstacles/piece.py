@@ -101,15 +101,22 @@ class Piece:
         """Half the sizes of a box about the piece's frame, shape (3,); None for any other piece."""
         return None if self.offset_radius > 0.0 else self._core().half
 
-    def _core(self) -> "_Core":
-        return _core(int(self.kind), self.vertices.tobytes(), self.radius, self.half_height)
+    def _core(self) -> "Core":
+        return core_of(int(self.kind), self.vertices.tobytes(), self.radius, self.half_height)
 
 
 _SAME_WHEREVER = tuple(f.name for f in fields(Piece) if f.name != "T_owner_piece")
 
 
-class _Core(NamedTuple):
-    """Bounding ball and box of a core in its frame, with half the box's size."""
+class Core(NamedTuple):
+    """Bounding ball and box of a core in its frame, with half the box's size.
+
+    Args:
+        center: Of the ball, shape (3,) [m].
+        radius: Of the ball [m].
+        box: Middle and half sizes, shape (6,) [m].
+        half: Half the sizes of a core that is a box about its frame, shape (3,); else None [m].
+    """
 
     center: Array
     radius: float
@@ -119,30 +126,44 @@ class _Core(NamedTuple):
 
 #: Obstacles that move from request to request keep their cores.
 @bounded_cache(maxsize=4096)
-def _core(kind: int, vertices: bytes, radius: float, half_height: float) -> _Core:
+def core_of(kind: int, vertices: bytes, radius: float, half_height: float) -> Core:
+    """The core of a piece by what it is made of; the bytes are those of its corners (k, 3)."""
     zero = np.zeros(3)
     if kind == PieceKind.HALFSPACE:
-        return _Core(zero, np.inf, np.array([0.0, 0.0, 0.0, np.inf, np.inf, np.inf]), None)
+        return Core(zero, np.inf, np.array([0.0, 0.0, 0.0, np.inf, np.inf, np.inf]), None)
     if kind == PieceKind.POLYTOPE:
-        corners = np.frombuffer(vertices).reshape(-1, 3)
-        low, high = corners.min(axis=0), corners.max(axis=0)
-        center = (low + high) / 2.0
-        reach = float(np.linalg.norm(corners - center, axis=1).max())
-        box = np.concatenate([center, (high - low) / 2.0])
-        return _Core(center, reach, box, _half_of_box(corners))
+        corners, box = np.frombuffer(vertices).reshape(-1, 3), np.empty(6)
+        reach, is_box = polytope_core(corners, box)
+        return Core(box[:3], reach, box, box[3:] if is_box else None)
     box = np.array([0.0, 0.0, 0.0, radius, radius, half_height])
     if kind == PieceKind.CYLINDER:
-        return _Core(zero, float(np.hypot(radius, half_height)), box, None)
-    return _Core(*_cone_ball(radius, half_height), box, None)
+        return Core(zero, float(np.hypot(radius, half_height)), box, None)
+    return Core(*_cone_ball(radius, half_height), box, None)
 
 
-def _half_of_box(corners: Array) -> Array | None:
-    """Half the sizes (3,) of a box about its frame; None where the corners (k, 3) are no such."""
-    if len(corners) != 8:
-        return None
-    half = np.abs(corners[0])
-    octants = set(((corners > 0.0) @ np.array([1, 2, 4])).tolist())
-    return half if len(octants) == 8 and (np.abs(corners) == half).all() else None
+@kernel(allocates=False, unlocks=False)
+def polytope_core(corners: Array, box: Array) -> tuple[float, bool]:
+    """Write the box (6,) about corners (k, 3), k >= 1, by its middle and its half sizes.
+
+    Returns:
+        Radius of the ball about the box's middle that holds them, and whether they are those of a
+        box about their frame.
+    """
+    farthest, octants, is_box = 0.0, 0, corners.shape[0] == 8
+    for axis in range(3):
+        low, high = np.inf, -np.inf
+        for v in range(corners.shape[0]):
+            low, high = min(low, corners[v, axis]), max(high, corners[v, axis])
+        box[axis], box[3 + axis] = (low + high) / 2.0, (high - low) / 2.0
+    for v in range(corners.shape[0]):
+        away, octant = 0.0, 0
+        for axis in range(3):
+            away += (corners[v, axis] - box[axis]) ** 2
+            is_box = is_box and abs(corners[v, axis]) == abs(corners[0, axis])
+            octant += (corners[v, axis] > 0.0) << axis
+        farthest = max(farthest, away)
+        octants |= 1 << octant
+    return np.sqrt(farthest), is_box and octants == 255
 
 
 def _cone_ball(radius: float, half_height: float) -> tuple[Array, float]:

@@ -13,7 +13,7 @@ import numpy as np
 from kinematics.arrays import Array
 from kinematics.bounded_cache import bounded_cache
 from obstacles.bvh import FIRST, LAST, NODE_WIDTH, SKIP, tree
-from obstacles.piece import Piece, PieceKind, Surface
+from obstacles.piece import Piece, PieceKind, Surface, core_of
 from obstacles.support_table import LEAST_CORNERS, Lists, support_table
 
 
@@ -29,6 +29,8 @@ class CoreKind(IntEnum):
     POINT = 6
 
 
+#: Of three numbers.
+_CORNER_BYTES = 24
 #: As numbers: to look a member of an enumeration up takes longer than the rest of a row.
 _TABLED = float(CoreKind.TABLED)
 _CORNERED = float(CoreKind.POLYTOPE), _TABLED
@@ -185,23 +187,22 @@ def _rows(pieces: Sequence[Piece]) -> Array:
 @bounded_cache(maxsize=4096)
 def _row(kind: int, corners: bytes, radius: float, half_height: float, rounding: float) -> Array:
     """The row of a piece in its own frame, shape (WIDTH,)."""
-    vertices = np.frombuffer(corners).reshape(-1, 3)
-    size, row = (radius, half_height, rounding), np.zeros(WIDTH)
-    piece = Piece(PieceKind(kind), np.eye(4), vertices, *size)
-    half = piece.box_half_sizes()
+    count, row = len(corners) // _CORNER_BYTES, np.zeros(WIDTH)
+    core = core_of(kind, corners, radius, half_height)
     row[KIND] = kind
-    if half is not None:
-        row[KIND], row[SIZE : SIZE + 3] = CoreKind.BOX, half
-    elif len(vertices) == 1:
+    if core.half is not None and rounding == 0.0:
+        row[KIND], row[SIZE : SIZE + 3] = CoreKind.BOX, core.half
+    elif count == 1:
         row[KIND] = CoreKind.POINT
-    elif kind == PieceKind.POLYTOPE and len(vertices) >= LEAST_CORNERS:
+    elif kind == PieceKind.POLYTOPE and count >= LEAST_CORNERS:
         row[KIND] = CoreKind.TABLED
     else:
         row[SIZE], row[SIZE + 1] = radius, half_height
     row[ROUNDING] = rounding
-    row[CENTER : CENTER + 3], row[RADIUS] = piece.bounding_sphere()
-    row[MIDDLE : MIDDLE + 6] = piece.local_box()
-    if len(vertices) == 1:
+    row[CENTER : CENTER + 3], row[RADIUS] = core.center, core.radius + rounding
+    row[MIDDLE : MIDDLE + 6] = core.box
+    row[HALF : HALF + 3] += rounding
+    if count == 1:
         row[MIDDLE : MIDDLE + 3] = 0.0  # its frame is put at its point
     row.setflags(write=False)
     return row

@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinematics.arrays import Array, Indices, frozen
+from kinematics.arrays import Array, Indices
 from kinematics.bounded_cache import bounded_cache
 from obstacles.hull import Hull, convex_hull, principal_axes
-from obstacles.piece import Piece, PieceArrays, PieceKind
+from obstacles.piece import Piece, PieceArrays, PieceKind, core_of
 from obstacles.scene import Obstacle
 from obstacles.winding import winding_numbers
 
@@ -110,14 +110,20 @@ def pack_obstacles(obstacles: Sequence[Obstacle]) -> ProjectionArrays:
         triangle_starts=_indices(np.cumsum([0, *joined.triangle_counts])),
         owners=np.repeat(np.arange(len(counts)), counts),
         enclosing=_indices(ends),
-        around=frozen([_around(joined.balls[i:j]) for i, j in ends]).reshape(-1, 4),
+        around=_all_around(joined.balls, ends),
     )
 
 
+def _all_around(balls: Array, ends: Indices) -> Array:
+    """``_around`` of the balls from one number to before another (o, 2), shape (o, 4)."""
+    around = np.zeros((len(ends), 4))
+    for k in np.flatnonzero(ends[:, 0] < ends[:, 1]).tolist():
+        around[k] = _around(balls[ends[k, 0] : ends[k, 1]])
+    return around
+
+
 def _around(balls: Array) -> Array:
-    """A ball about others (k, 4), a point where there are none; shape (4,)."""
-    if not len(balls):
-        return np.zeros(4)
+    """A ball about others (k, 4), shape (4,)."""
     center = balls[:, :3].mean(axis=0)
     reach = np.linalg.norm(balls[:, :3] - center, axis=1) + balls[:, 3]
     return np.array([*center, reach.max()])
@@ -221,16 +227,18 @@ def _core(piece: Piece) -> _Core:
 def _plain(
     kind: PieceKind, corners: bytes, radius: float, half_height: float, rounding: float
 ) -> _Core:
-    vertices = np.frombuffer(corners).reshape(-1, 3)
-    piece = Piece(kind, np.eye(4), vertices, radius, half_height, rounding)
-    half = piece.box_half_sizes()
+    core = core_of(int(kind), corners, radius, half_height)
+    half = core.half if rounding == 0.0 else None
     if kind == PieceKind.POLYTOPE and half is None:
+        vertices = np.frombuffer(corners).reshape(-1, 3)
+        piece = Piece(kind, np.eye(4), vertices, radius, half_height, rounding)
         return _cornered(piece, convex_hull(vertices), rounding)
-    size = (
-        (radius, half_height, rounding, 0.0) if half is None else (half[0], half[1], 0.0, half[2])
-    )
-    number = int(kind) if half is None else BOX
-    return _Core(number, np.array(size), _ball(piece), _ALONG_X, _NO_HULL)
+    ball, size = np.array([*core.center, core.radius + rounding]), np.zeros(4)
+    if half is None:
+        size[:3] = radius, half_height, rounding
+        return _Core(int(kind), size, ball, _ALONG_X, _NO_HULL)
+    size[:] = half[0], half[1], 0.0, half[2]
+    return _Core(BOX, size, ball, _ALONG_X, _NO_HULL)
 
 
 def _cornered(piece: Piece, hull: Hull, rounding: float) -> _Core:
