@@ -33,6 +33,7 @@ WITHOUT_MAIN = {
 ELSEWHERE = {"agents", "http", "studio_arms"}
 #: Arguments of scripts that start a server.
 OF_SERVERS: Mapping[str, list[str]] = {
+    "batch": ["--count", "3", "--workers", "1", "--rounds", "1"],
     "overload": ["--clients", "4", "--seconds", "0.3", "--settle", "0", "--requests", "plan"],
     "soak": ["--minutes", "0.02", "--clients", "2", "--rate", "50", "--kill-every", "0.4"],
 }
