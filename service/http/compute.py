@@ -21,6 +21,8 @@ _R = TypeVar("_R")
 
 #: What proxies log for a client that left; nobody sees it.
 _CLIENT_LEFT = 499
+#: Parts of a job are one of many: nobody sees the progress of those that take less than this [s].
+_SILENCE = 0.05
 
 
 def allowed_time(settings: Settings, timeout: float | None) -> float:
@@ -66,7 +68,8 @@ async def compute(
     supervisor = supervisor_of(request)
     context = job_context(request)
     if context is not None:
-        background = Background(seconds, context.on_start)
+        silence = 0.0 if on_progress is None else _SILENCE
+        background = Background(seconds, context.on_start, silence)
         return await supervisor.submit(job, on_progress or context.on_progress, background)
     admission: Admission = request.app.state.admission
     admission.note(request.method, request.url.path, job.task)

@@ -1,6 +1,7 @@
 """Many problems as one job: each gets its answer or its problem, whatever becomes of the others."""
 
 import asyncio
+import math
 import time
 from collections.abc import Iterator
 
@@ -23,6 +24,9 @@ from service.task_references import split
 from service.tasks.result import BatchItem
 from service.workers.faults import ShuttingDown
 
+#: The progress of a batch is told at most this often [s].
+_REPORT_PERIOD = 0.05
+
 
 class Batch:
     """A batch that is being planned.
@@ -43,6 +47,8 @@ class Batch:
         self._shares = [0.0] * count
         self._done = 0
         self._failed = 0
+        self._reported = -math.inf
+        self._next_report: asyncio.TimerHandle | None = None
 
     async def run(self) -> bytes:
         """The results in order, JSON.
@@ -61,6 +67,7 @@ class Batch:
         except* ProblemError as errors:
             raise errors.exceptions[0] from None
         finally:
+            self._report(at_once=True)
             if self._scene is not None:
                 await run_in_threadpool(prepared_files.forget, self._scene)
         return self._answer()
@@ -116,7 +123,18 @@ class Batch:
         instance = f"{self._request.url.path}#/problems/{self._context.first + index}"
         self._results[index] = to_json(document(problem, instance))
 
-    def _report(self) -> None:
+    def _report(self, *, at_once: bool = False) -> None:
+        """Tell the progress; not more often than anybody sees, and never too late by much."""
+        late = self._reported + _REPORT_PERIOD - time.monotonic()
+        if late > 0.0 and not at_once:
+            if self._next_report is None:
+                loop = asyncio.get_running_loop()
+                self._next_report = loop.call_later(late, lambda: self._report(at_once=True))
+            return
+        if self._next_report is not None:
+            self._next_report.cancel()
+            self._next_report = None
+        self._reported = time.monotonic()
         count = len(self._results)
         share = sum(self._shares) / count
         self._context.on_progress(share, f"{self._done} of {count} problems")

@@ -17,6 +17,7 @@ class _Current:
     report: Report | None = None
     stage: str | None = None
     last_report: float = 0.0
+    silent_until: float = 0.0
 
 
 def deadline() -> Deadline:
@@ -34,19 +35,23 @@ def report(progress: float, stage: str) -> None:
     if _Current.report is None:
         return
     now = time.monotonic()
+    if now < _Current.silent_until:
+        return
     if stage != _Current.stage or now - _Current.last_report >= _REPORT_PERIOD:
         _Current.stage, _Current.last_report = stage, now
         _Current.report(float(progress), stage)
 
 
-def begin(deadline: Deadline, report: Report | None) -> None:
+def begin(deadline: Deadline, report: Report | None, silence: float = 0.0) -> None:
     """Make a job the current one.
 
     Args:
         deadline: When it must be done.
         report: Receives its progress; None where nobody listens.
+        silence: Time from now on in which nothing is reported [s].
     """
     _Current.deadline, _Current.report, _Current.stage = deadline, report, None
+    _Current.silent_until = time.monotonic() + silence if silence > 0.0 else 0.0
 
 
 def end() -> None:

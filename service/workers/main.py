@@ -25,8 +25,9 @@ from service.workers.task import Job, registered_task
 _SELF_KILL = 5.0
 #: Code of the problem that a request needs too much memory.
 _OUT_OF_MEMORY = "OUT_OF_MEMORY"
-#: In front of each job: its deadline [s], and whether progress is to be reported.
-HEADER = struct.Struct("!d?")
+#: In front of each job: its deadline [s], whether progress is to be reported, and the time from its
+#: beginning in which none is [s].
+HEADER = struct.Struct("!d?d")
 
 
 class Reply(StrEnum):
@@ -63,13 +64,13 @@ def main(channel: socket.socket) -> None:
 
 def _run(channel: socket.socket, payload: bytes) -> tuple[Any, ...]:
     """Run the job of a message and give the reply."""
-    at, wants_progress = HEADER.unpack_from(payload)
+    at, wants_progress, silence = HEADER.unpack_from(payload)
     deadline = Deadline(at)
     if math.isfinite(at):
         # The server ends what overruns; this is for a server that no longer gets to it.
         signal.setitimer(signal.ITIMER_REAL, deadline.remaining + _SELF_KILL)
     report = partial(_send, channel, Reply.PROGRESS) if wants_progress else None
-    current.begin(deadline, report)
+    current.begin(deadline, report, silence)
     try:
         return _reply(memoryview(payload)[HEADER.size :])
     finally:

@@ -33,10 +33,12 @@ class Background:
     Args:
         allowance: Time it may take once a worker has begun with it [s].
         on_start: Called on the event loop when that happens.
+        silence: Time from then on in which no progress need be reported [s].
     """
 
     allowance: float
     on_start: Callable[[], None]
+    silence: float = 0.0
 
 
 @dataclass(slots=True, eq=False)
@@ -90,6 +92,11 @@ class Ticket:
     def wants_progress(self) -> bool:
         """Whether the task is to report its progress."""
         return self.on_progress is not None or self.watch is not None
+
+    @property
+    def silence(self) -> float:
+        """Time from its beginning in which its progress need not be reported [s]."""
+        return 0.0 if self.background is None or self.watch is not None else self.background.silence
 
     @property
     def outcome(self) -> str:
@@ -160,7 +167,7 @@ class Worker(asyncio.Protocol):
     def send(self, ticket: Ticket) -> None:
         """Send a job."""
         assert self._transport is not None
-        header = HEADER.pack(ticket.deadline.at, ticket.wants_progress)
+        header = HEADER.pack(ticket.deadline.at, ticket.wants_progress, ticket.silence)
         head = framing.prefix(header, ticket.payload) + header
         if len(ticket.payload) <= _JOINED_BYTES:
             self._transport.write(head + ticket.payload)

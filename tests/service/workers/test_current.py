@@ -60,6 +60,18 @@ def test_a_new_stage_is_told_at_once(clock: Clock) -> None:
     assert all(type(progress) is float for progress, _ in told)
 
 
+def test_a_job_that_is_soon_over_reports_nothing_where_it_is_told_so(clock: Clock) -> None:
+    told: list[str] = []
+    current.begin(NEVER, lambda _, stage: told.append(stage), 0.05)
+    for step, stage in enumerate("abcdef"):
+        clock.now = 100.0 + 0.011 * step
+        current.report(0.1, stage)
+    assert told == ["f"]
+    current.begin(NEVER, lambda _, stage: told.append(stage))
+    current.report(0.1, "g")
+    assert told == ["f", "g"]
+
+
 def test_the_stage_of_another_job_is_forgotten(clock: Clock) -> None:
     first: list[str] = []
     second: list[str] = []

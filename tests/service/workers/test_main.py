@@ -36,7 +36,7 @@ def worker(
 
 
 def send(channel: socket.socket, job: Job[Any], *, wants_progress: bool = False) -> None:
-    header = HEADER.pack(job.deadline.at, wants_progress)
+    header = HEADER.pack(job.deadline.at, wants_progress, 0.0)
     channel.sendall(framing.encode(header + pickle.dumps(job)))
 
 
@@ -113,7 +113,7 @@ def test_a_worker_ends_itself_when_the_server_does_not() -> None:
     with worker(chores.impatient_worker) as (process, channel):
         receive(channel)
         job = chores.burn.job()
-        header = HEADER.pack(Deadline.after(0.1).at, False)
+        header = HEADER.pack(Deadline.after(0.1).at, False, 0.0)
         channel.sendall(framing.encode(header + pickle.dumps(job)))
         assert receive(channel) == (Reply.STARTED,)
         process.join(5.0)
