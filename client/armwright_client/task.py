@@ -211,12 +211,14 @@ class Trial(Answer):
         stage: Number of its stage.
         outcome: What came of it.
         reasons: Each with how many configurations had it.
+        joints: One of the configurations that failed.
     """
 
     choices: list[int]
     stage: int
     outcome: str
     reasons: dict[str, int]
+    joints: list[float] | None = None
 
 
 class Improvement(Answer):

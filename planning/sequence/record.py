@@ -2,6 +2,7 @@
 
 from collections import Counter
 
+from kinematics.arrays import Array
 from planning.sequence.node import Node
 from planning.sequence.result import Trial
 from planning.sequence.target import Candidates, Outcome
@@ -24,7 +25,7 @@ class Record:
 
     def note_candidates(self, choices: tuple[int, ...], stage: int, candidates: Candidates) -> None:
         """Note what came of a stage's targets before any path was planned."""
-        for index, (outcome, pair) in candidates.outcomes.items():
+        for index, (outcome, pair, joints) in candidates.outcomes.items():
             reached = outcome is Outcome.REACHED
             trial = self._trial((*choices, index), stage)
             if reached:
@@ -35,7 +36,7 @@ class Record:
             reason = str(outcome.value)
             if pair is not None:
                 reason = f"in collision: {pair[0]} and {pair[1]}"
-            self._count(trial, stage, reason)
+            self._count(trial, stage, reason, joints)
 
     def note_failure(self, node: Node, stage: int, reason: str) -> None:
         """Note that a configuration of a node's target led nowhere, and at which stage."""
@@ -44,11 +45,13 @@ class Record:
             return
         target_stage = node.steps[-1].index if node.steps else stage
         trial = self._trial(node.choices, target_stage)
-        trial.reasons[reason] = trial.reasons.get(reason, 0) + 1
+        _note(trial, reason, node.joints)
         if trial.outcome == "open":
             trial.outcome = "failed"
 
-    def note_child(self, node: Node, choice: int, stages: tuple[int, int], reason: str) -> None:
+    def note_child(
+        self, node: Node, choice: int, stages: tuple[int, int], reason: str, joints: Array
+    ) -> None:
         """Note that a configuration of the next target has no way to it.
 
         Args:
@@ -56,9 +59,10 @@ class Record:
             choice: Number of the target.
             stages: Number of its stage, and of the stage that failed.
             reason: A short sentence.
+            joints: The configuration, shape (n,).
         """
         trial = self._trial((*node.choices, choice), stages[0])
-        self._count(trial, stages[1], reason)
+        self._count(trial, stages[1], reason, joints)
         if trial.outcome == "open":
             trial.outcome = "failed"
 
@@ -76,11 +80,17 @@ class Record:
         reason, count = self._reasons[stage].most_common(1)[0]
         return stage, reason, count
 
-    def _count(self, trial: Trial, stage: int, reason: str) -> None:
-        trial.reasons[reason] = trial.reasons.get(reason, 0) + 1
+    def _count(self, trial: Trial, stage: int, reason: str, joints: Array | None) -> None:
+        _note(trial, reason, joints)
         self._reasons.setdefault(stage, Counter())[reason] += 1
 
     def _trial(self, choices: tuple[int, ...], stage: int) -> Trial:
         if choices not in self._trials:
             self._trials[choices] = Trial(choices, stage, "open", {})
         return self._trials[choices]
+
+
+def _note(trial: Trial, reason: str, joints: Array | None) -> None:
+    trial.reasons[reason] = trial.reasons.get(reason, 0) + 1
+    if trial.joints is None:
+        trial.joints = joints

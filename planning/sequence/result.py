@@ -68,12 +68,15 @@ class Trial:
         outcome: "solved", "failed", "in_collision", "outside_limits", "out_of_reach", or "open"
             where the search did not come to it.
         reasons: Reasons for failures, each with how many configurations had it.
+        joints: One of the configurations that failed, shape (n,); None where there is none inside
+            the limits.
     """
 
     choices: tuple[int, ...]
     stage: int
     outcome: str
     reasons: dict[str, int]
+    joints: Array | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -187,7 +187,8 @@ class _Search:
             self._push(child, 0.0)
             return
         k, led = child
-        self._record.note_child(node, target.number, (segment.target, k), _describe_stop(led))
+        stages = segment.target, k
+        self._record.note_child(node, target.number, stages, _describe_stop(led), joints)
         node.blame(target)
 
     def _leads_to_place(self, node: Node, segment: Segment, target: Target, q: Array) -> bool:
@@ -202,7 +203,7 @@ class _Search:
         if place is None or self._has_place(choices, *place):
             return True
         reason = "no place can be reached with this grasp"
-        self._record.note_child(node, target.number, (segment.end - 1, place[0]), reason)
+        self._record.note_child(node, target.number, (segment.end - 1, place[0]), reason, q)
         return False
 
     def _has_place(self, choices: tuple[int, ...], k: int, world: World) -> bool:

@@ -43,6 +43,20 @@ class Outcome(StrEnum):
     REACHED = "reached"
 
 
+class Verdict(NamedTuple):
+    """A target that was looked at.
+
+    Args:
+        outcome: What came of it.
+        pair: Two bodies that collide, where all of its configurations do.
+        joints: The configuration in which they do, shape (n,).
+    """
+
+    outcome: Outcome
+    pair: tuple[str, str] | None = None
+    joints: Array | None = None
+
+
 class Target(NamedTuple):
     """One of a stage's alternatives.
 
@@ -66,14 +80,13 @@ class Candidates:
     Args:
         targets: Of each configuration, its target; length k.
         joints: Shape (k, n) [rad or m].
-        outcomes: Of each target that was looked at: by its number, what came of it, and the pair
-            that collides where all of its configurations do.
+        outcomes: Of each target that was looked at, by its number, what came of it.
         complete: Whether all targets were looked at before the deadline.
     """
 
     targets: tuple[Target, ...]
     joints: Array
-    outcomes: dict[int, tuple[Outcome, tuple[str, str] | None]] = field(default_factory=dict)
+    outcomes: dict[int, Verdict] = field(default_factory=dict)
     complete: bool = True
 
 
@@ -136,7 +149,7 @@ def find_candidates(
     """
     rows: list[Array] = []
     owners: list[Target] = []
-    outcomes: dict[int, tuple[Outcome, tuple[str, str] | None]] = {}
+    outcomes: dict[int, Verdict] = {}
     form = structure(chain)
     for first in range(0, len(targets), _CHUNK):
         if deadline.passed:
@@ -145,8 +158,7 @@ def find_candidates(
         for target, (reached, joints) in zip(
             part, _solutions(chain, form, part, seed), strict=True
         ):
-            valid, outcome = _assess(checker, reached, joints)
-            outcomes[target.number] = outcome
+            valid, outcomes[target.number] = _assess(checker, reached, joints)
             rows += valid
             owners += [target] * len(valid)
     joints = np.array(rows).reshape(-1, chain.n)
@@ -214,15 +226,13 @@ def _inside(chain: Chain, joints: Array) -> Array:
     return np.asarray(joints[inside])
 
 
-def _assess(
-    checker: Checker, reached: bool, joints: Array
-) -> tuple[list[Array], tuple[Outcome, tuple[str, str] | None]]:
+def _assess(checker: Checker, reached: bool, joints: Array) -> tuple[list[Array], Verdict]:
     """The valid configurations of a target, and what came of it."""
     if not len(joints):
         outcome = Outcome.OUTSIDE_LIMITS if reached else Outcome.OUT_OF_REACH
-        return [], (outcome, None)
+        return [], Verdict(outcome)
     touching, spacious = Checker(checker.model, TOUCHING), Checker(checker.model, _SLACK)
     valid = [q for q in joints if touching.valid(q)]
     if not valid:
-        return [], (Outcome.IN_COLLISION, checker.clearance(joints[0])[1])
-    return [q for q in valid if spacious.valid(q)] or valid, (Outcome.REACHED, None)
+        return [], Verdict(Outcome.IN_COLLISION, checker.clearance(joints[0])[1], joints[0])
+    return [q for q in valid if spacious.valid(q)] or valid, Verdict(Outcome.REACHED)

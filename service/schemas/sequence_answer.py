@@ -77,6 +77,9 @@ class TrialAnswer(Answer):
         description="solved, failed, in_collision, outside_limits, out_of_reach, or open: not tried"
     )
     reasons: dict[str, int] = Field(description="each with how many configurations had it")
+    joints: list[float] | None = Field(
+        None, description="one of the configurations that failed, inside the limits [rad or m]"
+    )
 
 
 class ImprovementAnswer(Answer):

@@ -244,6 +244,7 @@ def _trials_answer(trials: tuple[Trial, ...]) -> dict[str, Any]:
                 "stage": trial.stage,
                 "outcome": trial.outcome,
                 "reasons": dict(trial.reasons),
+                "joints": None if trial.joints is None else trial.joints.tolist(),
             }
             for trial in trials[:_MAX_TRIALS]
         ],

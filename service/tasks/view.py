@@ -2,35 +2,34 @@
 
 import json
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from kinematics.errors import ArmwrightError, InvalidOption
+from kinematics.errors import InvalidOption
 from kinematics.trajectory import Trajectory
 from obstacles.scene import Obstacle
 from planning.explored import Explored
 from planning.pipeline import plan
 from service.schemas.check import CheckRequest
-from service.schemas.goal import SingleGoal
 from service.schemas.kinematics import IkRequest
 from service.schemas.plan import PlanRequest, TrajectoryBody, ValidateRequest
 from service.schemas.sequence import TaskRequest
 from service.schemas.tour import TourRequest
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
+from service.tasks import view_failures
 from service.tasks.answer import reports_cache_miss
 from service.tasks.attached_objects import RobotInScene, robot_in_scene
-from service.tasks.inverse_kinematics import ik
 from service.tasks.plan import question
-from service.tasks.result import CacheMiss, TaskProblem
+from service.tasks.result import CacheMiss
+from service.tasks.view_failures import Kept, solutions
 from service.tasks.view_stages import (
     Timeline,
     task_cell,
     task_shown,
-    task_start,
     tour_cell,
     tour_shown,
 )
@@ -53,29 +52,9 @@ from service.workers.task import task
 
 #: Configurations that one page shows.
 _MAX_CONFIGURATIONS = 64
-#: Candidates of one goal among them, the best first.
-_MAX_CANDIDATES = 24
 #: Share of the time that is left which planning once more may take; the page needs the rest.
 _TREE_SHARE = 0.7
 _IK = re.compile(r"POST /v1/robots/[^/]+/ik")
-
-
-class _Kept(NamedTuple):
-    """A kept plan whose page is made.
-
-    Args:
-        request: The body.
-        answer: The answer; empty where there is a problem.
-        problem: The problem document; empty where there is an answer.
-        robot: Reference of the robot.
-        scene: Reference of the stored scene, if the request names one.
-    """
-
-    request: dict[str, Any]
-    answer: dict[str, Any]
-    problem: dict[str, Any]
-    robot: Reference
-    scene: Reference | None
 
 
 class _Shown(NamedTuple):
@@ -117,7 +96,7 @@ def view(
         ArmwrightError: The request is at fault, so that nothing of it can be drawn.
     """
     whole = json.loads(content)
-    kept = _Kept(
+    kept = Kept(
         whole["request"], whole.get("answer") or {}, whole.get("problem") or {}, robot, scene
     )
     operation = whole["operation"]
@@ -163,7 +142,7 @@ def view(
     )
 
 
-def _parts(operation: str) -> Callable[[_Kept], _Shown]:
+def _parts(operation: str) -> Callable[[Kept], _Shown]:
     if _IK.fullmatch(operation):
         return _of_ik
     makers = {
@@ -181,7 +160,7 @@ def _parts(operation: str) -> Callable[[_Kept], _Shown]:
     return makers[operation]
 
 
-def _explored(kept: _Kept, operation: str) -> Explored:
+def _explored(kept: Kept, operation: str) -> Explored:
     """The tree or roadmap of a plan's last planner, planned once more.
 
     Raises:
@@ -201,7 +180,7 @@ def _explored(kept: _Kept, operation: str) -> Explored:
     return explored
 
 
-def _of_plan(kept: _Kept) -> _Shown:
+def _of_plan(kept: Kept) -> _Shown:
     geometry = worker_cache.robot(kept.robot).geometry
     body = with_states(PlanRequest.model_validate(kept.request), geometry.states)
     chain = geometry.chain
@@ -215,65 +194,10 @@ def _of_plan(kept: _Kept) -> _Shown:
             *(f"Note: {note}" for note in kept.answer.get("notes") or ()),
         ]
         return _Shown(cell, motion, [], sentences, {"path": kept.answer["path"]["joints"]})
-    return _Shown(cell, None, [*_failed_configurations(kept, body)], [], {})
+    return _Shown(cell, None, [*view_failures.of_plan(kept, body)], [], {})
 
 
-def _failed_configurations(kept: _Kept, body: PlanRequest) -> Iterator[Configuration]:
-    """Start, goals, their IK candidates, and the configurations that the problem names."""
-    stage, details = kept.problem.get("stage"), kept.problem.get("details") or {}
-    detail = str(kept.problem["detail"])
-    if body.start.joints is not None:
-        yield _end("start", body.start.joints, detail if stage == "start" else None)
-    goals = body.goal.any_of or [body.goal]
-    alone = len(goals) == 1
-    for number, goal in enumerate(goals, 1):
-        name = "goal" if alone else f"goal {number}"
-        if goal.joints is not None:
-            yield _end(name, goal.joints, detail if stage == "goal" and alone else None)
-        elif goal.pose is not None:
-            yield from _candidates(kept, body, goal, name)
-    if details.get("nearest_joints"):
-        yield rejected("nearest configuration", details["nearest_joints"], detail)
-    nearest = details.get("nearest_valid")
-    if nearest:
-        words = f"moves the tip by {1000.0 * nearest['tip_distance']:.1f} mm"
-        yield Configuration("nearest valid configuration", nearest["joints"], "valid", words)
-
-
-def _end(label: str, joints: list[float], reason: str | None) -> Configuration:
-    """Start or goal of a problem, rejected where there is a reason."""
-    if reason is None:
-        return Configuration(label, joints, "asked")
-    return rejected(label, joints, reason)
-
-
-def _candidates(kept: _Kept, body: PlanRequest, goal: Any, name: str) -> Iterator[Configuration]:
-    """All inverse-kinematics solutions of a goal's pose, with the reasons of the rejected ones."""
-    fields = {
-        name: kept.request[name]
-        for name in ("attached", "allowed_collisions", "frame")
-        if kept.request.get(name) is not None
-    }
-    fields |= {"pose": goal.pose.model_dump(exclude_none=True), "all_solutions": True}
-    if isinstance(goal, SingleGoal) and goal.frame is not None:
-        fields["frame"] = goal.frame
-    if body.scene is not None:
-        fields["scene"] = kept.request["scene"]
-    fields["seed_joints"] = body.start.joints
-    try:
-        found = ik(kept.robot, kept.scene, json.dumps(fields).encode())
-    except ArmwrightError:
-        return
-    if isinstance(found, TaskProblem):
-        solutions = cast(list[dict[str, Any]], found.details.get("rejected") or [])
-    elif isinstance(found, bytes):
-        solutions = json.loads(found)["solutions"]
-    else:
-        solutions = []
-    yield from _solutions(solutions[:_MAX_CANDIDATES], f"{name}, IK solution")
-
-
-def _of_validate(kept: _Kept) -> _Shown:
+def _of_validate(kept: Kept) -> _Shown:
     body = ValidateRequest.model_validate(kept.request)
     chain = worker_cache.chain(kept.robot)
     motion, _ = trajectories.trajectory(body.trajectory, chain)
@@ -282,34 +206,20 @@ def _of_validate(kept: _Kept) -> _Shown:
     return _Shown(cell, motion, [], sentences, {})
 
 
-def _of_task(kept: _Kept) -> _Shown:
+def _of_task(kept: Kept) -> _Shown:
     if kept.answer:
         return _of_timeline(task_shown(kept.robot, kept.scene, kept.request, kept.answer))
     body = TaskRequest.model_validate(kept.request)
     cell = task_cell(kept.robot, kept.scene, body)
-    stage, detail = kept.problem.get("stage"), str(kept.problem["detail"])
-    shown = [_end("start", task_start(kept.robot, body), detail if stage == "start" else None)]
-    shown += [
-        _end(f"goal of stage {number}", item.goal.joints, None)
-        for number, item in enumerate(body.stages, 1)
-        if item.kind == "move" and item.goal is not None and item.goal.joints is not None
-    ]
-    return _Shown(cell, None, shown, [], {})
+    shown = [*view_failures.of_task(kept, body)]
+    return _Shown(cell, None, shown, view_failures.untried(kept), {})
 
 
-def _of_tour(kept: _Kept) -> _Shown:
+def _of_tour(kept: Kept) -> _Shown:
     if kept.answer:
         return _of_timeline(tour_shown(kept.robot, kept.scene, kept.request, kept.answer))
     body = TourRequest.model_validate(kept.request)
-    stage, detail = kept.problem.get("stage"), str(kept.problem["detail"])
-    shown = []
-    if body.start is not None and body.start.joints is not None:
-        shown = [_end("start", body.start.joints, detail if stage == "start" else None)]
-    shown += [
-        _end(f"goal {goal.id or number}", goal.joints, None)
-        for number, goal in enumerate(body.goals)
-        if goal.joints is not None
-    ]
+    shown = [*view_failures.of_tour(kept, body)]
     return _Shown(tour_cell(kept.robot, kept.scene, body), None, shown, [], {})
 
 
@@ -319,7 +229,7 @@ def _of_timeline(whole: Timeline) -> _Shown:
     )
 
 
-def _of_check(kept: _Kept) -> _Shown:
+def _of_check(kept: Kept) -> _Shown:
     body = CheckRequest.model_validate(kept.request)
     chain = worker_cache.chain(kept.robot)
     cell = robot_in_scene(kept.robot, kept.scene, body, first_configuration(chain, body.joints))
@@ -354,7 +264,7 @@ def _configuration_of(label: str, joints: list[float], verdict: Mapping[str, Any
     return rejected(label, joints, "; ".join(reasons))
 
 
-def _of_ik(kept: _Kept) -> _Shown:
+def _of_ik(kept: Kept) -> _Shown:
     body = IkRequest.model_validate(kept.request)
     chain = worker_cache.chain(kept.robot)
     seed = None if body.seed_joints is None else first_configuration(chain, body.seed_joints)
@@ -362,21 +272,11 @@ def _of_ik(kept: _Kept) -> _Shown:
     details = kept.problem.get("details") or {}
     given = kept.answer.get("solutions") or details.get("rejected") or []
     flat = [item for row in given for item in (row if isinstance(row, list) else [row])]
-    shown = [*_solutions(flat, "solution")]
+    shown = [*solutions(flat, "solution")]
     if details.get("nearest_joints"):
         shown.append(rejected("nearest", details["nearest_joints"], kept.problem["detail"]))
     count = sum(item.verdict == "valid" for item in shown)
     return _Shown(cell, None, shown, [f"{count} of {len(shown)} solutions are valid."], {})
-
-
-def _solutions(answers: list[dict[str, Any]], label: str) -> Iterator[Configuration]:
-    for number, answer in enumerate(answers, 1):
-        why = answer.get("rejected_because")
-        name = f"{label} {number}" + (f" ({answer['branch']})" if answer.get("branch") else "")
-        if why is None:
-            yield Configuration(name, answer["joints"], "valid")
-        else:
-            yield rejected(name, answer["joints"], why)
 
 
 def _motion(trajectory: dict[str, Any], cell: RobotInScene) -> Trajectory:

@@ -6,13 +6,13 @@ from planning.sequence.node import Node
 from planning.sequence.record import Record
 from planning.sequence.stage import Grasp, Wait
 from planning.sequence.step import Step
-from planning.sequence.target import Candidates, Outcome, Target
+from planning.sequence.target import Candidates, Outcome, Target, Verdict
 from tests.planning.sequence import crate
 
 _NONE = np.zeros((0, 7))
 
 
-def _candidates(**outcomes: tuple[Outcome, tuple[str, str] | None]) -> Candidates:
+def _candidates(**outcomes: Verdict) -> Candidates:
     found = {int(name.removeprefix("n")): outcome for name, outcome in outcomes.items()}
     return Candidates((), _NONE, found)
 
@@ -32,8 +32,8 @@ def _child(root: Node, number: int, stage: int) -> Node:
 def test_candidates_are_noted_with_their_reasons_and_stay_open_where_they_are_reached() -> None:
     record = Record()
     record.note_candidates((), 2, _candidates(
-        n0=(Outcome.REACHED, None), n1=(Outcome.OUT_OF_REACH, None),
-        n2=(Outcome.IN_COLLISION, ("arm", "lid")),
+        n0=Verdict(Outcome.REACHED), n1=Verdict(Outcome.OUT_OF_REACH),
+        n2=Verdict(Outcome.IN_COLLISION, ("arm", "lid"), np.ones(7)),
     ))  # fmt: skip
     outcomes = {trial.choices: (trial.stage, trial.outcome, trial.reasons)
                 for trial in record.trials}  # fmt: skip
@@ -42,12 +42,15 @@ def test_candidates_are_noted_with_their_reasons_and_stay_open_where_they_are_re
         (1,): (2, "out_of_reach", {"out_of_reach": 1}),
         (2,): (2, "in_collision", {"in collision: arm and lid": 1}),
     }
+    shown = [trial.joints for trial in record.trials]
+    assert shown[:2] == [None, None]
+    np.testing.assert_array_equal(shown[2], np.ones(7))
 
 
 def test_an_outcome_only_comes_nearer_to_a_solution() -> None:
     record = Record()
-    record.note_candidates((), 2, _candidates(n0=(Outcome.IN_COLLISION, ("arm", "lid"))))
-    record.note_candidates((), 2, _candidates(n0=(Outcome.OUT_OF_REACH, None)))
+    record.note_candidates((), 2, _candidates(n0=Verdict(Outcome.IN_COLLISION, ("arm", "lid"))))
+    record.note_candidates((), 2, _candidates(n0=Verdict(Outcome.OUT_OF_REACH)))
     (trial,) = record.trials
     assert trial.outcome == "in_collision"
     assert trial.reasons == {"in collision: arm and lid": 1, "out_of_reach": 1}
@@ -58,11 +61,12 @@ def test_the_latest_stage_and_its_most_frequent_reason_are_the_farthest() -> Non
     assert record.farthest() is None
     record.note_failure(root, 0, "starts badly")
     for reason in ("too short", "collides", "collides"):
-        record.note_child(root, 1, (2, 1), reason)
+        record.note_child(root, 1, (2, 1), reason, np.full(7, float(len(reason))))
     assert record.farthest() == (1, "collides", 2)
     (trial,) = record.trials
     assert (trial.choices, trial.stage, trial.outcome) == ((1,), 2, "failed")
     assert trial.reasons == {"too short": 1, "collides": 2}
+    np.testing.assert_array_equal(trial.joints, np.full(7, 9.0))  # that of the first reason
 
 
 def test_failures_and_solutions_belong_to_the_choices_of_their_node() -> None:
@@ -80,7 +84,7 @@ def test_trials_are_in_the_order_of_stages_and_lists() -> None:
     record = Record()
     for choices, stage in (((1, 0), 8), ((2,), 2), ((0, 4), 8), ((1,), 2)):
         number = choices[-1]
-        found = Candidates((), _NONE, {number: (Outcome.REACHED, None)})
+        found = Candidates((), _NONE, {number: Verdict(Outcome.REACHED)})
         record.note_candidates(choices[:-1], stage, found)
     assert [trial.choices for trial in record.trials] == [(1,), (2,), (0, 4), (1, 0)]
 

@@ -2,6 +2,7 @@
 
 import base64
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from playwright.sync_api import Browser
 
 import armwright as aw
 from kinematics.forward import forward
+from service.schemas.sequence import TaskRequest
 from service.viewer.page import page as page_of
 from tests.service.conftest import Served
 from tests.service.robots import ASIDE, DETOUR, FLOOR, HOME, POST, scene
@@ -29,9 +31,10 @@ def test_a_motion_is_drawn_played_and_scrubbed(
     assert page.evaluate("window.armwrightView.time") == pytest.approx(duration / 2)
     assert f"{duration / 2:.3f} of" in page.inner_text("#clock")
     before = page.inner_text("#now")
+    page.select_option("#speed", "0.1")  # so that it does not end meanwhile
     page.focus("#view")
     page.keyboard.press("Space")
-    wait(page, f"window.armwrightView.time > {duration / 2 + 0.02}")
+    wait(page, f"window.armwrightView.time > {duration / 2 + 0.002}")
     page.keyboard.press("Space")
     assert page.inner_text("#play") == "Play"
     assert page.inner_text("#now") != before
@@ -211,3 +214,51 @@ def test_the_tree_of_a_planner_is_drawn_on_request(
     refused = served.client.get(f"/v1/plans/{kept}/view", params={"tree": True})
     assert refused.status_code == 422
     assert "have no tree" in refused.json()["detail"]
+
+
+def test_failed_tasks_and_tours_show_what_was_tried(
+    served: Served, browser: Browser, tmp_path: Path
+) -> None:
+    example: Any = TaskRequest.model_json_schema()["examples"][0]
+    size = {"type": "box", "size": [0.5, 0.5, 0.02]}
+    lid = {"id": "lid", "shape": size, "pose": {"position": [0.5, -0.25, 0.3]}}
+    far = {"pose": {"position": [3.0, 0.0, 0.5]}}
+    obstacles = [*example["scene"]["obstacles"], lid]
+    blocked = example | {"scene": {"obstacles": obstacles}}
+    content = fetch(served.client, "/v1/tasks", blocked)
+    data = document(content)
+    tried = data["configurations"][1:-1]
+    assert data["configurations"][-1]["label"] == "goal of stage 13"
+    assert len(tried) == 18
+    for number, item in enumerate(tried, 1):
+        assert item["label"] == f"stage 3, alternative {number}"
+        assert (item["verdict"], item["cause"]) == ("rejected", "collision")
+        first, second = item["pair"]
+        assert item["reason"] == f"'{first}' and '{second}' collide"
+    # The check of the service finds the same, there.
+    joints = [item["joints"] for item in tried]
+    body = {"robot": "panda", "scene": blocked["scene"], "joints": joints}
+    found = served.client.post("/v1/check", json=body).json()["collisions"]
+    for item, hits in zip(tried, found, strict=True):
+        assert set(item["pair"]) in [set(hit["pair"]) for hit in hits]
+    page, _ = show(browser, content, tmp_path)
+    assert "2. \u2717 collides: stage 3, alternative 1." in page.inner_text("#list")
+    assert any("2 to 19" in text or "3 to 19" in text for text in
+               page.locator("#labels span").all_inner_texts())  # fmt: skip
+    moves = {"stages": [{"kind": "move", "goal": far}]}
+    words = document(fetch(served.client, "/v1/tasks", example | moves))["sentences"]
+    assert "Stage 1, alternative 1: out_of_reach." in words
+    within = {"id": "lid", "pose": {"position": [0.5, -0.25, 0.3], "rpy": [3.14, 0.0, 0.0]}}
+    tour = {
+        "robot": "panda",
+        "scene": blocked["scene"],
+        "goals": [within, {"joints": ASIDE}],
+        "start": example["start"],
+    }
+    shown = document(fetch(served.client, "/v1/tours", tour))["configurations"]
+    assert shown[0]["label"] == "start"
+    assert shown[-1]["label"] == "goal 1"
+    candidates = shown[1:-1]
+    assert len(candidates) == 6
+    assert all(item["label"].startswith("goal lid, IK solution") for item in candidates)
+    assert {item["cause"] for item in candidates} == {"collision"}
