@@ -35,6 +35,7 @@ class ToolMotionOptions:
         normal: Axis that the arc turns about by the right hand, with ``center``, shape (3,).
         blend: Distance from its end at which the tool may leave it for the next one [m]; None for
             that of all motions.
+        T_base_start: Where it begins, shape (4, 4); None for the end of the one before.
     """
 
     kind: Literal["lin", "circ"]
@@ -43,6 +44,7 @@ class ToolMotionOptions:
     center: Sequence[float] | None = None
     normal: Sequence[float] | None = None
     blend: float | None = None
+    T_base_start: Array | None = None
 
     def __post_init__(self) -> None:
         if self.kind == "lin" and not (self.via is self.center is self.normal is None):

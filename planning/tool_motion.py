@@ -7,6 +7,7 @@ vector of R_1 R_0^T, the shorter way round.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -171,6 +172,15 @@ class SpeedBand:
     low: float
     high: float
     spans: tuple[tuple[float, float], ...]
+
+
+def joined_spans(spans: Sequence[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
+    """Spans of time, those joined that follow each other at once."""
+    joined: list[tuple[float, float]] = []
+    for begins, ends in spans:
+        follows = bool(joined) and joined[-1][1] == begins
+        joined.append((joined.pop()[0] if follows else begins, ends))
+    return tuple(joined)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -15,7 +15,7 @@ from planning.timing.parametrization import TimeParametrization
 from planning.timing.path import JointPath
 from planning.timing.steady_speed import time_at_steady_speed
 from planning.timing.time_scaling import ScaledTime
-from planning.tool_motion import SpeedBand, TimedToolMotions, ToolMotion
+from planning.tool_motion import SpeedBand, TimedToolMotions, ToolMotion, joined_spans
 from planning.tool_path import ToolPath
 from planning.tool_run import RunPart, ToolRun, run_of
 from planning.tool_spline import spline_near
@@ -80,7 +80,7 @@ class TimedToolPath:
             for report, part in zip(self.reports, parts, strict=True)
             if part.tolerance is not None
         ]
-        return SpeedBand(*band, _joined(spans))
+        return SpeedBand(*band, joined_spans(spans))
 
     def trajectory(self, chain: Chain) -> Trajectory:
         """The parts one after the other; a short stay where there are none."""
@@ -137,15 +137,6 @@ def _begun_parts(path: ToolPath) -> list[RunPart]:
         for run, segment in zip(path.runs, path.segments, strict=True)
         for part in run.parts_until(1.0 if segment.stop is None else segment.reached)
     ]
-
-
-def _joined(spans: list[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
-    """Spans of time, those joined that follow each other at once."""
-    joined: list[tuple[float, float]] = []
-    for begins, ends in spans:
-        follows = bool(joined) and joined[-1][1] == begins
-        joined.append((joined.pop()[0] if follows else begins, ends))
-    return tuple(joined)
 
 
 def _reports(

@@ -93,7 +93,7 @@ from armwright_client.simulation import (
     TrackedLimitUse,
     Tube,
 )
-from armwright_client.tool_motion import TimedToolMotions, ToolMotion
+from armwright_client.tool_motion import TimedToolMotion, TimedToolMotions, ToolMotion
 from armwright_client.trajectory import Samples, Segment, TimedTrajectory, Trajectory
 
 __all__ = [
@@ -185,6 +185,7 @@ __all__ = [
     "SphereRegion",
     "Stage",
     "Start",
+    "TimedToolMotion",
     "TimedToolMotions",
     "TimedTrajectory",
     "Timing",

@@ -1,5 +1,6 @@
 """Planning problems and their answers."""
 
+from collections.abc import Sequence
 from typing import Any, Literal, TypedDict
 
 from pydantic import Field
@@ -25,7 +26,7 @@ from armwright_client.pose import Pose
 from armwright_client.scene import SceneReference
 from armwright_client.seam import StraightOffset, ToolTolerance, Waypoint
 from armwright_client.timing import TimingReport
-from armwright_client.tool_motion import ToolMotion
+from armwright_client.tool_motion import Part, TimedToolMotion, TimedToolMotions, ToolMotion
 from armwright_client.trajectory import TimedTrajectory
 
 TimingMethod = Literal["toppra", "spline", "jerk_limited"]
@@ -103,6 +104,43 @@ class CartesianOptions(Request):
         """The mapping that a plan's `planner_options` take."""
         return self.model_dump(mode="json", exclude_none=True)
 
+    def seam_in_time(self, reports: Sequence["ToolMotionReport"]) -> TimedToolMotions:
+        """A seam as a trajectory is held to it, see `Client.validate`.
+
+        Args:
+            reports: `tool_motions` of the plan along this seam; of a motion that was recorded
+                later, with the times of that one.
+        """
+        return TimedToolMotions(
+            motions=[
+                TimedToolMotion(
+                    **dict(report.as_motion),
+                    start=report.start,
+                    part=report.part,
+                    tolerance=self._tolerance(report),
+                )
+                for report in reports
+            ],
+            begins=reports[0].begins,
+            ends=[report.ends for report in reports],
+            max_deviation=self.max_deviation,
+            max_orientation_deviation=self.max_orientation_deviation,
+            tolerance=self.tolerance,
+            tool_speed=self.tool_speed,
+            speed_band=self.speed_band,
+        )
+
+    def _tolerance(self, report: "ToolMotionReport") -> ToolTolerance | None:
+        """That of the waypoint that a part of a seam leads to, where it has one of its own."""
+        if self.waypoints is None or report.part != "seam":
+            return None
+        waypoint = self.waypoints[report.motion + 1]
+        if waypoint.point is None or waypoint.direction is not None:
+            return waypoint.tolerance
+        # Without a direction any angle about the normal will do.
+        given = waypoint.tolerance or self.tolerance or ToolTolerance()
+        return given.model_copy(update={"rz": None, "free": sorted({*given.free, "rz"})})
+
 
 class ToolMotionReport(Answer):
     """Result of one tool motion.
@@ -119,6 +157,7 @@ class ToolMotionReport(Answer):
         part: "motion", or "approach", "seam" and "retreat" of waypoints.
         blend: Whether it rounds the corner at the end of that motion.
         pose: Of the tip where it ends, carried out in full.
+        start: Of the tip where it begins; None where the motion before ends.
         center: Of an arc [m].
         normal: Axis that an arc turns about.
     """
@@ -130,9 +169,10 @@ class ToolMotionReport(Answer):
     begins: float
     ends: float
     motion: int
-    part: str
+    part: Part
     blend: bool
     pose: Pose
+    start: Pose | None = None
     center: list[float] | None
     normal: list[float] | None
 

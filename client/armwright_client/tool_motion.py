@@ -4,6 +4,9 @@ from typing import Literal, Self
 
 from armwright_client.base import NonNegative, Positive, Request, Vector, Vector3, VectorLike
 from armwright_client.pose import AnyPose, Pose
+from armwright_client.seam import ToolTolerance
+
+Part = Literal["motion", "approach", "seam", "retreat"]
 
 
 class ToolMotion(Request):
@@ -46,19 +49,43 @@ class ToolMotion(Request):
         return cls.of(type="circ", pose=pose, via=via, center=center, normal=normal, blend=blend)
 
 
+class TimedToolMotion(ToolMotion):
+    """A line or an arc that a trajectory is held to, a part of a seam perhaps.
+
+    Args:
+        start: Of the tip where it begins; where the motion before ends if left out.
+        part: Of a "seam" tolerance and tool speed hold.
+        tolerance: By how much the tool may deviate in this motion.
+    """
+
+    start: AnyPose | None = None
+    part: Part | None = None
+    tolerance: ToolTolerance | None = None
+
+
 class TimedToolMotions(Request):
     """Motions of the tool that a trajectory is held to, in turn.
 
+    `CartesianOptions.seam_in_time` makes those of a seam from the plan along it.
+
     Args:
         motions: Each from where the one before ends.
+        begins: When the first begins [s]; at the start of the trajectory if left out.
         ends: When each ends [s], as the tool motions of a plan tell it; may be left out for one.
         max_deviation: Of the tool's origin from its motion [m].
         max_orientation_deviation: Of its orientation from that at the same place [rad].
         orientation: "free" leads the origin only.
+        tolerance: By how much the tool may deviate in motions of a seam without one of their own.
+        tool_speed: To be kept in motions of a seam [m/s].
+        speed_band: Largest difference from it, as part of it.
     """
 
-    motions: list[ToolMotion]
+    motions: list[ToolMotion | TimedToolMotion]
+    begins: NonNegative | None = None
     ends: Vector | None = None
     max_deviation: Positive | None = None
     max_orientation_deviation: Positive | None = None
     orientation: Literal["slerp", "free"] | None = None
+    tolerance: ToolTolerance | None = None
+    tool_speed: Positive | None = None
+    speed_band: Positive | None = None

@@ -11,7 +11,7 @@ from planning.tool_motion import ToolMotion, arc_about, arc_via, line
 def tool_motions(
     T_start: Array, options: CartesianOptions, target: Array | None = None
 ) -> tuple[ToolMotion, ...]:
-    """Return the motions that options ask for, each from where the one before ends.
+    """Return the motions that options ask for, each from where it begins, or the one before ends.
 
     Args:
         T_start: Pose of the tool at the start, shape (4, 4).
@@ -30,6 +30,8 @@ def tool_motions(
     T = T_start
     for i, item in enumerate(options.motions):
         end = np.array(item.T_base_tip)
+        if item.T_base_start is not None:
+            T = np.array(item.T_base_start)
         try:
             if item.kind == "lin":
                 motions.append(line(T, end))

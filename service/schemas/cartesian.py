@@ -9,8 +9,11 @@ from service.schemas.pose import FramedPose, PoseAnswer
 from service.schemas.seam import MAX_WAYPOINTS, Blend, StraightOffset, ToolTolerance, Waypoint
 
 MAX_MOTIONS = 200
+#: Of a seam: one for each waypoint and two where it rounds a corner, and the ways there and back.
+MAX_TIMED_MOTIONS = 3 * MAX_WAYPOINTS + 2
 
 Deviation = Annotated[float, Field(ge=1e-7, le=1.0)]
+Ends = Annotated[list[NonNegative], Field(min_length=1, max_length=MAX_TIMED_MOTIONS)]
 
 
 class ToolMotion(Body):
@@ -90,16 +93,47 @@ class CartesianOptions(Body):
         return self
 
 
+class TimedToolMotion(ToolMotion):
+    """A line or an arc that a trajectory is held to, a part of a seam perhaps."""
+
+    start: FramedPose | None = Field(
+        None,
+        description="of the tip where it begins; where the motion before ends if left out, of the "
+        "first one where the tool is at the start of the trajectory",
+    )
+    part: Literal["motion", "approach", "seam", "retreat"] = Field(
+        "motion", description='of a "seam" tolerance and tool_speed hold'
+    )
+    tolerance: ToolTolerance | None = Field(
+        None, description="by how much the tool may deviate in this motion"
+    )
+
+
 class TimedToolMotions(Body):
     """Motions of the tool that a trajectory is held to, in turn."""
 
-    motions: Annotated[list[ToolMotion], Field(min_length=1, max_length=MAX_MOTIONS)] = Field(
-        description="lines and arcs, in their order"
+    motions: Annotated[list[TimedToolMotion], Field(min_length=1, max_length=MAX_TIMED_MOTIONS)] = (
+        Field(description="lines and arcs, in their order")
     )
-    ends: Annotated[list[NonNegative], Field(min_length=1, max_length=MAX_MOTIONS)] | None = Field(
+    begins: NonNegative | None = Field(
+        None,
+        description="when the first motion begins [s]; at the start of the trajectory if left out",
+    )
+    ends: Ends | None = Field(
         None,
         description="when each motion ends [s], as tool_motions of a plan tell it; the end of the "
         "trajectory if left out, for one motion",
+    )
+    tolerance: ToolTolerance | None = Field(
+        None,
+        description="by how much the tool may deviate in motions that are parts of a seam and have "
+        "no tolerance of their own; the deviations are added on all sides",
+    )
+    tool_speed: Annotated[float, Field(gt=0.0, le=100.0)] | None = Field(
+        None, description="to be kept in motions that are parts of a seam [m/s]"
+    )
+    speed_band: Annotated[float, Field(gt=0.0, le=1.0)] = Field(
+        0.1, description="largest difference from tool_speed, as part of it"
     )
     max_deviation: Deviation = Field(
         1e-4, description="of the tool's origin from its motion, for every instant [m]"
@@ -120,6 +154,12 @@ class TimedToolMotions(Body):
             raise ValueError("ends must not descend")
         if any(motion.blend for motion in self.motions):
             raise ValueError("blend belongs to plans: give the arcs that tool_motions of one tell")
+        if self.begins is not None and self.ends is not None and self.begins > self.ends[0]:
+            raise ValueError("begins is after the end of the first motion")
+        if not any(motion.part == "seam" for motion in self.motions):
+            for name in ("tolerance", "tool_speed"):
+                if getattr(self, name) is not None:
+                    raise ValueError(f'{name} belongs to motions whose part is "seam"')
         return self
 
 
@@ -156,6 +196,9 @@ class ToolMotionAnswer(Answer):
     )
     blend: bool = Field(description="it rounds the corner at the end of that motion")
     pose: PoseAnswer = Field(description="of the tip where it ends, carried out in full")
+    start: PoseAnswer | None = Field(
+        None, description="of the tip where it begins; null where the motion before ends"
+    )
     center: list[float] | None = Field(description="of an arc [m]")
     normal: list[float] | None = Field(description="axis that an arc turns about")
 

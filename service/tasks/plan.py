@@ -36,6 +36,7 @@ from service.translate.frames import (
     tool_motions_in_root_frame,
 )
 from service.translate.states import with_states
+from service.translate.tool_motions import timed_tool_motions, tool_motions_answer
 from service.version import VERSION
 from service.workers import current
 from service.workers.task import GRACE, task
@@ -141,7 +142,7 @@ def validate(
         margin=body.margin,
         limits=limits,
         constraints=wanted,
-        tool_motions=problems.timed_tool_motions(tool_motions, arm.chain, motion, begins),
+        tool_motions=timed_tool_motions(tool_motions, arm.chain, motion, begins),
         deadline=current.deadline(),
     )
     violation = certificate.violation
@@ -203,7 +204,7 @@ def _answer(planned: Plan, body: PlanRequest, cell: RobotInScene) -> dict[str, A
             "versions": versions(),
         },
         "fraction": planned.fraction,
-        "tool_motions": (problems.tool_motions_answer(planned.tool_motions) if cartesian else None),
+        "tool_motions": (tool_motions_answer(planned.tool_motions) if cartesian else None),
         "stopped": None if planned.stopped is None else problems.plain(planned.stopped),
         "notes": list(planned.notes),
         "potential_field": _descent(planned),

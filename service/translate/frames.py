@@ -11,7 +11,7 @@ from kinematics.chain import Chain
 from kinematics.errors import InvalidGoal
 from kinematics.root_frame import frame_pose
 from service.schemas import constraint as constraints
-from service.schemas.cartesian import TimedToolMotions, ToolMotion
+from service.schemas.cartesian import TimedToolMotion, TimedToolMotions, ToolMotion
 from service.schemas.goal import Goal, SingleGoal
 from service.schemas.kinematics import IkRequest
 from service.schemas.plan import PlanRequest
@@ -24,6 +24,7 @@ _POINTS = ("point", "via", "center")
 _DIRECTIONS = ("normal", "direction")
 
 _Body = TypeVar("_Body", bound=BaseModel)
+_Motion = TypeVar("_Motion", bound=ToolMotion)
 
 
 class Frames:
@@ -189,7 +190,11 @@ def tool_motions_in_root_frame(
     return body.model_copy(update={"motions": motions})
 
 
-def _tool_motion(motion: ToolMotion, frames: Frames, where: str) -> ToolMotion:
+def _tool_motion(motion: _Motion, frames: Frames, where: str) -> _Motion:
+    if isinstance(motion, TimedToolMotion) and motion.start is not None:
+        T = frames.transform(motion.start.frame, f"{where}.start.frame")
+        if T is not None:
+            motion = motion.model_copy(update={"start": _moved_pose(T, motion.start)})
     T = frames.transform(motion.pose.frame, f"{where}.pose.frame")
     if T is None:
         return motion

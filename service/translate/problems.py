@@ -8,11 +8,8 @@ import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.chain import Chain
-from kinematics.forward import forward
-from kinematics.trajectory import Trajectory
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
-from planning.cartesian.motions import tool_motions
 from planning.clearance_report import ClearanceReport
 from planning.goal_costs import GoalCosts
 from planning.optimize.options import RefineOptions
@@ -20,8 +17,7 @@ from planning.options import CartesianOptions, Options, ToolMotionOptions
 from planning.planners import PLANNERS
 from planning.preferred_clearance import PreferredClearance
 from planning.problem import Goal, JointGoal, PoseGoal, Problem
-from planning.result import StageReport, ToolMotionReport
-from planning.tool_motion import TimedToolMotions, ToolMotion
+from planning.result import StageReport
 from service.schemas import cartesian
 from service.schemas import goal as goal_schema
 from service.schemas import plan as schema
@@ -167,67 +163,12 @@ def _motions(items: Sequence[cartesian.ToolMotion]) -> tuple[ToolMotionOptions, 
     )
 
 
-def timed_tool_motions(
-    body: cartesian.TimedToolMotions | None, chain: Chain, motion: Trajectory, begins: float
-) -> TimedToolMotions | None:
-    """The tool motions that a trajectory is held to, each from where the one before ends.
-
-    Args:
-        body: As the request gives them.
-        chain: The robot; its tip is the tool.
-        motion: The trajectory; the first motion begins at its start.
-        begins: When it begins [s].
-
-    Raises:
-        InvalidGoal: A circular motion that names no circle.
-    """
-    if body is None:
-        return None
-    asked = CartesianOptions(
-        _motions(body.motions), body.max_deviation, body.max_orientation_deviation
-    )
-    ends = [motion.duration] if body.ends is None else [end - begins for end in body.ends]
-    return TimedToolMotions(
-        tool_motions(forward(chain, motion.start), asked),
-        np.array([0.0, *ends]),
-        body.max_deviation,
-        None if body.orientation == "free" else body.max_orientation_deviation,
-    )
-
-
 def _refine(body: schema.Refine | bool | None) -> RefineOptions | None:
     if body is None or body is False:
         return None
     if body is True:
         return RefineOptions()
     return RefineOptions.of(body.model_dump(exclude_none=True))
-
-
-def tool_motions_answer(reports: Sequence[ToolMotionReport]) -> list[dict[str, Any]]:
-    """Results of tool motions on the wire."""
-    return [
-        {
-            "type": report.kind,
-            "length": report.length,
-            "angle": report.angle,
-            "fraction": report.fraction,
-            "begins": report.begins,
-            "ends": report.ends,
-            "motion": report.asked,
-            "part": report.part,
-            "blend": report.blends,
-            "pose": poses.pose_answer(report.motion.T_end).model_dump(),
-            **_arc_answer(report.motion),
-        }
-        for report in reports
-    ]
-
-
-def _arc_answer(motion: ToolMotion) -> dict[str, Any]:
-    """Centre and normal of an arc on the wire; nothing of a line."""
-    if motion.kind == "lin":
-        return {"center": None, "normal": None}
-    return {"center": motion.center.tolist(), "normal": motion.normal.tolist()}
 
 
 def stages_answer(stages: Sequence[StageReport]) -> list[dict[str, Any]]:

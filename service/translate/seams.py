@@ -34,7 +34,7 @@ def seam_options(given: CartesianOptions, chain: Chain) -> SeamOptions:
     """
     assert given.waypoints is not None
     where = "planner_options"
-    common = _tolerance(given.tolerance, chain, f"{where}.tolerance")
+    common = tolerance(given.tolerance, chain, f"{where}.tolerance")
     places = [_place(item) for item in given.waypoints]
     return SeamOptions(
         tuple(_waypoint(k, item, places, common, chain) for k, item in enumerate(given.waypoints)),
@@ -54,18 +54,18 @@ def _waypoint(
     k: int, item: schema.Waypoint, places: Sequence[Array], common: ToolTolerance, chain: Chain
 ) -> SeamWaypoint:
     where = f"planner_options.waypoints[{k}]"
-    tolerance = None
+    box = None
     if item.tolerance is not None:
-        tolerance = _tolerance(item.tolerance, chain, f"{where}.tolerance")
+        box = tolerance(item.tolerance, chain, f"{where}.tolerance")
     if item.pose is not None:
         T = poses.transform(item.pose)
     else:
         along = places[min(k + 1, len(places) - 1)] - places[max(min(k, len(places) - 2), 0)]
         T = _on_surface(item, along, where)
         if item.direction is None:
-            tolerance = _with_free_spin(tolerance or common)
+            box = _with_free_spin(box or common)
     via = None if item.via is None else np.array(item.via)
-    return SeamWaypoint(T, via, tolerance, item.blend)
+    return SeamWaypoint(T, via, box, item.blend)
 
 
 def _on_surface(item: schema.Waypoint, along: Array, where: str) -> Array:
@@ -85,13 +85,24 @@ def _on_surface(item: schema.Waypoint, along: Array, where: str) -> Array:
     return np.asarray(transform(np.column_stack([x, np.cross(z, x), z]), _place(item)))
 
 
-def _with_free_spin(tolerance: ToolTolerance) -> ToolTolerance:
-    lower, upper = tolerance.lower.copy(), tolerance.upper.copy()
+def _with_free_spin(box: ToolTolerance) -> ToolTolerance:
+    lower, upper = box.lower.copy(), box.upper.copy()
     lower[RZ], upper[RZ] = -np.inf, np.inf
-    return replace(tolerance, lower=lower, upper=upper)
+    return replace(box, lower=lower, upper=upper)
 
 
-def _tolerance(given: schema.ToolTolerance | None, chain: Chain, where: str) -> ToolTolerance:
+def tolerance(given: schema.ToolTolerance | None, chain: Chain, where: str) -> ToolTolerance:
+    """A tolerance as the domain has it; exact for none.
+
+    Args:
+        given: As the request gives it.
+        chain: The robot, for its frame.
+        where: Name of the field.
+
+    Raises:
+        InvalidLinkName: The frame is unknown, or moves.
+        InvalidOption: It is out of its range.
+    """
     if given is None:
         return ToolTolerance.of({})
     axes = None

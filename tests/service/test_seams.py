@@ -6,7 +6,13 @@ import httpx
 import numpy as np
 import pytest
 
-from armwright_client import CartesianOptions, StraightOffset, ToolTolerance, Waypoint
+from armwright_client import (
+    CartesianOptions,
+    StraightOffset,
+    TimedToolMotions,
+    ToolTolerance,
+    Waypoint,
+)
 from armwright_client import Plan as ClientPlan
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain
@@ -53,6 +59,68 @@ def test_points_with_normals_are_followed_with_a_free_spin(client: httpx.Client)
     T = forward(CHAIN, np.array(found["trajectory"]["samples"]["position"])[within])
     assert T[:, 2, 2].max() <= -np.cos(0.1 + 1.1e-3)
     assert np.abs(T[:, 2, 3] - 0.35).max() <= 1.1e-4
+
+
+def test_a_seam_is_checked_in_a_motion_that_anybody_made(client: httpx.Client) -> None:
+    tilt, speed = 0.15, 0.1
+    options = CartesianOptions(
+        waypoints=[Waypoint.on(p, UP) for p in POINTS],
+        tolerance=ToolTolerance(tilt=tilt),
+        tool_speed=speed,
+        approach=StraightOffset(direction=UP, distance=0.05),
+    )
+    body = BODY | {"planner_options": options.as_options()}
+    found = answer(client.post("/v1/plan", json=body))
+    plan = ClientPlan.model_validate(found)
+    assert plan.tool_motions is not None
+    asked = options.seam_in_time(plan.tool_motions)
+
+    def judge(trajectory: Any, held: TimedToolMotions) -> dict[str, Any]:
+        about = {"tool_motions": held.model_dump(mode="json", exclude_none=True)}
+        return answer(
+            client.post("/v1/validate", json={"robot": "panda", "trajectory": trajectory} | about)
+        )
+
+    proof = judge(found["trajectory"], asked)
+    assert proof["verified"]
+    for name in ("tool_tolerance", "tool_speed"):
+        for key, value in found["certificate"][name].items():
+            assert proof[name][key] == pytest.approx(value, rel=1e-3, abs=1e-6)
+    # With less tilt, or a slower tool, it is violated where dense samples say so.
+    times = np.linspace(plan.tool_motions[1].begins, plan.tool_motions[-1].ends, 4001)
+    motion = np.array(plan.trajectory.sample(times))
+    T = forward(CHAIN, motion)
+    tilts = np.arccos(np.clip(-T[:, 2, 2], -1.0, 1.0))
+    tighter = ToolTolerance(tilt=0.9 * float(tilts.max()))
+    less = options.model_copy(update={"tolerance": tighter}).seam_in_time(plan.tool_motions)
+    refused = judge(found["trajectory"], less)
+    assert not refused["verified"]
+    at = np.interp(refused["violation"]["time"], times, tilts)
+    assert at >= 0.85 * float(tilts.max())
+    slow = judge(found["trajectory"], asked.model_copy(update={"tool_speed": 0.8 * speed}))
+    assert slow["violation"]["kind"] == "tool_speed"
+    assert slow["tool_speed"]["high"] == pytest.approx(0.88 * speed)
+    # A motion somewhere else is outside the boxes.
+    moved = [{**one.model_dump(mode="json", exclude_none=True)} for one in asked.motions]
+    for one in moved:
+        for pose in (one["pose"], one.get("start")):
+            if pose is not None:
+                pose["position"][2] += 0.002
+    beside = judge(found["trajectory"], TimedToolMotions.of(**{**dict(asked), "motions": moved}))
+    assert not beside["verified"]
+
+
+def test_a_tolerance_of_a_recorded_seam_is_refused_by_its_place(client: httpx.Client) -> None:
+    pose = {"position": [0.45, 0.0, 0.4], "frame": "panda_link0"}
+    motion = {"type": "lin", "pose": pose, "part": "seam", "tolerance": {"ry": [-1.5, 1.5]}}
+    still = [[value] for value in HOME]
+    body = {
+        "robot": "panda",
+        "trajectory": {"segments": [{"t0": 0.0, "t1": 1.0, "coefficients": still}]},
+        "tool_motions": {"motions": [motion]},
+    }
+    document = problem(client.post("/v1/validate", json=body), 422, "VALIDATION_ERROR")
+    assert "tool_motions.motions[0].tolerance" in document["detail"]
 
 
 def test_a_frame_moves_points_and_normals(client: httpx.Client) -> None:

@@ -114,8 +114,14 @@ MOTIONS: list[dict[str, Any]] = [
     {"type": "circ", "pose": POSE, "center": [0.4, 0.1, 0.3], "normal": [0.0, 0.0, 1.0]},
 ]
 TOOL_MOTIONS = {
-    "motions": MOTIONS, "ends": [1.0, 2.0, 3.0], "max_deviation": 1e-3,
+    "motions": [
+        MOTIONS[0] | {"start": POSE, "part": "approach"},
+        MOTIONS[1] | {"part": "seam", "tolerance": {"x": [-0.001, 0.001], "tilt": 0.1}},
+        MOTIONS[2] | {"part": "seam"},
+    ],
+    "begins": 0.5, "ends": [1.0, 2.0, 3.0], "max_deviation": 1e-3,
     "max_orientation_deviation": 1e-2, "orientation": "free",
+    "tolerance": {"free": ["rz"]}, "tool_speed": 0.1, "speed_band": 0.2,
 }  # fmt: skip
 #: Most requests refer to these; one of each kind has them in full.
 SMALL_SCENE = {"obstacles": OBSTACLES[1:2]}

@@ -9,7 +9,7 @@ from pydantic import BaseModel
 
 from service.schemas.base import MAX_BATCH, MAX_COORDINATE, MAX_JOINTS, MAX_NUMBER
 from service.schemas.batch import BatchRequest
-from service.schemas.cartesian import MAX_MOTIONS, TimedToolMotions
+from service.schemas.cartesian import MAX_TIMED_MOTIONS, TimedToolMotions
 from service.schemas.check import CheckRequest
 from service.schemas.constraint import MAX_CONSTRAINTS
 from service.schemas.goal import MAX_GOALS
@@ -203,7 +203,8 @@ def test_a_list_is_taken_up_to_its_length_and_no_longer(
 
 def test_tool_motions_are_counted() -> None:
     line = MOTIONS[0]
-    for count, fits in ((1, True), (MAX_MOTIONS, True), (MAX_MOTIONS + 1, False)):
+    most = MAX_TIMED_MOTIONS
+    for count, fits in ((1, True), (most, True), (most + 1, False)):
         body = {"motions": [line] * count, "ends": [float(i) for i in range(count)]}
         problems = refusals(TimedToolMotions, body)
         assert (problems == {}) == fits

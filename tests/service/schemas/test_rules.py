@@ -125,6 +125,16 @@ def test_timed_tool_motions_have_an_end_each() -> None:
     reject(TimedToolMotions, {"motions": [LINE], "ends": [1.0, 2.0]}, "as many times")
     reject(TimedToolMotions, {"motions": [LINE, ARC], "ends": [2.0, 1.0]}, "must not descend")
     reject(TimedToolMotions, {"motions": [LINE | {"blend": 0.1}]}, "blend belongs to plans")
+    late = {"motions": [LINE], "begins": 2.0, "ends": [1.0]}
+    reject(TimedToolMotions, late, "begins is after the end of the first motion")
+
+
+def test_tolerance_and_speed_of_timed_motions_belong_to_seams() -> None:
+    seam = LINE | {"part": "seam"}
+    for more in ({"tolerance": {"free": ["rz"]}}, {"tool_speed": 0.1}):
+        accept(TimedToolMotions, {"motions": [seam], **more})
+        (name,) = more
+        reject(TimedToolMotions, {"motions": [LINE], **more}, f"{name} belongs to motions whose")
 
 
 def test_options_of_the_cartesian_planner_are_checked_where_they_are_given() -> None:
