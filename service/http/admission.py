@@ -98,17 +98,16 @@ class Admission:
         is_short = request is not None and 0 < missing <= _AWAITED_BYTES - len(request.body)
         return request is not None and is_short and self._task(request) is not None
 
-    def refusal(self, data: bytes, client: str, carrier: object) -> bytes | None:
+    def refusal(self, request: SimpleRequest, client: str, carrier: object) -> bytes | None:
         """The answer to a request that would be too late, in full; None for all others.
 
         Args:
-            data: Of the request, as they arrived.
+            request: All of it has arrived.
             client: Whom it is from.
             carrier: What carries it, and says by `forget` when it was answered.
         """
-        request = read_simple(data)
-        task = None if request is None else self._task(request)
-        if request is None or task is None:
+        task = self._task(request)
+        if task is None:
             return None
         seconds = named_timeout(request.body, self._settings)
         problem = self._supervisor.early_refusal(task, seconds, client)

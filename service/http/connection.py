@@ -10,21 +10,21 @@ from functools import partial
 from typing import Any
 
 import h11
-from uvicorn.protocols.http.h11_impl import H11Protocol, RequestResponseCycle
+from starlette.types import Receive, Scope, Send
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from service.http.admission import Admission
+from service.http.admission import Admission, read_simple
 from service.http.body_limit import ARRIVAL
 from service.http.errors import PROBLEM_MEDIA_TYPE, document, status_of
 from service.http.joined_writes import JoinedWrites
 from service.http.security_headers import SECURITY_HEADERS
-from service.http.simple_cycle import SimpleCycle, SimpleHead, read_head
 from service.problem import ProblemError
 
 #: Descriptors that are left for the storage, the workers and files.
 _RESERVED_DESCRIPTORS = 128
 #: Time in which the rest of a short body is waited for [s]; after it h11 takes over.
 _REST_TIME = 0.05
-#: What comes while a request is being answered is held up to this, then no more is read [byte].
+#: What comes while a request waits for its turn is held up to this, then no more is read [byte].
 _HELD_BYTES = 64 * 1024
 _REASONS = {400: b"Bad Request", 408: b"Request Timeout", 503: b"Service Unavailable"}
 
@@ -74,6 +74,8 @@ class Connection(H11Protocol):
     def __init__(self, limits: ConnectionLimits, **arguments: Any) -> None:
         super().__init__(**arguments)
         self._limits = limits
+        self._application, self.app = self.app, self._answer
+        self._arrival: float | None = None
         self._head_timer: asyncio.TimerHandle | None = None
         self._held: bytes | None = None
         self._begun = b""
@@ -110,16 +112,8 @@ class Connection(H11Protocol):
         if self.transport.is_closing():
             return
         data, self._begun = self._begun + data, b""
-        if self._refuse_early(data):
-            return
-        head = read_head(data) if self._is_idle else None
-        missing = 0 if head is None else head.body_at + head.size - len(data)
-        if head is None or missing < 0:
+        if not self._refuse_early(data):
             self._pass_on(data)
-        elif missing > 0:
-            self._wait_for_rest(data)
-        else:
-            self._begin_simple(head, data[head.body_at :])
 
     @property
     def _is_idle(self) -> bool:
@@ -138,59 +132,35 @@ class Connection(H11Protocol):
         super().data_received(data)
         self._watch_head()
 
-    def _begin_simple(self, head: SimpleHead, body: bytes) -> None:
-        """Have a request answered that has come in whole, and hold what comes meanwhile."""
+    def _take_turn(self, data: bytes, admission: Admission) -> None:
+        """Have a whole request read in its turn, and hold what comes meanwhile."""
+        self._hold()
+        # The time of a request begins now, not with its turn.
+        admission.intake.take(partial(self._begin, data, time.monotonic()))
+
+    def _hold(self) -> None:
         self._unset_keepalive_if_required()
         self._stop_timer()
         self._stop_rest_timer()
         self._held = b""
-        self.headers = head.fields
-        self.scope = {
-            "type": "http",
-            "asgi": {"version": self.asgi_version, "spec_version": "2.3"},
-            "http_version": "1.1",
-            "server": self.server,
-            "client": self.client,
-            "scheme": "http" if self.scheme is None else self.scheme,
-            "method": "POST",
-            "root_path": self.root_path,
-            "path": self.root_path + head.path,
-            "raw_path": (self.root_path + head.path).encode("ascii"),
-            "query_string": b"",
-            "headers": head.fields,
-            "state": self.app_state.copy(),
-        }
-        self.cycle = SimpleCycle(
-            scope=self.scope,
-            conn=self.conn,
-            transport=self.transport,
-            flow=self.flow,
-            logger=self.logger,
-            access_logger=self.access_logger,
-            access_log=self.access_log,
-            default_headers=self.server_state.default_headers,
-            message_event=asyncio.Event(),
-            on_response=self._end_simple,
-        )
-        self.cycle.body = bytearray(body)
-        # The time of a request begins now, not with its turn.
-        self.scope[ARRIVAL] = time.monotonic()  # type: ignore[literal-required]
-        if (admission := self._admission) is None:
-            self._start(self.cycle)
-        else:
-            admission.intake.take(partial(self._start, self.cycle))
 
-    def _start(self, cycle: RequestResponseCycle) -> None:
-        task = self.loop.create_task(cycle.run_asgi(self.app))
-        task.add_done_callback(self.tasks.discard)
-        self.tasks.add(task)
+    def _release(self) -> bytes:
+        held, self._held = self._held or b"", None
+        self.flow.resume_reading()
+        return held
 
-    def _end_simple(self) -> None:
-        """Wait for the next request, and read what of it has come already."""
-        held, self._held = self._held, None
-        self.on_response_complete()
-        if held and not self.transport.is_closing():
-            self.data_received(held)
+    def _begin(self, data: bytes, arrival: float) -> None:
+        held = self._release()
+        if not self.transport.is_closing():
+            self._arrival = arrival
+            self._pass_on(data + held)
+
+    async def _answer(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """The application; it is told when a request came that had to wait for its turn."""
+        arrival, self._arrival = self._arrival, None
+        if arrival is not None:
+            scope[ARRIVAL] = arrival
+        await self._application(scope, receive, send)
 
     def _stop_rest_timer(self) -> None:
         if self._rest_timer is not None:
@@ -225,7 +195,7 @@ class Connection(H11Protocol):
         """Refuse a request that would be too late, before it is parsed.
 
         Returns:
-            Whether that was done, or the rest of the request is waited for.
+            Whether that was done, or the request waits for its rest or its turn.
         """
         if self._held is not None:
             self._held += data
@@ -238,19 +208,20 @@ class Connection(H11Protocol):
         if admission.wants_rest(data):
             self._wait_for_rest(data)
             return True
-        client = "" if self.client is None else self.client[0]
-        content = admission.refusal(data, client, self)
-        if content is None:
+        request = read_simple(data)
+        if request is None:
             return False
-        self._unset_keepalive_if_required()
-        self._stop_timer()
-        self._stop_rest_timer()
-        self._held = b""
+        client = "" if self.client is None else self.client[0]
+        content = admission.refusal(request, client, self)
+        if content is None:
+            self._take_turn(data, admission)
+            return True
+        self._hold()
         admission.refusals.add(partial(self._answer_early, content))
         return True
 
     def _answer_early(self, content: bytes) -> None:
-        data, self._held = self._held, None
+        data = self._release()
         if self.transport.is_closing():
             return
         self._joined.write_whole(content)
