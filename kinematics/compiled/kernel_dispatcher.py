@@ -29,6 +29,8 @@ from kinematics.compiled.kernel_writes import Use, writable
 
 #: Count up with every change of how kernels are compiled that does not show in their functions.
 _REVISION = 11
+#: Count up with every change of how doors alone are made, for which no kernel is compiled again.
+_DOOR_REVISION = 2
 
 #: Set to 1, it forbids to compile: what is called must have been compiled before.
 FROZEN = "ARMWRIGHT_KERNELS_FROZEN"
@@ -128,7 +130,8 @@ class Kernel(CPUDispatcher):
         return code
 
     def _door_name(self, kernel: str) -> str:
-        return f"{kernel}.door{'' if self.targetoptions['nogil'] else '-locked'}"
+        lock = "" if self.targetoptions["nogil"] else "-locked"
+        return f"{kernel}.door{_DOOR_REVISION}{lock}"
 
     def _overload(self, kinds: Any) -> Any:
         if kinds not in self.overloads:

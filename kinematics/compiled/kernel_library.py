@@ -162,7 +162,7 @@ class Door(Whole):
         super()._optimize_final_module()
 
     def machine_code(self) -> bytes:
-        """The code as an object file, written without looking for better code if it is plain."""
+        """The code as an object file, written with little effort if it is plain."""
         if self._holds_a_kernel() or not self._plain:
             return super().machine_code()
         self._ensure_finalized()
@@ -174,11 +174,11 @@ class Door(Whole):
 
 @cache
 def _plain_machine(codegen: Any) -> Any:
-    """LLVM's writer of machine code for the same processor, at its lowest level."""
+    """LLVM's writer of machine code for the same processor, at the level above its lowest."""
     options: dict[str, Any] = {}
     codegen._customize_tm_options(options)
     target = llvm.Target.from_triple(llvm.get_process_triple())
-    return target.create_target_machine(**options, opt=0)
+    return target.create_target_machine(**options, opt=1)
 
 
 class Copied:

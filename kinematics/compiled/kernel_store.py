@@ -16,7 +16,7 @@ _log = logging.getLogger(__name__)
 _MAGIC = b"armwright kernel 1\n"
 _DIGEST = 32
 #: Names of entries: of a kernel, and a digest of what it is made from.
-_NAME = re.compile(r"[\w.]+-[0-9a-f]{32}(\.door(-locked)?)?")
+_NAME = re.compile(r"[\w.]+-[0-9a-f]{32}(\.door\d*(-locked)?)?")
 
 
 def read(name: str) -> bytes | None:

@@ -25,8 +25,8 @@ def test_a_large_kernel_is_called_with_errors_and_arrays_intact(tmp_path: Path) 
     fresh = python(BIG_PROGRAM, write_big(tmp_path), NUMBA_NRT_STATS="1")
     assert fresh.splitlines()[1] == "too much"
     assert python(BIG_PROGRAM, tmp_path, NUMBA_NRT_STATS="1") == fresh
-    caller = next((tmp_path / "cache").glob("big.caller-*[0-9a-f]"))
-    large = next((tmp_path / "cache").glob("big.large-*[0-9a-f]"))
+    caller = next((tmp_path / "cache").glob(f"big.caller-{32 * '[0-9a-f]'}"))
+    large = next((tmp_path / "cache").glob(f"big.large-{32 * '[0-9a-f]'}"))
     assert large.name.encode() in caller.read_bytes()
 
 
