@@ -37,6 +37,8 @@ _CONNECT = 10.0
 #: How much later than its deadline an answer may come [s]: the network both ways, and the end of a
 #: worker that overran.
 _GRACE = 10.0
+#: Addresses that are kept, parsed: those of jobs are used a few times each.
+_KEPT_URLS = 256
 #: Length of the excerpt of a foreign body [characters], enough to recognise it.
 _EXCERPT = 200
 
@@ -71,6 +73,7 @@ class Wire:
 
     def __init__(self, base_url: str, **options: Unpack[ClientOptions]) -> None:
         self._base_url = _valid_url(base_url)
+        self._urls: dict[str, httpx.URL] = {}
         self._headers = {
             "Accept": "application/json, application/problem+json",
             "Accept-Encoding": "gzip" if options.get("compress", False) else "identity",
@@ -85,6 +88,31 @@ class Wire:
     def settings(self) -> dict[str, Any]:
         """Arguments for httpx's clients."""
         return {"base_url": self._base_url, "headers": self._headers}
+
+    def request(self, http: httpx.Client | httpx.AsyncClient, call: Call[Any]) -> httpx.Request:
+        """The request of a call, as the client of httpx would make it.
+
+        Most are made here: to merge a call with the client's own settings takes as long as to read
+        the answer.
+        """
+        arguments = self.arguments(call)
+        if arguments.get("params") is not None or isinstance(call.body, RobotArchive):
+            return http.build_request(**arguments)
+        return httpx.Request(
+            call.method,
+            self._url(call.path),
+            headers={**self._headers, **arguments["headers"]},
+            content=arguments.get("content"),
+            extensions={"timeout": arguments["timeout"].as_dict()},
+        )
+
+    def _url(self, path: str) -> httpx.URL:
+        url = self._urls.get(path)
+        if url is None:
+            if len(self._urls) >= _KEPT_URLS:
+                self._urls.clear()
+            url = self._urls[path] = httpx.URL(self._base_url.rstrip("/") + path)
+        return url
 
     def arguments(self, call: Call[Any]) -> dict[str, Any]:
         """Arguments for httpx's `request`."""
@@ -132,7 +160,7 @@ class Session:
         """The answer to a call."""
         for attempt in count(1):
             with _transport(call, self._http):
-                response = self._http.request(**self._wire.arguments(call))
+                response = self._http.send(self._wire.request(self._http, call))
             seconds = self._wire.wait(call, attempt, response)
             if seconds is None:
                 break
@@ -172,9 +200,7 @@ class AsyncSession:
         """The answer to a call."""
         for attempt in count(1):
             with _transport(call, self._http):
-                response = await self._http.send(
-                    self._http.build_request(**self._wire.arguments(call))
-                )
+                response = await self._http.send(self._wire.request(self._http, call))
             seconds = self._wire.wait(call, attempt, response)
             if seconds is None:
                 break
