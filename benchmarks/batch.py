@@ -73,8 +73,15 @@ def free_states(client: httpx.Client, count: int) -> list[list[float]]:
     """States that keep their distance from the scene."""
     random, found = np.random.default_rng(1), list[list[float]]()
     while len(found) < count:
-        states = (HOME + SPREAD * random.uniform(-1.0, 1.0, (500, 7))).round(6).tolist()
-        body = {"robot": "panda", "scene": "table", "joints": states, "margin": CLEARANCE}
+        tried = HOME + SPREAD * random.uniform(-1.0, 1.0, (min(3 * count, 500), 7))
+        states = tried.round(6).tolist()
+        body = {
+            "robot": "panda",
+            "scene": "table",
+            "joints": states,
+            "margin": CLEARANCE,
+            "depth": False,
+        }
         valid = client.post("/v1/check", json=body).raise_for_status().json()["valid"]
         found += [state for state, is_free in zip(states, valid, strict=True) if is_free]
     return found[:count]

@@ -4,6 +4,7 @@ import contextlib
 import hashlib
 import stat
 from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
 
 from service.storage.cache_key import Reference
@@ -16,6 +17,7 @@ def document_hash(document: bytes) -> str:
     return hashlib.sha256(document).hexdigest()
 
 
+@lru_cache(16)
 def decompositions(folder: str) -> Path:
     """Folder of the convex parts of meshes."""
     return Path(folder) / _DECOMPOSITIONS

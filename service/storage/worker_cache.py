@@ -1,5 +1,7 @@
 """Robots and scenes loaded in this process, so that a request does not build them again."""
 
+import hashlib
+
 from dynamics.motor import Motor
 from kinematics.chain import Chain
 from obstacles.decomposition import keep_decompositions
@@ -74,7 +76,12 @@ def scene(source: Reference | scene_schema.Scene | None) -> Scene:
     if isinstance(source, Reference):
         _keep_decompositions(source)
         return _SCENES.get(source.hash, lambda: disk_cache.read_scene_and_size(source))[0]
-    return poses.scene(source)
+    text = source.moveit
+    if text is None:
+        return poses.scene(source)
+    # To read YAML takes longer than to plan in what it tells; many requests bring the same text.
+    key = hashlib.sha256(source.model_dump_json(exclude_none=True).encode()).hexdigest()
+    return _SCENES.get(("inline", key), lambda: (poses.scene(source), len(text)))[0]
 
 
 def _keep_decompositions(reference: Reference) -> None:
