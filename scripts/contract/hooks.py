@@ -7,13 +7,14 @@ schema that allows too much is found.
 """
 
 import re
+from typing import Any
+from uuid import uuid4
 
 import schemathesis
-from schemathesis import Case, CheckContext, Response
+from schemathesis import Case, CheckContext, HookContext, Response
 
 #: Codes of problems that depend on more than the form of a request, and why.
 REASONS = {
-    "IDEMPOTENCY_KEY_REUSED": "a key stands for the first request that used it",
     "INVALID_ROBOT_STATE": "how many joints there are depends on the robot",
     "INVALID_ROBOT_DESCRIPTION": "texts in URDF, SRDF and YAML have grammars of their own",
     "INVALID_SCENE": "solids must have a volume; texts of MoveIt have a grammar of their own",
@@ -46,13 +47,26 @@ OF_KEPT_PLANS = ("/v1/plans", "/v1/plans/{id}/replay")
 #: that a server allows.
 _SCHEMA_WORDS = re.compile(
     r"unknown field|field is required|Input should|at (least|most) \d+ (item|character)"
-    r"|valid (string|number|integer|list|dictionary|boolean)",
+    r"|valid (string|number|integer|list|dictionary|boolean)"
+    r"|exactly one of|give both or neither",
 )
 
 
 #: JSON Schema takes 1.0 for an integer. Here integers are written without a point or an exponent,
 #: as everywhere in strict JSON; no schema can say that.
 _WHOLE_NUMBER = "Input should be a valid integer"
+
+
+@schemathesis.hook  # type: ignore[untyped-decorator, unused-ignore]
+def before_call(context: HookContext, case: Case, kwargs: dict[str, Any]) -> None:  # noqa: ARG001
+    """Give each request with an idempotency key one of its own.
+
+    Keys are drawn from a few; a key that was used before is refused, whatever the request says, and
+    nothing of it would be tried.
+    """
+    if case.headers and case.meta is not None and case.meta.generation.mode.is_positive:
+        for name in [name for name in case.headers if name.lower() == "idempotency-key"]:
+            case.headers[name] = uuid4().hex
 
 
 @schemathesis.check  # type: ignore[untyped-decorator, unused-ignore]

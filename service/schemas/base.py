@@ -1,7 +1,7 @@
 """Parts of every model on the wire: strictness, numbers, vectors and names."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, ClassVar, TypeVar
 
 from pydantic import (
@@ -27,6 +27,9 @@ MAX_BATCH = 10_000
 #: More joints than any serial chain that can be built here.
 MAX_JOINTS = 64
 
+#: Fields by name, each with those of which one has to stand beside it.
+Beside = Mapping[str, tuple[str, ...]]
+
 _T = TypeVar("_T")
 
 
@@ -37,20 +40,26 @@ class Body(BaseModel):
 
     #: Fields of which exactly one is given, in the published schema as well.
     one_of: ClassVar[tuple[str, ...]] = ()
+    #: Fields that are given only beside one of others, in the published schema as well.
+    only_beside: ClassVar[Beside] = {}
 
     @classmethod
     def __get_pydantic_json_schema__(
         cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> JsonSchemaValue:
-        """The JSON schema, with the rule that one of several fields is given.
+        """The JSON schema, with the rules of what is given together.
 
-        The rule stands inside of an allOf: generators of clients take an object beside a oneOf for
+        The rules stand inside of an allOf: generators of clients take an object beside a oneOf for
         one without fields.
         """
         schema = handler(core_schema)
+        rules: list[JsonDict] = []
         if cls.one_of:
-            rule = {"oneOf": [is_given(name) for name in cls.one_of]}
-            handler.resolve_ref_schema(schema)["allOf"] = [rule]
+            rules.append({"oneOf": [is_given(name) for name in cls.one_of]})
+        rules += [_beside(name, others) for name, others in cls.only_beside.items()]
+        if rules:
+            inner = handler.resolve_ref_schema(schema)
+            inner["allOf"] = [*inner.get("allOf", ()), *rules]
         return schema
 
 
@@ -160,6 +169,12 @@ def is_given(*names: str) -> JsonDict:
     return {"required": [*names], "properties": fields}
 
 
+def _beside(name: str, others: Sequence[str]) -> JsonDict:
+    """The JSON schema of objects in which a field is given only beside one of others."""
+    absent: JsonDict = {"properties": {name: {"type": "null"}}}
+    return {"anyOf": [absent, *(is_given(other) for other in others)]}
+
+
 def any_given(*forms: tuple[str, ...]) -> JsonDict:
     """The addition to a schema that asks for one of several groups of fields."""
     return {"allOf": [{"anyOf": [is_given(*names) for names in forms]}]}
@@ -175,6 +190,18 @@ def exactly_one(body: BaseModel, names: Sequence[str]) -> None:
     if len(given) != 1:
         found = " and ".join(given) if given else "none of them"
         raise ValueError(f"give exactly one of {', '.join(names)}; found {found}")
+
+
+def check_company(body: Body) -> None:
+    """Check that fields which belong to others are not given without them.
+
+    Raises:
+        ValueError: One is.
+    """
+    for name, others in body.only_beside.items():
+        alone = all(getattr(body, other) is None for other in others)
+        if alone and getattr(body, name) is not None:
+            raise ValueError(f"{name} belongs to {' or '.join(others)}: give both or neither")
 
 
 def distinct(labels: Sequence[str], what: str) -> None:

@@ -1,10 +1,10 @@
 """Straight and circular motions of the tool on the wire: options of the planner "cartesian"."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
-from service.schemas.base import Answer, Body, NonNegative, Point, Vector3
+from service.schemas.base import Answer, Beside, Body, NonNegative, Point, Vector3, check_company
 from service.schemas.pose import FramedPose, PoseAnswer
 from service.schemas.seam import MAX_WAYPOINTS, Blend, StraightOffset, ToolTolerance, Waypoint
 
@@ -49,6 +49,13 @@ class ToolMotion(Body):
 class CartesianOptions(Body):
     """`planner_options` of the planner "cartesian"."""
 
+    only_beside: ClassVar[Beside] = {
+        "tolerance": ("waypoints",),
+        "tool_speed": ("waypoints",),
+        "approach": ("waypoints",),
+        "retreat": ("waypoints",),
+    }
+
     motions: Annotated[list[ToolMotion], Field(min_length=1, max_length=MAX_MOTIONS)] | None = (
         Field(None, description="one line to the goal if left out")
     )
@@ -87,9 +94,7 @@ class CartesianOptions(Body):
     def _check_seam(self) -> "CartesianOptions":
         if self.waypoints is not None and self.motions is not None:
             raise ValueError("give motions or waypoints, not both")
-        for name in ("tolerance", "tool_speed", "approach", "retreat"):
-            if self.waypoints is None and getattr(self, name) is not None:
-                raise ValueError(f"{name} belongs to waypoints")
+        check_company(self)
         return self
 
 

@@ -4,7 +4,16 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field, model_validator
 
-from service.schemas.base import Body, Frame, JointVector, Label, Positive, exactly_one
+from service.schemas.base import (
+    Beside,
+    Body,
+    Frame,
+    JointVector,
+    Label,
+    Positive,
+    check_company,
+    exactly_one,
+)
 from service.schemas.kinematics import JOINTS_EXAMPLE
 from service.schemas.pose import FramedPose
 
@@ -37,6 +46,13 @@ class SingleGoal(Body):
     """A configuration, or a pose of the tip within tolerances."""
 
     one_of: ClassVar[tuple[str, ...]] = ("joints", "state", "pose")
+    only_beside: ClassVar[Beside] = {
+        "position_tolerance": ("pose",),
+        "orientation_tolerance": ("pose",),
+        "frame": ("pose",),
+        "velocities": ("joints", "state"),
+        "accelerations": ("joints", "state"),
+    }
 
     joints: JointVector | None = Field(None, examples=[[0.6, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]])
     state: Label | None = Field(None, description="a named state of the robot", examples=["home"])
@@ -54,18 +70,8 @@ class SingleGoal(Body):
     @model_validator(mode="after")
     def _check_form(self) -> "SingleGoal":
         exactly_one(self, self.one_of)
-        self._check_tolerances()
+        check_company(self)
         return self
-
-    def _check_tolerances(self) -> None:
-        for name in ("position_tolerance", "orientation_tolerance"):
-            if self.pose is None and getattr(self, name) is not None:
-                raise ValueError(f"{name} belongs to a pose")
-        for name in ("velocities", "accelerations"):
-            if self.joints is None and self.state is None and getattr(self, name) is not None:
-                raise ValueError(f"{name} belong to joints")
-        if self.pose is None and self.frame is not None:
-            raise ValueError("frame belongs to a pose")
 
 
 class Goal(SingleGoal):
@@ -80,5 +86,5 @@ class Goal(SingleGoal):
     @model_validator(mode="after")
     def _check_form(self) -> "Goal":
         exactly_one(self, self.one_of)
-        self._check_tolerances()
+        check_company(self)
         return self

@@ -3,10 +3,12 @@
 from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import ConfigDict, Field, model_validator
+from pydantic.config import JsonDict
 
 from service.schemas.attached import AllowedCollisions, AttachedObjects
 from service.schemas.base import (
     Answer,
+    Beside,
     Body,
     Frame,
     InFrame,
@@ -21,8 +23,9 @@ from service.schemas.base import (
     Seed,
     Timeout,
     Vector6,
-    any_given,
+    check_company,
     exactly_one,
+    is_given,
 )
 from service.schemas.constraint import Constraints, ConstraintUse
 from service.schemas.keep import Keepable, PlanId
@@ -119,10 +122,27 @@ class GradientOptions(Body):
     )
 
 
+#: The rule of a request for configurations: a pose, many poses, or constraints alone.
+_POSES: JsonDict = {
+    "oneOf": [
+        is_given("pose"),
+        is_given("poses"),
+        {
+            "required": ["constraints"],
+            "properties": {
+                "pose": {"type": "null"},
+                "poses": {"type": "null"},
+                "constraints": {"type": "array", "minItems": 1},
+            },
+        },
+    ]
+}
+
+
 class IkRequest(Keepable):
     """A pose to be reached, or many of them, each for itself."""
 
-    model_config = ConfigDict(json_schema_extra=any_given(("pose",), ("poses",), ("constraints",)))
+    model_config = ConfigDict(json_schema_extra={"allOf": [_POSES]})
 
     pose: FramedPose | None = None
     frame: Frame | None = None
@@ -276,6 +296,7 @@ class VelocityRequest(Body):
     """Joint velocities, or the twist (linear, angular) that they are to cause."""
 
     one_of: ClassVar[tuple[str, ...]] = ("joint_velocities", "twist")
+    only_beside: ClassVar[Beside] = {"nullspace": ("twist",), "damped_below": ("twist",)}
 
     joints: Joints = Field(examples=[JOINTS_EXAMPLE])
     joint_velocities: Joints | None = Field(None, examples=[[0.1] * 7])
@@ -295,8 +316,7 @@ class VelocityRequest(Body):
     @model_validator(mode="after")
     def _one_of_two(self) -> Self:
         exactly_one(self, self.one_of)
-        if self.twist is None and (self.nullspace is not None or self.damped_below is not None):
-            raise ValueError("nullspace and damped_below need twist")
+        check_company(self)
         return self
 
 

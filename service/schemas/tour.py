@@ -8,6 +8,7 @@ from pydantic.config import JsonDict
 from service.schemas.attached import AllowedCollisions, AttachedObjects
 from service.schemas.base import (
     Answer,
+    Beside,
     Body,
     Frame,
     InFrame,
@@ -18,6 +19,7 @@ from service.schemas.base import (
     Positive,
     Seed,
     Timeout,
+    check_company,
     exactly_one,
 )
 from service.schemas.certificate import CertificateAnswer, TrajectoryAnswer
@@ -44,6 +46,12 @@ class TourGoal(Body):
     """A goal of a tour: a configuration, a pose that may have free axes, or any of several."""
 
     one_of: ClassVar[tuple[str, ...]] = ("joints", "state", "pose", "any_of")
+    only_beside: ClassVar[Beside] = {
+        "position_tolerance": ("pose",),
+        "orientation_tolerance": ("pose",),
+        "frame": ("pose",),
+        "tolerance": ("pose", "any_of"),
+    }
 
     joints: JointVector | None = Field(
         None, description="the configuration [rad or m]", examples=[JOINTS_EXAMPLE]
@@ -78,11 +86,7 @@ class TourGoal(Body):
         exactly_one(self, self.one_of)
         if any(goal.velocities or goal.accelerations for goal in self.any_of or ()):
             raise ValueError("a tour rests at its goals: they have no velocities")
-        for name in ("position_tolerance", "orientation_tolerance", "frame"):
-            if self.pose is None and getattr(self, name) is not None:
-                raise ValueError(f"{name} belongs to a pose")
-        if self.tolerance is not None and self.pose is None and self.any_of is None:
-            raise ValueError("tolerance belongs to a pose")
+        check_company(self)
         return self
 
 

@@ -25,8 +25,9 @@ OF_PEERS = {
 }
 #: What other scripts import: nothing to run.
 WITHOUT_MAIN = {
-    "__init__", "example_arms", "fcl_judge", "machines", "mbm_ompl", "mbm_problems", "mesh_scenes",
-    "poses", "ratios", "recheck", "task_check", "task_problems", "task_sampling", "triangles",
+    "__init__", "crowd", "example_arms", "fcl_judge", "machines", "mbm_ompl", "mbm_problems",
+    "mesh_scenes", "poses", "ratios", "recheck", "task_check", "task_problems", "task_sampling",
+    "triangles",
 }  # fmt: skip
 #: Have tests of their own, with services of their own: tests/service/jobs/test_agent_jobs.py makes
 #: the faults of `agents`, in one process; tests/studio/test_workbench.py runs `studio_arms`.
@@ -34,6 +35,7 @@ ELSEWHERE = {"agents", "http", "studio_arms"}
 #: Arguments of scripts that start a server.
 OF_SERVERS: Mapping[str, list[str]] = {
     "batch": ["--count", "3", "--workers", "1", "--rounds", "1"],
+    "interactive": ["--jobs", "3", "--requests", "3", "--pause", "0", "--settle", "0"],
     "overload": ["--clients", "4", "--seconds", "0.3", "--settle", "0", "--requests", "plan"],
     "soak": ["--minutes", "0.02", "--clients", "2", "--rate", "50", "--kill-every", "0.4"],
 }

@@ -162,7 +162,7 @@ def test_goals_are_exactly_one_thing() -> None:
     refused(Goal, {"joints": [0], "pose": pose}, "exactly one")
     refused(Goal, {"any_of": []}, "at least 1")
     refused(Goal, {"any_of": [{"any_of": [{"joints": [0]}]}]}, "Extra")
-    refused(Goal, {"joints": [0], "position_tolerance": 0.1}, "belongs to a pose")
+    refused(Goal, {"joints": [0], "position_tolerance": 0.1}, "belongs to pose")
 
 
 @pytest.mark.parametrize(

@@ -128,7 +128,7 @@ def test_what_is_out_of_reach_is_named_or_left_out(client: httpx.Client) -> None
         ({"goals": [GOALS[0], {"any_of": [{"joints": [0.0] * 7, "velocities": [1.0] * 7}]}]},
          "VALIDATION_ERROR", "no velocities"),
         ({"goals": [GOALS[0], {"state": "ready", "tolerance": {"free": ["rz"]}}]},
-         "VALIDATION_ERROR", "tolerance belongs to a pose"),
+         "VALIDATION_ERROR", "tolerance belongs to pose or any_of"),
         ({"timing": {"method": "spline", "times": [0.0, 1.0]}}, "VALIDATION_ERROR", "many legs"),
         ({"start": {"joints": [0.59, 0.3, 0.0, -2.0, 0.0, 2.2, 0.0]}}, "START_STATE_IN_COLLISION",
          "at the start"),

@@ -163,7 +163,7 @@ def test_velocity_kinematics_answers_one_question() -> None:
     reject(VelocityRequest, joints, "exactly one")
     reject(VelocityRequest, joints | twist | rates, "exactly one")
     for extra in ({"nullspace": [0.0]}, {"damped_below": 0.1}):
-        reject(VelocityRequest, joints | rates | extra, "need twist")
+        reject(VelocityRequest, joints | rates | extra, "belongs to twist")
 
 
 def test_inverse_kinematics_needs_a_pose_or_constraints() -> None:
@@ -182,12 +182,14 @@ def test_inverse_kinematics_needs_a_pose_or_constraints() -> None:
 def test_rates_belong_to_joints_and_tolerances_to_poses() -> None:
     for name in ("velocities", "accelerations"):
         accept(PlanRequest, BRIEF | {"goal": {"joints": [0.0], name: [0.0]}})
-        reject(PlanRequest, BRIEF | {"goal": {"pose": POSE, name: [0.0]}}, "belong to joints")
+        reject(
+            PlanRequest, BRIEF | {"goal": {"pose": POSE, name: [0.0]}}, "belongs to joints or state"
+        )
     for name in ("position_tolerance", "orientation_tolerance"):
         accept(PlanRequest, BRIEF | {"goal": {"pose": POSE, name: 0.1}})
-        reject(PlanRequest, BRIEF | {"goal": {"joints": [0.0], name: 0.1}}, "belongs to a pose")
+        reject(PlanRequest, BRIEF | {"goal": {"joints": [0.0], name: 0.1}}, "belongs to pose")
         among = {"any_of": [{"pose": POSE}], name: 0.1}
-        reject(PlanRequest, BRIEF | {"goal": among}, "belongs to a pose")
+        reject(PlanRequest, BRIEF | {"goal": among}, "belongs to pose")
 
 
 def test_a_segment_takes_time() -> None:
