@@ -12,7 +12,8 @@ from kinematics.arrays import Array, Indices
 from kinematics.chain import Chain, Limits, Link
 from kinematics.compiled.kernel import direct
 from obstacles.collision_model import CollisionModel, ModelArrays
-from obstacles.edge_check import COLLIDING, FREE, certify_curve, certify_edge, certify_path
+from obstacles.edge_check import COLLIDING, FREE, certify_curve
+from obstacles.line_check import certify_edge, certify_path
 from obstacles.proximity import closest_pair, closest_pairs, near_pairs
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene

@@ -35,7 +35,7 @@ from kinematics.compiled.kernel import kernel
 from obstacles.bounds import balls_apart, quick_bound
 from obstacles.bvh import EXTENT, FIRST, LAST, SKIP, gap
 from obstacles.gjk import BETWEEN, CLOSER, FARTHER, STILL, allowance, separation
-from obstacles.kernel_work import Workspace, drift, place, visit, workspace
+from obstacles.kernel_work import Workspace, drift, place, visit, widened, workspace
 from obstacles.mesh_distance import LOOKS
 from obstacles.mesh_motion import surface_share
 from obstacles.model_arrays import ModelArrays
@@ -45,6 +45,8 @@ from obstacles.piece_set import CENTER, MARGIN, NODE_STOP, OWNER, RADIUS, Pair, 
 FREE = 0
 COLLIDING = 1
 UNDECIDED = 2
+#: The workspace is too small.
+_NO_ROOM = -1
 
 _MAX_DEPTH = 40
 #: Intervals looked at before an edge is given up as undecided.
@@ -284,11 +286,34 @@ def _look_at(work: Workspace, curve: Cubic, middle: float, half: float) -> None:
         work.joints[3, j] = bend * half * half
 
 
-@kernel
+@kernel(allocates=False)
 def certify_in(
     model: ModelArrays, work: Workspace, curve: Cubic, margin: float, most: int, outcome: Array
 ) -> int:
     """``certify_curve`` in a workspace of the caller's, given up after so many intervals' work."""
+    verdict = _certify(model, work, curve, margin, most, outcome)
+    if verdict == _NO_ROOM:
+        verdict = _certify_in_more_room(model, work, curve, margin, most, outcome)
+    return verdict
+
+
+@kernel
+def _certify_in_more_room(
+    model: ModelArrays, work: Workspace, curve: Cubic, margin: float, most: int, outcome: Array
+) -> int:
+    """``certify_in`` once more, in a workspace with as much room as it takes."""
+    wider, verdict = work, _NO_ROOM
+    while verdict == _NO_ROOM:
+        wider = widened(model, wider)
+        verdict = _certify(model, wider, curve, margin, most, outcome)
+    return verdict
+
+
+@kernel(allocates=False)
+def _certify(
+    model: ModelArrays, work: Workspace, curve: Cubic, margin: float, most: int, outcome: Array
+) -> int:
+    """``certify_in``, or _NO_ROOM where the workspace is too small for what is left open."""
     roots = model.roots
     entries = _Entries(roots, work.hints[2])
     spans, lists = work.spans[0], work.lists[0]
@@ -302,8 +327,7 @@ def certify_in(
         left = _Entries(work.entries[side], work.hints[side])
         halves, lists_left = work.spans[side], work.lists[side]
         if 2 * open_spans > halves.shape[0]:
-            halves = np.empty((2 * open_spans, 2))
-            lists_left = np.empty((2 * open_spans, 2), dtype=np.int64)
+            return _NO_ROOM
         new_spans, kept = 0, 0
         for span in range(open_spans):
             low, high = spans[span, 0], spans[span, 1]
@@ -314,17 +338,9 @@ def certify_in(
             begin = kept
             tally[_SHARE], tally[_STOPPED] = 1.0, 0.0
             first, count = lists[span, 0], lists[span, 1]
-            while True:
-                kept, hit = _examine(model, work, margin, entries, first, count, left, begin)
-                if kept >= 0:
-                    break
-                room = 2 * left.pairs.shape[0]
-                more = _Entries(np.empty((room, 2), dtype=np.int64), np.empty((room, 3)))
-                for at in range(begin):
-                    more.pairs[at, 0], more.pairs[at, 1] = left.pairs[at, 0], left.pairs[at, 1]
-                    for axis in range(3):
-                        more.axes[at, axis] = left.axes[at, axis]
-                left = more
+            kept, hit = _examine(model, work, margin, entries, first, count, left, begin)
+            if kept < 0:
+                return _NO_ROOM
             spent = visits + int(tally[_LOOKS] / _LOOKS_AN_INTERVAL)
             outcome[2] = spent
             if hit >= 0:
@@ -373,27 +389,3 @@ def certify_curve(
     """
     curve = Cubic(b0, b1, b2, b3)
     return certify_in(model, workspace(model), curve, margin, MAX_INTERVALS, outcome)
-
-
-@kernel
-def certify_edge(model: ModelArrays, start: Array, end: Array, margin: float) -> int:
-    """``certify_curve`` on the straight motion from ``start`` to ``end``, the verdict alone."""
-    zero, outcome = np.zeros(start.shape[0]), np.empty(4)
-    work, step = workspace(model), end - start
-    return certify_in(model, work, Cubic(start, step, zero, zero), margin, MAX_INTERVALS, outcome)
-
-
-@kernel
-def certify_path(
-    model: ModelArrays, waypoints: Array, margin: float, outcome: Array
-) -> tuple[int, int]:
-    """``certify_curve`` along every leg of a polyline (m, n); the verdict and the leg it is on."""
-    zero = np.zeros(waypoints.shape[1])
-    work = workspace(model)
-    for leg in range(waypoints.shape[0] - 1):
-        step = waypoints[leg + 1] - waypoints[leg]
-        curve = Cubic(waypoints[leg], step, zero, zero)
-        verdict = certify_in(model, work, curve, margin, MAX_INTERVALS, outcome)
-        if verdict != FREE:
-            return verdict, leg
-    return FREE, waypoints.shape[0] - 1

@@ -14,7 +14,9 @@ from obstacles.model_arrays import ModelArrays
 from obstacles.piece_set import CENTER, POSE, RADIUS
 
 #: Entries and intervals there is room for at first.
-_ENTRIES, _INTERVALS = 256, 64
+_ENTRIES, _INTERVALS = 1024, 256
+#: Factor by which room grows.
+_WIDER = 4
 
 
 class Workspace(NamedTuple):
@@ -60,8 +62,6 @@ def workspace(model: ModelArrays) -> Workspace:
     n, p = int(model.chain[0, 0]), model.joints.shape[0]
     stamps = np.full(p + 1, -1, dtype=np.int64)
     stamps[p] = 0
-    hints = np.empty((3, max(_ENTRIES, model.roots.shape[0]), 3))
-    hints[2] = 0.0
     return Workspace(
         np.empty((4, n)),
         np.empty((n, 4, 4)),
@@ -73,9 +73,37 @@ def workspace(model: ModelArrays) -> Workspace:
         np.empty(STACK),
         np.empty(4),
         np.empty((2, _ENTRIES, 2), dtype=np.int64),
-        hints,
+        _hints(model.roots.shape[0], _ENTRIES),
         np.empty((2, _INTERVALS, 2)),
         np.empty((2, _INTERVALS, 2), dtype=np.int64),
+    )
+
+
+@kernel
+def _hints(roots: int, entries: int) -> Array:
+    hints = np.empty((3, max(entries, roots), 3))
+    hints[2, :roots] = 0.0
+    return hints
+
+
+@kernel
+def widened(model: ModelArrays, work: Workspace) -> Workspace:
+    """The same workspace with more room for pairs and intervals that are left."""
+    entries, intervals = _WIDER * work.entries.shape[1], _WIDER * work.spans.shape[1]
+    return Workspace(
+        work.joints,
+        work.frames,
+        work.twists,
+        work.placed,
+        work.strays,
+        work.stamps,
+        work.room,
+        work.stack,
+        work.tally,
+        np.empty((2, entries, 2), dtype=np.int64),
+        _hints(model.roots.shape[0], entries),
+        np.empty((2, intervals, 2)),
+        np.empty((2, intervals, 2), dtype=np.int64),
     )
 
 

@@ -19,10 +19,12 @@ from numpy.typing import NDArray
 
 from kinematics.arrays import Array, Indices
 from kinematics.compiled.kernel import kernel
+from kinematics.compiled.simd import on_stack
 from kinematics.random import State, uniform_kernel
 from obstacles.checker import Checker
-from obstacles.edge_check import COLLIDING, FREE, Cubic, certify_in
+from obstacles.edge_check import COLLIDING, FREE
 from obstacles.kernel_work import Workspace, workspace
+from obstacles.line_check import certify_line
 from obstacles.model_arrays import ModelArrays
 from obstacles.state_check import blocked_at
 from planning.deadline import Deadline
@@ -86,6 +88,24 @@ class Trees(NamedTuple):
     sizes: Indices
     random: State
     tally: Indices
+
+
+class _Draws(NamedTuple):
+    """How configurations are drawn, and steps taken towards them.
+
+    Args:
+        low: Lower bounds, shape (n,) [rad or m].
+        high: Upper bounds, shape (n,) [rad or m].
+        domain: Farther than this a node that has met something is not grown [rad or m].
+        step: Longest step [rad or m].
+        slack: Distance to keep beyond the margins [m].
+    """
+
+    low: Array
+    high: Array
+    domain: float
+    step: float
+    slack: float
 
 
 class RrtResult(NamedTuple):
@@ -265,22 +285,31 @@ def grow_kernel(
         step: Longest step [rad or m].
         until: Edges, those of earlier calls counted.
     """
-    work, vectors = workspace(model), np.zeros((4, low.shape[0]))
+    draws = _Draws(low, high, domain, step, slack)
+    return _grow(model, workspace(model), draws, trees, np.zeros((2, low.shape[0])), until)
+
+
+@kernel(allocates=False)
+def _grow(
+    model: ModelArrays, work: Workspace, draws: _Draws, trees: Trees, vectors: Array, until: int
+) -> bool:
+    """``grow_kernel`` with a workspace, and room for a target and the end of a step, (2, n)."""
     target, failed = vectors[0], 0
     while trees.tally[_EDGES] < until:
         side = 0 if trees.sizes[0] <= trees.sizes[1] else 1
         if failed == _PATIENCE:
             side, failed = 1 - side, 0
-        near = _draw(trees, side, low, high, domain, target)
-        reached = _step(model, work, slack, trees, side, near, step, vectors)
+        near = _draw(trees, side, draws, target)
+        reached = _step(model, work, draws, trees, side, near, vectors)
         if reached < 0:
             failed += 1
             continue
         failed = 0
-        target[:] = trees.points[side, reached]
+        for j in range(target.shape[0]):
+            target[j] = trees.points[side, reached, j]
         node, left = _nearest(trees, 1 - side, target)
         while node >= 0 and left > 0.0 and trees.tally[_EDGES] < until:
-            node = _step(model, work, slack, trees, 1 - side, node, step, vectors)
+            node = _step(model, work, draws, trees, 1 - side, node, vectors)
             left = _square(trees.points[1 - side], max(node, 0), target)
         if node >= 0 and left == 0.0:
             trees.tally[_HERE] = reached if side == 0 else node
@@ -290,14 +319,15 @@ def grow_kernel(
 
 
 @kernel(allocates=False)
-def _draw(trees: Trees, side: int, low: Array, high: Array, domain: float, target: Array) -> int:
+def _draw(trees: Trees, side: int, draws: _Draws, target: Array) -> int:
     """Draw a configuration (n,) to grow towards; the node that is nearest to it."""
+    low, high = draws.low, draws.high
     near = 0
     for _ in range(_MAX_DRAWS):
         for j in range(target.shape[0]):
             target[j] = low[j] + (high[j] - low[j]) * uniform_kernel(trees.random)
         near, away = _nearest(trees, side, target)
-        if away <= domain or not trees.met[side, near]:
+        if away <= draws.domain or not trees.met[side, near]:
             break
     return near
 
@@ -321,33 +351,28 @@ def _square(points: Array, i: int, q: Array) -> float:
     return square
 
 
-@kernel
+@kernel(allocates=False)
 def _step(
     model: ModelArrays,
     work: Workspace,
-    slack: float,
+    draws: _Draws,
     trees: Trees,
     side: int,
     at: int,
-    step: float,
     vectors: Array,
 ) -> int:
     """Add a step from node ``at`` towards ``vectors[0]``; its number, -1 if it is not proved."""
-    origin, target = trees.points[side, at], vectors[0]
-    motion, zero, end = vectors[1], vectors[2], vectors[3]
-    square, outcome = _square(trees.points[side], at, target), np.empty(4)
-    asked = np.empty(1, dtype=np.int64)
-    arrives = square <= step * step
-    share = 1.0 if arrives else step / math.sqrt(square)
+    origin, target, end = trees.points[side, at], vectors[0], vectors[1]
+    square, outcome = _square(trees.points[side], at, target), on_stack(4)
+    asked = on_stack(1).view(np.int64)
+    arrives = square <= draws.step * draws.step
+    share = 1.0 if arrives else draws.step / math.sqrt(square)
     for j in range(target.shape[0]):
-        motion[j] = share * (target[j] - origin[j])
-        end[j] = target[j] if arrives else origin[j] + motion[j]
+        end[j] = target[j] if arrives else origin[j] + share * (target[j] - origin[j])
     trees.tally[_EDGES] += 1
     verdict = COLLIDING
-    if blocked_at(model, work, origin, end, slack, 1, _LOOKS, asked) < 0.0:
-        verdict = certify_in(
-            model, work, Cubic(origin, motion, zero, zero), slack, _MAX_INTERVALS, outcome
-        )
+    if blocked_at(model, work, origin, end, draws.slack, 1, _LOOKS, asked) < 0.0:
+        verdict = certify_line(model, work, origin, end, draws.slack, _MAX_INTERVALS, outcome)
     if verdict != FREE:
         trees.met[side, at] = True
         return -1

@@ -10,15 +10,19 @@ usual way, need several times as many checks for paths of the same length.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from kinematics.arrays import Array, Indices
+from kinematics.chain import MAX_JOINTS
 from kinematics.compiled.kernel import kernel
+from kinematics.compiled.simd import on_stack
 from obstacles.checker import Checker
 from obstacles.collision_model import ModelArrays
-from obstacles.edge_check import FREE, Cubic, certify_in
+from obstacles.edge_check import FREE
 from obstacles.kernel_work import Workspace, workspace
+from obstacles.line_check import certify_line
 from obstacles.state_check import blocked_at
 from planning.deadline import Deadline
 
@@ -38,6 +42,20 @@ _LEAST_ROUND = 0.01
 _CUTS = 4
 #: A corner that is worth less than this share of the length is left as it is.
 _LEAST_GAIN = 5e-4
+
+
+class _Corners(NamedTuple):
+    """A path whose corners are being cut, as ``round_kernel`` has it.
+
+    Args:
+        points: The waypoints, shape (c, n).
+        tried: Cuts at each waypoint that are known to fail, shape (c,).
+        checks: Edge checks that were made, shape (1,).
+    """
+
+    points: Array
+    tried: Indices
+    checks: Indices
 
 
 def shortcut(checker: Checker, waypoints: Array, deadline: Deadline) -> Array:
@@ -66,17 +84,16 @@ def shortcut(checker: Checker, waypoints: Array, deadline: Deadline) -> Array:
     return np.array(points[: thin_kernel(model, slack, points, count, checks)])
 
 
-@kernel
+@kernel(allocates=False)
 def _free(
     model: ModelArrays, work: Workspace, a: Array, b: Array, slack: float, checks: Indices
 ) -> bool:
     """Whether the straight motion from a to b, both (n,), is proved free."""
-    asked = np.empty(1, dtype=np.int64)
+    asked, outcome = on_stack(1).view(np.int64), on_stack(4)
     if blocked_at(model, work, a, b, slack, 2, _LOOKS, asked) >= 0.0:
         checks[0] += 1
         return False
-    zero, outcome = np.zeros(a.shape[0]), np.empty(4)
-    verdict = certify_in(model, work, Cubic(a, b - a, zero, zero), slack, _MAX_INTERVALS, outcome)
+    verdict = certify_line(model, work, a, b, slack, _MAX_INTERVALS, outcome)
     # A motion that grazes takes thousands of intervals: it counts as many checks.
     checks[0] += 1 + int(outcome[2]) // _INTERVALS_A_CHECK
     return bool(verdict == FREE)
@@ -90,7 +107,14 @@ def skip_kernel(
 
     The waypoints that stay are moved to the front of ``points``; returns their number.
     """
-    work = workspace(model)
+    return _skip(model, workspace(model), slack, points, count, checks)
+
+
+@kernel(allocates=False)
+def _skip(
+    model: ModelArrays, work: Workspace, slack: float, points: Array, count: int, checks: Indices
+) -> int:
+    """``skip_kernel`` in a workspace."""
     at, size = 0, 1
     while at < count - 1:
         low, high = at + 1, count - 1
@@ -100,7 +124,7 @@ def skip_kernel(
                 low = high
             else:
                 high = (low + high) // 2
-        points[size] = points[low]
+        _copy(points, low, size)
         at, size = low, size + 1
     return size
 
@@ -113,7 +137,14 @@ def thin_kernel(
 
     The waypoints that stay are moved to the front of ``points``; returns their number.
     """
-    work = workspace(model)
+    return _thin(model, workspace(model), slack, points, count, checks)
+
+
+@kernel(allocates=False)
+def _thin(
+    model: ModelArrays, work: Workspace, slack: float, points: Array, count: int, checks: Indices
+) -> int:
+    """``thin_kernel`` in a workspace."""
     at, size = 0, 1
     while at < count - 1:
         at += 1
@@ -121,7 +152,7 @@ def thin_kernel(
             if not _free(model, work, points[size - 1], points[at + 1], slack, checks):
                 break
             at += 1
-        points[size] = points[at]
+        _copy(points, at, size)
         size += 1
     return size
 
@@ -147,9 +178,17 @@ def round_kernel(
         worth: A corner that is worth less is left as it is, in the unit of the path's length.
         checks: Edge checks that were made, shape (1,).
     """
+    return _round(model, workspace(model), _Corners(points, tried, checks), slack, count, worth)
+
+
+@kernel(allocates=False)
+def _round(
+    model: ModelArrays, work: Workspace, corners: _Corners, slack: float, count: int, worth: float
+) -> int:
+    """``round_kernel`` in a workspace."""
+    points, tried, checks = corners.points, corners.tried, corners.checks
     n = points.shape[1]
-    work = workspace(model)
-    a, b = np.empty(n), np.empty(n)
+    a, b = on_stack(MAX_JOINTS)[:n], on_stack(MAX_JOINTS)[:n]
     k = 1
     while k < count - 1:
         before, after = _distance(points[k - 1], points[k]), _distance(points[k], points[k + 1])
@@ -165,7 +204,8 @@ def round_kernel(
                 b[j] = points[k, j] + share * (points[k + 1, j] - points[k, j])
             if tried[k] == 0:
                 # To the last bit: these two stay waypoints.
-                a[:], b[:] = points[k - 1], points[k + 1]
+                for j in range(n):
+                    a[j], b[j] = points[k - 1, j], points[k + 1, j]
             if _free(model, work, a, b, slack, checks):
                 break
             tried[k] += 1
@@ -175,17 +215,27 @@ def round_kernel(
         tried[k - 1] = tried[k + 1] = 0
         if tried[k] == 0:
             # Both ends of the cut are waypoints already.
-            points[k : count - 1] = points[k + 1 : count].copy()
-            tried[k : count - 1] = tried[k + 1 : count].copy()
+            for i in range(k, count - 1):
+                _copy(points, i + 1, i)
+                tried[i] = tried[i + 1]
             count -= 1
             continue
-        points[k + 2 : count + 1] = points[k + 1 : count].copy()
-        tried[k + 2 : count + 1] = tried[k + 1 : count].copy()
-        points[k], points[k + 1] = a, b
+        for i in range(count, k + 1, -1):
+            _copy(points, i - 1, i)
+            tried[i] = tried[i - 1]
+        for j in range(n):
+            points[k, j], points[k + 1, j] = a[j], b[j]
         tried[k] = tried[k + 1] = 0
         count += 1
         k += 2
     return count
+
+
+@kernel(allocates=False)
+def _copy(points: Array, source: int, place: int) -> None:
+    """Copy one row of points (c, n) over another."""
+    for j in range(points.shape[1]):
+        points[place, j] = points[source, j]
 
 
 @kernel
@@ -197,7 +247,7 @@ def length_kernel(points: Array, count: int) -> float:
     return length
 
 
-@kernel
+@kernel(allocates=False)
 def _distance(a: Array, b: Array) -> float:
     square = 0.0
     for k in range(a.shape[0]):

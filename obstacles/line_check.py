@@ -1,0 +1,52 @@
+"""``edge_check`` on straight joint motions: one of them, or the legs of a polyline."""
+
+import numpy as np
+
+from kinematics.arrays import Array
+from kinematics.chain import MAX_JOINTS
+from kinematics.compiled.kernel import kernel
+from kinematics.compiled.simd import on_stack
+from obstacles.edge_check import FREE, MAX_INTERVALS, Cubic, certify_in
+from obstacles.kernel_work import Workspace, workspace
+from obstacles.model_arrays import ModelArrays
+
+
+@kernel(allocates=False)
+def certify_line(
+    model: ModelArrays, work: Workspace, start: Array, end: Array, margin: float, most: int,
+    outcome: Array,
+) -> int:  # fmt: skip
+    """``certify_in`` on the straight motion from ``start`` to ``end``, both (n,)."""
+    n = start.shape[0]
+    step, zero = on_stack(MAX_JOINTS)[:n], on_stack(MAX_JOINTS)[:n]
+    for j in range(n):
+        step[j], zero[j] = end[j] - start[j], 0.0
+    return certify_in(model, work, Cubic(start, step, zero, zero), margin, most, outcome)
+
+
+@kernel
+def certify_edge(model: ModelArrays, start: Array, end: Array, margin: float) -> int:
+    """``certify_curve`` on the straight motion from ``start`` to ``end``, the verdict alone."""
+    return _edge_in(model, workspace(model), start, end, margin)
+
+
+@kernel(allocates=False)
+def _edge_in(
+    model: ModelArrays, work: Workspace, start: Array, end: Array, margin: float
+) -> int:
+    return certify_line(model, work, start, end, margin, MAX_INTERVALS, on_stack(4))
+
+
+@kernel
+def certify_path(
+    model: ModelArrays, waypoints: Array, margin: float, outcome: Array
+) -> tuple[int, int]:
+    """``certify_curve`` along every leg of a polyline (m, n); the verdict and the leg it is on."""
+    work = workspace(model)
+    for leg in range(waypoints.shape[0] - 1):
+        verdict = certify_line(
+            model, work, waypoints[leg], waypoints[leg + 1], margin, MAX_INTERVALS, outcome
+        )
+        if verdict != FREE:
+            return verdict, leg
+    return FREE, waypoints.shape[0] - 1
