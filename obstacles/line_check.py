@@ -1,7 +1,5 @@
 """``edge_check`` on straight joint motions: one of them, or the legs of a polyline."""
 
-import numpy as np
-
 from kinematics.arrays import Array
 from kinematics.chain import MAX_JOINTS
 from kinematics.compiled.kernel import kernel
@@ -31,9 +29,7 @@ def certify_edge(model: ModelArrays, start: Array, end: Array, margin: float) ->
 
 
 @kernel(allocates=False)
-def _edge_in(
-    model: ModelArrays, work: Workspace, start: Array, end: Array, margin: float
-) -> int:
+def _edge_in(model: ModelArrays, work: Workspace, start: Array, end: Array, margin: float) -> int:
     return certify_line(model, work, start, end, margin, MAX_INTERVALS, on_stack(4))
 
 

@@ -93,7 +93,10 @@ def pack_obstacles(obstacles: Sequence[Obstacle]) -> ProjectionArrays:
             counts += [len(pieces) for pieces in parts]
             filled += enclosing
             blocks.append(_solids([piece for pieces in parts for piece in pieces]))
-    joined = _Block(*map(np.concatenate, zip(*blocks, strict=True)))
+    # Most scenes are one block.
+    joined = (
+        blocks[1] if len(blocks) == 2 else _Block(*map(np.concatenate, zip(*blocks, strict=True)))
+    )
     first = _indices(np.cumsum([0, *counts]))[:-1]
     ends = np.column_stack([first, first + _indices(filled)])
     return ProjectionArrays(
@@ -170,6 +173,7 @@ def _cloud(cloud: PieceArrays) -> _Block:
 def _solids(pieces: Sequence[Piece]) -> _Block:
     p, cores = len(pieces), [_core(piece) for piece in pieces]
     hulls = [core.hull for core in cores]
+    filled = [_NO_HULL, *(hull for hull in hulls if hull is not _NO_HULL)]
     poses = np.array([piece.T_owner_piece for piece in pieces]).reshape(p, 4, 4)
     balls = np.array([core.ball for core in cores]).reshape(p, 4)
     middles = balls[:, :3, None]
@@ -181,10 +185,10 @@ def _solids(pieces: Sequence[Piece]) -> _Block:
         balls=balls,
         across=np.array([core.across for core in cores]).reshape(p, 3),
         solid=np.array([hull.solid for hull in hulls], dtype=np.bool_),
-        corners=np.vstack([_NO_HULL.vertices, *(hull.vertices for hull in hulls)]),
+        corners=np.vstack([hull.vertices for hull in filled]),
         corner_counts=_indices([len(hull.vertices) for hull in hulls]),
-        triangles=np.vstack([_NO_HULL.triangles, *(hull.triangles for hull in hulls)]),
-        planes=np.vstack([_NO_HULL.planes, *(hull.planes for hull in hulls)]),
+        triangles=np.vstack([hull.triangles for hull in filled]),
+        planes=np.vstack([hull.planes for hull in filled]),
         triangle_counts=_indices([len(hull.triangles) for hull in hulls]),
     )
 

@@ -29,7 +29,7 @@ from planning.constrained.checker import ConstrainedChecker
 from planning.constraints.row import WIDTH
 from planning.deadline import Deadline
 from planning.field.control_points import ControlPoints, along_links, origin_points
-from planning.field.field_kernels import value_kernel
+from planning.field.field_kernels import value_kernel, vanishing_force_kernel
 from planning.field.gradient_descent import (
     ARRIVED,
     BLOCKED,
@@ -48,6 +48,7 @@ from planning.field.options import FieldOptions
 from planning.field.potential import Field
 from planning.field.python_descent import PythonDescent
 from planning.field.stop import explain_stop
+from planning.field.weights import FieldWeights
 from planning.planner import Query
 from planning.result import Attempt, Descent, Explanation
 
@@ -196,14 +197,23 @@ def potential_of(
     Raises:
         InvalidOption: Weights or radii are given for another number of control points.
     """
+    where, weights = _weighted_points(robot, options)
+    obstacles = FclProjector(scene) if options.engine == "fcl" else _projector(scene)
+    return Field(robot.chain, where, obstacles, goal, weights, options.joint_weight), where
+
+
+@lru_cache(maxsize=16)
+def _weighted_points(
+    robot: RobotGeometry, options: FieldOptions
+) -> tuple[ControlPoints, FieldWeights]:
+    """The control points that the options ask for, and their weights."""
     if options.control_points == "links":
         where = along_links(robot)
         weights = options.weights.with_share(1.0 / len(where))
     else:
         radii = 0.0 if options.point_radii is None else options.point_radii
         where, weights = origin_points(robot.chain, radii), options.weights
-    obstacles = FclProjector(scene) if options.engine == "fcl" else _projector(scene)
-    return Field(robot.chain, where, obstacles, goal, weights, options.joint_weight), where
+    return where, weights
 
 
 @lru_cache(maxsize=16)
@@ -228,6 +238,7 @@ class _Descent:
         rows = checker.rows if isinstance(checker, ConstrainedChecker) else np.zeros((0, WIDTH))
         self._proof = Proof(checker.model.arrays, float(checker.slack), np.array(rows))
         self._field = field
+        self._model = None if options.engine == "fcl" else field.model
         self._goal = goal
         self._options = options
         self._rules = options.rules(limits.lower, limits.upper)
@@ -239,28 +250,26 @@ class _Descent:
             gauges=np.array([options.longest_step, np.inf, -1.0, -1.0]),
             counts=np.zeros(3, dtype=np.int64),
         )
-        self._python = PythonDescent(
-            field.value, field.vanishing_force, np.array(goal, float), self._proof, self._rules
-        )
-        self._engine = options.engine
         potential, force = self._value(np.array(start, dtype=np.float64))
         keep_kernel(self._track, np.array(start, dtype=np.float64), potential, force)
 
     def _value(self, q: Array) -> tuple[float, Array]:
         """U at q, shape (n,), and -grad U, shape (n,)."""
-        if self._engine == "fcl":
+        if self._model is None:
             return self._field.value(q)
         force = np.empty(len(q))
-        return value_kernel(self._field.model, q, force), force
+        return value_kernel(self._model, q, force), force
 
     def _descend(self, until: int, across: Array, walk: int) -> int:
         """Descend until ``until`` steps were taken, after ``walk`` steps across the force."""
-        if self._engine == "fcl":
-            return self._python.run(self._track, until, across, walk)
-        return int(
-            descend_kernel(
-                self._proof, self._rules, self._field.model, self._track, until, across, walk
+        if self._model is None:
+            field, goal = self._field, np.array(self._goal, float)
+            descent = PythonDescent(
+                field.value, field.vanishing_force, goal, self._proof, self._rules
             )
+            return descent.run(self._track, until, across, walk)
+        return int(
+            descend_kernel(self._proof, self._rules, self._model, self._track, until, across, walk)
         )
 
     @property
@@ -281,7 +290,8 @@ class _Descent:
     @property
     def at_goal(self) -> bool:
         """Whether it ended at the goal."""
-        return np.array_equal(self.visited[-1], self._goal)
+        last = self._track.visited[self._track.counts[VISITED] - 1]
+        return bool((last == self._goal).all())
 
     @property
     def joint_force(self) -> Array:
@@ -347,7 +357,11 @@ class _Descent:
 
     def _is_at_minimum(self) -> bool:
         """Whether the force vanishes at the last configuration."""
-        force = self._field.vanishing_force(self.visited[-1], self._options.force_tolerance)
+        q, tolerance = self.visited[-1], self._options.force_tolerance
+        if self._model is None:
+            force = self._field.vanishing_force(q, tolerance)
+        else:
+            force = vanishing_force_kernel(self._model, q, tolerance)
         return float(np.abs(self.joint_force).max()) <= force
 
     def _direction_across(self) -> tuple[Array, int]:

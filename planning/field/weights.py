@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -62,10 +63,17 @@ class FieldWeights:
         Raises:
             InvalidOption: Weights are given for another number of points.
         """
-        return (
-            _weights("attractive_weights", self.attractive_weights, m),
-            _weights("repulsive_weights", self.repulsive_weights, m),
-        )
+        # Copies that can be written to, as kernels were compiled for.
+        attractive, repulsive = _each(self, m)
+        return attractive.copy(), repulsive.copy()
+
+
+@lru_cache(maxsize=64)
+def _each(weights: FieldWeights, m: int) -> tuple[Array, Array]:
+    return (
+        _weights("attractive_weights", weights.attractive_weights, m),
+        _weights("repulsive_weights", weights.repulsive_weights, m),
+    )
 
 
 def _weights(name: str, value: object, m: int | None) -> Array:
@@ -89,5 +97,4 @@ def _weights(name: str, value: object, m: int | None) -> Array:
             hint="Give one number for all of them, or one for each, base to tip.",
             control_points=m,
         )
-    # A copy that can be written to, as kernels were compiled for.
     return np.array(np.broadcast_to(array, m))

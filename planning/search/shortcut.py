@@ -81,7 +81,7 @@ def shortcut(checker: Checker, waypoints: Array, deadline: Deadline) -> Array:
             break
         before = length
         count = round_kernel(model, slack, points, tried, count, _LEAST_GAIN * length, checks)
-    return np.array(points[: thin_kernel(model, slack, points, count, checks)])
+    return np.array(points[: thin_kernel(model, slack, points, tried, count, checks)])
 
 
 @kernel(allocates=False)
@@ -131,24 +131,31 @@ def _skip(
 
 @kernel
 def thin_kernel(
-    model: ModelArrays, slack: float, points: Array, count: int, checks: Indices
+    model: ModelArrays,
+    slack: float,
+    points: Array,
+    tried: Indices,
+    count: int,
+    checks: Indices,
 ) -> int:
     """From each of ``count`` waypoints go straight past as many others as can be left out.
 
-    The waypoints that stay are moved to the front of ``points``; returns their number.
+    Corners whose whole cut is known to fail, as ``tried`` of ``round_kernel`` tells, are not tried
+    again. The waypoints that stay are moved to the front of ``points``; returns their number.
     """
-    return _thin(model, workspace(model), slack, points, count, checks)
+    return _thin(model, workspace(model), _Corners(points, tried, checks), slack, count)
 
 
 @kernel(allocates=False)
-def _thin(
-    model: ModelArrays, work: Workspace, slack: float, points: Array, count: int, checks: Indices
-) -> int:
+def _thin(model: ModelArrays, work: Workspace, corners: _Corners, slack: float, count: int) -> int:
     """``thin_kernel`` in a workspace."""
+    points, tried, checks = corners.points, corners.tried, corners.checks
     at, size = 0, 1
     while at < count - 1:
         at += 1
-        while at < count - 1 and checks[0] < _MAX_CHECKS:
+        # The waypoint before it is still the one that it was tried with.
+        known = tried[at] > 0
+        while at < count - 1 and not known and checks[0] < _MAX_CHECKS:
             if not _free(model, work, points[size - 1], points[at + 1], slack, checks):
                 break
             at += 1

@@ -12,7 +12,7 @@ from kinematics.serial_chain import serial_chain
 from kinematics.srdf import parse_srdf
 from kinematics.urdf import parse_urdf
 from obstacles.checker import Checker
-from obstacles.edge_check import FREE, MAX_INTERVALS, UNDECIDED, Cubic, certify_in
+from obstacles.edge_check import COLLIDING, FREE, MAX_INTERVALS, UNDECIDED, Cubic, certify_in
 from obstacles.gjk import allowance
 from obstacles.kernel_work import drift, place, visit, workspace
 from obstacles.piece import Piece, PieceKind
@@ -225,3 +225,26 @@ def test_proof_is_given_up_after_the_intervals_it_may_take() -> None:
             assert found[2] == 1
             given_up += 1
     assert given_up > 5
+
+
+def test_room_that_runs_out_is_widened_to_the_same_verdict() -> None:
+    """A workspace with hardly any room gives what one with plenty gives."""
+    random = np.random.default_rng(6)
+    robot = builtin("panda")
+    model = Checker.of(robot, clutter(random)).model.arrays
+    limits, zero = robot.chain.limits, np.zeros(robot.chain.n)
+    roomy, small, verdicts = workspace(model), workspace(model), set[int]()
+    small = small._replace(
+        entries=small.entries[:, :2].copy(),
+        hints=np.zeros((3, len(model.roots), 3)),
+        spans=small.spans[:, :2].copy(),
+        lists=small.lists[:, :2].copy(),
+    )
+    for _ in range(60):
+        a, b = random.uniform(limits.lower, limits.upper, (2, robot.chain.n))
+        line, plenty, little = Cubic(a, 0.2 * (b - a), zero, zero), np.empty(4), np.empty(4)
+        verdict = certify_in(model, roomy, line, 0.0, MAX_INTERVALS, plenty)
+        assert certify_in(model, small, line, 0.0, MAX_INTERVALS, little) == verdict
+        np.testing.assert_array_equal(little, plenty)
+        verdicts.add(verdict)
+    assert verdicts >= {FREE, COLLIDING}
