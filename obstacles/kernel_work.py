@@ -88,7 +88,7 @@ def _hints(roots: int, entries: int) -> Array:
 
 @kernel
 def widened(model: ModelArrays, work: Workspace) -> Workspace:
-    """The same workspace with more room for pairs and intervals that are left."""
+    """A workspace like another, with more room for pairs and intervals that are left."""
     entries, intervals = _WIDER * work.entries.shape[1], _WIDER * work.spans.shape[1]
     return Workspace(
         work.joints,

@@ -91,7 +91,7 @@ class Trees(NamedTuple):
 
 
 class _Draws(NamedTuple):
-    """How configurations are drawn, and steps taken towards them.
+    """Parameters of draws and of the steps towards them.
 
     Args:
         low: Lower bounds, shape (n,) [rad or m].
