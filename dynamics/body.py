@@ -96,6 +96,7 @@ def _pack_bodies(chain: Chain) -> Bodies:
         rows[i, FRICTION] = chain.viscous_friction[i]
         rows[i, COULOMB] = chain.coulomb_friction[i]
     rows[-1, :3] = chain.gravity
+    rows[-1, COULOMB] = np.any(rows[:-1, COULOMB])
     return Bodies(
         chain.joint_types,
         chain.offsets,

@@ -26,7 +26,7 @@ INERTIA = 17
 MOTOR = 23
 #: Viscous friction [N m s/rad or N s/m].
 FRICTION = 24
-#: Dry friction [N m or N].
+#: Dry friction [N m or N]. In the last row, which is gravity's: 1 if any joint has some, else 0.
 COULOMB = 25
 #: Columns of a row.
 ROW = 26

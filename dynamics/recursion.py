@@ -104,8 +104,8 @@ def inverse_kernel(
     gather(rows, work, torque)
     for i in range(n):
         torque[i] += rows[i, MOTOR] * qdd[i] + rows[i, FRICTION] * qd[i]
-    for i in range(n):
-        if rows[i, COULOMB] != 0.0:
+    if rows[n, COULOMB] != 0.0:
+        for i in range(n):
             torque[i] += dry_friction(rows[i, COULOMB], qd[i])
 
 
@@ -173,6 +173,6 @@ def reference_inverse_kernel(rows: Array, motion: Array, work: Array, torque: Ar
     gather(rows, work, torque)
     for i in range(n):
         torque[i] += rows[i, MOTOR] * motion[i, 3] + rows[i, FRICTION] * motion[i, 1]
-    for i in range(n):
-        if rows[i, COULOMB] != 0.0:
+    if rows[n, COULOMB] != 0.0:
+        for i in range(n):
             torque[i] += dry_friction(rows[i, COULOMB], motion[i, 1])
