@@ -18,6 +18,7 @@ import numpy as np
 
 from benchmarks.example_arms import ARMS, package
 from benchmarks.task_check import DenseCheck
+from benchmarks.task_export import export
 from benchmarks.task_problems import KINDS, Arm, TaskProblem, arm, hand_mesh, problems
 from benchmarks.task_sampling import SampledTask
 from planning.sequence.result import SequenceFailure, SequencePlan
@@ -39,6 +40,7 @@ def main() -> None:
     parser.add_argument("--improve", type=float, default=0.0, help="after the first answer [s]")
     parser.add_argument("--witnesses", type=Path, help="file that keeps which places have one")
     parser.add_argument("--peer", action="store_true", help="measure OMPL with FCL beside it")
+    parser.add_argument("--export", type=Path, help="write a UR5's tasks for peers, no more")
     chosen = parser.parse_args()
     folder = chosen.problems.parents[1] / "panda"
     for name in chosen.robots:
@@ -48,6 +50,9 @@ def main() -> None:
             used, (chosen.problems, folder), chosen.count, chosen.kinds, _Witness(check), known
         )
         tasks = list(found)
+        if chosen.export is not None:
+            export(chosen.export, used, tasks, folder)
+            continue
         _measure(used, tasks, check, chosen.improve)
         if chosen.peer:
             _measure_peer(used, tasks, check)

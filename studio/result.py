@@ -73,11 +73,11 @@ class TaskPlanned:
     def _sentence(self, number: int) -> str:
         stage = self.plan.stages[number]
         name = stage.kind if stage.name is None else f"{stage.name} ({stage.kind})"
-        chosen = "" if stage.choice is None else f", alternative {stage.choice + 1}"
+        chosen = "" if stage.choice is None else f", choice {stage.choice}"
         held = ", ".join(item.id for item in stage.after.attached)
         proof = "proved" if stage.certificate.verified else "not proved"
         holds = f", holds {held}" if held else ""
-        return f"{name}{chosen}: {stage.trajectory.duration:.2f} s, {proof}{holds}"
+        return f"{stage.index}: {name}{chosen}: {stage.trajectory.duration:.2f} s, {proof}{holds}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -172,7 +172,7 @@ def _legs(cell: RobotInScene, answer: Mapping[str, Any]) -> list[Part]:
             None,
             cell.robot,
         )
-        for number, leg in enumerate(answer["legs"], 1)
+        for number, leg in enumerate(answer["legs"])
     ]
 
 
@@ -319,7 +319,7 @@ def _marks(parts: Sequence[Part]) -> list[dict[str, Any]]:
 
 def _label(stage: Mapping[str, Any]) -> str:
     name = stage["kind"] if stage.get("name") is None else f"{stage['name']} ({stage['kind']})"
-    return f"{stage['index'] + 1}: {name}"
+    return f"{stage['index']}: {name}"
 
 
 def _task_sentences(answer: Mapping[str, Any]) -> Iterator[str]:
@@ -331,7 +331,7 @@ def _task_sentences(answer: Mapping[str, Any]) -> Iterator[str]:
     for stage in stages:
         words = [f"Stage {_label(stage)}", *_proof(stage["certificate"])]
         if stage.get("choice") is not None:
-            words.append(f"alternative {stage['choice'] + 1}")
+            words.append(f"choice {stage['choice']}")
         held = ", ".join(item["id"] for item in stage["after"]["attached"])
         if held:
             words.append(f"the robot holds {held}")

@@ -78,7 +78,7 @@ class EntriesPanel:
         entries = self._read()
         tag = self._forms.tag
         self._text.content = describe(entries, tag) or f"No {self._word} yet."
-        labels = [_NONE, *(f"{i + 1} {entry[tag]}" for i, entry in enumerate(entries))]
+        labels = [_NONE, *(f"{i} {entry[tag]}" for i, entry in enumerate(entries))]
         if labels != [*self._choice.options]:
             self._choice.options = labels
         chosen = self.chosen
@@ -161,7 +161,7 @@ def describe(entries: Entries, tag: str) -> str:
         tag: Field that names the kind.
     """
     lines = []
-    for number, entry in enumerate(entries, 1):
+    for number, entry in enumerate(entries):
         rest = ", ".join(f"{k}={json.dumps(v)}" for k, v in entry.items() if k != tag)
         short = rest if len(rest) <= _MAX_TEXT else f"{rest[:_MAX_TEXT]}…"
         lines.append(f"{number}. **{entry[tag]}** {f'`{short}`' if short else ''}".rstrip())

@@ -22,12 +22,13 @@ OF_PEERS = {
     "constrained_ik_drake": "pydrake",
     "optimize_peers_drake": "constrained_ik_drake",
     "peers_mplib": "mplib",
+    "peers_sscbirrt": "mujoco",
 }
 #: What other scripts import: nothing to run.
 WITHOUT_MAIN = {
     "__init__", "crowd", "example_arms", "fcl_judge", "machines", "mbm_ompl", "mbm_problems",
-    "mesh_scenes", "poses", "ratios", "recheck", "task_check", "task_problems", "task_sampling",
-    "triangles",
+    "mesh_scenes", "poses", "ratios", "recheck", "task_check", "task_export", "task_problems",
+    "task_sampling", "triangles",
 }  # fmt: skip
 #: Have tests of their own, with services of their own: tests/service/jobs/test_agent_jobs.py makes
 #: the faults of `agents`, in one process; tests/studio/test_workbench.py runs `studio_arms`.

@@ -28,7 +28,7 @@ def test_fields_are_set_and_left_out() -> None:
 
 
 def test_entries_are_described() -> None:
-    assert describe(ENTRIES, "kind").splitlines()[2] == "3. **c** `x=[1.0, 2.0]`"
+    assert describe(ENTRIES, "kind").splitlines()[2] == "2. **c** `x=[1.0, 2.0]`"
 
 
 @pytest.mark.parametrize(

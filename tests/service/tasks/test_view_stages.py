@@ -55,8 +55,13 @@ def place(data: dict[str, Any], name: str, time: float, q: Any) -> Any:
 def test_the_stages_of_a_task_share_a_timeline(task: Any) -> None:
     answer, data = task
     assert [item["begins"] for item in data["stages"]] == [s["begins"] for s in answer["stages"]]
-    assert data["stages"][1]["label"] == "2: approach"
+    assert data["stages"][1]["label"] == "1: approach"
     assert data["motion"]["breaks"][-1] == pytest.approx(answer["duration"])
+    for stage, item in zip(answer["stages"], data["stages"], strict=True):
+        # Numbers of stages and alternatives are those of the answer, from 0 on.
+        assert item["label"].startswith(f"{stage['index']}: ")
+        told = next(text for text in data["sentences"] if f"Stage {item['label']};" in text)
+        assert (f"choice {stage['choice']}" in told) == (stage["choice"] is not None)
     assert all(f"Stage {item['label']}; proved" in " ".join(data["sentences"])
                for item in data["stages"])  # fmt: skip
     for name in ("tool_speed", "torque", "clearance"):
@@ -110,7 +115,7 @@ def test_the_legs_of_a_tour_share_a_timeline_with_its_stays() -> None:
     data = document("POST /v1/tours", PLANAR, body, answer=answer)
     names = [item["label"] for item in data["stages"]]
     first, second = answer["order"]
-    assert names == [f"1: start to {first}", f"2: {first} to {second}", f"3: {second} to end"]
+    assert names == [f"0: start to {first}", f"1: {first} to {second}", f"2: {second} to end"]
     assert data["motion"]["breaks"][-1] == pytest.approx(answer["time"])
     assert "legs proved: 3 of 3" in data["sentences"][0]
     assert "Stays take 1.000 s" in data["sentences"][1]
