@@ -13,7 +13,7 @@ from armwright_client.base import (
     Request,
 )
 from armwright_client.certificate import Collisions, LimitValues
-from armwright_client.check import AttachedObjects
+from armwright_client.check import AttachedObjects, FingerPositions
 from armwright_client.clearance import Clearance, GoalCosts
 from armwright_client.constraint import Constraints
 from armwright_client.goal import Goal, GoalLike, Start, as_goal
@@ -35,6 +35,7 @@ class BatchProblem(Request):
     planner_options: Options | None = None
     constraints: Constraints | None = None
     attached: AttachedObjects | None = None
+    fingers: FingerPositions | None = None
     allowed_collisions: Pairs | None = None
     margin: NonNegative | None = None
     clearance: Clearance | None = None

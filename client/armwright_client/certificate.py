@@ -13,7 +13,7 @@ from armwright_client.base import (
     Request,
     Vector,
 )
-from armwright_client.check import AttachedObjects
+from armwright_client.check import AttachedObjects, FingerPositions
 from armwright_client.constraint import Constraints, ConstraintUse
 from armwright_client.dynamics import Payload
 from armwright_client.scene import SceneReference
@@ -143,6 +143,7 @@ class ValidateOptions(TypedDict, total=False):
         limits: In place of the robot's.
         constraints: That hold along the path.
         attached: Objects that move with a link.
+        fingers: Where joints of the gripper stand meanwhile [rad or m].
         allowed_collisions: More pairs that may touch.
         margin: Distance to be kept [m].
         collisions: "ignore" looks at no collisions at all, and the certificate says so.
@@ -159,6 +160,7 @@ class ValidateOptions(TypedDict, total=False):
     limits: LimitValues
     constraints: Constraints
     attached: AttachedObjects
+    fingers: FingerPositions
     allowed_collisions: Pairs
     margin: float
     collisions: Collisions
@@ -180,6 +182,7 @@ class ValidateRequest(Request):
     limits: LimitValues | None = None
     constraints: Constraints | None = None
     attached: AttachedObjects | None = None
+    fingers: FingerPositions | None = None
     allowed_collisions: Pairs | None = None
     margin: NonNegative | None = None
     collisions: Collisions | None = None

@@ -1,6 +1,6 @@
 """Collision checks."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Self, TypeAlias, TypedDict
 
 from pydantic import Field, model_validator
@@ -61,8 +61,10 @@ class Attached(Request):
 
 if TYPE_CHECKING:
     AttachedObjects: TypeAlias = Sequence[Attached]
+    FingerPositions: TypeAlias = Mapping[str, float]
 else:
     AttachedObjects = Annotated[list[Attached], PLAIN]
+    FingerPositions = Annotated[dict[str, float], PLAIN]
 
 
 class CheckOptions(TypedDict, total=False):
@@ -71,6 +73,7 @@ class CheckOptions(TypedDict, total=False):
     Args:
         scene: What it must not hit.
         attached: Objects that move with a link.
+        fingers: Where joints of the gripper stand meanwhile [rad or m].
         allowed_collisions: More pairs that may touch.
         margin: Distance to be kept [m].
         frame: Of an inline scene that names none: a link that stands still, or "tool".
@@ -83,6 +86,7 @@ class CheckOptions(TypedDict, total=False):
     frame: str
     depth: bool
     attached: AttachedObjects
+    fingers: FingerPositions
     allowed_collisions: Pairs
     margin: float
     timeout: float
@@ -96,6 +100,7 @@ class CheckRequest(Request):
     joints: Vector | Rows
     scene: SceneReference | None = None
     attached: AttachedObjects | None = None
+    fingers: FingerPositions | None = None
     allowed_collisions: Pairs | None = None
     margin: NonNegative | None = None
     frame: str | None = None

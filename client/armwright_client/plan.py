@@ -16,7 +16,7 @@ from armwright_client.base import (
     Vector,
 )
 from armwright_client.certificate import Certificate, Collisions, LimitValues
-from armwright_client.check import AttachedObjects
+from armwright_client.check import AttachedObjects, FingerPositions
 from armwright_client.clearance import Clearance, ClearanceReport, GoalCosts
 from armwright_client.constraint import Constraints
 from armwright_client.dynamics import Payload
@@ -218,6 +218,7 @@ class PlanOptions(TypedDict, total=False):
         refine: Whether, or how, the motion that was found is optimised.
         constraints: That hold along the path.
         attached: Objects that move with a link.
+        fingers: Where joints of the gripper stand meanwhile [rad or m].
         allowed_collisions: More pairs that may touch.
         margin: Distance to be kept [m].
         clearance: Distance to be kept wherever there is room.
@@ -238,6 +239,7 @@ class PlanOptions(TypedDict, total=False):
     refine: bool | Refine
     constraints: Constraints
     attached: AttachedObjects
+    fingers: FingerPositions
     allowed_collisions: Pairs
     margin: float
     clearance: Clearance
@@ -264,6 +266,7 @@ class PlanRequest(Request):
     refine: bool | Refine | None = None
     constraints: Constraints | None = None
     attached: AttachedObjects | None = None
+    fingers: FingerPositions | None = None
     allowed_collisions: Pairs | None = None
     margin: NonNegative | None = None
     clearance: Clearance | None = None

@@ -8,13 +8,13 @@ from pydantic import Field
 from armwright_client import task_stage
 from armwright_client.base import PLAIN, Answer, InFrame, NonNegative, Pairs, Positive, Request
 from armwright_client.certificate import Certificate, LimitValues
-from armwright_client.check import Attached, AttachedObjects
+from armwright_client.check import Attached, AttachedObjects, FingerPositions
 from armwright_client.goal import Start
 from armwright_client.plan import JointPath, Reproducibility, Stage, Timing
 from armwright_client.pose import Pose
 from armwright_client.scene import SceneReference
 from armwright_client.task_stage import *  # noqa: F403 (its `__all__` is the list)
-from armwright_client.task_stage import FingerPositions, Stages
+from armwright_client.task_stage import Stages
 from armwright_client.trajectory import TimedTrajectory
 
 __all__ = [

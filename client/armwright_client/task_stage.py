@@ -1,6 +1,6 @@
 """Stages of tasks: motions, choices, and changes of what the robot holds."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 from pydantic import Field
@@ -17,6 +17,7 @@ from armwright_client.base import (
     Vector3,
 )
 from armwright_client.certificate import LimitValues
+from armwright_client.check import FingerPositions
 from armwright_client.constraint import Constraints
 from armwright_client.goal import Goal
 from armwright_client.plan import Timing
@@ -44,11 +45,9 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
-    FingerPositions: TypeAlias = Mapping[str, float]
     Poses: TypeAlias = Sequence[Pose]
     FramedPoses: TypeAlias = Sequence[AnyPose]
 else:
-    FingerPositions = Annotated[dict[str, float], PLAIN]
     Poses = Annotated[list[Pose], PLAIN]
     FramedPoses = Annotated[list[AnyPose], PLAIN]
 

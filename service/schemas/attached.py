@@ -4,13 +4,23 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field, model_validator
 
-from service.schemas.base import Body, JointVector, Label, Matrix3, Point, Positive, exactly_one
+from service.schemas.base import (
+    Body,
+    JointVector,
+    Label,
+    Matrix3,
+    Number,
+    Point,
+    Positive,
+    exactly_one,
+)
 from service.schemas.pose import Pose
 from service.schemas.scene import Pair
 from service.schemas.shape import Shape
 
 MAX_ATTACHED = 100
 MAX_ALLOWED = 10_000
+MAX_FINGERS = 100
 
 
 class Attached(Body):
@@ -52,6 +62,19 @@ class Attached(Body):
         if self.mass is None and (self.center_of_mass is not None or self.inertia is not None):
             raise ValueError("center_of_mass and inertia need mass")
         return self
+
+
+FingerPositions = Annotated[dict[Label, Number], Field(max_length=MAX_FINGERS)]
+
+
+class WithFingers(Body):
+    """A request that may say where the gripper's fingers stand."""
+
+    fingers: FingerPositions | None = Field(
+        None,
+        description="where joints of the gripper stand meanwhile [rad or m]; the others where the "
+        "robot holds them",
+    )
 
 
 AttachedObjects = Annotated[

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from service.schemas.attached import AllowedCollisions, AttachedObjects
+from service.schemas.attached import AllowedCollisions, AttachedObjects, WithFingers
 from service.schemas.base import Answer, Frame, InFrame, Joints, Name, NonNegative, Timeout
 from service.schemas.keep import Keepable, PlanId
 from service.schemas.kinematics import JOINTS_EXAMPLE
@@ -16,7 +16,7 @@ Margin = Annotated[
 ]
 
 
-class CheckRequest(Keepable):
+class CheckRequest(WithFingers, Keepable):
     """Configurations to be checked against limits, themselves and a scene."""
 
     robot: Name = Field(examples=["panda"], description="name of a stored or built-in robot")

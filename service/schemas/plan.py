@@ -7,7 +7,7 @@ from pydantic.config import JsonDict
 
 from planning.sampling.planners import PLANNERS as SAMPLING
 from planning.sampling.planners import describe_options
-from service.schemas.attached import AllowedCollisions, AttachedObjects
+from service.schemas.attached import AllowedCollisions, AttachedObjects, WithFingers
 from service.schemas.base import (
     MAX_JOINTS,
     Answer,
@@ -119,7 +119,7 @@ _OPTIONS = (
 ) + "\n".join(f"* `{name}`: {describe_options(name)}" for name in SAMPLING)
 
 
-class PlanRequest(Keepable):
+class PlanRequest(WithFingers, Keepable):
     """A motion to be planned."""
 
     model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE, _CARTESIAN]})
@@ -260,7 +260,7 @@ class LimitsBody(Body):
     effort: JointRow | None = Field(None, description="of torques, where these are limited")
 
 
-class ValidateRequest(Keepable):
+class ValidateRequest(WithFingers, Keepable):
     """A motion to be proved valid, whoever made it."""
 
     robot: Name = Field(examples=["panda"], description="name of a stored or built-in robot")

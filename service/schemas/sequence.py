@@ -5,7 +5,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import ConfigDict, Field, model_validator
 from pydantic.config import JsonDict
 
-from service.schemas.attached import AllowedCollisions, AttachedObjects
+from service.schemas.attached import AllowedCollisions, AttachedObjects, FingerPositions
 from service.schemas.base import (
     Body,
     Frame,
@@ -46,7 +46,6 @@ Distance = Annotated[
         min_length=2, max_length=2, description="[least, most] way [m]; the longest is tried first"
     ),
 ]
-FingerPositions = Annotated[dict[Label, Number], Field(max_length=MAX_TOUCHING)]
 Deviation = Annotated[float, Field(ge=1e-7, le=1.0)]
 
 

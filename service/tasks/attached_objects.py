@@ -12,11 +12,12 @@ from kinematics.chain import Chain
 from kinematics.errors import InvalidScene
 from kinematics.forward import link_number
 from obstacles.attachment import Attachment, grasp, hold
+from obstacles.finger_geometry import with_fingers
 from obstacles.placement import in_frame, place
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Obstacle, Scene
 from service.schemas import scene as schema
-from service.schemas.attached import Attached
+from service.schemas.attached import Attached, WithFingers
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
 from service.translate import poses
@@ -93,7 +94,7 @@ def robot_in_scene(
     body: CollisionRequest,
     joints: Array | None = None,
 ) -> RobotInScene:
-    """The robot of a request with the objects it holds, in the scene of the request.
+    """The robot of a request with the objects it holds and its fingers where they are to stand.
 
     Args:
         robot: The robot.
@@ -106,9 +107,12 @@ def robot_in_scene(
         InvalidScene: The scene or an object is not valid, has no shape, or its name is taken.
         InvalidLinkName: A link is unknown.
         InvalidObjectName: A name that may touch is unknown, or nothing is there to be grasped.
-        InvalidOption: A mass or an inertia is none of a body.
+        InvalidOption: A mass or an inertia is none of a body, or a joint is none of the gripper, or
+            beyond its limits.
     """
     geometry = worker_cache.robot(robot).geometry
+    if isinstance(body, WithFingers):
+        geometry = with_fingers(geometry, body.fingers or {})
     surroundings = requested_scene(scene, body, geometry.chain, joints)
     return attach(geometry, surroundings, body.attached, body.allowed_collisions)
 

@@ -22,6 +22,8 @@ from armwright_client import (
     RetreatStage,
     Scene,
 )
+from kinematics.forward import forward
+from kinematics.robots import builtin_chain
 from service.schemas.sequence import TaskRequest
 from service.schemas.sequence_answer import TaskAnswer
 from tests.planning.sequence import fingers
@@ -232,12 +234,52 @@ def test_a_goal_that_is_passed_joins_two_motions_in_speed(client: httpx.Client) 
     assert max(abs(p.deriv()(0.0)) for p in start) > 0.05
 
 
-def test_fingers_move_and_the_next_task_begins_where_they_are(client: httpx.Client) -> None:
+@pytest.fixture
+def claws(client: httpx.Client) -> str:
+    """Name of the Panda whose fingers move."""
     body = {"name": "claws", "urdf": fingers.urdf(), "srdf": fingers.srdf()}
-    assert client.post("/v1/robots", json=body).status_code == 201
+    assert client.post("/v1/robots", json=body).status_code in (201, 409)
+    return "claws"
+
+
+def test_check_plan_and_validate_have_the_fingers_where_they_are_told(
+    client: httpx.Client, claws: str
+) -> None:
+    # A ball where the left plate is at 0.055 and not at 0: beside the middle of the hand.
+    at = forward(builtin_chain("panda"), np.array(HOME), "panda_hand") @ [0.0, 0.055, 0.13, 1.0]
+    ball = {"id": "ball", "shape": {"type": "sphere", "radius": 0.003},
+            "pose": {"position": at[:3].tolist()}}  # fmt: skip
+    there = [HOME[0] + 0.5, *HOME[1:]]
+    body: dict[str, Any] = {"robot": claws, "scene": {"obstacles": [ball]}}
+    wide = {"fingers": {"claw_left": 0.055}}
+    assert answer(client.post("/v1/check", json=body | {"joints": HOME}))["valid"]
+    touched = answer(client.post("/v1/check", json=body | wide | {"joints": HOME}))
+    assert [sorted(hit["pair"]) for hit in touched["collisions"]] == [["ball", "claw_left_plate"]]
+    asked = body | {"start": {"joints": HOME}, "goal": {"joints": there}}
+    planned = answer(client.post("/v1/plan", json=asked))
+    told = problem(client.post("/v1/plan", json=asked | wide), 422, "START_STATE_IN_COLLISION")
+    assert sorted(told["details"]["pair"]) == ["ball", "claw_left_plate"]
+    motion = body | {"trajectory": planned["trajectory"]}
+    assert answer(client.post("/v1/validate", json=motion))["verified"]
+    certificate = answer(client.post("/v1/validate", json=motion | wide))
+    assert not certificate["verified"]
+    assert sorted(certificate["violation"]["pair"]) == ["ball", "claw_left_plate"]
+    for path, given in (("check", {"joints": HOME}), ("validate", motion), ("plan", asked)):
+        unknown = body | given | {"fingers": {"panda_joint1": 0.1}}
+        refused = problem(client.post(f"/v1/{path}", json=unknown), 422, "VALIDATION_ERROR")
+        assert "claw_left" in refused["hint"]
+    with Client(str(client.base_url)) as connected:
+        around = Scene.model_validate(body["scene"])
+        seen = connected.check(claws, HOME, scene=around, fingers=wide["fingers"])
+    assert not seen.valid
+
+
+def test_fingers_move_and_the_next_task_begins_where_they_are(
+    client: httpx.Client, claws: str
+) -> None:
     touches = ["panda_hand", "claw_left_plate", "claw_right_plate"]
     asked = [{"kind": "open"}, *stages((2, {"touch_links": touches}))[:5]]
-    first = plan(client, robot="claws", stages=asked)
+    first = plan(client, robot=claws, stages=asked)
     assert first["stages"][0]["fingers"]["joint_names"] == ["claw_left", "claw_right"]
     assert first["stages"][1]["fingers"] is None
     after = first["stages"][-1]["after"]
@@ -245,7 +287,7 @@ def test_fingers_move_and_the_next_task_begins_where_they_are(client: httpx.Clie
     last = first["stages"][-1]["trajectory"]["segments"][-1]["coefficients"]
     joints = [row[0] for row in last]
     opens = {"kind": "open", "joints": {"claw_left": 0.03}}
-    going = {"robot": "claws", "start": {"joints": joints}}
+    going = {"robot": claws, "start": {"joints": joints}}
     second = plan(client, **going, stages=[opens], allowed_collisions=[["crate", "table"]], **after)
     (segment,) = second["stages"][0]["fingers"]["segments"]
     assert [row[0] for row in segment["coefficients"]] == pytest.approx([0.025, 0.025])
@@ -256,7 +298,7 @@ def test_fingers_move_and_the_next_task_begins_where_they_are(client: httpx.Clie
     assert "open, close" in told["hint"]
     with Client(str(client.base_url)) as connected:
         stage = CloseStage(joints={"claw_left": 0.0})
-        closed = connected.plan_task("claws", HOME, [stage], fingers={"claw_left": 0.02})
+        closed = connected.plan_task(claws, HOME, [stage], fingers={"claw_left": 0.02})
     motion = closed.stages[0].fingers
     assert motion is not None
     assert motion.sample([0.0])[0] == pytest.approx([0.02, 0.02])

@@ -127,7 +127,7 @@ TOOL_MOTIONS = {
 SMALL_SCENE = {"obstacles": OBSTACLES[1:2]}
 ABOUT: dict[str, Any] = {"attached": ATTACHED[1:], "allowed_collisions": [["hand", "o0"]]}
 PLAN: dict[str, Any] = ABOUT | {
-    "robot": "panda", "scene": SMALL_SCENE, "frame": "base",
+    "robot": "panda", "fingers": {"claw": 0.01}, "scene": SMALL_SCENE, "frame": "base",
     "start": {"joints": [0.0, 0.1]} | RATES,
     "goal": {"joints": [0.5, 0.6]} | RATES, "planner": "rrt_connect",
     "planner_options": {"range": 0.5}, "constraints": CONSTRAINTS[:1], "margin": 0.01,
@@ -198,6 +198,7 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
     (NamedScene, {"name": "table", "moveit": "name: x"}),
     (ProjectRequest, {"points": [[0.5, 0.0, 0.4]], "engine": "fcl"}),
     (CheckRequest, ABOUT | {"robot": "panda", "scene": SMALL_SCENE, "keep": True,
+                            "fingers": {"claw": 0.01},
                             "joints": [[0.0, 0.1], [0.2, 0.3]], "margin": 0.01, "timeout": 5.0,
                             "frame": "base", "depth": False}),
     (FkRequest, {"joints": [0.0, 0.1], "link": "hand", "orientation": "rpy",
@@ -254,6 +255,7 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
                           "planner_options": {"motions": MOTIONS, "allow_partial": True}}),
     (BatchRequest, BATCH | {"problems": [BRIEF, {"goal": POSE_GOAL}]}),
     (ValidateRequest, ABOUT | {
+        "fingers": {"claw": 0.01},
         "robot": "panda", "scene": SMALL_SCENE, "frame": "base", "trajectory": SAMPLES,
         "limits": LIMITS, "keep": True,
         "constraints": CONSTRAINTS[:1], "margin": 0.01, "collisions": "ignore",
