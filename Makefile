@@ -129,7 +129,7 @@ audit:  ## Look for dangerous code (bandit) and for packages with known faults (
 	@test -x $(AUDIT)/pip-audit || { $(PYTHON) -m venv $(VENV)-audit && \
 		$(AUDIT)/pip install -q --disable-pip-version-check bandit==1.9.4 pip-audit==2.10.1; }
 	$(AUDIT)/bandit -q -c pyproject.toml -r armwright command_line kinematics dynamics obstacles planning tracking service client
-	$(AUDIT)/pip-audit -r constraints.txt --no-deps --disable-pip
+	$(AUDIT)/python -m scripts.audit $(AUDIT)/pip-audit
 
 # schemathesis in a folder of its own; the server it asks is this one, on this machine only.
 contract: $(TOOLS)  ## Hold the service against its OpenAPI document: make contract SEED=1 (wants the network)

@@ -42,8 +42,9 @@ REQUESTS: dict[str, tuple[str, dict[str, Any]]] = {
 #: Clients whose goodput is the measure: as many as workers.
 _WORKERS = 2
 _TICK = os.sysconf("SC_CLK_TCK")
-#: Places of the time in user and in kernel mode behind a process's name in ``/proc/<pid>/stat``.
-_TIMES = slice(11, 13)
+#: Places of times behind a process's name in ``/proc/<pid>/stat``: in user and in kernel mode, its
+#: own and those of its children that have ended.
+_TIMES = slice(11, 15)
 
 
 class Run(NamedTuple):
@@ -84,7 +85,7 @@ def _processors() -> int:
 
 
 def spent(pids: Iterable[int]) -> float:
-    """Time of a processor that some processes have taken so far [s]."""
+    """Time of a processor that processes and children of theirs have taken so far [s]."""
     ticks = 0
     for pid in pids:
         with suppress(OSError):
@@ -112,11 +113,10 @@ def run(pid: int, url: str, name: str, clients: int, seconds: float, *, patient:
         patient: Whether they wait as Retry-After says.
     """
     host, port = url.removeprefix("http://").split(":")
-    workers = descendants(pid)
-    server, working = spent([pid]), spent(workers)
+    server, working = spent([pid]), spent(descendants(pid))
     asked = content(*REQUESTS[name])
     figures = crowd((host, int(port)), asked, clients, seconds, patient=patient)
-    return Run(figures, seconds, spent([pid]) - server, spent(workers) - working)
+    return Run(figures, seconds, spent([pid]) - server, spent(descendants(pid)) - working)
 
 
 def percentile(values: list[float], part: float) -> float:

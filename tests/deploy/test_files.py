@@ -28,6 +28,14 @@ KUBERNETES = [
 _VERSION = "1.32"
 #: Kinds of KEDA, which Kubernetes has no schemas of.
 _KEDA = ("ScaledObject", "TriggerAuthentication")
+#: Fields of KEDA's ScaledObject, of its triggers, and what its PostgreSQL scaler reads (KEDA,
+#: "ScaledObject specification" and "PostgreSQL scaler").
+_SCALED = {
+    "advanced", "cooldownPeriod", "fallback", "idleReplicaCount", "initialCooldownPeriod",
+    "maxReplicaCount", "minReplicaCount", "pollingInterval", "scaleTargetRef", "triggers",
+}  # fmt: skip
+_TRIGGER = {"type", "metadata", "authenticationRef", "name", "metricType", "useCachedMetrics"}
+_POSTGRESQL = {"query", "targetQueryValue", "activationTargetQueryValue"}
 
 
 class _Supervisor:
@@ -95,6 +103,14 @@ def test_manifests_name_settings_ports_and_labels_that_exist() -> None:
         target = document.get("spec", {}).get("scaleTargetRef", {}).get("name")
         assert target is None or target in names
     (scaled,) = (d for _, d in KUBERNETES if d["kind"] == "ScaledObject")
+    assert set(scaled["spec"]) <= _SCALED
+    (trigger,) = scaled["spec"]["triggers"]
+    assert set(trigger) <= _TRIGGER
+    assert set(trigger["metadata"]) <= _POSTGRESQL
+    assert float(trigger["metadata"]["targetQueryValue"]) > 0.0
+    (secret,) = (d for _, d in KUBERNETES if d["kind"] == "TriggerAuthentication")
+    assert trigger["authenticationRef"]["name"] == secret["metadata"]["name"]
+    assert {one["parameter"] for one in secret["spec"]["secretTargetRef"]} == {"connection"}
     assert f"queue_name = '{messages.QUEUE}'" in scaled["spec"]["triggers"][0]["metadata"]["query"]
 
 

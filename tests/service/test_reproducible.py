@@ -19,6 +19,8 @@ _REPEATS = 20
 _CLIENTS = 4
 
 PLAN = BODY | {"seed": 5}
+PLACE = {"scene": BODY["scene"]}
+ABOVE = {"position": [0.5, -0.2, 0.5], "quaternion_xyzw": [1.0, 0.0, 0.0, 0.0]}
 REQUESTS: dict[str, tuple[str, dict[str, Any]]] = {
     "plan": ("/v1/plan", PLAN),
     "rrt_connect": ("/v1/plan", PLAN | {"planner": "rrt_connect"}),
@@ -36,6 +38,51 @@ REQUESTS: dict[str, tuple[str, dict[str, Any]]] = {
     "check": (
         "/v1/check",
         {"robot": "panda", "scene": BODY["scene"], "joints": [HOME, ASIDE]},
+    ),
+    "simulate": (
+        "/v1/simulate",
+        {
+            "robot": "planar_rr",
+            "reference": {"type": "hold", "joints": [0.3, -0.4], "duration": 0.1},
+            "controller": {"type": "computed_torque", "natural_frequency": 10.0},
+            "model_error": {"mass_scale": 1.2},
+        },
+    ),
+    "task": (
+        "/v1/tasks",
+        PLACE
+        | {
+            "robot": "panda",
+            "start": {"joints": HOME},
+            "stages": [
+                {"kind": "move", "name": "there", "goal": {"joints": ASIDE}},
+                {
+                    "kind": "move",
+                    "name": "back",
+                    "goal": {"pose": ABOVE, "position_tolerance": 1e-3},
+                },
+            ],
+            "improve": 0.0,
+            "timeout": 60.0,
+        },
+    ),
+    "tour": (
+        "/v1/tours",
+        PLACE
+        | {
+            "robot": "panda",
+            "start": {"joints": HOME},
+            "rounds": 1,
+            "goals": [
+                {"joints": ASIDE},
+                {"pose": ABOVE, "tolerance": {"free": ["rz"], "samples": 2}},
+            ],
+            "timeout": 60.0,
+        },
+    ),
+    "reach": (
+        "/v1/robots/panda/reach",
+        PLACE | {"poses": [ABOVE, ABOVE | {"position": [0.4, 0.2, 0.3]}]},
     ),
     "velocity": ("/v1/robots/panda/velocity", {"joints": HOME, "twist": [0.1, 0, 0, 0, 0, 0.2]}),
 }
