@@ -15,6 +15,7 @@ import armwright_client
 from armwright_client import AsyncClient, AsyncPending, BatchAnswer, Client, JobEvent, Pending, Plan
 from armwright_client.planner import KnownPlanner
 from service.schemas.plan import PLANNERS
+from tests.client.scripted import Scripted, problem
 
 #: Modules whose names people import one by one.
 USUAL = ("builtins", "pathlib", "typing", "dataclasses", "collections", "asyncio", "enum", "json")
@@ -60,6 +61,17 @@ def test_type_checkers_know_all_planners() -> None:
     ompl = set(get_args(KnownPlanner)) - set(PLANNERS)
     assert {"RRTConnect", "PRM"} <= ompl
     assert all(name[0].isupper() for name in ompl)
+
+
+def test_a_misspelt_planner_is_found_before_it_runs() -> None:
+    # Checking the types holds this: an ignored fault that is none is a fault itself.
+    transport = Scripted([problem(422, "INVALID_REQUEST")])
+    with Client("http://robots", transport=transport) as client:
+        with pytest.raises(armwright_client.InvalidRequest):
+            client.plan("panda", [0.0], [1.0], planner="rrt_conect")  # type: ignore[arg-type]
+        with pytest.raises(armwright_client.InvalidArgument, match="planer"):
+            client.plan("panda", [0.0], [1.0], planer="rrt")  # type: ignore[call-arg]
+    assert len(transport.requests) == 1
 
 
 def test_the_import_is_quick(tmp_path: Path) -> None:
