@@ -1,6 +1,6 @@
 """The search for a path: planners in turn, shortcuts, and the distance from what is passed."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
@@ -15,7 +15,7 @@ from planning.deadline import Deadline
 from planning.diagnosis import Diagnosis, diagnose
 from planning.options import Options
 from planning.planner import Planner, Query
-from planning.planners import CASCADE
+from planning.planners import CASCADE, CASCADE_AGAIN
 from planning.problem import Problem
 from planning.ready import Ready
 from planning.result import Attempt, Failure
@@ -80,20 +80,23 @@ class PathSearch:
         for checker in ready.checkers:
             levels = clearance_levels(checker, self.options.clearance)
             until = deadline.within(_PREFERRED_SHARE * deadline.remaining)
-            spacious = self._spacious_query(best if chooses else ready, levels, until)
+            preferred, planners = best if chooses else ready, self.planners
+            spacious = self._spacious_query(preferred, levels, until)
             if spacious is not None:
-                found, attempt = self._ask_planners(spacious, levels)
+                found, attempt = self._ask_planners(planners, spacious, levels)
                 if found is not None:
                     return found
+                if len(spacious.ready.goals) == len(preferred.goals):
+                    planners = CASCADE_AGAIN
             if chooses:
                 query = self._query(best, checker, until, _MAX_EDGES_TO_BEST)
-                found, attempt = self._ask_planners(query, levels)
+                found, attempt = self._ask_planners(planners, query, levels)
                 if found is not None:
                     return found
             share = 1.0 if checker is ready.checkers[-1] else _HULLS_SHARE
             until = deadline.within(share * deadline.remaining)
             query = self._query(ready, checker, until)
-            found, attempt = self._ask_planners(query, levels)
+            found, attempt = self._ask_planners(planners, query, levels)
             if found is not None:
                 return found
         if attempt.failure is not None:
@@ -126,10 +129,10 @@ class PathSearch:
         return Query(self.problem, ready, checker, options.seed, until, max_edges, options.explored)
 
     def _ask_planners(
-        self, query: Query, levels: tuple[Checker, ...]
+        self, planners: Sequence[Planner], query: Query, levels: tuple[Checker, ...]
     ) -> tuple[FoundPath | None, Attempt]:
         """The first path that a planner finds, if one does, and the last attempt."""
-        for planner in self.planners:
+        for planner in planners:
             attempt = self.stages.run(planner.name, partial(planner.plan, query), _describe_attempt)
             if attempt.waypoints is not None:
                 path = attempt.waypoints

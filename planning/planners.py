@@ -84,6 +84,10 @@ CASCADE: tuple[Planner, ...] = (
     ),
 )
 
+#: Those of them that are asked once more with less clearance than preferred: a descent that led
+#: nowhere with the preferred one rarely arrives with less, and costs as much again.
+CASCADE_AGAIN = tuple(planner for planner in CASCADE if planner.name != PotentialField.name)
+
 
 def _reject_options(options: Options) -> None:
     if options.planner_options:
