@@ -1,11 +1,14 @@
 """Seams on lines, arcs, cylinders, spheres and a saddle, followed by four arms and judged densely.
 
     python -m benchmarks.seams [--seams 13] [--arms panda ur5e kr6_sixx iiwa_rail] [--peer]
+        [--length 1.0]
 
 For each arm ``--seams`` times five shapes with two tolerances in turn: welding (free spin, tilt of
 5 degrees) and painting (free spin, tilt of 15 degrees), 200 waypoints each, past a post beside the
 work. Beside it, with ``--peer``, a ladder graph as Descartes has it: every waypoint a layer, the
 spin sampled every 15 degrees, joints interpolated straight between waypoints.
+
+With ``--length`` all seams are as long as that, and the post stands farther from the work.
 
 The judge is pinocchio's forward kinematics for the tool (distance from the polyline, tilt) and
 python-fcl for collisions, at times that are no multiple of anything.
@@ -95,8 +98,16 @@ def load(name: str) -> Arm:
     return Arm(robot, model, model.createData(), model.getFrameId(chain.tip_link))
 
 
-def seam(shape: str, random: np.random.Generator) -> tuple[SeamWaypoint, ...]:
-    """A seam of about 0.5 m in front of an arm, the tool's z into the surface."""
+def seam(
+    shape: str, random: np.random.Generator, length: float | None = None
+) -> tuple[SeamWaypoint, ...]:
+    """A seam in front of an arm, the tool's z into the surface.
+
+    Args:
+        shape: One of ``SHAPES``.
+        random: Where it is, and how much it bends.
+        length: Of it [m]; 0.3 m to 0.5 m, as it comes, if None.
+    """
     s = np.linspace(-1.0, 1.0, WAYPOINTS)
     x, y, z = 0.42 + random.uniform(0.0, 0.12), random.uniform(-0.12, 0.12), 0.2
     z += random.uniform(0.0, 0.15)
@@ -121,6 +132,11 @@ def seam(shape: str, random: np.random.Generator) -> tuple[SeamWaypoint, ...]:
         points = np.column_stack([x + u, y + v, z + 1.5 * (u**2 - v**2)])
         out = np.column_stack([-3.0 * u, 3.0 * v, np.ones(WAYPOINTS)])
         out /= np.linalg.norm(out, axis=1)[:, None]
+    if length is not None:
+        # The same surface at another scale, about the middle of the seam: normals stay.
+        ways = np.linalg.norm(np.diff(points, axis=0), axis=1)
+        middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+        points = middle + length / ways.sum() * (points - middle)
     along = np.gradient(points, axis=0)
     return tuple(_waypoint(p, n, t) for p, n, t in zip(points, out, along, strict=True))
 
@@ -180,20 +196,22 @@ def main() -> None:
     parser.add_argument("--seams", type=int, default=13)
     parser.add_argument("--arms", nargs="+", default=list(STARTS), choices=list(STARTS))
     parser.add_argument("--peer", action="store_true")
+    parser.add_argument("--length", type=float, help="of all seams [m]")
     chosen = parser.parse_args()
     for name in chosen.arms:
-        _measure(name, chosen.seams, chosen.peer)
+        _measure(name, chosen.seams, chosen.peer, chosen.length)
 
 
-def _measure(name: str, count: int, peer: bool) -> None:
+def _measure(name: str, count: int, peer: bool, length: float | None) -> None:
     arm, random = load(name), np.random.default_rng(7)
     start = np.array(STARTS[name])
-    scene = Scene((Obstacle("post", Cylinder(0.03, 0.8), transform(None, [0.45, 0.45, 0.4])),))
+    place = [0.45, 0.45, 0.4] if length is None else [0.0, 0.6, 0.4]
+    scene = Scene((Obstacle("post", Cylinder(0.03, 0.8), transform(None, place)),))
     times, shares, peer_times = [], [], []
     reasons: Counter[str] = Counter()
     unclean = peer_solved = 0
     for k in range(count * len(SHAPES)):
-        waypoints = seam(SHAPES[k % len(SHAPES)], random)
+        waypoints = seam(SHAPES[k % len(SHAPES)], random, length)
         tilt = np.radians(5.0 if k % 2 else 15.0)
         asked = SeamOptions(waypoints, ToolTolerance.of({}, ("rz",), tilt), tool_speed=SPEED)
         problem = Problem(arm.robot, scene, start, (PoseGoal(waypoints[-1].T_base_tip),))

@@ -4,7 +4,7 @@ Planners give attempts: waypoints, or joint paths that lead the tool. Whatever t
 shortened, timed and proved here, and here alone the answer is put together.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
@@ -203,23 +203,32 @@ class _Pipeline:
         chain = self.problem.robot.chain
 
         def time_tool(
-            transit: Callable[[], ScaledTime] | None = None, *, near: bool = False
+            transits: Sequence[Callable[[], ScaledTime]] = (), *, near: bool = False
         ) -> _Timed:
-            before = None if transit is None else transit().trajectory
-            timed = time_tool_path(chain, tool_path, self.parametrization, before, near=near)
+            places = [place for place, _ in tool_path.transits]
+            free = {k: time().trajectory for k, time in zip(places, transits, strict=True)}
+            timed = time_tool_path(chain, tool_path, self.parametrization, free, near=near)
             return _Timed(timed.trajectory(chain), timed, timed.notes)
 
-        if tool_path.transit is None:
+        if not tool_path.transits:
             # Near a path means off it: constraints that the path just holds are left to the path.
             if self.parametrization.method.near_path and not self.problem.constraints:
                 yield partial(time_tool, near=True)
             yield time_tool
             return
-        for motion in motions(
-            found.levels[-1], tool_path.transit, self.parametrization, self.options.timing,
-            self.deadline,
-        ):  # fmt: skip
-            yield partial(time_tool, motion)
+        ways = [
+            motions(found.levels[-1], waypoints, self.parametrization, self.options.timing,
+                    self.deadline)
+            for _, waypoints in tool_path.transits
+        ]  # fmt: skip
+        chosen = [next(way) for way in ways]
+        while True:
+            yield partial(time_tool, tuple(chosen))
+            # Where the motion is refused all free ones take their next, safer form.
+            safer = [next(way, None) for way in ways]
+            if not any(safer):
+                return
+            chosen = [new or old for new, old in zip(safer, chosen, strict=True)]
 
     def _prove(self, timed: _Timed) -> Certificate:
         return self.stages.run("certificate", partial(self._certify, timed), _describe_certificate)

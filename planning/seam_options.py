@@ -53,7 +53,7 @@ class StraightOffset:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SeamOptions:
-    """A seam to be followed in one branch of inverse kinematics.
+    """A seam to be followed in one branch of inverse kinematics, or with rests where it changes.
 
     Args:
         waypoints: In order, two at least.
@@ -62,6 +62,8 @@ class SeamOptions:
         speed_band: Largest difference from it, as part of it.
         approach: Motion that ends at the seam's start; None for none.
         retreat: Motion that begins at its end; None for none.
+        branch_changes: Motion away from a waypoint after which the arm may come back in another
+            branch; None where the whole seam is to be followed in one.
 
     Raises:
         InvalidOption: There are too few waypoints, or a speed is out of its range.
@@ -73,6 +75,7 @@ class SeamOptions:
     speed_band: float = SPEED_BAND
     approach: StraightOffset | None = None
     retreat: StraightOffset | None = None
+    branch_changes: StraightOffset | None = None
 
     def __post_init__(self) -> None:
         if len(self.waypoints) < 2:

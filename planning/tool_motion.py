@@ -195,6 +195,8 @@ class TimedToolMotions:
         tolerances: Of each motion the box that the tool may be in, to which the two deviations are
             added on all sides; None where they alone count. Empty where they do for all motions.
         speed: Speeds to be kept: the largest is a limit, of the least it is told where it holds.
+        begins: When each begins where that is later than the end of the one before, so that the
+            tool is free in between, shape (k,) [s]; None where each follows at once.
 
     Raises:
         InvalidGoal: The times are not as many as that, or they descend.
@@ -206,14 +208,24 @@ class TimedToolMotions:
     max_orientation: float | None = None
     tolerances: tuple[ToolTolerance | None, ...] = ()
     speed: SpeedBand | None = None
+    begins: Array | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "times", frozen(self.times))
+        begins = self.times[:-1] if self.begins is None else self.begins
+        object.__setattr__(self, "begins", frozen(begins))
         if self.times.shape != (len(self.motions) + 1,) or (np.diff(self.times) < 0.0).any():
             raise InvalidGoal(
                 f"{len(self.motions)} motion(s) of the tool need {len(self.motions) + 1} times "
                 "that do not descend",
                 hint="Give when each motion begins, and when the last one ends.",
+            )
+        begins = np.asarray(self.begins)
+        fits = begins.shape == (len(self.motions),)
+        if not fits or (begins < self.times[:-1]).any() or (begins > self.times[1:]).any():
+            raise InvalidGoal(
+                "a motion of the tool begins before the one before ends, or after its own end",
+                hint="Give times that do not descend.",
             )
 
     @property
@@ -228,9 +240,9 @@ class TimedToolMotions:
 
     @property
     def _rows(self) -> list[tuple[ToolMotion, float, float, ToolTolerance | None]]:
-        times = self.times.tolist()
+        begins, ends = np.asarray(self.begins).tolist(), self.times[1:].tolist()
         boxes = self.tolerances or (None,) * len(self.motions)
-        return list(zip(self.motions, times[:-1], times[1:], boxes, strict=True))
+        return list(zip(self.motions, begins, ends, boxes, strict=True))
 
 
 def line(T_start: Array, T_end: Array) -> ToolMotion:

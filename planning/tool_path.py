@@ -90,8 +90,8 @@ class ToolPath:
             and the share of the one that was not, over their number.
         stop: Why it ends early; None where it does not.
         tolerances: How far the tool may be off its motions.
-        transit: Waypoints of the free motion to where the first one begins, shape (k, n); None
-            where the robot is there.
+        transits: Free motions before some of the motions: the index of the motion that each leads
+            to, and its waypoints, shape (k, n).
         speed_band: Least and largest speed of the tool in motions with a tolerance [m/s]; None
             where none is asked for.
     """
@@ -101,16 +101,16 @@ class ToolPath:
     fraction: float
     stop: Stop | None
     tolerances: Tolerances
-    transit: Array | None = None
+    transits: tuple[tuple[int, Array], ...] = ()
     speed_band: tuple[float, float] | None = None
 
     @property
     def waypoints(self) -> Array:
         """The configurations that the curves go through, shape (k, n)."""
-        rows = [self.segments[0].start]
-        if self.transit is not None:
-            rows = list(self.transit)
-        for item in self.segments:
+        transits = dict(self.transits)
+        rows = [] if 0 in transits else [self.segments[0].start]
+        for k, item in enumerate(self.segments):
+            rows += list(transits[k][1 if k > 0 else 0 :]) if k in transits else []
             if item.path is not None:
                 rows += [*item.path.coefficients[1:, :, 0], item.end]
         return np.array(rows)

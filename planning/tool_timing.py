@@ -1,6 +1,8 @@
 """Timing of joint paths that lead the tool, from rest to rest along every motion."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import numpy as np
 
@@ -40,19 +42,20 @@ class TimedToolPath:
         parts: One trajectory for each motion in which the joints move.
         reports: Times of each motion, and the share of it that is carried out.
         notes: About the timing.
-        transit: The motion to the start of the tool path; None where it begins at once.
+        transits: Free motions before some of the motions, by the index of the one that each leads
+            to.
     """
 
     path: ToolPath
     parts: tuple[Trajectory, ...]
     reports: tuple[ToolMotionReport, ...]
     notes: tuple[str, ...] = ()
-    transit: Trajectory | None = None
+    transits: Mapping[int, Trajectory] = field(default_factory=lambda: MappingProxyType({}))
 
     @property
     def begins(self) -> float:
         """Time at which the first tool motion begins [s]."""
-        return 0.0 if self.transit is None else self.transit.duration
+        return self.transits[0].duration if 0 in self.transits else 0.0
 
     @property
     def tool_motions(self) -> TimedToolMotions:
@@ -67,6 +70,7 @@ class TimedToolPath:
             tolerances.orientation,
             tuple(part.tolerance for part in parts),
             self._speed_band(),
+            np.array([report.begins for report in self.reports]),
         )
 
     def _speed_band(self) -> SpeedBand | None:
@@ -84,7 +88,10 @@ class TimedToolPath:
 
     def trajectory(self, chain: Chain) -> Trajectory:
         """The parts one after the other; a short stay where there are none."""
-        parts = self.parts if self.transit is None else (self.transit, *self.parts)
+        remaining, parts = iter(self.parts), []
+        for k, segment in enumerate(self.path.segments):
+            parts += [self.transits[k]] if k in self.transits else []
+            parts += [next(remaining)] if segment.path is not None else []
         if parts:
             return concatenate(parts)
         return stay(chain.joint_names, self.path.segments[0].start)
@@ -101,7 +108,7 @@ def time_tool_path(
     chain: Chain,
     path: ToolPath,
     parametrization: TimeParametrization,
-    transit: Trajectory | None = None,
+    transits: Mapping[int, Trajectory] | None = None,
     *,
     near: bool = False,
 ) -> TimedToolPath:
@@ -111,7 +118,7 @@ def time_tool_path(
         chain: The robot; its tip is the tool.
         path: The joint paths.
         parametrization: The method and the limits.
-        transit: The motion to the start of the path, at rest at both ends.
+        transits: Free motions before some of the motions, at rest at both ends.
         near: Whether splines of few pieces are taken that keep near the path, not exactly to it.
 
     Raises:
@@ -125,9 +132,9 @@ def time_tool_path(
             for pair in zip(runs, scaled, strict=True)
         ]
     parts = tuple(part.trajectory for part in scaled)
-    begins = 0.0 if transit is None else transit.duration
-    reports = _reports(chain, path, parts, begins)
-    return TimedToolPath(path, parts, reports, parametrization.method.notes(scaled), transit)
+    free = transits or {}
+    reports = _reports(chain, path, parts, free)
+    return TimedToolPath(path, parts, reports, parametrization.method.notes(scaled), free)
 
 
 def _begun_parts(path: ToolPath) -> list[RunPart]:
@@ -140,13 +147,18 @@ def _begun_parts(path: ToolPath) -> list[RunPart]:
 
 
 def _reports(
-    chain: Chain, path: ToolPath, trajectories: tuple[Trajectory, ...], begins: float
+    chain: Chain,
+    path: ToolPath,
+    trajectories: tuple[Trajectory, ...],
+    transits: Mapping[int, Trajectory],
 ) -> tuple[ToolMotionReport, ...]:
-    """Times of each motion of a tool path that begins at a time [s]."""
+    """Times of each motion of a tool path, with the free motions before some of them."""
     remaining = iter(trajectories)
     reports: list[ToolMotionReport] = []
-    now = then = begins
-    for run, segment in zip(path.runs, path.segments, strict=True):
+    now = 0.0
+    for k, (run, segment) in enumerate(zip(path.runs, path.segments, strict=True)):
+        now += transits[k].duration if k in transits else 0.0
+        then = now
         reached = 1.0 if segment.stop is None else segment.reached
         parts = run.parts_until(reached)
         ends = [0.0] * len(parts)

@@ -85,6 +85,8 @@ class CartesianOptions(Request):
         speed_band: Largest difference from it, as part of it.
         approach: Motion to the first waypoint.
         retreat: Motion from the last waypoint.
+        branch_changes: Motion away from a waypoint after which the arm may come back in another
+            branch; None forbids it.
     """
 
     motions: list[ToolMotion] | None = None
@@ -99,6 +101,7 @@ class CartesianOptions(Request):
     speed_band: Positive = 0.1
     approach: StraightOffset | None = None
     retreat: StraightOffset | None = None
+    branch_changes: StraightOffset | None = None
 
     def as_options(self) -> dict[str, Any]:
         """The mapping that a plan's `planner_options` take."""
@@ -116,12 +119,12 @@ class CartesianOptions(Request):
                 TimedToolMotion(
                     **dict(report.as_motion),
                     start=report.start,
+                    begins=report.begins,
                     part=report.part,
                     tolerance=self._tolerance(report),
                 )
                 for report in reports
             ],
-            begins=reports[0].begins,
             ends=[report.ends for report in reports],
             max_deviation=self.max_deviation,
             max_orientation_deviation=self.max_orientation_deviation,

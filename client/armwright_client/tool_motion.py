@@ -54,11 +54,13 @@ class TimedToolMotion(ToolMotion):
 
     Args:
         start: Of the tip where it begins; where the motion before ends if left out.
+        begins: When it begins [s]; when the motion before ends if left out.
         part: Of a "seam" tolerance and tool speed hold.
         tolerance: By how much the tool may deviate in this motion.
     """
 
     start: AnyPose | None = None
+    begins: NonNegative | None = None
     part: Part | None = None
     tolerance: ToolTolerance | None = None
 

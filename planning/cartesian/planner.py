@@ -18,7 +18,7 @@ from kinematics.pose import rotation_error, to_quaternion
 from planning.cartesian.blending import runs
 from planning.cartesian.leading import lead_tool
 from planning.cartesian.motions import tool_motions
-from planning.cartesian.seam_planner import plan_seam
+from planning.cartesian.seam_branches import plan_seam
 from planning.constrained.path_constraints import end_violation
 from planning.options import CartesianOptions, Options
 from planning.planner import Query

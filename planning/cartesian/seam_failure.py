@@ -65,12 +65,15 @@ class _Reason:
     details: dict[str, Any]
 
 
-def explain_search(search: SeamSearch, graphs: Sequence[SeamGraph]) -> Failure:
+def explain_search(
+    search: SeamSearch, graphs: Sequence[SeamGraph], *, advise: bool = True
+) -> Failure:
     """Reason why the layers of a seam have no continuous way that is free.
 
     Args:
         search: That found none.
         graphs: What it knows of the layers, look by look; the one that comes farthest tells.
+        advise: Whether tolerances are looked for that would help, which takes its time.
     """
     if search.deadline.passed:
         return Failure("TIMED_OUT", "time was up before a way along the seam was found",
@@ -89,6 +92,7 @@ def explain_search(search: SeamSearch, graphs: Sequence[SeamGraph]) -> Failure:
     details = {
         "reason": reason.reason,
         "waypoint": waypoint,
+        "reached_waypoint": int(places.waypoint[before]),
         "fraction": float(places.along[before] / places.length),
         "longest": {
             "from_waypoint": int(places.waypoint[layers[first]]),
@@ -97,7 +101,7 @@ def explain_search(search: SeamSearch, graphs: Sequence[SeamGraph]) -> Failure:
                               / places.length),
         },
         **reason.details,
-        "would_help": list(_helpful_tolerances(search)),
+        "would_help": list(_helpful_tolerances(search)) if advise else [],
     }  # fmt: skip
     message = f"the seam can't be followed beyond waypoints[{waypoint}]: {reason.message}"
     return Failure("PLANNING_FAILED", message, _HINTS[reason.reason], _NAME, details=details)

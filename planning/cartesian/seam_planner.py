@@ -1,4 +1,4 @@
-"""Plans along seams: the search, the calmer way, approach and retreat, and the way there."""
+"""Plans along seams in one branch: the search, the calmer way, approach and retreat, transit."""
 
 from dataclasses import dataclass, replace
 from math import comb
@@ -18,14 +18,14 @@ from planning.cartesian.seam_search import SeamJoints, SeamSearch
 from planning.cartesian.tool_following import follow
 from planning.options import CartesianOptions
 from planning.planner import Query
-from planning.result import Attempt, Failure
+from planning.result import Failure
 from planning.seam_options import SeamOptions, StraightOffset
 from planning.search.rrt_connect import rrt_connect
 from planning.search.shortcut import shortcut
 from planning.search.straight_line import straight_line
 from planning.timing.path import JointPath
 from planning.tool_motion import ToolMotion, line
-from planning.tool_path import Stop, Tolerances, ToolPath, ToolSegment
+from planning.tool_path import Stop, Tolerances, ToolSegment
 from planning.tool_run import PartName, ToolRun
 
 #: Name of the planner.
@@ -51,11 +51,32 @@ class _Ends:
     segments: tuple[ToolSegment, ...]
 
 
-def plan_seam(query: Query, options: CartesianOptions, tolerances: Tolerances) -> Attempt:
-    """Find a joint path along a seam, from where the arm starts.
+@dataclass(frozen=True, slots=True, eq=False)
+class SeamPart:
+    """A part of a seam that is followed in one branch, with the ways there, before and after.
+
+    Args:
+        motions: Of the tool.
+        segments: The joint path of each.
+        transit: Waypoints of the free motion to where the first one begins, shape (k, n); None
+            where the robot is there.
+        detail: How it was found, for a person.
+    """
+
+    motions: tuple[ToolRun, ...]
+    segments: tuple[ToolSegment, ...]
+    transit: Array | None
+    detail: str
+
+
+def plan_in_one_branch(
+    query: Query, start: Array, options: CartesianOptions, tolerances: Tolerances
+) -> SeamPart | Failure:
+    """Find a joint path along a seam in one branch, from where the arm is.
 
     Args:
         query: The robot in its scene; goals are not looked at.
+        start: Where the arm is, shape (n,).
         options: With a seam.
         tolerances: Deviations that are added to the tolerances of the seam.
 
@@ -65,36 +86,27 @@ def plan_seam(query: Query, options: CartesianOptions, tolerances: Tolerances) -
     seam = options.seam
     assert seam is not None
     places = seam_places(seam_runs(seam, options.blend))
-    search = SeamSearch(query.checker, places, query.ready.start, seam.tool_speed, query.deadline)
-    found, followed = _search(query, search, tolerances)
+    search = SeamSearch(query.checker, places, start, seam.tool_speed, query.deadline)
+    found, followed = _search(query, search, tolerances, advise=seam.branch_changes is None)
     if isinstance(followed, Failure):
-        return _failed(followed)
+        return followed
     ends = _approach_and_retreat(query, seam, followed, tolerances)
     if isinstance(ends, Failure):
-        return _failed(ends)
+        return ends
     before, after = ends
     parts = (*before.segments, *followed, *after.segments)
-    transit = _transit(query, parts[0].start)
+    transit = _transit(query, start, parts[0].start)
     if isinstance(transit, Failure):
-        return _failed(transit)
-    path = ToolPath(
-        (*before.motions, *places.runs, *after.motions),
-        parts,
-        1.0,
-        None,
-        tolerances,
-        transit,
-        _speed_band(seam),
-    )
+        return transit
     detail = (
         f"{len(seam.waypoints)} waypoints, {len(found.graph.nodes.joints)} configurations in "
         f"{len(found.graph.layers)} layers, {found.tries} way(s)."
     )
-    return Attempt(path.waypoints, detail, tool_path=path)
+    return SeamPart((*before.motions, *places.runs, *after.motions), parts, transit, detail)
 
 
 def _search(
-    query: Query, search: SeamSearch, tolerances: Tolerances
+    query: Query, search: SeamSearch, tolerances: Tolerances, *, advise: bool
 ) -> tuple[SeamJoints, tuple[ToolSegment, ...] | Failure]:
     """A way along a seam with the joint paths of its runs: of few configurations, or of more."""
     looks: list[tuple[bool, Density]] = [(False, COARSE), (False, DENSE)]
@@ -115,17 +127,7 @@ def _search(
         failure = found, followed
     if failure is not None:
         return failure
-    return unfound[-1], explain_search(search, [found.graph for found in unfound])
-
-
-def _failed(failure: Failure) -> Attempt:
-    return Attempt(None, f"{failure.message}.", failure=failure)
-
-
-def _speed_band(seam: SeamOptions) -> tuple[float, float] | None:
-    if seam.tool_speed is None:
-        return None
-    return seam.tool_speed * (1.0 - seam.speed_band), seam.tool_speed * (1.0 + seam.speed_band)
+    return unfound[-1], explain_search(search, [found.graph for found in unfound], advise=advise)
 
 
 def _follow(
@@ -209,9 +211,8 @@ def _reverse(segment: ToolSegment) -> ToolSegment:
     )
 
 
-def _transit(query: Query, goal: Array) -> Array | Failure | None:
+def _transit(query: Query, start: Array, goal: Array) -> Array | Failure | None:
     """Waypoints of the free motion to the start of a seam; None where the arm is there."""
-    start = query.ready.start
     if np.abs(start - goal).max() <= _SAME_JOINTS:
         return None
     waypoints, _ = straight_line(query.checker, start, [goal])

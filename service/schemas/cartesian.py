@@ -54,6 +54,7 @@ class CartesianOptions(Body):
         "tool_speed": ("waypoints",),
         "approach": ("waypoints",),
         "retreat": ("waypoints",),
+        "branch_changes": ("waypoints",),
     }
 
     motions: Annotated[list[ToolMotion], Field(min_length=1, max_length=MAX_MOTIONS)] | None = (
@@ -89,6 +90,11 @@ class CartesianOptions(Body):
     )
     approach: StraightOffset | None = Field(None, description="to the first waypoint")
     retreat: StraightOffset | None = Field(None, description="from the last waypoint")
+    branch_changes: StraightOffset | None = Field(
+        None,
+        description="retreat from a waypoint after which the arm may come back in another branch "
+        "of its inverse kinematics; a seam that needs one is refused if left out",
+    )
 
     @model_validator(mode="after")
     def _check_seam(self) -> "CartesianOptions":
@@ -105,6 +111,11 @@ class TimedToolMotion(ToolMotion):
         None,
         description="of the tip where it begins; where the motion before ends if left out, of the "
         "first one where the tool is at the start of the trajectory",
+    )
+    begins: NonNegative | None = Field(
+        None,
+        description="when it begins [s]; when the motion before ends if left out, the tool is free "
+        "in between if later",
     )
     part: Literal["motion", "approach", "seam", "retreat"] = Field(
         "motion", description='of a "seam" tolerance and tool_speed hold'

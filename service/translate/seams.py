@@ -43,6 +43,7 @@ def seam_options(given: CartesianOptions, chain: Chain) -> SeamOptions:
         given.speed_band,
         _offset(given.approach),
         _offset(given.retreat),
+        _offset(given.branch_changes),
     )
 
 

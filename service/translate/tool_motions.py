@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.forward import forward
 from kinematics.trajectory import Trajectory
@@ -47,6 +48,12 @@ def timed_tool_motions(
     first = 0.0 if body.begins is None else body.begins - begins
     ends = [motion.duration] if body.ends is None else [end - begins for end in body.ends]
     times = np.array([first, *ends])
+    starts = np.array(
+        [
+            time if item.begins is None else item.begins - begins
+            for item, time in zip(body.motions, times[:-1], strict=True)
+        ]
+    )
     T_start = forward(chain, motion.sample([min(max(first, 0.0), motion.duration)])[0])
     return TimedToolMotions(
         tool_motions(T_start, asked),
@@ -54,7 +61,8 @@ def timed_tool_motions(
         body.max_deviation,
         None if body.orientation == "free" else body.max_orientation_deviation,
         _tolerances(body, chain),
-        _speed_band(body, times),
+        _speed_band(body, times, starts),
+        starts,
     )
 
 
@@ -79,13 +87,13 @@ def _tolerances(body: cartesian.TimedToolMotions, chain: Chain) -> tuple[ToolTol
     return tuple(boxes)
 
 
-def _speed_band(body: cartesian.TimedToolMotions, times: np.ndarray) -> SpeedBand | None:
+def _speed_band(body: cartesian.TimedToolMotions, times: Array, starts: Array) -> SpeedBand | None:
     """The speed to be kept, and when."""
     if body.tool_speed is None:
         return None
     speed, band = body.tool_speed, body.speed_band
     spans = [
-        (float(times[k]), float(times[k + 1]))
+        (float(starts[k]), float(times[k + 1]))
         for k, item in enumerate(body.motions)
         if item.part == "seam"
     ]

@@ -6,7 +6,14 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from kinematics.errors import InvalidGoal
 from kinematics.pose import transform
-from planning.tool_motion import ToolMotion, arc_about, arc_via, line
+from planning.tool_motion import (
+    TimedToolMotions,
+    ToolMotion,
+    arc_about,
+    arc_via,
+    joined_spans,
+    line,
+)
 
 RANDOM = np.random.default_rng(11)
 
@@ -98,3 +105,20 @@ def test_what_is_no_circle_is_refused_by_name(
     start, last = transform(None, [1.0, 0.0, 0.0]), transform(None, end)
     with pytest.raises(InvalidGoal, match=words):
         arc_via(start, last, more["via"]) if "via" in more else arc_about(start, last, **more)
+
+
+def test_motions_in_time_follow_at_once_or_later() -> None:
+    pair = (line(random_pose(), random_pose()), line(random_pose(), random_pose()))
+    times = np.array([1.0, 2.0, 4.0])
+    at_once = TimedToolMotions(pair, times, 1e-4)
+    later = TimedToolMotions(pair, times, 1e-4, begins=np.array([1.0, 2.5]))
+    assert [row[1:] for row in at_once.exact] == [(1.0, 2.0), (2.0, 4.0)]
+    assert [row[1:] for row in later.exact] == [(1.0, 2.0), (2.5, 4.0)]
+    for begins in ([1.0, 1.9], [1.0, 4.1], [0.9, 2.0], [1.0]):
+        with pytest.raises(InvalidGoal, match="begins before the one before ends"):
+            TimedToolMotions(pair, times, 1e-4, begins=np.array(begins))
+
+
+def test_spans_that_follow_at_once_are_joined() -> None:
+    assert joined_spans([(0.0, 1.0), (1.0, 2.0), (2.5, 3.0)]) == ((0.0, 2.0), (2.5, 3.0))
+    assert joined_spans([]) == ()

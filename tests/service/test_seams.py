@@ -15,7 +15,7 @@ from armwright_client import (
 )
 from armwright_client import Plan as ClientPlan
 from kinematics.forward import forward
-from kinematics.robots import builtin_chain
+from kinematics.robots import builtin_chain, builtin_srdf, builtin_urdf
 from service.schemas.plan import PlanAnswer
 from tests.service.robots import HOME, answer, problem
 
@@ -108,6 +108,45 @@ def test_a_seam_is_checked_in_a_motion_that_anybody_made(client: httpx.Client) -
                 pose["position"][2] += 0.002
     beside = judge(found["trajectory"], TimedToolMotions.of(**{**dict(asked), "motions": moved}))
     assert not beside["verified"]
+
+
+def test_a_change_of_branch_is_answered_and_proved_again(client: httpx.Client) -> None:
+    urdf = builtin_urdf("kr6_sixx").replace('"-2.96706" upper="2.96706"', '"-3.4" upper="3.4"')
+    urdf = urdf.replace('lower="-3.316126"', 'lower="-1.7"')
+    robot = {"name": "turns_once", "urdf": urdf, "srdf": builtin_srdf("kr6_sixx")}
+    answer(client.post("/v1/robots", json=robot), 201)
+    angles = np.radians(np.arange(150.0, 221.0))
+    options = CartesianOptions(
+        waypoints=[Waypoint.on([0.5 * np.cos(a), 0.5 * np.sin(a), 0.35], UP) for a in angles],
+        tool_speed=0.2,
+    )
+    start = {"joints": [2.2, -1.2, 1.5, 0.1, 1.2, 0.1]}
+    body = BODY | {"robot": "turns_once", "start": start}
+    document = problem(
+        client.post("/v1/plan", json=body | {"planner_options": options.as_options()}),
+        422, "PLANNING_FAILED",
+    )  # fmt: skip
+    assert "branch_changes" in document["hint"]
+    assert 30 <= document["details"]["reached_waypoint"] <= 45
+    away = StraightOffset(direction=[0.0, 0.0, -1.0], distance=0.05)
+    allowed = options.model_copy(update={"branch_changes": away})
+    found = answer(client.post("/v1/plan", json=body | {"planner_options": allowed.as_options()}))
+    plan = ClientPlan.model_validate(found)
+    assert plan.tool_motions is not None
+    assert "waypoints[" in plan.notes[0]
+    asked = allowed.seam_in_time(plan.tool_motions)
+    held = {"robot": "turns_once", "trajectory": found["trajectory"]}
+    for motions, verified in ((asked, True), (_without_gaps(asked), False)):
+        about = {"tool_motions": motions.model_dump(mode="json", exclude_none=True)}
+        proof = answer(client.post("/v1/validate", json=held | about))
+        assert proof["verified"] is verified
+
+
+def _without_gaps(asked: TimedToolMotions) -> TimedToolMotions:
+    """The same as if every motion followed the one before at once."""
+    motions = asked.motions
+    later = [one.model_copy(update={"begins": None}) for one in motions[1:]]
+    return asked.model_copy(update={"motions": [motions[0], *later]})
 
 
 def test_a_tolerance_of_a_recorded_seam_is_refused_by_its_place(client: httpx.Client) -> None:
