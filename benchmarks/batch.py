@@ -3,7 +3,8 @@
     python -m benchmarks.batch [--count 1000] [--workers 1 2] [--rounds 3]
 
 Each service runs on this machine and is asked nothing else. The scene is a table with a post and
-two boxes on it; the built-in Panda moves between states above it that are free. The processor time
+two boxes on it and a shelf above; the built-in Panda moves between states at random that keep clear
+of them. Two of five motions are straight lines, the others go round something. The processor time
 of the server itself is told beside that of its workers: where there are no more cores than workers
 they share them.
 """
@@ -22,16 +23,18 @@ import numpy as np
 from benchmarks.machines import local_server
 from tests.service.processes import descendants
 
-HOME = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
-#: How far states are from home at most, joint by joint [rad].
-SPREAD = np.array([1.2, 0.5, 0.6, 0.5, 0.6, 0.5, 1.0])
+#: Around this state the hand is above the table, and below the shelf.
+MIDDLE = np.array([0.0, 0.2, 0.0, -1.9, 0.0, 2.1, 0.785])
+#: How far states are from it at most, joint by joint [rad].
+SPREAD = np.array([1.2, 0.6, 0.4, 0.5, 0.4, 0.5, 1.0])
 #: Least distance of starts and goals from obstacles [m].
 CLEARANCE = 0.03
 BOXES = {
-    "table": ([0.8, 1.4, 0.04], [0.6, 0.0, 0.0]),
-    "post": ([0.06, 0.06, 0.5], [0.55, 0.25, 0.27]),
-    "crate": ([0.2, 0.3, 0.15], [0.6, -0.3, 0.1]),
-    "parcel": ([0.15, 0.15, 0.1], [0.4, 0.0, 0.08]),
+    "table": ([0.9, 1.4, 0.04], [0.6, 0.0, 0.0]),
+    "post": ([0.06, 0.06, 0.6], [0.5, 0.3, 0.32]),
+    "crate": ([0.25, 0.35, 0.3], [0.6, -0.35, 0.17]),
+    "parcel": ([0.2, 0.2, 0.2], [0.45, 0.0, 0.12]),
+    "shelf": ([0.3, 0.8, 0.02], [0.75, 0.0, 0.62]),
 }
 SCENE: dict[str, Any] = {
     "name": "table",
@@ -73,7 +76,7 @@ def free_states(client: httpx.Client, count: int) -> list[list[float]]:
     """States that keep their distance from the scene."""
     random, found = np.random.default_rng(1), list[list[float]]()
     while len(found) < count:
-        tried = HOME + SPREAD * random.uniform(-1.0, 1.0, (min(3 * count, 500), 7))
+        tried = MIDDLE + SPREAD * random.uniform(-1.0, 1.0, (min(3 * count, 500), 7))
         states = tried.round(6).tolist()
         body = {
             "robot": "panda",
