@@ -132,12 +132,17 @@ class Settings(BaseSettings):
     @property
     def prepared_dir(self) -> Path:
         """Folder of prepared robots and scenes."""
-        return self.data_dir.absolute() / "prepared"
+        return prepared_folder_of(self.data_dir)
 
     @property
     def storage_url(self) -> str:
         """The database URL, in the data folder unless one was given."""
         return self.database_url or f"sqlite:///{self.data_dir.absolute() / 'armwright.db'}"
+
+
+def prepared_folder_of(data_dir: Path) -> Path:
+    """Folder of prepared robots and scenes in a data folder."""
+    return data_dir.absolute() / "prepared"
 
 
 def _parts(text: str) -> tuple[str, ...]:

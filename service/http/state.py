@@ -1,11 +1,13 @@
 """The parts of the running application that requests use, typed."""
 
 from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
 
 from fastapi import Request
 
 from service.access.caller import caller_of
-from service.settings import Settings
+from service.settings import Settings, prepared_folder_of
 from service.storage.audit_store import Actor
 from service.storage.cache_key import Reference
 from service.storage.document_store import DocumentStore
@@ -90,4 +92,9 @@ def supervisor_of(request: Request) -> WorkerSupervisor:
 
 def prepared_folder(request: Request) -> str:
     """Folder of prepared robots and scenes."""
-    return str(settings_of(request).prepared_dir)
+    return _folder_name(settings_of(request).data_dir)
+
+
+@lru_cache(16)
+def _folder_name(data_dir: Path) -> str:
+    return str(prepared_folder_of(data_dir))

@@ -24,6 +24,10 @@ class Reference:
     folder: str
     built_in: bool = False
 
+    def __reduce__(self) -> tuple[type["Reference"], tuple[object, ...]]:
+        # Every job carries two: their fields are not looked up one by one for each.
+        return Reference, (self.kind, self.name, self.hash, self.folder, self.built_in)
+
 
 def builtin_reference(name: str, folder: str = "") -> Reference:
     """The reference of a robot that comes with the app."""

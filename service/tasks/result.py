@@ -59,6 +59,9 @@ class PlanOutcome:
     planner: str
     stages: tuple[tuple[str, float], ...]
 
+    def __reduce__(self) -> tuple[type["PlanOutcome"], tuple[object, ...]]:
+        return PlanOutcome, (self.content, self.planner, self.stages)
+
 
 #: A task that answers the content of a request about a robot's chain.
 ChainTask = Task[[Reference, bytes], bytes | CacheMiss]

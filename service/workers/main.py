@@ -18,7 +18,7 @@ from typing import Any
 from kinematics.errors import ArmwrightError
 from planning.deadline import Deadline
 from service.workers import current, framing
-from service.workers.task import Job, registered_task
+from service.workers.task import registered_task, unpack_job
 
 #: How long after its deadline a worker ends itself, should the server have failed to do it [s];
 #: longer than the grace of any task.
@@ -80,7 +80,7 @@ def _run(channel: socket.socket, payload: bytes) -> tuple[Any, ...]:
 
 def _reply(content: memoryview) -> tuple[Any, ...]:
     try:
-        job: Job[Any] = pickle.loads(content)
+        job = unpack_job(content)
         return Reply.RESULT, registered_task(job.task)(*job.args, **job.kwargs)
     except MemoryError:
         return (

@@ -9,7 +9,6 @@ that happens to one can be noticed by the request of another.
 import asyncio
 import logging
 import math
-import pickle
 import time
 from collections import deque
 from collections.abc import Sequence
@@ -31,7 +30,7 @@ from service.workers.pool import WorkerPool
 from service.workers.process import EXIT_TIMEOUT, Background, OnProgress, Ticket, Worker
 from service.workers.recycling import DEFAULT_LIMITS, WorkerLimits, is_worn
 from service.workers.state import SupervisorState
-from service.workers.task import Job
+from service.workers.task import Job, pack_job
 
 _R = TypeVar("_R")
 
@@ -142,7 +141,7 @@ class WorkerSupervisor(SupervisorState):
         if background is None:
             self._admit(job, client, brief=brief)
         loop = asyncio.get_running_loop()
-        payload = pickle.dumps(job, pickle.HIGHEST_PROTOCOL)
+        payload = pack_job(job)
         future: asyncio.Future[Any] = loop.create_future()
         ticket = Ticket(
             job, job.deadline, payload, future, on_progress, background, brief, client=client

@@ -2,6 +2,7 @@
 
 import importlib
 import math
+import pickle
 import pkgutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -45,6 +46,16 @@ class Job(Generic[R_co]):
     def with_deadline(self, deadline: Deadline) -> "Job[R_co]":
         """Job with another deadline."""
         return replace(self, deadline=deadline)
+
+
+def pack_job(job: Job[Any]) -> bytes:
+    """The call of a job as it is sent to a worker, which is told the deadline apart."""
+    return pickle.dumps((job.task, job.args, dict(job.kwargs)), pickle.HIGHEST_PROTOCOL)
+
+
+def unpack_job(content: bytes | memoryview) -> Job[Any]:
+    """The job of a call that was sent."""
+    return Job(*pickle.loads(content))
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from service.workers import framing
 from service.workers.fork_server import Notice, Order
 from service.workers.launch import Launched, Recipe, launch
 from service.workers.main import HEADER, Reply
-from service.workers.task import Job
+from service.workers.task import Job, pack_job
 from tests.service import chores
 from tests.service.processes import alive, wait_until
 
@@ -37,7 +37,7 @@ def receive(channel: socket.socket) -> tuple[Any, ...]:
 
 
 def send(channel: socket.socket, job: Job[Any]) -> None:
-    channel.sendall(framing.encode(HEADER.pack(math.inf, False, 0.0) + pickle.dumps(job)))
+    channel.sendall(framing.encode(HEADER.pack(math.inf, False, 0.0) + pack_job(job)))
 
 
 def fork(server: Launched) -> tuple[int, socket.socket]:

@@ -14,7 +14,7 @@ from typing import Any
 from planning.deadline import Deadline
 from service.workers import framing
 from service.workers.main import HEADER, Reply
-from service.workers.task import Job
+from service.workers.task import Job, pack_job
 from tests.service import chores
 
 
@@ -37,7 +37,7 @@ def worker(
 
 def send(channel: socket.socket, job: Job[Any], *, wants_progress: bool = False) -> None:
     header = HEADER.pack(job.deadline.at, wants_progress, 0.0)
-    channel.sendall(framing.encode(header + pickle.dumps(job)))
+    channel.sendall(framing.encode(header + pack_job(job)))
 
 
 def receive(channel: socket.socket) -> tuple[Any, ...]:
@@ -114,7 +114,7 @@ def test_a_worker_ends_itself_when_the_server_does_not() -> None:
         receive(channel)
         job = chores.burn.job()
         header = HEADER.pack(Deadline.after(0.1).at, False, 0.0)
-        channel.sendall(framing.encode(header + pickle.dumps(job)))
+        channel.sendall(framing.encode(header + pack_job(job)))
         assert receive(channel) == (Reply.STARTED,)
         process.join(5.0)
         assert process.exitcode == -signal.SIGALRM

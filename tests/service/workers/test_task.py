@@ -6,8 +6,19 @@ import time
 import pytest
 
 from service import tasks
+from service.storage.cache_key import Reference, builtin_reference
 from service.tasks.plan import plan, validate
-from service.workers.task import GRACE, Job, load_tasks, registered_task, task, task_names
+from service.tasks.result import PlanOutcome
+from service.workers.task import (
+    GRACE,
+    Job,
+    load_tasks,
+    pack_job,
+    registered_task,
+    task,
+    task_names,
+    unpack_job,
+)
 from tests.service import chores
 
 
@@ -17,6 +28,18 @@ def test_a_task_is_its_function_and_makes_jobs() -> None:
     assert (job.task, job.args, job.kwargs) == ("tests.service.chores:add", (1,), {"b": 2})
     assert job.deadline.remaining == float("inf")
     assert pickle.loads(pickle.dumps(job)) == job
+    assert unpack_job(pack_job(job)) == job
+
+
+def test_what_jobs_carry_arrives_as_it_was_sent() -> None:
+    reference = Reference("scene", "table", "0a1b", "/data/prepared")
+    built_in = builtin_reference("panda", "/data/prepared")
+    outcome = PlanOutcome(b"{}", "straight_line", (("preflight", 0.1),))
+    for value in (reference, built_in, outcome):
+        assert pickle.loads(pickle.dumps(value)) == value
+    job = plan.job(built_in, reference, b"{}").with_timeout(3.0)
+    sent = unpack_job(pack_job(job))
+    assert (sent.task, sent.args) == (job.task, job.args)
 
 
 def test_a_deadline_is_a_field_of_the_job() -> None:
