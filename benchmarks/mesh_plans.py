@@ -5,7 +5,8 @@
 The tools of arms of example-robot-data are asked to go where the Panda's hand does in the problems
 of that folder, from and to configurations that inverse kinematics find and that are free by their
 triangles; where there are none, random ones are taken. Every trajectory is looked at every two
-milliradians by ``benchmarks.triangles``, FCL on the very triangles moved by pinocchio.
+milliradians by ``benchmarks.triangles``, FCL on the very triangles moved by pinocchio. Told are the
+processor times of whole plans and of their stages: median, 95 % and the most.
 """
 
 import argparse
@@ -28,7 +29,7 @@ from obstacles.robot_geometry import RobotGeometry
 from planning.options import Options
 from planning.pipeline import plan
 from planning.problem import JointGoal, Problem
-from planning.result import Failure
+from planning.result import Failure, Plan
 
 Array = NDArray[np.float64]
 
@@ -39,6 +40,8 @@ STEP = 2e-3
 BEYOND = (0.1, 0.05, 0.0, -0.05, -0.1, -0.15)
 ROLLS = (0.0, np.pi / 2.0)
 _TRIES = 2000
+#: A plan that takes longer is told by name [ms].
+SLOW = 500.0
 
 
 def start_and_goal(
@@ -115,6 +118,7 @@ def run(name: str, folder: Path, every: int, timeout: float) -> None:
     robot = arm.geometry({"acceleration": 10.0})
     truth = Triangles(arm, robot)
     times: list[float] = []
+    stages: dict[str, list[float]] = {}
     count = reached = solved = wrong = looked = 0
     least = np.inf
     for case in cases(folder, hand.chain.joint_names, every):
@@ -134,6 +138,7 @@ def run(name: str, folder: Path, every: int, timeout: float) -> None:
         if isinstance(answer, Failure):
             print(f"  {case.name}: {answer.code} {answer.message}", flush=True)
             continue
+        note_stages(stages, answer)
         solved += 1
         least = min(least, answer.certificate.min_clearance)
         pair, seen = unclean(answer.trajectory, truth, bodies)
@@ -141,13 +146,25 @@ def run(name: str, folder: Path, every: int, timeout: float) -> None:
         if pair is not None:
             wrong += 1
             print(f"  {case.name}: UNCLEAN {pair}", flush=True)
-        if times[-1] > 2000.0:
+        if times[-1] > SLOW:
             print(f"  {case.name}: {times[-1]:.0f} ms", flush=True)
     middle, most, worst = np.percentile(times, [50, 95, 100])
     print(f"{name}: {solved} of {count} solved ({reached} between poses of the Panda's hand)")
     print(f"  {wrong} unclean, {looked} configurations looked at")
     print(f"  least clearance {1e3 * least:.3g} mm")
     print(f"  computing ms: median {middle:.1f}, 95 % {most:.1f}, most {worst:.0f}", flush=True)
+    for stage, spent in sorted(stages.items()):
+        middle, most, worst = np.percentile(spent, [50, 95, 100])
+        print(f"    {stage:16} {middle:8.1f} {most:8.1f} {worst:8.1f} in {len(spent)}", flush=True)
+
+
+def note_stages(stages: dict[str, list[float]], answer: Plan) -> None:
+    """Append what the stages of a plan took [ms], each by its name."""
+    spent: dict[str, float] = {}
+    for stage in answer.stages:
+        spent[stage.name] = spent.get(stage.name, 0.0) + stage.processor_milliseconds
+    for name, milliseconds in spent.items():
+        stages.setdefault(name, []).append(milliseconds)
 
 
 def main() -> None:

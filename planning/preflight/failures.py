@@ -130,6 +130,19 @@ def time_up_failure(checked: int, count: int) -> Failure:
     )
 
 
+def packing_failure(seconds: float) -> Failure:
+    """The failure of a problem whose time is up once its solids were made ready for checks."""
+    return Failure(
+        code="TIMED_OUT",
+        message=f"time was up when robot and scene had been made ready for collision checks, "
+        f"which took {seconds:.2g} s",
+        hint="Ask again: this process keeps what it made. Or allow more time, or give the scene "
+        "coarser meshes.",
+        stage="preflight",
+        details={"seconds": seconds},
+    )
+
+
 def no_goal_failure(refusals: Sequence[Refusal]) -> Failure:
     """The failure of the first goal; of several, how many are not valid for which reason."""
     first = refusals[0].failure()

@@ -1,13 +1,15 @@
 """Checks before planning: is the start valid, is a goal, which checkers are there to plan with."""
 
+import time
+
 import numpy as np
 
 from kinematics.arrays import Array
-from obstacles.checker import Checker, collision_model
+from obstacles.checker import Checker
 from obstacles.robot_geometry import hulled
 from planning.deadline import Deadline
 from planning.goal_costs import GoalCosts
-from planning.preflight.failures import collision_failure, limit_failure
+from planning.preflight.failures import collision_failure, limit_failure, packing_failure
 from planning.preflight.goal_order import order_goals
 from planning.preflight.goals import find_goals
 from planning.preflight.limits import snap_to_limits
@@ -22,9 +24,14 @@ _SLACK = 1e-3
 _SLACK_ALONG_MOTIONS = 1e-4
 
 
-def check_start(problem: Problem) -> ValidStart | Failure:
-    """Check the start alone: inside its limits, or moved onto them, and free."""
-    checker = Checker.of(problem.robot, problem.scene, problem.margin)
+def check_start(problem: Problem, checker: Checker | None = None) -> ValidStart | Failure:
+    """Check the start alone: inside its limits, or moved onto them, and free.
+
+    Args:
+        problem: The robot, the scene and the start.
+        checker: Of the exact robot in the scene, where there is one already.
+    """
+    checker = checker or _exact_checker(problem)
     tolerance = problem.start_state_tolerance
     start, violation = snap_to_limits(problem.robot.chain, problem.start, tolerance)
     if violation is not None:
@@ -59,10 +66,14 @@ def preflight(
         costs: By which configurations of poses are chosen; the default ones where None.
     """
     hulls = _hulls_checker(problem)
+    exact = _exact_checker(problem)
+    late = _pack(hulls or exact, deadline)
+    if late is not None:
+        return late
     ready = None if hulls is None else _ready_in_hulls(problem, hulls)
     if ready is not None:
         return ready
-    valid = check_start(problem)
+    valid = check_start(problem, exact)
     if isinstance(valid, Failure):
         return valid
     start = valid.joints
@@ -87,6 +98,23 @@ def preflight(
     return Ready(start, clear, tuple(checkers), valid.notes, best)
 
 
+def _pack(checker: Checker, deadline: Deadline | None) -> Failure | None:
+    """Pack a robot and a scene; the failure where that is what the time was spent on.
+
+    Fine meshes that were never seen are cut and sorted here, which nothing interrupts.
+    """
+    if deadline is None or deadline.passed:
+        return None
+    left, began = deadline.remaining, time.monotonic()
+    _ = checker.model.arrays
+    spent = time.monotonic() - began
+    return packing_failure(spent) if deadline.passed and spent > 0.5 * left else None
+
+
+def _exact_checker(problem: Problem) -> Checker:
+    return Checker.of(problem.robot, problem.scene, problem.margin)
+
+
 def _hulls_checker(problem: Problem) -> Checker | None:
     """The checker of the robot in its solids' hulls; None where these are the solids."""
     robot = hulled(problem.robot)
@@ -109,7 +137,7 @@ def _ready_in_hulls(problem: Problem, hulls: Checker) -> Ready | None:
     if not all(violation is None and spacious.valid(q) for q, violation in ends):
         return None
     start, *goals = (q for q, _ in ends)
-    exact = collision_model(problem.robot, problem.scene, problem.margin)
+    exact = _exact_checker(problem).model
     checkers = Checker(hulls.model, _SLACK), Checker(exact, _SLACK)
     return Ready(start, _nearest_first(goals, start), checkers, _notes(problem.start, start))
 

@@ -1,10 +1,13 @@
 """Starts and goals that touch, or nearly: told with pair and depth, never hidden."""
 
 import re
+import time
 
 import numpy as np
 import pytest
+import trimesh
 
+from benchmarks.mesh_scenes import mesh
 from kinematics.arrays import Array
 from kinematics.forward import forward
 from kinematics.pose import transform
@@ -112,3 +115,18 @@ def test_goals_are_looked_at_until_time_is_up() -> None:
     looked_at = re.search(r"when (\d+) of 1000 goals", answer.message)
     assert looked_at is not None
     assert int(looked_at[1]) < 1000
+
+
+def test_time_for_meshes_never_seen_counts_and_is_told() -> None:
+    robot, start, goal = builtin("planar_rr"), np.array([0.0, 0.3]), np.array([0.5, 0.4])
+    ring = mesh(trimesh.creation.torus(0.11, 0.03, major_sections=24, minor_sections=10))
+    scene = Scene((Obstacle("ring", ring, transform(None, [-1.0, 0.6, 0.3])),))
+    problem = Problem(robot, scene, start, (JointGoal(goal),))
+    began = time.monotonic()
+    answer = plan(problem, Options(timeout=0.1))
+    took = time.monotonic() - began
+    assert isinstance(answer, Failure)
+    assert (answer.code, answer.stage) == ("TIMED_OUT", "preflight")
+    assert "made ready for collision checks" in answer.message
+    assert 0.05 < answer.details["seconds"] < took
+    assert isinstance(plan(problem, Options(timeout=10.0)), Plan)
