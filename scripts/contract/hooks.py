@@ -48,7 +48,7 @@ OF_KEPT_PLANS = ("/v1/plans", "/v1/plans/{id}/replay")
 _SCHEMA_WORDS = re.compile(
     r"unknown field|field is required|Input should|at (least|most) \d+ (item|character)"
     r"|valid (string|number|integer|list|dictionary|boolean)"
-    r"|exactly one of|give both or neither",
+    r"|exactly one of|give both or neither|give it there, or once|belongs to two states",
 )
 
 

@@ -270,7 +270,8 @@ def _parts(form: FormData) -> tuple[UploadFile, dict[str, Any]]:
             stage="request",
             hint="Send the archive as a file, say in the field file, and name as a text field.",
         )
-    return files[0], {key: value for key, value in form.items() if isinstance(value, str)}
+    # Forms of pages send fields that nobody filled in, too.
+    return files[0], {key: value for key, value in form.items() if isinstance(value, str) and value}
 
 
 def _form_fields(texts: dict[str, Any], file_name: str | None) -> ArchiveFields:

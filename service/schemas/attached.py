@@ -5,6 +5,7 @@ from typing import Annotated, ClassVar
 from pydantic import Field, model_validator
 
 from service.schemas.base import (
+    Beside,
     Body,
     JointVector,
     Label,
@@ -12,6 +13,7 @@ from service.schemas.base import (
     Number,
     Point,
     Positive,
+    check_company,
     exactly_one,
 )
 from service.schemas.pose import Pose
@@ -27,6 +29,7 @@ class Attached(Body):
     """An object that moves with a link; one that stands in the scene is out of it meanwhile."""
 
     one_of: ClassVar[tuple[str, ...]] = ("pose", "grasp_joints")
+    only_beside: ClassVar[Beside] = {"center_of_mass": ("mass",), "inertia": ("mass",)}
 
     id: Label = Field(
         examples=["workpiece"],
@@ -59,8 +62,7 @@ class Attached(Body):
     @model_validator(mode="after")
     def _check_form(self) -> "Attached":
         exactly_one(self, self.one_of)
-        if self.mass is None and (self.center_of_mass is not None or self.inertia is not None):
-            raise ValueError("center_of_mass and inertia need mass")
+        check_company(self)
         return self
 
 

@@ -4,9 +4,10 @@ from copy import copy
 from typing import Any, cast
 
 from pydantic import ConfigDict, Field, create_model, model_validator
+from pydantic.config import JsonDict
 from pydantic.fields import FieldInfo
 
-from service.schemas.base import Answer, Body, Name, Timeout
+from service.schemas.base import Answer, Body, Name, Timeout, is_given
 from service.schemas.goal import Goal, Start
 from service.schemas.kinematics import JOINTS_EXAMPLE
 from service.schemas.plan import PlanAnswer, PlanRequest
@@ -55,6 +56,12 @@ PartialPlan: type[_Needs] = create_model(
 )
 
 
+def _given_somewhere(name: str) -> JsonDict:
+    """The JSON schema of batches in which a field is given once, or with each problem."""
+    each: JsonDict = {"properties": {"problems": {"items": is_given(name)}}}
+    return {"anyOf": [is_given(name), each]}
+
+
 class BatchRequest(PartialPlan):
     """Many motions to be planned; what stands beside `problems` holds for each that lacks it."""
 
@@ -71,7 +78,8 @@ class BatchRequest(PartialPlan):
                         {"goal": {"joints": [1.2, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]}, "seed": 2},
                     ],
                 }
-            ]
+            ],
+            "allOf": [_given_somewhere(name) for name in _NEEDED],
         }
     )
 

@@ -15,7 +15,6 @@ from service.schemas.base import (
     NonNegative,
     Number,
     Timeout,
-    any_given,
 )
 from service.schemas.certificate import CertificateAnswer, TrajectoryAnswer
 from service.schemas.plan import LimitsBody, TrajectoryBody
@@ -89,13 +88,34 @@ class JointStateBody(Body):
     acceleration: JointVector | None = Field(None, description="zero if left out [rad/s² or m/s²]")
 
 
+#: A path is timed alone: what belongs to two states is left out beside it.
+_OF_PATH: JsonDict = {
+    "required": ["path"],
+    "properties": {
+        "path": {"not": {"type": "null"}},
+        "from": {"type": "null"},
+        "to": {"type": "null"},
+        "joint_names": {"type": "null"},
+        "synchronization": {"type": "null"},
+    },
+}
+_OF_STATES: JsonDict = {
+    "required": ["from", "to"],
+    "properties": {
+        "path": {"type": "null"},
+        "from": {"not": {"type": "null"}},
+        "to": {"not": {"type": "null"}},
+    },
+}
+
+
 class RetimeRequest(Body):
     """A path, or two states, to be timed within a robot's limits or those given."""
 
     model_config = ConfigDict(
         json_schema_extra={
             "examples": [_EXAMPLE, _TOPPRA, _STATES],
-            **any_given(("path",), ("from", "to")),
+            "allOf": [{"anyOf": [_OF_PATH, _OF_STATES]}],
         }
     )
 

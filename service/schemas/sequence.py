@@ -7,6 +7,7 @@ from pydantic.config import JsonDict
 
 from service.schemas.attached import AllowedCollisions, AttachedObjects, FingerPositions
 from service.schemas.base import (
+    Beside,
     Body,
     Frame,
     Label,
@@ -19,6 +20,7 @@ from service.schemas.base import (
     Seed,
     Timeout,
     Vector3,
+    check_company,
     exactly_one,
 )
 from service.schemas.check import Margin
@@ -210,6 +212,8 @@ class PlaceStage(StageBody):
 class AttachStage(StageBody):
     """The object becomes a part of the robot, where it stands."""
 
+    only_beside: ClassVar[Beside] = {"center_of_mass": ("mass",), "inertia": ("mass",)}
+
     kind: Literal["attach"]
     object: Label = Field(description="name of the obstacle", examples=["crate"])
     link: Label | None = Field(None, description="that holds it and moves with the tip; the tip")
@@ -222,8 +226,7 @@ class AttachStage(StageBody):
 
     @model_validator(mode="after")
     def _check_form(self) -> "AttachStage":
-        if self.mass is None and (self.center_of_mass is not None or self.inertia is not None):
-            raise ValueError("center_of_mass and inertia need mass")
+        check_company(self)
         return self
 
 

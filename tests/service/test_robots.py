@@ -181,6 +181,7 @@ def test_a_zip(client: httpx.Client) -> None:
     beside = client.post("/v1/robots", files={"file": ("beside.zip", archive(upward))})
     assert answer(beside, 201)["links"]
     form = {"name": "zipped", "tip_link": "upper", "joint_limits": json.dumps(ACCELERATIONS)}
+    form |= {"urdf_path": "", "held": ""}  # as pages send what nobody filled in
     made = client.post("/v1/robots", files={"file": ("arm.zip", content)}, data=form)
     model = answer(made, 201)
     assert model["tip_link"] == "upper"

@@ -67,7 +67,7 @@ def test_an_attached_object_has_one_place() -> None:
 def test_mass_properties_of_an_attached_object_go_with_its_mass(name: str) -> None:
     other = "inertia" if name == "center_of_mass" else "center_of_mass"
     body = without(without(PART, ("mass",)), (other,))
-    reject(Attached, body, "need mass")
+    reject(Attached, body, "to mass")
     accept(Attached, body | {"mass": 0.5})
     accept(Attached, without(body, (name,)))
 

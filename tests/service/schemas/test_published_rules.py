@@ -1,0 +1,88 @@
+"""Rules of several fields: the published schema allows what the service takes, and no more."""
+
+import itertools
+import json
+from collections.abc import Iterator
+from typing import Any
+
+import jsonschema
+import pytest
+from pydantic import BaseModel, ValidationError
+
+from service.schemas.attached import Attached
+from service.schemas.batch import BatchRequest
+from service.schemas.goal import Goal
+from service.schemas.kinematics import IkRequest, VelocityRequest
+from service.schemas.retime import RetimeRequest
+from service.schemas.tour import TourGoal
+
+JOINTS = {"joints": [0.0]}
+POSE = {"position": [0.0, 0.0, 0.0]}
+STATE = {"position": [0.0]}
+PATH = {"joints": [[0.0], [1.0]]}
+SINGLE: dict[str, Any] = {"joints": [0.0], "state": "home", "pose": POSE, "any_of": [JOINTS]}
+TOLERANCES: dict[str, Any] = {"position_tolerance": 0.1, "frame": "base"}
+#: Fields of each model that belong together in some way, and what else it needs.
+CASES: dict[type[BaseModel], tuple[dict[str, Any], dict[str, Any]]] = {
+    Goal: (SINGLE | TOLERANCES | {"velocities": [0.0]}, {}),
+    TourGoal: (SINGLE | TOLERANCES | {"tolerance": {"free": ["rz"]}}, {}),
+    IkRequest: ({"pose": POSE, "poses": [POSE], "constraints": []}, {}),
+    VelocityRequest: (
+        {"twist": [0.0] * 6, "joint_velocities": [0.0], "nullspace": [0.0], "damped_below": 0.1},
+        JOINTS,
+    ),
+    RetimeRequest: (
+        {"path": PATH, "from": STATE, "to": STATE, "synchronization": "time"},
+        {"robot": "panda"},
+    ),
+    Attached: (
+        {"pose": POSE, "grasp_joints": [0.0], "mass": 0.5, "center_of_mass": [0.0] * 3},
+        {"id": "part", "link": "hand", "shape": {"type": "sphere", "radius": 0.1}},
+    ),
+}
+
+
+def bodies(fields: dict[str, Any], others: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    """Every choice of fields that are given, null or left out."""
+    for kinds in itertools.product(("left out", "null", "given"), repeat=len(fields)):
+        chosen = zip(fields.items(), kinds, strict=True)
+        yield others | {
+            name: None if kind == "null" else value
+            for (name, value), kind in chosen
+            if kind != "left out"
+        }
+
+
+def batches() -> Iterator[dict[str, Any]]:
+    """Fields of plans beside the problems, with both of them, or with one."""
+    fields: dict[str, Any] = {"robot": "panda", "start": JOINTS, "goal": JOINTS}
+    for places in itertools.product(("none", "beside", "both", "one"), repeat=len(fields)):
+        body: dict[str, Any] = {"problems": [{}, {}]}
+        for (name, value), place in zip(fields.items(), places, strict=True):
+            body |= {name: value} if place == "beside" else {}
+            for problem in body["problems"][: {"both": 2, "one": 1}.get(place, 0)]:
+                problem[name] = value
+        yield body
+
+
+def agree(model: type[BaseModel], cases: Iterator[dict[str, Any]]) -> list[bool]:
+    """Whether each body is taken, where the published schema says the same of all."""
+    published = jsonschema.Draft202012Validator(model.model_json_schema(by_alias=True))
+    taken = []
+    for body in cases:
+        try:
+            model.model_validate_json(json.dumps(body))
+            taken.append(True)
+        except ValidationError:
+            taken.append(False)
+        assert published.is_valid(body) == taken[-1], body
+    return taken
+
+
+@pytest.mark.parametrize("model", CASES, ids=lambda model: model.__name__)
+def test_what_belongs_together_is_published(model: type[BaseModel]) -> None:
+    assert set(agree(model, bodies(*CASES[model]))) == {True, False}
+
+
+def test_what_a_batch_needs_is_given_once_or_with_each_problem() -> None:
+    assert sum(agree(BatchRequest, batches())) == 2**3
