@@ -8,7 +8,6 @@ from typing import Any
 
 from armwright_client import (
     Client,
-    Export,
     NoIkSolution,
     Obstacle,
     Plan,
@@ -23,6 +22,7 @@ from studio.attempt import attempt
 from studio.branch import Branch, Verdict, branches
 from studio.code import curl, ik_python, plan_python, task_python
 from studio.entries import Entries
+from studio.export import ExportFile, export_file
 from studio.joint_ranges import home, joint_ranges
 from studio.pose import stays_in
 from studio.requests import ik_request, plan_request, set_fields, task_request
@@ -299,8 +299,8 @@ class Workbench:
         if isinstance(self.outcome, Planned):
             self.pinned = self.outcome
 
-    def export(self, file_format: ExportFormat) -> Export:
-        """The present motion as a file for a controller.
+    def export(self, file_format: ExportFormat) -> ExportFile:
+        """The present motion, or those of the task, as a file for a controller.
 
         Args:
             file_format: Of the file.
@@ -309,17 +309,9 @@ class Workbench:
             ApiError: The service refuses it.
             ValueError: There is no motion.
         """
-        if not isinstance(self.outcome, Planned):
+        if not isinstance(self.outcome, Planned | TaskPlanned):
             raise ValueError("there is no motion yet: plan one first")
-        request = plan_request(self.outcome.state)
-        options = {
-            name: value
-            for name, value in set_fields(request).items()
-            if name in ("scene", "attached", "margin")
-        }
-        return self.client.export(
-            self.state.robot, self.outcome.plan.trajectory, file_format, **options
-        )
+        return export_file(self.client, self.outcome, file_format)
 
     def plan_code(self) -> tuple[str, str]:
         """The present plan request as Python and as curl."""

@@ -113,6 +113,6 @@ class PlayPanel:
         def command() -> None:
             export = self._page.workbench.export(file_format)
             if client is not None:
-                client.send_file_download(export.file_name, export.content.encode())
+                client.send_file_download(export.name, export.content)
 
         self._page.queue.put("export", command)

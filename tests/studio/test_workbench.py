@@ -3,6 +3,7 @@
 import io
 import json
 import subprocess
+import zipfile
 from contextlib import redirect_stdout
 
 import numpy as np
@@ -232,6 +233,19 @@ def test_a_task_is_edited_planned_and_played(workbench: Workbench) -> None:
     middle = len(frames.times) // 2
     T = forward(chain, frames.joints[middle])
     np.testing.assert_allclose(held[middle], T[:3, 3], atol=1e-5)  # grasped at its middle
+    exported = workbench.export("joint_trajectory_json")
+    assert exported.name == "task_joint_trajectory_json.zip"
+    with zipfile.ZipFile(io.BytesIO(exported.content)) as archive:
+        files = {name: json.loads(archive.read(name)) for name in archive.namelist()}
+    still = {"open", "close", "attach", "detach", "grasp", "place"}
+    kinds = [(f"{s.index + 1:02}", s.kind) for s in outcome.plan.stages if s.kind not in still]
+    assert [tuple(name.split("_")[:2]) for name in sorted(files)] == kinds
+    # Each file goes on where the one before has ended, the first one at the start.
+    end = HOME
+    for name in sorted(files):
+        points = files[name]["points"]
+        np.testing.assert_allclose(points[0]["positions"], end, atol=1e-6)
+        end = points[-1]["positions"]
     python, curl = workbench.task_code()
     printed = io.StringIO()
     with redirect_stdout(printed):
@@ -322,7 +336,9 @@ def test_a_motion_is_exported(workbench: Workbench) -> None:
     workbench.set_start(HOME)
     workbench.set_goal_joints(ASIDE)
     workbench.plan()
-    assert workbench.export("csv").content.splitlines()[-1]
+    file = workbench.export("csv")
+    assert file.name.endswith(".csv")
+    assert file.content.splitlines()[-1]
 
 
 def test_public_arms_are_shown_and_planned_for(workbench: Workbench) -> None:

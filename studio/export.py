@@ -1,0 +1,87 @@
+"""Files for controllers: of a motion one, of a task an archive with one for each motion."""
+
+import io
+import zipfile
+from dataclasses import dataclass
+from typing import Any
+
+from armwright_client import Client, Obstacle, Scene, TaskStageReport
+from armwright_client.export import ExportFormat
+from studio.requests import plan_request, set_fields
+from studio.result import Planned, TaskPlanned
+
+#: Settings of a plan that its export takes as well.
+_OPTIONS = ("scene", "attached", "margin")
+#: A stage that moves no joint by more than this stands still [rad or m].
+_STILL = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class ExportFile:
+    """A file to be saved.
+
+    Args:
+        name: Of the file.
+        content: Its bytes.
+    """
+
+    name: str
+    content: bytes
+
+
+def export_file(
+    client: Client, outcome: Planned | TaskPlanned, file_format: ExportFormat
+) -> ExportFile:
+    """A plan as a file for a controller, proved as the controller moves.
+
+    Args:
+        client: That asks the service.
+        outcome: A motion, or the motions of a task.
+        file_format: Of the file, or of those in the archive.
+
+    Raises:
+        ApiError: The service refuses it.
+    """
+    if isinstance(outcome, TaskPlanned):
+        return _archive(client, outcome, file_format)
+    fields = set_fields(plan_request(outcome.state))
+    options = {name: value for name, value in fields.items() if name in _OPTIONS}
+    made = client.export(outcome.state.robot, outcome.plan.trajectory, file_format, **options)
+    return ExportFile(made.file_name, made.content.encode())
+
+
+def _archive(client: Client, outcome: TaskPlanned, file_format: ExportFormat) -> ExportFile:
+    """Each motion of the arm in a file, in order; what the gripper does between them is in none."""
+    margin: dict[str, Any] = {
+        name: value for name, value in outcome.state.settings.items() if name == "margin"
+    }
+    held = io.BytesIO()
+    with zipfile.ZipFile(held, "w", zipfile.ZIP_DEFLATED) as archive:
+        for stage in outcome.plan.stages:
+            if not _moves(stage):
+                continue
+            made = client.export(
+                outcome.state.robot,
+                stage.trajectory,
+                file_format,
+                scene=Scene(obstacles=_places(outcome, stage)),
+                attached=stage.after.as_options()["attached"],
+                allowed_collisions=stage.certificate.allowed_collisions,
+                **margin,
+            )
+            archive.writestr(f"{stage.index + 1:02}_{stage.kind}_{made.file_name}", made.content)
+    return ExportFile(f"task_{file_format}.zip", held.getvalue())
+
+
+def _moves(stage: TaskStageReport) -> bool:
+    first = stage.trajectory.sample([0.0, 0.5 * stage.trajectory.duration])
+    return any(abs(a - b) > _STILL for a, b in zip(*first, strict=True))
+
+
+def _places(outcome: TaskPlanned, stage: TaskStageReport) -> list[Obstacle]:
+    """The obstacles where they stand in a stage."""
+    moved = {item.id: item.pose for item in stage.after.objects}
+    return [
+        item.model_copy(update={"pose": moved[item.id]}) if item.id in moved else item
+        for item in outcome.state.obstacles
+    ]
