@@ -4,13 +4,13 @@ Each convex piece has a ``SphereSet``; between the two radii the exact test deci
 """
 
 from dataclasses import dataclass, field
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.arrays import Array, Indices
+from kinematics.bounded_cache import bounded_cache
 from obstacles.closest_point import hull_distances
 from obstacles.hull import convex_hull
 from obstacles.piece import Piece, PieceKind
@@ -101,7 +101,7 @@ class Brackets:
         return Tightness(link, len(own), len(outer), max(s.excess for s in sets), *volumes)
 
 
-@lru_cache(maxsize=64)
+@bounded_cache(maxsize=64)
 def brackets(robot: RobotGeometry) -> Brackets:
     """``Brackets.of``, kept by the robot's content."""
     most = max(min(MOST, _TOGETHER // max(len(robot.pieces), 1)), _LEAST)

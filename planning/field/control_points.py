@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
 from kinematics.arrays import Array, Indices, frozen
+from kinematics.bounded_cache import bounded_cache
 from kinematics.chain import Chain
 from kinematics.compiled.kernel import kernel
 from kinematics.dh import frame_origins
@@ -69,7 +69,7 @@ def origin_points(chain: Chain, radii: float | Sequence[float] = 0.0) -> Control
     )
 
 
-@lru_cache(maxsize=32)
+@bounded_cache(maxsize=32)
 def along_links(robot: RobotGeometry) -> ControlPoints:
     """Points along the solids of every moving link, with the radius of the solid about them.
 

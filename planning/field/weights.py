@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 
 from kinematics.arrays import Array
+from kinematics.bounded_cache import bounded_cache
 from kinematics.errors import InvalidOption
 from planning.field.number import positive
 
@@ -68,7 +68,7 @@ class FieldWeights:
         return attractive.copy(), repulsive.copy()
 
 
-@lru_cache(maxsize=64)
+@bounded_cache(maxsize=64)
 def _each(weights: FieldWeights, m: int) -> tuple[Array, Array]:
     return (
         _weights("attractive_weights", weights.attractive_weights, m),
