@@ -87,6 +87,7 @@ def sample_deviations(tolerance: ToolTolerance, is_redundant: bool) -> Array:
     within = tilts(grid) <= tolerance.tilt + 1e-9
     grid = grid[within] if within.any() else grid[:1]
     size = np.abs(grid)
+    size[:, RX:] = np.minimum(size[:, RX:], _FULL_TURN - size[:, RX:])
     return np.asarray(grid[np.argsort(size.sum(axis=1), kind="stable")][:_MAX_DEVIATIONS])
 
 
