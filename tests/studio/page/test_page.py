@@ -11,7 +11,7 @@ from playwright.sync_api import Page, expect
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from armwright_client import Client
+from armwright_client import Box, Client, Pose
 from studio.page.local_server import is_own, serve_page
 from studio.page.studio_page import StudioPage
 from studio.pose import rotation
@@ -134,3 +134,31 @@ def test_own_pages_are_those_of_this_machine() -> None:
     assert not is_own("127.0.0.1:8080", ["http://127.0.0.1:9090"])
     assert not is_own("127.0.0.1:8080", ["null"])
     assert not is_own("evil.example:8080", ["http://evil.example:8080"])
+
+
+def test_the_mouse_scales_an_obstacle_by_its_corner(studio: StudioPage, shown: Shown) -> None:
+    page, workbench = shown.page, studio.workbench
+    page.get_by_role("tab", name="Scene").click()
+    box = workbench.add_obstacle("box")
+    before = box.model_copy(
+        update={"shape": Box(size=[0.2, 0.2, 0.2]), "pose": Pose.at(0.1, 0.5, 0.2)}
+    )
+    workbench.change_obstacle(before)
+    studio.refresh()
+    page.get_by_text("Size handles").click()
+    (client,) = studio.server.get_clients().values()
+    # The handle is at the corner, its arrow along z is as long as it is large: 0.1 m.
+    x, y, z = 0.2, 0.6, 0.3
+    begin, end = (pixel(page, client.camera, (x, y, z + along)) for along in (0.075, 0.135))
+
+    def shape() -> list[float]:
+        (item,) = [item for item in workbench.state.obstacles if item.id == box.id]
+        assert isinstance(item.shape, Box)
+        return list(item.shape.size)
+
+    assert drag(page, begin, end, lambda: shape()[2] > 0.25), shape()
+    assert studio.queue.join(20.0)
+    # The middle stays, so that the size grows by twice the way of the corner.
+    np.testing.assert_allclose(shape(), [0.2, 0.2, 0.32], atol=0.03)
+    assert shape()[:2] == pytest.approx([0.2, 0.2])
+    assert not shown.faults
