@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +15,8 @@ from kinematics.trajectory import concatenate
 from planning.constraints.limit import ToolSpeedConstraint
 from planning.options import Options
 from planning.problem import JointGoal
+from planning.proof.certificate import Certificate, certify
+from planning.sequence import passing
 from planning.sequence.estimate import passing_time
 from planning.sequence.result import SequencePlan
 from planning.sequence.search import TaskOptions, plan_task
@@ -102,6 +105,18 @@ def test_an_obstacle_inside_the_corner_narrows_the_blend_and_fcl_finds_the_way_f
     assert _collides(judge, wide)
     assert not _collides(judge, narrow)
     _assert_joined(narrow)
+
+
+def test_a_motion_that_can_not_be_proved_is_not_answered(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*given: Any, **options: Any) -> Certificate:
+        return replace(certify(*given, **options), verified=False)
+
+    monkeypatch.setattr(passing, "certify", refuse)
+    plan = _plan(_via(A, 1.0), _via(C, None))
+    assert not plan.stages[0].passes
+    assert plan.stages[0].plan is not None
+    assert any("rests at the end" in note for note in plan.stages[0].plan.notes)
+    _assert_joined(plan)
 
 
 def _collides(judge: FclJudge, plan: SequencePlan) -> bool:

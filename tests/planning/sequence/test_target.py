@@ -1,0 +1,163 @@
+"""Configurations at targets: the tool is there, FCL finds them free, the rest is told why not."""
+
+import numpy as np
+import pytest
+
+import armwright as aw
+from benchmarks.fcl_judge import FclJudge
+from kinematics.arrays import Array
+from kinematics.chain import Chain
+from kinematics.forward import forward
+from obstacles.checker import Checker
+from planning.deadline import Deadline
+from planning.problem import JointGoal, PoseGoal
+from planning.sequence.stage import Grasp, Move, Place, Wait
+from planning.sequence.target import (
+    Candidates,
+    Outcome,
+    Target,
+    find_candidates,
+    stage_targets,
+    target_count,
+)
+from planning.sequence.world import Contact
+from tests.planning.scenes import builtin
+from tests.planning.sequence import crate
+
+GRIPS = crate.grasps(5)
+LATER = Deadline.after(60.0)
+
+
+def _find(targets: list[Target], *more: aw.Obstacle, deadline: Deadline = LATER) -> Candidates:
+    robot = crate.panda()
+    checker = Checker.of(robot, crate.scene(*more))
+    return find_candidates(robot.chain, targets, checker, deadline, 0)
+
+
+def _posed(number: int, *at: float) -> Target:
+    return Target(number, aw.pose(at) @ crate.DOWN, None, None)
+
+
+def test_grasps_are_poses_of_the_tool_on_the_object_where_it_stands() -> None:
+    stage = Grasp("crate", GRIPS, ("panda_hand",), "table")
+    targets = stage_targets(stage, crate.world(), {})
+    assert (
+        [target.number for target in targets] == list(range(5)) == list(range(target_count(stage)))
+    )
+    for target, grip in zip(targets, GRIPS, strict=True):
+        assert target.T is not None
+        np.testing.assert_allclose(target.T, aw.pose([*crate.PICK, 0.15]) @ grip, atol=1e-12)
+        assert target.contact is not None
+        assert (target.contact.object, target.contact.support) == ("crate", "table")
+        np.testing.assert_array_equal(target.contact.T, grip)
+
+
+@pytest.mark.parametrize("reference", [None, "wall"])
+def test_places_bring_the_held_object_to_their_poses(reference: str | None) -> None:
+    grasped = crate.world().after_grasp(Contact("crate", GRIPS[2]), ("panda_hand",))
+    world = grasped.after_attach("crate", None, (), None, crate.HOME)
+    stage = Place("crate", crate.places(3), reference, "table")
+    targets = stage_targets(stage, world, {})
+    assert len(targets) == target_count(stage) == 3
+    base = np.eye(4) if reference is None else aw.pose([0.6, 0.0, 0.175])
+    for target, pose in zip(targets, crate.places(3), strict=True):
+        assert target.T is not None
+        assert target.contact is not None
+        # The crate is at T_tool @ T_tool_crate, and the grasp is T_crate_tool.
+        np.testing.assert_allclose(target.T @ np.linalg.inv(GRIPS[2]), base @ pose, atol=1e-12)
+        np.testing.assert_allclose(target.contact.T, base @ pose, atol=1e-12)
+
+
+def test_moves_go_to_their_goals_or_back() -> None:
+    T = aw.pose([0.4, 0.0, 0.5]) @ crate.DOWN
+    stage = Move((JointGoal(crate.HOME), PoseGoal(T)))
+    joints, pose = stage_targets(stage, crate.world(), {})
+    np.testing.assert_array_equal(joints.joints, crate.HOME)
+    np.testing.assert_array_equal(pose.T, T)
+    assert (joints.T, pose.joints, joints.number, pose.number) == (None, None, 0, 1)
+    (back,) = stage_targets(Move(to_end_of=3), crate.world(), {3: crate.HOME + 0.1})
+    np.testing.assert_array_equal(back.joints, crate.HOME + 0.1)
+    assert [target_count(s) for s in (stage, Move(to_end_of=3), Wait(1.0))] == [2, 1, 0]
+
+
+def test_candidates_have_the_tool_there_inside_the_limits_and_free_as_fcl_finds() -> None:
+    targets = [_posed(4, 0.5, -0.25, 0.35), _posed(7, 0.5, 0.1, 0.3), _posed(9, 0.4, 0.3, 0.5)]
+    found = _find(targets)
+    assert found.complete
+    assert {number: v.outcome for number, v in found.outcomes.items()} == dict.fromkeys(
+        (4, 7, 9), Outcome.REACHED
+    )
+    chain, judge = crate.panda().chain, FclJudge(crate.panda(), crate.scene())
+    assert len(found.targets) == len(found.joints) > 20
+    assert {target.number for target in found.targets} == {4, 7, 9}
+    for target, q in zip(found.targets, found.joints, strict=True):
+        assert target.T is not None
+        np.testing.assert_allclose(forward(chain, q), target.T, atol=1e-6)
+        assert ((q >= chain.limits.lower) & (q <= chain.limits.upper)).all()
+        assert not judge.collides(q)
+
+
+def test_what_can_not_be_reached_is_told_with_the_reason() -> None:
+    lid = aw.Obstacle("lid", aw.Box((0.3, 0.3, 0.02)), aw.pose([*crate.PICK, 0.3]))
+    beyond = crate.panda().chain.limits.upper + 0.1
+    targets = [
+        _posed(0, 2.0, 0.0, 0.3),
+        Target(1, None, beyond, None),
+        _posed(2, *crate.PICK, 0.3),
+        Target(3, None, crate.HOME, None),
+    ]
+    found = _find(targets, lid)
+    outcomes = [found.outcomes[k].outcome for k in range(4)]
+    assert outcomes == [
+        Outcome.OUT_OF_REACH, Outcome.OUTSIDE_LIMITS, Outcome.IN_COLLISION, Outcome.REACHED
+    ]  # fmt: skip
+    np.testing.assert_array_equal(found.joints, [crate.HOME])
+    hit = found.outcomes[2]
+    assert hit.joints is not None
+    assert hit.pair is not None
+    assert "lid" in hit.pair
+    assert FclJudge(crate.panda(), crate.scene(lid)).collides(hit.joints)
+
+
+def test_a_configuration_that_barely_clears_is_left_out_where_others_have_room() -> None:
+    target = _posed(0, 0.5, 0.1, 0.3)
+    joints = _find([target]).joints
+    at, small = aw.pose([0.1, -0.35, 0.6]), 0.01
+    judge = FclJudge(crate.panda(), aw.Scene([aw.Obstacle("ball", aw.Sphere(small), at)]))
+    distances = np.array([judge.obstacle_distance(q) for q in joints])
+    # Branches that differ in the wrist alone are as near as each other.
+    near = distances < distances.min() + 1e-4
+    assert not near.all()
+    ball = aw.Obstacle("ball", aw.Sphere(small + float(distances.min()) - 1e-4), at)
+    np.testing.assert_array_equal(_find([target], ball).joints, joints[~near])
+    # Alone it is what there is.
+    nearest = joints[[distances.argmin()]]
+    alone = _find([Target(0, None, nearest[0], None)], ball)
+    np.testing.assert_array_equal(alone.joints, nearest)
+
+
+def test_no_target_is_looked_at_after_the_deadline() -> None:
+    found = _find([_posed(0, 0.5, 0.1, 0.3)], deadline=Deadline.after(-1.0))
+    assert not found.complete
+    assert not found.outcomes
+    assert found.joints.shape == (0, 7)
+
+
+def test_arms_without_a_closed_form_are_searched_and_answers_differ() -> None:
+    robot = builtin("stanford")
+    chain = robot.chain
+    q = 0.5 * np.sum(chain.sampling_bounds(), axis=0) + 0.3
+    T, far = forward(chain, q), forward(chain, q).copy()
+    far[:3, 3] *= 20.0
+    checker = Checker.of(robot, aw.Scene([]))
+    targets = [Target(0, T, None, None), Target(1, far, None, None)]
+    found = find_candidates(chain, targets, checker, LATER, 0)
+    assert [found.outcomes[k].outcome for k in (0, 1)] == [Outcome.REACHED, Outcome.OUT_OF_REACH]
+    assert _poses_error(chain, found.joints, T) < 1e-5
+    gaps = [np.abs(a - b).max() for i, a in enumerate(found.joints) for b in found.joints[:i]]
+    assert min(gaps, default=1.0) > 1e-3
+
+
+def _poses_error(chain: Chain, joints: Array, T: Array) -> float:
+    assert len(joints)
+    return float(np.abs(forward(chain, joints) - T).max())
