@@ -69,7 +69,7 @@ def _archive(client: Client, outcome: TaskPlanned, file_format: ExportFormat) ->
                 allowed_collisions=stage.certificate.allowed_collisions,
                 **margin,
             )
-            archive.writestr(f"{stage.index + 1:02}_{stage.kind}_{made.file_name}", made.content)
+            archive.writestr(f"{stage.index:02}_{stage.kind}_{made.file_name}", made.content)
     return ExportFile(f"task_{file_format}.zip", held.getvalue())
 
 

@@ -84,7 +84,7 @@ def of_task(kept: Kept, body: TaskRequest) -> Iterator[Configuration]:
     for number, item in enumerate(body.stages):
         goal = item.goal if item.kind == "move" else None
         if number not in stages and goal is not None and goal.joints is not None:
-            yield _end(f"goal of stage {number + 1}", goal.joints, None)
+            yield _end(f"goal of stage {number}", goal.joints, None)
 
 
 def untried(kept: Kept) -> list[str]:
@@ -158,8 +158,8 @@ def _trials(kept: Kept) -> list[dict[str, Any]]:
 
 
 def _alternative(trial: dict[str, Any]) -> str:
-    before = "".join(f", after {choice + 1}" for choice in trial["choices"][:-1])
-    return f"stage {trial['stage'] + 1}, alternative {trial['choices'][-1] + 1}{before}"
+    before = "".join(f", after {choice}" for choice in trial["choices"][:-1])
+    return f"stage {trial['stage']}, choice {trial['choices'][-1]}{before}"
 
 
 def _reasons(trial: dict[str, Any]) -> str:

@@ -238,7 +238,7 @@ def test_a_task_is_edited_planned_and_played(workbench: Workbench) -> None:
     with zipfile.ZipFile(io.BytesIO(exported.content)) as archive:
         files = {name: json.loads(archive.read(name)) for name in archive.namelist()}
     still = {"open", "close", "attach", "detach", "grasp", "place"}
-    kinds = [(f"{s.index + 1:02}", s.kind) for s in outcome.plan.stages if s.kind not in still]
+    kinds = [(f"{s.index:02}", s.kind) for s in outcome.plan.stages if s.kind not in still]
     assert [tuple(name.split("_")[:2]) for name in sorted(files)] == kinds
     # Each file goes on where the one before has ended, the first one at the start.
     end = HOME

@@ -144,7 +144,7 @@ def test_a_task_plays_stage_by_stage_with_fingers_and_what_they_hold(
     names = ["open", "move", "approach", "grasp", "close", "attach", "lift"]
     listed = page.inner_text("#list").splitlines()
     assert [line.split(",")[0] for line in listed] == [
-        f"{number}: {name}" for number, name in enumerate(names, 1)
+        f"{number}: {name}" for number, name in enumerate(names)
     ]
     place = "(t) => placed(arm.frames(motion.at(t)), t)"
     duration, lift = data["motion"]["breaks"][-1], data["stages"][-1]["begins"]
@@ -162,7 +162,7 @@ def test_a_task_plays_stage_by_stage_with_fingers_and_what_they_hold(
     wait(page, "!window.armwrightView.changed")
     assert page.evaluate("window.armwrightView.time") == pytest.approx(lift)
     assert page.locator("#list button[aria-current=step]").inner_text() == listed[-1]
-    assert "7: lift" in page.inner_text("#now")
+    assert "6: lift" in page.inner_text("#now")
     assert colours(page) > 20
     assert len(events) == 1
 
@@ -228,10 +228,10 @@ def test_failed_tasks_and_tours_show_what_was_tried(
     content = fetch(served.client, "/v1/tasks", blocked)
     data = document(content)
     tried = data["configurations"][1:-1]
-    assert data["configurations"][-1]["label"] == "goal of stage 13"
+    assert data["configurations"][-1]["label"] == "goal of stage 12"
     assert len(tried) == 18
-    for number, item in enumerate(tried, 1):
-        assert item["label"] == f"stage 3, alternative {number}"
+    for number, item in enumerate(tried):
+        assert item["label"] == f"stage 2, choice {number}"
         assert (item["verdict"], item["cause"]) == ("rejected", "collision")
         first, second = item["pair"]
         assert item["reason"] == f"'{first}' and '{second}' collide"
@@ -242,12 +242,12 @@ def test_failed_tasks_and_tours_show_what_was_tried(
     for item, hits in zip(tried, found, strict=True):
         assert set(item["pair"]) in [set(hit["pair"]) for hit in hits]
     page, _ = show(browser, content, tmp_path)
-    assert "2. \u2717 collides: stage 3, alternative 1." in page.inner_text("#list")
+    assert "2. \u2717 collides: stage 2, choice 0." in page.inner_text("#list")
     assert any("2 to 19" in text or "3 to 19" in text for text in
                page.locator("#labels span").all_inner_texts())  # fmt: skip
     moves = {"stages": [{"kind": "move", "goal": far}]}
     words = document(fetch(served.client, "/v1/tasks", example | moves))["sentences"]
-    assert "Stage 1, alternative 1: out_of_reach." in words
+    assert "Stage 0, choice 0: out_of_reach." in words
     within = {"id": "lid", "pose": {"position": [0.5, -0.25, 0.3], "rpy": [3.14, 0.0, 0.0]}}
     tour = {
         "robot": "panda",
