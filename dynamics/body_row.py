@@ -36,19 +36,19 @@ ROW = 26
 SMOOTH_SPEED = 1e-2
 
 
-@kernel(fastmath=True)
+@kernel(fastmath=True, allocates=False)
 def origin(row: Array) -> Vector:
     """The joint's origin in the frame before it, at q = 0."""
     return row[4], row[8], row[12]
 
 
-@kernel(fastmath=True)
+@kernel(fastmath=True, allocates=False)
 def axis(row: Array) -> Vector:
     """The joint's z axis in the frame before it."""
     return row[3], row[7], row[11]
 
 
-@kernel(fastmath=True)
+@kernel(fastmath=True, allocates=False)
 def to_parent(row: Array, c: float, s: float, a: Vector) -> Vector:
     """A vector from the frame of a joint, turned by the angle of cosine c, in its parent's."""
     x, y, z = c * a[0] - s * a[1], s * a[0] + c * a[1], a[2]
@@ -59,7 +59,7 @@ def to_parent(row: Array, c: float, s: float, a: Vector) -> Vector:
     )
 
 
-@kernel(fastmath=True)
+@kernel(fastmath=True, allocates=False)
 def to_child(row: Array, c: float, s: float, a: Vector) -> Vector:
     """A vector from the frame of the parent in that of a joint."""
     x = row[1] * a[0] + row[5] * a[1] + row[9] * a[2]
@@ -68,7 +68,7 @@ def to_child(row: Array, c: float, s: float, a: Vector) -> Vector:
     return c * x + s * y, c * y - s * x, z
 
 
-@kernel(fastmath=True)
+@kernel(fastmath=True, allocates=False)
 def times_inertia(row: Array, a: Vector) -> Vector:
     """The product I a with the inertia of a body about its joint's origin."""
     xx, xy, yy = row[INERTIA], row[INERTIA + 1], row[INERTIA + 2]

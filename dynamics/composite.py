@@ -65,19 +65,19 @@ def frames_kernel(rows: Array, q: Array, frames: Array) -> None:
         frames[i, 11] -= last[2]
 
 
-@kernel(fastmath=True)
+@kernel(fastmath=True, allocates=False)
 def axis_of(F: Array) -> Vector:
     """The z axis of a frame."""
     return F[2], F[6], F[10]
 
 
-@kernel(fastmath=True)
+@kernel(fastmath=True, allocates=False)
 def origin_of(F: Array) -> Vector:
     """The origin of a frame."""
     return F[3], F[7], F[11]
 
 
-@kernel(fastmath=True)
+@kernel(fastmath=True, allocates=False)
 def to_base(F: Array, a: Vector) -> Vector:
     """A vector of the frame ``F`` in base axes."""
     return (
@@ -87,7 +87,7 @@ def to_base(F: Array, a: Vector) -> Vector:
     )
 
 
-@kernel(fastmath=True)
+@kernel(fastmath=True, allocates=False)
 def symmetric(U: Vector, T: Vector, a: Vector) -> Vector:
     """The product with a symmetric matrix of rows (U0, U1, T0), (U1, U2, T1), (T0, T1, T2)."""
     return (
@@ -97,7 +97,7 @@ def symmetric(U: Vector, T: Vector, a: Vector) -> Vector:
     )
 
 
-@kernel(fastmath=True)
+@kernel(fastmath=True, allocates=False)
 def moments(row: Array, F: Array) -> tuple[Vector, Vector, Vector]:
     """First moment and inertia (xx, xy, yy), (xz, yz, zz) of one body, in base axes."""
     m, o = row[MASS], origin_of(F)
@@ -117,7 +117,7 @@ def moments(row: Array, F: Array) -> tuple[Vector, Vector, Vector]:
     return g, (xx, xy, yy), (xz, yz, zz)
 
 
-@kernel(fastmath=True)
+@kernel(fastmath=True, allocates=False)
 def screw(row: Array, F: Array) -> tuple[Vector, Vector]:
     """Spin and velocity that a joint alone causes at the point measured from."""
     z = axis_of(F)
@@ -126,7 +126,7 @@ def screw(row: Array, F: Array) -> tuple[Vector, Vector]:
     return (0.0, 0.0, 0.0), z
 
 
-@kernel(fastmath=True)
+@kernel(fastmath=True, allocates=False)
 def mass_matrix_kernel(rows: Array, work: Array, D: Array) -> None:
     """Write D(q) into D (n, n), for the frames in ``work`` (n, 30)."""
     n = D.shape[0]
@@ -147,7 +147,7 @@ def mass_matrix_kernel(rows: Array, work: Array, D: Array) -> None:
             D[j, k] = D[k, j]
 
 
-@kernel(fastmath=True)
+@kernel(fastmath=True, allocates=False)
 def rates(rows: Array, qd: Array, work: Array) -> None:
     """Write what joint i alone causes, its rates, and body i's spin and velocity into ``work``."""
     spin, velocity, last = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
@@ -173,7 +173,7 @@ def rates(rows: Array, qd: Array, work: Array) -> None:
         last = o
 
 
-@kernel(fastmath=True)
+@kernel(fastmath=True, allocates=False)
 def coriolis_kernel(rows: Array, qd: Array, work: Array, C: Array) -> None:
     """Write C(q, q_dot) into C (n, n), for the frames in ``work`` (n, 30)."""
     n = C.shape[0]

@@ -46,7 +46,7 @@ MOMENT = 8
 WORK = 11
 
 
-@kernel(fastmath=True)
+@kernel(fastmath=True, allocates=False)
 def move_joint(row: Array, q: float, work: Array) -> tuple[float, float, Vector]:
     """Cosine, sine and origin in the parent's frame of a joint at q, kept in ``work`` (11,)."""
     if row[TYPE] == REVOLUTE:
@@ -59,7 +59,7 @@ def move_joint(row: Array, q: float, work: Array) -> tuple[float, float, Vector]
     return c, s, p
 
 
-@kernel(fastmath=True)
+@kernel(fastmath=True, allocates=False)
 def gather(rows: Array, work: Array, torque: Array) -> None:
     """Sum forces and moments from the tip to the base, and write their parts along the joints."""
     n = torque.shape[0]
@@ -75,7 +75,7 @@ def gather(rows: Array, work: Array, torque: Array) -> None:
             moment = add(moment, cross((own[ORIGIN], own[ORIGIN + 1], own[ORIGIN + 2]), force))
 
 
-@kernel(fastmath=True, inline="code")
+@kernel(fastmath=True, inline="code", allocates=False)
 def inverse_kernel(
     rows: Array, q: Array, qd: Array, qdd: Array, work: Array, torque: Array
 ) -> None:
@@ -109,7 +109,7 @@ def inverse_kernel(
             torque[i] += dry_friction(rows[i, COULOMB], qd[i])
 
 
-@kernel(fastmath=True)
+@kernel(fastmath=True, allocates=False)
 def gravity_kernel(rows: Array, q: Array, work: Array, G: Array) -> None:
     """Write G(q) into G (n,): what hangs on each joint pulls; ``work`` is (n, 11)."""
     n = G.shape[0]
@@ -131,7 +131,7 @@ def gravity_kernel(rows: Array, q: Array, work: Array, G: Array) -> None:
             h = add(h, scale(mass, (own[ORIGIN], own[ORIGIN + 1], own[ORIGIN + 2])))
 
 
-@kernel(fastmath=True)
+@kernel(fastmath=True, allocates=False)
 def advance(
     row: Array, motion: Array, w: Vector, u: Vector, du: Vector, A: Vector, own: Array
 ) -> tuple[Vector, Vector, Vector, Vector]:
@@ -151,7 +151,7 @@ def advance(
     return w, u, du, A
 
 
-@kernel(fastmath=True)
+@kernel(fastmath=True, allocates=False)
 def reference_inverse_kernel(rows: Array, motion: Array, work: Array, torque: Array) -> None:
     """Write M a + C(q, q_dot) v + B q_dot + G into ``torque`` (n,).
 

@@ -17,7 +17,7 @@ from kinematics.vec3 import Vector, cross, dot, load, scale, subtract
 BODY_PARAMETERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 
 
-@kernel(fastmath=True)
+@kernel(fastmath=True, allocates=False)
 def inertia_columns(w: Vector, u: Vector, du: Vector, z: Vector, out: Array) -> None:
     """Write the parts along z of the moments of unit inertias into ``out[4:10]``.
 
@@ -40,7 +40,7 @@ def inertia_columns(w: Vector, u: Vector, du: Vector, z: Vector, out: Array) -> 
     out[9] = zz * du[2] + x * w[1] * u[2] - y * w[0] * u[2] - along
 
 
-@kernel(fastmath=True)
+@kernel(fastmath=True, allocates=False)
 def regressor_kernel(rows: Array, motion: Array, work: Array, frames: Array, Y: Array) -> None:
     """Write Y(q, q_dot, v, a) of the bodies' standard parameters into Y (n, 10 n).
 
@@ -78,7 +78,7 @@ def regressor_kernel(rows: Array, motion: Array, work: Array, frames: Array, Y: 
                 Y[i, k] = 0.0
 
 
-@kernel(fastmath=True)
+@kernel(fastmath=True, allocates=False)
 def to_frame(F: Array, a: Vector) -> Vector:
     """A vector of the base in the axes of the frame ``F``."""
     return (
