@@ -80,7 +80,7 @@ def times_inertia(row: Array, a: Vector) -> Vector:
     )
 
 
-@kernel
+@kernel(allocates=False)
 def dry_friction(coulomb: float, qd: float) -> float:
     """Dry friction of a joint that moves at q_dot: F tanh(q_dot / v)."""
     return float(coulomb * np.tanh(qd / SMOOTH_SPEED))

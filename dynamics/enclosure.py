@@ -45,7 +45,7 @@ def scale(k: float, x: Enclosure) -> Enclosure:
     return k * x[0], k * x[1], abs(k) * x[2]
 
 
-@kernel
+@kernel(allocates=False)
 def multiply(x: Enclosure, y: Enclosure) -> Enclosure:
     """The product x y; half of the slopes' product goes to the middle."""
     bend = 0.5 * x[1] * y[1]
@@ -55,7 +55,7 @@ def multiply(x: Enclosure, y: Enclosure) -> Enclosure:
     return x[0] * y[0] + bend, x[0] * y[1] + x[1] * y[0], radius
 
 
-@kernel
+@kernel(allocates=False)
 def sine_cosine(x: Enclosure) -> tuple[Enclosure, Enclosure]:
     """The sine and cosine of x, by their tangents and the largest second derivative, 1."""
     s, c = math.sin(x[0]), math.cos(x[0])
@@ -79,7 +79,7 @@ def cross(u: Vector, v: Vector) -> Vector:
     )
 
 
-@kernel
+@kernel(allocates=False)
 def combine(a: float, b: float, c: float, v: Vector) -> Enclosure:
     """The sum a v_x + b v_y + c v_z for numbers a, b, c."""
     return add(add(scale(a, v[0]), scale(b, v[1])), scale(c, v[2]))
@@ -91,7 +91,7 @@ def constant(a: float, b: float, c: float) -> Vector:
     return (a, 0.0, 0.0), (b, 0.0, 0.0), (c, 0.0, 0.0)
 
 
-@kernel
+@kernel(allocates=False)
 def cross_constant(v: Vector, a: float, b: float, c: float) -> Vector:
     """The cross product v x (a, b, c) for numbers a, b, c."""
     return (
@@ -101,7 +101,7 @@ def cross_constant(v: Vector, a: float, b: float, c: float) -> Vector:
     )
 
 
-@kernel
+@kernel(allocates=False)
 def to_joint(A: Array, s: Enclosure, c: Enclosure, v: Vector) -> Vector:
     """A vector of the frame before a joint in the frame behind it: Rz(q)^T R_A^T v."""
     x = combine(A[0, 0], A[1, 0], A[2, 0], v)
@@ -114,7 +114,7 @@ def to_joint(A: Array, s: Enclosure, c: Enclosure, v: Vector) -> Vector:
     )
 
 
-@kernel
+@kernel(allocates=False)
 def to_parent(A: Array, s: Enclosure, c: Enclosure, v: Vector) -> Vector:
     """The other way: R_A Rz(q) v."""
     x = add(multiply(c, v[0]), scale(-1.0, multiply(s, v[1])))
@@ -127,7 +127,7 @@ def to_parent(A: Array, s: Enclosure, c: Enclosure, v: Vector) -> Vector:
     )
 
 
-@kernel
+@kernel(allocates=False)
 def motion_kernel(c: Array, shifted: Array, time: float, h: float) -> Vector:
     """Position, velocity and acceleration of the polynomial c over time +- h."""
     shift_kernel(c, time, shifted)
@@ -154,7 +154,7 @@ def motion_kernel(c: Array, shifted: Array, time: float, h: float) -> Vector:
     return (p, p1, pr), (v, v1, vr), (a, a1, ar)
 
 
-@kernel
+@kernel(allocates=False)
 def enclosure_kernel(
     bodies: Bodies, tip: Array, motions: Array, vectors: Array, out: Array
 ) -> Enclosure:
@@ -227,7 +227,7 @@ def enclosure_kernel(
     return add(add(multiply(v[0], v[0]), multiply(v[1], v[1])), multiply(v[2], v[2]))
 
 
-@kernel
+@kernel(allocates=False)
 def _torques_kernel(bodies: Bodies, motions: Array, vectors: Array, out: Array) -> None:
     """From the forces and moments that move the bodies to those at the joints, from the tip."""
     zero = (0.0, 0.0, 0.0)

@@ -100,7 +100,7 @@ def regressor_batch_kernel(rows: Array, state: Array, Y: Array) -> None:
         motor_columns(motion, Y[k])
 
 
-@kernel
+@kernel(allocates=False)
 def motor_columns(motion: Array, Y: Array) -> None:
     """Write what columns of Y (n, p) come after the bodies' 10 n.
 

@@ -107,7 +107,7 @@ def piece_deviations(
     return bounds, fine != 0.0, where
 
 
-@kernel
+@kernel(allocates=False)
 def _norm(a: float, b: float, c: float) -> float:
     return math.sqrt(a * a + b * b + c * c)
 
@@ -122,7 +122,7 @@ def _farthest(e: Array, rate: Array, h: float) -> float:
     return math.sqrt(max(plus, minus))
 
 
-@kernel
+@kernel(allocates=False)
 def _nominal(m: Array, s: float, R: Array) -> None:
     """Write exp(s theta [a]) R_0 of a motion's numbers into R (3, 3)."""
     angle = s * m[TURN]
@@ -135,7 +135,7 @@ def _nominal(m: Array, s: float, R: Array) -> None:
         R[2, column] = c * z + v * (m[AXIS] * y - m[AXIS + 1] * x) + along * m[AXIS + 2]
 
 
-@kernel
+@kernel(allocates=False)
 def _angle_between(A: Array, B: Array) -> float:
     """Angle of A^T B, (3, 3) each, from |A - B| = 2 sqrt(2) sin(angle / 2): exact where small."""
     square = 0.0
@@ -145,7 +145,7 @@ def _angle_between(A: Array, B: Array) -> float:
     return 2.0 * math.asin(min(1.0, math.sqrt(square / 8.0)))
 
 
-@kernel
+@kernel(allocates=False)
 def _twist_angle(m: Array, R: Array) -> float:
     """Angle about the axis a that R R_0^T contains, in (-pi, pi]."""
     # Of D = R R_0^T: sine from its skew part along a, cosine from what it does across a.
@@ -255,7 +255,7 @@ def cell_kernel(
             state[_ORIENTATION] += max(0.0, -s, s - 1.0) * m[TURN]
 
 
-@kernel
+@kernel(allocates=False)
 def tip_motion_kernel(
     model: Array, T_joint_tip: Array, last: int, c: Array, h: float,
     frames: Array, work: Array, R: Array, state: Array,
@@ -321,7 +321,7 @@ def tip_motion_kernel(
     state[_ACCELERATION], state[_ANGULAR] = second, turning
 
 
-@kernel
+@kernel(allocates=False)
 def _line_kernel(m: Array, h: float, work: Array, R: Array, state: Array) -> None:
     """Position deviation from a line for ``cell_kernel``."""
     p, v, w, e, rate = work[3], work[4], work[5], work[6], work[7]
@@ -357,7 +357,7 @@ def _line_kernel(m: Array, h: float, work: Array, R: Array, state: Array) -> Non
         state[_PACE] = (m[AXIS] * w[0] + m[AXIS + 1] * w[1] + m[AXIS + 2] * w[2]) / m[TURN]
 
 
-@kernel
+@kernel(allocates=False)
 def _arc_kernel(m: Array, h: float, work: Array, state: Array) -> None:
     """Position deviation from an arc for ``cell_kernel``."""
     p, v, e, rate = work[3], work[4], work[6], work[7]

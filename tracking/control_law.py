@@ -177,7 +177,7 @@ def space(n: int, law: Law) -> Space:
     )
 
 
-@kernel
+@kernel(allocates=False)
 def add_product(A: Array, x: Array, y: Array) -> None:
     """Add A x to y (n,), with A of shape (n, n)."""
     for i in range(y.shape[0]):
@@ -197,7 +197,7 @@ def quadratic(A: Array, x: Array, y: Array) -> float:
     return s
 
 
-@kernel
+@kernel(allocates=False)
 def set_errors(law: Law, space: Space, q: Array, qd: Array, reference: Array) -> None:
     """Write e, e_dot and r into ``space.vectors`` and (q, q_dot, v, a) into ``space.motion``."""
     for i in range(q.shape[0]):
@@ -209,7 +209,7 @@ def set_errors(law: Law, space: Space, q: Array, qd: Array, reference: Array) ->
         space.motion[i, 3] = reference[2, i] + law.Lambda[i] * rate
 
 
-@kernel
+@kernel(allocates=False)
 def control_kernel(
     law: Law, space: Space, state: Array, reference: Array, estimate: Array, u: Array, rate: Array
 ) -> None:
@@ -244,7 +244,7 @@ def control_kernel(
         adaptive_kernel(law, space, q, estimate, u, rate)
 
 
-@kernel
+@kernel(allocates=False)
 def adaptive_kernel(
     law: Law, space: Space, q: Array, estimate: Array, u: Array, rate: Array
 ) -> None:
@@ -272,7 +272,7 @@ def adaptive_kernel(
             rate[j] += law.Gamma[j, k] * s
 
 
-@kernel
+@kernel(allocates=False)
 def lyapunov_kernel(
     law: Law, space: Space, state: Array, reference: Array, estimate: Array
 ) -> float:

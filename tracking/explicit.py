@@ -134,7 +134,7 @@ def explicit_polynomials(F: Array, x: Array, out: Array) -> None:
         c[0] += x[i]
 
 
-@kernel
+@kernel(allocates=False)
 def explicit_interpolate(steps: Steps, x: Array, place: float, out: Array) -> None:
     """The state at a part ``place`` of the step from x, from the dense output, into out (N,)."""
     for i in range(out.shape[0]):

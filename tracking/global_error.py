@@ -82,7 +82,7 @@ def error_carrier(N: int, commands: int, *, is_kept: bool) -> ErrorCarrier:
     )
 
 
-@kernel
+@kernel(allocates=False)
 def multiply(A: Array, B: Array, out: Array) -> None:
     """Write the product A B of square matrices (N, N) into out (N, N)."""
     N = A.shape[0]
@@ -96,7 +96,7 @@ def multiply(A: Array, B: Array, out: Array) -> None:
                     out[i, j] += a * B[k, j]
 
 
-@kernel
+@kernel(allocates=False)
 def map_ellipsoid(A: Array, P: Array, work: Array) -> None:
     """Replace P (N, N) by A P A^T; ``work`` is (N, N)."""
     N = P.shape[0]
@@ -109,7 +109,7 @@ def map_ellipsoid(A: Array, P: Array, work: Array) -> None:
             P[i, j] = s
 
 
-@kernel
+@kernel(allocates=False)
 def add_ellipsoid(P: Array, L: Array, weights: Array) -> None:
     """Replace P (N, N) by an ellipsoid that holds all sums of points of P and of L (N, N).
 

@@ -106,7 +106,7 @@ def jacobian(loop: Loop, stages: Stages, t: float, x: Array, f: Array) -> None:
             stages.J[i, j] = (rate[i] - f[i]) / step
 
 
-@kernel
+@kernel(allocates=False)
 def factor_all(stages: Stages, h: float) -> bool:
     """Factor (gamma / h) E - J for both eigenvalues gamma."""
     N = stages.J.shape[0]
@@ -121,7 +121,7 @@ def factor_all(stages: Stages, h: float) -> bool:
     return lu_factor_kernel(stages.complex, stages.pivots[1], 0.0)
 
 
-@kernel
+@kernel(allocates=False)
 def to_eigenbasis(a: float, b: float, c: float) -> tuple[float, float, float]:
     """The stages of one state in the coordinates in which the method falls apart."""
     S = _T_INVERSE
@@ -224,7 +224,7 @@ def implicit_step(
     return size
 
 
-@kernel
+@kernel(allocates=False)
 def scaled_error(error: Array, x: Array, end: Array, tolerances: Array) -> float:
     """Root mean square of an error in units of what is allowed."""
     total = 0.0
@@ -234,7 +234,7 @@ def scaled_error(error: Array, x: Array, end: Array, tolerances: Array) -> float
     return float(np.sqrt(total / x.shape[0]))
 
 
-@kernel
+@kernel(allocates=False)
 def implicit_interpolate(stages: Stages, x: Array, place: float, out: Array) -> None:
     """The state at a part ``place`` of the step from x: the collocation polynomial, into out."""
     a, b = _NODES[0], _NODES[1]
@@ -246,7 +246,7 @@ def implicit_interpolate(stages: Stages, x: Array, place: float, out: Array) -> 
         out[i] = x[i] + first * Z[0, i] + second * Z[1, i] + third * Z[2, i]
 
 
-@kernel
+@kernel(allocates=False)
 def implicit_polynomials(stages: Stages, x: Array, out: Array) -> None:
     """Write the collocation polynomial as powers of the part of the step that has passed.
 

@@ -102,7 +102,7 @@ def _begin_segment(
             begin_call(loop, scratch.errors, events.times[s], x, scratch.weights)
 
 
-@kernel
+@kernel(allocates=False)
 def _shrunk_step(h: float, error: float, power: float) -> float:
     """The step to try after one of length h with an error too large."""
     if not np.isfinite(error):
@@ -110,7 +110,7 @@ def _shrunk_step(h: float, error: float, power: float) -> float:
     return float(h * max(_MAX_SHRINK, _SAFETY * error**-power))
 
 
-@kernel
+@kernel(allocates=False)
 def _has_run_away(x: Array) -> bool:
     """Whether a state (N,) is beyond every robot's, or not a number."""
     for i in range(x.shape[0]):  # noqa: SIM110  compiled, without a generator
@@ -119,7 +119,7 @@ def _has_run_away(x: Array) -> bool:
     return False
 
 
-@kernel
+@kernel(allocates=False)
 def _is_stiff(loop: Loop, record: Record, t: float, stiff_steps: int) -> bool:
     """Whether the explicit method has been at its border, or its steps have been tiny, too long."""
     count = record.counters[EXPLICIT_STEPS]

@@ -90,7 +90,7 @@ def fill(out: Array, value: float) -> None:
         out[i] = value
 
 
-@kernel
+@kernel(allocates=False)
 def reference_kernel(breaks: Array, coefficients: Array, piece: int, t: float, out: Array) -> None:
     """Write the reference at t and its two derivatives into out (3, n), by Horner's scheme."""
     c, u = coefficients[piece], t - breaks[piece]
@@ -103,7 +103,7 @@ def reference_kernel(breaks: Array, coefficients: Array, piece: int, t: float, o
         out[0, j], out[1, j], out[2, j] = p, v, a
 
 
-@kernel
+@kernel(allocates=False)
 def command_kernel(loop: Loop, t: float, x: Array, command: Array) -> None:
     """Write the saturated torque and the rate of the estimate at state x into command (n + b,)."""
     n = loop.limit.shape[0]
@@ -118,7 +118,7 @@ def command_kernel(loop: Loop, t: float, x: Array, command: Array) -> None:
         command[i] = min(max(loop.asked[i], -loop.limit[i]), loop.limit[i])
 
 
-@kernel
+@kernel(allocates=False)
 def add_disturbance(loop: Loop, t: float, q: Array, torque: Array) -> None:
     """Add d(t) + J^T F to the torque (n,)."""
     n = torque.shape[0]

@@ -15,7 +15,7 @@ from kinematics.compiled.kernel import kernel
 from tracking.control_law import Kind, Law, Space, quadratic, set_errors
 
 
-@kernel
+@kernel(allocates=False)
 def lyapunov_rate_kernel(
     law: Law, space: Space, state: Array, reference: Array, estimate: Array, rate: Array
 ) -> float:

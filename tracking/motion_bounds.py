@@ -114,7 +114,7 @@ def empty_bounds(duration: float, n: int, *, has_cells: bool = True) -> MotionBo
     )
 
 
-@kernel
+@kernel(allocates=False)
 def center_polynomial(c: Array, middle: float, radius: float, out: Array) -> None:
     """Write the coefficients of p(middle + radius w) in powers of w into out (k,), from c (k,)."""
     count = c.shape[0]
@@ -129,7 +129,7 @@ def center_polynomial(c: Array, middle: float, radius: float, out: Array) -> Non
         power *= radius
 
 
-@kernel
+@kernel(allocates=False)
 def note_range(bounds: MotionBounds, cell: int, quantity: int, joint: int, c: Array) -> None:
     """Widen the bounds of a cell to those of sum_k c_k w^k, |w| <= 1."""
     spread = 0.0
@@ -209,7 +209,7 @@ def bound_step(
             note_range(bounds, row, _ERROR, i, error)
 
 
-@kernel
+@kernel(allocates=False)
 def hermite_polynomials(
     before: Array, after: Array, h: float, x: Array, end: Array, out: Array
 ) -> None:
@@ -243,7 +243,7 @@ def hermite_polynomials(
         v[3] = first + last - 2.0 * change
 
 
-@kernel
+@kernel(allocates=False)
 def raise_peaks(torques: Array, limit: Array, peaks: Array) -> None:
     """Raise the largest |torque| to a bound over a step, by its Chebyshev polynomial.
 

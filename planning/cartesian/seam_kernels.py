@@ -160,7 +160,7 @@ def project_kernel(
                 q[j] = min(max(q[j] + change, limits[0, j]), limits[1, j])
 
 
-@kernel
+@kernel(allocates=False)
 def _deviation(
     N: Array, A: Array, T: tuple[tuple[float, float, float], ...],
     p: tuple[float, float, float], S: Array, D: Array, d: Array,
@@ -238,7 +238,7 @@ def _error(
         e[3 + i] = scale * sine[i]
 
 
-@kernel
+@kernel(allocates=False)
 def _least_motion(J: Array, e: Array, H: Array) -> None:
     """Replace the twist e by (J J^T + damping)^-1 e, by Cholesky's factors in H (6, 6)."""
     n, trace = J.shape[1], 0.0

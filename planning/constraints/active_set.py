@@ -67,7 +67,7 @@ def damped_step(work: Work, count: int, total: float, dq: Array) -> None:
     dq[:] = np.linalg.solve(H, g)
 
 
-@kernel
+@kernel(allocates=False)
 def _shortened_step(goal: Goal, q: Array, dq: Array, share: float, trial: Array) -> float:
     """Write q + share dq, shortened and inside the limits; the longest step of a joint."""
     longest = 0.0

@@ -199,7 +199,7 @@ def linearise(
     return count, worst, total
 
 
-@kernel
+@kernel(allocates=False)
 def _bound_sideways(goal: Goal, i: int, work: Work, count: int) -> int:
     """Add the bounds across a violated distance or angle; the number of rows."""
     for second in (False, True):

@@ -189,7 +189,7 @@ def bound_kernel(
     return residual, residual + _rotation_change(frames, row, covector, movement, E)
 
 
-@kernel
+@kernel(allocates=False)
 def _axis_movement(
     chain: Array, frames: Array, row: Array, linear: Array, curved: Array
 ) -> tuple[float, float]:
@@ -221,7 +221,7 @@ def _axis_movement(
     return moved, error
 
 
-@kernel
+@kernel(allocates=False)
 def _distance_bound(
     frames: Array, row: Array, V: tuple[float, float, float], error: float, moved: float
 ) -> float:
@@ -239,7 +239,7 @@ def _distance_bound(
     return min(largest + error, math.sqrt(dot(y, y)) + moved)
 
 
-@kernel
+@kernel(allocates=False)
 def _rotation_change(
     frames: Array,
     row: Array,
@@ -270,7 +270,7 @@ def _rotation_change(
     return change
 
 
-@kernel
+@kernel(allocates=False)
 def movement_kernel(
     chain: Array, frames: Array, row: Array, linear: Array, curved: Array
 ) -> tuple[tuple[float, float, float], tuple[float, float, float], float, float, float, float]:

@@ -69,7 +69,7 @@ def least_distance(A: Array, b: Array, count: int, d: Array, x: Array) -> bool:
     return False
 
 
-@kernel
+@kernel(allocates=False)
 def _most_violated_row(A: Array, b: Array, count: int, x: Array) -> tuple[int, float]:
     """The row that x violates most and by how much; -1 where it violates none."""
     p, worst = -1, _FEASIBLE
@@ -82,7 +82,7 @@ def _most_violated_row(A: Array, b: Array, count: int, x: Array) -> tuple[int, f
     return p, worst
 
 
-@kernel
+@kernel(allocates=False)
 def _residual_normal(
     A: Array, active: Indices, size: int, p: int, r: Array, z: Array
 ) -> tuple[float, float]:
@@ -97,7 +97,7 @@ def _residual_normal(
     return left, square
 
 
-@kernel
+@kernel(allocates=False)
 def _longest_dual_step(duals: Array, r: Array, size: int) -> tuple[float, int]:
     """The step at which the first multiplier becomes 0, and which; inf and -1 where none does."""
     step, leaving = math.inf, -1

@@ -33,13 +33,13 @@ _LOOK = int(RowKind.LOOK)
 _NO_DIRECTION = 1e-12
 
 
-@kernel
+@kernel(allocates=False)
 def vector_kernel(row: Array, column: int) -> tuple[float, float, float]:
     """The three entries of a row from a column on."""
     return row[column], row[column + 1], row[column + 2]
 
 
-@kernel
+@kernel(allocates=False)
 def rotate(R: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
     """R (3, 3 or larger) times a vector."""
     return (
@@ -49,7 +49,7 @@ def rotate(R: Array, x: float, y: float, z: float) -> tuple[float, float, float]
     )
 
 
-@kernel
+@kernel(allocates=False)
 def turned_back(R: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
     """R^T times a vector."""
     return (
@@ -59,7 +59,7 @@ def turned_back(R: Array, x: float, y: float, z: float) -> tuple[float, float, f
     )
 
 
-@kernel
+@kernel(allocates=False)
 def point_kernel(frames: Array, row: Array) -> tuple[float, float, float]:
     """The row's point in the base frame."""
     carrier = int(row[CARRIER])
@@ -70,7 +70,7 @@ def point_kernel(frames: Array, row: Array) -> tuple[float, float, float]:
     return x + F[0, 3], y + F[1, 3], z + F[2, 3]
 
 
-@kernel
+@kernel(allocates=False)
 def relative_point_kernel(
     frames: Array, row: Array, P: tuple[float, float, float]
 ) -> tuple[float, float, float]:
@@ -82,7 +82,7 @@ def relative_point_kernel(
     return turned_back(F, P[0] - F[0, 3], P[1] - F[1, 3], P[2] - F[2, 3])
 
 
-@kernel
+@kernel(allocates=False)
 def axis_kernel(frames: Array, row: Array) -> tuple[float, float, float]:
     """The row's axis in its reference."""
     a = vector_kernel(row, AXIS)
@@ -93,7 +93,7 @@ def axis_kernel(frames: Array, row: Array) -> tuple[float, float, float]:
     return a
 
 
-@kernel
+@kernel(allocates=False)
 def to_base_kernel(
     frames: Array, row: Array, a: tuple[float, float, float]
 ) -> tuple[float, float, float]:
@@ -103,7 +103,7 @@ def to_base_kernel(
     return rotate(frames[int(row[REFERENCE])], a[0], a[1], a[2])
 
 
-@kernel
+@kernel(allocates=False)
 def log_kernel(E: Array) -> tuple[float, float, float]:
     """The rotation vector of E (3, 3), through the quaternion's largest component."""
     t = E[0, 0] + E[1, 1] + E[2, 2]
@@ -127,7 +127,7 @@ def log_kernel(E: Array) -> tuple[float, float, float]:
     return scale * x, scale * y, scale * z
 
 
-@kernel
+@kernel(allocates=False)
 def rotation_kernel(frames: Array, row: Array, E: Array) -> tuple[float, float, float]:
     """Write K X of a ROTATION row into E (3, 3) and answer its rotation vector."""
     for column in range(3):
@@ -142,14 +142,14 @@ def rotation_kernel(frames: Array, row: Array, E: Array) -> tuple[float, float, 
     return log_kernel(E)
 
 
-@kernel
+@kernel(allocates=False)
 def angle_kernel(a: tuple[float, float, float], d: tuple[float, float, float]) -> float:
     """Angle of two unit vectors [rad], exact near 0 and pi too."""
     x, y, z = cross(a, d)
     return math.atan2(math.sqrt(x * x + y * y + z * z), dot(a, d))
 
 
-@kernel
+@kernel(allocates=False)
 def away_kernel(
     a: tuple[float, float, float], d: tuple[float, float, float]
 ) -> tuple[float, float, float]:
@@ -225,7 +225,7 @@ def value_kernel(
     )
 
 
-@kernel
+@kernel(allocates=False)
 def log_slope_kernel(
     e: tuple[float, float, float], a: tuple[float, float, float]
 ) -> tuple[float, float, float]:
@@ -260,7 +260,7 @@ def gradient_kernel(
     return value
 
 
-@kernel
+@kernel(allocates=False)
 def covector_kernel(
     chain: Array,
     frames: Array,
@@ -288,7 +288,7 @@ def covector_kernel(
             gradient[j] = sign * (dot(linear, arm) + dot(angular, z))
 
 
-@kernel
+@kernel(allocates=False)
 def sideways_kernel(
     frames: Array, row: Array, second: bool
 ) -> tuple[float, tuple[float, float, float], tuple[float, float, float]]:
@@ -336,7 +336,7 @@ def sideways_kernel(
     return row[UPPER], to_base_kernel(frames, row, e), none
 
 
-@kernel
+@kernel(allocates=False)
 def residual_kernel(value: float, row: Array) -> tuple[float, float]:
     """The residual of a row's value, and the sign of its slope."""
     above, below = value - row[UPPER], row[LOWER] - value

@@ -128,7 +128,7 @@ def _outward(
     return w, v
 
 
-@kernel
+@kernel(allocates=False)
 def _inward(bodies: Bodies, motions: Array, h: float, wrenches: Array, torques: Array) -> None:
     """Sum the bodies' forces and moments from the tip into torques (n, JET)."""
     force, moment = constant_vector(0.0, 0.0, 0.0), constant_vector(0.0, 0.0, 0.0)
@@ -159,7 +159,7 @@ def _joint(A: Array, q: Jet, revolute: bool, h: float) -> tuple[Jet, Jet, JetVec
     return (0.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), plus(arm, slide)
 
 
-@kernel
+@kernel(allocates=False)
 def _to_joint(A: Array, s: Jet, c: Jet, v: JetVector, h: float) -> JetVector:
     """A vector of the frame before a joint in the joint's own: Rz(q)^T R_A^T v."""
     x = weighted_sum(A[0, 0], A[1, 0], A[2, 0], v)
@@ -172,7 +172,7 @@ def _to_joint(A: Array, s: Jet, c: Jet, v: JetVector, h: float) -> JetVector:
     )
 
 
-@kernel
+@kernel(allocates=False)
 def _out_of(A: Array, s: Jet, c: Jet, v: JetVector, h: float) -> JetVector:
     """A vector of a joint's frame in the frame before it: R_A Rz(q) v."""
     x = add(multiply(c, v[0], h), scale(-1.0, multiply(s, v[1], h)))

@@ -6,7 +6,7 @@ from kinematics.arrays import Array, Indices
 from kinematics.compiled.kernel import kernel
 
 
-@kernel
+@kernel(allocates=False)
 def forward_kernel(types: Indices, offsets: Array, q: Array, frames: Array) -> None:
     """Write T_base_i = T_base_(i-1) A_i M_i(q_i) of every joint into ``frames`` (n, 4, 4).
 

@@ -55,7 +55,7 @@ class RelativeMotion(NamedTuple):
     turn_acceleration: float
 
 
-@kernel
+@kernel(allocates=False)
 def relative_motion(
     types: Indices,
     frames: Array,
@@ -125,7 +125,7 @@ def relative_motion(
     )
 
 
-@kernel
+@kernel(allocates=False)
 def axis_motion(
     types: Indices,
     frames: Array,

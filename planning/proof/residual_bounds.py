@@ -317,7 +317,7 @@ def value_bounds(
     return rotation_bounds(frames, row, motion, half, lost)
 
 
-@kernel
+@kernel(allocates=False)
 def _point_in_base(frames: Array, row: Array, first: int, joint: int) -> Vector:
     """A row's point, fixed to a joint, in the base frame [m]."""
     x, y, z = _vector_in_base(frames, row, first, joint)
@@ -326,7 +326,7 @@ def _point_in_base(frames: Array, row: Array, first: int, joint: int) -> Vector:
     return x + frames[joint, 0, 3], y + frames[joint, 1, 3], z + frames[joint, 2, 3]
 
 
-@kernel
+@kernel(allocates=False)
 def _vector_in_base(frames: Array, row: Array, first: int, joint: int) -> Vector:
     """A row's vector, fixed to a joint, in the base's axes."""
     v = (row[first], row[first + 1], row[first + 2])
@@ -347,7 +347,7 @@ def _angle(a: Vector, b: Vector) -> float:
     return math.atan2(math.sqrt(dot(c, c)), dot(a, b))
 
 
-@kernel
+@kernel(allocates=False)
 def _distance_bounds(
     y: Vector, d: Vector, motion: RelativeMotion, half: float, lost: float
 ) -> tuple[float, float, float]:
@@ -362,7 +362,7 @@ def _distance_bounds(
     return value, max(value - motion.moved - lost, 0.0), highest
 
 
-@kernel
+@kernel(allocates=False)
 def _sight_bounds(a: Vector, y: Vector, swept: float, moved: float) -> tuple[float, float, float]:
     """Angle of the axis a and the line of sight -y while these turn and move."""
     distance = math.sqrt(dot(y, y))

@@ -45,7 +45,7 @@ def rotation_bounds(
     return value, value - change, value + change
 
 
-@kernel
+@kernel(allocates=False)
 def _rotation_error(frames: Array, row: Array, E: Array) -> Vector:
     """Write K X into E (3, 3), X the carrier's rotation seen from the reference; its log."""
     carrier, reference = int(row[CARRIER]), int(row[REFERENCE])
@@ -62,7 +62,7 @@ def _rotation_error(frames: Array, row: Array, E: Array) -> Vector:
     return rotation_log(E)
 
 
-@kernel
+@kernel(allocates=False)
 def rotation_log(E: Array) -> Vector:
     """Rotation vector of E (3, 3), from the quaternion with the largest component."""
     trace = E[0, 0] + E[1, 1] + E[2, 2]
@@ -90,7 +90,7 @@ def rotation_log(E: Array) -> Vector:
     return scale(2.0 * math.atan2(length, w) / length, v)
 
 
-@kernel
+@kernel(allocates=False)
 def _log_covector(frames: Array, row: Array, e: Vector, a: Vector) -> Vector:
     """The covector, in the base's axes, that makes the rate of a . e of an angular velocity.
 

@@ -49,7 +49,7 @@ class Deviations(NamedTuple):
     T: Array
 
 
-@kernel
+@kernel(allocates=False)
 def vector_at(m: Array, first: int) -> Vector:
     """Three entries of a motion from ``first`` on."""
     return m[first], m[first + 1], m[first + 2]
@@ -121,7 +121,7 @@ def arc_deviation(
     return True, phi / sweep, across / sweep, faster / sweep
 
 
-@kernel
+@kernel(allocates=False)
 def follow_angle(angle: float, place: Array) -> float:
     """The angle with as many whole turns as bring it nearest to the one followed so far."""
     turns = math.floor((place[2] - angle) / (2.0 * math.pi) + 0.5)
@@ -141,7 +141,7 @@ def _turn_about(m: Array, T: Array) -> float:
     return math.atan2(sine, 0.5 * (trace - 1.0))
 
 
-@kernel
+@kernel(allocates=False)
 def angle_to_nominal(m: Array, s: float, T: Array) -> float:
     """Angle between the tool's orientation T and the motion's at place s [rad].
 
@@ -158,7 +158,7 @@ def angle_to_nominal(m: Array, s: float, T: Array) -> float:
     return 2.0 * math.asin(min(1.0, math.sqrt(square / 8.0)))
 
 
-@kernel
+@kernel(allocates=False)
 def nominal_rotation(m: Array, s: float, N: Array) -> None:
     """Write the motion's orientation exp(s theta [a]) R_0 at place s into N (3, 3)."""
     c, v, a = math.cos(s * m[TURN]), math.sin(s * m[TURN]), vector_at(m, AXIS)

@@ -286,7 +286,7 @@ def _bound(
     return True
 
 
-@kernel
+@kernel(allocates=False)
 def tip_kernel(arm: Arm, frames: Array, T: Array) -> None:
     """Write the tip's pose into T (3, 4)."""
     for row in range(3):

@@ -234,7 +234,7 @@ def volume_kernel(J: Array) -> float:
     return product
 
 
-@kernel
+@kernel(allocates=False)
 def limit_distance_kernel(arm: Arm, q: Array) -> float:
     """Share of half its range that is left to the joint nearest to a limit: 1 at the middle."""
     least = 1.0

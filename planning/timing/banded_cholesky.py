@@ -6,7 +6,7 @@ from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
 
 
-@kernel
+@kernel(allocates=False)
 def solve_banded_kernel(band: Array, right: Array) -> bool:
     """Solve A x = b in place by Cholesky's factors; False where A is not positive definite.
 
@@ -45,7 +45,7 @@ def solve_banded_kernel(band: Array, right: Array) -> bool:
     return True
 
 
-@kernel
+@kernel(allocates=False)
 def solve_wide_band_kernel(band: Array, right: Array) -> bool:
     """Solve A X = B in place by Cholesky's factors; False where A is not positive definite.
 

@@ -4,7 +4,7 @@ from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
 
 
-@kernel
+@kernel(allocates=False)
 def compose_kernel(outer: Array, top: int, inner: Array, product: Array, out: Array) -> None:
     """Write the coefficients of outer(inner(t)).
 

@@ -176,7 +176,7 @@ def limits_kernel(
                 caps[i], caps[i + 1] = min(caps[i], cap), min(caps[i + 1], cap_after)
 
 
-@kernel
+@kernel(allocates=False)
 def _acceleration_kernel(
     p: Array, length: float, limit: float, work: Array, rows: Array, used: int
 ) -> int:
@@ -199,7 +199,7 @@ def _acceleration_kernel(
     return used
 
 
-@kernel
+@kernel(allocates=False)
 def _velocity_kernel(p: Array, limit: float, work: Array) -> tuple[float, float]:
     """Caps on (x_0, x_1) of one joint on one cell, from q' = sum_k p_k w^k."""
     count = p.shape[0]
@@ -234,7 +234,7 @@ def _velocity_kernel(p: Array, limit: float, work: Array) -> tuple[float, float]
     return 1.0 / both, 1.0 / both
 
 
-@kernel
+@kernel(allocates=False)
 def _to_bernstein_kernel(c: Array, count: int) -> None:
     """Turn power coefficients on [0, 1] into Bernstein coefficients, in place."""
     binomial = 1.0

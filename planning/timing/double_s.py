@@ -69,7 +69,7 @@ class CornerLimits(NamedTuple):
     jerk: Array
 
 
-@kernel
+@kernel(allocates=False)
 def ramp_time(change: float, acceleration: float, jerk: float) -> float:
     """Least time of a change of speed with no acceleration at its ends [s].
 
@@ -83,12 +83,12 @@ def ramp_time(change: float, acceleration: float, jerk: float) -> float:
     return change / acceleration + acceleration / jerk
 
 
-@kernel
+@kernel(allocates=False)
 def _ramp_length(low: float, high: float, acceleration: float, jerk: float) -> float:
     return 0.5 * (low + high) * ramp_time(high - low, acceleration, jerk)
 
 
-@kernel
+@kernel(allocates=False)
 def _ramp_slope(low: float, high: float, acceleration: float, jerk: float) -> float:
     """Derivative of a ramp's length by its higher speed; inf where both speeds are the same."""
     change = high - low
@@ -99,7 +99,7 @@ def _ramp_slope(low: float, high: float, acceleration: float, jerk: float) -> fl
     return 0.5 * time + 0.5 * (low + high) * rate
 
 
-@kernel
+@kernel(allocates=False)
 def peak_speed(start: float, end: float, length: float, limits: Array, tolerance: float) -> float:
     """Largest speed of a leg that is begun and ended at given speeds; the larger if none is higher.
 
@@ -139,13 +139,13 @@ def peak_speed(start: float, end: float, length: float, limits: Array, tolerance
     return speed
 
 
-@kernel
+@kernel(allocates=False)
 def _reachable_speed(start: float, length: float, limits: Array, tolerance: float) -> float:
     """The largest speed that a leg allows at its end."""
     return peak_speed(start, start, 2.0 * length, limits, tolerance)
 
 
-@kernel
+@kernel(allocates=False)
 def leg_time(start: float, end: float, length: float, limits: Array, tolerance: float) -> float:
     """Least time of a leg between two speeds that it leaves room for [s]."""
     if length <= 0.0:
@@ -157,7 +157,7 @@ def leg_time(start: float, end: float, length: float, limits: Array, tolerance: 
     return time + max(length - ramps, 0.0) / peak
 
 
-@kernel
+@kernel(allocates=False)
 def lower_speeds_kernel(legs: Legs, speeds: Array, tolerance: float) -> float:
     """Lower the speeds between legs to what they leave room for; the time of all legs [s].
 
@@ -276,7 +276,7 @@ def fastest_reaches_kernel(
                     speeds[first : last + 1] = other[first : last + 1]
 
 
-@kernel
+@kernel(allocates=False)
 def _write_ramp(
     place: float, start: float, end: float, limits: Array, least: float, phases: Array, used: int
 ) -> int:
@@ -304,7 +304,7 @@ def _write_ramp(
     return used
 
 
-@kernel
+@kernel(allocates=False)
 def leg_phases_kernel(start: float, end: float, length: float, limits: Array, phases: Array) -> int:
     """Write (place, speed, acceleration / 2, jerk / 6, duration) of a leg's phases; their number.
 

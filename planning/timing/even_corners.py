@@ -152,7 +152,7 @@ def path_speeds_kernel(
         speeds[i + 1] = caps[run]
 
 
-@kernel
+@kernel(allocates=False)
 def _curve_speed(c: Array, length: float, limits: Array) -> float:
     """Largest constant speed through a cubic piece (n, 4) of a rounded corner."""
     by_speed, by_bend, by_jerk = np.inf, np.inf, np.inf

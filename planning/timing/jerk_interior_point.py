@@ -115,7 +115,7 @@ def _step_kernel(
     return False
 
 
-@kernel
+@kernel(allocates=False)
 def _length_kernel(rows: JerkLimits, z: Array, step: Array, trial: Array) -> float:
     """Write z + length step, with a length of at most 1 that stays inside; 0 if there is none."""
     length = 1.0
@@ -133,7 +133,7 @@ def _length_kernel(rows: JerkLimits, z: Array, step: Array, trial: Array) -> flo
     return 0.0
 
 
-@kernel
+@kernel(allocates=False)
 def _start_kernel(
     rows: JerkLimits,
     z: Array,
@@ -293,7 +293,7 @@ def _jerk_system_kernel(
                     )
 
 
-@kernel
+@kernel(allocates=False)
 def _step_dual(
     dual: float, slack: float, change: float, mu: float, after: float, length: float
 ) -> float:
@@ -304,7 +304,7 @@ def _step_dual(
     return min(max(wanted, 0.01 * center), 100.0 * center)
 
 
-@kernel
+@kernel(allocates=False)
 def _duals_kernel(
     rows: JerkLimits,
     z: Array,

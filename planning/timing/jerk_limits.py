@@ -52,7 +52,7 @@ class JerkLimits(NamedTuple):
     pulls: Array
 
 
-@kernel
+@kernel(allocates=False)
 def knot_kernel(h: Array, z: Array, i: int) -> tuple[float, float]:
     """C_i and D_i."""
     total = h[i] + h[i + 1]
@@ -61,7 +61,7 @@ def knot_kernel(h: Array, z: Array, i: int) -> tuple[float, float]:
     return c, d
 
 
-@kernel
+@kernel(allocates=False)
 def jerk_at_kernel(row: Array, c: float, d: float, e: float) -> float:
     """The linear part w c + r c' + p c'' of a jerk row."""
     value: float = row[0] * c + row[1] * d + row[2] * e
@@ -138,7 +138,7 @@ def time_kernel(rows: JerkLimits, z: Array) -> float:
     return time
 
 
-@kernel
+@kernel(allocates=False)
 def weight_kernel(rows: JerkLimits, k: int) -> float:
     """Weight of z_k in the integral over tau."""
     weight: float = rows.lengths[k]
@@ -149,7 +149,7 @@ def weight_kernel(rows: JerkLimits, k: int) -> float:
     return weight
 
 
-@kernel
+@kernel(allocates=False)
 def count_kernel(rows: JerkLimits) -> int:
     """Number of limits."""
     count = 0

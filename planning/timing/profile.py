@@ -87,7 +87,7 @@ def phases_kernel(
     return count
 
 
-@kernel
+@kernel(allocates=False)
 def _inner_kernel(
     length: float, x0: float, x1: float, top: float, rate: float, inner: Array
 ) -> int:

@@ -224,7 +224,7 @@ def _normal_equations_kernel(
                     right[row, joint] += values[j] * target[joint]
 
 
-@kernel
+@kernel(allocates=False)
 def _excess_kernel(coefficients: Array, spans: Array, limits: Array, excess: Array) -> None:
     """Write by which factor each span is too short for the limits at some places in it."""
     size, n = coefficients.shape[:2]

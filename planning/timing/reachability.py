@@ -67,7 +67,7 @@ def reachability_kernel(
             break
 
 
-@kernel
+@kernel(allocates=False)
 def _reachable_kernel(rows: Array, x0: float, most: float) -> float:
     """The largest x_1 <= ``most`` with a x_0 + b x_1 <= 1 for all rows.
 
@@ -88,7 +88,7 @@ def _reachable_kernel(rows: Array, x0: float, most: float) -> float:
     return min(max(best, 0.0), most)
 
 
-@kernel
+@kernel(allocates=False)
 def _controllable_kernel(rows: Array, most: float) -> float:
     """The largest x_0 for which some x_1 in [0, ``most``] has a x_0 + b x_1 <= 1 for all rows.
 

@@ -7,7 +7,7 @@ from kinematics.compiled.kernel import kernel
 from planning.tours.network import Network, TourState
 
 
-@kernel
+@kernel(allocates=False)
 def choose_configurations(
     network: Network, state: TourState, low: int, high: int, value: Array, back: Indices
 ) -> float:

@@ -82,14 +82,14 @@ def enqueue(work: SearchWork, stop: int) -> None:
         work.ends[1] = (work.ends[1] + 1) % work.queue.shape[0]
 
 
-@kernel
+@kernel(allocates=False)
 def enqueue_around(work: SearchWork, state: TourState, position: int) -> None:
     """Have the stop at a position and those beside it looked at."""
     for k in range(max(position - 1, 0), min(position + 2, state.order.shape[0])):
         enqueue(work, state.order[k])
 
 
-@kernel
+@kernel(allocates=False)
 def shift_gain(
     network: Network, state: TourState, low: int, high: int, left: int, backwards: bool
 ) -> tuple[float, int]:
@@ -122,7 +122,7 @@ def shift_gain(
     return gain - np.float64(times[x, head]) - np.float64(times[tail, y]), -1
 
 
-@kernel
+@kernel(allocates=False)
 def may_shift(
     network: Network, state: TourState, low: int, high: int, left: int, backwards: bool
 ) -> bool:
@@ -146,7 +146,7 @@ def shift(state: TourState, low: int, high: int, left: int, backwards: bool, blo
     return left + 1
 
 
-@kernel
+@kernel(allocates=False)
 def improve_by_shift(network: Network, state: TourState, stop: int, work: SearchWork) -> float:
     """Make the best move of a segment that begins or ends with a stop; the time saved."""
     count = state.order.shape[0]
@@ -190,7 +190,7 @@ def improve_by_shift(network: Network, state: TourState, stop: int, work: Search
     return best
 
 
-@kernel
+@kernel(allocates=False)
 def improve_by_reversal(network: Network, state: TourState, stop: int, work: SearchWork) -> float:
     """Make the best reversal that brings a stop next to a near one; the time saved."""
     count = state.order.shape[0]
@@ -251,7 +251,7 @@ def improve(network: Network, state: TourState, work: SearchWork) -> float:
     return saved
 
 
-@kernel
+@kernel(allocates=False)
 def tour_time(network: Network, state: TourState) -> float:
     """Time of all legs of a tour [s]."""
     total = 0.0
@@ -306,7 +306,7 @@ def search_kernel(network: Network, state: TourState, work: SearchWork, kicks: i
     return tour_time(network, state)
 
 
-@kernel
+@kernel(allocates=False)
 def ends_time(network: Network, state: TourState, low: int, middle: int, high: int) -> float:
     """Time of the legs before, between and behind two neighbouring blocks [s]."""
     total = 0.0

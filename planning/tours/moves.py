@@ -16,7 +16,7 @@ def time_kernel(network: Network, state: TourState, a: int, b: int) -> float:
     return np.float64(network.times[state.choice[a], state.choice[b]])
 
 
-@kernel
+@kernel(allocates=False)
 def may_reverse(network: Network, state: TourState, low: int, high: int) -> bool:
     """Whether the stops at positions ``low`` to ``high`` may be visited the other way round."""
     if network.followers.shape[0] == 0:
@@ -30,7 +30,7 @@ def may_reverse(network: Network, state: TourState, low: int, high: int) -> bool
     return True
 
 
-@kernel
+@kernel(allocates=False)
 def may_swap(network: Network, state: TourState, low: int, middle: int, high: int) -> bool:
     """Whether the stops from ``low`` to before ``middle`` may come after those up to ``high``."""
     if network.followers.shape[0] == 0:
@@ -55,7 +55,7 @@ def reverse(state: TourState, low: int, high: int) -> None:
         high -= 1
 
 
-@kernel
+@kernel(allocates=False)
 def swap_blocks(state: TourState, low: int, middle: int, high: int, work: Indices) -> None:
     """Visit the stops from ``low`` to before ``middle`` after those from ``middle`` to ``high``.
 

@@ -9,7 +9,7 @@ from kinematics.compiled.kernel import kernel
 Times = NDArray[np.float32]
 
 
-@kernel
+@kernel(allocates=False)
 def unit_time_kernel(speed: float, acceleration: float, jerk: float) -> float:
     """Least time from rest to rest over a path of length 1 [s].
 

@@ -14,7 +14,7 @@ from planning.optimize.task import End
 from tests.planning.optimize.table import BOUNDS, GOAL, ROBOT, START, gap, line, task
 
 NONE = Scene()
-SOON = Deadline.after(600.0)
+SOON = Deadline.after(1e6)
 
 
 def descent(height: float = 0.25, scene: Scene | None = None, **more: object) -> Descent:

@@ -25,7 +25,7 @@ from tests.planning.scenes import builtin
 from tests.planning.sequence import crate
 
 GRIPS = crate.grasps(5)
-LATER = Deadline.after(60.0)
+LATER = Deadline.after(1e6)
 
 
 def _find(targets: list[Target], *more: aw.Obstacle, deadline: Deadline = LATER) -> Candidates:

@@ -131,7 +131,7 @@ def test_tasks_and_tours_without_an_answer_show_where_they_begin() -> None:
     data = document("POST /v1/tasks", PANDA, inside, problem=problem)
     start, goal = data["configurations"]
     assert (start["label"], start["joints"]) == ("start", HOME)
-    assert (goal["label"], goal["verdict"]) == ("goal of stage 1", "rejected")
+    assert (goal["label"], goal["verdict"]) == ("goal of stage 0", "rejected")
     assert start["cause"] == "collision"
     assert "rock" in start["near"]["pair"]
     assert start["near"]["distance"] < 0.0
