@@ -111,6 +111,13 @@ def plan_step(
         seed: Of everything random.
     """
     began = time.perf_counter()
+    if deadline.passed:
+        return Failure(
+            "TIMED_OUT",
+            f"time was up before stage {step.index} was planned",
+            "Raise timeout.",
+            "preflight",
+        )
     settings = step.stage.settings
     cell = cells.cell(step.world, step.allowed, settings.margin)
     remaining = deadline.remaining
