@@ -24,7 +24,7 @@ def browser() -> Iterator[Browser]:
         yield opened
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="session")
 def plan(served: Served) -> bytes:
     ball = {"type": "sphere", "radius": 0.02}
     pose = {"position": [0.0, 0.0, 0.15]}
@@ -32,17 +32,17 @@ def plan(served: Served) -> bytes:
     return fetch(served.client, "/v1/plan", DETOUR | {"attached": [held]})
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="session")
 def failure(served: Served) -> bytes:
     return fetch(served.client, "/v1/plan", DETOUR | BLOCKED)
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="session")
 def tour(served: Served) -> bytes:
     return fetch(served.client, "/v1/tours", tour_body(goals=GOALS[:2], rounds=0))
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="session")
 def task(served: Served) -> bytes:
     """A gripper opens, grasps a crate, and lifts it."""
     robot = {"name": "view_claws", "urdf": fingers.urdf(), "srdf": fingers.srdf()}
