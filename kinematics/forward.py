@@ -12,7 +12,7 @@ from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.compiled.kernel import direct, kernel
 from kinematics.compiled.simd import LANES, on_stack
-from kinematics.compiled.simd_frames import FRAME, pose_lanes_kernel, poses_lanes_kernel
+from kinematics.compiled.simd_frames import FRAME, POSE, pose_lanes_kernel, poses_lanes_kernel
 from kinematics.compiled.simd_transpose import aligned_kernel
 from kinematics.errors import InvalidOption
 from kinematics.frame import (
@@ -101,7 +101,7 @@ def poses_batch_kernel(model: Array, q: Array, poses: Array) -> None:
     """Write the poses (m, len(links), 4, 4) of all links for a batch q (m, n)."""
     m = q.shape[0] - q.shape[0] % LANES
     if m > 0:
-        room = aligned_kernel((3 * q.shape[1] + FRAME * poses.shape[1]) * LANES)
+        room = aligned_kernel((3 * q.shape[1] + POSE * poses.shape[1]) * LANES)
         for k in range(0, m, LANES):
             poses_lanes_kernel(model, q[k : k + LANES], poses[k : k + LANES], room)
     for k in range(m, q.shape[0]):

@@ -55,6 +55,32 @@ def store_lanes_kernel(frames: Array, poses: Array) -> None:
 
 
 @kernel(allocates=False)
+def stream_lanes_kernel(frames: Array, poses: Array, count: int) -> None:
+    """``store_lanes_kernel`` for many links, from the first to the last byte of ``poses``.
+
+    Poses take the place of the frames before that: from the last link on, none is overwritten that
+    is still to be read.
+    """
+    zero, one = fill(0.0), fill(1.0)
+    for link in range(count - 1, -1, -1):
+        at, to = FRAME_SIZE * link, LANES * POSE * link
+        upper = transpose(load_rows_kernel(frames, at, LANES))
+        lower = transpose((
+            load(frames, at + 8 * LANES), load(frames, at + 9 * LANES),
+            load(frames, at + 10 * LANES), load(frames, at + 11 * LANES), zero, zero, zero, one,
+        ))  # fmt: skip
+        store_rows_kernel(frames, to, POSE, upper)
+        store_rows_kernel(frames, to + LANES, POSE, lower)
+    to = 0
+    for lane in range(LANES):
+        for link in range(count):
+            at = POSE * (LANES * link + lane)
+            store(poses, to, load(frames, at))
+            store(poses, to + LANES, load(frames, at + LANES))
+            to += POSE
+
+
+@kernel(allocates=False)
 def axes_lanes_kernel(
     model: Array, q: Array, cosines: Array, sines: Array, link: int, axes: Array
 ) -> Frame:
@@ -166,8 +192,8 @@ def store_frame_kernel(frames: Array, at: int, B: Frame) -> None:
 def poses_lanes_kernel(model: Array, q: Array, poses: Array, room: Array) -> None:
     """Poses (LANES, links, 4, 4) of all links at q (LANES, n).
 
-    The frames wait in ``room``, (3 n + FRAME links) * LANES, until the poses are written from the
-    first to the last byte: memory likes that better than eight places in turn.
+    The poses wait in ``room``, (3 n + POSE links) * LANES, until they are written from the first to
+    the last byte: memory likes that better than eight places in turn.
     """
     n, count = q.shape[1], poses.shape[1]
     size = LANES * n
@@ -190,7 +216,7 @@ def poses_lanes_kernel(model: Array, q: Array, poses: Array, room: Array) -> Non
             store_frame_kernel(frames, FRAME_SIZE * link, B)
         else:
             store_frame_kernel(frames, FRAME_SIZE * link, compose_kernel(B, model, row))
-    store_lanes_kernel(frames[: FRAME_SIZE * count], poses.reshape(poses.size))
+    stream_lanes_kernel(frames, poses.reshape(poses.size), count)
 
 
 @kernel(allocates=False, inline="code")
