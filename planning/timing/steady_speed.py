@@ -230,7 +230,7 @@ def _fit(stretches: list[_Stretch], rates: _Rates) -> list[tuple[_Ramp | None, .
     return None
 
 
-def _beside(stretches: list[_Stretch], k: int) -> tuple[float, float]:
+def _speeds_beside(stretches: list[_Stretch], k: int) -> tuple[float, float]:
     """Speeds before and after a stretch, 0 at the ends of the path."""
     before = stretches[k - 1].speed if k > 0 else 0.0
     after = stretches[k + 1].speed if k + 1 < len(stretches) else 0.0
@@ -241,7 +241,7 @@ def _ramps(stretches: list[_Stretch], k: int, rates: _Rates) -> tuple[_Ramp | No
     """Ramps of a stretch from and to slower ones beside it; None where they have no room."""
     one, made, way = stretches[k], [], 0.0
     pieces = range(one.first, one.last)
-    for low, order in zip(_beside(stretches, k), (pieces, pieces[::-1]), strict=True):
+    for low, order in zip(_speeds_beside(stretches, k), (pieces, pieces[::-1]), strict=True):
         ramp = None
         if low < one.speed:
             ramp = rates.ramp(order, low, one.speed)
@@ -254,7 +254,7 @@ def _ramps(stretches: list[_Stretch], k: int, rates: _Rates) -> tuple[_Ramp | No
 
 def _slow_down(stretches: list[_Stretch], k: int, one: _Stretch) -> None:
     """Make a stretch slower, or one with the faster of the slower ones beside it."""
-    beside = _beside(stretches, k)
+    beside = _speeds_beside(stretches, k)
     slower = [speed if speed < one.speed else -1.0 for speed in beside]
     one.speed *= _SLOWER
     if one.speed > max(slower):

@@ -56,7 +56,7 @@ class Body(BaseModel):
         rules: list[JsonDict] = []
         if cls.one_of:
             rules.append({"oneOf": [is_given(name) for name in cls.one_of]})
-        rules += [_beside(name, others) for name, others in cls.only_beside.items()]
+        rules += [_schema_beside(name, others) for name, others in cls.only_beside.items()]
         if rules:
             inner = handler.resolve_ref_schema(schema)
             inner["allOf"] = [*inner.get("allOf", ()), *rules]
@@ -169,7 +169,7 @@ def is_given(*names: str) -> JsonDict:
     return {"required": [*names], "properties": fields}
 
 
-def _beside(name: str, others: Sequence[str]) -> JsonDict:
+def _schema_beside(name: str, others: Sequence[str]) -> JsonDict:
     """The JSON schema of objects in which a field is given only beside one of others."""
     absent: JsonDict = {"properties": {name: {"type": "null"}}}
     return {"anyOf": [absent, *(is_given(other) for other in others)]}
