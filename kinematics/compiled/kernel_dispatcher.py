@@ -72,10 +72,15 @@ class Kernel(CPUDispatcher):
             if given not in self._doors:
                 kinds = self._settled(given)
                 if kinds not in self._doors:
-                    self._doors[kinds] = kernel_code.entry(self._door(self.overloads[kinds]))
-                self._doors[given] = self._doors[kinds]
-                self._insert([kind._code for kind in given], self._doors[given], False)
+                    self._open(kinds, kernel_code.entry(self._door(self.overloads[kinds])))
+                if given not in self._doors:
+                    self._open(given, self._doors[kinds])
         return self._doors[given]
+
+    def _open(self, kinds: Any, door: Any) -> None:
+        """Have numba call ``door`` for types of arguments, without asking again."""
+        self._doors[kinds] = door
+        self._insert([kind._code for kind in kinds], door, False)
 
     def build(self, kinds: Any, door: bool) -> None:
         """Compile for types of arguments, and keep the machine code, without loading it.

@@ -106,6 +106,29 @@ def test_tuples_of_arrays_go_through_doors() -> None:
     assert direct(swapped, Pair(left, right))(Pair(right, left)).right.size == 4
 
 
+def first(values: Array) -> float:
+    return float(values[0])
+
+
+@pytest.mark.parametrize("order", [(False, True), (True, False)])
+def test_arrays_that_differ_in_constness_are_looked_up_once_each(
+    order: tuple[bool, bool], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    called: Any = kernel(first)
+    look_up, looked_up = called._compile_for_args, list[object]()
+
+    def count(_: object, *args: object) -> object:
+        looked_up.append(args)
+        return look_up(*args)
+
+    monkeypatch.setattr(type(called), "_compile_for_args", count)
+    for writable in 3 * order:
+        values = np.array([2.0, 3.0])
+        values.setflags(write=writable)
+        assert called(values) == 2.0
+    assert len(looked_up) <= 2
+
+
 @kernel
 def mixed(pair: Pair, by: float) -> Pair:
     left, right = pair.left.copy(), pair.right
