@@ -15,6 +15,17 @@ def cause_of_death(exit_code: int | None) -> str:
     return "it ended"
 
 
+def was_ended_from_outside(exit_code: int | None) -> bool:
+    """Whether others ended a process, as far as that can be seen.
+
+    Signals that native code gives itself are left out: the same job would end the next one, too.
+
+    Args:
+        exit_code: As subprocess has it; None if it is not known.
+    """
+    return exit_code is None or exit_code in (-signal.SIGKILL, -signal.SIGTERM)
+
+
 class WorkerCrashed(ProblemError):
     """The worker died while it was working on this job.
 
@@ -41,16 +52,27 @@ class WorkerCrashed(ProblemError):
 
 
 class DeadlineExceeded(ProblemError):
-    """The deadline passed before there was a result."""
+    """The deadline passed before there was a result.
 
-    def __init__(self, task: str, where: str) -> None:
+    Args:
+        task: The name of the task.
+        where: The request's place then, in words.
+        earlier: How the workers of earlier attempts died.
+    """
+
+    def __init__(self, task: str, where: str, earlier: Sequence[str] = ()) -> None:
+        detail = f"the deadline passed while the request was {where}"
+        if earlier:
+            detail += f", a second time: the worker that began with it died, {earlier[0]}"
         super().__init__(
             "TIMED_OUT",
-            f"the deadline passed while the request was {where}",
+            detail,
             stage=where,
             hint="Allow more time with the field timeout, or ask for less.",
             task=task,
         )
+        if earlier:
+            self.details["causes"] = list(earlier)
 
 
 class QueueFull(ProblemError):

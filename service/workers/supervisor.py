@@ -23,6 +23,7 @@ from service.workers.faults import (
     ShuttingDown,
     WorkerCrashed,
     cause_of_death,
+    was_ended_from_outside,
 )
 from service.workers.launch import Launched, Recipe
 from service.workers.main import Reply
@@ -279,7 +280,7 @@ class WorkerSupervisor(SupervisorState):
         where = "waiting for a worker" if ticket.worker is None else "being computed"
         if ticket.worker is not None:
             self._note_duration(ticket, time.monotonic() - ticket.begun)
-        ticket.settle(DeadlineExceeded(ticket.job.task, where))
+        ticket.settle(DeadlineExceeded(ticket.job.task, where, ticket.causes))
         self._release(ticket)
 
     def _withdraw(self, ticket: Ticket) -> None:
@@ -330,14 +331,26 @@ class WorkerSupervisor(SupervisorState):
         self.counters.crashed += 1
         exit_code = await worker.process.exit_code(EXIT_TIMEOUT)
         _log.warning("worker %s died (%s) in %s", worker.process.pid, exit_code, ticket.job.task)
-        if ticket.background is not None and not ticket.causes and self._accepting:
-            if not ticket.result.done():
-                ticket.causes.append(cause_of_death(exit_code))
-                worker.ticket = None
-                self._put_back(ticket)
-                self._dispatch()
+        if ticket.result.done():
+            return
+        if self._gets_second_attempt(ticket, exit_code):
+            ticket.causes.append(cause_of_death(exit_code))
+            worker.ticket = None
+            self._put_back(ticket)
+            self._dispatch()
             return
         ticket.settle(WorkerCrashed(ticket.job.task, exit_code, ticket.causes))
+
+    def _gets_second_attempt(self, ticket: Ticket, exit_code: int | None) -> bool:
+        """Whether a job whose worker has died is begun once more.
+
+        One for which somebody waits is, where it did not end its worker itself and there is time.
+        """
+        if ticket.causes or not self._accepting:
+            return False
+        if ticket.background is not None:
+            return True
+        return was_ended_from_outside(exit_code) and ticket.deadline.remaining > 0.0
 
     def message_received(self, worker: Worker, kind: Reply, values: Sequence[Any]) -> None:
         """Pass on the message of a worker about its job."""

@@ -1,8 +1,12 @@
 """What the system says of processes."""
 
+import os
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+
+from service.workers.supervisor import WorkerSupervisor
 
 
 def alive(pid: int) -> bool:
@@ -28,6 +32,30 @@ def descendants(pid: int) -> set[int]:
         if not more:
             return found - {pid}
         found |= more
+
+
+def kill_in_work(supervisor: WorkerSupervisor, *numbers: int) -> None:
+    """End the worker of the only job that runs, once for each signal.
+
+    What has not reached its worker is sent to another one, which is no attempt: it counts only what
+    the supervisor counts.
+    """
+    victims: set[int] = set()
+    for count, number in enumerate(numbers, supervisor.counters.crashed + 1):
+        while supervisor.counters.crashed < count:
+            living = wait_until(lambda: bool(set(supervisor.busy_pids) - victims), 20.0)
+            assert living, "no worker has begun with the job"
+            time.sleep(0.1)
+            for pid in set(supervisor.busy_pids) - victims:
+                os.kill(pid, number)
+                victims.add(pid)
+            gone = wait_until(lambda: not any(map(alive, victims)), 20.0)
+            assert gone, "a worker outlives a signal"
+            wait_until(partial(_has_counted, supervisor, count), 1.0)
+
+
+def _has_counted(supervisor: WorkerSupervisor, count: int) -> bool:
+    return supervisor.counters.crashed >= count
 
 
 def _parents() -> dict[int, int]:

@@ -20,9 +20,9 @@ from service.storage.job_store import JobRecord
 from service.storage.queue_store import Chunk
 from service.task_references import plan
 from tests.service.conftest import Served
-from tests.service.jobs.requests import EASY, STUCK, batch, began, ended, submit
+from tests.service.jobs.requests import EASY, STUCK, batch, ended, submit
 from tests.service.postgresql import PostgreSQL
-from tests.service.processes import alive, descendants, wait_until
+from tests.service.processes import alive, descendants, kill_in_work, wait_until
 from tests.service.robots import DETOUR, FLOOR, answer, bench, scene
 from tests.service.server import serving
 
@@ -93,13 +93,7 @@ def test_a_job_that_kills_two_workers_of_an_agent_tells_both_causes(
     served, _ = both
     answer(served.client.post("/v1/robots", json=bench("stuck")), 201)
     job = submit(served.client, STUCK)
-    victims: list[int] = []
-    for number in (signal.SIGKILL, signal.SIGSEGV):
-        assert wait_until(lambda: served.supervisor.busy_pids not in ([], victims), 10.0)  # noqa: B023
-        began(served.client, job, "rrt_connect")
-        time.sleep(0.3)
-        victims = served.supervisor.busy_pids
-        os.kill(victims[0], number)
+    kill_in_work(served.supervisor, signal.SIGKILL, signal.SIGSEGV)
     failed = ended(served.client, job)
     assert failed["error"]["code"] == "CRASH"
     first, second = failed["error"]["details"]["causes"]

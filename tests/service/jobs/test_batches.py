@@ -1,7 +1,6 @@
 """Batches over HTTP: order, shared scenes, crashes, cancellation and refusals."""
 
 import json
-import os
 import signal
 from typing import Any
 
@@ -17,7 +16,7 @@ from tests.service.jobs.requests import (
     began,
     ended,
 )
-from tests.service.processes import wait_until
+from tests.service.processes import kill_in_work, wait_until
 from tests.service.robots import (
     ASIDE,
     HOME,
@@ -85,12 +84,8 @@ def test_a_crash_in_a_batch_costs_one_problem(jobs: Served) -> None:
     response = client.post("/v1/plan/batch", json=body)
     job = response.headers["location"]
     assert wait_until(lambda: "7 of 8" in (answer(client.get(job))["stage"] or ""), 20.0)
-    (victim,) = supervisor.busy_pids
-    os.kill(victim, signal.SIGKILL)
     # The first death may have had another cause, so the problem is tried once more.
-    assert wait_until(lambda: set(supervisor.busy_pids) - {victim} != set(), 10.0)
-    (second,) = supervisor.busy_pids
-    os.kill(second, signal.SIGKILL)
+    kill_in_work(supervisor, signal.SIGKILL, signal.SIGKILL)
     found = ended(client, job)
     results = found["result"]["results"]
     assert (found["status"], found["result"]["failed"]) == ("succeeded", 1)

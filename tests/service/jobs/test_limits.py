@@ -1,6 +1,5 @@
 """Bounds of jobs: how many, how long, how much is kept, restarts and metrics."""
 
-import os
 import signal
 import sqlite3
 import time
@@ -13,7 +12,7 @@ from prometheus_client.parser import text_string_to_metric_families
 
 from tests.service.conftest import Served
 from tests.service.jobs.requests import ASYNC, EASY, STUCK, batch, began, ended, started, submit
-from tests.service.processes import wait_until
+from tests.service.processes import kill_in_work, wait_until
 from tests.service.robots import (
     answer,
     bench,
@@ -104,11 +103,7 @@ def test_metrics_count_by_what_is_ours(jobs: Served) -> None:
     client = jobs.client
     stuck = submit(client, STUCK)
     began(client, stuck, "rrt_connect")
-    (first,) = jobs.supervisor.busy_pids
-    os.kill(first, signal.SIGKILL)  # it is begun once more
-    assert wait_until(lambda: bool(set(jobs.supervisor.busy_pids) - {first}), 10.0)
-    (second,) = jobs.supervisor.busy_pids
-    os.kill(second, signal.SIGKILL)
+    kill_in_work(jobs.supervisor, signal.SIGKILL, signal.SIGKILL)  # it is begun twice
     assert ended(client, stuck)["error"]["code"] == "CRASH"
     for _ in range(6):
         answer(client.post("/v1/plan", json=EASY))

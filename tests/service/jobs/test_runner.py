@@ -1,7 +1,6 @@
 """Jobs over HTTP: accepted, watched, cancelled, lost and found again."""
 
 import json
-import os
 import signal
 import threading
 import time
@@ -21,7 +20,7 @@ from tests.service.jobs.requests import (
     events,
     submit,
 )
-from tests.service.processes import wait_until
+from tests.service.processes import kill_in_work, wait_until
 from tests.service.robots import (
     ASIDE,
     FLOOR,
@@ -203,14 +202,7 @@ def test_what_has_ended_cannot_be_cancelled(client: httpx.Client) -> None:
 def test_a_killed_worker_costs_one_of_two_attempts_of_its_job(jobs: Served) -> None:
     client, supervisor = jobs.client, jobs.supervisor
     job = submit(client, STUCK)
-    victims: list[int] = []
-    for number in (signal.SIGKILL, signal.SIGSEGV):
-        # The second attempt runs in another worker.
-        assert wait_until(lambda: supervisor.busy_pids not in ([], victims), 10.0)  # noqa: B023
-        began(client, job, "rrt_connect")
-        time.sleep(0.3)
-        victims = supervisor.busy_pids
-        os.kill(victims[0], number)
+    kill_in_work(supervisor, signal.SIGKILL, signal.SIGSEGV)  # the second attempt in another one
     failed = ended(client, job)
     assert failed["error"]["code"] == "CRASH"
     causes = failed["error"]["details"]["causes"]

@@ -31,6 +31,7 @@ def test_a_crash_names_the_signal(exit_code: int | None, cause: str) -> None:
     ("problem", "code", "status", "retry_after"),
     [
         (DeadlineExceeded("t", "waiting for a worker"), "TIMED_OUT", 504, None),
+        (DeadlineExceeded("t", "being computed", ["it ended"]), "TIMED_OUT", 504, None),
         (QueueFull(3, 7), "OVERLOADED", 429, "7"),
         (ShuttingDown(), "OVERLOADED", 503, "1"),
         (JobsFull(100, 4), "OVERLOADED", 429, "25"),

@@ -137,9 +137,61 @@ def test_a_job_whose_worker_is_killed_gets_a_second_attempt() -> None:
             with pytest.raises(WorkerCrashed) as crashed:
                 await workers.submit(chore("die"), background=background())
             assert crashed.value.details["causes"] == ["it was ended by SIGSEGV"] * 2
+
+    asyncio.run(run())
+
+
+async def kill_when_busy(workers: WorkerSupervisor, earlier: int | None = None) -> int:
+    """Kill a worker once it has a job and is not an earlier one; tells which it was."""
+    async with asyncio.timeout(10.0):
+        while not set(workers.busy_pids) - {earlier}:
+            await asyncio.sleep(0.005)
+    (victim,) = workers.busy_pids
+    # What has not reached its worker is sent to another one, which is no attempt.
+    await asyncio.sleep(0.1)
+    os.kill(victim, signal.SIGKILL)
+    return victim
+
+
+def test_a_request_whose_worker_is_killed_gets_a_second_attempt() -> None:
+    async def run() -> None:
+        async with supervisor(1) as workers:
+            await ready(workers)
+            nap = asyncio.ensure_future(workers.submit(chore("nap", 0.3)))
+            await kill_when_busy(workers)
+            assert await nap == 0.3
+            assert workers.counters.crashed == 1
+            burning = asyncio.ensure_future(workers.submit(chore("burn")))
+            await kill_when_busy(workers, await kill_when_busy(workers))
+            with pytest.raises(WorkerCrashed, match="so it did at the first attempt") as crashed:
+                await burning
+            assert crashed.value.details["causes"] == ["it was ended by SIGKILL"] * 2
+
+    asyncio.run(run())
+
+
+def test_a_request_that_ends_its_worker_by_itself_gets_no_second_attempt() -> None:
+    async def run() -> None:
+        async with supervisor(1) as workers:
             with pytest.raises(WorkerCrashed) as crashed:
                 await workers.submit(chore("die"))
-            assert "causes" not in crashed.value.details, "who waits is told at once"
+            assert "causes" not in crashed.value.details
+            assert workers.counters.crashed == 1
+
+    asyncio.run(run())
+
+
+def test_a_second_attempt_has_the_time_that_is_left() -> None:
+    async def run() -> None:
+        async with supervisor(1) as workers:
+            await ready(workers)
+            start = time.monotonic()
+            burning = asyncio.ensure_future(workers.submit(chore("burn", seconds=1.0)))
+            await kill_when_busy(workers)
+            with pytest.raises(DeadlineExceeded, match="a second time") as late:
+                await burning
+            assert time.monotonic() - start < 2.0, "the deadline is still the first one"
+            assert late.value.details["causes"] == ["it was ended by SIGKILL"]
 
     asyncio.run(run())
 

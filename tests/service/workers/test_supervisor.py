@@ -123,7 +123,8 @@ def test_a_crash_is_told_and_noticed_by_nobody_else(number: signal.Signals) -> N
                 await workers.submit(chore("die", int(number)))
             assert await neighbour == 0.3
             assert await workers.submit(chore("add", 1, 1)) == 2
-            assert workers.counters.crashed == 1
+            # What ends by SIGKILL may have been killed by others: it is begun once more.
+            assert workers.counters.crashed == (2 if number == signal.SIGKILL else 1)
 
     asyncio.run(run())
 
@@ -160,7 +161,8 @@ def test_no_job_is_lost_under_a_storm_of_kills() -> None:
             results = await asyncio.gather(*jobs, return_exceptions=True)
             crashed = sum(isinstance(result, WorkerCrashed) for result in results)
             assert crashed + results.count(0.01) == 400
-            assert 1 <= crashed <= kills
+            assert crashed <= kills // 2, "each was begun twice"
+            assert workers.counters.crashed >= 1
             assert kills > 50
             assert await workers.submit(chore("add", 1, 1)) == 2
             async with asyncio.timeout(10.0):
