@@ -98,7 +98,7 @@ class ReachOptions(TypedDict, total=False):
         attached: Objects that the robot holds.
         allowed_collisions: Pairs that may touch.
         margin: Distance to be kept from obstacles [m].
-        choice: What makes the best configuration.
+        choice: What makes the best configuration; the first one found will do with ``first``.
         clearance: Measure clearances.
         joints: Answer the best configurations.
         bases: Candidates for the base.
@@ -114,7 +114,7 @@ class ReachOptions(TypedDict, total=False):
     attached: Sequence[Attached] | None
     allowed_collisions: Sequence[tuple[str, str]] | None
     margin: float
-    choice: Literal["manipulability", "clearance", "limits"]
+    choice: Literal["manipulability", "clearance", "limits", "first"]
     clearance: bool
     joints: bool | None
     bases: Sequence[Pose] | None
@@ -136,7 +136,7 @@ class ReachRequest(Request):
         attached: Objects that the robot holds.
         allowed_collisions: Pairs that may touch.
         margin: Distance to be kept from obstacles [m].
-        choice: What makes the best configuration.
+        choice: What makes the best configuration; the first one found will do with ``first``.
         clearance: Measure clearances.
         joints: Answer the best configurations.
         bases: Candidates for the base.
@@ -155,7 +155,7 @@ class ReachRequest(Request):
     attached: AttachedObjects | None = None
     allowed_collisions: Pairs | None = None
     margin: NonNegative = 0.0
-    choice: Literal["manipulability", "clearance", "limits"] = "manipulability"
+    choice: Literal["manipulability", "clearance", "limits", "first"] = "manipulability"
     clearance: bool = True
     joints: bool | None = None
     bases: Poses | None = None

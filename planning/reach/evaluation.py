@@ -21,6 +21,7 @@ from kinematics.ik.plan import COLUMNS as PLAN_COLUMNS
 from kinematics.ik.plan import Arm
 from kinematics.ik.refine import INSIDE, MORE
 from kinematics.ik.structure import Structure, structure
+from kinematics.pose import inverse
 from obstacles.checker import any_model
 from obstacles.collision_model import CollisionModel, ModelArrays
 from obstacles.robot_geometry import RobotGeometry
@@ -29,7 +30,7 @@ from planning.deadline import Deadline
 from planning.reach import kernel
 from planning.reach.tolerance import Tolerance
 
-Choice = Literal["manipulability", "clearance", "limits"]
+Choice = Literal["manipulability", "clearance", "limits", "first"]
 CHOICES: tuple[Choice, ...] = get_args(Choice)
 #: Poses with all their deviations that are worked off between two looks at the clock.
 _CHUNK = 2_000
@@ -39,6 +40,8 @@ _ROUNDS = 4
 _STARTS = 30
 #: Values of a redundant arm's parameter that are tried.
 _PARAMETERS = 16
+#: How far from the last joint's axis one may turn about another and still turn that joint [m, rad].
+_ON_AXIS = 1e-10
 
 
 _PLAN, _ROW = frozen(np.zeros((1, PLAN_COLUMNS))), frozen([0.0])
@@ -65,6 +68,7 @@ class ReachOptions:
         margin: Distance to be kept from obstacles [m].
         choice: What makes the best configuration of a pose: the largest product of the Jacobian's
             singular values, the largest clearance, or the largest distance from the joint limits.
+            With ``first`` the first one that is found free will do, which is quickest.
         clearance: Whether the clearance of the best configurations is measured.
         seed: Of the numeric search, for arms without a closed form.
         threads: How many to share the poses among; all processors where not given.
@@ -95,8 +99,9 @@ class Reach(NamedTuple):
     Args:
         status: `Status` of each pose, shape (m,).
         branches: Branches of the inverse kinematics that are free of collision, at the deviation
-            that has most of them; of arms without a closed form 1 where one was found. Shape (m,).
-        samples: Deviations at which the pose is reached, shape (m,).
+            that has most of them; of arms without a closed form, and where the first one will do,
+            1 where one was found. Shape (m,).
+        samples: Deviations at which the pose is reached, 1 where the first one will do, shape (m,).
         joints: Best configuration, shape (m, n) [rad or m].
         manipulability: Product of the singular values of the Jacobian, shape (m,).
         clearance: Distance of the closest pair, margins taken off [m], infinite where nothing can
@@ -129,7 +134,7 @@ class _Query:
     link: str | None
     arm: Arm
     form: Structure | None
-    model: ModelArrays
+    parts: kernel.Parts
     settings: kernel.ReachSettings
     options: ReachOptions
 
@@ -167,8 +172,8 @@ def reach(
     T = np.ascontiguousarray(poses, dtype=np.float64)
     if T.ndim != 3 or T.shape[1:] != (4, 4) or not np.isfinite(T).all():
         raise InvalidPose("the poses must be finite 4x4 transforms, shape (m, 4, 4)")
-    query = _query(robot, scene, link, how)
     deviations = how.tolerance.deviations()
+    query = _query(robot, scene, link, how, deviations)
     results = np.zeros((len(T), kernel.COLUMNS))
     joints = np.full((len(T), chain.n), np.nan)
     step, completed = max(_CHUNK // len(deviations), 1), 0
@@ -184,13 +189,16 @@ def reach(
     return _answer(results[:completed], joints[:completed], how)
 
 
-def _query(robot: RobotGeometry, scene: Scene, link: str | None, options: ReachOptions) -> _Query:
+def _query(
+    robot: RobotGeometry, scene: Scene, link: str | None, options: ReachOptions, deviations: Array
+) -> _Query:
     chain = robot.chain
     form = structure(chain, link)
     plan = np.zeros((1, PLAN_COLUMNS)) if form is None else form.plan
     lower, upper = chain.limits.lower, chain.limits.upper
     arm = Arm(plan, chain.model, link_number(chain, link or chain.tip_link), lower, upper)
-    model = CollisionModel(robot, scene, options.margin)
+    model = CollisionModel(robot, scene, options.margin).arrays
+    turns = np.zeros(0) if form is None else _last_turns(arm, form, deviations)
     settings = kernel.ReachSettings(
         TOLERANCE,
         0.0,
@@ -198,7 +206,36 @@ def _query(robot: RobotGeometry, scene: Scene, link: str | None, options: ReachO
         bool(options.clearance),
         form is not None and bool(form.redundant),
     )
-    return _Query(chain, link, arm, form, model.arrays, settings, options)
+    return _Query(chain, link, arm, form, _parts(model, chain.n - 1, turns), settings, options)
+
+
+def _last_turns(arm: Arm, form: Structure, deviations: Array) -> Array:
+    """By how much deviations (s, 4, 4) turn the last joint [rad], (0,) where they do more."""
+    last = len(arm.lower) - 1
+    row = arm.model[last + 2 + arm.link]
+    if len(deviations) == 1 or int(row[0]) != last or arm.model[last + 1, 0] != 0.0:
+        return np.zeros(0)
+    if form.locked == last:  # then its angle is the parameter of the closed form
+        return np.zeros(0)
+    T_joint_link = np.vstack([row[1:13].reshape(3, 4), [0.0, 0.0, 0.0, 1.0]])
+    M = T_joint_link @ (inverse(deviations[0]) @ deviations) @ inverse(T_joint_link)
+    tilt, shift = np.abs(M[:, :3, 2] - [0.0, 0.0, 1.0]).max(), np.abs(M[:, :3, 3]).max()
+    if max(tilt, shift) > _ON_AXIS:
+        return np.zeros(0)
+    return np.asarray(np.arctan2(M[:, 1, 0], M[:, 0, 0]))
+
+
+def _parts(model: ModelArrays, last: int, turns: Array) -> kernel.Parts:
+    """A packed robot and scene, whole and parted at joint number ``last``."""
+    if not len(turns):
+        return kernel.Parts(model, model, model, turns)
+    moves = model.joints == last
+    body, group = moves[model.bodies[:, 0]], moves[model.groups[:, 2:]].any(axis=1)
+    before, behind = (
+        model._replace(bodies=model.bodies[body == k], groups=model.groups[group == k])
+        for k in (False, True)
+    )
+    return kernel.Parts(model, before, behind, turns)
 
 
 def _by_closed_form(query: _Query, targets: Array, results: Array, joints: Array) -> None:
@@ -212,7 +249,7 @@ def _by_closed_form(query: _Query, targets: Array, results: Array, joints: Array
 
     def part(k: slice) -> None:
         judge(
-            query.arm, query.model, targets[k], seed, values, query.settings, results[k], joints[k]
+            query.arm, query.parts, targets[k], seed, values, query.settings, results[k], joints[k]
         )
 
     shared(part, len(targets), query.options.threads)
@@ -239,7 +276,7 @@ def _by_search(query: _Query, targets: Array, results: Array, joints: Array) -> 
     judge = _searched()
 
     def share(k: slice) -> None:
-        judge(query.arm, query.model, rows[k], query.settings, results[k], joints[k])
+        judge(query.arm, query.parts.whole, rows[k], query.settings, results[k], joints[k])
 
     shared(share, m, query.options.threads)
     # Several rounds find the same configuration: only whether there is one is known.
@@ -288,8 +325,9 @@ def _answer(results: Array, joints: Array, options: ReachOptions) -> Reach:
 def _closed_form() -> Any:
     """``closed_form_reach_kernel`` without a look at its arguments' types."""
     row, rows = np.zeros(1), np.zeros((1, 1))
+    parts = kernel.Parts(any_model(), any_model(), any_model(), row)
     return direct(
-        kernel.closed_form_reach_kernel, _ARM, any_model(), np.zeros((1, 1, 4, 4)), row, row,
+        kernel.closed_form_reach_kernel, _ARM, parts, np.zeros((1, 1, 4, 4)), row, row,
         _SETTINGS, rows, rows,
     )  # fmt: skip
 

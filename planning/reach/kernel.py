@@ -9,7 +9,8 @@ from kinematics.arrays import Array, Indices
 from kinematics.compiled.kernel import kernel
 from kinematics.ik.branches import branches_kernel
 from kinematics.ik.plan import Arm
-from kinematics.ik.refine import CODE, INSIDE, MORE
+from kinematics.ik.refine import CODE, GROUP, INSIDE, MORE
+from kinematics.ik.verification import near_kernel
 from kinematics.jacobian import frame_and_jacobian_kernel
 from obstacles.edge_check import FREE
 from obstacles.kernel_work import Workspace, workspace
@@ -43,6 +44,8 @@ REACHED = 3
 BY_MANIPULABILITY = 0
 BY_CLEARANCE = 1
 BY_LIMITS = 2
+#: The first one that is found free: no other is looked for.
+BY_ORDER = 3
 
 #: Branches of a closed form for one value of its parameter at most.
 _ROWS = 16
@@ -75,23 +78,45 @@ class ReachWork(NamedTuple):
         collision: Of the collision checks.
         asked: Likewise, shape (1,).
         J: Room for a Jacobian, shape (6, n).
+        q: Room for a configuration, shape (n,).
+        tallies: Of each deviation that turns the last joint: how many branches are free, and which
+            as bits; shape (s, 2).
     """
 
     collision: Workspace
     asked: Indices
     J: Array
+    q: Array
+    tallies: Indices
+
+
+class Parts(NamedTuple):
+    """The robot in the scene, whole and in two parts, for deviations that turn the last joint.
+
+    Args:
+        whole: The packed robot and scene.
+        before: The same with all that does not move with the last joint alone.
+        behind: The same with what moves with the last joint alone.
+        turns: By how much each deviation turns the last joint from where the first one has it,
+            shape (s,) [rad]; (0,) where deviations do more than that.
+    """
+
+    whole: ModelArrays
+    before: ModelArrays
+    behind: ModelArrays
+    turns: Array
 
 
 @kernel
 def closed_form_reach_kernel(
-    arm: Arm, model: ModelArrays, targets: Array, seed: Array, values: Array,
+    arm: Arm, parts: Parts, targets: Array, seed: Array, values: Array,
     settings: ReachSettings, results: Array, joints: Array,
 ) -> None:  # fmt: skip
     """Status, branches and best configuration of each pose, by the closed form.
 
     Args:
         arm: The chain up to the link and its closed form.
-        model: The packed robot and scene.
+        parts: The packed robot and scene.
         targets: T_base_link of each deviation of each pose, shape (m, s, 4, 4).
         seed: Configuration that whole turns are to be near, shape (n,).
         values: Values of a redundant arm's parameter, shape (v,).
@@ -99,8 +124,8 @@ def closed_form_reach_kernel(
         results: A row for each pose, written, shape (m, COLUMNS).
         joints: The best configuration of each pose, written where it is reached, shape (m, n).
     """
-    n = seed.shape[0]
-    work = ReachWork(workspace(model), np.empty(1, dtype=np.int64), np.empty((6, n)))
+    n, model = seed.shape[0], parts.whole
+    work = _room(model, n, parts.turns.shape[0])
     table = np.empty((_ROWS * values.shape[0], n + MORE))
     for k in range(targets.shape[0]):
         best = -np.inf
@@ -110,9 +135,13 @@ def closed_form_reach_kernel(
             )
             if count > 0:
                 results[k, STATUS] = max(results[k, STATUS], OUTSIDE_LIMITS)
-            best = _assess(
-                arm, model, work, table[: max(count, 0)], settings, best, results[k], joints[k]
-            )
+            rows = table[: max(count, 0)]
+            if s == 0 and parts.turns.shape[0] > 0 and _all_alone(rows, n):
+                _assess_turns(arm, parts, work, rows, seed, settings, results[k], joints[k])
+                break
+            best = _assess(arm, model, work, rows, settings, best, results[k], joints[k])
+            if settings.choice == BY_ORDER and results[k, STATUS] == REACHED:
+                break
         _measure_clearance(model, settings, results[k], joints[k])
 
 
@@ -133,7 +162,7 @@ def searched_reach_kernel(
         joints: The best configuration of each pose, written where it is reached, shape (m, n).
     """
     n = joints.shape[1]
-    work = ReachWork(workspace(model), np.empty(1, dtype=np.int64), np.empty((6, n)))
+    work = _room(model, n, 0)
     for k in range(rows.shape[0]):
         best = -np.inf
         for s in range(rows.shape[1]):
@@ -141,7 +170,97 @@ def searched_reach_kernel(
                 best = _assess(
                     arm, model, work, rows[k, s : s + 1], settings, best, results[k], joints[k]
                 )
+                if settings.choice == BY_ORDER and results[k, STATUS] == REACHED:
+                    break
         _measure_clearance(model, settings, results[k], joints[k])
+
+
+@kernel
+def _room(model: ModelArrays, n: int, turns: int) -> ReachWork:
+    """Memory for n joints and so many deviations that turn the last one."""
+    return ReachWork(
+        workspace(model),
+        np.empty(1, dtype=np.int64),
+        np.empty((6, n)),
+        np.empty(n),
+        np.empty((turns, 2), dtype=np.int64),
+    )
+
+
+@kernel
+def _all_alone(table: Array, n: int) -> bool:
+    """Whether no branch stands for a family, so that all of them are in the table."""
+    return not np.any(table[:, n + GROUP] != 0.0)
+
+
+@kernel
+def _assess_turns(  # noqa: C901, PLR0912
+    arm: Arm, parts: Parts, work: ReachWork, table: Array, seed: Array, settings: ReachSettings,
+    result: Array, joints: Array,
+) -> None:  # fmt: skip
+    """Check and measure the configurations of all deviations, which turn the last joint alone.
+
+    What does not move with it is looked at once a branch, and so is the manipulability.
+
+    Args:
+        arm: The chain up to the link and its closed form.
+        parts: The packed robot and scene.
+        work: Memory.
+        table: A row for each branch of the first deviation, shape (r, n + MORE).
+        seed: Configuration that whole turns are to be near, shape (n,).
+        settings: How to judge.
+        result: Of the pose, brought up to date, shape (COLUMNS,).
+        joints: The best configuration, likewise, shape (n,).
+    """
+    last, best, q, tallies = seed.shape[0] - 1, -np.inf, work.q, work.tallies
+    tallies[:] = 0
+    for row in range(table.shape[0]):
+        inside = True
+        for j in range(last):
+            q[j] = table[row, j]
+            inside = inside and arm.lower[j] <= q[j] <= arm.upper[j]
+        if not inside:
+            continue
+        bit = 1 << int(table[row, last + 1 + CODE])
+        around, manipulability = -1, -1.0
+        for s in range(tallies.shape[0]):
+            q[last], fits, _ = near_kernel(
+                table[row, last] + parts.turns[s], arm.lower[last], arm.upper[last], seed[last]
+            )
+            if not fits:
+                continue
+            if around < 0:
+                around = verdict_in(parts.before, work.collision, q, settings.margin, work.asked)
+                result[STATUS] = max(result[STATUS], IN_COLLISION)
+            if around != FREE:
+                break
+            # The places of all the others are those of the look before.
+            if verdict_in(parts.behind, work.collision, q, settings.margin, work.asked) != FREE:
+                continue
+            if manipulability < 0.0:
+                frame_and_jacobian_kernel(arm.model, q, arm.link, work.J)
+                manipulability = volume_kernel(work.J)
+            tallies[s, 0] += 0 if settings.redundant and tallies[s, 1] & bit != 0 else 1
+            tallies[s, 1] |= bit
+            limits = limit_distance_kernel(arm, q)
+            value = manipulability
+            if settings.choice == BY_LIMITS:
+                value = limits
+            elif settings.choice == BY_CLEARANCE:
+                value, _ = closest_pair(parts.whole, q)
+            if value > best:
+                best = value
+                joints[:] = q
+                result[MANIPULABILITY], result[LIMIT_DISTANCE] = manipulability, limits
+            if settings.choice == BY_ORDER:
+                break
+        if settings.choice == BY_ORDER and best > -np.inf:
+            break
+    for s in range(tallies.shape[0]):
+        if tallies[s, 0] > 0:
+            result[STATUS] = REACHED
+            result[SAMPLES] += 1
+            result[BRANCHES] = max(result[BRANCHES], tallies[s, 0])
 
 
 @kernel
@@ -177,6 +296,11 @@ def _assess(
         frame_and_jacobian_kernel(arm.model, q, arm.link, work.J)
         manipulability, limits = volume_kernel(work.J), limit_distance_kernel(arm, q)
         value = manipulability
+        if settings.choice == BY_ORDER:
+            best = np.inf
+            joints[:] = q
+            result[MANIPULABILITY], result[LIMIT_DISTANCE] = manipulability, limits
+            break
         if settings.choice == BY_LIMITS:
             value = limits
         elif settings.choice == BY_CLEARANCE:

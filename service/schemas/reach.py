@@ -118,8 +118,10 @@ class ReachRequest(Body):
     margin: Annotated[NonNegative, Field(le=10.0)] = Field(
         0.0, description="distance to be kept from obstacles [m]"
     )
-    choice: Literal["manipulability", "clearance", "limits"] = Field(
-        "manipulability", description="what makes the best configuration of a pose"
+    choice: Literal["manipulability", "clearance", "limits", "first"] = Field(
+        "manipulability",
+        description="what makes the best configuration of a pose; with `first` the first one that "
+        "is found free will do, and `branches` and `samples` count no further",
     )
     clearance: bool = Field(True, description="measure the clearance of the best configurations")
     joints: bool | None = Field(

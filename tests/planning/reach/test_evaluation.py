@@ -8,12 +8,13 @@ from kinematics.forward import forward
 from kinematics.ik.analytic import branches
 from kinematics.jacobian import geometric
 from kinematics.pose import rotation_error, rotation_x, rotation_y, transform
+from obstacles.attachment import Attachment, hold
 from obstacles.fcl_distance import FclWorld
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Box, Sphere
 from planning.deadline import Deadline
 from planning.reach.evaluation import Reach, ReachOptions, Status, reach
-from planning.reach.tolerance import Tolerance
+from planning.reach.tolerance import Axis, Tolerance
 from tests.planning.scenes import builtin
 
 CLOSED = ["kr6_sixx", "ur5e", "panda", "iiwa14"]
@@ -138,6 +139,49 @@ def test_a_free_axis_reaches_what_some_angle_reaches() -> None:
     assert free.samples.tolist() == hits.tolist()
     assert free.is_reached.tolist() == (hits > 0).tolist()
     assert free.is_reached.sum() > reach(robot, SCENE, T, ReachOptions(threads=1)).is_reached.sum()
+
+
+@pytest.mark.parametrize("name", ["kr6_sixx", "ur5e", "iiwa14", "panda"])
+def test_turns_about_the_last_axis_are_judged_like_any_deviation(name: str) -> None:
+    bar = Obstacle("bar", Box(np.array([0.5, 0.04, 0.04])), transform(None, [0.1, 0.0, 0.1]))
+    robot = hold(builtin(name), Scene(), [Attachment(bar, builtin(name).chain.tip_link)]).robot
+    tolerance = Tolerance({"rz": (-1.0, 2.0)}, samples=5)
+    T = poses(name, 80)
+    free = reach(robot, SCENE, T, ReachOptions(tolerance, threads=1))
+    alone = [reach(robot, SCENE, T @ D, ReachOptions(threads=1)) for D in tolerance.deviations()]
+    if name != "iiwa14":  # its arm angle begins elsewhere at each deviation
+        assert free.status.tolist() == np.max([one.status for one in alone], axis=0).tolist()
+        assert free.samples.tolist() == np.sum([one.is_reached for one in alone], axis=0).tolist()
+        assert free.branches.tolist() == np.max([one.branches for one in alone], axis=0).tolist()
+        best = np.max([np.nan_to_num(one.manipulability) for one in alone], axis=0)
+        assert np.nan_to_num(free.manipulability) == pytest.approx(best, rel=1e-6, abs=1e-9)
+    assert np.count_nonzero((free.samples > 0) & (free.samples < 5)) > 0
+    world = FclWorld(robot, SCENE)
+    for k in np.flatnonzero(free.is_reached):
+        q = free.joints[k]
+        assert (q >= robot.chain.limits.lower).all()
+        assert (q <= robot.chain.limits.upper).all()
+        miss = np.abs(T[k] @ tolerance.deviations() - forward(robot.chain, q)).max(axis=(1, 2))
+        assert miss.min() < 1e-6
+        assert not world.collisions(q)
+
+
+@pytest.mark.parametrize("name", ["kr6_sixx", "ur5e", "panda", "scara"])
+@pytest.mark.parametrize("axis", ["rx", "rz"])
+def test_the_first_free_configuration_tells_the_same_poses(name: str, axis: Axis) -> None:
+    robot, T = builtin(name), poses(name, 60, stretch=1.1)
+    tolerance = Tolerance.free(axis, samples=4)
+    every = reach(robot, SCENE, T, ReachOptions(tolerance, threads=1))
+    first = reach(robot, SCENE, T, ReachOptions(tolerance, choice="first", threads=1))
+    assert first.status.tolist() == every.status.tolist()
+    assert first.samples.tolist() == every.is_reached.astype(int).tolist()
+    assert first.branches.tolist() == first.samples.tolist()
+    world = FclWorld(robot, SCENE)
+    for k in np.flatnonzero(first.is_reached):
+        assert not world.collisions(first.joints[k])
+        assert first.manipulability[k] <= every.manipulability[k] + 1e-9
+        miss = T[k] @ tolerance.deviations() - forward(robot.chain, first.joints[k])
+        assert np.abs(miss).max(axis=(1, 2)).min() < 1e-6
 
 
 def test_a_redundant_arm_counts_a_branch_once() -> None:
