@@ -31,11 +31,15 @@ from planning.deadline import Deadline
 from planning.explored import Explored
 from planning.planner import Planner, Query
 from planning.result import Attempt
-from planning.search_box import search_box
+from planning.search_box import nearby_box, search_box
 
 #: Longest step of one pair of trees after another, Euclidean in joint space. In clutter short ones
 #: come through several times sooner; a few places let pass nothing but very short ones.
 _STEPS = (0.5, 0.25, 0.5, 0.1)
+#: Of so many pairs of trees the last draws from all that the limits allow, the others within half a
+#: turn of start and goals: arms with joints of two turns find the short way round, and a way that
+#: winds up further is not lost.
+_NEARBY = 7
 #: A step whose proof needs more intervals grazes something all along: it is not taken.
 _MAX_INTERVALS = 800
 #: States of a step that are looked at before it is proved, its end first: half of them collide.
@@ -145,12 +149,14 @@ def rrt_connect(
         max_edges: Edges after which to stop; the second pair may take as many again.
         explored: Keeps the edges of the last pair of trees.
     """
-    box = search_box(checker.model.chain, [start, *goals])
+    chain, known = checker.model.chain, [start, *goals]
+    near, whole = nearby_box(chain, known), search_box(chain, known)
     edges, runs, budget = 0, 0, float(_FIRST_BUDGET)
     while edges < max_edges and not deadline.passed:
         share = min(int(budget), max_edges - edges)
         trees = _new_trees(start, goals, (seed, runs), share)
         step = _STEPS[runs % len(_STEPS)]
+        box = whole if runs % _NEARBY == _NEARBY - 1 else near
         path = _run(checker, trees, box, step, deadline, share)
         _keep(trees, explored)
         edges, runs = edges + int(trees.tally[_EDGES]), runs + 1

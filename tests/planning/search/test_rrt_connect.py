@@ -18,7 +18,7 @@ from planning.problem import JointGoal, Problem
 from planning.ready import Ready
 from planning.sampling.search import OmplPlanner
 from planning.search.rrt_connect import RrtConnect, RrtResult, rrt_connect
-from planning.search_box import search_box
+from planning.search_box import nearby_box, search_box
 from tests.planning.scenes import HOME, box, builtin, pillar, shelf
 
 START, GOAL = HOME.copy(), HOME.copy()
@@ -109,6 +109,21 @@ def test_it_draws_from_the_limits_or_a_turn_beyond_what_is_known() -> None:
     kept = np.arange(chain.n) != 2
     assert np.array_equal(low[kept], lower[kept])
     assert np.array_equal(high[kept], upper[kept])
+
+
+def test_of_joints_that_turn_further_it_draws_within_half_a_turn_of_what_is_known() -> None:
+    chain = builtin("ur5e").chain
+    start, goal = np.zeros(6), np.array([0.5, -1.0, 0.0, 6.0, 0.0, -6.0])
+    whole, near = search_box(chain, [start, goal]), nearby_box(chain, [start, goal])
+    turns = whole[1] - whole[0] > 2.0 * np.pi
+    assert turns.any()
+    least, most = np.minimum(start, goal) - np.pi, np.maximum(start, goal) + np.pi
+    assert np.array_equal(near[0], np.where(turns, np.maximum(whole[0], least), whole[0]))
+    assert np.array_equal(near[1], np.where(turns, np.minimum(whole[1], most), whole[1]))
+    # Every place of a joint that the whole box has is in it.
+    assert (near[1] - near[0] >= np.minimum(whole[1] - whole[0], 2.0 * np.pi)).all()
+    slides = replace(chain, joint_types=np.ones(6, dtype=np.int64))
+    assert np.array_equal(nearby_box(slides, [start, goal]), search_box(slides, [start, goal]))
 
 
 def _ready(robot: RobotGeometry) -> tuple[Problem, Ready]:
