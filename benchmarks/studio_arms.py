@@ -22,6 +22,7 @@ from benchmarks.arms import UPLOADS
 from benchmarks.example_arms import package
 from kinematics.description import MeshGeometry
 from kinematics.urdf import parse_urdf
+from kinematics.urdf_visuals import read_visuals
 from service.app import create_app
 from service.settings import Settings
 from studio.branch import Verdict
@@ -38,6 +39,7 @@ TRIES, SEED = 20, 0
 SPREAD = 0.25
 #: A service of the studio's own computes with so many workers.
 WORKERS = 1
+_ROBOTS = "package://example-robot-data/robots/"
 BEGIN, END = "<!-- studio arms: begin -->", "<!-- studio arms: end -->"
 
 
@@ -48,7 +50,8 @@ class Row:
     Args:
         name: Of the arm.
         joints: Of its chain.
-        triangles: That are drawn.
+        triangles: Of its collision geometry.
+        looks: Links that are drawn by their visual meshes.
         shown: Time from the upload to the drawing [s].
         lint: Remarks about its description.
         branches: Configurations that reach the goal, valid and all.
@@ -62,6 +65,7 @@ class Row:
     name: str
     joints: int
     triangles: int
+    looks: int
     shown: float
     lint: int
     branches: tuple[int, int]
@@ -78,13 +82,17 @@ def archive(name: str) -> bytes:
     text = (package() / urdf).read_bytes()
     links = parse_urdf(text.decode()).links.values()
     solids = [element.geometry for link in links for element in link.collisions]
+    looks = read_visuals(text).links.values()
+    solids += [element.geometry for elements in looks for element in elements]
     uris = sorted({solid.uri for solid in solids if isinstance(solid, MeshGeometry)})
+    # Some descriptions name pictures of links that the package lacks.
+    files = {uri: package() / uri.removeprefix(_ROBOTS) for uri in uris}
     content = io.BytesIO()
     with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as packed:
         packed.writestr(f"example-robot-data/robots/{urdf}", text)
-        for uri in uris:
-            path = uri.removeprefix("package://example-robot-data/robots/")
-            packed.write(package() / path, f"example-robot-data/robots/{path}")
+        for uri, path in files.items():
+            if path.is_file():
+                packed.write(path, uri.removeprefix("package://"))
     return content.getvalue()
 
 
@@ -106,9 +114,10 @@ def show(page: StudioPage, name: str) -> Row:
     shown = time.perf_counter() - began
     meshes = workbench.geometry().bodies
     triangles = sum(len(body.triangles()) for body in meshes)
+    looks = len({body.link for body in workbench.geometry("visual").bodies} & _seen(name))
     joints, lint = len(workbench.model.joint_names), len(workbench.model.lint)
     counts, outcome = _plan(workbench)
-    row = Row(name, joints, triangles, shown, lint, counts)
+    row = Row(name, joints, triangles, looks, shown, lint, counts)
     if not isinstance(outcome, Planned):
         detail = outcome.detail if isinstance(outcome, Failure) else "no goal was free"
         return Row(**asdict(row) | {"failure": detail})
@@ -123,6 +132,11 @@ def show(page: StudioPage, name: str) -> Row:
             "verified": outcome.plan.certificate.verified,
         }
     )
+
+
+def _seen(name: str) -> set[str]:
+    """Links with visual geometry in the description."""
+    return set(read_visuals((package() / UPLOADS[name][0]).read_bytes()).links)
 
 
 def _plan(workbench: Workbench) -> tuple[tuple[int, int], Planned | Failure | None]:
@@ -164,13 +178,14 @@ def _draw(
 
 def table(rows: list[Row]) -> str:
     """The rows as a table in Markdown."""
-    names = "arm|joints|triangles|shown after|remarks|branches|planned by|motion|frames|proved"
-    lines = [f"| {' | '.join(names.split('|'))} |", "|---" * 10 + "|"]
+    names = "arm|joints|triangles|seen|shown after|remarks|branches|planned by|motion|frames|proved"
+    lines = [f"| {' | '.join(names.split('|'))} |", "|---" * 11 + "|"]
     for row in rows:
         valid, count = row.branches
         motion = f"{row.duration:.2f} s" if row.planner else row.failure
         lines.append(
-            f"| {row.name} | {row.joints} | {row.triangles:,} | {row.shown:.1f} s | {row.lint} | "
+            f"| {row.name} | {row.joints} | {row.triangles:,} | {row.looks} | "
+            f"{row.shown:.1f} s | {row.lint} | "
             f"{valid} of {count} | {row.planner or '–'} | {motion} | {row.frames} | "
             f"{'yes' if row.verified else 'no'} |"
         )

@@ -128,16 +128,30 @@ def _lint_inertia(mass: float, tensor: Array, where: str, lint: list[str]) -> No
 
 def _collision(element: Element, where: str, lint: list[str]) -> CollisionElement | None:
     """One <collision>; None where its shape has no extent."""
-    holder = single(element, "geometry", f"<collision> of {where}")
+    geometry = read_geometry(element, where, lint)
+    return None if geometry is None else CollisionElement(read_origin(element, where), geometry)
+
+
+def read_geometry(element: Element, where: str, lint: list[str]) -> Geometry | None:
+    """The shape of a <collision> or <visual>; None where it has no extent.
+
+    Args:
+        element: The element.
+        where: The link, for messages.
+        lint: Where to put what is odd but no fault.
+
+    Raises:
+        InvalidRobotDescription: It has none, several, or one with wrong numbers.
+    """
+    holder = single(element, "geometry", f"<{element.tag}> of {where}")
     shapes = [] if holder is None else [shape for shape in holder if shape.tag in _GEOMETRIES]
     if holder is None or len(shapes) != 1 or len(holder) != 1:
         found = [] if holder is None else [shape.tag for shape in holder]
         raise InvalidRobotDescription(
-            f"<collision> of {where} must have one geometry, got {', '.join(found) or 'none'}",
+            f"<{element.tag}> of {where} must have one geometry, got {', '.join(found) or 'none'}",
             hint=f"One of: {', '.join(_GEOMETRIES)}.",
         )
-    geometry = _GEOMETRIES[shapes[0].tag](shapes[0], where, lint)
-    return None if geometry is None else CollisionElement(read_origin(element, where), geometry)
+    return _GEOMETRIES[shapes[0].tag](shapes[0], where, lint)
 
 
 def _sizes(element: Element, names: tuple[str, ...], where: str) -> list[float]:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidScene
-from obstacles.collada import triangles
+from obstacles.collada import paint_parts, triangles
 
 #: What is read, by file extension. No archives (a small one can unpack to gigabytes), nothing
 #: that fetches other files.
@@ -61,6 +61,39 @@ def load_mesh(data: bytes, file_type: str) -> tuple[Array, Faces]:
     except Exception as error:  # noqa: BLE001  a foreign parser on foreign bytes raises anything
         raise InvalidScene(f"mesh file: not a readable {kind} ({type(error).__name__})") from None
     return checked_mesh(vertices, faces)
+
+
+def load_painted(
+    data: bytes, file_type: str
+) -> list[tuple[tuple[float, float, float, float] | None, Array, Faces]]:
+    """Read a mesh for display: its parts by colour, which only COLLADA files have.
+
+    Args:
+        data: The file's content.
+        file_type: Its extension, one of ``FILE_TYPES``.
+
+    Returns:
+        Colours (red, green, blue, opacity) with vertices and triangles as of `load_mesh`.
+
+    Raises:
+        InvalidScene: As `load_mesh`.
+    """
+    if file_type.lower() != "dae":
+        return [(None, *load_mesh(data, file_type))]
+    if len(data) > MAX_BYTES:
+        raise InvalidScene(f"mesh file: {len(data)} bytes, at most {MAX_BYTES} are taken")
+    try:
+        parts = paint_parts(data)
+    except Exception as error:  # noqa: BLE001  as in load_mesh
+        raise InvalidScene(f"mesh file: not a readable dae ({type(error).__name__})") from None
+    by_color: dict[tuple[float, float, float, float] | None, list[Array]] = {}
+    for part in parts:
+        by_color.setdefault(part.color, []).append(part.corners)
+    read = []
+    for color, corners in by_color.items():
+        points = np.concatenate(corners).reshape(-1, 3)
+        read.append((color, *checked_mesh(points, np.arange(len(points)).reshape(-1, 3))))
+    return read
 
 
 def _read(data: bytes, kind: str) -> tuple[Array, Faces]:

@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Literal
 
 from armwright_client import (
     Client,
@@ -101,9 +101,13 @@ class Workbench:
         upload = robot_upload(file_name, content, tip_link)
         self.choose_robot(self.client.robots.create(upload).name)
 
-    def geometry(self) -> GeometryAnswer:
-        """The robot's collision geometry."""
-        return self.client.robots.geometry(self.state.robot)
+    def geometry(self, kind: Literal["collision", "visual"] = "collision") -> GeometryAnswer:
+        """The robot's collision geometry, or what it looks like.
+
+        Args:
+            kind: Which of them.
+        """
+        return self.client.robots.geometry(self.state.robot, kind)
 
     def link_poses(self, joints: Sequence[float]) -> dict[str, Pose]:
         """Poses of all links at a configuration, in the root frame.

@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 from armwright_client.base import Answer, Positive, Request
 from armwright_client.dh_table import DerivedDh, DhTable
 from armwright_client.motor import Motor
-from armwright_client.urdf import read_urdf
+from armwright_client.urdf import MAX_VISUAL_BYTES, read_urdf
 
 
 class JointLimits(Request):
@@ -135,25 +135,28 @@ class RobotUpload(RobotFields):
         name: str | None = None,
         srdf: Path | str | None = None,
         package_dirs: Iterable[Path | str] = (),
+        visuals: bool = True,
         **options: Unpack[RobotOptions],
     ) -> Self:
-        """Read a URDF file and the collision meshes it names.
+        """Read a URDF file and the meshes it names.
 
         Meshes are looked for beside the URDF, in the folders above it and in `package_dirs`, as
-        `armwright_client.urdf` says. Visual meshes are neither needed nor sent.
+        `armwright_client.urdf` says. Visual ones that are missing are left out.
 
         Args:
             path: Of the URDF file.
             name: To be stored under; the name in the URDF if left out.
             srdf: Of an SRDF file.
             package_dirs: Folders of packages, or that hold folders of packages.
+            visuals: Whether visual meshes are sent, too: up to 16 MiB of them, small ones first.
             options: What the description leaves open.
 
         Raises:
             OSError: A file can't be read.
             InvalidArgument: The URDF is not XML, or meshes are missing.
         """
-        description = read_urdf(Path(path), [Path(folder) for folder in package_dirs])
+        folders = [Path(folder) for folder in package_dirs]
+        description = read_urdf(Path(path), folders, MAX_VISUAL_BYTES if visuals else 0)
         return cls(
             name=name or description.name,
             urdf=description.text,

@@ -145,9 +145,17 @@ class RobotEndpoints:
         return Call("GET", path("robots", name, "srdf"), read_text)
 
     @Endpoint
-    def geometry(self, name: str) -> Call[GeometryAnswer]:
-        """The collision geometry of a robot as triangles, in the frames of its links."""
-        return Call("GET", path("robots", name, "geometry"), GeometryAnswer.read)
+    def geometry(
+        self, name: str, kind: Literal["collision", "visual"] = "collision"
+    ) -> Call[GeometryAnswer]:
+        """The geometry of a robot as triangles, in the frames of its links.
+
+        Args:
+            name: The robot.
+            kind: "visual" for what it looks like, which no proof is about.
+        """
+        query = {} if kind == "collision" else {"kind": kind}
+        return Call("GET", path("robots", name, "geometry"), GeometryAnswer.read, query=query)
 
     @Endpoint
     def equations(

@@ -1,4 +1,4 @@
-"""URDF files and the meshes beside them.
+"""URDF files and the meshes beside them: all for collisions, and visual ones that are there.
 
 A mesh is named by a ``package://`` URI or a path relative to the URDF. It is looked for in turn
 
@@ -22,13 +22,15 @@ from xml.sax.saxutils import escape
 from armwright_client.errors import InvalidArgument
 
 _PACKAGE = "package://"
+#: Visual mesh files that are sent by default, together [byte].
+MAX_VISUAL_BYTES = 16 * 2**20
 #: What the service reads; nothing else is sent, whatever a description names.
 _SUFFIXES = (".stl", ".obj", ".ply", ".off", ".dae")
 
 
 @dataclass(frozen=True, slots=True)
 class UrdfFile:
-    """A URDF with its collision meshes.
+    """A URDF with its meshes.
 
     Args:
         name: As the description says.
@@ -41,8 +43,15 @@ class UrdfFile:
     meshes: Mapping[str, str]
 
 
-def read_urdf(path: Path, package_dirs: Sequence[Path] = ()) -> UrdfFile:
-    """Read a URDF file and its collision meshes.
+def read_urdf(
+    path: Path, package_dirs: Sequence[Path] = (), max_visual_bytes: int = MAX_VISUAL_BYTES
+) -> UrdfFile:
+    """Read a URDF file, its collision meshes and the visual ones that are there.
+
+    Args:
+        path: Of the URDF.
+        package_dirs: Folders of packages, or that hold them.
+        max_visual_bytes: Of visual mesh files together; small ones go first.
 
     Raises:
         OSError: A file can't be read.
@@ -60,12 +69,13 @@ def read_urdf(path: Path, package_dirs: Sequence[Path] = ()) -> UrdfFile:
             f"{path} names collision meshes that are not there: {', '.join(missing)}",
             hint="Give the folder that holds the package in package_dirs.",
         )
+    looks = _visual_files(root, path.parent, package_dirs, set(files), max_visual_bytes)
     meshes: dict[str, str] = {}
-    for uri, file in files.items():
+    for uri, file in {**files, **looks}.items():
         assert file is not None
         name = uri
         if _leads_out(uri):
-            name = _path_inside(uri, files)
+            name = _path_inside(uri, {**files, **looks})
             text = _rename(text, uri, name)
         meshes[name] = base64.b64encode(file.read_bytes()).decode("ascii")
     return UrdfFile(root.get("name") or path.stem, text, meshes)
@@ -86,6 +96,33 @@ def _mesh_uris(root: ET.Element) -> list[str]:
                 hint="Name meshes by package:// or by a path relative to the URDF.",
             )
     return uris
+
+
+def _visual_files(
+    root: ET.Element,
+    folder: Path,
+    package_dirs: Sequence[Path],
+    taken: set[str],
+    left: int,
+) -> dict[str, Path]:
+    """Visual meshes that are there and can be sent, by URI: small ones first, as many as fit."""
+    found: dict[str, Path] = {}
+    for mesh in root.iterfind(".//visual/geometry/mesh"):
+        uri = mesh.get("filename", "")
+        if not uri or uri in taken or Path(uri).suffix.lower() not in _SUFFIXES:
+            continue
+        if ":" in uri.removeprefix(_PACKAGE) or uri.startswith("/") or "&" in uri:
+            continue
+        file = _find(uri, folder, package_dirs)
+        if file is not None:
+            found[uri] = file
+    kept: dict[str, Path] = {}
+    for uri, file in sorted(found.items(), key=lambda item: item[1].stat().st_size):
+        left -= file.stat().st_size
+        if left < 0:
+            break
+        kept[uri] = file
+    return kept
 
 
 def _find(uri: str, folder: Path, package_dirs: Sequence[Path]) -> Path | None:

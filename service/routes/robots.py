@@ -15,7 +15,7 @@ from service.http.openapi import RESPONSES
 from service.http.state import documents_of, prepared_folder
 from service.problem import ProblemError
 from service.routes.paging import page
-from service.schemas.geometry import GeometryAnswer
+from service.schemas.geometry import GeometryAnswer, GeometryKind
 from service.schemas.robot import (
     ArchiveFields,
     RobotAnswer,
@@ -177,14 +177,26 @@ async def get_srdf(name: str, request: Request) -> Response:
 
 
 @router.get(
-    "/{name}/geometry", summary="Collision geometry of a robot", response_model=GeometryAnswer
+    "/{name}/geometry",
+    summary="Collision or visual geometry of a robot",
+    response_model=GeometryAnswer,
 )
-async def get_geometry(name: str, request: Request) -> Response:
+async def get_geometry(
+    name: str,
+    request: Request,
+    kind: Annotated[
+        GeometryKind,
+        Query(description="visual: what the robot looks like, which no proof is about"),
+    ] = "collision",
+) -> Response:
     """The surfaces of all links as triangles, in the frames that forward kinematics answers.
 
-    Fine meshes are drawn by their hulls where the answer would grow beyond some megabytes.
+    Fine meshes are drawn by their hulls where the answer would grow beyond some megabytes; fine
+    visual ones are thinned out.
     """
-    content = await answers.answer(request, lambda robot, _: robot_geometry.job(robot, name), name)
+    content = await answers.answer(
+        request, lambda robot, _: robot_geometry.job(robot, name, kind), name
+    )
     return Response(content, media_type="application/json")
 
 

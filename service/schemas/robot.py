@@ -20,7 +20,8 @@ from service.schemas.motor import Motor
 from service.schemas.shape import check_base64
 
 _MAX_XML = 16 * 1024 * 1024
-_MAX_MESHES = 1_000
+#: Mesh files of one robot.
+MAX_MESHES = 1_000
 _MAX_URI = 1_024
 
 #: Text of a joint_limits.yaml: a kilobyte a joint.
@@ -165,8 +166,10 @@ class RobotBody(RobotFields):
     urdf: Xml | None = Field(None, description="text of the URDF")
     srdf: Xml | None = Field(None, description="text of the SRDF that belongs to it")
     dh: DhTable | None = None
-    meshes: Annotated[dict[Uri, str], Field(max_length=_MAX_MESHES)] | None = Field(
-        None, description="package:// or relative URI of the URDF → file in base64"
+    meshes: Annotated[dict[Uri, str], Field(max_length=MAX_MESHES)] | None = Field(
+        None,
+        description="package:// or relative URI of the URDF → file in base64: of what links "
+        "collide with, and perhaps of what they look like",
     )
 
     @field_validator("meshes")

@@ -18,8 +18,9 @@ from kinematics.fingers import Finger, Fingers
 from obstacles.piece import Piece
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Obstacle, Scene
+from obstacles.visual_geometry import VisualBody, VisualGeometry
 from service.storage.cache_key import NotPrepared, Reference
-from service.storage.prepared_files import prepared_file
+from service.storage.prepared_files import prepared_file, visual_file
 from service.version import VERSION
 
 #: Raised when pickles of before must not be read any more.
@@ -38,6 +39,7 @@ def _format() -> str:
         (cls.__name__, [item.name for item in fields(cls)])
         for cls in (*robots, Piece, Scene, Obstacle)
     ]
+    layout += [(cls.__name__, [*cls._fields]) for cls in (VisualGeometry, VisualBody)]
     return hashlib.sha256(repr((_FORMAT, VERSION, layout)).encode()).hexdigest()
 
 
@@ -98,11 +100,38 @@ def write(reference: Reference, value: PreparedRobot | Scene) -> None:
     Raises:
         FolderUnusable: The folder can't be written to.
     """
-    file = prepared_file(reference)
     if isinstance(value, PreparedRobot):
         parts: tuple[bytes, ...] = (value.answer, value.packed_chain, value.packed_geometry)
     else:
         parts = (pickle.dumps(value, pickle.HIGHEST_PROTOCOL),)
+    _write(prepared_file(reference), parts)
+
+
+def write_visuals(reference: Reference, value: VisualGeometry) -> None:
+    """Keep the visual geometry of a robot.
+
+    Raises:
+        FolderUnusable: The folder can't be written to.
+    """
+    _write(visual_file(reference), (pickle.dumps(value, pickle.HIGHEST_PROTOCOL),))
+
+
+def read_visuals(reference: Reference) -> VisualGeometry:
+    """The visual geometry of a robot.
+
+    Raises:
+        NotPrepared: There is no usable file.
+    """
+    (packed,) = _read_entry(visual_file(reference), reference)
+    try:
+        visuals: VisualGeometry = pickle.loads(packed)
+    except Exception:  # noqa: BLE001  written by this version and yet unreadable: built anew
+        raise NotPrepared(reference) from None
+    return visuals
+
+
+def _write(file: Path, parts: tuple[bytes, ...]) -> None:
+    """Write a file whole or not at all."""
     part: Path | None = None
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -122,7 +151,7 @@ def read_robot(reference: Reference) -> PreparedRobot:
     Raises:
         NotPrepared: There is no usable file.
     """
-    return PreparedRobot(*_read_entry(reference))
+    return PreparedRobot(*_read_entry(prepared_file(reference), reference))
 
 
 def read_scene(reference: Reference) -> Scene:
@@ -140,7 +169,7 @@ def read_scene_and_size(reference: Reference) -> tuple[Scene, int]:
     Raises:
         NotPrepared: There is no usable file.
     """
-    (packed,) = _read_entry(reference)
+    (packed,) = _read_entry(prepared_file(reference), reference)
     try:
         scene: Scene = pickle.loads(packed)
     except Exception:  # noqa: BLE001  written by this version and yet unreadable: built anew
@@ -148,10 +177,10 @@ def read_scene_and_size(reference: Reference) -> tuple[Scene, int]:
     return scene, len(packed)
 
 
-def _read_entry(reference: Reference) -> tuple[bytes, ...]:
+def _read_entry(file: Path, reference: Reference) -> tuple[bytes, ...]:
     parts: tuple[bytes, ...]
     try:
-        with prepared_file(reference).open("rb") as stream:
+        with file.open("rb") as stream:
             written, parts = pickle.load(stream)
     except Exception:  # noqa: BLE001  a damaged pickle raises anything, and is built anew
         raise NotPrepared(reference) from None

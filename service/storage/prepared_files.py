@@ -28,6 +28,11 @@ def prepared_file(reference: Reference) -> Path:
     return Path(reference.folder) / f"{reference.hash}.{reference.kind}"
 
 
+def visual_file(reference: Reference) -> Path:
+    """File of the visual geometry of a prepared robot."""
+    return Path(reference.folder) / f"{reference.hash}.{reference.kind}.visuals"
+
+
 def note_meshes(reference: Reference, files: Sequence[Path]) -> None:
     """Note the files of convex parts that were written for a reference: they go with it."""
     if files:
@@ -44,7 +49,7 @@ def forget(reference: Reference) -> None:
     with contextlib.suppress(OSError):
         for name in meshes.read_text(encoding="ascii").split():
             (decompositions(reference.folder) / Path(name).name).unlink(missing_ok=True)
-    for file in (meshes, prepared_file(reference)):
+    for file in (meshes, visual_file(reference), prepared_file(reference)):
         with contextlib.suppress(OSError):
             file.unlink(missing_ok=True)
 

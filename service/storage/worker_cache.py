@@ -6,6 +6,7 @@ from dynamics.motor import Motor
 from kinematics.chain import Chain
 from obstacles.decomposition import keep_decompositions
 from obstacles.scene import Scene
+from obstacles.visual_geometry import VisualGeometry
 from service.schemas import scene as scene_schema
 from service.storage import disk_cache, prepared_files
 from service.storage.cache_key import Reference
@@ -44,6 +45,15 @@ def robot(reference: Reference) -> PreparedRobot:
     if reference.built_in:
         return _ROBOTS.get(("built-in", reference.name), lambda: _built_in(reference.name))
     return _ROBOTS.get(reference.hash, lambda: disk_cache.read_robot(reference))
+
+
+def visuals(reference: Reference) -> VisualGeometry:
+    """The visual geometry of a robot; built-in ones have no visual meshes.
+
+    Raises:
+        NotPrepared: Its document has to be prepared first.
+    """
+    return VisualGeometry() if reference.built_in else disk_cache.read_visuals(reference)
 
 
 def chain(reference: Reference) -> Chain:

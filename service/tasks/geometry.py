@@ -1,4 +1,4 @@
-"""Collision geometry of a robot as triangles, in workers."""
+"""Collision geometry of a robot, or what it looks like, as triangles, in workers."""
 
 import base64
 
@@ -8,7 +8,8 @@ from kinematics.arrays import Array, Indices
 from kinematics.chain import Chain, Link
 from kinematics.pose import inverse
 from obstacles.scene import Scene
-from service.schemas.geometry import BodySurface, GeometryAnswer
+from obstacles.visual_geometry import VisualBody
+from service.schemas.geometry import BodySurface, GeometryAnswer, GeometryKind
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
 from service.tasks.answer import reports_cache_miss
@@ -19,17 +20,39 @@ from service.workers.task import task
 
 @task
 @reports_cache_miss
-def robot_geometry(robot: Reference, name: str) -> bytes | CacheMiss:
-    """The collision geometry of a robot as triangles in the frames of its links.
+def robot_geometry(
+    robot: Reference, name: str, kind: GeometryKind = "collision"
+) -> bytes | CacheMiss:
+    """The collision geometry of a robot as triangles in the frames of its links, or its visual one.
 
     Args:
         robot: The robot.
         name: Its name.
+        kind: "visual" for what it looks like; there, links that look like nothing that is known
+            have their collision geometry, and a robot none of whose links does has no bodies.
     """
     geometry = worker_cache.robot(robot).geometry
-    surfaces = [_surface(geometry.chain, body) for body in bodies(geometry, Scene())]
-    answer = GeometryAnswer(robot=name, hash=geometry.content_hash, bodies=surfaces)
+    drawn = bodies(geometry, Scene())
+    surfaces: list[BodySurface] = []
+    if kind == "visual":
+        looks = worker_cache.visuals(robot).bodies
+        seen = {body.link for body in looks}
+        drawn = [body for body in drawn if looks and body.name not in seen]
+        surfaces = [_visual(body) for body in looks]
+    surfaces += [_surface(geometry.chain, body) for body in drawn]
+    answer = GeometryAnswer(robot=name, hash=geometry.content_hash, kind=kind, bodies=surfaces)
     return answer.model_dump_json().encode()
+
+
+def _visual(body: VisualBody) -> BodySurface:
+    return BodySurface(
+        link=body.link,
+        frame=body.link,
+        vertices=_base64(body.surface.vertices.astype("<f4")),
+        faces=_base64(body.surface.faces.astype("<u4")),
+        simplified=body.simplified,
+        color=None if body.color is None else list(body.color),
+    )
 
 
 def _surface(chain: Chain, body: Body) -> BodySurface:

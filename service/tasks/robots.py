@@ -24,6 +24,7 @@ from service.tasks.result import CacheMiss, RobotModel
 from service.translate import poses, robot_limits, robots
 from service.translate.archive import read_archive
 from service.translate.urdf import table_urdf
+from service.translate.visuals import kept_meshes, robot_visuals
 from service.workers.task import task
 
 
@@ -94,9 +95,12 @@ def prepare_robot(document: bytes, folder: str) -> bytes:
     body = RobotBody.model_validate_json(document)
     with written_decompositions() as written:
         geometry, lint = robots.robot(body)
+        visuals, more = robot_visuals(body, geometry.chain)
+        lint = [*lint, *more]
         answer = robots.robot_answer(geometry, lint, body.name, is_built_in=False, body=body)
     made = PreparedRobot.of(geometry, answer.model_dump_json().encode())
     reference = Reference("robot", body.name, prepared_files.document_hash(document), folder)
+    disk_cache.write_visuals(reference, visuals)
     disk_cache.write(reference, made)
     prepared_files.note_meshes(reference, written)
     return made.answer
@@ -180,13 +184,9 @@ def unpack_robot(content: bytes, fields: dict[str, object], folder: str) -> tupl
     """
     urdf_path, srdf_path = (_text(fields.get(name)) for name in ("urdf_path", "srdf_path"))
     archive = read_archive(content, urdf_path, srdf_path)
-    named = _collision_files(archive.urdf)
     # Meshes for display can be many times larger than those for collisions.
-    meshes = {
-        name: base64.b64encode(data).decode()
-        for name, data in archive.meshes.items()
-        if name.rpartition("/")[2] in named
-    }
+    kept = kept_meshes(archive.urdf, archive.meshes, _collision_files(archive.urdf))
+    meshes = {name: base64.b64encode(archive.meshes[name]).decode() for name in kept}
     given = {"srdf": archive.srdf} | {
         name: value
         for name, value in fields.items()

@@ -125,7 +125,7 @@ def view(
             "version": whole.get("version"),
             "seed": whole.get("seed"),
             "digest": whole.get("digest"),
-            **robot_document(arm, place, shown.moved),
+            **robot_document(arm, place, shown.moved, worker_cache.visuals(robot)),
             "motion": motion,
             "configurations": configuration_documents(
                 arm, place, shown.configurations[:_MAX_CONFIGURATIONS]

@@ -8,9 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from kinematics.arrays import Array, Indices
+from kinematics.chain import Chain
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Obstacle, Scene
 from obstacles.triangles import Triangles, join, piece_triangles
+from obstacles.visual_geometry import VisualBody, VisualGeometry
 
 #: All triangles of a page together: with their text they stay below 8 of its 10 MB [byte].
 _BUDGET = 5_500_000
@@ -23,10 +25,12 @@ class Body(NamedTuple):
 
     Args:
         name: Of the link or obstacle.
-        kind: "link", "held", "obstacle", or "moved" for what is carried by turns.
+        kind: "link", "visual" for what a link looks like, "held", "obstacle", or "moved" for what
+            is carried by turns.
         joint: Index of the joint that carries it, -1 for what stands still.
         surface: In the frame of that joint, or the root frame.
         simplified: Whether hulls stand for the triangles of its mesh, or it is thinned out.
+        color: Red, green, blue, 0 to 1; None for the page's own.
     """
 
     name: str
@@ -34,6 +38,7 @@ class Body(NamedTuple):
     joint: int
     surface: Triangles
     simplified: bool = False
+    color: tuple[float, float, float] | None = None
 
 
 def bodies(robot: RobotGeometry, scene: Scene, moved: Sequence[Obstacle] = ()) -> list[Body]:
@@ -56,6 +61,33 @@ def bodies(robot: RobotGeometry, scene: Scene, moved: Sequence[Obstacle] = ()) -
     ]
 
 
+def visual_bodies(
+    chain: Chain, looks: VisualGeometry, drawn: Sequence[Body]
+) -> tuple[list[Body], bool]:
+    """The visual geometry of links, if there is room for it beside what is drawn already.
+
+    Args:
+        chain: The robot.
+        looks: Of its links, in their frames.
+        drawn: All other bodies.
+
+    Returns:
+        The bodies, and whether they had to be left out.
+    """
+    made = [_visual(chain, body) for body in looks.bodies]
+    fits = sum(_size(body) for body in (*drawn, *made)) <= _BUDGET
+    return (made, False) if fits else ([], True)
+
+
+def _visual(chain: Chain, body: VisualBody) -> Body:
+    link = chain.link(body.link)
+    T = link.T_joint_link
+    vertices = body.surface.vertices @ T[:3, :3].T + T[:3, 3]
+    surface = Triangles(vertices, body.surface.faces)
+    color = None if body.color is None else body.color[:3]
+    return Body(body.link, "visual", link.joint, surface, body.simplified, color)
+
+
 def body_document(body: Body) -> dict[str, Any]:
     """A body as JSON: single-precision vertices and numbers of corners, little-endian, base64."""
     vertices, faces = body.surface
@@ -65,6 +97,7 @@ def body_document(body: Body) -> dict[str, Any]:
         "kind": body.kind,
         "joint": body.joint,
         "simplified": body.simplified,
+        "color": body.color,
         "vertices": _base64(vertices.astype("<f4")),
         "faces": _base64(faces.astype(np.dtype(kind).newbyteorder("<"))),
         "wide": kind is np.uint32,

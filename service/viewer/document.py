@@ -11,9 +11,11 @@ from kinematics.chain import Chain, JointType
 from kinematics.trajectory import Trajectory
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Obstacle, Scene
-from service.viewer.bodies import bodies, body_document
+from obstacles.visual_geometry import VisualGeometry
+from service.viewer.bodies import bodies, body_document, visual_bodies
 from service.viewer.curves import clearance_curve, nearest, tool_speed_curve, torque_curve
 
+_NO_LOOKS = VisualGeometry()
 #: Two bodies in a sentence: 'hand' and 'table' overlap.
 _PAIR = re.compile(r"'([^']+)' and '([^']+)'")
 
@@ -103,7 +105,10 @@ def _with_pair(item: Configuration, near: dict[str, Any] | None) -> dict[str, An
 
 
 def robot_document(
-    robot: RobotGeometry, scene: Scene, moved: Sequence[Obstacle] = ()
+    robot: RobotGeometry,
+    scene: Scene,
+    moved: Sequence[Obstacle] = (),
+    looks: VisualGeometry = _NO_LOOKS,
 ) -> dict[str, Any]:
     """Kinematics and bodies of a robot among obstacles.
 
@@ -111,17 +116,21 @@ def robot_document(
         robot: The robot with what it holds.
         scene: The obstacles.
         moved: Objects that are carried from one place to another.
+        looks: Visual geometry of the links, drawn in place of their collision geometry.
     """
     chain = robot.chain
     tip = chain.links[chain.index[chain.tip_link]]
-    drawn = bodies(robot, scene, moved)
+    solid = bodies(robot, scene, moved)
+    seen, left_out = visual_bodies(chain, looks, solid)
+    drawn = [*solid, *seen]
     return {
         "robot": chain.name,
         "joints": _joints(chain),
         "offsets": [_flat(A) for A in chain.offsets],
         "tip": {"name": tip.name, "joint": tip.joint, "frame": _flat(tip.T_joint_link)},
         "bodies": [body_document(body) for body in drawn],
-        "simplified": [body.name for body in drawn if body.simplified],
+        "simplified": [body.name for body in solid if body.simplified],
+        "visuals_left_out": left_out,
     }
 
 

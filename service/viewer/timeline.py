@@ -119,7 +119,7 @@ def finger_tracks(robot: RobotGeometry, parts: Sequence[Part]) -> dict[str, dict
     return {
         name: {"times": times, "frames": [np.asarray(T).T.reshape(-1).tolist() for T in frames]}
         for name, frames in rows.items()
-        if name in robot.links and not np.allclose(frames, np.eye(4), atol=1e-9)
+        if not np.allclose(frames, np.eye(4), atol=1e-9)
     }
 
 

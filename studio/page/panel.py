@@ -22,6 +22,9 @@ class Page(Protocol):
     def rebuild(self) -> None:
         """Make robot, sliders and scene anew for another robot."""
 
+    def show_looks(self, looks: bool) -> None:
+        """Draw the robot by what it looks like, or by its collision geometry."""
+
     def show_start(self) -> None:
         """Draw the robot at the start."""
 

@@ -1,4 +1,4 @@
-"""Drawings of the robot: its collision geometry at configurations, and ghosts of it."""
+"""Drawings of the robot at configurations: its geometry, and ghosts of it."""
 
 import base64
 from collections.abc import Collection, Mapping, Sequence
@@ -34,12 +34,14 @@ class Surface(NamedTuple):
         frame: The link in whose frame it is.
         vertices: Shape (k, 3) [m].
         faces: Shape (f, 3).
+        color: Red, green, blue, 0 to 255; None where it has none of its own.
     """
 
     link: str
     frame: str
     vertices: NDArray[np.float32]
     faces: NDArray[np.uint32]
+    color: tuple[int, int, int] | None = None
 
 
 def surfaces(geometry: GeometryAnswer) -> list[Surface]:
@@ -54,20 +56,27 @@ def surfaces(geometry: GeometryAnswer) -> list[Surface]:
             body.frame,
             np.frombuffer(base64.b64decode(body.vertices), "<f4").reshape(-1, 3),
             np.frombuffer(base64.b64decode(body.faces), "<u4").reshape(-1, 3),
+            None if body.color is None else _bytes(body.color),
         )
         for body in geometry.bodies
     ]
 
 
+def _bytes(color: Sequence[float]) -> tuple[int, int, int]:
+    red, green, blue = (round(255 * value) for value in color[:3])
+    return red, green, blue
+
+
 class RobotDrawing:
-    """The robot at one configuration.
+    """The robot at one configuration, by its collision geometry or by what it looks like.
 
     Args:
         scene: To draw in.
         name: Of the node that holds it.
         bodies: Surfaces of the links.
-        color: Red, green, blue, 0 to 255.
+        color: Of surfaces that have none of their own: red, green, blue, 0 to 255.
         opacity: 1 for an opaque robot.
+        looks: Surfaces of what the links look like; none where that is not known.
     """
 
     def __init__(
@@ -77,28 +86,38 @@ class RobotDrawing:
         bodies: Sequence[Surface],
         color: tuple[int, int, int],
         opacity: float = 1.0,
+        looks: Sequence[Surface] = (),
     ) -> None:
         self._root = scene.add_frame(name, show_axes=False)
         self._frames = {
             frame: scene.add_frame(f"{name}/{frame}", show_axes=False)
-            for frame in {body.frame for body in bodies}
+            for frame in {body.frame for body in (*bodies, *looks)}
         }
-        self._color = color
-        self._meshes = [
-            (
-                body.link,
-                scene.add_mesh_simple(
-                    f"{name}/{body.frame}/{number}",
+        self._meshes = []
+        for kind, surfaces_ in (("solid", bodies), ("look", looks)):
+            for number, body in enumerate(surfaces_):
+                mesh = scene.add_mesh_simple(
+                    f"{name}/{body.frame}/{kind}_{number}",
                     body.vertices,
                     body.faces,
-                    color=color,
+                    color=body.color or color,
                     opacity=None if opacity == 1.0 else opacity,
                     flat_shading=True,
                     side="double",
-                ),
-            )
-            for number, body in enumerate(bodies)
-        ]
+                    visible=kind == "solid",
+                )
+                self._meshes.append((body.link, body.color or color, mesh))
+        self._solid = len(bodies)
+
+    def show_looks(self, looks: bool) -> None:
+        """Draw what the links look like, or their collision geometry where that is not known.
+
+        Args:
+            looks: False for the collision geometry.
+        """
+        looks = looks and len(self._meshes) > self._solid
+        for number, (_, _, mesh) in enumerate(self._meshes):
+            mesh.visible = (number >= self._solid) == looks
 
     def show(self, poses: Mapping[str, Pose]) -> None:
         """Move the links.
@@ -127,8 +146,8 @@ class RobotDrawing:
         Args:
             links: Names of those to be marked.
         """
-        for link, mesh in self._meshes:
-            mesh.color = HIT_COLOR if link in links else self._color
+        for link, color, mesh in self._meshes:
+            mesh.color = HIT_COLOR if link in links else color
 
     def set_visible(self, visible: bool) -> None:
         """Show or hide it."""

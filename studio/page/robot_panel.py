@@ -40,7 +40,20 @@ class RobotPanel:
             file = event.target.value
             page.queue.put("robot", lambda: self._upload(file.name, file.content))
 
+        self._looks = gui.add_checkbox(
+            "Visual meshes", True, hint="Off: the collision geometry, which the proof is about."
+        )
+        on_user_update(self._looks, lambda on: page.queue.put("looks", lambda: page.show_looks(on)))
         self._facts = gui.add_markdown("")
+
+    def offer_looks(self, known: bool) -> bool:
+        """Whether the robot is to be drawn by its visual meshes.
+
+        Args:
+            known: Whether it has some; the switch is off limits where it has none.
+        """
+        self._looks.disabled = not known
+        return known and self._looks.value
 
     def refresh(self) -> None:
         """Show the facts of the present robot."""

@@ -78,8 +78,10 @@ class StudioPage:
         if self._ghosts is not None:
             self._ghosts.clear()
         bodies = surfaces(self.workbench.geometry())
+        looks = surfaces(self.workbench.geometry("visual"))
         scene = self.server.scene
-        self._robot = RobotDrawing(scene, "/robot", bodies, _ROBOT_COLOR)
+        self._robot = RobotDrawing(scene, "/robot", bodies, _ROBOT_COLOR, looks=looks)
+        self._robot.show_looks(self._robot_panel.offer_looks(bool(looks)))
         self._pinned_robot = RobotDrawing(scene, "/pinned", bodies, _PINNED_COLOR, 0.5)
         self._pinned_robot.set_visible(False)
         self._ghosts = GhostDrawing(scene, bodies, self.workbench.model.tip_link)
@@ -108,6 +110,15 @@ class StudioPage:
             self._goal.refresh(tip, self.workbench.branches)
             self.show_goal()
             self._show_code(tip)
+
+    def show_looks(self, looks: bool) -> None:
+        """Draw the robot by what it looks like, or by its collision geometry.
+
+        Args:
+            looks: False for the collision geometry.
+        """
+        if self._robot is not None:
+            self._robot.show_looks(looks)
 
     def show_start(self) -> None:
         """Draw the robot at the start."""

@@ -51,6 +51,15 @@ def urdf(mesh: str = "package://meshes/box.obj", limit: str = LIMIT, extra: str 
 </robot>"""
 
 
+#: What the links of `urdf` look like: a mesh, a blue ball, and a mesh that is not there.
+LOOKS = """<link name="eye"><visual><origin xyz="0 0 0.1"/><geometry><mesh
+  filename="package://meshes/box.obj"/></geometry><material name="m"><color rgba="1 0.5 0 1"/>
+  </material></visual><visual><geometry><sphere radius="0.1"/></geometry><material name="blue">
+  <color rgba="0 0 1 1"/></material></visual></link>
+  <link name="lid"><visual><geometry><mesh filename="package://meshes/gone.dae"/></geometry></visual>
+  </link>
+  <joint name="eye_joint" type="fixed"><parent link="upper"/><child link="eye"/></joint>
+  <joint name="lid_joint" type="fixed"><parent link="eye"/><child link="lid"/></joint>"""
 ACCELERATIONS = {"shoulder": {"acceleration": 5.0}, "elbow": {"acceleration": 5.0}}
 
 

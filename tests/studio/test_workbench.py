@@ -306,6 +306,7 @@ def test_an_uploaded_robot_is_shown_with_its_lint(workbench: Workbench) -> None:
     assert workbench.state.robot == "bench"
     assert len(workbench.state.start) == 2
     assert {body.link for body in workbench.geometry().bodies} == {"lower", "upper"}
+    assert not workbench.geometry("visual").bodies
     workbench.set_goal_joints([0.2, 0.1])
     assert isinstance(workbench.plan(), Planned), workbench.outcome
     with pytest.raises(ValueError, match=r"\.urdf"):
@@ -344,16 +345,17 @@ def test_a_motion_is_exported(workbench: Workbench) -> None:
 def test_public_arms_are_shown_and_planned_for(workbench: Workbench) -> None:
     page = StudioPage(serve_page(0), workbench)
     try:
-        rows = [show(page, name) for name in ("UR5", "Talos, left arm")]
+        rows = [show(page, name) for name in ("UR5", "PR2, left")]
     finally:
         page.close()
-    assert [(row.name, row.joints) for row in rows] == [("UR5", 6), ("Talos, left arm", 6)]
+    assert [(row.name, row.joints) for row in rows] == [("UR5", 6), ("PR2, left", 8)]
     for row in rows:
         assert row.triangles > 1_000
+        assert row.looks > 6
         assert row.verified, row.failure
         assert row.frames == pytest.approx(30.0 * row.duration + 1.0, abs=1.0)
         assert 0 < row.branches[0] <= row.branches[1]
     assert "2 of 2 arms are shown" in table(rows)
-    failed = Row("Arm", 6, 12, 0.1, 0, (0, 2), failure="no goal was free")
+    failed = Row("Arm", 6, 12, 0, 0.1, 0, (0, 2), failure="no goal was free")
     assert "no goal was free" in table([failed])
     assert "0 of 1 arms" in table([failed])

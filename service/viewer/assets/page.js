@@ -10,7 +10,7 @@ const VERDICTS = {
 };
 const arm = new Arm(data);
 const motion = data.motion ? new Motion(data.motion) : null;
-const state = { time: 0, playing: false, speed: 1, shown: { ghosts: false, path: true, nearest: true, tree: true, others: true, obstacles: true, labels: true }, chosen: 0, changed: true };
+const state = { time: 0, playing: false, speed: 1, shown: { ghosts: false, path: true, nearest: true, tree: true, others: true, visuals: true, obstacles: true, labels: true }, chosen: 0, changed: true };
 const view = new View(byId("view"), data);
 const plot = new Plot(byId("plot"), byId("legend"));
 const curves = motion ? curvesOf(data, motion) : [];
@@ -37,12 +37,18 @@ function placed(frames, time) {
   // Fingers move in the frame of the joint that carries their gripper, straight between instants.
   for (const body of data.bodies) {
     const track = fingers[body.name];
-    if (!track || body.kind !== "link") continue;
+    if (!track || (body.kind !== "link" && body.kind !== "visual")) continue;
     const [i, share] = track.times.length > 1 ? interval(track.times, time) : [0, 0], next = Math.min(i + 1, track.times.length - 1);
     const turn = track.frames[i].map((v, k) => v + share * (track.frames[next][k] - v));
     frames[`finger ${body.name}`] = Matrix.multiply(frames[body.joint], turn);
   }
   return frames;
+}
+// Links that look like something are drawn so, unless their collision geometry is asked for.
+const looks = new Set(data.bodies.filter((body) => body.kind === "visual").map((body) => body.name));
+function isDrawn(body) {
+  if (body.kind === "visual") return state.shown.visuals;
+  return !(body.kind === "link" && state.shown.visuals && looks.has(body.name));
 }
 function stageAt(time) { return stages.filter((item) => item.begins <= time + 1e-9).pop(); }
 function draw() {
@@ -51,13 +57,13 @@ function draw() {
   const near = motion ? (shown.nearest ? nearestAt(state.time) : null) : item ? item.near : null;
   const pair = motion ? (near && near.pair) || [] : (item && item.pair) || [];
   view.begin();
-  const color = (body) => (pair.includes(body.name) ? CLOSE : body.kind === "obstacle" ? OBSTACLE : body.kind === "held" || body.kind === "moved" ? HELD : !motion && item ? mixed(VERDICTS[item.cause || item.verdict][0]) : LINK);
+  const color = (body) => (pair.includes(body.name) ? CLOSE : body.color && (motion || !item) ? body.color : body.kind === "obstacle" ? OBSTACLE : body.kind === "held" || body.kind === "moved" ? HELD : !motion && item ? mixed(VERDICTS[item.cause || item.verdict][0]) : LINK);
   const striped = (body) => pair.includes(body.name);
-  view.draw(frames, { only: (body) => body.kind !== "obstacle" || shown.obstacles, color, striped });
+  view.draw(frames, { only: (body) => isDrawn(body) && (body.kind !== "obstacle" || shown.obstacles), color, striped });
   if (shown.path) view.lines(path, [0.1, 0.35, 0.7]);
   if (shown.tree) for (const tree of trees) view.strokes(tree.buffer, tree.count, tree.color, true);
   if (near && near.points) view.lines(near.points, [0.8, 0.1, 0.05]);
-  const moves = (body) => body.kind !== "obstacle" && body.kind !== "moved" && body.joint >= 0;
+  const moves = (body) => !["obstacle", "moved", "visual"].includes(body.kind) && body.joint >= 0;
   if (shown.ghosts) for (const ghost of ghosts) view.draw(ghost, { only: moves, color: () => [0.3, 0.5, 0.8], alpha: 0.12 });
   if (!motion && shown.others) singles.forEach((single, i) => {
     if (i !== state.chosen) view.draw(single, { only: moves, color: () => VERDICTS[data.configurations[i].cause || data.configurations[i].verdict][0], alpha: 0.15 });
@@ -79,7 +85,7 @@ function label(frames, pair) {
     if (i === state.chosen) add(items, Matrix.origin(tips[i]), { text: `${mark.sign} ${mark.number}`, chosen: true });
     else if (state.shown.others) add(marks, Matrix.origin(tips[i]), mark);
   });
-  for (const body of view.bodies) if (pair.includes(body.name)) add(items, view.middle(body, frames), { text: body.name });
+  for (const body of view.bodies) if (body.kind !== "visual" && pair.includes(body.name)) add(items, view.middle(body, frames), { text: body.name });
   showLabels(byId("labels"), [...items, ...gathered(marks)]);
 }
 function sign(item) { return VERDICTS[item.cause || item.verdict][1]; }
@@ -150,6 +156,10 @@ function fill() {
   if (data.simplified.length) byId("words").append(Object.assign(document.createElement("li"), { textContent: `Drawn by their hulls or thinned out: ${data.simplified.join(", ")}.` }));
   byId("request").textContent = JSON.stringify(data.request, null, 1);
   addSwitch("obstacles", "obstacles"); addSwitch("labels", "names in the view");
+  if (looks.size) {
+    addSwitch("visuals", "visual meshes (off: the collision geometry, which the proof is about)");
+  }
+  if (data.visuals_left_out) byId("words").append(Object.assign(document.createElement("li"), { textContent: "The visual meshes are left out: the page would grow beyond 10 MB." }));
   if (trees.length) addSwitch("tree", trees.length > 1 ? `trees of ${data.tree.planner} (of the goals: dashed)` : `tree or roadmap of ${data.tree.planner}`);
   if (motion) {
     addSwitch("path", "path of the tool"); addSwitch("ghosts", `${GHOSTS} configurations on the way`); addSwitch("nearest", "closest pair (striped)");

@@ -55,7 +55,7 @@ class View {
         high = high.map((v, i) => Math.max(v, corner[i]));
       });
     }
-    return { name: body.name, kind: body.kind, joint: body.joint, low, high, count: faces.length,
+    return { name: body.name, kind: body.kind, joint: body.joint, color: body.color, low, high, count: faces.length,
              points: buffer(gl, points), normals: buffer(gl, normals) };
   }
   reset() { this.yaw = -0.9; this.pitch = 0.45; this.distance = 2.6; this.target = [0.2, 0, 0.4]; this.changed = true; }

@@ -13,7 +13,7 @@ import trimesh
 
 from kinematics.errors import InvalidRobotDescription
 from service.tasks.robots import unpack_robot
-from service.translate import archive
+from service.translate import archive, visuals
 from service.translate.archive import read_archive
 from tests.obstacles.test_collada import written
 
@@ -193,15 +193,26 @@ def test_names_that_go_up_inside_the_archive(uri: str, expected: str, quote: str
     assert found.urdf == urdf.replace(uri, expected)
 
 
-def test_only_what_collides_is_kept(tmp_path: Path) -> None:
+def test_only_what_collides_or_is_seen_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     solid = f"<collision><geometry>{MESH.format('collision/a.dae')}</geometry></collision>"
-    seen = f"<visual><geometry>{MESH.format('visual/b.stl')}</geometry></visual>"
+    names = ("visual/b.stl", "visual/fine.stl")
+    seen = "".join(f"<visual><geometry>{MESH.format(n)}</geometry></visual>" for n in names)
+    small, fine = (
+        trimesh.creation.icosphere(subdivisions=k).export(file_type="stl") for k in (0, 3)
+    )
+    monkeypatch.setattr(visuals, "MAX_VISUAL_BYTES", len(fine))
     content = packed(
         {
             "arm/urdf/arm.urdf": ONE_JOINT.format(solid + seen),
             "arm/collision/a.dae": written(),
-            "arm/visual/b.stl": trimesh.creation.box().export(file_type="stl"),
+            "arm/visual/b.stl": small,
+            "arm/visual/fine.stl": fine,
+            "arm/other/c.stl": small,
         }
     )
-    document, _ = unpack_robot(content, {"name": "z"}, str(tmp_path))
-    assert list(json.loads(document)["meshes"]) == ["arm/collision/a.dae"]
+    document, model = unpack_robot(content, {"name": "z"}, str(tmp_path))
+    # Both together go beyond the bound: the small one stays, and what is left out is told.
+    assert list(json.loads(document)["meshes"]) == ["arm/collision/a.dae", "arm/visual/b.stl"]
+    assert any("visual meshes of" in line for line in json.loads(model)["lint"])

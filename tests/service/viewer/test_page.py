@@ -13,7 +13,17 @@ from kinematics.forward import forward
 from service.schemas.sequence import TaskRequest
 from service.viewer.page import page as page_of
 from tests.service.conftest import Served
-from tests.service.robots import ASIDE, DETOUR, FLOOR, HOME, POST, scene
+from tests.service.robots import (
+    ASIDE,
+    DETOUR,
+    FLOOR,
+    HOME,
+    LOOKS,
+    POST,
+    bench,
+    scene,
+    urdf,
+)
 from tests.service.viewer.pages import colours, document, fetch, show, wait
 
 
@@ -214,6 +224,34 @@ def test_the_tree_of_a_planner_is_drawn_on_request(
     refused = served.client.get(f"/v1/plans/{kept}/view", params={"tree": True})
     assert refused.status_code == 422
     assert "have no tree" in refused.json()["detail"]
+
+
+def test_links_are_drawn_as_they_look_or_as_they_collide(
+    served: Served, browser: Browser, tmp_path: Path
+) -> None:
+    robot = bench("looks", urdf=urdf(extra=LOOKS))
+    assert served.client.post("/v1/robots", json=robot).status_code == 201
+    moves = {"robot": "looks", "start": {"joints": [0.0, 0.0]}, "goal": {"joints": [0.5, -0.5]}}
+    content = fetch(served.client, "/v1/plan", moves)
+    drawn = [(item["name"], item["kind"], item["color"]) for item in document(content)["bodies"]]
+    assert drawn == [
+        ("lower", "link", None),
+        ("upper", "link", None),
+        ("eye", "visual", [1.0, 0.5, 0.0]),
+        ("eye", "visual", [0.0, 0.0, 1.0]),
+    ]
+    page, _ = show(browser, content, tmp_path)
+    # The blue ball of what the robot looks like; collision geometry has its switch.
+    blue = """(() => { draw(); const gl = view.gl;
+      const size = 4 * gl.drawingBufferWidth * gl.drawingBufferHeight, all = new Uint8Array(size);
+      gl.readPixels(0, 0, gl.drawingBufferWidth, gl.drawingBufferHeight, gl.RGBA,
+                    gl.UNSIGNED_BYTE, all);
+      let count = 0;
+      for (let i = 0; i < size; i += 4) count += all[i + 2] > 100 && all[i] < 20;
+      return count; })()"""
+    assert page.evaluate(blue) > 100
+    page.uncheck("#show-visuals")
+    assert page.evaluate(blue) == 0
 
 
 def test_failed_tasks_and_tours_show_what_was_tried(
