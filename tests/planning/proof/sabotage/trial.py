@@ -80,10 +80,12 @@ class Sabotage:
             if value is original
         ]
         assert places, original
+        origin = original.__module__
+        self._undo.callback(_forget, origin)
         for module, name in places:
             setattr(module, name, lie)
             self._undo.callback(setattr, module, name, original)
-        _forget()
+        _forget(origin)
 
     def wrap(self, original: Callable[..., Any], lie: Callable[..., Any]) -> None:
         """Put ``lie(original, ...)`` in place of a function in every module that has it."""
@@ -91,15 +93,18 @@ class Sabotage:
 
     def method(self, owner: type, name: str, lie: object) -> None:
         """Put a lie in place of a method or property of a class."""
+        self._undo.callback(_forget, owner.__module__)
         self._undo.callback(setattr, owner, name, vars(owner)[name])
         setattr(owner, name, lie)
-        _forget()
+        _forget(owner.__module__)
 
     def value(self, owner: object, name: str, lie: object) -> None:
         """Put a lie in place of a value of a frozen object."""
+        origin = type(owner).__module__
+        self._undo.callback(_forget, origin)
         self._undo.callback(object.__setattr__, owner, name, getattr(owner, name))
         object.__setattr__(owner, name, lie)
-        _forget()
+        _forget(origin)
 
 
 def _modules() -> Iterator[ModuleType]:
@@ -108,26 +113,43 @@ def _modules() -> Iterator[ModuleType]:
             yield module
 
 
-def _forget() -> None:
-    """Empty the caches by content: what was packed before a lie must not be used after it."""
+def _forget(origin: str) -> None:
+    """Empty the caches by content of all modules that a lie can reach from where it is told.
+
+    What was packed before a lie must not be used under it, nor what was packed under it after.
+    """
+    reached = _reached(origin, len(sys.modules))
     for module in _modules():
-        if module.__name__.startswith(("obstacles.", "planning.")):
+        if module.__name__ in reached:
             for value in list(vars(module).values()):
                 clear = getattr(value, "cache_clear", None)
                 if clear is not None and not isinstance(value, type):
                     clear()
 
 
+@functools.cache
+def _reached(origin: str, _count: int) -> frozenset[str]:
+    """A module and all that know a name of it, or of a module that does."""
+    names = {
+        module.__name__: {
+            value.__name__ if isinstance(value, ModuleType) else getattr(value, "__module__", None)
+            for value in list(vars(module).values())
+        }
+        for module in _modules()
+    }
+    reached = {origin}
+    while more := {name for name, known in names.items() if known & reached} - reached:
+        reached |= more
+    return frozenset(reached)
+
+
 @contextmanager
 def installed(lie: Lie | None) -> Iterator[None]:
     """Everything under a lie, or under none."""
-    try:
-        with ExitStack() as undo:
-            if lie is not None:
-                lie.install(Sabotage(undo))
-            yield
-    finally:
-        _forget()
+    with ExitStack() as undo:
+        if lie is not None:
+            lie.install(Sabotage(undo))
+        yield
 
 
 def tried(name: str, lie: Lie | None) -> tuple[Motion, ...]:
