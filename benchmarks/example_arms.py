@@ -1,14 +1,18 @@
 """Arms of the package example-robot-data, with the meshes that come with them."""
 
+import io
 import sysconfig
+import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from kinematics.description import MeshGeometry
 from kinematics.fingers import fingers
 from kinematics.serial_chain import select, serial_chain
 from kinematics.srdf import Semantics, parse_srdf
 from kinematics.urdf import parse_urdf
+from kinematics.urdf_visuals import read_visuals
 from obstacles.robot_geometry import RobotGeometry, robot_geometry
 
 _SCHEME = "package://example-robot-data/robots/"
@@ -91,3 +95,26 @@ def package() -> Path:
 def mesh_bytes(uri: str) -> bytes:
     """The bytes of a mesh that a URDF of the package names."""
     return (package() / uri.removeprefix(_SCHEME)).read_bytes()
+
+
+def archive(urdf: str) -> bytes:
+    """A URDF of the package with the meshes that it names, as a .zip of the package's folders.
+
+    Args:
+        urdf: Its path below the folder of robots.
+    """
+    text = (package() / urdf).read_bytes()
+    links = parse_urdf(text.decode()).links.values()
+    solids = [element.geometry for link in links for element in link.collisions]
+    looks = read_visuals(text).links.values()
+    solids += [element.geometry for elements in looks for element in elements]
+    uris = sorted({solid.uri for solid in solids if isinstance(solid, MeshGeometry)})
+    # Some descriptions name pictures of links that the package lacks.
+    files = {uri: package() / uri.removeprefix(_SCHEME) for uri in uris}
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as packed:
+        packed.writestr(f"example-robot-data/robots/{urdf}", text)
+        for uri, path in files.items():
+            if path.is_file():
+                packed.write(path, uri.removeprefix("package://"))
+    return content.getvalue()

@@ -6,11 +6,9 @@ several arms the tip is named, as in the page.
 """
 
 import argparse
-import io
 import json
 import tempfile
 import time
-import zipfile
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -19,9 +17,7 @@ import viser
 
 from armwright_client import ApiError, Client
 from benchmarks.arms import UPLOADS
-from benchmarks.example_arms import package
-from kinematics.description import MeshGeometry
-from kinematics.urdf import parse_urdf
+from benchmarks.example_arms import archive, package
 from kinematics.urdf_visuals import read_visuals
 from service.app import create_app
 from service.settings import Settings
@@ -39,7 +35,6 @@ TRIES, SEED = 20, 0
 SPREAD = 0.25
 #: A service of the studio's own computes with so many workers.
 WORKERS = 1
-_ROBOTS = "package://example-robot-data/robots/"
 BEGIN, END = "<!-- studio arms: begin -->", "<!-- studio arms: end -->"
 
 
@@ -76,26 +71,6 @@ class Row:
     failure: str = ""
 
 
-def archive(name: str) -> bytes:
-    """The URDF of an arm with the meshes that it names, as a .zip of the package's folders."""
-    urdf, _ = UPLOADS[name]
-    text = (package() / urdf).read_bytes()
-    links = parse_urdf(text.decode()).links.values()
-    solids = [element.geometry for link in links for element in link.collisions]
-    looks = read_visuals(text).links.values()
-    solids += [element.geometry for elements in looks for element in elements]
-    uris = sorted({solid.uri for solid in solids if isinstance(solid, MeshGeometry)})
-    # Some descriptions name pictures of links that the package lacks.
-    files = {uri: package() / uri.removeprefix(_ROBOTS) for uri in uris}
-    content = io.BytesIO()
-    with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as packed:
-        packed.writestr(f"example-robot-data/robots/{urdf}", text)
-        for uri, path in files.items():
-            if path.is_file():
-                packed.write(path, uri.removeprefix("package://"))
-    return content.getvalue()
-
-
 def show(page: StudioPage, name: str) -> Row:
     """Upload, draw, plan and play one arm.
 
@@ -109,7 +84,8 @@ def show(page: StudioPage, name: str) -> Row:
     workbench = page.workbench
     file_name = f"example_{name.lower().replace(' ', '_').replace(',', '')}.zip"
     began = time.perf_counter()
-    workbench.upload_robot(file_name, archive(name), UPLOADS[name][1])
+    urdf, fields = UPLOADS[name]
+    workbench.upload_robot(file_name, archive(urdf), fields)
     page.rebuild()
     shown = time.perf_counter() - began
     meshes = workbench.geometry().bodies

@@ -6,6 +6,8 @@ from typing import Any
 
 import pytest
 
+from planning.deadline import Deadline
+
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
 #: Words of a page at most.
@@ -17,6 +19,15 @@ STATUS = re.compile(
 )
 
 
+#: Pages without a code block, with the reason.
+WITHOUT_CODE = {
+    "docs/README.md": "a list of the pages",
+    "docs/glossary.md": "words and what they mean",
+    "docs/decisions": "why things are as they are; the code is the rest of the repository",
+    "docs/reference": "made by scripts/reference.py: tables, and requests with their answers",
+}
+#: Deadlines of blocks are so many times as long here: other work on the machine fails no page.
+PATIENCE = 20.0
 #: A Python block, and what it prints where the page says so.
 BLOCK = re.compile(r"```python\n(.*?)```(?:\s*prints\s*```\n(.*?)```)?", re.DOTALL)
 
@@ -31,6 +42,29 @@ def blocks() -> list[Any]:
     ]
 
 
+def has_a_reason(page: Path) -> bool:
+    """Whether a page may be without code."""
+    name = str(page.relative_to(ROOT))
+    return any(name == path or name.startswith(f"{path}/") for path in WITHOUT_CODE)
+
+
+def test_every_page_shows_its_subject_in_code() -> None:
+    pages = [page for page in PAGES if page.parent != ROOT]
+    without = [
+        page for page in pages if not re.search(r"^ *```\w", page.read_text("utf-8"), re.MULTILINE)
+    ]
+    assert [page.name for page in without if not has_a_reason(page)] == []
+    assert all((ROOT / path).exists() for path in WITHOUT_CODE)
+
+
+@pytest.fixture
+def patience(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Deadlines that a busy machine keeps too."""
+    after = Deadline.after
+    monkeypatch.setattr(Deadline, "after", lambda seconds: after(PATIENCE * seconds))
+
+
+@pytest.mark.usefixtures("patience")
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize(("code", "printed"), blocks())
 def test_code_runs_as_it_stands(

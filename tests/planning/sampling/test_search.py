@@ -21,7 +21,7 @@ def search(
     planner: str,
     goals: list[Array],
     seed: int = 0,
-    seconds: float = 20.0,
+    seconds: float = 600.0,  # no search is ended by it, however busy the machine is
     **options: float,
 ) -> Attempt:
     if planner_by_name(planner).batch is not None:
@@ -106,7 +106,7 @@ def test_deadlines_hold_where_there_is_no_way(planner: str) -> None:
 @pytest.mark.parametrize("planner", PLANNERS)
 def test_budgets_end_it_where_there_is_no_way(planner: str) -> None:
     for option in ("max_iterations", "max_edges"):
-        found = search(planner, [ENCLOSED], 0, 5.0, **{option: 300})
+        found = search(planner, [ENCLOSED], **{option: 300})
         assert found.waypoints is None
         if option in found.detail:
             return
