@@ -67,6 +67,8 @@ def choose_ends(
 
 def _likely_ends(description: RobotDescription, base: str | None, named: list[str]) -> Ends:
     start = base or description.root
+    if base is not None and not _carries_joint(description, base):
+        start = description.root  # work on a positioner: the arm stands beside it
     ends = leaves(description, start)
     choice = likely_tip(description, start)
     candidates = named or list(choice.candidates)
@@ -120,6 +122,12 @@ def _srdf_chains(
     }
 
 
+def _carries_joint(description: RobotDescription, link: str) -> bool:
+    """Whether any joint below a link moves."""
+    ways = (_up_and_down(description, link, end)[1] for end in leaves(description, link))
+    return any(joint.moves for way in ways for joint in way)
+
+
 def _below_free_joints(description: RobotDescription, tip: str) -> str:
     """The first link on the way to the tip that no floating or planar joint lies before."""
     link, start = tip, None
@@ -133,24 +141,52 @@ def _below_free_joints(description: RobotDescription, tip: str) -> str:
 def joints_between(description: RobotDescription, base: str, tip: str) -> list[JointDescription]:
     """Joints from the base to the tip, fixed ones among them.
 
+    Where the base is work on a positioner, the way goes up to the link that carries both it and
+    the arm, and down from there: see ``joints_above``.
+
     Raises:
-        InvalidRobotDescription: The tip does not hang on the base, or a joint between them can't
-            be part of a chain.
+        InvalidRobotDescription: The tip does not hang on the base and no joint moves the base, or
+            a joint between them can't be part of a chain.
     """
-    path: list[JointDescription] = []
-    link = tip
-    while link != base:
-        joint = description.parent_joint(link)
-        if joint is None:
-            raise InvalidRobotDescription(
-                f"tip_link {tip!r} does not hang on base_link {base!r}",
-                hint=f"Tips below it are: {', '.join(leaves(description, base))}.",
-            )
-        path.append(joint)
-        link = joint.parent
+    up, down = _up_and_down(description, base, tip)
+    if up and not (down and any(joint.moves for joint in up)):
+        raise InvalidRobotDescription(
+            f"tip_link {tip!r} does not hang on base_link {base!r}",
+            hint=f"Tips below it are: {', '.join(leaves(description, base))}.",
+        )
+    path = [*up, *down]
     for joint in path:
         _check_joint(joint, base, tip)
-    return path[::-1]
+    return path
+
+
+def joints_above(description: RobotDescription, base: str, tip: str) -> list[JointDescription]:
+    """Joints that the way from the base to the tip passes against their direction.
+
+    These are the joints below which the base hangs, but the tip does not: of a positioner that
+    carries the work, seen from the work.
+    """
+    return _up_and_down(description, base, tip)[0]
+
+
+def _up_and_down(
+    description: RobotDescription, base: str, tip: str
+) -> tuple[list[JointDescription], list[JointDescription]]:
+    """Joints from the base up to the link that base and tip hang on, and from there to the tip."""
+    up, down = _way_to_root(description, base), _way_to_root(description, tip)
+    while up and down and up[-1] is down[-1]:
+        up.pop()
+        down.pop()
+    return up, down[::-1]
+
+
+def _way_to_root(description: RobotDescription, link: str) -> list[JointDescription]:
+    """Joints from a link up to the root."""
+    path: list[JointDescription] = []
+    while (joint := description.parent_joint(link)) is not None:
+        path.append(joint)
+        link = joint.parent
+    return path
 
 
 def _check_joint(joint: JointDescription, base: str, tip: str) -> None:

@@ -40,7 +40,8 @@ def frame_pose(chain: Chain, frame: str, joints: Array | None, where: str) -> Ar
         if link.joint >= 0:
             raise InvalidLinkName(
                 f"{where}: the link {frame!r} moves with the arm",
-                hint=f"Frames are: {', '.join(frame_names(chain))}.",
+                hint=f"Frames are: {', '.join(frame_names(chain))}. Poses on work that a joint "
+                f"carries: make a robot of the same description with base_link {frame!r}.",
                 frame=frame,
             )
         return link.T_joint_link

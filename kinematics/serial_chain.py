@@ -1,7 +1,7 @@
 """From a tree to a serial chain: one path of joints moves, everything else is held still."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from kinematics.arrays import Array
 from kinematics.chain import MAX_JOINTS, Chain, JointType, Link
-from kinematics.chain_ends import choose_ends, joints_between
+from kinematics.chain_ends import choose_ends, joints_above, joints_between
 from kinematics.description import JointDescription, RobotDescription
 from kinematics.errors import InvalidRobotDescription
 from kinematics.held_joints import held_positions
@@ -20,6 +20,11 @@ from kinematics.srdf import Semantics
 
 #: Standard gravity, rounded as robot software does, in a root frame that stands upright.
 GRAVITY = (0.0, 0.0, -9.81)
+#: Of a chain whose root moves over the ground.
+_SEEN_FROM_WORK = (
+    "poses and scenes are in the frame of {base!r}, which {joints} moves over the ground: what "
+    "stands on the ground is attached to a link there, and forces and torques are not known"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +59,9 @@ def serial_chain(
 
     Every link of the tree becomes a link of the chain: those of side branches are carried by the
     joint they hang on, those above the base stand still. All poses are in the frame of the tree's
-    root, wherever the chain begins.
+    root, wherever the chain begins. Where the tip does not hang on the base, but both on a link
+    above, the base is the root: work on a positioner, with the arm that works on it beside. The
+    positioner's joints are the first of the chain, and what stands on the floor moves with them.
 
     Args:
         description: The tree.
@@ -73,9 +80,12 @@ def serial_chain(
             part of a chain, or a value is out of its range.
     """
     chosen = select(description, base_link, tip_link, held, semantics)
+    above = joints_above(description, chosen.base_link, chosen.tip_link)
     joints = [description.joints[name] for name in chosen.joints]
     offsets, links = _unfold(description, chosen)
     limits, continuous = joint_limit_values(joints, joint_limits or {}, description.joints)
+    if any(joint.moves for joint in above):
+        limits = replace(limits, effort=np.full(len(joints), np.nan))
     prismatic = [joint.type == "prismatic" for joint in joints]
     return Chain(
         name=description.name,
@@ -90,8 +100,8 @@ def serial_chain(
         gravity=_gravity(gravity),
         viscous_friction=np.array([joint.damping for joint in joints]),
         coulomb_friction=np.array([joint.friction for joint in joints]),
-        root_link=description.root,
-        root_aliases=() if semantics is None else semantics.root_aliases(description.root),
+        root_link=chosen.base_link if above else description.root,
+        root_aliases=() if semantics is None or above else semantics.root_aliases(description.root),
     )
 
 
@@ -131,6 +141,9 @@ def select(
             f"{len(names)} joints move between {base!r} and {tip!r}, at most {MAX_JOINTS} may"
         )
     positions, lint = held_positions(description, names, held or {})
+    turned = [joint.name for joint in joints_above(description, base, tip) if joint.moves]
+    if turned:
+        lint.append(_SEEN_FROM_WORK.format(base=base, joints=", ".join(turned)))
     return Selection(base, tip, names, MappingProxyType(positions), (*ends.lint, *lint))
 
 
@@ -145,12 +158,16 @@ def _unfold(description: RobotDescription, chosen: Selection) -> tuple[list[Arra
     index = {name: i for i, name in enumerate(chosen.joints)}
     offsets = [np.eye(4)] * len(index)
     links: list[Link] = []
-    standing = _poses_to_base(description, chosen)
+    reverse = {j.name for j in joints_above(description, chosen.base_link, chosen.tip_link)}
+    is_still = not any(description.joints[name].moves for name in reverse)
+    standing = _poses_to_base(description, chosen) if not reverse else {chosen.base_link: np.eye(4)}
     waiting = [(chosen.base_link, -1, standing[chosen.base_link])]
     seen = {chosen.base_link}
     while waiting:
         name, carrier, T = waiting.pop(0)
-        links.append(Link(name, carrier, T, description.links[name].inertia))
+        # In a frame that moves over the ground a body's inertia is not the whole of its motion.
+        inertia = description.links[name].inertia if is_still else None
+        links.append(Link(name, carrier, T, inertia))
         for joint in description.children(name):
             if joint.child in seen:
                 continue
@@ -164,7 +181,16 @@ def _unfold(description: RobotDescription, chosen: Selection) -> tuple[list[Arra
         above = description.parent_joint(name)
         if above is not None and above.parent not in seen:
             seen.add(above.parent)
-            waiting.append((above.parent, carrier, standing[above.parent]))
+            if above.name in index:
+                align = transform(align_z(-above.axis))
+                offsets[index[above.name]] = T @ align
+                back = inverse(align) @ inverse(above.T_parent_joint)
+                waiting.append((above.parent, index[above.name], back))
+            elif reverse:
+                back = T @ inverse(_held_motion(above, chosen.held))
+                waiting.append((above.parent, carrier, back))
+            else:
+                waiting.append((above.parent, carrier, standing[above.parent]))
     return offsets, links
 
 

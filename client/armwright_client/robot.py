@@ -36,7 +36,8 @@ class RobotOptions(TypedDict, total=False):
     """Options of any upload.
 
     Args:
-        base_link: Where the chain begins; poses are in the root frame all the same.
+        base_link: Where the chain begins; poses are in the root frame all the same, unless this is
+            work that a positioner moves beside the arm: then they are in its frame.
         tip_link: Where it ends; the likely tip if left out.
         joint_limits: By the joint's name, "*" for all of the chain; or the text of a MoveIt
             `joint_limits.yaml`.

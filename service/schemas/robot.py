@@ -98,7 +98,9 @@ class RobotFields(Body):
 
     name: Name = Field(description="under which the robot is stored")
     base_link: Label | None = Field(
-        None, description="where the chain begins; poses are in the root frame all the same"
+        None,
+        description="where the chain begins; poses are in the root frame all the same, unless this "
+        "is work that a positioner moves beside the arm: then they are in its frame",
     )
     tip_link: Label | None = Field(
         None, description="where it ends; the likely tip if left out, told in lint"

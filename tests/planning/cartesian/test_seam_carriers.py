@@ -28,6 +28,12 @@ TURNTABLE = """<link name="work"/><link name="floor"/>
 <limit lower="-6.2" upper="6.2" velocity="2" effort="1000"/></joint>
 <joint name="stand" type="fixed"><parent link="floor"/><child link="{base}"/>
 <origin xyz="-0.6 0 -0.2"/></joint></robot>"""
+# Work and arm side by side on the floor, as a cell's description has them.
+BESIDE = """<link name="floor"/><link name="work"/>
+<joint name="table" type="revolute"><parent link="floor"/><child link="work"/>
+<origin xyz="0.6 0 0.2"/><axis xyz="0 0 1"/>
+<limit lower="-6.2" upper="6.2" velocity="2" effort="1000"/></joint>
+<joint name="stand" type="fixed"><parent link="floor"/><child link="{base}"/></joint></robot>"""
 FREE_SPIN = ToolTolerance.of({}, ("rz",), tilt=0.2)
 DOWN = np.diag([1.0, -1.0, -1.0])
 
@@ -58,11 +64,14 @@ def check(
     assert answer.certificate.verified
     model = pinocchio.buildModelFromXML(urdf)
     data, frame = model.createData(), model.getFrameId(robot.chain.tip_link)
+    root = model.getFrameId(robot.chain.root_link)
+    order = [model.joints[model.getJointId(name)].idx_q for name in robot.chain.joint_names]
     ways = np.diff(points, axis=0)
     for time in np.linspace(answer.tool_motions[0].begins, answer.trajectory.duration, 201):
-        q = answer.trajectory.sample([min(time, answer.trajectory.duration)])[0]
+        q = np.zeros(model.nq)
+        q[order] = answer.trajectory.sample([min(time, answer.trajectory.duration)])[0]
         pinocchio.framesForwardKinematics(model, data, q)
-        T = data.oMf[frame]
+        T = data.oMf[root].actInv(data.oMf[frame])
         off = T.translation - points[:-1]
         s = np.clip((off * ways).sum(axis=1) / (ways**2).sum(axis=1), 0.0, 1.0)
         assert np.linalg.norm(off - s[:, None] * ways, axis=1).min() <= 1.1e-4
@@ -97,4 +106,19 @@ def test_a_turntable_carries_the_work_under_the_tool() -> None:
     start = np.array([0.0, 0.2, -1.2, 1.5, -1.9, -1.57, 0.2])
     answer = check(robot, urdf, points, start)
     # Poses are in the work's frame, which moves with the joint: the table turns under the tool.
+    assert np.ptp(answer.path.waypoints[:, 0]) > 0.5
+
+
+def test_work_on_a_turntable_beside_the_arm_is_followed_as_the_file_has_it() -> None:
+    chain = serial_chain(parse_urdf(builtin_urdf("ur5e")))
+    urdf = builtin_urdf("ur5e").replace("</robot>", BESIDE.format(base=chain.base_link))
+    description = parse_urdf(urdf)
+    limits = {"*": {"acceleration": 8.0, "jerk": 500.0}}
+    cell = serial_chain(description, base_link="work", joint_limits=limits)
+    assert cell.joint_names == ("table", *chain.joint_names)
+    assert (cell.root_link, cell.tip_link) == ("work", chain.tip_link)
+    robot = robot_geometry(cell, description, {}, None)
+    angles = np.linspace(0.0, 1.5 * math.pi, 90)
+    points = np.column_stack([0.2 * np.cos(angles), 0.2 * np.sin(angles), 0.0 * angles])
+    answer = check(robot, urdf, points, np.array([0.0, 0.2, -1.2, 1.5, -1.9, -1.57, 0.2]))
     assert np.ptp(answer.path.waypoints[:, 0]) > 0.5
