@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     import service.tasks.dynamics
     import service.tasks.equations
     import service.tasks.export
+    import service.tasks.finger_poses
     import service.tasks.geometry
     import service.tasks.inverse_kinematics
     import service.tasks.kinematics
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
     wrench = service.tasks.dynamics.wrench_task
     equations = service.tasks.equations.equations
     export = service.tasks.export.export
+    finger_poses = service.tasks.finger_poses.finger_poses
     robot_geometry = service.tasks.geometry.robot_geometry
     ik = service.tasks.inverse_kinematics.ik
     fk = service.tasks.kinematics.fk_task
@@ -80,6 +82,7 @@ else:
     wrench = TaskReference("service.tasks.dynamics:wrench")
     equations = TaskReference("service.tasks.equations:equations")
     export = TaskReference("service.tasks.export:export", GRACE)
+    finger_poses = TaskReference("service.tasks.finger_poses:finger_poses")
     robot_geometry = TaskReference("service.tasks.geometry:robot_geometry")
     ik = TaskReference("service.tasks.inverse_kinematics:ik")
     fk = TaskReference("service.tasks.kinematics:fk")

@@ -32,7 +32,8 @@ def check(workbench: Workbench, failed: Failure) -> CheckAnswer:
         failed: With that configuration.
     """
     fields = set_fields(plan_request(failed.state, keep=False))
-    options = {name: fields[name] for name in ("scene", "attached", "margin") if name in fields}
+    names = ("scene", "attached", "margin", "fingers")
+    options = {name: fields[name] for name in names if name in fields}
     answer = workbench.client.check(failed.state.robot, list(failed.shown or ()), **options)
     if not isinstance(answer, CheckAnswer):
         raise TypeError("one configuration was asked about, and many verdicts were answered")

@@ -61,7 +61,8 @@ def motion_frames(workbench: Workbench, planned: Planned) -> MotionFrames:
     count = min(_MAX_FRAMES, max(2, int(trajectory.duration * _RATE) + 1))
     times = np.linspace(0.0, trajectory.duration, count)
     joints = trajectory.sample(times)
-    links = {name: link_poses(poses) for name, poses in workbench.link_poses_of(joints).items()}
+    asked = workbench.link_poses_of(joints, dict(planned.state.fingers))
+    links = {name: link_poses(poses) for name, poses in asked.items()}
     obstacles = {item.id: item for item in planned.state.obstacles}
     carried = {
         name: _carried(links[link], obstacles[name].pose)
@@ -83,11 +84,15 @@ def task_frames(workbench: Workbench, planned: TaskPlanned) -> MotionFrames:
     # Of stages that begin together all but the last take no time.
     numbers = np.searchsorted(begins, times, side="right") - 1
     joints: list[list[float]] = []
+    fingers: dict[str, list[float]] = {}
     for number in range(len(stages)):
         own = times[numbers == number] - begins[number]
         trajectory = stages[number].trajectory
         joints += trajectory.sample(np.minimum(own, trajectory.duration)) if len(own) else []
-    links = {name: link_poses(poses) for name, poses in workbench.link_poses_of(joints).items()}
+        for name, row in _finger_rows(planned, number, own).items():
+            fingers.setdefault(name, []).extend(row)
+    asked = workbench.link_poses_of(joints, fingers)
+    links = {name: link_poses(poses) for name, poses in asked.items()}
     carried = {}
     for item in planned.state.obstacles:
         rows = [_where(item, planned, int(n), links, k) for k, n in enumerate(numbers)]
@@ -98,6 +103,25 @@ def task_frames(workbench: Workbench, planned: TaskPlanned) -> MotionFrames:
                 np.array([place[0] for place in places]), np.array([place[1] for place in places])
             )
     return MotionFrames(times, joints, links, carried)
+
+
+def _finger_rows(
+    planned: TaskPlanned, number: int, times: NDArray[np.float64]
+) -> dict[str, list[float]]:
+    """Positions of the gripper's joints during a stage, at times from its beginning."""
+    stages = planned.plan.stages
+    before = planned.state.fingers if number == 0 else stages[number - 1].after.fingers
+    rows = {
+        name: [before.get(name, at)] * len(times)
+        for name, at in stages[number].after.fingers.items()
+    }
+    motion = stages[number].fingers
+    if motion is not None and len(times):
+        sampled = np.array(motion.sample(np.minimum(times, motion.duration)))
+        # Those that follow others are in the motion, too.
+        columns = {name: sampled[:, i].tolist() for i, name in enumerate(motion.joint_names)}
+        rows = {name: columns.get(name, row) for name, row in rows.items()}
+    return rows
 
 
 def _where(

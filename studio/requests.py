@@ -56,6 +56,7 @@ def plan_request(state: StudioState, *, keep: bool = True) -> PlanRequest:
         goal=goal_of(state),
         scene=scene_of(state),
         attached=_attached(state),
+        fingers=dict(state.fingers) or None,
         constraints=[dict(entry) for entry in state.constraints] or None,
         keep=keep or None,
         **_nested(state.settings),
@@ -86,6 +87,7 @@ def task_request(state: StudioState, *, keep: bool = True) -> TaskRequest:
         stages=read.stages,
         scene=scene_of(state),
         attached=_attached(state),
+        fingers=dict(state.fingers) or None,
         keep=keep or None,
         **_nested(settings),
     )

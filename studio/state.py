@@ -24,6 +24,7 @@ class StudioState:
             goal.
         obstacles: Of the scene.
         attached: Link that carries an obstacle, by the obstacle's id.
+        fingers: Where joints of the gripper stand at the start, and during a plan [rad or m].
         settings: Values of further fields of a plan request, by their path: "timing.method".
         constraints: Of a plan, each by its fields as the API has them.
         stages: Of a task, each by its fields as the API has them.
@@ -35,6 +36,7 @@ class StudioState:
     goal_pose: Pose | None = None
     obstacles: tuple[Obstacle, ...] = ()
     attached: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    fingers: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     settings: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
     constraints: Entries = ()
     stages: Entries = ()
@@ -45,6 +47,10 @@ class StudioState:
         if value is not None:
             settings[path] = value
         return replace(self, settings=MappingProxyType(settings))
+
+    def with_finger(self, joint: str, position: float) -> "StudioState":
+        """The state with a joint of the gripper elsewhere [rad or m]."""
+        return replace(self, fingers=MappingProxyType({**self.fingers, joint: position}))
 
     def with_obstacle(self, obstacle: Obstacle) -> "StudioState":
         """The state with an obstacle added, or put in place of the one of its id."""

@@ -110,20 +110,28 @@ class Workbench:
         return self.client.robots.geometry(self.state.robot, kind)
 
     def link_poses(self, joints: Sequence[float]) -> dict[str, Pose]:
-        """Poses of all links at a configuration, in the root frame.
+        """Poses of all links at a configuration, in the root frame; fingers as at the start.
 
         Args:
             joints: Shape (n,) [rad or m].
         """
-        return self.client.robots.fk(self.state.robot, joints).links
+        fingers = dict(self.state.fingers) or None
+        return self.client.robots.fk(self.state.robot, joints, fingers=fingers).links
 
-    def link_poses_of(self, rows: Sequence[Sequence[float]]) -> dict[str, list[Pose]]:
+    def link_poses_of(
+        self,
+        rows: Sequence[Sequence[float]],
+        fingers: Mapping[str, float | Sequence[float]] | None = None,
+    ) -> dict[str, list[Pose]]:
         """Poses of all links at many configurations, in the root frame.
 
         Args:
             rows: Shape (m, n) [rad or m].
+            fingers: Positions of joints of the gripper, as they are at the start if None: one, or
+                one with each configuration [rad or m].
         """
-        return self.client.robots.fk_batch(self.state.robot, rows).links
+        at = dict(self.state.fingers if fingers is None else fingers) or None
+        return self.client.robots.fk_batch(self.state.robot, rows, fingers=at).links
 
     def joint_ranges(self) -> list[tuple[float, float]]:
         """Range of each joint's slider [rad or m]."""
@@ -138,6 +146,15 @@ class Workbench:
     def set_goal_joints(self, joints: Sequence[float], key: str | None = None) -> None:
         """Make a configuration the goal [rad or m]."""
         self._change(replace(self.state, goal_joints=tuple(joints), goal_pose=None), key)
+
+    def set_finger(self, joint: str, position: float) -> None:
+        """Change where a joint of the gripper stands at the start, and during a plan.
+
+        Args:
+            joint: Of the gripper.
+            position: [rad or m].
+        """
+        self._change(self.state.with_finger(joint, position), f"finger {joint}")
 
     def goal_tip(self) -> Pose:
         """The pose of the tip at the goal, in the root frame."""

@@ -95,6 +95,7 @@ from armwright_client.reach import (
 from armwright_client.robot import (
     ArchiveOptions,
     DefaultLimits,
+    FingerJoint,
     JointLimits,
     Limits,
     Robot,
@@ -129,6 +130,7 @@ __all__ = [
     "DynamicsOptions",
     "DynamicsRequest",
     "EquationsAnswer",
+    "FingerJoint",
     "FkAnswer",
     "FkBatch",
     "FkOptions",

@@ -1,6 +1,6 @@
 """Forward and inverse kinematics and Jacobians."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Literal, TypedDict
 
 from pydantic import Field
@@ -35,11 +35,14 @@ class FkOptions(TypedDict, total=False):
         link: Link whose pose is answered first; the tip if left out.
         orientation: Form of the orientations; quaternions if left out.
         frame: A link that stands still, or "tool"; the root frame if left out.
+        fingers: Where joints of the gripper stand [rad or m], a list for one position with each
+            configuration; the others where the robot holds them.
     """
 
     link: str | None
     orientation: Orientation | None
     frame: str | None
+    fingers: Mapping[str, float | Sequence[float]] | None
 
 
 class FkRequest(Request):
@@ -49,6 +52,7 @@ class FkRequest(Request):
     link: str | None = None
     orientation: Orientation | None = None
     frame: str | None = None
+    fingers: dict[str, float | Vector] | None = None
 
 
 class FkAnswer(InFrame):

@@ -240,6 +240,20 @@ class SuspectedPair(Answer):
     reason: str
 
 
+class FingerJoint(Answer):
+    """A joint of a gripper that others may follow.
+
+    Args:
+        position: Where the robot holds it [rad or m].
+        lower: Least position; None without a limit.
+        upper: Largest position; None without a limit.
+    """
+
+    position: float
+    lower: float | None = None
+    upper: float | None = None
+
+
 class Robot(Answer):
     """The model of a robot.
 
@@ -257,6 +271,7 @@ class Robot(Answer):
         states: Named configurations of the SRDF.
         default_limits: Rules of the upload.
         held: Positions of joints off the chain, of the upload [rad or m].
+        fingers: Joints of the gripper that `fingers` of requests may move.
         motors: By joint, of a table's rows or of the upload; None where it has none.
         dh: Derived from the joint axes.
         wrist: "spherical", "three_parallel" or "none".
@@ -280,6 +295,7 @@ class Robot(Answer):
     states: dict[str, list[float]] = Field(default_factory=dict)
     default_limits: DefaultLimits | None = None
     held: dict[str, float] | None = None
+    fingers: dict[str, FingerJoint] = Field(default_factory=dict)
     motors: dict[str, Motor] | None = None
     dh: DerivedDh | None = None
     wrist: str

@@ -16,6 +16,7 @@ from service.schemas.kinematics import (
     VelocityAnswer,
     VelocityRequest,
 )
+from service.task_references import finger_poses
 from service.task_references import fk as fk_task
 from service.task_references import ik as ik_task
 from service.task_references import jacobian as jacobian_task
@@ -35,6 +36,12 @@ _BRIEF_TWISTS = 10
 @router.post("/fk", summary="Poses of the links", response_model=FkAnswer)
 async def fk(name: str, body: FkRequest, request: Request) -> Response:
     """The pose of one link, the tip if none is named, and of all links."""
+    if body.fingers is not None:
+        content = await request.body()
+        result = await answers.answer(
+            request, lambda robot, _: finger_poses.job(robot, content), name
+        )
+        return json_answer(result)
     return await _frames(request, name, fk_task, body.joints)
 
 

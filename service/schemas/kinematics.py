@@ -5,8 +5,9 @@ from typing import Annotated, ClassVar, Literal, Self
 from pydantic import ConfigDict, Field, model_validator
 from pydantic.config import JsonDict
 
-from service.schemas.attached import AllowedCollisions, AttachedObjects
+from service.schemas.attached import MAX_FINGERS, AllowedCollisions, AttachedObjects
 from service.schemas.base import (
+    MAX_BATCH,
     Answer,
     Beside,
     Body,
@@ -40,6 +41,10 @@ MAX_TWISTS = 10_000
 JOINTS_EXAMPLE = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
 
 
+#: Positions of one joint of a gripper, one for each configuration.
+FingerTrack = Annotated[list[Number], Field(min_length=1, max_length=MAX_BATCH)]
+
+
 class FkRequest(Body):
     """Configurations whose link poses are asked for."""
 
@@ -48,6 +53,13 @@ class FkRequest(Body):
     frame: Frame | None = None
     orientation: Orientation = Field(
         "quaternion_xyzw", description="the form that orientations are answered in"
+    )
+    fingers: Annotated[dict[Label, Number | FingerTrack], Field(max_length=MAX_FINGERS)] | None = (
+        Field(
+            None,
+            description="where joints of the gripper stand [rad or m], a list for one position "
+            "with each configuration; the others where the robot holds them",
+        )
     )
 
 

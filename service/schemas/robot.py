@@ -227,6 +227,14 @@ class SuspectedPair(Answer):
     reason: str = Field(examples=["zero pose"], description="where they touch")
 
 
+class FingerJoint(Answer):
+    """A joint of a gripper that others may follow."""
+
+    position: float = Field(description="where the robot holds it [rad or m]")
+    lower: float | None = Field(description="least position [rad or m]; null without a limit")
+    upper: float | None = Field(description="largest position [rad or m]; null without a limit")
+
+
 class RobotAnswer(Answer):
     """The model of a robot."""
 
@@ -246,6 +254,11 @@ class RobotAnswer(Answer):
     )
     default_limits: DefaultLimits | None = Field(None, description="of the request")
     held: dict[str, float] | None = Field(None, description="of the request")
+    fingers: dict[str, FingerJoint] = Field(
+        default_factory=dict,
+        description="joints of the gripper that `fingers` of requests may move; those that follow "
+        "others are left out",
+    )
     motors: dict[str, Motor] | None = Field(
         None, description="by joint, of a table's rows or of the request; null where it has none"
     )

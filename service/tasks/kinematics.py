@@ -41,8 +41,21 @@ def fk(chain: Chain, body: FkRequest) -> bytes:
         InvalidRobotState: Wrong length.
         InvalidLinkName: No such link.
     """
+    return to_json(fk_document(chain, body, link_poses(chain, body.joints)))
+
+
+def fk_document(chain: Chain, body: FkRequest, poses: Array) -> dict[str, Any]:
+    """The answer to a request for forward kinematics.
+
+    Args:
+        chain: The robot.
+        body: The request.
+        poses: Of all links in the root frame, shape (..., links, 4, 4).
+
+    Raises:
+        InvalidLinkName: No such link.
+    """
     wanted = chain.link(body.link or chain.tip_link).name
-    poses = link_poses(chain, body.joints)
     T = frame_transform(chain, body.joints, body.frame)
     if T is not None:
         poses = _inverse(T)[..., None, :, :] @ poses
@@ -51,7 +64,7 @@ def fk(chain: Chain, body: FkRequest) -> bytes:
         link.name: answers[i] if poses.ndim == 3 else [row[i] for row in answers]
         for i, link in enumerate(chain.links)
     }
-    return to_json({"pose": links[wanted], "links": links, **in_frame(chain, body.frame)})
+    return {"pose": links[wanted], "links": links, **in_frame(chain, body.frame)}
 
 
 def _inverse(T: Array) -> Array:

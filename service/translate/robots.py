@@ -278,6 +278,7 @@ def robot_answer(
         states={name: q.tolist() for name, q in geometry.states.items()},
         default_limits=None if body is None else body.default_limits,
         held=None if body is None else body.held,
+        fingers=_finger_joints(geometry),
         motors=motors,
         dh=dh,
         wrist=classify_wrist(chain),
@@ -289,6 +290,17 @@ def robot_answer(
         ],
         lint=[*lint, *more],
     )
+
+
+def _finger_joints(geometry: RobotGeometry) -> dict[str, schema.FingerJoint]:
+    """Joints of the gripper that lead, with where the robot holds them."""
+    joints = {item.joint.name: item.joint for item in geometry.fingers.joints}
+    return {
+        name: schema.FingerJoint(
+            position=at, lower=_finite(joints[name].lower), upper=_finite(joints[name].upper)
+        )
+        for name, at in geometry.fingers.positions.items()
+    }
 
 
 def _dh_answer(

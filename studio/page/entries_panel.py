@@ -78,7 +78,7 @@ class EntriesPanel:
         entries = self._read()
         tag = self._forms.tag
         self._text.content = describe(entries, tag) or f"No {self._word} yet."
-        labels = [_NONE, *(f"{i} {entry[tag]}" for i, entry in enumerate(entries))]
+        labels = labels_of(entries, tag)
         if labels != [*self._choice.options]:
             self._choice.options = labels
         chosen = self.chosen
@@ -129,8 +129,7 @@ class EntriesPanel:
         self._chosen = len(entries)
 
     def _choose(self, label: str) -> None:
-        number = label.partition(" ")[0]
-        self._chosen = int(number) - 1 if number.isdigit() else None
+        self._chosen = number_in(label)
 
     def _order(self, word: str) -> None:
         chosen = self.chosen
@@ -151,6 +150,26 @@ class EntriesPanel:
             self._page.refresh()
 
         self._page.queue.put(f"{self._word} {id(action)}", command)
+
+
+def labels_of(entries: Entries, tag: str) -> list[str]:
+    """Choices of the entry to be edited: none, and each by its number and kind.
+
+    Args:
+        entries: In order.
+        tag: Field that names the kind.
+    """
+    return [_NONE, *(f"{i} {entry[tag]}" for i, entry in enumerate(entries))]
+
+
+def number_in(label: str) -> int | None:
+    """The number of the entry of a choice, from 0; None where none is chosen.
+
+    Args:
+        label: Of the choice.
+    """
+    number = label.partition(" ")[0]
+    return int(number) if number.isdigit() else None
 
 
 def describe(entries: Entries, tag: str) -> str:

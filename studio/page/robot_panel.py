@@ -8,6 +8,8 @@ import viser
 from armwright_client import Robot
 from studio.page.panel import Page, on_user_update, put_value
 
+#: Range of a finger without limits [rad].
+_UNBOUNDED = (-3.14, 3.14)
 #: Steps of a joint slider over its range.
 _STEPS = 1000
 
@@ -128,6 +130,50 @@ class JointSliders:
             page.refresh()
 
         page.queue.put(f"joints {self._which}", command)
+
+
+class FingerSliders:
+    """Sliders of the gripper's joints, which stand still during a plan.
+
+    Args:
+        page: Of the studio.
+    """
+
+    def __init__(self, page: Page) -> None:
+        self._page = page
+        gui = page.server.gui
+        self._sliders: dict[str, viser.GuiSliderHandle[float]] = {}
+        joints = page.workbench.model.fingers
+        self._folder = gui.add_folder("Gripper [rad or m]", visible=bool(joints))
+        with self._folder:
+            for name, joint in joints.items():
+                low = _UNBOUNDED[0] if joint.lower is None else joint.lower
+                high = _UNBOUNDED[1] if joint.upper is None else joint.upper
+                value = min(max(joint.position, low), high)
+                slider = gui.add_slider(name, low, high, (high - low) / _STEPS or 1.0, value)
+                on_user_update(slider, partial(self._move, name))
+                self._sliders[name] = slider
+
+    def refresh(self) -> None:
+        """Show where the fingers stand."""
+        state, joints = self._page.workbench.state, self._page.workbench.model.fingers
+        for name, slider in self._sliders.items():
+            value = state.fingers.get(name, joints[name].position)
+            put_value(slider, min(max(value, slider.min), slider.max))
+
+    def remove(self) -> None:
+        """Take the sliders from the page."""
+        self._folder.remove()
+
+    def _move(self, name: str, value: Any) -> None:
+        page = self._page
+
+        def command() -> None:
+            page.workbench.set_finger(name, float(value))
+            page.show_start()
+            page.refresh()
+
+        page.queue.put(f"finger {name}", command)
 
 
 def facts(model: Robot) -> str:

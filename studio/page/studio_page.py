@@ -12,7 +12,7 @@ from studio.page.pair_drawing import PairDrawing
 from studio.page.plan_panel import PlanPanel
 from studio.page.play_panel import PlayPanel
 from studio.page.robot_drawing import GhostDrawing, RobotDrawing, surfaces
-from studio.page.robot_panel import JointSliders, RobotPanel
+from studio.page.robot_panel import FingerSliders, JointSliders, RobotPanel
 from studio.page.scene_panel import ScenePanel
 from studio.page.task_panel import TaskPanel
 from studio.result import Failure, Outcome, Planned, TaskPlanned
@@ -42,7 +42,7 @@ class StudioPage:
         self._pinned_robot: RobotDrawing | None = None
         self._pinned_frames: MotionFrames | None = None
         self._ghosts: GhostDrawing | None = None
-        self._sliders: list[JointSliders] = []
+        self._sliders: list[JointSliders | FingerSliders] = []
         self._pair = PairDrawing(server.scene)
         self._set_up_scene()
         gui = server.gui
@@ -56,6 +56,7 @@ class StudioPage:
         with tabs.add_tab("Robot"):
             self._robot_panel = RobotPanel(self)
             self._start_sliders = gui.add_folder(None)
+            self._finger_sliders = gui.add_folder(None)
         with tabs.add_tab("Scene"):
             self._scene = ScenePanel(self)
         with tabs.add_tab("Task"):
@@ -91,7 +92,8 @@ class StudioPage:
             start = JointSliders(self, "start")
         with self._goal_sliders:
             goal = JointSliders(self, "goal")
-        self._sliders = [start, goal]
+        with self._finger_sliders:
+            self._sliders = [start, goal, FingerSliders(self)]
         self.workbench.solve_goal()
         self._play.load(None)
         self.show_start()

@@ -1,10 +1,13 @@
 """Kinematics over HTTP against the domain called directly."""
 
 from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import httpx
 import numpy as np
+import pinocchio
 import pytest
 
 from kinematics.forward import forward, link_poses
@@ -19,8 +22,9 @@ from kinematics.pose import (
 )
 from kinematics.robots import builtin_chain
 from service.schemas.kinematics import FkAnswer, JacobianAnswer, VelocityAnswer
+from tests.planning.sequence import fingers
 from tests.service.poses import draws
-from tests.service.robots import HOME, answer, problem
+from tests.service.robots import ASIDE, HOME, answer, problem
 
 ROBOTS = ("panda", "ur5e", "stanford", "scara", "planar_rr")
 
@@ -237,3 +241,34 @@ def test_rows_of_different_lengths_are_refused_by_name(client: httpx.Client, fie
         "INVALID_ROBOT_STATE",
     )
     assert document["detail"] == f"{field} is not an array of numbers with rows of equal length"
+
+
+def test_poses_with_fingers_elsewhere(client: httpx.Client) -> None:
+    robot = {"name": "fk_claws", "urdf": fingers.urdf(), "srdf": fingers.srdf()}
+    model = answer(client.post("/v1/robots", json=robot), 201)
+    assert model["fingers"] == {"claw_left": {"position": 0.0, "lower": 0.0, "upper": 0.06}}
+    where = "/v1/robots/fk_claws/fk"
+    rows = [HOME, ASIDE, HOME]
+    openings = [0.0, 0.02, 0.05]
+    body = {"joints": rows, "fingers": {"claw_left": openings}}
+    links = answer(client.post(where, json=body))["links"]
+    # The URDF by pinocchio, the follower at its own joint as the mimic says.
+    with TemporaryDirectory() as folder:
+        file = Path(folder, "claws.urdf")
+        file.write_text(fingers.urdf())
+        pin = pinocchio.buildModelFromUrdf(str(file))
+    data = pin.createData()
+    for k, (joints, at) in enumerate(zip(rows, openings, strict=True)):
+        q = pinocchio.neutral(pin)
+        values = dict(zip(model["joint_names"], joints, strict=True))
+        for name, value in {**values, "claw_left": at, "claw_right": at}.items():
+            q[pin.joints[pin.getJointId(name)].idx_q] = value
+        pinocchio.framesForwardKinematics(pin, data, q)
+        for name in ("claw_left_plate", "claw_right_plate", "panda_hand"):
+            T = data.oMf[pin.getFrameId(name)]
+            np.testing.assert_allclose(links[name][k]["position"], T.translation, atol=1e-9)
+    one = answer(client.post(where, json={"joints": ASIDE, "fingers": {"claw_left": 0.02}}))
+    assert one["links"]["claw_right_plate"] == links["claw_right_plate"][1]
+    for wrong in ({"claw_left": 0.1}, {"claw_right": 0.01}, {"claw_left": [0.01]}):
+        refused = client.post(where, json={"joints": HOME, "fingers": wrong})
+        assert "claw" in problem(refused, 422, "VALIDATION_ERROR")["detail"]

@@ -3,7 +3,7 @@
 import pytest
 
 from studio.entries import moved, with_field, without
-from studio.page.entries_panel import describe, text_of, value_of
+from studio.page.entries_panel import describe, labels_of, number_in, text_of, value_of
 from studio.settings_form import FormField
 
 ENTRIES = ({"kind": "a"}, {"kind": "b"}, {"kind": "c", "x": [1.0, 2.0]})
@@ -25,6 +25,12 @@ def test_fields_are_set_and_left_out() -> None:
     changed = with_field(ENTRIES, 0, "x", 3)
     assert changed[0] == {"kind": "a", "x": 3}
     assert with_field(changed, 0, "x", None) == ENTRIES
+
+
+def test_a_choice_names_its_entry() -> None:
+    labels = labels_of(ENTRIES, "kind")
+    assert [number_in(label) for label in labels] == [None, 0, 1, 2]
+    assert labels[1:] == ["0 a", "1 b", "2 c"]
 
 
 def test_entries_are_described() -> None:

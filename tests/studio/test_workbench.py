@@ -4,6 +4,7 @@ import io
 import json
 import subprocess
 import zipfile
+from collections.abc import Mapping
 from contextlib import redirect_stdout
 
 import numpy as np
@@ -16,13 +17,14 @@ from kinematics.forward import forward
 from kinematics.robots import builtin_chain
 from studio.branch import Verdict
 from studio.explain import check, colliding_pairs
-from studio.motion_frames import motion_frames, task_frames
+from studio.motion_frames import LinkPoses, motion_frames, task_frames
 from studio.page.local_server import serve_page
 from studio.page.studio_page import StudioPage
 from studio.pose import rotation
 from studio.result import Failure, Planned, TaskPlanned, compare
 from studio.stages import pick_stages, place_stages
 from studio.workbench import Workbench
+from tests.planning.sequence import fingers
 from tests.service.robots import ASIDE, HOME, urdf
 
 TABLE = {
@@ -311,6 +313,42 @@ def test_an_uploaded_robot_is_shown_with_its_lint(workbench: Workbench) -> None:
     assert isinstance(workbench.plan(), Planned), workbench.outcome
     with pytest.raises(ValueError, match=r"\.urdf"):
         workbench.upload_robot("bench.txt", b"")
+
+
+def test_fingers_are_set_and_move(workbench: Workbench) -> None:
+    text = io.BytesIO()
+    with zipfile.ZipFile(text, "w") as archive:
+        archive.writestr("claws.urdf", fingers.urdf())
+        archive.writestr("claws.srdf", fingers.srdf())
+    workbench.upload_robot("claws.zip", text.getvalue())
+
+    def opening(links: Mapping[str, LinkPoses]) -> list[float]:
+        plates = (links[f"{name}_plate"].positions for name in ("claw_left", "claw_right"))
+        return [float(value) for value in np.linalg.norm(np.subtract(*plates), axis=1)]
+
+    assert set(workbench.model.fingers) == {"claw_left"}
+    workbench.set_finger("claw_left", 0.03)
+    workbench.set_start(HOME)
+    workbench.set_goal_joints(ASIDE)
+    outcome = workbench.plan()
+    assert isinstance(outcome, Planned), outcome
+    # A plan keeps them where they are; the opening is twice the way of each plate.
+    np.testing.assert_allclose(opening(motion_frames(workbench, outcome).links), 0.06, atol=1e-9)
+    python, _ = workbench.plan_code()
+    assert "fingers={'claw_left': 0.03}" in python.replace('"', "'")
+    workbench.set_stages(({"kind": "open"}, {"kind": "move", "goal": {"joints": ASIDE}}))
+    task = workbench.plan_task()
+    assert isinstance(task, TaskPlanned), task
+    seen = opening(task_frames(workbench, task).links)
+    assert seen[0] == pytest.approx(0.06)
+    assert seen[-1] == pytest.approx(0.11)
+    assert (np.diff(seen) > -1e-9).all()
+    assert sum(0.061 < value < 0.109 for value in seen) > 3
+    page = StudioPage(serve_page(0), workbench)
+    page.close()
+    workbench.undo()
+    workbench.undo()
+    assert workbench.state.fingers == {"claw_left": 0.03}
 
 
 def test_a_setting_out_of_range_is_a_failure_in_words(workbench: Workbench) -> None:
