@@ -12,6 +12,8 @@ class Endpoint(NamedTuple):
         task: The task that answers it, ``"module:function"``.
         takes_robot: Whether the task takes a robot.
         takes_scene: Whether the task takes a stored scene too.
+        long: Whether it may take long: a service works on it as a job while a terminal looks on.
+        keepable: Whether a service keeps what becomes of it as a job, unless told not to.
     """
 
     path: str
@@ -19,6 +21,8 @@ class Endpoint(NamedTuple):
     task: str
     takes_robot: bool = True
     takes_scene: bool = True
+    long: bool = False
+    keepable: bool = False
 
 
 FK = Endpoint(
@@ -33,7 +37,13 @@ IK = Endpoint(
     "service.tasks.inverse_kinematics:ik",
 )
 CHECK = Endpoint("/v1/check", "service.schemas.check:CheckRequest", "service.tasks.check:check")
-PLAN = Endpoint("/v1/plan", "service.schemas.plan:PlanRequest", "service.tasks.plan:plan")
+PLAN = Endpoint(
+    "/v1/plan",
+    "service.schemas.plan:PlanRequest",
+    "service.tasks.plan:plan",
+    long=True,
+    keepable=True,
+)
 VALIDATE = Endpoint(
     "/v1/validate", "service.schemas.plan:ValidateRequest", "service.tasks.plan:validate"
 )
@@ -52,13 +62,22 @@ REACH = Endpoint(
     "/v1/robots/{robot}/reach",
     "service.schemas.reach:ReachRequest",
     "service.tasks.reach:reach",
+    long=True,
 )
 TASK = Endpoint(
     "/v1/tasks",
     "service.schemas.sequence:TaskRequest",
     "service.tasks.sequence:plan_sequence",
+    long=True,
+    keepable=True,
 )
-TOUR = Endpoint("/v1/tours", "service.schemas.tour:TourRequest", "service.tasks.tours:tour")
+TOUR = Endpoint(
+    "/v1/tours",
+    "service.schemas.tour:TourRequest",
+    "service.tasks.tours:tour",
+    long=True,
+    keepable=True,
+)
 CONVERT = Endpoint(
     "/v1/convert",
     "service.schemas.retime:ConvertRequest",

@@ -7,6 +7,8 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
+from rich.console import Console
+
 from command_line.endpoints import Endpoint
 from command_line.parameters import RobotSource
 from command_line.problems import CommandProblem, invalid_value, unreachable
@@ -14,6 +16,7 @@ from command_line.robot_files import is_file, robot_document
 
 if TYPE_CHECKING:
     from armwright_client import Client
+    from armwright_client.call import Call
 
 #: Digits of a digest in the name of an uploaded robot.
 _DIGITS = 16
@@ -92,7 +95,7 @@ class RemoteBackend:
         return self._pages(self._client.scenes.list, "scenes")
 
     def answer(self, endpoint: Endpoint, robot: str | None, body: dict[str, Any]) -> bytes:
-        """The answer to a request.
+        """The answer to a request; on a terminal long ones run as jobs, and their stages are shown.
 
         Args:
             endpoint: What is asked.
@@ -102,7 +105,16 @@ class RemoteBackend:
         Raises:
             CommandProblem: The service answers a problem, or not at all.
         """
-        return self._send("POST", endpoint.path.format(robot=quote(robot or "", safe="")), body)
+        path = endpoint.path.format(robot=quote(robot or "", safe=""))
+        console = Console(stderr=True)
+        if not (endpoint.long and console.is_terminal):
+            return self._send("POST", path, body)
+        from command_line.remote_job import answer_of_job  # noqa: PLC0415
+
+        # A command keeps no plan that it would not keep without a terminal.
+        call = _call("POST", path, {"keep": False} | body if endpoint.keepable else body)
+        with _problems(self._url):
+            return answer_of_job(self._client._sender, call, console)
 
     def projections(self, scene: dict[str, Any] | str, body: dict[str, Any]) -> bytes:
         """The projections of points onto the obstacles of a scene; that of a file is stored for it.
@@ -158,13 +170,8 @@ class RemoteBackend:
 
     def _send(self, method: str, path: str, body: dict[str, Any] | None = None) -> bytes:
         """The content of an answer, unread: the command prints it as the service wrote it."""
-        from armwright_client.call import Call  # noqa: PLC0415
-
-        request = None if body is None else _open_request(body)
-        deadline = None if body is None else body.get("timeout")
-        call = Call(method, path, bytes, request, deadline=deadline)
         with _problems(self._url):
-            return self._client._sender.send(call)
+            return self._client._sender.send(_call(method, path, body))
 
     def _pages(self, read: Any, field: str) -> list[dict[str, Any]]:
         items: list[dict[str, Any]] = []
@@ -176,6 +183,15 @@ class RemoteBackend:
                 after = page.get("next")
                 if after is None:
                     return items
+
+
+def _call(method: str, path: str, body: dict[str, Any] | None) -> "Call[bytes]":
+    """A call whose answer stays as it comes."""
+    from armwright_client.call import Call  # noqa: PLC0415
+
+    request = None if body is None else _open_request(body)
+    deadline = None if body is None else body.get("timeout")
+    return Call(method, path, bytes, request, deadline=deadline)
 
 
 def _open_request(body: dict[str, Any]) -> Any:

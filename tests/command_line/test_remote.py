@@ -7,6 +7,7 @@ from pathlib import Path
 
 import httpx
 import pytest
+from rich.status import Status
 
 from service.app import create_app
 from service.settings import Settings
@@ -82,6 +83,55 @@ def test_a_service_is_looked_at_by_the_doctor(run: Run, url: str) -> None:
     service = next(item for item in answer.json["findings"] if item["part"] == "service")
     assert service["state"] == "ok"
     assert "1 workers" in service["detail"]
+
+
+@pytest.fixture
+def stages(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """The stages that a terminal shows."""
+    for name, value in (("TTY_COMPATIBLE", "1"), ("TTY_INTERACTIVE", "1"), ("TERM", "xterm")):
+        monkeypatch.setenv(name, value)
+    shown: list[str] = []
+    monkeypatch.setattr(Status, "update", lambda _, stage: shown.append(stage))
+    return shown
+
+
+def test_a_terminal_shows_the_stages_of_a_service(
+    run: Run, client: httpx.Client, url: str, stages: list[str]
+) -> None:
+    words = ("plan", "planar_rr", "--start", "0,0", "--goal", "1,1", "--timeout", "60", "--json")
+    kept = client.get("/v1/plans").json()["plans"]
+    there, here = run(*words, "--url", url), run(*words)
+    assert there.code == 0, there.out
+    assert {"straight_line", "certificate"} <= set(stages)
+    assert there.json["trajectory"] == here.json["trajectory"]
+    assert there.json.keys() == here.json.keys()
+    assert client.get("/v1/plans").json()["plans"] == kept
+    assert client.get("/v1/jobs").json()["jobs"][0]["operation"] == "POST /v1/plan"
+    nowhere = run(*words[:5], "9,9", "--url", url)
+    assert nowhere.code == 4
+    assert "GOAL_STATE_INVALID" in nowhere.err
+
+
+def test_who_interrupts_a_command_ends_its_job(
+    run: Run,
+    client: httpx.Client,
+    url: str,
+    stages: list[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def interrupt(_: Status, stage: str) -> None:
+        stages.append(stage)
+        if stage == "rrt_star":
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(Status, "update", interrupt)
+    # It looks for shorter paths until its time is up.
+    words = ("plan", "planar_rr", "--start", "0,0", "--goal", "1,1", "--planner", "rrt_star")
+    answer = run(*words, "--timeout", "100", "--url", url)
+    assert answer.code == 130
+    assert "Traceback" not in answer.err
+    job = client.get("/v1/jobs").json()["jobs"][0]
+    assert client.get(f"/v1/jobs/{job['id']}").json()["status"] == "cancelled"
 
 
 def test_a_service_that_is_not_there_has_its_exit_code(run: Run) -> None:
