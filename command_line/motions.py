@@ -212,8 +212,9 @@ def simulate(
 ) -> None:
     """Follow a motion with a controller; with a scene, say what tracking leaves of clearance."""
     value = values.read_value("--controller", controller)
+    trajectory = values.motion(motion)
     body = {
-        "trajectory": values.motion(motion),
+        "trajectory": trajectory,
         "controller": {"type": value} if isinstance(value, str) else value,
         "scene": values.scene(scene),
     }
@@ -222,11 +223,10 @@ def simulate(
         return
     print_line(f"{answer['outcome']}: {answer['advice']}", "bold")
     print_line(f"largest tracking error {answer['max_tracking_error']:.3g} rad or m")
-    print_table(
-        "Largest tracking errors",
-        ("joint", "error [rad or m]"),
-        ((i + 1, f"{error:.3g}") for i, error in enumerate(answer["max_joint_errors"])),
-    )
+    errors = answer["max_joint_errors"]
+    names = trajectory.get("joint_names") or range(len(errors))
+    rows = ((name, f"{error:.3g}") for name, error in zip(names, errors, strict=True))
+    print_table("Largest tracking errors", ("joint", "error [rad or m]"), rows)
     for note in answer["notes"]:
         print_line(f"note: {note}", "yellow")
 

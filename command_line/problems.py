@@ -5,6 +5,7 @@ import os
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import typer
@@ -22,6 +23,13 @@ _UNREACHABLE_TITLE = "The service can't be reached"
 _INSTANCE = "command line"
 #: Variable of the environment that has unexpected faults end with their traceback.
 _DEBUG = "ARMWRIGHT_DEBUG"
+#: Hint of a request whose fields are wrong: all of them are shown.
+_FIELDS_HINT = "The fields stand in docs/reference, and on the page /docs of a service."
+#: Hint of a limit that is not known, in options of commands.
+_LIMITS_HINT = (
+    'Give it with the file of the robot: --default-limits "acceleration=10 x velocity", or '
+    "--joint-limits FILE for single joints. A stored robot gets it when it is created."
+)
 
 
 class CommandProblem(Exception):
@@ -91,18 +99,32 @@ def _document(error: Exception) -> dict[str, Any]:
     if isinstance(error, ProblemError):
         return document(error, _INSTANCE)
     if isinstance(error, OSError):
-        return document(ProblemError("INVALID_REQUEST", str(error), stage=_INSTANCE), _INSTANCE)
+        return document(_of_file(error), _INSTANCE)
     hint = f"This is a fault of Armwright. With {_DEBUG}=1 the command shows where; report that."
     detail = f"{type(error).__name__}: {error}"
     return document(ProblemError("CRASH", detail, hint=hint), _INSTANCE)
 
 
+def _of_file(error: OSError) -> ProblemError:
+    if error.filename is None:
+        return ProblemError("INVALID_REQUEST", str(error), stage=_INSTANCE)
+    if isinstance(error, FileNotFoundError):
+        hint = f"Commands read paths from {Path.cwd()}."
+        return invalid_value(str(error.filename), "there is no such file", hint)
+    return invalid_value(str(error.filename), f"{error.strerror}")
+
+
 def _show(problem: Mapping[str, Any]) -> None:
     console = Console(stderr=True, highlight=False)
     console.print(Text(f"{problem['title']} ({problem['code']})", style="bold red"))
-    console.print(Text(str(problem["detail"])), soft_wrap=True)
-    if problem.get("hint"):
-        console.print(Text(f"Hint: {problem['hint']}", style="yellow"), soft_wrap=True)
+    errors = (problem.get("details") or {}).get("errors") or []
+    hint = _FIELDS_HINT if errors else problem.get("hint")
+    if problem["code"] == "MISSING_LIMIT":
+        hint = _LIMITS_HINT
+    for line in [f"{item['path']}: {item['problem']}" for item in errors] or [problem["detail"]]:
+        console.print(Text(str(line)), soft_wrap=True)
+    if hint:
+        console.print(Text(f"Hint: {hint}", style="yellow"), soft_wrap=True)
 
 
 def negative() -> typer.Exit:

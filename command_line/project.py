@@ -41,7 +41,7 @@ def project(
         print_json(answer)
         return
     rows = [
-        (i + 1, item["obstacle"], item["distance"], item["projection"])
+        (i, item["obstacle"], item["distance"], item["projection"])
         for i, row in enumerate(json.loads(answer)["projections"])
         for item in row
     ]

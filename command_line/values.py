@@ -115,10 +115,17 @@ def motion(path: Path) -> dict[str, Any]:
     """The trajectory of a file: one, or the answer that holds it.
 
     Raises:
-        ProblemError: The file is not JSON.
+        ProblemError: The file is not JSON, or holds no trajectory.
     """
     document = read_json(path)
-    return dict(document.get("trajectory", document))
+    found = document.get("trajectory", document)
+    if not isinstance(found, dict) or not {"segments", "samples"} & set(found):
+        raise invalid_value(
+            str(path),
+            "it holds no trajectory",
+            "Give a trajectory, or the answer that `armwright plan -o FILE` wrote.",
+        )
+    return dict(found)
 
 
 def _numbers(text: str) -> list[float] | None:

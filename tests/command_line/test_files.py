@@ -2,6 +2,7 @@
 
 import io
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -69,6 +70,7 @@ def test_points_are_projected(run: Run, tmp_path: Path) -> None:
     shown = run("project", str(scene), "--points", "[[0,0,0],[0.5,0,0.05]]")
     assert "0.4000" in shown.out
     assert "-0.0500" in shown.out
+    assert re.findall(r"│ (\d) ", shown.out) == ["0", "1"]
     for points in ("0,0", "here", "[]"):
         assert run("project", str(scene), "--points", points).code == 3
     assert run("project", "stored", "--points", "0,0,0").code == 3

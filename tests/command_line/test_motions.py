@@ -50,7 +50,9 @@ def test_a_plan_is_proved_timed_followed_and_converted(run: Run, scene: str, pla
     tracked = run("simulate", "panda", str(plan), "--json").json
     assert tracked["outcome"] == "completed"
     assert tracked["max_tracking_error"] < 1e-3
-    assert "completed" in run("simulate", "panda", str(plan)).out
+    shown = run("simulate", "panda", str(plan)).out
+    assert "completed" in shown
+    assert "panda_joint1" in shown
 
     lines = run("convert", str(plan), "--format", "csv", "--sample-period", "0.1").out.splitlines()
     assert lines[0].startswith("time,position.panda_joint1")
@@ -95,7 +97,8 @@ def test_further_fields_come_from_a_file(run: Run, tmp_path: Path) -> None:
         (("plan", "panda", "--start", "home", "--goal", "home", "--planner", "luck"), 3, "luck"),
         (("validate", "panda", "nowhere.json"), 3, "nowhere.json"),
         (("simulate", "panda", "nowhere.json"), 3, "nowhere.json"),
-        (("convert", "nowhere.json"), 3, "nowhere.json"),
+        (("convert", "nowhere.json"), 3, "nowhere.json: there is no such file"),
+        (("check", "panda", "-q", "home", "--scene", "nowhere.yaml"), 3, "nowhere.yaml"),
     ],
 )
 def test_faults_are_told_by_class(run: Run, words: tuple[str, ...], code: int, said: str) -> None:
@@ -103,6 +106,21 @@ def test_faults_are_told_by_class(run: Run, words: tuple[str, ...], code: int, s
     assert answer.code == code, answer.err
     assert said in answer.err
     assert "Traceback" not in answer.err
+
+
+def test_a_file_without_a_motion_is_told(run: Run, scene: str) -> None:
+    answer = run("validate", "panda", scene)
+    assert answer.code == 3
+    assert f"{scene}: it holds no trajectory" in answer.err
+
+
+def test_every_field_that_is_wrong_is_shown(run: Run, tmp_path: Path) -> None:
+    request = tmp_path / "reach.json"
+    request.write_text(json.dumps({"box": {"a": 1, "b": 2}}))
+    answer = run("reach", "panda", str(request))
+    assert answer.code == 3
+    assert "box.a: unknown field\nbox.b: unknown field\n" in answer.err
+    assert "details" not in answer.err
 
 
 def test_a_deadline_has_its_exit_code(run: Run, scene: str) -> None:

@@ -87,6 +87,7 @@ def test_a_robot_of_example_robot_data_plans_without_an_edit(run: Run) -> None:
     free = ("--start", "0,0", "--goal", "0.5,0.3", "--json")
     missing = run("plan", *arm, *free)
     assert (missing.code, missing.json["code"]) == (3, "MISSING_LIMIT")
+    assert "--default-limits" in run("plan", *arm, *free[:-1]).err
     rule = ("--default-limits", "acceleration=10 x velocity")
     answer = run("plan", *arm, *rule, *free)
     assert answer.code == 0, answer.out
