@@ -13,6 +13,7 @@ from pydantic import ValidationError
 
 from armwright_client.base import Request
 from armwright_client.call import Call, EventCall
+from armwright_client.connections import direct
 from armwright_client.error_codes import from_problem
 from armwright_client.errors import (
     ArmwrightError,
@@ -89,6 +90,15 @@ class Wire:
         """Arguments for httpx's clients."""
         return {"base_url": self._base_url, "headers": self._headers}
 
+    @property
+    def base_url(self) -> str:
+        """Address of the service."""
+        return self._base_url
+
+    def headers(self, arguments: dict[str, Any]) -> dict[str, str]:
+        """All headers of a request with these arguments."""
+        return {**self._headers, **arguments["headers"]}
+
     def request(self, http: httpx.Client | httpx.AsyncClient, call: Call[Any]) -> httpx.Request:
         """The request of a call, as the client of httpx would make it.
 
@@ -96,12 +106,12 @@ class Wire:
         the answer.
         """
         arguments = self.arguments(call)
-        if arguments.get("params") is not None or isinstance(call.body, RobotArchive):
+        if not _is_plain(call):
             return http.build_request(**arguments)
         return httpx.Request(
             call.method,
             self._url(call.path),
-            headers={**self._headers, **arguments["headers"]},
+            headers=self.headers(arguments),
             content=arguments.get("content"),
             extensions={"timeout": arguments["timeout"].as_dict()},
         )
@@ -155,17 +165,28 @@ class Session:
     def __init__(self, wire: Wire, transport: httpx.BaseTransport | None) -> None:
         self._wire = wire
         self._http = httpx.Client(**self._wire.settings(), transport=transport)
+        self._connections = direct(wire.base_url, transport)
 
     def send(self, call: Call[A]) -> A:
         """The answer to a call."""
         for attempt in count(1):
             with _transport(call, self._http):
-                response = self._http.send(self._wire.request(self._http, call))
+                response = self._ask(call)
             seconds = self._wire.wait(call, attempt, response)
             if seconds is None:
                 break
             time.sleep(seconds)
         return answer(call, response)
+
+    def _ask(self, call: Call[Any]) -> httpx.Response:
+        """The response to one request, by the shortest way that can send it."""
+        if self._connections is None or not _is_plain(call):
+            return self._http.send(self._wire.request(self._http, call))
+        arguments = self._wire.arguments(call)
+        return self._connections.send(
+            call.method, call.path, self._wire.headers(arguments),
+            arguments.get("content"), arguments["timeout"],
+        )  # fmt: skip
 
     def postpone(self, call: Call[A]) -> Pending[A]:
         """The handle of the job that will have the answer to a call."""
@@ -187,6 +208,8 @@ class Session:
     def close(self) -> None:
         """Close all connections."""
         self._http.close()
+        if self._connections is not None:
+            self._connections.close()
 
 
 class AsyncSession:
@@ -226,6 +249,11 @@ class AsyncSession:
     async def close(self) -> None:
         """Close all connections."""
         await self._http.aclose()
+
+
+def _is_plain(call: Call[Any]) -> bool:
+    """Whether a call is a path with a body of JSON or none: no query, no form."""
+    return not call.query and not isinstance(call.body, RobotArchive)
 
 
 def as_job(call: Call[Any]) -> Call[Job]:

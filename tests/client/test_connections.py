@@ -1,0 +1,133 @@
+"""Connections straight to a service: errors, threads, what is kept open, and the same answers."""
+
+import contextlib
+import socket
+import threading
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
+
+import httpx
+import pytest
+
+import armwright_client as ours
+from armwright_client import Client, connections
+from armwright_client.connections import Connections, direct
+
+LIMITS = httpx.Timeout(5.0, connect=5.0)
+HEALTH = b'{"status": "ok", "version": "9.9"}'
+
+
+@dataclass
+class Seen:
+    """What a server saw, and how it ends its answers."""
+
+    url: str = ""
+    clients: set[Any] = field(default_factory=set)
+    asked: list[tuple[str, str, dict[str, str], bytes]] = field(default_factory=list)
+    closes: bool = False
+
+
+@contextlib.contextmanager
+def server() -> Iterator[Seen]:
+    """A server that says it is well, and keeps its connections open."""
+    seen = Seen()
+
+    class Handler(BaseHTTPRequestHandler):
+        protocol_version = "HTTP/1.1"
+
+        def do_GET(self) -> None:
+            content = self.rfile.read(int(self.headers.get("Content-Length", "0")))
+            seen.clients.add(self.client_address)
+            seen.asked.append((self.command, self.path, dict(self.headers), content))
+            self.send_response(200)
+            self.send_header("Content-Type", "application/json")
+            self.send_header("Content-Length", str(len(HEALTH)))
+            if seen.closes:
+                self.send_header("Connection", "close")
+            self.end_headers()
+            self.wfile.write(HEALTH)
+
+        do_POST = do_GET
+
+        def log_message(self, *_: Any) -> None:
+            """Say nothing."""
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), Handler) as running:
+        running.daemon_threads = True
+        seen.url = f"http://127.0.0.1:{running.server_address[1]}"
+        threading.Thread(target=running.serve_forever, daemon=True).start()
+        try:
+            yield seen
+        finally:
+            running.shutdown()
+
+
+def test_the_same_goes_over_the_wire_as_by_httpx() -> None:
+    with server() as seen:
+        for transport in (None, httpx.HTTPTransport()):
+            with Client(f"{seen.url}/arms/", token="t", transport=transport) as client:
+                assert client.healthz().version == "9.9"
+                with contextlib.suppress(ours.UnexpectedAnswer):
+                    client.scenes.create(ours.Scene(name="s é", obstacles=[]))
+    plain = [
+        (method, path, {k.lower(): v for k, v in headers.items()}, content)
+        for method, path, headers, content in seen.asked
+    ]
+    assert plain[:2] == plain[2:]
+    assert [path for _, path, *_ in plain[:2]] == ["/arms/healthz", "/arms/v1/scenes"]
+
+
+def test_a_connection_is_kept_while_it_is_fresh_and_open(monkeypatch: pytest.MonkeyPatch) -> None:
+    with server() as seen, Client(seen.url) as client:
+        for _ in range(3):
+            client.healthz()
+        assert len(seen.clients) == 1
+        monkeypatch.setattr(connections, "_IDLE", -1.0)
+        client.healthz()
+        assert len(seen.clients) == 2
+        monkeypatch.undo()
+        seen.closes = True
+        for _ in range(3):
+            client.healthz()
+        assert len(seen.clients) == 4
+
+
+def test_threads_share_them() -> None:
+    with server() as seen, Client(seen.url) as client, ThreadPoolExecutor(8) as threads:
+        answers = list(threads.map(lambda _: client.healthz().version, range(64)))
+    assert answers == 64 * ["9.9"]
+    assert len(seen.clients) <= 8
+
+
+def test_what_hangs_up_is_told() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+
+        def hang_up() -> None:
+            listener.accept()[0].close()
+
+        threading.Thread(target=hang_up, daemon=True).start()
+        with (
+            Client(f"http://127.0.0.1:{listener.getsockname()[1]}") as client,
+            pytest.raises(ours.TransportError, match="GET /healthz: "),
+        ):
+            client.healthz()
+
+
+def test_certificates_are_checked() -> None:
+    with server() as seen:
+        secure = Connections(seen.url.replace("http://", "https://"))
+        with pytest.raises(httpx.ConnectError):
+            secure.send("GET", "/healthz", {}, None, LIMITS)
+
+
+def test_proxies_and_transports_are_left_to_httpx(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("http_proxy", "https_proxy", "all_proxy"):
+        monkeypatch.delenv(name, raising=False)
+        monkeypatch.delenv(name.upper(), raising=False)
+    assert direct("http://host", None) is not None
+    assert direct("http://host", httpx.HTTPTransport()) is None
+    monkeypatch.setenv("http_proxy", "http://proxy:3128")
+    assert direct("http://host", None) is None
