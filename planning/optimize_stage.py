@@ -11,6 +11,7 @@ from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
 from kinematics.trajectory import Trajectory
 from obstacles.checker import Checker
+from planning.braking import first_touch
 from planning.deadline import Deadline
 from planning.optimize.linearization import Obstruction
 from planning.optimize.options import OPTIMIZE, RefineOptions
@@ -139,13 +140,40 @@ class OptimizeStage:
         late = Obstruction("time was up before it began", "Allow more time.")
         reason, hint = late if self._work is None else self._work.obstruction
         asked = "the velocities at its ends" if self.problem.moving else f"at most {longest:g} s"
+        details: dict[str, object] = {"duration_at_rest": self.known.duration}
+        met = self._braking_meets()
+        if met is not None:
+            reason, hint, braking = met
+            details["braking"] = braking
         return Failure(
             code="TIMED_OUT" if deadline.passed else "INVALID_MOTION_PLAN",
             message=f"no motion with {asked} was found: {reason}",
             hint=hint,
             stage=OPTIMIZE,
-            details={"reason": reason, "duration_at_rest": self.known.duration},
+            details={"reason": reason, **details},
         )
+
+    def _braking_meets(self) -> tuple[str, str, dict[str, object]] | None:
+        """Sentence, hint and details about what the start meets however hard it brakes."""
+        velocity = self.problem.start_velocity
+        if velocity is None or not velocity.any():
+            return None
+        limits = self.parametrization.acceleration, self.parametrization.jerk
+        exact = Checker.of(self.problem.robot, self.problem.scene, self.problem.margin)
+        touch = first_touch(exact, self.known.start, velocity, *limits)
+        if touch is None:
+            return None
+        link, other = touch.pair
+        reason = (
+            f"the start can't stop before {other!r}: with all joints braking {link!r} meets it "
+            f"after {touch.time:.3g} s, {touch.distance:.3g} m away at the start"
+        )
+        cure = "Start at rest"
+        if touch.share > 0.0:
+            cure = f"Give at most {touch.share:.2g} of this velocity at the start"
+        hint = f"{cure}, start farther from {other!r}, or raise the acceleration limits."
+        details = {"pair": [link, other], "time": touch.time, "distance": touch.distance}
+        return reason, hint, {**details, "velocity_share": touch.share}
 
     @property
     def _stays(self) -> bool:

@@ -11,10 +11,14 @@ from numpy.polynomial import Polynomial
 
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
+from kinematics.forward import forward
+from kinematics.pose import transform
 from kinematics.robots import builtin_urdf
 from kinematics.trajectory import Trajectory
 from obstacles.checker import Checker
-from obstacles.scene import Scene
+from obstacles.fcl_distance import FclWorld
+from obstacles.scene import Obstacle, Scene
+from obstacles.shapes import Sphere
 from planning.deadline import Deadline
 from planning.optimize.initial_guess import fit_spline
 from planning.optimize.options import RefineOptions
@@ -293,6 +297,39 @@ def test_a_wall_ahead_can_not_be_braked_from() -> None:
     assert answer.details["room"] == pytest.approx(0.01)
     v[0] = -v[0]
     assert isinstance(plan(problem("panda", near, ASIDE, start_velocity=v), OPTIMIZE), Plan)
+
+
+def test_an_obstacle_ahead_can_not_be_braked_from() -> None:
+    """The first link turns towards a post: it needs v^2 / 2a to stop, and has 0.6 of that."""
+    robot, how = builtin("planar_rr"), options(TimingOptions("toppra"))
+    limits = robot.chain.limits
+    start, v, a = np.zeros(2), np.array([limits.velocity[0], 0.0]), limits.acceleration[0]
+    reach = float(np.linalg.norm(forward(robot.chain, start)[:3, 3]))
+    angle = 0.6 * v[0] ** 2 / (2.0 * a)
+    at = 0.4 * reach * np.array([np.cos(angle), 0.0, np.sin(angle)])
+    scene = Scene((Obstacle("post", Sphere(0.01), transform(None, at)),))
+    world = FclWorld(robot, scene)
+
+    def ask(share: float) -> Plan | Failure:
+        goal = np.array([-0.5, 0.0])
+        moving = problem("planar_rr", start, goal, scene=scene, start_velocity=share * v)
+        return plan(moving, how)
+
+    answer = ask(1.0)
+    assert isinstance(answer, Failure)
+    assert "can't stop before 'post'" in answer.message
+    found = answer.details["braking"]
+    assert found["pair"][1] == "post"
+    share, time_of_touch = found["velocity_share"], found["time"]
+    assert f"at most {share:.2g} of this velocity" in answer.hint
+    # FCL: apart at the start by as much as is told, touching then, and not with the share told.
+    assert found["distance"] == pytest.approx(world.clearance(start).distance, abs=1e-6)
+    turned = v[0] * time_of_touch - 0.5 * a * time_of_touch**2
+    turns = [(turned, False)]
+    turns += [((part * v[0]) ** 2 / (2.0 * a), part == share) for part in (share, share + 0.02)]
+    for turn, free in turns:
+        assert (world.clearance(np.array([turn, 0.0])).distance > 0.0) is free
+    assert isinstance(ask(0.9 * share), Plan)
 
 
 # -------------------------------------------------------------------------------- failures
