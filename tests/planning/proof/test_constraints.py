@@ -50,6 +50,21 @@ def test_the_earliest_of_several_violations_is_the_one_told() -> None:
         assert 0.2 <= report.residual <= 0.2 * 1.01
 
 
+@pytest.mark.parametrize("second", [0.0, 0.01])
+def test_a_slow_motion_is_told_the_millisecond_in_which_it_leaves_its_constraint(
+    second: float,
+) -> None:
+    """q_1 = t / 20 for ten seconds, 0.3 at most: left at 6 s, and 0.2 beyond at the end."""
+    c = np.zeros((1, 2, 2))
+    c[0, :, 1] = [0.05, second]
+    motion = Trajectory(CHAIN.joint_names, np.array([0.0, 10.0]), c)
+    asked = ConstraintSet(CHAIN, (JointConstraint(FIRST, 0.0, 0.3, 0.3),))
+    (report,), violation = check_motion(asked, motion)
+    assert violation is not None
+    assert violation.time == pytest.approx(6.0, abs=1e-3)
+    assert 0.2 <= report.residual <= 0.2 * 1.01
+
+
 def test_soft_constraints_are_reported_and_refuse_nothing() -> None:
     asked = (JointConstraint(FIRST, 0.0, 0.5, 0.5, weight=3.0), ClearanceConstraint(0.1))
     reports, violation = check_motion(ConstraintSet(CHAIN, asked), turn())
