@@ -36,6 +36,13 @@ def _state_verdict() -> Callable[[ModelArrays, Array, float], int]:
     return direct(verdict_on, any_model(), np.zeros(1), 0.0)
 
 
+@cache
+def _curve_verdict() -> Callable[[ModelArrays, Array, Array, Array, Array, float, Array], int]:
+    """``certify_curve`` likewise."""
+    none = np.zeros(1)
+    return direct(certify_curve, any_model(), none, none, none, none, 0.0, none)
+
+
 def any_model() -> ModelArrays:
     """A model that stands for all of them where a kernel is looked up by its arguments' types."""
     limits = Limits.unlimited(1)
@@ -197,11 +204,9 @@ class Checker:
 
     def curve(self, b0: Array, b1: Array, b2: Array, b3: Array | None = None) -> Motion:
         """Prove the joint motion b0 + b1 s + b2 s^2 + b3 s^3 over 0 <= s <= 1, each (n,)."""
-        found = np.empty(4)
-        bends = np.array(b2), np.zeros_like(b2) if b3 is None else np.array(b3)
-        verdict = certify_curve(
-            self.model.arrays, np.array(b0), np.array(b1), *bends, self.slack, found
-        )
+        found, last = np.empty(4), np.zeros_like(b2) if b3 is None else b3
+        c0, c1, c2, c3 = (np.ascontiguousarray(b, _FLOAT) for b in (b0, b1, b2, last))
+        verdict = _curve_verdict()(self.model.arrays, c0, c1, c2, c3, float(self.slack), found)
         return self._motion(verdict, found)
 
     def free(self, start: Array, end: Array) -> bool:

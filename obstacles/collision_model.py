@@ -31,6 +31,7 @@ from obstacles.piece_set import (
 )
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
+from obstacles.scene_set import scene_set
 
 __all__ = ["CollisionModel", "ModelArrays", "all_pieces", "skipped_pairs"]
 
@@ -269,11 +270,8 @@ def _bodies(robot: RobotGeometry, met: bytes) -> tuple[Indices, Indices, Indices
 
 @bounded_cache(maxsize=16)
 def _scene_part(scene: Scene) -> _ScenePart:
-    shaped = [() if obstacle.is_cloud else obstacle.pieces() for obstacle in scene.obstacles]
-    packed = PieceSet.of([piece for own in shaped for piece in own])
-    rows = packed.rows
-    if any(obstacle.is_cloud for obstacle in scene.obstacles):
-        rows = _with_clouds(rows, scene, [len(own) for own in shaped])
+    packed = scene_set(scene)
+    rows = packed.rows.copy()
     counts = np.array([obstacle.count for obstacle in scene.obstacles], dtype=np.int64)
     rows[:, OWNER] = np.repeat(np.arange(len(counts)), counts)
     rows[:, MARGIN] = np.repeat([obstacle.margin for obstacle in scene.obstacles], counts)
@@ -281,29 +279,8 @@ def _scene_part(scene: Scene) -> _ScenePart:
     solid = np.flatnonzero(~wall)
     grown = tree(*_bounds(rows[solid]))
     items = _readonly(solid[grown.items])
-    kept = PieceSet(
-        _readonly(rows),
-        _readonly(packed.corners),
-        _readonly(packed.tables),
-        _readonly(packed.surfaces),
-    )
+    kept = packed._replace(rows=_readonly(rows))
     return _ScenePart(kept, Tree(grown.nodes, items), np.flatnonzero(wall))
-
-
-def _with_clouds(shaped: Array, scene: Scene, counts: list[int]) -> Array:
-    """The rows of shapes, ``counts`` for each obstacle, and between them the balls of clouds."""
-    blocks, first, before = list[Array](), 0, 0
-    for obstacle, count in zip(scene.obstacles, counts, strict=True):
-        rows = shaped[first : first + count]
-        if obstacle.is_cloud:
-            balls = obstacle.balls()
-            rows = ball_rows(balls.centers, balls.radii[0])
-        else:
-            grouped = rows[:, GROUP_STOP] > 0.0
-            rows[grouped, GROUP : GROUP_STOP + 1] += before - first
-        first, before = first + count, before + len(rows)
-        blocks.append(rows)
-    return np.vstack(blocks)
 
 
 def _bounds(rows: Array) -> tuple[Array, Array]:

@@ -60,7 +60,11 @@ class ClearanceReport:
 
 
 def clearance_report(
-    checkers: Sequence[Checker], motion: Trajectory, preferred: PreferredClearance, margin: float
+    checkers: Sequence[Checker],
+    motion: Trajectory,
+    preferred: PreferredClearance,
+    margin: float,
+    known: tuple[float, float] = (0.0, 0.0),
 ) -> ClearanceReport:
     """Look at a motion instant by instant for distances below the preferred ones.
 
@@ -70,10 +74,16 @@ def clearance_report(
         motion: The motion, of one second at least looked at every 25 ms.
         preferred: The distances.
         margin: The margin that is proved [m]; nothing below it is preferred.
+        known: Distances that were proved, of obstacles, their own margins counted, and between the
+            robot's own links [m]: where these are preferred, no instant needs a look.
     """
     distance, own = max(preferred.obstacles, margin), preferred.own_links
     count = int(np.ceil(max(motion.duration / _PERIOD, _LEAST_INSTANTS)))
     count = min(count, _MAX_INSTANTS)
+    scene = checkers[-1].model.scene
+    most = max((obstacle.margin for obstacle in scene.obstacles), default=0.0)
+    if known[0] - most > distance and known[1] > own:
+        return ClearanceReport(distance, own, margin, (), motion.duration / count)
     times = np.linspace(0.0, motion.duration, count + 1)
     positions = np.ascontiguousarray(motion.sample(times))
     close = np.ones(len(times), dtype=np.bool_)

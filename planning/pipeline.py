@@ -271,16 +271,18 @@ class _Pipeline:
         if not self.problem.robot.pieces:
             notes += ("The robot has no collision geometry: nothing is known of collisions.",)
         optimised = proved.waypoints is not None
+        certificate = proved.certificate
         clearance = clearance_report(
-            ready.checkers, timed.trajectory, self.options.clearance, self.problem.margin
-        )
+            ready.checkers, timed.trajectory, self.options.clearance, self.problem.margin,
+            (certificate.min_obstacle_clearance, certificate.min_self_clearance),
+        )  # fmt: skip
         timing = timing_report(self.parametrization, timed.solver)
         return Plan(
             planner=OPTIMIZE if optimised else found.planner,
             stages=(),
             path=Path(found.waypoints if proved.waypoints is None else proved.waypoints),
             trajectory=timed.trajectory,
-            certificate=proved.certificate,
+            certificate=certificate,
             notes=notes,
             descent=attempt.descent,
             progress=attempt.progress,

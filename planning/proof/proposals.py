@@ -1,10 +1,11 @@
 """Proposed separating directions: the one seam between the proof and GJK.
 
-GJK's kernel reads wide packed rows (``obstacles.piece_set``). They are packed here, and the kernel
-is called here, for the direction between the nearest points of two elements. Nothing that comes
-back is believed: a direction is checked by ``separating_direction``, and the distance only decides
-which pairs are worth a closer look. A wrong row or a wrong direction costs time, never truth. No
-other module of the proof imports the distance iteration or its rows.
+GJK's kernel reads wide packed rows (``obstacles.piece_set``). They are packed here, but those of a
+scene of solids are packed once for all (``obstacles.scene_set``). The kernel is called here, for
+the direction between the nearest points of two elements. Nothing that comes back is believed: a
+direction is checked by ``separating_direction``, and the distance only decides which pairs are
+worth a closer look. A wrong row or a wrong direction costs time, never truth. No other module of
+the proof imports the distance iteration or its rows.
 """
 
 from collections.abc import Iterable
@@ -33,10 +34,10 @@ from obstacles.piece_set import (
     CoreKind,
     Pair,
     PieceSet,
-    ball_rows,
 )
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
+from obstacles.scene_set import pack, scene_set
 from obstacles.support_table import Lists
 
 #: The pieces of a robot or a scene, packed.
@@ -134,26 +135,15 @@ def _with_surfaces(pieces: Iterable[Piece], first: int, opened: Rows) -> list[Pi
 @lru_cache(maxsize=16)
 def _scene_rows(scene: Scene, opened: Rows) -> PieceSet:
     """A scene's pieces in the order of its obstacles, clouds as balls."""
-    shaped, row = list[list[Piece]](), 0
+    shaped, row = list[tuple[Piece, ...]](), 0
     for obstacle in scene.obstacles:
-        shapes = () if obstacle.is_cloud else obstacle.pieces()
-        shaped.append(_with_surfaces(shapes, row, opened))
+        shaped.append(() if obstacle.is_cloud else obstacle.pieces())
+    if not any(piece.surface is not None for pieces in shaped for piece in pieces):
+        return scene_set(scene)
+    for at, obstacle in enumerate(scene.obstacles):
+        shaped[at] = tuple(_with_surfaces(shaped[at], row, opened))
         row += obstacle.count
-    packed = PieceSet.of([piece for pieces in shaped for piece in pieces])
-    if not any(obstacle.is_cloud for obstacle in scene.obstacles):
-        return packed
-    blocks, first = [np.zeros((0, WIDTH))], 0
-    for obstacle, pieces in zip(scene.obstacles, shaped, strict=True):
-        rows = packed.rows[first : first + len(pieces)]
-        if obstacle.is_cloud:
-            balls = obstacle.balls()
-            rows = ball_rows(balls.centers, balls.radii[0])
-        else:
-            grouped = rows[:, GROUP_STOP] > 0.0
-            rows[grouped, GROUP : GROUP_STOP + 1] += sum(map(len, blocks)) - first
-        first += len(pieces)
-        blocks.append(rows)
-    return packed._replace(rows=np.vstack(blocks))
+    return pack(scene, shaped)
 
 
 @kernel(allocates=False, inline="code")

@@ -291,7 +291,8 @@ def _proved(
     plan = replace(
         part.plan, trajectory=motion, certificate=certificate, notes=notes,
         clearance=clearance_report(
-            [cell.checker], motion, settings.options.clearance, settings.margin
+            [cell.checker], motion, settings.options.clearance, settings.margin,
+            (certificate.min_obstacle_clearance, certificate.min_self_clearance),
         ),
     )  # fmt: skip
     return replace(known, trajectory=motion, certificate=certificate, plan=plan, passes=passes)

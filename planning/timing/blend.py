@@ -69,12 +69,13 @@ def largest_reaches(waypoints: ArrayLike) -> Array:
     Raises:
         InvalidTrajectory: As in ``merge``.
     """
-    return _largest_reaches(_points(waypoints))
+    points = _points(waypoints)
+    return _largest_reaches(points, _keep(points))
 
 
-def _largest_reaches(points: Array) -> Array:
+def _largest_reaches(points: Array, kept: Indices) -> Array:
     reaches = np.zeros(max(len(points) - 2, 0))
-    largest_reaches_kernel(points, _keep(points), reaches)
+    largest_reaches_kernel(points, kept, reaches)
     return reaches
 
 
@@ -98,8 +99,8 @@ def reach_for_deviation(waypoints: ArrayLike, deviation: float, smooth: bool = F
             f"the blend tolerance is {deviation}", hint="Give a number that is 0 or positive."
         )
     points = _points(waypoints)
-    reaches = _largest_reaches(points)
     kept = _keep(points)
+    reaches = _largest_reaches(points, kept)
     if len(kept) > 2:
         _, directions = _legs(points[kept])
         turns = np.linalg.norm(np.diff(directions, axis=0), axis=1)
@@ -129,7 +130,7 @@ def blend(waypoints: ArrayLike, reaches: ArrayLike, smooth: bool = False) -> Joi
             "all waypoints are the same: the path has no length",
             hint="Give at least two distinct waypoints.",
         )
-    corner_reaches = _reaches(points, reaches)[kept[1:-1] - 1]
+    corner_reaches = _reaches(points, kept, reaches)[kept[1:-1] - 1]
     corners = points[kept]
     lengths, directions = _legs(corners)
     least = _LEAST_REACH * np.minimum(lengths[:-1], lengths[1:])
@@ -218,8 +219,8 @@ def _points(waypoints: ArrayLike) -> Array:
     return points
 
 
-def _reaches(points: Array, reaches: ArrayLike) -> Array:
-    limits = _largest_reaches(points)
+def _reaches(points: Array, kept: Indices, reaches: ArrayLike) -> Array:
+    limits = _largest_reaches(points, kept)
     values = np.array(reaches, dtype=np.float64).reshape(-1)
     if values.shape != limits.shape or not (values >= 0.0).all():
         raise InvalidOption(

@@ -251,6 +251,8 @@ def fastest_reaches_kernel(
     """
     k = largest.shape[0]
     rest, speeds, trial, other = (0.0, 0.0), np.zeros(k + 2), np.empty(k), np.zeros(k + 2)
+    # Windows about two corners have a speed in common up to this distance of the corners.
+    settled, around = np.zeros(k, dtype=np.bool_), 2 * _NEIGHBOURS + 1
     best = np.inf
     for share in range(_SHARES + 1):
         for i in range(k):
@@ -261,19 +263,28 @@ def fastest_reaches_kernel(
             reaches[:], speeds[:] = trial, other
     for _ in range(_ROUNDS):
         for i in range(k):
+            # Nothing that its time hangs on has changed since it was looked at.
+            if settled[i]:
+                continue
+            settled[i] = True
             # Corner i lies between the legs i and i + 1.
             first, last = max(i - _NEIGHBOURS, 0), min(i + 2 + _NEIGHBOURS, k + 1)
             ends = (speeds[first], speeds[last])
             trial[:] = reaches
             # Beyond the ends curves go on at the same speeds: their reaches stay as they are.
             local = _time_between(legs, corners, trial, first, last, ends, other)
+            known = reaches[i]
             for share in range(_SHARES + 1):
                 trial[i] = largest[i] * share / _SHARES
+                if trial[i] == known:
+                    continue
                 time = _time_between(legs, corners, trial, first, last, ends, other)
                 if time < local:
                     local = time
                     reaches[i] = trial[i]
                     speeds[first : last + 1] = other[first : last + 1]
+                    for j in range(max(i - around, 0), min(i + around + 1, k)):
+                        settled[j] = j == i
 
 
 @kernel(allocates=False)

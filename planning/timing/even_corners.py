@@ -72,6 +72,16 @@ def corner_reaches_kernel(waypoints: Array, limits: Array, largest: Array, reach
 
 
 def time_even_corners(path: JointPath, joint_names: Sequence[str], limits: Array) -> ScaledTime:
+    """``pass_even_corners`` with all limits kept to the last bit.
+
+    Returns:
+        The motion, and the factor by which time was stretched for rounding.
+    """
+    motion = pass_even_corners(path, joint_names, limits)
+    return dilate(motion, *limits)._replace(solver="double_s")
+
+
+def pass_even_corners(path: JointPath, joint_names: Sequence[str], limits: Array) -> Trajectory:
     """The rounded polyline run through with bounded jerk, each corner at a constant speed.
 
     Legs take the least time between the speeds of their ends. The motion stops at sharp corners.
@@ -80,10 +90,8 @@ def time_even_corners(path: JointPath, joint_names: Sequence[str], limits: Array
     Args:
         path: Of ``blend(..., smooth=True)``.
         joint_names: n names.
-        limits: Of velocity (inf where there is none), acceleration and jerk, shape (3, n).
-
-    Returns:
-        The motion, and the factor by which time was stretched for rounding.
+        limits: Of velocity (inf where there is none), acceleration and jerk, shape (3, n); rounding
+            may exceed them.
     """
     count = len(path.lengths)
     straight, along = np.empty(count, dtype=np.bool_), np.empty((count, 3))
@@ -98,8 +106,7 @@ def time_even_corners(path: JointPath, joint_names: Sequence[str], limits: Array
     work = np.empty((2, 3 * powers - 2))
     compose_pieces_kernel(path.coefficients, owners, phases, work, pieces)
     breaks = np.concatenate([[0.0], np.cumsum(phases[:, 4])])
-    motion = Trajectory(tuple(joint_names), breaks, pieces[:, :, : _DEGREE + 1])
-    return dilate(motion, *limits)._replace(solver="double_s")
+    return Trajectory(tuple(joint_names), breaks, pieces[:, :, : _DEGREE + 1])
 
 
 @kernel

@@ -105,25 +105,30 @@ class _RoundedMotion:
     deadline: Deadline
     preferred: Sequence[Checker]
     left_path: bool = field(default=False, init=False)
-    _rounded: ScaledTime | None = field(default=None, init=False)
+    _found_reaches: Array | None = field(default=None, init=False)
 
     def time_on_path(self) -> ScaledTime:
-        """The motion with rounded corners, timed once."""
-        if self._rounded is None:
-            reaches, names = self._reaches(), self.checker.model.chain.joint_names
-            self._rounded = self.parametrization.time_polyline(self.points, reaches, names)
-        return self._rounded
+        """The motion with rounded corners."""
+        names = self.checker.model.chain.joint_names
+        return self.parametrization.time_polyline(self.points, self._reaches(), names)
 
     def smooth(self) -> ScaledTime:
         """The spline near the motion where it is as far from everything, else the motion itself."""
-        rounded = self.time_on_path()
-        for spline in self.parametrization.splines_near(rounded, self.points):
-            if self._keeps_clear(spline.trajectory):
-                self.left_path = True
-                return spline
-        return rounded
+        names = self.checker.model.chain.joint_names
+        rounded = self.parametrization.near_corners(self.points, self._reaches(), names)
+        if rounded is not None:
+            for spline in self.parametrization.splines_near(rounded, self.points):
+                if self._keeps_clear(spline.trajectory, rounded):
+                    self.left_path = True
+                    return spline
+        return self.time_on_path()
 
     def _reaches(self) -> Array:
+        if self._found_reaches is None:
+            self._found_reaches = self._find_reaches()
+        return self._found_reaches
+
+    def _find_reaches(self) -> Array:
         parametrization, timing = self.parametrization, self.timing
         largest = largest_reaches(self.points)
         if timing.blend_tolerance is not None:
@@ -138,9 +143,8 @@ class _RoundedMotion:
             preferred=self.preferred,
         )
 
-    def _keeps_clear(self, motion: Trajectory) -> bool:
+    def _keeps_clear(self, motion: Trajectory, rounded: Trajectory) -> bool:
         """Whether a motion keeps most of the clearance that the one with rounded corners keeps."""
-        rounded = self.time_on_path().trajectory
         count = _INSTANTS * motion.pieces
         for level in (*(_lower(level) for level in self.preferred), self.checker):
             if _is_clear(level, motion, count):

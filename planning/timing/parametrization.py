@@ -13,7 +13,11 @@ from kinematics.trajectory import Trajectory
 from planning.effort_limits import EffortLimits
 from planning.timing.blend import blend, merge
 from planning.timing.effort_limits import slow_down
-from planning.timing.even_corners import fastest_reaches, time_even_corners
+from planning.timing.even_corners import (
+    fastest_reaches,
+    pass_even_corners,
+    time_even_corners,
+)
 from planning.timing.method import PathLimits, TimingMethod
 from planning.timing.path import JointPath
 from planning.timing.quintic_fit import SPAN_RATES, fit_quintic
@@ -61,16 +65,25 @@ class TimeParametrization:
         moving = any(v is not None and v.any() for v in (self.start_velocity, self.end_velocity))
         return self.method.even_corners and self.loads is None and not moving
 
-    def splines_near(self, rounded: ScaledTime, waypoints: Array) -> Iterator[ScaledTime]:
+    def near_corners(
+        self, waypoints: Array, reaches: Array, joint_names: Sequence[str]
+    ) -> Trajectory | None:
+        """A motion that ``splines_near`` may be near to; rounding may exceed the limits.
+
+        None where the method has no such splines. Arguments are those of ``time_polyline``.
+        """
+        if not (self.method.near_path and self.even_corners and len(waypoints) > 2):
+            return None
+        path = blend(waypoints, reaches, smooth=self.smooth)
+        return pass_even_corners(path, joint_names, self.jerk_bounds)
+
+    def splines_near(self, motion: Trajectory, waypoints: Array) -> Iterator[ScaledTime]:
         """Splines of few pieces near a motion, ever nearer; none that take far longer than it.
 
         Args:
-            rounded: The motion with rounded corners.
+            motion: Of ``near_corners``.
             waypoints: Of its path, merged, shape (k, n).
         """
-        motion = rounded.trajectory
-        if not (self.method.near_path and self.even_corners and len(waypoints) > 2):
-            return
         limits, legs = self.jerk_bounds, len(waypoints) - 1
         for rate in SPAN_RATES:
             spline = fit_quintic(motion, motion.joint_names, limits, legs, rate)

@@ -64,9 +64,12 @@ def fit_quintic(
     spans = np.full(count, motion.duration / count)
     shares = (np.arange(_POINTS) + 0.5) / _POINTS
     begins = np.arange(count)[:, None] * spans[:, None]
-    times = np.minimum(begins + spans[:, None] * shares, motion.duration)
-    points = motion.sample(times.ravel()).reshape(count, _POINTS, motion.n)
-    ends = np.stack([motion.start, motion.end])
+    times = np.empty(2 + count * _POINTS)
+    times[:2] = 0.0, motion.duration
+    inner = begins + spans[:, None] * shares
+    np.minimum(inner.ravel(), motion.duration, out=times[2:])
+    sampled = motion.sample(times)
+    ends, points = sampled[:2], sampled[2:].reshape(count, _POINTS, motion.n)
     coefficients = np.zeros((count, motion.n, DEGREE + 1))
     fit_spans_kernel(points, shares, ends, limits, spans, coefficients)
     breaks = np.concatenate([[0.0], np.cumsum(spans)])

@@ -102,13 +102,14 @@ def fit(
         InvalidOption: As in ``dilate``, or no limit given bounds the motion.
     """
     limits = _bounds(trajectory.n, velocity, acceleration, jerk)
-    factor = _least_factor(_worst(trajectory.breaks, trajectory.coefficients, limits))
+    worst = _worst(trajectory.breaks, trajectory.coefficients, limits)
+    factor = _least_factor(worst)
     if not factor > 0.0:
         raise InvalidOption(
             "no limit bounds this motion, so there is no fastest one",
             hint="Give finite velocity, acceleration or jerk limits, and a motion that moves.",
         )
-    return _stretch(trajectory, limits, factor * (1.0 + _HAIR))
+    return _stretch(trajectory, _near(limits, worst, factor), factor * (1.0 + _HAIR))
 
 
 def checked_limits(values: ArrayLike, name: str, n: int) -> Array:
@@ -146,12 +147,20 @@ def _stretch(trajectory: Trajectory, limits: Array, factor: float) -> ScaledTime
     while (missing := _missing_factor(worst)) > 1.0:
         factor *= missing * (1.0 + _HAIR)
         breaks, coefficients = _dilated(trajectory, factor)
-        # Looked at again is what comes near its limit: the rest has only become smaller.
-        near = worst > _NEAR * missing ** np.arange(1.0, 4.0)
-        worst = _worst(breaks, coefficients, np.where(near[:, None], limits, np.inf))
+        worst = _worst(breaks, coefficients, _near(limits, worst, missing))
     if factor == 1.0:
         return ScaledTime(trajectory, factor)
     return ScaledTime(Trajectory(trajectory.joint_names, breaks, coefficients), factor)
+
+
+def _near(limits: Array, worst: Array, factor: float) -> Array:
+    """The limits that are worth another look once time is stretched, inf for the others.
+
+    Ratios whose limits are used up just so by that factor are looked at again; others are far below
+    1 afterwards.
+    """
+    near = worst > _NEAR * factor ** np.arange(1.0, 4.0)
+    return np.where(near[:, None], limits, np.inf)
 
 
 def _dilated(trajectory: Trajectory, factor: float) -> tuple[Array, Array]:

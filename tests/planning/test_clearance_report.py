@@ -1,5 +1,7 @@
 """Spans of a motion nearer than preferred, against FCL at every ten thousandth of it."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from kinematics.pose import transform
@@ -72,3 +74,25 @@ def test_hulls_are_only_a_first_look() -> None:
     assert reports[0].spans
     assert reports[0] == reports[1]
     assert 0.0 < reports[1].time_below < reports[2].time_below
+
+
+def test_what_is_proved_to_keep_its_distance_is_not_looked_at() -> None:
+    """A bound below the preferred distances changes nothing, one above them spares the look."""
+    checker = Checker.of(builtin("planar_rr"), BAR)
+    preferred = PreferredClearance(0.05)
+    looked = clearance_report((checker,), MOTION, preferred, 0.0)
+    assert looked.spans
+    own = preferred.own_links
+    for known in ((0.05, np.inf), (np.inf, own), (0.0, 0.0)):
+        assert clearance_report((checker,), MOTION, preferred, 0.0, known) == looked
+    spared = clearance_report((checker,), MOTION, preferred, 0.0, (0.051, own + 1e-3))
+    assert spared == replace(looked, spans=())
+
+
+def test_margins_of_obstacles_are_taken_off_what_is_proved() -> None:
+    (bar,) = BAR.obstacles
+    checker = Checker.of(builtin("planar_rr"), Scene((replace(bar, margin=0.02),)))
+    preferred, known = PreferredClearance(0.05), (0.06, np.inf)
+    looked = clearance_report((checker,), MOTION, preferred, 0.0)
+    assert looked.spans
+    assert clearance_report((checker,), MOTION, preferred, 0.0, known) == looked

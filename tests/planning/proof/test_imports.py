@@ -29,7 +29,12 @@ ALLOWED = {
     "dynamics.body",
 }
 #: The seam to GJK, whose proposals are checked.
-SEAM = {"obstacles.gjk", "obstacles.piece_set", "obstacles.support_table"}
+SEAM = {
+    "obstacles.gjk",
+    "obstacles.piece_set",
+    "obstacles.scene_set",
+    "obstacles.support_table",
+}
 
 
 def imported(path: Path) -> set[str]:
