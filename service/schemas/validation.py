@@ -13,6 +13,12 @@ _MAX_IN_SENTENCE = 3
 _MAX_PATH = 200
 _MAX_MESSAGE = 500
 
+#: Errors that a value is of another kind than one that a field may have. Where it may have several
+#: and the value is an object or a list with a fault inside, the others are not what was meant.
+_OTHER_KINDS = frozenset(
+    f"{kind}_type" for kind in ("bool", "int", "float", "string", "list", "dict", "model")
+) | {"literal_error", "enum"}
+
 _Model = TypeVar("_Model", bound=BaseModel)
 
 
@@ -36,23 +42,29 @@ def fault_list(error: ValidationError) -> list[Any]:
 
 def validation_problem(errors: Sequence[Mapping[str, Any]], body: Any) -> ProblemError:
     """The problem of the errors pydantic found in a request with this parsed body."""
+    listed = errors[:_MAX_ERRORS]
+    paths = [field_path(e["loc"], body, missing=e["type"] == "missing") for e in listed]
     found = [
-        {
-            "path": field_path(error["loc"], body, missing=error["type"] == "missing"),
-            "problem": _message(error),
-        }
-        for error in errors[:_MAX_ERRORS]
+        {"path": path, "problem": _message(error)}
+        for error, path in zip(listed, paths, strict=True)
+        if not (error["type"] in _OTHER_KINDS and _has_fault_inside(path, paths))
     ]
+    count = len(errors) - len(listed) + len(found)
     sentence = "; ".join(f"{item['path']}: {item['problem']}" for item in found[:_MAX_IN_SENTENCE])
-    more = len(errors) - _MAX_IN_SENTENCE
+    more = count - _MAX_IN_SENTENCE
     return ProblemError(
         "VALIDATION_ERROR",
         sentence + (f"; and {more} more" if more > 0 else ""),
         stage="request",
         hint="details.errors lists every field; /docs shows what this endpoint takes.",
         errors=found,
-        count=len(errors),
+        count=count,
     )
+
+
+def _has_fault_inside(path: str, paths: Sequence[str]) -> bool:
+    """Whether one of the paths leads to a part of what another path leads to."""
+    return any(other.startswith((f"{path}.", f"{path}[")) for other in paths)
 
 
 def field_path(location: Sequence[str | int], body: Any, *, missing: bool = False) -> str:

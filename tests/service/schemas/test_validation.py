@@ -4,6 +4,7 @@ import pytest
 
 from service.problem import ProblemError
 from service.schemas.check import CheckRequest
+from service.schemas.plan import PlanRequest
 from service.schemas.strict_json import parse_json
 from service.schemas.validation import field_path, validate_as
 
@@ -34,6 +35,22 @@ def test_a_long_list_is_cut_and_counted() -> None:
     assert len(problem.details["errors"]) == 50
     assert problem.details["count"] == 82
     assert problem.detail.endswith("; and 79 more")
+
+
+def test_where_several_kinds_may_stand_only_faults_of_the_one_meant_are_told() -> None:
+    body = {"robot": "planar_rr", "start": {"joints": [0.0, 0.0]}, "goal": {"joints": [1.0, 1.0]}}
+    for refine, told in (
+        ({"rounds": 1.5}, {"refine.rounds": "Input should be a valid integer"}),
+        ({"objective": {"time": -1.0}}, {"refine.objective.time": "greater than or equal to 0"}),
+    ):
+        with pytest.raises(ProblemError) as refusal:
+            validate_as(PlanRequest, body | {"refine": refine})
+        ((path, words),) = told.items()
+        assert refusal.value.detail.startswith(f"{path}: ")
+        assert refusal.value.detail.endswith(words)
+        assert refusal.value.details["count"] == len(refusal.value.details["errors"]) == 1
+    with pytest.raises(ProblemError, match="refine: Input should be a valid boolean; refine: "):
+        validate_as(PlanRequest, body | {"refine": 5})
 
 
 def test_a_body_in_order_is_the_model() -> None:
