@@ -2,10 +2,10 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from kinematics.bounded_cache import bounded_cache
 from kinematics.dh import chain_from_dh
 from kinematics.dh_table import Convention, DhRow, DhTable
 from kinematics.errors import InvalidRobotDescription
@@ -148,7 +148,7 @@ def _require_file(path: Path) -> Path:
     return path
 
 
-@lru_cache(maxsize=64)
+@bounded_cache(maxsize=64)
 def read_mesh(uri: str, folder: Path | None) -> bytes:
     """The bytes of a mesh file of a URDF.
 

@@ -3,12 +3,11 @@
 Where no surfaces touch all along a motion, nothing gets in or out: one look at its start will do.
 """
 
-from functools import lru_cache
-
 import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.arrays import Array
+from kinematics.bounded_cache import bounded_cache
 from kinematics.forward import joint_frames
 from obstacles.mesh_containment import encloses, inside_box
 from obstacles.piece import Piece, PieceKind
@@ -94,7 +93,7 @@ def _holds(pieces: tuple[Piece, ...], i: int, carried: Array, points: Array) -> 
     return held
 
 
-@lru_cache(maxsize=8)
+@bounded_cache(maxsize=8)
 def _places(scene: Scene) -> Array:
     """A point of every piece, far away where it is a half-space, shape (3, m)."""
     still = scene.pieces()[0]

@@ -1,11 +1,11 @@
 """Collision and limit check of configurations, with depths and the pairs that collide."""
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 
 from kinematics.arrays import Array
+from kinematics.bounded_cache import bounded_cache
 from obstacles.checker import Checker
 from obstacles.fcl_distance import FclWorld
 from obstacles.robot_geometry import RobotGeometry
@@ -137,13 +137,13 @@ class ConfigurationChecker:
         )
 
 
-@lru_cache(maxsize=8)
+@bounded_cache(maxsize=8)
 def _fcl_world(robot: RobotGeometry, scene: Scene) -> FclWorld:
     """FCL's depths, made when the first configuration collides."""
     return FclWorld(robot, scene)
 
 
-@lru_cache(maxsize=8)
+@bounded_cache(maxsize=8)
 def configuration_checker(
     robot: RobotGeometry, scene: Scene, margin: float = 0.0
 ) -> ConfigurationChecker:

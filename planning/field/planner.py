@@ -14,12 +14,13 @@ Robotics Research, 1991.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
 
 from kinematics.arrays import Array
+from kinematics.bounded_cache import bounded_cache
 from obstacles.checker import Checker
 from obstacles.fcl_projection import FclProjector
 from obstacles.projection import Projector
@@ -202,7 +203,7 @@ def potential_of(
     return Field(robot.chain, where, obstacles, goal, weights, options.joint_weight), where
 
 
-@lru_cache(maxsize=16)
+@bounded_cache(maxsize=16)
 def _weighted_points(
     robot: RobotGeometry, options: FieldOptions
 ) -> tuple[ControlPoints, FieldWeights]:
@@ -216,7 +217,7 @@ def _weighted_points(
     return where, weights
 
 
-@lru_cache(maxsize=16)
+@bounded_cache(maxsize=16)
 def _projector(scene: Scene) -> Projector:
     return Projector(scene)
 

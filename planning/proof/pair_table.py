@@ -6,7 +6,6 @@ pair of elements that can be proved apart settles all pairs below it.
 """
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from itertools import combinations
 from typing import NamedTuple
 
@@ -14,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.arrays import Array, Indices, frozen
+from kinematics.bounded_cache import bounded_cache
 from obstacles.bvh import FIRST, tree
 from obstacles.piece import Piece, PieceArrays, PieceKind
 from obstacles.robot_geometry import RobotGeometry
@@ -183,7 +183,7 @@ class _Elements(NamedTuple):
         return cls(*map(np.concatenate, zip(*blocks, strict=True)))
 
 
-@lru_cache(maxsize=8)
+@bounded_cache(maxsize=8)
 def _arrays(robot: RobotGeometry, scene: Scene, opened: Rows) -> PairArrays:
     packed, p = packed_pieces(robot, scene, opened), len(robot.pieces)
     still, owners, margins = scene.pieces()
@@ -253,7 +253,7 @@ def _pairs_that_may_touch(robot: RobotGeometry, scene: Scene) -> NDArray[np.bool
     return skipped
 
 
-@lru_cache(maxsize=8)
+@bounded_cache(maxsize=8)
 def _pieces_by_name(robot: RobotGeometry) -> dict[str, list[int]]:
     """Pieces of each link and attached object."""
     rows: dict[str, list[int]] = {}
@@ -262,7 +262,7 @@ def _pieces_by_name(robot: RobotGeometry) -> dict[str, list[int]]:
     return rows
 
 
-@lru_cache(maxsize=8)
+@bounded_cache(maxsize=8)
 def _own(robot: RobotGeometry, opened: Rows) -> tuple[_Elements, Array, int]:
     """The robot's elements alone, their extents, and how many corners are packed with them."""
     packed = packed_pieces(robot, Scene(()), opened)
@@ -350,7 +350,7 @@ def _roots(
     return np.concatenate([around.reshape(-1, 2), own])
 
 
-@lru_cache(maxsize=8)
+@bounded_cache(maxsize=8)
 def _own_pairs(robot: RobotGeometry) -> tuple[Indices, frozenset[tuple[str, str]]]:
     """Pairs of the robot's pieces that must not touch, shape (k, 2), and their names, sorted.
 

@@ -10,12 +10,12 @@ the proof imports the distance iteration or its rows.
 
 from collections.abc import Iterable
 from dataclasses import replace
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
 from kinematics.arrays import Array, Indices
+from kinematics.bounded_cache import bounded_cache
 from kinematics.compiled.kernel import kernel
 from obstacles.gjk import STILL, separation
 from obstacles.piece import Piece
@@ -107,7 +107,7 @@ def packed_pieces(robot: RobotGeometry, scene: Scene, opened: Rows = None) -> Pi
     return own._replace(rows=rows)
 
 
-@lru_cache(maxsize=64)
+@bounded_cache(maxsize=64)
 def _robot_rows(robot: RobotGeometry, opened: Rows) -> PieceSet:
     return PieceSet.of(_with_surfaces(robot.pieces, 0, opened))
 
@@ -132,7 +132,7 @@ def _with_surfaces(pieces: Iterable[Piece], first: int, opened: Rows) -> list[Pi
     ]
 
 
-@lru_cache(maxsize=16)
+@bounded_cache(maxsize=16)
 def _scene_rows(scene: Scene, opened: Rows) -> PieceSet:
     """A scene's pieces in the order of its obstacles, clouds as balls."""
     shaped, row = list[tuple[Piece, ...]](), 0

@@ -30,11 +30,12 @@ class Recent:
         self._lock = threading.Lock()
         self._values: OrderedDict[Any, Any] = OrderedDict()
         self._weights: dict[Any, int] = {}
+        self._weight = 0
 
     @property
     def weight(self) -> int:
         """The bytes of the values that are kept."""
-        return sum(self._weights.values())
+        return self._weight
 
     def get(self, key: object, make: Callable[[], _T]) -> _T:
         """The value of a key, made if it is not among those kept."""
@@ -61,10 +62,11 @@ class Recent:
         with self._lock:
             self._values[key] = value
             self._values.move_to_end(key)
+            self._weight += weight - self._weights.get(key, 0)
             self._weights[key] = weight
             while len(self._values) > self._size or self._is_too_heavy():
                 dropped, _ = self._values.popitem(last=False)
-                del self._weights[dropped]
+                self._weight -= self._weights.pop(dropped)
 
     def _is_too_heavy(self) -> bool:
         return self._limit is not None and len(self._values) > 1 and self.weight > self._limit

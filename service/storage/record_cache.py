@@ -7,8 +7,15 @@ from typing import Generic, TypeVar
 from service.storage.recent import Recent
 
 _R = TypeVar("_R")
-#: Records that are kept; one is some hundred bytes.
+#: Records that are kept, and what they may take together [byte]; one is some hundred bytes.
 _SIZE = 4096
+_LIMIT = 4 * 2**20
+#: Memory of a record without its texts, and of its key [byte].
+_FRAME = 512
+
+
+def _record_bytes(record: object) -> int:
+    return _FRAME + len(str(record))
 
 
 class RecordCache(Generic[_R]):
@@ -19,7 +26,7 @@ class RecordCache(Generic[_R]):
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._records = Recent(_SIZE)
+        self._records = Recent(_SIZE, _LIMIT, _record_bytes)
         self._writes = 0
 
     def recall(self, key: object) -> _R | None:
@@ -44,4 +51,4 @@ class RecordCache(Generic[_R]):
         """Forget all records: something was written, or may have been."""
         with self._lock:
             self._writes += 1
-            self._records = Recent(_SIZE)
+            self._records = Recent(_SIZE, _LIMIT, _record_bytes)

@@ -1,11 +1,11 @@
 """Equations of a robot as formulas, in workers."""
 
-from functools import lru_cache
 from typing import Literal
 
 from dynamics.equations.parameters import textbook_table
 from dynamics.equations.sheet import write_sheet
 from dynamics.equations.writing import Notation
+from kinematics.bounded_cache import bounded_cache
 from kinematics.chain import Chain
 from kinematics.dh_table import DhTable
 from service.schemas.robot import RobotBody
@@ -40,7 +40,7 @@ def equations(
     return _equations(worker_cache.chain(robot), document, Notation(notation))
 
 
-@lru_cache(maxsize=_KEPT_ANSWERS)
+@bounded_cache(maxsize=_KEPT_ANSWERS)
 def _equations(chain: Chain, document: bytes | None, notation: Notation) -> bytes:
     sheet = write_sheet(_table(chain, document), notation)
     return equations_answer(chain, sheet).model_dump_json().encode()

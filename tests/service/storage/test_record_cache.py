@@ -26,6 +26,14 @@ def test_what_was_read_before_a_write_is_not_kept_after_it() -> None:
     assert cache.recall("a") is None
 
 
+def test_records_are_bounded_by_their_bytes() -> None:
+    cache: RecordCache[str] = RecordCache()
+    long = "x" * 2**20
+    for number in range(8):
+        cache.read(number, lambda: long)
+    assert [cache.recall(number) is None for number in range(8)] == [True] * 5 + [False] * 3
+
+
 def test_documents_are_known_as_they_were_written_last(store: Store) -> None:
     documents = DocumentStore(store.database, cache=RecordCache())
     first = documents.create("scene", "a", b"one")

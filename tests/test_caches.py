@@ -1,0 +1,55 @@
+"""Caches of functions: what is kept without a bound in bytes is small by its nature."""
+
+import ast
+from collections.abc import Iterator
+
+from tests.test_sizes import PRODUCT, ROOT
+
+#: Functions whose last values are bounded by number alone, and why that is enough. A chain has as
+#: many joints as a robot, so its tables take kilobytes.
+BY_NUMBER = {
+    "kinematics/ik/arm_parts.py": "parts of a chain",
+    "kinematics/ik/structure.py": "a few numbers of a chain",
+    "kinematics/ik/analytic.py": "a few numbers of a chain",
+    "kinematics/ik/numeric.py": "tables of a chain",
+    "dynamics/body.py": "a row of numbers for each link of a chain",
+    "dynamics/base_parameters.py": "matrices of a chain",
+    "service/http/state.py": "a path",
+    "service/storage/prepared_files.py": "a path",
+}
+
+#: Functions that keep all values: of kernels, of files of ours, of functions of the client.
+WITHOUT_A_BOUND = {
+    ("kinematics/compiled/kernel_code.py", "copied"),
+    ("kinematics/compiled/kernel_code.py", "_environments"),
+    ("kinematics/compiled/kernel_code.py", "_size"),
+    ("kinematics/compiled/kernel_library.py", "_plain_machine"),
+    ("kinematics/compiled/kernel_store.py", "_warn_once"),
+    ("obstacles/triangles.py", "_inner_radius"),
+    ("service/viewer/page.py", "_asset"),
+    ("client/armwright_client/call.py", "_signature"),
+    ("client/armwright_client/call.py", "_without_first"),
+}
+
+
+def caches(name: str) -> Iterator[tuple[str, ast.FunctionDef]]:
+    """Files and functions of the product that are decorated by a cache of functools."""
+    for folder in (*PRODUCT, "studio", "client/armwright_client"):
+        for path in sorted((ROOT / folder).rglob("*.py")):
+            for node in ast.walk(ast.parse(path.read_text())):
+                if isinstance(node, ast.FunctionDef):
+                    for decorator in node.decorator_list:
+                        called = decorator.func if isinstance(decorator, ast.Call) else decorator
+                        if isinstance(called, ast.Name) and called.id == name:
+                            yield path.relative_to(ROOT).as_posix(), node
+
+
+def test_caches_are_bounded_by_bytes_where_values_may_be_large() -> None:
+    assert {path for path, _ in caches("lru_cache")} == set(BY_NUMBER)
+
+
+def test_caches_without_any_bound_have_one_value_for_each_of_a_few_types_or_words() -> None:
+    with_arguments = {
+        (path, function.name) for path, function in caches("cache") if ast.unparse(function.args)
+    }
+    assert with_arguments == WITHOUT_A_BOUND
