@@ -70,6 +70,8 @@ class Pose(Body):
 
     @model_validator(mode="after")
     def _check_one_orientation(self) -> "Pose":
+        if len(self.model_fields_set) <= 2:  # most of hundreds: a position, and one more perhaps
+            return self
         given = [name for name in ORIENTATIONS if getattr(self, name) is not None]
         if len(given) > 1:
             raise ValueError(f"give at most one orientation; found {' and '.join(given)}")
