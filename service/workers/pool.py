@@ -97,7 +97,7 @@ class WorkerPool:
         self._enriched = asyncio.Event()
         self._lost: list[ForkServer] = []
         self._available = asyncio.Event()
-        self._unfit = False
+        self._unfit = self._renewed = False
         self._tasks: set[asyncio.Task[None]] = set()
         self._warmed: set[int] = set()
         self._failing: set[int] = set()
@@ -119,6 +119,11 @@ class WorkerPool:
     def unfit(self) -> bool:
         """Whether the fork server could not prepare what workers need."""
         return self._unfit
+
+    @property
+    def settled(self) -> bool:
+        """Whether no worker is to be replaced by one that has more prepared."""
+        return self._renewed or self._recipe.enrich is None
 
     @property
     def pids(self) -> list[int]:
@@ -235,6 +240,7 @@ class WorkerPool:
             if len(self.pids) == self.count and all(worker.warm for worker in self.workers):
                 next(filter(self._owner.retire, outdated), None)
             await asyncio.sleep(_RENEWAL_PERIOD)
+        self._renewed = True
 
     # ----------------------------------------------------------------------------- the workers
 

@@ -69,6 +69,11 @@ class SupervisorState:
         return self._accepting and self._pool.ready
 
     @property
+    def settled(self) -> bool:
+        """Whether those workers live that stay, as long as nobody ends them."""
+        return self._pool.settled
+
+    @property
     def progress(self) -> Progress | None:
         """Progress of compiling, while the workers wait for it."""
         return self._pool.progress

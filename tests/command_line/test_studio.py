@@ -28,7 +28,7 @@ def test_the_page_is_served_until_the_command_is_ended(tmp_path: Path) -> None:
         assert started
         process.send_signal(signal.SIGTERM)
         assert process.wait(20.0) == 0
-    assert wait_until(lambda: not any(alive(pid) for pid in started), 5.0)
+    assert wait_until(lambda: not any(alive(pid) for pid in started), 20.0)
 
 
 def test_missing_packages_are_named_with_the_extra(

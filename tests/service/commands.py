@@ -34,7 +34,7 @@ def serve(
         said = process.stdout.readline()
         address = re.fullmatch(r"Armwright serves on (http://127\.0\.0\.1:\d+)\n", said)
         assert address, said
-        with httpx.Client(base_url=address[1], timeout=20.0) as client:
+        with httpx.Client(base_url=address[1], timeout=60.0) as client:
             assert not warm or wait_until(lambda: client.get("/readyz").status_code == 200, 90.0)
             yield process, client
     finally:

@@ -34,24 +34,39 @@ def descendants(pid: int) -> set[int]:
         found |= more
 
 
+def settled(supervisor: WorkerSupervisor) -> bool:
+    """Whether all workers live, and nobody will replace one of them meanwhile."""
+    count = supervisor.count
+    return wait_until(
+        lambda: supervisor.settled and supervisor.ready and supervisor.alive == count, 90.0
+    )
+
+
 def kill_in_work(supervisor: WorkerSupervisor, *numbers: int) -> None:
     """End the worker of the only job that runs, once for each signal.
 
-    What has not reached its worker is sent to another one, which is no attempt: it counts only what
-    the supervisor counts.
+    What has not reached its worker is sent to another one, which is no attempt.
     """
-    victims: set[int] = set()
     for count, number in enumerate(numbers, supervisor.counters.crashed + 1):
-        while supervisor.counters.crashed < count:
-            living = wait_until(lambda: bool(set(supervisor.busy_pids) - victims), 20.0)
-            assert living, "no worker has begun with the job"
-            time.sleep(0.1)
-            for pid in set(supervisor.busy_pids) - victims:
-                os.kill(pid, number)
-                victims.add(pid)
-            gone = wait_until(lambda: not any(map(alive, victims)), 20.0)
-            assert gone, "a worker outlives a signal"
-            wait_until(partial(_has_counted, supervisor, count), 1.0)
+        victims: set[int] = set()
+        assert wait_until(partial(_has_begun, supervisor, victims), 20.0), "no worker has begun"
+        for pid in victims:
+            os.kill(pid, number)
+        assert wait_until(partial(_has_counted, supervisor, count), 20.0), "it outlives a signal"
+
+
+def working_pids(supervisor: WorkerSupervisor) -> set[int]:
+    """The process numbers of the workers that have received a job."""
+    return {
+        worker.process.pid
+        for worker in supervisor._pool.workers
+        if worker.ticket is not None and worker.ticket.arrived and not worker.ending
+    }
+
+
+def _has_begun(supervisor: WorkerSupervisor, found: set[int]) -> bool:
+    found |= working_pids(supervisor)
+    return bool(found)
 
 
 def _has_counted(supervisor: WorkerSupervisor, count: int) -> bool:

@@ -98,7 +98,7 @@ DETOUR: dict[str, Any] = {
     "scene": scene(POST, FLOOR),
     "start": {"joints": HOME},
     "goal": {"joints": ASIDE},
-    "timeout": 20.0,
+    "timeout": 60.0,
 }
 
 

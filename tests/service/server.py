@@ -19,9 +19,9 @@ def serving(app: FastAPI) -> Iterator[httpx.Client]:
     thread = threading.Thread(target=server.run)
     thread.start()
     try:
-        assert wait_until(lambda: server.started, 20.0)
+        assert wait_until(lambda: server.started, 60.0)
         port = server.servers[0].sockets[0].getsockname()[1]
-        with httpx.Client(base_url=f"http://127.0.0.1:{port}", timeout=20.0) as client:
+        with httpx.Client(base_url=f"http://127.0.0.1:{port}", timeout=60.0) as client:
             assert wait_until(lambda: client.get("/readyz").status_code == 200, 90.0)
             yield client
     finally:

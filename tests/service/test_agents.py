@@ -84,7 +84,7 @@ def test_jobs_of_any_kind_go_through_the_queue(both: tuple[Served, str]) -> None
     assert job["status"] == "succeeded"
     assert job["result"]["certificate"]["verified"]
     empty = "armwright_agent_queue_length 0.0\n"
-    assert wait_until(lambda: empty in served.client.get("/metrics").text, 5.0)
+    assert wait_until(lambda: empty in served.client.get("/metrics").text, 20.0)
 
 
 def test_a_job_that_kills_two_workers_of_an_agent_tells_both_causes(

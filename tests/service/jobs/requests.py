@@ -28,7 +28,7 @@ EASY: dict[str, Any] = {
     "robot": "planar_rr",
     "start": {"joints": [0.0, 0.0]},
     "goal": {"joints": [0.5, 0.5]},
-    "timeout": 20.0,
+    "timeout": 60.0,
 }
 
 
@@ -44,7 +44,7 @@ def submit(client: httpx.Client, body: Any, path: str = "/v1/plan", **headers: s
     return response.headers["location"]
 
 
-def ended(client: httpx.Client, job: str, seconds: float = 20.0) -> dict[str, Any]:
+def ended(client: httpx.Client, job: str, seconds: float = 60.0) -> dict[str, Any]:
     """A job once it has ended."""
     done = {"succeeded", "failed", "cancelled"}
     assert wait_until(lambda: answer(client.get(job))["status"] in done, seconds)
@@ -106,7 +106,7 @@ def started(data: Path) -> Iterator[tuple[subprocess.Popen[str], httpx.Client]]:
         try:
             assert process.stdout is not None
             url = process.stdout.readline().split()[-1]
-            with httpx.Client(base_url=url, timeout=20.0) as client:
+            with httpx.Client(base_url=url, timeout=60.0) as client:
                 assert wait_until(lambda: client.get("/readyz").status_code == 200, 90.0)
                 yield process, client
         finally:

@@ -53,7 +53,7 @@ def test_so_many_answers_are_kept(jobs: Served) -> None:
         for _ in range(3):
             done.append(submit(client, EASY))
             ended(client, done[-1])
-        assert wait_until(lambda: client.get(done[0]).status_code == 404, 2.0)
+        assert wait_until(lambda: client.get(done[0]).status_code == 404, 20.0)
         assert len(answer(client.get("/v1/jobs"))["jobs"]) == 2
 
 

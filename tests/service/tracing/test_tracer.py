@@ -12,6 +12,7 @@ from opentelemetry.proto.collector.trace.v1.trace_service_pb2 import ExportTrace
 
 from service.tracing.extra import traces_url
 from service.tracing.tracer import Tracing, http_exporter
+from tests.times import quickest
 
 
 @contextmanager
@@ -72,11 +73,14 @@ def test_a_collector_receives_spans_by_otlp(name: str, monkeypatch: pytest.Monke
 
 
 def test_a_silent_collector_does_not_keep_the_service_from_ending() -> None:
-    with create_server(("127.0.0.1", 0)) as silent:
-        tracing = Tracing(http_exporter(f"http://127.0.0.1:{silent.getsockname()[1]}/x"))
-        trace = tracing.watch("module:task")
-        assert trace is not None
-        trace.ends("cancelled")
-        began = time.monotonic()
-        tracing.close(0.2)
-        assert 0.15 < time.monotonic() - began < 1.0
+    def attempt() -> float:
+        with create_server(("127.0.0.1", 0)) as silent:
+            tracing = Tracing(http_exporter(f"http://127.0.0.1:{silent.getsockname()[1]}/x"))
+            trace = tracing.watch("module:task")
+            assert trace is not None
+            trace.ends("cancelled")
+            began = time.monotonic()
+            tracing.close(0.2)
+            return time.monotonic() - began
+
+    assert 0.15 < quickest(attempt, 1.0) < 1.0

@@ -44,6 +44,6 @@ async def ready(workers: WorkerSupervisor) -> None:
 
 
 async def working(workers: WorkerSupervisor, count: int) -> None:
-    async with asyncio.timeout(10.0):
+    async with asyncio.timeout(30.0):
         while workers.busy != count:
             await asyncio.sleep(0.005)

